@@ -1,0 +1,1 @@
+"""The agent beside the robot: reads, encodes, pushes."""

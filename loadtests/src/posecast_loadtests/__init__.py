@@ -1,0 +1,1 @@
+"""Locust viewers that check what they are sent."""

@@ -1,0 +1,1 @@
+"""The relay: latest state in, thousands of viewers out."""
