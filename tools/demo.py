@@ -34,7 +34,7 @@ def lan_address() -> str:
 
 def on_air(base: str) -> bool:
     try:
-        with urllib.request.urlopen(f"{base}/api/v1/robots/{ROBOT}/state", timeout=1) as answer:  # noqa: S310
+        with urllib.request.urlopen(f"{base}/api/v1/robots/{ROBOT}/state", timeout=1) as answer:
             return bool(answer.status == 200)
     except (urllib.error.URLError, OSError):
         return False
@@ -73,7 +73,7 @@ def end(children: list[subprocess.Popen[bytes]]) -> None:
             child.wait()
 
 
-def stop(signum: int, frame: object) -> None:
+def stop(_signum: int, _frame: object) -> None:
     raise KeyboardInterrupt
 
 
@@ -97,8 +97,8 @@ def main(arguments: list[str]) -> int:
             children.append(subprocess.Popen(vite, cwd=ROOT / "spa", start_new_session=True, env=environment))
             announce(f"http://127.0.0.1:5173/#/r/{ROBOT}", qr=False)
         else:
-            shown = lan_address() if host == "0.0.0.0" else host  # noqa: S104
-            announce(f"http://{shown}:{port}/#/r/{ROBOT}", qr=host == "0.0.0.0")  # noqa: S104
+            shown = lan_address() if host == "0.0.0.0" else host
+            announce(f"http://{shown}:{port}/#/r/{ROBOT}", qr=host == "0.0.0.0")
         while all(child.poll() is None for child in children):
             time.sleep(0.2)
         return 1
