@@ -79,9 +79,18 @@ def stop(_signum: int, _frame: object) -> None:
 
 def main(arguments: list[str]) -> int:
     host, port = os.environ.get("HOST", "127.0.0.1"), os.environ.get("PORT", "8080")
-    relay = [BIN / "posecast-relay", "run", "--dev", "--host", host, "--port", port]
+    relay: list[str | Path] = [BIN / "posecast-relay", "run", "--dev", "--host", host, "--port", port]
     relay += ["--zenoh-listen", UPLINK, "--metrics-port", "0", "--static", ROOT / "spa" / "dist"]
-    edge = [BIN / "posecast-edge", "run", "--robot", ROBOT, "--source", "demo", "--relay", UPLINK]
+    edge: list[str | Path] = [
+        BIN / "posecast-edge",
+        "run",
+        "--robot",
+        ROBOT,
+        "--source",
+        "demo",
+        "--relay",
+        UPLINK,
+    ]
     signal.signal(signal.SIGTERM, stop)
     children: list[subprocess.Popen[bytes]] = []
     try:
