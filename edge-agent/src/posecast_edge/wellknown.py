@@ -1,0 +1,88 @@
+"""What a field's name says by itself: its unit, its step, its label set. The profile may say otherwise."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+JOINT = "joint"
+
+# spelling people write → spelling everybody reads
+UNITS = {
+    "": "",
+    "rad": "rad",
+    "m": "m",
+    "rad/s": "rad/s",
+    "m/s": "m/s",
+    "A": "A",
+    "V": "V",
+    "W": "W",
+    "N": "N",
+    "N·m": "N·m",
+    "Nm": "N·m",
+    "N*m": "N·m",
+    "°C": "°C",
+    "C": "°C",
+    "degC": "°C",
+    "m/s²": "m/s²",
+    "m/s2": "m/s²",
+    "m/s^2": "m/s²",
+    "%": "%",
+    "s": "s",
+    "J": "J",
+    "Hz": "Hz",
+    "Pa": "Pa",
+}
+
+
+@dataclass(frozen=True)
+class WellKnown:
+    """Defaults of one field name. `scale`: unit per code step."""
+
+    unit: str
+    scale: float
+    joints: bool = False
+    rel: str | None = None
+
+
+# Scales as in the study of bytes per frame: half of what a person can tell apart on the page.
+WELL_KNOWN = {
+    "ref": WellKnown("rad", 0.001, joints=True),
+    "pos": WellKnown("rad", 0.001, joints=True, rel="ref"),
+    "vel": WellKnown("rad/s", 0.01, joints=True),
+    "cur": WellKnown("A", 0.01, joints=True),
+    "temp": WellKnown("°C", 1.0, joints=True),
+    "flags": WellKnown("", 1.0, joints=True),
+    "ftm": WellKnown("N·m", 0.05),
+    "ftf": WellKnown("N", 1.0),
+    "quat": WellKnown("", 0.001),
+    "gyro": WellKnown("rad/s", 0.01),
+    "acc": WellKnown("m/s²", 0.05),
+    "volt": WellKnown("V", 0.05),
+    "amp": WellKnown("A", 0.1),
+    "base": WellKnown("m", 0.001),
+    "baseq": WellKnown("", 0.001),
+}
+
+ANY = WellKnown("", 0.001)  # a field nobody heard of: a plain table
+
+# The bits a robot without a profile is taken to mean by these words, least significant first.
+FLAG_BITS = (
+    "homed",
+    "enabled",
+    "jam",
+    "pwmSaturated",
+    "bigError",
+    "encError",
+    "driverFault",
+    "motorFail0",
+    "motorFail1",
+    "posMinError",
+    "posMaxError",
+    "velError",
+    "accError",
+    "tempError",
+    "comply",
+)
+
+# A bit that says how things are rather than that something is wrong.
+STATE_BITS = {"homed": "state", "enabled": "state", "comply": "state", "pwmSaturated": "caution"}
