@@ -11,21 +11,30 @@ import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, NoReturn, cast
 
-from posecast_edge.wellknown import ANY, JOINT, UNITS, WELL_KNOWN
+from posecast_wire.mapping import (
+    ANY,
+    JOINT,
+    SENSOR_KINDS,
+    SEVERITIES,
+    JointMap,
+    SensorMount,
+    Severity,
+    Threshold,
+    Xyz,
+)
+from posecast_wire.mapping import Mapping as Meaning
+from posecast_wire.schema import BITS_MAX, FIELD_NAME
+
+from posecast_edge.wellknown import PLAIN, UNITS, WELL_KNOWN
 
 if sys.version_info >= (3, 11):
     import tomllib
 else:
     import tomli as tomllib
 
-MAX_BITS = 27  # codes lie below 2^28
-SENSOR_KINDS = ("wrench", "imu", "power")
-SEVERITIES = ("fault", "caution", "state")
 SKIP = "-"  # a trajectory column nobody reads
-
-Xyz = tuple[float, float, float]
 
 
 class ProfileError(ValueError):
@@ -48,34 +57,6 @@ class FieldSpec:
 
 
 @dataclass(frozen=True)
-class JointMap:
-    """URDF joint = Σ gain × channel + offset_rad, for pos and ref alike (rad, or m for a prismatic joint)."""
-
-    terms: tuple[tuple[str, float], ...]
-    offset_rad: float = 0.0
-
-
-@dataclass(frozen=True)
-class SensorMount:
-    """Where a sensor sits: link frame, xyz in m, rpy in rad (fixed axes X, Y, Z as URDF has it)."""
-
-    kind: str
-    name: str
-    link: str | None = None
-    xyz: Xyz = (0.0, 0.0, 0.0)
-    rpy: Xyz = (0.0, 0.0, 0.0)
-
-
-@dataclass(frozen=True)
-class Threshold:
-    """Limits in the field's unit. `caution`: the fraction of a limit from which caution starts."""
-
-    low: float | None = None
-    high: float | None = None
-    caution: float | None = None
-
-
-@dataclass(frozen=True)
 class Trajectory:
     """How a text file of joint angles is read. `header`: lines to skip. `lag_s`: servo lag, ref to pos."""
 
@@ -88,20 +69,13 @@ class Trajectory:
 
 @dataclass(frozen=True)
 class Profile:
-    """One robot. Mappings keep the order of the file."""
+    """One robot. Mappings keep the order of the file. `mapping`: what channels mean for the model."""
 
     name: str
     fields: tuple[FieldSpec, ...]
-    labels: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    labels: Mapping[str, tuple[str, ...]]
+    mapping: Meaning = field(default_factory=Meaning)
     root: str | None = None  # the model's root link
-    joints: Mapping[str, JointMap] = field(default_factory=dict)  # by URDF joint
-    sensors: Mapping[str, SensorMount] = field(default_factory=dict)  # by site
-    severity: Mapping[str, Mapping[str, str]] = field(
-        default_factory=dict
-    )  # field → bit → fault, caution, state
-    thresholds: Mapping[str, Mapping[str, Threshold]] = field(default_factory=dict)  # field → label or "*"
-    tolerance: Mapping[str, float] = field(default_factory=dict)  # channel or "*" → rad, |pos - ref|
-    names: Mapping[str, str] = field(default_factory=dict)  # channel or site → words
     trajectory: Trajectory | None = None
 
     def field_named(self, name: str) -> FieldSpec | None:
@@ -219,22 +193,14 @@ class _Reader:
             root=self.text(robot["root"], "robot.root") if "root" in robot else None,
             fields=fields,
             labels=labels,
-            joints=self.joints(doc.get("joints", {}), joint),
-            sensors=sensors,
-            severity=self.severity(doc.get("severity", {}), by_name),
-            thresholds=self.thresholds(doc.get("thresholds", {}), by_name),
-            tolerance={
-                self.known(k, (*joint, "*"), "joint", f"tolerance.{k}"): self.number(
-                    v, f"tolerance.{k}", above=0
-                )
-                for k, v in self.table(doc.get("tolerance", {}), "tolerance").items()
-            },
-            names={
-                self.known(k, (*everything, *sites), "channel or site", f"names.{k}"): self.text(
-                    v, f"names.{k}"
-                )
-                for k, v in self.table(doc.get("names", {}), "names").items()
-            },
+            mapping=Meaning(
+                joints=self.joints(doc.get("joints", {}), joint),
+                sensors=sensors,
+                names=self.names(doc.get("names", {}), (*everything, *sites)),
+                thresholds=self.thresholds(doc.get("thresholds", {}), by_name),
+                tolerances=self.tolerances(doc.get("tolerance", {}), joint),
+                severities=self.severities(doc.get("severity", {}), by_name),
+            ),
             trajectory=self.trajectory(doc["trajectory"], everything) if "trajectory" in doc else None,
         )
 
@@ -252,10 +218,12 @@ class _Reader:
         keys = ("name", "labels", "unit", "scale", "deadband", "rel", "bits", "slow")
         item = self.table(value, where, keys)
         name = self.text(item.get("name"), f"{where}.name")
+        if not FIELD_NAME.fullmatch(name):
+            self.fail(f"{where}.name", f"{name!r} must be letters, digits and _, the first no digit")
         if any(f.name == name for f in before):
             self.fail(f"{where}.name", f"{name!r} stands there twice")
         where = f"fields.{name}"
-        default = WELL_KNOWN.get(name, ANY)
+        default = WELL_KNOWN.get(name, PLAIN)
         given = item.get("labels", JOINT if default.joints else name)
         if isinstance(given, str):
             label_set, own = self.known(given, tuple(labels), "label set", f"{where}.labels"), labels[given]
@@ -273,8 +241,8 @@ class _Reader:
             elif len(other.labels) != len(own):
                 self.fail(f"{where}.rel", f"{rel!r} has {len(other.labels)} channels, {name!r} {len(own)}")
         bits = self.unique(item["bits"], f"{where}.bits") if "bits" in item else ()
-        if len(bits) > MAX_BITS:
-            self.fail(f"{where}.bits", f"{len(bits)} bits; at most {MAX_BITS}")
+        if len(bits) > BITS_MAX:
+            self.fail(f"{where}.bits", f"{len(bits)} bits; at most {BITS_MAX}")
         unit = item.get("unit", default.unit)
         if not isinstance(unit, str) or unit not in UNITS:
             self.fail(f"{where}.unit", f"unknown unit {unit!r}; known: {', '.join(u for u in UNITS if u)}")
@@ -332,18 +300,19 @@ class _Reader:
             )
         return sensors
 
-    def severity(self, value: object, fields: Mapping[str, FieldSpec]) -> dict[str, dict[str, str]]:
-        severity: dict[str, dict[str, str]] = {}
+    def severities(self, value: object, fields: Mapping[str, FieldSpec]) -> dict[str, dict[str, Severity]]:
+        severities: dict[str, dict[str, Severity]] = {}
         for name, entry in self.table(value, "severity").items():
             where = f"severity.{name}"
             bits = fields[self.known(name, tuple(fields), "field", where)].bits
-            severity[name] = {
-                self.known(bit, bits, "bit", f"{where}.{bit}"): self.known(
-                    self.text(word, f"{where}.{bit}"), SEVERITIES, "severity", f"{where}.{bit}"
+            severities[name] = {
+                self.known(bit, bits, "bit", f"{where}.{bit}"): cast(
+                    Severity,
+                    self.known(self.text(word, f"{where}.{bit}"), SEVERITIES, "severity", f"{where}.{bit}"),
                 )
                 for bit, word in self.table(entry, where).items()
             }
-        return severity
+        return severities
 
     def thresholds(self, value: object, fields: Mapping[str, FieldSpec]) -> dict[str, dict[str, Threshold]]:
         thresholds: dict[str, dict[str, Threshold]] = {}
@@ -352,7 +321,7 @@ class _Reader:
             thresholds[name] = {}
             for label, limits in self.table(entry, f"thresholds.{name}").items():
                 where = f"thresholds.{name}.{label}"
-                self.known(label, (*labels, "*"), "label", where)
+                self.known(label, (*labels, ANY), "label", where)
                 item = self.table(limits, where, ("low", "high", "caution"))
                 low, high, caution = (
                     self.number(item[k], f"{where}.{k}") if k in item else None
@@ -362,8 +331,10 @@ class _Reader:
                     self.fail(where, "needs low or high")
                 if low is not None and high is not None and low >= high:
                     self.fail(where, f"low {low:g} is not below high {high:g}")
-                if caution is not None and not 0 < caution <= 1:
-                    self.fail(f"{where}.caution", f"must lie in (0, 1], not {caution:g}")
+                if caution is None:
+                    caution = 1.0
+                elif not 0 < caution <= 1:
+                    self.fail(f"{where}.caution", f"must lie above 0 and not above 1, not {caution:g}")
                 thresholds[name][label] = Threshold(low, high, caution)
         return thresholds
 

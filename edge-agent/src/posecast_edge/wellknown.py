@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-JOINT = "joint"
-
 # spelling people write → spelling everybody reads
 UNITS = {
     "": "",
@@ -63,7 +61,7 @@ WELL_KNOWN = {
     "baseq": WellKnown("", 0.001),
 }
 
-ANY = WellKnown("", 0.001)  # a field nobody heard of: a plain table
+PLAIN = WellKnown("", 0.001)  # a field nobody heard of: a plain table
 
 # The bits a robot without a profile is taken to mean by these words, least significant first.
 FLAG_BITS = (

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Protocol, cast
 if TYPE_CHECKING:
     from posecast_edge.profile import Profile
 
-# One channel of one sample. A number in the field's unit; None or NaN is "no reading"; flags are an int mask or
+# One channel of one sample. A number in the field's unit; None or NaN: no reading; flags: an int mask or
 # a list of bit names.
 Reading = float | int | Sequence[str] | None
 Values = Sequence[Reading] | Mapping[str, Reading]
@@ -36,12 +36,14 @@ class Sample:
     """What the robot reported at one instant.
 
     `t_s`: the robot's clock, seconds. `values`: field name → values in the order of the field's labels, or by
-    label. `info`: strings that change rarely (mode, battery name).
+    label; the source does not touch them again. `info`: strings that change rarely (mode, battery name).
+    `where` it was read, for messages ("line 12").
     """
 
     t_s: float
     values: Mapping[str, Values]
     info: Mapping[str, str] = field(default_factory=dict)
+    where: str = ""
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,41 @@
+"""What is wrong with the input, said without a flood: the first at once, then a count once a second."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+
+class Complaints:
+    """Rate limit for one kind of complaint. Time is an argument (monotonic seconds)."""
+
+    def __init__(self, say: Callable[[str], None], noun: str, every_s: float = 1.0) -> None:
+        self._say = say
+        self._noun = noun
+        self._every_s = every_s
+        self._said_s: float | None = None
+        self._held = 0
+        self._newest = ""
+        self.total = 0
+
+    def add(self, text: str, now_s: float) -> None:
+        """One more. Said now when none was said in the last second, else counted."""
+        self.total += 1
+        if self._said_s is None or (self._held == 0 and now_s - self._said_s >= self._every_s):
+            self._said_s = now_s
+            self._say(text)
+            return
+        self._held += 1
+        self._newest = text
+        self.tick(now_s)
+
+    def tick(self, now_s: float) -> None:
+        """Say the count when a second has passed."""
+        if self._held and self._said_s is not None and now_s - self._said_s >= self._every_s:
+            self.flush(now_s)
+
+    def flush(self, now_s: float) -> None:
+        """Say the count now, if any."""
+        if self._held:
+            self._say(f"{self._held} more {self._noun}, the newest: {self._newest}")
+            self._held = 0
+            self._said_s = now_s

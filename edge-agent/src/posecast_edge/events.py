@@ -1,0 +1,158 @@
+"""Things that happen once: faults that come and go, a source that falls silent, a limit crossed. Pure.
+
+Every sample the source delivers is looked at, not only the sampled ones, so a fault of one sample at 200 Hz
+becomes two events.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from posecast_wire.mapping import Threshold
+from posecast_wire.schema import Schema
+
+SILENT_S = 1.5  # as long as a viewer waits before it says STALE
+PER_SECOND = 20
+HYSTERESIS = 0.05  # of the limit: how far back a value must go before the limit counts as left
+LEVELS = ("info", "caution", "fault")
+
+
+@dataclass(frozen=True)
+class Event:
+    """What the relay is told. `t_s`: robot clock; `on`: it began (True) or ended (False)."""
+
+    t_s: float
+    level: str
+    source: str
+    text: str
+    on: bool
+
+
+class EventLimit:
+    """At most PER_SECOND events a second, then one that counts the rest, which are dropped."""
+
+    def __init__(self) -> None:
+        self._since_s = -math.inf
+        self._sent = 0
+        self._held: list[Event] = []  # the newest one only; `_count` says how many
+        self._count = 0
+
+    def admit(self, events: Sequence[Event], now_s: float) -> list[Event]:
+        """Which of `events` go out now (monotonic seconds). Also called without any, to say the count."""
+        out: list[Event] = []
+        if now_s - self._since_s >= 1.0:
+            if self._count:
+                last = self._held[0]
+                out.append(Event(last.t_s, last.level, "events", f"{self._count} more", True))
+            self._since_s, self._sent, self._count, self._held = now_s, len(out), 0, []
+        for event in events:
+            if self._sent < PER_SECOND:
+                self._sent += 1
+                out.append(event)
+                continue
+            worst = max((event, *self._held), key=lambda e: LEVELS.index(e.level))
+            self._held = [Event(event.t_s, worst.level, event.source, event.text, event.on)]
+            self._count += 1
+        return out
+
+
+class _Bits:
+    """Watches the mask of one channel range."""
+
+    def __init__(self, start: int, labels: Sequence[str], told: Sequence[tuple[int, str, str]]) -> None:
+        self.slice = slice(start, start + len(labels))
+        self._labels = labels
+        self._told = told  # mask, name, level
+        self._all = sum(mask for mask, _, _ in told)
+        self._seen: list[float | None] = [0] * len(labels)
+
+    def look(self, t_s: float, masks: list[float | None]) -> list[Event]:
+        events: list[Event] = []
+        if masks == self._seen:
+            return events
+        for i, mask in enumerate(masks):
+            before = self._seen[i]
+            if mask is None or mask == before:
+                continue  # no reading: what was true last stays so
+            self._seen[i] = mask
+            changed = (int(mask) ^ int(before or 0)) & self._all
+            if changed:
+                for bit, name, level in self._told:
+                    if changed & bit:
+                        events.append(Event(t_s, level, self._labels[i], name, bool(int(mask) & bit)))
+        return events
+
+
+class _Limit:
+    """Watches one channel against one threshold."""
+
+    def __init__(self, index: int, label: str, unit: str, threshold: Threshold) -> None:
+        self.index = index
+        self._label = label
+        low, high = threshold.low, threshold.high
+        self.low = -math.inf if low is None else low
+        self.high = math.inf if high is None else high
+        # where the limit counts as left again
+        self._low_back = self.low if low is None else low + HYSTERESIS * (abs(low) or 1.0)
+        self._high_back = self.high if high is None else high - HYSTERESIS * (abs(high) or 1.0)
+        self._words = {-1: f"below {self.low:g} {unit}".strip(), 1: f"above {self.high:g} {unit}".strip()}
+        self.side = 0  # -1 below low, 1 above high
+
+    def look(self, t_s: float, value: float) -> list[Event]:
+        if math.isnan(value):
+            return []
+        side = -1 if value < self.low else 1 if value > self.high else 0
+        if side == 0 and (
+            (self.side == 1 and value > self._high_back) or (self.side == -1 and value < self._low_back)
+        ):
+            return []
+        if side == self.side:
+            return []
+        sides = ((self.side, False), (side, True))
+        self.side = side
+        return [Event(t_s, "caution", self._label, self._words[s], on) for s, on in sides if s]
+
+
+class EventWatch:
+    """Samples in, events out. One thread calls it, or a lock stands around it."""
+
+    def __init__(self, schema: Schema) -> None:
+        """A bit whose severity is `state` makes no event. Limits are those of the schema's mapping."""
+        self._bits: list[_Bits] = []
+        self._limits: list[_Limit] = []
+        for field in schema.fields:
+            levels = [schema.mapping.severity(field.name, bit) for bit in field.bits]
+            told = [(1 << i, field.bits[i], level) for i, level in enumerate(levels) if level != "state"]
+            if told:
+                self._bits.append(_Bits(field.start, field.labels, told))
+            for i, label in enumerate(field.labels):
+                threshold = schema.mapping.threshold(field.name, label)
+                if threshold is not None:
+                    self._limits.append(_Limit(field.start + i, label, field.unit, threshold))
+        self._last_s: float | None = None
+        self._t_s = 0.0
+        self.silent = False
+
+    def sample(self, t_s: float, values: Sequence[float | None], now_s: float) -> list[Event]:
+        """A sample in channel order. Returns what it changed."""
+        events: list[Event] = []
+        self._last_s, self._t_s = now_s, t_s
+        if self.silent:
+            self.silent = False
+            events.append(Event(t_s, "caution", "source", "silent", False))
+        for bits in self._bits:
+            events += bits.look(t_s, list(values[bits.slice]))
+        for limit in self._limits:
+            value = values[limit.index]
+            if value is not None and (limit.side or not limit.low <= value <= limit.high):
+                events += limit.look(t_s, value)
+        return events
+
+    def tick(self, now_s: float) -> list[Event]:
+        """Called between samples: says when the source falls silent (once it has delivered)."""
+        if self.silent or self._last_s is None or now_s - self._last_s < SILENT_S:
+            return []
+        self.silent = True
+        return [Event(self._t_s, "caution", "source", "silent", True)]
