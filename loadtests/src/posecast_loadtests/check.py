@@ -1,0 +1,106 @@
+"""What one viewer was sent, held against what it should have been: sequence numbers, bases, lateness."""
+
+from __future__ import annotations
+
+from posecast_wire.decoder import Decoder
+from posecast_wire.frame import FrameError, frame_id, parse_header
+
+from posecast_loadtests.tally import Tally
+
+
+class Clock:
+    """Robot time against this machine's: lateness is what a frame took beyond the quickest of all.
+
+    One per process and robot, so a viewer that is always late shows as late.
+    """
+
+    def __init__(self) -> None:
+        self._quickest_s = float("inf")
+
+    def lateness_s(self, arrival_s: float, t_s: float) -> float:
+        """Seconds above the smallest `arrival - t` seen so far."""
+        offset_s = arrival_s - t_s
+        self._quickest_s = min(self._quickest_s, offset_s)
+        return offset_s - self._quickest_s
+
+
+class Viewer:
+    """Checks one viewer's messages. `step`: how many of the robot's frames one of its own stands for."""
+
+    def __init__(self, tally: Tally, clock: Clock, step: int, decode: bool) -> None:
+        self._tally = tally
+        self._clock = clock
+        self._step = step
+        self._decodes = decode
+        self.frames = 0
+        self.connected()
+
+    def connected(self) -> None:
+        """A new connection knows nothing of the one before."""
+        self._decoder = Decoder() if self._decodes else None
+        self._bases: dict[int, tuple[int, float]] = {}  # KEY or REF id → (seq, t); a KEY empties it
+        self._seq: int | None = None
+        self._ahead: tuple[float, float] | None = (
+            None  # a base's arrival and lateness, until the next message
+        )
+        self.messages = 0
+
+    def schema(self, text: str) -> None:
+        """A schema message, verbatim."""
+        if self._decoder is not None:
+            self._decoder.add_schema(text)
+
+    def binary(self, message: bytes, arrival_s: float) -> float | None:
+        """One frame. Its lateness in seconds; None for a base sent ahead and for what can't be used."""
+        self.messages += 1
+        try:
+            header = parse_header(message)
+            if self._decoder is not None:
+                self._decoder.decode(message)
+        except FrameError:
+            self._tally.undecodable += 1
+            return None
+        if header.is_key:
+            seq, t_s = header.seq, header.t
+            self._bases.clear()
+            if self._seq is not None and seq < self._seq:
+                self._seq = None  # a new run counts from its own beginning
+        else:
+            base = self._bases.get(header.base_id or 0)
+            if base is None:
+                self._tally.undecodable += 1
+                return None
+            seq, t_s = (base[0] + header.seq) & 0xFFFFFFFF, base[1] + header.t / 1000
+        is_base = header.is_key or header.is_ref
+        if is_base:
+            self._bases[frame_id(message)] = (seq, t_s)
+        if not self._in_order(seq):
+            return None
+        return self._count(arrival_s, self._clock.lateness_s(arrival_s, t_s), is_base)
+
+    def _in_order(self, seq: int) -> bool:
+        last = self._seq
+        if last is not None and seq <= last:
+            if seq == last:
+                self._tally.duplicates += 1
+            else:
+                self._tally.reordered += 1
+            return False
+        if last is not None:
+            self._tally.missed += max(0, (seq - last) // self._step - 1)
+        self._seq = seq
+        return True
+
+    def _count(self, arrival_s: float, lateness_s: float, is_base: bool) -> float | None:
+        """A base that only goes ahead of the frame that needs it, in one write, is no frame of its own."""
+        ahead, self._ahead = self._ahead, (arrival_s, lateness_s) if is_base else None
+        if ahead is not None and ahead[0] != arrival_s:
+            self._frame(ahead[1])
+        if is_base:
+            return ahead[1] if ahead is not None else None
+        self._frame(lateness_s)
+        return lateness_s
+
+    def _frame(self, lateness_s: float) -> None:
+        self.frames += 1
+        self._tally.frame(lateness_s)

@@ -1,0 +1,31 @@
+/** Waiting: ask again until it holds. The page's CSP forbids what browsers' own waiting words need (eval). */
+
+const INTERVAL_MS = 50;
+
+/**
+ * Asks `probe` until it returns something other than false, null or undefined, and returns that.
+ * `what` names the wish in the error; the last refusal is added to it.
+ */
+export async function until<T>(
+  what: string,
+  probe: () => T | Promise<T>,
+  deadlineMs = 15_000,
+): Promise<Exclude<T, false | null | undefined>> {
+  const end = performance.now() + deadlineMs;
+  let last: unknown;
+  for (;;) {
+    try {
+      const answer = await probe();
+      if (answer !== false && answer !== null && answer !== undefined) {
+        return answer as Exclude<T, false | null | undefined>;
+      }
+      last = answer;
+    } catch (error) {
+      last = error;
+    }
+    if (performance.now() > end) {
+      throw new Error(`not within ${deadlineMs} ms: ${what}; the last answer was ${String(last)}`);
+    }
+    await new Promise((resolve) => setTimeout(resolve, INTERVAL_MS));
+  }
+}

@@ -1,0 +1,79 @@
+"""Forward kinematics by yourdfpy, independent of the page's: link → 4×4 matrix, as JSON.
+
+stdin: `{"urdf": path, "joints": {joint: rad or m, or null}, "base": null | {"xyz": [x, y, z], "quat_wxyz":
+[w, x, y, z]}}`. stdout: `{link: 16 numbers, row-major}`; metres, world Z up. Without a base the robot's root
+stands upright with the lowest visible point of the pose at z = 0. Joints not named stand at 0.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import sys
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+import trimesh
+import trimesh.transformations as tf
+import yourdfpy
+
+Matrix = np.ndarray[Any, np.dtype[np.float64]]
+
+
+def load(path: Path, meshes: bool) -> yourdfpy.URDF:
+    """The URDF with its meshes looked up beside it, whatever package its addresses name."""
+
+    def find(fname: str, **_: object) -> str:
+        tail = Path(fname.split("://", 1)[-1]).parts
+        for skip in range(len(tail)):
+            candidate = path.parent.joinpath(*tail[skip:])
+            if candidate.exists():
+                return str(candidate)
+        return str(path.parent / fname)
+
+    tree = ElementTree.parse(path)
+    for link in tree.iter("link"):
+        for part in [*link.findall("visual"), *link.findall("collision")]:
+            geometry = part.find("geometry")
+            # yourdfpy refuses a visual without a shape (Hubo 2+ has one); the page shows nothing there
+            if part.tag == "collision" or geometry is None or len(geometry) == 0:
+                link.remove(part)
+    text = io.BytesIO(ElementTree.tostring(tree.getroot()))
+    return yourdfpy.URDF.load(text, filename_handler=find, load_meshes=meshes, build_scene_graph=True)
+
+
+def lowest_z_m(urdf: yourdfpy.URDF) -> float:
+    """The lowest vertex of all visuals in the root's coordinates, metres."""
+    scene = urdf.scene
+    lowest = np.inf
+    for node in scene.graph.nodes_geometry:
+        root_from_mesh, geometry = scene.graph[node]
+        vertices = trimesh.transform_points(scene.geometry[geometry].vertices, root_from_mesh)
+        lowest = min(lowest, float(vertices[:, 2].min()))
+    return 0.0 if np.isinf(lowest) else lowest
+
+
+def world_from_root(base: dict[str, list[float]] | None, urdf: yourdfpy.URDF) -> Matrix:
+    """Where the root stands: as reported, or on the floor."""
+    if base is None:
+        return np.asarray(tf.translation_matrix([0.0, 0.0, -lowest_z_m(urdf)]))
+    return np.asarray(tf.translation_matrix(base["xyz"]) @ tf.quaternion_matrix(base["quat_wxyz"]))
+
+
+def main() -> None:
+    """One robot in one pose."""
+    given = json.load(sys.stdin)
+    urdf = load(Path(given["urdf"]), meshes=given["base"] is None)
+    movable = set(urdf.actuated_joint_names)
+    urdf.update_cfg(
+        {name: value for name, value in given["joints"].items() if name in movable and value is not None}
+    )
+    root = world_from_root(given["base"], urdf)
+    poses = {name: (root @ urdf.get_transform(name)).flatten().tolist() for name in urdf.link_map}
+    json.dump(poses, sys.stdout)
+
+
+if __name__ == "__main__":
+    main()

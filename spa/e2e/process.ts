@@ -1,0 +1,119 @@
+/** A child process whose output is kept, whose signals go by pid, and which does not outlive the test. */
+
+import { type ChildProcess, spawn } from 'node:child_process';
+import { until } from './driver/until.ts';
+
+const KEPT_LINES = 400;
+const GRACE_MS = 5_000;
+
+const alive = new Set<Process>();
+// a runner that is interrupted takes its children with it
+process.on('exit', () => {
+  for (const child of alive) child.signal('SIGKILL');
+});
+
+export interface ProcessOptions {
+  readonly env?: Readonly<Record<string, string>>;
+  /** 'pipe' to `write` to it, or an open file descriptor. */
+  readonly stdin?: 'pipe' | 'ignore' | number;
+  /** An open file descriptor to write to; without it lines are kept. */
+  readonly stdout?: number;
+  /** Gets every line of stdout; such lines are data and not kept. */
+  readonly onLine?: (line: string) => void;
+}
+
+export class Process {
+  readonly name: string;
+  readonly child: ChildProcess;
+  readonly #lines: string[] = [];
+  readonly #stdout: string[] = [];
+  readonly #ended: Promise<number | null>;
+
+  constructor(name: string, command: string, args: readonly string[], options: ProcessOptions = {}) {
+    this.name = name;
+    this.child = spawn(command, args, {
+      stdio: [options.stdin ?? 'ignore', options.stdout ?? 'pipe', 'pipe'],
+      env: { ...process.env, PYTHONUNBUFFERED: '1', ...options.env },
+    });
+    alive.add(this);
+    eachLine(this.child.stdout, options.onLine ?? ((line) => this.#keep(line, this.#stdout)));
+    eachLine(this.child.stderr, (line) => this.#keep(line));
+    this.#ended = new Promise((resolve) => {
+      this.child.once('exit', (code) => {
+        alive.delete(this);
+        resolve(code);
+      });
+      this.child.once('error', (error) => {
+        alive.delete(this);
+        this.#lines.push(`${this.name}: ${error.message}`);
+        resolve(null);
+      });
+    });
+  }
+
+  /** The newest lines of both outputs, for the report of a failure. */
+  get log(): string {
+    return this.#lines.join('\n');
+  }
+
+  get running(): boolean {
+    return alive.has(this);
+  }
+
+  /** Waits for a line of stdout that matches. */
+  line(pattern: RegExp, deadlineMs = 30_000): Promise<RegExpMatchArray> {
+    return until(
+      `${this.name} prints ${pattern}`,
+      () => {
+        for (const line of this.#stdout) {
+          const found = line.match(pattern);
+          if (found !== null) return found;
+        }
+        if (!this.running) throw new Error(`${this.name} has ended:\n${this.log}`);
+        return null;
+      },
+      deadlineMs,
+    );
+  }
+
+  signal(signal: NodeJS.Signals): void {
+    if (this.child.exitCode === null && this.child.signalCode === null) this.child.kill(signal);
+  }
+
+  write(line: string): void {
+    this.child.stdin?.write(`${line}\n`);
+  }
+
+  /** SIGKILL and gone. */
+  async kill(): Promise<void> {
+    this.signal('SIGKILL');
+    await this.#ended;
+  }
+
+  /** Asks politely; after 5 s no longer. */
+  async stop(): Promise<number | null> {
+    this.signal('SIGCONT'); // a stopped process hears nothing else
+    this.signal('SIGTERM');
+    const hard = setTimeout(() => this.signal('SIGKILL'), GRACE_MS);
+    const code = await this.#ended;
+    clearTimeout(hard);
+    return code;
+  }
+
+  #keep(line: string, also: string[] = []): void {
+    for (const kept of [this.#lines, also]) {
+      kept.push(line);
+      if (kept.length > KEPT_LINES) kept.shift();
+    }
+  }
+}
+
+function eachLine(stream: NodeJS.ReadableStream | null, take: (line: string) => void): void {
+  let rest = '';
+  stream?.setEncoding('utf8');
+  stream?.on('data', (text: string) => {
+    const lines = (rest + text).split('\n');
+    rest = lines.pop() ?? '';
+    for (const line of lines) take(line);
+  });
+}

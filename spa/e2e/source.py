@@ -1,0 +1,51 @@
+"""A robot's program for tests: reads samples as JSON lines and repeats the newest one at 30 Hz on stdout.
+
+One object a line on stdin. A member `wave: {field: {label: [amplitude, hertz]}}` makes those readings swing;
+all else is delivered as it stands. SIGSTOP silences it and leaves the edge that it feeds alone.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+import threading
+import time
+from typing import Any
+
+PERIOD_S = 1 / 30
+
+
+def moved(sample: dict[str, Any], t_s: float) -> dict[str, Any]:
+    """The sample at `t_s` seconds: its waves applied, the recipe itself left out."""
+    out = {name: value for name, value in sample.items() if name != "wave"}
+    for field, waves in sample.get("wave", {}).items():
+        swing = {
+            label: amplitude * math.sin(2 * math.pi * hz * t_s) for label, (amplitude, hz) in waves.items()
+        }
+        out[field] = {**out.get(field, {}), **swing}
+    return out
+
+
+def main() -> None:
+    """Until stdout closes."""
+    newest: dict[str, Any] = json.loads(sys.stdin.readline())
+
+    def listen() -> None:
+        nonlocal newest
+        for line in sys.stdin:
+            newest = json.loads(line)
+
+    threading.Thread(target=listen, daemon=True).start()
+    start = time.monotonic()
+    try:
+        while True:
+            t_s = time.monotonic() - start
+            print(json.dumps({"t": round(t_s, 4), **moved(newest, t_s)}), flush=True)
+            time.sleep(PERIOD_S)
+    except BrokenPipeError:
+        sys.stderr.close()  # the edge has left; nothing to say
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,212 @@
+/** The real parts on free ports: Redis, relay, edges, a tap. Nothing here is simulated. */
+
+import { execFileSync } from 'node:child_process';
+import { closeSync, existsSync, mkdtempSync, openSync, rmSync } from 'node:fs';
+import net from 'node:net';
+import { tmpdir } from 'node:os';
+import path from 'node:path';
+import { fileURLToPath } from 'node:url';
+import { until } from './driver/until.ts';
+import { Process, type ProcessOptions } from './process.ts';
+
+export const REPO = fileURLToPath(new URL('../..', import.meta.url));
+export const SHARED = process.env.POSECAST_SHARED ?? path.join(REPO, '..', 'shared');
+export const PYTHON = path.join(REPO, '.venv/bin/python');
+const DIST = path.join(REPO, 'spa/dist');
+
+export interface RelayOptions {
+  readonly store?: string;
+  readonly httpPort?: number;
+  readonly zenohPort?: number;
+}
+
+export interface EdgeOptions {
+  readonly robot?: string;
+  readonly source?: string;
+  readonly hz?: number;
+  readonly keyInterval?: number;
+  readonly profile?: string;
+  readonly urdf?: string;
+}
+
+/** One sample as `source.py` repeats it. */
+export interface Sample {
+  readonly [field: string]: unknown;
+}
+
+export class Relay {
+  readonly process: Process;
+  readonly port: number;
+  readonly zenoh: string;
+
+  constructor(running: Process, port: number, zenoh: string) {
+    this.process = running;
+    this.port = port;
+    this.zenoh = zenoh;
+  }
+
+  get url(): string {
+    return `http://127.0.0.1:${this.port}`;
+  }
+
+  async json(route: string): Promise<unknown> {
+    const answer = await fetch(this.url + route);
+    if (!answer.ok) throw new Error(`${route}: HTTP ${answer.status}`);
+    return answer.json();
+  }
+}
+
+/** A frame as `tap.py` decoded it from Zenoh, before any relay had it. */
+export interface TappedFrame {
+  readonly seq: number;
+  readonly t_s: number;
+  /** field → label → value in the field's unit, null = no reading. */
+  readonly values: Readonly<Record<string, Readonly<Record<string, number | null>>>>;
+  /** URDF joint → rad or m, after the schema's mapping. */
+  readonly joints: Readonly<Record<string, number | null>>;
+}
+
+export class Tap {
+  readonly process: Process;
+  readonly #frames = new Map<number, TappedFrame>();
+
+  constructor(start: (onLine: (line: string) => void) => Process) {
+    this.process = start((line) => {
+      const frame = JSON.parse(line) as TappedFrame;
+      this.#frames.set(frame.seq, frame);
+    });
+  }
+
+  frame(seq: number): TappedFrame | undefined {
+    return this.#frames.get(seq);
+  }
+
+  get newest(): TappedFrame | undefined {
+    return [...this.#frames.values()].at(-1);
+  }
+}
+
+/** What one test started; `down` ends all of it, newest first. */
+export class Stack {
+  readonly #started: Process[] = [];
+  readonly #folders: string[] = [];
+
+  start(name: string, command: string, args: readonly string[], options: ProcessOptions = {}): Process {
+    const running = new Process(name, command, args, options);
+    this.#started.push(running);
+    return running;
+  }
+
+  folder(): string {
+    const made = mkdtempSync(path.join(tmpdir(), 'posecast-e2e-'));
+    this.#folders.push(made);
+    return made;
+  }
+
+  /** A Redis of its own, in memory only; returns its URL. */
+  async redis(): Promise<string> {
+    const port = await freePort();
+    this.start('redis', 'redis-server', [
+      ...['--port', String(port), '--bind', '127.0.0.1', '--save', '', '--appendonly', 'no'],
+      ...['--dir', this.folder()],
+    ]);
+    await until('redis listens', () => connects(port));
+    return `redis://127.0.0.1:${port}/0`;
+  }
+
+  async relay(options: RelayOptions = {}): Promise<Relay> {
+    if (!existsSync(path.join(DIST, 'index.html'))) throw new Error('spa/dist is missing: run make setup');
+    const running = this.start('relay', path.join(REPO, '.venv/bin/posecast-relay'), [
+      ...['run', '--dev', '--port', String(options.httpPort ?? 0)],
+      ...['--zenoh-listen', `tcp/127.0.0.1:${options.zenohPort ?? 0}`],
+      ...['--static', DIST],
+      ...(options.store === undefined ? [] : ['--store', options.store]),
+    ]);
+    const found = await running.line(/serving http:\/\/127\.0\.0\.1:(\d+), robots on (tcp\/\S+)/);
+    return new Relay(running, Number(found[1]), found[2] ?? '');
+  }
+
+  edge(relay: Relay, options: EdgeOptions = {}, stdin: ProcessOptions['stdin'] = 'ignore'): Process {
+    return this.start(
+      'edge',
+      path.join(REPO, '.venv/bin/posecast-edge'),
+      [
+        ...['run', '--robot', options.robot ?? 'demo', '--source', options.source ?? 'demo'],
+        ...['--relay', relay.zenoh],
+        ...(options.hz === undefined ? [] : ['--hz', String(options.hz)]),
+        ...(options.keyInterval === undefined ? [] : ['--key-interval', String(options.keyInterval)]),
+        ...(options.profile === undefined ? [] : ['--profile', options.profile]),
+        ...(options.urdf === undefined ? [] : ['--urdf', options.urdf]),
+      ],
+      { stdin },
+    );
+  }
+
+  /** An edge fed over a pipe by `source.py`, which can be stopped apart from it. */
+  fedEdge(relay: Relay, sample: Sample, options: EdgeOptions = {}): { source: Process; edge: Process } {
+    const { read, write } = this.#pipe();
+    const source = this.start('source', PYTHON, [path.join(REPO, 'spa/e2e/source.py')], {
+      stdin: 'pipe',
+      stdout: write,
+    });
+    source.write(JSON.stringify(sample));
+    const edge = this.edge(relay, { source: 'jsonl', ...options }, read);
+    closeSync(read); // ours; the edge has its own
+    closeSync(write);
+    return { source, edge };
+  }
+
+  /** Listens beside the relay and decodes what the edge published. */
+  tap(relay: Relay, robot = 'demo'): Tap {
+    const args = [path.join(REPO, 'spa/e2e/tap.py'), relay.zenoh, robot];
+    return new Tap((onLine) => this.start('tap', PYTHON, args, { onLine }));
+  }
+
+  /** Every process's newest lines. */
+  get logs(): string {
+    return this.#started.map((running) => `--- ${running.name}\n${running.log}`).join('\n');
+  }
+
+  async down(): Promise<void> {
+    for (const running of this.#started.splice(0).reverse()) await running.stop();
+    for (const made of this.#folders.splice(0)) rmSync(made, { recursive: true, force: true });
+  }
+
+  /** A named pipe's two ends; Node's own pipes are read by Node before anyone else can. */
+  #pipe(): { read: number; write: number } {
+    const name = path.join(this.folder(), 'pipe');
+    execFileSync('mkfifo', [name]);
+    const both = openSync(name, 'r+'); // so that neither end waits for the other
+    const ends = { read: openSync(name, 'r'), write: openSync(name, 'w') };
+    closeSync(both);
+    return ends;
+  }
+}
+
+/** Link → 4×4 row-major matrix, by `fk.py`. */
+export function forwardKinematics(
+  urdf: string,
+  joints: Readonly<Record<string, number | null>>,
+  base: unknown = null,
+): Record<string, number[]> {
+  const input = JSON.stringify({ urdf, joints, base });
+  const output = execFileSync(PYTHON, [path.join(REPO, 'spa/e2e/fk.py')], { input, maxBuffer: 1 << 24 });
+  return JSON.parse(output.toString()) as Record<string, number[]>;
+}
+
+export async function freePort(): Promise<number> {
+  const server = net.createServer();
+  await new Promise<void>((resolve) => server.listen(0, '127.0.0.1', resolve));
+  const address = server.address();
+  await new Promise<void>((resolve) => server.close(() => resolve()));
+  if (address === null || typeof address === 'string') throw new Error('no free port');
+  return address.port;
+}
+
+function connects(port: number): Promise<boolean> {
+  return new Promise((resolve) => {
+    const socket = net.connect({ port, host: '127.0.0.1' });
+    socket.once('connect', () => resolve(socket.destroy() !== null));
+    socket.once('error', () => resolve(false));
+  });
+}
