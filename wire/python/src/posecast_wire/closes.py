@@ -1,0 +1,68 @@
+"""How a stream may end: every close code, and what the viewer does next (also in `wire/closes.json`)."""
+
+from __future__ import annotations
+
+from enum import Enum, IntEnum
+from typing import NamedTuple
+
+
+class Close(IntEnum):
+    """WebSocket close codes the relay uses."""
+
+    GOING_AWAY = 1001
+    BINARY = 1003
+    NOT_UTF8 = 1007
+    NOT_ALLOWED = 1008
+    TOO_LONG = 1009
+    DRAIN = 1012
+    FULL = 1013
+    AGE_LIMIT = 4000
+    TOKEN = 4401
+    FORBIDDEN = 4403
+    ABSENT = 4404
+    HALF_OPEN = 4408
+    NO_ACK = 4409
+    TOO_MANY = 4429
+    EVENTS_FULL = 4430
+
+
+class Retry(str, Enum):
+    """What a viewer does after an ending."""
+
+    BACKOFF = "backoff"  # full jitter: random(0 … min(30 s, 0.5 s × 2^attempt))
+    SPREAD = "spread"  # first after random(0 … retry_s of `bye`, 10 s when it told none), then backoff
+    WAIT = "wait"  # not before retry_s of `bye` (30 s when it told none), then backoff
+    NEVER = "never"  # not by itself: asking again will not help until a person does something
+
+
+class Ending(NamedTuple):
+    """Short name, what happened in words a viewer understands, and what comes next."""
+
+    name: str
+    meaning: str
+    retry: Retry
+
+
+ENDINGS: dict[Close, Ending] = {
+    Close.GOING_AWAY: Ending("going away", "the relay is stopping", Retry.SPREAD),
+    Close.BINARY: Ending("binary", "a viewer sent a binary message; viewers send text only", Retry.NEVER),
+    Close.NOT_UTF8: Ending("not UTF-8", "a viewer sent text that is not UTF-8", Retry.NEVER),
+    Close.NOT_ALLOWED: Ending("not allowed", "a viewer sent a message the relay does not know", Retry.NEVER),
+    Close.TOO_LONG: Ending("too long", "a viewer sent a message over 4 KiB", Retry.NEVER),
+    Close.DRAIN: Ending("drain", "the relay is being replaced", Retry.SPREAD),
+    Close.FULL: Ending("full", "the relay has as many viewers as it takes", Retry.WAIT),
+    Close.AGE_LIMIT: Ending("age limit", "connections are renewed from time to time", Retry.SPREAD),
+    Close.TOKEN: Ending("token", "the link or sign-in is missing, wrong or expired", Retry.NEVER),
+    Close.FORBIDDEN: Ending("forbidden", "this robot or view is not for this viewer", Retry.NEVER),
+    Close.ABSENT: Ending("absent", "there is no such robot here", Retry.NEVER),
+    Close.HALF_OPEN: Ending("half-open", "the viewer no longer answered", Retry.BACKOFF),
+    Close.NO_ACK: Ending("no acknowledgement", "the viewer no longer acknowledged frames", Retry.BACKOFF),
+    Close.TOO_MANY: Ending("too many messages", "the viewer sent messages too fast", Retry.WAIT),
+    Close.EVENTS_FULL: Ending("event lane full", "the viewer was too slow for the events", Retry.BACKOFF),
+}
+
+
+def retry_of(code: int) -> Retry:
+    """What to do after a close code; one that is not in the table (1006, a proxy's own) means BACKOFF."""
+    known = code in Close._value2member_map_
+    return ENDINGS[Close(code)].retry if known else Retry.BACKOFF

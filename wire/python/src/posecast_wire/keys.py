@@ -1,0 +1,161 @@
+"""The Zenoh side, shared by edge and relay: key names, the attachment, the snapshot and the echo."""
+
+from __future__ import annotations
+
+import base64
+import binascii
+import json
+import re
+import struct
+from typing import NamedTuple
+
+from posecast_wire.checked import loads
+
+ROBOT_ID = re.compile(r"[a-z0-9][a-z0-9-]{0,62}")
+PREFIX = "posecast/v1"
+STAMP = struct.Struct("<QQ")
+
+
+def check_name(kind: str, name: str) -> str:
+    """`name` when it may name a robot or view, else ValueError: Zenoh itself would allow wildcards."""
+    if not ROBOT_ID.fullmatch(name):
+        raise ValueError(f"{kind} {name!r}: use 1 to 63 of a-z, 0-9 and -, not starting with -")
+    return name
+
+
+def _key(robot: str, *rest: str) -> str:
+    return "/".join((PREFIX, check_name("robot", robot), *rest))
+
+
+def alive_key(robot: str) -> str:
+    """The edge's liveliness token."""
+    return _key(robot, "alive")
+
+
+def frame_key(robot: str, view: str) -> str:
+    """Frames, attachment Stamp."""
+    return _key(robot, check_name("view", view), "frame")
+
+
+def event_key(robot: str, view: str) -> str:
+    """Events as JSON text without `n`, attachment Stamp."""
+    return _key(robot, check_name("view", view), "event")
+
+
+def snapshot_key(robot: str, view: str) -> str:
+    """Queryable of the edge: Snapshot, attachment Stamp."""
+    return _key(robot, check_name("view", view), "snapshot")
+
+
+def model_key(robot: str, part: str) -> str:
+    """Queryable of the edge: `manifest`, or a file by its SHA-256, or `**` for all of them."""
+    if not re.fullmatch(r"manifest|[0-9a-f]{64}|\*\*", part):
+        raise ValueError(f"model part {part!r}: use manifest, ** or a SHA-256")
+    return _key(robot, "model", part)
+
+
+def echo_key(robot: str) -> str:
+    """Queryable of the relay: Echo."""
+    return _key(robot, "echo")
+
+
+class Stamp(NamedTuple):
+    """Attachment of every frame, event and reply. Runs are random and are never ordered by value."""
+
+    run_id: int  # u64, never 0
+    elapsed_ns: int  # u64, the edge's monotonic clock since the run began
+
+    def pack(self) -> bytes:
+        """16 bytes, little endian."""
+        return STAMP.pack(*self)
+
+    @classmethod
+    def unpack(cls, data: bytes) -> Stamp:
+        """ValueError when `data` is no stamp."""
+        if len(data) != STAMP.size:
+            raise ValueError(f"stamp of {len(data)} bytes, {STAMP.size} wanted")
+        stamp = cls(*STAMP.unpack(data))
+        if stamp.run_id == 0:
+            raise ValueError("stamp with run id 0")
+        return stamp
+
+
+class Snapshot(NamedTuple):
+    """All a late joiner needs before the next frame. `model`: SHA-256 of the manifest, hexadecimal."""
+
+    schema: str
+    info: dict[str, str]
+    key: bytes
+    ref: bytes | None
+    model: str | None
+
+    def pack(self) -> bytes:
+        """JSON, frames in base64."""
+        ref = None if self.ref is None else base64.b64encode(self.ref).decode()
+        doc = {"v": 1, "schema": self.schema, "info": self.info, "model": self.model}
+        doc |= {"key": base64.b64encode(self.key).decode(), "ref": ref}
+        return json.dumps(doc, separators=(",", ":"), ensure_ascii=False).encode()
+
+    @classmethod
+    def unpack(cls, data: bytes) -> Snapshot:
+        """ValueError when `data` is no snapshot. Schema and frames are not looked into."""
+        doc = _document(data, "snapshot")
+        schema, info, model = doc.get("schema"), doc.get("info"), doc.get("model")
+        if not isinstance(schema, str):
+            raise ValueError("snapshot: schema must be a text")
+        if not isinstance(info, dict) or not all(isinstance(v, str) for v in info.values()):
+            raise ValueError("snapshot: info must be an object of texts")
+        if model is not None and not (isinstance(model, str) and re.fullmatch("[0-9a-f]{64}", model)):
+            raise ValueError("snapshot: model must be a SHA-256 or null")
+        key, ref = _frame(doc, "key"), _frame(doc, "ref")
+        if key is None:
+            raise ValueError("snapshot: key must be base64")
+        return cls(schema, info, key, ref, model)
+
+
+class Echo(NamedTuple):
+    """What the relay has of a robot. `run_id` 0 = nothing; `relay_time_s`: unix, s."""
+
+    run_id: int
+    seq: int
+    relay_time_s: float
+
+    def pack(self) -> bytes:
+        """JSON; the run id as 16 hexadecimal digits, since a browser's numbers end at 2^53."""
+        doc = {"run": f"{self.run_id:016x}", "seq": self.seq, "time": self.relay_time_s}
+        return json.dumps(doc, separators=(",", ":")).encode()
+
+    @classmethod
+    def unpack(cls, data: bytes) -> Echo:
+        """ValueError when `data` is no echo."""
+        doc = _document(data, "echo")
+        run, seq, time_s = doc.get("run"), doc.get("seq"), doc.get("time")
+        if not isinstance(run, str) or not re.fullmatch("[0-9a-f]{16}", run):
+            raise ValueError("echo: run must be 16 hexadecimal digits")
+        if isinstance(seq, bool) or not isinstance(seq, int) or not 0 <= seq < 1 << 32:
+            raise ValueError("echo: seq must be a u32")
+        if isinstance(time_s, bool) or not isinstance(time_s, (int, float)) or not 0 <= time_s < 1e12:
+            raise ValueError("echo: time must be seconds")
+        return cls(int(run, 16), seq, float(time_s))
+
+
+def _document(data: bytes, what: str) -> dict[str, object]:
+    try:
+        doc = loads(data.decode())
+    except ValueError:
+        raise ValueError(f"{what}: not JSON") from None
+    if not isinstance(doc, dict):
+        raise ValueError(f"{what}: not an object")
+    return doc
+
+
+def _frame(doc: dict[str, object], name: str) -> bytes | None:
+    text = doc.get(name)
+    if text is None:
+        return None
+    if not isinstance(text, str):
+        raise ValueError(f"snapshot: {name} must be base64")
+    try:
+        return base64.b64decode(text, validate=True)
+    except (binascii.Error, ValueError):
+        raise ValueError(f"snapshot: {name} must be base64") from None

@@ -1,0 +1,197 @@
+"""What channels mean for the model: joints, mounts, names, limits. The schema's `mapping` member."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping as ReadOnly
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Literal, cast
+
+from posecast_wire.checked import fail, items, number, table, text
+
+if TYPE_CHECKING:
+    from posecast_wire.schema import Schema
+
+ANY = "*"
+JOINT = "joint"  # the label set whose channels move the body
+SENSOR_KINDS = ("wrench", "imu", "power")
+SEVERITIES = ("fault", "caution", "state")
+
+Severity = Literal["fault", "caution", "state"]
+Level = Literal["ok", "caution", "fault"]
+Xyz = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class JointMap:
+    """URDF joint = Σ gain × channel + offset, for pos and ref alike (rad, or m for a sliding joint)."""
+
+    terms: tuple[tuple[str, float], ...]
+    offset: float = 0.0
+
+
+@dataclass(frozen=True)
+class SensorMount:
+    """Where a sensor sits. `xyz` m, `rpy` rad (fixed axes X, Y, Z as in URDF), from its link."""
+
+    kind: str
+    name: str
+    link: str | None
+    xyz: Xyz = (0.0, 0.0, 0.0)
+    rpy: Xyz = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Threshold:
+    """Limits in the field's unit; `caution` in (0, 1]: how near to a limit yellow starts."""
+
+    low: float | None = None
+    high: float | None = None
+    caution: float = 1.0
+
+    def level(self, value: float | None) -> Level:
+        """`fault` past a limit, `caution` past the fraction of it that points to rest, else `ok`."""
+        if value is None or math.isnan(value):
+            return "ok"
+        worst: Level = "ok"
+        for limit, sign in ((self.high, 1.0), (self.low, -1.0)):
+            if limit is None:
+                continue
+            if (value - limit) * sign > 0:
+                return "fault"
+            # towards rest is a smaller number above zero, and for a lower limit above zero a larger one
+            start = limit * self.caution if limit * sign >= 0 else limit / self.caution
+            if (value - start) * sign > 0:
+                worst = "caution"
+        return worst
+
+
+@dataclass(frozen=True)
+class Mapping:
+    """All parts are optional; keys are channels, sites, fields and bits by name."""
+
+    joints: ReadOnly[str, JointMap] = field(default_factory=dict)
+    sensors: ReadOnly[str, SensorMount] = field(default_factory=dict)
+    names: ReadOnly[str, str] = field(default_factory=dict)
+    thresholds: ReadOnly[str, ReadOnly[str, Threshold]] = field(default_factory=dict)
+    tolerances: ReadOnly[str, float] = field(default_factory=dict)
+    severities: ReadOnly[str, ReadOnly[str, Severity]] = field(default_factory=dict)
+
+    def threshold(self, field_name: str, label: str) -> Threshold | None:
+        """The limits of one channel, else those of `*` in its field, else None."""
+        of_field = self.thresholds.get(field_name, {})
+        return of_field.get(label) or of_field.get(ANY)
+
+    def tolerance(self, channel: str) -> float | None:
+        """How far ref and pos may part before it shows (rad or m)."""
+        return self.tolerances.get(channel, self.tolerances.get(ANY))
+
+    def severity(self, field_name: str, bit: str) -> Severity:
+        """A bit nobody classified counts as a fault: better a false alarm than a hidden one."""
+        return self.severities.get(field_name, {}).get(bit, "fault")
+
+
+def parse_mapping(value: object) -> Mapping:
+    """The `mapping` member of a schema, parsed from JSON. SchemaError names what and where."""
+    where = "mapping"
+    doc = table(value, where)
+
+    def part(name: str) -> list[tuple[str, object, str]]:
+        found = table(doc.get(name), f"{where}.{name}")
+        return [(text(k, f"{where}.{name} key"), v, f"{where}.{name}.{k}") for k, v in found.items()]
+
+    return Mapping(
+        joints={k: _joint(v, at) for k, v, at in part("joints")},
+        sensors={k: _sensor(v, at, k) for k, v, at in part("sensors")},
+        names={k: text(v, at) for k, v, at in part("names")},
+        thresholds={
+            k: {label: _threshold(t, f"{at}.{label}") for label, t in table(v, at).items()}
+            for k, v, at in part("thresholds")
+        },
+        tolerances={k: _at_least_zero(v, at) for k, v, at in part("tolerance")},
+        severities={
+            k: {bit: _severity(s, f"{at}.{bit}") for bit, s in table(v, at).items()}
+            for k, v, at in part("severity")
+        },
+    )
+
+
+def joint_values(schema: Schema, codes: Sequence[int], field_name: str) -> dict[str, float]:
+    """URDF joint → position (rad or m) from one field (`pos` or `ref`) of one frame's codes.
+
+    NaN where a term has no reading or its channel is not in the field; {} when the schema lacks the field.
+    A channel of the label set `joint` that no entry maps drives the joint of its own name.
+    """
+    found = schema.field(field_name)
+    if found is None:
+        return {}
+    values = dict(zip(found.labels, found.values(codes), strict=True))
+    result: dict[str, float] = {}
+    if found.label_set == JOINT:
+        result = {label: math.nan if v is None else v for label, v in values.items()}
+    for joint, how in schema.mapping.joints.items():
+        total = how.offset
+        for channel, gain in how.terms:
+            v = values.get(channel)
+            total += math.nan if v is None else gain * v
+        result[joint] = total
+    return result
+
+
+def _joint(value: object, where: str) -> JointMap:
+    doc = table(value, where)
+    terms: list[tuple[str, float]] = []
+    for i, item in enumerate(items(doc.get("terms"), f"{where}.terms")):
+        at = f"{where}.terms[{i}]"
+        pair = items(item, at)
+        if len(pair) != 2:
+            fail(at, "must be [channel, gain]")
+        terms.append((text(pair[0], f"{at}[0]"), number(pair[1], f"{at}[1]")))
+    return JointMap(tuple(terms), number(doc.get("offset", 0.0), f"{where}.offset"))
+
+
+def _sensor(value: object, where: str, site: str) -> SensorMount:
+    doc = table(value, where)
+    kind = text(doc.get("kind"), f"{where}.kind")
+    if kind not in SENSOR_KINDS:
+        fail(f"{where}.kind", f"{kind!r} is none of {', '.join(SENSOR_KINDS)}")
+    link = doc.get("link")
+    return SensorMount(
+        kind=kind,
+        name=text(doc.get("name", site), f"{where}.name"),
+        link=None if link is None else text(link, f"{where}.link"),
+        xyz=_xyz(doc.get("xyz", [0, 0, 0]), f"{where}.xyz"),
+        rpy=_xyz(doc.get("rpy", [0, 0, 0]), f"{where}.rpy"),
+    )
+
+
+def _xyz(value: object, where: str) -> Xyz:
+    found = [number(v, f"{where}[{i}]") for i, v in enumerate(items(value, where))]
+    if len(found) != 3:
+        fail(where, "must be three numbers")
+    return (found[0], found[1], found[2])
+
+
+def _threshold(value: object, where: str) -> Threshold:
+    doc = table(value, where)
+    low, high = (None if doc.get(k) is None else number(doc[k], f"{where}.{k}") for k in ("low", "high"))
+    caution = number(doc.get("caution", 1.0), f"{where}.caution")
+    if not 0 < caution <= 1:
+        fail(f"{where}.caution", "must lie above 0 and not above 1")
+    if low is not None and high is not None and low >= high:
+        fail(where, "low must lie below high")
+    return Threshold(low, high, caution)
+
+
+def _at_least_zero(value: object, where: str) -> float:
+    found = number(value, where)
+    if found < 0:
+        fail(where, "must not be negative")
+    return found
+
+
+def _severity(value: object, where: str) -> Severity:
+    if value not in SEVERITIES:
+        fail(where, f"must be one of {', '.join(SEVERITIES)}")
+    return cast(Severity, value)

@@ -1,0 +1,191 @@
+"""The JSON messages of the stream (SPEC "Messages")."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, TypedDict
+
+from posecast_wire.checked import loads
+from posecast_wire.closes import Close
+
+MESSAGE_BYTES_MAX = 4096  # of one viewer's message
+COUNT_MAX = (1 << 53) - 1  # the largest whole number a browser counts to
+
+RobotWord = Literal["online", "silent", "offline"]
+
+
+class Limits(TypedDict, total=False):
+    """What this viewer may do, as far as the relay limits it."""
+
+    max_hz: float
+    max_age_s: float
+    message_bytes: int
+
+
+class Hello(TypedDict):
+    """First message of every connection. `server_time`: unix, s; `hz`: the rate granted."""
+
+    type: Literal["hello"]
+    wire: int
+    server_time: float
+    robot: str
+    view: str
+    hz: float
+    limits: Limits
+    model: str | None
+
+
+class Status(TypedDict):
+    """After hello, then at least once a second. `age_ms`, `seq`: of the newest frame; None before any."""
+
+    type: Literal["status"]
+    robot: RobotWord
+    age_ms: int | None
+    seq: int | None
+
+
+class Info(TypedDict):
+    """Slow strings about the robot, all of them each time."""
+
+    type: Literal["info"]
+    kv: dict[str, str]
+
+
+class _EventBase(TypedDict):
+    type: Literal["event"]
+    t: float
+    level: Literal["fault", "caution", "info"]
+    source: str
+    text: str
+    state: Literal["on", "off"]
+
+
+class Event(_EventBase, total=False):
+    """Something that rose or fell. `t`: robot clock, s. The relay adds its number `n` and `at` (unix, s)."""
+
+    n: int
+    at: float
+
+
+class RateGranted(TypedDict):
+    """The relay changed this viewer's rate."""
+
+    type: Literal["rate"]
+    hz: float
+    reason: str
+
+
+class Model(TypedDict):
+    """The robot's model changed: SHA-256 of its manifest, hexadecimal."""
+
+    type: Literal["model"]
+    hash: str
+
+
+class Pong(TypedDict):
+    """Answer to ping, its `t` returned."""
+
+    type: Literal["pong"]
+    t: float
+
+
+class Bye(TypedDict):
+    """Why the relay closes now. `retry_s`: see the retry rule of `code`; None when it has nothing to say."""
+
+    type: Literal["bye"]
+    code: int
+    reason: str
+    retry_s: float | None
+
+
+class DecodedFrame(TypedDict):
+    """A frame for `format=json`: values per field in its unit, None where there is no reading."""
+
+    type: Literal["frame"]
+    seq: int
+    t: float
+    values: dict[str, list[float | None]]
+
+
+RelayMessage = Hello | Status | Info | Event | RateGranted | Model | Pong | Bye | DecodedFrame
+
+
+@dataclass(frozen=True)
+class Rate:
+    """The viewer asks for `hz` frames a second; 0 = status and events only."""
+
+    hz: float
+
+
+@dataclass(frozen=True)
+class Ack:
+    """The viewer has received `n` binary messages on this connection."""
+
+    n: int
+
+
+@dataclass(frozen=True)
+class Auth:
+    """A token, sent as the first message."""
+
+    token: str
+
+
+@dataclass(frozen=True)
+class Ping:
+    """`t` comes back in pong."""
+
+    t: float
+
+
+ViewerMessage = Rate | Ack | Auth | Ping
+
+
+class MessageError(ValueError):
+    """A viewer's message that ends the connection, with the close code that says why."""
+
+    def __init__(self, close: Close, reason: str) -> None:
+        super().__init__(reason)
+        self.close = close
+
+
+def parse_viewer_message(text: str | bytes) -> ViewerMessage:
+    """What a viewer sent. MessageError 1007 not UTF-8, 1009 over 4 KiB, 1008 anything else than the four."""
+    if len(text) > MESSAGE_BYTES_MAX:
+        raise MessageError(Close.TOO_LONG, f"over {MESSAGE_BYTES_MAX} bytes")
+    try:
+        raw = text if isinstance(text, bytes) else text.encode()
+        if len(raw) > MESSAGE_BYTES_MAX:
+            raise MessageError(Close.TOO_LONG, f"over {MESSAGE_BYTES_MAX} bytes")
+        doc = loads(raw.decode())
+    except UnicodeError:
+        raise MessageError(Close.NOT_UTF8, "not UTF-8") from None
+    except MessageError:
+        raise
+    except ValueError:
+        raise MessageError(Close.NOT_ALLOWED, "not JSON") from None
+    if not isinstance(doc, dict):
+        raise MessageError(Close.NOT_ALLOWED, "not an object")
+    kind = doc.get("type")
+    if kind == "rate":
+        return Rate(_number(doc, "hz", 0, 1000))
+    if kind == "ack":
+        n = _number(doc, "n", 0, COUNT_MAX)
+        if n != int(n):
+            raise MessageError(Close.NOT_ALLOWED, "n must be a whole number")
+        return Ack(int(n))
+    if kind == "ping":
+        return Ping(_number(doc, "t", -COUNT_MAX, COUNT_MAX))
+    if kind == "auth":
+        token = doc.get("token")
+        if not isinstance(token, str) or not token:
+            raise MessageError(Close.NOT_ALLOWED, "token must be a text")
+        return Auth(token)
+    raise MessageError(Close.NOT_ALLOWED, "type must be rate, ack, auth or ping")
+
+
+def _number(doc: dict[str, object], name: str, low: float, high: float) -> float:
+    value = doc.get(name)
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not low <= value <= high:
+        raise MessageError(Close.NOT_ALLOWED, f"{name} must be a number from {low:g} to {high:g}")
+    return value

@@ -1,0 +1,54 @@
+"""Readings to codes, with hysteresis so that sensor flicker costs nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from math import floor, inf, isfinite
+
+from posecast_wire.schema import CODE_MAX, MISSING, Schema
+
+
+class Quantiser:
+    """Holds the last code of every channel; a code moves only when its value leaves it by 0.5 + deadband."""
+
+    def __init__(self, schema: Schema, deadband_lsb: float | Mapping[str, float] = 0.3) -> None:
+        """`deadband_lsb`: in code steps, for all fields or by field name (0.3 where unnamed); 0 = round."""
+        self._size = schema.size
+        self._last: list[int] = [MISSING] * schema.size
+        self._scales: list[float] = []
+        self._keep: list[float] = []
+        self._bits: list[bool] = []
+        for f in schema.fields:
+            h = deadband_lsb.get(f.name, 0.3) if isinstance(deadband_lsb, Mapping) else deadband_lsb
+            if not 0 <= h <= 1e6:
+                raise ValueError(f"deadband of {f.name}: {h} is not a number of code steps")
+            self._scales += [f.scale] * f.size
+            self._keep += [0.0 if f.bits else 0.5 + h] * f.size
+            self._bits += [bool(f.bits)] * f.size
+
+    def codes(self, values: Sequence[float | None]) -> list[int]:
+        """Codes of one sample, values in the schema's channel order and units. ValueError on a wrong length.
+
+        None, NaN and ±inf have no reading: MISSING. Numbers past the range saturate. A bit mask that is no
+        whole number in 0 … 2^28-1 has no reading.
+        """
+        if len(values) != self._size:
+            raise ValueError(f"{len(values)} values for {self._size} channels")
+        last = self._last
+        for i, (v, old, scale, keep) in enumerate(zip(values, last, self._scales, self._keep, strict=True)):
+            if v is None:
+                last[i] = MISSING
+                continue
+            try:
+                x = v / scale
+            except OverflowError:  # an int past every float
+                x = inf
+            if -keep <= x - old <= keep and old != MISSING:  # NaN fails this and every comparison
+                continue
+            if not isfinite(x):
+                last[i] = MISSING
+            elif self._bits[i]:
+                last[i] = int(x) if x == int(x) and 0 <= x <= CODE_MAX else MISSING
+            else:
+                last[i] = max(-CODE_MAX, min(CODE_MAX, floor(x + 0.5)))
+        return last.copy()
