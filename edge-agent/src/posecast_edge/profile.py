@@ -27,6 +27,7 @@ from posecast_wire.mapping import (
 from posecast_wire.mapping import Mapping as Meaning
 from posecast_wire.schema import BITS_MAX, FIELD_NAME
 
+from posecast_edge.columns import find_column
 from posecast_edge.wellknown import PLAIN, UNITS, WELL_KNOWN
 
 if sys.version_info >= (3, 11):
@@ -58,9 +59,13 @@ class FieldSpec:
 
 @dataclass(frozen=True)
 class Trajectory:
-    """How a text file of joint angles is read. `header`: lines to skip. `lag_s`: servo lag, ref to pos."""
+    """How a text file of joint angles is read. `header`: lines to skip. `lag_s`: servo lag, ref to pos.
+
+    `unit` is that of the joint columns. `fewest`: a file may stop after this many columns.
+    """
 
     columns: tuple[str, ...]
+    fewest: int
     rate_hz: float
     unit: str = "rad"
     lag_s: float = 0.0
@@ -201,7 +206,7 @@ class _Reader:
                 tolerances=self.tolerances(doc.get("tolerance", {}), joint),
                 severities=self.severities(doc.get("severity", {}), by_name),
             ),
-            trajectory=self.trajectory(doc["trajectory"], everything) if "trajectory" in doc else None,
+            trajectory=self.trajectory(doc["trajectory"], fields) if "trajectory" in doc else None,
         )
 
     def fields(self, value: object, labels: Mapping[str, tuple[str, ...]]) -> tuple[FieldSpec, ...]:
@@ -314,6 +319,18 @@ class _Reader:
             }
         return severities
 
+    def names(self, value: object, known: Sequence[str]) -> dict[str, str]:
+        return {
+            self.known(k, known, "channel or site", f"names.{k}"): self.text(v, f"names.{k}")
+            for k, v in self.table(value, "names").items()
+        }
+
+    def tolerances(self, value: object, joint: Sequence[str]) -> dict[str, float]:
+        return {
+            self.known(k, (*joint, ANY), "joint", f"tolerance.{k}"): self.number(v, f"tolerance.{k}", above=0)
+            for k, v in self.table(value, "tolerance").items()
+        }
+
     def thresholds(self, value: object, fields: Mapping[str, FieldSpec]) -> dict[str, dict[str, Threshold]]:
         thresholds: dict[str, dict[str, Threshold]] = {}
         for name, entry in self.table(value, "thresholds").items():
@@ -338,19 +355,24 @@ class _Reader:
                 thresholds[name][label] = Threshold(low, high, caution)
         return thresholds
 
-    def trajectory(self, value: object, channels: Sequence[str]) -> Trajectory:
-        item = self.table(value, "trajectory", ("columns", "rate_hz", "unit", "lag_s", "header"))
+    def trajectory(self, value: object, fields: Sequence[FieldSpec]) -> Trajectory:
+        item = self.table(value, "trajectory", ("columns", "fewest", "rate_hz", "unit", "lag_s", "header"))
         columns = self.texts(item.get("columns"), "trajectory.columns")
         for i, column in enumerate(columns):
             if column != SKIP:
-                self.known(column, channels, "channel", f"trajectory.columns[{i}]")
+                if find_column(fields, column) is None:
+                    self.fail(f"trajectory.columns[{i}]", f"unknown channel {column!r}")
                 if column in columns[:i]:
                     self.fail(f"trajectory.columns[{i}]", f"{column!r} stands there twice")
         header = item.get("header", 0)
         if isinstance(header, bool) or not isinstance(header, int) or header < 0:
             self.fail("trajectory.header", f"must be a number of lines, not {header!r}")
+        fewest = item.get("fewest", len(columns))
+        if isinstance(fewest, bool) or not isinstance(fewest, int) or not 1 <= fewest <= len(columns):
+            self.fail("trajectory.fewest", f"must lie in 1…{len(columns)}, not {fewest!r}")
         return Trajectory(
             columns=columns,
+            fewest=fewest,
             rate_hz=self.number(item.get("rate_hz"), "trajectory.rate_hz", above=0),
             unit=self.known(item.get("unit", "rad"), ("rad", "deg"), "unit", "trajectory.unit"),
             lag_s=self.number(item.get("lag_s", 0.0), "trajectory.lag_s", low=0),

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from posecast_wire.mapping import Severity
+
 # spelling people write → spelling everybody reads
 UNITS = {
     "": "",
@@ -83,4 +85,9 @@ FLAG_BITS = (
 )
 
 # A bit that says how things are rather than that something is wrong.
-STATE_BITS = {"homed": "state", "enabled": "state", "comply": "state", "pwmSaturated": "caution"}
+STATE_BITS: dict[str, Severity] = {
+    "homed": "state",
+    "enabled": "state",
+    "comply": "state",
+    "pwmSaturated": "caution",
+}

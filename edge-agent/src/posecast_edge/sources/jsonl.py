@@ -2,10 +2,10 @@
 
     {"t": 12.3, "pos": {"RKN": 0.5}, "cur": [0.1, 0.2], "flags": {"RKN": ["jam"]}, "info": {"mode": "x"}}
 
-`jsonl` reads stdin, `jsonl:PATH` a file or FIFO. `t` is the robot's clock in seconds; without it the arrival
-on the monotonic clock counts. A line that is wrong is named on stderr and skipped. A regular file plays at the
-pace of its `t`; a pipe is read as fast as it comes, so the newest line is the newest state. A FIFO outlives its
-writer.
+`jsonl` reads stdin, `jsonl:PATH` a file or FIFO. `t` is the robot's clock in seconds; without it the
+arrival on the monotonic clock counts. A line that is wrong is named on stderr and skipped. A regular file
+plays at the pace of its `t`; a pipe is read as fast as it comes, so the newest line is the newest state. A
+FIFO outlives its writer.
 """
 
 from __future__ import annotations
