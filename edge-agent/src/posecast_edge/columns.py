@@ -12,8 +12,9 @@ if TYPE_CHECKING:
 
 
 def find_column(fields: Sequence[FieldSpec], column: str) -> tuple[str, int] | None:
-    """A joint's name → (ref, channel); `FIELD.LABEL` or, of a field with one site, `FIELD.COMPONENT` → that one.
+    """(field, channel) of a column: a joint's name is in ref, `FIELD.LABEL` in that field.
 
+    A field with one site needs the component alone: `baseq.w` is `base.w` in `baseq`.
     None when there is no such channel. Without a field `ref` the joints go to `pos`.
     """
     joints = [f for name in ("ref", "pos") for f in fields if f.name == name and f.label_set == JOINT]

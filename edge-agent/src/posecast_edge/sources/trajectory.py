@@ -1,9 +1,9 @@
 """Source `trajectory:PATH`: a text file of joint angles, one row an instant, played for ever.
 
 The profile's [trajectory] names the columns, the rate, the unit. Separators are blanks, commas, semicolons.
-What the file says becomes `ref`; `pos` follows it as a servo would, with a lag of first order. A row that does
-not fit is named on stderr (on the first pass) and skipped, its instant passes. The file is read as it plays and
-never kept in memory.
+What the file says becomes `ref`; `pos` follows it as a servo would, with a lag of first order. A row that
+does not fit is named on stderr (on the first pass) and skipped, its instant passes. The file is read as it
+plays and never kept in memory.
 """
 
 from __future__ import annotations
