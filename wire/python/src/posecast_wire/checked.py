@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from typing import NoReturn, cast
 
 TEXT_MAX = 200  # characters in any one name
+UNFIT = re.compile("[\x00-\x1f\x7f-\x9f\ud800-\udfff]")
 
 
 class SchemaError(ValueError):
@@ -47,9 +49,9 @@ def items(value: object, where: str) -> list[object]:
 
 
 def text(value: object, where: str) -> str:
-    """A printable text of 1 to 200 characters."""
-    if not isinstance(value, str) or not 0 < len(value) <= TEXT_MAX or not value.isprintable():
-        fail(where, f"must be a printable text of 1 to {TEXT_MAX} characters")
+    """A text of 1 to 200 characters, none of them a control character or half a surrogate pair."""
+    if not isinstance(value, str) or not 0 < len(value) <= TEXT_MAX or UNFIT.search(value):
+        fail(where, f"must be a text of 1 to {TEXT_MAX} characters without control characters")
     return value
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Sequence
-from math import isfinite
+from math import floor, isfinite
 from operator import add, getitem, sub
 from typing import NamedTuple
 
@@ -17,7 +17,8 @@ NEW_ORDER = 3  # a channel's order before anything is known of it
 NIBBLE_MAX = 14
 NIBBLES = [f"{n:04b}" for n in range(16)]
 ALL_ZERO = "1111"  # the nibble of a field that did not move
-TABLE_SIZE = 256
+LEARNING_FRAMES = 8  # an idle robot sends as many in a KEY interval
+KEPT_CODES = 2048  # per order
 # order = round(log2(0.69 × mean z)), as thresholds on the mean so that both languages agree to the bit
 ORDER_STEPS = tuple(1.0247924945978928 * (1 << k) for k in range(1, ORDER_MAX + 1))
 
@@ -28,7 +29,21 @@ def golomb(z: int, k: int) -> str:
     return "0" * (len(bits) - 1 - k) + bits
 
 
-TABLES = [[golomb(z, k) for z in range(TABLE_SIZE)] for k in range(ORDER_MAX + 1)]
+class _Codes(dict[int, str]):
+    """The codes of one order, made when first asked for; large ones are not kept."""
+
+    def __init__(self, k: int) -> None:
+        super().__init__()
+        self._k = k
+
+    def __missing__(self, z: int) -> str:
+        code = golomb(z, self._k)
+        if z < KEPT_CODES:
+            self[z] = code
+        return code
+
+
+CODES = [_Codes(k) for k in range(ORDER_MAX + 1)]
 
 
 class Encoder:
@@ -75,7 +90,7 @@ class Encoder:
         is_ref = self._ref_every > 0 and (self._frames_since_key + 1) % self._ref_every == 0
         base = self._key_base if is_ref else self._base
         distance = (seq - base.seq) & 0xFFFFFFFF
-        t_ms = round(max(-1.0, min(t_s - base.t_s, 66.0)) * 1000)
+        t_ms = floor(max(-1.0, min(t_s - base.t_s, 66.0)) * 1000 + 0.5)
         stepped_back = t_s < self._last_t_s
         self._last_t_s = t_s
         if (
@@ -90,12 +105,12 @@ class Encoder:
         return self._encode_from(base, is_ref, codes, distance, t_ms)
 
     def _encode_key(self, codes: Sequence[int], seq: int, t_s: float, now_s: float) -> bytes:
-        if self._z_frames:
+        if self._z_frames >= LEARNING_FRAMES:  # else the old orders are better, and learning goes on
             frames = self._z_frames
             self._orders = [bisect_right(ORDER_STEPS, total / frames) for total in self._z_sums]
-        self._rows = _Rows(self._orders)
-        self._z_sums = self._zeros
-        self._z_frames = 0
+            self._rows = _Rows(self._orders)
+            self._z_sums = self._zeros
+            self._z_frames = 0
         bits, _ = self._body(list(codes), self._key_rows)
         frame = KEY_HEADER.pack(TAG_KEY, self.schema.id, seq, t_s)
         frame += _packed(bits + "".join([NIBBLES[k] for k in self._orders]))
@@ -166,7 +181,7 @@ class _Rows:
 
     def __init__(self, orders: list[int]) -> None:
         self._orders = orders
-        self._tables: dict[tuple[int, int], list[list[str]]] = {}
+        self._tables: dict[tuple[int, int], list[_Codes]] = {}
 
     def shortest(self, start: int, stop: int, z: list[int]) -> str:
         """Nibble and codes of one field: walks downhill from what the mean z suggests."""
@@ -177,18 +192,17 @@ class _Rows:
         for step in (1, -1):
             m = n + step
             while 0 <= m <= NIBBLE_MAX and len(other := self._coded(start, stop, m, z)) < len(best):
-                best, n, m = other, m, m + step
+                best, m = other, m + step
+            if m != n + step:
+                break  # it was downhill this way, so it is uphill the other way
         return best
 
     def _coded(self, start: int, stop: int, n: int, z: list[int]) -> str:
         tables = self._tables.get((start, n))
         if tables is None:
-            tables = [TABLES[max(0, min(ORDER_MAX, k + n - 4))] for k in self._orders[start:stop]]
+            tables = [CODES[max(0, min(ORDER_MAX, k + n - 4))] for k in self._orders[start:stop]]
             self._tables[start, n] = tables
-        if max(z) < TABLE_SIZE:
-            return NIBBLES[n] + "".join(map(getitem, tables, z))
-        ks = [max(0, min(ORDER_MAX, k + n - 4)) for k in self._orders[start:stop]]
-        return NIBBLES[n] + "".join(map(golomb, z, ks))
+        return NIBBLES[n] + "".join(map(getitem, tables, z))
 
 
 def _packed(bits: str) -> bytes:
