@@ -16,7 +16,6 @@ from xml.etree import ElementTree
 
 import numpy as np
 import trimesh
-import trimesh.transformations as tf
 import yourdfpy
 
 Matrix = np.ndarray[Any, np.dtype[np.float64]]
@@ -57,9 +56,18 @@ def lowest_z_m(urdf: yourdfpy.URDF) -> float:
 
 def world_from_root(base: dict[str, list[float]] | None, urdf: yourdfpy.URDF) -> Matrix:
     """Where the root stands: as reported, or on the floor."""
+    pose = np.eye(4)
     if base is None:
-        return np.asarray(tf.translation_matrix([0.0, 0.0, -lowest_z_m(urdf)]))
-    return np.asarray(tf.translation_matrix(base["xyz"]) @ tf.quaternion_matrix(base["quat_wxyz"]))
+        pose[2, 3] = -lowest_z_m(urdf)
+        return pose
+    w, x, y, z = base["quat_wxyz"]
+    pose[:3, :3] = [  # the rotation of a unit quaternion
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    pose[:3, 3] = base["xyz"]
+    return pose
 
 
 def main() -> None:

@@ -9,6 +9,7 @@ lacks makes it ask the edge for its snapshot, as the relay does; that frame itse
 from __future__ import annotations
 
 import json
+import math
 import queue
 import sys
 from typing import Any
@@ -28,11 +29,12 @@ def described(frame: Frame) -> dict[str, Any]:
         field.name: dict(zip(field.labels, frame.values(field.name), strict=True))
         for field in frame.schema.fields
     }
+    joints = joint_values(frame.schema, frame.codes, "pos")
     return {
         "seq": frame.seq,
         "t_s": frame.t_s,
         "values": values,
-        "joints": joint_values(frame.schema, frame.codes, "pos"),
+        "joints": {name: None if math.isnan(value) else value for name, value in joints.items()},
     }
 
 

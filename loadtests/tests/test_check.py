@@ -1,0 +1,86 @@
+import pytest
+from posecast_loadtests.check import Clock, Viewer
+from posecast_loadtests.tally import Tally
+from posecast_wire.encoder import Encoder
+from posecast_wire.schema import Schema, build_schema_text
+
+TEXT = build_schema_text("demo", {"joint": ["RKN"]}, [{"name": "pos", "labels": "joint", "scale": 0.001}])
+
+
+def stream(count: int, first: int = 1, key_every: int = 1000) -> list[bytes]:
+    """`count` frames from seq `first` on, one every 0.1 s of robot time."""
+    encoder = Encoder(Schema.parse(TEXT), key_interval_s=1e9)
+    return [
+        encoder.encode([at], seq=first + at, t_s=5 + at / 10, now_s=0.0, force_key=at % key_every == 0)
+        for at in range(count)
+    ]
+
+
+def watched(decode: bool = True, step: int = 1) -> tuple[Viewer, Tally]:
+    tally = Tally()
+    viewer = Viewer(tally, Clock(), step, decode)
+    viewer.schema(TEXT)
+    return viewer, tally
+
+
+@pytest.mark.parametrize("decode", [True, False])
+def test_a_whole_stream(decode: bool) -> None:
+    viewer, tally = watched(decode)
+    for at, frame in enumerate(stream(30, key_every=10)):
+        viewer.binary(frame, 100 + at / 10)
+    assert (viewer.messages, viewer.frames) == (30, 30)
+    assert (tally.missed, tally.duplicates, tally.reordered, tally.undecodable) == (0, 0, 0, 0)
+    assert tally.percentile_ms(1.0) <= 1.0
+
+
+def test_lateness_is_above_the_quickest() -> None:
+    viewer, _ = watched()
+    frames = stream(3)
+    viewer.binary(frames[0], 100.0)
+    assert viewer.binary(frames[1], 100.1) == pytest.approx(0.0)
+    assert viewer.binary(frames[2], 100.5) == pytest.approx(0.3)
+
+
+def test_a_third_of_the_frames_is_what_was_asked_for() -> None:
+    viewer, tally = watched(step=3)
+    frames = stream(31)
+    for at in range(0, 31, 3):
+        viewer.binary(frames[at], 100 + at / 10)
+    assert (viewer.frames, tally.missed) == (11, 0)
+    viewer, tally = watched(step=3)
+    for at in (0, 3, 9, 12):
+        viewer.binary(frames[at], 100 + at / 10)
+    assert tally.missed == 1
+
+
+def test_a_base_sent_ahead_is_no_late_frame() -> None:
+    viewer, tally = watched(step=3)
+    frames = stream(3)
+    viewer.binary(frames[0], 100.0)
+    assert viewer.binary(frames[2], 100.0) is not None
+    assert (viewer.frames, tally.missed) == (1, 0)
+
+
+def test_what_is_wrong_is_counted() -> None:
+    viewer, tally = watched()
+    frames = stream(4)
+    for frame in (frames[0], frames[2], frames[2], frames[1]):
+        viewer.binary(frame, 100.0)
+    assert (tally.missed, tally.duplicates, tally.reordered) == (1, 1, 1)
+    for junk in (b"", b"\xff" * 20, frames[3][:-1] if len(frames[3]) > 10 else b"\x10"):
+        viewer.binary(junk, 100.0)
+    assert tally.undecodable == 3
+
+
+@pytest.mark.parametrize("decode", [True, False])
+def test_a_frame_without_its_base(decode: bool) -> None:
+    viewer, tally = watched(decode)
+    viewer.binary(stream(2)[1], 100.0)
+    assert tally.undecodable == 1
+
+
+def test_a_new_run_counts_from_its_own_beginning() -> None:
+    viewer, tally = watched()
+    for frame in [*stream(5, first=100), *stream(5, first=1)]:
+        viewer.binary(frame, 100.0)
+    assert (tally.missed, tally.reordered) == (0, 0)
