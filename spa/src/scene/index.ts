@@ -1,0 +1,6 @@
+/** The 3D view: plain three.js, no framework. Loaded on demand; the rest of the page works without it. */
+export type { Pose } from '../twin/pose.ts';
+export type { ViewName } from './camera.ts';
+export type { ModelReport } from './report.ts';
+export { RobotScene } from './robot_scene.ts';
+export type { ThemeName } from './theme.ts';

@@ -1,0 +1,13 @@
+/** What came of loading a robot's model: shown to people, and read by tests. */
+export interface ModelReport {
+  /** Mesh URIs (as the URDF writes them) that could not be had; each is drawn as a marked placeholder. */
+  missing: string[];
+  /** Names of the URDF's joints that can move. */
+  joints: string[];
+  /** Joints of the newest pose that the URDF does not have; they are ignored. */
+  ignored: string[];
+  /** One line for each thing that is odd in the URDF or in a mesh and was worked around. */
+  problems: string[];
+  /** Set when nothing could be shown: one line, what and where. */
+  error?: string;
+}

@@ -1,0 +1,342 @@
+import { Box3, Color, NeutralToneMapping, Scene, VSMShadowMap, WebGLRenderer } from 'three';
+import type { Pose } from '../twin/pose.ts';
+import { Download, fetchManifest, type Manifest } from './bundle.ts';
+import { CameraRig, type ViewName } from './camera.ts';
+import { Environment } from './environment.ts';
+import { MeshLoader } from './mesh_loader.ts';
+import { Palette } from './palette.ts';
+import { Placeholders, whyAbsent } from './placeholder.ts';
+import type { ModelReport } from './report.ts';
+import { type MeshSlot, RobotModel } from './robot_model.ts';
+import { Skeleton } from './skeleton.ts';
+import { Drain } from './stale.ts';
+import { THEMES, type ThemeName } from './theme.ts';
+
+const MAX_PIXEL_RATIO = 2;
+/** A tick after a pause must not count the pause. */
+const MAX_STEP_SECONDS = 0.1;
+const PLACEHOLDER_REACHES = 0.12;
+
+/**
+ * One robot in three dimensions, in a world whose Z is up. It draws only when something has changed: a pose, the
+ * camera, the size, the theme, a mesh that came. An unchanged robot costs no frames.
+ */
+export class RobotScene {
+  /** Pictures drawn so far. */
+  renderedFrames = 0;
+  readonly #host: HTMLElement;
+  readonly #renderer: WebGLRenderer;
+  readonly #scene = new Scene();
+  readonly #camera: CameraRig;
+  readonly #environment = new Environment();
+  readonly #drain: Drain;
+  readonly #placeholders = new Placeholders();
+  readonly #resizes: ResizeObserver;
+  readonly #bounds = new Box3();
+  #theme: ThemeName;
+  #palette: Palette;
+  #model: RobotModel | null = null;
+  #skeleton: Skeleton | null = null;
+  #loading: AbortController | null = null;
+  #pose: Pose | null = null;
+  /** The newest base that made sense; null while the robot reports none. */
+  #base: NonNullable<Pose['base']> | null = null;
+  #greyAsked = false;
+  #live = false;
+  #tickRequested = false;
+  #lastTick = 0;
+
+  /** Throws an Error with a sentence for people when the browser has no WebGL. */
+  constructor(host: HTMLElement, options: { theme: ThemeName }) {
+    this.#host = host;
+    const canvas = document.createElement('canvas');
+    const context = canvas.getContext('webgl2', { antialias: true, alpha: false });
+    if (context === null)
+      throw new Error('This browser has no 3D. The table shows everything the robot says.');
+    this.#renderer = new WebGLRenderer({ canvas, context });
+    this.#renderer.toneMapping = NeutralToneMapping; // keeps the colours of the URDF, rolls off highlights only
+    this.#renderer.shadowMap.enabled = true;
+    this.#renderer.shadowMap.type = VSMShadowMap;
+    this.#renderer.shadowMap.autoUpdate = false; // shadows change with the pose, not with the camera
+    canvas.setAttribute('role', 'img');
+    canvas.setAttribute('aria-label', '3D view of the robot');
+    canvas.style.display = 'block';
+    canvas.style.touchAction = 'none';
+    host.append(canvas);
+    canvas.addEventListener('webglcontextlost', this.#onContextLost);
+    canvas.addEventListener('webglcontextrestored', this.#onContextRestored);
+
+    this.#theme = options.theme;
+    this.#drain = new Drain(new Color());
+    this.#drain.advance(Number.POSITIVE_INFINITY);
+    this.#palette = new Palette(this.#drain);
+    this.#camera = new CameraRig(canvas, () => this.#requestTick());
+    this.#scene.add(this.#environment.group);
+    this.setTheme(options.theme);
+    this.#resizes = new ResizeObserver(() => this.#resize());
+    this.#resizes.observe(host);
+    this.#resize();
+  }
+
+  /** Draw calls of the newest picture, shadows included when they were drawn anew. */
+  get drawCalls(): number {
+    return this.#renderer.info.render.calls;
+  }
+
+  /** Triangles of the newest picture. */
+  get triangles(): number {
+    return this.#renderer.info.render.triangles;
+  }
+
+  /** Loads the robot that a bundle's manifest describes. Never rejects: what is wrong stands in the report. A later
+   *  call supersedes an earlier one. */
+  async load(
+    manifestUrl: string,
+    onProgress: (receivedBytes: number, totalBytes: number) => void,
+  ): Promise<ModelReport> {
+    this.#loading?.abort();
+    const loading = new AbortController();
+    this.#loading = loading;
+    const report: ModelReport = { missing: [], joints: [], ignored: [], problems: [] };
+    try {
+      await this.#load(manifestUrl, onProgress, loading.signal, report);
+    } catch (cause) {
+      report.error = cause instanceof Error ? cause.message : String(cause);
+    }
+    if (loading.signal.aborted) report.error = 'superseded by a newer model';
+    return report;
+  }
+
+  /** Shows the newest pose; `live` false marks it as one that is not the robot's present. */
+  setPose(pose: Pose, live: boolean): void {
+    this.#pose = pose;
+    this.#live = live;
+    this.#updateGrey();
+    this.#show(pose);
+  }
+
+  /** Lets the colour drain to grey: stale or offline. */
+  setGrey(grey: boolean): void {
+    this.#greyAsked = grey;
+    this.#updateGrey();
+  }
+
+  setTheme(name: ThemeName): void {
+    this.#theme = name;
+    const theme = THEMES[name];
+    this.#scene.background = theme.page;
+    this.#renderer.toneMappingExposure = theme.exposure;
+    this.#environment.setTheme(theme);
+    this.#placeholders.setColor(theme.caution);
+    this.#drain.setTone(theme.muted);
+    this.#requestTick();
+  }
+
+  /** Turns the camera to a named view; `home` is the one that a robot is first seen from. */
+  look(view: ViewName): void {
+    this.#camera.look(view);
+    this.#requestTick();
+  }
+
+  /** world_from_link of the newest pose for every link: 4×4, row after row, metres, world Z up. */
+  linkPoses(): Record<string, number[]> {
+    const model = this.#model;
+    if (model === null) return {};
+    return Object.fromEntries(
+      model.linkNames.map((name) => [name, model.linkMatrix(name)!.clone().transpose().toArray()]),
+    );
+  }
+
+  dispose(): void {
+    this.#loading?.abort();
+    this.#resizes.disconnect();
+    this.#camera.dispose();
+    this.#skeleton?.dispose();
+    this.#model?.dispose();
+    this.#palette.dispose();
+    this.#placeholders.dispose();
+    this.#environment.dispose();
+    const canvas = this.#renderer.domElement;
+    canvas.removeEventListener('webglcontextlost', this.#onContextLost);
+    canvas.removeEventListener('webglcontextrestored', this.#onContextRestored);
+    this.#renderer.dispose();
+    this.#renderer.forceContextLoss(); // a page may hold few contexts; don't wait for the garbage collector
+    canvas.remove();
+  }
+
+  async #load(
+    manifestUrl: string,
+    onProgress: (receivedBytes: number, totalBytes: number) => void,
+    signal: AbortSignal,
+    report: ModelReport,
+  ): Promise<void> {
+    const manifest = await fetchManifest(manifestUrl, signal);
+    let total = manifest.urdf.size;
+    const download = new Download(manifestUrl, signal, (received) => onProgress(received, total));
+    const urdf = new TextDecoder().decode(await download.fetch(manifest.urdf));
+    signal.throwIfAborted();
+    const palette = new Palette(this.#drain);
+    const model = new RobotModel(urdf, palette);
+    total += neededBytes(model.slots, manifest);
+    this.#adopt(model, palette);
+    report.joints = model.jointNames;
+    report.ignored = [...(this.#pose?.joints.keys() ?? [])].filter((name) => !report.joints.includes(name));
+    report.problems.push(...model.problems);
+
+    const meshes = new MeshLoader(download);
+    // From the floor up: so the feet are known, and the robot stands, before the rest arrives.
+    const slots = [...model.slots].sort((a, b) => a.worldZ - b.worldZ);
+    await Promise.all(
+      slots.map(async (slot) => {
+        const why = await this.#fill(slot, manifest, meshes, signal);
+        signal.throwIfAborted();
+        if (why !== null) {
+          slot.mark(this.#placeholders.make(this.#camera.reach * PLACEHOLDER_REACHES));
+          if (!report.missing.includes(slot.uri)) {
+            report.missing.push(slot.uri);
+            report.problems.push(why);
+          }
+        }
+        this.#place();
+      }),
+    );
+    if (slots.length > 0) {
+      this.#skeleton?.dispose();
+      this.#skeleton = null;
+    }
+    this.#frame();
+  }
+
+  /** Puts the mesh into its slot; returns why it can't, or null. */
+  async #fill(
+    slot: MeshSlot,
+    manifest: Manifest,
+    meshes: MeshLoader,
+    signal: AbortSignal,
+  ): Promise<string | null> {
+    const absent = whyAbsent(slot.uri, manifest);
+    if (absent !== null) return `${slot.uri}: ${absent}`;
+    try {
+      const parts = await meshes.load(manifest.files.get(slot.uri)!);
+      if (!signal.aborted) slot.fill(parts);
+      return null;
+    } catch (cause) {
+      return cause instanceof Error ? cause.message : String(cause);
+    }
+  }
+
+  #adopt(model: RobotModel, palette: Palette): void {
+    this.#skeleton?.dispose();
+    this.#model?.dispose();
+    this.#palette.dispose();
+    this.#palette = palette;
+    this.#model = model;
+    this.#scene.add(model.root);
+    this.#skeleton = new Skeleton(model, THEMES[this.#theme].muted);
+    this.#scene.add(this.#skeleton.lines);
+    if (this.#pose !== null) model.setJoints(this.#pose.joints);
+    this.#place();
+    this.#frame();
+  }
+
+  /** Shows a pose at once. Interpolation, when it comes, calls this from the tick with poses in between. */
+  #show(pose: Pose): void {
+    const based = this.#takeBase(pose.base);
+    const turned = this.#model?.setJoints(pose.joints) ?? false;
+    if (turned || based) this.#place();
+  }
+
+  /** True when the base is another than before. A base that is not numbers is no base report: the last one stays. */
+  #takeBase(base: Pose['base']): boolean {
+    const old = this.#base;
+    if (base === null) {
+      this.#base = null;
+      return old !== null;
+    }
+    const now = [...base.xyz, ...base.quat_wxyz];
+    if (!now.every(Number.isFinite) || Math.hypot(...base.quat_wxyz) < 1e-6) return false;
+    if (old !== null && [...old.xyz, ...old.quat_wxyz].every((value, i) => value === now[i])) return false;
+    this.#base = base;
+    return true;
+  }
+
+  /** Computes where every link is, and asks for a picture of it. */
+  #place(): void {
+    const model = this.#model;
+    if (model === null) return;
+    if (this.#base === null) model.ground();
+    else model.place(this.#base.xyz, this.#base.quat_wxyz);
+    const { x, y } = model.root.position;
+    this.#camera.follow(x, y);
+    this.#environment.follow(x, y);
+    this.#skeleton?.follow(model);
+    this.#renderer.shadowMap.needsUpdate = true;
+    this.#requestTick();
+  }
+
+  #frame(): void {
+    if (this.#model === null) return;
+    this.#camera.frame(this.#model.bounds(this.#bounds));
+    this.#environment.resize(this.#camera.reach);
+    this.#renderer.shadowMap.needsUpdate = true;
+    this.#requestTick();
+  }
+
+  #updateGrey(): void {
+    const grey = this.#greyAsked || !this.#live;
+    if (grey === this.#drain.grey) return;
+    this.#drain.grey = grey;
+    this.#requestTick();
+  }
+
+  #resize(): void {
+    const { clientWidth, clientHeight } = this.#host;
+    if (clientWidth === 0 || clientHeight === 0) return;
+    const ratio = Math.min(window.devicePixelRatio, MAX_PIXEL_RATIO);
+    this.#renderer.setPixelRatio(ratio);
+    this.#renderer.setSize(clientWidth, clientHeight);
+    this.#drain.setPixelRatio(ratio);
+    this.#camera.resize(clientWidth, clientHeight);
+    this.#draw(); // at once: a resized canvas is blank until it is drawn
+  }
+
+  #requestTick(): void {
+    if (this.#tickRequested) return;
+    this.#tickRequested = true;
+    requestAnimationFrame(this.#tick);
+  }
+
+  readonly #tick = (nowMs: number): void => {
+    this.#tickRequested = false;
+    const seconds = Math.min((nowMs - this.#lastTick) / 1000, MAX_STEP_SECONDS);
+    this.#lastTick = nowMs;
+    const moving = this.#camera.advance(seconds);
+    const draining = this.#drain.advance(seconds);
+    this.#draw();
+    if (moving || draining) this.#requestTick();
+  };
+
+  #draw(): void {
+    if (this.#renderer.getContext().isContextLost()) return;
+    this.#renderer.render(this.#scene, this.#camera.camera);
+    this.renderedFrames += 1;
+  }
+
+  readonly #onContextLost = (event: Event): void => {
+    event.preventDefault(); // or the browser never gives it back
+  };
+
+  readonly #onContextRestored = (): void => {
+    this.#renderer.shadowMap.needsUpdate = true;
+    this.#requestTick();
+  };
+}
+
+function neededBytes(slots: readonly MeshSlot[], manifest: Manifest): number {
+  const sizes = new Map<string, number>();
+  for (const { uri } of slots) {
+    const file = manifest.files.get(uri);
+    if (file !== undefined && whyAbsent(uri, manifest) === null) sizes.set(file.path, file.size);
+  }
+  return [...sizes.values()].reduce((sum, size) => sum + size, 0);
+}
