@@ -1,0 +1,45 @@
+/** Posecast wire format 1: schema, frames, messages. `wire/SPEC.md` is the normative text. */
+
+export { SchemaError } from './checked.ts';
+export { Close, ENDINGS, type Ending, type Retry, retryOf } from './closes.ts';
+export { Decoder, Frame } from './decoder.ts';
+export { Encoder } from './encoder.ts';
+export { fnv1a32 } from './fnv.ts';
+export {
+  BadFrame,
+  BaseUnknown,
+  FrameError,
+  frameId,
+  type Header,
+  parseHeader,
+  WIRE_VERSION,
+} from './frame.ts';
+export {
+  JOINT,
+  type JointMap,
+  JointMapping,
+  type Level,
+  level,
+  type Mapping,
+  type SensorKind,
+  type SensorMount,
+  type Severity,
+  type Threshold,
+} from './mapping.ts';
+export {
+  type Bye,
+  type EventLevel,
+  type EventMessage,
+  type Hello,
+  type Info,
+  type ModelMessage,
+  type Pong,
+  parseRelayMessage,
+  type RateGranted,
+  type RelayMessage,
+  type RobotWord,
+  type SchemaMessage,
+  type Status,
+  type ViewerMessage,
+} from './messages.ts';
+export { CODE_MAX, Field, MISSING, Schema } from './schema.ts';

@@ -1,0 +1,220 @@
+/** The JSON messages of the stream (SPEC "Messages"). */
+
+export type RobotWord = 'online' | 'silent' | 'offline';
+export type EventLevel = 'fault' | 'caution' | 'info';
+
+/** First message of every connection. `server_time`: unix, s; `hz`: the rate granted. */
+export interface Hello {
+  readonly type: 'hello';
+  readonly wire: number;
+  readonly server_time: number;
+  readonly robot: string;
+  readonly view: string;
+  readonly hz: number;
+  /** What this viewer may do, as far as the relay limits it. */
+  readonly limits: ReadonlyMap<string, number>;
+  /** SHA-256 of the model's manifest, hexadecimal. */
+  readonly model: string | null;
+}
+
+/** After hello, then at least once a second. `age_ms`, `seq`: of the newest frame; null before any. */
+export interface Status {
+  readonly type: 'status';
+  readonly robot: RobotWord;
+  readonly age_ms: number | null;
+  readonly seq: number | null;
+}
+
+/** `text` is what arrived, to the byte: its hash is the schema's id. */
+export interface SchemaMessage {
+  readonly type: 'schema';
+  readonly text: string;
+}
+
+/** Slow strings about the robot, all of them each time. */
+export interface Info {
+  readonly type: 'info';
+  readonly kv: ReadonlyMap<string, string>;
+}
+
+/** Something that rose or fell. `n`: the relay's number; `t`: robot clock, s; `at`: unix, s. */
+export interface EventMessage {
+  readonly type: 'event';
+  readonly n: number;
+  readonly t: number;
+  readonly at: number | null;
+  readonly level: EventLevel;
+  readonly source: string;
+  readonly text: string;
+  readonly state: 'on' | 'off';
+}
+
+export interface RateGranted {
+  readonly type: 'rate';
+  readonly hz: number;
+  readonly reason: string;
+}
+
+export interface ModelMessage {
+  readonly type: 'model';
+  readonly hash: string;
+}
+
+export interface Pong {
+  readonly type: 'pong';
+  readonly t: number;
+}
+
+/** Why the relay closes now. `retry_s`: see the retry rule of `code`. */
+export interface Bye {
+  readonly type: 'bye';
+  readonly code: number;
+  readonly reason: string;
+  readonly retry_s: number | null;
+}
+
+export type RelayMessage =
+  | Hello
+  | Status
+  | SchemaMessage
+  | Info
+  | EventMessage
+  | RateGranted
+  | ModelMessage
+  | Pong
+  | Bye;
+
+/** `rate.hz` 0 = status and events only; `ack.n`: binary messages received on this connection. */
+export type ViewerMessage =
+  | { readonly type: 'rate'; readonly hz: number }
+  | { readonly type: 'ack'; readonly n: number }
+  | { readonly type: 'auth'; readonly token: string }
+  | { readonly type: 'ping'; readonly t: number };
+
+/**
+ * One text message of the relay. Null when this viewer does not know it or it is not well formed: skip it,
+ * a newer relay may say more. A schema is handed on as text for `Schema.parse` to judge.
+ */
+export function parseRelayMessage(text: string): RelayMessage | null {
+  let value: unknown;
+  try {
+    value = JSON.parse(text);
+  } catch {
+    return null;
+  }
+  if (!isObject(value)) return null;
+  const doc = new Map(Object.entries(value));
+  const type = doc.get('type');
+  if (type === 'schema') return { type, text };
+  const read = typeof type === 'string' ? READERS.get(type) : undefined;
+  return read?.(new Reader(doc)) ?? null;
+}
+
+const READERS = new Map<string, (r: Reader) => RelayMessage | null>([
+  ['hello', hello],
+  ['status', status],
+  ['info', info],
+  ['event', event],
+  ['rate', rate],
+  ['model', model],
+  ['pong', pong],
+  ['bye', bye],
+]);
+
+/** Takes typed values out of a message; undefined where one is not what it should be. */
+class Reader {
+  constructor(private readonly doc: ReadonlyMap<string, unknown>) {}
+
+  number(name: string): number | undefined {
+    const v = this.doc.get(name);
+    return typeof v === 'number' && Number.isFinite(v) ? v : undefined;
+  }
+
+  numberOrNull(name: string): number | null | undefined {
+    return this.isNull(name) ? null : this.number(name);
+  }
+
+  text(name: string): string | undefined {
+    const v = this.doc.get(name);
+    return typeof v === 'string' ? v : undefined;
+  }
+
+  word<T extends string>(name: string, words: readonly T[]): T | undefined {
+    return words.find((w) => w === this.doc.get(name));
+  }
+
+  hashOrNull(name: string): string | null | undefined {
+    return this.isNull(name) ? null : this.hash(name);
+  }
+
+  hash(name: string): string | undefined {
+    const v = this.text(name);
+    return v !== undefined && /^[0-9a-f]{64}$/.test(v) ? v : undefined;
+  }
+
+  /** Entries of one kind; others are left out. */
+  entries<T>(name: string, is: (v: unknown) => v is T): ReadonlyMap<string, T> | undefined {
+    const v = this.doc.get(name);
+    if (!isObject(v)) return undefined;
+    return new Map(Object.entries(v).filter((e): e is [string, T] => is(e[1])));
+  }
+
+  private isNull(name: string): boolean {
+    return (this.doc.get(name) ?? null) === null;
+  }
+}
+
+function hello(r: Reader): Hello | null {
+  const [wire, server_time, hz] = [r.number('wire'), r.number('server_time'), r.number('hz')];
+  const [robot, view, model] = [r.text('robot'), r.text('view'), r.hashOrNull('model')];
+  const limits = r.entries('limits', (v): v is number => typeof v === 'number') ?? new Map<string, number>();
+  if (wire === undefined || server_time === undefined || hz === undefined) return null;
+  if (robot === undefined || view === undefined || model === undefined) return null;
+  return { type: 'hello', wire, server_time, robot, view, hz, limits, model };
+}
+
+function status(r: Reader): Status | null {
+  const robot = r.word('robot', ['online', 'silent', 'offline']);
+  const [age_ms, seq] = [r.numberOrNull('age_ms'), r.numberOrNull('seq')];
+  if (robot === undefined || age_ms === undefined || seq === undefined) return null;
+  return { type: 'status', robot, age_ms, seq };
+}
+
+function info(r: Reader): Info | null {
+  const kv = r.entries('kv', (v): v is string => typeof v === 'string');
+  return kv ? { type: 'info', kv } : null;
+}
+
+function event(r: Reader): EventMessage | null {
+  const [n, t, at] = [r.number('n'), r.number('t'), r.number('at') ?? null];
+  const level = r.word('level', ['fault', 'caution', 'info']);
+  const [source, text, state] = [r.text('source'), r.text('text'), r.word('state', ['on', 'off'])];
+  if (n === undefined || t === undefined || level === undefined) return null;
+  if (source === undefined || text === undefined || state === undefined) return null;
+  return { type: 'event', n, t, at, level, source, text, state };
+}
+
+function rate(r: Reader): RateGranted | null {
+  const hz = r.number('hz');
+  return hz === undefined ? null : { type: 'rate', hz, reason: r.text('reason') ?? '' };
+}
+
+function model(r: Reader): ModelMessage | null {
+  const hash = r.hash('hash');
+  return hash === undefined ? null : { type: 'model', hash };
+}
+
+function pong(r: Reader): Pong | null {
+  const t = r.number('t');
+  return t === undefined ? null : { type: 'pong', t };
+}
+
+function bye(r: Reader): Bye | null {
+  const code = r.number('code');
+  const retry_s = r.number('retry_s') ?? null;
+  return code === undefined ? null : { type: 'bye', code, reason: r.text('reason') ?? '', retry_s };
+}
+
+function isObject(value: unknown): value is object {
+  return typeof value === 'object' && value !== null && !Array.isArray(value);
+}
