@@ -135,6 +135,11 @@ class EventWatch:
         self._t_s = 0.0
         self.silent = False
 
+    @property
+    def started(self) -> bool:
+        """A sample has come."""
+        return self._last_s is not None
+
     def sample(self, t_s: float, values: Sequence[float | None], now_s: float) -> list[Event]:
         """A sample in channel order. Returns what it changed."""
         events: list[Event] = []

@@ -1,5 +1,5 @@
-"""A URDF and the files it names, as a manifest and ranges of bytes. Only meshes and pictures inside the model's own
-folders are served: a URDF from a stranger must not publish what else lies on this machine.
+"""A URDF and the files it names, as a manifest and ranges of bytes. Only meshes and pictures inside the
+model's own folders are served: a URDF from a stranger must not publish what else lies on this machine.
 
 The manifest keeps every URI exactly as the URDF spells it, so the browser resolves nothing itself.
 """
@@ -69,14 +69,22 @@ class Bundle:
         self.hash = hashlib.sha256(self.manifest).hexdigest()
         self._by_hash = {f.sha256: f for f in files}
 
-    def read(self, sha256: str, offset: int, length: int) -> bytes:
-        """A range of a file. KeyError: no such file. ValueError: no such range. OSError: the file is gone."""
-        file = self._by_hash[sha256]
-        if not (0 <= offset <= file.size and 0 < length <= RANGE_MAX):
-            raise ValueError(f"range {offset}+{length} of {file.size} bytes")
+    def read(self, part: str, offset: int, length: int) -> bytes:
+        """A range of `manifest` or of the file with that SHA-256.
+
+        KeyError: no such file. ValueError: no such range. OSError: the file is gone.
+        """
+        file = None if part == "manifest" else self._by_hash.get(part)
+        if file is None and part != "manifest":
+            raise KeyError("no such file")
+        size = len(self.manifest) if file is None else file.size
+        if not (0 <= offset <= size and 0 < length <= RANGE_MAX):
+            raise ValueError(f"no range {offset}+{length} in {size} bytes")
+        if file is None:
+            return self.manifest[offset : offset + length]
         with file.source.open("rb") as f:
             f.seek(offset)
-            return f.read(min(length, file.size - offset))
+            return f.read(min(length, size - offset))
 
 
 def load_bundle(urdf: Path) -> Bundle:
@@ -201,7 +209,7 @@ class _Resolver:
             for root in (folder, folder / package):
                 if root.name == package and (found := self._inside(root / rest, root)):
                     return found
-        # A package whose folder was renamed or taken apart: the tail of the path inside the model's own folder.
+        # A package whose folder was renamed or taken apart: the tail of the path in the model's own folder.
         names = PurePosixPath(rest).parts
         tails = (self._inside(self._root.joinpath(*names[i:]), self._root) for i in range(len(names)))
         return next((found for found in tails if found), None)

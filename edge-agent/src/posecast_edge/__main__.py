@@ -1,0 +1,5 @@
+"""`python -m posecast_edge`."""
+
+from posecast_edge.cli import main
+
+main()

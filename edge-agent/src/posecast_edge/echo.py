@@ -1,0 +1,100 @@
+"""What the relay's echo tells: on air, refused or late, and the rate that follows from it. Pure."""
+
+from __future__ import annotations
+
+from collections import deque
+
+from posecast_wire.keys import Echo
+
+LATE_S = 0.5  # above it the rate is halved
+CALM_S = 0.25  # below it for RECOVER_S the rate doubles again
+RECOVER_S = 5.0
+SETTLE_S = (
+    2.0  # what was sent needs this long to show whether it is accepted, or whether half the rate helped
+)
+LOWEST_HZ = 1.0
+SENT_MAX = 2048  # frames remembered: half a minute at 60 Hz; older ones are forgotten
+
+
+class EchoWatch:
+    """Follows one run's frames and the relay's answers about them. Times are monotonic seconds."""
+
+    def __init__(self, run_id: int) -> None:
+        self._run_id = run_id
+        self._sent: deque[tuple[int, float]] = deque(maxlen=SENT_MAX)
+        self._first_sent_s: float | None = None  # since the link came up
+        self._quickest_s: float | None = None
+        self._connected = False
+        self._echo: Echo | None = None
+        self.late_s = 0.0
+
+    def link(self, connected: bool) -> None:
+        """The link came up or went down: what was known of the relay is void."""
+        self._connected = connected
+        self._echo = None
+        self._first_sent_s = None
+        self._sent.clear()
+        self.late_s = 0.0
+
+    def sent(self, seq: int, now_s: float) -> None:
+        """A frame went out."""
+        if self._first_sent_s is None:
+            self._first_sent_s = now_s
+        self._sent.append((seq, now_s))
+
+    def answered(self, echo: Echo | None, asked_s: float, now_s: float) -> None:
+        """The relay's answer; None when nobody answered, or too late."""
+        self._echo = echo
+        round_trip_s = now_s - asked_s
+        if echo is None and round_trip_s < LATE_S:
+            self.late_s = 0.0  # nobody there to ask: not a matter of time
+            return
+        if echo is not None:
+            quickest_s = self._quickest_s
+            self._quickest_s = round_trip_s if quickest_s is None else min(quickest_s, round_trip_s)
+        # Question and frames wait in the same queue, so a slow answer means late frames; and a frame that was
+        # sent well before the question and is not there yet is late itself.
+        self.late_s = round_trip_s - (self._quickest_s or 0.0)
+        if echo is not None and echo.run_id == self._run_id:
+            while self._sent and self._sent[0][0] <= echo.seq:
+                self._sent.popleft()
+            if self._sent:
+                self.late_s = max(self.late_s, asked_s - self._sent[0][1])
+
+    def word(self, now_s: float) -> str:
+        """One of: no link, no relay, refused, on air, late, waiting."""
+        if not self._connected:
+            return "no link"
+        if self._echo is None:
+            return "late" if self.late_s > LATE_S else "no relay"
+        if self._echo.run_id != self._run_id:
+            waited = self._first_sent_s is not None and now_s - self._first_sent_s > SETTLE_S
+            return "refused" if waited else "waiting"
+        return "late" if self.late_s > LATE_S else "on air"
+
+
+class RateControl:
+    """Halves the rate while frames arrive late and doubles it back when they don't."""
+
+    def __init__(self, hz: float) -> None:
+        self._full_hz = hz
+        self.hz = hz
+        self._changed_s = float("-inf")
+        self._calm_since_s: float | None = None
+
+    def note(self, late_s: float, now_s: float) -> None:
+        """A new measurement of lateness (seconds) at monotonic `now_s`."""
+        if late_s >= CALM_S:
+            self._calm_since_s = None
+        elif self._calm_since_s is None:
+            self._calm_since_s = now_s
+        if now_s - self._changed_s < SETTLE_S:
+            return
+        if late_s > LATE_S and self.hz > LOWEST_HZ:
+            self.hz, self._changed_s = max(LOWEST_HZ, self.hz / 2), now_s
+        elif (
+            self._calm_since_s is not None
+            and now_s - self._calm_since_s >= RECOVER_S
+            and self.hz < self._full_hz
+        ):
+            self.hz, self._changed_s, self._calm_since_s = min(self._full_hz, self.hz * 2), now_s, now_s
