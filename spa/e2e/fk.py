@@ -2,12 +2,13 @@
 
 stdin: `{"urdf": path, "joints": {joint: rad or m, or null}, "base": null | {"xyz": [x, y, z], "quat_wxyz":
 [w, x, y, z]}}`. stdout: `{link: 16 numbers, row-major}`; metres, world Z up. Without a base the robot's root
-stands upright with the lowest visible point of the pose at z = 0. Joints not named stand at 0.
+stands upright with the lowest point of the pose at z = 0. Joints not named stand at 0.
 """
 
 from __future__ import annotations
 
 import io
+import itertools
 import json
 import sys
 from pathlib import Path
@@ -44,14 +45,24 @@ def load(path: Path, meshes: bool) -> yourdfpy.URDF:
 
 
 def lowest_z_m(urdf: yourdfpy.URDF) -> float:
-    """The lowest vertex of all visuals in the root's coordinates, metres."""
+    """The lowest corner of all links' boxes, metres in the root's coordinates; boxes lie along links' axes.
+
+    Boxes, not vertices: that is what the page promises, and it is the same for flat feet.
+    """
     scene = urdf.scene
-    lowest = np.inf
+    boxes: dict[str, list[Matrix]] = {}
     for node in scene.graph.nodes_geometry:
-        root_from_mesh, geometry = scene.graph[node]
-        vertices = trimesh.transform_points(scene.geometry[geometry].vertices, root_from_mesh)
-        lowest = min(lowest, float(vertices[:, 2].min()))
-    return 0.0 if np.isinf(lowest) else lowest
+        link = scene.graph.transforms.parents[node]
+        link_from_mesh, name = scene.graph.get(node, frame_from=link)
+        boxes.setdefault(link, []).append(
+            trimesh.transform_points(scene.geometry[name].vertices, link_from_mesh)
+        )
+    lowest = np.inf
+    for link, parts in boxes.items():
+        extremes = [np.vstack(parts).min(axis=0), np.vstack(parts).max(axis=0)]
+        corners = np.array(list(itertools.product(*np.transpose(extremes))))
+        lowest = min(lowest, trimesh.transform_points(corners, urdf.get_transform(link))[:, 2].min())
+    return 0.0 if np.isinf(lowest) else float(lowest)
 
 
 def world_from_root(base: dict[str, list[float]] | None, urdf: yourdfpy.URDF) -> Matrix:

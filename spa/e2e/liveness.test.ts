@@ -1,0 +1,152 @@
+import { setTimeout as pause } from 'node:timers/promises';
+import { describe, expect, it } from 'vitest';
+import { until } from './driver/until.ts';
+import { FaultyLink } from './proxy.ts';
+import { type ChipChange, chips, chipText, liveness, RECORD } from './robot_page.ts';
+import { setStage } from './stage.ts';
+
+const stage = setStage();
+
+/** A knee that swings: unchanged poses would be HOLDING. */
+const SWINGING = { pos: { RKN: 0, LKN: 0.2 }, wave: { pos: { RKN: [0.4, 0.5] } } };
+
+const word = (change: ChipChange): string => change.state;
+
+describe('the four words', () => {
+  it('a silent source is STALE "robot silent", and LIVE again when it speaks', async () => {
+    const relay = await stage.stack.relay();
+    const { source } = stage.stack.fedEdge(relay, SWINGING);
+    const page = await stage.newPage({ preload: RECORD });
+    await page.open(`${relay.url}/#/r/demo`);
+    await until('LIVE', async () => (await liveness(page)) === 'LIVE');
+
+    source.signal('SIGSTOP');
+    const stoppedMs = Date.now();
+    await until('STALE', async () => (await liveness(page)) === 'STALE');
+    expect(await chipText(page)).toMatch(/robot silent/i);
+    await pause(4000); // longer than a lease: it must not become OFFLINE, the edge is there
+    expect(await liveness(page)).toBe('STALE');
+    const seen = await chips(page);
+    const stale = seen.find((change) => change.state === 'STALE' && change.atMs >= stoppedMs);
+    expect(stale?.atMs).toBeLessThan(stoppedMs + 3500);
+    expect(seen.map(word)).not.toContain('OFFLINE');
+    console.log(`source stopped: STALE after ${(stale?.atMs ?? 0) - stoppedMs} ms`);
+
+    source.signal('SIGCONT');
+    await until('LIVE again', async () => (await liveness(page)) === 'LIVE');
+  });
+
+  it('a stopped edge is STALE and then OFFLINE, and LIVE again when it goes on', async () => {
+    const relay = await stage.stack.relay();
+    const { edge } = stage.stack.fedEdge(relay, SWINGING);
+    const page = await stage.newPage({ preload: RECORD });
+    await page.open(`${relay.url}/#/r/demo`);
+    await until('LIVE', async () => (await liveness(page)) === 'LIVE');
+    const before = (await chips(page)).length;
+
+    edge.signal('SIGSTOP');
+    const stoppedMs = Date.now();
+    await until('OFFLINE', async () => (await liveness(page)) === 'OFFLINE');
+    const changes = (await chips(page)).slice(before);
+    expect(changes.map(word)).toEqual(['STALE', 'OFFLINE']);
+    const [staleMs, offlineMs] = changes.map((change) => change.atMs - stoppedMs);
+    console.log(`edge stopped: STALE after ${staleMs} ms, OFFLINE after ${offlineMs} ms`);
+    expect(offlineMs).toBeLessThan(6000);
+
+    edge.signal('SIGCONT');
+    await until('LIVE again', async () => (await liveness(page)) === 'LIVE');
+  });
+
+  it('a killed edge is OFFLINE within 2 s', async () => {
+    const relay = await stage.stack.relay();
+    const { edge } = stage.stack.fedEdge(relay, SWINGING);
+    const page = await stage.newPage({ preload: RECORD });
+    await page.open(`${relay.url}/#/r/demo`);
+    await until('LIVE', async () => (await liveness(page)) === 'LIVE');
+
+    const killedMs = Date.now();
+    await edge.kill();
+    await until('OFFLINE', async () => (await liveness(page)) === 'OFFLINE');
+    const offline = (await chips(page)).find((change) => change.state === 'OFFLINE');
+    console.log(`edge killed: OFFLINE after ${(offline?.atMs ?? 0) - killedMs} ms`);
+    expect((offline?.atMs ?? Number.POSITIVE_INFINITY) - killedMs).toBeLessThanOrEqual(2000);
+  });
+
+  it('who joins a dead robot never sees LIVE', async () => {
+    const relay = await stage.stack.relay();
+    const { source, edge } = stage.stack.fedEdge(relay, SWINGING);
+    await until('the relay has the robot', async () => {
+      const robots = JSON.stringify(await relay.json('/api/v1/robots'));
+      return robots.includes('"online"');
+    });
+
+    // its source is dead, its edge alive
+    source.signal('SIGSTOP');
+    await until('the relay calls it silent', async () => {
+      const robots = JSON.stringify(await relay.json('/api/v1/robots'));
+      return robots.includes('"silent"');
+    });
+    const silent = await stage.newPage({ preload: RECORD });
+    await silent.open(`${relay.url}/#/r/demo`);
+    await until('STALE', async () => (await liveness(silent)) === 'STALE');
+    await pause(2500);
+    expect((await chips(silent)).map(word)).not.toContain('LIVE');
+    expect((await chips(silent)).map(word)).not.toContain('HOLDING');
+
+    // and now both
+    await edge.kill();
+    const dead = await stage.newPage({ preload: RECORD });
+    await dead.open(`${relay.url}/#/r/demo`);
+    await until('OFFLINE', async () => (await liveness(dead)) === 'OFFLINE');
+    await pause(2500);
+    const words = (await chips(dead)).map(word);
+    expect(words).not.toContain('LIVE');
+    expect(words).not.toContain('HOLDING');
+  });
+
+  it("a frozen network is STALE 'no connection', and heals by itself", async () => {
+    const relay = await stage.stack.relay();
+    stage.stack.fedEdge(relay, SWINGING);
+    const link = await FaultyLink.open(relay.port);
+    try {
+      const page = await stage.newPage({ preload: RECORD });
+      await page.open(`${link.url}/#/r/demo`);
+      await until('LIVE', async () => (await liveness(page)) === 'LIVE');
+
+      link.fault({ frozen: true });
+      await until('STALE', async () => (await liveness(page)) === 'STALE');
+      expect(await chipText(page)).toMatch(/no connection/i);
+      link.heal();
+      await until('LIVE again', async () => (await liveness(page)) === 'LIVE', 30_000);
+
+      link.cut();
+      await until(
+        'connected once more',
+        async () => link.connections > 0 && (await liveness(page)) === 'LIVE',
+        30_000,
+      );
+    } finally {
+      await link.close();
+    }
+  });
+
+  it("a killed relay is STALE 'no connection'; the page comes back by itself", async () => {
+    const first = await stage.stack.relay();
+    stage.stack.fedEdge(first, SWINGING, { keyInterval: 30 });
+    const page = await stage.newPage({ preload: RECORD });
+    await page.open(`${first.url}/#/r/demo`);
+    await until('LIVE', async () => (await liveness(page)) === 'LIVE');
+
+    const killedMs = Date.now();
+    await first.process.kill();
+    await until('STALE', async () => (await liveness(page)) === 'STALE');
+    expect(await chipText(page)).toMatch(/no connection/i);
+    await stage.stack.relay({ httpPort: first.port, zenohPort: Number(first.zenoh.split(':').at(-1)) });
+    const servingMs = Date.now();
+    await until('LIVE again', async () => (await liveness(page)) === 'LIVE', 30_000);
+    const live = (await chips(page)).filter((change) => change.state === 'LIVE').at(-1);
+    console.log(
+      `relay killed: LIVE ${(live?.atMs ?? 0) - killedMs} ms after the kill, ${(live?.atMs ?? 0) - servingMs} ms after it served again`,
+    );
+  });
+});

@@ -1,0 +1,82 @@
+/** The robot page as tests read it: its chip over time, its table by frame, its body. */
+
+import type { Page } from './driver/page.ts';
+
+export interface ChipChange {
+  /** Unix time, ms: comparable with the test's own clock, it is one machine. */
+  readonly atMs: number;
+  readonly state: string;
+  readonly text: string;
+}
+
+export interface Body {
+  readonly seq: number;
+  readonly links: Readonly<Record<string, readonly number[]>>;
+}
+
+/** Runs before the page's own scripts: notes every change of every liveness chip and every frame the table shows. */
+export const RECORD = `(() => {
+  const chips = [], rows = new Map();
+  window.recorded = { chips, rows };
+  const last = new Map();
+  const note = () => {
+    for (const chip of document.querySelectorAll('[data-testid="liveness"]')) {
+      const state = chip.dataset.state ?? '';
+      if (last.get(chip) === state) continue;
+      last.set(chip, state);
+      chips.push({ atMs: Date.now(), state, text: chip.textContent ?? '' });
+    }
+    for (const table of document.querySelectorAll('[data-seq]')) {
+      const seq = Number(table.dataset.seq);
+      if (!table.dataset.seq || rows.has(seq)) continue;
+      const cells = {};
+      for (const cell of table.querySelectorAll('[data-field="pos"]')) cells[cell.dataset.label] = cell.textContent;
+      rows.set(seq, cells);
+      if (rows.size > 200) rows.delete(rows.keys().next().value);
+    }
+  };
+  new MutationObserver(note).observe(document, {
+    subtree: true, childList: true, characterData: true, attributes: true, attributeFilter: ['data-state', 'data-seq'],
+  });
+})()`;
+
+/** Everything the chips have said, oldest first. */
+export function chips(page: Page): Promise<ChipChange[]> {
+  return page.evaluate<ChipChange[]>('window.recorded.chips');
+}
+
+/** The chip's word now, '' while there is no chip. */
+export function liveness(page: Page): Promise<string> {
+  return page.evaluate<string>('document.querySelector(\'[data-testid="liveness"]\')?.dataset.state ?? ""');
+}
+
+export function chipText(page: Page): Promise<string> {
+  return page.evaluate<string>('document.querySelector(\'[data-testid="liveness"]\')?.textContent ?? ""');
+}
+
+/** seq → joint → text of its position cell, for the newest 200 frames the table has shown. */
+export async function shownPositions(page: Page): Promise<Map<number, Record<string, string>>> {
+  return new Map(await page.evaluate<[number, Record<string, string>][]>('[...window.recorded.rows]'));
+}
+
+/** The number in a table cell: its own minus sign, padding and unit taken off; null for "no reading". */
+export function cellNumber(text: string): number | null {
+  const found = text.replace('\u2212', '-').match(/-?\d+(\.\d+)?/);
+  return found === null ? null : Number(found[0]);
+}
+
+export function shownSeq(page: Page): Promise<number | null> {
+  return page.evaluate<number | null>('window.posecast?.twin?.seq ?? null');
+}
+
+/** Every link's pose in the world as the scene has it, with the frame the page stands at. */
+export function body(page: Page): Promise<Body | null> {
+  return page.evaluate<Body | null>(`(() => {
+    const { twin, scene } = window.posecast ?? {};
+    return scene ? { seq: twin.seq, links: scene.linkPoses() } : null;
+  })()`);
+}
+
+export function renderedFrames(page: Page): Promise<number> {
+  return page.evaluate<number>('window.posecast?.scene?.renderedFrames ?? -1');
+}

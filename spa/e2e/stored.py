@@ -1,0 +1,33 @@
+"""What a Redis holds of a robot's newest state, decoded, as one JSON object: `stored.py redis://… demo`."""
+
+from __future__ import annotations
+
+import json
+import sys
+
+import redis
+from posecast_wire.decoder import Decoder
+
+VIEW = "public"
+
+
+def main(url: str, robot: str) -> None:
+    """Exits with one line when nothing is stored."""
+    store = redis.Redis.from_url(url)
+    prefix = f"posecast:{{{robot}}}:{VIEW}"
+    state: dict[bytes, bytes] = store.hgetall(prefix)  # type: ignore[assignment]
+    if not state:
+        sys.exit(f"nothing under {prefix}; keys: {sorted(store.keys('*'))}")
+    decoder = Decoder()
+    decoder.add_schema(state[b"schema"].decode())
+    frame = decoder.decode(state[b"key"])
+    for base in (b"ref", b"frame"):
+        if state.get(base):
+            frame = decoder.decode(state[base])
+    labels = frame.schema.field("pos")
+    values = dict(zip(labels.labels if labels else (), frame.values("pos"), strict=True))
+    json.dump({"seq": frame.seq, "pos": values}, sys.stdout)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1], sys.argv[2])
