@@ -1,0 +1,108 @@
+"""The committed vectors are what the script makes, and the decoder says of each what they say."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import pytest
+from posecast_wire import (
+    BadFrame,
+    BaseUnknown,
+    Decoder,
+    Encoder,
+    Schema,
+    SchemaError,
+    joint_values,
+)
+
+ROOT = Path(__file__).resolve().parents[2]
+FOLDER = ROOT / "vectors"
+FRAMES = ("valid.json", "invalid.json", "lossy.json", "alternating.json")
+
+
+def load(name: str) -> Any:
+    return json.loads((FOLDER / name).read_text(encoding="utf-8"))
+
+
+def cases() -> list[Any]:
+    return [
+        pytest.param(doc["schemas"], case, id=f"{name}: {case['name']}")
+        for name in FRAMES
+        for doc in [load(name)]
+        for case in doc["cases"]
+    ]
+
+
+def maker(name: str) -> ModuleType:
+    spec = importlib.util.spec_from_file_location(name, ROOT / f"python/tools/{name}.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_committed_vectors_are_what_the_script_makes() -> None:
+    files = {**maker("make_vectors").files(), **maker("make_schema_vectors").files()}
+    assert sorted(p.name for p in FOLDER.iterdir()) == sorted(files)
+    for name, text in files.items():
+        assert (FOLDER / name).read_text(encoding="utf-8") == text, f"run the scripts in tools/: {name}"
+
+
+def test_vectors_are_small() -> None:
+    assert sum(p.stat().st_size for p in FOLDER.iterdir()) < 400_000
+
+
+@pytest.mark.parametrize(("schemas", "case"), cases())
+def test_decoder_follows(schemas: dict[str, str], case: dict[str, Any]) -> None:
+    decoder = Decoder()
+    for i, step in enumerate(case["steps"]):
+        if "schema" in step:
+            decoder.add_schema(schemas[step["schema"]])
+            continue
+        data = bytes.fromhex(step["frame"])
+        try:
+            got = decoder.decode(data)
+        except BaseUnknown:
+            said = {"is": "unknown"}
+        except BadFrame:
+            said = {"is": "bad"}
+        else:
+            said = {"is": "state", "seq": got.seq, "t": got.t_s, "codes": list(got.codes)}
+        assert said == {k: step[k] for k in said}, f"step {i} {step.get('note', '')}"
+
+
+@pytest.mark.parametrize(("schemas", "case"), [c for c in cases() if "encode" in c.values[1]])
+def test_encoder_makes_the_same_bytes(schemas: dict[str, str], case: dict[str, Any]) -> None:
+    how = case["encode"]
+    encoder = Encoder(Schema.parse(schemas[how["schema"]]), how["key_interval_s"], how["ref_every"])
+    for step in case["steps"]:
+        if "from" in step:
+            of = step["from"]
+            frame = encoder.encode(of["codes"], of["seq"], of["t"], of["now"], of.get("force_key", False))
+            assert frame.hex() == step["frame"]
+
+
+@pytest.mark.parametrize("bad", load("schemas.json")["bad"], ids=lambda b: str(b["where"]))
+def test_bad_schemas_are_refused_by_place(bad: dict[str, str]) -> None:
+    with pytest.raises(SchemaError) as caught:
+        Schema.parse(bad["text"])
+    assert str(caught.value).startswith(f"{bad['where']}: ")
+    assert "\n" not in str(caught.value)
+
+
+def test_schema_id() -> None:
+    doc = load("schemas.json")
+    assert Schema.parse(doc["mapping"]["text"]).id == doc["id"]
+
+
+def test_mapping_vector() -> None:
+    doc = load("schemas.json")["mapping"]
+    schema = Schema.parse(doc["text"])
+    for field, joints in doc["joints"].items():
+        got = joint_values(schema, doc["codes"], field)
+        assert {k: None if v != v else v for k, v in got.items()} == joints

@@ -1,0 +1,456 @@
+"""Makes `wire/vectors/`: deterministic, so that a test can compare what is committed with what this makes.
+
+Every file of frames holds `schemas` by name and `cases`; a case is a script that any decoder can follow from
+a fresh start, step by step: learn a schema, or decode a frame and get `state` (with seq, t and codes),
+`unknown` or `bad`. A case with `encode` also tells an encoder what to make the same bytes from.
+"""
+
+from __future__ import annotations
+
+import json
+import random
+import struct
+from collections.abc import Sequence
+from pathlib import Path
+
+from posecast_wire import (
+    CODE_MAX,
+    MISSING,
+    BadFrame,
+    BaseUnknown,
+    Decoder,
+    Encoder,
+    Schema,
+    build_schema_text,
+    frame_id,
+)
+
+FOLDER = Path(__file__).resolve().parents[2] / "vectors"
+Step = dict[str, object]
+Case = dict[str, object]
+Coded = Sequence[tuple[int, Sequence[int]]]  # per field: nibble, residuals
+
+ARM = build_schema_text(
+    "arm",
+    {"joint": ["SHP", "SHR", "ELB", "WRP"], "site": ["hand.mx", "hand.my", "hand.fz"], "main": ["main"]},
+    [
+        {"name": "ref", "labels": "joint", "unit": "rad", "scale": 0.001},
+        {"name": "pos", "labels": "joint", "unit": "rad", "scale": 0.001, "rel": "ref"},
+        {"name": "ft", "labels": "site", "unit": "N", "scale": 0.5},
+        {"name": "volt", "labels": "main", "unit": "V", "scale": 0.05, "slow": True},
+        {"name": "temp", "labels": "joint", "unit": "°C", "slow": True},
+        {"name": "flags", "labels": "joint", "bits": ["homed", "enabled", "jam"]},
+    ],
+)
+ONE = build_schema_text("one", {"x": ["x"]}, [{"name": "x", "labels": "x"}])
+CHAIN = build_schema_text(
+    "chain",
+    {"j": ["a", "b"]},
+    [
+        {"name": "p", "labels": "j"},
+        {"name": "q", "labels": "j", "rel": "p"},
+        {"name": "r", "labels": "j", "rel": "q"},
+    ],
+)
+WIDE = build_schema_text(
+    "wide",
+    {"j": [f"j{i}" for i in range(100)]},
+    [{"name": "a", "labels": "j"}, {"name": "b", "labels": "j", "rel": "a"}, {"name": "c", "labels": "j"}],
+)
+SCHEMAS = {"arm": ARM, "one": ONE, "chain": CHAIN, "wide": WIDE}
+
+
+class Dice:
+    """Numbers from `random()` alone: the one sequence Python promises never to change."""
+
+    def __init__(self, seed: int) -> None:
+        self._rng = random.Random(seed)
+
+    def below(self, n: int) -> int:
+        return int(self._rng.random() * n)
+
+    def near(self, spread: int) -> int:
+        return self.below(2 * spread + 1) - spread
+
+    def moved(self, codes: Sequence[int], spread: int, one_in: int = 2) -> list[int]:
+        return [c + self.near(spread) if self.below(one_in) == 0 else c for c in codes]
+
+
+class Script:
+    """Writes a case by really decoding: what is recorded is what the reference decoder said."""
+
+    def __init__(self, name: str, why: str, *schemas: str) -> None:
+        self.case: Case = {"name": name, "why": why}
+        self.steps: list[Step] = []
+        self._decoder = Decoder()
+        for schema in schemas:
+            self.learn(schema)
+
+    def learn(self, name: str) -> None:
+        self._decoder.add_schema(SCHEMAS[name])
+        self.steps.append({"schema": name})
+
+    def frame(self, data: bytes, note: str = "", **also: object) -> None:
+        step: Step = {"note": note} if note else {}
+        step["frame"] = data.hex()
+        try:
+            got = self._decoder.decode(data)
+            step |= {"is": "state", "seq": got.seq, "t": got.t_s, "codes": list(got.codes)}
+        except BaseUnknown:
+            step["is"] = "unknown"
+        except BadFrame:
+            step["is"] = "bad"
+        self.steps.append(step | also)
+
+    def done(self) -> Case:
+        return self.case | {"steps": self.steps}
+
+
+class Stream(Script):
+    """A case made by an encoder, which another encoder can make again."""
+
+    def __init__(self, name: str, why: str, schema: str, key_interval_s: float = 4.0, refs: int = 0) -> None:
+        super().__init__(name, why, schema)
+        self.case["encode"] = {"schema": schema, "key_interval_s": key_interval_s, "ref_every": refs}
+        self.size = Schema.parse(SCHEMAS[schema]).size
+        self._encoder = Encoder(Schema.parse(SCHEMAS[schema]), key_interval_s, refs)
+        self.frames: list[bytes] = []
+
+    def send(
+        self, codes: Sequence[int], seq: int, t: float, now: float | None = None, force_key: bool = False
+    ) -> bytes:
+        now = t if now is None else now
+        data = self._encoder.encode(codes, seq, t, now, force_key)
+        also: Step = {"from": {"codes": list(codes), "seq": seq, "t": t, "now": now}}
+        if force_key:
+            also["from"] = {"codes": list(codes), "seq": seq, "t": t, "now": now, "force_key": True}
+        self.frames.append(data)
+        self.frame(data, "", **also)
+        return data
+
+
+def moving(dice: Dice) -> list[Case]:
+    """What a robot usually sends."""
+    cases: list[Case] = []
+
+    s = Stream("key", "a KEY alone", "arm")
+    s.send([100, -200, 300, -400, 101, -200, 299, -402, 7, -8, 900, 1040, 31, 32, 33, 34, 3, 3, 7, 0], 1, 0.5)
+    cases.append(s.done())
+
+    s = Stream("still", "nothing moves: a nibble a field", "arm")
+    for i in range(3):
+        s.send([5] * s.size, i, i / 30)
+    cases.append(s.done())
+
+    s = Stream("walk", "plain frames; KEYs every 0.5 s teach the order table", "arm", 0.5)
+    codes = [0] * s.size
+    for i in range(40):
+        codes = dice.moved(codes, 6)
+        s.send(codes, i, i / 30)
+    cases.append(s.done())
+
+    s = Stream("refs", "every third frame is a REF; slow fields move with it only", "arm", 4.0, 3)
+    codes = [0] * s.size
+    for i in range(16):
+        codes = dice.moved(codes, 9)
+        s.send(codes, 1000 + i, 50 + i / 10)
+    cases.append(s.done())
+
+    s = Stream("wide", "300 channels", "wide", 0.3)
+    codes = [dice.near(2000) for _ in range(s.size)]
+    for i in range(12):
+        codes = dice.moved(codes, 2 if i < 6 else 40)
+        s.send(codes, i, i / 30)
+    return [*cases, s.done()]
+
+
+def extremes(dice: Dice) -> list[Case]:
+    """Readings missing, jumping, and at the ends of the range."""
+    cases: list[Case] = []
+
+    s = Stream("missing", "readings come and go, also under rel", "arm")
+    for i in range(12):
+        codes = [MISSING if dice.below(4) == 0 else dice.near(50) for _ in range(s.size)]
+        s.send(codes, i, i / 30)
+    cases.append(s.done())
+
+    s = Stream("jumps", "jumps of 2^20 either way, in one channel or many", "arm")
+    for i in range(10):
+        codes = [dice.near(1) * (1 << 20) + dice.near(3) for _ in range(s.size)]
+        s.send(codes, i, i / 30)
+    cases.append(s.done())
+
+    ends = (MISSING, -CODE_MAX, -1, 0, 1, CODE_MAX)
+    s = Stream("ends", "the ends of the range against one another, down a chain of rel", "chain")
+    for i in range(24):
+        s.send([ends[dice.below(6)] for _ in range(s.size)], i, i / 30)
+    cases.append(s.done())
+
+    s = Stream("one", "one channel: every power of two", "one")
+    for i in range(29):
+        s.send([min(1 << i, CODE_MAX) * (1 if i % 2 else -1)], i, i / 30)
+    cases.append(s.done())
+
+    return cases
+
+
+def of_themselves() -> list[Case]:
+    """KEYs that nobody asked for, and numbers that wrap."""
+    cases: list[Case] = []
+
+    s = Stream("keys", "when a KEY comes of itself", "one", 4.0)
+    s.send([1], 7, 10.0, 100.0)
+    s.send([2], 8, 10.1, 103.9)
+    s.send([3], 9, 10.2, 104.0)  # the edge's clock
+    s.send([4], 10, 10.2, 104.1)  # robot time stands: no reason
+    s.send([5], 11, 10.1, 104.2)  # robot time steps back
+    s.send([6], 12, 75.6, 104.3)  # 65.5 s on: the last that fits
+    s.send([7], 13, 75.7, 104.4)  # 65.6 s on: past the header
+    s.send([8], 13 + 65535, 75.8, 104.5)
+    s.send([9], 13 + 65536, 75.9, 104.6)  # past the header
+    s.send([10], 13 + 65537, 76.0, 104.7, True)  # the link came up
+    s.send([11], 13 + 65537, 76.0, 104.8)  # the same seq again
+    s.send([12], 13 + 65538, 76.0, 104.7)  # a clock that should be monotonic and is not
+    cases.append(s.done())
+
+    s = Stream("wrap", "seq passes 2^32", "one")
+    for i in range(4):
+        s.send([i], (0xFFFFFFFE + i) & 0xFFFFFFFF, i / 30)
+    cases.append(s.done())
+
+    return cases
+
+
+def other_senders() -> list[Case]:
+    """Frames no encoder of ours would write, and every decoder must read."""
+    other = Script("another sender", "orders all 4, a wasteful n, a zero field spelt out", "one")
+    key = _key("one", 1, 2.5, [(9, [4])], [4])
+    other.frame(key)
+    for n, code in ((0, 4), (14, 4), (5, 1000), (0, CODE_MAX), (14, MISSING), (15, 4)):
+        other.frame(_plain(frame_id(key), 2, 40, [(n, [code - 4])], [4]), f"n = {n}")
+    return [other.done()]
+
+
+def valid() -> list[Case]:
+    dice = Dice(1)
+    return moving(dice) + extremes(dice) + of_themselves() + other_senders()
+
+
+def bad_headers(good: bytes) -> Case:
+    """`good`: a KEY of the schema `one`."""
+    s = Script("headers", "what is no frame at all", "one")
+    s.frame(b"", "empty")
+    for tag in (0x00, 0x03, 0x11, 0x14, 0x17, 0x1B, 0x20, 0x23, 0xFF):
+        s.frame(bytes([tag]) + good[1:], f"byte 0 is {tag:02x}")
+    s.frame(good[:17], "a KEY without a body")
+    s.frame(good[:9] + bytes.fromhex("000000000000f07f") + good[17:], "t is infinite")
+    s.frame(good[:9] + bytes.fromhex("000000000000f87f") + good[17:], "t is not a number")
+    s.frame(good, "and the same decoder takes a good one")
+    at = frame_id(good)
+    s.frame(_plain(at, 1, 0, [(4, [1])], [4])[:9], "no body")
+    s.frame(_plain(at, 0, 0, [(4, [1])], [4]), "no distance from its base")
+    s.frame(_plain(at ^ 1, 1, 0, [(4, [1])], [4]), "another base")
+    s.frame(good[:1] + b"\1\2\3\4" + good[5:], "another schema")
+    s.frame(_plain(at, 1, 0, [(4, [1])], [4]), "still the same base")
+    return s.done()
+
+
+def bad_bodies(good: bytes) -> Case:
+    """`good`: a KEY of the schema `one`."""
+    at = frame_id(good)
+    s = Script("bodies", "cut short, padded, past the range", "one")
+    s.frame(good)
+    plain = _plain(at, 1, 0, [(4, [300])], [4])
+    s.frame(plain, "good")
+    for end in range(9, len(plain)):
+        s.frame(plain[:end], f"cut to {end} bytes")
+    s.frame(plain + b"\0", "a zero byte too many")
+    s.frame(plain + b"\1", "a byte too many")
+    s.frame(plain[:-1] + bytes([plain[-1] | 1]), "padding that is not zero")
+    s.frame(plain[:9] + b"\0" * 9, "zeros for ever")
+    s.frame(_plain(at, 1, 0, [(4, [CODE_MAX - 4])], [4]), "the largest code")
+    s.frame(_plain(at, 1, 0, [(4, [CODE_MAX - 3])], [4]), "one more")
+    s.frame(_plain(at, 1, 0, [(4, [MISSING - 4])], [4]), "the smallest")
+    s.frame(_plain(at, 1, 0, [(4, [MISSING - 5])], [4]), "one less")
+    s.frame(_packed(plain[:9], "0000" + "0" * 32 + "1" * 33), "a residual of 33 bits")
+    s.frame(_packed(plain[:9], "1110" + "0" * 18 + "1" * 33), "a residual of 33 bits, order 14")
+    s.frame(_packed(plain[:9], "0100" + "0" * 28 + "1" * 33), "a residual of 33 bits, order 4")
+    s.frame(bytes([0x10]) + plain[1:9] + b"\0" * 65528, "65,537 bytes")
+    s.frame(plain, "good still")
+    return s.done()
+
+
+def ref_on_ref(good: bytes) -> Case:
+    """`good`: a KEY of the schema `one`."""
+    at = frame_id(good)
+    s = Script("a REF on a REF", "only a KEY carries REFs", "one")
+    s.frame(good)
+    ref = _ref(at, 1, 33, [(4, [1])], [4])
+    s.frame(ref)
+    s.frame(_ref(frame_id(ref), 1, 33, [(4, [1])], [4]), "coded against a REF")
+    s.frame(_plain(frame_id(ref), 1, 33, [(4, [1])], [4]), "a plain frame may")
+    return s.done()
+
+
+def damaged(dice: Dice) -> Case:
+    """A stream in a bad neighbourhood."""
+    stream = Stream("", "", "arm", 0.4, 3)
+    codes = [0] * stream.size
+    for i in range(24):
+        codes = dice.moved(codes, 5)
+        stream.send(codes, i, i / 30)
+    s = Script("damage", "bits flipped, ends cut, bytes drawn at random, good frames between", "arm")
+    for data in stream.frames:
+        for _ in range(4):
+            s.frame(_with_damage(dice, data))
+        s.frame(data)
+    return s.done()
+
+
+def invalid() -> list[Case]:
+    good = _key("one", 1, 2.5, [(9, [4])], [4])
+    return [bad_headers(good), bad_bodies(good), ref_on_ref(good), damaged(Dice(2))]
+
+
+def lossy() -> list[Case]:
+    dice = Dice(3)
+    cases: list[Case] = []
+    for name, refs in (("keys only", 0), ("with refs", 4)):
+        stream = Stream("", "", "arm", 0.5, refs)
+        codes = [0] * stream.size
+        for i in range(48):
+            codes = dice.moved(codes, 4)
+            stream.send(codes, i, i / 30)
+        frames = stream.frames
+        key_or_ref = [i for i, f in enumerate(frames) if f[0] != 0x10]
+        first = frames[0]
+        viewers = {
+            "one in three, bases always": [i for i in range(48) if i % 3 == 0 or i in key_or_ref],
+            "bases only": key_or_ref,
+            "half, bases too": [i for i in range(48) if dice.below(2)],
+            "joins late without a snapshot": list(range(20, 48)),
+            "loses the second KEY": [i for i in range(48) if i != key_or_ref[len(key_or_ref) // 3]],
+        }
+        for viewer, delivered in viewers.items():
+            s = Script(f"{name}: {viewer}", f"delivered: {delivered}", "arm")
+            for i in delivered:
+                s.frame(frames[i])
+            s.frame(first, "the first KEY once more")
+            cases.append(s.done())
+        s = Script(f"{name}: everything twice", "a repeated frame is the same state", "arm")
+        for data in frames[:10]:
+            s.frame(data)
+            s.frame(data)
+        cases.append(s.done())
+    return cases
+
+
+def alternating() -> list[Case]:
+    dice = Dice(4)
+    streams = {name: Stream("", "", name, 4.0, 2) for name in ("arm", "one")}
+    for stream in streams.values():
+        for i in range(9):
+            codes = dice.moved([10 * i] * stream.size, 5)
+            stream.send(codes, i, i / 30, force_key=i % 3 == 0)
+    s = Script(
+        "two schemas in turn", "a KEY of either retires the other's bases; both schemas stay known", "arm"
+    )
+    arm, one = streams["arm"].frames, streams["one"].frames
+    s.frame(arm[0])
+    s.frame(one[0], "its schema is not here yet")
+    s.frame(arm[1], "so nothing changed")
+    s.learn("one")
+    s.frame(arm[2], "a schema alone retires nothing")
+    s.frame(one[0])
+    s.frame(arm[1], "its base is retired")
+    s.frame(one[1])
+    s.frame(arm[3])
+    s.frame(arm[4])
+    s.frame(one[2], "its base is retired")
+    s.frame(one[3])
+    s.learn("arm")
+    s.frame(one[4])
+    s.frame(arm[6])
+    s.frame(arm[8])
+    return [s.done()]
+
+
+def _code(residual: int, k: int) -> str:
+    bits = f"{(2 * residual if residual >= 0 else -2 * residual - 1) + (1 << k):b}"
+    return "0" * (len(bits) - 1 - k) + bits
+
+
+def _packed(header: bytes, bits: str) -> bytes:
+    bits += "0" * (-len(bits) % 8)
+    return header + int(bits, 2).to_bytes(len(bits) // 8, "big")
+
+
+def _body(fields: Coded, orders: Sequence[int]) -> str:
+    bits, i = "", 0
+    for n, residuals in fields:
+        bits += f"{n:04b}"
+        for r in residuals:
+            bits += "" if n == 15 else _code(r, max(0, min(15, orders[i] + n - 4)))
+            i += 1
+    return bits
+
+
+def _key(schema: str, seq: int, t: float, fields: Coded, orders: Sequence[int]) -> bytes:
+    """A KEY written out by hand, not by our encoder."""
+    header = struct.pack("<BIId", 0x13, Schema.parse(SCHEMAS[schema]).id, seq, t)
+    return _packed(header, _body(fields, [4] * len(orders)) + "".join(f"{k:04b}" for k in orders))
+
+
+def _against(tag: int, base: int, distance: int, ms: int, fields: Coded, orders: Sequence[int]) -> bytes:
+    return _packed(struct.pack("<BIHH", tag, base, distance, ms), _body(fields, orders))
+
+
+def _plain(base: int, distance: int, ms: int, fields: Coded, orders: Sequence[int]) -> bytes:
+    return _against(0x10, base, distance, ms, fields, orders)
+
+
+def _ref(base: int, distance: int, ms: int, fields: Coded, orders: Sequence[int]) -> bytes:
+    return _against(0x12, base, distance, ms, fields, orders)
+
+
+def _with_damage(dice: Dice, data: bytes) -> bytes:
+    kind = dice.below(4)
+    if kind == 0:
+        return data[: dice.below(len(data))]
+    if kind == 1:
+        return data[:9] + bytes(dice.below(256) for _ in range(dice.below(40)))
+    if kind == 2:
+        return bytes(dice.below(256) for _ in range(dice.below(60)))
+    body = bytearray(data)
+    at = dice.below(len(body))
+    body[at] ^= 1 << dice.below(8)
+    return bytes(body)
+
+
+def _written(doc: object, depth: int) -> str:
+    """JSON, one step a line: small, and a change shows where it is."""
+    if depth and isinstance(doc, dict) and doc:
+        inside = [f"{json.dumps(k)}: {_written(v, depth - 1)}" for k, v in doc.items()]
+        return "{\n" + ",\n".join(inside) + "\n}"
+    if depth and isinstance(doc, list) and doc:
+        return "[\n" + ",\n".join(_written(v, depth - 1) for v in doc) + "\n]"
+    return json.dumps(doc, separators=(",", ":"), ensure_ascii=False)
+
+
+def files() -> dict[str, str]:
+    """Every file's name and text."""
+    made: dict[str, list[Case]] = {
+        "valid.json": valid(),
+        "invalid.json": invalid(),
+        "lossy.json": lossy(),
+        "alternating.json": alternating(),
+    }
+    texts = {k: _written({"schemas": SCHEMAS, "cases": v}, 4) + "\n" for k, v in made.items()}
+    return texts
+
+
+if __name__ == "__main__":
+    FOLDER.mkdir(exist_ok=True)
+    for name, content in files().items():
+        (FOLDER / name).write_text(content, encoding="utf-8")
+        print(f"{name}: {len(content.encode())} bytes")
