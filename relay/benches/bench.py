@@ -1,0 +1,118 @@
+"""The relay's fan-out beside a bare send() loop, websockets.broadcast() and a FastAPI loop (`make bench`).
+
+One sitting, rounds interleaved: every server meets the same neighbours, and ratios are taken within a round.
+The server has one core, the viewers (C) and the robot another. Main figure: CPU of the server per delivered
+binary message (/proc/PID/task/*/schedstat, all threads, Zenoh's too); wall rates suffer from neighbours, this
+less. "core/waited": the server's share of its core, and the most it stood ready while someone else had it.
+When a figure looks odd, look there first. Writes out/bench/bench.json.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import platform
+import resource
+import sys
+import time
+from pathlib import Path
+
+from relay.benches.build import OUT, NoCompiler, build
+from relay.benches.measure import Row, measure
+from relay.benches.scenarios import ALL, QUICK, SCENARIOS, Scenario
+from relay.benches.servers import CannotStart, Place
+from relay.benches.table import goals, print_all
+
+QUICK_S = 3.0
+
+
+def parse(names: list[str]) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(prog="bench", description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("scenario", nargs="*", choices=[[], *names], help="all when none is named")
+    parser.add_argument(
+        "--quick", action="store_true", help=f"one round of 3 s, {' and '.join(QUICK)}: about a minute"
+    )
+    parser.add_argument("--rounds", type=int, default=3)
+    parser.add_argument("--servers", default=",".join(ALL), help="a ratio needs both its servers")
+    parser.add_argument("--out", type=Path, default=OUT)
+    return parser.parse_args()
+
+
+def choose_cores() -> tuple[int, int]:
+    cores = sorted(os.sched_getaffinity(0))
+    if len(cores) == 1:
+        print(
+            "bench: one core here for server and viewers: no latency below counts",
+            file=sys.stderr,
+        )
+    return cores[0], cores[-1]
+
+
+def machine() -> dict[str, object]:
+    return {
+        "kernel": platform.release(),
+        "python": platform.python_version(),
+        "cores": os.cpu_count(),
+        "load_average_before": os.getloadavg()[0],
+    }
+
+
+def progress(text: str) -> None:
+    """One line that the next one replaces."""
+    print(f"\r\033[K{text}", end="", file=sys.stderr, flush=True)
+
+
+def run(chosen: list[Scenario], servers: list[str], rounds: int, place: Place, quick: bool) -> list[Row]:
+    rows: list[Row] = []
+    for number in range(rounds):
+        for scenario in chosen:
+            asked = [s for s in scenario.servers if s in servers]
+            for kind in asked[number % len(asked) :] + asked[: number % len(asked)] if asked else []:
+                print(
+                    f"\r\033[Kround {number + 1}/{rounds}: {scenario.title}, {kind}",
+                    end="",
+                    file=sys.stderr,
+                    flush=True,
+                )
+                try:
+                    row = measure(kind, scenario, place, QUICK_S if quick else scenario.seconds)
+                except CannotStart as e:
+                    progress(f"bench: {scenario.name}, {kind}: {e}\n")
+                    continue
+                rows.append(row | {"round": number})
+    progress("")
+    return rows
+
+
+def main() -> int:
+    by_name = {s.name: s for s in SCENARIOS}
+    asked = parse(list(by_name))
+    names = asked.scenario or (QUICK if asked.quick else list(by_name))
+    try:
+        binaries = build()
+    except NoCompiler as e:
+        print(e, file=sys.stderr)
+        return 2
+    resource.setrlimit(resource.RLIMIT_NOFILE, (resource.getrlimit(resource.RLIMIT_NOFILE)[1],) * 2)
+    asked.out.mkdir(parents=True, exist_ok=True)
+    (asked.out / "server.log").unlink(missing_ok=True)
+    server_core, other_core = choose_cores()
+    os.sched_setaffinity(0, {other_core})
+    place = Place(server_core, other_core, binaries, asked.out)
+    about, began = machine(), time.monotonic()
+    rounds = 1 if asked.quick else asked.rounds
+    rows = run([by_name[n] for n in names], asked.servers.split(","), rounds, place, asked.quick)
+    print_all(rows)
+    about |= {"load_average_after": os.getloadavg()[0], "took_s": round(time.monotonic() - began)}
+    loads = f"{about['load_average_before']:.1f} before, {about['load_average_after']:.1f} after"
+    print(f"\nload average {loads}; {about['took_s']} s")
+    reached = {g.name: {"limit": g.limit, "values": g.values, "reached": g.reached} for g in goals(rows)}
+    report = {"machine": about, "goals": reached, "runs": rows}
+    (asked.out / "bench.json").write_text(json.dumps(report, indent=1) + "\n")
+    print(f"all figures: {asked.out / 'bench.json'}")
+    return 0 if rows else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
