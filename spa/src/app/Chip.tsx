@@ -1,0 +1,96 @@
+import { useEffect, useId, useRef, useState } from 'react';
+import { nowMs } from '../stream/clock.ts';
+import { type RobotLink, useConnection } from './robot_link.ts';
+import { useNow } from './tick.ts';
+import { chipWords, truthWords } from './words.ts';
+
+/** The truth of the whole page: the word, the rate, the age. Tapping it opens the explanation. */
+export function Chip({ link }: { link: RobotLink }) {
+  useNow(250);
+  const connection = useConnection(link);
+  const [open, setOpen] = useState(false);
+  const around = useRef<HTMLDivElement>(null);
+  const explanation = useId();
+
+  useEffect(() => {
+    if (!open) return;
+    const leave = (event: Event) => {
+      if (
+        event instanceof KeyboardEvent
+          ? event.key === 'Escape'
+          : !around.current?.contains(event.target as Node)
+      ) {
+        setOpen(false);
+      }
+    };
+    window.addEventListener('pointerdown', leave);
+    window.addEventListener('keydown', leave);
+    return () => {
+      window.removeEventListener('pointerdown', leave);
+      window.removeEventListener('keydown', leave);
+    };
+  }, [open]);
+
+  const verdict = link.watch.verdict();
+  const { word, detail } = chipWords(verdict, connection, nowMs());
+  return (
+    <div className="chip-around" ref={around}>
+      <button
+        type="button"
+        className="chip"
+        data-testid="liveness"
+        data-state={verdict.word ?? ''}
+        data-cause={verdict.cause ?? ''}
+        aria-expanded={open}
+        aria-controls={explanation}
+        onClick={() => setOpen(!open)}
+      >
+        <Sign word={verdict.word} />
+        <b>{word}</b>
+        {detail !== '' && <span className="chip-detail">{detail}</span>}
+      </button>
+      {open && (
+        <div className="popover" id={explanation} data-testid="liveness-explained">
+          {truthWords(verdict, connection).map((line, i) => (
+            <p key={i === 0 ? 'first' : line.split(':')[0]}>{line}</p>
+          ))}
+        </div>
+      )}
+    </div>
+  );
+}
+
+/** The shape that goes with the word: colour is never the only sign. */
+export function Sign({ word }: { word: string | null }) {
+  return (
+    <svg className="sign" viewBox="0 0 16 16" aria-hidden="true">
+      {word === 'LIVE' && <circle cx="8" cy="8" r="5" fill="currentColor" />}
+      {word === 'HOLDING' && (
+        <circle cx="8" cy="8" r="4.2" fill="none" stroke="currentColor" strokeWidth="2.2" />
+      )}
+      {word === 'STALE' && (
+        <g fill="none" stroke="currentColor" strokeWidth="1.7" strokeLinecap="round">
+          <circle cx="8" cy="8" r="5.6" />
+          <path d="M8 4.9V8l2.2 1.6" />
+        </g>
+      )}
+      {word === 'OFFLINE' && (
+        <g fill="none" stroke="currentColor" strokeWidth="1.8" strokeLinecap="round">
+          <circle cx="8" cy="8" r="5.2" />
+          <path d="M4.4 11.6l7.2-7.2" />
+        </g>
+      )}
+      {word === null && (
+        <circle
+          cx="8"
+          cy="8"
+          r="4.6"
+          fill="none"
+          stroke="currentColor"
+          strokeWidth="1.6"
+          strokeDasharray="2.4 2.4"
+        />
+      )}
+    </svg>
+  );
+}

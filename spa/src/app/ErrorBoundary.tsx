@@ -1,0 +1,23 @@
+import { Component, type ReactNode } from 'react';
+
+/** When the page itself breaks it says so, instead of turning white. */
+export class ErrorBoundary extends Component<{ children: ReactNode }, { what: string | null }> {
+  override state: { what: string | null } = { what: null };
+
+  static getDerivedStateFromError(error: unknown): { what: string } {
+    return { what: error instanceof Error ? error.message : String(error) };
+  }
+
+  override render(): ReactNode {
+    if (this.state.what === null) return this.props.children;
+    return (
+      <main className="broken" role="alert">
+        <h1>This page has stopped</h1>
+        <p>The robot is not affected. What went wrong here: {this.state.what}</p>
+        <button type="button" className="text-button" onClick={() => window.location.reload()}>
+          Reload
+        </button>
+      </main>
+    );
+  }
+}

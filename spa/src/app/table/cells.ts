@@ -1,0 +1,47 @@
+/** A piece of text in the page that is written only when it differs: an unchanged row costs a comparison. */
+export class TextCell {
+  readonly element: HTMLElement;
+  readonly #node: Text;
+  #shown = '';
+
+  constructor(element: HTMLElement) {
+    this.element = element;
+    this.#node = document.createTextNode('');
+    element.append(this.#node);
+  }
+
+  set(text: string): void {
+    if (text === this.#shown) return;
+    this.#shown = text;
+    this.#node.data = text;
+  }
+}
+
+/** The same for a `data-` attribute, which the style sheet turns into a sign. */
+export class DataMark {
+  readonly #element: HTMLElement;
+  readonly #name: string;
+  #shown: string | null = null;
+
+  constructor(element: HTMLElement, name: string) {
+    this.#element = element;
+    this.#name = name;
+  }
+
+  set(value: string): void {
+    if (value === this.#shown) return;
+    this.#shown = value;
+    this.#element.dataset[this.#name] = value;
+  }
+}
+
+export function make<K extends keyof HTMLElementTagNameMap>(
+  tag: K,
+  className: string,
+  text?: string,
+): HTMLElementTagNameMap[K] {
+  const element = document.createElement(tag);
+  if (className !== '') element.className = className;
+  if (text !== undefined) element.textContent = text;
+  return element;
+}

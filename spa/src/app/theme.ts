@@ -1,0 +1,21 @@
+import { useEffect } from 'react';
+import { useMedia } from './media.ts';
+import { useSettings } from './settings.ts';
+
+export type ThemeName = 'dark' | 'light';
+
+/** The theme in force: the person's choice, else the system's. */
+export function useTheme(): ThemeName {
+  const { theme } = useSettings();
+  const systemDark = useMedia('(prefers-color-scheme: dark)');
+  if (theme !== 'system') return theme;
+  return systemDark ? 'dark' : 'light';
+}
+
+/** Writes it where the style sheet looks. */
+export function useThemeOnRoot(): void {
+  const theme = useTheme();
+  useEffect(() => {
+    document.documentElement.dataset.theme = theme;
+  }, [theme]);
+}

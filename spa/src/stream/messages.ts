@@ -1,0 +1,35 @@
+import type { EventMessage } from '@posecast/wire';
+import type { Status } from '../twin/liveness.ts';
+import type { RobotState } from '../twin/robot.ts';
+
+/** Why a connection ended, in the close table's terms. */
+export interface Ending {
+  code: number;
+  reason: string;
+}
+
+export type Phase = 'connecting' | 'open' | 'waiting' | 'ended';
+
+/** Worker → page. Control messages are few (status once a second, events 20 a second at most); states pass a mailbox. */
+export type FromStream =
+  | { kind: 'link'; phase: Phase; retryAtMs: number | null; ending: Ending | null }
+  | { kind: 'schema'; text: string }
+  | { kind: 'state'; state: RobotState }
+  | { kind: 'status'; status: Status }
+  | { kind: 'event'; event: EventMessage }
+  | { kind: 'info'; kv: ReadonlyMap<string, string> }
+  | { kind: 'model'; hash: string | null }
+  /** What the relay granted; `reason` when it is less than was asked. */
+  | { kind: 'rate'; hz: number; reason: string | null }
+  /** Measured: frames a second, and the round trip to the relay (null until known). */
+  | { kind: 'pace'; hz: number; roundTripMs: number | null }
+  | { kind: 'problem'; text: string };
+
+/** Page → worker. */
+export type ToStream =
+  | { kind: 'open'; url: string; hz: number; visible: boolean }
+  | { kind: 'taken' }
+  | { kind: 'visible'; visible: boolean }
+  /** Something changed outside (back online, back from sleep, the person asks): try now rather than later. */
+  | { kind: 'wake' }
+  | { kind: 'close' };

@@ -1,0 +1,85 @@
+/** Numbers and units as a person reads them. Values arrive in the schema's units; degrees exist only here. */
+
+export type AngleUnit = 'rad' | 'deg';
+
+/** U+2212, as wide as a plus sign, so that the sign has a column of its own. */
+const MINUS = '\u2212';
+/** Figure space: exactly one digit wide, where a positive number has no sign. */
+const NO_SIGN = '\u2007';
+export const NO_READING = '—';
+
+const DEGREES = 180 / Math.PI;
+
+interface Display {
+  unit: string;
+  decimals: number;
+  factor: number;
+}
+
+const DISPLAYS: Readonly<Record<string, Omit<Display, 'factor'>>> = {
+  rad: { unit: 'rad', decimals: 3 },
+  m: { unit: 'm', decimals: 3 },
+  'rad/s': { unit: 'rad/s', decimals: 2 },
+  'm/s': { unit: 'm/s', decimals: 3 },
+  'm/s2': { unit: 'm/s²', decimals: 2 },
+  A: { unit: 'A', decimals: 2 },
+  V: { unit: 'V', decimals: 2 },
+  W: { unit: 'W', decimals: 1 },
+  N: { unit: 'N', decimals: 1 },
+  Nm: { unit: 'N·m', decimals: 2 },
+  'N.m': { unit: 'N·m', decimals: 2 },
+  N·m: { unit: 'N·m', decimals: 2 },
+  C: { unit: '°C', decimals: 1 },
+  degC: { unit: '°C', decimals: 1 },
+  '°C': { unit: '°C', decimals: 1 },
+  '%': { unit: '%', decimals: 0 },
+};
+
+/** How a quantity in `unit` is shown. `scale` (value of one code) decides for units this page does not know. */
+export function displayOf(unit: string, angle: AngleUnit, scale = 0.001): Display {
+  if (angle === 'deg' && unit === 'rad') return { unit: '°', decimals: 1, factor: DEGREES };
+  if (angle === 'deg' && unit === 'rad/s') return { unit: '°/s', decimals: 1, factor: DEGREES };
+  const known = DISPLAYS[unit];
+  if (known !== undefined) return { ...known, factor: 1 };
+  const decimals = scale > 0 && scale < 1 ? Math.min(6, Math.ceil(-Math.log10(scale) - 1e-9)) : 0;
+  return { unit, decimals, factor: 1 };
+}
+
+/** A number with its sign in a column of its own; `null` and NaN are no reading. */
+export function formatNumber(value: number | null, display: Display): string {
+  if (value === null || !Number.isFinite(value)) return NO_READING;
+  const digits = Math.abs(value * display.factor).toFixed(display.decimals);
+  // What rounds to zero has no sign: a flickering minus says nothing.
+  const negative = value < 0 && Number(digits) !== 0;
+  return (negative ? MINUS : NO_SIGN) + digits;
+}
+
+/** A stretch of time: "38 ms", "3.2 s", "12 s", "4 min", "2 h". */
+export function formatSpan(spanMs: number): string {
+  const ms = Math.max(0, spanMs);
+  if (ms < 1000) return `${Math.round(ms)} ms`;
+  if (ms < 9950) return `${(ms / 1000).toFixed(1)} s`;
+  if (ms < 119_500) return `${Math.round(ms / 1000)} s`;
+  if (ms < 7_170_000) return `${Math.round(ms / 60_000)} min`;
+  return `${Math.round(ms / 3_600_000)} h`;
+}
+
+/** Time of day, "14:02". */
+export function formatClock(epochMs: number): string {
+  const at = new Date(epochMs);
+  return `${String(at.getHours()).padStart(2, '0')}:${String(at.getMinutes()).padStart(2, '0')}`;
+}
+
+export function formatClockSeconds(epochMs: number): string {
+  return `${formatClock(epochMs)}:${String(new Date(epochMs).getSeconds()).padStart(2, '0')}`;
+}
+
+/** "pwmSaturated" → "PWM saturated"; "motorFail0" → "motor fail 0". Unknown words stay as the robot says them. */
+export function flagWords(name: string): string {
+  const words = name
+    .replace(/([a-z])([A-Z])/g, '$1 $2')
+    .replace(/([A-Za-z])(\d)/g, '$1 $2')
+    .replace(/_/g, ' ')
+    .toLowerCase();
+  return words.replace(/\b(pwm|imu|can|ft|cpu)\b/g, (short) => short.toUpperCase());
+}

@@ -1,0 +1,88 @@
+/**
+ * The truth of the whole page in one word. Pure: evidence and the clock come in, a verdict goes out.
+ *
+ * A frame that arrives proves nothing by itself: whoever joins a dead robot is given its last pose. So freshness comes
+ * from the relay's `status`, and from frames that are newer than what that status already knew.
+ */
+
+export type Word = 'LIVE' | 'HOLDING' | 'STALE' | 'OFFLINE';
+export type Cause = 'robot silent' | 'no connection' | 'relay degraded';
+
+export const STALE_AFTER_MS = 1500;
+export const HOLDING_AFTER_MS = 3000;
+
+export interface Status {
+  robot: 'online' | 'silent' | 'offline';
+  /** Age of the newest frame when the relay wrote this; null when it has none. */
+  ageMs: number | null;
+  seq: number | null;
+  /** The relay cannot vouch for what it serves (a gateway without its store). */
+  degraded: boolean;
+  /** When it arrived, viewer's clock. */
+  atMs: number;
+}
+
+/** All times are milliseconds of one clock of the viewer's own that never steps back. */
+export interface Evidence {
+  /** When this page began to try. */
+  openedMs: number;
+  connected: boolean;
+  /** When the connection was lost, or null while it stands or before the first one. */
+  lostMs: number | null;
+  /** Arrival of the newest message of any kind. */
+  heardMs: number | null;
+  status: Status | null;
+  /** Arrival of the newest frame that was newer than the status before it. */
+  freshMs: number | null;
+  /** When pos, ref or flags last differed from the frame before. */
+  changedMs: number | null;
+}
+
+export interface Verdict {
+  /** null only in the first moments, before anything can be known. */
+  word: Word | null;
+  cause: Cause | null;
+  /** Age of the newest pose; null when none is known. */
+  ageMs: number | null;
+  /** Since the relay was last heard. */
+  linkMs: number | null;
+  /** How long the pose has not changed; null when that is not known. */
+  unchangedMs: number | null;
+}
+
+export function newestAgeMs(evidence: Evidence, nowMs: number): number | null {
+  const { status, freshMs } = evidence;
+  const byStatus = status === null || status.ageMs === null ? null : status.ageMs + nowMs - status.atMs;
+  const byFrame = freshMs === null ? null : nowMs - freshMs;
+  if (byStatus === null) return byFrame;
+  return byFrame === null ? byStatus : Math.min(byStatus, byFrame);
+}
+
+export function judge(evidence: Evidence, nowMs: number): Verdict {
+  const { status } = evidence;
+  const ageMs = newestAgeMs(evidence, nowMs);
+  const linkMs = evidence.heardMs === null ? null : nowMs - evidence.heardMs;
+  const unchangedMs = evidence.changedMs === null ? null : nowMs - evidence.changedMs;
+  const verdict = (word: Word | null, cause: Cause | null = null): Verdict => ({
+    word,
+    cause,
+    ageMs,
+    linkMs,
+    unchangedMs,
+  });
+
+  const quiet = linkMs === null || linkMs > STALE_AFTER_MS;
+  if (!evidence.connected || status === null || quiet) {
+    // A page that has only just opened claims nothing yet, for as long as a live robot may be late.
+    const joining = evidence.lostMs === null && nowMs - evidence.openedMs <= STALE_AFTER_MS;
+    if (joining && status === null) return verdict(null);
+    return verdict('STALE', 'no connection');
+  }
+  if (status.robot === 'offline') return verdict('OFFLINE');
+  if (status.degraded) return verdict('STALE', 'relay degraded');
+  const spokeSince = evidence.freshMs !== null && evidence.freshMs > status.atMs;
+  const silent = status.robot === 'silent' && !spokeSince;
+  if (silent || ageMs === null || ageMs > STALE_AFTER_MS) return verdict('STALE', 'robot silent');
+  if (unchangedMs !== null && unchangedMs >= HOLDING_AFTER_MS) return verdict('HOLDING');
+  return verdict('LIVE');
+}

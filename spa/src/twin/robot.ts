@@ -1,0 +1,135 @@
+import type { EventMessage, Schema } from '@posecast/wire';
+import type { Evidence, Status } from './liveness.ts';
+import { valueAt } from './values.ts';
+
+/** As many as the relay keeps; the oldest go first. */
+export const EVENT_LIMIT = 100;
+
+/** The newest decoded state, with what the stream knows of its freshness (ms, the viewer's clock). */
+export interface RobotState {
+  schemaId: number;
+  seq: number;
+  /** Robot time, seconds. */
+  tS: number;
+  codes: Int32Array;
+  freshMs: number | null;
+  changedMs: number;
+  /** When it arrived. */
+  atMs: number;
+}
+
+/**
+ * All the page knows of one robot, outside React. Two kinds of listener: `onState` for what moves (at frame rate),
+ * `onChange` for what seldom changes (schema, info, events, model, link).
+ */
+export class RobotTwin {
+  readonly robot: string;
+  schema: Schema | null = null;
+  state: RobotState | null = null;
+  info: ReadonlyMap<string, string> = new Map();
+  /** Newest last. */
+  events: readonly EventMessage[] = [];
+  modelHash: string | null = null;
+  readonly evidence: Evidence;
+  /** Counts changes, so that a listener can tell cheaply whether it is up to date. */
+  version = 0;
+
+  readonly #stateListeners = new Set<() => void>();
+  readonly #changeListeners = new Set<() => void>();
+
+  constructor(robot: string, nowMs: number) {
+    this.robot = robot;
+    this.evidence = {
+      openedMs: nowMs,
+      connected: false,
+      lostMs: null,
+      heardMs: null,
+      status: null,
+      freshMs: null,
+      changedMs: null,
+    };
+  }
+
+  onState(listener: () => void): () => void {
+    this.#stateListeners.add(listener);
+    return () => this.#stateListeners.delete(listener);
+  }
+
+  onChange(listener: () => void): () => void {
+    this.#changeListeners.add(listener);
+    return () => this.#changeListeners.delete(listener);
+  }
+
+  /** A new schema makes the old codes meaningless: they go, and nothing is shown until a frame of the new one comes. */
+  acceptSchema(schema: Schema): void {
+    if (this.schema?.id === schema.id) return;
+    this.schema = schema;
+    this.state = null;
+    this.#changed();
+  }
+
+  acceptState(state: RobotState): void {
+    if (this.schema?.id !== state.schemaId) return; // overtaken by a new schema on its way here
+    this.state = state;
+    if (state.freshMs !== null) this.evidence.freshMs = state.freshMs;
+    this.evidence.changedMs = state.changedMs;
+    this.heard(state.atMs);
+    for (const listener of this.#stateListeners) listener();
+  }
+
+  acceptStatus(status: Status): void {
+    this.evidence.status = status;
+    this.heard(status.atMs);
+  }
+
+  heard(nowMs: number): void {
+    this.evidence.heardMs = Math.max(nowMs, this.evidence.heardMs ?? 0); // a state may have waited its turn
+  }
+
+  acceptConnection(connected: boolean, nowMs: number): void {
+    if (this.evidence.connected === connected) return;
+    this.evidence.connected = connected;
+    if (connected) {
+      // What an old connection knew of the robot is not what this one knows.
+      this.evidence.lostMs = null;
+      this.evidence.status = null;
+    } else {
+      this.evidence.lostMs = nowMs;
+    }
+    this.#changed();
+  }
+
+  /** The relay gives its last hundred at every join, so numbers already here are dropped. */
+  acceptEvent(event: EventMessage): void {
+    if (this.events.some((known) => known.n === event.n && known.at === event.at)) return;
+    const newest = this.events.at(-1);
+    // A number that falls back means that the relay counts anew: what it says from here on is all there is.
+    const kept = newest !== undefined && event.n < newest.n ? [] : this.events;
+    this.events = [...kept, event].slice(-EVENT_LIMIT);
+    this.#changed();
+  }
+
+  acceptInfo(info: ReadonlyMap<string, string>): void {
+    this.info = info;
+    this.#changed();
+  }
+
+  acceptModel(hash: string | null): void {
+    if (this.modelHash === hash) return;
+    this.modelHash = hash;
+    this.#changed();
+  }
+
+  /** One value in the schema's unit; null is no reading, undefined no such channel. */
+  value(fieldName: string, label: string): number | null | undefined {
+    const field = this.schema?.field(fieldName) ?? null;
+    const index = field?.labels.indexOf(label) ?? -1;
+    if (field === null || index < 0) return undefined;
+    return this.state === null ? null : valueAt(this.state.codes, field, index);
+  }
+
+  #changed(): void {
+    this.version += 1;
+    for (const listener of this.#changeListeners) listener();
+  }
+}
