@@ -205,9 +205,13 @@ class _Resolver:
     def _in_package(self, package: str, rest: str) -> Path | None:
         if not package:  # package:///name/rest
             package, _, rest = rest.partition("/")
+        if package in ("", ".", "..") or "/" in package:
+            return None
         for folder in self._above:
             for root in (folder, folder / package):
-                if root.name == package and (found := self._inside(root / rest, root)):
+                # a package called like the user would be all that the user has
+                private = Path.home().is_relative_to(root)
+                if root.name == package and not private and (found := self._inside(root / rest, root)):
                     return found
         # A package whose folder was renamed or taken apart: the tail of the path in the model's own folder.
         names = PurePosixPath(rest).parts

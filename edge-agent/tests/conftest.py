@@ -1,0 +1,8 @@
+"""Makes the helpers beside the tests importable, and their fixtures known."""
+
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from edge_stage import edge, profile_file, router  # noqa: F401

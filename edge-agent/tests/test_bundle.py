@@ -1,0 +1,158 @@
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from pathlib import Path
+
+import pytest
+from posecast_edge.model.bundle import RANGE_MAX, Bundle, ModelError, load_bundle
+
+SHARED = Path(os.environ.get("POSECAST_SHARED") or Path(__file__).parents[2].parent / "shared")
+
+
+def urdf(path: Path, *uris: str) -> Path:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    links = "".join(f'<visual><geometry><mesh filename="{u}"/></geometry></visual>' for u in uris)
+    path.write_text(f'<?xml version="1.0"?><robot name="r"><link name="l">{links}</link></robot>')
+    return path
+
+
+def mesh(path: Path, data: bytes = b"solid") -> Path:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(data)
+    return path
+
+
+def found(bundle: Bundle) -> dict[str, str]:
+    return {f.uri: str(f.source) for f in bundle.files[1:]}
+
+
+def test_manifest_says_what_there_is(tmp_path: Path) -> None:
+    a = mesh(tmp_path / "meshes/a.stl", b"aaaa")
+    bundle = load_bundle(urdf(tmp_path / "robot.urdf", "meshes/a.stl", "meshes/a.stl", "meshes/gone.stl"))
+    manifest = json.loads(bundle.manifest)
+    assert bundle.hash == hashlib.sha256(bundle.manifest).hexdigest()
+    assert manifest["v"] == 1
+    assert manifest["urdf"] == "robot.urdf"
+    assert manifest["missing"] == ["meshes/gone.stl"]
+    assert [(f["path"], f["uri"], f["size"], f["type"]) for f in manifest["files"]] == [
+        ("robot.urdf", "robot.urdf", (tmp_path / "robot.urdf").stat().st_size, "application/xml"),
+        ("meshes/a.stl", "meshes/a.stl", 4, "model/stl"),
+    ]
+    assert manifest["files"][1]["sha256"] == hashlib.sha256(a.read_bytes()).hexdigest()
+
+
+def test_every_way_to_name_a_mesh(tmp_path: Path) -> None:
+    a = mesh(tmp_path / "ws/foo/meshes/a.stl")
+    b = mesh(tmp_path / "ws/bar/b.DAE")
+    (tmp_path / "ws/foo/package.xml").write_text("<package/>")
+    uris = [
+        "../meshes/a.stl",
+        "package://foo/meshes/a.stl",
+        "package:///foo/meshes/a.stl",
+        "package://renamed/meshes/a.stl",
+        "package://old_ws/src/foo/meshes/a.stl",
+        "package://bar/b.DAE",
+        f"file://{a}",
+    ]
+    bundle = load_bundle(urdf(tmp_path / "ws/foo/urdf/r.urdf", *uris))
+    assert bundle.missing == ()
+    assert found(bundle) == {u: str(b if "bar" in u else a) for u in uris}
+    paths = [f.path for f in bundle.files]
+    assert len(set(paths)) == len(paths)
+
+
+def test_same_names_get_paths_of_their_own(tmp_path: Path) -> None:
+    mesh(tmp_path / "one/a b.stl", b"1")
+    mesh(tmp_path / "two/a b.stl", b"2")
+    bundle = load_bundle(urdf(tmp_path / "r.urdf", "one/a%20b.stl", "two/a b.stl"))
+    assert [f.path for f in bundle.files] == ["r.urdf", "meshes/a_b.stl", "meshes/2/a_b.stl"]
+
+
+def test_nothing_outside_is_served(tmp_path: Path) -> None:
+    home = tmp_path / "home"
+    outside = mesh(tmp_path / "secret.stl")
+    key = mesh(home / ".ssh/id_rsa")
+    mesh(home / "robot/notes.txt")
+    (home / "robot").mkdir(exist_ok=True)
+    (home / "robot/link.stl").symlink_to(outside)
+    (home / "robot/loop.stl").symlink_to(home / "robot/loop.stl")
+    uris = [
+        "../../secret.stl",
+        f"file://{outside}",
+        str(outside),
+        "link.stl",
+        "loop.stl",
+        "notes.txt",
+        "package://.ssh/id_rsa",
+        f"file://{key}",
+        "package://robot/../../secret.stl",
+        "package://../secret.stl",
+        "package://x/../secret.stl",
+        "package://[bad/x.stl",
+        "http://example.org/a.stl",
+        "",
+        "a\u0000.stl".replace("\u0000", "%00"),
+    ]
+    bundle = load_bundle(urdf(home / "robot/r.urdf", *uris))
+    assert found(bundle) == {}
+    assert set(bundle.missing) == {u for u in uris if u}
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("<robot><link></robot>", "line 1: mismatched tag"),
+        ("", "line 1: no element found"),
+        ("<sdf/>", "the root element is <sdf>, not <robot>"),
+        ('<!DOCTYPE r [<!ENTITY a "b">]><robot>&a;</robot>', "line 1: a document type (DTD) is not accepted"),
+        ("<robot>" + "<a>" * 70 + "</a>" * 70 + "</robot>", "line 1: nested over 64 deep"),
+        ("\x00\x01", "line 1: not well-formed"),
+    ],
+)
+def test_a_urdf_that_does_not_parse(tmp_path: Path, text: str, message: str) -> None:
+    path = tmp_path / "r.urdf"
+    path.write_text(text)
+    with pytest.raises(ModelError) as caught:
+        load_bundle(path)
+    assert str(caught.value).startswith(f"{path}: {message}")
+    assert "\n" not in str(caught.value)
+
+
+def test_a_urdf_that_is_not_there(tmp_path: Path) -> None:
+    with pytest.raises(ModelError, match=r"x\.urdf: No such file"):
+        load_bundle(tmp_path / "x.urdf")
+
+
+def test_ranges(tmp_path: Path) -> None:
+    data = bytes(range(256)) * 2000
+    mesh(tmp_path / "a.stl", data)
+    bundle = load_bundle(urdf(tmp_path / "r.urdf", "a.stl"))
+    sha = bundle.files[1].sha256
+    parts = [bundle.read(sha, o, RANGE_MAX) for o in range(0, len(data), RANGE_MAX)]
+    assert b"".join(parts) == data
+    assert bundle.read(sha, len(data), 1) == b""
+    assert bundle.read("manifest", 0, RANGE_MAX) == bundle.manifest
+    for offset, length in ((-1, 1), (len(data) + 1, 1), (0, 0), (0, RANGE_MAX + 1)):
+        with pytest.raises(ValueError, match="no range"):
+            bundle.read(sha, offset, length)
+    with pytest.raises(KeyError):
+        bundle.read("0" * 64, 0, 1)
+
+
+@pytest.mark.parametrize(
+    ("path", "files", "missing"),
+    [
+        ("hubo2plus-stl/hubo-urdf/model.urdf", 31, 20),
+        ("drchubo-stl/drchubo-urdf/drchubo-v3.urdf", 38, 0),
+        ("hubo2plus-collada/hubo-urdf/model.urdf", 86, 0),
+        ("unitree-g1/example-robot-data/robots/g1_description/urdf/g1_29dof_rev_1_0.urdf", 36, 0),
+    ],
+)
+def test_real_robots(path: str, files: int, missing: int) -> None:
+    file = SHARED / "robots" / path
+    if not file.is_file():
+        pytest.skip(f"{file} is not there (tests with real robots need the shared folder)")
+    bundle = load_bundle(file)
+    assert (len(bundle.files), len(bundle.missing)) == (files, missing)

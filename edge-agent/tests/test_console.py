@@ -1,0 +1,47 @@
+from __future__ import annotations
+
+import io
+import logging
+
+from posecast_edge.console import CLEAR, Console
+
+
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+def record(text: str) -> logging.LogRecord:
+    return logging.LogRecord("x", logging.INFO, "", 0, text, None, None)
+
+
+def test_a_log_file_gets_a_line_every_five_seconds() -> None:
+    out = io.StringIO()
+    console = Console(out)
+    for i in range(120):
+        if console.due(i / 10):
+            console.progress(f"at {i / 10:g}", i / 10)
+    assert out.getvalue() == "at 0\nat 5\nat 10\n"
+
+
+def test_a_terminal_keeps_the_line_in_place_below_messages() -> None:
+    out = Terminal()
+    console = Console(out)
+    console.progress("one", 0.0)
+    console.emit(record("bad line"))
+    console.progress("two", 0.5)
+    console.finish()
+    assert out.getvalue() == f"{CLEAR}one{CLEAR}posecast-edge: bad line\none{CLEAR}two\n"
+
+
+def test_input_in_a_message_cannot_move_the_cursor() -> None:
+    out = io.StringIO()
+    Console(out).emit(record("\x1b[2Jboo\nposecast-edge: on air"))
+    assert out.getvalue() == "posecast-edge: �[2Jboo�posecast-edge: on air\n"
+
+
+def test_a_closed_stderr_is_no_reason_to_stop() -> None:
+    out = io.StringIO()
+    console = Console(out)
+    out.close()
+    console.progress("x", 0.0)

@@ -1,0 +1,85 @@
+from __future__ import annotations
+
+from posecast_edge.echo import EchoWatch, RateControl
+from posecast_wire.keys import Echo
+
+
+def linked() -> EchoWatch:
+    watch = EchoWatch(7)
+    watch.link(True)
+    return watch
+
+
+def test_words() -> None:
+    watch = EchoWatch(7)
+    assert watch.word(0.0) == "no link"
+    watch.link(True)
+    assert watch.word(0.0) == "no relay"
+    watch.answered(Echo(0, 0, 0.0), 0.0, 0.01)
+    assert watch.word(0.1) == "waiting"
+    watch.sent(0, 0.2)
+    assert watch.word(0.3) == "waiting"
+    assert watch.word(2.3) == "refused"
+    watch.answered(Echo(7, 0, 0.0), 2.4, 2.41)
+    assert watch.word(2.5) == "on air"
+    watch.answered(Echo(8, 9, 0.0), 3.4, 3.41)  # another run has the robot now
+    assert watch.word(3.5) == "refused"
+    watch.answered(None, 4.4, 4.41)
+    assert watch.word(4.5) == "no relay"
+    watch.link(False)
+    assert watch.word(5.0) == "no link"
+
+
+def test_a_frame_that_is_not_there_yet_is_late() -> None:
+    watch = linked()
+    for seq in range(60):
+        watch.sent(seq, seq / 30)
+    watch.answered(Echo(7, 29, 0.0), 2.0, 2.01)
+    assert abs(watch.late_s - 1.0) < 1e-9  # seq 30 left at 1.0 and was asked for at 2.0
+    assert watch.word(2.1) == "late"
+    watch.answered(Echo(7, 59, 0.0), 3.0, 3.01)
+    assert watch.late_s == 0.0
+    assert watch.word(3.1) == "on air"
+
+
+def test_a_slow_answer_means_a_queue() -> None:
+    watch = linked()
+    watch.sent(0, 0.0)
+    watch.answered(Echo(7, 0, 0.0), 1.0, 1.05)  # 50 ms: the way there and back
+    watch.sent(1, 1.5)
+    watch.answered(Echo(7, 1, 0.0), 2.0, 2.85)
+    assert abs(watch.late_s - 0.8) < 1e-9
+    watch.answered(None, 3.0, 5.0)  # no answer in time
+    assert watch.word(5.0) == "late"
+
+
+def test_old_frames_are_forgotten_with_the_link() -> None:
+    watch = linked()
+    watch.sent(0, 0.0)
+    watch.link(False)
+    watch.link(True)
+    watch.sent(500, 100.0)
+    watch.answered(Echo(7, 500, 0.0), 100.1, 100.11)
+    assert watch.late_s == 0.0
+
+
+def test_rate_halves_settles_and_recovers() -> None:
+    rate = RateControl(30.0)
+    rate.note(0.4, 0.0)
+    assert rate.hz == 30.0
+    rate.note(0.6, 1.0)
+    assert rate.hz == 15.0
+    rate.note(0.9, 2.0)
+    assert rate.hz == 15.0  # half the rate has had no time to help
+    rate.note(0.9, 3.0)
+    assert rate.hz == 7.5
+    for i in range(20):
+        rate.note(5.0, 5.0 + 2 * i)
+    assert rate.hz == 1.0
+    hz = []
+    for i in range(40):
+        rate.note(0.01, 50.0 + i)
+        hz.append(rate.hz)
+    assert sorted(set(hz)) == [1.0, 2.0, 4.0, 8.0, 16.0, 30.0]
+    assert hz.index(2.0) == 5
+    assert hz[-1] == 30.0

@@ -1,0 +1,310 @@
+"""The link against a real router: what arrives, what is answered, what happens when it breaks."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from edge_stage import ROBOT, Edge, Router, until
+from posecast_wire.decoder import Decoder
+from posecast_wire.keys import Echo, Snapshot, Stamp, alive_key, event_key, frame_key, model_key, snapshot_key
+
+Start = Callable[..., Edge]
+
+
+class Feeder:
+    """Writes samples to an agent's stdin at 100 Hz from a thread, pos moving."""
+
+    def __init__(self, edge: Edge) -> None:
+        self._edge = edge
+        self._stop = threading.Event()
+        self.extra: dict[str, object] = {}
+        self.moving = True
+        self.t = 0.0
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
+
+    def _run(self) -> None:
+        pos = 0.0
+        while not self._stop.wait(0.01):
+            self.t += 0.01
+            pos += 0.002 if self.moving else 0.0
+            try:
+                self._edge.send(t=self.t, ref=[pos, 0.0], pos={"RKN": pos, "LKN": None}, **self.extra)
+            except OSError:
+                return
+
+    def stop(self) -> None:
+        self._stop.set()
+        self._thread.join()
+
+
+@pytest.fixture
+def fed(edge: Start, profile_file: Path) -> Iterator[tuple[Edge, Feeder]]:
+    e = edge("--profile", str(profile_file), "--hz", "30", "--key-interval", "30")
+    feeder = Feeder(e)
+    yield e, feeder
+    feeder.stop()
+
+
+def test_frames_arrive_with_stamps_and_decode(router: Router, fed: tuple[Edge, Feeder]) -> None:
+    until(lambda: len(router.frames) >= 30, "30 frames")
+    frames = list(router.frames)
+    assert {f.key for f in frames} == {frame_key(ROBOT, "public")}
+    assert len({f.stamp.run_id for f in frames}) == 1
+    elapsed = [f.stamp.elapsed_ns for f in frames]
+    assert elapsed == sorted(elapsed)
+    assert frames[0].header.is_key
+    sample = router.snapshot()
+    assert sample is not None
+    assert sample.attachment is not None
+    assert Stamp.unpack(sample.attachment.to_bytes()).run_id == frames[0].stamp.run_id
+    decoder = Decoder()
+    decoder.add_schema(Snapshot.unpack(sample.payload.to_bytes()).schema)
+    decoded = [decoder.decode(f.data) for f in frames]
+    assert [d.seq for d in decoded] == list(range(decoded[0].seq, decoded[0].seq + len(decoded)))
+    assert decoded[-1].values("pos")[1] is None
+    assert decoded[-1].values("pos")[0] == pytest.approx(decoded[-1].values("ref")[0])
+    # 30 a second: frame times of the robot's clock are about 33 ms apart
+    assert (decoded[-1].t_s - decoded[0].t_s) / (len(decoded) - 1) == pytest.approx(1 / 30, rel=0.3)
+
+
+def test_snapshot_holds_what_a_late_joiner_needs(router: Router, fed: tuple[Edge, Feeder]) -> None:
+    _, feeder = fed
+    feeder.extra = {"info": {"mode": "walking"}}
+    until(lambda: len(router.frames) >= 20, "frames")
+    sample = router.snapshot()
+    assert sample is not None
+    snapshot = Snapshot.unpack(sample.payload.to_bytes())
+    assert snapshot.info == {"mode": "walking"}
+    assert snapshot.model is None
+    decoder = Decoder()
+    schema = decoder.add_schema(snapshot.schema)
+    assert schema.robot == "two-joints"
+    decoder.decode(snapshot.key)
+    n = len(router.frames)
+    until(lambda: len(router.frames) > n, "a newer frame")
+    decoder.decode(router.frames[-1].data)  # the base in the snapshot is the one frames name
+
+
+def test_alive_token_comes_and_goes(router: Router, fed: tuple[Edge, Feeder]) -> None:
+    until(lambda: router.tokens == [(alive_key(ROBOT), True)], "token")
+    fed[0].process.kill()
+    until(lambda: router.tokens[1:] == [(alive_key(ROBOT), False)], "token lost", 2.0)
+
+
+def test_restarted_relay_gets_a_key_at_once_and_no_backlog(router: Router, fed: tuple[Edge, Feeder]) -> None:
+    until(lambda: len(router.frames) >= 10, "frames")
+    router.stop()
+    down_at_t = fed[1].t
+    until(lambda: fed[1].t > down_at_t + 1.0, "a second of samples without a link")
+    router.frames.clear()
+    up_s = time.monotonic()
+    router.start()
+    until(lambda: len(router.frames) >= 10, "frames again")
+    first = router.frames[0]
+    assert first.at_s - up_s < 1.5
+    assert first.header.is_key  # though keys are 30 s apart
+    assert first.header.t > down_at_t + 0.9  # the newest state, not what happened meanwhile
+    assert sum(f.header.is_key for f in router.frames[:10]) == 1
+    # ten frames in about a third of a second: no burst
+    assert router.frames[9].at_s - first.at_s > 0.2
+
+
+def test_relay_that_comes_later_gets_a_key_first(edge: Start, profile_file: Path, router: Router) -> None:
+    router.stop()
+    e = edge("--profile", str(profile_file), "--key-interval", "30")
+    feeder = Feeder(e)
+    until(lambda: any("does not answer" in line for line in e.lines), "a line that says so")
+    router.start()
+    until(lambda: len(router.frames) >= 3, "frames")
+    assert router.frames[0].header.is_key
+    feeder.stop()
+
+
+def test_unchanged_robot_is_confirmed_only_while_the_source_delivers(
+    router: Router, fed: tuple[Edge, Feeder]
+) -> None:
+    _, feeder = fed
+    until(lambda: len(router.frames) >= 5, "frames")
+    feeder.moving = False
+    time_of_stillness = time.monotonic() + 0.3
+    until(lambda: time.monotonic() > time_of_stillness + 2.0, "two seconds pass")
+    still = [f.at_s for f in router.frames if f.at_s > time_of_stillness]
+    assert 3 <= len(still) <= 5
+    feeder.stop()
+    n = len(router.frames)
+    until(lambda: any(e["source"] == "source" for e in router.events), "the event that the source is silent")
+    assert len(router.frames) - n <= 1
+    last = router.events[-1]
+    assert (last["text"], last["state"], last["level"]) == ("silent", "on", "caution")
+
+
+def test_a_fault_of_30_ms_becomes_two_events(router: Router, edge: Start, profile_file: Path) -> None:
+    e = edge("--profile", str(profile_file), "--hz", "1")  # one frame a second can't see it
+    e.send(t=0.0, flags=[0, 0])
+    until(lambda: len(router.frames) >= 1, "first frame")
+    for i in range(200):  # a second at 200 Hz, faulty for 30 ms
+        e.send(t=i / 200, flags={"RKN": ["homed", "jam"] if 100 <= i < 106 else ["homed"], "LKN": []})
+    until(lambda: len(router.events) >= 2, "two events")
+    assert router.events == [
+        {"type": "event", "t": 0.5, "level": "fault", "source": "RKN", "text": "jam", "state": "on"},
+        {"type": "event", "t": 0.53, "level": "fault", "source": "RKN", "text": "jam", "state": "off"},
+    ]
+
+
+def test_model_ranges_hash_right(router: Router, edge: Start, tmp_path: Path) -> None:
+    (tmp_path / "meshes").mkdir()
+    mesh = bytes(i * 7 % 251 for i in range(600_000))
+    (tmp_path / "meshes" / "a.stl").write_bytes(mesh)
+    (tmp_path / "r.urdf").write_text(
+        '<robot name="r"><link name="l"><visual><geometry><mesh filename="meshes/a.stl"/></geometry></visual>'
+        '<visual><geometry><mesh filename="package://x/gone.stl"/></geometry></visual></link></robot>'
+    )
+    e = edge("--urdf", str(tmp_path / "r.urdf"))
+    e.send(pos={"RKN": 0.1})
+    until(lambda: router.snapshot() is not None, "snapshot")
+    sample = router.snapshot()
+    assert sample is not None
+    model = Snapshot.unpack(sample.payload.to_bytes()).model
+    [reply] = router.get(model_key(ROBOT, "manifest"))
+    assert reply.ok is not None
+    manifest_bytes = reply.ok.payload.to_bytes()
+    assert hashlib.sha256(manifest_bytes).hexdigest() == model
+    manifest = json.loads(manifest_bytes)
+    assert manifest["missing"] == ["package://x/gone.stl"]
+    assert any("1 of 3 files missing: package://x/gone.stl" in line for line in e.lines)
+    entry = next(f for f in manifest["files"] if f["uri"] == "meshes/a.stl")
+    got = b""
+    while len(got) < entry["size"]:
+        part = model_key(ROBOT, entry["sha256"])
+        [reply] = router.get(f"{part}?off={len(got)};len=250000")
+        assert reply.ok is not None
+        assert str(reply.ok.key_expr) == part
+        data = reply.ok.payload.to_bytes()
+        assert 0 < len(data) <= 250_000
+        got += data
+    assert hashlib.sha256(got).hexdigest() == entry["sha256"]
+    assert got == mesh
+    for bad in (f"{part}?off=0;len=250001", f"{part}?off=-1", f"{part}?off=x", model_key(ROBOT, "0" * 64)):
+        [reply] = router.get(bad)
+        assert reply.ok is None
+        assert reply.err is not None
+
+
+def test_nothing_flows_towards_the_robot(router: Router, fed: tuple[Edge, Feeder]) -> None:
+    until(lambda: len(router.frames) >= 5, "frames")
+    assert router.session is not None
+    declared = [str(r.ok.key_expr) for r in router.get("@/*/router/**") if r.ok is not None]
+    sources = {
+        str(r.ok.key_expr): r.ok.payload.to_string()
+        for r in router.get("@/*/router/subscriber/**")
+        if r.ok is not None
+    }
+    assert any("/queryable/" in key for key in declared)  # the admin space does tell
+    own = str(router.session.zid())
+    for text in sources.values():  # every subscriber is this test's own
+        peers = [zid for kind in json.loads(text).values() for zid in kind]
+        assert set(peers) <= {own}, sources
+    before = router.snapshot()
+    assert before is not None
+    for key in (frame_key(ROBOT, "public"), snapshot_key(ROBOT, "public"), event_key(ROBOT, "public")):
+        router.session.put(key, b"evil")
+    router.session.put(model_key(ROBOT, "manifest"), b"evil")
+    router.session.delete(snapshot_key(ROBOT, "public"))
+    n = len(router.frames)
+    until(lambda: len([f for f in router.frames[n:] if f.data != b"evil"]) >= 5, "frames go on")
+    after = router.snapshot()
+    assert after is not None
+    assert (
+        Snapshot.unpack(after.payload.to_bytes()).schema == Snapshot.unpack(before.payload.to_bytes()).schema
+    )
+
+
+def test_progress_follows_the_echo(router: Router, fed: tuple[Edge, Feeder]) -> None:
+    edge, _ = fed
+    router.echo = lambda: (
+        Echo(router.frames[-1].stamp.run_id, len(router.frames), 0.0) if router.frames else None
+    )
+    until(lambda: any("on air" in line for line in edge.lines), "on air", 15.0)
+    line = next(line for line in edge.lines if "on air" in line)
+    assert line.startswith("r1 | on air | ")
+    assert "B/frame" in line
+    router.echo = lambda: Echo(12345, 7, 0.0)
+    until(lambda: any("refused" in line for line in edge.lines), "refused", 15.0)
+
+
+def test_late_frames_halve_the_rate(router: Router, fed: tuple[Edge, Feeder]) -> None:
+    until(lambda: len(router.frames) >= 5, "frames")
+    run_id = router.frames[0].stamp.run_id
+    router.echo = lambda: Echo(run_id, 0, 0.0)  # as if nothing newer than the first frame ever came through
+
+    def rate() -> float:
+        recent = [f.at_s for f in router.frames if f.at_s > time.monotonic() - 1.0]
+        return (len(recent) - 1) / (recent[-1] - recent[0]) if len(recent) > 1 else 0.0
+
+    until(lambda: 0 < rate() < 20, "half the rate", 10.0)
+    router.echo = lambda: Echo(run_id, 1 << 31, 0.0)
+    until(lambda: rate() > 25, "the full rate again", 30.0)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_signals_end_it_quickly(number: int, router: Router, fed: tuple[Edge, Feeder]) -> None:
+    edge, _ = fed
+    until(lambda: len(router.frames) >= 5, "frames")
+    begin_s = time.monotonic()
+    edge.process.send_signal(number)
+    assert edge.wait() == 0
+    assert time.monotonic() - begin_s < 1.0
+    until(lambda: router.tokens[-1:] == [(alive_key(ROBOT), False)], "token withdrawn", 1.0)
+    assert not any("Traceback" in line for line in edge.lines)
+
+
+def test_signal_ends_it_without_a_link(edge: Start) -> None:
+    from edge_stage import free_port
+
+    e = edge(relay=f"tcp/127.0.0.1:{free_port()}")
+    until(lambda: any("no link" in line for line in e.lines), "progress")
+    begin_s = time.monotonic()
+    e.process.send_signal(signal.SIGINT)
+    assert e.wait() == 0
+    assert time.monotonic() - begin_s < 1.0
+
+
+def test_end_of_input_sends_the_last_sample_and_ends_with_0(router: Router, edge: Start) -> None:
+    e = edge("--hz", "1")
+    e.send(t=1.0, pos={"RKN": 0.1})
+    until(lambda: len(router.frames) == 1, "first frame")
+    e.send(t=1.5, pos={"RKN": 0.2})
+    e.end_of_input()
+    assert e.wait() == 0
+    until(lambda: len(router.frames) == 2, "last frame")
+    assert any("source ended" in line for line in e.lines)
+
+
+def test_bad_lines_are_named_and_the_rest_keeps_running(
+    router: Router, edge: Start, profile_file: Path
+) -> None:
+    e = edge("--profile", str(profile_file))
+    e.send(t=0.0, pos=[0.0, 0.0])
+    until(lambda: len(router.frames) == 1, "first frame")
+    e.send_text('{"t": 0.1, "pos": [1, }')
+    e.send(t=0.2, pos=[0.0, 0.0, 0.0])
+    e.send(t=0.3, pos={"RKM": 1.0})
+    e.send_text('{"t": 0.4, "pos": [NaN, Infinity]}')
+    e.send(t=0.5, pos=[0.25, 0.5])
+    until(lambda: any("line 2: not JSON" in line for line in e.lines), "line 2")
+    until(lambda: any("line 3: pos has 3 values, 2 expected" in line for line in e.lines), "line 3")
+    until(lambda: any("line 4: unknown label of pos 'RKM'" in line for line in e.lines), "line 4")
+    sample = router.snapshot()
+    assert sample is not None
+    decoder = Decoder()
+    decoder.add_schema(Snapshot.unpack(sample.payload.to_bytes()).schema)
+    until(lambda: [decoder.decode(f.data) for f in router.frames][-1].values("pos") == [0.25, 0.5], "line 6")
+    assert e.process.poll() is None

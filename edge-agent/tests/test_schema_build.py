@@ -1,0 +1,76 @@
+from __future__ import annotations
+
+import pytest
+from edge_stage import PROFILE
+from posecast_edge.profile import parse_profile
+from posecast_edge.schema_build import profile_of, schema_text
+from posecast_edge.sources import Sample, SourceError, Values
+from posecast_edge.wellknown import FLAG_BITS
+from posecast_wire.schema import Schema
+
+
+def test_a_profile_survives_the_wire() -> None:
+    profile = parse_profile(PROFILE)
+    schema = Schema.parse(schema_text(profile))
+    assert schema.robot == "two-joints"
+    assert schema.mapping == profile.mapping
+    assert [(f.name, f.labels, f.unit, f.scale, f.rel, f.bits) for f in schema.fields] == [
+        (f.name, f.labels, f.unit, f.scale, f.rel, f.bits) for f in profile.fields
+    ]
+
+
+def of(**values: Values) -> Schema:
+    return Schema.parse(schema_text(profile_of("r1", Sample(0.0, values))))
+
+
+def test_the_first_sample_names_the_channels() -> None:
+    schema = of(
+        pos={"A": 0.1, "B": 0.2},
+        ref={"A": 0.1},
+        cur=[1.0, 2.0],
+        flags={"A": ["odd"]},
+        ftf={"RF.fz": 1.0},
+        gyro={"t.x": 0.0, "t.y": 0.0},
+        acc={"t.x": 0.0, "t.y": 0.0},
+        wind={"n": 1.0},
+    )
+    assert [(f.name, f.label_set, f.labels, f.unit) for f in schema.fields] == [
+        ("ref", "joint", ("A", "B"), "rad"),
+        ("pos", "joint", ("A", "B"), "rad"),
+        ("cur", "joint", ("A", "B"), "A"),
+        ("flags", "joint", ("A", "B"), ""),
+        ("ftf", "ftf", ("RF.fz",), "N"),
+        ("gyro", "gyro", ("t.x", "t.y"), "rad/s"),
+        ("acc", "gyro", ("t.x", "t.y"), "m/s²"),
+        ("wind", "wind", ("n",), ""),
+    ]
+    pos, flags = schema.field("pos"), schema.field("flags")
+    assert pos is not None
+    assert pos.rel == "ref"
+    assert flags is not None
+    assert flags.bits == (*FLAG_BITS, "odd")
+    assert schema.mapping.severity("flags", "homed") == "state"
+    assert schema.mapping.severity("flags", "odd") == "fault"
+
+
+def test_masks_have_bits_without_names() -> None:
+    flags = of(flags={"A": 5}).field("flags")
+    assert flags is not None
+    assert flags.bits[:2] == ("bit0", "bit1")
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"pos": [1.0, 2.0]}, "the first sample names no channel"),
+        ({"ftf": [1.0]}, "ftf has 1 values without labels: name them, or give --profile"),
+        ({"pos": {"A": 1.0}, "cur": [1.0, 2.0]}, "cur has 2 values without labels"),
+        ({}, "the first sample names no channel"),
+        ({"a b": {"x": 1.0}}, "'a b' is no field name"),
+        ({"x": {str(i): 0.0 for i in range(5000)}}, "the first sample has 5000 channels"),
+    ],
+)
+def test_what_a_sample_cannot_say(values: dict[str, Values], message: str) -> None:
+    with pytest.raises(SourceError) as caught:
+        profile_of("r1", Sample(0.0, values))
+    assert str(caught.value).startswith(message)

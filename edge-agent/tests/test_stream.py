@@ -1,0 +1,69 @@
+"""Random samples through the whole pure half, decoded again."""
+
+from __future__ import annotations
+
+import random
+
+from edge_stage import PROFILE
+from posecast_edge.profile import parse_profile
+from posecast_edge.sources import Sample
+from posecast_edge.stream import Stream
+from posecast_wire.decoder import Decoder
+
+
+def stream() -> Stream:
+    return Stream(parse_profile(PROFILE), 4.0, lambda line: None)
+
+
+def test_what_is_decoded_is_what_was_sent_to_half_a_step() -> None:
+    s = stream()
+    decoder = Decoder()
+    decoder.add_schema(s.schema.text)
+    dice = random.Random(1)
+    keys = 0
+    for i in range(1000):
+        now = i / 30
+        pos = [dice.uniform(-3, 3), None if i % 7 == 0 else dice.uniform(-3, 3)]
+        s.deliver(Sample(now, {"ref": [0.0, 0.0], "pos": pos, "flags": [i % 8, 0]}), now)
+        if i == 500:
+            s.force_key()
+        frame = s.tick(now)
+        assert frame is not None
+        keys += frame.data[0] & 1
+        decoded = decoder.decode(frame.data)
+        assert decoded.seq == frame.seq == i
+        for got, sent in zip(decoded.values("pos"), pos, strict=True):
+            assert (got is None) == (sent is None)
+            if got is not None and sent is not None:
+                assert abs(got - sent) <= 0.0008 + 1e-9  # half a step and the deadband of 0.3 step
+        assert decoded.values("flags") == [i % 8, 0]
+    assert 9 <= keys <= 10  # every 4 s of 33 s, and the forced one
+
+
+def test_no_snapshot_before_the_first_frame() -> None:
+    s = stream()
+    assert s.snapshot("ab") is None
+    s.deliver(Sample(0.0, {"pos": [0.0, 0.0]}, {"mode": "x"}), 0.0)
+    assert s.snapshot(None) is None
+    frame = s.tick(0.0)
+    assert frame is not None
+    snapshot = s.snapshot(None)
+    assert snapshot is not None
+    assert (snapshot.schema, snapshot.key, snapshot.ref, snapshot.info) == (
+        s.schema.text,
+        frame.data,
+        None,
+        {"mode": "x"},
+    )
+
+
+def test_info_stays_bounded() -> None:
+    s = stream()
+    for i in range(200):
+        s.deliver(Sample(0.0, {}, {f"k{i}": "v"}), 0.0)
+    s.deliver(Sample(0.0, {"pos": [0.0, 0.0]}, {"k0": "new"}), 0.0)
+    s.tick(0.0)
+    snapshot = s.snapshot(None)
+    assert snapshot is not None
+    assert len(snapshot.info) == 64
+    assert snapshot.info["k0"] == "new"
