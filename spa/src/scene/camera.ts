@@ -1,5 +1,6 @@
 import { type Box3, MathUtils, PerspectiveCamera, Sphere, Spherical, Vector3 } from 'three';
 import { OrbitControls } from 'three/addons/controls/OrbitControls.js';
+import { wantsStillness } from './motion.ts';
 
 export type ViewName = 'home' | 'front' | 'side' | 'top';
 
@@ -150,8 +151,4 @@ function zUpSpherical(offset: Vector3, into: Spherical): void {
 
 function shorterTurn(angle: number): number {
   return Math.atan2(Math.sin(angle), Math.cos(angle));
-}
-
-function wantsStillness(): boolean {
-  return window.matchMedia('(prefers-reduced-motion: reduce)').matches;
 }

@@ -32,9 +32,9 @@ export class Environment {
   #reach = 1;
 
   constructor() {
-    this.#sky.position.set(0, 0, 1); // the loader of its direction: from the floor to the sky
+    this.#sky.position.set(0, 0, 1); // its direction: from the floor to the sky
     this.#key.castShadow = true;
-    this.#key.shadow.mapSize.set(1024, 1024);
+    this.#key.shadow.mapSize.set(512, 512);
     this.#key.shadow.radius = 5;
     this.#key.shadow.bias = -0.0004;
     this.#key.shadow.normalBias = 0.012;
@@ -80,7 +80,7 @@ export class Environment {
     this.#key.shadow.normalBias = reach * 0.012;
     this.#floor.scale.setScalar(reach * FLOOR_REACHES * 2);
     this.#floor.material.uniforms.reach!.value = reach;
-    this.#axes.scale.setScalar(reach * 0.2);
+    this.#axes.scale.setScalar(reach * 0.28);
     this.follow(this.#floor.position.x, this.#floor.position.y);
   }
 
@@ -91,9 +91,9 @@ export class Environment {
     this.#floor.material.uniforms.focus!.value.set(x, y);
     this.#axes.position.set(x, y, r * 0.002);
     this.#key.target.position.set(x, y, r * 0.5);
-    this.#key.position.set(x + r * 1.3, y - r * 0.5, r * 4.6);
+    this.#key.position.set(x + r * 2.6, y + r * 0.4, r * 4);
     this.#fill.target.position.set(x, y, r * 0.7);
-    this.#fill.position.set(x - r * 2, y + r * 3, r * 1.6);
+    this.#fill.position.set(x - r * 0.5, y - r * 3, r * 1.4);
   }
 
   dispose(): void {

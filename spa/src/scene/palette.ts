@@ -1,4 +1,4 @@
-import { Color, DoubleSide, MeshStandardMaterial } from 'three';
+import { Color, DoubleSide, FrontSide, MeshStandardMaterial } from 'three';
 import type { Drain } from './stale.ts';
 
 const ROUGHNESS = 0.6;
@@ -12,9 +12,10 @@ export class Palette {
     this.#drain = drain;
   }
 
-  /** `color` in the working space (linear), `opacity` 0…1. */
-  shell(color: Color, opacity: number): MeshStandardMaterial {
-    const key = `${color.r.toFixed(4)} ${color.g.toFixed(4)} ${color.b.toFixed(4)} ${opacity.toFixed(3)}`;
+  /** `color` in the working space (linear), `opacity` 0…1; a surface that is not closed shows its inner side, too. */
+  shell(color: Color, opacity: number, closed: boolean): MeshStandardMaterial {
+    const tone = [color.r, color.g, color.b, opacity].map((part) => part.toFixed(4)).join(' ');
+    const key = `${tone} ${closed}`;
     let shell = this.#shells.get(key);
     if (shell === undefined) {
       shell = new MeshStandardMaterial({
@@ -24,7 +25,7 @@ export class Palette {
         opacity,
         transparent: opacity < 1,
         depthWrite: opacity >= 1,
-        side: DoubleSide, // CAD shells are often open; a hole where one looks inside is worse than the fill rate
+        side: closed ? FrontSide : DoubleSide,
       });
       this.#drain.attach(shell);
       this.#shells.set(key, shell);

@@ -44,6 +44,8 @@ export class RobotModel {
   readonly #joints: readonly URDFJoint[];
   /** The newest reading of each joint; NaN until there is one. A joint without a reading keeps its place. */
   readonly #angles: Float64Array;
+  /** For each link that shows something, its bounding box. */
+  readonly boxes: ReadonlyMap<Object3D, LinkBox>;
   readonly #boxes = new Map<Object3D, LinkBox>();
   readonly #owned = new Set<BufferGeometry>();
   /** Links that show the same mesh file share its buffers. */
@@ -64,6 +66,7 @@ export class RobotModel {
     this.#robot = loader.parse(robot);
     this.root = this.#robot;
     this.problems = problems;
+    this.boxes = this.#boxes;
     this.#palette = palette;
     const joints = Object.values(this.#robot.joints).filter((joint) => SLIDES_OR_TURNS.has(joint.jointType));
     // A joint that mimics another comes last: where the robot reports it, its own reading wins.
@@ -73,8 +76,7 @@ export class RobotModel {
       joint.ignoreLimits = true; // a monitor shows what is, also where it should not be
       if (!('mimicJoint' in joint)) joint.setJointValue(0); // followers take their offsets
     }
-    this.#paint();
-    this.#growByPrimitives(new Set(slots));
+    this.#finishPrimitives(new Set(slots));
     this.slots = slots.map((mesh) => this.#slot(mesh));
   }
 
@@ -165,24 +167,14 @@ export class RobotModel {
     return low;
   }
 
-  /** The loader's shiny materials become matt shells, and its colours what the author of the URDF saw: RViz and
-   *  Gazebo take rgba as display values, the loader as linear ones. */
-  #paint(): void {
+  /** Boxes, balls and cylinders that the URDF describes itself. */
+  #finishPrimitives(slots: ReadonlySet<Mesh>): void {
     this.root.traverse((object) => {
-      if (!(object instanceof Mesh)) return;
-      const source = object.material as Material & { color: Color };
-      const named = object.parent !== null && hasMaterial(object.parent);
-      const color = named ? source.color.clone().convertSRGBToLinear() : UNPAINTED;
-      object.material = this.#palette.shell(color, source.opacity > 0 ? source.opacity : 1);
-      object.castShadow = true;
-      object.receiveShadow = true;
+      if (!(object instanceof Mesh) || slots.has(object)) return;
+      const { color, opacity } = paintOf(object);
+      object.material = this.#palette.shell(color, opacity, true);
       this.#owned.add(object.geometry);
-    });
-  }
-
-  #growByPrimitives(slots: ReadonlySet<Mesh>): void {
-    this.root.traverse((object) => {
-      if (object instanceof Mesh && !slots.has(object)) this.#grow(object);
+      this.#grow(object);
     });
   }
 
@@ -215,7 +207,7 @@ export class RobotModel {
   #slot(slot: Mesh): MeshSlot {
     const visual = slot.parent!;
     const link = visual.parent!;
-    const own = slot.material as Material;
+    const own = paintOf(slot);
     return {
       link: link.name,
       uri: meshUri(visual),
@@ -225,10 +217,9 @@ export class RobotModel {
       fill: (parts) => {
         slot.removeFromParent();
         for (const { surface, color, opacity } of parts) {
-          const shell = color === null ? own : this.#palette.shell(color, opacity);
+          const paint = color === null ? own : { color, opacity };
+          const shell = this.#palette.shell(paint.color, paint.opacity, surface.closed);
           const mesh = new Mesh(this.#geometry(surface), shell);
-          mesh.castShadow = true;
-          mesh.receiveShadow = true;
           visual.add(mesh);
           this.#grow(mesh);
         }
@@ -248,8 +239,14 @@ function urdfNode(visual: Object3D): Element | null {
   return (visual as Object3D & { urdfNode?: Element | null }).urdfNode ?? null;
 }
 
-function hasMaterial(visual: Object3D): boolean {
-  return urdfNode(visual)?.querySelector('material') != null;
+/** What the author of the URDF saw: RViz and Gazebo take rgba as display values, the loader as linear ones. */
+function paintOf(mesh: Mesh): { color: Color; opacity: number } {
+  const source = mesh.material as Material & { color: Color };
+  const named = mesh.parent !== null && urdfNode(mesh.parent)?.querySelector('material') != null;
+  return {
+    color: named ? source.color.clone().convertSRGBToLinear() : UNPAINTED,
+    opacity: source.opacity > 0 ? source.opacity : 1,
+  };
 }
 
 function meshUri(visual: Object3D): string {

@@ -4,10 +4,12 @@ import { Download, fetchManifest, type Manifest } from './bundle.ts';
 import { CameraRig, type ViewName } from './camera.ts';
 import { Environment } from './environment.ts';
 import { MeshLoader } from './mesh_loader.ts';
+import { wantsStillness } from './motion.ts';
 import { Palette } from './palette.ts';
 import { Placeholders, whyAbsent } from './placeholder.ts';
 import type { ModelReport } from './report.ts';
 import { type MeshSlot, RobotModel } from './robot_model.ts';
+import { ShadowCaster } from './shadow.ts';
 import { Skeleton } from './skeleton.ts';
 import { Drain } from './stale.ts';
 import { THEMES, type ThemeName } from './theme.ts';
@@ -37,6 +39,7 @@ export class RobotScene {
   #palette: Palette;
   #model: RobotModel | null = null;
   #skeleton: Skeleton | null = null;
+  #caster: ShadowCaster | null = null;
   #loading: AbortController | null = null;
   #pose: Pose | null = null;
   /** The newest base that made sense; null while the robot reports none. */
@@ -147,10 +150,13 @@ export class RobotScene {
     );
   }
 
+    return { r: this.#renderer, sc: this.#scene, cam: this.#camera.camera };
+  }
   dispose(): void {
     this.#loading?.abort();
     this.#resizes.disconnect();
     this.#camera.dispose();
+    this.#caster?.dispose();
     this.#skeleton?.dispose();
     this.#model?.dispose();
     this.#palette.dispose();
@@ -226,6 +232,7 @@ export class RobotScene {
   }
 
   #adopt(model: RobotModel, palette: Palette): void {
+    this.#caster?.dispose();
     this.#skeleton?.dispose();
     this.#model?.dispose();
     this.#palette.dispose();
@@ -233,7 +240,8 @@ export class RobotScene {
     this.#model = model;
     this.#scene.add(model.root);
     this.#skeleton = new Skeleton(model, THEMES[this.#theme].muted);
-    this.#scene.add(this.#skeleton.lines);
+    this.#caster = new ShadowCaster(model.linkNames.length);
+    this.#scene.add(this.#skeleton.lines, this.#caster.blocks);
     if (this.#pose !== null) model.setJoints(this.#pose.joints);
     this.#place();
     this.#frame();
@@ -270,6 +278,7 @@ export class RobotScene {
     this.#camera.follow(x, y);
     this.#environment.follow(x, y);
     this.#skeleton?.follow(model);
+    this.#caster?.follow(model.boxes);
     this.#renderer.shadowMap.needsUpdate = true;
     this.#requestTick();
   }
@@ -311,7 +320,7 @@ export class RobotScene {
     const seconds = Math.min((nowMs - this.#lastTick) / 1000, MAX_STEP_SECONDS);
     this.#lastTick = nowMs;
     const moving = this.#camera.advance(seconds);
-    const draining = this.#drain.advance(seconds);
+    const draining = this.#drain.advance(wantsStillness() ? Number.POSITIVE_INFINITY : seconds);
     this.#draw();
     if (moving || draining) this.#requestTick();
   };
