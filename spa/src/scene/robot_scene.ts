@@ -150,8 +150,6 @@ export class RobotScene {
     );
   }
 
-    return { r: this.#renderer, sc: this.#scene, cam: this.#camera.camera };
-  }
   dispose(): void {
     this.#loading?.abort();
     this.#resizes.disconnect();
