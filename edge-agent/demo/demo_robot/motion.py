@@ -1,0 +1,148 @@
+"""The minute as the robot lives it: what the servos are told (ref), where they are (pos), where it is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from demo_robot import programme
+from demo_robot.gait import Gait
+from demo_robot.kinematics import forward, inverse, leg, matrix, quaternion, rotation, transform
+from demo_robot.programme import FREE_S, LEAVE_S, PERIOD_S, STALL_S, TOUCH_S
+from demo_robot.robot import ANKLE, CHANNELS, HIP_Y, mapping
+from demo_robot.shapes import Floats
+from demo_robot.tracks import ease, window
+
+RATE_HZ = 60  # of the file
+FINE = 4  # computed this much finer
+LAG_S = 0.014  # of every servo
+BOW_SHIFT = 0.15  # the pelvis goes back by this times sin(bow), so that the centre of mass stays
+
+Channels = dict[str, Floats]
+
+
+@dataclass(frozen=True)
+class Motion:
+    """At RATE_HZ: channels (n,), world_from_root (n, 4, 4), the gait that was planned."""
+
+    t: Floats
+    ref: Channels
+    pos: Channels
+    world_from_root: Floats
+    gait: Gait
+    effort_lost: Channels  # ref - pos beyond the lag, rad: what an obstacle or a jam holds back
+
+
+def joints(channels: Channels) -> Channels:
+    """Channels → URDF joints."""
+    n = len(next(iter(channels.values())))
+    return {
+        joint: sum((gain * channels[c] for c, gain in terms), np.full(n, offset))
+        for joint, (terms, offset) in mapping().items()
+    }
+
+
+def make() -> Motion:
+    """The whole minute. The same on every run."""
+    n = round(PERIOD_S * RATE_HZ) * FINE
+    t = np.arange(n) / (RATE_HZ * FINE)
+    plan = programme.make(t)
+    ref = {**plan.upper, **_legs(plan)}
+    ref = {c: ref[c] for c in CHANNELS}
+    held = _held(t, ref)
+    pos = {c: _lagged(held[c], t) for c in CHANNELS}
+    lost = {c: _lagged(ref[c] - held[c], t) for c in CHANNELS}
+    base = _base(t, plan.gait, pos)
+
+    def coarse(a: Floats) -> Floats:
+        return a[::FINE]
+
+    return Motion(
+        t=coarse(t),
+        ref={c: coarse(v) for c, v in ref.items()},
+        pos={c: coarse(v) for c, v in pos.items()},
+        world_from_root=base[::FINE],
+        gait=_thinned(plan.gait, coarse),
+        effort_lost={c: coarse(v) for c, v in lost.items()},
+    )
+
+
+def _thinned(gait: Gait, coarse: Callable[[Floats], Floats]) -> Gait:
+    feet = {
+        side: type(foot)(**{name: coarse(value) for name, value in vars(foot).items()})
+        for side, foot in gait.feet.items()
+    }
+    load = {side: coarse(v) for side, v in gait.load.items()}
+    return Gait(feet, coarse(gait.zmp), coarse(gait.com), coarse(gait.com_acc), load)
+
+
+def _ankles(t: Floats, gait: Gait) -> dict[str, Floats]:
+    """world_from_ankle as planned. A foot that pitches does so about its ankle."""
+    poses = {}
+    for side, foot in gait.feet.items():
+        z = foot.z + ANKLE + (programme.sole_height(t) if side == "R" else 0)
+        turn = rotation("z", foot.yaw) @ rotation("y", foot.pitch)
+        poses[side] = transform(turn, np.stack([foot.x, foot.y, z], axis=1))
+    return poses
+
+
+def _legs(plan: programme.Plan) -> Channels:
+    gait = plan.gait
+    yaw = (gait.feet["L"].yaw + gait.feet["R"].yaw) / 2
+    back = BOW_SHIFT * np.sin(plan.bow)
+    at = np.stack(
+        [gait.com[:, 0] - back * np.cos(yaw), gait.com[:, 1] - back * np.sin(yaw), plan.height], axis=1
+    )
+    world_from_pelvis = transform(rotation("z", yaw) @ rotation("y", plan.bow), at)
+    angles: Channels = {}
+    for side, world_from_ankle in _ankles(plan.t, gait).items():
+        hip = transform(np.eye(3)[None], np.array([[0, HIP_Y if side == "L" else -HIP_Y, 0]]))
+        solved = leg(inverse(world_from_pelvis @ hip) @ world_from_ankle)
+        angles |= {side + name: value for name, value in solved.items()}
+    return angles
+
+
+def _held(t: Floats, ref: Channels) -> Channels:
+    """Where ref would get to: an obstacle stops the left arm, the right knee sticks in its gear."""
+    held = dict(ref)
+    touch = window(t, TOUCH_S, LEAVE_S, 0.4)
+    for channel, limit in (("LSP", -0.86), ("LEB", -0.50)):
+        excess = (
+            np.maximum(0, limit - ref[channel]) if channel == "LSP" else np.maximum(0, ref[channel] - limit)
+        )
+        excess = _rounded(excess) * touch * 0.8
+        held[channel] = ref[channel] + (excess if channel == "LSP" else -excess)
+    stuck = ref["RKN"][np.searchsorted(t, STALL_S)]
+    hold = ease((t - STALL_S) / 0.15) * (1 - ease((t - FREE_S) / 0.5))
+    held["RKN"] = ref["RKN"] + hold * (stuck - ref["RKN"])
+    return held
+
+
+def _rounded(excess: Floats) -> Floats:
+    """A corner of 0.05 rad rounded, so that a contact does not jerk."""
+    return np.asarray(np.where(excess < 0.05, excess**2 / 0.1, excess - 0.025))
+
+
+def _lagged(target: Floats, t: Floats) -> Floats:
+    """First-order lag, settled over a period: the filter of the periodic signal, in its Fourier series."""
+    omega = 2 * np.pi * np.fft.rfftfreq(len(t), t[1] - t[0])
+    return np.asarray(np.fft.irfft(np.fft.rfft(target) / (1 + 1j * omega * LAG_S), len(t)))
+
+
+def _base(t: Floats, gait: Gait, pos: Channels) -> Floats:
+    """Odometry: the pelvis as seen from the feet that bear, each where it was put, weighted by its load."""
+    root_from_foot = forward(
+        joints(pos), np.broadcast_to(np.eye(4), (len(t), 4, 4)), frozenset(FOOT.values())
+    )
+    planned = _ankles(t, gait)
+    seen = {side: planned[side] @ inverse(root_from_foot[link]) for side, link in FOOT.items()}
+    left = gait.load["L"][:, None]
+    at = left * seen["L"][:, :3, 3] + (1 - left) * seen["R"][:, :3, 3]
+    ql, qr = quaternion(seen["L"][:, :3, :3]), quaternion(seen["R"][:, :3, :3])
+    qr *= np.sign((ql * qr).sum(1))[:, None]
+    return transform(matrix(left * ql + (1 - left) * qr), at)
+
+
+FOOT = {"L": "Body_LAR", "R": "Body_RAR"}

@@ -1,0 +1,144 @@
+"""Source `demo`: one minute in the life of a humanoid of this project's own, for ever.
+
+It brings profile and model. `edge-agent/demo/build.py` makes the bundle (URDF, meshes, motion); packing.py
+there says how the motion is stored.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import threading
+import time
+import zlib
+from array import array
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import accumulate
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from posecast_edge.sources import Defaults, Sample, Source, SourceError
+
+if TYPE_CHECKING:
+    from posecast_edge.profile import Profile
+
+PACKAGE = Path(__file__).resolve().parent.parent
+PROFILE = PACKAGE / "profiles" / "demo.toml"
+BUNDLE = PACKAGE / "demo_bundle"
+HOW = f"make it: python edge-agent/demo/build.py --out {BUNDLE}"
+
+MAGIC = b"posecast-motion 1\n"
+MISSING = -32768
+MAX_BEHIND_S = 1.0  # a machine that slept goes on where it stood
+
+
+def defaults() -> Defaults:
+    """The demo's own profile and URDF. SourceError when the bundle has not been made."""
+    urdf = BUNDLE / "robot.urdf"
+    if not urdf.is_file():
+        raise SourceError(f"the demo robot is missing ({BUNDLE}): {HOW}")
+    return Defaults(profile=PROFILE, urdf=urdf)
+
+
+def open_source(address: str, profile: Profile | None) -> Source:
+    """Open the demo. SourceError when an address is given or the bundle has not been made."""
+    del profile  # labels are matched later, where samples of every source meet the schema
+    if address:
+        raise SourceError(f"demo takes no address, not {address!r}")
+    path = BUNDLE / "motion.bin"
+    try:
+        return DemoSource(read_motion(path.read_bytes()))
+    except OSError:
+        raise SourceError(f"the demo robot is missing ({BUNDLE}): {HOW}") from None
+    except (ValueError, KeyError, TypeError, zlib.error) as e:
+        raise SourceError(f"{path}: not a motion of this version ({e}): {HOW}") from None
+
+
+@dataclass(frozen=True)
+class Track:
+    """One field: a column of counts per label, int16 each. `scale`: unit per count."""
+
+    name: str
+    scale: float
+    columns: tuple[Sequence[int], ...]
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A loop. `phases`: from when (s into the loop) the robot is in which mode, in order."""
+
+    rate_hz: float
+    samples: int
+    tracks: tuple[Track, ...]
+    phases: tuple[tuple[float, str], ...]
+
+    @property
+    def period_s(self) -> float:
+        """Length of the loop."""
+        return self.samples / self.rate_hz
+
+    def at(self, index: int) -> Sample:
+        """The index-th sample since the start; robot time goes on from loop to loop."""
+        k = index % self.samples
+        values: dict[str, list[float | int | None]] = {}
+        for track in self.tracks:
+            scale, counts = track.scale, [column[k] for column in track.columns]
+            if scale == 1:
+                values[track.name] = [None if c == MISSING else c for c in counts]
+            else:
+                values[track.name] = [None if c == MISSING else c * scale for c in counts]
+        mode = next((m for start, m in reversed(self.phases) if start <= k / self.rate_hz), "")
+        return Sample(index / self.rate_hz, values, {"mode": mode})
+
+
+def read_motion(content: bytes) -> Motion:
+    """Bytes of motion.bin → Motion. ValueError, KeyError, TypeError or zlib.error when they are none."""
+    if not content.startswith(MAGIC):
+        raise ValueError("wrong first line")
+    end = content.index(b"\n", len(MAGIC))
+    head = json.loads(content[len(MAGIC) : end])
+    n = int(head["samples"])
+    planes = zlib.decompress(content[end + 1 :])
+    channels = sum(len(f["labels"]) for f in head["fields"])
+    if n < 1 or len(planes) != channels * n * 2:
+        raise ValueError(f"{len(planes)} bytes for {channels} channels")
+    tracks, start = [], 0
+    for f in head["fields"]:
+        columns = []
+        for _ in f["labels"]:
+            columns.append(_column(planes[start : start + n], planes[start + n : start + 2 * n]))
+            start += 2 * n
+        tracks.append(Track(str(f["name"]), float(f["scale"]), tuple(columns)))
+    phases = tuple((float(start_s), str(mode)) for start_s, mode in head["phases"])
+    return Motion(float(head["rate_hz"]), n, tuple(tracks), phases)
+
+
+def _column(low: bytes, high: bytes) -> array[int]:
+    """Planes of low and high bytes → counts: differences modulo 2^16, added up."""
+    pairs = bytearray(2 * len(low))
+    pairs[0::2], pairs[1::2] = low, high
+    steps = array("h", bytes(pairs))
+    if sys.byteorder == "big":
+        steps.byteswap()
+    return array("h", accumulate(steps, lambda a, b: (a + b + 32768) % 65536 - 32768))
+
+
+class DemoSource:
+    """Plays a motion on the monotonic clock."""
+
+    def __init__(self, motion: Motion) -> None:
+        self.description = f"demo, a loop of {motion.period_s:g} s"
+        self._motion = motion
+
+    def run(self, deliver: Callable[[Sample], None], stop: threading.Event) -> None:
+        """Deliver every sample at its instant until `stop`; when late, only the newest that is due."""
+        rate_hz = self._motion.rate_hz
+        start_s, index = time.monotonic(), 0
+        while not stop.is_set():
+            deliver(self._motion.at(index))
+            due = int((time.monotonic() - start_s) * rate_hz)
+            if due - index > MAX_BEHIND_S * rate_hz:
+                start_s, due = start_s + (due - index) / rate_hz, index
+            index = max(index + 1, due)
+            stop.wait(max(0.0, start_s + index / rate_hz - time.monotonic()))
