@@ -65,6 +65,7 @@ def test_decoder_follows(schemas: dict[str, str], case: dict[str, Any]) -> None:
             decoder.add_schema(schemas[step["schema"]])
             continue
         data = bytes.fromhex(step["frame"])
+        said: dict[str, object]
         try:
             got = decoder.decode(data)
         except BaseUnknown:

@@ -1,4 +1,4 @@
-"""Makes `wire/vectors/schemas.json`: texts every reader refuses, schema ids, and what a mapping makes of codes."""
+"""Makes `wire/vectors/schemas.json`: what every reader refuses, and what a mapping makes of codes."""
 
 from __future__ import annotations
 

@@ -445,8 +445,7 @@ def files() -> dict[str, str]:
         "lossy.json": lossy(),
         "alternating.json": alternating(),
     }
-    texts = {k: _written({"schemas": SCHEMAS, "cases": v}, 4) + "\n" for k, v in made.items()}
-    return texts
+    return {k: _written({"schemas": SCHEMAS, "cases": v}, 4) + "\n" for k, v in made.items()}
 
 
 if __name__ == "__main__":

@@ -1,0 +1,68 @@
+import { describe, expect, test } from 'vitest';
+import { JointMapping, level, Schema } from '../src/index.ts';
+import { load, type Schemas } from './vectors.ts';
+
+const { mapping: vector } = load<Schemas>('vectors/schemas.json');
+const schema = Schema.parse(vector.text);
+
+describe('joints', () => {
+  test.each(Object.entries(vector.joints))('of %s as the vector says', (field, joints) => {
+    const mapping = new JointMapping(schema, field);
+    const values = mapping.evaluate(Int32Array.from(vector.codes));
+    const got = new Map(mapping.joints.map((name, i) => [name, Number.isNaN(values[i]) ? null : values[i]]));
+    expect(got).toEqual(new Map(Object.entries(joints)));
+  });
+
+  test('the same array each time', () => {
+    const mapping = new JointMapping(schema, 'pos');
+    const codes = new Int32Array(schema.size);
+    expect(mapping.evaluate(codes)).toBe(mapping.evaluate(codes));
+  });
+});
+
+test('limits: rest lies at zero, or beyond the limit', () => {
+  const force = { low: -30, high: 500, caution: 0.5 };
+  expect([-31, -30, -15, 0, 250, 251, 501].map((v) => level(force, v))).toEqual([
+    'fault',
+    'caution',
+    'ok',
+    'ok',
+    'ok',
+    'caution',
+    'fault',
+  ]);
+  const battery = { low: 44, high: null, caution: 0.88 };
+  expect([43.9, 44, 49.9, 50.1].map((v) => level(battery, v))).toEqual(['fault', 'caution', 'caution', 'ok']);
+  expect([null, Number.NaN].map((v) => level(force, v))).toEqual(['ok', 'ok']);
+});
+
+test('stars stand for the rest', () => {
+  const { mapping } = Schema.parse(
+    JSON.stringify({
+      type: 'schema',
+      v: 1,
+      robot: 'r',
+      labels: { j: ['x'] },
+      fields: [{ name: 'a', labels: 'j' }],
+      mapping: {
+        thresholds: { temp: { '*': { high: 70 }, RKN: { high: 80, caution: 0.9 } } },
+        tolerance: { '*': 0.05, RKN: 0.08 },
+        severity: { flags: { homed: 'state' } },
+        sensors: { RF: { kind: 'wrench', link: 'foot' }, main: { kind: 'power' } },
+      },
+    }),
+  );
+  expect(mapping.threshold('temp', 'RKN')).toEqual({ low: null, high: 80, caution: 0.9 });
+  expect(mapping.threshold('temp', 'LKN')).toEqual({ low: null, high: 70, caution: 1 });
+  expect(mapping.threshold('cur', 'LKN')).toBeNull();
+  expect([mapping.tolerance('RKN'), mapping.tolerance('LKN')]).toEqual([0.08, 0.05]);
+  expect([mapping.severity('flags', 'homed'), mapping.severity('flags', 'jam')]).toEqual(['state', 'fault']);
+  expect(mapping.sensors.get('RF')).toEqual({
+    kind: 'wrench',
+    name: 'RF',
+    link: 'foot',
+    xyz: [0, 0, 0],
+    rpy: [0, 0, 0],
+  });
+  expect(mapping.sensors.get('main')?.link).toBeNull();
+});

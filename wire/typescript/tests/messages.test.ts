@@ -1,0 +1,78 @@
+import fc from 'fast-check';
+import { expect, test } from 'vitest';
+import { parseRelayMessage } from '../src/index.ts';
+
+const HASH = 'a'.repeat(64);
+
+test.each([
+  { type: 'status', robot: 'silent', age_ms: 1700, seq: 12 },
+  { type: 'status', robot: 'offline', age_ms: null, seq: null },
+  { type: 'event', n: 3, t: 1.5, at: 1e9, level: 'fault', source: 'RKN', text: 'jam', state: 'on' },
+  { type: 'rate', hz: 10, reason: 'busy' },
+  { type: 'model', hash: HASH },
+  { type: 'pong', t: 5 },
+  { type: 'bye', code: 1012, reason: 'drain', retry_s: 8 },
+])('reads $type', (message) => {
+  expect(parseRelayMessage(JSON.stringify(message))).toEqual(message);
+  expect(parseRelayMessage(JSON.stringify({ ...message, more: [1] }))).toEqual(message);
+});
+
+test('hello and info hold maps, so that no name is special', () => {
+  const hello = { type: 'hello', wire: 1, server_time: 2, robot: 'r', view: 'public', hz: 10, model: null };
+  expect(parseRelayMessage(JSON.stringify({ ...hello, limits: { max_hz: 30, x: 'y' } }))).toEqual({
+    ...hello,
+    limits: new Map([['max_hz', 30]]),
+  });
+  const info = parseRelayMessage('{"type":"info","kv":{"__proto__":"a","mode":"walking","n":1}}');
+  expect(info).toEqual({
+    type: 'info',
+    kv: new Map([
+      ['__proto__', 'a'],
+      ['mode', 'walking'],
+    ]),
+  });
+});
+
+test('a schema keeps its exact text', () => {
+  const text = '{ "type" : "schema", "v":1 }';
+  expect(parseRelayMessage(text)).toEqual({ type: 'schema', text });
+});
+
+test.each([
+  '',
+  'null',
+  '[]',
+  '1',
+  '{}',
+  '{"type":1}',
+  '{"type":"toString"}',
+  '{"type":"__proto__"}',
+  '{"type":"later"}',
+  '{"type":"status","robot":"asleep","age_ms":1,"seq":1}',
+  '{"type":"status","robot":"online","age_ms":"1","seq":1}',
+  '{"type":"hello","wire":1}',
+  '{"type":"info","kv":[]}',
+  '{"type":"event","n":1,"t":1,"level":"fault","source":"RKN","text":"jam"}',
+  '{"type":"model","hash":"../../etc"}',
+  '{"type":"bye"}',
+])('skips %s', (text) => {
+  expect(parseRelayMessage(text)).toBeNull();
+});
+
+test('never throws', () => {
+  fc.assert(
+    fc.property(
+      fc.oneof(
+        fc.string(),
+        fc.json(),
+        fc
+          .constantFrom('hello', 'info', 'event')
+          .chain((type) => fc.object().map((o) => JSON.stringify({ ...o, type }))),
+      ),
+      (text) => {
+        parseRelayMessage(text);
+      },
+    ),
+    { numRuns: 300 },
+  );
+});
