@@ -1,0 +1,89 @@
+"""Between the core and the world: carries out what the core decides, and calls it when its time has come."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import time
+from collections.abc import Callable, Iterable
+
+from posecast_relay.adapters.store import StateStore
+from posecast_relay.core.actions import Action, Ask, Cut, End, Keep, Send
+from posecast_relay.core.hub import Hub
+
+log = logging.getLogger("posecast_relay")
+
+GRAIN_S = 0.002  # a timer this close is left as it is
+
+
+class Pump:
+    """One per process, on the event loop. `ask` is set by whoever can ask an edge."""
+
+    def __init__(self, hub: Hub, store: StateStore) -> None:
+        self.hub = hub
+        self.store = store
+        self.ask: Callable[[str], None] = lambda _robot: None
+        self.draining = False
+        self._loop = asyncio.get_running_loop()
+        self._timer: asyncio.TimerHandle | None = None
+        self._armed_at = float("inf")
+
+    def now(self) -> float:
+        """The loop's clock: the one every time in the core is of."""
+        return self._loop.time()
+
+    @staticmethod
+    def unix_s() -> float:
+        """The wall clock, only ever shown."""
+        return time.time()
+
+    def start(self) -> None:
+        """Begin to follow the core's clock."""
+        self.arm()
+
+    def stop(self) -> None:
+        """No more ticks."""
+        if self._timer is not None:
+            self._timer.cancel()
+
+    def carry_out(self, actions: Iterable[Action]) -> None:
+        """Do what the core said, in its order, and see to it that it is called again in time."""
+        for action in actions:
+            match action:
+                case Send(data, viewers):
+                    for viewer in viewers:
+                        viewer.outlet.write(data)
+                case Keep(stream):
+                    self.store.keep(stream)
+                case End(viewer, close, reason, retry_s):
+                    viewer.outlet.end(close, reason, retry_s)
+                case Cut(viewer, close):
+                    viewer.outlet.cut(close)
+                case Ask(robot):
+                    self.ask(robot)
+        self.arm()
+
+    def flush(self) -> None:
+        """Hand out what came in."""
+        self.carry_out(self.hub.flush(self.now(), self.unix_s()))
+
+    def arm(self) -> None:
+        """Set the timer for the core's next moment, unless it stands early enough."""
+        wake_at = self.hub.wake_at
+        if wake_at >= self._armed_at - GRAIN_S:
+            return
+        if self._timer is not None:
+            self._timer.cancel()
+        self._armed_at = wake_at
+        self._timer = self._loop.call_at(wake_at, self._tick)
+
+    def _tick(self) -> None:
+        self._armed_at = float("inf")
+        self._timer = None
+        self.carry_out(self.hub.tick(self.now(), self.unix_s()))
+
+    def drain(self) -> None:
+        """Tell every viewer that this relay goes."""
+        if not self.draining:
+            self.draining = True
+            self.carry_out(self.hub.drain("the relay is being replaced", 10.0))

@@ -1,0 +1,23 @@
+"""What a state store is. The core's own memory always holds the newest state; a store shows it to others."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from posecast_relay.core.stream import Stream
+
+
+class StateStore(Protocol):
+    """Never on the fan-out path: `keep` returns at once, whatever the store is doing."""
+
+    def keep(self, stream: Stream) -> None:
+        """This stream has changed. The store writes the newest it finds there when it gets to it."""
+
+    def trouble(self) -> str | None:
+        """One line about what is wrong, None when all is well."""
+
+    async def start(self) -> None:
+        """Begin to work; does not wait for the store to answer."""
+
+    async def stop(self) -> None:
+        """Write what waits, if that takes under a second, and let go."""

@@ -1,0 +1,22 @@
+"""`memory://`: nobody outside this process asks, so the core's memory is all the store there is."""
+
+from __future__ import annotations
+
+from posecast_relay.core.stream import Stream
+
+
+class MemoryStore:
+    """Keeps nothing of its own."""
+
+    def keep(self, stream: Stream) -> None:
+        """The stream holds its newest state already."""
+
+    def trouble(self) -> str | None:
+        """Memory does not fail by itself."""
+        return None
+
+    async def start(self) -> None:
+        """Nothing to begin."""
+
+    async def stop(self) -> None:
+        """Nothing to let go of."""

@@ -1,0 +1,239 @@
+"""The stream's own way in: a WebSocket upgrade is taken over from uvicorn before ASGI.
+
+The handshake, and everything a viewer sends, goes through the sans-I/O protocol of the `websockets` library.
+A viewer is sent messages that the core has made ready, straight to the transport: no task, no queue, no copy.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import re
+import socket
+from http import HTTPStatus
+from typing import TYPE_CHECKING, Any, ClassVar, cast
+from urllib.parse import parse_qs
+
+from posecast_wire import Close, check_name
+from websockets.frames import Frame as WebSocketFrame
+from websockets.frames import Opcode
+from websockets.http11 import Request
+from websockets.protocol import OPEN
+from websockets.server import ServerProtocol
+
+from posecast_relay.adapters.pump import Pump
+from posecast_relay.core import messages
+from posecast_relay.core.viewer import Viewer
+
+if TYPE_CHECKING:
+    from uvicorn.config import Config
+    from uvicorn.server import ServerState
+
+LIVE_PATH = re.compile(r"/api/v1/robots/([^/]{1,200})/live")
+DEFAULT_HZ = 30.0
+DEFAULT_VIEW = "public"
+# What an unread socket swallows before it pushes back. Small, so that a slow viewer shows soon (the kernel
+# takes twice the figure); large enough for a join in one go.
+SEND_BUFFER_BYTES = 16384
+CLOSING_S = 2.0  # a viewer that does not answer a close in this time is cut off
+
+
+class BadRequest(ValueError):
+    """A request that gets an HTTP status instead of a stream."""
+
+
+class LiveSocket(asyncio.Protocol):
+    """One viewer's connection, from its HTTP request to its end."""
+
+    pump: ClassVar[Pump]
+
+    def __init__(
+        self,
+        config: Config,  # noqa: ARG002 — the arguments are uvicorn's
+        server_state: ServerState,
+        app_state: Any,  # noqa: ARG002
+    ) -> None:
+        self._connections: set[Any] = server_state.connections
+        self._ws = ServerProtocol(max_size=self.pump.hub.limits.message_bytes)
+        self._transport: asyncio.Transport
+        self._viewer: Viewer | None = None
+        self._fragments: list[bytes] | None = None
+        self._closing: asyncio.TimerHandle | None = None
+
+    # ---- asyncio ----------------------------------------------------------
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """uvicorn hands its transport over."""
+        self._transport = cast(asyncio.Transport, transport)
+        self._connections.add(self)
+        sock = self._transport.get_extra_info("socket")
+        if sock is not None:
+            sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
+        # at 0 the transport tells at once when a socket has not taken everything
+        self._transport.set_write_buffer_limits(high=0)
+
+    def connection_lost(self, _exc: Exception | None) -> None:
+        """The connection is gone, by whichever side."""
+        self._connections.discard(self)
+        if self._closing is not None:
+            self._closing.cancel()
+        if self._viewer is not None:
+            self.pump.hub.leave(self._viewer)
+
+    def pause_writing(self) -> None:
+        """The socket did not take everything."""
+        if self._viewer is not None:
+            self._viewer.paused(self.pump.now())
+
+    def resume_writing(self) -> None:
+        """The socket has taken everything."""
+        if self._viewer is not None:
+            self.pump.carry_out(self.pump.hub.drained(self._viewer))
+
+    def data_received(self, data: bytes) -> None:
+        """Bytes from the viewer (first of all its HTTP request, as uvicorn read it)."""
+        ws = self._ws
+        ws.receive_data(data)
+        if self._viewer is not None:
+            self._viewer.heard_at = self.pump.now()
+        for event in ws.events_received():
+            if isinstance(event, Request):
+                self._handshake(event)
+            elif isinstance(event, WebSocketFrame):
+                self._frame(event)
+        self._send_own()
+
+    def eof_received(self) -> None:
+        """The viewer will send no more: there is no half-open stream here."""
+        self._ws.receive_eof()
+        self._send_own()
+
+    def shutdown(self) -> None:
+        """uvicorn stops: the first connection it tells takes everybody along."""
+        self.pump.drain()
+        if self._viewer is None:
+            self._transport.close()
+
+    # ---- what a viewer sends ------------------------------------------------
+
+    def _handshake(self, request: Request) -> None:
+        try:
+            robot, view, hz = _asked(request.path)
+        except BadRequest as e:
+            known = LIVE_PATH.fullmatch(request.path.partition("?")[0])
+            status = HTTPStatus.BAD_REQUEST if known else HTTPStatus.NOT_FOUND
+            self._ws.send_response(self._ws.reject(status, f"{e}\n"))
+            return
+        response = self._ws.accept(request)
+        self._ws.send_response(response)
+        self._send_own()
+        if self._ws.state is not OPEN:
+            return
+        pump = self.pump
+        if pump.draining:
+            self.end(Close.DRAIN, "the relay is being replaced", 10.0)
+            return
+        try:
+            check_name("robot", robot)
+            check_name("view", view)
+            if view != DEFAULT_VIEW:
+                raise ValueError(f"view {view!r}: only {DEFAULT_VIEW!r} is open to viewers")
+        except ValueError as e:
+            pump.hub.endings[Close.ABSENT] += 1
+            self.end(Close.ABSENT, str(e), None)
+            return
+        self._viewer = Viewer(self, robot, view, hz, pump.hub.limits, pump.now())
+        pump.carry_out(pump.hub.join(self._viewer, pump.now(), pump.unix_s()))
+
+    def _frame(self, frame: WebSocketFrame) -> None:
+        if frame.opcode is Opcode.CLOSE or self._ws.state is not OPEN:
+            return
+        if frame.opcode is Opcode.BINARY:
+            self._refuse(Close.BINARY, "viewers send text only")
+        elif frame.opcode in (Opcode.TEXT, Opcode.CONT):
+            if not frame.fin or self._fragments is not None:  # the library bounds their sum
+                self._fragments = [*(self._fragments or []), bytes(frame.data)]
+                if not frame.fin:
+                    return
+                whole, self._fragments = b"".join(self._fragments), None
+            else:
+                whole = bytes(frame.data)
+            if self._viewer is not None:
+                pump = self.pump
+                pump.carry_out(pump.hub.message(self._viewer, whole, pump.now()))
+
+    def _refuse(self, close: Close, reason: str) -> None:
+        if self._viewer is not None:
+            self.pump.carry_out(self.pump.hub.refuse(self._viewer, close, reason))
+
+    # ---- what it is sent (Outlet) -------------------------------------------
+
+    def write(self, data: bytes) -> None:
+        """Ready-made messages, to the socket."""
+        self._transport.write(data)
+
+    def end(self, close: Close, reason: str, retry_s: float | None) -> None:
+        """Say why, close, and do not wait for long."""
+        if self._ws.state is not OPEN:
+            return
+        self._transport.write(messages.bye(close, reason, retry_s))
+        self._ws.send_close(close, reason[:100])
+        self._send_own()
+        self._hurry()
+
+    def cut(self, _close: Close) -> None:
+        """Abort: nothing gets through to a viewer that does not read."""
+        self._transport.abort()
+
+    def _hurry(self) -> None:
+        if self._closing is None:
+            loop = asyncio.get_running_loop()
+            self._closing = loop.call_later(CLOSING_S, self._transport.abort)
+
+    def _send_own(self) -> None:
+        """What the library itself wants to send: the handshake, pongs, closes, the end."""
+        for data in self._ws.data_to_send():
+            if data:
+                self._transport.write(data)
+            else:
+                self._count_failure()
+                self._transport.close()
+                self._hurry()
+
+    def _count_failure(self) -> None:
+        """A connection that the library ended for a broken rule (1002, 1009): count it by its code."""
+        sent, viewer, hub = self._ws.close_sent, self._viewer, self.pump.hub
+        if (
+            viewer is not None
+            and viewer in hub.viewers
+            and self._ws.parser_exc is not None
+            and sent is not None
+        ):
+            hub.endings[sent.code] += 1
+            hub.leave(viewer)
+
+
+def live_protocol(of: Pump) -> type[LiveSocket]:
+    """The class that uvicorn takes as its `ws` option."""
+
+    class Bound(LiveSocket):
+        pump = of
+
+    return Bound
+
+
+def _asked(target: str) -> tuple[str, str, float]:
+    """Robot, view and rate of a request target. BadRequest says what is wrong with it."""
+    path, _, query = target.partition("?")
+    found = LIVE_PATH.fullmatch(path)
+    if found is None:
+        raise BadRequest("no such stream: use /api/v1/robots/ROBOT/live")
+    try:
+        asked = parse_qs(query, keep_blank_values=True, max_num_fields=16)
+        hz = float(asked["hz"][0]) if "hz" in asked else DEFAULT_HZ
+    except ValueError:
+        raise BadRequest("hz must be a number from 0 to 60") from None
+    if not 0 <= hz <= 1000:
+        raise BadRequest("hz must be a number from 0 to 60")
+    if asked.get("format", ["binary"])[0] != "binary":
+        raise BadRequest("format must be binary")
+    return found[1], asked.get("view", [DEFAULT_VIEW])[0], hz

@@ -1,0 +1,54 @@
+"""What the core asks for: each call on it returns a list of these, to be carried out in order."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from posecast_wire import Close
+
+from posecast_relay.core.stream import Stream
+from posecast_relay.core.viewer import Viewer
+
+
+@dataclass(slots=True)
+class Send:
+    """The same ready-made bytes to each of these viewers, in one write each."""
+
+    data: bytes
+    viewers: Sequence[Viewer]
+
+
+@dataclass(slots=True)
+class End:
+    """Tell this viewer why (`bye`), then close. The core has let go of it already."""
+
+    viewer: Viewer
+    close: Close
+    reason: str
+    retry_s: float | None
+
+
+@dataclass(slots=True)
+class Cut:
+    """Drop this connection at once: a polite close cannot get through a full buffer."""
+
+    viewer: Viewer
+    close: Close
+
+
+@dataclass(slots=True)
+class Ask:
+    """Ask the edge for the snapshots of all its views."""
+
+    robot: str
+
+
+@dataclass(slots=True)
+class Keep:
+    """This stream has changed: the store may want it."""
+
+    stream: Stream
+
+
+Action = Send | End | Cut | Ask | Keep

@@ -1,0 +1,319 @@
+"""The whole relay without its sockets. Calls come in with the time; what to do comes back, in order."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+
+from posecast_wire import (
+    Ack,
+    Auth,
+    Close,
+    MessageError,
+    Ping,
+    Rate,
+    Snapshot,
+    Stamp,
+    ViewerMessage,
+    parse_viewer_message,
+)
+
+from posecast_relay.core import messages
+from posecast_relay.core.actions import Action, Ask, Cut, End, Keep, Send
+from posecast_relay.core.limits import Limits
+from posecast_relay.core.robot import Robot
+from posecast_relay.core.room import NEVER, Room
+from posecast_relay.core.stream import Fate
+from posecast_relay.core.viewer import Viewer
+
+FULL_RETRY_S = 30.0
+FORGET_EVERY = 20  # sweeps
+
+
+class Hub:
+    """All robots and viewers of one process."""
+
+    def __init__(self, limits: Limits) -> None:
+        self.limits = limits
+        self.robots: dict[str, Robot] = {}
+        self.viewers: dict[Viewer, Room] = {}
+        self.fates: Counter[str] = Counter()  # of messages from edges
+        self.endings: Counter[int] = Counter()  # of viewers, by close code
+        self.wake_at = 0.0  # `tick` wants to be called then, or a little later
+        self._changed: dict[Room, None] = {}
+        self._status_at = 0.0
+        self._sweep_at = 0.0
+        self._sweeps = 0
+        self._words: dict[Room, str] = {}
+
+    # ---- from the edges ---------------------------------------------------
+
+    def frame(self, robot: str, view: str, payload: bytes, stamp: Stamp, now: float) -> Fate:
+        """Take a frame in; `flush` then hands out the newest."""
+        found = self._publisher(robot, view)
+        if found is None:
+            fate = Fate.CROWDED
+        else:
+            of, room = found
+            fate = of.frame(room, payload, stamp, now)
+            if fate is Fate.TAKEN:
+                self._changed[room] = None
+            if of.lacking:
+                self.wake_at = min(self.wake_at, of.ask_at)
+        self.fates[fate.value] += 1
+        return fate
+
+    def snapshot(self, robot: str, view: str, snapshot: Snapshot, stamp: Stamp, now: float) -> None:
+        """Take in what an edge answered. ValueError, one line, when it is of no use."""
+        found = self._publisher(robot, view)
+        if found is None:
+            raise ValueError("snapshot: more robots or views than the relay takes")
+        of, room = found
+        of.snapshot(room, snapshot, stamp, now)
+        self._changed[room] = None
+
+    def event(
+        self, robot: str, view: str, payload: bytes, stamp: Stamp, now: float, unix_s: float
+    ) -> list[Action]:
+        """An event from an edge: number it, keep it, hand it to everybody."""
+        found = self._publisher(robot, view)
+        doc = _event(payload, self.limits.event_bytes)
+        if found is None or doc is None:
+            self.fates[(Fate.CROWDED if found is None else Fate.BAD).value] += 1
+            return []
+        of, room = found
+        if of.runs.is_retired(stamp.run_id, now):
+            self.fates[Fate.RETIRED.value] += 1
+            return []
+        of.heard_at = now
+        return [*room.announce(room.stream.number(doc, unix_s)), Keep(room.stream)]
+
+    def token(self, robot: str, present: bool, now: float) -> list[Action]:
+        """An edge's liveliness token came or went."""
+        if present:
+            found = self._robot(robot)
+            if found is None:
+                self.fates[Fate.CROWDED.value] += 1
+                return []
+            found.came(now)
+            self.wake_at = min(self.wake_at, found.ask_at)
+            return self._words_changed(found, now)
+        gone = self.robots.get(robot)
+        if gone is None:
+            return []
+        gone.liveness.left(now)
+        return self._words_changed(gone, now)
+
+    def flush(self, now: float, unix_s: float) -> list[Action]:
+        """Hand out what has changed since the last flush, each stream's newest frame only."""
+        out: list[Action] = []
+        changed, self._changed = self._changed, {}
+        for room in changed:
+            robot = self.robots[room.stream.robot]
+            out += room.describe()
+            out += room.offer(now)
+            out.append(Keep(room.stream))
+            if room.viewers:
+                out += self._word_changed(robot, room, now)
+                self.wake_at = min(self.wake_at, room.wake_at())
+            out += self._conflict(robot, now, unix_s)
+        return out
+
+    # ---- from the viewers ---------------------------------------------------
+
+    def join(self, viewer: Viewer, now: float, unix_s: float) -> list[Action]:
+        """A viewer came; it gets all it needs in one write, or is told that the relay is full."""
+        if len(self.viewers) >= self.limits.viewers:
+            self.endings[Close.FULL] += 1
+            return [End(viewer, Close.FULL, "as many viewers as this relay takes", FULL_RETRY_S)]
+        robot = self.robots.get(viewer.robot)
+        if robot is None:  # it may come later; bounded by the number of viewers
+            robot = self.robots[viewer.robot] = Robot(viewer.robot, self.limits)
+        room = robot.room(viewer.view)
+        self.viewers[viewer] = room
+        self._words.setdefault(room, robot.word(room, now))
+        return [room.join(viewer, robot.word(room, now), now, unix_s)]
+
+    def leave(self, viewer: Viewer) -> None:
+        """A viewer's connection is gone; harmless when it was let go of before."""
+        room = self.viewers.pop(viewer, None)
+        if room is None:
+            return
+        room.leave(viewer)
+        robot = self.robots.get(viewer.robot)
+        if robot is not None and robot.heard_at is None and not robot.has_viewers():
+            self._forget(robot)
+
+    def message(self, viewer: Viewer, payload: bytes, now: float) -> list[Action]:
+        """A text message from a viewer."""
+        room = self.viewers.get(viewer)
+        if room is None:
+            return []
+        if not viewer.take_token(now):
+            return self._end(viewer, Close.TOO_MANY, "too many messages", 10.0)
+        try:
+            return self._answer(viewer, room, parse_viewer_message(payload), now)
+        except MessageError as e:
+            return self._end(viewer, e.close, str(e), None)
+
+    def _answer(self, viewer: Viewer, room: Room, said: ViewerMessage, now: float) -> list[Action]:
+        match said:
+            case Ack(n):
+                was_blocked = viewer.blocked
+                viewer.acked(n, now)
+                return room.drained(viewer) if was_blocked else []
+            case Rate(hz):
+                granted = min(hz, self.limits.max_hz)
+                room.set_rate(viewer, granted, now)
+                self.wake_at = min(self.wake_at, room.wake_at())
+                return room.tell(viewer, messages.rate(granted, "asked" if granted == hz else "limit"))
+            case Ping(t):
+                return room.tell(viewer, messages.pong(t))
+            case Auth():  # public views need none
+                return []
+
+    def refuse(self, viewer: Viewer, close: Close, reason: str) -> list[Action]:
+        """Let a viewer go because of what it sent (found below the messages: binary data)."""
+        return self._end(viewer, close, reason, None)
+
+    def drained(self, viewer: Viewer) -> list[Action]:
+        """A viewer's socket has taken everything."""
+        viewer.paused_at = None
+        room = self.viewers.get(viewer)
+        return room.drained(viewer) if room else []
+
+    def drain(self, reason: str, retry_s: float) -> list[Action]:
+        """The relay goes: everybody is told and let go."""
+        out: list[Action] = []
+        for viewer in tuple(self.viewers):
+            out += self._end(viewer, Close.DRAIN, reason, retry_s)
+        return out
+
+    # ---- time ---------------------------------------------------------------
+
+    def tick(self, now: float, unix_s: float) -> list[Action]:
+        """Everything that time alone brings. Sets `wake_at` anew."""
+        out: list[Action] = []
+        sweep = now >= self._sweep_at
+        report = now >= self._status_at
+        wake_at = NEVER
+        for robot in self.robots.values():
+            if robot.asks(now):
+                out.append(Ask(robot.name))
+            if robot.lacking:
+                wake_at = min(wake_at, robot.ask_at)
+            for room in robot.rooms.values():
+                if not room.viewers:
+                    continue
+                out += room.flush(now)
+                wake_at = min(wake_at, room.wake_at())
+                out += self._word_changed(robot, room, now)
+                if report:
+                    out += room.report(robot.word(room, now), now)
+            if sweep:
+                out += self._conflict(robot, now, unix_s)
+        if sweep:
+            out += self._sweep(now)
+            self._sweep_at = now + self.limits.sweep_s
+        if report:
+            self._status_at = now + self.limits.status_s
+        self.wake_at = min(wake_at, self._sweep_at, self._status_at)
+        return out
+
+    def _sweep(self, now: float) -> list[Action]:
+        out: list[Action] = []
+        pings: list[Viewer] = []
+        for viewer in tuple(self.viewers):
+            close = viewer.overdue(now)
+            if close is not None:
+                self.leave(viewer)
+                self.endings[close] += 1
+                out.append(Cut(viewer, close))
+            elif now - max(viewer.heard_at, viewer.ping_at) >= self.limits.ping_s:
+                viewer.ping_at = now
+                pings.append(viewer)
+        if pings:
+            out.append(Send(messages.PING, pings))
+        self._sweeps += 1
+        if self._sweeps % FORGET_EVERY == 0:
+            for robot in tuple(self.robots.values()):
+                gone = robot.heard_at is None or now - robot.heard_at > self.limits.forget_s
+                if gone and not robot.liveness.token and not robot.has_viewers():
+                    self._forget(robot)
+        return out
+
+    # ---- small things ---------------------------------------------------------
+
+    def _robot(self, name: str) -> Robot | None:
+        robot = self.robots.get(name)
+        if robot is None:
+            known = sum(1 for r in self.robots.values() if r.heard_at is not None)
+            if known >= self.limits.robots:
+                return None
+            robot = self.robots[name] = Robot(name, self.limits)
+        return robot
+
+    def _publisher(self, name: str, view: str) -> tuple[Robot, Room] | None:
+        robot = self._robot(name)
+        if robot is None or (view not in robot.rooms and len(robot.rooms) >= self.limits.views):
+            return None
+        return robot, robot.room(view)
+
+    def _forget(self, robot: Robot) -> None:
+        del self.robots[robot.name]
+        for room in robot.rooms.values():
+            self._words.pop(room, None)
+            self._changed.pop(room, None)
+
+    def _end(self, viewer: Viewer, close: Close, reason: str, retry_s: float | None) -> list[Action]:
+        self.leave(viewer)
+        self.endings[close] += 1
+        return [End(viewer, close, reason, retry_s)]
+
+    def _words_changed(self, robot: Robot, now: float) -> list[Action]:
+        out: list[Action] = []
+        for room in robot.rooms.values():
+            if room.viewers:
+                out += self._word_changed(robot, room, now)
+        return out
+
+    def _word_changed(self, robot: Robot, room: Room, now: float) -> list[Action]:
+        word = robot.word(room, now)
+        if self._words.get(room) == word:
+            return []
+        self._words[room] = word
+        return room.report(word, now)
+
+    def _conflict(self, robot: Robot, now: float, unix_s: float) -> list[Action]:
+        """Tell when a second edge begins or ceases to claim this robot."""
+        conflict = robot.runs.conflict(now)
+        if conflict == robot.in_conflict:
+            return []
+        robot.in_conflict = conflict
+        out: list[Action] = []
+        for room in robot.rooms.values():
+            newest = room.stream.newest
+            doc: dict[str, object] = {
+                "type": "event",
+                "t": newest.t_s if newest else 0.0,
+                "level": "caution",
+                "source": "relay",
+                "text": "another edge claims this robot",
+                "state": "on" if conflict else "off",
+            }
+            out += room.announce(room.stream.number(doc, unix_s))
+        return out
+
+
+def _event(payload: bytes, bytes_max: int) -> dict[str, object] | None:
+    """An edge's event, or None when it is none."""
+    if len(payload) > bytes_max:
+        return None
+    try:
+        doc = json.loads(payload.decode())
+    except (ValueError, RecursionError):
+        return None
+    if not isinstance(doc, dict) or doc.get("type") != "event":
+        return None
+    texts = all(isinstance(doc.get(name), str) for name in ("level", "source", "text", "state"))
+    return doc if texts and isinstance(doc.get("t"), (int, float)) else None

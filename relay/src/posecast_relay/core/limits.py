@@ -1,0 +1,37 @@
+"""Every bound of the relay in one place. Times in seconds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from posecast_wire import MESSAGE_BYTES_MAX
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What the relay takes, keeps and waits for. What happens beyond each bound stands beside it."""
+
+    viewers: int = 5000  # in all; the next one gets `bye` 1013
+    robots: int = 1000  # publishers; frames of further ones are dropped and counted
+    views: int = 8  # per robot; likewise
+    frame_bytes: int = 1 << 16  # a larger frame is dropped and counted
+    event_bytes: int = 2048  # a larger event is dropped and counted
+    info_bytes: int = 16384  # all of a stream's info; a larger one is refused with its snapshot
+    message_bytes: int = MESSAGE_BYTES_MAX  # a viewer's message; longer closes 1009
+    max_hz: float = 60.0  # a viewer asking for more gets this
+    events: int = 100  # kept per stream for those who join; the oldest goes
+    lane: int = 256  # messages that wait for a viewer that has not drained; beyond closes 4430
+    messages_burst: int = 20  # a viewer's messages at once; beyond closes 4429
+    messages_per_s: float = 10.0
+    status_s: float = 0.9  # so that every viewer hears at least once a second
+    sweep_s: float = 0.5  # how often silent robots and silent viewers are looked for
+    ask_s: float = 1.0  # between two questions for one robot's snapshots
+    ack_grace_s: float = 1.0  # a viewer owes no acknowledgement within this of its last
+    ack_stop_s: float = 1.0  # owed for so long (so 2 s after the last one): send nothing more
+    ack_abort_s: float = 14.0  # owed for so long (so 15 s after the last one): cut
+    undrained_s: float = 5.0  # a viewer that never acknowledges may leave its buffer unread for so long
+    undrained_acking_s: float = 15.0  # the same for one that acknowledges
+    ping_s: float = 5.0  # nothing heard for so long: ask
+    half_open_s: float = 11.0  # nothing heard for so long: cut
+    silent_s: float = 1.5  # a robot whose newest frame is older is silent
+    forget_s: float = 3600.0  # a robot that is gone and unwatched for so long is forgotten

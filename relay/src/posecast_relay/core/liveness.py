@@ -1,0 +1,33 @@
+"""Is the robot there? One word for every viewer, from the edge's token and the age of the newest frame."""
+
+from __future__ import annotations
+
+from posecast_wire.messages import RobotWord
+
+REVIVE_S = 1.0  # a frame that comes this long after the token left was sent by an edge that lives
+
+
+class Liveness:
+    """Follows one robot's token. `online`: frames come; `silent`: the edge is there; `offline`: it left."""
+
+    def __init__(self) -> None:
+        self.token = False
+        self._lost_at = float("-inf")
+
+    def came(self) -> None:
+        """The edge's token is there."""
+        self.token = True
+
+    def left(self, now: float) -> None:
+        """The edge's token is gone: it stopped, died, or its link was cut for the length of the lease."""
+        self.token = False
+        self._lost_at = now
+
+    def word(self, live_at: float | None, age_s: float | None, silent_s: float) -> RobotWord:
+        """`live_at`: arrival of the newest live frame; `age_s`: its age, with the time it was under way."""
+        fresh = age_s is not None and age_s <= silent_s
+        if not self.token:
+            # two edges with one robot id share one token: the frames of the one that stays say so
+            revived = fresh and live_at is not None and live_at > self._lost_at + REVIVE_S
+            return "online" if revived else "offline"
+        return "online" if fresh else "silent"

@@ -1,0 +1,88 @@
+"""What goes out to viewers, as ready WebSocket messages (unmasked, unfragmented, uncompressed)."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+
+from posecast_wire import WIRE_VERSION
+from posecast_wire.messages import Bye, Hello, Info, Model, Pong, RateGranted, RobotWord, Status
+
+from posecast_relay.core.limits import Limits
+
+PING = b"\x89\x00"  # a whole WebSocket ping without payload
+
+
+def _packed(opcode: int, payload: bytes) -> bytes:
+    size = len(payload)
+    if size < 126:
+        return bytes((opcode, size)) + payload
+    if size < 1 << 16:
+        return bytes((opcode, 126)) + size.to_bytes(2, "big") + payload
+    return bytes((opcode, 127)) + size.to_bytes(8, "big") + payload
+
+
+def binary(payload: bytes) -> bytes:
+    """A binary message as bytes for the socket: done once per frame, whoever gets it (RFC 6455 §5.2)."""
+    return _packed(0x82, payload)
+
+
+def text(payload: str) -> bytes:
+    """A text message as bytes for the socket."""
+    return _packed(0x81, payload.encode())
+
+
+def document(doc: Mapping[str, object]) -> bytes:
+    """A JSON message as bytes for the socket."""
+    return text(json.dumps(doc, separators=(",", ":"), ensure_ascii=False))
+
+
+def hello(unix_s: float, robot: str, view: str, hz: float, model: str | None, limits: Limits) -> bytes:
+    """First message of every connection."""
+    doc: Hello = {
+        "type": "hello",
+        "wire": WIRE_VERSION,
+        "server_time": round(unix_s, 3),
+        "robot": robot,
+        "view": view,
+        "hz": hz,
+        "limits": {"max_hz": limits.max_hz, "message_bytes": limits.message_bytes},
+        "model": model,
+    }
+    return document(doc)
+
+
+def status(word: RobotWord, age_ms: int | None, seq: int | None) -> bytes:
+    """How the robot is, and how old its newest frame."""
+    doc: Status = {"type": "status", "robot": word, "age_ms": age_ms, "seq": seq}
+    return document(doc)
+
+
+def info(kv: dict[str, str]) -> bytes:
+    """The robot's slow strings."""
+    doc: Info = {"type": "info", "kv": kv}
+    return document(doc)
+
+
+def model(digest: str) -> bytes:
+    """The robot's model changed."""
+    doc: Model = {"type": "model", "hash": digest}
+    return document(doc)
+
+
+def rate(hz: float, reason: str) -> bytes:
+    """This viewer's rate is now `hz`."""
+    doc: RateGranted = {"type": "rate", "hz": hz, "reason": reason}
+    return document(doc)
+
+
+def pong(t: float) -> bytes:
+    """Answer to a viewer's ping."""
+    doc: Pong = {"type": "pong", "t": t}
+    return document(doc)
+
+
+def bye(code: int, reason: str, retry_s: float | None) -> bytes:
+    """Why the connection ends now."""
+    doc: Bye = {"type": "bye", "code": code, "reason": reason, "retry_s": retry_s}
+    return document(doc)

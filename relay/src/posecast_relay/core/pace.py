@@ -1,0 +1,65 @@
+"""When the viewers of one rate are due.
+
+The edge's own clock (the stamp on each frame) decides, not the moment of arrival, so a jittering network does
+not turn every third frame into every second or fourth. Where the source's rate is close to a whole multiple
+of the viewer's, exactly every n-th frame is due; elsewhere moments are counted on, so the mean is right.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+
+SAMPLES = 16
+WHOLE = 0.02  # how far, as a part of it, a ratio of rates may lie from a whole number to count as one
+BURST = 0.5  # frames held up under way and let go at once are passed on at no less than this part of a period
+
+
+class Cadence:
+    """A stream's frame interval in seconds, from its stamps.
+
+    An unchanged robot skips frames, so long steps don't count: the mean of those near the lower quartile.
+    """
+
+    def __init__(self) -> None:
+        self.interval_s = 0.0  # 0 = not known yet
+        self._last_s = 0.0
+        self._steps: deque[float] = deque(maxlen=SAMPLES)
+
+    def saw(self, stamp_s: float) -> None:
+        """A frame stamped `stamp_s` was taken."""
+        step = stamp_s - self._last_s
+        self._last_s = stamp_s
+        if 0.0 < step < 10.0:
+            self._steps.append(step)
+            if len(self._steps) >= 4:
+                ordered = sorted(self._steps)
+                near = [s for s in ordered if s <= 1.5 * ordered[len(ordered) // 4]]
+                self.interval_s = sum(near) / len(near)
+
+
+class Pace:
+    """Due or not, for one rate of one stream."""
+
+    def __init__(self, hz: float) -> None:
+        self.period_s = 1.0 / hz
+        self.sent_at = float("-inf")  # relay's clock
+        self._due_s = float("-inf")  # edge's clock
+        self._run_id = 0
+
+    def is_due(self, run_id: int, stamp_s: float, interval_s: float, now: float) -> bool:
+        """Whether the frame stamped `stamp_s`, arriving at `now`, is one for this rate."""
+        if run_id != self._run_id:
+            return True
+        ratio = self.period_s / interval_s if interval_s else 1.0
+        if ratio <= 1.0 + WHOLE:
+            return True
+        return stamp_s >= self._due_s - interval_s / 2 and now >= self.sent_at + BURST * self.period_s
+
+    def sent(self, run_id: int, stamp_s: float, interval_s: float, now: float) -> None:
+        """That frame went out."""
+        ratio = self.period_s / interval_s if interval_s else 1.0
+        counted = run_id == self._run_id and abs(stamp_s - self._due_s) <= self.period_s
+        whole = abs(ratio - round(ratio)) <= WHOLE * ratio
+        self._due_s = (self._due_s if counted and not whole else stamp_s) + self.period_s
+        self._run_id = run_id
+        self.sent_at = now

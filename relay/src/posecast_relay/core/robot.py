@@ -1,0 +1,98 @@
+"""One robot: its runs, its token, its views, and when to ask its edge for snapshots."""
+
+from __future__ import annotations
+
+from posecast_wire import Snapshot, Stamp
+from posecast_wire.messages import RobotWord
+
+from posecast_relay.core.limits import Limits
+from posecast_relay.core.liveness import Liveness
+from posecast_relay.core.room import Room
+from posecast_relay.core.runs import Runs
+from posecast_relay.core.stream import Fate
+
+SETTLE_S = 0.05  # between a token and the first question: what the edge declares comes one by one
+REFRESH_S = 10.0  # a watched robot is asked again, since info and model change without a frame
+
+
+class Robot:
+    """`heard_at` is when its edge was last heard, None for a robot that only viewers have named."""
+
+    def __init__(self, name: str, limits: Limits) -> None:
+        self.name = name
+        self.limits = limits
+        self.runs = Runs()
+        self.liveness = Liveness()
+        self.rooms: dict[str, Room] = {}
+        self.heard_at: float | None = None
+        self.lacking = False  # something that only a snapshot brings
+        self.ask_at = float("-inf")  # not before
+        self.in_conflict = False
+
+    def room(self, view: str) -> Room:
+        """The room of a view, made when it is new."""
+        room = self.rooms.get(view)
+        if room is None:
+            room = self.rooms[view] = Room(self.name, view, self.limits)
+        return room
+
+    def came(self, now: float) -> None:
+        """The edge's token appeared: everything it has may be new."""
+        self.heard_at = now
+        self.liveness.came()
+        self.lacking = True
+        self.ask_at = max(self.ask_at, now + SETTLE_S)
+
+    def frame(self, room: Room, payload: bytes, stamp: Stamp, now: float) -> Fate:
+        """A frame that the edge sent just now."""
+        stream = room.stream
+        header = stream.check(payload)
+        if isinstance(header, Fate):
+            return header
+        self.heard_at = now
+        if self.runs.is_retired(stamp.run_id, now):
+            return Fate.RETIRED
+        if stamp.run_id != self.runs.current:
+            if not header.is_key:
+                self.lacking = True
+                return Fate.NO_BASE
+            self._adopt(stamp.run_id, now)
+        late_s = self.runs.arrived(stamp, now)
+        fate = stream.take(payload, header, stamp.run_id, stamp.elapsed_ns / 1e9, now, late_s)
+        if fate in (Fate.NO_BASE, Fate.NO_SCHEMA):
+            self.lacking = True
+        return fate
+
+    def snapshot(self, room: Room, snapshot: Snapshot, stamp: Stamp, now: float) -> None:
+        """What the edge answered. ValueError when it does not hold together or its run is retired."""
+        self.heard_at = now
+        if self.runs.is_retired(stamp.run_id, now):
+            raise ValueError("snapshot: of a retired run")
+        room.stream.absorb(snapshot, stamp.run_id, stamp.elapsed_ns / 1e9)
+        if stamp.run_id != self.runs.current:
+            self._adopt(stamp.run_id, now)
+        self.lacking = False
+
+    def _adopt(self, run_id: int, now: float) -> None:
+        self.runs.adopt(run_id, now)
+        self.lacking = True  # its info and model may be others, even when its schema is not
+
+    def asks(self, now: float) -> bool:
+        """Whether to ask for the snapshots now; the caller does so."""
+        if now < self.ask_at or not (self.lacking or self._stale(now)):
+            return False
+        self.ask_at = now + self.limits.ask_s
+        return True
+
+    def _stale(self, now: float) -> bool:
+        watched = self.liveness.token and any(room.viewers for room in self.rooms.values())
+        return watched and now >= self.ask_at + REFRESH_S
+
+    def word(self, room: Room, now: float) -> RobotWord:
+        """How the robot is, as far as this view shows."""
+        stream = room.stream
+        return self.liveness.word(stream.live_at, stream.age_s(now), self.limits.silent_s)
+
+    def has_viewers(self) -> bool:
+        """Whether anybody watches any view."""
+        return any(room.viewers for room in self.rooms.values())

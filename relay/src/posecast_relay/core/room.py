@@ -1,0 +1,257 @@
+"""One stream and those who watch it: the send rule.
+
+When a viewer is due at its rate and its socket has drained, it gets the schema and bases it lacks and then
+the newest frame, in that order, in one write. Joining, rates and slow viewers are all this one rule.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from posecast_wire import Close
+from posecast_wire.messages import RobotWord
+
+from posecast_relay.core import messages
+from posecast_relay.core.actions import Action, End, Send
+from posecast_relay.core.limits import Limits
+from posecast_relay.core.pace import Pace
+from posecast_relay.core.stream import Event, Held, Stream
+from posecast_relay.core.viewer import Viewer
+
+NEVER = float("inf")
+
+
+class Group:
+    """The viewers of one rate."""
+
+    def __init__(self, hz: float) -> None:
+        self.pace = Pace(hz)
+        self.viewers: dict[Viewer, None] = {}  # in the order they came
+        self.behind: set[Viewer] = set()  # could not take what was due
+        self.frame: Held | None = None  # handed out last
+        self.flush_at = NEVER  # a frame waits that was not due: then the newest goes out, whatever comes
+        self.retry_at = NEVER  # then those behind are tried again, if no further frame has come
+
+
+class Room:
+    """A stream, its viewers grouped by rate, and the delivery of everything to them."""
+
+    def __init__(self, robot: str, view: str, limits: Limits) -> None:
+        self.stream = Stream(robot, view, limits)
+        self.limits = limits
+        self.viewers: dict[Viewer, None] = {}
+        self.groups: dict[float, Group] = {}
+        self.delivered = 0  # frames times viewers
+
+    # ---- coming, going, changing rate -------------------------------------
+
+    def join(self, viewer: Viewer, word: RobotWord, now: float, unix_s: float) -> Send:
+        """Everything a new viewer needs, in one write."""
+        stream = self.stream
+        self.viewers[viewer] = None
+        parts = [
+            messages.hello(unix_s, stream.robot, stream.view, viewer.hz, stream.model, self.limits),
+            self._status(word, now),
+        ]
+        if stream.schema is not None:
+            parts.append(stream.described(with_model=False))  # hello has told the model
+        viewer.version = stream.version
+        parts += [event.packed for event in stream.events]
+        group = self._enter(viewer)
+        if group is not None and stream.newest is not None:
+            parts.append(self._lacking(viewer, stream.newest))
+            self._hand(viewer, stream.newest)
+            if group.frame is None:
+                self._handed_out(group, stream.newest, now)
+        return Send(b"".join(parts), (viewer,))
+
+    def leave(self, viewer: Viewer) -> None:
+        """Forget a viewer; harmless when it is gone already."""
+        self.viewers.pop(viewer, None)
+        self._exit(viewer)
+
+    def set_rate(self, viewer: Viewer, hz: float, now: float) -> None:
+        """Move a viewer to another rate; what it is due comes with the next frame, or within a period."""
+        self._exit(viewer)
+        viewer.hz = hz
+        group = self._enter(viewer)
+        if group is not None and viewer.frame is not self.stream.newest:
+            group.behind.add(viewer)
+            group.retry_at = min(group.retry_at, now + group.pace.period_s)
+
+    def _enter(self, viewer: Viewer) -> Group | None:
+        if viewer.hz <= 0:
+            return None
+        group = self.groups.get(viewer.hz)
+        if group is None:
+            group = self.groups[viewer.hz] = Group(viewer.hz)
+        group.viewers[viewer] = None
+        return group
+
+    def _exit(self, viewer: Viewer) -> None:
+        group = self.groups.get(viewer.hz)
+        if group is None:
+            return
+        group.viewers.pop(viewer, None)
+        group.behind.discard(viewer)
+        if not group.viewers:
+            del self.groups[viewer.hz]
+
+    # ---- frames -----------------------------------------------------------
+
+    def offer(self, now: float) -> list[Action]:
+        """The stream has changed: hand its newest frame to every group that is due."""
+        out: list[Action] = []
+        newest = self.stream.newest
+        interval_s = self.stream.cadence.interval_s
+        for group in self.groups.values():
+            if newest is None or group.frame is newest:
+                continue
+            if group.pace.is_due(newest.run_id, newest.stamp_s, interval_s, now):
+                self._pass(group, group.viewers, newest, now, out)
+            elif group.flush_at == NEVER:
+                group.flush_at = now + group.pace.period_s
+        return out
+
+    def flush(self, now: float) -> list[Action]:
+        """Hand the newest frame to whoever has waited for a period."""
+        out: list[Action] = []
+        newest = self.stream.newest
+        for group in self.groups.values():
+            if newest is not None and group.frame is not newest:
+                if now >= group.flush_at:
+                    self._pass(group, group.viewers, newest, now, out)
+                elif now >= group.retry_at:
+                    group.retry_at = NEVER  # the frame that waits will come to those behind as well
+            elif newest is not None and now >= group.retry_at:
+                self._pass(group, tuple(group.behind), newest, now, out)
+        return out
+
+    def wake_at(self) -> float:
+        """When `flush` has something to do, at the earliest."""
+        return min((min(g.flush_at, g.retry_at) for g in self.groups.values()), default=NEVER)
+
+    def _pass(
+        self, group: Group, viewers: Iterable[Viewer], frame: Held, now: float, out: list[Action]
+    ) -> None:
+        """One walk over viewers that are due. Nearly all hold the bases and share the frame's bytes."""
+        ready: list[Viewer] = []
+        behind: set[Viewer] = set()
+        version = self.stream.version
+        key = frame if frame.is_key else frame.key
+        ref, is_key = frame.ref, frame.is_key
+        for viewer in viewers:
+            if viewer.frame is frame:
+                continue
+            if viewer.blocked or (now >= viewer.check_at and not viewer.may_send(now)):
+                behind.add(viewer)
+            elif viewer.version == version and (
+                is_key or (viewer.key is key and (ref is None or viewer.ref is ref))
+            ):
+                ready.append(viewer)
+                viewer.sent += 1
+                viewer.frame = frame
+                viewer.key = key
+            else:
+                out.append(Send(self._lacking(viewer, frame), (viewer,)))
+                self._hand(viewer, frame)
+        if frame.is_ref:
+            for viewer in ready:
+                viewer.ref = frame
+        if ready:
+            self.delivered += len(ready)
+            out.append(Send(frame.packed, ready))
+        if group.frame is not frame:
+            self._handed_out(group, frame, now)
+        group.behind = behind
+        group.flush_at = NEVER
+        group.retry_at = now + group.pace.period_s if behind else NEVER
+
+    def _handed_out(self, group: Group, frame: Held, now: float) -> None:
+        group.frame = frame
+        group.pace.sent(frame.run_id, frame.stamp_s, self.stream.cadence.interval_s, now)
+
+    def _lacking(self, viewer: Viewer, frame: Held) -> bytes:
+        """What this viewer must be given so that it can read `frame`, and the frame."""
+        parts: list[bytes] = []
+        if viewer.version != self.stream.version:
+            parts.append(self.stream.described())
+        if frame.key is not None and viewer.key is not frame.key:
+            parts.append(frame.key.packed)
+        if frame.ref is not None and viewer.ref is not frame.ref:
+            parts.append(frame.ref.packed)
+        parts.append(frame.packed)
+        return b"".join(parts)
+
+    def _hand(self, viewer: Viewer, frame: Held) -> None:
+        """Note that a viewer was given `frame` and what it lacked for it."""
+        viewer.version = self.stream.version
+        if frame.key is not None and viewer.key is not frame.key:
+            viewer.sent += 1
+        if frame.ref is not None and viewer.ref is not frame.ref:
+            viewer.sent += 1
+        viewer.sent += 1
+        viewer.key = frame if frame.is_key else frame.key
+        if frame.ref is not None or frame.is_ref:
+            viewer.ref = frame if frame.is_ref else frame.ref
+        viewer.frame = frame
+        self.delivered += 1
+
+    # ---- everything else --------------------------------------------------
+
+    def describe(self) -> list[Action]:
+        """Schema, info or model has changed: tell those who can take it, the rest with their next frame."""
+        version = self.stream.version
+        ready = [v for v in self.viewers if v.version != version and not v.blocked]
+        for viewer in ready:
+            viewer.version = version
+        return [Send(self.stream.described(), ready)] if ready else []
+
+    def announce(self, event: Event) -> list[Action]:
+        """An event goes to everybody, at once or by the lane."""
+        ready: list[Viewer] = []
+        out: list[Action] = []
+        for viewer in tuple(self.viewers):
+            if viewer.blocked:
+                out += self._queue(viewer, event.packed)
+            else:
+                ready.append(viewer)
+        return [*out, Send(event.packed, ready)] if ready else out
+
+    def tell(self, viewer: Viewer, data: bytes) -> list[Action]:
+        """A message for one viewer that must arrive."""
+        return self._queue(viewer, data) if viewer.blocked else [Send(data, (viewer,))]
+
+    def _queue(self, viewer: Viewer, data: bytes) -> list[Action]:
+        if viewer.lane is None:
+            viewer.lane = []
+        viewer.lane.append(data)
+        if len(viewer.lane) <= self.limits.lane:
+            return []
+        self.leave(viewer)
+        return [End(viewer, Close.EVENTS_FULL, "too slow for the events", None)]
+
+    def drained(self, viewer: Viewer) -> list[Action]:
+        """A viewer may be able to take data again: first what it must not miss."""
+        if viewer.paused_at is not None or viewer.stalled:
+            return []
+        data = b""
+        if viewer.lane is not None:
+            data = b"".join(viewer.lane)
+            viewer.lane = None
+        viewer.settle()
+        if viewer.version != self.stream.version and viewer.hz <= 0:
+            viewer.version = self.stream.version
+            data += self.stream.described()
+        return [Send(data, (viewer,))] if data else []
+
+    def report(self, word: RobotWord, now: float) -> list[Action]:
+        """The status for everybody who can take it."""
+        ready = [v for v in self.viewers if not v.blocked]
+        return [Send(self._status(word, now), ready)] if ready else []
+
+    def _status(self, word: RobotWord, now: float) -> bytes:
+        age_s = self.stream.age_s(now)
+        newest = self.stream.newest
+        age_ms = None if age_s is None else max(0, round(age_s * 1000))
+        return messages.status(word, age_ms, newest.seq if newest else None)

@@ -1,0 +1,238 @@
+"""The newest state of one robot and view, as the edge sent it: schema, bases, newest frame, info, events.
+
+Only headers are read. A frame that is old, repeated, too large, of an unknown version or coded against a base
+that is not here changes nothing; its fate is returned, so that it can be counted.
+"""
+
+from __future__ import annotations
+
+import json
+from collections import deque
+from enum import StrEnum
+
+from posecast_wire import BadFrame, Schema, SchemaError, Snapshot, fnv1a32, frame_id, parse_header
+from posecast_wire.frame import VERSION, Header
+
+from posecast_relay.core import messages
+from posecast_relay.core.limits import Limits
+from posecast_relay.core.pace import Cadence
+
+
+class Fate(StrEnum):
+    """What became of a message from an edge."""
+
+    TAKEN = "taken"
+    LATE = "late"  # older than what is here
+    REPEATED = "repeated"
+    OVERSIZED = "oversized"
+    VERSION = "version"  # of a wire format not known here
+    BAD = "bad"
+    RETIRED = "retired"  # of a run that a newer one has replaced
+    NO_BASE = "no base"  # coded against a frame that is not here: the snapshot is asked for
+    NO_SCHEMA = "no schema"  # a KEY whose schema is not here: likewise
+    CROWDED = "crowded"  # one robot or view more than the limits allow
+
+
+class Held:
+    """A frame as it is kept. `stamp_s`: the edge's clock since the run began; `t_s`: the robot's clock."""
+
+    __slots__ = (
+        "_packed",
+        "id",
+        "is_key",
+        "is_ref",
+        "key",
+        "payload",
+        "ref",
+        "run_id",
+        "seq",
+        "stamp_s",
+        "t_s",
+    )
+
+    def __init__(
+        self, payload: bytes, run_id: int, stamp_s: float, header: Header, base: Held | None
+    ) -> None:
+        self.payload = payload
+        self.run_id = run_id
+        self.stamp_s = stamp_s
+        self.is_key = header.is_key
+        self.is_ref = header.is_ref and not header.is_key
+        self.id = frame_id(payload) if header.is_ref else 0
+        self.seq: int = header.seq if base is None else (base.seq + header.seq) & 0xFFFFFFFF
+        self.t_s: float = header.t if base is None else base.t_s + header.t / 1000
+        # the bases a reader needs: of a KEY none; of any other frame its KEY, and the REF it names, if any
+        self.key: Held | None = None if base is None else base.key or base
+        self.ref: Held | None = base if base is not None and base.is_ref else None
+        self._packed: bytes | None = None
+
+    @property
+    def packed(self) -> bytes:
+        """The frame as one WebSocket message, made once for all viewers."""
+        if self._packed is None:
+            self._packed = messages.binary(self.payload)
+        return self._packed
+
+
+class Event:
+    """A numbered event, kept as the bytes every viewer gets."""
+
+    __slots__ = ("n", "packed", "text")
+
+    def __init__(self, n: int, text: str) -> None:
+        self.n = n
+        self.text = text
+        self.packed = messages.text(text)
+
+
+class Stream:
+    """One robot and view. `version` grows with every change of schema, info or model."""
+
+    def __init__(self, robot: str, view: str, limits: Limits) -> None:
+        self.robot = robot
+        self.view = view
+        self.limits = limits
+        self.run_id = 0  # whose frames stand here
+        self.schema: Schema | None = None
+        self.key: Held | None = None
+        self.ref: Held | None = None
+        self.newest: Held | None = None
+        self.live_at: float | None = None  # arrival of the newest frame that the edge sent just now
+        self.late_s = 0.0  # how long that one was under way
+        self.info: dict[str, str] = {}
+        self.model: str | None = None
+        self.events: deque[Event] = deque(maxlen=limits.events)
+        self.event_n = 0
+        self.version = 0
+        self.cadence = Cadence()
+        self._schema_packed = b""
+        self._info_packed = b""
+        self._old_key_id: int | None = None
+        self._waiting: tuple[bytes, int, float, float, float] | None = None  # newest frame without a base
+
+    # ---- frames ----------------------------------------------------------
+
+    def check(self, payload: bytes) -> Header | Fate:
+        """The header of a sound frame, or why it is none."""
+        if len(payload) > self.limits.frame_bytes:
+            return Fate.OVERSIZED
+        if payload and payload[0] >> 4 != VERSION:
+            return Fate.VERSION
+        try:
+            return parse_header(payload)
+        except BadFrame:
+            return Fate.BAD
+
+    def take(
+        self, payload: bytes, header: Header, run_id: int, stamp_s: float, now: float, late_s: float
+    ) -> Fate:
+        """A frame that the edge sent just now, of a run that is not retired."""
+        fate = self._place(payload, header, run_id, stamp_s)
+        if fate is Fate.TAKEN:
+            self.live_at = now
+            self.late_s = late_s
+            self.cadence.saw(stamp_s)
+        elif fate in (Fate.NO_BASE, Fate.NO_SCHEMA):
+            self._waiting = (payload, run_id, stamp_s, now, late_s)
+        return fate
+
+    def _place(self, payload: bytes, header: Header, run_id: int, stamp_s: float) -> Fate:
+        base: Held | None = None
+        if not header.is_key:
+            base = self._base(header.base_id) if run_id == self.run_id else None
+            if base is None:
+                return Fate.LATE if header.base_id == self._old_key_id else Fate.NO_BASE
+            if header.is_ref and not base.is_key:
+                return Fate.BAD  # a REF coded against a REF
+        elif self.schema is None or header.schema_id != self.schema.id:
+            return Fate.NO_SCHEMA
+        held = Held(payload, run_id, stamp_s, header, base)
+        if self.newest is not None and self._is_old(run_id, held.seq):
+            return Fate.REPEATED if payload == self.newest.payload or held.id == self._key_id() else Fate.LATE
+        if held.is_key:
+            self._old_key_id = self._key_id() if run_id == self.run_id else None
+            self.key, self.ref, self.run_id = held, None, run_id
+        elif held.is_ref:
+            self.ref = held
+        self.newest = held
+        return Fate.TAKEN
+
+    def _base(self, base_id: int | None) -> Held | None:
+        for base in (self.key, self.ref):
+            if base is not None and base.id == base_id:
+                return base
+        return None
+
+    def _is_old(self, run_id: int, seq: int) -> bool:
+        return self.newest is not None and run_id == self.run_id and seq <= self.newest.seq
+
+    def _key_id(self) -> int | None:
+        return self.key.id if self.key else None
+
+    # ---- the snapshot ----------------------------------------------------
+
+    def absorb(self, snapshot: Snapshot, run_id: int, stamp_s: float) -> None:
+        """Take what a snapshot brings. ValueError, and nothing changed, when it does not hold together.
+
+        Its frames may be of any age, so they count as bases and as a picture, but never as a sign of life.
+        """
+        key_header = self.check(snapshot.key)
+        if isinstance(key_header, Fate) or not key_header.is_key:
+            raise ValueError("snapshot: its KEY is none")
+        if sum(len(k) + len(v) for k, v in snapshot.info.items()) > self.limits.info_bytes:
+            raise ValueError(f"snapshot: info over {self.limits.info_bytes} bytes")
+        schema = self.schema
+        if schema is None or schema.text != snapshot.schema:
+            if fnv1a32(snapshot.schema.encode()) != key_header.schema_id:
+                raise ValueError("snapshot: its KEY is of another schema")
+            try:
+                schema = Schema.parse(snapshot.schema)
+            except SchemaError as e:
+                raise ValueError(f"snapshot: {e}") from None
+            if self._is_old(run_id, key_header.seq):
+                raise ValueError("snapshot: older than what is here")
+        self._describe(schema, snapshot.info, snapshot.model)
+        self._place(snapshot.key, key_header, run_id, stamp_s)
+        if snapshot.ref is not None:
+            ref_header = self.check(snapshot.ref)
+            if isinstance(ref_header, Header):
+                self._place(snapshot.ref, ref_header, run_id, stamp_s)
+        if self._waiting is not None:
+            payload, waiting_run, waiting_stamp_s, arrived, late_s = self._waiting
+            self._waiting = None
+            header = parse_header(payload)
+            if waiting_run == run_id and self._place(payload, header, run_id, waiting_stamp_s) is Fate.TAKEN:
+                self.live_at = arrived
+                self.late_s = late_s
+
+    def _describe(self, schema: Schema, info: dict[str, str], model: str | None) -> None:
+        if schema is self.schema and info == self.info and model == self.model:
+            return
+        self.version += 1
+        if schema is not self.schema:
+            self.schema = schema
+            self._schema_packed = messages.text(schema.text)
+        self.info = info
+        self._info_packed = messages.info(info) if info else b""
+        self.model = model
+
+    def described(self, with_model: bool = True) -> bytes:
+        """Schema, info and model as WebSocket messages: what a viewer behind on `version` lacks."""
+        model = messages.model(self.model) if self.model and with_model else b""
+        return self._schema_packed + self._info_packed + model
+
+    # ---- events ----------------------------------------------------------
+
+    def number(self, doc: dict[str, object], unix_s: float) -> Event:
+        """Give an event its number and keep it among the newest."""
+        self.event_n += 1
+        numbered = doc | {"n": self.event_n, "at": round(unix_s, 3)}
+        event = Event(self.event_n, json.dumps(numbered, separators=(",", ":"), ensure_ascii=False))
+        self.events.append(event)
+        return event
+
+    # ---- age -------------------------------------------------------------
+
+    def age_s(self, now: float) -> float | None:
+        """Age of the newest frame, with the time it was under way; None before any live one."""
+        return None if self.live_at is None else now - self.live_at + self.late_s

@@ -1,0 +1,138 @@
+"""One viewer: its mailbox of one (the frame it was given last), its event lane, what it holds, its acks."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from posecast_wire import Close
+
+from posecast_relay.core.limits import Limits
+from posecast_relay.core.stream import Held
+
+
+class Outlet(Protocol):
+    """A viewer's connection, as those who carry out actions need it. The core never calls it."""
+
+    def write(self, data: bytes) -> None:
+        """Hand these bytes to the socket."""
+
+    def end(self, close: Close, reason: str, retry_s: float | None) -> None:
+        """Say `bye`, then close."""
+
+    def cut(self, close: Close) -> None:
+        """Abort the connection."""
+
+
+class Viewer:
+    """What the core knows of one connection. Slots, since thousands of these are walked per frame."""
+
+    __slots__ = (
+        "acks",
+        "blocked",
+        "check_at",
+        "frame",
+        "heard_at",
+        "hz",
+        "key",
+        "lane",
+        "limits",
+        "mark_at",
+        "mark_n",
+        "outlet",
+        "paused_at",
+        "ping_at",
+        "ref",
+        "robot",
+        "sent",
+        "stalled",
+        "tokens",
+        "tokens_at",
+        "version",
+        "view",
+    )
+
+    def __init__(self, outlet: Outlet, robot: str, view: str, hz: float, limits: Limits, now: float) -> None:
+        self.outlet = outlet
+        self.robot = robot
+        self.view = view
+        self.hz = min(max(hz, 0.0), limits.max_hz)
+        self.limits = limits
+        # state: what it was given last, and which bases it holds
+        self.frame: Held | None = None
+        self.key: Held | None = None
+        self.ref: Held | None = None
+        self.version = -1  # of the stream's schema, info and model
+        # what must arrive and waits for the socket to drain; None = nothing
+        self.lane: list[bytes] | None = None
+        # blocked = nothing new may be written now: not drained, acknowledgements owed, or the lane not empty
+        self.blocked = False
+        self.paused_at: float | None = None
+        self.stalled = False
+        # acknowledgements
+        self.sent = 0  # binary messages
+        self.acks = False  # it has acknowledged once, so it will
+        self.mark_n = 0
+        self.mark_at: float | None = None  # since when message `mark_n` is owed
+        self.check_at = float("inf")  # when the next message sent makes it owe one, or stalls it
+        # signs of life and manners
+        self.heard_at = now
+        self.ping_at = now
+        self.tokens = float(limits.messages_burst)
+        self.tokens_at = now
+
+    def may_send(self, now: float) -> bool:
+        """Called when `check_at` has passed: this message must be acknowledged, or an earlier one is overdue.
+
+        A viewer acknowledges when a message arrives and a second has passed since its last acknowledgement.
+        So the first message sent a second after that was heard here is sure to be answered; older ones need
+        not be.
+        """
+        if self.mark_at is None:
+            self.mark_n = self.sent + 1
+            self.mark_at = now
+            self.check_at = now + self.limits.ack_stop_s
+            return True
+        self.stalled = True
+        self.blocked = True
+        return False
+
+    def acked(self, n: int, now: float) -> None:
+        """It has received `n` binary messages."""
+        self.acks = True
+        if self.mark_at is not None and min(n, self.sent) < self.mark_n:
+            return
+        self.mark_at = None
+        self.stalled = False
+        self.check_at = now + self.limits.ack_grace_s
+        self.settle()
+
+    def paused(self, now: float) -> None:
+        """Its socket did not take everything."""
+        self.paused_at = now
+        self.blocked = True
+
+    def settle(self) -> None:
+        """Work out `blocked` anew."""
+        self.blocked = self.paused_at is not None or self.stalled or self.lane is not None
+
+    def take_token(self, now: float) -> bool:
+        """Whether it may send one more message now."""
+        refill = (now - self.tokens_at) * self.limits.messages_per_s
+        self.tokens = min(float(self.limits.messages_burst), self.tokens + refill)
+        self.tokens_at = now
+        if self.tokens < 1.0:
+            return False
+        self.tokens -= 1.0
+        return True
+
+    def overdue(self, now: float) -> Close | None:
+        """Why this connection is to be cut now, if it is."""
+        limits = self.limits
+        if now - self.heard_at >= limits.half_open_s:
+            return Close.HALF_OPEN
+        if self.mark_at is not None and now - self.mark_at >= limits.ack_abort_s:
+            return Close.NO_ACK
+        patience = limits.undrained_acking_s if self.acks else limits.undrained_s
+        if self.paused_at is not None and now - self.paused_at >= patience:
+            return Close.NO_ACK
+        return None

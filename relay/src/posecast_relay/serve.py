@@ -1,0 +1,164 @@
+"""One relay process from its first socket to its last: opens everything, serves, closes everything."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import gc
+import logging
+import signal
+import socket
+import threading
+from collections.abc import Callable, Iterator
+
+import uvicorn
+import uvloop
+import zenoh
+
+from posecast_relay.adapters.metrics import start_metrics
+from posecast_relay.adapters.models import Models
+from posecast_relay.adapters.pump import Pump
+from posecast_relay.adapters.store import StateStore
+from posecast_relay.adapters.store_memory import MemoryStore
+from posecast_relay.adapters.store_redis import RedisStore
+from posecast_relay.adapters.websocket import live_protocol
+from posecast_relay.adapters.zenoh_ingest import ZenohIngest
+from posecast_relay.adapters.zenoh_session import ListenError, open_router
+from posecast_relay.app import make_app
+from posecast_relay.config import Settings
+from posecast_relay.core.hub import Hub
+from posecast_relay.core.limits import Limits
+
+log = logging.getLogger("posecast_relay")
+
+BACKLOG = 4096  # a lecture hall opens the link at once
+GRACE_S = 5  # for requests under way when the relay stops
+CLOSE_ZENOH_S = 2.0
+
+
+class StartError(RuntimeError):
+    """The relay cannot start: one line that says why."""
+
+
+class _Server(uvicorn.Server):
+    """uvicorn without its signal handlers (they end the process with the signal's status)."""
+
+    def __init__(self, config: uvicorn.Config, serving: Callable[[], None]) -> None:
+        super().__init__(config)
+        self._serving = serving
+
+    @contextlib.contextmanager
+    def capture_signals(self) -> Iterator[None]:
+        """Signals are the loop's."""
+        yield
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        """Say so when connections are accepted."""
+        await super().startup(sockets)
+        self._serving()
+
+
+def run(settings: Settings) -> None:
+    """Serve until SIGTERM or SIGINT. StartError when a port is in use."""
+    logging.basicConfig(
+        level=settings.log_level.upper(), format="%(asctime)s %(levelname)s %(name)s: %(message)s"
+    )
+    with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
+        runner.run(_serve(settings))
+
+
+async def _serve(settings: Settings) -> None:
+    listener = _bind(settings.host, settings.port)
+    try:
+        session, endpoints = open_router(settings.zenoh_listen)
+    except ListenError as e:
+        listener.close()
+        raise StartError(str(e)) from None
+    limits = Limits(viewers=settings.max_viewers, robots=settings.max_robots)
+    store = _store(settings.store)
+    pump = Pump(Hub(limits), store)
+    try:
+        stop_metrics = _metrics(settings, pump)
+    except OSError as e:
+        listener.close()
+        await _close(session)
+        raise StartError(
+            f"--metrics-port {settings.metrics_port}: {(e.strerror or str(e)).lower()}"
+        ) from None
+    models = Models(session, pump.hub, settings.model_cache_mb << 20)
+    host, port = listener.getsockname()[:2]
+    shown = f"[{host}]" if ":" in host else host
+    line = f"posecast-relay: serving http://{shown}:{port}, robots on {', '.join(endpoints)}"
+
+    def serving() -> None:
+        # What was made until here lives as long as the process: the collector need not walk it. Nor need it
+        # walk thousands of new connections at every turn (pauses of 300 ms with Python's thresholds).
+        gc.collect()
+        gc.freeze()
+        gc.set_threshold(50_000, 20, 100)
+        print(line, flush=True)
+
+    config = uvicorn.Config(
+        make_app(pump, models, settings.static),
+        ws=live_protocol(pump),
+        http="httptools",
+        lifespan="off",
+        log_config=None,
+        access_log=False,
+        server_header=False,
+        backlog=BACKLOG,
+        timeout_graceful_shutdown=GRACE_S,
+    )
+    server = _Server(config, serving)
+    loop = asyncio.get_running_loop()
+    for number in (signal.SIGTERM, signal.SIGINT):
+        loop.add_signal_handler(number, setattr, server, "should_exit", True)
+    await store.start()
+    pump.start()
+    ZenohIngest(session, pump).start()
+    try:
+        await server.serve(sockets=[listener])
+    finally:
+        pump.stop()
+        await store.stop()
+        stop_metrics()
+        await _close(session)
+
+
+def _bind(host: str, port: int) -> socket.socket:
+    try:
+        family, kind, proto, _, address = socket.getaddrinfo(
+            host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
+        )[0]
+        listener = socket.socket(family, kind, proto)
+    except OSError as e:
+        raise StartError(f"--host {host}: {e.strerror}") from None
+    listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        listener.bind(address)
+        listener.listen(BACKLOG)
+    except OSError as e:
+        listener.close()
+        raise StartError(f"http://{host}:{port}: {(e.strerror or str(e)).lower()}") from None
+    return listener
+
+
+def _metrics(settings: Settings, pump: Pump) -> Callable[[], None]:
+    if settings.metrics_port is None:
+        return lambda: None
+    port, stop = start_metrics(settings.host, settings.metrics_port, pump)
+    log.info("metrics on http://%s:%d/metrics", settings.host, port)
+    return stop
+
+
+def _store(url: str) -> StateStore:
+    return MemoryStore() if url == "memory://" else RedisStore(url)
+
+
+async def _close(session: zenoh.Session) -> None:
+    """Zenoh's close may wait for a peer that does not answer; the process need not."""
+    closing = threading.Thread(target=session.close, daemon=True)
+    closing.start()
+    give_up_at = asyncio.get_running_loop().time() + CLOSE_ZENOH_S
+    while closing.is_alive() and asyncio.get_running_loop().time() < give_up_at:
+        await asyncio.sleep(0.01)
