@@ -125,7 +125,7 @@ int main(int argc, char **argv) {
     printf("PORT %d\n", ntohs(at.sin_port));
     fflush(stdout);
 
-    uint64_t period = (uint64_t)(1e9 / hz), due = now_ns() + period;
+    uint64_t due = now_ns();
     for (uint32_t seq = 1;;) {
         int64_t left_ms = ((int64_t)(due - now_ns()) + 999999) / 1000000;
         int n = epoll_wait(epoll, happened, 256, left_ms > 0 ? (int)left_ms : 0);
@@ -136,6 +136,7 @@ int main(int argc, char **argv) {
         uint64_t now = now_ns();
         if (now < due) continue;
         tick(bytes, seq++, stamps);
+        uint64_t period = (uint64_t)(stamps[ALL_CONNECTED] ? 1e9 / hz : 1e9);
         due = due + period > now ? due + period : now;
     }
 }

@@ -25,6 +25,8 @@ from relay.benches.servers import CannotStart, Place
 from relay.benches.table import goals, print_all
 
 QUICK_S = 3.0
+TRIES = 3
+DISTURBED = 0.1  # of the wall time the server stood ready and another process had its core
 
 
 def parse(names: list[str]) -> argparse.Namespace:
@@ -60,7 +62,21 @@ def machine() -> dict[str, object]:
 
 def progress(text: str) -> None:
     """One line that the next one replaces."""
-    print(f"\r\033[K{text}", end="", file=sys.stderr, flush=True)
+    if sys.stderr.isatty():
+        print(f"\r\033[K{text}", end="", file=sys.stderr, flush=True)
+
+
+def calmest(kind: str, scenario: Scenario, place: Place, seconds: float, tries: int) -> Row:
+    """One run; when a neighbour had the server's core for long, another, and the least disturbed counts."""
+    best: Row | None = None
+    for _ in range(tries):
+        row = measure(kind, scenario, place, seconds)
+        if best is None or row["waited_share"] < best["waited_share"]:
+            best = row
+        if best["waited_share"] < DISTURBED:
+            break
+    assert best is not None
+    return best
 
 
 def run(chosen: list[Scenario], servers: list[str], rounds: int, place: Place, quick: bool) -> list[Row]:
@@ -68,19 +84,15 @@ def run(chosen: list[Scenario], servers: list[str], rounds: int, place: Place, q
     for number in range(rounds):
         for scenario in chosen:
             asked = [s for s in scenario.servers if s in servers]
-            for kind in asked[number % len(asked) :] + asked[: number % len(asked)] if asked else []:
-                print(
-                    f"\r\033[Kround {number + 1}/{rounds}: {scenario.title}, {kind}",
-                    end="",
-                    file=sys.stderr,
-                    flush=True,
-                )
+            first = number % len(asked) if asked else 0
+            for kind in asked[first:] + asked[:first]:
+                progress(f"round {number + 1}/{rounds}: {scenario.title}, {kind}")
+                seconds, tries = (QUICK_S, 1) if quick else (scenario.seconds, TRIES)
                 try:
-                    row = measure(kind, scenario, place, QUICK_S if quick else scenario.seconds)
+                    rows.append(calmest(kind, scenario, place, seconds, tries) | {"round": number})
                 except CannotStart as e:
-                    progress(f"bench: {scenario.name}, {kind}: {e}\n")
-                    continue
-                rows.append(row | {"round": number})
+                    progress("")
+                    print(f"bench: {scenario.name}, {kind}: {e}", file=sys.stderr)
     progress("")
     return rows
 

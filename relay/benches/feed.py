@@ -35,7 +35,7 @@ async def frames(hz: float, size: int, stamps: Stamps) -> AsyncIterator[bytes]:
     seq, due = 0, time.monotonic()
     while True:
         await asyncio.sleep(max(0.0, due - time.monotonic()))
-        due = max(due + 1 / hz, time.monotonic())
+        due = max(due + stamps.period_s(hz), time.monotonic())
         seq += 1
         stamps.note(seq)
         yield payload(seq, size)

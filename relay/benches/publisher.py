@@ -92,7 +92,7 @@ def main() -> None:
         seq += 1
         now = time.monotonic()
         frame = encoder.encode(codes, seq, now - began_ns * 1e-9, now, force_key=seq == 1)
-        due += 1 / asked.hz
+        due = max(due + stamps.period_s(asked.hz), now)
         time.sleep(max(0.0, due - time.monotonic()))
         stamps.note(seq)
         publisher.put(frame, attachment=attachment())

@@ -3,7 +3,7 @@
  *   viewers --port P --path /live --viewers N --stamps FILE [--host 127.0.0.1] [--mode steady|storm] [--seconds 8]
  *           [--settle 2] [--in-flight 256] [--sources 64] [--step 1] [--server-pid PID] [--frozen K [--resume-after S]]
  *
- * steady: connect (at most --in-flight handshakes open at once), settle, then measure for --seconds.
+ * steady: connect (at most --in-flight handshakes open at once), have the feed begin, settle, measure for --seconds.
  * storm:  all connect at once; the measured window is the storm itself and one second more.
  * Viewers do what the page does: read at once, and send {"type":"ack","n":binary messages so far} when one arrives and a
  * second has passed since the last. --frozen K of them stop reading when the window begins (what SIGSTOP does to a
@@ -372,6 +372,7 @@ int main(int argc, char **argv) {
     }
     double connect_s = (double)(last_opened_ns - connect_began) * 1e-9;
     uint64_t settled = now_ns();
+    stamps[ALL_CONNECTED] = !storm;
     while (s_since(settled) < (storm ? 1.0 : o.settle)) poll_once(20);
 
     double full_rss = server_rss_mb();

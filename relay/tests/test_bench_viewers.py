@@ -25,7 +25,7 @@ def programs() -> dict[str, str]:
 @pytest.fixture
 def stamps(tmp_path: Path) -> Path:
     path = tmp_path / "stamps"
-    path.write_bytes(bytes(65536 * 8))
+    path.write_bytes(bytes(65537 * 8))
     return path
 
 
