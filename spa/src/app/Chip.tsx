@@ -32,7 +32,7 @@ export function Chip({ link }: { link: RobotLink }) {
   }, [open]);
 
   const verdict = link.watch.verdict();
-  const { word, detail } = chipWords(verdict, connection, nowMs());
+  const { word, detail, more } = chipWords(verdict, connection, nowMs());
   return (
     <div className="chip-around" ref={around}>
       <button
@@ -47,7 +47,12 @@ export function Chip({ link }: { link: RobotLink }) {
       >
         <Sign word={verdict.word} />
         <b>{word}</b>
-        {detail !== '' && <span className="chip-detail">{detail}</span>}
+        {detail + more !== '' && (
+          <span className="chip-detail">
+            {detail}
+            <span className="chip-more">{more}</span>
+          </span>
+        )}
       </button>
       {open && (
         <div className="popover" id={explanation} data-testid="liveness-explained">

@@ -10,11 +10,11 @@ const EVERY_MS = 500;
 /** What is wrong now, in one line: it stands above the tabs, and is what a phone shows when the sheet is down. */
 export function FaultLine({ link }: { link: RobotLink }) {
   const faults = useFaults(link);
-  const first = faults[0];
+  const first = faults?.[0];
   return (
-    <div className="fault-line" data-testid="fault-line" data-faults={faults.length}>
+    <div className="fault-line" data-testid="fault-line" data-faults={faults?.length}>
       {first === undefined ? (
-        <span className="quiet">No faults</span>
+        <span className="quiet">{faults === null ? '' : 'No faults'}</span>
       ) : (
         <>
           <span className="fault-mark" aria-hidden="true" />
@@ -22,16 +22,21 @@ export function FaultLine({ link }: { link: RobotLink }) {
           <span className="fault-words" title={first.plain ?? undefined}>
             {first.words}
           </span>
-          <span className="quiet">· {formatSpan(nowMs() - first.sinceMs)}</span>
-          {faults.length > 1 && <span className="quiet more">+{faults.length - 1}</span>}
+          <span className="quiet">· {sinceWords(nowMs() - first.sinceMs)}</span>
+          {faults !== null && faults.length > 1 && <span className="quiet more">+{faults.length - 1}</span>}
         </>
       )}
     </div>
   );
 }
 
-function useFaults({ twin }: RobotLink): readonly ActiveFault[] {
-  const [faults, setFaults] = useState<readonly ActiveFault[]>([]);
+function sinceWords(spanMs: number): string {
+  return spanMs < 1000 ? 'now' : formatSpan(Math.floor(spanMs / 1000) * 1000);
+}
+
+/** null until a pose has come: no news of faults is not "no faults". */
+function useFaults({ twin }: RobotLink): readonly ActiveFault[] | null {
+  const [faults, setFaults] = useState<readonly ActiveFault[] | null>(null);
   useEffect(() => {
     const watch = new FaultWatch();
     let table: JointTable | null = null;
@@ -44,7 +49,7 @@ function useFaults({ twin }: RobotLink): readonly ActiveFault[] {
         schemaId = schema.id;
       }
       const found = watch.update(table.read(state.codes), nowMs());
-      setFaults((before) => (found.length === 0 && before.length === 0 ? before : found));
+      setFaults((before) => (found.length === 0 && before?.length === 0 ? before : found));
     };
     look();
     const timer = setInterval(look, EVERY_MS);

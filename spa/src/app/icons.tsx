@@ -67,7 +67,7 @@ export const CloseIcon = () => (
 /** Stands on a card until a robot has a picture of its own. */
 export const RobotFigure = () => (
   <svg className="figure" viewBox="0 0 64 64" fill="none" stroke="currentColor" aria-hidden="true">
-    <g strokeWidth="2.4" strokeLinecap="round" strokeLinejoin="round">
+    <g strokeWidth="1.8" strokeLinecap="round" strokeLinejoin="round">
       <rect x="25" y="6" width="14" height="11" rx="5" />
       <path d="M32 17v4M23 21h18l-2.5 15h-13zM23 22l-6 9 1.5 9M41 22l6 9-1.5 9M28 36l-2 11 1 11h-4M36 36l2 11-1 11h4" />
       <path d="M29 11.5h.01M35 11.5h.01" />

@@ -24,12 +24,12 @@ export function readRobots(body: unknown): ListedRobot[] {
   return list.filter(isRecord).flatMap((entry) => {
     const robot = entry.robot;
     if (typeof robot !== 'string') return [];
-    const { state } = entry;
+    const { status } = entry;
     return [
       {
         robot,
         name: typeof entry.name === 'string' && entry.name !== '' ? entry.name : robot,
-        state: state === 'online' || state === 'silent' ? state : 'offline',
+        state: status === 'online' || status === 'silent' ? status : 'offline',
         ageMs: typeof entry.age_ms === 'number' ? entry.age_ms : null,
         viewers: typeof entry.viewers === 'number' ? entry.viewers : null,
       },
@@ -41,43 +41,33 @@ export function readRobots(body: unknown): ListedRobot[] {
 export function useRobots(): RobotListing {
   const [listing, setListing] = useState<RobotListing>({ phase: 'waiting' });
   useEffect(() => {
-    let timer: ReturnType<typeof setTimeout> | null = null;
-    let asking: AbortController | null = null;
+    const leave = new AbortController();
+    let asking = false;
 
     const ask = async () => {
-      timer = null;
-      asking = new AbortController();
-      const { signal } = asking;
-      const late = setTimeout(() => asking?.abort(), LATE_MS);
+      if (asking || document.hidden) return;
+      asking = true;
       try {
+        const signal = AbortSignal.any([leave.signal, AbortSignal.timeout(LATE_MS)]);
         const answer = await fetch(apiUrl('robots'), { signal, cache: 'no-cache' });
-        if (!answer.ok) throw new Error(`${answer.status}`);
-        const robots = readRobots(await answer.json());
-        setListing({ phase: 'known', robots });
+        if (!answer.ok) throw new Error(answer.statusText);
+        setListing({ phase: 'known', robots: readRobots(await answer.json()) });
       } catch {
-        if (timer === null && asking?.signal === signal && !left) {
-          setListing((before) => ({
-            phase: 'unreachable',
-            robots: before.phase === 'waiting' ? [] : before.robots,
-          }));
-        }
+        if (leave.signal.aborted) return;
+        setListing((before) => ({
+          phase: 'unreachable',
+          robots: before.phase === 'waiting' ? [] : before.robots,
+        }));
       } finally {
-        clearTimeout(late);
-        if (!left && !document.hidden) timer = setTimeout(ask, EVERY_MS);
+        asking = false;
       }
     };
-    let left = false;
-    const onVisible = () => {
-      if (document.hidden || timer !== null) return;
-      void ask();
-    };
-    document.addEventListener('visibilitychange', onVisible);
+    const timer = setInterval(ask, EVERY_MS);
+    document.addEventListener('visibilitychange', ask, { signal: leave.signal });
     void ask();
     return () => {
-      left = true;
-      if (timer !== null) clearTimeout(timer);
-      asking?.abort();
-      document.removeEventListener('visibilitychange', onVisible);
+      clearInterval(timer);
+      leave.abort();
     };
   }, []);
   return listing;

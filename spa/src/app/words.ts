@@ -9,25 +9,29 @@ import type { Verdict } from '../twin/liveness.ts';
 export interface ChipWords {
   word: string;
   detail: string;
+  /** What a narrow screen leaves out. */
+  more: string;
 }
 
 export function chipWords(verdict: Verdict, link: Link, nowMs: number): ChipWords {
+  const { ageMs, unchangedMs } = verdict;
   switch (verdict.word) {
     case null:
-      return { word: 'Connecting', detail: '' };
+      return { word: 'Connecting', detail: '', more: '' };
     case 'LIVE':
-      return { word: 'LIVE', detail: [paceWords(link), delayWords(link)].filter(Boolean).join(' · ') };
+      return { word: 'LIVE', detail: paceWords(link), more: delayWords(link) };
     case 'HOLDING':
-      return { word: 'HOLDING', detail: formatSpan(verdict.unchangedMs ?? 0) };
-    case 'STALE':
-      return {
-        word: 'STALE',
-        detail: `${verdict.ageMs === null ? '' : `${formatSpan(verdict.ageMs)}: `}${verdict.cause ?? ''}`,
-      };
+      return { word: 'HOLDING', detail: formatSpan(unchangedMs ?? 0), more: '' };
+    case 'STALE': {
+      const cause = verdict.cause ?? '';
+      if (ageMs === null) return { word: 'STALE', detail: '', more: cause };
+      return { word: 'STALE', detail: formatSpan(ageMs), more: `: ${cause}` };
+    }
     case 'OFFLINE':
       return {
         word: 'OFFLINE',
-        detail: verdict.ageMs === null ? '' : `since ${formatClock(nowMs - verdict.ageMs)}`,
+        detail: ageMs === null ? '' : `since ${formatClock(nowMs - ageMs)}`,
+        more: '',
       };
   }
 }
@@ -44,7 +48,7 @@ export function delayMs(link: Link): number | null {
 
 function delayWords(link: Link): string {
   const delay = delayMs(link);
-  return delay === null ? '' : formatSpan(delay);
+  return delay === null ? '' : ` · ${formatSpan(delay)}`;
 }
 
 /** The explanation behind the chip. */

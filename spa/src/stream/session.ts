@@ -66,7 +66,7 @@ export class Session {
   #received = 0;
   #acknowledged = 0;
   #ackMs = Number.NEGATIVE_INFINITY;
-  #pingMs = 0;
+  #pingMs = Number.NEGATIVE_INFINITY;
   #roundTripMs: number | null = null;
   #askedHz: number;
   #askedMs = Number.NEGATIVE_INFINITY;
@@ -96,7 +96,7 @@ export class Session {
     this.#phase = 'open';
     this.#sinceMs = nowMs;
     this.#heardMs = nowMs;
-    this.#pingMs = nowMs;
+    this.#pingMs = Number.NEGATIVE_INFINITY; // at once: the age on the chip needs it
     this.#paceMs = nowMs;
     this.#link(null);
     this.#wishRate(nowMs);
