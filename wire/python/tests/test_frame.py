@@ -1,0 +1,21 @@
+"""Headers and hashes."""
+
+from __future__ import annotations
+
+import pytest
+from posecast_wire import BadFrame, Header, fnv1a32, frame_id, parse_header
+
+
+def test_fnv_as_its_authors_publish_it() -> None:
+    assert [fnv1a32(s) for s in (b"", b"a", b"foobar")] == [0x811C9DC5, 0xE40C292C, 0xBF9CF968]
+
+
+def test_headers() -> None:
+    key = bytes.fromhex("13010000800200000000000000000004400000")
+    assert parse_header(key) == Header(True, True, 0x80000001, None, 2, 2.5)
+    assert frame_id(key) == fnv1a32(key)
+    ref = bytes.fromhex("12ffffffff0100ffff00")
+    assert parse_header(ref) == Header(False, True, None, 0xFFFFFFFF, 1, 65535)
+    assert parse_header(b"\x10" + ref[1:]).is_ref is False
+    with pytest.raises(BadFrame, match="tag 0x11"):
+        parse_header(b"\x11" + ref[1:])

@@ -1,0 +1,62 @@
+"""What channels mean. Joint values stand in the vectors."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from posecast_wire import JointMap, Schema, SensorMount, Threshold, build_schema_text, joint_values
+
+MAPPED = Schema.parse(
+    build_schema_text(
+        "r",
+        {"joint": ["LSR", "RKN"]},
+        [{"name": "pos", "labels": "joint", "scale": 0.001}],
+        {
+            "joints": {"LSR": {"terms": [["LSR", 1.0]], "offset": 0.25}},
+            "sensors": {
+                "RF": {"kind": "wrench", "name": "right foot", "link": "foot", "xyz": [0, 0, 1]},
+                "main": {"kind": "power"},
+            },
+            "names": {"RKN": "right knee"},
+            "thresholds": {"temp": {"*": {"high": 70}, "RKN": {"high": 80, "caution": 0.9}}},
+            "tolerance": {"*": 0.05, "RKN": 0.08},
+            "severity": {"flags": {"homed": "state"}},
+        },
+    )
+)
+
+
+def test_parts() -> None:
+    mapping = MAPPED.mapping
+    assert mapping.joints == {"LSR": JointMap((("LSR", 1.0),), 0.25)}
+    assert mapping.sensors == {
+        "RF": SensorMount("wrench", "right foot", "foot", (0.0, 0.0, 1.0)),
+        "main": SensorMount("power", "main", None),
+    }
+    assert mapping.names == {"RKN": "right knee"}
+    assert mapping.threshold("temp", "RKN") == Threshold(None, 80.0, 0.9)
+    assert mapping.threshold("temp", "LKN") == Threshold(None, 70.0)
+    assert mapping.threshold("cur", "RKN") is None
+    assert (mapping.tolerance("RKN"), mapping.tolerance("LKN")) == (0.08, 0.05)
+    assert (mapping.severity("flags", "homed"), mapping.severity("flags", "jam")) == ("state", "fault")
+
+
+def test_joint_values_are_in_radians_by_urdf_name() -> None:
+    assert joint_values(MAPPED, [1000, -500], "pos") == {"LSR": 1.25, "RKN": -0.5}
+
+
+@pytest.mark.parametrize(
+    ("threshold", "levels"),
+    [
+        (Threshold(-30, 500, 0.5), {-31: "fault", -16: "caution", -15: "ok"}),
+        (Threshold(-30, 500, 0.5), {250: "ok", 251: "caution", 501: "fault"}),
+        (Threshold(low=44, caution=0.88), {43.9: "fault", 49.9: "caution", 50.1: "ok"}),
+        (Threshold(high=-10, caution=0.5), {-21: "ok", -19: "caution", -9: "fault"}),
+        (Threshold(high=70), {70: "ok", 70.1: "fault"}),
+        (Threshold(), {1e9: "ok"}),
+        (Threshold(low=0, high=1), {math.nan: "ok", None: "ok"}),
+    ],
+)  # fmt: skip
+def test_levels(threshold: Threshold, levels: dict[float | None, str]) -> None:
+    assert {v: threshold.level(v) for v in levels} == levels
