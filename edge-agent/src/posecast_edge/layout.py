@@ -15,7 +15,8 @@ from posecast_edge.sources import Reading, Sample
 Flat = list[float | None]
 
 MAX_NAMED = 50  # unknown names said aloud; a source that invents names for ever is not followed
-_PLAIN = {float, type(None)}
+_FLOATS = {float, type(None)}
+_INTS = {int, type(None)}
 
 
 class Layout:
@@ -50,8 +51,15 @@ class Layout:
         return flat
 
     def _in_order(self, field: Field, values: Sequence[Reading], sample: Sample, now_s: float) -> Flat:
-        if not field.bits and set(map(type, values)) <= _PLAIN:  # the common case, at the source's full rate
+        kinds = set(
+            map(type, values)
+        )  # the common cases without a look at each value: sources may run at 200 Hz
+        if not field.bits and kinds <= _FLOATS:
             return cast(Flat, list(values))
+        if field.bits and kinds <= _INTS:
+            masks = [v for v in cast("Sequence[int | None]", values) if v is not None]
+            if not masks or (min(masks) >= 0 and max(masks) < 1 << len(field.bits)):
+                return cast(Flat, list(values))
         return [self._number(field, v, i, sample, now_s) for i, v in enumerate(values)]
 
     def _by_label(self, field: Field, values: Mapping[str, Reading], sample: Sample, now_s: float) -> Flat:
@@ -71,11 +79,11 @@ class Layout:
         if field.bits:
             if isinstance(value, (list, tuple)):
                 return self._mask(field, value, sample)
-            if isinstance(value, SupportsIndex) and 0 <= (mask := index(value)) < 1 << len(field.bits):
+            if isinstance(value, (int, SupportsIndex)) and 0 <= (mask := index(value)) < 1 << len(field.bits):
                 return mask
             wanted = "a list or mask of its bits"
         else:
-            if isinstance(value, SupportsFloat):  # also numpy's scalars, not texts
+            if isinstance(value, (float, int, SupportsFloat)):  # also numpy's scalars, not texts
                 with suppress(OverflowError):
                     return float(value)
             wanted = "a number"

@@ -63,7 +63,7 @@ class Stream:
         values = self._layout.flatten(sample, now_s)
         self._sampler.offer(sample.t_s, values)
         for name, text in sample.info.items():
-            if name in self._info or len(self._info) < INFO_MAX:
+            if self._info.get(name) != text and (name in self._info or len(self._info) < INFO_MAX):
                 self._info = {**self._info, name: text}
         with self._events_lock:
             return self._limit.admit(self._watch.sample(sample.t_s, values, now_s), now_s)
