@@ -8,7 +8,7 @@ const FIELD_OF_VIEW = 30; // long enough a lens that a robot keeps its proportio
 const AIR = 1.12;
 const EASE_SECONDS = 0.25;
 /** The camera goes along once the robot is this part of its own size off the middle. */
-const LEASH = 0.45;
+const LEASH = 0.3;
 
 /** Where the eye stands, seen from what it looks at: azimuth from the robot's x (ahead) towards its y (left). */
 const VIEWS: Readonly<Record<ViewName, { azimuth: number; elevation: number }>> = {

@@ -91,7 +91,7 @@ export class Environment {
     this.#floor.material.uniforms.focus!.value.set(x, y);
     this.#axes.position.set(x, y, r * 0.002);
     this.#key.target.position.set(x, y, r * 0.5);
-    this.#key.position.set(x + r * 2.6, y + r * 0.4, r * 4);
+    this.#key.position.set(x + r * 2, y + r * 0.7, r * 4.6);
     this.#fill.target.position.set(x, y, r * 0.7);
     this.#fill.position.set(x - r * 0.5, y - r * 3, r * 1.4);
   }

@@ -99,11 +99,16 @@ function isMesh(object: Object3D): object is Mesh {
 }
 
 function paint(material: Material | undefined): { color: Color | null; opacity: number } {
-  const named = material !== undefined && material.name !== Loader.DEFAULT_MATERIAL_NAME;
-  const color = named && 'color' in material ? (material.color as Color) : null;
+  const color =
+    material !== undefined && isFromFile(material) && 'color' in material ? (material.color as Color) : null;
   // Exporters often write transparency the wrong way round; a body of opacity 0 is never meant.
   const opacity = color === null || material === undefined || material.opacity <= 0 ? 1 : material.opacity;
   return { color, opacity };
+}
+
+/** False for what three.js puts where a file names no material: a magenta or a white stand-in. */
+function isFromFile({ name, type }: Material): boolean {
+  return name !== Loader.DEFAULT_MATERIAL_NAME && !(name === '' && type === 'MeshBasicMaterial');
 }
 
 /** Corners of a range of a mesh's triangles, in the frame of the file's root. */

@@ -1,0 +1,71 @@
+/** Small mesh files for tests, made here so that each shows one thing. */
+
+const CUBE_FACES = [
+  [0, 2, 1],
+  [0, 3, 2],
+  [4, 5, 6],
+  [4, 6, 7],
+  [0, 1, 5],
+  [0, 5, 4],
+  [1, 2, 6],
+  [1, 6, 5],
+  [2, 3, 7],
+  [2, 7, 6],
+  [3, 0, 4],
+  [3, 4, 7],
+] as const;
+
+/** A unit cube around the origin: 12 faces, 9 numbers each, normals outwards. */
+export function cubeSoup(): Float32Array {
+  const corner = (i: number) => [
+    i === 1 || i === 2 || i === 5 || i === 6 ? 0.5 : -0.5,
+    i % 4 >= 2 ? 0.5 : -0.5,
+    i >= 4 ? 0.5 : -0.5,
+  ];
+  return Float32Array.from(CUBE_FACES.flatMap((face) => face.flatMap(corner)));
+}
+
+export function binaryStl(soup: Float32Array, header = 'made for a test'): Uint8Array {
+  const faces = soup.length / 9;
+  const bytes = new Uint8Array(84 + faces * 50);
+  bytes.set(new TextEncoder().encode(header).subarray(0, 80));
+  const view = new DataView(bytes.buffer);
+  view.setUint32(80, faces, true);
+  soup.forEach((value, i) => {
+    view.setFloat32(84 + Math.floor(i / 9) * 50 + 12 + (i % 9) * 4, value, true);
+  });
+  return bytes;
+}
+
+export function asciiStl(soup: Float32Array): Uint8Array {
+  let text = 'solid cube\n';
+  for (let at = 0; at < soup.length; at += 9) {
+    text += ' facet normal 0 0 0\n  outer loop\n';
+    for (let c = 0; c < 9; c += 3)
+      text += `   vertex ${soup[at + c]} ${soup[at + c + 1]} ${soup[at + c + 2]}\n`;
+    text += '  endloop\n endfacet\n';
+  }
+  return new TextEncoder().encode(`${text}endsolid cube\n`);
+}
+
+/** One triangle in Collada, in centimetres, in a file that claims to be Y-up, painted wholly transparent. */
+export function collada(transparency = '0.0'): Uint8Array {
+  return new TextEncoder().encode(`<?xml version="1.0"?>
+<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
+ <asset><unit name="centimeter" meter="0.01"/><up_axis>Z_UP</up_axis></asset>
+ <library_effects><effect id="e"><profile_COMMON><technique sid="common"><lambert>
+  <diffuse><color>1 0 0 1</color></diffuse>
+  <transparent><color>1 1 1 1</color></transparent><transparency><float>${transparency}</float></transparency>
+ </lambert></technique></profile_COMMON></effect></library_effects>
+ <library_materials><material id="m" name="red"><instance_effect url="#e"/></material></library_materials>
+ <library_geometries><geometry id="g"><mesh>
+  <source id="p"><float_array id="a" count="9">0 0 0 100 0 0 0 0 100</float_array>
+   <technique_common><accessor source="#a" count="3" stride="3"><param name="X" type="float"/><param name="Y" type="float"/><param name="Z" type="float"/></accessor></technique_common></source>
+  <vertices id="v"><input semantic="POSITION" source="#p"/></vertices>
+  <triangles count="1" material="s"><input semantic="VERTEX" source="#v" offset="0"/><p>0 1 2</p></triangles>
+ </mesh></geometry></library_geometries>
+ <library_visual_scenes><visual_scene id="scene"><node id="n"><instance_geometry url="#g"><bind_material><technique_common>
+  <instance_material symbol="s" target="#m"/></technique_common></bind_material></instance_geometry></node></visual_scene></library_visual_scenes>
+ <scene><instance_visual_scene url="#scene"/></scene>
+</COLLADA>`);
+}
