@@ -31,9 +31,23 @@ function contentPolicy(): Plugin {
   };
 }
 
+/** urdf-loader imports its mesh loaders whether they are used or not. The scene reads meshes itself, Collada only when
+ *  there is some: without this its 20 kB would come with every 3D view. */
+function withoutUnusedLoaders(): Plugin {
+  const unused = /^three\/examples\/jsm\/loaders\/(STLLoader|ColladaLoader)\.js$/;
+  return {
+    name: 'without-unused-loaders',
+    enforce: 'pre',
+    resolveId: (id, importer) =>
+      unused.test(id) && importer?.includes('urdf-loader') ? `\0unused:${id}` : undefined,
+    load: (id) =>
+      id.startsWith('\0unused:') ? 'export class STLLoader {}\nexport class ColladaLoader {}' : undefined,
+  };
+}
+
 export default defineConfig({
   base: './', // one build for any path; the routes live in the hash
-  plugins: [react(), contentPolicy()],
+  plugins: [react(), contentPolicy(), withoutUnusedLoaders()],
   build: { target: 'es2022', sourcemap: false, chunkSizeWarningLimit: 800, manifest: true },
   worker: { format: 'es' },
   server: {
