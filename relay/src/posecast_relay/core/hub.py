@@ -86,7 +86,7 @@ class Hub:
             self.fates[Fate.RETIRED.value] += 1
             return []
         of.heard_at = now
-        return [*room.announce(room.stream.number(doc, unix_s)), Keep(room.stream)]
+        return [*self._told(room.announce(room.stream.number(doc, unix_s))), Keep(room.stream)]
 
     def token(self, robot: str, present: bool, now: float) -> list[Action]:
         """An edge's liveliness token came or went."""
@@ -166,9 +166,10 @@ class Hub:
                 granted = min(hz, self.limits.max_hz)
                 room.set_rate(viewer, granted, now)
                 self.wake_at = min(self.wake_at, room.wake_at())
-                return room.tell(viewer, messages.rate(granted, "asked" if granted == hz else "limit"))
+                reason = "asked" if granted == hz else "limit"
+                return self._told(room.tell(viewer, messages.rate(granted, reason)))
             case Ping(t):
-                return room.tell(viewer, messages.pong(t))
+                return self._told(room.tell(viewer, messages.pong(t)))
             case Auth():  # public views need none
                 return []
 
@@ -270,6 +271,14 @@ class Hub:
         self.endings[close] += 1
         return [End(viewer, close, reason, retry_s)]
 
+    def _told(self, actions: list[Action]) -> list[Action]:
+        """What a room returned; whoever it had to let go of is counted."""
+        for action in actions:
+            if isinstance(action, End):
+                self.leave(action.viewer)
+                self.endings[action.close] += 1
+        return actions
+
     def _words_changed(self, robot: Robot, now: float) -> list[Action]:
         out: list[Action] = []
         for room in robot.rooms.values():
@@ -301,7 +310,7 @@ class Hub:
                 "text": "another edge claims this robot",
                 "state": "on" if conflict else "off",
             }
-            out += room.announce(room.stream.number(doc, unix_s))
+            out += self._told(room.announce(room.stream.number(doc, unix_s)))
         return out
 
 

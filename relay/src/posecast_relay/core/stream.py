@@ -200,10 +200,11 @@ class Stream:
         if self._waiting is not None:
             payload, waiting_run, waiting_stamp_s, arrived, late_s = self._waiting
             self._waiting = None
-            header = parse_header(payload)
-            if waiting_run == run_id and self._place(payload, header, run_id, waiting_stamp_s) is Fate.TAKEN:
-                self.live_at = arrived
-                self.late_s = late_s
+            if waiting_run == run_id:
+                self._place(payload, parse_header(payload), run_id, waiting_stamp_s)
+                if self.newest is not None and self.newest.payload == payload:  # now, or by the snapshot
+                    self.live_at = arrived
+                    self.late_s = late_s
 
     def _describe(self, schema: Schema, info: dict[str, str], model: str | None) -> None:
         if schema is self.schema and info == self.info and model == self.model:

@@ -1,0 +1,76 @@
+"""Settings: flags over variables over defaults; a wrong value is one line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from posecast_relay.config import SettingsError, parse
+
+
+def test_defaults() -> None:
+    settings = parse(["run", "--dev"], {})
+    assert (settings.host, settings.port, settings.store) == ("127.0.0.1", 8080, "memory://")
+    assert settings.zenoh_listen == ("tcp/127.0.0.1:7447",)
+    assert settings.metrics_port is None
+
+
+def test_a_flag_wins_over_its_variable_and_that_over_port() -> None:
+    environ = {"POSECAST_PORT": "9001", "PORT": "9002", "POSECAST_DEV": "1"}
+    assert parse(["run"], environ).port == 9001
+    assert parse(["run", "--port", "9000"], environ).port == 9000
+    assert parse(["run"], {"PORT": "9002", "POSECAST_DEV": "1"}).port == 9002
+    assert parse(["run"], {"PORT": "", "POSECAST_DEV": "1"}).port == 8080
+
+
+@pytest.mark.parametrize(
+    ("argv", "environ", "says"),
+    [
+        ([], {}, "required: run"),
+        (["run"], {}, "--dev"),
+        (["run", "--dev", "--prot", "1"], {}, "unrecognized arguments: --prot 1"),
+        (["run", "--dev", "--port"], {}, "--port"),
+        (["run", "--dev", "--port", "80a"], {}, "--port '80a': use a number from 0 to 65535"),
+        (["run", "--dev"], {"POSECAST_PORT": "70000"}, "POSECAST_PORT '70000': "),
+        (["run", "--dev"], {"PORT": "x"}, "PORT 'x': "),
+        (["run"], {"POSECAST_DEV": "perhaps"}, "POSECAST_DEV 'perhaps': use 1 or 0"),
+        (["run", "--dev", "--store", "mysql://x"], {}, "--store 'mysql://x': "),
+        (["run", "--dev", "--static", "/nowhere"], {}, "--static '/nowhere': no index.html there"),
+        (["run", "--dev", "--zenoh-listen", "7447"], {}, "--zenoh-listen '7447': use tcp/HOST:PORT"),
+        (["run", "--dev", "--zenoh-listen", "tcp/127.0.0.1:99999"], {}, "use tcp/HOST:PORT"),
+        (["run", "--dev", "--zenoh-listen", "tcp/0.0.0.0:7447"], {}, "only loopback"),
+        (["run", "--dev", "--zenoh-listen", "tcp/relay.example:7447"], {}, "only loopback"),
+        (["run", "--dev", "--max-viewers", "0"], {}, "--max-viewers '0': "),
+        (["run", "--dev", "--host", "a b"], {}, "--host 'a b': "),
+    ],
+)
+def test_wrong_settings_are_one_line(argv: list[str], environ: dict[str, str], says: str) -> None:
+    with pytest.raises(SettingsError) as error:
+        parse(argv, environ)
+    assert says in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_several_listeners_and_a_static_folder(tmp_path: Path) -> None:
+    (tmp_path / "index.html").write_text("x")
+    argv = ["run", "--dev", "--zenoh-listen", "tcp/127.0.0.1:0, tcp/[::1]:7447", "--static", str(tmp_path)]
+    settings = parse(argv, {})
+    assert settings.zenoh_listen == ("tcp/127.0.0.1:0", "tcp/[::1]:7447")
+    assert settings.static == tmp_path
+
+
+def test_help_lists_every_setting(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as stop:
+        parse(["run", "--help"], {})
+    assert stop.value.code == 0
+    said = capsys.readouterr().out
+    for name in (
+        "--dev",
+        "--host",
+        "--port",
+        "--store",
+        "--zenoh-listen",
+        "--static",
+        "POSECAST_MAX_VIEWERS",
+    ):
+        assert name in said

@@ -1,0 +1,230 @@
+"""Events, status, liveness as viewers hear of them, and who is forgotten."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+from posecast_relay.core.limits import Limits
+from posecast_wire import Close
+
+from .sim import UNIX_S, Edge, World, schema
+
+
+def event(world: World, edge: Edge, text: str = "jam", state: str = "on", **other: object) -> None:
+    """An event from the edge arrives."""
+    doc = {
+        "type": "event",
+        "t": 1.25,
+        "level": "fault",
+        "source": "RKN",
+        "text": text,
+        "state": state,
+        **other,
+    }
+    stamp = edge.stamp(world.now)
+    world.do(world.hub.event("r", "public", json.dumps(doc).encode(), stamp, world.now, UNIX_S))
+
+
+def test_events_are_numbered_and_the_newest_hundred_are_told_at_join() -> None:
+    world = World()
+    edge = world.on_air()
+    _, early = world.join()
+    for n in range(150):
+        event(world, edge, f"fault {n}")
+    assert [e["n"] for e in early.told("event")] == list(range(1, 151))
+    assert early.told("event")[0] | {"n": 0} == {
+        "type": "event", "t": 1.25, "level": "fault", "source": "RKN", "text": "fault 0", "state": "on",
+        "n": 0, "at": UNIX_S,
+    }  # fmt: skip
+    _, late = world.join()
+    assert [e["n"] for e in late.told("event")] == list(range(51, 151))
+
+
+def test_a_30_ms_fault_reaches_a_1_hz_viewer() -> None:
+    world = World()
+    edge = world.on_air()
+    world.run(edge, 0.5)
+    _, screen = world.join(1.0)
+    event(world, edge, state="on")
+    world.pass_time(0.03)
+    event(world, edge, state="off")
+    assert [e["state"] for e in screen.told("event")] == ["on", "off"]
+
+
+def test_events_wait_for_a_viewer_that_has_not_drained_and_come_first() -> None:
+    world = World()
+    edge = world.on_air()
+    viewer, screen = world.join()
+    viewer.paused(world.now)
+    for n in range(5):
+        event(world, edge, f"fault {n}")
+        world.publish(edge)
+    assert screen.told("event") == []
+    world.do(world.hub.drained(viewer))
+    assert [e["n"] for e in screen.told("event")] == [1, 2, 3, 4, 5]
+    assert not viewer.blocked
+
+
+def test_a_full_event_lane_ends_the_viewer_with_its_reason_and_nobody_else() -> None:
+    world = World(Limits(lane=10))
+    edge = world.on_air()
+    slow, slow_screen = world.join()
+    _, screen = world.join()
+    slow.paused(world.now)
+    for _ in range(11):
+        event(world, edge)
+    assert slow_screen.ended is not None
+    assert slow_screen.ended[0] is Close.EVENTS_FULL
+    assert world.hub.endings[Close.EVENTS_FULL] == 1
+    assert slow not in world.hub.viewers
+    assert len(screen.told("event")) == 11
+
+
+@pytest.mark.parametrize(
+    "payload",
+    [
+        b"",
+        b"\xff",
+        b"[]",
+        b'{"type":"status"}',
+        b'{"type":"event"}',
+        b'{"type":"event","t":0,"level":"fault","source":"a","text":"b","state":"on","x":"'
+        + b"y" * 2048
+        + b'"}',
+        b"[" * 100_000,
+    ],
+)
+def test_what_is_no_event_is_counted_and_goes_nowhere(payload: bytes) -> None:
+    world = World()
+    edge = world.on_air()
+    _, screen = world.join()
+    stamp = edge.stamp(world.now)
+    assert world.hub.event("r", "public", payload, stamp, world.now, UNIX_S) == []
+    assert world.hub.fates["bad"] == 1
+    assert screen.told("event") == []
+
+
+def test_events_of_a_retired_run_are_dropped() -> None:
+    world = World()
+    old = world.on_air()
+    new = Edge(1, old.schema, began_s=world.now)
+    world.publish(new)
+    _, screen = world.join()
+    event(world, old)
+    assert screen.told("event") == []
+    assert world.hub.fates["retired"] == 1
+
+
+def test_status_comes_right_after_hello_and_at_least_once_a_second_also_without_a_robot() -> None:
+    world = World()
+    viewer, screen = world.join(robot="nobody")
+    assert [d["type"] for d in screen.texts] == ["hello", "status"]
+    assert screen.texts[1] == {"type": "status", "robot": "offline", "age_ms": None, "seq": None}
+    for n in range(2, 20):
+        world.pass_time(1.0)
+        viewer.heard_at = world.now
+        assert len(screen.told("status")) >= n
+
+
+def test_a_viewer_who_waits_sees_the_robot_come() -> None:
+    world = World()
+    _, screen = world.join()
+    edge = world.on_air()
+    assert screen.states[-1].seq == edge.seq
+    assert screen.told("status")[-1]["robot"] == "online"
+
+
+def test_silent_after_a_second_and_a_half_offline_at_once() -> None:
+    world = World()
+    edge = world.on_air()
+    _, screen = world.join()
+    world.run(edge, 1.0)
+    assert {s["robot"] for s in screen.told("status")} == {"online"}
+    stopped = world.now
+    while screen.told("status")[-1]["robot"] == "online":
+        world.pass_time(0.05)
+    assert 1.4 <= world.now - stopped <= 2.1
+    assert screen.told("status")[-1]["robot"] == "silent"
+    assert screen.told("status")[-1]["age_ms"] >= 1500
+    before = len(screen.told("status"))
+    world.do(world.hub.token("r", False, world.now))
+    assert len(screen.told("status")) == before + 1
+    assert screen.told("status")[-1]["robot"] == "offline"
+
+
+def test_a_viewer_who_joins_a_dead_robot_never_sees_it_online() -> None:
+    world = World()
+    edge = world.on_air()
+    world.run(edge, 1.0)
+    world.do(world.hub.token("r", False, world.now))
+    world.pass_time(60.0)
+    _, screen = world.join()
+    viewer_words = screen.told("status")
+    assert screen.states[-1].seq == edge.seq  # the last pose, to be shown grey
+    world.pass_time(5.0)
+    assert {s["robot"] for s in viewer_words + screen.told("status")} == {"offline"}
+    assert viewer_words[0]["age_ms"] >= 60_000
+
+
+def test_a_robot_that_comes_on_air_is_asked_at_once_and_then_once_a_second() -> None:
+    world = World()
+    world.do(world.hub.token("r", True, world.now))
+    world.pass_time(0.06)
+    assert world.asked == ["r"]
+    world.pass_time(3.0)  # no answer yet: its source has not spoken
+    assert world.asked == ["r"] * 4
+    edge = Edge(1, schema(), began_s=world.now)
+    world.publish(edge)
+    world.answer(edge)
+    world.asked.clear()
+    world.run(edge, 20.0)
+    assert world.asked == []
+
+
+def test_a_watched_robot_is_asked_now_and_then_for_info_and_model() -> None:
+    world = World()
+    edge = world.on_air()
+    world.run(edge, 2.0)
+    viewer, screen = world.join()
+    edge.model = "a" * 64
+    world.asked.clear()
+    for _ in range(300):
+        world.run(edge, 0.1)
+        viewer.heard_at = world.now
+        if world.asked:
+            world.answer(edge)
+            world.asked.clear()
+    assert screen.told("model") == [{"type": "model", "hash": "a" * 64}]
+
+
+def test_only_a_changed_description_is_told_again() -> None:
+    world = World()
+    edge = world.on_air()
+    _, screen = world.join()
+    world.answer(edge)
+    world.answer(edge)
+    assert len(screen.told("schema")) == 1
+
+
+def test_robots_that_only_viewers_named_are_forgotten_with_them() -> None:
+    world = World()
+    viewers = [world.join(robot=f"x{n}")[0] for n in range(20)]
+    assert len(world.hub.robots) == 20
+    for viewer in viewers:
+        world.hub.leave(viewer)
+        world.hub.leave(viewer)
+    assert world.hub.robots == {}
+
+
+def test_a_robot_gone_for_an_hour_is_forgotten_unless_watched() -> None:
+    world = World(Limits(forget_s=60.0))
+    world.on_air(robot="gone")
+    world.on_air(robot="watched")
+    viewer, _ = world.join(robot="watched")
+    for robot in ("gone", "watched"):
+        world.do(world.hub.token(robot, False, world.now))
+    for _ in range(90):
+        world.pass_time(1.0)
+        viewer.heard_at = world.now
+    assert set(world.hub.robots) == {"watched"}

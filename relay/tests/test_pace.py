@@ -1,0 +1,75 @@
+"""Due or not."""
+
+from __future__ import annotations
+
+import itertools
+import random
+
+import pytest
+from posecast_relay.core.pace import Cadence, Pace
+
+
+def due(source_hz: float, hz: float, frames: int, jitter_s: float = 0.0) -> list[int]:
+    """Which frames of a steady source go out, when nothing but arrival jitters."""
+    chance = random.Random(1)
+    cadence, pace, found = Cadence(), Pace(hz), []
+    for n in range(frames):
+        stamp_s = 5.0 + n / source_hz
+        cadence.saw(stamp_s)
+        now = 1000.0 + stamp_s + chance.uniform(0.0, jitter_s)
+        if pace.is_due(1, stamp_s, cadence.interval_s, now):
+            pace.sent(1, stamp_s, cadence.interval_s, now)
+            found.append(n)
+    return found
+
+
+@pytest.mark.parametrize(("hz", "step"), [(30, 1), (15, 2), (10, 3), (5, 6), (3, 10), (1, 30)])
+@pytest.mark.parametrize("jitter_s", [0.0, 0.025])
+def test_whole_parts_of_the_rate_are_exact(hz: float, step: int, jitter_s: float) -> None:
+    settled = [n for n in due(30, hz, 900, jitter_s) if n > 60]
+    assert {b - a for a, b in itertools.pairwise(settled)} == {step}
+
+
+@pytest.mark.parametrize("hz", [20, 12, 25, 7])
+def test_other_rates_hold_on_average(hz: float) -> None:
+    assert len(due(30, hz, 1200)) == pytest.approx(40 * hz, rel=0.03)
+
+
+@pytest.mark.parametrize("source_hz", [29.9, 30.02, 30.2])
+def test_a_source_a_little_off_loses_nothing(source_hz: float) -> None:
+    assert due(source_hz, 30, 900) == list(range(900))
+    settled = [n for n in due(source_hz, 10, 900) if n > 60]
+    assert {b - a for a, b in itertools.pairwise(settled)} == {3}
+
+
+def test_a_viewer_faster_than_the_source_gets_every_frame() -> None:
+    assert due(10, 60, 100) == list(range(100))
+
+
+def test_frames_held_up_and_let_go_at_once_are_not_all_passed_on() -> None:
+    cadence, pace = Cadence(), Pace(10)
+    for n in range(30):
+        cadence.saw(n / 30)
+    passed = 0
+    for n in range(30, 60):  # a second's worth within 3 ms
+        stamp_s, now = n / 30, 100.0 + n * 1e-4
+        cadence.saw(stamp_s)
+        if pace.is_due(1, stamp_s, cadence.interval_s, now):
+            pace.sent(1, stamp_s, cadence.interval_s, now)
+            passed += 1
+    assert passed == 1
+
+
+def test_a_new_run_is_due_at_once() -> None:
+    pace = Pace(1)
+    pace.sent(1, 1000.0, 0.03, 50.0)
+    assert not pace.is_due(1, 1000.1, 0.03, 50.1)
+    assert pace.is_due(2, 0.0, 0.03, 50.1)
+
+
+def test_cadence_does_not_count_the_frames_an_unchanged_robot_skips() -> None:
+    cadence, stamp_s = Cadence(), 0.0
+    for n in range(64):
+        stamp_s += 0.5 if n % 4 == 3 else 1 / 30
+        cadence.saw(stamp_s)
+    assert cadence.interval_s == pytest.approx(1 / 30)

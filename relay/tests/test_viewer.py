@@ -1,0 +1,193 @@
+"""Acknowledgements, silence, manners: who is held back and who is let go."""
+
+from __future__ import annotations
+
+import pytest
+from posecast_relay.core.limits import Limits
+from posecast_relay.core.viewer import Viewer
+from posecast_wire import Close
+
+from .sim import Edge, Screen, World
+
+
+def watch(world: World, edge: Edge, viewer: Viewer, seconds: float, acks: bool = True) -> None:
+    """A client like ours: acknowledges when a frame arrives and a second has passed since its last."""
+    last_ack = world.now - 1.0
+    for _ in range(round(seconds * 30)):
+        world.pass_time(1 / 30)
+        before = viewer.sent
+        world.publish(edge)
+        viewer.heard_at = world.now
+        if acks and viewer.sent > before and world.now - last_ack >= 1.0:
+            world.say(viewer, type="ack", n=viewer.sent)
+            last_ack = world.now
+
+
+def test_two_seconds_unacknowledged_stop_frames_and_fifteen_cut() -> None:
+    world = World()
+    edge = world.on_air()
+    viewer, screen = world.join()
+    watch(world, edge, viewer, 5.0)
+    world.say(viewer, type="ack", n=viewer.sent)
+    sent = len(screen.states)
+    watch(world, edge, viewer, 10.0, acks=False)
+    assert 50 <= len(screen.states) - sent <= 61  # at most two seconds' worth
+    assert viewer.blocked
+    assert screen.was_cut is None
+    watch(world, edge, viewer, 6.0, acks=False)
+    assert screen.was_cut is Close.NO_ACK
+    assert world.hub.endings[Close.NO_ACK] == 1
+
+
+def test_an_acknowledgement_brings_the_newest_frame_again() -> None:
+    world = World()
+    edge = world.on_air()
+    viewer, screen = world.join()
+    watch(world, edge, viewer, 3.0)
+    watch(world, edge, viewer, 5.0, acks=False)
+    before = len(screen.states)
+    world.say(viewer, type="ack", n=viewer.sent)
+    world.run(edge, 0.1)
+    assert len(screen.states) > before
+    assert screen.states[-1].seq == edge.seq
+
+
+def test_a_silent_robot_owes_its_viewers_no_acknowledgement() -> None:
+    world = World()
+    edge = world.on_air()
+    viewer, screen = world.join()
+    watch(world, edge, viewer, 3.5)
+    for _ in range(
+        60
+    ):  # frames that arrived within a second of the last acknowledgement are never acknowledged
+        world.pass_time(1.0)
+        viewer.heard_at = world.now
+    assert screen.was_cut is None
+    assert not viewer.blocked
+    world.publish(edge)
+    assert screen.states[-1].seq == edge.seq
+
+
+def test_a_viewer_that_never_acknowledges_is_served() -> None:
+    world = World()
+    edge = world.on_air()
+    viewer, screen = world.join()
+    watch(world, edge, viewer, 30.0, acks=False)
+    assert screen.was_cut is None
+    assert screen.states[-1].seq == edge.seq
+
+
+@pytest.mark.parametrize(("acks", "cut_after_s"), [(False, 5.0), (True, 15.0)])
+def test_a_buffer_left_unread_is_cut(acks: bool, cut_after_s: float) -> None:
+    world = World()
+    edge = world.on_air()
+    viewer, screen = world.join(1.0)
+    if acks:
+        world.say(viewer, type="ack", n=viewer.sent)
+    viewer.paused(world.now)
+    began = world.now
+    while screen.was_cut is None:
+        world.pass_time(0.1)
+        world.publish(edge)
+        viewer.heard_at = world.now
+        if acks:  # it lies: acknowledges what it has not read
+            world.say(viewer, type="ack", n=viewer.sent)
+        assert world.now < began + 20
+    assert screen.was_cut is Close.NO_ACK
+    assert cut_after_s <= world.now - began <= cut_after_s + 0.7
+
+
+def test_nothing_heard_is_asked_and_then_cut_within_twelve_seconds() -> None:
+    world = World()
+    world.on_air()
+    viewer, screen = world.join()
+    world.pass_time(5.6)
+    assert screen.pings == 1
+    viewer.heard_at = world.now  # it answered
+    world.pass_time(10.9)
+    assert screen.was_cut is None
+    assert screen.pings == 3
+    world.pass_time(1.0)
+    assert screen.was_cut is Close.HALF_OPEN
+    assert viewer not in world.hub.viewers
+
+
+@pytest.mark.parametrize(
+    ("payload", "close"),
+    [
+        (b"{", Close.NOT_ALLOWED),
+        (b'{"type":"move","joint":"RKN"}', Close.NOT_ALLOWED),
+        (b'{"type":"rate","hz":"fast"}', Close.NOT_ALLOWED),
+        (b'{"type":"rate","hz":-1}', Close.NOT_ALLOWED),
+        (b"\xff\xfe", Close.NOT_UTF8),
+        (b'"' + b"x" * 4096 + b'"', Close.TOO_LONG),
+    ],
+)
+def test_what_a_viewer_may_not_say(payload: bytes, close: Close) -> None:
+    world = World()
+    viewer, screen = world.join()
+    world.do(world.hub.message(viewer, payload, world.now))
+    assert screen.ended is not None
+    assert screen.ended[0] is close
+    assert viewer not in world.hub.viewers
+    assert world.hub.endings[close] == 1
+    assert world.hub.message(viewer, b'{"type":"ping","t":1}', world.now) == []
+
+
+def test_too_many_messages() -> None:
+    world = World()
+    viewer, screen = world.join()
+    for n in range(20):
+        world.say(viewer, type="ping", t=n)
+    assert len(screen.told("pong")) == 20
+    world.pass_time(1.0)
+    for n in range(10):
+        world.say(viewer, type="ping", t=n)
+    assert screen.ended is None
+    world.say(viewer, type="ping", t=0)
+    assert screen.ended is not None
+    assert screen.ended[0] is Close.TOO_MANY
+
+
+def test_rate_is_granted_within_the_limit_and_takes_effect() -> None:
+    world = World()
+    edge = world.on_air()
+    world.run(edge, 1.0)
+    viewer, screen = world.join(30.0)
+    world.say(viewer, type="rate", hz=10)
+    world.say(viewer, type="rate", hz=500)
+    world.say(viewer, type="rate", hz=5)
+    assert [(m["hz"], m["reason"]) for m in screen.told("rate")] == [
+        (10.0, "asked"),
+        (60.0, "limit"),
+        (5.0, "asked"),
+    ]
+    before = len(screen.states)
+    world.run(edge, 4.0)
+    assert len(screen.states) - before in (20, 21)
+    world.say(viewer, type="rate", hz=0)
+    before = len(screen.states)
+    world.run(edge, 1.0)
+    assert len(screen.states) == before
+
+
+def test_the_next_one_is_told_that_the_relay_is_full() -> None:
+    world = World(Limits(viewers=2))
+    world.join()
+    first, _ = world.join()
+    _, screen = world.join()
+    assert screen.ended == (Close.FULL, "as many viewers as this relay takes", 30.0)
+    assert screen.texts == []
+    world.hub.leave(first)
+    _, screen = world.join()
+    assert screen.ended is None
+
+
+def test_drain_tells_everybody() -> None:
+    world = World()
+    world.on_air()
+    screens: list[Screen] = [world.join()[1] for _ in range(5)]
+    world.do(world.hub.drain("the relay is being replaced", 10.0))
+    assert {s.ended for s in screens} == {(Close.DRAIN, "the relay is being replaced", 10.0)}
+    assert world.hub.viewers == {}
+    assert world.hub.endings[Close.DRAIN] == 5
