@@ -86,9 +86,8 @@ def main() -> None:
     given = json.load(sys.stdin)
     urdf = load(Path(given["urdf"]), meshes=given["base"] is None)
     movable = set(urdf.actuated_joint_names)
-    urdf.update_cfg(
-        {name: value for name, value in given["joints"].items() if name in movable and value is not None}
-    )
+    joints = {name: np.float64(value) for name, value in given["joints"].items() if value is not None}
+    urdf.update_cfg({name: joints[name] for name in movable & joints.keys()})
     root = world_from_root(given["base"], urdf)
     poses = {name: (root @ urdf.get_transform(name)).flatten().tolist() for name in urdf.link_map}
     json.dump(poses, sys.stdout)

@@ -1,7 +1,7 @@
 /** A child process whose output is kept, whose signals go by pid, and which does not outlive the test. */
 
 import { type ChildProcess, spawn } from 'node:child_process';
-import { until } from './driver/until.ts';
+import { Hopeless, until } from './driver/until.ts';
 
 const KEPT_LINES = 400;
 const GRACE_MS = 5_000;
@@ -69,7 +69,7 @@ export class Process {
           const found = line.match(pattern);
           if (found !== null) return found;
         }
-        if (!this.running) throw new Error(`${this.name} has ended:\n${this.log}`);
+        if (!this.running) throw new Hopeless(`${this.name} has ended:\n${this.log}`);
         return null;
       },
       deadlineMs,

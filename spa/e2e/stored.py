@@ -14,10 +14,10 @@ VIEW = "public"
 def main(url: str, robot: str) -> None:
     """Exits with one line when nothing is stored."""
     store = redis.Redis.from_url(url)
-    prefix = f"posecast:{{{robot}}}:{VIEW}"
-    state: dict[bytes, bytes] = store.hgetall(prefix)  # type: ignore[assignment]
+    key = f"posecast:{{{robot}}}:{VIEW}:state"
+    state: dict[bytes, bytes] = store.hgetall(key)  # type: ignore[assignment]
     if not state:
-        sys.exit(f"nothing under {prefix}; keys: {sorted(store.keys('*'))}")
+        sys.exit(f"nothing under {key}; keys: {sorted(store.keys('*'))}")
     decoder = Decoder()
     decoder.add_schema(state[b"schema"].decode())
     frame = decoder.decode(state[b"key"])

@@ -1,5 +1,6 @@
 import { existsSync, mkdirSync } from 'node:fs';
 import path from 'node:path';
+import { setTimeout as pause } from 'node:timers/promises';
 import { describe, expect, it } from 'vitest';
 import { until } from './driver/until.ts';
 import { body, shownSeq } from './robot_page.ts';
@@ -11,6 +12,8 @@ const stage = setStage();
 const URDF = path.join(SHARED, 'robots/hubo2plus-stl/hubo-urdf/model_collision_as_visual.urdf');
 const TRAJECTORY = path.join(SHARED, 'trajectories/hubo2plus_walk/walking_traj/walkFiveSteps0p2m.traj');
 const PROFILE = path.join(REPO, 'edge-agent/src/posecast_edge/profiles/hubo2plus.toml');
+/** From each side. */
+const PICTURES = 4;
 const SHOTS = path.join(REPO, 'spa/e2e/shots');
 
 /** Heights of the two feet, metres, of one instant. */
@@ -45,12 +48,16 @@ describe.skipIf(!existsSync(URDF) || !existsSync(TRAJECTORY))('Hubo 2+ walks', (
         if (left === undefined || right === undefined) return false;
         feet.push({ left, right });
         const seq = (await shownSeq(page)) ?? 0;
-        if (pictures < 6 && seq > pictures * 60)
-          await page.screenshot(path.join(SHOTS, `walk-${pictures++}.png`));
+        if (pictures < 2 * PICTURES && seq > pictures * 30) {
+          const side = pictures % 2 === 0 ? 'front' : 'side';
+          await page.findByRole('button', side).click();
+          await pause(400); // the camera eases for 250 ms
+          await page.screenshot(path.join(SHOTS, `walk-${String(pictures++).padStart(2, '0')}-${side}.png`));
+        }
         knees = Math.max(knees, await page.evaluate<number>('window.posecast.twin.value("pos", "RKN") ?? 0'));
         const up = (foot: 'left' | 'right', other: 'left' | 'right'): boolean =>
           feet.some((at) => at[foot] - at[other] > 0.02);
-        return up('left', 'right') && up('right', 'left') && pictures >= 6;
+        return up('left', 'right') && up('right', 'left') && pictures === 2 * PICTURES;
       },
       80_000,
     );

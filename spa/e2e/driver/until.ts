@@ -2,6 +2,9 @@
 
 const INTERVAL_MS = 50;
 
+/** Thrown by a probe that sees that waiting is in vain. */
+export class Hopeless extends Error {}
+
 /**
  * Asks `probe` until it returns something other than false, null or undefined, and returns that.
  * `what` names the wish in the error; the last refusal is added to it.
@@ -21,6 +24,7 @@ export async function until<T>(
       }
       last = answer;
     } catch (error) {
+      if (error instanceof Hopeless) throw error;
       last = error;
     }
     if (performance.now() > end) {
