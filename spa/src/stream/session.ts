@@ -2,7 +2,6 @@ import {
   Decoder,
   type Frame,
   FrameError,
-  parseHeader,
   parseRelayMessage,
   type RelayMessage,
   retryOf,
@@ -297,9 +296,6 @@ export class Session {
     }
     const { schema, seq, codes } = frame;
     const before = this.#newest;
-    // A REF that a later frame needs may be older than what is shown already: it is a base, not news. (A KEY with a
-    // smaller number is a new run.)
-    if (!parseHeader(bytes).isKey && before !== null && seq <= before.seq) return;
     const sameSchema = before !== null && before.schemaId === schema.id;
     const unsure = !sameSchema || nowMs - before.atMs > GAP_MS;
     if (unsure || poseDiffers(schema, before.codes, codes)) this.#changedMs = nowMs;

@@ -1,0 +1,156 @@
+import { describe, expect, it } from 'vitest';
+import { readRobots } from '../src/app/robots.ts';
+import { parseRoute } from '../src/app/route.ts';
+import { readSettings } from '../src/app/settings.ts';
+import { heightPx, nextHeight, PEEK_PX, restingHeight } from '../src/app/sheet_heights.ts';
+import { chipWords, missingWords, stageWords, truthWords, waitingWords } from '../src/app/words.ts';
+import type { Link } from '../src/stream/client.ts';
+import type { Verdict } from '../src/twin/liveness.ts';
+
+describe('routes', () => {
+  it('are the list, a robot, or nothing we know', () => {
+    expect(['', '#', '#/'].map((hash) => parseRoute(hash).page)).toEqual(['list', 'list', 'list']);
+    expect(parseRoute('#/r/hubo-2')).toEqual({ page: 'robot', robot: 'hubo-2' });
+    expect(parseRoute('#/r/demo?view=public')).toEqual({ page: 'robot', robot: 'demo' });
+    for (const bad of ['#/r/', '#/r/*', '#/r/Hubo', '#/r/a/b', '#/r/../x', `#/r/${'a'.repeat(64)}`, '#/x']) {
+      expect(parseRoute(bad).page).toBe('unknown');
+    }
+  });
+});
+
+describe('settings', () => {
+  it('come out whole whatever storage holds', () => {
+    const whole = readSettings(null);
+    expect(whole).toMatchObject({ theme: 'system', angle: 'rad', shown: 'pos', panelPx: null });
+    for (const odd of ['', 'nonsense', '[]', '7', '{"theme":"pink","panelPx":"wide","panelOpen":1}']) {
+      expect(readSettings(odd)).toEqual(whole);
+    }
+    expect(readSettings('{"theme":"light","panelPx":420,"unknown":1}')).toEqual({
+      ...whole,
+      theme: 'light',
+      panelPx: 420,
+    });
+  });
+});
+
+describe('the list of robots', () => {
+  it('is read with care', () => {
+    const robots = readRobots({
+      robots: [
+        { robot: 'demo', status: 'online', age_ms: 12, seq: 4, hz: 30, viewers: 3, model: null },
+        { robot: 'old', status: 'offline', age_ms: null, viewers: 0 },
+        { status: 'online' },
+        null,
+      ],
+    });
+    expect(robots).toEqual([
+      { robot: 'demo', name: 'demo', state: 'online', ageMs: 12, viewers: 3 },
+      { robot: 'old', name: 'old', state: 'offline', ageMs: null, viewers: 0 },
+    ]);
+    expect([null, {}, 'x', { robots: 7 }].map(readRobots)).toEqual([[], [], [], []]);
+  });
+});
+
+describe('the sheet', () => {
+  const room = 700;
+
+  it('has three heights', () => {
+    expect(heightPx('peek', room)).toBe(PEEK_PX);
+    expect(heightPx('half', room)).toBe(364);
+    expect(heightPx('full', room)).toBe(room);
+  });
+
+  it('comes to rest at the nearest, or where a flick sends it', () => {
+    expect(restingHeight(300, 0, room)).toBe('half');
+    expect(restingHeight(600, 0.1, room)).toBe('full');
+    expect(restingHeight(120, 0, room)).toBe('peek');
+    expect(restingHeight(150, 1, room)).toBe('half');
+    expect(restingHeight(400, 1, room)).toBe('full');
+    expect(restingHeight(500, -1, room)).toBe('half');
+    expect(restingHeight(300, -1, room)).toBe('peek');
+  });
+
+  it('goes on to the next when tapped', () => {
+    expect((['peek', 'half', 'full'] as const).map(nextHeight)).toEqual(['half', 'full', 'peek']);
+  });
+});
+
+describe('words', () => {
+  const link: Link = {
+    phase: 'open',
+    retryAtMs: null,
+    ending: null,
+    grantedHz: 30,
+    rateReason: null,
+    hz: 29.8,
+    roundTripMs: 42,
+    problem: null,
+  };
+  const verdict = (changed: Partial<Verdict>): Verdict => ({
+    word: 'LIVE',
+    cause: null,
+    ageMs: 3200,
+    linkMs: 400,
+    unchangedMs: 12_000,
+    ...changed,
+  });
+  const chip = (changed: Partial<Verdict>, now = 0) => {
+    const { word, detail, more } = chipWords(verdict(changed), link, now);
+    return `${word} ${detail}${more}`.trim();
+  };
+
+  it('of the chip', () => {
+    const at = new Date(2026, 10, 21, 14, 2, 3).getTime();
+    expect(chip({})).toBe('LIVE 30 Hz · 38 ms');
+    expect(chip({ word: 'HOLDING' })).toBe('HOLDING 12 s');
+    expect(chip({ word: 'STALE', cause: 'robot silent' })).toBe('STALE 3.2 s: robot silent');
+    expect(chip({ word: 'STALE', cause: 'no connection', ageMs: null })).toBe('STALE no connection');
+    expect(chip({ word: 'OFFLINE' }, at + 3200)).toBe('OFFLINE since 14:02');
+    expect(chip({ word: 'OFFLINE', ageMs: null })).toBe('OFFLINE');
+    expect(chip({ word: null })).toBe('Connecting');
+  });
+
+  it('over the body, only when the picture is not the present', () => {
+    const stage = (changed: Partial<Verdict>, of: Partial<Link> = {}) =>
+      stageWords(verdict(changed), { ...link, ...of }, 1000);
+    expect(stage({})).toBeNull();
+    expect(stage({ word: 'HOLDING' })).toBeNull();
+    expect(stage({ word: 'STALE', cause: 'robot silent' })).toBe('Stale for 3.2 s: robot silent.');
+    const lost = { word: 'STALE', cause: 'no connection' } as const;
+    expect(stage(lost, { phase: 'waiting', retryAtMs: 4200, ending: { code: 1006, reason: '' } })).toBe(
+      'No connection. Trying again in 4 s.',
+    );
+    expect(stage(lost, { phase: 'waiting', retryAtMs: 13_000, ending: { code: 1013, reason: '' } })).toBe(
+      'The hall is full. Trying again in 12 s.',
+    );
+    expect(stage(lost, { phase: 'connecting' })).toBe('No connection. Trying again.');
+    expect(stage(lost, { phase: 'ended', ending: { code: 4403, reason: '' } })).toBe(
+      'This robot is not shared with you.',
+    );
+  });
+
+  it('behind the chip name a lowered rate and its reason', () => {
+    const lines = truthWords(verdict({}), { ...link, grantedHz: 5, rateReason: 'slow network' });
+    expect(lines).toContain('5 Hz: slow network.');
+    expect(lines).toContain('Round trip to the relay: 42 ms.');
+  });
+
+  it('of waiting name what is missing', () => {
+    const all = { phase: 'open', word: 'LIVE', schema: true, pose: true } as const;
+    const words = [
+      { ...all, phase: 'connecting' as const },
+      { ...all, word: 'OFFLINE' as const },
+      { ...all, schema: false },
+      { ...all, pose: false },
+      all,
+    ].map(waitingWords);
+    expect(new Set(words).size).toBe(5);
+    expect(words[0]).toBe('Waiting for the relay to answer.');
+  });
+
+  it('of missing meshes name them', () => {
+    const two = ['package://hubo/meshes/Body_RWP.stl', 'package://hubo/meshes/Body_Head.stl'];
+    expect(missingWords(two, 57)).toBe('2 of 57 meshes are missing: Body_RWP, Body_Head.');
+    expect(missingWords(two.slice(0, 1), null)).toBe('1 mesh is missing: Body_RWP.');
+  });
+});

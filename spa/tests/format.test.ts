@@ -1,0 +1,68 @@
+import { describe, expect, it } from 'vitest';
+import { displayOf, flagWords, formatNumber, formatSpan } from '../src/twin/format.ts';
+
+const shown = (value: number | null, unit: string, angle: 'rad' | 'deg' = 'rad') =>
+  formatNumber(value, displayOf(unit, angle));
+
+describe('numbers', () => {
+  it('have the decimals of their unit', () => {
+    expect(shown(0.3814, 'rad')).toBe('\u20070.381');
+    expect(shown(0.3814, 'rad', 'deg')).toBe('\u200721.9');
+    expect(shown(1.5, 'm')).toBe('\u20071.500');
+    expect(shown(120.04, 'N')).toBe('\u2007120.0');
+    expect(shown(38, 'C')).toBe('\u200738.0');
+    expect(shown(1.239, 'A')).toBe('\u20071.24');
+  });
+
+  it('keep the sign in a column of its own, with a true minus', () => {
+    expect(shown(-0.381, 'rad')).toBe('\u22120.381');
+    expect(shown(-0.381, 'rad').length).toBe(shown(0.381, 'rad').length);
+  });
+
+  it('have no sign when they round to zero', () => {
+    expect(shown(-0.0004, 'rad')).toBe('\u20070.000');
+    expect(shown(-0.0006, 'rad')).toBe('\u22120.001');
+    expect(shown(-0, 'A')).toBe('\u20070.00');
+  });
+
+  it('are a dash when there is no reading', () => {
+    for (const none of [null, Number.NaN, Number.POSITIVE_INFINITY]) expect(shown(none, 'rad')).toBe('—');
+  });
+
+  it('of a unit nobody knows take their decimals from the scale', () => {
+    expect(displayOf('lux', 'rad', 0.01)).toEqual({ unit: 'lux', decimals: 2, factor: 1 });
+    expect(displayOf('lux', 'rad', 0.05).decimals).toBe(2);
+    expect(displayOf('', 'rad', 1).decimals).toBe(0);
+    expect(displayOf('', 'rad', 25).decimals).toBe(0);
+  });
+
+  it('turn degrees only where an angle is meant', () => {
+    expect(displayOf('rad/s', 'deg').unit).toBe('°/s');
+    expect(displayOf('m', 'deg').unit).toBe('m');
+    expect(displayOf('Nm', 'deg').unit).toBe('N·m');
+  });
+});
+
+it('spans of time read as a person says them', () => {
+  const spans = [0, 38.4, 999, 1000, 3249, 9949, 12_000, 119_000, 120_000, 3_600_000, 7_200_000];
+  expect(spans.map(formatSpan)).toEqual([
+    '0 ms',
+    '38 ms',
+    '999 ms',
+    '1.0 s',
+    '3.2 s',
+    '9.9 s',
+    '12 s',
+    '119 s',
+    '2 min',
+    '60 min',
+    '2 h',
+  ]);
+  expect(formatSpan(-5)).toBe('0 ms');
+});
+
+it('flags are named in words', () => {
+  expect(
+    ['jam', 'pwmSaturated', 'motorFail0', 'posMaxError', 'bit 17', 'source_lost'].map(flagWords),
+  ).toEqual(['jam', 'PWM saturated', 'motor fail 0', 'pos max error', 'bit 17', 'source lost']);
+});

@@ -1,0 +1,125 @@
+import { describe, expect, it } from 'vitest';
+import { type Evidence, HOLDING_AFTER_MS, judge, type Status } from '../src/twin/liveness.ts';
+
+const NOW = 1_000_000;
+
+function status(changed: Partial<Status> = {}): Status {
+  return { robot: 'online', ageMs: 20, seq: 100, degraded: false, atMs: NOW - 300, ...changed };
+}
+
+/** A robot that is fine, seen by a viewer who is fine. */
+function evidence(changed: Partial<Evidence> = {}): Evidence {
+  return {
+    openedMs: NOW - 60_000,
+    connected: true,
+    lostMs: null,
+    heardMs: NOW - 30,
+    status: status(),
+    freshMs: NOW - 30,
+    changedMs: NOW - 30,
+    ...changed,
+  };
+}
+
+describe('the table of causes', () => {
+  it('all well', () => {
+    expect(judge(evidence(), NOW)).toMatchObject({ word: 'LIVE', cause: null, ageMs: 30, linkMs: 30 });
+  });
+
+  it('all well, pose unchanged', () => {
+    const still = evidence({ changedMs: NOW - 12_000 });
+    expect(judge(still, NOW)).toMatchObject({ word: 'HOLDING', cause: null, unchangedMs: 12_000 });
+    const only = evidence({ changedMs: NOW - HOLDING_AFTER_MS + 1 });
+    expect(judge(only, NOW).word).toBe('LIVE');
+  });
+
+  it('robot or source silent, edge alive', () => {
+    const silent = evidence({ freshMs: NOW - 1700, status: status({ robot: 'silent', ageMs: 1400 }) });
+    expect(judge(silent, NOW)).toMatchObject({ word: 'STALE', cause: 'robot silent', ageMs: 1700 });
+  });
+
+  it('the age goes on by the viewer’s own clock when status still says online', () => {
+    const quiet = evidence({ freshMs: NOW - 1501, status: status({ ageMs: 1250 }) });
+    expect(judge(quiet, NOW)).toMatchObject({ word: 'STALE', cause: 'robot silent', ageMs: 1501 });
+    expect(judge(quiet, NOW - 2).word).toBe('LIVE');
+  });
+
+  it('edge or uplink gone', () => {
+    const gone = evidence({ status: status({ robot: 'offline', ageMs: 2000 }) });
+    expect(judge(gone, NOW)).toMatchObject({ word: 'OFFLINE', cause: null });
+  });
+
+  it('a frame that was under way when the robot left does not bring it back', () => {
+    const late = evidence({ status: status({ robot: 'offline' }), freshMs: NOW });
+    expect(judge(late, NOW).word).toBe('OFFLINE');
+  });
+
+  it('relay or the viewer’s own network gone', () => {
+    const lost = evidence({ connected: false, lostMs: NOW - 10 });
+    expect(judge(lost, NOW)).toMatchObject({ word: 'STALE', cause: 'no connection' });
+    const frozen = evidence({ heardMs: NOW - 1501, freshMs: NOW - 1501 });
+    expect(judge(frozen, NOW)).toMatchObject({ word: 'STALE', cause: 'no connection' });
+  });
+
+  it('a relay that cannot vouch for what it serves', () => {
+    const degraded = evidence({ status: status({ degraded: true }) });
+    expect(judge(degraded, NOW)).toMatchObject({ word: 'STALE', cause: 'relay degraded' });
+  });
+});
+
+describe('joining', () => {
+  const opening = { connected: false, heardMs: null, status: null, freshMs: null, changedMs: null };
+
+  it('claims nothing in the first moments, then says that there is no connection', () => {
+    expect(judge(evidence({ ...opening, openedMs: NOW - 1500 }), NOW).word).toBeNull();
+    expect(judge(evidence({ ...opening, openedMs: NOW - 1501 }), NOW)).toMatchObject({
+      word: 'STALE',
+      cause: 'no connection',
+    });
+  });
+
+  it('a dead robot is never LIVE, though its last pose has just arrived', () => {
+    const dead = status({ robot: 'silent', ageMs: 90_000, atMs: NOW });
+    const joined = evidence({
+      openedMs: NOW - 100,
+      status: dead,
+      freshMs: null,
+      changedMs: NOW,
+      heardMs: NOW,
+    });
+    for (let later = 0; later < 5000; later += 50) {
+      const verdict = judge({ ...joined, heardMs: NOW + later }, NOW + later);
+      expect(verdict).toMatchObject({ word: 'STALE', cause: 'robot silent', ageMs: 90_000 + later });
+    }
+  });
+
+  it('a robot that never was here is OFFLINE without an age', () => {
+    const never = evidence({ status: status({ robot: 'offline', ageMs: null, seq: null }), freshMs: null });
+    expect(judge(never, NOW)).toMatchObject({ word: 'OFFLINE', ageMs: null });
+  });
+
+  it('a new connection is not trusted before its first status', () => {
+    expect(judge(evidence({ status: null }), NOW)).toMatchObject({ word: 'STALE', cause: 'no connection' });
+  });
+});
+
+it('400 ms of jitter on a status each second is no reason to cry STALE', () => {
+  // The slowest case: no poses asked for (hidden page), so that status alone keeps the picture true.
+  let seed = 7;
+  const jitter = () => {
+    seed = (seed * 1103515245 + 12345) % 2 ** 31;
+    return (seed / 2 ** 31) * 400;
+  };
+  let arrived = NOW;
+  for (let sent = NOW; sent < NOW + 300_000; sent += 1000) {
+    const next = sent + 1000 + jitter();
+    const seen = evidence({
+      status: status({ ageMs: 33, atMs: arrived }),
+      heardMs: arrived,
+      freshMs: null,
+      changedMs: null,
+    });
+    expect(judge(seen, next - 1).word).toBe('LIVE');
+    arrived = next;
+  }
+});

@@ -1,0 +1,78 @@
+import { Encoder, MISSING, Schema } from '@posecast/wire';
+
+/** A small robot with one of everything, for the tests of twin, stream and table. */
+export const SCHEMA_TEXT = JSON.stringify({
+  type: 'schema',
+  v: 1,
+  robot: 'Small',
+  labels: {
+    joint: ['LKN', 'RKN', 'NK1'],
+    ftf: ['RF.fz'],
+    ftm: ['RF.mx', 'RF.my'],
+    quat: ['torso.w', 'torso.x', 'torso.y', 'torso.z'],
+    axis: ['torso.x', 'torso.y', 'torso.z'],
+    power: ['main'],
+    sonar: ['front'],
+  },
+  fields: [
+    { name: 'ref', unit: 'rad', scale: 0.001, labels: 'joint' },
+    { name: 'pos', unit: 'rad', scale: 0.001, labels: 'joint', rel: 'ref' },
+    { name: 'cur', unit: 'A', scale: 0.01, labels: 'joint' },
+    { name: 'ftf', unit: 'N', scale: 1, labels: 'ftf' },
+    { name: 'ftm', unit: 'Nm', scale: 0.05, labels: 'ftm' },
+    { name: 'quat', scale: 0.001, labels: 'quat' },
+    { name: 'gyro', unit: 'rad/s', scale: 0.01, labels: 'axis' },
+    { name: 'volt', unit: 'V', scale: 0.05, labels: 'power' },
+    { name: 'range', unit: 'm', scale: 0.01, labels: 'sonar' },
+    { name: 'temp', unit: 'C', scale: 1, labels: 'joint' },
+    { name: 'flags', bits: ['homed', 'enabled', 'jam', 'pwmSaturated', 'comply'], labels: 'joint' },
+  ],
+  mapping: {
+    joints: { knee_left: { terms: [['LKN', 2]], offset: 0.5 } },
+    sensors: { RF: { kind: 'wrench', name: 'right foot', link: 'foot' } },
+    names: { RKN: 'right knee' },
+    thresholds: { temp: { '*': { high: 70, caution: 0.8 } }, ftf: { 'RF.fz': { high: 500, caution: 0.5 } } },
+    tolerance: { '*': 0.05 },
+    severity: { flags: { pwmSaturated: 'caution', homed: 'state', enabled: 'state', comply: 'state' } },
+  },
+});
+
+export const SCHEMA = Schema.parse(SCHEMA_TEXT);
+
+/** Codes of a quiet pose, changed where told: `{ 'pos.RKN': 520 }`. A null is no reading. */
+export function codesWith(changed: Readonly<Record<string, number | null>> = {}): Int32Array {
+  const codes = new Int32Array(SCHEMA.size);
+  const set = (field: string, label: string, code: number | null) => {
+    const of = SCHEMA.field(field);
+    const index = of?.labels.indexOf(label) ?? -1;
+    if (of === null || index < 0) throw new Error(`no channel ${field}.${label}`);
+    codes[of.start + index] = code ?? MISSING;
+  };
+  set('quat', 'torso.w', 1000);
+  for (const label of ['LKN', 'RKN', 'NK1']) {
+    set('flags', label, 0b11);
+    set('temp', label, 33);
+  }
+  for (const [channel, code] of Object.entries(changed)) {
+    const dot = channel.indexOf('.');
+    set(channel.slice(0, dot), channel.slice(dot + 1), code);
+  }
+  return codes;
+}
+
+/** The frames of one run, as an edge would send them. */
+export class Frames {
+  readonly #encoder: Encoder;
+  #seq: number;
+  #nowS = 0;
+
+  constructor(firstSeq = 1, refEvery = 0) {
+    this.#encoder = new Encoder(SCHEMA, 4, refEvery);
+    this.#seq = firstSeq;
+  }
+
+  next(changed: Readonly<Record<string, number | null>> = {}, forceKey = false): Uint8Array {
+    this.#nowS += 1 / 30;
+    return this.#encoder.encode(codesWith(changed), this.#seq++, this.#nowS, this.#nowS, forceKey);
+  }
+}

@@ -1,0 +1,407 @@
+import { describe, expect, it } from 'vitest';
+import type { FromStream } from '../src/stream/messages.ts';
+import { type Action, CONNECT_LIMIT_MS, Session, SILENT_LIMIT_MS } from '../src/stream/session.ts';
+import { Frames, SCHEMA, SCHEMA_TEXT } from './schema.ts';
+
+type Kind = FromStream['kind'];
+
+/** A session with a hand on its clock and a record of all it wanted done. */
+class Rig {
+  now = 1_000_000;
+  readonly session: Session;
+  readonly done: Action[] = [];
+
+  constructor(random = 0.5, visible = true) {
+    this.session = new Session('ws://relay/live', 30, visible, () => random);
+  }
+
+  do(actions: readonly Action[]): void {
+    this.done.push(...actions);
+  }
+
+  /** What it wanted done since the last look. */
+  take(): Action[] {
+    return this.done.splice(0);
+  }
+
+  posts<K extends Kind>(kind: K): Extract<FromStream, { kind: K }>[] {
+    return this.take().flatMap((action) =>
+      action.do === 'post' && action.message.kind === kind
+        ? [action.message as Extract<FromStream, { kind: K }>]
+        : [],
+    );
+  }
+
+  sent(): unknown[] {
+    return this.take().flatMap((action) =>
+      action.do === 'send' ? [JSON.parse(action.text) as unknown] : [],
+    );
+  }
+
+  open(): void {
+    this.do(this.session.start(this.now));
+    this.do(this.session.opened(this.now));
+  }
+
+  say(message: object): void {
+    this.do(this.session.text(this.now, JSON.stringify(message)));
+  }
+
+  status(changed: object = {}): void {
+    this.say({ type: 'status', robot: 'online', age_ms: 20, seq: 0, ...changed });
+  }
+
+  schema(): void {
+    this.do(this.session.text(this.now, SCHEMA_TEXT));
+  }
+
+  frame(bytes: Uint8Array): void {
+    this.do(this.session.binary(this.now, bytes));
+  }
+
+  /** Lets time pass, ticking as the worker does. */
+  pass(ms: number): void {
+    const until = this.now + ms;
+    while (this.now < until) {
+      this.now = Math.min(until, this.now + 250);
+      this.do(this.session.tick(this.now));
+    }
+  }
+
+  /** Time passes while the relay says what it must: a status a second. */
+  passWithStatus(ms: number): void {
+    const until = this.now + ms;
+    while (this.now < until) {
+      this.pass(Math.min(1000, until - this.now));
+      if (this.session.phase === 'open') this.status();
+    }
+  }
+}
+
+function opened(): Rig {
+  const rig = new Rig();
+  rig.open();
+  rig.status();
+  rig.schema();
+  rig.take();
+  return rig;
+}
+
+describe('connecting', () => {
+  it('asks for the rate in the address', () => {
+    const rig = new Rig();
+    rig.do(rig.session.start(rig.now));
+    expect(rig.take()).toEqual([
+      { do: 'post', message: { kind: 'link', phase: 'connecting', retryAtMs: null, ending: null } },
+      { do: 'connect', url: 'ws://relay/live?hz=30' },
+    ]);
+  });
+
+  it('gives up on a socket that does not open, and tries again', () => {
+    const rig = new Rig(0);
+    rig.do(rig.session.start(rig.now));
+    rig.pass(CONNECT_LIMIT_MS);
+    rig.take();
+    rig.pass(250);
+    expect(rig.session.phase).toBe('waiting');
+    expect(rig.take().map((action) => action.do)).toEqual(['drop', 'post']);
+    rig.pass(250);
+    expect(rig.session.phase).toBe('connecting');
+  });
+
+  it('backs off with full jitter, and starts anew after a connection that worked', () => {
+    const rig = new Rig(1);
+    rig.do(rig.session.start(rig.now));
+    const waits: number[] = [];
+    for (let failure = 0; failure < 8; failure++) {
+      rig.take();
+      rig.do(rig.session.closed(rig.now, 1006, ''));
+      const [link] = rig.posts('link');
+      waits.push((link?.retryAtMs ?? 0) - rig.now);
+      rig.pass(waits.at(-1) ?? 0);
+      expect(rig.session.phase).toBe('connecting');
+    }
+    expect(waits).toEqual([500, 1000, 2000, 4000, 8000, 16_000, 30_000, 30_000]);
+    rig.do(rig.session.opened(rig.now));
+    rig.passWithStatus(6000);
+    rig.take();
+    rig.do(rig.session.closed(rig.now, 1006, ''));
+    expect(rig.posts('link')[0]?.retryAtMs).toBe(rig.now + 500);
+  });
+
+  it('a relay that lets everyone in and throws them out does not start the backoff anew', () => {
+    const rig = new Rig(1);
+    rig.do(rig.session.start(rig.now));
+    const waits: number[] = [];
+    for (let failure = 0; failure < 3; failure++) {
+      rig.do(rig.session.opened(rig.now));
+      rig.status();
+      rig.take();
+      rig.do(rig.session.closed(rig.now, 1006, ''));
+      waits.push((rig.posts('link')[0]?.retryAtMs ?? 0) - rig.now);
+      rig.pass(waits.at(-1) ?? 0);
+    }
+    expect(waits).toEqual([500, 1000, 2000]);
+  });
+});
+
+describe('endings', () => {
+  it('waits as long as a full hall asks', () => {
+    const rig = opened();
+    rig.say({ type: 'bye', code: 1013, reason: 'full', retry_s: 12 });
+    rig.do(rig.session.closed(rig.now, 1013, ''));
+    const [link] = rig.posts('link');
+    expect(link).toMatchObject({ phase: 'waiting', ending: { code: 1013 } });
+    expect((link?.retryAtMs ?? 0) - rig.now).toBe(12_000 + 250);
+  });
+
+  it('believes the bye and not the code that a proxy made of the ending', () => {
+    const rig = opened();
+    rig.say({ type: 'bye', code: 4403, reason: 'not shared', retry_s: null });
+    rig.do(rig.session.closed(rig.now, 1006, ''));
+    expect(rig.posts('link')).toMatchObject([
+      { phase: 'ended', ending: { code: 4403, reason: 'not shared' } },
+    ]);
+    rig.pass(120_000);
+    expect(rig.session.phase).toBe('ended');
+  });
+
+  it('comes back after an ending for good only when a person asks', () => {
+    const rig = opened();
+    rig.do(rig.session.closed(rig.now, 4404, ''));
+    rig.pass(60_000);
+    expect(rig.session.phase).toBe('ended');
+    rig.do(rig.session.wake(rig.now));
+    expect(rig.session.phase).toBe('connecting');
+  });
+});
+
+describe('a socket that died without saying so', () => {
+  it('is dropped after three silent seconds', () => {
+    const rig = opened();
+    rig.pass(SILENT_LIMIT_MS);
+    expect(rig.session.phase).toBe('open');
+    rig.take();
+    rig.pass(250);
+    expect(rig.session.phase).toBe('waiting');
+    expect(rig.take()[0]).toEqual({ do: 'drop' });
+  });
+
+  it('is not what a quiet robot looks like: status comes each second', () => {
+    const rig = opened();
+    rig.passWithStatus(60_000);
+    expect(rig.session.phase).toBe('open');
+  });
+
+  it('is replaced at once when the page wakes up and nothing was heard lately', () => {
+    const rig = opened();
+    rig.now += 2000;
+    rig.do(rig.session.wake(rig.now));
+    expect(rig.take().map((action) => action.do)).toEqual(['drop', 'post', 'connect']);
+  });
+
+  it('is kept when the page wakes up and the relay has just spoken', () => {
+    const rig = opened();
+    rig.now += 500;
+    rig.do(rig.session.wake(rig.now));
+    expect(rig.take()).toEqual([]);
+  });
+});
+
+describe('acknowledging', () => {
+  const acks = (rig: Rig) => rig.sent().filter((m) => (m as { type: string }).type === 'ack');
+
+  it('counts the binary messages of this connection, at most once a second, and owes nothing for longer', () => {
+    const rig = opened();
+    const frames = new Frames();
+    rig.frame(frames.next());
+    expect(acks(rig)).toEqual([{ type: 'ack', n: 1 }]);
+    for (let i = 0; i < 29; i++) {
+      rig.now += 33;
+      rig.frame(frames.next());
+    }
+    expect(acks(rig)).toEqual([]);
+    rig.pass(250); // no further frame comes
+    expect(acks(rig)).toEqual([{ type: 'ack', n: 30 }]);
+    rig.passWithStatus(5000);
+    expect(acks(rig)).toEqual([]);
+  });
+
+  it('counts frames that it could not read too', () => {
+    const rig = opened();
+    rig.frame(Uint8Array.of(0x13, 1, 2));
+    expect(acks(rig)).toEqual([{ type: 'ack', n: 1 }]);
+  });
+
+  it('starts from nothing on a new connection', () => {
+    const rig = opened();
+    rig.frame(new Frames().next());
+    rig.do(rig.session.closed(rig.now, 1006, ''));
+    rig.pass(1000);
+    rig.do(rig.session.opened(rig.now));
+    rig.schema();
+    rig.take();
+    rig.frame(new Frames().next());
+    expect(acks(rig)).toEqual([{ type: 'ack', n: 1 }]);
+  });
+});
+
+describe('a hidden page', () => {
+  const rates = (rig: Rig) => rig.sent().filter((m) => (m as { type: string }).type === 'rate');
+
+  it('asks for no poses, and for them again when it is looked at', () => {
+    const rig = opened();
+    rig.do(rig.session.visibility(rig.now, false));
+    expect(rates(rig)).toEqual([{ type: 'rate', hz: 0 }]);
+    rig.passWithStatus(10_000);
+    expect(rates(rig)).toEqual([]);
+    rig.do(rig.session.visibility(rig.now, true));
+    expect(rates(rig)).toEqual([{ type: 'rate', hz: 30 }]);
+  });
+
+  it('is no flood when a person flips through tabs: the last wish counts', () => {
+    const rig = opened();
+    for (let flip = 0; flip < 20; flip++) {
+      rig.now += 10;
+      rig.do(rig.session.visibility(rig.now, flip % 2 === 1));
+    }
+    rig.pass(1000);
+    expect(rates(rig)).toEqual([
+      { type: 'rate', hz: 0 },
+      { type: 'rate', hz: 30 },
+    ]);
+  });
+
+  it('that opens hidden says so at once', () => {
+    const rig = new Rig(0.5, false);
+    rig.open();
+    expect(rates(rig)).toEqual([{ type: 'rate', hz: 0 }]);
+  });
+});
+
+describe('frames', () => {
+  const states = (rig: Rig) => rig.posts('state').map((message) => message.state);
+
+  it('become states with their schema, number, time and codes', () => {
+    const rig = opened();
+    rig.frame(new Frames(41).next({ 'pos.RKN': 480 }));
+    const [state] = states(rig);
+    const pos = SCHEMA.field('pos');
+    expect(state).toMatchObject({ schemaId: SCHEMA.id, seq: 41, atMs: rig.now });
+    expect(state?.codes[(pos?.start ?? 0) + 1]).toBe(480);
+  });
+
+  it('whose base is not here change nothing, until a KEY mends it', () => {
+    const rig = opened();
+    const frames = new Frames();
+    frames.next(); // the KEY that is lost on the way
+    rig.frame(frames.next());
+    expect(states(rig)).toEqual([]);
+    rig.frame(frames.next({}, true));
+    expect(states(rig).map((s) => s.seq)).toEqual([3]);
+  });
+
+  it('are fresh only when newer than what status knew: a last pose is none', () => {
+    const rig = new Rig();
+    rig.open();
+    rig.status({ robot: 'silent', age_ms: 60_000, seq: 2 });
+    rig.schema();
+    const frames = new Frames();
+    rig.frame(frames.next());
+    rig.frame(frames.next());
+    expect(states(rig).map((s) => s.freshMs)).toEqual([null, null]);
+    rig.now += 100;
+    rig.frame(frames.next());
+    expect(states(rig).map((s) => s.freshMs)).toEqual([rig.now]);
+  });
+
+  it('tell when the pose last changed', () => {
+    const rig = opened();
+    const frames = new Frames();
+    const startMs = rig.now;
+    rig.frame(frames.next());
+    rig.now += 500;
+    rig.frame(frames.next({ 'cur.RKN': 5 }));
+    expect(states(rig).map((s) => s.changedMs)).toEqual([startMs, startMs]);
+    rig.now += 500;
+    rig.frame(frames.next({ 'pos.RKN': 1 }));
+    expect(states(rig)[0]?.changedMs).toBe(rig.now);
+  });
+
+  it('after a pause in which nobody looked claim no stillness', () => {
+    const rig = opened();
+    const frames = new Frames();
+    rig.frame(frames.next());
+    rig.passWithStatus(10_000);
+    rig.take();
+    rig.frame(frames.next());
+    expect(states(rig)[0]?.changedMs).toBe(rig.now);
+  });
+
+  it('coded against a REF are read like the others', () => {
+    const rig = opened();
+    const frames = new Frames(1, 2);
+    for (let i = 0; i < 6; i++) rig.frame(frames.next({ 'pos.RKN': i }));
+    const pos = SCHEMA.field('pos');
+    expect(states(rig).map((s) => s.codes[(pos?.start ?? 0) + 1])).toEqual([0, 1, 2, 3, 4, 5]);
+  });
+
+  it('of a new run are shown though their numbers begin anew', () => {
+    const rig = opened();
+    rig.frame(new Frames(5000).next());
+    rig.frame(new Frames(1).next());
+    expect(states(rig).map((s) => s.seq)).toEqual([5000, 1]);
+  });
+});
+
+describe('what the relay says', () => {
+  it('is passed on', () => {
+    const rig = opened();
+    const hash = 'a'.repeat(64);
+    rig.say({ type: 'hello', wire: 1, server_time: 1, robot: 'small', view: 'public', hz: 10, model: hash });
+    rig.say({ type: 'rate', hz: 5, reason: 'slow network' });
+    rig.say({ type: 'info', kv: { mode: 'walking' } });
+    rig.say({ type: 'event', n: 1, t: 2, at: 3, level: 'fault', source: 'RKN', text: 'jam', state: 'on' });
+    const posts = rig.take().flatMap((action) => (action.do === 'post' ? [action.message] : []));
+    expect(posts).toEqual([
+      { kind: 'rate', hz: 10, reason: null },
+      { kind: 'model', hash },
+      { kind: 'rate', hz: 5, reason: 'slow network' },
+      { kind: 'info', kv: new Map([['mode', 'walking']]) },
+      { kind: 'event', event: expect.objectContaining({ n: 1, source: 'RKN' }) },
+    ]);
+  });
+
+  it('may be more than this page knows, or nonsense', () => {
+    const rig = opened();
+    for (const text of ['{"type":"weather"}', 'nonsense', '[]', 'null', '{"type":"status"}']) {
+      rig.do(rig.session.text(rig.now, text));
+    }
+    expect(rig.take()).toEqual([]);
+  });
+
+  it('about itself may be unreadable: the page says so and keeps the connection', () => {
+    const rig = opened();
+    rig.say({ type: 'schema', v: 1, robot: 'x', labels: {}, fields: [{ name: 'pos', labels: 'none' }] });
+    const [problem] = rig.posts('problem');
+    expect(problem?.text).toContain('fields[0].labels');
+    expect(rig.session.phase).toBe('open');
+  });
+
+  it('comes with a round trip and a measured rate', () => {
+    const rig = opened();
+    rig.pass(250);
+    const ping = rig.sent().find((m) => (m as { type: string }).type === 'ping') as { t: number };
+    rig.now += 40;
+    rig.say({ type: 'pong', t: ping.t });
+    const frames = new Frames();
+    for (let i = 0; i < 60; i++) {
+      rig.now += 50;
+      rig.frame(frames.next());
+      rig.do(rig.session.tick(rig.now));
+    }
+    const pace = rig.posts('pace').at(-1);
+    expect(pace?.hz).toBeCloseTo(20, 0);
+    expect(pace?.roundTripMs).toBe(40);
+  });
+});

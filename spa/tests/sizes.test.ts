@@ -1,0 +1,59 @@
+import { existsSync, readdirSync, readFileSync } from 'node:fs';
+import { fileURLToPath } from 'node:url';
+import { gzipSync } from 'node:zlib';
+import { describe, expect, it } from 'vitest';
+
+/** What a visitor downloads. kB = 1000 bytes, gzip -9. The list and the table must work without the scene. */
+const ENTRY_LIMIT_KB = 120;
+const SCENE_LIMIT_KB = 190;
+
+const dist = fileURLToPath(new URL('../dist/', import.meta.url));
+const built = existsSync(`${dist}.vite/manifest.json`);
+
+interface Chunk {
+  file: string;
+  isEntry?: boolean;
+  imports?: string[];
+  dynamicImports?: string[];
+  css?: string[];
+}
+
+const kb = (file: string) => gzipSync(readFileSync(`${dist}${file}`), { level: 9 }).length / 1000;
+
+describe.skipIf(!built)('bundle (skipped when spa/dist is not built)', () => {
+  const chunks = (): Record<string, Chunk> => JSON.parse(readFileSync(`${dist}.vite/manifest.json`, 'utf8'));
+
+  /** A chunk with all it imports at once. */
+  const filesOf = (all: Record<string, Chunk>, name: string, seen = new Set<string>()): Set<string> => {
+    const chunk = all[name];
+    if (chunk === undefined || seen.has(chunk.file)) return seen;
+    seen.add(chunk.file);
+    for (const css of chunk.css ?? []) seen.add(css);
+    for (const next of chunk.imports ?? []) filesOf(all, next, seen);
+    return seen;
+  };
+
+  it('the list and the table come in 120 kB, their worker included, without the scene', () => {
+    const all = chunks();
+    const entry = Object.keys(all).find((name) => all[name]?.isEntry);
+    const worker = readdirSync(`${dist}assets`).filter((file) => /^worker-.*\.js$/.test(file));
+    expect(worker.length).toBe(1);
+    const files = [...filesOf(all, entry ?? ''), ...worker.map((file) => `assets/${file}`)];
+    const sizes = files.map((file) => [file, kb(file)] as const);
+    console.info(sizes.map(([file, size]) => `${file}: ${size.toFixed(1)} kB`).join('\n'));
+    expect(sizes.reduce((sum, [, size]) => sum + size, 0)).toBeLessThan(ENTRY_LIMIT_KB);
+    for (const file of files) expect(readFileSync(`${dist}${file}`, 'utf8')).not.toContain('WebGLRenderer');
+  });
+
+  it('the scene is asked for on demand, in 190 kB', () => {
+    const all = chunks();
+    const scene = Object.keys(all).find((name) => name.endsWith('src/scene/index.ts'));
+    const entry = Object.keys(all).find((name) => all[name]?.isEntry);
+    expect(all[entry ?? '']?.dynamicImports).toContain(scene);
+    const shared = filesOf(all, entry ?? '');
+    const files = [...filesOf(all, scene ?? '')].filter((file) => !shared.has(file));
+    const sizes = files.map((file) => [file, kb(file)] as const);
+    console.info(sizes.map(([file, size]) => `${file}: ${size.toFixed(1)} kB`).join('\n'));
+    expect(sizes.reduce((sum, [, size]) => sum + size, 0)).toBeLessThan(SCENE_LIMIT_KB);
+  });
+});

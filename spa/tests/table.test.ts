@@ -1,0 +1,139 @@
+// @vitest-environment happy-dom
+import { beforeEach, describe, expect, it } from 'vitest';
+import { changeSettings } from '../src/app/settings.ts';
+import { JointView } from '../src/app/table/joint_view.ts';
+import { SensorView } from '../src/app/table/sensor_view.ts';
+import { RobotTwin } from '../src/twin/robot.ts';
+import { codesWith, SCHEMA } from './schema.ts';
+
+const JAM = 4;
+
+function show(twin: RobotTwin, seq: number, changed: Parameters<typeof codesWith>[0] = {}): void {
+  const codes = codesWith(changed);
+  twin.acceptState({ schemaId: SCHEMA.id, seq, tS: seq / 30, codes, freshMs: 0, changedMs: 0, atMs: 0 });
+}
+
+function twinOf(): RobotTwin {
+  const twin = new RobotTwin('small', 0);
+  twin.acceptSchema(SCHEMA);
+  return twin;
+}
+
+beforeEach(() => changeSettings({ angle: 'rad', faultsFirst: true }));
+
+describe('joint table', () => {
+  const cell = (host: HTMLElement, field: string, label: string) =>
+    host.querySelector(`[data-field="${field}"][data-label="${label}"]`)?.textContent;
+  const order = (host: HTMLElement) => [...host.querySelectorAll('tbody th')].map((th) => th.textContent);
+
+  it('shows what the robot reports, and the number of the frame it shows', () => {
+    const twin = twinOf();
+    const host = document.createElement('div');
+    const view = new JointView(host, twin);
+    show(twin, 7, { 'ref.RKN': 500, 'pos.RKN': -480, 'temp.RKN': null, 'flags.RKN': 1 });
+    view.write(0);
+    expect(host.querySelector('table')?.dataset.seq).toBe('7');
+    expect(cell(host, 'ref', 'RKN')).toBe('\u20070.500');
+    expect(cell(host, 'pos', 'RKN')).toBe('\u22120.480');
+    expect(cell(host, 'error', 'RKN')).toBe('\u20070.980');
+    expect(cell(host, 'temp', 'RKN')).toBe('—');
+    expect(cell(host, 'homed', 'RKN')).toBe('✓');
+    expect(cell(host, 'enabled', 'RKN')).toBe('no');
+  });
+
+  it('stands with its rows before the first frame has come', () => {
+    const host = document.createElement('div');
+    new JointView(host, twinOf()).write(0);
+    expect(order(host)).toEqual(['LKN', 'RKN', 'NK1']);
+    expect(host.querySelector('table')?.dataset.seq).toBeUndefined();
+  });
+
+  it('marks a faulty row, brings it to the top, and leaves it there for a while', () => {
+    const twin = twinOf();
+    const host = document.createElement('div');
+    const view = new JointView(host, twin);
+    show(twin, 1, { 'flags.NK1': JAM });
+    view.write(0);
+    expect(order(host)).toEqual(['NK1', 'LKN', 'RKN']);
+    expect(host.querySelector('tbody tr')?.getAttribute('data-level')).toBe('fault');
+    expect(cell(host, 'flags', 'NK1')).toBe('jam');
+    show(twin, 2);
+    view.write(4900);
+    expect(order(host)).toEqual(['NK1', 'LKN', 'RKN']);
+    view.write(5100);
+    expect(order(host)).toEqual(['LKN', 'RKN', 'NK1']);
+  });
+
+  it('shows degrees when asked to, with their unit', () => {
+    const twin = twinOf();
+    const host = document.createElement('div');
+    const view = new JointView(host, twin);
+    changeSettings({ angle: 'deg' });
+    show(twin, 1, { 'pos.RKN': 1571 });
+    view.write(0);
+    expect(cell(host, 'pos', 'RKN')).toBe('\u200790.0');
+    expect([...host.querySelectorAll('thead .unit')].map((unit) => unit.textContent)).toEqual([
+      '°',
+      '°',
+      '°',
+      'A',
+      '°C',
+    ]);
+  });
+
+  it('writes only what has changed', () => {
+    const twin = twinOf();
+    const host = document.createElement('div');
+    const view = new JointView(host, twin);
+    show(twin, 1);
+    view.write(0);
+    const texts: string[] = [];
+    const node = (field: string) =>
+      host.querySelector(`[data-field="${field}"][data-label="RKN"]`)?.firstChild;
+    for (const field of ['ref', 'pos', 'cur']) {
+      const text = node(field);
+      if (!(text instanceof Text)) throw new Error(field);
+      let data = text.data;
+      Object.defineProperty(text, 'data', {
+        get: () => data,
+        set: (next: string) => {
+          texts.push(`${field} ${next}`);
+          data = next;
+        },
+      });
+    }
+    show(twin, 2, { 'pos.RKN': 1 });
+    view.write(100);
+    expect(texts).toEqual(['pos \u20070.001']);
+  });
+
+  it('says hostile names as text', () => {
+    const host = document.createElement('div');
+    const twin = new RobotTwin('small', 0);
+    const label = '<img src=x onerror=alert(1)>';
+    const text = SCHEMA.text.replaceAll('"RKN"', JSON.stringify(label));
+    twin.acceptSchema((SCHEMA.constructor as typeof import('@posecast/wire').Schema).parse(text));
+    new JointView(host, twin).write(0);
+    expect(host.querySelector('img')).toBeNull();
+    expect(order(host)).toContain(label);
+  });
+});
+
+it('the sensor table shows every group with its units', () => {
+  const twin = twinOf();
+  const host = document.createElement('div');
+  const view = new SensorView(host, twin);
+  show(twin, 9, { 'ftf.RF.fz': 260, 'ftm.RF.mx': null });
+  view.write();
+  const row = host.querySelector('[data-field="ftf"][data-label="RF.fz"]')?.closest('tr');
+  expect(row?.textContent).toBe('Fz\u2007260.0N');
+  expect(row?.dataset.level).toBe('caution');
+  expect(host.querySelector('[data-label="RF.mx"]')?.textContent).toBe('—');
+  expect(host.querySelector<HTMLElement>('.sensors')?.dataset.seq).toBe('9');
+  expect([...host.querySelectorAll('caption')].map((c) => c.firstChild?.textContent)).toEqual([
+    'right foot',
+    'torso',
+    'Power',
+    'range',
+  ]);
+});

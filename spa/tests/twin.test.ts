@@ -1,0 +1,145 @@
+import { Schema } from '@posecast/wire';
+import { describe, expect, it } from 'vitest';
+import { poseDiffers } from '../src/twin/motion.ts';
+import { Poser } from '../src/twin/pose.ts';
+import { EVENT_LIMIT, type RobotState, RobotTwin } from '../src/twin/robot.ts';
+import { codesWith, SCHEMA, SCHEMA_TEXT } from './schema.ts';
+
+const OTHER = Schema.parse(SCHEMA_TEXT.replace('"Small"', '"Other"'));
+
+function state(changed: Partial<RobotState> = {}): RobotState {
+  return {
+    schemaId: SCHEMA.id,
+    seq: 7,
+    tS: 1.5,
+    codes: codesWith({ 'pos.RKN': 480, 'cur.RKN': null }),
+    freshMs: 900,
+    changedMs: 800,
+    atMs: 1000,
+    ...changed,
+  };
+}
+
+const event = (n: number, at = n) =>
+  ({ type: 'event', n, t: n, at, level: 'fault', source: 'RKN', text: 'jam', state: 'on' }) as const;
+
+describe('twin', () => {
+  it('gives values by field and label: a number, null for no reading, undefined for no such channel', () => {
+    const twin = new RobotTwin('small', 0);
+    expect(twin.value('pos', 'RKN')).toBeUndefined();
+    twin.acceptSchema(SCHEMA);
+    expect(twin.value('pos', 'RKN')).toBeNull();
+    twin.acceptState(state());
+    expect(twin.value('pos', 'RKN')).toBeCloseTo(0.48);
+    expect(twin.value('cur', 'RKN')).toBeNull();
+    expect(twin.value('pos', 'nobody')).toBeUndefined();
+    expect(twin.value('nothing', 'RKN')).toBeUndefined();
+  });
+
+  it('takes the freshness of a state as evidence, and never forgets what was fresher', () => {
+    const twin = new RobotTwin('small', 0);
+    twin.acceptSchema(SCHEMA);
+    twin.acceptState(state());
+    expect(twin.evidence).toMatchObject({ freshMs: 900, changedMs: 800, heardMs: 1000 });
+    twin.acceptState(state({ freshMs: null, atMs: 900 }));
+    expect(twin.evidence).toMatchObject({ freshMs: 900, heardMs: 1000 });
+  });
+
+  it('drops the old pose with the old schema, and ignores states of another one', () => {
+    const twin = new RobotTwin('small', 0);
+    twin.acceptSchema(SCHEMA);
+    twin.acceptState(state());
+    twin.acceptSchema(OTHER);
+    expect(twin.state).toBeNull();
+    twin.acceptState(state());
+    expect(twin.state).toBeNull();
+  });
+
+  it('tells frame listeners of states only, and the others of what seldom changes', () => {
+    const twin = new RobotTwin('small', 0);
+    const heard: string[] = [];
+    const off = twin.onState(() => heard.push('state'));
+    twin.onChange(() => heard.push('change'));
+    twin.acceptSchema(SCHEMA);
+    twin.acceptSchema(SCHEMA);
+    twin.acceptState(state());
+    twin.acceptModel('a');
+    twin.acceptModel('a');
+    off();
+    twin.acceptState(state());
+    expect(heard).toEqual(['change', 'state', 'change']);
+  });
+
+  it('a new connection starts without the old one’s status', () => {
+    const twin = new RobotTwin('small', 0);
+    twin.acceptConnection(true, 10);
+    twin.acceptStatus({ robot: 'online', ageMs: 1, seq: 1, degraded: false, atMs: 20 });
+    twin.acceptConnection(false, 30);
+    expect(twin.evidence).toMatchObject({ connected: false, lostMs: 30 });
+    twin.acceptConnection(true, 40);
+    expect(twin.evidence).toMatchObject({ connected: true, lostMs: null, status: null });
+  });
+});
+
+describe('events', () => {
+  it('are kept once each, the newest hundred', () => {
+    const twin = new RobotTwin('small', 0);
+    for (let n = 1; n <= 150; n++) twin.acceptEvent(event(n));
+    for (let n = 51; n <= 150; n++) twin.acceptEvent(event(n)); // a new connection gives them again
+    expect(twin.events.length).toBe(EVENT_LIMIT);
+    expect(twin.events.map((e) => e.n)).toEqual(Array.from({ length: 100 }, (_, i) => i + 51));
+  });
+
+  it('begin anew when the relay counts anew', () => {
+    const twin = new RobotTwin('small', 0);
+    for (let n = 1; n <= 5; n++) twin.acceptEvent(event(n));
+    twin.acceptEvent(event(1, 999));
+    twin.acceptEvent(event(2, 1000));
+    expect(twin.events.map((e) => e.at)).toEqual([999, 1000]);
+  });
+});
+
+describe('pose', () => {
+  it('is mapped joints, for pos and ref alike; what has no mapping is itself', () => {
+    const codes = codesWith({ 'pos.LKN': 250, 'ref.LKN': 100, 'pos.NK1': 30 });
+    const pos = new Poser(SCHEMA, 'pos').pose(codes);
+    expect(pos.joints.get('knee_left')).toBeCloseTo(1);
+    expect(pos.joints.get('NK1')).toBeCloseTo(0.03);
+    expect(new Poser(SCHEMA, 'ref').pose(codes).joints.get('knee_left')).toBeCloseTo(0.7);
+    expect(pos.base).toBeNull();
+  });
+
+  it('leaves out a joint without a reading', () => {
+    const { joints } = new Poser(SCHEMA, 'pos').pose(codesWith({ 'pos.LKN': null }));
+    expect(joints.has('knee_left')).toBe(false);
+    expect(joints.has('RKN')).toBe(true);
+  });
+
+  it('has the base that a robot reports, whole or not at all', () => {
+    const floating = Schema.parse(
+      JSON.stringify({
+        type: 'schema',
+        v: 1,
+        robot: 'Floating',
+        labels: { xyz: ['base.x', 'base.y', 'base.z'], quat: ['base.w', 'base.x', 'base.y', 'base.z'] },
+        fields: [
+          { name: 'base', unit: 'm', scale: 0.001, labels: 'xyz' },
+          { name: 'baseq', scale: 0.001, labels: 'quat' },
+        ],
+      }),
+    );
+    const poser = new Poser(floating, 'pos');
+    const { base } = poser.pose(Int32Array.of(1000, -500, 900, 1000, 0, 0, 0));
+    expect(base).toEqual({ xyz: [1, -0.5, 0.9], quat_wxyz: [1, 0, 0, 0] });
+    expect(poser.pose(Int32Array.of(1000, -(2 ** 28), 900, 1000, 0, 0, 0)).base).toBeNull();
+  });
+
+  it('differs when pos, ref or flags do, and not for the noise of other sensors', () => {
+    const before = codesWith();
+    expect(poseDiffers(SCHEMA, before, codesWith())).toBe(false);
+    expect(poseDiffers(SCHEMA, before, codesWith({ 'cur.RKN': 3, 'gyro.torso.x': 1 }))).toBe(false);
+    for (const channel of ['pos.RKN', 'ref.LKN', 'flags.NK1']) {
+      expect(poseDiffers(SCHEMA, before, codesWith({ [channel]: 1 }))).toBe(true);
+    }
+  });
+});
