@@ -28,7 +28,8 @@ $(UV): tools/uv-version
 
 node_modules/.ready: package-lock.json package.json $(wildcard spa/package.json wire/typescript/package.json)
 	@node -e 'const [a, b] = process.versions.node.split(".").map(Number); process.exit(a > 20 || (a === 20 && b >= 19) ? 0 : 1)' || { echo "Node 20.19 or newer is needed."; exit 2; }
-	npm ci --silent --ignore-scripts
+	@# not `npm ci`: it refuses a lock file without the optional binaries of other platforms, which a mirror may lack
+	npm install --silent --no-save --ignore-scripts
 	@touch $@
 
 spa/dist/index.html: node_modules/.ready $(shell git ls-files --cached --others --exclude-standard spa/src spa/public spa/index.html spa/vite.config.ts wire/typescript/src 2>/dev/null)

@@ -32,18 +32,18 @@ def lan_address() -> str:
             return "127.0.0.1"
 
 
-def on_air(base: str) -> bool:
+def answers(url: str) -> bool:
     try:
-        with urllib.request.urlopen(f"{base}/api/v1/robots/{ROBOT}/state", timeout=1) as answer:
+        with urllib.request.urlopen(url, timeout=1) as answer:
             return bool(answer.status == 200)
     except (urllib.error.URLError, OSError):
         return False
 
 
-def wait_on_air(base: str, children: list[subprocess.Popen[bytes]]) -> bool:
+def wait_for(url: str, children: list[subprocess.Popen[bytes]]) -> bool:
     deadline = time.monotonic() + START_LIMIT_S
     while time.monotonic() < deadline:
-        answered = on_air(base)
+        answered = answers(url)
         if any(child.poll() is not None for child in children):
             return False  # what answered, if anything did, is somebody else's
         if answered:
@@ -91,17 +91,21 @@ def main(arguments: list[str]) -> int:
         "--relay",
         UPLINK,
     ]
+    local = f"http://127.0.0.1:{port}"
     signal.signal(signal.SIGTERM, stop)
     children: list[subprocess.Popen[bytes]] = []
     try:
         # own sessions, so that a Ctrl-C reaches only this script, which then ends them in order
         children.append(subprocess.Popen(relay, start_new_session=True))
-        children.append(subprocess.Popen(edge, start_new_session=True))
-        if not wait_on_air(f"http://127.0.0.1:{port}", children):
+        on_air = wait_for(f"{local}/livez", children)
+        if on_air:
+            children.append(subprocess.Popen(edge, start_new_session=True))
+            on_air = wait_for(f"{local}/api/v1/robots/{ROBOT}/state", children)
+        if not on_air:
             print("The demo did not come on air; see the line above.", file=sys.stderr)
             return 2
         if "--vite" in arguments:
-            environment = {**os.environ, "POSECAST_RELAY": f"http://127.0.0.1:{port}"}
+            environment = {**os.environ, "POSECAST_RELAY": local}
             vite = ["npx", "--no-install", "vite", "--port", "5173"]
             children.append(subprocess.Popen(vite, cwd=ROOT / "spa", start_new_session=True, env=environment))
             announce(f"http://127.0.0.1:5173/#/r/{ROBOT}", qr=False)
