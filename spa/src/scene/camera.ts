@@ -5,7 +5,9 @@ import { wantsStillness } from './motion.ts';
 export type ViewName = 'home' | 'front' | 'side' | 'top';
 
 const FIELD_OF_VIEW = 30; // long enough a lens that a robot keeps its proportions; Hubo fits from about 3 m
-const AIR = 1.12;
+/** Empty space around the robot, in heights and in widths: arms come out to the sides. */
+const AIR_TALL = 1.22;
+const AIR_WIDE = 1.3;
 const EASE_SECONDS = 0.25;
 /** The camera goes along once the robot is this part of its own size off the middle. */
 const LEASH = 0.3;
@@ -24,6 +26,9 @@ export class CameraRig {
   readonly camera = new PerspectiveCamera(FIELD_OF_VIEW, 1, 0.01, 100);
   readonly #controls: OrbitControls;
   readonly #home = new Sphere(new Vector3(0, 0, 0.6), 0.75);
+  /** Half of the robot's height, and of its width seen from any side; metres. */
+  #tall = 0.6;
+  #wide = 0.4;
   readonly #ease = { from: new Spherical(), to: new Spherical(), target: new Vector3(), left: 0 };
   #touched = false;
 
@@ -31,8 +36,7 @@ export class CameraRig {
   constructor(canvas: HTMLElement, onChange: () => void) {
     this.camera.up.set(0, 0, 1); // before the controls: they read it once
     this.#controls = new OrbitControls(this.camera, canvas);
-    this.#controls.enableDamping = !wantsStillness();
-    this.#controls.dampingFactor = 0.12;
+    // No inertia: it is counted in frames, so on a slow machine the view would swim behind the hand.
     this.#controls.maxPolarAngle = MathUtils.degToRad(89.5); // the floor has no underside
     this.#controls.zoomToCursor = true;
     this.#controls.addEventListener('start', () => {
@@ -59,6 +63,8 @@ export class CameraRig {
   frame(box: Box3): void {
     box.getBoundingSphere(this.#home);
     this.#home.radius = MathUtils.clamp(this.#home.radius, 0.02, 200);
+    this.#tall = (box.max.z - box.min.z) / 2;
+    this.#wide = Math.hypot(box.max.x - box.min.x, box.max.y - box.min.y) / 2;
     const { radius } = this.#home;
     this.camera.near = radius / 100;
     this.camera.far = radius * 120;
@@ -106,8 +112,7 @@ export class CameraRig {
   /** Moves on by so many seconds. True while more ticks are needed. */
   advance(seconds: number): boolean {
     if (this.#ease.left > 0) this.#step(seconds);
-    const moved = this.#controls.update();
-    return moved || this.#ease.left > 0;
+    return this.#ease.left > 0;
   }
 
   dispose(): void {
@@ -129,11 +134,12 @@ export class CameraRig {
     this.#controls.update();
   }
 
-  /** From where the whole sphere is in the picture, also in an upright phone's. */
+  /** From where the whole robot is in the picture, also in an upright phone's. */
   #fittingDistance(): number {
-    const vertical = MathUtils.degToRad(FIELD_OF_VIEW) / 2;
-    const horizontal = Math.atan(Math.tan(vertical) * this.camera.aspect);
-    return (this.#home.radius * AIR) / Math.sin(Math.min(vertical, horizontal));
+    const slope = Math.tan(MathUtils.degToRad(FIELD_OF_VIEW) / 2);
+    const byHeight = (this.#tall * AIR_TALL) / slope;
+    const byWidth = (this.#wide * AIR_WIDE) / (slope * this.camera.aspect);
+    return Math.max(byHeight, byWidth, this.#home.radius * 2) + this.#wide / 2;
   }
 }
 

@@ -96,6 +96,13 @@ export class Environment {
     this.#fill.position.set(x - r * 0.5, y - r * 3, r * 1.4);
   }
 
+  /** The shadow map goes with its WebGL context; the next picture makes a new one. */
+  forgetShadow(): void {
+    this.#key.shadow.dispose();
+    this.#key.shadow.map = null;
+    this.#key.shadow.mapPass = null;
+  }
+
   dispose(): void {
     this.#floor.geometry.dispose();
     this.#floor.material.dispose();

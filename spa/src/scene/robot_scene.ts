@@ -131,7 +131,7 @@ export class RobotScene {
     this.#renderer.toneMappingExposure = theme.exposure;
     this.#environment.setTheme(theme);
     this.#placeholders.setColor(theme.caution);
-    this.#drain.setTone(theme.muted);
+    this.#drain.setTone(theme.stale);
     this.#requestTick();
   }
 
@@ -331,6 +331,12 @@ export class RobotScene {
 
   readonly #onContextLost = (event: Event): void => {
     event.preventDefault(); // or the browser never gives it back
+    // Forget what lay in the lost context: three.js would later delete it in the new one, with a warning for each.
+    this.#scene.traverse((object) => {
+      if (!('geometry' in object && 'material' in object)) return;
+      for (const held of [object.geometry, object.material].flat()) (held as { dispose(): void }).dispose();
+    });
+    this.#environment.forgetShadow();
   };
 
   readonly #onContextRestored = (): void => {

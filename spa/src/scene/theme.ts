@@ -15,7 +15,10 @@ export interface SceneTheme {
   shadow: number;
   accent: Color;
   caution: Color;
+  /** Lines of the skeleton. */
   muted: Color;
+  /** What an old robot's colours drain towards. */
+  stale: Color;
   sky: Color;
   bounce: Color;
   hemisphere: number;
@@ -36,6 +39,7 @@ export const THEMES: Readonly<Record<ThemeName, SceneTheme>> = {
     accent: hex(0x5aa9ff),
     caution: hex(0xf5b83d),
     muted: hex(0x9aa6b6),
+    stale: hex(0x98a2b3),
     sky: hex(0xdfe9f7),
     bounce: hex(0x39424f),
     hemisphere: 1.15,
@@ -52,6 +56,7 @@ export const THEMES: Readonly<Record<ThemeName, SceneTheme>> = {
     accent: hex(0x1d6fd1),
     caution: hex(0xb45309),
     muted: hex(0x5b6675),
+    stale: hex(0xb4bcc8),
     sky: hex(0xffffff),
     bounce: hex(0xc9ced6),
     hemisphere: 1.35,
