@@ -5,4 +5,5 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent))
 
+from demo_stage import bundle, minute  # noqa: F401
 from edge_stage import edge, profile_file, router  # noqa: F401

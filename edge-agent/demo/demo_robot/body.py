@@ -31,38 +31,45 @@ def build() -> tuple[dict[str, Mesh], dict[str, list[Visual]]]:
 
 
 def _trunk() -> Iterator[Part]:
-    pelvis = Loft(
-        [
-            Section(-0.052, 0.036, 0.040, 0.020, x=0.002, n=2.4),
-            Section(-0.010, 0.056, 0.062, 0.028, n=2.5),
-            Section(0.030, 0.074, 0.080, 0.100, n=2.6),
-            Section(0.062, 0.078, 0.084, 0.116, n=2.7),
-            Section(0.096, 0.070, 0.076, 0.104, n=2.6),
-        ],
-        Cap(0.016),
-        Cap(0.022, 0.5),
-    )
-    yield "Body_Hip", "pelvis", "white", pelvis.mesh(16, 40)
     yield (
         "Body_Hip",
-        "pelvis_belt",
+        "hip_core",
         "graphite",
         loft(
-            [Section(0.070, 0.064, 0.068, 0.092), Section(0.122, 0.058, 0.062, 0.080)],
-            Cap(0.004, 0.1, 1),
+            [
+                Section(-0.050, 0.034, 0.036, 0.019, x=0.002, n=2.6),
+                Section(-0.006, 0.050, 0.054, 0.026, n=2.6),
+                Section(0.036, 0.066, 0.072, 0.090, n=2.6),
+                Section(0.070, 0.066, 0.070, 0.096, n=2.6),
+                Section(0.122, 0.058, 0.062, 0.080, n=2.4),
+            ],
+            Cap(0.014, 0.6),
             Cap(0.010, 0.2),
-            4,
+            14,
             36,
         ),
     )
-    yield "Body_Hip", "pelvis_plate", "graphite", pelvis.patch((0, 0.058), (26, 0.016), 0.0025)
+    pelvis = Loft(
+        [
+            Section(0.022, 0.066, 0.072, 0.100, n=2.7),
+            Section(0.044, 0.077, 0.083, 0.115, n=2.7),
+            Section(0.070, 0.078, 0.084, 0.117, n=2.7),
+            Section(0.104, 0.067, 0.073, 0.099, n=2.6),
+        ],
+        Cap(0.012, 0.25),
+        Cap(0.014, 0.25),
+    )
+    yield "Body_Hip", "pelvis", "white", pelvis.mesh(10, 44)
+    yield "Body_Hip", "pelvis_plate", "graphite", pelvis.patch((0, 0.062), (20, 0.011), 0.0022, n=3.4)
 
-    abdomen = [
+    core = [
         Section(0.000, 0.060, 0.062, 0.084, n=2.3),
         Section(0.040, 0.056, 0.060, 0.078, n=2.3),
-        Section(0.130, 0.062, 0.066, 0.088, n=2.3),
+        Section(0.100, 0.062, 0.066, 0.090, n=2.4),
+        Section(0.150, 0.078, 0.078, 0.112, n=2.6),
+        Section(0.190, 0.084, 0.080, 0.122, n=2.7),
     ]
-    yield "Body_Torso", "abdomen", "graphite", loft(abdomen, Cap(0.010, 0.2), Cap(0.01, 0.2, 2), 8, 36)
+    yield "Body_Torso", "abdomen", "graphite", loft(core, Cap(0.010, 0.2), Cap(0.01, 0.2, 2), 12, 40)
     yield (
         "Body_Torso",
         "waist_ring",
@@ -75,21 +82,37 @@ def _trunk() -> Iterator[Part]:
             40,
         ),
     )
+    yield (
+        "Body_Torso",
+        "ribs",
+        "white",
+        loft(
+            [
+                Section(0.078, 0.066, 0.069, 0.096, n=2.5),
+                Section(0.110, 0.078, 0.078, 0.113, n=2.6),
+                Section(0.140, 0.086, 0.083, 0.124, n=2.6),
+            ],
+            Cap(0.016, 0.22),
+            Cap(0.006, 0.08, 3),
+            6,
+            44,
+        ),
+    )
     chest = Loft(
         [
-            Section(0.072, 0.062, 0.064, 0.092, n=2.5),
-            Section(0.120, 0.080, 0.080, 0.116, n=2.6),
-            Section(0.190, 0.096, 0.090, 0.140, n=2.7),
-            Section(0.250, 0.094, 0.092, 0.148, n=2.7),
-            Section(0.296, 0.074, 0.080, 0.126, n=2.5),
-            Section(0.330, 0.050, 0.056, 0.074, n=2.3),
+            Section(0.147, 0.088, 0.084, 0.127, n=2.6),
+            Section(0.190, 0.096, 0.089, 0.140, n=2.7),
+            Section(0.240, 0.096, 0.092, 0.148, n=2.7),
+            Section(0.280, 0.084, 0.086, 0.138, n=2.6),
+            Section(0.310, 0.066, 0.071, 0.108, n=2.4),
+            Section(0.334, 0.050, 0.055, 0.072, n=2.3),
         ],
-        Cap(0.020, 0.55),
-        Cap(0.014, 0.45),
+        Cap(0.006, 0.08, 3),
+        Cap(0.012, 0.35),
     )
-    yield "Body_Torso", "chest", "white", chest.mesh(22, 48)
-    yield "Body_Torso", "chest_plate", "graphite", chest.patch((0, 0.232), (24, 0.034), 0.002, n=3.4)
-    yield "Body_Torso", "chest_light", "accent", chest.patch((0, 0.232), (15, 0.0065), 0.0036, n=4, rings=5)
+    yield "Body_Torso", "chest", "white", chest.mesh(18, 48)
+    yield "Body_Torso", "chest_plate", "graphite", chest.patch((0, 0.236), (24, 0.030), 0.002, n=3.4)
+    yield "Body_Torso", "chest_light", "accent", chest.patch((0, 0.236), (15, 0.0055), 0.0036, n=4, rings=5)
     pack = Loft(
         [Section(0.100, 0.03, 0.030, 0.070, n=3.4), Section(0.285, 0.03, 0.034, 0.082, n=3.4)],
         Cap(0.02, 0.5),
@@ -118,13 +141,14 @@ def _head() -> Iterator[Part]:
     yield "Body_HNP", "neck_joint", "steel", along("y", disc(0.021, 0.058, segments=24))
     skull = Loft(
         [
-            Section(-0.012, 0.046, 0.050, 0.044, x=0.010, n=2.4),
-            Section(0.030, 0.078, 0.066, 0.065, x=0.008, n=2.5),
-            Section(0.085, 0.094, 0.090, 0.079, x=0.002, n=2.5),
-            Section(0.130, 0.088, 0.092, 0.077, x=0.000, n=2.4),
-            Section(0.178, 0.050, 0.056, 0.048, x=-0.002, n=2.2),
+            Section(-0.014, 0.050, 0.048, 0.046, x=0.008, n=2.3),
+            Section(0.024, 0.078, 0.066, 0.066, x=0.006, n=2.4),
+            Section(0.064, 0.092, 0.083, 0.077, x=0.003, n=2.45),
+            Section(0.104, 0.095, 0.093, 0.080, x=0.000, n=2.45),
+            Section(0.140, 0.086, 0.089, 0.074, x=-0.001, n=2.4),
+            Section(0.180, 0.054, 0.058, 0.050, x=-0.002, n=2.2),
         ],
-        Cap(0.014, 0.6),
+        Cap(0.014, 0.5),
         Cap(0.014, 1.0, 5),
     )
     yield "Body_Head", "skull", "white", skull.mesh(22, 44)
@@ -143,9 +167,9 @@ def _head() -> Iterator[Part]:
 
 
 def _leg(s: str, y: int) -> Iterator[Part]:
-    yield f"Body_{s}HY", "hip_yaw", "graphite", disc(0.046, 0.05, edge=0.01).moved(z=0.045)
-    yield f"Body_{s}HR", "hip_ball", "graphite", ball(0.057, 0.052, 0.057)
-    hip_cap = along("y", disc(0.043, 0.026, edge=0.007, dish=0.003)).moved(y=0.049)
+    yield f"Body_{s}HY", "hip_yaw", "graphite", disc(0.030, 0.04, edge=0.008, segments=24).moved(z=0.050)
+    yield f"Body_{s}HR", "hip_ball", "graphite", ball(0.057, 0.052, 0.057, segments=24)
+    hip_cap = along("y", disc(0.040, 0.024, edge=0.007, dish=0.003)).moved(y=0.050)
     yield f"Body_{s}HP", f"hip_cap_{s}", "steel", hip_cap if y > 0 else hip_cap.mirrored()
     thigh = Loft(
         [
@@ -158,10 +182,15 @@ def _leg(s: str, y: int) -> Iterator[Part]:
         Cap(0.020, 0.45),
         Cap(0.030, 0.5),
     )
-    yield f"Body_{s}HP", "thigh", "white", thigh.mesh(16, 36)
-    yield f"Body_{s}HP", "thigh_plate", "graphite", thigh.patch((0, -0.150), (22, 0.062), 0.002, n=3.0)
+    yield f"Body_{s}HP", "thigh", "white", thigh.mesh(11, 34)
+    yield (
+        f"Body_{s}HP",
+        "thigh_seam",
+        "graphite",
+        thigh.patch((0, -0.150), (4, 0.060), 0.0015, n=5, rings=5, segments=28),
+    )
     yield f"Body_{s}KN", "knee", "graphite", along("y", disc(0.044, 0.078, edge=0.008))
-    rim = along("y", disc(0.029, 0.008, edge=0.003, dish=0.002, segments=28)).moved(y=0.0395)
+    rim = along("y", disc(0.029, 0.008, edge=0.003, dish=0.002, segments=24)).moved(y=0.0395)
     yield f"Body_{s}KN", "knee_rim", "accent", joined(rim, rim.mirrored())
     shin = Loft(
         [
@@ -174,17 +203,22 @@ def _leg(s: str, y: int) -> Iterator[Part]:
         Cap(0.016, 0.45),
         Cap(0.016, 0.45),
     )
-    yield f"Body_{s}KN", "shin", "white", shin.mesh(18, 36)
-    knee_cap = Loft(
-        [Section(-0.040, 0.050, 0.030, 0.036, n=2.6), Section(0.034, 0.050, 0.030, 0.033, n=2.4)],
-        Cap(0.004),
-        Cap(0.004),
-    )
+    yield f"Body_{s}KN", "shin", "white", shin.mesh(13, 34)
     yield (
         f"Body_{s}KN",
         "knee_cap",
         "white",
-        knee_cap.patch((0, -0.004), (52, 0.034), 0.003, depth=0.012, n=2.6),
+        loft(
+            [
+                Section(-0.050, 0.047, 0.030, 0.034, n=2.8),
+                Section(-0.012, 0.0525, 0.030, 0.031, n=2.8),
+                Section(0.032, 0.046, 0.020, 0.026, n=2.6),
+            ],
+            Cap(0.010, 0.4, 3),
+            Cap(0.020, 0.7, 4),
+            5,
+            28,
+        ),
     )
     yield f"Body_{s}AP", "ankle", "graphite", along("y", disc(0.031, 0.058, edge=0.007))
     upper = Loft(
@@ -197,7 +231,7 @@ def _leg(s: str, y: int) -> Iterator[Part]:
         Cap(0.004, 0.03, 2),
         Cap(0.012, 0.4),
     )
-    yield f"Body_{s}AR", "foot", "white", upper.mesh(12, 40)
+    yield f"Body_{s}AR", "foot", "white", upper.mesh(9, 36)
     yield (
         f"Body_{s}AR",
         "sole",
@@ -215,7 +249,7 @@ def _leg(s: str, y: int) -> Iterator[Part]:
 def _arm(s: str, y: int) -> Iterator[Part]:
     socket = along("y", disc(0.049, 0.06, edge=0.012)).moved(y=-0.040)
     yield f"Body_{s}SP", f"shoulder_{s}", "graphite", socket if y > 0 else socket.mirrored()
-    yield f"Body_{s}SR", "shoulder_ball", "graphite", ball(0.046)
+    yield f"Body_{s}SR", "shoulder_ball", "graphite", ball(0.046, segments=22)
     cap = Loft(
         [
             Section(-0.040, 0.054, 0.054, 0.030, y=0.022, n=2.3),
@@ -239,8 +273,8 @@ def _arm(s: str, y: int) -> Iterator[Part]:
             ],
             Cap(0.014, 0.45),
             Cap(0.016, 0.5),
-            14,
-            32,
+            9,
+            30,
         ),
     )
     yield f"Body_{s}EB", "elbow", "graphite", along("y", disc(0.034, 0.060, edge=0.007))
@@ -259,7 +293,7 @@ def _arm(s: str, y: int) -> Iterator[Part]:
             Cap(0.005, 0.1, 2),
             Cap(0.014, 0.45),
             8,
-            32,
+            30,
         ),
     )
     # from here on z counts from the joint between the halves of the forearm
@@ -276,10 +310,10 @@ def _arm(s: str, y: int) -> Iterator[Part]:
             Cap(0.010, 0.4),
             Cap(0.004, 0.1, 2),
             6,
-            32,
+            30,
         ),
     )
-    yield f"Body_{s}WR", "wrist", "graphite", ball(0.022, segments=22)
+    yield f"Body_{s}WR", "wrist", "graphite", ball(0.022, segments=18)
 
 
 def _hand(s: str, y: int) -> Iterator[Part]:
@@ -311,9 +345,9 @@ def _hand(s: str, y: int) -> Iterator[Part]:
                         Section(-length - 0.004, radius * 0.92, radius * 0.92, radius * 0.92),
                         Section(0.006, *(radius,) * 3),
                     ],
-                    Cap(radius * 0.9, 1.0, 3),
-                    Cap(radius * 0.9, 1.0, 3),
+                    Cap(radius * 0.9, 1.0, 2),
+                    Cap(radius * 0.9, 1.0, 2),
                     1,
-                    14,
+                    12,
                 ),
             )

@@ -140,11 +140,12 @@ class Loft:
         """
         turn = np.arange(segments) * (2 * math.pi / segments)
         rim = (np.abs(np.cos(turn)) ** n + np.abs(np.sin(turn)) ** n) ** (-1 / n)
-        t = np.linspace(1.0, 0.0, rings + 1)[:-1, None] ** 0.8
+        t = 1 - np.linspace(0.0, 1.0, rings + 1)[:-1, None] ** 2  # rings crowd at the rim, which is steep
         u, v = t * rim * np.cos(turn), t * rim * np.sin(turn)
-        outward = raised - (raised + depth) * t**8
+        outward = raised - (raised + depth) * t**40
         outer = self._offset(at, half, u, v, outward)
-        inner = self._offset(at, half, u, v, np.full_like(t, -depth - 0.002))[::-1]
+        unseen = slice(0, None, 3)  # the inner side needs no detail
+        inner = self._offset(at, half, u[unseen], v[unseen], np.full_like(t[unseen], -depth - 0.002))[::-1]
         return _closed(np.concatenate([inner, outer]))
 
     def _offset(
