@@ -1,5 +1,5 @@
 import { describe, expect, it } from 'vitest';
-import { type Evidence, HOLDING_AFTER_MS, judge, type Status } from '../src/twin/liveness.ts';
+import { type Evidence, HOLDING_AFTER_MS, JOINING_MS, judge, type Status } from '../src/twin/liveness.ts';
 
 const NOW = 1_000_000;
 
@@ -17,6 +17,8 @@ function evidence(changed: Partial<Evidence> = {}): Evidence {
     status: status(),
     freshMs: NOW - 30,
     changedMs: NOW - 30,
+    watchingMs: NOW - 60_000,
+    shownMs: NOW - 30,
     ...changed,
   };
 }
@@ -68,11 +70,11 @@ describe('the table of causes', () => {
 });
 
 describe('joining', () => {
-  const opening = { connected: false, heardMs: null, status: null, freshMs: null, changedMs: null };
+  const opening = { connected: false, heardMs: null, status: null, freshMs: null, shownMs: null };
 
   it('claims nothing in the first moments, then says that there is no connection', () => {
-    expect(judge(evidence({ ...opening, openedMs: NOW - 1500 }), NOW).word).toBeNull();
-    expect(judge(evidence({ ...opening, openedMs: NOW - 1501 }), NOW)).toMatchObject({
+    expect(judge(evidence({ ...opening, openedMs: NOW - JOINING_MS }), NOW).word).toBeNull();
+    expect(judge(evidence({ ...opening, openedMs: NOW - JOINING_MS - 1 }), NOW)).toMatchObject({
       word: 'STALE',
       cause: 'no connection',
     });
@@ -103,6 +105,26 @@ describe('joining', () => {
   });
 });
 
+describe('the picture', () => {
+  it('is not called LIVE before it shows a pose of this connection', () => {
+    const joined = evidence({ watchingMs: NOW - 100, shownMs: null, changedMs: null });
+    expect(judge(joined, NOW).word).toBeNull();
+    expect(judge({ ...joined, shownMs: NOW }, NOW).word).toBe('LIVE');
+  });
+
+  it('is STALE when poses no longer come though the relay says that the robot is well', () => {
+    const cut = evidence({ shownMs: NOW - 1501, freshMs: NOW - 1501, status: status({ atMs: NOW }) });
+    expect(judge(cut, NOW)).toMatchObject({ word: 'STALE', cause: 'relay degraded' });
+    const never = evidence({ watchingMs: NOW - 1501, shownMs: null });
+    expect(judge(never, NOW)).toMatchObject({ word: 'STALE', cause: 'relay degraded' });
+  });
+
+  it('of a hidden page, which asks for no poses, is told by status alone', () => {
+    const hidden = evidence({ watchingMs: null, shownMs: null, changedMs: null });
+    expect(judge(hidden, NOW).word).toBe('LIVE');
+  });
+});
+
 it('400 ms of jitter on a status each second is no reason to cry STALE', () => {
   // The slowest case: no poses asked for (hidden page), so that status alone keeps the picture true.
   let seed = 7;
@@ -118,6 +140,7 @@ it('400 ms of jitter on a status each second is no reason to cry STALE', () => {
       heardMs: arrived,
       freshMs: null,
       changedMs: null,
+      watchingMs: null,
     });
     expect(judge(seen, next - 1).word).toBe('LIVE');
     arrived = next;

@@ -79,6 +79,21 @@ describe('twin', () => {
     twin.acceptConnection(true, 40);
     expect(twin.evidence).toMatchObject({ connected: true, lostMs: null, status: null });
   });
+
+  it('a picture that nobody fed for a while is forgotten: on a new connection, and on coming back to the page', () => {
+    const twin = new RobotTwin('small', 0);
+    twin.acceptSchema(SCHEMA);
+    twin.acceptConnection(true, 10);
+    twin.acceptState(state());
+    expect(twin.evidence).toMatchObject({ watchingMs: 10, shownMs: 1000, changedMs: 800 });
+    twin.acceptConnection(false, 2000);
+    twin.acceptConnection(true, 3000);
+    expect(twin.evidence).toMatchObject({ watchingMs: 3000, shownMs: null, changedMs: null });
+    twin.acceptWatching(false, 4000);
+    expect(twin.evidence).toMatchObject({ watchingMs: null });
+    twin.acceptWatching(true, 5000);
+    expect(twin.evidence).toMatchObject({ watchingMs: 5000, shownMs: null });
+  });
 });
 
 describe('events', () => {

@@ -1,12 +1,13 @@
 import { useEffect, useId, useRef, useState } from 'react';
 import { nowMs } from '../stream/clock.ts';
-import { type RobotLink, useConnection } from './robot_link.ts';
+import { type RobotLink, useConnection, useWord } from './robot_link.ts';
 import { useNow } from './tick.ts';
 import { chipWords, truthWords } from './words.ts';
 
 /** The truth of the whole page: the word, the rate, the age. Tapping it opens the explanation. */
 export function Chip({ link }: { link: RobotLink }) {
   useNow(250);
+  useWord(link); // a change of the word is not kept waiting
   const connection = useConnection(link);
   const [open, setOpen] = useState(false);
   const around = useRef<HTMLDivElement>(null);

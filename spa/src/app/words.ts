@@ -71,7 +71,7 @@ export function truthWords(verdict: Verdict, link: Link): string[] {
       if (verdict.cause === 'robot silent') {
         lines.push('The relay is there, but the robot sends nothing new. What you see is its last pose.');
       } else if (verdict.cause === 'relay degraded') {
-        lines.push('The relay has lost its own source and cannot vouch for what it shows.');
+        lines.push('The relay is there, but it cannot pass on what the robot does now.');
       } else {
         lines.push('This page has lost the relay. What you see is the last pose that came through.');
       }

@@ -46,12 +46,14 @@ export class StreamClient {
       });
     };
     this.#tell({ kind: 'open', url, hz, visible: !document.hidden });
+    twin.acceptWatching(!document.hidden, nowMs());
     const { signal } = this.#leave;
     const wake = () => this.wake();
     document.addEventListener(
       'visibilitychange',
       () => {
         this.#tell({ kind: 'visible', visible: !document.hidden });
+        twin.acceptWatching(!document.hidden, nowMs());
         if (!document.hidden) wake();
       },
       { signal },

@@ -9,6 +9,8 @@ export type Word = 'LIVE' | 'HOLDING' | 'STALE' | 'OFFLINE';
 export type Cause = 'robot silent' | 'no connection' | 'relay degraded';
 
 export const STALE_AFTER_MS = 1500;
+/** A page that has only just opened claims nothing for this long. */
+export const JOINING_MS = 3000;
 export const HOLDING_AFTER_MS = 3000;
 
 export interface Status {
@@ -34,12 +36,16 @@ export interface Evidence {
   status: Status | null;
   /** Arrival of the newest frame that was newer than the status before it. */
   freshMs: number | null;
-  /** When pos, ref or flags last differed from the frame before. */
+  /** When pos, ref or flags last differed from the frame before; null while nobody can know. */
   changedMs: number | null;
+  /** Since when poses are asked for on this connection; null while the page is hidden and asks for none. */
+  watchingMs: number | null;
+  /** Arrival of the newest pose since then: what the picture shows. */
+  shownMs: number | null;
 }
 
 export interface Verdict {
-  /** null only in the first moments, before anything can be known. */
+  /** null only in the first moments, before anything can be known: on opening, and until a pose has come. */
   word: Word | null;
   cause: Cause | null;
   /** Age of the newest pose; null when none is known. */
@@ -73,8 +79,7 @@ export function judge(evidence: Evidence, nowMs: number): Verdict {
 
   const quiet = linkMs === null || linkMs > STALE_AFTER_MS;
   if (!evidence.connected || status === null || quiet) {
-    // A page that has only just opened claims nothing yet, for as long as a live robot may be late.
-    const joining = evidence.lostMs === null && nowMs - evidence.openedMs <= STALE_AFTER_MS;
+    const joining = evidence.lostMs === null && nowMs - evidence.openedMs <= JOINING_MS;
     if (joining && status === null) return verdict(null);
     return verdict('STALE', 'no connection');
   }
@@ -83,6 +88,12 @@ export function judge(evidence: Evidence, nowMs: number): Verdict {
   const spokeSince = evidence.freshMs !== null && evidence.freshMs > status.atMs;
   const silent = status.robot === 'silent' && !spokeSince;
   if (silent || ageMs === null || ageMs > STALE_AFTER_MS) return verdict('STALE', 'robot silent');
+  // The robot is well, but is it what the picture shows?
+  const { watchingMs, shownMs } = evidence;
+  if (watchingMs !== null && nowMs - (shownMs ?? watchingMs) > STALE_AFTER_MS) {
+    return verdict('STALE', 'relay degraded');
+  }
+  if (watchingMs !== null && shownMs === null) return verdict(null); // the first pose is on its way
   if (unchangedMs !== null && unchangedMs >= HOLDING_AFTER_MS) return verdict('HOLDING');
   return verdict('LIVE');
 }

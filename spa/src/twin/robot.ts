@@ -34,6 +34,7 @@ export class RobotTwin {
   /** Counts changes, so that a listener can tell cheaply whether it is up to date. */
   version = 0;
 
+  #watching = true;
   readonly #stateListeners = new Set<() => void>();
   readonly #changeListeners = new Set<() => void>();
 
@@ -47,6 +48,8 @@ export class RobotTwin {
       status: null,
       freshMs: null,
       changedMs: null,
+      watchingMs: null,
+      shownMs: null,
     };
   }
 
@@ -73,6 +76,7 @@ export class RobotTwin {
     this.state = state;
     if (state.freshMs !== null) this.evidence.freshMs = state.freshMs;
     this.evidence.changedMs = state.changedMs;
+    this.evidence.shownMs = state.atMs;
     this.heard(state.atMs);
     for (const listener of this.#stateListeners) listener();
   }
@@ -93,10 +97,25 @@ export class RobotTwin {
       // What an old connection knew of the robot is not what this one knows.
       this.evidence.lostMs = null;
       this.evidence.status = null;
+      this.#forgetPicture(nowMs);
     } else {
       this.evidence.lostMs = nowMs;
     }
     this.#changed();
+  }
+
+  /** Whether poses are asked for: a hidden page wants none. */
+  acceptWatching(watching: boolean, nowMs: number): void {
+    this.#watching = watching;
+    this.#forgetPicture(nowMs);
+    this.#changed();
+  }
+
+  /** What is on the screen may be old, and how long it has stood still is not known. */
+  #forgetPicture(nowMs: number): void {
+    this.evidence.watchingMs = this.#watching ? nowMs : null;
+    this.evidence.shownMs = null;
+    this.evidence.changedMs = null;
   }
 
   /** The relay gives its last hundred at every join, so numbers already here are dropped. */
