@@ -92,7 +92,8 @@ def main(arguments: list[str]) -> int:
         UPLINK,
     ]
     local = f"http://127.0.0.1:{port}"
-    signal.signal(signal.SIGTERM, stop)
+    for ending in (signal.SIGINT, signal.SIGTERM):  # also where a shell had SIGINT ignored
+        signal.signal(ending, stop)
     children: list[subprocess.Popen[bytes]] = []
     try:
         # own sessions, so that a Ctrl-C reaches only this script, which then ends them in order
