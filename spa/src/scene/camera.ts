@@ -60,7 +60,7 @@ export class CameraRig {
 
   /** A robot that fills this box: looked at in its middle, which is about where a standing robot's pelvis is. A view
    *  that somebody has chosen by hand stays. */
-  frame(box: Box3): void {
+  frame(box: Box3, eased = false): void {
     box.getBoundingSphere(this.#home);
     this.#home.radius = MathUtils.clamp(this.#home.radius, 0.02, 200);
     this.#tall = (box.max.z - box.min.z) / 2;
@@ -71,7 +71,7 @@ export class CameraRig {
     this.#controls.minDistance = radius / 8;
     this.#controls.maxDistance = radius * 25;
     this.camera.updateProjectionMatrix();
-    if (!this.#touched) this.look('home', false);
+    if (!this.#touched) this.look('home', eased);
   }
 
   /** Turns to a named view around where the robot now is. */

@@ -36,7 +36,7 @@ export class RobotScene {
   readonly #resizes: ResizeObserver;
   readonly #bounds = new Box3();
   #theme: ThemeName;
-  #palette: Palette;
+  #palette: Palette | null = null;
   #model: RobotModel | null = null;
   #skeleton: Skeleton | null = null;
   #caster: ShadowCaster | null = null;
@@ -72,7 +72,6 @@ export class RobotScene {
     this.#theme = options.theme;
     this.#drain = new Drain(new Color());
     this.#drain.advance(Number.POSITIVE_INFINITY);
-    this.#palette = new Palette(this.#drain);
     this.#camera = new CameraRig(canvas, () => this.#requestTick());
     this.#scene.add(this.#environment.group);
     this.setTheme(options.theme);
@@ -105,6 +104,7 @@ export class RobotScene {
       await this.#load(manifestUrl, onProgress, loading.signal, report);
     } catch (cause) {
       report.error = cause instanceof Error ? cause.message : String(cause);
+      if (!loading.signal.aborted) this.#clear(); // the model before is not this robot's any more
     }
     if (loading.signal.aborted) report.error = 'superseded by a newer model';
     return report;
@@ -154,10 +154,7 @@ export class RobotScene {
     this.#loading?.abort();
     this.#resizes.disconnect();
     this.#camera.dispose();
-    this.#caster?.dispose();
-    this.#skeleton?.dispose();
-    this.#model?.dispose();
-    this.#palette.dispose();
+    this.#clear();
     this.#placeholders.dispose();
     this.#environment.dispose();
     const canvas = this.#renderer.domElement;
@@ -208,7 +205,7 @@ export class RobotScene {
       this.#skeleton?.dispose();
       this.#skeleton = null;
     }
-    this.#frame();
+    this.#frame(true);
   }
 
   /** Puts the mesh into its slot; returns why it can't, or null. */
@@ -230,10 +227,7 @@ export class RobotScene {
   }
 
   #adopt(model: RobotModel, palette: Palette): void {
-    this.#caster?.dispose();
-    this.#skeleton?.dispose();
-    this.#model?.dispose();
-    this.#palette.dispose();
+    this.#clear();
     this.#palette = palette;
     this.#model = model;
     this.#scene.add(model.root);
@@ -242,7 +236,17 @@ export class RobotScene {
     this.#scene.add(this.#skeleton.lines, this.#caster.blocks);
     if (this.#pose !== null) model.setJoints(this.#pose.joints);
     this.#place();
-    this.#frame();
+    this.#frame(false);
+  }
+
+  #clear(): void {
+    this.#caster?.dispose();
+    this.#skeleton?.dispose();
+    this.#model?.dispose();
+    this.#palette?.dispose();
+    this.#caster = this.#skeleton = this.#model = this.#palette = null;
+    this.#renderer.shadowMap.needsUpdate = true;
+    this.#requestTick();
   }
 
   /** Shows a pose at once. Interpolation, when it comes, calls this from the tick with poses in between. */
@@ -281,9 +285,9 @@ export class RobotScene {
     this.#requestTick();
   }
 
-  #frame(): void {
+  #frame(eased: boolean): void {
     if (this.#model === null) return;
-    this.#camera.frame(this.#model.bounds(this.#bounds));
+    this.#camera.frame(this.#model.bounds(this.#bounds), eased);
     this.#environment.resize(this.#camera.reach);
     this.#renderer.shadowMap.needsUpdate = true;
     this.#requestTick();

@@ -2,7 +2,7 @@ import { Color } from 'three';
 
 export type ThemeName = 'dark' | 'light';
 
-/** The colours of the scene. The page's own tokens (ground, line, accent, caution) are repeated here because a
+/** The colours of the scene. The page's own tokens (ground, muted, caution, stale) are repeated here because a
  *  canvas can't inherit CSS; the rest are the scene's. */
 export interface SceneTheme {
   /** The page's ground: what the scene fades to. */
@@ -13,7 +13,6 @@ export interface SceneTheme {
   majorLine: Color;
   /** How dark a full shadow is, 0…1. */
   shadow: number;
-  accent: Color;
   caution: Color;
   /** Lines of the skeleton. */
   muted: Color;
@@ -36,7 +35,6 @@ export const THEMES: Readonly<Record<ThemeName, SceneTheme>> = {
     minorLine: hex(0x2b3543),
     majorLine: hex(0x455266),
     shadow: 0.72,
-    accent: hex(0x5aa9ff),
     caution: hex(0xf5b83d),
     muted: hex(0x9aa6b6),
     stale: hex(0x98a2b3),
@@ -53,7 +51,6 @@ export const THEMES: Readonly<Record<ThemeName, SceneTheme>> = {
     minorLine: hex(0xe3e7ed),
     majorLine: hex(0xc3cad4),
     shadow: 0.3,
-    accent: hex(0x1d6fd1),
     caution: hex(0xb45309),
     muted: hex(0x5b6675),
     stale: hex(0xb4bcc8),
