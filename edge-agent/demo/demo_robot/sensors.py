@@ -215,7 +215,7 @@ def _temperatures(current: Channels, noise: np.random.Generator) -> Channels:
         if c[1:2] == "F" or c[:2] == "NK":
             result[c] = np.full(len(current[c]), np.nan)
             continue
-        warm = _smoothed(np.minimum(current[c] ** 2, 110.0) * 2.4, HEAT_S)
+        warm = _smoothed(np.minimum(current[c] ** 2, 110.0) * 1.55, HEAT_S)
         quiet = _smoothed(noise.normal(0, 1, len(warm)), 2.0)
         result[c] = ROOM_C + 1.3 * (k % 4) + warm + 0.4 * quiet
     return result

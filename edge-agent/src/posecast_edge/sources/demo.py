@@ -57,11 +57,15 @@ def open_source(address: str, profile: Profile | None) -> Source:
 
 @dataclass(frozen=True)
 class Track:
-    """One field: a column of counts per label, int16 each. `scale`: unit per count."""
+    """One field: a column of counts per label, int16 each. `scale`: unit per count, 1 for masks.
+
+    `gaps`: some count is MISSING.
+    """
 
     name: str
     scale: float
     columns: tuple[Sequence[int], ...]
+    gaps: bool
 
 
 @dataclass(frozen=True)
@@ -83,11 +87,15 @@ class Motion:
         k = index % self.samples
         values: dict[str, list[float | int | None]] = {}
         for track in self.tracks:
-            scale, counts = track.scale, [column[k] for column in track.columns]
+            scale = track.scale
             if scale == 1:
-                values[track.name] = [None if c == MISSING else c for c in counts]
+                values[track.name] = [column[k] for column in track.columns]
+            elif track.gaps:
+                values[track.name] = [
+                    None if column[k] == MISSING else column[k] * scale for column in track.columns
+                ]
             else:
-                values[track.name] = [None if c == MISSING else c * scale for c in counts]
+                values[track.name] = [column[k] * scale for column in track.columns]
         mode = next((m for start, m in reversed(self.phases) if start <= k / self.rate_hz), "")
         return Sample(index / self.rate_hz, values, {"mode": mode})
 
@@ -109,7 +117,8 @@ def read_motion(content: bytes) -> Motion:
         for _ in f["labels"]:
             columns.append(_column(planes[start : start + n], planes[start + n : start + 2 * n]))
             start += 2 * n
-        tracks.append(Track(str(f["name"]), float(f["scale"]), tuple(columns)))
+        gaps = any(MISSING in column for column in columns)
+        tracks.append(Track(str(f["name"]), float(f["scale"]), tuple(columns), gaps))
     phases = tuple((float(start_s), str(mode)) for start_s, mode in head["phases"])
     return Motion(float(head["rate_hz"]), n, tuple(tracks), phases)
 
