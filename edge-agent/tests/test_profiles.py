@@ -18,6 +18,7 @@ PROFILES = demo.PROFILE.parent
 SHARED = Path(os.environ.get("POSECAST_SHARED", Path(__file__).parents[3] / "shared"))
 HUBO_URDF = SHARED / "robots/hubo2plus-stl/hubo-urdf/model_collision_as_visual.urdf"
 HUBO_WALK = SHARED / "trajectories/hubo2plus_walk/walking_traj/walkFiveSteps0p2m.traj"
+DRC_URDF = SHARED / "robots/drchubo-stl/drchubo-urdf/drchubo-v3.urdf"
 G1_URDF = SHARED / "robots/unitree-g1/example-robot-data/robots/g1_description/urdf/g1_29dof_rev_1_0.urdf"
 G1_MOVE = SHARED / "trajectories/g1_moves_60hz/karate/M_Move7/retarget/M_Move7.csv"
 
@@ -42,6 +43,15 @@ def test_it_fits_the_model(name: str, urdf: Path) -> None:
     moving = {n for n, j in skeleton.joints.items() if j.get("type") != "fixed"}
     driven = set(profile.mapping.joints) | set(profile.labels["joint"])
     assert moving <= driven, "a joint nothing drives"
+
+
+@shared
+def test_drc_hubo_fits_its_model_but_for_fingers_nobody_reports() -> None:
+    profile, skeleton = load_profile(PROFILES / "drchubo.toml"), Skeleton(DRC_URDF)
+    assert set(profile.labels["joint"]) <= set(skeleton.joints)
+    assert {m.link for m in profile.mapping.sensors.values()} <= set(skeleton.links)
+    moving = {n for n, j in skeleton.joints.items() if j.get("type") != "fixed"}
+    assert all(name[1] == "F" for name in moving - set(profile.labels["joint"]))
 
 
 def test_hubos_offsets_and_couplings() -> None:
