@@ -172,13 +172,14 @@ export class RobotScene {
     report: ModelReport,
   ): Promise<void> {
     const manifest = await fetchManifest(manifestUrl, signal);
-    let total = manifest.urdf.size;
+    // Until the URDF is read nobody knows which files it draws.
+    let total = [...manifest.files.values()].reduce((sum, file) => sum + file.size, 0);
     const download = new Download(manifestUrl, signal, (received) => onProgress(received, total));
     const urdf = new TextDecoder().decode(await download.fetch(manifest.urdf));
     signal.throwIfAborted();
     const palette = new Palette(this.#drain);
     const model = new RobotModel(urdf, palette);
-    total += neededBytes(model.slots, manifest);
+    total = manifest.urdf.size + neededBytes(model.slots, manifest);
     this.#adopt(model, palette);
     report.joints = model.jointNames;
     report.ignored = [...(this.#pose?.joints.keys() ?? [])].filter((name) => !report.joints.includes(name));
