@@ -63,6 +63,16 @@ it('spans of time read as a person says them', () => {
 
 it('flags are named in words', () => {
   expect(
-    ['jam', 'pwmSaturated', 'motorFail0', 'posMaxError', 'bit 17', 'source_lost'].map(flagWords),
-  ).toEqual(['jam', 'PWM saturated', 'motor fail 0', 'pos max error', 'bit 17', 'source lost']);
+    ['jam', 'pwmSaturated', 'motorFail0', 'posMaxError', 'bit 17', 'source_lost', 'above 70 °C'].map(
+      flagWords,
+    ),
+  ).toEqual([
+    'jam',
+    'PWM saturated',
+    'motor fail 0',
+    'pos max error',
+    'bit 17',
+    'source lost',
+    'above 70 °C',
+  ]);
 });

@@ -28,7 +28,7 @@ export function Body({ link }: { link: RobotLink }) {
 
   return (
     <section className="stage" aria-label="Body">
-      <div className="canvas" ref={host} data-testid="scene" />
+      <div className="canvas" ref={host} data-testid="scene" data-shown={model.phase !== 'none'} />
       {model.phase === 'loading' && <Progress received={model.received} total={model.total} />}
       <StageNote link={link} />
       <div className="stage-middle">
@@ -53,7 +53,7 @@ export function Body({ link }: { link: RobotLink }) {
           {model.note}
         </p>
       )}
-      {scene !== null && (
+      {scene !== null && model.phase !== 'none' && (
         <div className="stage-tools">
           {hasRef && (
             <fieldset className="segments">
@@ -220,8 +220,9 @@ function Waiting({ link }: { link: RobotLink }) {
   const word = useWord(link);
   useVersion(link);
   const { twin } = link;
-  if (now - twin.evidence.openedMs < SAY_WHY_AFTER_MS) return null;
-  const words = waitingWords({ phase, word, schema: twin.schema !== null, pose: twin.state !== null });
+  // A line over the body that says so already is enough.
+  if (now - twin.evidence.openedMs < SAY_WHY_AFTER_MS || word === 'STALE' || word === 'OFFLINE') return null;
+  const words = waitingWords({ phase, schema: twin.schema !== null, pose: twin.state !== null });
   return (
     <p className="stage-say" data-testid="waiting">
       {words}

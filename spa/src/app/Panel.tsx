@@ -3,6 +3,7 @@ import { nowMs } from '../stream/clock.ts';
 import { Alarms } from './Alarms.tsx';
 import { FaultLine } from './FaultLine.tsx';
 import type { RobotLink } from './robot_link.ts';
+import { make } from './table/cells.ts';
 import { JointView } from './table/joint_view.ts';
 import { refreshWith } from './table/refresh.ts';
 import { SensorView } from './table/sensor_view.ts';
@@ -56,6 +57,7 @@ function Numbers({ link, kind }: { link: RobotLink; kind: 'joints' | 'sensors' }
   const host = useRef<HTMLDivElement>(null);
   useEffect(() => {
     if (host.current === null) return;
+    host.current.replaceChildren(make('p', 'note late', 'No numbers yet.'));
     const view =
       kind === 'joints' ? new JointView(host.current, link.twin) : new SensorView(host.current, link.twin);
     const stop = refreshWith(link.twin, () => view.write(nowMs()));

@@ -151,6 +151,6 @@ function Split({ link }: { link: RobotLink }) {
 
 /** What was chosen, as far as it fits; unchosen, wide enough for every column where there is room. */
 function panelWidth(chosenPx: number | null, roomPx: number): number {
-  const wanted = chosenPx ?? (roomPx >= 1200 ? 500 : roomPx >= 1024 ? 440 : 340);
+  const wanted = chosenPx ?? (roomPx >= 1200 ? 500 : roomPx >= 1000 ? 440 : 340);
   return Math.max(PANEL_LEAST_PX, Math.min(wanted, roomPx - BODY_LEAST_PX));
 }

@@ -6,12 +6,16 @@ import { changeSettings, type Settings, useSettings } from './settings.ts';
 export function SettingsSheet({ onClose }: { onClose: () => void }) {
   const dialog = useRef<HTMLDialogElement>(null);
   const { theme, angle, faultsFirst } = useSettings();
-  useEffect(() => dialog.current?.showModal(), []);
+  useEffect(() => {
+    dialog.current?.showModal();
+    dialog.current?.focus(); // not the first button: nothing is proposed yet
+  }, []);
   return (
     // biome-ignore lint/a11y/useKeyWithClickEvents: Escape closes a dialog by itself
     <dialog
       className="settings"
       ref={dialog}
+      tabIndex={-1}
       onClose={onClose}
       onClick={(event) => event.target === dialog.current && dialog.current.close()}
       aria-label="Settings"

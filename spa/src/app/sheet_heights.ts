@@ -1,7 +1,7 @@
 /** The three heights of the phone's sheet, as parts of the room under the top bar (peek is fixed, in px). */
 export type SheetHeight = 'peek' | 'half' | 'full';
 
-export const PEEK_PX = 76;
+export const PEEK_PX = 60;
 const HALF = 0.52;
 /** Faster than this, a flick decides and not where the finger let go (px per ms). */
 const FLICK = 0.5;

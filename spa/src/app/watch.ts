@@ -3,6 +3,10 @@ import { judge, type Verdict, type Word } from '../twin/liveness.ts';
 import type { RobotTwin } from '../twin/robot.ts';
 
 const EVERY_MS = 100;
+/** A longer pause between two looks means that the page itself was held up. */
+const HELD_UP_MS = 400;
+/** Then the messages that piled up meanwhile are let in first. */
+const CATCH_UP_MS = 50;
 
 /** Looks at the evidence ten times a second, and tells when the word changes: nothing else would, since silence makes
  *  no noise. */
@@ -10,17 +14,20 @@ export class LivenessWatch {
   word: Word | null = null;
   readonly #twin: RobotTwin;
   readonly #listeners = new Set<() => void>();
-  readonly #timer: ReturnType<typeof setInterval>;
   readonly #leave: () => void;
+  #timer: ReturnType<typeof setTimeout>;
+  #lookedMs = nowMs();
+  #caughtUp = true;
 
   constructor(twin: RobotTwin) {
     this.#twin = twin;
-    this.#timer = setInterval(() => this.#look(), EVERY_MS);
-    this.#leave = twin.onChange(() => this.#look());
+    this.#timer = setTimeout(this.#look, EVERY_MS);
+    this.#leave = twin.onChange(() => this.#tell());
   }
 
+  /** As of the last look, so that a page that was busy blames nobody else for its own delay. */
   verdict(): Verdict {
-    return judge(this.#twin.evidence, nowMs());
+    return judge(this.#twin.evidence, this.#lookedMs);
   }
 
   readonly onWord = (listener: () => void): (() => void) => {
@@ -29,11 +36,21 @@ export class LivenessWatch {
   };
 
   close(): void {
-    clearInterval(this.#timer);
+    clearTimeout(this.#timer);
     this.#leave();
   }
 
-  #look(): void {
+  readonly #look = (): void => {
+    const now = nowMs();
+    const heldUp = this.#caughtUp && now - this.#lookedMs > HELD_UP_MS;
+    this.#caughtUp = !heldUp;
+    this.#timer = setTimeout(this.#look, heldUp ? CATCH_UP_MS : EVERY_MS);
+    if (heldUp) return;
+    this.#lookedMs = now;
+    this.#tell();
+  };
+
+  #tell(): void {
     const { word } = this.verdict();
     if (word === this.word) return;
     this.word = word;

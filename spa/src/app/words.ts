@@ -129,14 +129,8 @@ export function endingWords(ending: Ending | null): string {
 }
 
 /** What the page is waiting for, once waiting has become noticeable. */
-export function waitingWords(known: {
-  phase: Link['phase'];
-  word: Verdict['word'];
-  schema: boolean;
-  pose: boolean;
-}): string {
+export function waitingWords(known: { phase: Link['phase']; schema: boolean; pose: boolean }): string {
   if (known.phase !== 'open') return 'Waiting for the relay to answer.';
-  if (known.word === 'OFFLINE') return 'Waiting for the robot to come on air.';
   if (!known.schema) return 'Waiting for the robot to describe itself.';
   if (!known.pose) return 'Waiting for the first pose.';
   return 'Waiting for the body. The robot has not sent its model.';

@@ -76,6 +76,7 @@ export function formatClockSeconds(epochMs: number): string {
 
 /** "pwmSaturated" → "PWM saturated"; "motorFail0" → "motor fail 0". Unknown words stay as the robot says them. */
 export function flagWords(name: string): string {
+  if (name.includes(' ')) return name; // words already
   const words = name
     .replace(/([a-z])([A-Z])/g, '$1 $2')
     .replace(/([A-Za-z])(\d)/g, '$1 $2')

@@ -5,8 +5,8 @@ import { settings } from '../settings.ts';
 import { DataMark, make, TextCell } from './cells.ts';
 
 const KINDS: Readonly<Record<SensorGroup['kind'], string>> = {
-  wrench: 'force and torque',
-  imu: 'inertial',
+  wrench: 'force',
+  imu: 'IMU',
   power: 'power',
   other: 'other',
 };
