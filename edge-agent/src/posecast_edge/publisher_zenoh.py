@@ -268,6 +268,7 @@ class ZenohPublisher:
                     self.echoes += 1
 
     def _echo_of(self, session: zenoh.Session) -> Echo | None:
+        echo: Echo | None = None
         try:
             replies = session.get(
                 echo_key(self._robot),
@@ -277,7 +278,7 @@ class ZenohPublisher:
             )
             for reply in replies:
                 if reply.ok is not None:
-                    return Echo.unpack(reply.ok.payload.to_bytes())
+                    echo = Echo.unpack(reply.ok.payload.to_bytes())
         except (zenoh.ZError, ValueError) as e:
             log.debug("echo: %s", e)
-        return None
+        return echo

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -14,6 +15,7 @@ from posecast_wire.keys import Snapshot
 from posecast_wire.quantiser import Quantiser
 from posecast_wire.schema import Schema
 
+from posecast_edge.complaints import Complaints
 from posecast_edge.events import Event, EventLimit, EventWatch
 from posecast_edge.layout import Layout
 from posecast_edge.profile import Profile
@@ -39,6 +41,7 @@ class Stream:
         """SchemaError when the wire cannot carry the profile. `say` takes lines about bad input."""
         self.schema = Schema.parse(schema_text(profile))
         self._layout = Layout(self.schema, say)
+        self._untimed = Complaints(say, "samples without a time")
         self._sampler = Sampler(Quantiser(self.schema, {f.name: f.deadband for f in profile.fields}))
         self._encoder = Encoder(self.schema, key_interval_s)
         self._watch = EventWatch(self.schema)
@@ -60,6 +63,9 @@ class Stream:
 
     def deliver(self, sample: Sample, now_s: float) -> list[Event]:
         """Take a sample; returns the events it makes."""
+        if not math.isfinite(sample.t_s):
+            self._untimed.add(f"a sample of time {sample.t_s} is dropped", now_s)
+            return []
         values = self._layout.flatten(sample, now_s)
         self._sampler.offer(sample.t_s, values)
         for name, text in sample.info.items():

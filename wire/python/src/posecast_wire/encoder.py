@@ -18,7 +18,7 @@ NIBBLE_MAX = 14
 NIBBLES = [f"{n:04b}" for n in range(16)]
 ALL_ZERO = "1111"  # the nibble of a field that did not move
 LEARNING_FRAMES = 8  # an idle robot sends as many in a KEY interval
-KEPT_CODES = 2048  # per order
+KEPT_CODES = 256  # per order; 16 orders of these are half a megabyte
 # order = round(log2(0.69 × mean z)), as thresholds on the mean so that both languages agree to the bit
 ORDER_STEPS = tuple(1.0247924945978928 * (1 << k) for k in range(1, ORDER_MAX + 1))
 
