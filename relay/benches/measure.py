@@ -19,7 +19,6 @@ Row = dict[str, Any]  # what `viewers` prints, and what is derived from it here
 
 POLL_S = 0.5
 RUN_LIMIT_S = 150.0
-ORPHANED = {"04", "05", "09", "0B"}  # FIN_WAIT1, FIN_WAIT2, LAST_ACK, CLOSING in /proc/net/tcp
 
 
 def open_sockets(pid: int) -> int:
@@ -28,13 +27,6 @@ def open_sockets(pid: int) -> int:
         with suppress(FileNotFoundError):  # closed meanwhile
             held += os.readlink(entry.path).startswith("socket:")
     return held
-
-
-def orphans(port: int) -> int:
-    """Sockets of this port that no process holds any more and the kernel still keeps."""
-    lines = Path("/proc/net/tcp").read_text().splitlines()[1:]
-    fields = [line.split() for line in lines]
-    return sum(int(f[1].rsplit(":", 1)[1], 16) == port and f[3] in ORPHANED for f in fields)
 
 
 def command(scenario: Scenario, server: Server, place: Place, seconds: float, relay: bool) -> list[str]:
@@ -102,7 +94,6 @@ def derive(row: Row, scenario: Scenario, server: Server, held: list[tuple[float,
         before = [n for at, n in held if at <= began]
         gone = [at for at, n in held if before and at > began and n <= before[-1] - scenario.frozen]
         frozen["fds_gone_s"] = gone[0] - began if gone else None
-        frozen["orphans"] = orphans(server.port)
 
 
 def measure(kind: str, scenario: Scenario, place: Place, seconds: float) -> Row:
@@ -115,6 +106,8 @@ def measure(kind: str, scenario: Scenario, place: Place, seconds: float) -> Row:
         if not said:
             raise CannotStart(f"viewers of {kind} said nothing (exit {child.returncode})")
         row: Row = json.loads(said)
+        if not row["messages"]:
+            raise CannotStart(f"viewers of {kind} got no frame, see server.log in {place.out.name}")
         row |= {"scenario": scenario.name, "server": kind, "load_average": os.getloadavg()[0]}
         derive(row, scenario, server, held)
     return row

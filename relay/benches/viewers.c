@@ -253,7 +253,7 @@ static void freeze(int frozen) {
         struct viewer *v = &viewers[i];
         if (v->phase != OPEN) continue;
         v->frozen = frozen ? 1 : 2; /* 2: reads again, still not counted among the healthy */
-        struct epoll_event e = {.events = frozen ? 0 : EPOLLIN, .data.ptr = v};
+        struct epoll_event e = {.events = frozen ? EPOLLRDHUP : EPOLLIN, .data.ptr = v};
         epoll_ctl(epoll, EPOLL_CTL_MOD, v->fd, &e);
     }
 }
