@@ -63,6 +63,19 @@ def test_old_frames_are_forgotten_with_the_link() -> None:
     assert watch.late_s == 0.0
 
 
+def test_a_relay_that_takes_nothing_refuses_and_is_not_late() -> None:
+    watch = linked()
+    for seq in range(100, 160):
+        watch.sent(seq, (seq - 100) / 30)
+    watch.answered(Echo(7, 90, 0.0), 1.0, 1.01)  # its newest is from before the link broke
+    assert watch.late_s == 0.0
+    assert watch.word(1.1) == "waiting"
+    watch.answered(Echo(7, 90, 0.0), 2.5, 2.51)
+    assert watch.word(2.6) == "refused"
+    watch.answered(Echo(7, 159, 0.0), 3.5, 3.51)
+    assert watch.word(3.6) == "on air"
+
+
 def test_rate_halves_settles_and_recovers() -> None:
     rate = RateControl(30.0)
     rate.note(0.4, 0.0)

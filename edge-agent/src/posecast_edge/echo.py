@@ -22,7 +22,7 @@ class EchoWatch:
     def __init__(self, run_id: int) -> None:
         self._run_id = run_id
         self._sent: deque[tuple[int, float]] = deque(maxlen=SENT_MAX)
-        self._first_sent_s: float | None = None  # since the link came up
+        self._first: tuple[int, float] | None = None  # seq and time of the first frame since the link came up
         self._quickest_s: float | None = None
         self._connected = False
         self._echo: Echo | None = None
@@ -32,14 +32,14 @@ class EchoWatch:
         """The link came up or went down: what was known of the relay is void."""
         self._connected = connected
         self._echo = None
-        self._first_sent_s = None
+        self._first = None
         self._sent.clear()
         self.late_s = 0.0
 
     def sent(self, seq: int, now_s: float) -> None:
         """A frame went out."""
-        if self._first_sent_s is None:
-            self._first_sent_s = now_s
+        if self._first is None:
+            self._first = (seq, now_s)
         self._sent.append((seq, now_s))
 
     def answered(self, echo: Echo | None, asked_s: float, now_s: float) -> None:
@@ -55,11 +55,15 @@ class EchoWatch:
         # Question and frames wait in the same queue, so a slow answer means late frames; and a frame that was
         # sent well before the question and is not there yet is late itself.
         self.late_s = round_trip_s - (self._quickest_s or 0.0)
-        if echo is not None and echo.run_id == self._run_id:
+        if echo is not None and self._accepted(echo):
             while self._sent and self._sent[0][0] <= echo.seq:
                 self._sent.popleft()
             if self._sent:
                 self.late_s = max(self.late_s, asked_s - self._sent[0][1])
+
+    def _accepted(self, echo: Echo) -> bool:
+        """The relay has taken a frame that this run sent since the link came up."""
+        return echo.run_id == self._run_id and self._first is not None and echo.seq >= self._first[0]
 
     def word(self, now_s: float) -> str:
         """One of: no link, no relay, refused, on air, late, waiting."""
@@ -67,8 +71,8 @@ class EchoWatch:
             return "no link"
         if self._echo is None:
             return "late" if self.late_s > LATE_S else "no relay"
-        if self._echo.run_id != self._run_id:
-            waited = self._first_sent_s is not None and now_s - self._first_sent_s > SETTLE_S
+        if not self._accepted(self._echo):
+            waited = self._first is not None and now_s - self._first[1] > SETTLE_S
             return "refused" if waited else "waiting"
         return "late" if self.late_s > LATE_S else "on air"
 
