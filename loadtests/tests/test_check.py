@@ -48,7 +48,7 @@ def test_a_third_of_the_frames_is_what_was_asked_for() -> None:
         viewer.binary(frames[at], 100 + at / 10)
     assert (viewer.frames, tally.missed) == (11, 0)
     viewer, tally = watched(step=3)
-    for at in (0, 3, 9, 12):
+    for at in (0, 3, 6, 12):
         viewer.binary(frames[at], 100 + at / 10)
     assert tally.missed == 1
 
@@ -61,13 +61,21 @@ def test_a_base_sent_ahead_is_no_late_frame() -> None:
     assert (viewer.frames, tally.missed) == (1, 0)
 
 
+def test_joining_misses_nothing() -> None:
+    viewer, tally = watched()
+    frames = stream(40)
+    for at in (0, 30, 31):
+        viewer.binary(frames[at], 100.0)
+    assert tally.missed == 0
+
+
 def test_what_is_wrong_is_counted() -> None:
     viewer, tally = watched()
-    frames = stream(4)
-    for frame in (frames[0], frames[2], frames[2], frames[1]):
+    frames = stream(5)
+    for frame in (frames[0], frames[1], frames[3], frames[3], frames[2]):
         viewer.binary(frame, 100.0)
     assert (tally.missed, tally.duplicates, tally.reordered) == (1, 1, 1)
-    for junk in (b"", b"\xff" * 20, frames[3][:-1] if len(frames[3]) > 10 else b"\x10"):
+    for junk in (b"", b"\xff" * 20, frames[4][:-1] if len(frames[4]) > 10 else b"\x10"):
         viewer.binary(junk, 100.0)
     assert tally.undecodable == 3
 

@@ -9,12 +9,15 @@ from __future__ import annotations
 import re
 import subprocess
 import sys
-from contextlib import ExitStack
+import time
+import urllib.request
+from contextlib import ExitStack, suppress
 from pathlib import Path
 
 DEFAULTS = ["--headless", "--only-summary", "-u", "200", "-r", "50", "-t", "30s"]
 _SERVING = re.compile(r"serving http://(\S+), robots on (\S+)")
 _GRACE_S = 10.0
+_START_LIMIT_S = 60.0
 
 
 def started(stack: ExitStack, *command: str) -> subprocess.Popen[str]:
@@ -45,7 +48,18 @@ def own_relay(stack: ExitStack) -> str:
     if found is None:
         sys.exit(f"the relay didn't start: {line.strip() or 'see above'}")
     started(stack, f"{here}/posecast-edge", "run", "--robot", "demo", "--source", "demo", "--relay", found[2])
+    wait_on_air(f"http://{found[1]}/api/v1/robots/demo/state")
     return f"ws://{found[1]}"
+
+
+def wait_on_air(state: str) -> None:
+    """Until the robot's state can be read: load on an absent robot would measure nothing."""
+    end_s = time.monotonic() + _START_LIMIT_S
+    while time.monotonic() < end_s:
+        with suppress(OSError), urllib.request.urlopen(state, timeout=2):
+            return
+        time.sleep(0.1)
+    sys.exit(f"no robot on air within {_START_LIMIT_S:.0f} s")
 
 
 def main(arguments: list[str]) -> int:

@@ -43,6 +43,7 @@ class Viewer:
         self._ahead: tuple[float, float] | None = (
             None  # a base's arrival and lateness, until the next message
         )
+        self._joined = False
         self.messages = 0
 
     def schema(self, text: str) -> None:
@@ -76,6 +77,7 @@ class Viewer:
             self._bases[frame_id(message)] = (seq, t_s)
         if not self._in_order(seq):
             return None
+        self._joined = self._joined or not is_base
         return self._count(arrival_s, self._clock.lateness_s(arrival_s, t_s), is_base)
 
     def _in_order(self, seq: int) -> bool:
@@ -86,7 +88,7 @@ class Viewer:
             else:
                 self._tally.reordered += 1
             return False
-        if last is not None:
+        if last is not None and self._joined:  # who joins gets a base of seconds ago and then the newest
             self._tally.missed += max(0, (seq - last) // self._step - 1)
         self._seq = seq
         return True
