@@ -165,21 +165,20 @@ class Viewer:
             await asyncio.sleep(0.05)
 
     async def _connection(self) -> None:
-        decoder, received, acknowledged_s = Decoder(), 0, time.monotonic()
+        decoder, received, acknowledged, acknowledged_s = Decoder(), 0, 0, time.monotonic()
         async with websockets.connect(self.url, proxy=None, compression=None) as link:
             async for message in link:
-                if isinstance(message, str):
-                    if json.loads(message)["type"] == "schema":
-                        decoder.add_schema(message)
-                    continue
-                received += 1
                 now_s = time.monotonic()
-                try:
-                    self.frames.append((now_s, decoder.decode(message)))
-                except FrameError:
-                    self.undecodable += 1
-                if now_s - acknowledged_s >= 1:
-                    acknowledged_s = now_s
+                if isinstance(message, bytes):
+                    received += 1
+                    try:
+                        self.frames.append((now_s, decoder.decode(message)))
+                    except FrameError:
+                        self.undecodable += 1
+                elif json.loads(message)["type"] == "schema":
+                    decoder.add_schema(message)
+                if now_s - acknowledged_s >= 1 and received > acknowledged:
+                    acknowledged, acknowledged_s = received, now_s
                     await link.send(json.dumps({"type": "ack", "n": received}))
 
     async def until(self, what: str, probe: Callable[[Viewer], bool], deadline_s: float = 20.0) -> None:

@@ -90,16 +90,12 @@ class ViewerUser(User):
 
     def _read(self, link: socket.socket, data: bytes) -> None:
         reader = Reader()
-        acknowledged_s = time.monotonic()
+        acknowledged_s, acknowledged = time.monotonic(), 0
         while True:
             arrival_s = time.monotonic()
             for opcode, payload in reader.feed(data):
                 if opcode is Opcode.BINARY:
                     self._frame(payload, arrival_s)
-                    if arrival_s - acknowledged_s >= _ACK_INTERVAL_S:
-                        acknowledged_s = arrival_s
-                        ack = json.dumps({"type": "ack", "n": self._viewer.messages})
-                        link.sendall(client_frame(Opcode.TEXT, ack.encode()))
                 elif opcode is Opcode.TEXT:
                     if json.loads(payload).get("type") == "schema":
                         self._viewer.schema(payload.decode())
@@ -110,6 +106,11 @@ class ViewerUser(User):
                     code = int.from_bytes(payload[:2], "big")
                     self._fire("closed", 0.0, ProtocolError(f"{code} {payload[2:].decode()}"))
                     return
+            # after any message, not only a frame: a relay that waits for this sends no frames, but status
+            if arrival_s - acknowledged_s >= _ACK_INTERVAL_S and self._viewer.messages > acknowledged:
+                acknowledged_s, acknowledged = arrival_s, self._viewer.messages
+                ack = json.dumps({"type": "ack", "n": acknowledged})
+                link.sendall(client_frame(Opcode.TEXT, ack.encode()))
             data = link.recv(65536)
             if not data:
                 tally.closed += 1
