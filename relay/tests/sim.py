@@ -128,7 +128,8 @@ class World:
                     viewer.outlet.end(close, reason, retry_s)
                 case Cut(viewer, close):
                     viewer.outlet.cut(close)
-                case Ask(robot):
+                case Ask(robot, views):
+                    assert views == ("public",)
                     self.asked.append(robot)
                 case Keep():
                     self.kept += 1

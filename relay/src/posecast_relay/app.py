@@ -17,6 +17,7 @@ from starlette.types import Scope
 
 from posecast_relay.adapters.models import Absent, Models, Unavailable
 from posecast_relay.adapters.pump import Pump
+from posecast_relay.core.robot import PUBLIC
 from posecast_relay.listing import robot_document, robots_document
 from posecast_relay.state_json import StateReader
 
@@ -24,9 +25,9 @@ PACKED_PAGE = Path(__file__).parent / "page"  # the built page, where the wheel 
 API = "/api/v1/robots"
 FRESH_S = 1.0  # answers are this old at most
 ANSWERS_MAX = 256
-PUBLIC = {"access-control-allow-origin": "*"}  # public views: any page may read them
+OPEN = {"access-control-allow-origin": "*"}  # public views: any page may read them
 # A model comes from a robot. Opened as a page of its own, nothing in it may run or load anything.
-MODEL_HEADERS = PUBLIC | {
+MODEL_HEADERS = OPEN | {
     "cache-control": "public, max-age=31536000, immutable",
     "content-security-policy": "default-src 'none'; sandbox",
     "x-content-type-options": "nosniff",
@@ -51,7 +52,7 @@ class Answers:
                 self._made.clear()
             self._made[name] = made
         _, body, etag = made
-        headers = PUBLIC | {"etag": etag, "cache-control": "public, max-age=1"}
+        headers = OPEN | {"etag": etag, "cache-control": "public, max-age=1"}
         if etag in request.headers.get("if-none-match", ""):
             return Response(status_code=304, headers=headers)
         return Response(body, media_type="application/json", headers=headers)
@@ -80,7 +81,7 @@ def make_app(pump: Pump, models: Models, static: Path | None) -> FastAPI:
 
     @app.exception_handler(StarletteHTTPException)
     async def refused(_request: Request, error: StarletteHTTPException) -> JSONResponse:
-        return JSONResponse({"error": error.detail}, error.status_code, dict(error.headers or {}) | PUBLIC)
+        return JSONResponse({"error": error.detail}, error.status_code, dict(error.headers or {}) | OPEN)
 
     @app.get(API, summary="Robots on air")
     async def robots(request: Request) -> Response:
@@ -94,13 +95,13 @@ def make_app(pump: Pump, models: Models, static: Path | None) -> FastAPI:
         return answers.answer(request, robot, lambda: robot_document(of, pump.now()))
 
     @app.get(API + "/{robot}/state", summary="The newest state with names and units")
-    async def state(robot: str, view: str = "public") -> Response:
+    async def state(robot: str, view: str = PUBLIC) -> Response:
         of = pump.hub.robots.get(robot)
-        room = of.rooms.get(view) if of is not None and view == "public" else None
+        room = of.rooms.get(view) if of is not None and view == PUBLIC else None
         if of is None or room is None or room.stream.newest is None:
             raise HTTPException(404, f"no state of robot {robot!r} here")
         body = reader.read(of, room)
-        return Response(body, media_type="application/json", headers=PUBLIC | {"cache-control": "no-cache"})
+        return Response(body, media_type="application/json", headers=OPEN | {"cache-control": "no-cache"})
 
     @app.get(API + "/{robot}/model/{digest}/{path:path}", summary="A model's manifest.json and files")
     async def model(robot: str, digest: str, path: str) -> Response:

@@ -6,7 +6,7 @@ import json
 from typing import Any
 
 from posecast_relay.core.hub import Hub
-from posecast_relay.core.robot import Robot
+from posecast_relay.core.robot import PUBLIC, Robot
 from posecast_relay.core.room import Room
 
 
@@ -48,4 +48,4 @@ def _robot(robot: Robot, now: float) -> dict[str, Any]:
 
 def _room(robot: Robot) -> Room | None:
     """The view that everybody may see."""
-    return robot.rooms.get("public")
+    return robot.rooms.get(PUBLIC)

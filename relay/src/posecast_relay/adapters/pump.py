@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 
 from posecast_relay.adapters.store import StateStore
 from posecast_relay.core.actions import Action, Ask, Cut, End, Keep, Send
@@ -22,7 +22,7 @@ class Pump:
     def __init__(self, hub: Hub, store: StateStore) -> None:
         self.hub = hub
         self.store = store
-        self.ask: Callable[[str], None] = lambda _robot: None
+        self.ask: Callable[[str, Sequence[str]], None] = lambda _robot, _views: None
         self.draining = False
         self._loop = asyncio.get_running_loop()
         self._timer: asyncio.TimerHandle | None = None
@@ -59,8 +59,8 @@ class Pump:
                     viewer.outlet.end(close, reason, retry_s)
                 case Cut(viewer, close):
                     viewer.outlet.cut(close)
-                case Ask(robot):
-                    self.ask(robot)
+                case Ask(robot, views):
+                    self.ask(robot, views)
         self.arm()
 
     def flush(self) -> None:

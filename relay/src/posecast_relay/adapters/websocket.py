@@ -22,6 +22,7 @@ from websockets.server import ServerProtocol
 
 from posecast_relay.adapters.pump import Pump
 from posecast_relay.core import messages
+from posecast_relay.core.robot import PUBLIC
 from posecast_relay.core.viewer import Viewer
 
 if TYPE_CHECKING:
@@ -30,7 +31,6 @@ if TYPE_CHECKING:
 
 LIVE_PATH = re.compile(r"/api/v1/robots/([^/]{1,200})/live")
 DEFAULT_HZ = 30.0
-DEFAULT_VIEW = "public"
 # What an unread socket swallows before it pushes back. Small, so that a slow viewer shows soon (the kernel
 # takes twice the figure); large enough for a join in one go.
 SEND_BUFFER_BYTES = 16384
@@ -135,8 +135,8 @@ class LiveSocket(asyncio.Protocol):
         try:
             check_name("robot", robot)
             check_name("view", view)
-            if view != DEFAULT_VIEW:
-                raise ValueError(f"view {view!r}: only {DEFAULT_VIEW!r} is open to viewers")
+            if view != PUBLIC:
+                raise ValueError(f"view {view!r}: only {PUBLIC!r} is open to viewers")
         except ValueError as e:
             pump.hub.endings[Close.ABSENT] += 1
             self.end(Close.ABSENT, str(e), None)
@@ -195,21 +195,23 @@ class LiveSocket(asyncio.Protocol):
             if data:
                 self._transport.write(data)
             else:
-                self._count_failure()
-                self._transport.close()
+                # half-close, and read on for a while: closing with unread data would reset the connection,
+                # and the viewer would never see why
+                self._let_go()
+                if self._transport.can_write_eof():
+                    self._transport.write_eof()
+                else:
+                    self._transport.close()
                 self._hurry()
 
-    def _count_failure(self) -> None:
-        """A connection that the library ended for a broken rule (1002, 1009): count it by its code."""
-        sent, viewer, hub = self._ws.close_sent, self._viewer, self.pump.hub
-        if (
-            viewer is not None
-            and viewer in hub.viewers
-            and self._ws.parser_exc is not None
-            and sent is not None
-        ):
+    def _let_go(self) -> None:
+        """Nothing more may be written. An ending for a broken rule (1002, 1009) is counted by its code."""
+        viewer, hub, sent = self._viewer, self.pump.hub, self._ws.close_sent
+        if viewer is None or viewer not in hub.viewers:
+            return
+        hub.leave(viewer)
+        if self._ws.parser_exc is not None and sent is not None:
             hub.endings[sent.code] += 1
-            hub.leave(viewer)
 
 
 def live_protocol(of: Pump) -> type[LiveSocket]:
@@ -236,4 +238,4 @@ def _asked(target: str) -> tuple[str, str, float]:
         raise BadRequest("hz must be a number from 0 to 60")
     if asked.get("format", ["binary"])[0] != "binary":
         raise BadRequest("format must be binary")
-    return found[1], asked.get("view", [DEFAULT_VIEW])[0], hz
+    return found[1], asked.get("view", [PUBLIC])[0], hz

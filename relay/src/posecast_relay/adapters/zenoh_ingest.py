@@ -9,11 +9,11 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import zenoh
 from posecast_wire import Echo, Snapshot, Stamp, check_name
-from posecast_wire.keys import PREFIX
+from posecast_wire.keys import PREFIX, snapshot_key
 
 from posecast_relay.adapters.pump import Pump
 
@@ -150,11 +150,12 @@ class ZenohIngest:
             log.debug("echo to %s: %s", key, e)
         query.drop()  # type: ignore[no-untyped-call]
 
-    def _ask(self, robot: str) -> None:
-        try:
-            self._session.get(f"{PREFIX}/{robot}/*/snapshot", self._on_snapshot, timeout=SNAPSHOT_TIMEOUT_S)
-        except zenoh.ZError as e:
-            log.warning("snapshot of %s: %s", robot, e)
+    def _ask(self, robot: str, views: Sequence[str]) -> None:
+        for view in views:  # not `*`: the edge's `model/**` would match it too
+            try:
+                self._session.get(snapshot_key(robot, view), self._on_snapshot, timeout=SNAPSHOT_TIMEOUT_S)
+            except zenoh.ZError as e:
+                log.warning("snapshot of %s/%s: %s", robot, view, e)
 
     def _complain(self, where: str, error: Exception) -> None:
         """Count every bad message, log one now and then."""

@@ -54,6 +54,6 @@ def open_router(endpoints: Sequence[str]) -> tuple[zenoh.Session, list[str]]:
         except zenoh.ZError as e:
             if tries_left and real != list(endpoints):
                 continue
-            reason = "in use" if "in use" in str(e) else str(e).splitlines()[0]
+            reason = "address already in use" if "in use" in str(e) else str(e).splitlines()[0]
             raise ListenError(f"zenoh listener {', '.join(real)}: {reason}") from None
     raise AssertionError("unreachable")

@@ -39,9 +39,10 @@ class Cut:
 
 @dataclass(slots=True)
 class Ask:
-    """Ask the edge for the snapshots of all its views."""
+    """Ask the edge for the snapshots of these views."""
 
     robot: str
+    views: Sequence[str]
 
 
 @dataclass(slots=True)

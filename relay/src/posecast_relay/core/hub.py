@@ -21,7 +21,7 @@ from posecast_wire import (
 from posecast_relay.core import messages
 from posecast_relay.core.actions import Action, Ask, Cut, End, Keep, Send
 from posecast_relay.core.limits import Limits
-from posecast_relay.core.robot import Robot
+from posecast_relay.core.robot import PUBLIC, Robot
 from posecast_relay.core.room import NEVER, Room
 from posecast_relay.core.stream import Fate
 from posecast_relay.core.viewer import Viewer
@@ -200,7 +200,7 @@ class Hub:
         wake_at = NEVER
         for robot in self.robots.values():
             if robot.asks(now):
-                out.append(Ask(robot.name))
+                out.append(Ask(robot.name, (*{PUBLIC, *robot.rooms},)))
             if robot.lacking:
                 wake_at = min(wake_at, robot.ask_at)
             for room in robot.rooms.values():

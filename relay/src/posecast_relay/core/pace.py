@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections import deque
 
 SAMPLES = 16
-WHOLE = 0.02  # how far, as a part of it, a ratio of rates may lie from a whole number to count as one
+WHOLE = 0.05  # how far, as a part of it, a ratio of rates may lie from a whole number to count as one
 BURST = 0.5  # frames held up under way and let go at once are passed on at no less than this part of a period
 
 

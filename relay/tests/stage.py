@@ -1,0 +1,362 @@
+"""Real parts for tests of the adapters: a relay process, an edge on Zenoh, Redis, viewers. Ended by pid."""
+
+from __future__ import annotations
+
+import asyncio
+import hashlib
+import json
+import re
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, TypeVar
+
+import pytest
+import websockets
+import zenoh
+from posecast_wire import (
+    Decoder,
+    Echo,
+    Frame,
+    Schema,
+    alive_key,
+    echo_key,
+    event_key,
+    frame_key,
+    model_key,
+    snapshot_key,
+)
+
+from .sim import Edge, schema
+
+T = TypeVar("T")
+
+
+def until(what: str, probe: Callable[[], T | None], deadline_s: float = 10.0) -> T:
+    """The first answer of `probe` that is neither None nor False."""
+    end_s = time.monotonic() + deadline_s
+    while True:
+        answer = probe()
+        if answer is not None and answer is not False:
+            return answer
+        assert time.monotonic() < end_s, f"not within {deadline_s:g} s: {what}"
+        time.sleep(0.02)
+
+
+def free_port() -> int:
+    """A port nobody listens on just now."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+class Relay:
+    """A relay process on free ports."""
+
+    def __init__(self, folder: Path, *flags: str, http: int = 0, zenoh_port: int = 0) -> None:
+        self._errors = folder / f"relay-{time.monotonic_ns()}.err"
+        listen = f"tcp/127.0.0.1:{zenoh_port}"
+        command = [sys.executable, "-m", "posecast_relay.cli", "run", "--dev", "--port", str(http)]
+        with self._errors.open("wb") as errors:
+            self.process = subprocess.Popen(
+                [*command, "--zenoh-listen", listen, *flags], stdout=subprocess.PIPE, stderr=errors
+            )
+        assert self.process.stdout is not None
+        line = self.process.stdout.readline().decode()
+        found = re.fullmatch(
+            r"posecast-relay: serving http://(127\.0\.0\.1:(\d+)), robots on (tcp/127\.0\.0\.1:(\d+))\n", line
+        )
+        assert found, f"{line!r} {self.errors()}"
+        self.address, self.http, self.zenoh, self.zenoh_port = (
+            found[1],
+            int(found[2]),
+            found[3],
+            int(found[4]),
+        )
+
+    def errors(self) -> str:
+        """Its stderr."""
+        return self._errors.read_text()
+
+    def url(self, robot: str = "r", query: str = "") -> str:
+        """The stream's address."""
+        return f"ws://{self.address}/api/v1/robots/{robot}/live{query}"
+
+    def stop(self, how: signal.Signals = signal.SIGTERM) -> int:
+        """End it; its exit status."""
+        if self.process.poll() is None:
+            self.process.send_signal(how)
+        status = self.process.wait(15)
+        assert self.process.stdout is not None
+        self.process.stdout.close()
+        return status
+
+
+def client_config(endpoint: str) -> zenoh.Config:
+    """An edge's session."""
+    config = zenoh.Config()
+    for key, value in {
+        "mode": "client",
+        "connect/endpoints": [endpoint],
+        "connect/timeout_ms": 5000,
+        "connect/retry": {"period_init_ms": 100, "period_max_ms": 200, "period_increase_factor": 2},
+        "scouting/multicast/enabled": False,
+        "scouting/gossip/enabled": False,
+        "scouting/delay": 0,
+        "transport/link/tx/lease": 2500,
+        "transport/shared_memory/enabled": False,
+    }.items():
+        config.insert_json5(key, json.dumps(value))
+    return config
+
+
+class Model:
+    """A model bundle, as an edge answers for it."""
+
+    def __init__(self, files: dict[str, tuple[bytes, str]]) -> None:
+        self.files = {hashlib.sha256(data).hexdigest(): data for data, _ in files.values()}
+        listed = [
+            {"path": path, "uri": path, "size": len(d), "sha256": hashlib.sha256(d).hexdigest(), "type": kind}
+            for path, (d, kind) in files.items()
+        ]
+        self.manifest = json.dumps({"v": 1, "urdf": "robot.urdf", "files": listed, "missing": []}).encode()
+        self.digest = hashlib.sha256(self.manifest).hexdigest()
+        self.asked: list[str] = []
+
+    def answer(self, key: str, parameters: dict[str, str]) -> bytes | None:
+        """The bytes asked for."""
+        part = key.rsplit("/", 1)[1]
+        self.asked.append(part)
+        if part == "manifest":
+            return self.manifest
+        data = self.files.get(part)
+        off, size = int(parameters["off"]), int(parameters["len"])
+        assert size <= 250_000
+        return None if data is None else data[off : off + size]
+
+
+class ZenohEdge:
+    """A robot on air: 30 frames a second from a thread, keys 30 s apart, a snapshot, events, a model."""
+
+    def __init__(
+        self,
+        endpoint: str,
+        robot: str = "r",
+        of: Schema | None = None,
+        run_id: int = 0xE,
+        model: Model | None = None,
+    ) -> None:
+        self.robot = robot
+        self.edge = Edge(run_id, of or schema(), began_s=time.monotonic())
+        self.edge.model = model.digest if model else None
+        self.model = model
+        self.force_key = False
+        self.lose_next_key = False
+        self.lost_at: float | None = None
+        self.silent = False
+        self.hz = 30.0
+        self._stop = threading.Event()
+        self._lock = threading.Lock()
+        self.session = zenoh.open(client_config(endpoint))
+        self._keep = [
+            self.session.declare_queryable(snapshot_key(robot, "public"), self._on_snapshot),
+            self.session.declare_queryable(model_key(robot, "**"), self._on_model),
+        ]
+        self._frames = self.session.declare_publisher(
+            frame_key(robot, "public"),
+            priority=zenoh.Priority.REAL_TIME,
+            congestion_control=zenoh.CongestionControl.DROP,
+        )
+        self._token = self.session.liveliness().declare_token(alive_key(robot))
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
+
+    @property
+    def seq(self) -> int:
+        """Of its newest frame."""
+        return self.edge.seq
+
+    def _run(self) -> None:
+        due_s = time.monotonic()
+        while not self._stop.wait(max(0.0, due_s - time.monotonic())):
+            due_s += 1 / self.hz
+            if self.silent:
+                continue
+            now = time.monotonic()
+            with self._lock:
+                payload = self.edge.frame(now, force_key=self.force_key)
+            self.force_key = False
+            if self.lose_next_key and payload[0] & 1:
+                self.lose_next_key, self.lost_at = False, now
+                continue
+            self._frames.put(payload, attachment=self.edge.stamp(now).pack())
+
+    def _on_snapshot(self, query: zenoh.Query) -> None:
+        with self._lock:
+            if self.edge.seq < 0:
+                return
+            answer = self.edge.snapshot().pack()
+        stamp = self.edge.stamp(time.monotonic()).pack()
+        query.reply(snapshot_key(self.robot, "public"), answer, attachment=stamp)
+
+    def _on_model(self, query: zenoh.Query) -> None:
+        if self.model is not None:
+            asked = {name: query.parameters.get(name) or "" for name in ("off", "len")}
+            answer = self.model.answer(str(query.key_expr), asked)
+            if answer is not None:
+                query.reply(query.key_expr, answer)
+
+    def event(self, text: str, state: str = "on") -> None:
+        """Send one."""
+        doc = {"type": "event", "t": 1.0, "level": "fault", "source": "RKN", "text": text, "state": state}
+        stamp = self.edge.stamp(time.monotonic()).pack()
+        self.session.put(event_key(self.robot, "public"), json.dumps(doc), attachment=stamp)
+
+    def echo(self) -> Echo | None:
+        """What the relay says it has."""
+        for reply in self.session.get(echo_key(self.robot), timeout=2.0):
+            if reply.ok is not None:
+                return Echo.unpack(reply.ok.payload.to_bytes())
+        return None
+
+    def close(self) -> None:
+        """Go off air."""
+        self._stop.set()
+        self._thread.join()
+        self.session.close()  # type: ignore[no-untyped-call]
+
+
+class Watcher:
+    """A viewer: decodes, acknowledges as our page does, remembers when what came."""
+
+    def __init__(self, url: str, acks: bool = True) -> None:
+        self.url = url
+        self.acks = acks
+        self.texts: list[dict[str, Any]] = []
+        self.frames: list[tuple[float, Frame]] = []
+        self.closed: tuple[int, str] | None = None
+        self.connection: websockets.ClientConnection | None = None
+        self._task: asyncio.Task[None] | None = None
+
+    async def __aenter__(self) -> Watcher:
+        self.connection = await websockets.connect(self.url)
+        self._task = asyncio.create_task(self._watch(self.connection))
+        return self
+
+    async def __aexit__(self, *error: object) -> None:
+        assert self._task is not None
+        assert self.connection is not None
+        await self.connection.close()
+        await self._task
+
+    async def _watch(self, connection: websockets.ClientConnection) -> None:
+        decoder, count, acked_at = Decoder(), 0, float("-inf")
+        try:
+            async for message in connection:
+                if isinstance(message, str):
+                    self.texts.append(json.loads(message))
+                    if self.texts[-1]["type"] == "schema":
+                        decoder.add_schema(message)
+                    continue
+                count += 1
+                now = time.monotonic()
+                self.frames.append((now, decoder.decode(message)))
+                if self.acks and now - acked_at >= 1.0:
+                    acked_at = now
+                    await connection.send(json.dumps({"type": "ack", "n": count}))
+        except websockets.ConnectionClosed:
+            pass
+        self.closed = (connection.close_code or 0, connection.close_reason or "")
+
+    def told(self, kind: str) -> list[dict[str, Any]]:
+        """The messages of one type."""
+        return [doc for doc in self.texts if doc["type"] == kind]
+
+    async def until(self, what: str, probe: Callable[[Watcher], object], deadline_s: float = 10.0) -> None:
+        """Wait for something to be true of this viewer."""
+        end_s = time.monotonic() + deadline_s
+        while not probe(self):
+            assert time.monotonic() < end_s, f"not within {deadline_s:g} s: {what}; closed {self.closed}"
+            await asyncio.sleep(0.01)
+
+    def longest_gap_s(self, since_s: float) -> float:
+        """The longest time without a frame, up to the newest one."""
+        times = [since_s, *(at for at, _ in self.frames if at > since_s)]
+        return max((b - a for a, b in pairwise(times)), default=float("inf"))
+
+
+class Redis:
+    """A Redis server of the test's own; nothing on disk."""
+
+    def __init__(self, folder: Path) -> None:
+        self.port = free_port()
+        self.url = f"redis://127.0.0.1:{self.port}"
+        self._folder = folder
+        self.process: subprocess.Popen[bytes] | None = None
+
+    def start(self) -> None:
+        """Until it answers."""
+        command = ["redis-server", "--port", str(self.port), "--bind", "127.0.0.1", "--save", "", "--dir"]
+        self.process = subprocess.Popen([*command, str(self._folder)], stdout=subprocess.DEVNULL)
+        until("redis answers", self._answers)
+
+    def _answers(self) -> bool:
+        with suppress(OSError), socket.create_connection(("127.0.0.1", self.port), 1.0) as probe:
+            probe.sendall(b"PING\r\n")
+            return probe.recv(7) == b"+PONG\r\n"
+        return False
+
+    def kill(self) -> None:
+        """At once, with all it held."""
+        if self.process is not None:
+            self.process.kill()
+            self.process.wait()
+            self.process = None
+
+
+@pytest.fixture
+def relays(tmp_path: Path) -> Iterator[Callable[..., Relay]]:
+    """Starts relays; all are ended, and none may have left a traceback."""
+    started: list[Relay] = []
+
+    def start(*flags: str, **ports: int) -> Relay:
+        started.append(Relay(tmp_path, *flags, **ports))
+        return started[-1]
+
+    yield start
+    for relay in started:
+        relay.stop()
+        assert "Traceback" not in relay.errors(), relay.errors()
+
+
+@pytest.fixture
+def edges() -> Iterator[Callable[..., ZenohEdge]]:
+    """Puts robots on air; all go off air."""
+    started: list[ZenohEdge] = []
+
+    def start(endpoint: str, **how: Any) -> ZenohEdge:
+        started.append(ZenohEdge(endpoint, **how))
+        return started[-1]
+
+    yield start
+    for edge in started:
+        edge.close()
+
+
+@pytest.fixture
+def redis_server(tmp_path: Path) -> Iterator[Redis]:
+    """A running Redis."""
+    if shutil.which("redis-server") is None:
+        pytest.skip("no redis-server here: apt-get install redis-server")
+    server = Redis(tmp_path)
+    server.start()
+    yield server
+    server.kill()

@@ -1,0 +1,192 @@
+"""The routes of a running relay."""
+
+from __future__ import annotations
+
+import asyncio
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+from posecast_wire import Schema, build_schema_text
+
+from .stage import Model, Watcher, until
+
+MESH = bytes(range(256)) * 2500  # 640 kB: three ranges
+
+
+def mixed() -> Schema:
+    """Numbers and flags."""
+    fields: list[dict[str, object]] = [
+        {"name": "pos", "labels": "joint", "unit": "rad", "scale": 0.01},
+        {"name": "flags", "labels": "joint", "bits": ["jam", "homed"]},
+    ]
+    return Schema.parse(build_schema_text("sim", {"joint": ["RKN", "LKN"]}, fields))
+
+
+def on_air(relay: Any) -> bool:
+    found = httpx.get(f"http://{relay.address}/api/v1/robots").json()["robots"]
+    return bool(found) and found[0]["status"] == "online" and found[0]["hz"] is not None
+
+
+async def test_the_list_and_one_robot(relays: Any, edges: Any) -> None:
+    relay = relays()
+    base = f"http://{relay.address}/api/v1/robots"
+    assert httpx.get(base).json() == {"robots": []}
+    missing = httpx.get(base + "/r")
+    assert (missing.status_code, missing.json()) == (404, {"error": "no robot 'r' here"})
+    edge = edges(relay.zenoh)
+    edge.edge.info = {"mode": "walking"}
+    async with Watcher(relay.url()) as viewer:
+        await viewer.until("frames", lambda v: len(v.frames) > 10)
+        await asyncio.to_thread(until, "on air", lambda: on_air(relay))
+        answer = httpx.get(base)
+        robot = answer.json()["robots"][0]
+        assert robot["robot"] == "r"
+        assert robot["viewers"] == 1
+        assert 25 < robot["hz"] < 35
+        assert 0 <= robot["age_ms"] < 1500
+        assert answer.headers["access-control-allow-origin"] == "*"
+        assert answer.headers["cache-control"] == "public, max-age=1"
+        again = httpx.get(base, headers={"if-none-match": answer.headers["etag"]})
+        assert again.status_code in (200, 304)
+        assert again.status_code == 200 or again.content == b""
+        await asyncio.to_thread(until, "info", lambda: httpx.get(base + "/r").json()["info"], 15.0)
+        one = httpx.get(base + "/r").json()
+    assert one["schema"] == edge_schema(edge)
+    assert one["schema_id"] == f"{edge.edge.schema.id:08x}"
+    assert one["conflict"] is False
+    assert one["model"] is None
+
+
+def edge_schema(edge: Any) -> dict[str, Any]:
+    import json
+
+    return dict(json.loads(edge.edge.schema.text))
+
+
+def test_an_answer_is_made_once_a_second_and_has_an_etag(relays: Any) -> None:
+    relay = relays()
+    url = f"http://{relay.address}/api/v1/robots"
+    first = httpx.get(url)
+    again = httpx.get(url, headers={"if-none-match": first.headers["etag"]})
+    assert again.status_code == 304
+    assert again.headers["etag"] == first.headers["etag"]
+
+
+async def test_the_state_as_plain_json(relays: Any, edges: Any) -> None:
+    relay = relays()
+    url = f"http://{relay.address}/api/v1/robots/r/state"
+    assert httpx.get(url).status_code == 404
+    edge = edges(relay.zenoh, of=mixed())
+    await asyncio.to_thread(until, "a state", lambda: httpx.get(url).status_code == 200)
+    edge.silent = True
+    await asyncio.sleep(0)
+    codes = None
+    while codes != edge.edge.codes:
+        codes = edge.edge.codes
+        await asyncio.to_thread(until, "the newest", lambda: httpx.get(url).json().get("seq") == edge.seq)
+    state = httpx.get(url).json()
+    pos, flags = state["fields"]["pos"], state["fields"]["flags"]
+    assert pos == {"unit": "rad", "values": {"RKN": codes[0] * 0.01, "LKN": codes[1] * 0.01}}
+    assert flags["values"]["RKN"] == edge.edge.schema.fields[1].bits_set(codes[2])
+    assert state["status"] in ("online", "silent")
+    assert httpx.get(url, params={"view": "lab"}).status_code == 404
+
+
+async def test_a_model_is_fetched_once_verified_and_immutable(relays: Any, edges: Any) -> None:
+    relay = relays()
+    files = {
+        "robot.urdf": (b"<robot name='sim'/>", "application/xml"),
+        "meshes/knee.stl": (MESH, "model/stl"),
+        "evil.html": (b"<script>alert(1)</script>", "text/html"),
+        "empty.txt": (b"", "text/plain"),
+    }
+    model = Model(files)
+    edges(relay.zenoh, model=model)
+    base = f"http://{relay.address}/api/v1/robots/r/model/{model.digest}"
+    async with httpx.AsyncClient(timeout=20) as client:
+
+        async def manifest() -> bool:
+            return (await client.get(base + "/manifest.json")).status_code == 200
+
+        for _ in range(200):
+            if await manifest():
+                break
+            await asyncio.sleep(0.05)
+        answer = await client.get(base + "/manifest.json")
+        assert answer.content == model.manifest
+        assert answer.headers["content-type"] == "application/json"
+        assert model.asked.count("manifest") == 1
+        many = await asyncio.gather(*(client.get(base + "/meshes/knee.stl") for _ in range(8)))
+        assert all(one.status_code == 200 and one.content == MESH for one in many)
+        assert sum(part != "manifest" for part in model.asked) == 3  # ranges, whoever asked
+        headers = many[0].headers
+        assert headers["content-type"] == "model/stl"
+        assert headers["cache-control"] == "public, max-age=31536000, immutable"
+        assert headers["access-control-allow-origin"] == "*"
+        assert headers["x-content-type-options"] == "nosniff"
+        evil = await client.get(base + "/evil.html")
+        assert evil.headers["content-type"] == "application/octet-stream"
+        assert "sandbox" in evil.headers["content-security-policy"]
+        assert (await client.get(base + "/empty.txt")).content == b""
+        for missing in ("/nothing.stl", "/../../../etc/passwd", "/%2e%2e/x"):
+            gone = await client.get(base + missing)
+            assert gone.status_code == 404
+            assert "error" in gone.json()
+        other = await client.get(base.replace(model.digest, "0" * 64) + "/manifest.json")
+        assert other.status_code == 404
+
+
+async def test_a_file_that_is_not_what_its_manifest_says_is_refused(relays: Any, edges: Any) -> None:
+    relay = relays()
+    model = Model({"a.stl": (b"true", "model/stl"), "gone.stl": (b"gone", "model/stl")})
+    for digest, data in list(model.files.items()):
+        if data == b"gone":
+            del model.files[digest]
+        else:
+            model.files[digest] = b"fake"
+    edges(relay.zenoh, model=model)
+    base = f"http://{relay.address}/api/v1/robots/r/model/{model.digest}"
+    await asyncio.to_thread(until, "manifest", lambda: httpx.get(base + "/manifest.json").status_code == 200)
+    for path in ("/a.stl", "/gone.stl"):
+        answer = httpx.get(base + path)
+        assert answer.status_code == 503
+        assert answer.headers["retry-after"] == "5"
+        assert answer.headers.get("cache-control") is None
+
+
+@pytest.fixture
+def page(tmp_path: Path) -> Path:
+    folder = tmp_path / "page"
+    (folder / "assets").mkdir(parents=True)
+    (folder / "index.html").write_text("<!doctype html><title>page</title>")
+    (folder / "assets" / "app-1a2b.js").write_text("1")
+    return folder
+
+
+def test_the_page_and_never_instead_of_an_answer(relays: Any, page: Path) -> None:
+    relay = relays("--static", str(page))
+    base = f"http://{relay.address}"
+    index = httpx.get(base + "/")
+    assert "<title>page" in index.text
+    assert index.headers["cache-control"] == "no-cache"
+    asset = httpx.get(base + "/assets/app-1a2b.js")
+    assert asset.headers["cache-control"] == "public, max-age=31536000, immutable"
+    assert asset.headers["content-type"].startswith("text/javascript")
+    for path in ("/api/v1/nothing", "/api/v1/robots/r/model/x/y", "/nothing.html", "/assets/gone.js"):
+        answer = httpx.get(base + path)
+        assert answer.status_code == 404
+        assert "<title>" not in answer.text
+    assert httpx.get(base + "/livez").text == "ok\n"
+    assert httpx.get(base + "/readyz").json() == {"status": "ready"}
+    assert "/api/v1/robots/{robot}/state" in httpx.get(base + "/openapi.json").json()["paths"]
+    assert httpx.get(base + "/docs").status_code == 404
+    assert httpx.get(base + "/metrics").status_code == 404
+
+
+def test_a_relay_without_a_page_says_so(relays: Any) -> None:
+    relay = relays()
+    answer = httpx.get(f"http://{relay.address}/")
+    assert answer.status_code in (200, 404)  # 200 when the page is packed in
+    assert "Traceback" not in answer.text

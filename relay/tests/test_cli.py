@@ -1,0 +1,76 @@
+"""Starting and ending the process."""
+
+from __future__ import annotations
+
+import signal
+import socket
+import subprocess
+import sys
+import time
+from typing import Any
+
+import pytest
+from posecast_wire import Close
+
+from .stage import Watcher
+
+
+def refused(*flags: str) -> str:
+    """stderr of a start that ends with status 2."""
+    command = [sys.executable, "-m", "posecast_relay.cli", *flags]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=20, check=False)
+    assert done.returncode == 2
+    assert done.stdout == ""
+    return done.stderr
+
+
+def test_a_wrong_setting_is_one_line_and_status_2() -> None:
+    assert (
+        refused("run", "--dev", "--port", "x") == "posecast-relay: --port 'x': use a number from 0 to 65535\n"
+    )
+    assert refused("run").startswith("posecast-relay: give --dev")
+
+
+def test_ports_in_use_are_one_line_and_status_2() -> None:
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        free = ("--port", "0", "--zenoh-listen", "tcp/127.0.0.1:0")
+        said = refused("run", "--dev", *free, "--port", str(port))
+        assert said == f"posecast-relay: http://127.0.0.1:{port}: address already in use\n"
+        said = refused("run", "--dev", *free, "--zenoh-listen", f"tcp/127.0.0.1:{port}")
+        assert said == f"posecast-relay: zenoh listener tcp/127.0.0.1:{port}: address already in use\n"
+        said = refused("run", "--dev", *free, "--metrics-port", str(port))
+        assert said == f"posecast-relay: --metrics-port {port}: address already in use\n"
+
+
+@pytest.mark.parametrize("how", [signal.SIGTERM, signal.SIGINT])
+async def test_the_end_is_told_and_quick(relays: Any, edges: Any, how: signal.Signals) -> None:
+    relay = relays()
+    edges(relay.zenoh)
+    viewers = [Watcher(relay.url()) for _ in range(3)]
+    for viewer in viewers:
+        await viewer.__aenter__()
+    await viewers[-1].until("frames", lambda v: len(v.frames) > 5)
+    began = time.monotonic()
+    relay.process.send_signal(how)
+    for viewer in viewers:
+        await viewer.until("the end", lambda v: v.closed is not None)
+        assert viewer.closed is not None
+        assert viewer.closed[0] == Close.DRAIN
+        bye = viewer.texts[-1]
+        assert (bye["type"], bye["code"], bye["retry_s"]) == ("bye", Close.DRAIN, 10.0)
+    assert relay.process.wait(10) == 0
+    assert time.monotonic() - began < 5
+
+
+async def test_a_viewer_that_does_not_answer_the_close_does_not_hold_the_end_up(relays: Any) -> None:
+    from .test_websocket import raw_viewer
+
+    relay = relays()
+    with raw_viewer(relay) as sock:
+        assert sock.recv(1000).startswith(b"HTTP/1.1 101")
+        began = time.monotonic()
+        assert relay.stop() == 0
+        assert time.monotonic() - began < 6

@@ -1,0 +1,137 @@
+"""The newest state in a real Redis, and a relay that does not mind when Redis is gone."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from typing import Any
+
+import httpx
+import redis
+from posecast_relay.adapters.store_redis import GUARD, generation_key, state_key
+from posecast_wire import Decoder
+
+from .stage import Redis, Relay, Watcher, free_port, until
+
+STATE = "posecast:{r}:public:state"
+
+
+def client(server: Redis) -> Any:
+    """A plain client."""
+    return redis.Redis(port=server.port, socket_timeout=5)
+
+
+def ready(relay: Relay) -> dict[str, str]:
+    """What /readyz says; always 200 here."""
+    answer = httpx.get(f"http://{relay.address}/readyz")
+    assert answer.status_code == 200
+    return dict(answer.json())
+
+
+def decoded_seq(server: Redis) -> int:
+    """The newest state in Redis, decoded as a reader would; -1 while there is none."""
+    state = client(server).hgetall(STATE)
+    if not state:
+        return -1
+    decoder = Decoder()
+    decoder.add_schema(state[b"schema"].decode())
+    for part in (b"key", b"ref"):
+        if state[part]:
+            decoder.decode(state[part])
+    frame = decoder.decode(state[b"frame"])
+    assert frame.seq == int(state[b"seq"])
+    return frame.seq
+
+
+def test_names() -> None:
+    assert state_key("r", "public") == STATE
+    assert generation_key("r") == "posecast:{r}:generation"
+
+
+async def test_the_newest_state_stands_in_redis(relays: Any, edges: Any, redis_server: Redis) -> None:
+    relay = relays("--store", redis_server.url)
+    edge = edges(relay.zenoh)
+    edge.edge.info = {"mode": "walking"}
+    edge.event("jam")
+    await asyncio.to_thread(until, "frames", lambda: edge.seq > 40)
+    edge.event("jam", "off")
+    edge.silent = True
+    last = edge.seq
+    await asyncio.to_thread(until, "the newest", lambda: decoded_seq(redis_server) == last)
+    store = client(redis_server)
+    state = store.hgetall(STATE)
+    assert state[b"run"] == b"000000000000000e"
+    assert state[b"generation"] == b"1"
+    assert 3500 < store.ttl(STATE) <= 3600
+    await asyncio.to_thread(until, "events", lambda: len(json.loads(store.hget(STATE, "events"))) == 2)
+    assert ready(relay) == {"status": "ready"}
+
+
+async def test_a_new_run_has_the_next_generation(relays: Any, edges: Any, redis_server: Redis) -> None:
+    relay = relays("--store", redis_server.url)
+    edges(relay.zenoh)
+    await asyncio.to_thread(until, "a state", lambda: decoded_seq(redis_server) > 5)
+    edges(relay.zenoh, run_id=0xF)
+    store = client(redis_server)
+    await asyncio.to_thread(until, "the new run", lambda: store.hget(STATE, "run") == b"000000000000000f")
+    assert store.hget(STATE, "generation") == b"2"
+    assert store.get("posecast:{r}:generation") == b"2"
+
+
+def test_the_guard_lets_nothing_older_replace_what_is_newer(redis_server: Redis) -> None:
+    store = client(redis_server)
+    guard = store.register_script(GUARD)
+
+    def write(generation: int, seq: int, full: bool, key_id: int, frame: bytes) -> int:
+        args = [generation, seq, "1" if full else "0", key_id, "frame", frame]
+        return int(guard([STATE, "posecast:{r}:generation"], args))
+
+    assert write(1, 5, False, 7, b"light first") == 2
+    assert write(1, 5, True, 7, b"a") == 1
+    assert write(1, 6, False, 7, b"b") == 1
+    assert write(1, 5, False, 7, b"late") == 0
+    assert write(1, 4, True, 7, b"late") == 0
+    assert write(1, 7, False, 8, b"another key") == 2
+    assert write(2, 0, False, 7, b"another run") == 2
+    assert write(2, 0, True, 9, b"c") == 1
+    assert write(1, 99, True, 7, b"retired") == 0
+    assert store.hget(STATE, "frame") == b"c"
+    assert store.get("posecast:{r}:generation") == b"2"
+
+
+async def test_viewers_notice_nothing_when_redis_dies_and_it_is_filled_again(
+    relays: Any, edges: Any, redis_server: Redis
+) -> None:
+    relay = relays("--store", redis_server.url)
+    edge = edges(relay.zenoh)
+    async with Watcher(relay.url()) as viewer:
+        await viewer.until("frames", lambda v: len(v.frames) > 20)
+        await asyncio.to_thread(until, "a state", lambda: decoded_seq(redis_server) > 5)
+        await asyncio.to_thread(redis_server.kill)
+        seq = viewer.frames[-1][1].seq
+        await asyncio.to_thread(until, "degraded", lambda: ready(relay)["status"] == "degraded")
+        await viewer.until("three more seconds", lambda v: v.frames[-1][1].seq > seq + 90)
+        seqs = [frame.seq for _, frame in viewer.frames if frame.seq > seq]
+        assert len(seqs) > 80  # of about 91: two loaded cores lose some before the relay
+        await asyncio.to_thread(redis_server.start)
+        behind = edge.seq
+        await asyncio.to_thread(until, "filled again", lambda: decoded_seq(redis_server) > behind, 4.0)
+        assert ready(relay) == {"status": "ready"}
+
+
+async def test_a_store_that_is_not_there_is_degraded_and_joined_later(
+    relays: Any, edges: Any, redis_server: Redis
+) -> None:
+    redis_server.kill()
+    redis_server.port = free_port()
+    relay = relays("--store", f"redis://127.0.0.1:{redis_server.port}")
+    edges(relay.zenoh)
+    async with Watcher(relay.url()) as viewer:
+        await viewer.until("frames", lambda v: len(v.frames) > 20)
+    said = ready(relay)
+    assert said["status"] == "degraded"
+    assert said["why"].startswith("redis: ")
+    assert relay.errors().count("redis: ") == 1
+    await asyncio.to_thread(redis_server.start)
+    await asyncio.to_thread(until, "a state", lambda: decoded_seq(redis_server) > 5)
+    assert ready(relay) == {"status": "ready"}

@@ -1,0 +1,128 @@
+"""Edges through a real Zenoh link: recovery, liveness, echo, and what is dropped."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import time
+from typing import Any
+
+import httpx
+import zenoh
+from posecast_wire import Echo, frame_key
+
+from .stage import Relay, Watcher, free_port, until
+
+AT_MOST_S = 1.5
+
+
+def listed(relay: Relay, robot: str = "r") -> dict[str, Any]:
+    """What the relay says of a robot."""
+    found = httpx.get(f"http://{relay.address}/api/v1/robots").json()["robots"]
+    return next((r for r in found if r["robot"] == robot), {})
+
+
+async def test_one_lost_key_costs_a_second_not_an_interval(relays: Any, edges: Any) -> None:
+    relay = relays()
+    edge = edges(relay.zenoh)
+    async with Watcher(relay.url()) as viewer:
+        await viewer.until("frames", lambda v: len(v.frames) > 60)
+        edge.lose_next_key = edge.force_key = True
+        await viewer.until("the loss", lambda v: edge.lost_at is not None)
+        lost = edge.seq
+        await viewer.until("frames after it", lambda v: v.frames[-1][1].seq > lost + 30)
+        assert edge.lost_at is not None
+        assert viewer.longest_gap_s(edge.lost_at) <= AT_MOST_S
+        assert viewer.frames[-1][1].codes == (viewer.frames[-1][1].seq,) * 2
+
+
+async def test_a_restarted_relay_needs_no_key(relays: Any, edges: Any) -> None:
+    relay = relays()
+    edge = edges(relay.zenoh)
+    async with Watcher(relay.url()) as viewer:
+        await viewer.until("frames", lambda v: len(v.frames) > 30)
+    relay.process.kill()
+    relay.stop()
+    again = relays(http=relay.http, zenoh_port=relay.zenoh_port)
+    up = time.monotonic()
+    async with Watcher(again.url()) as viewer:
+        await viewer.until("frames", lambda v: len(v.frames) > 10)
+        assert viewer.frames[1][0] - up <= AT_MOST_S
+        assert viewer.told("schema")
+        assert viewer.frames[-1][1].seq > 30
+    assert edge.edge.run_id == 0xE
+
+
+async def test_silent_is_not_offline(relays: Any, edges: Any) -> None:
+    relay = relays()
+    edge = edges(relay.zenoh)
+    async with Watcher(relay.url()) as viewer:
+        await viewer.until("frames", lambda v: len(v.frames) > 5)
+        edge.silent = True
+        await viewer.until("silent", lambda v: v.told("status")[-1]["robot"] == "silent", 5.0)
+        edge.close()
+        gone = time.monotonic()
+        await viewer.until("offline", lambda v: v.told("status")[-1]["robot"] == "offline", 5.0)
+        assert time.monotonic() - gone < 2.0
+    async with Watcher(relay.url()) as late:
+        await late.until("a few seconds", lambda v: len(v.told("status")) > 3)
+        assert {s["robot"] for s in late.told("status")} == {"offline"}
+        assert {frame.seq for _, frame in late.frames} <= {0, edge.seq}  # its KEY and the last pose
+
+
+async def test_echo_tells_the_edge_what_has_arrived(relays: Any, edges: Any) -> None:
+    relay = relays()
+    edge = edges(relay.zenoh)
+
+    def heard() -> Echo | None:
+        echo = edge.echo()
+        return echo if echo is not None and echo.run_id == 0xE and echo.seq > 5 else None
+
+    echo = await asyncio.to_thread(until, "an echo", heard)
+    assert abs(echo.relay_time_s - time.time()) < 5
+    assert edge.seq - 10 <= echo.seq <= edge.seq
+    stranger = edges(relay.zenoh, robot="other")
+    stranger.silent = True
+    stranger.robot = "nobody"
+    assert stranger.echo() is not None
+    assert stranger.echo().run_id == 0
+
+
+async def test_the_newest_of_two_edges_wins_and_a_conflict_shows(relays: Any, edges: Any) -> None:
+    relay = relays()
+    edges(relay.zenoh)
+    async with Watcher(relay.url()) as viewer:
+        await viewer.until("frames", lambda v: len(v.frames) > 30)
+        edges(relay.zenoh, run_id=0xF)
+        await viewer.until("the new run", lambda v: v.frames[-1][1].seq < 20)
+        since = len(viewer.frames)
+        await viewer.until("the conflict", lambda v: v.told("event"))
+        seqs = [frame.seq for _, frame in viewer.frames[since:]]
+        assert seqs == sorted(seqs)
+        assert viewer.told("event")[0]["text"] == "another edge claims this robot"
+    assert httpx.get(f"http://{relay.address}/api/v1/robots/r").json()["conflict"] is True
+
+
+async def test_what_is_no_frame_of_ours_is_counted_and_leaves_no_trace(relays: Any, edges: Any) -> None:
+    port = free_port()
+    relay = relays("--metrics-port", str(port), "--log-level", "info")
+    edge = edges(relay.zenoh)
+    await asyncio.to_thread(until, "on air", lambda: listed(relay).get("status") == "online")
+    stamp = edge.edge.stamp(time.monotonic()).pack()
+    session: zenoh.Session = edge.session
+    session.put(frame_key("r", "public"), b"\x20later", attachment=stamp)
+    session.put(frame_key("r", "public"), b"\x10", attachment=stamp)
+    session.put(frame_key("r", "public"), bytes([0x10]) * 70_000, attachment=stamp)
+    session.put(frame_key("r", "public"), b"\x10" + bytes(20))  # no stamp
+    session.put("posecast/v1/R2D2/public/frame", b"\x10" + bytes(20), attachment=stamp)
+    session.put("posecast/v1/r/Public/event", json.dumps({"type": "event"}), attachment=stamp)
+    session.put("posecast/v1/r/public/event", b"\xff", attachment=stamp)
+
+    def counted() -> bool:
+        text = httpx.get(f"http://127.0.0.1:{port}/metrics").text
+        wanted = ('{fate="bad"} 5.0', '{fate="version"} 1.0', '{fate="oversized"} 1.0')
+        return all("posecast_edge_frames_total" + w in text for w in wanted)
+
+    await asyncio.to_thread(until, "all are counted", counted)
+    assert listed(relay).get("status") == "online"
+    assert "R2D2/public/frame: robot 'R2D2': use 1 to 63 of" in relay.errors() or "stamp" in relay.errors()
