@@ -164,7 +164,8 @@ class ZenohPublisher:
         return None
 
     def _declare(self, session: zenoh.Session) -> zenoh.Publisher:
-        """All that this agent is on the network. The token comes last: who sees it may ask."""
+        """All that this agent is on the network. Who sees the token asks for the snapshot, and who has that
+        for the model: so they are declared the other way round."""
         robot, view = self._robot, self._view
         frames = session.declare_publisher(
             frame_key(robot, view),
@@ -180,8 +181,8 @@ class ZenohPublisher:
         self._declared += [
             session.info.declare_transport_events_listener(self._on_transport, history=True),
             frames.declare_matching_listener(self._on_matching),
-            session.declare_queryable(snapshot_key(robot, view), self._on_snapshot),
             session.declare_queryable(model_key(robot, "**"), self._on_model),
+            session.declare_queryable(snapshot_key(robot, view), self._on_snapshot),
             session.liveliness().declare_token(alive_key(robot)),
         ]
         self._on_matching(_matching(frames))  # it may have matched before anybody listened for it
