@@ -63,12 +63,14 @@ class Layout:
         return [self._number(field, v, i, sample, now_s) for i, v in enumerate(values)]
 
     def _by_label(self, field: Field, values: Mapping[str, Reading], sample: Sample, now_s: float) -> Flat:
-        offsets = self._offsets[field.name]
+        offsets, is_number = self._offsets[field.name], not field.bits
         flat: Flat = [None] * field.size
         for label, value in values.items():
             i = offsets.get(label)
             if i is None:
                 self._unknown_name(f"label of {field.name}", label, sample)
+            elif is_number and type(value) is float:
+                flat[i] = value
             else:
                 flat[i] = self._number(field, value, i, sample, now_s)
         return flat
