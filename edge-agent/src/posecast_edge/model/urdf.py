@@ -1,0 +1,151 @@
+"""A URDF as typed values (wiki.ros.org/urdf/XML): metres, radians, rpy about fixed axes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from posecast_edge.model.finding import Finding
+
+Vector = tuple[float, float, float]
+ZERO: Vector = (0.0, 0.0, 0.0)
+ONES: Vector = (1.0, 1.0, 1.0)
+
+JOINT_TYPES = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
+
+
+@dataclass(frozen=True)
+class Pose:
+    """parent_from_child: translation and roll, pitch, yaw about fixed axes."""
+
+    xyz: Vector = ZERO
+    rpy: Vector = ZERO
+
+
+@dataclass(frozen=True)
+class Geometry:
+    """`kind` is mesh, box (x, y, z), cylinder or capsule (radius, length along z) or sphere (radius)."""
+
+    kind: str
+    dims: tuple[float, ...]
+    uri: str
+    scale: Vector
+    line: int
+
+
+@dataclass(frozen=True)
+class Material:
+    """`rgba` as display values 0 … 1, None when only named or textured."""
+
+    name: str
+    rgba: tuple[float, float, float, float] | None
+    texture: str | None
+    line: int
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A visual or a collision."""
+
+    pose: Pose
+    geometry: Geometry | None
+    material: Material | None
+    line: int
+
+
+@dataclass(frozen=True)
+class Inertial:
+    """Mass, kg; the matrix's ixx, ixy, ixz, iyy, iyz, izz, kg·m²."""
+
+    mass: float
+    inertia: tuple[float, ...]
+    line: int
+
+
+@dataclass(frozen=True)
+class Link:
+    """A body."""
+
+    name: str
+    visuals: tuple[Shape, ...]
+    collisions: tuple[Shape, ...]
+    inertial: Inertial | None
+    line: int
+
+
+@dataclass(frozen=True)
+class Limit:
+    """None: not given."""
+
+    lower: float | None
+    upper: float | None
+    velocity: float | None
+    effort: float | None
+    line: int
+
+
+@dataclass(frozen=True)
+class Mimic:
+    """This joint = multiplier × the other + offset."""
+
+    joint: str
+    multiplier: float
+    offset: float
+    line: int
+
+
+@dataclass(frozen=True)
+class Joint:
+    """`axis` as written, None when absent."""
+
+    name: str
+    type: str
+    parent: str
+    child: str
+    pose: Pose
+    axis: Vector | None
+    limit: Limit | None
+    mimic: Mimic | None
+    line: int
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """A sensor that the URDF names, on a link."""
+
+    name: str
+    kind: str
+    link: str
+    pose: Pose
+    line: int
+
+
+@dataclass(frozen=True)
+class Reference:
+    """A mention of a joint or link outside the tree itself: transmission, gazebo."""
+
+    what: str
+    name: str
+    by: str
+    line: int
+
+
+@dataclass
+class Urdf:
+    """The whole file. Lists keep the file's order, with doubles."""
+
+    name: str
+    links: list[Link] = field(default_factory=list)
+    joints: list[Joint] = field(default_factory=list)
+    materials: dict[str, Material] = field(default_factory=dict)
+    sensors: list[Sensor] = field(default_factory=list)
+    references: list[Reference] = field(default_factory=list)
+    findings: list[Finding] = field(default_factory=list)
+
+
+def material_of(shape: Shape, materials: Mapping[str, Material]) -> Material | None:
+    """A visual's material; one that is only named is looked up among the robot's."""
+    own = shape.material
+    if own is None or own.rgba is not None or own.texture:
+        return own
+    return materials.get(own.name)

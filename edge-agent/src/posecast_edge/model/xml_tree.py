@@ -1,0 +1,102 @@
+"""XML from strangers: small, flat trees with line numbers.
+
+No document type, so no entities and nothing external; counted while reading, so that a hostile file costs no
+more than its first pages.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import BinaryIO
+from xml.parsers import expat
+
+from posecast_edge.model.finding import ModelRefused
+
+CHUNK = 1 << 20
+TOKEN_MAX = 2 << 20  # bytes of one tag with its attributes: expat starts anew on it with every chunk
+
+
+class Element:
+    """One element. `text` is the characters directly inside it, "" unless asked for."""
+
+    __slots__ = ("attributes", "children", "line", "tag", "text")
+
+    def __init__(self, tag: str, attributes: dict[str, str], line: int) -> None:
+        self.tag = tag
+        self.attributes = attributes
+        self.children: list[Element] = []
+        self.line = line
+        self.text = ""
+
+    def all(self, tag: str) -> Iterator[Element]:
+        """Children with that tag."""
+        return (c for c in self.children if c.tag == tag)
+
+    def first(self, *path: str) -> Element | None:
+        """The first child with that tag, its first child with the next tag, and so on."""
+        found: Element | None = self
+        for tag in path:
+            found = None if found is None else next(found.all(tag), None)
+        return found
+
+    def get(self, name: str) -> str | None:
+        """An attribute."""
+        return self.attributes.get(name)
+
+
+def read_xml(
+    source: BinaryIO, *, bytes_max: int, elements_max: int, depth_max: int, texts: bool = False
+) -> Element:
+    """Read a whole tree. ModelRefused says what is wrong, with the line.
+
+    `texts` keeps character data too (bounded by bytes_max).
+    """
+    parser = expat.ParserCreate()
+    parser.buffer_text = True
+    stack: list[Element] = []
+    pieces: list[list[str]] = []
+    root: list[Element] = []
+    count = 0
+
+    def start(tag: str, attributes: dict[str, str]) -> None:
+        nonlocal count
+        count += 1
+        if count > elements_max:
+            raise ModelRefused(f"more than {elements_max} elements", parser.CurrentLineNumber)
+        if len(stack) >= depth_max:
+            raise ModelRefused(f"nested more than {depth_max} deep", parser.CurrentLineNumber)
+        element = Element(tag, attributes, parser.CurrentLineNumber)
+        (stack[-1].children if stack else root).append(element)
+        stack.append(element)
+        pieces.append([])
+
+    def end(_tag: str) -> None:
+        stack.pop().text = "".join(pieces.pop())
+
+    def characters(text: str) -> None:
+        pieces[-1].append(text)
+
+    def doctype(*_: object) -> None:
+        raise ModelRefused("a document type (DTD) is not accepted", parser.CurrentLineNumber)
+
+    parser.StartElementHandler = start
+    parser.EndElementHandler = end
+    parser.StartDoctypeDeclHandler = doctype
+    parser.EntityDeclHandler = doctype
+    if texts:
+        parser.CharacterDataHandler = characters
+    size = 0
+    try:
+        while chunk := source.read(CHUNK):
+            size += len(chunk)
+            if size > bytes_max:
+                raise ModelRefused(f"larger than {bytes_max / (1 << 20):g} MiB")
+            parser.Parse(chunk, False)
+            if size - parser.CurrentByteIndex > TOKEN_MAX:
+                raise ModelRefused(f"a tag larger than {TOKEN_MAX >> 20} MiB", parser.CurrentLineNumber)
+        parser.Parse(b"", True)
+    except expat.ExpatError as e:
+        raise ModelRefused(f"not XML: {expat.ErrorString(e.code)}", e.lineno) from None
+    except (LookupError, UnicodeError, ValueError) as e:  # an encoding nobody knows
+        raise ModelRefused(f"not XML: {e}", parser.CurrentLineNumber) from None
+    return root[0]
