@@ -1,0 +1,189 @@
+"""GLB: triangles and base colours of a self-contained glTF 2.0 file, in its own axes as URDF viewers do."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from posecast_edge.model.finding import ModelRefused
+from posecast_edge.model.kinematics import from_quaternion
+from posecast_edge.model.mesh import TRIANGLES_MAX, Mesh, Paint, Surface
+
+JSON_MAX = 16 << 20
+NODES_MAX = 10_000
+DEPTH_MAX = 64
+KNOWN = {"KHR_mesh_quantization", "KHR_materials_unlit", "KHR_texture_transform", "KHR_materials_specular"}
+COMPONENTS = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
+WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
+
+
+def read_glb(data: bytes) -> Mesh:
+    """ModelRefused when it is none, is compressed, or points outside itself."""
+    document, binary = _chunks(data)
+    try:
+        return Mesh(tuple(_Reader(document, binary).surfaces()))
+    except (KeyError, IndexError, TypeError, AttributeError, ValueError, OverflowError) as e:
+        raise ModelRefused(f"its glTF is broken: {type(e).__name__} {str(e)[:60]}") from None
+
+
+def _chunks(data: bytes) -> tuple[dict[str, Any], bytes]:
+    if len(data) < 20 or data[:4] != b"glTF" or int.from_bytes(data[4:8], "little") != 2:
+        raise ModelRefused("no glTF 2.0 binary")
+    length = int.from_bytes(data[12:16], "little")
+    if data[16:20] != b"JSON" or length > len(data) - 20 or length > JSON_MAX:
+        raise ModelRefused("its JSON is longer than the file, or than 16 MiB")
+    try:
+        document = json.loads(data[20 : 20 + length])
+    except (ValueError, RecursionError):
+        raise ModelRefused("its JSON is none") from None
+    at = 20 + length
+    binary = b""
+    if at + 8 <= len(data) and data[at + 4 : at + 8] == b"BIN\0":
+        binary = data[at + 8 : at + 8 + int.from_bytes(data[at : at + 4], "little")]
+    if not isinstance(document, dict):
+        raise ModelRefused("its JSON is none")
+    return document, binary
+
+
+class _Reader:
+    def __init__(self, document: dict[str, Any], binary: bytes) -> None:
+        self._document = document
+        self._binary = binary
+        self._visited = 0
+        self._triangles = 0
+        unknown = sorted(set(map(str, document.get("extensionsRequired", []))) - KNOWN)
+        if unknown:
+            raise ModelRefused(f"it needs {unknown[0][:60]}; export it without compression")
+
+    def surfaces(self) -> Iterator[Surface]:
+        document = self._document
+        if "scenes" in document:
+            roots = document["scenes"][document.get("scene", 0)].get("nodes", [])
+        else:
+            below = {c for n in document.get("nodes", []) for c in n.get("children", [])}
+            roots = [i for i in range(len(document.get("nodes", []))) if i not in below]
+        for root in roots:
+            yield from self._node(root, np.eye(4), 0)
+
+    def _node(self, index: int, parent: NDArray[np.float64], depth: int) -> Iterator[Surface]:
+        self._visited += 1
+        if self._visited > NODES_MAX or depth > DEPTH_MAX:
+            raise ModelRefused(f"a scene of more than {NODES_MAX:,} nodes, or more than {DEPTH_MAX} deep")
+        node = _at(self._document["nodes"], index)
+        at = parent @ _local(node)
+        if "mesh" in node:
+            for primitive in _at(self._document["meshes"], node["mesh"])["primitives"]:
+                surface = self._primitive(primitive, at)
+                if surface is not None:
+                    yield surface
+        for child in node.get("children", []):
+            yield from self._node(child, at, depth + 1)
+
+    def _primitive(self, primitive: dict[str, Any], at: NDArray[np.float64]) -> Surface | None:
+        mode = primitive.get("mode", 4)
+        if mode not in (4, 5, 6):
+            return None  # points and lines
+        attributes = primitive["attributes"]
+        positions = self._accessor(attributes["POSITION"], 3).astype(np.float64)
+        if "indices" in primitive:
+            indices = self._accessor(primitive["indices"], 1).reshape(-1).astype(np.int64)
+        else:
+            indices = np.arange(len(positions))
+        faces = _faces(indices, mode)
+        self._triangles += len(faces)
+        if self._triangles > TRIANGLES_MAX:
+            raise ModelRefused(f"more than {TRIANGLES_MAX:,} triangles")
+        paint = self._paint(primitive.get("material"))
+        uv = None
+        if paint is not None and paint.texture is not None and "TEXCOORD_0" in attributes:
+            uv = self._accessor(attributes["TEXCOORD_0"], 2).astype(np.float32)
+            if len(uv) != len(positions):
+                raise ModelRefused("vertices and texture coordinates of different numbers")
+        if np.linalg.det(at[:3, :3]) < 0:
+            faces = faces[:, ::-1]
+        placed = positions @ at[:3, :3].T + at[:3, 3]
+        return Surface(placed.astype(np.float32), faces.astype(np.int32), uv, paint)
+
+    def _accessor(self, index: int, width: int) -> NDArray[Any]:
+        """(n, width) values; normalised ones as floats."""
+        accessor = _at(self._document["accessors"], index)
+        if "sparse" in accessor or "bufferView" not in accessor:
+            raise ModelRefused("sparse vertices are not read")
+        if WIDTHS[accessor["type"]] != width:
+            raise ModelRefused("vertices of the wrong width")
+        kind = np.dtype(COMPONENTS[accessor["componentType"]])
+        view = _at(self._document["bufferViews"], accessor["bufferView"])
+        whole = self._view(view)
+        count, offset = _whole(accessor["count"]), _whole(accessor.get("byteOffset", 0))
+        stride = _whole(view.get("byteStride", 0)) or width * kind.itemsize
+        if count and offset + (count - 1) * stride + width * kind.itemsize > len(whole):
+            raise ModelRefused(f"it claims {count:,} vertices, its data has fewer")
+        values = np.ndarray((count, width), kind, whole, offset, (stride, kind.itemsize))
+        if not accessor.get("normalized"):
+            return values
+        return np.maximum(values.astype(np.float64) / np.iinfo(kind).max, -1.0)
+
+    def _view(self, view: dict[str, Any]) -> bytes:
+        if view.get("buffer", 0) != 0 or _at(self._document["buffers"], 0).get("uri"):
+            raise ModelRefused("it points to files beside it; pack it into one GLB")
+        offset, length = _whole(view.get("byteOffset", 0)), _whole(view["byteLength"])
+        if offset + length > len(self._binary):
+            raise ModelRefused("it claims more data than it has")
+        return self._binary[offset : offset + length]
+
+    def _paint(self, index: int | None) -> Paint | None:
+        if index is None:
+            return None
+        material = _at(self._document["materials"], index)
+        pbr = material.get("pbrMetallicRoughness", {})
+        r, g, b, a = (min(max(float(x), 0.0), 1.0) for x in pbr.get("baseColorFactor", (1, 1, 1, 1)))
+        alpha = a if material.get("alphaMode") == "BLEND" and a >= 0.02 else 1.0
+        rgba = (_display(r), _display(g), _display(b), alpha)
+        picture = pbr.get("baseColorTexture")
+        if picture is None:
+            return Paint(rgba)
+        image = _at(self._document["images"], _at(self._document["textures"], picture["index"])["source"])
+        if "bufferView" not in image:
+            raise ModelRefused("it points to files beside it; pack it into one GLB")
+        return Paint(rgba, self._view(_at(self._document["bufferViews"], image["bufferView"])))
+
+
+def _at(items: list[Any], index: Any) -> Any:
+    return items[_whole(index)]
+
+
+def _whole(number: Any) -> int:
+    if isinstance(number, bool) or not isinstance(number, int) or not 0 <= number < 1 << 40:
+        raise ModelRefused("its glTF is broken: an index or a size is no whole number")
+    return number
+
+
+def _display(linear: float) -> float:
+    """sRGB from linear, 0 … 1 (IEC 61966-2-1)."""
+    return 12.92 * linear if linear <= 0.0031308 else 1.055 * linear ** (1 / 2.4) - 0.055
+
+
+def _local(node: dict[str, Any]) -> NDArray[np.float64]:
+    if "matrix" in node:
+        matrix = np.array(node["matrix"], np.float64).reshape(4, 4).T
+    else:
+        x, y, z, w = node.get("rotation", (0, 0, 0, 1))
+        matrix = np.array(from_quaternion(node.get("translation", (0, 0, 0)), (w, x, y, z)), np.float64)
+        matrix[:3, :3] *= np.array(node.get("scale", (1, 1, 1)), np.float64)
+    if not np.isfinite(matrix).all():
+        raise ModelRefused("a node that is not finite")
+    return matrix
+
+
+def _faces(indices: NDArray[np.int64], mode: int) -> NDArray[np.int64]:
+    if mode == 4:
+        return indices[: len(indices) // 3 * 3].reshape(-1, 3)
+    i = np.arange(max(len(indices) - 2, 0))
+    if mode == 5:
+        odd = i % 2
+        return indices[np.stack([i + odd, i + 1 - odd, i + 2], axis=1)]
+    return indices[np.stack([np.zeros_like(i), i + 1, i + 2], axis=1)]

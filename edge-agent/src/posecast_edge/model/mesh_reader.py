@@ -1,0 +1,66 @@
+"""Reads a mesh file of any kind. What it is, is judged by its first bytes, then by its name."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from posecast_edge.model.collada import read_collada
+from posecast_edge.model.finding import ModelRefused
+from posecast_edge.model.gltf_reader import read_glb
+from posecast_edge.model.mesh import FILE_MAX, Mesh, checked
+from posecast_edge.model.obj import read_obj
+from posecast_edge.model.resolve import Resolver
+from posecast_edge.model.stl import read_stl
+
+TEXTURE_MAX = 64 << 20
+
+
+def read_mesh(path: Path, resolver: Resolver) -> Mesh:
+    """The checked mesh. ModelRefused says why it can't be shown."""
+    data = read_bounded(path, FILE_MAX)
+    _refuse_the_obvious(data)
+    suffix = path.suffix.lower()
+
+    def load(name: str) -> bytes:
+        return read_bounded(resolver.beside(path, name), TEXTURE_MAX)
+
+    if data[:4] == b"glTF":
+        return checked(read_glb(data))
+    if suffix == ".stl":
+        return checked(read_stl(data))
+    if suffix == ".dae":
+        return checked(read_collada(data, load))
+    if suffix == ".obj":
+        return checked(read_obj(data, load))
+    if suffix in (".gltf", ".glb"):
+        raise ModelRefused("no glTF 2.0 binary; pack it into one GLB")
+    raise ModelRefused(f"{suffix} is no kind of mesh that is read")
+
+
+def read_bounded(path: Path, most: int) -> bytes:
+    """A file's bytes. ModelRefused when it is larger than that, or can't be read."""
+    try:
+        if path.stat().st_size > most:
+            raise ModelRefused(f"over {most >> 20} MiB")
+        with path.open("rb") as file:
+            data = file.read(most + 1)
+    except OSError as e:
+        raise ModelRefused(e.strerror or "can't be read") from None
+    if len(data) > most:
+        raise ModelRefused(f"over {most >> 20} MiB")
+    return data
+
+
+def _refuse_the_obvious(data: bytes) -> None:
+    """Files that are something else under a mesh's name, as servers and tools leave them."""
+    start = data[:512].lstrip().lower()
+    if not data:
+        raise ModelRefused("the file is empty")
+    if start.startswith((b"<!doctype html", b"<html", b"<head")) or b"<html" in start:
+        raise ModelRefused("an HTML page, not a mesh: a server answered with a page")
+    if start.startswith(b"version https://git-lfs"):
+        raise ModelRefused("a Git LFS pointer, not the mesh: run git lfs pull")
+    if start.startswith(b"pk\x03\x04"):
+        raise ModelRefused("a zip archive, not a mesh")
+    if start.startswith(b"\x1f\x8b"):
+        raise ModelRefused("a gzip file, not a mesh")
