@@ -62,6 +62,10 @@ describe('the table', () => {
     await page.open(`${relay.url}/`);
     const card = page.findByRole('link', /demo/i);
     await until('a card', async () => (await card.count()) > 0);
+    expect(
+      page.requested.filter((url) => /scene/i.test(url)),
+      'no 3D before a robot is chosen',
+    ).toEqual([]);
     await card.click();
     await until('LIVE', async () => ['LIVE', 'HOLDING'].includes(await liveness(page)));
   });
