@@ -112,6 +112,24 @@ def test_nothing_heard_is_asked_and_then_cut_within_twelve_seconds() -> None:
     assert viewer not in world.hub.viewers
 
 
+def test_a_relay_that_stood_still_blames_no_viewer() -> None:
+    world = World()
+    edge = world.on_air()
+    slow, slow_screen = world.join()
+    viewer, screen = world.join()
+    watch(world, edge, viewer, 3.5)
+    slow.heard_at = world.now
+    slow.paused(world.now)
+    world.now += 60.0  # the process was stopped, and its timer comes before what the viewers sent
+    world.do(world.hub.tick(world.now, 0.0))
+    assert screen.was_cut is None
+    assert slow_screen.was_cut is None
+    assert not viewer.stalled
+    watch(world, edge, viewer, 1.0)
+    assert screen.states[-1].seq == edge.seq
+    assert slow_screen.was_cut is None
+
+
 @pytest.mark.parametrize(
     ("payload", "close"),
     [

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Any
 from weakref import WeakKeyDictionary
 
-from posecast_wire import Decoder, FrameError
+from posecast_wire import MISSING, Decoder, FrameError
 from posecast_wire import Frame as DecodedFrame
 
 from posecast_relay.core.robot import Robot
@@ -66,6 +66,9 @@ def _fields(frame: DecodedFrame) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for field in frame.schema.fields:
         codes = frame.codes[field.start : field.start + field.size]
-        values: list[Any] = [field.bits_set(c) for c in codes] if field.bits else field.values(frame.codes)
+        if field.bits:
+            values: list[Any] = [None if c == MISSING else field.bits_set(c) for c in codes]
+        else:
+            values = [None if v is None else float(f"{v:.9g}") for v in field.values(frame.codes)]
         found[field.name] = {"unit": field.unit, "values": dict(zip(field.labels, values, strict=True))}
     return found

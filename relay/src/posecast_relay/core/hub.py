@@ -28,6 +28,7 @@ from posecast_relay.core.viewer import Viewer
 
 FULL_RETRY_S = 30.0
 FORGET_EVERY = 20  # sweeps
+HELD_UP_S = 0.1  # a tick that comes later than this shows that the process stood still
 
 
 class Hub:
@@ -195,6 +196,10 @@ class Hub:
     def tick(self, now: float, unix_s: float) -> list[Action]:
         """Everything that time alone brings. Sets `wake_at` anew."""
         out: list[Action] = []
+        held_up_s = now - self._sweep_at  # a tick is due by then at the latest
+        if held_up_s > HELD_UP_S and self._sweeps:
+            for viewer in self.viewers:
+                viewer.forgive(held_up_s, now)
         sweep = now >= self._sweep_at
         report = now >= self._status_at
         wake_at = NEVER

@@ -115,6 +115,15 @@ class Viewer:
         """Work out `blocked` anew."""
         self.blocked = self.paused_at is not None or self.stalled or self.lane is not None
 
+    def forgive(self, seconds: float, now: float) -> None:
+        """The relay itself stood still for so long: what the viewer did meanwhile is still to be read."""
+        self.heard_at = min(now, self.heard_at + seconds)
+        self.check_at += seconds
+        if self.mark_at is not None:
+            self.mark_at += seconds
+        if self.paused_at is not None:
+            self.paused_at += seconds
+
     def take_token(self, now: float) -> bool:
         """Whether it may send one more message now."""
         refill = (now - self.tokens_at) * self.limits.messages_per_s
