@@ -96,7 +96,8 @@ load: setup ## Locust viewers against a relay of their own
 	$(BIN)/python -m posecast_loadtests
 
 dist: setup ## wheels (with the page and the demo robot inside) in dist/
-	$(UV) build --quiet --all-packages --out-dir dist
+	rm -rf relay/src/posecast_relay/page && cp -r spa/dist relay/src/posecast_relay/page
+	$(UV) build --quiet --wheel --all-packages --out-dir dist; status=$$?; rm -rf relay/src/posecast_relay/page; exit $$status
 
 clean: ## remove what was made
 	rm -rf .venv .tools node_modules spa/dist dist out $(DEMO)

@@ -61,7 +61,7 @@ def _host(text: str) -> str:
 
 
 def _store(text: str) -> str:
-    if text != "memory://" and not re.match(r"rediss?(\+cluster)?://[^\s]+$", text):
+    if text != "memory://" and not re.match(r"rediss?://[^\s]+$", text):
         raise ValueError("use memory://, redis://HOST:PORT or rediss://HOST:PORT")
     return text
 

@@ -37,6 +37,7 @@ def _robot(robot: Robot, now: float) -> dict[str, Any]:
     interval_s = stream.cadence.interval_s if stream else 0.0
     return {
         "robot": robot.name,
+        "name": stream.schema.robot if stream and stream.schema else robot.name,
         "status": robot.word(room, now) if room else "silent" if robot.liveness.token else "offline",
         "age_ms": None if age_s is None else max(0, round(age_s * 1000)),
         "seq": stream.newest.seq if stream and stream.newest else None,

@@ -144,7 +144,7 @@ class RedisStore:
         if self._trouble is None or not self.failures:
             log.warning("redis: %s; viewers notice nothing, trying on", error or type(error).__name__)
         self.failures += 1
-        self._trouble = f"redis: {error or type(error).__name__}".splitlines()[0]
+        self._trouble = f"redis: {type(error).__name__}"  # /readyz is public: no addresses
         with contextlib.suppress(RedisError, OSError, TimeoutError):
             async with asyncio.timeout(TIMEOUT_S):
                 await self._client.connection_pool.disconnect()

@@ -15,6 +15,7 @@ PUBLIC = (
     "public"  # the view that is there unless a profile says otherwise, and the only one open to viewers yet
 )
 SETTLE_S = 0.05  # between a token and the first question: what the edge declares comes one by one
+HEARD_S = 10.0  # an edge without a token that was heard within this may still answer
 REFRESH_S = 10.0  # a watched robot is asked again, since info and model change without a frame
 
 
@@ -82,7 +83,8 @@ class Robot:
 
     def asks(self, now: float) -> bool:
         """Whether to ask for the snapshots now; the caller does so."""
-        if now < self.ask_at or not (self.lacking or self._stale(now)):
+        there = self.liveness.token or (self.heard_at is not None and now - self.heard_at < HEARD_S)
+        if now < self.ask_at or not there or not (self.lacking or self._stale(now)):
             return False
         self.ask_at = now + self.limits.ask_s
         return True
