@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import json
 import time
 from typing import Any
 
@@ -110,13 +109,18 @@ async def test_what_is_no_frame_of_ours_is_counted_and_leaves_no_trace(relays: A
     await asyncio.to_thread(until, "on air", lambda: listed(relay).get("status") == "online")
     stamp = edge.edge.stamp(time.monotonic()).pack()
     session: zenoh.Session = edge.session
-    session.put(frame_key("r", "public"), b"\x20later", attachment=stamp)
-    session.put(frame_key("r", "public"), b"\x10", attachment=stamp)
-    session.put(frame_key("r", "public"), bytes([0x10]) * 70_000, attachment=stamp)
-    session.put(frame_key("r", "public"), b"\x10" + bytes(20))  # no stamp
-    session.put("posecast/v1/R2D2/public/frame", b"\x10" + bytes(20), attachment=stamp)
-    session.put("posecast/v1/r/Public/event", json.dumps({"type": "event"}), attachment=stamp)
-    session.put("posecast/v1/r/public/event", b"\xff", attachment=stamp)
+
+    def put(key: str, payload: bytes, attachment: bytes | None = stamp) -> None:
+        block = zenoh.CongestionControl.BLOCK
+        session.put(key, payload, attachment=attachment, congestion_control=block)
+
+    put(frame_key("r", "public"), b"\x20later")
+    put(frame_key("r", "public"), b"\x10")
+    put(frame_key("r", "public"), bytes([0x10]) * 70_000)
+    put(frame_key("r", "public"), b"\x10" + bytes(20), None)  # no stamp
+    put("posecast/v1/R2D2/public/frame", b"\x10" + bytes(20))
+    put("posecast/v1/r/Public/event", b"{}")
+    put("posecast/v1/r/public/event", b"\xff")
 
     def counted() -> bool:
         text = httpx.get(f"http://127.0.0.1:{port}/metrics").text

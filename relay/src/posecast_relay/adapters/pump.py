@@ -28,9 +28,10 @@ class Pump:
         self._timer: asyncio.TimerHandle | None = None
         self._armed_at = float("inf")
 
-    def now(self) -> float:
-        """The loop's clock: the one every time in the core is of."""
-        return self._loop.time()
+    @staticmethod
+    def now() -> float:
+        """The clock every time in the core is of. The loop's own stands still while a turn of it lasts."""
+        return time.monotonic()
 
     @staticmethod
     def unix_s() -> float:
@@ -75,7 +76,7 @@ class Pump:
         if self._timer is not None:
             self._timer.cancel()
         self._armed_at = wake_at
-        self._timer = self._loop.call_at(wake_at, self._tick)
+        self._timer = self._loop.call_later(max(0.0, wake_at - self.now()), self._tick)
 
     def _tick(self) -> None:
         self._armed_at = float("inf")

@@ -84,8 +84,8 @@ class Viewer:
         """Called when `check_at` has passed: this message must be acknowledged, or an earlier one is overdue.
 
         A viewer acknowledges when a message arrives and a second has passed since its last acknowledgement.
-        So the first message sent a second after that was heard here is sure to be answered; older ones need
-        not be.
+        So the first message sent a second after that was heard here is sure to be answered (a little later to
+        be safe: a stalled viewer gets nothing that it could acknowledge); older ones need not be.
         """
         if self.mark_at is None:
             self.mark_n = self.sent + 1
