@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from posecast_edge.model.finding import ModelRefused
 from posecast_edge.model.kinematics import from_quaternion
 from posecast_edge.model.mesh import TRIANGLES_MAX, Mesh, Paint, Surface
+from posecast_edge.model.texture import checked_picture
 
 JSON_MAX = 16 << 20
 NODES_MAX = 10_000
@@ -25,7 +26,8 @@ def read_glb(data: bytes) -> Mesh:
     """ModelRefused when it is none, is compressed, or points outside itself."""
     document, binary = _chunks(data)
     try:
-        return Mesh(tuple(_Reader(document, binary).surfaces()))
+        reader = _Reader(document, binary)
+        return Mesh(tuple(reader.surfaces()), tuple(reader.notes))
     except (KeyError, IndexError, TypeError, AttributeError, ValueError, OverflowError) as e:
         raise ModelRefused(f"its glTF is broken: {type(e).__name__} {str(e)[:60]}") from None
 
@@ -54,6 +56,7 @@ class _Reader:
         self._document = document
         self._binary = binary
         self._visited = 0
+        self.notes: list[tuple[str, str]] = []
         self._triangles = 0
         unknown = sorted(set(map(str, document.get("extensionsRequired", []))) - KNOWN)
         if unknown:
@@ -149,7 +152,12 @@ class _Reader:
         image = _at(self._document["images"], _at(self._document["textures"], picture["index"])["source"])
         if "bufferView" not in image:
             raise ModelRefused("it points to files beside it; pack it into one GLB")
-        return Paint(rgba, self._view(_at(self._document["bufferViews"], image["bufferView"])))
+        view = self._view(_at(self._document["bufferViews"], image["bufferView"]))
+        try:
+            return Paint(rgba, checked_picture(view))
+        except ModelRefused as e:
+            self.notes.append(("texture", f"a texture in it: {e.reason}"))
+            return Paint(rgba)
 
 
 def _at(items: list[Any], index: Any) -> Any:

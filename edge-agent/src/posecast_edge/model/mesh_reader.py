@@ -11,6 +11,7 @@ from posecast_edge.model.mesh import FILE_MAX, Mesh, checked
 from posecast_edge.model.obj import read_obj
 from posecast_edge.model.resolve import Resolver
 from posecast_edge.model.stl import read_stl
+from posecast_edge.model.texture import checked_picture
 
 TEXTURE_MAX = 64 << 20
 
@@ -22,7 +23,9 @@ def read_mesh(path: Path, resolver: Resolver) -> Mesh:
     suffix = path.suffix.lower()
 
     def load(name: str) -> bytes:
-        return read_bounded(resolver.beside(path, name), TEXTURE_MAX)
+        file = resolver.beside(path, name)
+        data = read_bounded(file, TEXTURE_MAX)
+        return data if file.suffix.lower() == ".mtl" else checked_picture(data)
 
     if data[:4] == b"glTF":
         return checked(read_glb(data))

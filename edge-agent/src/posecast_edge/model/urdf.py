@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 
 from posecast_edge.model.finding import Finding
 
+SHAPES_MAX = 1024  # visuals; as many collisions
+
 Vector = tuple[float, float, float]
 ZERO: Vector = (0.0, 0.0, 0.0)
 ONES: Vector = (1.0, 1.0, 1.0)

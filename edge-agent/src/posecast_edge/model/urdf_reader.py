@@ -12,6 +12,7 @@ from posecast_edge.model.finding import Finding, ModelRefused, quoted
 from posecast_edge.model.urdf import (
     JOINT_TYPES,
     ONES,
+    SHAPES_MAX,
     ZERO,
     Geometry,
     Inertial,
@@ -33,7 +34,6 @@ BYTES_MAX = 8 << 20
 ELEMENTS_MAX = 50_000
 DEPTH_MAX = 64
 LINKS_MAX = 1000
-SHAPES_MAX = 1024  # visuals, and collisions, in all
 NAME_MAX = 200
 
 SHAPES = {

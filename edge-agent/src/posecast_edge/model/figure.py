@@ -1,0 +1,175 @@
+"""The robot as it is drawn: each visual with its body, made from meshes, shapes and stand-ins."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from posecast_edge.model.files import Files
+from posecast_edge.model.finding import ModelRefused
+from posecast_edge.model.mesh import Mesh, Paint, Surface
+from posecast_edge.model.primitives import box, tessellate
+from posecast_edge.model.texture import mean_colour
+from posecast_edge.model.tree import Tree
+from posecast_edge.model.urdf import SHAPES_MAX, Geometry, Pose, Shape, Urdf, Vector, material_of
+from posecast_edge.model.weld import weld
+
+GREY = Paint((0.72, 0.74, 0.77, 1.0))
+STAND_IN = Paint((0.93, 0.55, 0.14, 1.0))
+LITTLE = 0.02  # m, half a side of a stand-in of which nothing is known
+
+
+@dataclass(frozen=True)
+class Looks:
+    """What a body is made of, before simplification: welded surfaces with their paint and mark."""
+
+    skins: tuple[tuple[Surface, Paint, str | None], ...]
+
+    @property
+    def mesh(self) -> Mesh:
+        """All surfaces."""
+        return Mesh(tuple(s for s, _, _ in self.skins))
+
+
+@dataclass(frozen=True)
+class Visual:
+    """One thing that is drawn. `reason`: why it is a stand-in."""
+
+    link: int
+    pose: Pose
+    looks: int
+    source: str
+    reason: str | None
+
+
+@dataclass(frozen=True)
+class Figure:
+    """All that is drawn; visuals share looks."""
+
+    visuals: tuple[Visual, ...]
+    looks: tuple[Looks, ...]
+
+
+def build_figure(urdf: Urdf, tree: Tree, files: Files) -> Figure:
+    """Every visual of every link in the tree that has a geometry."""
+    maker = _Maker(urdf, tree, files)
+    visuals = tuple(v for i in range(len(tree.links)) for v in maker.visuals(i))
+    return Figure(visuals, tuple(maker.looks))
+
+
+class _Maker:
+    def __init__(self, urdf: Urdf, tree: Tree, files: Files) -> None:
+        self._urdf = urdf
+        self._tree = tree
+        self._files = files
+        self._numbers: dict[object, int] = {}
+        self._left = SHAPES_MAX
+        self._stood_in: set[int] = set()
+        self.looks: list[Looks] = []
+
+    def visuals(self, link: int) -> Iterator[Visual]:
+        for shape in self._tree.links[link].visuals:
+            if shape.geometry is None or self._left <= 0:
+                continue
+            self._left -= 1
+            fallback = self._paint(shape)
+            source = shape.geometry.uri or shape.geometry.kind
+            try:
+                yield Visual(link, shape.pose, self._number(shape.geometry, fallback, None), source, None)
+            except ModelRefused as e:
+                yield from self._stand_ins(link, shape, source, e.reason)
+
+    def _number(self, geometry: Geometry, paint: Paint | None, mark: str | None) -> int:
+        """The looks of a geometry. ModelRefused when its mesh can't be used."""
+        file = self._files[geometry.uri] if geometry.kind == "mesh" else None
+        if file is not None and file.mesh is None:
+            raise ModelRefused(file.reason or "can't be read")
+        key = (file.path if file else geometry.kind, geometry.dims, geometry.scale, paint, mark)
+        if key not in self._numbers:
+            mesh = file.mesh if file and file.mesh else tessellate(geometry.kind, geometry.dims)
+            self._numbers[key] = self._add(_scaled(mesh, geometry.scale), paint, mark)
+        return self._numbers[key]
+
+    def _add(self, mesh: Mesh, fallback: Paint | None, mark: str | None) -> int:
+        """Surfaces of one paint become one, welded."""
+        by_paint: dict[tuple[Paint, str | None], list[Surface]] = {}
+        for surface in mesh.surfaces:
+            own = STAND_IN if mark else surface.paint or fallback
+            painted = (own or GREY, mark or ("default" if own is None else None))
+            if painted[0].texture is not None and surface.uv is None:
+                painted = (_without_picture(painted[0]), painted[1])
+            by_paint.setdefault(painted, []).append(surface)
+        skins = []
+        for (paint, extra), surfaces in by_paint.items():
+            welded = weld(_joined(surfaces, keep_uv=paint.texture is not None))
+            if len(welded.faces):
+                skins.append((welded, paint, extra))
+        if not skins:
+            raise ModelRefused("all its triangles are without area")
+        self.looks.append(Looks(tuple(skins)))
+        return len(self.looks) - 1
+
+    def _stand_ins(self, link: int, shape: Shape, source: str, reason: str) -> Iterator[Visual]:
+        """The link's collision shapes, else a box from the link to its children; once for each link."""
+        if link in self._stood_in:
+            return
+        self._stood_in.add(link)
+        found = False
+        for other in self._tree.links[link].collisions:
+            if other.geometry is None or other.geometry.uri == source:
+                continue
+            try:
+                number = self._number(other.geometry, None, "placeholder")
+            except ModelRefused:
+                continue
+            found = True
+            yield Visual(link, other.pose, number, source, reason)
+        if not found:
+            looks = self._add(self._box(link, shape.pose.xyz), None, "placeholder")
+            yield Visual(link, Pose(), looks, source, reason)
+
+    def _box(self, link: int, xyz: Vector) -> Mesh:
+        points = [xyz, *(j.pose.xyz for j in self._tree.joints if j.parent == self._tree.links[link].name)]
+        low, high = np.min(points, axis=0) - LITTLE, np.max(points, axis=0) + LITTLE
+        return box((low + high) / 2, high - low)
+
+    def _paint(self, shape: Shape) -> Paint | None:
+        material = material_of(shape, self._urdf.materials)
+        return Paint(material.rgba) if material is not None and material.rgba is not None else None
+
+
+def _without_picture(paint: Paint) -> Paint:
+    if paint.texture is None:
+        return paint
+    try:
+        r, g, b = mean_colour(paint.texture)
+    except ModelRefused:
+        return Paint(paint.rgba)
+    return Paint((r * paint.rgba[0], g * paint.rgba[1], b * paint.rgba[2], paint.rgba[3]))
+
+
+def _scaled(mesh: Mesh, scale: Vector) -> Mesh:
+    if scale == (1.0, 1.0, 1.0):
+        return mesh
+    mirrored = scale[0] * scale[1] * scale[2] < 0
+    factor = np.array(scale, np.float32)
+    return Mesh(
+        tuple(
+            replace(s, positions=s.positions * factor, faces=s.faces[:, ::-1] if mirrored else s.faces)
+            for s in mesh.surfaces
+        )
+    )
+
+
+def _joined(surfaces: Sequence[Surface], keep_uv: bool) -> Surface:
+    starts = np.cumsum([0, *(len(s.positions) for s in surfaces)])
+    faces = [s.faces + np.int32(start) for s, start in zip(surfaces, starts, strict=False)]
+    uv = [s.uv for s in surfaces if s.uv is not None]
+    whole = keep_uv and len(uv) == len(surfaces)
+    return Surface(
+        np.concatenate([s.positions for s in surfaces]),
+        np.concatenate(faces),
+        np.concatenate(uv) if whole else None,
+    )

@@ -1,0 +1,88 @@
+"""Writes glTF 2.0 in one binary file, with EXT_meshopt_compression. Same input, same bytes."""
+
+from __future__ import annotations
+
+import json
+import struct
+from collections.abc import Mapping
+from typing import Any
+
+import meshoptimizer
+import numpy as np
+from numpy.typing import NDArray
+
+FLOAT, BYTE, SHORT, UINT = 5126, 5120, 5122, 5125
+
+
+class GlbWriter:
+    """Collects buffer views; `document` holds everything else."""
+
+    def __init__(self) -> None:
+        self.document: dict[str, Any] = {
+            "asset": {"version": "2.0", "generator": "posecast-edge"},
+            "extensionsUsed": ["EXT_meshopt_compression", "KHR_mesh_quantization"],
+            "extensionsRequired": ["EXT_meshopt_compression", "KHR_mesh_quantization"],
+        }
+        self._views: list[dict[str, Any]] = []
+        self._accessors: list[dict[str, Any]] = []
+        self._binary = bytearray()
+        self._plain = 0  # bytes that the compressed views have when unpacked
+
+    def raw(self, data: bytes) -> int:
+        """A view that is kept as it is, for pictures."""
+        offset = self._append(data)
+        self._views.append({"buffer": 0, "byteOffset": offset, "byteLength": len(data)})
+        return len(self._views) - 1
+
+    def attributes(self, values: NDArray[Any]) -> int:
+        """A view of (n, k) values, compressed; a row is a multiple of 4 bytes."""
+        meshoptimizer.encode_vertex_version(0)  # what EXT_meshopt_compression means
+        return self._compressed(
+            meshoptimizer.encode_vertex_buffer(values), len(values), values.strides[0], "ATTRIBUTES"
+        )
+
+    def triangles(self, indices: NDArray[np.uint32], vertices: int) -> int:
+        """A view of triangles' indices, compressed."""
+        meshoptimizer.encode_index_version(1)
+        data = meshoptimizer.encode_index_buffer(indices, len(indices), vertices)
+        return self._compressed(data, len(indices), 4, "TRIANGLES")
+
+    def accessor(self, view: int, component: int, kind: str, count: int, more: Mapping[str, Any]) -> int:
+        """An accessor of that view."""
+        self._accessors.append(
+            {"bufferView": view, "componentType": component, "type": kind, "count": count, **more}
+        )
+        return len(self._accessors) - 1
+
+    def _compressed(self, data: bytes, count: int, stride: int, mode: str) -> int:
+        offset = self._append(data)
+        view: dict[str, Any] = {"buffer": 1, "byteOffset": self._plain, "byteLength": count * stride}
+        if mode == "ATTRIBUTES":
+            view["byteStride"] = stride
+        how = {"buffer": 0, "byteOffset": offset, "byteLength": len(data)}
+        view["extensions"] = {
+            "EXT_meshopt_compression": {**how, "byteStride": stride, "count": count, "mode": mode}
+        }
+        self._plain += -(-count * stride // 4) * 4
+        self._views.append(view)
+        return len(self._views) - 1
+
+    def _append(self, data: bytes) -> int:
+        offset = len(self._binary)
+        self._binary += data + b"\0" * (-len(data) % 4)
+        return offset
+
+    def bytes(self) -> bytes:
+        """The file."""
+        fallback = {"byteLength": self._plain, "extensions": {"EXT_meshopt_compression": {"fallback": True}}}
+        document = {
+            **self.document,
+            "buffers": [{"byteLength": len(self._binary)}, fallback],
+            "bufferViews": self._views,
+            "accessors": self._accessors,
+        }
+        text = json.dumps(document, separators=(",", ":"), ensure_ascii=False).encode()
+        text += b" " * (-len(text) % 4)
+        chunks = struct.pack("<I4s", len(text), b"JSON") + text
+        chunks += struct.pack("<I4s", len(self._binary), b"BIN\0") + bytes(self._binary)
+        return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
