@@ -29,6 +29,9 @@ from posecast_edge.model.urdf_reader import load_urdf
 Vectors = NDArray[np.float64]
 Triangles = tuple[Vectors, Vectors, Vectors]  # corners and normals (m, 3, 3), display colours (m, 3)
 
+ROUGH = 15  # a rung: 0.2 % of the robot's size. Beyond, gaps open between shells that touch, for few bytes
+PATIENCE = 1.5  # a level may be so much larger than it should to spare that
+
 # name, bytes aimed at, bits of a position's longest side, pixels of a picture's side
 NEAR = 1.25  # a level that is that near to the next coarser one spares it
 HIGH, MIDDLE, LOW = ("high", 3_500_000, 14, 2048), ("middle", 550_000, 13, 512), ("low", 190_000, 12, 128)
@@ -118,7 +121,7 @@ def _levels(figure: Figure, size: float, progress: Progress) -> dict[str, Level]
 
 
 def _fitted(at: Callable[[int], Level], bodies: Sequence[Body], rungs: int, target: int) -> Level:
-    """The finest level of at most `target` bytes; the coarsest there is where none is that small."""
+    """The finest level of about `target` bytes; the coarsest there is where none is that small."""
 
     def triangles(rung: int) -> int:
         return sum(len(s.ladder.rung(rung)[1]) for b in bodies for s in b.skins)
@@ -129,9 +132,14 @@ def _fitted(at: Callable[[int], Level], bodies: Sequence[Body], rungs: int, targ
         while rung in made and len(made[rung].data) > target and rung < rungs - 1:
             rung += 1
         if rung in made:
-            return made[rung]
+            break
         made[rung] = at(rung)
         per_triangle = len(made[rung].data) / max(triangles(rung), 1)
+    if rung > ROUGH:
+        smoother = at(ROUGH)
+        if len(smoother.data) <= target * PATIENCE:
+            return smoother
+    return made[rung]
 
 
 def _robot_box(figure: Figure, poses: Sequence[Vectors]) -> tuple[Vectors, Vectors] | None:

@@ -22,17 +22,18 @@ def crease_normals(positions: Floats, faces: Faces, crease_deg: float) -> tuple[
     """Group of each corner (3m), and the groups' unit normals.
 
     Corners at one vertex are in one group when a chain of edges less sharp than the crease joins their
-    triangles. Each triangle counts by its angle at the corner (Thürmer and Wüthrich, 1998).
+    triangles. Each triangle counts by its area times its angle at the corner: large flat faces stay flat, and
+    a chamfer beside them takes the turn.
     """
-    normals, _ = face_normals(positions, faces)
+    normals, areas = face_normals(positions, faces)
     group = _groups(faces, normals, float(np.cos(np.radians(crease_deg))))
-    weights = _angles(positions, faces).reshape(-1)
+    weights = (_angles(positions, faces) * areas[:, None]).reshape(-1)
     per_corner = np.repeat(normals, 3, axis=0) * weights[:, None]
     count = int(group.max()) + 1 if len(group) else 0
     total = np.stack([np.bincount(group, per_corner[:, k], count) for k in range(3)], axis=1)
     length = np.linalg.norm(total, axis=1)
-    total[length < 1e-12] = (0.0, 0.0, 1.0)
-    return group, total / np.where(length < 1e-12, 1, length)[:, None]
+    total[length == 0] = (0.0, 0.0, 1.0)
+    return group, total / np.where(length > 0, length, 1)[:, None]
 
 
 def _angles(positions: Floats, faces: Faces) -> NDArray[np.float64]:
