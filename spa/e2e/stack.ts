@@ -156,6 +156,28 @@ export class Stack {
     return { source, edge };
   }
 
+  /** An edge that stands still in one pose and offers a built model. */
+  builtEdge(relay: Relay, files: { folder: string; urdf: string }, sample: Sample, robot: string): Process {
+    const { read, write } = this.#pipe();
+    const source = this.start('source', PYTHON, [path.join(REPO, 'spa/e2e/source.py')], {
+      stdin: 'pipe',
+      stdout: write,
+    });
+    source.write(JSON.stringify(sample));
+    const edge = this.start(
+      'edge',
+      PYTHON,
+      [
+        ...[path.join(REPO, 'spa/e2e/built_edge.py'), files.folder],
+        ...['run', '--robot', robot, '--source', 'jsonl', '--relay', relay.zenoh, '--urdf', files.urdf],
+      ],
+      { stdin: read },
+    );
+    closeSync(read); // ours; the edge has its own
+    closeSync(write);
+    return edge;
+  }
+
   /** Listens beside the relay and decodes what the edge published. */
   tap(relay: Relay, robot = 'demo'): Tap {
     const args = [path.join(REPO, 'spa/e2e/tap.py'), relay.zenoh, robot];

@@ -1,12 +1,12 @@
 import { type ReactNode, useEffect, useRef, useState } from 'react';
-import type { RobotScene } from '../scene/index.ts';
+import type { ModelReport, RobotScene } from '../scene/index.ts';
 import { bodyFollows } from './body_link.ts';
 import { showScene } from './handle.ts';
 import { apiUrl, type RobotLink, useConnection, useVersion, useWord } from './robot_link.ts';
 import { changeSettings, useSettings } from './settings.ts';
 import { useTheme } from './theme.ts';
 import { useNow } from './tick.ts';
-import { bytesWords, missingWords, stageWords, waitingWords } from './words.ts';
+import { bareWords, bytesWords, missingWords, stageWords, waitingWords } from './words.ts';
 
 const SAY_WHY_AFTER_MS = 3000;
 
@@ -81,6 +81,7 @@ export function Body({ link }: { link: RobotLink }) {
             <Tool onClick={() => scene.look('front')}>front</Tool>
             <Tool onClick={() => scene.look('side')}>side</Tool>
           </fieldset>
+          {model.phase === 'shown' && <Finer scene={scene} />}
         </div>
       )}
     </section>
@@ -92,6 +93,37 @@ function Tool({ onClick, title, children }: { onClick: () => void; title?: strin
     <button type="button" onClick={onClick} title={title} aria-label={title}>
       {children}
     </button>
+  );
+}
+
+/** Asks for the finest shells, where there are finer ones than a page fetches by itself. */
+function Finer({ scene }: { scene: RobotScene }) {
+  const [state, setState] = useState<'offered' | 'coming' | 'done' | 'failed'>('offered');
+  const [received, setReceived] = useState(0);
+  const bytes = useRef(scene.finerBytes);
+  if (bytes.current === null || state === 'done') return null;
+  const size = bytes.current;
+  const ask = () => {
+    setState('coming');
+    scene
+      .refine((now) => setReceived(now))
+      .then(
+        () => setState('done'),
+        () => setState('failed'),
+      );
+  };
+  const words = {
+    offered: `finer · ${bytesWords(size, 0)}`,
+    coming: bytesWords(received, size),
+    failed: 'did not come · again',
+  }[state];
+  return (
+    <fieldset className="segments" disabled={state === 'coming'} data-testid="finer">
+      <legend className="unseen">Detail</legend>
+      <Tool onClick={ask} title="Show the body in full detail">
+        {words}
+      </Tool>
+    </fieldset>
   );
 }
 
@@ -157,7 +189,7 @@ function useModel(scene: RobotScene | null, link: RobotLink): Model {
       }
       setModel({
         phase: 'shown',
-        note: report.missing.length > 0 ? missingWords(report.missing, null) : null,
+        note: noteOf(report),
       });
     });
     return () => {
@@ -165,6 +197,11 @@ function useModel(scene: RobotScene | null, link: RobotLink): Model {
     };
   }, [scene, robot, modelHash]);
   return model;
+}
+
+function noteOf({ bare, missing }: ModelReport): string | null {
+  if (bare !== undefined) return bareWords(bare);
+  return missing.length > 0 ? missingWords(missing, null) : null;
 }
 
 function hasWebGl(): boolean {

@@ -12,7 +12,10 @@ interface Handle {
     readonly cause: string | null;
     value(field: string, label: string): number | null | undefined;
   } | null;
-  readonly scene: Pick<RobotScene, 'linkPoses' | 'renderedFrames' | 'drawCalls'> | null;
+  readonly scene: Pick<
+    RobotScene,
+    'linkPoses' | 'renderedFrames' | 'drawCalls' | 'triangles' | 'pick' | 'setLinkLook'
+  > | null;
   readonly settings: Settings;
 }
 

@@ -144,6 +144,11 @@ export function missingWords(missing: readonly string[], all: number | null): st
   return `${missing.length} of ${all} meshes ${one ? 'is' : 'are'} missing: ${shown}.`;
 }
 
+/** Under a body of which only the bones could be had. */
+export function bareWords(why: string): string {
+  return `Only the skeleton can be shown: ${why}.`;
+}
+
 export function bytesWords(received: number, total: number): string {
   const mega = (bytes: number) => (bytes / 1e6).toFixed(1);
   return total > 0 ? `${mega(received)} of ${mega(total)} MB` : `${mega(received)} MB`;

@@ -1,5 +1,5 @@
 import { afterEach, expect, test, vi } from 'vitest';
-import { BundleError, Download, fileUrl, parseManifest } from './bundle.ts';
+import { BundleError, Download, fileUrl, parseManifest, readRawManifest } from './bundle.ts';
 
 const URDF = { path: 'robot.urdf', uri: 'robot.urdf', size: 10, sha256: '00', type: 'application/xml' };
 
@@ -11,8 +11,8 @@ afterEach(() => vi.unstubAllGlobals());
 
 test('a uri leads to an address beside the manifest, whatever is in its name', () => {
   const mesh = { path: 'meshes/left foot#1.stl', uri: 'package:///hubo/Left foot#1.STL', size: 3 };
-  const { files, urdf, missing } = parseManifest(
-    manifest({ files: [URDF, mesh], missing: ['package://gone.stl'] }),
+  const { files, urdf, missing } = readRawManifest(
+    parseManifest(manifest({ files: [URDF, mesh], missing: ['package://gone.stl'] })),
   );
   expect(urdf.size).toBe(10);
   expect(fileUrl('/api/v1/robots/hubo/model/ab/manifest.json', files.get(mesh.uri)!)).toBe(
@@ -23,7 +23,8 @@ test('a uri leads to an address beside the manifest, whatever is in its name', (
 
 test.each([
   ['no JSON', '<html>', 'not JSON'],
-  ['another version', manifest({ v: 2 }), 'not version 1'],
+  ['no object', '[]', 'no object'],
+  ['another version', manifest({ v: 3 }), 'neither version 1 nor 2'],
   ['no files', manifest({ files: 'x' }), 'no list of files'],
   ['no URDF among the files', manifest({ urdf: 'other.urdf' }), 'its URDF is not among its files'],
   ['a path out of the bundle', manifest({ files: [{ ...URDF, path: '../../secret' }] }), 'file 0: bad path'],
@@ -32,7 +33,7 @@ test.each([
   ['a size that is none', manifest({ files: [{ ...URDF, size: -1 }] }), 'file 0 (robot.urdf): bad size'],
   ['a giant', manifest({ files: [{ ...URDF, size: 1e15 }] }), 'file 0 (robot.urdf): bad size'],
 ])('%s is refused in one line', (_, text, why) => {
-  expect(() => parseManifest(text)).toThrow(new BundleError(`model manifest: ${why}`));
+  expect(() => readRawManifest(parseManifest(text))).toThrow(new BundleError(`model manifest: ${why}`));
 });
 
 /** A host whose answers are held back until they are let go. */

@@ -1,7 +1,7 @@
 /**
  * A robot's bundle over HTTP: the manifest names every file, the scene fetches those it needs.
  *
- * Manifest: `{"v":1,"urdf":"robot.urdf","files":[{"path","uri","size",…}],"missing":["package://…"]}`.
+ * Version 1, the raw bundle: `{"v":1,"urdf":"robot.urdf","files":[{"path","uri","size",…}],"missing":["package://…"]}`.
  * `uri` is the exact string that the URDF uses, so nothing has to be resolved here.
  */
 
@@ -20,22 +20,28 @@ export interface BundleFile {
   size: number;
 }
 
-export interface Manifest {
+export interface RawManifest {
   urdf: BundleFile;
   files: ReadonlyMap<string, BundleFile>;
   /** URIs of which the edge already knows that it has no file. */
   missing: ReadonlySet<string>;
 }
 
-/** Reads a manifest; throws BundleError that says what is wrong with it. */
-export function parseManifest(text: string): Manifest {
+/** A manifest of any version. Throws BundleError when the text is not one. */
+export function parseManifest(text: string): Readonly<Record<string, unknown>> {
   let raw: unknown;
   try {
     raw = JSON.parse(text);
   } catch {
     throw new BundleError('model manifest: not JSON');
   }
-  if (!isRecord(raw) || raw.v !== 1) throw new BundleError('model manifest: not version 1');
+  if (!isRecord(raw)) throw new BundleError('model manifest: no object');
+  return raw;
+}
+
+/** Reads a manifest of version 1; throws BundleError that says what is wrong with it. */
+export function readRawManifest(raw: Readonly<Record<string, unknown>>): RawManifest {
+  if (raw.v !== 1) throw new BundleError('model manifest: neither version 1 nor 2');
   if (!Array.isArray(raw.files)) throw new BundleError('model manifest: no list of files');
   const files = new Map<string, BundleFile>();
   let urdf: BundleFile | undefined;
@@ -70,11 +76,14 @@ function isInside(path: string): boolean {
 }
 
 /** The address of a bundle's file, beside its manifest. */
-export function fileUrl(manifestUrl: string, file: BundleFile): string {
+export function fileUrl(manifestUrl: string, file: { readonly path: string }): string {
   return manifestUrl.replace(/[^/]*$/, '') + file.path.split('/').map(encodeURIComponent).join('/');
 }
 
-export async function fetchManifest(url: string, signal: AbortSignal): Promise<Manifest> {
+export async function fetchManifest(
+  url: string,
+  signal: AbortSignal,
+): Promise<Readonly<Record<string, unknown>>> {
   return parseManifest(new TextDecoder().decode(await fetchBytes(url, MAX_MANIFEST_BYTES, signal, () => {})));
 }
 
@@ -121,8 +130,8 @@ export class Download {
   }
 }
 
-/** A response's body, never more than `limit` bytes of it. */
-async function fetchBytes(
+/** A response's body, never more than `limit` bytes of it; `onBytes` hears of each piece. */
+export async function fetchBytes(
   url: string,
   limit: number,
   signal: AbortSignal,
@@ -160,6 +169,6 @@ async function fetchBytes(
   return bytes;
 }
 
-function isRecord(value: unknown): value is Record<string, unknown> {
+export function isRecord(value: unknown): value is Record<string, unknown> {
   return typeof value === 'object' && value !== null && !Array.isArray(value);
 }

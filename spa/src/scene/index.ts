@@ -3,4 +3,5 @@ export type { Pose } from '../twin/pose.ts';
 export type { ViewName } from './camera.ts';
 export type { ModelReport } from './report.ts';
 export { RobotScene } from './robot_scene.ts';
+export type { LinkLook } from './skin.ts';
 export type { ThemeName } from './theme.ts';

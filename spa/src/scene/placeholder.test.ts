@@ -1,6 +1,6 @@
 import { Color, type LineBasicMaterial } from 'three';
 import { expect, test } from 'vitest';
-import { parseManifest } from './bundle.ts';
+import { parseManifest, readRawManifest } from './bundle.ts';
 import { hatchedBox, Placeholders, whyAbsent } from './placeholder.ts';
 
 test('a mesh is absent when the edge says so, or when the bundle does not have it', () => {
@@ -8,8 +8,8 @@ test('a mesh is absent when the edge says so, or when the bundle does not have i
     { path: 'r.urdf', uri: 'r.urdf', size: 1 },
     { path: 'a.stl', uri: 'package://x/a.stl', size: 1 },
   ];
-  const manifest = parseManifest(
-    JSON.stringify({ v: 1, urdf: 'r.urdf', files, missing: ['package://x/b.stl'] }),
+  const manifest = readRawManifest(
+    parseManifest(JSON.stringify({ v: 1, urdf: 'r.urdf', files, missing: ['package://x/b.stl'] })),
   );
   expect(whyAbsent('package://x/a.stl', manifest)).toBeNull();
   expect(whyAbsent('package://x/b.stl', manifest)).toBe('not found by the robot');

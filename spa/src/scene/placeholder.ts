@@ -1,11 +1,11 @@
 import type { Color } from 'three';
 import { BufferGeometry, Float32BufferAttribute, LineBasicMaterial, LineSegments } from 'three';
-import type { Manifest } from './bundle.ts';
+import type { RawManifest } from './bundle.ts';
 
 const HATCHES = 4;
 
 /** Why this mesh can't even be asked for, or null when the bundle has it. */
-export function whyAbsent(uri: string, manifest: Manifest): string | null {
+export function whyAbsent(uri: string, manifest: RawManifest): string | null {
   if (manifest.missing.has(uri)) return 'not found by the robot';
   if (!manifest.files.has(uri)) return 'not in the bundle';
   return null;

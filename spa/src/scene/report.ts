@@ -8,6 +8,8 @@ export interface ModelReport {
   ignored: string[];
   /** One line for each thing that is odd in the URDF or in a mesh and was worked around. */
   problems: string[];
+  /** Set when only the skeleton can be shown: one line, why. */
+  bare?: string;
   /** Set when nothing could be shown: one line, what and where. */
   error?: string;
 }

@@ -7,12 +7,16 @@ import {
   type Material,
   Matrix4,
   Mesh,
+  type Ray,
+  Raycaster,
   Vector3,
 } from 'three';
 import URDFLoader, { type URDFJoint, type URDFRobot } from 'urdf-loader';
+import type { Figure } from './figure.ts';
 import { emptyBox, growBox, type LinkBox, lowestZ } from './grounding.ts';
 import type { MeshPart } from './mesh_loader.ts';
 import type { Palette } from './palette.ts';
+import type { LinkLook } from './skin.ts';
 import { readUrdf } from './urdf_document.ts';
 import type { Welded } from './weld.ts';
 
@@ -35,7 +39,7 @@ export interface MeshSlot {
  * A robot as three.js objects, with the robot's own frames (Z up). The adapter around urdf-loader: nothing else in
  * the scene knows it, so that another reader can take its place.
  */
-export class RobotModel {
+export class RobotModel implements Figure {
   readonly root: Object3D;
   readonly problems: readonly string[];
   readonly slots: readonly MeshSlot[];
@@ -152,8 +156,25 @@ export class RobotModel {
     return into;
   }
 
+  pick(ray: Ray): string | null {
+    RAYCASTER.ray.copy(ray);
+    const [hit] = RAYCASTER.intersectObject(this.root, true);
+    for (let at: Object3D | null = hit?.object ?? null; at !== null; at = at.parent) {
+      if ('isURDFLink' in at) return at.name;
+    }
+    return null;
+  }
+
+  /** Raw shells share their materials by colour, so only hiding is possible here. */
+  setLook(name: string, { hide = false }: LinkLook): void {
+    for (const visual of this.#robot.links[name]?.children ?? []) {
+      if ('isURDFVisual' in visual) visual.visible = !hide;
+    }
+  }
+
   dispose(): void {
     this.root.removeFromParent();
+    this.#palette.dispose();
     for (const geometry of this.#owned) geometry.dispose();
   }
 
@@ -233,6 +254,7 @@ export class RobotModel {
 }
 
 const POINT = new Vector3();
+const RAYCASTER = new Raycaster();
 const LINK_FROM_MESH = new Matrix4();
 
 function urdfNode(visual: Object3D): Element | null {

@@ -1,16 +1,17 @@
-import { Box3, Color, NeutralToneMapping, Scene, VSMShadowMap, WebGLRenderer } from 'three';
+import { Box3, Color, NeutralToneMapping, Ray, Scene, Vector3, VSMShadowMap, WebGLRenderer } from 'three';
 import type { Pose } from '../twin/pose.ts';
-import { Download, fetchManifest, type Manifest } from './bundle.ts';
+import { BuiltRobot } from './built_robot.ts';
+import { fetchManifest, readRawManifest } from './bundle.ts';
 import { CameraRig, type ViewName } from './camera.ts';
 import { Environment } from './environment.ts';
-import { MeshLoader } from './mesh_loader.ts';
+import type { Figure, Stage } from './figure.ts';
+import { readManifest } from './manifest.ts';
 import { wantsStillness } from './motion.ts';
-import { Palette } from './palette.ts';
-import { Placeholders, whyAbsent } from './placeholder.ts';
+import { Placeholders } from './placeholder.ts';
 import type { ModelReport } from './report.ts';
-import { type MeshSlot, RobotModel } from './robot_model.ts';
 import { ShadowCaster } from './shadow.ts';
 import { Skeleton } from './skeleton.ts';
+import type { LinkLook, SkinTones } from './skin.ts';
 import { Drain } from './stale.ts';
 import { THEMES, type ThemeName } from './theme.ts';
 
@@ -36,8 +37,9 @@ export class RobotScene {
   readonly #resizes: ResizeObserver;
   readonly #bounds = new Box3();
   #theme: ThemeName;
-  #palette: Palette | null = null;
-  #model: RobotModel | null = null;
+  readonly #tones: SkinTones = { accent: { value: new Color() }, caution: { value: new Color() } };
+  #figure: Figure | null = null;
+  #built: BuiltRobot | null = null;
   #skeleton: Skeleton | null = null;
   #caster: ShadowCaster | null = null;
   #loading: AbortController | null = null;
@@ -131,6 +133,8 @@ export class RobotScene {
     this.#renderer.toneMappingExposure = theme.exposure;
     this.#environment.setTheme(theme);
     this.#placeholders.setColor(theme.caution);
+    this.#tones.accent.value = theme.accent;
+    this.#tones.caution.value = theme.caution;
     this.#drain.setTone(theme.stale);
     this.#requestTick();
   }
@@ -141,12 +145,38 @@ export class RobotScene {
     this.#requestTick();
   }
 
+  /** Bytes that `refine` would fetch; null when there is nothing finer, or nothing that this device should carry. */
+  get finerBytes(): number | null {
+    return this.#built?.finestBytes ?? null;
+  }
+
+  /** Shows the finest level there is; the one before stays until then. Rejects with one line when it can't be had. */
+  async refine(onProgress: (receivedBytes: number, totalBytes: number) => void): Promise<void> {
+    await this.#built?.refine(onProgress);
+  }
+
+  /** The link under a point of the window (CSS pixels), or null. */
+  pick(clientX: number, clientY: number): string | null {
+    const { left, top, width, height } = this.#renderer.domElement.getBoundingClientRect();
+    POINT.set((2 * (clientX - left)) / width - 1, 1 - (2 * (clientY - top)) / height, 0.5);
+    const { camera } = this.#camera;
+    RAY.origin.setFromMatrixPosition(camera.matrixWorld);
+    RAY.direction.copy(POINT).unproject(camera).sub(RAY.origin).normalize();
+    return this.#figure?.pick(RAY) ?? null;
+  }
+
+  /** How a link is shown from now on; `{}` as at first. */
+  setLinkLook(link: string, look: LinkLook): void {
+    this.#figure?.setLook(link, look);
+    this.#requestTick();
+  }
+
   /** world_from_link of the newest pose for every link: 4×4, row after row, metres, world Z up. */
   linkPoses(): Record<string, number[]> {
-    const model = this.#model;
-    if (model === null) return {};
+    const figure = this.#figure;
+    if (figure === null) return {};
     return Object.fromEntries(
-      model.linkNames.map((name) => [name, model.linkMatrix(name)!.clone().transpose().toArray()]),
+      figure.linkNames.map((name) => [name, figure.linkMatrix(name)!.clone().transpose().toArray()]),
     );
   }
 
@@ -171,71 +201,45 @@ export class RobotScene {
     signal: AbortSignal,
     report: ModelReport,
   ): Promise<void> {
-    const manifest = await fetchManifest(manifestUrl, signal);
-    // Until the URDF is read nobody knows which files it draws.
-    let total = [...manifest.files.values()].reduce((sum, file) => sum + file.size, 0);
-    const download = new Download(manifestUrl, signal, (received) => onProgress(received, total));
-    const urdf = new TextDecoder().decode(await download.fetch(manifest.urdf));
-    signal.throwIfAborted();
-    const palette = new Palette(this.#drain);
-    const model = new RobotModel(urdf, palette);
-    total = manifest.urdf.size + neededBytes(model.slots, manifest);
-    this.#adopt(model, palette);
-    report.joints = model.jointNames;
-    report.ignored = [...(this.#pose?.joints.keys() ?? [])].filter((name) => !report.joints.includes(name));
-    report.problems.push(...model.problems);
-
-    const meshes = new MeshLoader(download);
-    // From the floor up: so the feet are known, and the robot stands, before the rest arrives.
-    const slots = [...model.slots].sort((a, b) => a.worldZ - b.worldZ);
-    await Promise.all(
-      slots.map(async (slot) => {
-        const why = await this.#fill(slot, manifest, meshes, signal);
-        signal.throwIfAborted();
-        if (why !== null) {
-          slot.mark(this.#placeholders.make(this.#camera.reach * PLACEHOLDER_REACHES));
-          if (!report.missing.includes(slot.uri)) {
-            report.missing.push(slot.uri);
-            report.problems.push(why);
-          }
-        }
-        this.#place();
-      }),
-    );
-    if (slots.length > 0) {
-      this.#skeleton?.dispose();
-      this.#skeleton = null;
+    const raw = await fetchManifest(manifestUrl, signal);
+    const stage = this.#stage(signal);
+    if (raw.v === 2) {
+      const built = new BuiltRobot(readManifest(raw), manifestUrl, stage, this.#drain, this.#tones);
+      this.#built = built;
+      await built.dress(report, onProgress);
+    } else {
+      const { showRaw } = await import('./raw_robot.ts');
+      await showRaw(readRawManifest(raw), manifestUrl, stage, this.#drain, report, onProgress);
     }
+    report.ignored = [...(this.#pose?.joints.keys() ?? [])].filter((name) => !report.joints.includes(name));
     this.#frame(true);
   }
 
-  /** Puts the mesh into its slot; returns why it can't, or null. */
-  async #fill(
-    slot: MeshSlot,
-    manifest: Manifest,
-    meshes: MeshLoader,
-    signal: AbortSignal,
-  ): Promise<string | null> {
-    const absent = whyAbsent(slot.uri, manifest);
-    if (absent !== null) return `${slot.uri}: ${absent}`;
-    try {
-      const parts = await meshes.load(manifest.files.get(slot.uri)!);
-      if (!signal.aborted) slot.fill(parts);
-      return null;
-    } catch (cause) {
-      return cause instanceof Error ? cause.message : String(cause);
-    }
+  #stage(signal: AbortSignal): Stage {
+    return {
+      signal,
+      show: (figure) => {
+        signal.throwIfAborted();
+        this.#adopt(figure);
+      },
+      skinned: () => {
+        this.#skeleton?.dispose();
+        this.#skeleton = null;
+        this.#place();
+      },
+      changed: () => this.#place(),
+      placeholder: () => this.#placeholders.make(this.#camera.reach * PLACEHOLDER_REACHES),
+    };
   }
 
-  #adopt(model: RobotModel, palette: Palette): void {
+  #adopt(figure: Figure): void {
     this.#clear();
-    this.#palette = palette;
-    this.#model = model;
-    this.#scene.add(model.root);
-    this.#skeleton = new Skeleton(model, THEMES[this.#theme].muted);
-    this.#caster = new ShadowCaster(model.linkNames.length);
+    this.#figure = figure;
+    this.#scene.add(figure.root);
+    this.#skeleton = new Skeleton(figure, THEMES[this.#theme].muted);
+    this.#caster = new ShadowCaster(figure.linkNames.length);
     this.#scene.add(this.#skeleton.lines, this.#caster.blocks);
-    if (this.#pose !== null) model.setJoints(this.#pose.joints);
+    if (this.#pose !== null) figure.setJoints(this.#pose.joints);
     this.#place();
     this.#frame(false);
   }
@@ -243,9 +247,8 @@ export class RobotScene {
   #clear(): void {
     this.#caster?.dispose();
     this.#skeleton?.dispose();
-    this.#model?.dispose();
-    this.#palette?.dispose();
-    this.#caster = this.#skeleton = this.#model = this.#palette = null;
+    this.#figure?.dispose();
+    this.#caster = this.#skeleton = this.#figure = this.#built = null;
     this.#renderer.shadowMap.needsUpdate = true;
     this.#requestTick();
   }
@@ -253,7 +256,7 @@ export class RobotScene {
   /** Shows a pose at once. Interpolation, when it comes, calls this from the tick with poses in between. */
   #show(pose: Pose): void {
     const based = this.#takeBase(pose.base);
-    const turned = this.#model?.setJoints(pose.joints) ?? false;
+    const turned = this.#figure?.setJoints(pose.joints) ?? false;
     if (turned || based) this.#place();
   }
 
@@ -273,22 +276,22 @@ export class RobotScene {
 
   /** Computes where every link is, and asks for a picture of it. */
   #place(): void {
-    const model = this.#model;
-    if (model === null) return;
-    if (this.#base === null) model.ground();
-    else model.place(this.#base.xyz, this.#base.quat_wxyz);
-    const { x, y } = model.root.position;
+    const figure = this.#figure;
+    if (figure === null) return;
+    if (this.#base === null) figure.ground();
+    else figure.place(this.#base.xyz, this.#base.quat_wxyz);
+    const { x, y } = figure.root.position;
     this.#camera.follow(x, y);
     this.#environment.follow(x, y);
-    this.#skeleton?.follow(model);
-    this.#caster?.follow(model.boxes);
+    this.#skeleton?.follow(figure);
+    this.#caster?.follow(figure.boxes);
     this.#renderer.shadowMap.needsUpdate = true;
     this.#requestTick();
   }
 
   #frame(eased: boolean): void {
-    if (this.#model === null) return;
-    this.#camera.frame(this.#model.bounds(this.#bounds), eased);
+    if (this.#figure === null) return;
+    this.#camera.frame(this.#figure.bounds(this.#bounds), eased);
     this.#environment.resize(this.#camera.reach);
     this.#renderer.shadowMap.needsUpdate = true;
     this.#requestTick();
@@ -350,11 +353,5 @@ export class RobotScene {
   };
 }
 
-function neededBytes(slots: readonly MeshSlot[], manifest: Manifest): number {
-  const sizes = new Map<string, number>();
-  for (const { uri } of slots) {
-    const file = manifest.files.get(uri);
-    if (file !== undefined && whyAbsent(uri, manifest) === null) sizes.set(file.path, file.size);
-  }
-  return [...sizes.values()].reduce((sum, size) => sum + size, 0);
-}
+const POINT = new Vector3();
+const RAY = new Ray();

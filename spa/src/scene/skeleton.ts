@@ -1,23 +1,23 @@
 import { BufferAttribute, BufferGeometry, type Color, LineBasicMaterial, LineSegments } from 'three';
-import type { RobotModel } from './robot_model.ts';
+import type { Figure } from './figure.ts';
 
 /** Lines from link to link: something that moves rightly from the first moment, before any mesh has come. */
 export class Skeleton {
   readonly lines: LineSegments;
   readonly #ends: readonly string[];
 
-  constructor(model: RobotModel, color: Color) {
-    this.#ends = [...model.bones()].flat();
+  constructor(figure: Figure, color: Color) {
+    this.#ends = [...figure.bones()].flat();
     const position = new BufferAttribute(new Float32Array(this.#ends.length * 3), 3);
     const geometry = new BufferGeometry().setAttribute('position', position);
     this.lines = new LineSegments(geometry, new LineBasicMaterial({ color, toneMapped: false }));
     this.lines.frustumCulled = false; // its bounds change with every pose
   }
 
-  follow(model: RobotModel): void {
+  follow(figure: Figure): void {
     const position = this.lines.geometry.getAttribute('position');
     for (const [i, name] of this.#ends.entries()) {
-      const m = model.linkMatrix(name)?.elements;
+      const m = figure.linkMatrix(name)?.elements;
       if (m !== undefined) position.setXYZ(i, m[12]!, m[13]!, m[14]!);
     }
     position.needsUpdate = true;

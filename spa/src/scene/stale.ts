@@ -1,4 +1,4 @@
-import type { Color, Material } from 'three';
+import type { Color, Material, WebGLProgramParametersWithUniforms } from 'three';
 
 const DRAIN_SECONDS = 0.25;
 const HATCH_CSS_PIXELS = 9;
@@ -43,18 +43,23 @@ export class Drain {
 
   /** Makes a material one of those that drain. */
   attach(material: Material): void {
-    material.onBeforeCompile = (shader) => {
-      shader.uniforms.drainAmount = this.#amount;
-      shader.uniforms.drainPeriod = this.#period;
-      shader.uniforms.drainTone = this.#tone;
-      shader.fragmentShader = shader.fragmentShader
-        .replace(
-          'void main() {',
-          'uniform float drainAmount;\nuniform float drainPeriod;\nuniform vec3 drainTone;\nvoid main() {',
-        )
-        .replace(
-          '#include <colorspace_fragment>',
-          `#include <colorspace_fragment>
+    material.onBeforeCompile = (shader) => this.patch(shader);
+    material.customProgramCacheKey = () => 'drain';
+  }
+
+  /** The same for a material that has changes of its own. */
+  patch(shader: WebGLProgramParametersWithUniforms): void {
+    shader.uniforms.drainAmount = this.#amount;
+    shader.uniforms.drainPeriod = this.#period;
+    shader.uniforms.drainTone = this.#tone;
+    shader.fragmentShader = shader.fragmentShader
+      .replace(
+        'void main() {',
+        'uniform float drainAmount;\nuniform float drainPeriod;\nuniform vec3 drainTone;\nvoid main() {',
+      )
+      .replace(
+        '#include <colorspace_fragment>',
+        `#include <colorspace_fragment>
           if (drainAmount > 0.0) {
             float luma = dot(gl_FragColor.rgb, vec3(0.2126, 0.7152, 0.0722));
             float across = abs(fract((gl_FragCoord.x + gl_FragCoord.y) / drainPeriod) - 0.5) * 2.0;
@@ -62,8 +67,6 @@ export class Drain {
             vec3 old = mix(vec3(luma), drainTone, 0.35) * (0.92 - 0.3 * hatch);
             gl_FragColor.rgb = mix(gl_FragColor.rgb, old, drainAmount);
           }`,
-        );
-    };
-    material.customProgramCacheKey = () => 'drain';
+      );
   }
 }

@@ -14,6 +14,8 @@ export interface SceneTheme {
   /** How dark a full shadow is, 0…1. */
   shadow: number;
   caution: Color;
+  /** Selection and highlight. */
+  accent: Color;
   /** Lines of the skeleton. */
   muted: Color;
   /** What an old robot's colours drain towards. */
@@ -36,6 +38,7 @@ export const THEMES: Readonly<Record<ThemeName, SceneTheme>> = {
     majorLine: hex(0x455266),
     shadow: 0.72,
     caution: hex(0xf5b83d),
+    accent: hex(0x5aa9ff),
     muted: hex(0x9aa6b6),
     stale: hex(0x98a2b3),
     sky: hex(0xdfe9f7),
@@ -52,6 +55,7 @@ export const THEMES: Readonly<Record<ThemeName, SceneTheme>> = {
     majorLine: hex(0xc3cad4),
     shadow: 0.3,
     caution: hex(0xb45309),
+    accent: hex(0x1d6fd1),
     muted: hex(0x5b6675),
     stale: hex(0xb4bcc8),
     sky: hex(0xffffff),

@@ -1,0 +1,44 @@
+/**
+ * Levels that this browser has seen, by the SHA-256 of their bytes: the same shells are fetched once, whatever robot
+ * or relay they came with. Kept by the browser's Cache API, at most `MAX_BYTES`; when full, the oldest go. Where
+ * there is no such cache (a page without https that is not on localhost), the immutable HTTP answers still serve.
+ */
+
+const NAME = 'posecast-levels-1';
+const MAX_BYTES = 64_000_000;
+
+const address = (sha256: string) => `/.posecast-levels/${sha256}`;
+
+export async function cachedLevel(sha256: string): Promise<Uint8Array | null> {
+  try {
+    const found = await (await window.caches?.open(NAME))?.match(address(sha256));
+    return found === undefined ? null : new Uint8Array(await found.arrayBuffer());
+  } catch {
+    return null; // a private window may refuse: then it is fetched
+  }
+}
+
+export async function keepLevel(sha256: string, bytes: Uint8Array<ArrayBuffer>): Promise<void> {
+  try {
+    const cache = await window.caches?.open(NAME);
+    if (cache === undefined || bytes.length > MAX_BYTES) return;
+    await cache.put(
+      address(sha256),
+      new Response(bytes, { headers: { 'content-length': String(bytes.length) } }),
+    );
+    let total = 0;
+    for (const key of [...(await cache.keys())].reverse()) {
+      total += Number((await cache.match(key))?.headers.get('content-length') ?? 0);
+      if (total > MAX_BYTES) await cache.delete(key);
+    }
+  } catch {
+    // no room, or not allowed: as above
+  }
+}
+
+/** Whether the bytes are those that were announced; null where the browser can't tell (no https). */
+export async function isGenuine(sha256: string, bytes: Uint8Array<ArrayBuffer>): Promise<boolean | null> {
+  if (window.crypto?.subtle === undefined) return null;
+  const digest = new Uint8Array(await window.crypto.subtle.digest('SHA-256', bytes));
+  return Array.from(digest, (byte) => byte.toString(16).padStart(2, '0')).join('') === sha256;
+}

@@ -1,0 +1,245 @@
+import { isRecord } from './bundle.ts';
+import { type Accessor, Glb, GlbError, isSize } from './glb.ts';
+import { transform } from './kinematics.ts';
+
+/**
+ * One level of detail, ready for one draw call: all visuals in one set of arrays, each vertex with the number of its
+ * bone (its visual) and of its paint (its material). No three.js here.
+ */
+export interface Level {
+  /** x, y, z, 0 of each vertex, in the units of its visual's mesh. */
+  readonly positions: Int16Array;
+  /** x, y, z, 0 of each vertex's normal, 127 = 1. */
+  readonly normals: Int8Array;
+  /** Bone and paint of each vertex. */
+  readonly parts: Uint16Array;
+  /** u, v of each vertex; null when nothing is textured. */
+  readonly uvs: Float32Array | null;
+  readonly index: Uint32Array;
+  /** What is drawn at once: everything untextured first, then one for each picture. */
+  readonly draws: readonly Draw[];
+  /** link_from_mesh of each visual, 16 numbers, column after column: metres from mesh units. */
+  readonly linkFromMesh: Float64Array;
+  /** Lower and upper corner of each visual in mesh units, 6 numbers; upper < lower where a visual is empty. */
+  readonly boxes: Int16Array;
+  /** For each visual, which parts of `index` show it: start, count, start, count, … */
+  readonly ranges: readonly (readonly number[])[];
+  /** Red, green, blue (linear) and opacity of each paint. An opacity of 2 marks a stand-in for a mesh that is missing. */
+  readonly paints: Float32Array;
+  readonly pictures: readonly Blob[];
+}
+
+export interface Draw {
+  readonly start: number;
+  readonly count: number;
+  /** Index in `pictures`. */
+  readonly picture: number | null;
+}
+
+export const STAND_IN = 2;
+
+type Raw = Readonly<Record<string, unknown>>;
+
+interface Primitive {
+  readonly first: number;
+  readonly count: number;
+  readonly index: Uint32Array;
+  readonly paint: number;
+}
+
+const BYTE = 5120;
+const SHORT = 5122;
+const UNSIGNED_INT = 5125;
+const FLOAT = 5126;
+
+/** Reads a level's GLB (docs/MODEL.md); throws GlbError when it is not one, or not of so many visuals. */
+export async function readLevel(bytes: Uint8Array, visuals: number): Promise<Level> {
+  const glb = await Glb.read(bytes);
+  const nodes = glb.list('nodes');
+  if (nodes.length !== visuals) throw new GlbError(`${nodes.length} nodes for ${visuals} visuals`);
+  const source = new Source(glb);
+  const shown = nodes.map(({ mesh }) => (mesh === undefined ? [] : source.primitives(mesh)));
+  const all = shown.flat();
+  const vertices = all.reduce((sum, part) => sum + part.count, 0);
+  const corners = all.reduce((sum, part) => sum + part.index.length, 0);
+
+  const level = {
+    positions: new Int16Array(vertices * 4),
+    normals: new Int8Array(vertices * 4),
+    parts: new Uint16Array(vertices * 2),
+    uvs: source.uvs === null ? null : new Float32Array(vertices * 2),
+    index: new Uint32Array(corners),
+    draws: [] as Draw[],
+    linkFromMesh: Float64Array.from(nodes.flatMap(nodeTransform)),
+    boxes: new Int16Array(visuals * 6),
+    ranges: nodes.map((): number[] => []),
+    paints: source.paints,
+    pictures: source.pictures,
+  };
+  const placed: { bone: number; part: Primitive; base: number }[] = [];
+  let base = 0;
+  for (const [bone, parts] of shown.entries()) {
+    level.boxes.set([32767, 32767, 32767, -32768, -32768, -32768], bone * 6);
+    for (const part of parts) {
+      const end = part.first + part.count;
+      level.positions.set(source.positions.subarray(part.first * 4, end * 4), base * 4);
+      level.normals.set(source.normals.subarray(part.first * 4, end * 4), base * 4);
+      if (source.uvs !== null) level.uvs?.set(source.uvs.subarray(part.first * 2, end * 2), base * 2);
+      for (let i = base; i < base + part.count; i += 1) {
+        level.parts[i * 2] = bone;
+        level.parts[i * 2 + 1] = part.paint;
+        for (let axis = 0; axis < 3; axis += 1) {
+          const at = level.positions[i * 4 + axis]!;
+          if (at < level.boxes[bone * 6 + axis]!) level.boxes[bone * 6 + axis] = at;
+          if (at > level.boxes[bone * 6 + 3 + axis]!) level.boxes[bone * 6 + 3 + axis] = at;
+        }
+      }
+      placed.push({ bone, part, base });
+      base += part.count;
+    }
+  }
+  let at = 0;
+  for (const picture of [null, ...source.pictures.keys()]) {
+    const start = at;
+    for (const { bone, part, base: first } of placed) {
+      if (source.pictureOf(part.paint) !== picture) continue;
+      const shift = first - part.first;
+      for (let i = 0; i < part.index.length; i += 1) {
+        const vertex = part.index[i]! - part.first;
+        if (!(vertex >= 0 && vertex < part.count)) throw new GlbError('a triangle reaches outside its mesh');
+        level.index[at + i] = part.index[i]! + shift;
+      }
+      level.ranges[bone]!.push(at, part.index.length);
+      at += part.index.length;
+    }
+    if (at > start) level.draws.push({ start, count: at - start, picture });
+  }
+  return level;
+}
+
+/** The arrays that all primitives of a level share, and what they are painted with. */
+class Source {
+  readonly paints: Float32Array;
+  readonly pictures: readonly Blob[];
+  positions = new Int16Array();
+  normals = new Int8Array();
+  uvs: Float32Array | null = null;
+  readonly #glb: Glb;
+  readonly #pictureOf: readonly (number | null)[];
+  readonly #meshes = new Map<unknown, readonly Primitive[]>();
+  #shared: string | null = null;
+
+  constructor(glb: Glb) {
+    this.#glb = glb;
+    this.pictures = glb.list('images').map(({ bufferView, mimeType }) => {
+      if (mimeType !== 'image/png' && mimeType !== 'image/jpeg')
+        throw new GlbError('a picture of unknown kind');
+      return new Blob([glb.view(bufferView).slice()], { type: mimeType });
+    });
+    const textures = glb.list('textures');
+    // One more for a primitive without a material.
+    const paints = [...glb.list('materials'), {}].map((material: Raw) => {
+      const pbr = isRecord(material.pbrMetallicRoughness) ? material.pbrMetallicRoughness : {};
+      const factor = Array.isArray(pbr.baseColorFactor) ? pbr.baseColorFactor.map(Number) : [1, 1, 1, 1];
+      const color = factor.length === 4 && factor.every(Number.isFinite) ? factor : [1, 1, 1, 1];
+      const standIn = isRecord(material.extras) && material.extras.placeholder === true;
+      if (standIn) color[3] = STAND_IN;
+      else if (material.alphaMode !== 'BLEND') color[3] = 1;
+      const index = isRecord(pbr.baseColorTexture) ? pbr.baseColorTexture.index : undefined;
+      const picture = isSize(index) ? textures[index]?.source : undefined;
+      return { color, picture: isSize(picture) && picture < this.pictures.length ? picture : null };
+    });
+    this.paints = Float32Array.from(paints.flatMap(({ color }) => color));
+    this.#pictureOf = paints.map(({ picture }) => picture);
+  }
+
+  pictureOf(paint: number): number | null {
+    return this.#pictureOf[paint] ?? null;
+  }
+
+  primitives(mesh: unknown): readonly Primitive[] {
+    let found = this.#meshes.get(mesh);
+    if (found === undefined) {
+      const raw = isSize(mesh) ? this.#glb.list('meshes')[mesh] : undefined;
+      if (!Array.isArray(raw?.primitives)) throw new GlbError(`no mesh ${String(mesh)}`);
+      found = raw.primitives.map((primitive: unknown) => this.#primitive(primitive));
+      this.#meshes.set(mesh, found);
+    }
+    return found;
+  }
+
+  #primitive(raw: unknown): Primitive {
+    if (!isRecord(raw) || !isRecord(raw.attributes) || !isRecord(raw.extras))
+      throw new GlbError('not a primitive');
+    this.#share(raw.attributes);
+    const { first, count } = raw.extras;
+    if (!isSize(first) || !isSize(count) || (first + count) * 4 > this.positions.length) {
+      throw new GlbError('a mesh reaches past the last vertex');
+    }
+    const accessor = this.#glb.accessor(raw.indices);
+    if (accessor.componentType !== UNSIGNED_INT || accessor.count % 3 !== 0)
+      throw new GlbError('no triangles');
+    const index = numbers(this.#glb, accessor, Uint32Array, 1);
+    const last = this.#pictureOf.length - 1;
+    const paint = isSize(raw.material) && raw.material < last ? raw.material : last;
+    return { first, count, index, paint };
+  }
+
+  /** All primitives of a level name the same arrays. */
+  #share({ POSITION, NORMAL, TEXCOORD_0 }: Raw): void {
+    const named = [POSITION, NORMAL, TEXCOORD_0].join(' ');
+    if (this.#shared === named) return;
+    if (this.#shared !== null) throw new GlbError('its meshes do not share their vertices');
+    this.#shared = named;
+    const position = this.#glb.accessor(POSITION);
+    const normal = this.#glb.accessor(NORMAL);
+    if (
+      position.componentType !== SHORT ||
+      normal.componentType !== BYTE ||
+      normal.count !== position.count
+    ) {
+      throw new GlbError('its vertices are not quantised as they should be');
+    }
+    this.positions = numbers(this.#glb, position, Int16Array, 4);
+    this.normals = numbers(this.#glb, normal, Int8Array, 4);
+    if (TEXCOORD_0 === undefined) return;
+    const uv = this.#glb.accessor(TEXCOORD_0);
+    if (uv.componentType !== FLOAT || uv.count !== position.count)
+      throw new GlbError('its textures have no places');
+    this.uvs = numbers(this.#glb, uv, Float32Array, 2);
+  }
+}
+
+interface NumberArray<T> {
+  new (buffer: ArrayBuffer): T;
+  readonly BYTES_PER_ELEMENT: number;
+}
+
+/** An accessor's numbers, `size` (padding included) for each of its elements, as an array of their own. */
+function numbers<T>(glb: Glb, accessor: Accessor, type: NumberArray<T>, size: number): T {
+  const view = glb.view(accessor.view);
+  const end = accessor.offset + accessor.count * size * type.BYTES_PER_ELEMENT;
+  if (end > view.length) throw new GlbError('an accessor reaches past the end');
+  return new type(view.slice(accessor.offset, end).buffer as ArrayBuffer);
+}
+
+/** link_from_mesh of a node. */
+function nodeTransform({
+  translation = [0, 0, 0],
+  rotation = [0, 0, 0, 1],
+  scale = [1, 1, 1],
+}: Raw): number[] {
+  const all = [translation, rotation, scale].flat().map(Number);
+  if (all.length !== 10 || !all.every(Number.isFinite)) throw new GlbError('a node that is nowhere');
+  const [x, y, z, qx, qy, qz, qw, s] = all as [
+    number,
+    number,
+    number,
+    number,
+    number,
+    number,
+    number,
+    number,
+  ];
+  return transform([x, y, z], [qw, qx, qy, qz], s);
+}

@@ -1,0 +1,76 @@
+import { Download, type RawManifest } from './bundle.ts';
+import type { Stage } from './figure.ts';
+import { MeshLoader } from './mesh_loader.ts';
+import { Palette } from './palette.ts';
+import { whyAbsent } from './placeholder.ts';
+import type { ModelReport } from './report.ts';
+import { type MeshSlot, RobotModel } from './robot_model.ts';
+import type { Drain } from './stale.ts';
+
+/** Shows a robot from its raw URDF and meshes: for an edge that serves them as they are, and for a dropped folder.
+ *  A chunk of its own, because a built model needs none of it. */
+export async function showRaw(
+  manifest: RawManifest,
+  manifestUrl: string,
+  stage: Stage,
+  drain: Drain,
+  report: ModelReport,
+  onProgress: (receivedBytes: number, totalBytes: number) => void,
+): Promise<void> {
+  // Until the URDF is read nobody knows which files it draws.
+  let total = [...manifest.files.values()].reduce((sum, file) => sum + file.size, 0);
+  const download = new Download(manifestUrl, stage.signal, (received) => onProgress(received, total));
+  const urdf = new TextDecoder().decode(await download.fetch(manifest.urdf));
+  stage.signal.throwIfAborted();
+  const model = new RobotModel(urdf, new Palette(drain));
+  total = manifest.urdf.size + neededBytes(model.slots, manifest);
+  stage.show(model);
+  report.joints = model.jointNames;
+  report.problems.push(...model.problems);
+
+  const meshes = new MeshLoader(download);
+  // From the floor up: so the feet are known, and the robot stands, before the rest arrives.
+  const slots = [...model.slots].sort((a, b) => a.worldZ - b.worldZ);
+  await Promise.all(
+    slots.map(async (slot) => {
+      const why = await fill(slot, manifest, meshes, stage.signal);
+      stage.signal.throwIfAborted();
+      if (why !== null) {
+        slot.mark(stage.placeholder());
+        if (!report.missing.includes(slot.uri)) {
+          report.missing.push(slot.uri);
+          report.problems.push(why);
+        }
+      }
+      stage.changed();
+    }),
+  );
+  if (slots.length > 0) stage.skinned();
+}
+
+/** Puts the mesh into its slot; returns why it can't, or null. */
+async function fill(
+  slot: MeshSlot,
+  manifest: RawManifest,
+  meshes: MeshLoader,
+  signal: AbortSignal,
+): Promise<string | null> {
+  const absent = whyAbsent(slot.uri, manifest);
+  if (absent !== null) return `${slot.uri}: ${absent}`;
+  try {
+    const parts = await meshes.load(manifest.files.get(slot.uri)!);
+    if (!signal.aborted) slot.fill(parts);
+    return null;
+  } catch (cause) {
+    return cause instanceof Error ? cause.message : String(cause);
+  }
+}
+
+function neededBytes(slots: readonly MeshSlot[], manifest: RawManifest): number {
+  const sizes = new Map<string, number>();
+  for (const { uri } of slots) {
+    const file = manifest.files.get(uri);
+    if (file !== undefined && whyAbsent(uri, manifest) === null) sizes.set(file.path, file.size);
+  }
+  return [...sizes.values()].reduce((sum, size) => sum + size, 0);
+}
