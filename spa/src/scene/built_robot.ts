@@ -81,7 +81,10 @@ export class BuiltRobot {
       onProgress(received, file.bytes),
     );
     const pictures = await Promise.all(
-      level.pictures.map((picture) => createImageBitmap(picture, { premultiplyAlpha: 'none' })),
+      level.pictures.map((picture) =>
+        // A picture that can't be read must not undress the robot.
+        createImageBitmap(picture, { premultiplyAlpha: 'none' }).catch(() => null),
+      ),
     );
     signal.throwIfAborted();
     this.#robot.wear(level, pictures);

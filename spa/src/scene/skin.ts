@@ -105,7 +105,14 @@ export class Skin {
   readonly #materials: readonly MeshStandardMaterial[];
   readonly #paints: DataTexture;
 
-  constructor(level: Level, pictures: readonly ImageBitmap[], bones: Bones, drain: Drain, tones: SkinTones) {
+  /** `pictures` as the level numbers them; null for one that could not be read. */
+  constructor(
+    level: Level,
+    pictures: readonly (ImageBitmap | null)[],
+    bones: Bones,
+    drain: Drain,
+    tones: SkinTones,
+  ) {
     this.#paints = new DataTexture(level.paints, level.paints.length / 4, 1, RGBAFormat, FloatType);
     this.#paints.minFilter = this.#paints.magFilter = NearestFilter;
     this.#paints.needsUpdate = true;
@@ -114,7 +121,8 @@ export class Skin {
     const draws = level.draws.length > 0 ? level.draws : [{ start: 0, count: 0, picture: null }];
     this.#materials = draws.map(({ picture }) => {
       const material = new MeshStandardMaterial({ roughness: ROUGHNESS, metalness: 0, side: DoubleSide });
-      if (picture !== null) material.map = pictureTexture(pictures[picture]!);
+      const image = picture === null ? null : (pictures[picture] ?? null);
+      if (image !== null) material.map = pictureTexture(image);
       if (seeThrough) material.defines = { ...material.defines, SEE_THROUGH: '' };
       material.onBeforeCompile = (shader) => {
         drain.patch(shader);

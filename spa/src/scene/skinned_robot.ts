@@ -126,7 +126,7 @@ export class SkinnedRobot implements Figure {
   }
 
   /** Puts on the shells of a level in place of those of the level before: one picture to the next, nothing jumps. */
-  wear(level: Level, pictures: readonly ImageBitmap[]): void {
+  wear(level: Level, pictures: readonly (ImageBitmap | null)[]): void {
     const old = this.#skin;
     this.#level = level;
     this.#skin = new Skin(level, pictures, this.#bones, this.#drain, this.#tones);
