@@ -1,6 +1,6 @@
 """`posecast-edge` with a built model (docs/MODEL.md) in the place of a URDF's raw files.
 
-argv: the bundle's folder, then the arguments of `posecast-edge`, with `--urdf` naming any URDF that can be read.
+argv: the bundle's folder, then the arguments of `posecast-edge`, `--urdf` with any value among them.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ class BuiltBundle(Bundle):
         self.hash = hashlib.sha256(text).hexdigest()
 
 
-def main() -> int:
-    """Runs the agent; its exit code."""
+def main() -> None:
+    """Runs the agent; ends the process."""
     folder = Path(sys.argv.pop(1))
-    cli.load_bundle = lambda urdf: BuiltBundle(folder)  # type: ignore[attr-defined]
-    return int(cli.main() or 0)
+    cli.load_bundle = lambda _urdf: BuiltBundle(folder)  # type: ignore[attr-defined]
+    cli.main()
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()
