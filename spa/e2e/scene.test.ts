@@ -114,8 +114,13 @@ describe('the body', () => {
     await page.open(`${relay.url}/#/r/demo`);
     await until('a body', async () => (await renderedFrames(page)) > 0, 60_000);
     await until('HOLDING', async () => (await liveness(page)) === 'HOLDING', 30_000);
-    await pause(1000); // the camera has come to rest
-    const before = await renderedFrames(page);
+    let before = -1;
+    await until('the camera has come to rest', async () => {
+      const last = before;
+      before = await renderedFrames(page);
+      await pause(1500); // a picture may take software half a second
+      return before === last;
+    });
     const seq = await shownSeq(page);
     await pause(2000);
     expect(await renderedFrames(page)).toBe(before);
