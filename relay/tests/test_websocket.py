@@ -228,14 +228,21 @@ def endings(relay: Relay, port: int) -> str:
     return "\n".join(line for line in text.splitlines() if line.startswith("posecast_endings_total"))
 
 
-async def test_a_viewer_that_does_not_read_is_cut_and_hurts_nobody(relays: Any, edges: Any) -> None:
+@pytest.mark.parametrize("from_the_start", [True, False])
+async def test_a_viewer_that_does_not_read_is_cut_and_hurts_nobody(
+    relays: Any, edges: Any, from_the_start: bool
+) -> None:
     from .stage import free_port
 
     port = free_port()
     relay = relays("--metrics-port", str(port))
+    before = raw_viewer(relay)
+    if from_the_start:  # the join alone is more than its socket takes, else it is the frames
+        before.close()
     edges(relay.zenoh, of=schema([f"J{n}" for n in range(3000)]))
-    sock = raw_viewer(relay)
     async with Watcher(relay.url()) as viewer:
+        await viewer.until("frames", lambda v: v.frames)
+        sock = raw_viewer(relay) if from_the_start else before
         began = time.monotonic()
         await asyncio.to_thread(until, "it is cut", lambda: 'code="4409"} 1.0' in endings(relay, port), 12.0)
         assert time.monotonic() - began < 10

@@ -16,13 +16,16 @@ def main(argv: Sequence[str] | None = None) -> int:
     except SettingsError as e:
         print(f"posecast-relay: {e}", file=sys.stderr)
         return 2
-    from posecast_relay.serve import StartError, run  # noqa: PLC0415 — --help and a wrong flag answer at once
-
     try:
-        run(settings)
-    except StartError as e:
-        print(f"posecast-relay: {e}", file=sys.stderr)
-        return 2
+        from posecast_relay.serve import StartError, run  # noqa: PLC0415 — --help and a wrong flag answer at once
+
+        try:
+            run(settings)
+        except StartError as e:
+            print(f"posecast-relay: {e}", file=sys.stderr)
+            return 2
+    except KeyboardInterrupt:  # before the loop has taken the signals over
+        return 0
     return 0
 
 

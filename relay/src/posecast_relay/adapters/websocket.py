@@ -143,6 +143,9 @@ class LiveSocket(asyncio.Protocol):
             return
         self._viewer = Viewer(self, robot, view, hz, pump.hub.limits, pump.now())
         pump.carry_out(pump.hub.join(self._viewer, pump.now(), pump.unix_s()))
+        if self._transport.get_write_buffer_size() > 0:
+            # uvicorn makes us the transport's protocol only after this call: it was told to pause, not we
+            self._viewer.paused(pump.now())
 
     def _frame(self, frame: WebSocketFrame) -> None:
         if frame.opcode is Opcode.CLOSE or self._ws.state is not OPEN:
