@@ -20,6 +20,10 @@ WRONG_CONFIGURATION = 2
 
 def main() -> None:
     """Entry point; ends the process."""
+    if sys.argv[1:2] in (["model"], ["doctor"]):
+        from posecast_edge.model.command import run_command  # noqa: PLC0415 - `run` stays small without it
+
+        sys.exit(run_command(sys.argv[1:], os.environ))
     console = Console()
     log = logging.getLogger("posecast_edge")
     log.addHandler(console)

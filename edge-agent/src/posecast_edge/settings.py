@@ -78,7 +78,10 @@ def _number(low: float, high: float) -> type:
 def parse_settings(argv: Sequence[str], environment: Mapping[str, str]) -> Settings:
     """UsageError with one line when something is wrong; SystemExit(0) after --help."""
     parser = _Parser(prog="posecast-edge", description="Put a robot on a URL: reads it, never commands it.")
-    run = parser.add_subparsers(dest="command", metavar="run").add_parser(
+    commands = parser.add_subparsers(dest="command", metavar="run|model|doctor")
+    commands.add_parser("model", help="model build: a URDF and its meshes, made small for phones")
+    commands.add_parser("doctor", help="what is wrong with a URDF, in plain words")
+    run = commands.add_parser(
         "run",
         help="read a source and send it to a relay",
         description="Read a source and send it to a relay. Every flag may also stand in the environment.",

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from posecast_edge.model.doctor import MeshFacts, examine
+from posecast_edge.model.doctor import examine
 from posecast_edge.model.figure import Figure, Looks, Visual, build_figure
-from posecast_edge.model.files import Files, Progress, read_visual_meshes
-from posecast_edge.model.finding import Finding, ModelRefused, worst_first
+from posecast_edge.model.files import Files, Progress, facts_of, read_visual_meshes
+from posecast_edge.model.finding import Finding, ModelRefused
 from posecast_edge.model.kinematics import from_quaternion, link_poses, quaternion_from_rpy
 from posecast_edge.model.level import Body, Fineness, Level, Placed, Skin, make_level
 from posecast_edge.model.manifest import VERSION, encode, file_entry, finding_entries, home, short, skeleton
@@ -49,13 +49,13 @@ class Built:
     document: dict[str, Any]
 
 
-def build(urdf_path: Path, packages: Sequence[Path], progress: Progress) -> Built:
+def build(urdf_path: Path, resolver: Resolver, progress: Progress) -> Built:
     """Make a bundle. ModelRefused when there is no robot in it at all."""
     urdf = load_urdf(urdf_path)
     tree = build_tree(urdf)
     if not tree.links:
         raise ModelRefused(tree.findings[-1].text, tree.findings[-1].line)
-    files = Files(Resolver(urdf_path, packages))
+    files = Files(resolver)
     read_visual_meshes(urdf, files, progress)
     figure = build_figure(urdf, tree, files)
     document: dict[str, Any] = {"v": VERSION, "robot": urdf.name, **skeleton(urdf, tree)}
@@ -65,7 +65,7 @@ def build(urdf_path: Path, packages: Sequence[Path], progress: Progress) -> Buil
     levels = _levels(figure, size, progress)
     drawn = triangles_of(next(iter(levels.values())), figure, poses)
     thumbnail = png(picture(*drawn))
-    findings = worst_first([*urdf.findings, *tree.findings, *examine(urdf, tree, MeshFacts.of(files))])
+    findings = examine(urdf, tree, facts_of(files))
     contents = {f"{name}.glb": level.data for name, level in levels.items()}
     entries = [file_entry(path, data, "model/gltf-binary") for path, data in contents.items()]
     entries.append(file_entry("thumbnail.png", thumbnail, "image/png"))

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from posecast_edge.model.doctor_meshes import MeshFacts
 from posecast_edge.model.finding import ModelRefused
 from posecast_edge.model.mesh import Mesh
 from posecast_edge.model.mesh_reader import read_mesh
 from posecast_edge.model.resolve import Resolver
-from posecast_edge.model.urdf import Geometry, Shape, Urdf
+from posecast_edge.model.urdf import Urdf
 
 TRIANGLES_MAX = 10_000_000  # of all meshes
 
@@ -73,26 +73,31 @@ class Files:
         return mesh
 
 
-def shapes_of(urdf: Urdf, kind: str) -> Iterator[tuple[str, Shape]]:
-    """Link names with their `visual` or `collision` shapes, in the file's order."""
-    for link in urdf.links:
-        for shape in link.visuals if kind == "visual" else link.collisions:
-            yield link.name, shape
-
-
 def read_visual_meshes(urdf: Urdf, files: Files, progress: Progress) -> None:
     """Read what is drawn, with word of how far it is."""
-    geometries: list[Geometry] = [s.geometry for _, s in shapes_of(urdf, "visual") if s.geometry is not None]
-    uris = list(dict.fromkeys(g.uri for g in geometries if g.kind == "mesh"))
+    shapes = [s.geometry for link in urdf.links for s in link.visuals if s.geometry is not None]
+    uris = list(dict.fromkeys(g.uri for g in shapes if g.kind == "mesh"))
     for number, uri in enumerate(uris):
         progress(number, len(uris), uri)
         files[uri]
 
 
-def digest(path: Path) -> str:
-    """SHA-256 of a file."""
-    sha = hashlib.sha256()
-    with path.open("rb") as file:
-        while chunk := file.read(1 << 20):
-            sha.update(chunk)
-    return sha.hexdigest()
+def facts_of(files: Files) -> dict[str, MeshFacts]:
+    """For the doctor."""
+    return {file.uri: _facts(file) for file in files}
+
+
+def _facts(file: MeshFile) -> MeshFacts:
+    if file.mesh is None:
+        return MeshFacts(file.uri, file.reason or "can't be read", file.hint, file.size)
+    low, high = (tuple(float(v) for v in corner) for corner in file.mesh.box())
+    return MeshFacts(
+        file.uri,
+        None,
+        file.hint,
+        file.size,
+        file.mesh.triangles,
+        (low[0], low[1], low[2]),
+        (high[0], high[1], high[2]),
+        file.mesh.notes,
+    )

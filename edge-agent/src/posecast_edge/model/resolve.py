@@ -51,9 +51,22 @@ class Resolver:
         self._root = package or (folder.parent if beside else folder)
         self._given = [p.resolve() for p in packages if p.is_dir()]
         self._named: dict[str, list[Path]] | None = None
+        self.asked: dict[tuple[str, str], Path | None] = {}  # (URI, "") or (mesh, name): what was found
 
     def find(self, uri: str) -> Resolved:
         """The mesh or picture behind a URDF's URI. ModelRefused says why there is none."""
+        self.asked[uri, ""] = None
+        found = self._find(uri)
+        self.asked[uri, ""] = found.path
+        return found
+
+    def beside(self, mesh: Path, name: str) -> Path:
+        """A texture or material library that a mesh names, relative to it. ModelRefused."""
+        self.asked[str(mesh), name] = None
+        found = self.asked[str(mesh), name] = self._beside(mesh, name)
+        return found
+
+    def _find(self, uri: str) -> Resolved:
         if "\0" in uri or len(uri) > 4096:
             raise ModelRefused("no name for a file")
         windows = "\\" in uri
@@ -77,8 +90,7 @@ class Resolver:
             return Resolved(found.path, "written with backslashes")
         return found
 
-    def beside(self, mesh: Path, name: str) -> Path:
-        """A texture or material library that a mesh names, relative to it. ModelRefused."""
+    def _beside(self, mesh: Path, name: str) -> Path:
         name = unquote(name.replace("\\", "/").removeprefix("file://"))
         if "\0" in name or not name or "://" in name:
             raise ModelRefused("no name for a file")

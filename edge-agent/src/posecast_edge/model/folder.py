@@ -1,0 +1,96 @@
+"""A bundle as a folder: who finds its manifest finds everything, and it is read only if it is whole."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+import os
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from posecast_edge.model.finding import ModelRefused
+
+MANIFEST = "manifest.json"
+MANIFEST_MAX = 1 << 20
+FILE_MAX = 256 << 20
+FILES_MAX = 64
+PATH = re.compile(r"[a-z0-9][a-z0-9.-]{0,99}")
+SHA256 = re.compile(r"[0-9a-f]{64}")
+
+
+def write_folder(folder: Path, files: Mapping[str, bytes]) -> None:
+    """Write a bundle's files, the manifest last, each in one move. What an older bundle left there goes.
+
+    ModelRefused when the folder holds something else than a bundle.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    old = _names_in(folder)
+    for name in sorted(files, key=lambda n: n == MANIFEST):
+        part = folder / f"{name}.part"
+        part.write_bytes(files[name])
+        os.replace(part, folder / name)
+    for name in old - set(files):
+        with contextlib.suppress(OSError):
+            (folder / name).unlink()
+
+
+def read_folder(folder: Path) -> dict[str, bytes]:
+    """A bundle's files with its manifest. ModelRefused unless each is what the manifest says; OSError."""
+    manifest = _read(folder / MANIFEST, MANIFEST_MAX)
+    files = {MANIFEST: manifest}
+    for path, size, digest in entries_of(manifest):
+        data = _read(folder / path, min(size, FILE_MAX))
+        if len(data) != size or hashlib.sha256(data).hexdigest() != digest:
+            raise ModelRefused(f"{path} is not what the manifest says")
+        files[path] = data
+    return files
+
+
+def entries_of(manifest: bytes) -> list[tuple[str, int, str]]:
+    """Path, size and SHA-256 of each file that a version 2 manifest names. ModelRefused when it is none."""
+    try:
+        document: dict[str, Any] = json.loads(manifest)
+        if document["v"] != 2:
+            raise ModelRefused(f"a bundle of version {document['v']!r:.20}; this is for version 2")
+        entries = [(f["path"], f["size"], f["sha256"]) for f in document["files"]]
+    except (ValueError, KeyError, TypeError, RecursionError):
+        raise ModelRefused("its manifest is none") from None
+    if len(entries) > FILES_MAX or not all(map(_fits, entries)):
+        raise ModelRefused("its manifest names impossible files")
+    return entries
+
+
+def _fits(entry: tuple[object, object, object]) -> bool:
+    path, size, digest = entry
+    return (
+        isinstance(path, str)
+        and PATH.fullmatch(path) is not None
+        and path != MANIFEST
+        and isinstance(size, int)
+        and 0 <= size <= FILE_MAX
+        and isinstance(digest, str)
+        and SHA256.fullmatch(digest) is not None
+    )
+
+
+def _names_in(folder: Path) -> set[str]:
+    """The files of the bundle that lies there, none in an empty folder."""
+    try:
+        return {path for path, _, _ in entries_of(_read(folder / MANIFEST, MANIFEST_MAX))}
+    except FileNotFoundError:
+        if any(folder.iterdir()):
+            raise ModelRefused("the folder is not empty and holds no bundle; nothing was written") from None
+        return set()
+
+
+def _read(path: Path, most: int) -> bytes:
+    if path.is_symlink():
+        raise ModelRefused(f"{path.name} is a link")
+    with path.open("rb") as file:
+        data = file.read(most + 1)
+    if len(data) > most:
+        raise ModelRefused(f"{path.name} is larger than the manifest says")
+    return data

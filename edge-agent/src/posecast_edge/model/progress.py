@@ -1,0 +1,37 @@
+"""A bar on a terminal; nothing where there is none."""
+
+from __future__ import annotations
+
+from types import TracebackType
+from typing import TextIO
+
+WIDTH = 24
+NAME = 40
+
+
+class Bar:
+    """`with Bar(sys.stderr) as bar: bar.show(3, 10, "arm.stl")`; it is wiped away at the end."""
+
+    def __init__(self, out: TextIO) -> None:
+        self._out = out
+        self._shown = False
+
+    def __enter__(self) -> Bar:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._shown:
+            self._out.write("\r\x1b[K")
+            self._out.flush()
+
+    def show(self, done: int, total: int, what: str) -> None:
+        """`done` of `total`, busy with `what`."""
+        if not self._out.isatty():
+            return
+        full = WIDTH * done // max(total, 1)
+        name = "".join(c if c.isprintable() else "�" for c in what[-NAME:])
+        self._out.write(f"\r\x1b[K[{'#' * full}{'.' * (WIDTH - full)}] {done}/{total} {name}")
+        self._out.flush()
+        self._shown = True
