@@ -105,7 +105,7 @@ static void take_frame(struct viewer *v, const uint8_t *bytes, size_t size, uint
 
     uint64_t stamp = stamps[h.seq % STAMP_SLOTS];
     uint64_t late_ns = stamp && now > stamp ? now - stamp : 0;
-    if (measuring && v->frozen && (double)late_ns > STALE_S * 1e9) {
+    if (measuring && v->frozen && !h.own_id && (double)late_ns > STALE_S * 1e9) { /* bases are old by nature */
         double after = ((double)stamp - (double)window_began) * 1e-9; /* published so long after the freeze */
         if (after > seen.backlog_s) seen.backlog_s = after;
     }
