@@ -6,6 +6,7 @@ import './app/styles/tokens.css';
 import './app/styles/page.css';
 import './app/styles/robot.css';
 import './app/styles/numbers.css';
+import './app/styles/local.css';
 
 installHandle();
 const root = document.getElementById('root');

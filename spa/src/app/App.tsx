@@ -1,5 +1,7 @@
 import { useEffect, useState } from 'react';
 import { ErrorBoundary } from './ErrorBoundary.tsx';
+import { LocalPage } from './LocalPage.tsx';
+import { closeLocal, listenForDrops, useLocal } from './local.ts';
 import { RobotList } from './RobotList.tsx';
 import { RobotPage } from './RobotPage.tsx';
 import { parseRoute, useHash } from './route.ts';
@@ -13,17 +15,24 @@ export function App() {
   return (
     <ErrorBoundary>
       <Page onSettings={openSettings} />
+      <DropNotice />
       {settingsOpen && <SettingsSheet onClose={() => setSettingsOpen(false)} />}
     </ErrorBoundary>
   );
 }
 
 function Page({ onSettings }: { onSettings: () => void }) {
-  const route = parseRoute(useHash());
-  const listed = route.page !== 'robot';
+  const hash = useHash();
+  const route = parseRoute(hash);
+  const local = useLocal();
+  const listed = route.page !== 'robot' && local.phase !== 'shown';
   useEffect(() => {
     if (listed) document.title = 'Posecast';
   }, [listed]);
+  useEffect(listenForDrops, []);
+  // biome-ignore lint/correctness/useExhaustiveDependencies: going anywhere leaves what was dropped
+  useEffect(() => closeLocal, [hash]);
+  if (local.phase === 'shown') return <LocalPage key={local.robot.name} robot={local.robot} />;
   switch (route.page) {
     case 'list':
       return <RobotList onSettings={onSettings} />;
@@ -40,4 +49,25 @@ function Page({ onSettings }: { onSettings: () => void }) {
         </main>
       );
   }
+}
+
+/** What became of a drop that shows no robot. */
+function DropNotice() {
+  const local = useLocal();
+  if (local.phase === 'reading') {
+    return (
+      <p className="drop-notice" role="status">
+        Reading the files.
+      </p>
+    );
+  }
+  if (local.phase !== 'refused') return null;
+  return (
+    <div className="drop-notice" role="alert" data-testid="drop-refused">
+      <span>{local.why}</span>
+      <button type="button" className="text-button" onClick={closeLocal}>
+        Close
+      </button>
+    </div>
+  );
 }

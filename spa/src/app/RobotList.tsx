@@ -2,6 +2,7 @@ import { useState } from 'react';
 import { formatSpan } from '../twin/format.ts';
 import { Sign } from './Chip.tsx';
 import { CheckIcon, CopyIcon, RobotFigure, SettingsIcon } from './icons.tsx';
+import { openChosen } from './local.ts';
 import { type ListedRobot, useRobots } from './robots.ts';
 import { robotHref } from './route.ts';
 
@@ -36,6 +37,7 @@ export function RobotList({ onSettings }: { onSettings: () => void }) {
           </ul>
         )}
         {listing.phase === 'known' && robots.length === 0 && <Empty />}
+        <YourOwn />
       </main>
     </div>
   );
@@ -71,6 +73,37 @@ function Card({ robot, old }: { robot: ListedRobot; old: boolean }) {
         </span>
       </a>
     </li>
+  );
+}
+
+/** The other way in: a robot from this computer, in this browser only. */
+function YourOwn() {
+  return (
+    <section className="your-own" aria-label="Your own robot">
+      <p className="quiet">
+        Or drop a folder or a zip with a URDF anywhere on this page. It is shown here and sent nowhere.
+      </p>
+      <label className="text-button">
+        Choose a folder
+        <input
+          type="file"
+          className="unseen"
+          data-testid="choose-folder"
+          ref={(input) => input?.setAttribute('webkitdirectory', '')}
+          onChange={({ target }) => openChosen(target.files)}
+        />
+      </label>
+      <label className="text-button">
+        Choose a zip
+        <input
+          type="file"
+          accept=".zip"
+          className="unseen"
+          data-testid="choose-zip"
+          onChange={({ target }) => openChosen(target.files)}
+        />
+      </label>
+    </section>
   );
 }
 

@@ -1,5 +1,6 @@
 import { type Color, Loader, LoadingManager, type Material, type Mesh, type Object3D } from 'three';
-import type { BundleFile, Download } from './bundle.ts';
+import type { BundleFile } from './bundle.ts';
+import type { RawFiles } from './raw_robot.ts';
 import { isAsciiStl, isBinaryStl, MeshError, parseStl } from './stl.ts';
 import { type Welded, weld } from './weld.ts';
 
@@ -29,11 +30,11 @@ export function meshKind(bytes: Uint8Array): MeshKind {
 
 /** Mesh files of one bundle, each fetched and read once however many links use it. */
 export class MeshLoader {
-  readonly #download: Download;
+  readonly #files: RawFiles;
   readonly #parts = new Map<string, Promise<MeshPart[]>>();
 
-  constructor(download: Download) {
-    this.#download = download;
+  constructor(files: RawFiles) {
+    this.#files = files;
   }
 
   /** Rejects with a one-line Error that names the file. */
@@ -47,7 +48,7 @@ export class MeshLoader {
   }
 
   async #read(file: BundleFile): Promise<MeshPart[]> {
-    const bytes = await this.#download.fetch(file);
+    const bytes = await this.#files.fetch(file);
     try {
       const parts =
         meshKind(bytes) === 'stl'

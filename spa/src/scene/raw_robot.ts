@@ -1,4 +1,4 @@
-import { Download, type RawManifest } from './bundle.ts';
+import type { BundleFile, RawManifest } from './bundle.ts';
 import type { Stage } from './figure.ts';
 import { MeshLoader } from './mesh_loader.ts';
 import { Palette } from './palette.ts';
@@ -7,28 +7,31 @@ import type { ModelReport } from './report.ts';
 import { type MeshSlot, RobotModel } from './robot_model.ts';
 import type { Drain } from './stale.ts';
 
-/** Shows a robot from its raw URDF and meshes: for an edge that serves them as they are, and for a dropped folder.
+/** Where a raw bundle's files come from: a relay, or what somebody dropped on the page. */
+export interface RawFiles {
+  /** Rejects with an Error of one line. */
+  fetch(file: BundleFile): Promise<Uint8Array>;
+}
+
+/** Shows a robot from its raw URDF and meshes, `onTotal` hearing how many bytes it draws: for an edge that serves them as they are, and for a dropped folder.
  *  A chunk of its own, because a built model needs none of it. */
 export async function showRaw(
   manifest: RawManifest,
-  manifestUrl: string,
+  files: RawFiles,
   stage: Stage,
   drain: Drain,
   report: ModelReport,
-  onProgress: (receivedBytes: number, totalBytes: number) => void,
+  onTotal: (totalBytes: number) => void,
 ): Promise<void> {
-  // Until the URDF is read nobody knows which files it draws.
-  let total = [...manifest.files.values()].reduce((sum, file) => sum + file.size, 0);
-  const download = new Download(manifestUrl, stage.signal, (received) => onProgress(received, total));
-  const urdf = new TextDecoder().decode(await download.fetch(manifest.urdf));
+  const urdf = new TextDecoder().decode(await files.fetch(manifest.urdf));
   stage.signal.throwIfAborted();
   const model = new RobotModel(urdf, new Palette(drain));
-  total = manifest.urdf.size + neededBytes(model.slots, manifest);
+  onTotal(manifest.urdf.size + neededBytes(model.slots, manifest));
   stage.show(model);
   report.joints = model.jointNames;
   report.problems.push(...model.problems);
 
-  const meshes = new MeshLoader(download);
+  const meshes = new MeshLoader(files);
   // From the floor up: so the feet are known, and the robot stands, before the rest arrives.
   const slots = [...model.slots].sort((a, b) => a.worldZ - b.worldZ);
   await Promise.all(

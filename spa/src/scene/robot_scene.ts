@@ -1,13 +1,14 @@
 import { Box3, Color, NeutralToneMapping, Ray, Scene, Vector3, VSMShadowMap, WebGLRenderer } from 'three';
 import type { Pose } from '../twin/pose.ts';
 import { BuiltRobot } from './built_robot.ts';
-import { fetchManifest, readRawManifest } from './bundle.ts';
+import { Download, fetchManifest, type RawManifest, readRawManifest } from './bundle.ts';
 import { CameraRig, type ViewName } from './camera.ts';
 import { Environment } from './environment.ts';
 import type { Figure, Stage } from './figure.ts';
 import { readManifest } from './manifest.ts';
 import { wantsStillness } from './motion.ts';
 import { Placeholders } from './placeholder.ts';
+import type { RawFiles } from './raw_robot.ts';
 import type { ModelReport } from './report.ts';
 import { ShadowCaster } from './shadow.ts';
 import { Skeleton } from './skeleton.ts';
@@ -94,16 +95,29 @@ export class RobotScene {
 
   /** Loads the robot that a bundle's manifest describes. Never rejects: what is wrong stands in the report. A later
    *  call supersedes an earlier one. */
-  async load(
+  load(
     manifestUrl: string,
     onProgress: (receivedBytes: number, totalBytes: number) => void,
   ): Promise<ModelReport> {
+    return this.#supersede((signal, report) => this.#load(manifestUrl, onProgress, signal, report));
+  }
+
+  /** The same for raw files that this browser has already, by the URIs of their URDF. */
+  loadLocal(manifest: RawManifest, files: RawFiles): Promise<ModelReport> {
+    return this.#supersede(async (signal, report) => {
+      const { showRaw } = await import('./raw_robot.ts');
+      await showRaw(manifest, files, this.#stage(signal), this.#drain, report, () => {});
+      this.#frame(true);
+    });
+  }
+
+  async #supersede(work: (signal: AbortSignal, report: ModelReport) => Promise<void>): Promise<ModelReport> {
     this.#loading?.abort();
     const loading = new AbortController();
     this.#loading = loading;
     const report: ModelReport = { missing: [], joints: [], ignored: [], problems: [] };
     try {
-      await this.#load(manifestUrl, onProgress, loading.signal, report);
+      await work(loading.signal, report);
     } catch (cause) {
       report.error = cause instanceof Error ? cause.message : String(cause);
       if (!loading.signal.aborted) this.#clear(); // the model before is not this robot's any more
@@ -209,7 +223,13 @@ export class RobotScene {
       await built.dress(report, onProgress);
     } else {
       const { showRaw } = await import('./raw_robot.ts');
-      await showRaw(readRawManifest(raw), manifestUrl, stage, this.#drain, report, onProgress);
+      const manifest = readRawManifest(raw);
+      // Until the URDF is read nobody knows which files it draws.
+      let total = [...manifest.files.values()].reduce((sum, file) => sum + file.size, 0);
+      const files = new Download(manifestUrl, signal, (received) => onProgress(received, total));
+      await showRaw(manifest, files, stage, this.#drain, report, (needed) => {
+        total = needed;
+      });
     }
     report.ignored = [...(this.#pose?.joints.keys() ?? [])].filter((name) => !report.joints.includes(name));
     this.#frame(true);
