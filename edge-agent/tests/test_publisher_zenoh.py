@@ -162,6 +162,16 @@ def test_a_fault_of_30_ms_becomes_two_events(router: Router, edge: Start, profil
     ]
 
 
+def test_changed_info_is_sent_at_once(router: Router, fed: tuple[Edge, Feeder]) -> None:
+    _, feeder = fed
+    until(lambda: len(router.frames) >= 1, "first frame")
+    feeder.extra = {"info": {"mode": "walking"}}
+    until(lambda: {"type": "info", "kv": {"mode": "walking"}} in router.events, "the info")
+    feeder.extra = {"info": {"mode": "standing"}}
+    until(lambda: {"type": "info", "kv": {"mode": "standing"}} in router.events, "the new info")
+    assert len(router.events) == 2
+
+
 def test_model_ranges_hash_right(router: Router, edge: Start, tmp_path: Path) -> None:
     (tmp_path / "meshes").mkdir()
     mesh = bytes(i * 7 % 251 for i in range(600_000))

@@ -89,6 +89,8 @@ def test_a_full_event_lane_ends_the_viewer_with_its_reason_and_nobody_else() -> 
         b"[]",
         b'{"type":"status"}',
         b'{"type":"event"}',
+        b'{"type":"info"}',
+        b'{"type":"info","kv":{"mode":1}}',
         b'{"type":"event","t":0,"level":"fault","source":"a","text":"b","state":"on","x":"'
         + b"y" * 2048
         + b'"}',
@@ -205,6 +207,21 @@ def test_only_a_changed_description_is_told_again() -> None:
     world.answer(edge)
     world.answer(edge)
     assert len(screen.told("schema")) == 1
+
+
+def test_changed_info_is_told_at_once_and_alone() -> None:
+    world = World()
+    edge = world.on_air()
+    screens = [world.join(hz)[1] for hz in (30.0, 0.0)]
+    said = b'{"type":"info","kv":{"mode":"walking"}}'
+    for stamp in (edge.stamp(world.now), Edge(9, edge.schema).stamp(world.now)):  # the latter: of no run yet
+        world.do(world.hub.event("r", "public", said, stamp, world.now, UNIX_S))
+        said = said.replace(b"walking", b"flying")
+    world.run(edge, 0.5)
+    for screen in screens:
+        assert screen.told("info") == [{"type": "info", "kv": {"mode": "walking"}}]
+        assert len(screen.told("schema")) == 1
+        assert screen.told("event") == []
 
 
 def test_robots_that_only_viewers_named_are_forgotten_with_them() -> None:

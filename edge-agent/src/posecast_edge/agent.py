@@ -140,7 +140,10 @@ class Agent:
             except (SourceError, SchemaError) as e:
                 self._useless.add(f"{sample.where}: {e}" if sample.where else str(e), now_s)
                 return
+        info = stream.info
         self._tell(stream.deliver(sample, now_s))
+        if stream.info is not info:
+            self._publisher.info(stream.info)
         self._stream = stream  # seen by the clock only now, with its first sample in it
 
     def _new_stream(self, profile: Profile) -> Stream:

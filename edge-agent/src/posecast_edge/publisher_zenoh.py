@@ -69,6 +69,17 @@ def _matching(publisher: zenoh.Publisher) -> zenoh.MatchingStatus:
     return cast(zenoh.MatchingStatus, publisher.matching_status)  # zenoh's stub says bool; it is not
 
 
+def _event_document(event: Event) -> dict[str, object]:
+    return {
+        "type": "event",
+        "t": event.t_s,
+        "level": event.level,
+        "source": event.source,
+        "text": event.text,
+        "state": "on" if event.on else "off",
+    }
+
+
 class ZenohPublisher:
     """Keeps the link in a thread of its own. Every method returns at once."""
 
@@ -91,7 +102,8 @@ class ZenohPublisher:
         self._snapshot, self._heard, self._bundle = snapshot, heard, bundle
         self._frames: zenoh.Publisher | None = None
         self._events: deque[Event] = deque(maxlen=EVENTS_MAX)
-        self._wake = threading.Condition()
+        self._info: dict[str, str] | None = None  # waits for the link; the newest only
+        self._wake = threading.Condition()  # two threads wait on it, hence notify_all
         self._stopping = False
         self._heard_s = 0.0
         self._frame_since_heard = False
@@ -119,13 +131,19 @@ class ZenohPublisher:
         """Send an event as soon as somebody listens."""
         with self._wake:
             self._events.append(event)
-            self._wake.notify()
+            self._wake.notify_all()
+
+    def info(self, texts: dict[str, str]) -> None:
+        """Send what the robot says of itself, all of it, as soon as somebody listens."""
+        with self._wake:
+            self._info = texts
+            self._wake.notify_all()
 
     def stop(self, timeout_s: float) -> bool:
         """Send what waits, close. False when the link's thread did not end in time ."""
         with self._wake:
             self._stopping = True
-            self._wake.notify()
+            self._wake.notify_all()
         self._thread.join(timeout_s)
         return not self._thread.is_alive()
 
@@ -147,7 +165,7 @@ class ZenohPublisher:
         with session:
             events = self._declare(session)
             threading.Thread(target=self._ask_echo, args=(session,), name="echo", daemon=True).start()
-            while self._send_events(events):
+            while self._send_waiting(events):
                 pass
             self._frames = None
 
@@ -188,23 +206,19 @@ class ZenohPublisher:
         self._on_matching(_matching(frames))  # it may have matched before anybody listened for it
         return events
 
-    def _send_events(self, publisher: zenoh.Publisher) -> bool:
-        """Send one event, or wait for one. False when the agent stops and nothing more can be sent."""
+    def _send_waiting(self, publisher: zenoh.Publisher) -> bool:
+        """Send the info or an event, or wait for one. False when the agent stops and no more can be sent."""
         with self._wake:
-            ready = bool(self._events) and _matching(publisher).matching and self._key_went_first()
-            if not ready:
+            waiting = bool(self._events) or self._info is not None
+            if not (waiting and _matching(publisher).matching and self._key_went_first()):
                 if not self._stopping:
-                    self._wake.wait(0.1 if self._events else None)
+                    self._wake.wait(0.1 if waiting else None)
                 return not self._stopping
-            event = self._events.popleft()
-        document = {
-            "type": "event",
-            "t": event.t_s,
-            "level": event.level,
-            "source": event.source,
-            "text": event.text,
-            "state": "on" if event.on else "off",
-        }
+            if self._info is not None:
+                document: dict[str, object] = {"type": "info", "kv": self._info}
+                self._info = None
+            else:
+                document = _event_document(self._events.popleft())
         text = json.dumps(document, ensure_ascii=False, separators=(",", ":"))
         publisher.put(text.encode(), attachment=self.run.stamp().pack())
         return True

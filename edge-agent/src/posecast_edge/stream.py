@@ -61,6 +61,11 @@ class Stream:
         """The source has stopped delivering."""
         return self._watch.silent
 
+    @property
+    def info(self) -> dict[str, str]:
+        """The texts of the robot; another object whenever one has changed."""
+        return self._info
+
     def deliver(self, sample: Sample, now_s: float) -> list[Event]:
         """Take a sample; returns the events it makes."""
         if not math.isfinite(sample.t_s):

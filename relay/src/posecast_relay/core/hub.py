@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections import Counter
+from typing import cast
 
 from posecast_wire import (
     Ack,
@@ -76,9 +77,9 @@ class Hub:
     def event(
         self, robot: str, view: str, payload: bytes, stamp: Stamp, now: float, unix_s: float
     ) -> list[Action]:
-        """An event from an edge: number it, keep it, hand it to everybody."""
+        """An event from an edge: number it, keep it, hand it to everybody. Or the robot's info."""
         found = self._publisher(robot, view)
-        doc = _event(payload, self.limits.event_bytes)
+        doc = _said(payload, self.limits)
         if found is None or doc is None:
             self.fates[(Fate.CROWDED if found is None else Fate.BAD).value] += 1
             return []
@@ -87,7 +88,19 @@ class Hub:
             self.fates[Fate.RETIRED.value] += 1
             return []
         of.heard_at = now
+        if doc["type"] == "info":
+            return self._informed(of, room, doc["kv"], stamp)
         return [*self._told(room.announce(room.stream.number(doc, unix_s))), Keep(room.stream)]
+
+    def _informed(self, of: Robot, room: Room, kv: object, stamp: Stamp) -> list[Action]:
+        if stamp.run_id != of.runs.current:  # its first KEY will bring the snapshot, and that the info
+            return []
+        try:
+            room.stream.inform(cast("dict[str, str]", kv))
+        except ValueError:
+            self.fates[Fate.BAD.value] += 1
+            return []
+        return [*room.describe(), Keep(room.stream)]
 
     def token(self, robot: str, present: bool, now: float) -> list[Action]:
         """An edge's liveliness token came or went."""
@@ -319,15 +332,20 @@ class Hub:
         return out
 
 
-def _event(payload: bytes, bytes_max: int) -> dict[str, object] | None:
-    """An edge's event, or None when it is none."""
-    if len(payload) > bytes_max:
+def _said(payload: bytes, limits: Limits) -> dict[str, object] | None:
+    """An edge's event or info, or None when it is neither."""
+    if len(payload) > max(limits.event_bytes, limits.info_bytes):
         return None
     try:
         doc = json.loads(payload.decode())
     except (ValueError, RecursionError):
         return None
-    if not isinstance(doc, dict) or doc.get("type") != "event":
+    if not isinstance(doc, dict):
+        return None
+    if doc.get("type") == "info":
+        kv = doc.get("kv")
+        return doc if isinstance(kv, dict) and all(isinstance(text, str) for text in kv.values()) else None
+    if doc.get("type") != "event" or len(payload) > limits.event_bytes:
         return None
     texts = all(isinstance(doc.get(name), str) for name in ("level", "source", "text", "state"))
     return doc if texts and isinstance(doc.get("t"), (int, float)) else None

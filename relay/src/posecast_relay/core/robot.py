@@ -16,7 +16,7 @@ PUBLIC = (
 )
 SETTLE_S = 0.05  # between a token and the first question: what the edge declares comes one by one
 HEARD_S = 10.0  # an edge without a token that was heard within this may still answer
-REFRESH_S = 10.0  # a watched robot is asked again, since info and model change without a frame
+REFRESH_S = 10.0  # a watched robot is asked again, since a model changes without a frame
 
 
 class Robot:

@@ -54,8 +54,8 @@ class Room:
             self._status(word, now),
         ]
         if stream.schema is not None:
-            parts.append(stream.described(with_model=False))  # hello has told the model
-        viewer.version = stream.version
+            parts.append(stream.described(viewer.schema_n, with_model=False))  # hello has told the model
+        viewer.version, viewer.schema_n = stream.version, stream.schema_n
         parts += [event.packed for event in stream.events]
         group = self._enter(viewer)
         if group is not None and stream.newest is not None:
@@ -175,7 +175,7 @@ class Room:
         """What this viewer must be given so that it can read `frame`, and the frame."""
         parts: list[bytes] = []
         if viewer.version != self.stream.version:
-            parts.append(self.stream.described())
+            parts.append(self.stream.described(viewer.schema_n))
         if frame.key is not None and viewer.key is not frame.key:
             parts.append(frame.key.packed)
         if frame.ref is not None and viewer.ref is not frame.ref:
@@ -185,7 +185,7 @@ class Room:
 
     def _hand(self, viewer: Viewer, frame: Held) -> None:
         """Note that a viewer was given `frame` and what it lacked for it."""
-        viewer.version = self.stream.version
+        viewer.version, viewer.schema_n = self.stream.version, self.stream.schema_n
         if frame.key is not None and viewer.key is not frame.key:
             viewer.sent += 1
         if frame.ref is not None and viewer.ref is not frame.ref:
@@ -201,11 +201,13 @@ class Room:
 
     def describe(self) -> list[Action]:
         """Schema, info or model has changed: tell those who can take it, the rest with their next frame."""
-        version = self.stream.version
-        ready = [v for v in self.viewers if v.version != version and not v.blocked]
-        for viewer in ready:
-            viewer.version = version
-        return [Send(self.stream.described(), ready)] if ready else []
+        stream = self.stream
+        ready: dict[int, list[Viewer]] = {}  # by the schema they hold
+        for viewer in self.viewers:
+            if viewer.version != stream.version and not viewer.blocked:
+                ready.setdefault(viewer.schema_n, []).append(viewer)
+                viewer.version, viewer.schema_n = stream.version, stream.schema_n
+        return [Send(stream.described(held), viewers) for held, viewers in ready.items()]
 
     def announce(self, event: Event) -> list[Action]:
         """An event goes to everybody, at once or by the lane."""
@@ -241,8 +243,8 @@ class Room:
             viewer.lane = None
         viewer.settle()
         if viewer.version != self.stream.version and viewer.hz <= 0:
-            viewer.version = self.stream.version
-            data += self.stream.described()
+            data += self.stream.described(viewer.schema_n)
+            viewer.version, viewer.schema_n = self.stream.version, self.stream.schema_n
         return [Send(data, (viewer,))] if data else []
 
     def report(self, word: RobotWord, now: float) -> list[Action]:

@@ -86,7 +86,7 @@ class Event:
 
 
 class Stream:
-    """One robot and view. `version` grows with every change of schema, info or model."""
+    """One robot and view. `version` grows with a change of schema, info or model, `schema_n` of schema."""
 
     def __init__(self, robot: str, view: str, limits: Limits) -> None:
         self.robot = robot
@@ -104,6 +104,7 @@ class Stream:
         self.events: deque[Event] = deque(maxlen=limits.events)
         self.event_n = 0
         self.version = 0
+        self.schema_n = 0
         self.cadence = Cadence()
         self._schema_packed = b""
         self._info_packed = b""
@@ -179,8 +180,7 @@ class Stream:
         key_header = self.check(snapshot.key)
         if isinstance(key_header, Fate) or not key_header.is_key:
             raise ValueError("snapshot: its KEY is none")
-        if sum(len(k) + len(v) for k, v in snapshot.info.items()) > self.limits.info_bytes:
-            raise ValueError(f"snapshot: info over {self.limits.info_bytes} bytes")
+        self._check_info(snapshot.info)
         schema = self.schema
         if schema is None or schema.text != snapshot.schema:
             if fnv1a32(snapshot.schema.encode()) != key_header.schema_id:
@@ -212,15 +212,30 @@ class Stream:
         self.version += 1
         if schema is not self.schema:
             self.schema = schema
+            self.schema_n += 1
             self._schema_packed = messages.text(schema.text)
         self.info = info
         self._info_packed = messages.info(info) if info else b""
         self.model = model
 
-    def described(self, with_model: bool = True) -> bytes:
-        """Schema, info and model as WebSocket messages: what a viewer behind on `version` lacks."""
+    def inform(self, info: dict[str, str]) -> None:
+        """The edge says what is new of the robot's texts. ValueError when they are too long."""
+        self._check_info(info)
+        if self.schema is not None:  # else the snapshot brings it
+            self._describe(self.schema, info, self.model)
+
+    def _check_info(self, info: dict[str, str]) -> None:
+        if sum(len(k) + len(v) for k, v in info.items()) > self.limits.info_bytes:
+            raise ValueError(f"info over {self.limits.info_bytes} bytes")
+
+    def described(self, schema_n: int, with_model: bool = True) -> bytes:
+        """Schema, info and model as WebSocket messages: what a viewer behind on `version` lacks.
+
+        `schema_n`: of the schema it holds, which it is not told again.
+        """
+        schema = self._schema_packed if schema_n != self.schema_n else b""
         model = messages.model(self.model) if self.model and with_model else b""
-        return self._schema_packed + self._info_packed + model
+        return schema + self._info_packed + model
 
     # ---- events ----------------------------------------------------------
 

@@ -43,6 +43,7 @@ class Viewer:
         "ping_at",
         "ref",
         "robot",
+        "schema_n",
         "sent",
         "stalled",
         "tokens",
@@ -62,6 +63,7 @@ class Viewer:
         self.key: Held | None = None
         self.ref: Held | None = None
         self.version = -1  # of the stream's schema, info and model
+        self.schema_n = -1
         # what must arrive and waits for the socket to drain; None = nothing
         self.lane: list[bytes] | None = None
         # blocked = nothing new may be written now: not drained, acknowledgements owed, or the lane not empty
