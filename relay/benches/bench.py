@@ -31,14 +31,18 @@ DISTURBED = 0.1  # of the wall time the server stood ready and another process h
 
 def parse(names: list[str]) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="bench", description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("scenario", nargs="*", choices=[[], *names], help="all when none is named")
+    parser.add_argument("scenario", nargs="*", help=f"of {', '.join(names)}; all when none is named")
     parser.add_argument(
         "--quick", action="store_true", help=f"one round of 3 s, {' and '.join(QUICK)}: about a minute"
     )
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--servers", default=",".join(ALL), help="a ratio needs both its servers")
     parser.add_argument("--out", type=Path, default=OUT)
-    return parser.parse_args()
+    asked = parser.parse_args()
+    unknown = [name for name in asked.scenario if name not in names]
+    if unknown:
+        parser.error(f"no scenario {unknown[0]!r}: use {', '.join(names)}")
+    return asked
 
 
 def choose_cores() -> tuple[int, int]:
