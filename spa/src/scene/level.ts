@@ -128,6 +128,7 @@ class Source {
   readonly #pictureOf: readonly (number | null)[];
   readonly #meshes = new Map<unknown, readonly Primitive[]>();
   #shared: string | null = null;
+  #laid: unknown = null;
 
   constructor(glb: Glb) {
     this.#glb = glb;
@@ -185,9 +186,10 @@ class Source {
     return { first, count, index, paint };
   }
 
-  /** All primitives of a level name the same arrays. */
+  /** All primitives of a level name the same arrays; those with a picture also say where it lies. */
   #share({ POSITION, NORMAL, TEXCOORD_0 }: Raw): void {
-    const named = [POSITION, NORMAL, TEXCOORD_0].join(' ');
+    if (TEXCOORD_0 !== undefined) this.#lay(TEXCOORD_0, this.#glb.accessor(POSITION).count);
+    const named = `${POSITION} ${NORMAL}`;
     if (this.#shared === named) return;
     if (this.#shared !== null) throw new GlbError('its meshes do not share their vertices');
     this.#shared = named;
@@ -202,10 +204,15 @@ class Source {
     }
     this.positions = numbers(this.#glb, position, Int16Array, 4);
     this.normals = numbers(this.#glb, normal, Int8Array, 4);
-    if (TEXCOORD_0 === undefined) return;
-    const uv = this.#glb.accessor(TEXCOORD_0);
-    if (uv.componentType !== FLOAT || uv.count !== position.count)
-      throw new GlbError('its textures have no places');
+  }
+
+  #lay(index: unknown, vertices: number): void {
+    if (this.#laid === index) return;
+    if (this.#laid !== null) throw new GlbError('its meshes do not share their vertices');
+    this.#laid = index;
+    const uv = this.#glb.accessor(index);
+    if (uv.componentType !== FLOAT || uv.count !== vertices)
+      throw new GlbError('its pictures have no places');
     this.uvs = numbers(this.#glb, uv, Float32Array, 2);
   }
 }

@@ -81,11 +81,9 @@ export async function sampleGlb(model: SampleModel, level = ''): Promise<Uint8Ar
     { bufferView: 0, componentType: 5122, count, type: 'VEC3' },
     { bufferView: 1, componentType: 5120, count, type: 'VEC3', normalized: true },
   ];
-  const attributes: Record<string, number> = { POSITION: 0, NORMAL: 1 };
   if (textured) {
     pack(new Uint8Array(new Float32Array(count * 2).buffer), 8, 'ATTRIBUTES');
     accessors.push({ bufferView: 3, componentType: 5126, count, type: 'VEC2' });
-    attributes.TEXCOORD_0 = 2;
   }
   const images = (model.pictures ?? []).map((bytes) => {
     bufferViews.push({ buffer: 0, ...put(bytes) });
@@ -111,6 +109,8 @@ export async function sampleGlb(model: SampleModel, level = ''): Promise<Uint8Ar
         count: 36,
         type: 'SCALAR',
       });
+      const pictured = model.materials?.[material]?.picture !== undefined;
+      const attributes = { POSITION: 0, NORMAL: 1, ...(pictured ? { TEXCOORD_0: 2 } : {}) };
       return {
         primitives: [{ attributes, indices: accessors.length - 1, material, extras: { first, count: 24 } }],
       };
