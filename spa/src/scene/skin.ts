@@ -225,7 +225,7 @@ if (min(paint.a, 1.0) * (1.0 - look.y) < threshold(gl_FragCoord.xy)) discard;
 diffuseColor.rgb *= paint.rgb;
 if (paint.a > 1.5) {
   float across = abs(fract((gl_FragCoord.x - gl_FragCoord.y) / 12.0) - 0.5) * 2.0;
-  diffuseColor.rgb = mix(caution, caution * 0.16, smoothstep(0.35, 0.65, across));
+  diffuseColor.rgb = mix(mix(vec3(0.3), caution, 0.12), caution, smoothstep(0.66, 0.84, across));
 }
 `;
 
