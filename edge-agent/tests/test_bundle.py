@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 
 import pytest
-from posecast_edge.model.bundle import RANGE_MAX, Bundle, ModelError, load_bundle
+from posecast_edge.model.bundle import RANGE_MAX, Bundle, ModelError, load_built, load_bundle
 
 SHARED = Path(os.environ.get("POSECAST_SHARED") or Path(__file__).parents[2].parent / "shared")
 
@@ -156,3 +156,21 @@ def test_real_robots(path: str, files: int, missing: int) -> None:
         pytest.skip(f"{file} is not there (tests with real robots need the shared folder)")
     bundle = load_bundle(file)
     assert (len(bundle.files), len(bundle.missing)) == (files, missing)
+
+
+def test_a_built_model_is_offered_as_it_is(tmp_path: Path) -> None:
+    shells = b"glTF" * 100
+    digest = hashlib.sha256(shells).hexdigest()
+    named = {"path": "low.glb", "size": len(shells), "sha256": digest}
+    (tmp_path / "manifest.json").write_text(json.dumps({"v": 2, "files": [named]}))
+    (tmp_path / "low.glb").write_bytes(shells)
+    bundle = load_built(tmp_path)
+    assert bundle.manifest == (tmp_path / "manifest.json").read_bytes()
+    assert bundle.hash == hashlib.sha256(bundle.manifest).hexdigest()
+    assert bundle.read(digest, 4, 8) == shells[4:12]
+    (tmp_path / "low.glb").write_bytes(shells + b"x")
+    with pytest.raises(ModelError, match=r"low\.glb is larger than the manifest says"):
+        load_built(tmp_path)
+    (tmp_path / "low.glb").unlink()
+    with pytest.raises(ModelError, match=r"no built model, low\.glb is missing"):
+        load_built(tmp_path)

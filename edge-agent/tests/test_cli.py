@@ -14,7 +14,7 @@ GOOD = ["run", "--robot", "r1", "--source", "jsonl", "--relay", "tcp/127.0.0.1:7
 
 def test_flags_and_defaults() -> None:
     assert parse_settings(GOOD, {}) == Settings(
-        "r1", "jsonl", "tcp/127.0.0.1:7447", 30.0, 4.0, profile=None, urdf=None
+        "r1", "jsonl", "tcp/127.0.0.1:7447", 30.0, 4.0, profile=None, urdf=None, model=None
     )
 
 
@@ -29,7 +29,7 @@ def test_environment_stands_in_and_flags_win() -> None:
         "POSECAST_URDF": "b.urdf",
     }
     assert parse_settings(["run", "--hz", "20"], environment) == Settings(
-        "r2", "demo", "tls/relay.example:7447", 20.0, 2.5, Path("a.toml"), Path("b.urdf")
+        "r2", "demo", "tls/relay.example:7447", 20.0, 2.5, Path("a.toml"), Path("b.urdf"), None
     )
 
 
@@ -39,6 +39,7 @@ def test_environment_stands_in_and_flags_win() -> None:
         ([], {}, "posecast-edge run"),
         (["run"], {}, "required: --robot, --source, --relay"),
         ([*GOOD, "--robot", "r*"], {}, "--robot: robot 'r*': use"),
+        ([*GOOD, "--urdf", "a", "--model", "b"], {}, "--urdf and --model: give one"),
         ([*GOOD, "--robot", "../x"], {}, "--robot"),
         ([*GOOD, "--robot", ""], {}, "--robot"),
         ([*GOOD, "--source", "ros"], {}, "--source: unknown source 'ros': one of jsonl, trajectory, demo"),

@@ -10,18 +10,17 @@ export interface BuiltFiles {
   readonly urdf: string;
 }
 
-/** Writes manifest, levels and `robot.urdf` into a folder. `damage` may change a level's bytes after they were hashed. */
+/** Writes manifest, levels and `robot.urdf` into a folder. */
 export async function writeBuilt(
   folder: string,
   model: SampleModel,
   levels: readonly string[] = ['low', 'middle', 'high'],
-  damage: (level: string, bytes: Uint8Array) => Uint8Array = (_, bytes) => bytes,
 ): Promise<BuiltFiles> {
   const listed = [];
   for (const name of levels) {
     const bytes = await sampleGlb(model, name);
     const file = `${name}.glb`;
-    writeFileSync(path.join(folder, file), damage(name, bytes));
+    writeFileSync(path.join(folder, file), bytes);
     listed.push({
       name,
       path: file,

@@ -1,4 +1,4 @@
-import { mkdirSync } from 'node:fs';
+import { mkdirSync, readFileSync, writeFileSync } from 'node:fs';
 import path from 'node:path';
 import { setTimeout as pause } from 'node:timers/promises';
 import { describe, expect, it } from 'vitest';
@@ -28,14 +28,19 @@ const readings = (model: SampleModel, phase = 0): Record<string, number> =>
     ),
   );
 
-/** A page that shows the model in one pose, at rest, in its second level. */
+/** A page that shows the model in one pose, at rest, in its second level. `meanwhile`: on air, before the page. */
 async function shown(
   relay: Relay,
   files: BuiltFiles,
   pos: Record<string, number>,
   robot = 'demo',
+  meanwhile = () => {},
 ): Promise<Page> {
   stage.stack.builtEdge(relay, files, { pos }, robot);
+  await until('on air', async () =>
+    JSON.stringify(await relay.json('/api/v1/robots')).includes(`"${robot}"`),
+  );
+  meanwhile();
   const page = await stage.newPage();
   await page.open(`${relay.url}/#/r/${robot}`);
   await until('a body', async () => Object.keys((await body(page))?.links ?? {}).length > 0, 30_000);
@@ -158,10 +163,10 @@ describe('a built model', () => {
   it('with shells that are not what was announced moves as a skeleton and says why', async () => {
     const relay = await stage.stack.relay();
     const model = sampleChain(12);
-    const page = await shown(
-      relay,
-      await writeBuilt(stage.stack.folder(), model, ['low'], (_, bytes) => bytes.fill(0x3c, 40, 60)),
-      readings(model),
+    const files = await writeBuilt(stage.stack.folder(), model, ['low']);
+    const low = path.join(files.folder, 'low.glb');
+    const page = await shown(relay, files, readings(model), 'demo', () =>
+      writeFileSync(low, readFileSync(low).fill(0x3c, 40, 60)),
     );
     page.forgive(/Failed to load resource/); // the relay refuses it first, by its hash
     await until('a reason', async () =>

@@ -46,7 +46,7 @@ describe.skipIf(!canBuild())('every robot, built (skipped where posecast-edge ha
             type === 'fixed' || mimic !== undefined ? [] : [[joint, 0.4 * Math.sin(12.9 * i)]],
           ),
         );
-        stage.stack.builtEdge(relay, { folder, urdf }, { pos }, name);
+        stage.stack.builtEdge(relay, { folder }, { pos }, name);
         const page = await stage.newPage();
         await page.open(`${relay.url}/#/r/${name}`);
         await until(

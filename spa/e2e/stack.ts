@@ -27,6 +27,7 @@ export interface EdgeOptions {
   readonly keyInterval?: number;
   readonly profile?: string;
   readonly urdf?: string;
+  readonly model?: string;
 }
 
 /** One sample as `source.py` repeats it. */
@@ -137,6 +138,7 @@ export class Stack {
         ...(options.keyInterval === undefined ? [] : ['--key-interval', String(options.keyInterval)]),
         ...(options.profile === undefined ? [] : ['--profile', options.profile]),
         ...(options.urdf === undefined ? [] : ['--urdf', options.urdf]),
+        ...(options.model === undefined ? [] : ['--model', options.model]),
       ],
       { stdin },
     );
@@ -157,25 +159,8 @@ export class Stack {
   }
 
   /** An edge that stands still in one pose and offers a built model. */
-  builtEdge(relay: Relay, files: { folder: string; urdf: string }, sample: Sample, robot: string): Process {
-    const { read, write } = this.#pipe();
-    const source = this.start('source', PYTHON, [path.join(REPO, 'spa/e2e/source.py')], {
-      stdin: 'pipe',
-      stdout: write,
-    });
-    source.write(JSON.stringify(sample));
-    const edge = this.start(
-      'edge',
-      PYTHON,
-      [
-        ...[path.join(REPO, 'spa/e2e/built_edge.py'), files.folder],
-        ...['run', '--robot', robot, '--source', 'jsonl', '--relay', relay.zenoh, '--urdf', files.urdf],
-      ],
-      { stdin: read },
-    );
-    closeSync(read); // ours; the edge has its own
-    closeSync(write);
-    return edge;
+  builtEdge(relay: Relay, files: { folder: string }, sample: Sample, robot: string): Process {
+    return this.fedEdge(relay, sample, { robot, model: files.folder }).edge;
   }
 
   /** Listens beside the relay and decodes what the edge published. */

@@ -10,7 +10,7 @@ import sys
 from posecast_wire.schema import SchemaError
 
 from posecast_edge.console import Console
-from posecast_edge.model.bundle import Bundle, ModelError, load_bundle
+from posecast_edge.model.bundle import Bundle, ModelError, load_built, load_bundle
 from posecast_edge.profile import ProfileError, load_profile
 from posecast_edge.settings import Settings, UsageError, parse_settings
 from posecast_edge.sources import SourceError, defaults_of, open_source
@@ -44,7 +44,10 @@ def _run(settings: Settings, console: Console) -> int:
     profile_path = settings.profile or defaults.profile
     urdf = settings.urdf or defaults.urdf
     profile = load_profile(profile_path) if profile_path else None
-    bundle = _bundle(load_bundle(urdf)) if urdf else None
+    if settings.model:
+        bundle: Bundle | None = load_built(settings.model)
+    else:
+        bundle = _whole(load_bundle(urdf)) if urdf else None
     source = open_source(settings.source, profile)
 
     from posecast_edge.agent import Agent  # noqa: PLC0415 - Zenoh costs time and memory a wrong flag need not pay
@@ -60,7 +63,8 @@ def _run(settings: Settings, console: Console) -> int:
     return status
 
 
-def _bundle(bundle: Bundle) -> Bundle:
+def _whole(bundle: Bundle) -> Bundle:
+    """The bundle; what it lacks is said once."""
     if bundle.missing:
         shown = ", ".join(bundle.missing[:3]) + (" …" if len(bundle.missing) > 3 else "")
         logging.getLogger("posecast_edge").warning(

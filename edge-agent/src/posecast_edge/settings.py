@@ -31,6 +31,7 @@ class Settings:
     key_interval_s: float
     profile: Path | None
     urdf: Path | None
+    model: Path | None
 
 
 class _Parser(argparse.ArgumentParser):
@@ -106,7 +107,19 @@ def parse_settings(argv: Sequence[str], environment: Mapping[str, str]) -> Setti
     flag("key-interval", _number(0.2, 600), "seconds between frames that stand alone (4)", 4.0)
     flag("profile", Path, "TOML file that says what the channels mean")
     flag("urdf", Path, "the robot's model; its meshes are served with it")
+    flag("model", Path, "instead of --urdf: the folder that `model build` made")
     args = parser.parse_args(argv)
     if args.command is None:
         raise UsageError("say `posecast-edge run …`, or --help")
-    return Settings(args.robot, args.source, args.relay, args.hz, args.key_interval, args.profile, args.urdf)
+    if args.urdf and args.model:
+        raise UsageError("--urdf and --model: give one of the two")
+    return Settings(
+        args.robot,
+        args.source,
+        args.relay,
+        args.hz,
+        args.key_interval,
+        args.profile,
+        args.urdf,
+        args.model,
+    )

@@ -1,5 +1,6 @@
-"""A URDF and the files it names, as a manifest and ranges of bytes. Only meshes and pictures inside the
-model's own folders are served: a URDF from a stranger must not publish what else lies on this machine.
+"""A robot's model as a manifest and ranges of bytes: a URDF with the files it names, or a built folder.
+Only meshes and pictures inside the model's own folders are served: a URDF from a stranger must not publish
+what else lies on this machine.
 
 The manifest keeps every URI exactly as the URDF spells it, so the browser resolves nothing itself.
 """
@@ -13,6 +14,9 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from urllib.parse import unquote, urlsplit
 from xml.parsers import expat
+
+from posecast_edge.model.finding import ModelRefused
+from posecast_edge.model.folder import MANIFEST, read_folder
 
 RANGE_MAX = 250_000  # bytes of one reply: a larger one closes a thin uplink's connection
 URDF_MAX = 16 << 20
@@ -53,19 +57,10 @@ class BundleFile:
 class Bundle:
     """A model as it was when the agent started."""
 
-    def __init__(self, files: list[BundleFile], missing: list[str]) -> None:
+    def __init__(self, manifest: bytes, files: list[BundleFile], missing: list[str]) -> None:
+        self.manifest = manifest
         self.files = tuple(files)
         self.missing = tuple(missing)
-        document = {
-            "v": 1,
-            "urdf": files[0].path,
-            "files": [
-                {"path": f.path, "uri": f.uri, "size": f.size, "sha256": f.sha256, "type": _type(f.path)}
-                for f in files
-            ],
-            "missing": missing,
-        }
-        self.manifest = json.dumps(document, separators=(",", ":"), ensure_ascii=False).encode()
         self.hash = hashlib.sha256(self.manifest).hexdigest()
         self._by_hash = {f.sha256: f for f in files}
 
@@ -110,7 +105,36 @@ def load_bundle(urdf: Path) -> Bundle:
             files.append(_file(found, _free_path(uri, taken), uri))
         except OSError:
             missing.append(uri)
-    return Bundle(files, missing)
+    return Bundle(_manifest(files, missing), files, missing)
+
+
+def load_built(folder: Path) -> Bundle:
+    """What `posecast-edge model build` made. ModelError unless every file is what its manifest says."""
+    try:
+        read = read_folder(folder)
+    except FileNotFoundError as e:
+        raise ModelError(f"{folder}: no built model, {Path(e.filename).name} is missing") from None
+    except (ModelRefused, OSError) as e:
+        raise ModelError(f"{folder}: {e}") from None
+    manifest = read.pop(MANIFEST)
+    files = [
+        BundleFile(folder / path, path, path, len(data), hashlib.sha256(data).hexdigest())
+        for path, data in read.items()
+    ]
+    return Bundle(manifest, files, [])
+
+
+def _manifest(files: list[BundleFile], missing: list[str]) -> bytes:
+    document = {
+        "v": 1,
+        "urdf": files[0].path,
+        "files": [
+            {"path": f.path, "uri": f.uri, "size": f.size, "sha256": f.sha256, "type": _type(f.path)}
+            for f in files
+        ],
+        "missing": missing,
+    }
+    return json.dumps(document, separators=(",", ":"), ensure_ascii=False).encode()
 
 
 def _file(source: Path, path: str, uri: str) -> BundleFile:
