@@ -1,13 +1,13 @@
 # Every target sets up what it needs; `make` alone lists them.
 .DEFAULT_GOAL := help
-.PHONY: help setup demo dev test test-full check fix bytes load dist clean unit e2e
+.PHONY: help setup demo dev test test-full check fix bytes bench load dist clean unit e2e
 SHELL := /bin/bash
 export UV_PYTHON_DOWNLOADS := never
 export PYTHONDONTWRITEBYTECODE := 1
 
 UV    := .tools/bin/uv
 BIN   := .venv/bin
-PYSRC := wire/python edge-agent relay loadtests tests tools
+PYSRC := wire/python edge-agent relay loadtests tests tools spa/e2e
 DEMO  := edge-agent/src/posecast_edge/demo_bundle
 
 help: ## list the targets
@@ -57,6 +57,7 @@ check: .venv/.ready node_modules/.ready ## lint, types, import directions, forma
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy $(PYSRC)
 	$(BIN)/lint-imports --no-cache
+	$(BIN)/hadolint infra/Dockerfile
 	npx --no-install biome check
 	npx --no-install tsc -p wire/typescript
 	npx --no-install tsc -p spa
@@ -91,6 +92,9 @@ test-full: setup ## the long rest as well
 
 bytes: .venv/.ready ## bytes per frame on the shared telemetry sets
 	$(BIN)/python wire/python/benches/bytes_per_frame.py
+
+bench: .venv/.ready ## the relay beside a bare send() loop, FastAPI and websockets (needs cc; 20 to 40 minutes)
+	$(BIN)/python -m relay.benches.bench
 
 load: setup ## Locust viewers against a relay of their own
 	$(BIN)/python -m posecast_loadtests
