@@ -101,9 +101,7 @@ class _Reader:
     # ---- scene ----
 
     def _node(self, node: Element, parent: Transform, depth: int) -> Iterator[Surface]:
-        self._instances += 1
-        if self._instances > INSTANCES_MAX or depth > DEPTH_MAX:
-            raise ModelRefused(f"a scene of more than {INSTANCES_MAX:,} nodes, or more than {DEPTH_MAX} deep")
+        self._count(depth)
         at = parent
         for child in node.children:
             at = at @ _transform(child)
@@ -122,15 +120,20 @@ class _Reader:
                     yield from self._geometry(shape, at, _bindings(child))
 
     def _geometry(self, geometry: Element, at: Transform, bound: dict[str, str]) -> Iterator[Surface]:
-        self._instances += 1
+        self._count(0)
         if id(geometry) not in self._pieces:
             self._pieces[id(geometry)] = list(self._read_pieces(geometry))
         for piece in self._pieces[id(geometry)]:
             self._triangles += len(piece.faces)
-            if self._triangles > TRIANGLES_MAX or self._instances > INSTANCES_MAX:
+            if self._triangles > TRIANGLES_MAX:
                 raise ModelRefused(f"more than {TRIANGLES_MAX:,} triangles")
             paint = self._paint(bound.get(piece.symbol) or (f"#{piece.symbol}" if piece.symbol else ""))
             yield _placed(piece, at, paint)
+
+    def _count(self, depth: int) -> None:
+        self._instances += 1
+        if self._instances > INSTANCES_MAX or depth > DEPTH_MAX:
+            raise ModelRefused(f"a scene of more than {INSTANCES_MAX:,} nodes, or more than {DEPTH_MAX} deep")
 
     # ---- geometry ----
 

@@ -219,10 +219,10 @@ class _Reader:
         color, texture = element.first("color"), element.first("texture")
         rgba = None
         if color is not None:
-            values = self._numbers(color, "rgba", what)
+            values = _floats(color.get("rgba") or "")
             if values is not None and len(values) == 3:
                 values = [*values, 1.0]
-            if values is None or len(values) != 4:
+            if values is None or len(values) != 4 or not all(map(math.isfinite, values)):
                 self._say("warning", "color", f"{what}: rgba needs four numbers from 0 to 1", color)
             else:
                 if max(values) > 1 or min(values) < 0:

@@ -1,0 +1,214 @@
+# ruff: noqa: E501 - the corpus is a table: one robot, one line
+"""A corpus of broken robots: each must get its own diagnosis, with the line, and nothing healthy may get one."""
+
+from __future__ import annotations
+
+import io
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import pytest
+from model_stage import ROBOTS, cube_collada, cube_stl, joint, link, mesh, robot, shared_robot, written
+from posecast_edge.model.doctor import examine
+from posecast_edge.model.files import Files, facts_of, read_visual_meshes
+from posecast_edge.model.finding import Finding, ModelRefused
+from posecast_edge.model.resolve import Resolver
+from posecast_edge.model.tree import build_tree
+from posecast_edge.model.urdf_reader import read_urdf
+from posecast_wire.mapping import JointMap, SensorMount
+from posecast_wire.mapping import Mapping as Meaning
+
+A, B, C = link("a"), link("b"), link("c")
+AB = joint("ab", "a", "b")
+
+
+@dataclass(frozen=True)
+class Case:
+    """A broken robot and its diagnosis: code, severity, line (None: any), and words that must stand in it."""
+
+    code: str
+    severity: str
+    line: int | None
+    words: str
+    parts: tuple[str, ...]
+    files: dict[str, bytes] = field(default_factory=dict)
+
+
+def box(size: str, more: str = "") -> str:
+    return f'<visual>{more}<geometry><box size="{size}"/></geometry></visual>'
+
+
+CORPUS = [
+    Case("no-links", "error", None, "no link", ()),
+    Case("joint-child", "error", 3, "no child link 'gone'", (A, joint("j", "a", "gone"))),
+    Case("joint-parent", "error", 3, "no parent link 'gone'", (A, joint("j", "gone", "a"))),
+    Case("joint-ends", "error", 3, "no child link", (A, '<joint name="j" type="fixed"><parent link="a"/></joint>')),
+    Case("link-doubled", "error", 3, "first in line 2", (A, A)),
+    Case("joint-doubled", "error", 6, "'ab' stands twice", (A, B, C, AB, joint("ab", "b", "c"))),
+    Case("two-parents", "error", 6, "child of two joints", (A, B, C, joint("j", "a", "c"), joint("k", "b", "c"))),
+    Case("no-root", "error", 2, "round in a circle", (A, B, AB, joint("ba", "b", "a"))),
+    Case("loop", "error", 3, "'b', 'c'", (A, B, C, joint("j", "b", "c"), joint("k", "c", "b"))),
+    Case("loop", "error", 3, "to itself", (A, joint("j", "a", "a"))),
+    Case("several-roots", "error", 4, "hangs on nothing", (A, B, C, AB)),
+    Case("joint-type", "error", 4, "'hinge'", (A, B, joint("j", "a", "b", "hinge"))),
+    Case("name-missing", "error", 3, "without a name", (A, "<link/>")),
+    Case("name-unusable", "error", 2, "control characters", (link("a&#10;b"), A)),
+    Case("name-odd", "warning", 2, "'__proto__'", (link("__proto__"),)),
+    Case("name-odd", "warning", 2, "<img", (link("&lt;img src=x&gt;"),)),
+    Case("number", "error", 4, "'1,5 0 0'", (A, B, joint("j", "a", "b", inside='<axis xyz="0 0 1"/><origin xyz="1,5 0 0"/>'))),
+    Case("number", "error", 4, "not finite", (A, B, joint("j", "a", "b", inside='<axis xyz="nan 0 1"/>'))),
+    Case("number", "error", 4, "three numbers", (A, B, joint("j", "a", "b", inside='<axis xyz="1 0"/>'))),
+    Case("axis-zero", "error", 4, "0 0 0", (A, B, joint("j", "a", "b", inside='<axis xyz="0 0 0"/>'))),
+    Case("axis-length", "warning", 4, "length 2", (A, B, joint("j", "a", "b", inside='<axis xyz="0 0 2"/>'))),
+    Case("axis-missing", "hint", 4, "x (1 0 0)", (A, B, joint("j", "a", "b", inside=""))),
+    Case("limit-missing", "warning", 4, "no <limit>", (A, B, joint("j", "a", "b", limit=""))),
+    Case("limit-empty", "warning", 4, "could not move", (A, B, joint("j", "a", "b", limit='<limit effort="1"/>'))),
+    Case("limit-reversed", "error", 4, "1 to -1", (A, B, joint("j", "a", "b", limit='<limit lower="1" upper="-1"/>'))),
+    Case("limit-zero", "warning", 4, "the same", (A, B, joint("j", "a", "b", limit='<limit lower="1" upper="1"/>'))),
+    Case("limit-without-zero", "hint", 4, "0.5 to 1", (A, B, joint("j", "a", "b", limit='<limit lower="0.5" upper="1"/>'))),
+    Case("limit-degrees", "warning", 4, "degrees", (A, B, joint("j", "a", "b", limit='<limit lower="-90" upper="90"/>'))),
+    Case("limit-millimetres", "warning", 4, "millimetres", (A, B, joint("j", "a", "b", "prismatic", limit='<limit upper="300"/>'))),
+    Case("limit-negative", "warning", 4, "below 0", (A, B, joint("j", "a", "b", limit='<limit lower="-1" upper="1" velocity="-1"/>'))),
+    Case("joint-free", "hint", 4, "no channel", (A, B, joint("j", "a", "b", "floating", "", ""))),
+    Case("mimic-unknown", "error", 4, "'gone'", (A, B, joint("j", "a", "b", inside='<axis xyz="0 0 1"/><mimic joint="gone"/>'))),
+    Case("mimic-loop", "error", 4, "circle", (A, B, joint("j", "a", "b", inside='<axis xyz="0 0 1"/><mimic joint="j"/>'))),
+    Case(
+        "mimic-loop", "error", 5, "circle",
+        (A, B, C, joint("j", "a", "b", inside='<axis xyz="0 0 1"/><mimic joint="k"/>'),
+         joint("k", "b", "c", inside='<axis xyz="0 0 1"/><mimic joint="j"/>')),
+    ),
+    Case(
+        "mimic-fixed", "error", 5, "fixed joint 'k'",
+        (A, B, C, joint("j", "a", "b", inside='<axis xyz="0 0 1"/><mimic joint="k"/>'), joint("k", "b", "c", "fixed", "", "")),
+    ),
+    Case("origin-degrees", "warning", 4, "degrees", (A, B, joint("j", "a", "b", inside='<axis xyz="0 0 1"/><origin rpy="0 0 90"/>'))),
+    Case("origin-far", "warning", 4, "millimetres", (A, B, joint("j", "a", "b", inside='<axis xyz="0 0 1"/><origin xyz="0 0 250"/>'))),
+    Case("mesh-missing", "error", 2, "no such file", (link("a", mesh("meshes/gone.stl")),)),
+    Case("mesh-missing", "error", 2, "no package 'nowhere'", (link("a", mesh("package://nowhere/x.stl")),)),
+    Case("mesh-outside", "error", 2, "outside", (link("a", mesh("../../../../etc/passwd.stl")),)),
+    Case("mesh-unnamed", "error", 2, "without a filename", (link("a", mesh("")),)),
+    Case("mesh-broken", "error", 2, "no kind of mesh", (link("a", mesh("meshes/a.step")),), {"a_step": b"x"}),
+    Case("mesh-broken", "error", 2, "HTML", (link("a", mesh("meshes/a.stl")),), {"a_stl": b"<!DOCTYPE html><html></html>"}),
+    Case("mesh-broken", "error", 2, "git lfs pull", (link("a", mesh("meshes/a.stl")),), {"a_stl": b"version https://git-lfs.github.com/spec/v1\n"}),
+    Case("mesh-found", "hint", 2, "other letters", (link("a", mesh("meshes/ARM.stl")),), {"arm_stl": cube_stl()}),
+    Case("mesh-large", "warning", 2, "millimetres", (link("a", mesh("meshes/a.stl")),), {"a_stl": cube_stl(300)}),
+    Case("robot-large", "warning", None, "300 m", (link("a", mesh("meshes/a.stl")),), {"a_stl": cube_stl(300)}),
+    Case("robot-small", "warning", None, "scaled twice", (link("a", mesh("meshes/a.stl", ' scale="0.001 0.001 0.001"')),), {"a_stl": cube_stl()}),
+    Case("mesh-small", "warning", 2, "only", (link("a", mesh("meshes/a.stl", ' scale="1e-4 1e-4 1e-4"')),), {"a_stl": cube_stl()}),
+    Case("scale-mirrored", "hint", 2, "mirrored", (link("a", mesh("meshes/a.stl", ' scale="1 -1 1"')),), {"a_stl": cube_stl()}),
+    Case("scale-uneven", "hint", 2, "stretched", (link("a", mesh("meshes/a.stl", ' scale="1 2 1"')),), {"a_stl": cube_stl()}),
+    Case("scale-zero", "error", 2, "scaled by 0", (link("a", mesh("meshes/a.stl", ' scale="1 0 1"')),), {"a_stl": cube_stl()}),
+    Case("collada-axis", "hint", 2, "Y_UP", (link("a", mesh("meshes/a.dae")),), {"a_dae": cube_collada(up="Y_UP")}),
+    Case("collada-unit", "hint", 2, "0.5 m", (link("a", mesh("meshes/a.dae")),), {"a_dae": cube_collada(unit="0.5")}),
+    Case(
+        "collada-opacity", "hint", 2, "opaque", (link("a", mesh("meshes/a.dae")),),
+        {"a_dae": cube_collada(effect="<transparency><float>0</float></transparency>"
+                               "<diffuse><color>1 0 0 1</color></diffuse>")},
+    ),
+    Case("visual-empty", "warning", 2, "without a geometry", (link("a", "<visual/>"),)),
+    Case("nothing-drawn", "warning", None, "nothing to draw", (link("a", ""),)),
+    Case("shape-unknown", "warning", 2, "'cone'", (link("a", "<visual><geometry><cone/></geometry></visual>"),)),
+    Case("shape-several", "warning", 2, "the first counts", (link("a", '<visual><geometry><sphere radius="1"/><sphere radius="2"/></geometry></visual>'),)),
+    Case("shape-size", "error", 2, "above 0", (link("a", box("0 1 1")),)),
+    Case("color", "warning", 2, "0 … 255", (link("a", box("1 1 1", '<material name="m"><color rgba="255 0 0 1"/></material>')),)),
+    Case("color", "warning", 2, "four numbers", (link("a", box("1 1 1", '<material name="m"><color rgba="red"/></material>')),)),
+    Case("material-colour", "hint", 2, "'steel'", (link("a", box("1 1 1", '<material name="steel"/>')),)),
+    Case("texture-in-urdf", "hint", 2, "into the mesh", (link("a", box("1 1 1", '<material name="m"><texture filename="t.png"/></material>')),)),
+    Case("sensor-link", "warning", 3, "'gone'", (A, '<gazebo reference="gone"><sensor name="imu" type="imu"/></gazebo>')),
+    Case("reference", "warning", 3, "<transmission>", (A, '<transmission name="t"><joint name="gone"/></transmission>')),
+    Case("mass-negative", "warning", 2, "-1 kg", (link("a", box("1 1 1") + '<inertial><mass value="-1"/></inertial>'),)),
+    Case("inertia", "hint", 2, "simulators", (link("a", box("1 1 1") + '<inertial><mass value="1"/><inertia ixx="-1"/></inertial>'),)),
+    Case("xacro", "error", 2, "xacro robot.xacro", ("<xacro:include/>", A)),
+]  # fmt: skip
+
+
+def diagnose(path: Path) -> list[Finding]:
+    with path.open("rb") as source:
+        urdf = read_urdf(source)
+    files = Files(Resolver(path))
+    read_visual_meshes(urdf, files, lambda *_: None)
+    return examine(urdf, build_tree(urdf), facts_of(files))
+
+
+@pytest.mark.parametrize("case", CORPUS, ids=[f"{i}-{c.code}" for i, c in enumerate(CORPUS)])
+def test_each_gets_its_diagnosis(case: Case, tmp_path: Path) -> None:
+    folder = tmp_path / "deep" / "down" / "model"
+    findings = diagnose(written(folder, robot(*case.parts), **case.files))
+    matching = [f for f in findings if f.code == case.code and case.words in f.text]
+    assert matching, findings
+    assert {f.severity for f in matching} == {case.severity}
+    assert case.line is None or case.line in {f.line for f in matching}
+    assert all(f.words("robot.urdf").isprintable() for f in findings)
+    # nothing worse than the thing itself, and what follows from it
+    worse = [f for f in findings if f.severity == "error" and f.code != case.code]
+    follows = {"several-roots", "joint-ends", "loop"}
+    assert {f.code for f in worse} <= follows, worse
+
+
+def test_corpus_is_large() -> None:
+    assert len(CORPUS) >= 30
+    assert len({c.code for c in CORPUS}) >= 30
+
+
+def test_the_healthy_are_healthy(tmp_path: Path) -> None:
+    parts = (A, link("b", mesh("meshes/b.stl")), AB)
+    assert diagnose(written(tmp_path, robot(*parts), b_stl=cube_stl())) == []
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        (b"<sdf/>", "SDF"),
+        (b"<mujoco/>", "MuJoCo"),
+        (b"<html><body/></html>", "HTML"),
+        (b"<robot><link</robot>", "not XML"),
+        (b"", "not XML"),
+        (b"PK\x03\x04", "not XML"),
+        (b"<other/>", "<other>"),
+        (b'<?xml version="1.0" encoding="klingon"?><robot/>', "not XML"),
+    ],
+)
+def test_what_is_no_urdf(text: bytes, reason: str) -> None:
+    with pytest.raises(ModelRefused, match=reason):
+        read_urdf(io.BytesIO(text))
+
+
+def test_a_profile_that_does_not_fit() -> None:
+    urdf = read_urdf(io.BytesIO(robot(A, B, C, AB, joint("bc", "b", "c", "fixed", "", "")).encode()))
+    meaning = Meaning(
+        joints={"gone": JointMap(()), "bc": JointMap(()), "ab": JointMap(())},
+        sensors={
+            "RF": SensorMount("wrench", "right foot", "nowhere"),
+            "torso": SensorMount("imu", "torso", "a"),
+            "battery": SensorMount("power", "battery", None),
+        },
+    )
+    findings = examine(urdf, build_tree(urdf), None, meaning)
+    assert [(f.code, f.severity) for f in findings] == [
+        ("profile-joint", "warning"),
+        ("profile-joint", "warning"),
+        ("profile-sensor", "warning"),
+    ]
+    assert "'nowhere'" in findings[2].text
+
+
+def test_heavy_meshes_are_named(tmp_path: Path) -> None:
+    body = cube_stl()[84:]
+    many = 34_000
+    stl = bytes(80) + (12 * many).to_bytes(4, "little") + body * many
+    findings = diagnose(written(tmp_path, robot(link("a", mesh("meshes/a.stl"))), a_stl=stl))
+    assert [f.code for f in findings] == ["bundle-size"]
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_shared_robots(name: str) -> None:
+    path = shared_robot(name)
+    if not path.exists():
+        pytest.skip("no ../shared/robots here")
+    findings = diagnose(path)
+    wanted = {
+        "hubo2plus-stl": {"mesh-missing", "visual-empty"},
+        "hubo2plus-collada": {"visual-empty", "collada-axis", "bundle-size"},
+        "g1-hands": {"bundle-size"},
+    }
+    assert {f.code for f in findings} == wanted.get(name, set())
