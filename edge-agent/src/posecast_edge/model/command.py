@@ -11,7 +11,7 @@ from typing import Any, NoReturn
 
 from posecast_edge.model.cache import Cache, cache_folder
 from posecast_edge.model.doctor import examine
-from posecast_edge.model.finding import Finding, ModelRefused
+from posecast_edge.model.finding import SEVERITIES, Finding, ModelRefused, quoted
 from posecast_edge.model.folder import MANIFEST, write_folder
 from posecast_edge.model.progress import Bar
 from posecast_edge.model.resolve import Resolver, package_folders
@@ -82,9 +82,13 @@ def _doctor(path: Path, packages: Sequence[Path], profile: Path | None) -> int:
 
 
 def _counted(name: str, links: int, joints: int, findings: Sequence[Finding]) -> str:
-    counts = [(sum(f.severity == s for f in findings), s) for s in ("error", "warning", "hint")]
-    said = ", ".join(f"{n} {s}{'s' if n > 1 else ''}" for n, s in counts if n) or "nothing wrong"
-    return f"robot {name!r:.80}, {links} links, {joints} joints: {said}"
+    counts = [(sum(f.severity == s for f in findings), s) for s in SEVERITIES]
+    said = ", ".join(_many(n, s) for n, s in counts if n) or "nothing wrong"
+    return f"robot {quoted(name)}, {_many(links, 'link')}, {_many(joints, 'joint')}: {said}"
+
+
+def _many(number: int, what: str) -> str:
+    return f"{number} {what}" if number == 1 else f"{number} {what}s"
 
 
 def _build(path: Path, packages: Sequence[Path], out: Path, cache: Path | None) -> int:
@@ -112,8 +116,9 @@ def _report(path: Path, out: Path, manifest: Mapping[str, Any]) -> None:
             said = Finding(finding["severity"], finding["code"], finding["text"], finding.get("line"))
             _say(sys.stderr, said.words(str(path)))
     stand_ins = sum("placeholder" in v for v in manifest["visuals"])
-    more = f", {stand_ins} of them stand-ins" if stand_ins else ""
-    _say(sys.stdout, f"{out}: {len(manifest['links'])} links, {len(manifest['visuals'])} visuals{more}")
+    more = f", {_many(stand_ins, 'stand-in')} among them" if stand_ins else ""
+    links, visuals = _many(len(manifest["links"]), "link"), _many(len(manifest["visuals"]), "visual")
+    _say(sys.stdout, f"{out}: {links}, {visuals}{more}")
     for level in manifest["levels"]:
         size, error = f"{level['bytes'] / 1e3:,.0f} kB", f"{level['error_m'] * 1e3:.2g} mm"
         _say(sys.stdout, f"  {level['name']:7}{size:>10}{level['triangles']:>10,} triangles, within {error}")

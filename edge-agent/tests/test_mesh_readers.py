@@ -1,0 +1,214 @@
+"""Mesh files of every kind: read right, against another library where it can read them."""
+
+from __future__ import annotations
+
+import io
+import json
+import struct
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import trimesh
+from model_stage import (
+    CUBE_FACES,
+    SHARED,
+    cube_collada,
+    cube_glb,
+    cube_obj,
+    cube_stl,
+    cube_text_stl,
+    resolver_at,
+)
+from posecast_edge.model.finding import ModelRefused
+from posecast_edge.model.mesh import Mesh, fans
+from posecast_edge.model.mesh_reader import read_mesh
+
+
+def read(folder: Path, name: str, data: bytes) -> Mesh:
+    (folder / name).write_bytes(data)
+    return read_mesh(folder / name, resolver_at(folder))
+
+
+def volume(mesh: Mesh) -> float:
+    """Positive for a closed body whose faces look outward."""
+    total = 0.0
+    for surface in mesh.surfaces:
+        a, b, c = (surface.positions[surface.faces[:, k]].astype(np.float64) for k in range(3))
+        total += float(np.einsum("nk,nk->n", a, np.cross(b, c)).sum()) / 6
+    return total
+
+
+CUBES = {
+    "a.stl": cube_stl(),
+    "solid.stl": cube_stl(header=b"solid facet but binary"),
+    "colour.stl": cube_stl(header=b"COLOR=\x01\x02\x03\x04"),
+    "text.STL": cube_text_stl(),
+    "shouted.stl": cube_text_stl().upper(),
+    "a.obj": cube_obj(),
+    "named.OBJ": cube_obj("# by hand\no cube\ng side\ns 1\n"),
+    "windows.obj": cube_obj().replace(b"\n", b"\r\n"),
+    "a.dae": cube_collada(),
+    "a.DAE": cube_collada(up="Y_UP"),
+    "plain.glb": cube_glb(),
+    "glb-named.stl": cube_glb(),
+}
+
+
+@pytest.mark.parametrize("name", CUBES)
+def test_cubes(name: str, tmp_path: Path) -> None:
+    mesh = read(tmp_path, name, CUBES[name])
+    assert mesh.triangles == 12
+    assert np.allclose(mesh.box(), np.array([[0, 0, 0], [0.2, 0.2, 0.2]]))
+    assert volume(mesh) == pytest.approx(0.008, rel=1e-5)
+
+
+def test_stl_with_more_after_it(tmp_path: Path) -> None:
+    mesh = read(tmp_path, "a.stl", cube_stl() + b"some trailer")
+    assert mesh.triangles == 12
+    assert [code for code, _ in mesh.notes] == ["stl-tail"]
+
+
+def test_collada_transforms_in_order(tmp_path: Path) -> None:
+    node = (
+        "<translate>1 2 3</translate><rotate>0 0 1 90</rotate><scale>1 2 1</scale>"
+        "<matrix>1 0 0 0.5 0 1 0 0 0 0 1 0 0 0 0 1</matrix>"
+    )
+    mesh = read(tmp_path, "a.dae", cube_collada(node=node, unit="0.1"))
+    # x → 0.5 … 0.7; scaled y 0 … 0.4; turned: x' = −y, y' = x; moved; tenths of a metre
+    assert np.allclose(mesh.box(), [[0.06, 0.25, 0.3], [0.1, 0.27, 0.32]], atol=1e-6)
+    assert [code for code, _ in mesh.notes] == ["collada-unit"]
+    assert volume(mesh) > 0
+
+
+def test_collada_mirrored_by_its_scene_is_turned(tmp_path: Path) -> None:
+    assert volume(read(tmp_path, "a.dae", cube_collada(node="<scale>-1 1 1</scale>"))) > 0
+
+
+@pytest.mark.parametrize(
+    ("tag", "inside"),
+    [
+        ("polylist", "<vcount>4 4 4 4 4 4</vcount><p>{all}</p>"),
+        ("polygons", "{each}"),
+        ("trifans", "{each}"),
+    ],
+)
+def test_collada_polygons(tag: str, inside: str, tmp_path: Path) -> None:
+    quads = ["0 1 3 2", "4 6 7 5", "0 4 5 1", "2 3 7 6", "0 2 6 4", "1 5 7 3"]
+    body = inside.format(all=" ".join(quads), each="".join(f"<p>{q}</p>" for q in quads))
+    data = cube_collada().decode()
+    start, end = data.index("<p>"), data.index("</triangles>")
+    data = (data[:start] + body + data[end:]).replace("triangles", tag)
+    mesh = read(tmp_path, "a.dae", data.encode())
+    assert mesh.triangles == 12
+    assert volume(mesh) == pytest.approx(0.008)
+
+
+def test_collada_strips(tmp_path: Path) -> None:
+    data = cube_collada().decode()
+    start, end = data.index("<p>"), data.index("</triangles>")
+    data = (data[:start] + "<p>0 1 2 3 6 7</p>" + data[end:]).replace("triangles", "tristrips")
+    [surface] = read(tmp_path, "a.dae", data.encode()).surfaces
+    assert surface.faces.tolist() == [[0, 1, 2], [2, 1, 3], [2, 3, 6], [6, 3, 7]]
+
+
+def test_collada_colours(tmp_path: Path) -> None:
+    def colour(effect: str) -> tuple[float, ...] | None:
+        [surface] = read(tmp_path, "a.dae", cube_collada(effect=effect)).surfaces
+        return surface.paint.rgba if surface.paint else None
+
+    diffuse = "<diffuse><color>0.1 0.2 0.3 1</color></diffuse>"
+    half = "<transparency><float>0.5</float></transparency>"
+    assert colour(diffuse) == (0.1, 0.2, 0.3, 1)
+    assert colour(diffuse + half) == (0.1, 0.2, 0.3, 0.5)
+    none = "<transparent><color>1 1 1 1</color></transparent><transparency><float>0</float></transparency>"
+    assert colour(diffuse + none) == (0.1, 0.2, 0.3, 1)
+    zero = '<transparent opaque="RGB_ZERO"><color>0 0 0 1</color></transparent>'
+    assert colour(diffuse + zero + half) == (0.1, 0.2, 0.3, 1)
+    assert colour("<shininess><float>3</float></shininess>") is None
+
+
+def test_obj_materials(tmp_path: Path) -> None:
+    (tmp_path / "a.mtl").write_text(
+        "newmtl red\nKd 1 0 0\nnewmtl glass\nKd 0 0 1\nd 0.4\nnewmtl odd\nKd x\nTr 1\n"
+    )
+    faces = cube_obj().decode().partition("f ")
+    parts = ["f " + f for f in ("f " + faces[2]).split("f ")[2:] if f]
+    text = "mtllib a.mtl\n" + faces[0]
+    for material, part in zip(("red", "glass", "odd", "gone", "red", "red"), parts, strict=False):
+        text += f"usemtl {material}\n{part}"
+    mesh = read(tmp_path, "a.obj", text.encode())
+    rgba = [s.paint.rgba if s.paint else None for s in mesh.surfaces]
+    assert rgba == [(1, 0, 0, 1), (0, 0, 1, 0.4), (0.8, 0.8, 0.8, 1), None]
+
+
+def test_obj_counts_from_the_end(tmp_path: Path) -> None:
+    mesh = read(tmp_path, "a.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf -3 -2 -1\n")
+    assert mesh.surfaces[0].faces.tolist() == [[0, 1, 2]]
+
+
+def test_glb_scene_and_colour(tmp_path: Path) -> None:
+    def moved(document: dict[str, object]) -> None:
+        document["nodes"] = [
+            {"children": [1], "translation": [1, 0, 0], "scale": [2, 2, 2]},
+            {"mesh": 0, "rotation": [0, 0, 0.70710678, 0.70710678]},
+        ]
+
+    mesh = read(tmp_path, "a.glb", cube_glb(moved))
+    assert np.allclose(mesh.box(), [[0.6, 0, 0], [1, 0.4, 0.4]], atol=1e-6)
+    [surface] = mesh.surfaces
+    assert surface.paint is not None
+    assert surface.paint.rgba == pytest.approx((1, 0, 0, 1))
+
+
+def test_glb_of_small_integers(tmp_path: Path) -> None:
+    data = cube_glb()
+    document = json.loads(data[20 : 20 + struct.unpack_from("<I", data, 12)[0]])
+    corners = np.array([[x, y, z, 0] for x in (0, 1) for y in (0, 1) for z in (0, 1)], "<i2") * 32767
+    faces = CUBE_FACES.astype("u1").tobytes()
+    document["accessors"][0] |= {"componentType": 5122, "normalized": True}
+    document["accessors"][1] |= {"componentType": 5121}
+    document["bufferViews"] = [
+        {"buffer": 0, "byteLength": 64, "byteStride": 8},
+        {"buffer": 0, "byteOffset": 64, "byteLength": 36},
+    ]
+    text = json.dumps(document).encode()
+    text += b" " * (-len(text) % 4)
+    binary = corners.tobytes() + faces
+    chunks = (
+        struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(binary), b"BIN\0") + binary
+    )
+    mesh = read(tmp_path, "a.glb", struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks)
+    assert np.allclose(mesh.box(), [[0, 0, 0], [1, 1, 1]])
+
+
+def test_fans() -> None:
+    assert fans(np.array([3, 5, 2, 4])).tolist() == [
+        [0, 1, 2],
+        [3, 4, 5],
+        [3, 5, 6],
+        [3, 6, 7],
+        [10, 11, 12],
+        [10, 12, 13],
+    ]
+
+
+def test_unreadable_kinds(tmp_path: Path) -> None:
+    for name in ("a.ply", "a.step", "a"):
+        with pytest.raises(ModelRefused):
+            read(tmp_path, name, b"something")
+
+
+@pytest.mark.parametrize("pattern", ["**/*.dae", "**/*.stl", "**/*.STL"])
+def test_shared_meshes_as_another_library_reads_them(pattern: str) -> None:
+    files = sorted((SHARED / "robots").glob(pattern))[::7]
+    if not files:
+        pytest.skip("no ../shared/robots here")
+    for path in files:
+        mesh = read_mesh(path, resolver_at(path.parent))
+        other: Any = trimesh.load(
+            io.BytesIO(path.read_bytes()), file_type=path.suffix[1:].lower(), force="mesh", process=False
+        )
+        assert mesh.triangles == len(other.faces), path.name
+        assert np.abs(np.array(mesh.box()) - other.bounds).max() < 1e-6, path.name

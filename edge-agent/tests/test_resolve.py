@@ -1,0 +1,116 @@
+"""Every way that robots in the wild name their meshes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from model_stage import cube_stl, link, robot, written
+from posecast_edge.model.finding import ModelRefused
+from posecast_edge.model.resolve import Resolver, package_folders
+
+
+def placed(path: Path) -> Path:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(cube_stl())
+    return path
+
+
+def named(folder: Path, name: str) -> Path:
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "package.xml").write_text(f"<package format='3'><name> {name} </name></package>")
+    return folder
+
+
+def test_beside_and_above(tmp_path: Path) -> None:
+    arm = placed(tmp_path / "ws/foo_description/meshes/arm.STL")
+    bar = placed(tmp_path / "ws/bar/b.stl")
+    named(tmp_path / "ws/foo_description", "foo_description")
+    urdf = written(tmp_path / "ws/foo_description/urdf", robot(link("a")))
+    resolver = Resolver(urdf)
+    for uri in (
+        "../meshes/arm.STL",
+        "package://foo_description/meshes/arm.STL",
+        "package:///foo_description/meshes/arm.STL",
+        "package://foo_description/meshes/../meshes/arm.STL",
+        "package://foo_description//meshes/arm%2ESTL",
+        f"file://{arm}",
+        str(arm),
+        "model://foo_description/meshes/arm.STL",
+        " ../meshes/arm.STL".strip(),
+    ):
+        assert resolver.find(uri).path == arm, uri
+        assert resolver.find(uri).hint is None
+    assert resolver.find("package://bar/b.stl").path == bar
+
+
+def test_found_with_leniency(tmp_path: Path) -> None:
+    arm = placed(tmp_path / "model/meshes/Arm.STL")
+    resolver = Resolver(written(tmp_path / "model", robot(link("a"))))
+    for uri, words in (
+        ("meshes/arm.stl", "other letters"),
+        ("MESHES/ARM.STL", "other letters"),
+        ("meshes\\Arm.STL", "backslashes"),
+        ("package://renamed/meshes/Arm.STL", "model's own folder"),
+        ("package://old/deep/path/meshes/Arm.STL", "model's own folder"),
+    ):
+        found = resolver.find(uri)
+        assert found.path == arm, uri
+        assert found.hint is not None
+        assert words in found.hint
+
+
+def test_package_folders_of_the_user(tmp_path: Path) -> None:
+    urdf = written(tmp_path / "robots", robot(link("a")))
+    one = placed(tmp_path / "one/arm_pkg/meshes/a.stl")
+    two = placed(named(tmp_path / "two/src/other-name", "arm_two") / "a.stl")
+    direct = placed(tmp_path / "three/arm_three/a.stl")
+    with pytest.raises(ModelRefused, match=r"no package 'arm_pkg'.*--packages"):
+        Resolver(urdf).find("package://arm_pkg/meshes/a.stl")
+    resolver = Resolver(
+        urdf, [tmp_path / "one", tmp_path / "two", tmp_path / "three/arm_three", tmp_path / "gone"]
+    )
+    assert resolver.find("package://arm_pkg/meshes/a.stl").path == one
+    assert resolver.find("package://arm_two/a.stl").path == two
+    assert resolver.find("package://arm_three/a.stl").path == direct
+    assert resolver.find(f"file://{one}").path == one
+    with pytest.raises(ModelRefused, match="no such file"):
+        resolver.find("package://arm_pkg/meshes/gone.stl")
+
+
+def test_ros_says_where_packages_are() -> None:
+    environment = {"AMENT_PREFIX_PATH": "/opt/ros/x:/ws/install", "ROS_PACKAGE_PATH": "/src:/more"}
+    expected = ["/opt/ros/x/share", "/ws/install/share", "/src", "/more"]
+    assert [str(p) for p in package_folders(environment)] == expected
+    assert package_folders({}) == []
+
+
+def test_what_lies_beside_a_mesh(tmp_path: Path) -> None:
+    urdf = written(tmp_path / "model", robot(link("a")))
+    mesh = placed(tmp_path / "model/meshes/a.obj")
+    picture = tmp_path / "model/textures/skin.PNG"
+    picture.parent.mkdir()
+    picture.write_bytes(b"x")
+    near = tmp_path / "model/meshes/near.jpg"
+    near.write_bytes(b"x")
+    resolver = Resolver(urdf)
+    assert resolver.beside(mesh, "../textures/skin.PNG") == picture
+    assert resolver.beside(mesh, "..\\textures\\skin.png") == picture
+    assert resolver.beside(mesh, "near.jpg") == near
+    assert resolver.beside(mesh, "C:\\Users\\artist\\near.jpg") == near
+    assert resolver.beside(mesh, "/home/artist/near.jpg") == near
+    for name in ("gone.png", "a.obj", "robot.urdf"):
+        with pytest.raises(ModelRefused):
+            resolver.beside(mesh, name)
+
+
+def test_a_home_is_no_package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A package called like the user would be all that the user has."""
+    home = tmp_path / "home/ada"
+    monkeypatch.setenv("HOME", str(home))
+    placed(home / "private.stl")
+    urdf = written(home / "robots/r", robot(link("a")))
+    with pytest.raises(ModelRefused):
+        Resolver(urdf).find("package://ada/private.stl")
+    with pytest.raises(ModelRefused):
+        Resolver(urdf).find("package://home/ada/private.stl")
