@@ -136,6 +136,7 @@ MESHES: dict[str, tuple[str, bytes, str]] = {
     "text of words": ("a.stl", b"solid x\nfacet normal 0 0 0\n" + b"vertex a b c\n" * 3, "no number"),
     "laughs": ("a.dae", COLLADA_LAUGHS, "DTD"),
     "deep collada": ("a.dae", b"<COLLADA>" + b"<a>" * 200_000, "nested"),
+    "wide collada": ("a.dae", b"<COLLADA>" + b"<p/>" * 250_000 + b"</COLLADA>", "more than 200000 elements"),
     "doubling nodes": ("a.dae", doubling(40), "nodes"),
     "stride of nothing": ("a.dae", cube_collada().replace(b'stride="3"', b'stride="0"'), "stride"),
     "corners beyond": ("a.dae", cube_collada().replace(b"<p>0 ", b"<p>99 "), "names a vertex"),

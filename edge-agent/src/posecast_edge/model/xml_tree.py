@@ -6,7 +6,7 @@ more than its first pages.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from typing import BinaryIO
 from xml.parsers import expat
 
@@ -15,18 +15,27 @@ from posecast_edge.model.finding import ModelRefused
 CHUNK = 1 << 20
 TOKEN_MAX = 2 << 20  # bytes of one tag with its attributes: expat starts anew on it with every chunk
 
+NO_ATTRIBUTES: Mapping[str, str] = {}
+
 
 class Element:
     """One element. `text` is the characters directly inside it, "" unless asked for."""
 
     __slots__ = ("attributes", "children", "line", "tag", "text")
 
-    def __init__(self, tag: str, attributes: dict[str, str], line: int) -> None:
+    def __init__(self, tag: str, attributes: Mapping[str, str], line: int) -> None:
         self.tag = tag
-        self.attributes = attributes
-        self.children: list[Element] = []
+        self.attributes = attributes or NO_ATTRIBUTES  # hundreds of thousands may have none
+        self.children: Sequence[Element] = ()
         self.line = line
         self.text = ""
+
+    def add(self, child: Element) -> None:
+        """Append a child."""
+        if isinstance(self.children, list):
+            self.children.append(child)
+        else:
+            self.children = [child]
 
     def all(self, tag: str) -> Iterator[Element]:
         """Children with that tag."""
@@ -66,7 +75,10 @@ def read_xml(
         if len(stack) >= depth_max:
             raise ModelRefused(f"nested more than {depth_max} deep", parser.CurrentLineNumber)
         element = Element(tag, attributes, parser.CurrentLineNumber)
-        (stack[-1].children if stack else root).append(element)
+        if stack:
+            stack[-1].add(element)
+        else:
+            root.append(element)
         stack.append(element)
         pieces.append([])
 
