@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import gzip
 from pathlib import Path
 from typing import Any
 
@@ -183,6 +184,22 @@ def test_the_page_and_never_instead_of_an_answer(relays: Any, page: Path) -> Non
     assert "/api/v1/robots/{robot}/state" in httpx.get(base + "/openapi.json").json()["paths"]
     assert httpx.get(base + "/docs").status_code == 404
     assert httpx.get(base + "/metrics").status_code == 404
+
+
+def test_a_packed_file_goes_to_those_who_can_unpack(relays: Any, page: Path) -> None:
+    script = "let a = 1;\n" * 1000
+    (page / "assets" / "app-1a2b.js").write_text(script)
+    (page / "assets" / "app-1a2b.js.gz").write_bytes(gzip.compress(script.encode()))
+    url = f"http://{relays('--static', str(page)).address}/assets/app-1a2b.js"
+    packed = httpx.get(url, headers={"accept-encoding": "gzip, br"})
+    plain = httpx.get(url, headers={"accept-encoding": "identity"})
+    assert packed.text == plain.text == script
+    assert int(packed.headers["content-length"]) < 200
+    assert packed.headers["content-encoding"] == "gzip"
+    assert "content-encoding" not in plain.headers
+    for answer in (packed, plain):
+        assert answer.headers["content-type"].startswith("text/javascript")
+        assert answer.headers["vary"] == "accept-encoding"
 
 
 def test_a_relay_without_a_page_says_so(relays: Any) -> None:

@@ -12,6 +12,7 @@ from typing import Any
 from fastapi import FastAPI, HTTPException, Request, Response
 from fastapi.responses import JSONResponse, PlainTextResponse
 from fastapi.staticfiles import StaticFiles
+from starlette.datastructures import Headers
 from starlette.exceptions import HTTPException as StarletteHTTPException
 from starlette.types import Scope
 
@@ -64,8 +65,14 @@ class Page(StaticFiles):
     def file_response(
         self, full_path: Any, stat_result: os.stat_result, scope: Scope, status_code: int = 200
     ) -> Response:
-        """With the right cache header."""
-        response = super().file_response(full_path, stat_result, scope, status_code)
+        """With the right cache header; packed where the build packed it and the browser can unpack."""
+        packed = f"{full_path}.gz"
+        unpacks = "gzip" in Headers(scope=scope).get("accept-encoding", "") and os.path.isfile(packed)
+        served, stat = (packed, os.stat(packed)) if unpacks else (full_path, stat_result)
+        response = super().file_response(served, stat, scope, status_code)
+        response.headers["vary"] = "accept-encoding"
+        if unpacks:
+            response.headers["content-encoding"] = "gzip"
         hashed = "/assets/" in scope["path"]
         response.headers["cache-control"] = "public, max-age=31536000, immutable" if hashed else "no-cache"
         response.headers["x-content-type-options"] = "nosniff"
