@@ -13,6 +13,7 @@ def test_defaults() -> None:
     assert (settings.host, settings.port, settings.store) == ("127.0.0.1", 8080, "memory://")
     assert settings.zenoh_listen == ("tcp/127.0.0.1:7447",)
     assert settings.metrics_port is None
+    assert settings.max_connection_age is None
 
 
 def test_a_flag_wins_over_its_variable_and_that_over_port() -> None:
@@ -41,6 +42,11 @@ def test_a_flag_wins_over_its_variable_and_that_over_port() -> None:
         (["run", "--dev", "--zenoh-listen", "tcp/0.0.0.0:7447"], {}, "only loopback"),
         (["run", "--dev", "--zenoh-listen", "tcp/relay.example:7447"], {}, "only loopback"),
         (["run", "--dev", "--max-viewers", "0"], {}, "--max-viewers '0': "),
+        (
+            ["run", "--dev", "--max-connection-age", "0.5"],
+            {},
+            "--max-connection-age '0.5': use a number of s",
+        ),
         (["run", "--dev", "--host", "a b"], {}, "--host 'a b': "),
     ],
 )

@@ -7,7 +7,7 @@ from posecast_relay.core.limits import Limits
 from posecast_relay.core.viewer import Viewer
 from posecast_wire import Close
 
-from .sim import Edge, Screen, World
+from .sim import Edge, World
 
 
 def watch(world: World, edge: Edge, viewer: Viewer, seconds: float, acks: bool = True) -> None:
@@ -201,11 +201,15 @@ def test_the_next_one_is_told_that_the_relay_is_full() -> None:
     assert screen.ended is None
 
 
-def test_drain_tells_everybody() -> None:
-    world = World()
-    world.on_air()
-    screens: list[Screen] = [world.join()[1] for _ in range(5)]
-    world.do(world.hub.drain("the relay is being replaced", 10.0))
-    assert {s.ended for s in screens} == {(Close.DRAIN, "the relay is being replaced", 10.0)}
-    assert world.hub.viewers == {}
-    assert world.hub.endings[Close.DRAIN] == 5
+def test_connections_are_renewed_before_their_age_limit() -> None:
+    world = World(Limits(max_age_s=60.0))
+    edge = world.on_air()
+    viewer, screen = world.join()
+    assert screen.told("hello")[0]["limits"]["max_age_s"] == 60.0
+    viewer.until = world.now + 55.0  # by the adapter's dice
+    watch(world, edge, viewer, 54.0)
+    assert screen.ended is None
+    watch(world, edge, viewer, 2.0)
+    assert screen.ended == (Close.AGE_LIMIT, "time for a new connection", 1.0)
+    assert viewer not in world.hub.viewers
+    assert world.hub.endings[Close.AGE_LIMIT] == 1

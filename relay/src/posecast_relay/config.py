@@ -30,6 +30,7 @@ class Settings:
     static: Path | None
     max_viewers: int
     max_robots: int
+    max_connection_age: float | None
     model_cache_mb: int
     log_level: str
 
@@ -52,6 +53,12 @@ def _count(text: str) -> int:
     if not text.isascii() or not text.isdigit() or not 1 <= int(text) <= 1_000_000:
         raise ValueError("use a number from 1 to 1000000")
     return int(text)
+
+
+def _seconds(text: str) -> float:
+    if not text.isascii() or not text.isdigit() or not 1 <= int(text) <= 1_000_000:
+        raise ValueError("use a number of seconds from 1 to 1000000")
+    return float(text)
 
 
 def _host(text: str) -> str:
@@ -117,6 +124,7 @@ FLAGS = (
     _Flag("zenoh_listen", _endpoints, "tcp/127.0.0.1:7447", "where edges connect; port 0 = any free", "ADDR"),
     _Flag("static", _directory, None, "the built page; default: the one packed in, if any", "DIR"),
     _Flag("max_viewers", _count, "5000", "further ones are told `full`", "N"),
+    _Flag("max_connection_age", _seconds, None, "viewers connect anew after this, give or take a tenth", "S"),
     _Flag("max_robots", _count, "1000", "frames of further ones are dropped", "N"),
     _Flag("model_cache_mb", _count, "256", "memory for robots' models", "MB"),
     _Flag("log_level", _level, "warning", "debug, info, warning or error", "LEVEL"),

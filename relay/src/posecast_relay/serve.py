@@ -31,8 +31,8 @@ from posecast_relay.core.limits import Limits
 log = logging.getLogger("posecast_relay")
 
 BACKLOG = 4096  # a lecture hall opens the link at once
-GRACE_S = 5  # for requests under way when the relay stops
-CLOSE_ZENOH_S = 2.0
+GRACE_S = 2  # for requests under way when the relay stops
+CLOSE_ZENOH_S = 1.0
 
 
 class StartError(RuntimeError):
@@ -40,11 +40,21 @@ class StartError(RuntimeError):
 
 
 class _Server(uvicorn.Server):
-    """uvicorn without its signal handlers (they end the process with the signal's status)."""
+    """uvicorn without its signal handlers: they close everybody at once, with the signal as status."""
 
-    def __init__(self, config: uvicorn.Config, serving: Callable[[], None]) -> None:
+    def __init__(self, config: uvicorn.Config, pump: Pump, serving: Callable[[], None]) -> None:
         super().__init__(config)
+        self._pump = pump
         self._serving = serving
+
+    def leave(self) -> None:
+        """SIGTERM or Ctrl-C: move the viewers away, then stop. A second one: at once."""
+        self.force_exit = self.should_exit = self._pump.draining
+        self._pump.drain()
+
+    async def on_tick(self, counter: int) -> bool:
+        """Ten times a second: whether to stop."""
+        return await super().on_tick(counter) or self._pump.drained
 
     @contextlib.contextmanager
     def capture_signals(self) -> Iterator[None]:
@@ -74,7 +84,11 @@ async def _serve(settings: Settings) -> None:
     except ListenError as e:
         listener.close()
         raise StartError(str(e)) from None
-    limits = Limits(viewers=settings.max_viewers, robots=settings.max_robots)
+    limits = Limits(
+        viewers=settings.max_viewers,
+        robots=settings.max_robots,
+        max_age_s=settings.max_connection_age or float("inf"),
+    )
     store = _store(settings.store)
     pump = Pump(Hub(limits), store)
     try:
@@ -109,10 +123,10 @@ async def _serve(settings: Settings) -> None:
         backlog=BACKLOG,
         timeout_graceful_shutdown=GRACE_S,
     )
-    server = _Server(config, serving)
+    server = _Server(config, pump, serving)
     loop = asyncio.get_running_loop()
     for number in (signal.SIGTERM, signal.SIGINT):
-        loop.add_signal_handler(number, setattr, server, "should_exit", True)
+        loop.add_signal_handler(number, server.leave)
     await store.start()
     pump.start()
     ZenohIngest(session, pump).start()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import random
 import time
 from collections.abc import Callable, Iterable, Sequence
 
@@ -23,7 +24,6 @@ class Pump:
         self.hub = hub
         self.store = store
         self.ask: Callable[[str, Sequence[str]], None] = lambda _robot, _views: None
-        self.draining = False
         self._loop = asyncio.get_running_loop()
         self._timer: asyncio.TimerHandle | None = None
         self._armed_at = float("inf")
@@ -84,7 +84,18 @@ class Pump:
         self.carry_out(self.hub.tick(self.now(), self.unix_s()))
 
     def drain(self) -> None:
-        """Tell every viewer that this relay goes."""
-        if not self.draining:
-            self.draining = True
-            self.carry_out(self.hub.drain("the relay is being replaced", 10.0))
+        """Move the viewers away, since this relay goes; harmless when begun already."""
+        if self.hub.draining is None:
+            order = list(self.hub.viewers)
+            random.shuffle(order)
+            self.carry_out(self.hub.drain(order, self.now()))
+
+    @property
+    def draining(self) -> bool:
+        """Whether this relay is about to go."""
+        return self.hub.draining is not None
+
+    @property
+    def drained(self) -> bool:
+        """Whether it may go: all viewers have been told."""
+        return self.draining and not self.hub.viewers

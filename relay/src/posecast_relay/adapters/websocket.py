@@ -7,6 +7,7 @@ A viewer is sent messages that the core has made ready, straight to the transpor
 from __future__ import annotations
 
 import asyncio
+import random
 import re
 import socket
 from http import HTTPStatus
@@ -22,6 +23,7 @@ from websockets.server import ServerProtocol
 
 from posecast_relay.adapters.pump import Pump
 from posecast_relay.core import messages
+from posecast_relay.core.hub import DRAIN_RETRY_S, GOING
 from posecast_relay.core.robot import PUBLIC
 from posecast_relay.core.viewer import Viewer
 
@@ -108,10 +110,11 @@ class LiveSocket(asyncio.Protocol):
         self._send_own()
 
     def shutdown(self) -> None:
-        """uvicorn stops: the first connection it tells takes everybody along."""
-        self.pump.drain()
+        """uvicorn stops. Viewers were moved away before, unless somebody was in a hurry."""
         if self._viewer is None:
             self._transport.close()
+        else:
+            self.end(Close.DRAIN, GOING, DRAIN_RETRY_S)
 
     # ---- what a viewer sends ------------------------------------------------
 
@@ -129,9 +132,6 @@ class LiveSocket(asyncio.Protocol):
         if self._ws.state is not OPEN:
             return
         pump = self.pump
-        if pump.draining:
-            self.end(Close.DRAIN, "the relay is being replaced", 10.0)
-            return
         try:
             check_name("robot", robot)
             check_name("view", view)
@@ -141,7 +141,8 @@ class LiveSocket(asyncio.Protocol):
             pump.hub.endings[Close.ABSENT] += 1
             self.end(Close.ABSENT, str(e), None)
             return
-        self._viewer = Viewer(self, robot, view, hz, pump.hub.limits, pump.now())
+        lives_s = pump.hub.limits.max_age_s * random.uniform(0.9, 1.1)
+        self._viewer = Viewer(self, robot, view, hz, pump.hub.limits, pump.now(), lives_s)
         pump.carry_out(pump.hub.join(self._viewer, pump.now(), pump.unix_s()))
         if self._transport.get_write_buffer_size() > 0:
             # uvicorn makes us the transport's protocol only after this call: it was told to pause, not we

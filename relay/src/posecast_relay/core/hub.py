@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections import Counter
+from collections.abc import Sequence
 from typing import cast
 
 from posecast_wire import (
@@ -21,6 +22,7 @@ from posecast_wire import (
 
 from posecast_relay.core import messages
 from posecast_relay.core.actions import Action, Ask, Cut, End, Keep, Send
+from posecast_relay.core.drain import Drain
 from posecast_relay.core.limits import Limits
 from posecast_relay.core.robot import PUBLIC, Robot
 from posecast_relay.core.room import NEVER, Room
@@ -28,6 +30,9 @@ from posecast_relay.core.stream import Fate
 from posecast_relay.core.viewer import Viewer
 
 FULL_RETRY_S = 30.0
+DRAIN_RETRY_S = 10.0
+RENEW_RETRY_S = 1.0  # these come one by one already
+GOING = "the relay is being replaced"
 FORGET_EVERY = 20  # sweeps
 HELD_UP_S = 0.1  # a tick that comes later than this shows that the process stood still
 
@@ -41,6 +46,7 @@ class Hub:
         self.viewers: dict[Viewer, Room] = {}
         self.fates: Counter[str] = Counter()  # of messages from edges
         self.endings: Counter[int] = Counter()  # of viewers, by close code
+        self.draining: Drain | None = None  # nobody is taken any more
         self.wake_at = 0.0  # `tick` wants to be called then, or a little later
         self._changed: dict[Room, None] = {}
         self._status_at = 0.0
@@ -136,7 +142,10 @@ class Hub:
     # ---- from the viewers ---------------------------------------------------
 
     def join(self, viewer: Viewer, now: float, unix_s: float) -> list[Action]:
-        """A viewer came; it gets all it needs in one write, or is told that the relay is full."""
+        """A viewer came; it gets all it needs in one write, or is told that the relay goes or is full."""
+        if self.draining is not None:
+            self.endings[Close.DRAIN] += 1
+            return [End(viewer, Close.DRAIN, GOING, DRAIN_RETRY_S)]
         if len(self.viewers) >= self.limits.viewers:
             self.endings[Close.FULL] += 1
             return [End(viewer, Close.FULL, "as many viewers as this relay takes", FULL_RETRY_S)]
@@ -197,11 +206,17 @@ class Hub:
         room = self.viewers.get(viewer)
         return room.drained(viewer) if room else []
 
-    def drain(self, reason: str, retry_s: float) -> list[Action]:
-        """The relay goes: everybody is told and let go."""
+    def drain(self, order: Sequence[Viewer], now: float) -> list[Action]:
+        """The relay goes: all viewers are told and let go in this order, over some seconds."""
+        self.draining = Drain(order, now)
+        return self._move_away(self.draining, now)
+
+    def _move_away(self, drain: Drain, now: float) -> list[Action]:
         out: list[Action] = []
-        for viewer in tuple(self.viewers):
-            out += self._end(viewer, Close.DRAIN, reason, retry_s)
+        for viewer in drain.due(now):
+            if viewer in self.viewers:
+                out += self._end(viewer, Close.DRAIN, GOING, DRAIN_RETRY_S)
+        self.wake_at = min(self.wake_at, drain.wake_at)
         return out
 
     # ---- time ---------------------------------------------------------------
@@ -237,6 +252,8 @@ class Hub:
         if report:
             self._status_at = now + self.limits.status_s
         self.wake_at = min(wake_at, self._sweep_at, self._status_at)
+        if self.draining is not None:
+            out += self._move_away(self.draining, now)
         return out
 
     def _sweep(self, now: float) -> list[Action]:
@@ -248,6 +265,8 @@ class Hub:
                 self.leave(viewer)
                 self.endings[close] += 1
                 out.append(Cut(viewer, close))
+            elif now >= viewer.until:
+                out += self._end(viewer, Close.AGE_LIMIT, "time for a new connection", RENEW_RETRY_S)
             elif now - max(viewer.heard_at, viewer.ping_at) >= self.limits.ping_s:
                 viewer.ping_at = now
                 pings.append(viewer)

@@ -31,6 +31,7 @@ class Limits:
     ack_abort_s: float = 13.8  # owed for so long (so 15 s after the last one): cut
     undrained_s: float = 5.0  # a viewer that never acknowledges may leave its buffer unread for so long
     undrained_acking_s: float = 15.0  # the same for one that acknowledges
+    max_age_s: float = float("inf")  # of a connection, give or take a tenth; then closed 4000
     ping_s: float = 5.0  # nothing heard for so long: ask
     half_open_s: float = 11.0  # nothing heard for so long: cut
     silent_s: float = 1.5  # a robot whose newest frame is older is silent

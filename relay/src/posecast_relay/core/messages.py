@@ -6,6 +6,7 @@ import json
 from collections.abc import Mapping
 
 from posecast_wire import WIRE_VERSION
+from posecast_wire import Limits as Granted
 from posecast_wire.messages import Bye, Hello, Info, Model, Pong, RateGranted, RobotWord, Status
 
 from posecast_relay.core.limits import Limits
@@ -39,6 +40,9 @@ def document(doc: Mapping[str, object]) -> bytes:
 
 def hello(unix_s: float, robot: str, view: str, hz: float, model: str | None, limits: Limits) -> bytes:
     """First message of every connection."""
+    granted: Granted = {"max_hz": limits.max_hz, "message_bytes": limits.message_bytes}
+    if limits.max_age_s != float("inf"):
+        granted["max_age_s"] = limits.max_age_s
     doc: Hello = {
         "type": "hello",
         "wire": WIRE_VERSION,
@@ -46,7 +50,7 @@ def hello(unix_s: float, robot: str, view: str, hz: float, model: str | None, li
         "robot": robot,
         "view": view,
         "hz": hz,
-        "limits": {"max_hz": limits.max_hz, "message_bytes": limits.message_bytes},
+        "limits": granted,
         "model": model,
     }
     return document(doc)

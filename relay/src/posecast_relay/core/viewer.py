@@ -48,16 +48,27 @@ class Viewer:
         "stalled",
         "tokens",
         "tokens_at",
+        "until",
         "version",
         "view",
     )
 
-    def __init__(self, outlet: Outlet, robot: str, view: str, hz: float, limits: Limits, now: float) -> None:
+    def __init__(
+        self,
+        outlet: Outlet,
+        robot: str,
+        view: str,
+        hz: float,
+        limits: Limits,
+        now: float,
+        lives_s: float = float("inf"),
+    ) -> None:
         self.outlet = outlet
         self.robot = robot
         self.view = view
         self.hz = min(max(hz, 0.0), limits.max_hz)
         self.limits = limits
+        self.until = now + lives_s
         # state: what it was given last, and which bases it holds
         self.frame: Held | None = None
         self.key: Held | None = None

@@ -1,0 +1,34 @@
+"""How the viewers of a relay that goes are moved away: a few at a time, so that they do not all knock
+elsewhere at once."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from posecast_relay.core.viewer import Viewer
+
+SPREAD_S = 6.5  # platforms kill a process 10 s after SIGTERM; closing politely takes up to 2 s more
+PER_S = 100.0  # few viewers need not take that long
+STEP_S = 0.1
+
+
+class Drain:
+    """Lets viewers go in `order` (shuffled by the caller: who came together need not return together)."""
+
+    def __init__(self, order: Sequence[Viewer], now: float) -> None:
+        self._order = order
+        self._began = now
+        self._spread_s = min(SPREAD_S, len(order) / PER_S)
+        self._gone = 0
+        self.wake_at = now
+
+    def due(self, now: float) -> Sequence[Viewer]:
+        """Those to go now. `wake_at` is set to when there are more."""
+        elapsed_s = now + STEP_S - self._began
+        upto = len(self._order)
+        if elapsed_s < self._spread_s:
+            upto = int(upto * elapsed_s / self._spread_s)
+        due = self._order[self._gone : upto]
+        self._gone = upto
+        self.wake_at = float("inf") if upto == len(self._order) else now + STEP_S
+        return due

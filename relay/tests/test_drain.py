@@ -1,0 +1,121 @@
+"""The relay goes: who is told when, on a clock of the test's own and in a process."""
+
+from __future__ import annotations
+
+import asyncio
+import signal
+import time
+from itertools import pairwise
+from typing import Any
+
+import httpx
+from posecast_wire import Close
+
+from .sim import World
+from .stage import Watcher
+
+BYE = (Close.DRAIN, "the relay is being replaced", 10.0)
+
+
+def test_a_few_viewers_are_told_at_once_and_nobody_is_taken_any_more() -> None:
+    world = World()
+    world.on_air()
+    seats = [world.join() for _ in range(5)]
+    world.do(world.hub.drain([viewer for viewer, _ in seats], world.now))
+    assert {screen.ended for _, screen in seats} == {BYE}
+    assert world.hub.viewers == {}
+    _, late = world.join()
+    assert late.ended == BYE
+    assert late.texts == []
+    assert world.hub.endings[Close.DRAIN] == 6
+
+
+def test_many_are_moved_away_evenly_in_the_order_given_within_eight_seconds() -> None:
+    world = World()
+    edge = world.on_air()
+    seats = [world.join(1.0) for _ in range(2000)]
+    order = seats[::-1]
+    began = world.now
+    world.do(world.hub.drain([viewer for viewer, _ in order], began))
+    left = [len(world.hub.viewers)]
+    while world.hub.viewers:
+        world.pass_time(0.1)
+        for viewer in world.hub.viewers:
+            viewer.heard_at = world.now
+        world.publish(edge)
+        left.append(len(world.hub.viewers))
+        told = [screen.ended is not None for _, screen in order]
+        assert told == sorted(told, reverse=True)  # those first in the order first
+    assert 6.0 <= world.now - began <= 8.0
+    assert max(a - b for a, b in pairwise(left)) <= 2000 * 0.1 / 6.0
+    assert {screen.ended for _, screen in seats} == {BYE}
+    assert order[-1][1].states[-1].seq >= edge.seq - 11  # served to its last moment
+
+
+def test_who_left_by_itself_is_not_told() -> None:
+    world = World()
+    seats = [world.join() for _ in range(300)]
+    world.do(world.hub.drain([viewer for viewer, _ in seats], world.now))
+    viewer, screen = seats[-1]
+    world.hub.leave(viewer)
+    world.pass_time(5.0)
+    assert screen.ended is None
+    assert world.hub.endings[Close.DRAIN] == 299
+
+
+async def test_a_process_moves_its_viewers_away_refuses_new_ones_and_ends_with_0(
+    relays: Any, edges: Any
+) -> None:
+    relay = relays()
+    edges(relay.zenoh)
+    viewers = [Watcher(relay.url(query="?hz=1")) for _ in range(200)]
+    await asyncio.gather(*(v.__aenter__() for v in viewers))
+    async with httpx.AsyncClient(base_url=f"http://{relay.address}") as client:
+        assert (await client.get("/readyz")).status_code == 200
+        began = time.monotonic()
+        relay.process.send_signal(signal.SIGTERM)
+        while (await client.get("/readyz")).status_code == 200:
+            assert time.monotonic() - began < 0.5
+        assert any(v.closed is None for v in viewers)
+        async with Watcher(relay.url()) as late:
+            await late.until("its end", lambda v: v.closed is not None)
+            assert [doc["type"] for doc in late.texts] == ["bye"]
+    ends: dict[int, float] = {}
+    while len(ends) < len(viewers):
+        for n, viewer in enumerate(viewers):
+            if viewer.closed is not None and n not in ends:
+                ends[n] = time.monotonic() - began
+                assert viewer.closed[0] == Close.DRAIN
+        await asyncio.sleep(0.01)
+        assert time.monotonic() - began < 8
+    assert max(ends.values()) - min(ends.values()) > 1.0  # not all at once
+    assert list(ends) != sorted(ends)  # shuffled
+    assert await asyncio.to_thread(relay.process.wait, 10) == 0
+    assert time.monotonic() - began < 10
+
+
+async def test_a_second_signal_ends_it_at_once(relays: Any) -> None:
+    relay = relays()
+    viewers = [Watcher(relay.url()) for _ in range(300)]  # three seconds' worth
+    await asyncio.gather(*(v.__aenter__() for v in viewers))
+    began = time.monotonic()
+    relay.process.send_signal(signal.SIGINT)
+    await viewers[0].until("the first goes", lambda _: any(v.closed for v in viewers))
+    relay.process.send_signal(signal.SIGINT)
+    assert await asyncio.to_thread(relay.process.wait, 10) == 0
+    assert time.monotonic() - began < 2.5
+    for viewer in viewers:
+        await viewer.until("its end", lambda v: v.closed is not None)
+
+
+async def test_connections_of_a_process_are_renewed(relays: Any, edges: Any) -> None:
+    relay = relays("--max-connection-age", "2")
+    edges(relay.zenoh)
+    began = time.monotonic()
+    async with Watcher(relay.url()) as viewer:
+        await viewer.until("the end", lambda v: v.closed is not None)
+        assert 1.8 <= time.monotonic() - began <= 4.0
+        assert viewer.closed is not None
+        assert viewer.closed[0] == Close.AGE_LIMIT
+        assert viewer.texts[0]["limits"]["max_age_s"] == 2.0
+        assert (viewer.texts[-1]["type"], viewer.texts[-1]["code"]) == ("bye", Close.AGE_LIMIT)
