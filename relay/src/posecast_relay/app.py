@@ -16,6 +16,7 @@ from starlette.datastructures import Headers
 from starlette.exceptions import HTTPException as StarletteHTTPException
 from starlette.types import Scope
 
+from posecast_relay.adapters.decoded import Decoded
 from posecast_relay.adapters.models import Absent, Models, Unavailable
 from posecast_relay.adapters.pump import Pump
 from posecast_relay.core.robot import PUBLIC
@@ -27,6 +28,11 @@ API = "/api/v1/robots"
 FRESH_S = 1.0  # answers are this old at most
 ANSWERS_MAX = 256
 OPEN = {"access-control-allow-origin": "*"}  # public views: any page may read them
+PREFLIGHT = OPEN | {
+    "access-control-allow-methods": "GET, OPTIONS",
+    "access-control-allow-headers": "authorization, if-none-match, last-event-id",
+    "access-control-max-age": "86400",
+}
 # A model comes from a robot. Opened as a page of its own, nothing in it may run or load anything.
 MODEL_HEADERS = OPEN | {
     "cache-control": "public, max-age=31536000, immutable",
@@ -79,12 +85,12 @@ class Page(StaticFiles):
         return response
 
 
-def make_app(pump: Pump, models: Models, static: Path | None) -> FastAPI:
+def make_app(pump: Pump, models: Models, decoded: Decoded, static: Path | None) -> FastAPI:
     """The relay's HTTP application. WebSocket upgrades never reach it."""
     # /docs would load its scripts from another origin, so only the description itself is served
     app = FastAPI(title="Posecast relay", version="1", docs_url=None, redoc_url=None)
     answers = Answers(pump.now)
-    reader = StateReader(pump.now)
+    reader = StateReader(pump.now, decoded)
 
     @app.exception_handler(StarletteHTTPException)
     async def refused(_request: Request, error: StarletteHTTPException) -> JSONResponse:
@@ -109,6 +115,14 @@ def make_app(pump: Pump, models: Models, static: Path | None) -> FastAPI:
             raise HTTPException(404, f"no state of robot {robot!r} here")
         body = reader.read(of, room)
         return Response(body, media_type="application/json", headers=OPEN | {"cache-control": "no-cache"})
+
+    @app.get(API + "/{robot}/live.sse", summary="The stream as server-sent events: hz, view, format=json")
+    async def events(robot: str) -> Response:  # served below ASGI; here are only those it can't serve
+        raise HTTPException(400, f"events of {robot!r} on a connection that is still answering")
+
+    @app.options("/api/{_rest:path}", include_in_schema=False)
+    async def preflight(_rest: str) -> Response:
+        return Response(status_code=204, headers=PREFLIGHT)
 
     @app.get(API + "/{robot}/model/{digest}/{path:path}", summary="A model's manifest.json and files")
     async def model(robot: str, digest: str, path: str) -> Response:

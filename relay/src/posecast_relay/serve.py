@@ -15,9 +15,11 @@ import uvicorn
 import uvloop
 import zenoh
 
+from posecast_relay.adapters.decoded import Decoded
 from posecast_relay.adapters.metrics import start_metrics
 from posecast_relay.adapters.models import Models
 from posecast_relay.adapters.pump import Pump
+from posecast_relay.adapters.sse import http_protocol
 from posecast_relay.adapters.store import StateStore
 from posecast_relay.adapters.store_memory import MemoryStore
 from posecast_relay.adapters.websocket import live_protocol
@@ -100,6 +102,7 @@ async def _serve(settings: Settings) -> None:
             f"--metrics-port {settings.metrics_port}: {(e.strerror or str(e)).lower()}"
         ) from None
     models = Models(session, pump.hub, settings.model_cache_mb << 20)
+    decoded = Decoded()
     host, port = listener.getsockname()[:2]
     shown = f"[{host}]" if ":" in host else host
     line = f"posecast-relay: serving http://{shown}:{port}, robots on {', '.join(endpoints)}"
@@ -113,9 +116,9 @@ async def _serve(settings: Settings) -> None:
         print(line, flush=True)
 
     config = uvicorn.Config(
-        make_app(pump, models, settings.static),
-        ws=live_protocol(pump),
-        http="httptools",
+        make_app(pump, models, decoded, settings.static),
+        ws=live_protocol(pump, decoded),
+        http=http_protocol(pump, decoded),
         lifespan="off",
         log_config=None,
         access_log=False,

@@ -7,9 +7,9 @@ from collections.abc import Callable
 from typing import Any
 from weakref import WeakKeyDictionary
 
-from posecast_wire import MISSING, Decoder, FrameError
-from posecast_wire import Frame as DecodedFrame
+from posecast_wire import MISSING, Frame
 
+from posecast_relay.adapters.decoded import Decoded, field_values
 from posecast_relay.core.robot import Robot
 from posecast_relay.core.room import Room
 from posecast_relay.core.stream import Stream
@@ -20,16 +20,17 @@ DECODE_S = 0.1  # at most ten times a second, however many ask
 class StateReader:
     """Decodes a stream's newest frame, at most ten times a second per stream."""
 
-    def __init__(self, now: Callable[[], float]) -> None:
+    def __init__(self, now: Callable[[], float], decoded: Decoded) -> None:
         self._now = now
-        self._decoded: WeakKeyDictionary[Stream, tuple[float, DecodedFrame]] = WeakKeyDictionary()
+        self._newest = decoded
+        self._decoded: WeakKeyDictionary[Stream, tuple[float, Frame]] = WeakKeyDictionary()
 
     def read(self, robot: Robot, room: Room) -> bytes:
         """The JSON text. The stream has a newest frame."""
         now, stream = self._now(), room.stream
         known = self._decoded.get(stream)
         if known is None or now - known[0] >= DECODE_S:
-            frame = _decode(stream)
+            frame = self._newest.frame(stream)
             if frame is not None:
                 known = self._decoded[stream] = (now, frame)
         age_s = stream.age_s(now)
@@ -45,23 +46,7 @@ class StateReader:
         return json.dumps(document, separators=(",", ":"), ensure_ascii=False).encode()
 
 
-def _decode(stream: Stream) -> DecodedFrame | None:
-    """None when the edge has sent something that does not decode."""
-    newest = stream.newest
-    if newest is None or stream.schema is None:
-        return None
-    decoder = Decoder()
-    decoder.add_schema(stream.schema.text)
-    try:
-        for base in (newest.key, newest.ref):
-            if base is not None:
-                decoder.decode(base.payload)
-        return decoder.decode(newest.payload)
-    except FrameError:
-        return None
-
-
-def _fields(frame: DecodedFrame) -> dict[str, Any]:
+def _fields(frame: Frame) -> dict[str, Any]:
     """Values by field and label; a field of bits as the names of those set."""
     found: dict[str, Any] = {}
     for field in frame.schema.fields:
@@ -69,6 +54,6 @@ def _fields(frame: DecodedFrame) -> dict[str, Any]:
         if field.bits:
             values: list[Any] = [None if c == MISSING else field.bits_set(c) for c in codes]
         else:
-            values = [None if v is None else float(f"{v:.9g}") for v in field.values(frame.codes)]
+            values = list(field_values(frame, field))
         found[field.name] = {"unit": field.unit, "values": dict(zip(field.labels, values, strict=True))}
     return found

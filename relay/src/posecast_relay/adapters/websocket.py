@@ -8,45 +8,48 @@ from __future__ import annotations
 
 import asyncio
 import random
-import re
 import socket
-from http import HTTPStatus
 from typing import TYPE_CHECKING, Any, ClassVar, cast
-from urllib.parse import parse_qs
 
-from posecast_wire import Close, check_name
+from posecast_wire import Close
 from websockets.frames import Frame as WebSocketFrame
 from websockets.frames import Opcode
 from websockets.http11 import Request
 from websockets.protocol import OPEN
 from websockets.server import ServerProtocol
 
+from posecast_relay.adapters.asked import BadRequest, NoSuchStream, read_target
+from posecast_relay.adapters.decoded import Decoded
+from posecast_relay.adapters.forms import Form, JsonForm
 from posecast_relay.adapters.pump import Pump
 from posecast_relay.core import messages
 from posecast_relay.core.hub import DRAIN_RETRY_S, GOING
-from posecast_relay.core.robot import PUBLIC
 from posecast_relay.core.viewer import Viewer
 
 if TYPE_CHECKING:
     from uvicorn.config import Config
     from uvicorn.server import ServerState
 
-LIVE_PATH = re.compile(r"/api/v1/robots/([^/]{1,200})/live")
-DEFAULT_HZ = 30.0
 # What an unread socket swallows before it pushes back. Small, so that a slow viewer shows soon (the kernel
 # takes twice the figure); large enough for a join in one go.
 SEND_BUFFER_BYTES = 16384
 CLOSING_S = 2.0  # a viewer that does not answer a close in this time is cut off
 
 
-class BadRequest(ValueError):
-    """A request that gets an HTTP status instead of a stream."""
+def use_small_buffers(transport: asyncio.Transport) -> None:
+    """So that the core hears of a slow viewer soon."""
+    sock = transport.get_extra_info("socket")
+    if sock is not None:
+        sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
+    # at 0 the transport tells at once when a socket has not taken everything
+    transport.set_write_buffer_limits(high=0)
 
 
 class LiveSocket(asyncio.Protocol):
     """One viewer's connection, from its HTTP request to its end."""
 
     pump: ClassVar[Pump]
+    json_form: ClassVar[Form]
 
     def __init__(
         self,
@@ -67,11 +70,7 @@ class LiveSocket(asyncio.Protocol):
         """uvicorn hands its transport over."""
         self._transport = cast(asyncio.Transport, transport)
         self._connections.add(self)
-        sock = self._transport.get_extra_info("socket")
-        if sock is not None:
-            sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
-        # at 0 the transport tells at once when a socket has not taken everything
-        self._transport.set_write_buffer_limits(high=0)
+        use_small_buffers(self._transport)
 
     def connection_lost(self, _exc: Exception | None) -> None:
         """The connection is gone, by whichever side."""
@@ -120,11 +119,9 @@ class LiveSocket(asyncio.Protocol):
 
     def _handshake(self, request: Request) -> None:
         try:
-            robot, view, hz = _asked(request.path)
+            asked = read_target(request.path)
         except BadRequest as e:
-            known = LIVE_PATH.fullmatch(request.path.partition("?")[0])
-            status = HTTPStatus.BAD_REQUEST if known else HTTPStatus.NOT_FOUND
-            self._ws.send_response(self._ws.reject(status, f"{e}\n"))
+            self._ws.send_response(self._ws.reject(e.status, f"{e}\n"))
             return
         response = self._ws.accept(request)
         self._ws.send_response(response)
@@ -133,16 +130,16 @@ class LiveSocket(asyncio.Protocol):
             return
         pump = self.pump
         try:
-            check_name("robot", robot)
-            check_name("view", view)
-            if view != PUBLIC:
-                raise ValueError(f"view {view!r}: only {PUBLIC!r} is open to viewers")
-        except ValueError as e:
+            asked.check()
+        except NoSuchStream as e:
             pump.hub.endings[Close.ABSENT] += 1
             self.end(Close.ABSENT, str(e), None)
             return
         lives_s = pump.hub.limits.max_age_s * random.uniform(0.9, 1.1)
-        self._viewer = Viewer(self, robot, view, hz, pump.hub.limits, pump.now(), lives_s)
+        outlet = _JsonOutlet(self, self.json_form) if asked.decoded else self
+        self._viewer = Viewer(
+            outlet, asked.robot, asked.view, asked.hz, pump.hub.limits, pump.now(), lives_s, asked.decoded
+        )
         pump.carry_out(pump.hub.join(self._viewer, pump.now(), pump.unix_s()))
         if self._transport.get_write_buffer_size() > 0:
             # uvicorn makes us the transport's protocol only after this call: it was told to pause, not we
@@ -217,29 +214,32 @@ class LiveSocket(asyncio.Protocol):
         if self._ws.parser_exc is not None and sent is not None:
             hub.endings[sent.code] += 1
 
+    def write_as(self, form: Form, data: bytes) -> None:
+        """The same in another form."""
+        room = self.pump.hub.viewers.get(self._viewer) if self._viewer else None
+        if room is not None:
+            self._transport.write(form.of(data, room.stream))
 
-def live_protocol(of: Pump) -> type[LiveSocket]:
+
+class _JsonOutlet:
+    """The outlet of a viewer of `format=json`."""
+
+    def __init__(self, socket: LiveSocket, form: Form) -> None:
+        self._form = form
+        self._socket = socket
+        self.end = socket.end
+        self.cut = socket.cut
+
+    def write(self, data: bytes) -> None:
+        """Outlet."""
+        self._socket.write_as(self._form, data)
+
+
+def live_protocol(of: Pump, decoded: Decoded) -> type[LiveSocket]:
     """The class that uvicorn takes as its `ws` option."""
 
     class Bound(LiveSocket):
         pump = of
+        json_form = JsonForm(decoded)
 
     return Bound
-
-
-def _asked(target: str) -> tuple[str, str, float]:
-    """Robot, view and rate of a request target. BadRequest says what is wrong with it."""
-    path, _, query = target.partition("?")
-    found = LIVE_PATH.fullmatch(path)
-    if found is None:
-        raise BadRequest("no such stream: use /api/v1/robots/ROBOT/live")
-    try:
-        asked = parse_qs(query, keep_blank_values=True, max_num_fields=16)
-        hz = float(asked["hz"][0]) if "hz" in asked else DEFAULT_HZ
-    except ValueError:
-        raise BadRequest("hz must be a number from 0 to 60") from None
-    if not 0 <= hz <= 1000:
-        raise BadRequest("hz must be a number from 0 to 60")
-    if asked.get("format", ["binary"])[0] != "binary":
-        raise BadRequest("format must be binary")
-    return found[1], asked.get("view", [PUBLIC])[0], hz

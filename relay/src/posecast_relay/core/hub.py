@@ -267,7 +267,7 @@ class Hub:
                 out.append(Cut(viewer, close))
             elif now >= viewer.until:
                 out += self._end(viewer, Close.AGE_LIMIT, "time for a new connection", RENEW_RETRY_S)
-            elif now - max(viewer.heard_at, viewer.ping_at) >= self.limits.ping_s:
+            elif viewer.speaks and now - max(viewer.heard_at, viewer.ping_at) >= self.limits.ping_s:
                 viewer.ping_at = now
                 pings.append(viewer)
         if pings:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 from posecast_wire import WIRE_VERSION
 from posecast_wire import Limits as Granted
@@ -14,23 +14,36 @@ from posecast_relay.core.limits import Limits
 PING = b"\x89\x00"  # a whole WebSocket ping without payload
 
 
-def _packed(opcode: int, payload: bytes) -> bytes:
-    size = len(payload)
+def packed(opcode: int, payload: bytes) -> bytes:
+    """One message as bytes for the socket; `opcode` as in RFC 6455."""
+    first, size = 0x80 | opcode, len(payload)
     if size < 126:
-        return bytes((opcode, size)) + payload
+        return bytes((first, size)) + payload
     if size < 1 << 16:
-        return bytes((opcode, 126)) + size.to_bytes(2, "big") + payload
-    return bytes((opcode, 127)) + size.to_bytes(8, "big") + payload
+        return bytes((first, 126)) + size.to_bytes(2, "big") + payload
+    return bytes((first, 127)) + size.to_bytes(8, "big") + payload
+
+
+def split(data: bytes) -> Iterator[tuple[int, bytes]]:
+    """Opcode and payload of each message in what was packed here."""
+    at = 0
+    while at < len(data):
+        opcode, size, at = data[at] & 0x0F, data[at + 1], at + 2
+        if size >= 126:
+            width = 2 if size == 126 else 8
+            size, at = int.from_bytes(data[at : at + width], "big"), at + width
+        yield opcode, data[at : at + size]
+        at += size
 
 
 def binary(payload: bytes) -> bytes:
     """A binary message as bytes for the socket: done once per frame, whoever gets it (RFC 6455 §5.2)."""
-    return _packed(0x82, payload)
+    return packed(2, payload)
 
 
 def text(payload: str) -> bytes:
     """A text message as bytes for the socket."""
-    return _packed(0x81, payload.encode())
+    return packed(1, payload.encode())
 
 
 def document(doc: Mapping[str, object]) -> bytes:

@@ -186,9 +186,9 @@ class Room:
     def _hand(self, viewer: Viewer, frame: Held) -> None:
         """Note that a viewer was given `frame` and what it lacked for it."""
         viewer.version, viewer.schema_n = self.stream.version, self.stream.schema_n
-        if frame.key is not None and viewer.key is not frame.key:
+        if frame.key is not None and viewer.key is not frame.key and not viewer.decoded:
             viewer.sent += 1
-        if frame.ref is not None and viewer.ref is not frame.ref:
+        if frame.ref is not None and viewer.ref is not frame.ref and not viewer.decoded:
             viewer.sent += 1
         viewer.sent += 1
         viewer.key = frame if frame.is_key else frame.key

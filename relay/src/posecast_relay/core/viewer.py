@@ -30,6 +30,7 @@ class Viewer:
         "acks",
         "blocked",
         "check_at",
+        "decoded",
         "frame",
         "heard_at",
         "hz",
@@ -45,6 +46,7 @@ class Viewer:
         "robot",
         "schema_n",
         "sent",
+        "speaks",
         "stalled",
         "tokens",
         "tokens_at",
@@ -62,6 +64,8 @@ class Viewer:
         limits: Limits,
         now: float,
         lives_s: float = float("inf"),
+        decoded: bool = False,
+        speaks: bool = True,
     ) -> None:
         self.outlet = outlet
         self.robot = robot
@@ -69,6 +73,8 @@ class Viewer:
         self.hz = min(max(hz, 0.0), limits.max_hz)
         self.limits = limits
         self.until = now + lives_s
+        self.decoded = decoded  # gets no bases: it counts one message per frame
+        self.speaks = speaks  # answers pings
         # state: what it was given last, and which bases it holds
         self.frame: Held | None = None
         self.key: Held | None = None
@@ -150,7 +156,7 @@ class Viewer:
     def overdue(self, now: float) -> Close | None:
         """Why this connection is to be cut now, if it is."""
         limits = self.limits
-        if now - self.heard_at >= limits.half_open_s:
+        if self.speaks and now - self.heard_at >= limits.half_open_s:
             return Close.HALF_OPEN
         if self.mark_at is not None and now - self.mark_at >= limits.ack_abort_s:
             return Close.NO_ACK

@@ -1,0 +1,66 @@
+"""What a viewer asks for: the target of its request, for WebSocket and server-sent events alike."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from http import HTTPStatus
+from urllib.parse import parse_qs
+
+from posecast_wire import check_name
+
+from posecast_relay.core.robot import PUBLIC
+
+STREAM_PATH = re.compile(r"/api/v1/robots/([^/]{1,200})/live(\.sse)?")
+DEFAULT_HZ = 30.0
+
+
+class BadRequest(ValueError):
+    """A request that gets an HTTP status instead of a stream."""
+
+    def __init__(self, reason: str, status: HTTPStatus = HTTPStatus.BAD_REQUEST) -> None:
+        super().__init__(reason)
+        self.status = status
+
+
+class NoSuchStream(ValueError):
+    """A robot or view that cannot be here."""
+
+
+@dataclass(frozen=True)
+class Asked:
+    """A stream as asked for; the names are still to be checked."""
+
+    robot: str
+    view: str
+    hz: float
+    decoded: bool  # frames as JSON instead of binary
+
+    def check(self) -> None:
+        """NoSuchStream when there can be no such robot or view for a viewer."""
+        try:
+            check_name("robot", self.robot)
+            check_name("view", self.view)
+        except ValueError as e:
+            raise NoSuchStream(str(e)) from None
+        if self.view != PUBLIC:
+            raise NoSuchStream(f"view {self.view!r}: only {PUBLIC!r} is open to viewers")
+
+
+def read_target(target: str, suffix: str = "") -> Asked:
+    """Of `/api/v1/robots/ROBOT/live?…`, or `…/live.sse?…` with that suffix. BadRequest says what is wrong."""
+    path, _, query = target.partition("?")
+    found = STREAM_PATH.fullmatch(path)
+    if found is None or (found[2] or "") != suffix:
+        raise BadRequest(f"no such stream: use /api/v1/robots/ROBOT/live{suffix}", HTTPStatus.NOT_FOUND)
+    try:
+        asked = parse_qs(query, keep_blank_values=True, max_num_fields=16)
+        hz = float(asked["hz"][0]) if "hz" in asked else DEFAULT_HZ
+    except ValueError:
+        raise BadRequest("hz must be a number from 0 to 60") from None
+    if not 0 <= hz <= 1000:
+        raise BadRequest("hz must be a number from 0 to 60")
+    form = asked.get("format", ["binary"])[0]
+    if form not in ("binary", "json"):
+        raise BadRequest("format must be binary or json")
+    return Asked(found[1], asked.get("view", [PUBLIC])[0], hz, form == "json")

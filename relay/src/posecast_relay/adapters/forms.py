@@ -1,0 +1,70 @@
+"""The same stream in other forms. The core speaks ready WebSocket messages; here they are put another way.
+
+The same bytes go to many viewers one after the other, so the last answer is kept: the work is done once per
+frame and rate, not per viewer.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+import re
+from typing import Protocol
+
+from posecast_relay.adapters.decoded import Decoded
+from posecast_relay.core import messages
+from posecast_relay.core.stream import Stream
+
+TEXT, BINARY = 1, 2  # WebSocket opcodes
+LINE_END = re.compile(r"\r\n|\r|\n")
+
+
+class Form(Protocol):
+    """How a viewer wants it."""
+
+    def of(self, data: bytes, stream: Stream) -> bytes:
+        """These WebSocket messages of this stream, put that way."""
+
+
+class JsonForm:
+    """Frames as JSON text messages. Bases are left out: a decoded frame stands alone."""
+
+    def __init__(self, decoded: Decoded) -> None:
+        self._decoded = decoded
+        self._last = (b"", b"")
+
+    def of(self, data: bytes, stream: Stream) -> bytes:
+        """What is sent is always the newest frame, last in its write: that one is decoded."""
+        if data is not self._last[0]:
+            found = list(messages.split(data))
+            parts = [messages.packed(opcode, payload) for opcode, payload in found if opcode != BINARY]
+            if len(parts) < len(found):
+                text = self._decoded.text(stream)
+                parts += [messages.text(text)] if text is not None else []
+            self._last = (data, b"".join(parts))
+        return self._last[1]
+
+
+class EventForm:
+    """Server-sent events: each message as an event named by its type, binary frames in base64."""
+
+    def __init__(self, inner: Form | None = None) -> None:
+        self._inner = inner
+        self._last = (b"", b"")
+
+    def of(self, data: bytes, stream: Stream) -> bytes:
+        """As lines of `text/event-stream`."""
+        if data is not self._last[0]:
+            inner = self._inner.of(data, stream) if self._inner else data
+            self._last = (data, b"".join(_event(op, payload) for op, payload in messages.split(inner)))
+        return self._last[1]
+
+
+def _event(opcode: int, payload: bytes) -> bytes:
+    if opcode == BINARY:
+        return b"event: frame\ndata: " + base64.b64encode(payload) + b"\n\n"
+    if opcode != TEXT:
+        return b""
+    text = payload.decode()
+    lines = "".join(f"data: {line}\n" for line in LINE_END.split(text))
+    return f"event: {json.loads(text)['type']}\n{lines}\n".encode()

@@ -1,0 +1,264 @@
+"""Other ways in: decoded JSON over the WebSocket, and server-sent events. One core, one send rule."""
+
+from __future__ import annotations
+
+import asyncio
+import base64
+import json
+import socket
+import time
+from itertools import pairwise
+from typing import Any
+
+import httpx
+import pytest
+import websockets
+from posecast_relay.adapters.decoded import Decoded
+from posecast_relay.adapters.forms import EventForm, JsonForm
+from posecast_relay.core import messages
+from posecast_wire import Close, Decoder, Schema, build_schema_text
+
+from .sim import World, schema, split
+from .stage import Relay, Watcher, free_port, until
+from .test_websocket import endings, stride
+
+
+def mixed() -> Schema:
+    """Numbers and flags."""
+    fields: list[dict[str, object]] = [
+        {"name": "pos", "labels": "joint", "unit": "rad", "scale": 0.01},
+        {"name": "flags", "labels": "joint", "bits": ["jam", "homed"]},
+    ]
+    return Schema.parse(build_schema_text("sim", {"joint": ["RKN", "LKN"]}, fields))
+
+
+def parse_events(text: str) -> list[tuple[str, str]]:
+    """Names and data of whole events, as a browser reads them (WHATWG HTML §9.2.6)."""
+    found = []
+    for block in text.split("\n\n")[:-1]:
+        lines = [line.partition(": ")[::2] for line in block.split("\n")]
+        if any(name == "data" for name, _ in lines):
+            data = "\n".join(value for name, value in lines if name == "data")
+            found.append((next((v for n, v in lines if n == "event"), "message"), data))
+    return found
+
+
+# ---- forms, by plain calls ------------------------------------------------------
+
+
+def test_a_decoded_frame_is_made_once_for_all_and_needs_no_bases() -> None:
+    world = World()
+    edge = world.on_air(mixed(), ref_every=3)
+    world.run(edge, 0.5)
+    stream = world.hub.robots["r"].rooms["public"].stream
+    codes = [150, (1 << 28) * -1, 3, 0]
+    world.publish(edge, edge.frame(world.now, codes))
+    form, newest = JsonForm(Decoded()), stream.newest
+    assert newest is not None
+    assert newest.ref is not None
+    whole = stream.described(-1) + newest.key.packed + newest.ref.packed + newest.packed  # type: ignore[union-attr]
+    found = [(op, json.loads(payload)) for op, payload in split(form.of(whole, stream))]
+    assert [(op, doc["type"]) for op, doc in found] == [(1, "schema"), (1, "frame")]
+    assert found[1][1] == {
+        "type": "frame", "seq": edge.seq, "t": round(newest.t_s, 6),
+        "values": {"pos": [1.5, None], "flags": [3, 0]},
+    }  # fmt: skip
+    once = form.of(newest.packed, stream)
+    assert form.of(newest.packed, stream) is once
+    assert form.of(messages.PING, stream) == messages.PING
+
+
+def test_frames_that_do_not_decode_are_left_out_and_the_next_good_one_is_read() -> None:
+    world = World()
+    edge = world.on_air()
+    stream = world.hub.robots["r"].rooms["public"].stream
+    decoded = Decoded()
+    good = edge.frame(world.now)
+    world.publish(edge, good[:-1] if len(good) > 8 else good + b"\x80")
+    assert decoded.text(stream) is None
+    world.publish(edge)
+    text = decoded.text(stream)
+    assert text is not None
+    assert json.loads(text)["seq"] == edge.seq
+
+
+def test_every_message_becomes_an_event_named_by_its_type() -> None:
+    world = World()
+    edge = world.on_air()
+    stream = world.hub.robots["r"].rooms["public"].stream
+    data = messages.status("online", 12, 3) + messages.text('{"type":"x",\n"a":"b\u2028"}') + messages.PING
+    assert stream.newest is not None
+    events = parse_events(EventForm().of(data + stream.newest.packed, stream).decode())
+    assert [name for name, _ in events] == ["status", "x", "frame"]
+    assert json.loads(events[1][1]) == {"type": "x", "a": "b\u2028"}
+    assert base64.b64decode(events[2][1]) == stream.newest.payload
+    assert stream.newest.seq == edge.seq
+
+
+def test_a_viewer_of_decoded_frames_counts_them_in_its_acknowledgements() -> None:
+    world = World()
+    edge = world.on_air(ref_every=2)
+    viewer, _ = world.join()
+    viewer.decoded = True
+    before = viewer.sent
+    for _ in range(20):
+        world.pass_time(0.1)
+        world.publish(edge, edge.frame(world.now, force_key=edge.seq % 3 == 0))
+    assert viewer.sent - before == 20
+
+
+def test_a_viewer_that_cannot_speak_is_neither_pinged_nor_cut_for_silence() -> None:
+    world = World()
+    world.on_air()
+    viewer, screen = world.join()
+    viewer.speaks = False
+    world.pass_time(60.0)
+    assert screen.was_cut is None
+    assert screen.pings == 0
+    viewer.paused(world.now)
+    world.pass_time(6.0)
+    assert screen.was_cut is Close.NO_ACK
+
+
+# ---- through real sockets -------------------------------------------------------
+
+
+async def test_the_stream_as_json(relays: Any, edges: Any) -> None:
+    relay = relays()
+    edge = edges(relay.zenoh, of=mixed())
+    docs: list[dict[str, Any]] = []
+    async with websockets.connect(relay.url(query="?hz=10&format=json")) as connection:
+        while sum(doc["type"] == "frame" for doc in docs) < 25:
+            docs.append(json.loads(await asyncio.wait_for(connection.recv(decode=True), 10)))
+            if docs[-1]["type"] == "frame" and len(docs) % 8 == 0:
+                count = sum(doc["type"] == "frame" for doc in docs)
+                await connection.send(json.dumps({"type": "ack", "n": count}))
+    assert [doc["type"] for doc in docs if doc["type"] != "status"][:3] == ["hello", "schema", "frame"]
+    frames = [doc for doc in docs if doc["type"] == "frame"]
+    assert stride([doc["seq"] for doc in frames]) == 3
+    for doc in frames:  # the edge of the tests puts its seq into every code
+        assert doc["values"]["pos"] == pytest.approx([doc["seq"] * 0.01] * 2)
+        assert doc["values"]["flags"] == [doc["seq"]] * 2
+    assert edge.seq >= frames[-1]["seq"]
+
+
+async def read_events(
+    relay: Relay, query: str, enough: Any, deadline_s: float = 15.0
+) -> tuple[httpx.Response, list[tuple[str, str]]]:
+    text = ""
+    async with httpx.AsyncClient(timeout=deadline_s) as client:
+        url = f"http://{relay.address}/api/v1/robots/r/live.sse{query}"
+        async with client.stream("GET", url) as response:
+            async for part in response.aiter_text():
+                text += part
+                if enough(parse_events(text)):
+                    break
+    return response, parse_events(text)
+
+
+async def test_server_sent_events_bring_the_same(relays: Any, edges: Any) -> None:
+    relay = relays()
+    edge = edges(relay.zenoh)
+
+    def enough(events: list[tuple[str, str]]) -> bool:
+        names = [name for name, _ in events]
+        if names.count("frame") == 10:
+            edge.event("jam")
+        return names.count("frame") >= 30 and "event" in names
+
+    response, events = await read_events(relay, "?hz=10", enough)
+    assert response.status_code == 200
+    assert response.headers["content-type"] == "text/event-stream"
+    assert response.headers["cache-control"] == "no-store"
+    assert response.headers["access-control-allow-origin"] == "*"
+    told = [(name, data) for name, data in events if name != "status"]
+    assert [name for name, _ in told[:3]] == ["hello", "schema", "frame"]
+    decoder = Decoder()
+    decoder.add_schema(told[1][1])
+    frames = [decoder.decode(base64.b64decode(data)) for name, data in events if name == "frame"]
+    assert all(frame.codes == (frame.seq,) * 2 for frame in frames)
+    assert stride([frame.seq for frame in frames][-20:]) == 3
+    assert next(json.loads(data)["text"] for name, data in events if name == "event") == "jam"
+    _, decoded = await read_events(relay, "?format=json", lambda e: [n for n, _ in e].count("frame") > 5)
+    seqs = [json.loads(data)["seq"] for name, data in decoded if name == "frame"]
+    assert all(b > a for a, b in pairwise(seqs))
+    listed = httpx.get(f"http://{relay.address}/api/v1/robots").json()["robots"][0]
+    assert listed["viewers"] <= 1  # who went is not counted for long
+
+
+@pytest.mark.parametrize(
+    ("path", "status"),
+    [
+        ("r/live.sse?hz=fast", 400),
+        ("r/live.sse?format=xml", 400),
+        ("R*/live.sse", 404),
+        ("r/live.sse?view=lab", 404),
+    ],
+)
+def test_what_is_no_stream_gets_a_status(relays: Any, path: str, status: int) -> None:
+    relay = relays()
+    answer = httpx.get(f"http://{relay.address}/api/v1/robots/{path}")
+    assert answer.status_code == status
+    assert answer.json()["error"]
+    assert answer.headers["access-control-allow-origin"] == "*"
+
+
+def test_public_routes_may_be_read_from_any_page(relays: Any) -> None:
+    relay = relays()
+    base = f"http://{relay.address}/api/v1/robots"
+    for path in ("", "/r", "/r/state", "/r/model/x/manifest.json", "/r/live.sse?hz=x", "/../nothing"):
+        answer = httpx.get(base + path, headers={"Origin": "https://elsewhere.example"})
+        assert answer.headers["access-control-allow-origin"] == "*", path
+        assert "access-control-allow-credentials" not in answer.headers
+        preflight = httpx.options(base + path, headers={"Access-Control-Request-Method": "GET"})
+        assert preflight.status_code == 204
+        assert preflight.headers["access-control-allow-methods"] == "GET, OPTIONS"
+        assert preflight.headers["access-control-allow-origin"] == "*"
+
+
+async def test_full_and_drain_are_told_with_when_to_come_again(relays: Any) -> None:
+    relay = relays("--max-viewers", "1")
+    url = f"http://{relay.address}/api/v1/robots/r/live.sse"
+    async with httpx.AsyncClient(timeout=10) as client, client.stream("GET", url) as first:
+        parts = first.aiter_text()
+        text = await anext(parts)
+        second = (await client.get(url)).text
+        ((name, data),) = parse_events(second)
+        assert (name, json.loads(data)["code"], json.loads(data)["retry_s"]) == ("bye", Close.FULL, 30.0)
+        assert 30_000 <= int(second.rsplit("retry: ", 1)[1]) <= 45_000
+        relay.process.terminate()
+        async for part in parts:
+            text += part
+    name, data = parse_events(text)[-1]
+    assert (name, json.loads(data)["code"]) == ("bye", Close.DRAIN)
+    assert await asyncio.to_thread(relay.process.wait, 10) == 0
+
+
+async def test_a_reader_that_stops_is_cut_and_hurts_nobody(relays: Any, edges: Any) -> None:
+    port = free_port()
+    relay = relays("--metrics-port", str(port))
+    edges(relay.zenoh, of=schema([f"J{n}" for n in range(3000)]))
+    with socket.socket() as sock:
+        sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        sock.connect(("127.0.0.1", relay.http))
+        sock.sendall(
+            b"GET /api/v1/robots/r/live.sse?hz=60 HTTP/1.1\r\nHost: x\r\n\r\n" + b"GET / HTTP/1.1\r\n\r\n"
+        )
+        async with Watcher(relay.url()) as viewer:
+            began = time.monotonic()
+            cut = 'code="4409"} 1.0'
+            await asyncio.to_thread(until, "it is cut", lambda: cut in endings(relay, port), 12.0)
+            assert time.monotonic() - began < 10
+            assert viewer.closed is None
+
+
+async def test_events_after_another_answer_on_one_connection(relays: Any, edges: Any) -> None:
+    relay = relays()
+    edges(relay.zenoh)
+    reader, writer = await asyncio.open_connection("127.0.0.1", relay.http)
+    writer.write(b"GET /livez HTTP/1.1\r\nHost: x\r\n\r\n")
+    assert (await asyncio.wait_for(reader.readuntil(b"ok\n"), 10)).startswith(b"HTTP/1.1 200")
+    writer.write(b"GET /api/v1/robots/r/live.sse HTTP/1.1\r\nHost: x\r\n\r\n")
+    text = (await asyncio.wait_for(reader.readuntil(b"event: frame\n"), 10)).decode()
+    assert "text/event-stream" in text
+    writer.close()
