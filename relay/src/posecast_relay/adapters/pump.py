@@ -6,14 +6,18 @@ import asyncio
 import logging
 import random
 import time
+from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 
 from posecast_relay.adapters.store import StateStore
 from posecast_relay.core.actions import Action, Ask, Cut, End, Keep, Send
+from posecast_relay.core.histogram import Histogram
 from posecast_relay.core.hub import Hub
 
 log = logging.getLogger("posecast_relay")
 
+WATCH_S = 0.1
+JUDGE_S = 1.0
 GRAIN_S = 0.002  # a timer this close is left as it is
 
 
@@ -27,6 +31,12 @@ class Pump:
         self._loop = asyncio.get_running_loop()
         self._timer: asyncio.TimerHandle | None = None
         self._armed_at = float("inf")
+        self._watcher: asyncio.TimerHandle | None = None
+        self._judged_at = self.now()
+        self._used_s = time.thread_time()
+        self.loop_lag = Histogram()
+        self.fan_out = Histogram()  # of frames: deciding and writing
+        self.handshakes: Counter[str] = Counter()
 
     @staticmethod
     def now() -> float:
@@ -39,13 +49,26 @@ class Pump:
         return time.time()
 
     def start(self) -> None:
-        """Begin to follow the core's clock."""
+        """Begin to follow the core's clock, and to watch the loop's own punctuality."""
         self.arm()
+        self._watch(self.now())
 
     def stop(self) -> None:
         """No more ticks."""
-        if self._timer is not None:
-            self._timer.cancel()
+        for timer in (self._timer, self._watcher):
+            if timer is not None:
+                timer.cancel()
+
+    def _watch(self, due: float) -> None:
+        now = self.now()
+        late_s = max(0.0, now - due)
+        self.loop_lag.add(late_s)
+        self.hub.load.late(late_s)
+        if now - self._judged_at >= JUDGE_S:
+            busy = (time.thread_time() - self._used_s) / (now - self._judged_at)
+            self._judged_at, self._used_s = now, time.thread_time()
+            self.carry_out(self.hub.judge_load(busy, now))
+        self._watcher = self._loop.call_later(WATCH_S, self._watch, now + WATCH_S)
 
     def carry_out(self, actions: Iterable[Action]) -> None:
         """Do what the core said, in its order, and see to it that it is called again in time."""
@@ -66,7 +89,9 @@ class Pump:
 
     def flush(self) -> None:
         """Hand out what came in."""
-        self.carry_out(self.hub.flush(self.now(), self.unix_s()))
+        began = self.now()
+        self.carry_out(self.hub.flush(began, self.unix_s()))
+        self.fan_out.add(self.now() - began)
 
     def arm(self) -> None:
         """Set the timer for the core's next moment, unless it stands early enough."""

@@ -23,7 +23,9 @@ from posecast_wire import (
 from posecast_relay.core import messages
 from posecast_relay.core.actions import Action, Ask, Cut, End, Keep, Send
 from posecast_relay.core.drain import Drain
+from posecast_relay.core.histogram import Histogram
 from posecast_relay.core.limits import Limits
+from posecast_relay.core.load import Load
 from posecast_relay.core.robot import PUBLIC, Robot
 from posecast_relay.core.room import NEVER, Room
 from posecast_relay.core.stream import Fate
@@ -46,6 +48,10 @@ class Hub:
         self.viewers: dict[Viewer, Room] = {}
         self.fates: Counter[str] = Counter()  # of messages from edges
         self.endings: Counter[int] = Counter()  # of viewers, by close code
+        self.load = Load()
+        self.lateness = Histogram()  # of frames from edges, as they came in
+        self.delivered = 0  # by rooms that are forgotten; and so on
+        self.skipped = 0
         self.draining: Drain | None = None  # nobody is taken any more
         self.wake_at = 0.0  # `tick` wants to be called then, or a little later
         self._changed: dict[Room, None] = {}
@@ -66,6 +72,7 @@ class Hub:
             fate = of.frame(room, payload, stamp, now)
             if fate is Fate.TAKEN:
                 self._changed[room] = None
+                self.lateness.add(of.runs.lateness_s)
             if of.lacking:
                 self.wake_at = min(self.wake_at, of.ask_at)
         self.fates[fate.value] += 1
@@ -149,6 +156,7 @@ class Hub:
         if len(self.viewers) >= self.limits.viewers:
             self.endings[Close.FULL] += 1
             return [End(viewer, Close.FULL, "as many viewers as this relay takes", FULL_RETRY_S)]
+        viewer.hz = min(viewer.asked_hz, self.load.ceiling_hz)
         robot = self.robots.get(viewer.robot)
         if robot is None:  # it may come later; bounded by the number of viewers
             robot = self.robots[viewer.robot] = Robot(viewer.robot, self.limits)
@@ -186,10 +194,11 @@ class Hub:
                 viewer.acked(n, now)
                 return room.drained(viewer) if was_blocked else []
             case Rate(hz):
-                granted = min(hz, self.limits.max_hz)
+                viewer.asked_hz = min(hz, self.limits.max_hz)
+                granted = min(viewer.asked_hz, self.load.ceiling_hz)
                 room.set_rate(viewer, granted, now)
                 self.wake_at = min(self.wake_at, room.wake_at())
-                reason = "asked" if granted == hz else "limit"
+                reason = "asked" if granted == hz else "limit" if granted == viewer.asked_hz else "overload"
                 return self._told(room.tell(viewer, messages.rate(granted, reason)))
             case Ping(t):
                 return self._told(room.tell(viewer, messages.pong(t)))
@@ -217,6 +226,30 @@ class Hub:
             if viewer in self.viewers:
                 out += self._end(viewer, Close.DRAIN, GOING, DRAIN_RETRY_S)
         self.wake_at = min(self.wake_at, drain.wake_at)
+        return out
+
+    def judge_load(self, busy: float, now: float) -> list[Action]:
+        """Once a second: serve less often, or as often again. `busy`: share of it that the loop computed."""
+        before = self.load.ceiling_hz
+        full = sum(1 for viewer in self.viewers if viewer.paused_at is not None)
+        fastest_hz = max((viewer.asked_hz for viewer in self.viewers), default=0.0)
+        if not self.load.judge(busy, full, len(self.viewers), fastest_hz, now):
+            return []
+        reason = "overload" if self.load.ceiling_hz < before else "recovered"
+        out: list[Action] = []
+        told: dict[float, list[Viewer]] = {}
+        for viewer, room in tuple(self.viewers.items()):
+            granted = min(viewer.asked_hz, self.load.ceiling_hz)
+            if granted == viewer.hz:
+                continue
+            room.set_rate(viewer, granted, now)
+            if viewer.blocked:
+                out += self._told(room.tell(viewer, messages.rate(granted, reason)))
+            else:
+                told.setdefault(granted, []).append(viewer)
+        out += [Send(messages.rate(hz, reason), viewers) for hz, viewers in told.items()]
+        for room in set(self.viewers.values()):
+            self.wake_at = min(self.wake_at, room.wake_at())
         return out
 
     # ---- time ---------------------------------------------------------------
@@ -300,6 +333,8 @@ class Hub:
     def _forget(self, robot: Robot) -> None:
         del self.robots[robot.name]
         for room in robot.rooms.values():
+            self.delivered += room.delivered
+            self.skipped += room.skipped
             self._words.pop(room, None)
             self._changed.pop(room, None)
 

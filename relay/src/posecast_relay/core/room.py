@@ -42,6 +42,7 @@ class Room:
         self.viewers: dict[Viewer, None] = {}
         self.groups: dict[float, Group] = {}
         self.delivered = 0  # frames times viewers
+        self.skipped = 0  # likewise: due, but the viewer could not take it
 
     # ---- coming, going, changing rate -------------------------------------
 
@@ -164,6 +165,7 @@ class Room:
         if group.frame is not frame:
             self._handed_out(group, frame, now)
         group.behind = behind
+        self.skipped += len(behind)
         group.flush_at = NEVER
         group.retry_at = now + group.pace.period_s if behind else NEVER
 

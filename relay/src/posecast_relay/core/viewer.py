@@ -28,6 +28,7 @@ class Viewer:
 
     __slots__ = (
         "acks",
+        "asked_hz",
         "blocked",
         "check_at",
         "decoded",
@@ -71,6 +72,7 @@ class Viewer:
         self.robot = robot
         self.view = view
         self.hz = min(max(hz, 0.0), limits.max_hz)
+        self.asked_hz = self.hz  # served less often while the process is overloaded
         self.limits = limits
         self.until = now + lives_s
         self.decoded = decoded  # gets no bases: it counts one message per frame

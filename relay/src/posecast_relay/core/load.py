@@ -1,0 +1,77 @@
+"""When the process can't keep up: how often viewers may be served. Rates fall before anybody is refused.
+
+Judged once a second by the median of how late the loop was, by the share of a core that it used, and by the
+share of viewers whose sockets are full. One bad second means nothing: a burst of joins, a process that was
+stopped. After a step down that helped, steps up are tried; each one that proves too early doubles the wait.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from statistics import median
+
+RUNGS = (30.0, 15.0, 10.0, 5.0, 2.0, 1.0)
+NO_CEILING = float("inf")
+LATE_S, IN_TIME_S = 0.15, 0.05  # above the first is overload, below the second is calm; in between as it is
+BUSY, IDLE = 0.92, 0.6
+PRESSED, EASY = 0.5, 0.2
+# Whoever does not read is held back alone and soon cut, so only a crowd counts; and never below this, since
+# it is in the hands of viewers, and none may hurt another.
+CROWD, PRESSED_FLOOR_HZ = 20, 10.0
+BAD_SECONDS = 3  # of overload: one step down
+CALM_SECONDS, CALM_SECONDS_MAX = 5, 80  # one step up
+TOO_EARLY_S = 15.0  # a step down so soon after a step up
+
+
+class Load:
+    """Lag and shares in, `ceiling_hz` out: nobody is served more often than that."""
+
+    def __init__(self) -> None:
+        self.ceiling_hz = NO_CEILING
+        self._lags: deque[float] = deque(maxlen=100)
+        self._bad = 0
+        self._calm = 0
+        self._patience = CALM_SECONDS
+        self._raised_at = float("-inf")
+
+    def late(self, lag_s: float) -> None:
+        """A timer of the loop came so late; some ten times a second."""
+        self._lags.append(lag_s)
+
+    def judge(self, busy: float, full: int, viewers: int, fastest_hz: float, now: float) -> bool:
+        """Once a second; whether `ceiling_hz` has changed.
+
+        `busy`: share of the second that the loop computed; `full`: viewers whose sockets are full;
+        `fastest_hz`: the highest rate that is served or, under a ceiling, asked for.
+        """
+        lag_s = median(self._lags) if self._lags else 0.0
+        self._lags.clear()
+        pressed = full / viewers if viewers >= CROWD else 0.0
+        loop_bad = lag_s > LATE_S or busy > BUSY
+        bad = loop_bad or (pressed > PRESSED and min(self.ceiling_hz, fastest_hz) > PRESSED_FLOOR_HZ)
+        calm = lag_s < IN_TIME_S and busy < IDLE and pressed < EASY
+        self._bad = self._bad + 1 if bad else 0
+        self._calm = self._calm + 1 if calm else 0
+        if self._bad >= BAD_SECONDS:
+            self._bad = 0
+            return self._lower(fastest_hz, now)
+        if self._calm >= self._patience and self.ceiling_hz != NO_CEILING:
+            self._calm = 0
+            return self._raise(fastest_hz, now)
+        return False
+
+    def _lower(self, fastest_hz: float, now: float) -> bool:
+        served_hz = min(self.ceiling_hz, fastest_hz)
+        below = [hz for hz in RUNGS if hz < served_hz]
+        if not below:
+            return False
+        too_early = now - self._raised_at < TOO_EARLY_S
+        self._patience = min(2 * self._patience, CALM_SECONDS_MAX) if too_early else CALM_SECONDS
+        self.ceiling_hz = below[0]
+        return True
+
+    def _raise(self, fastest_hz: float, now: float) -> bool:
+        above = [hz for hz in RUNGS if hz > self.ceiling_hz]
+        self.ceiling_hz = above[-1] if above and above[-1] < fastest_hz else NO_CEILING
+        self._raised_at = now
+        return True
