@@ -130,8 +130,8 @@ async def test_the_stream_as_json(relays: Any, edges: Any) -> None:
     async with websockets.connect(relay.url(query="?hz=10&format=json")) as connection:
         while sum(doc["type"] == "frame" for doc in docs) < 25:
             docs.append(json.loads(await asyncio.wait_for(connection.recv(decode=True), 10)))
-            if docs[-1]["type"] == "frame" and len(docs) % 8 == 0:
-                count = sum(doc["type"] == "frame" for doc in docs)
+            count = sum(doc["type"] == "frame" for doc in docs)
+            if docs[-1]["type"] == "frame" and count % 10 == 0:
                 await connection.send(json.dumps({"type": "ack", "n": count}))
     assert [doc["type"] for doc in docs if doc["type"] != "status"][:3] == ["hello", "schema", "frame"]
     frames = [doc for doc in docs if doc["type"] == "frame"]

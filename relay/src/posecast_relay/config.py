@@ -127,7 +127,7 @@ FLAGS = (
     _Flag("max_connection_age", _seconds, None, "viewers connect anew after this, give or take a tenth", "S"),
     _Flag("max_robots", _count, "1000", "frames of further ones are dropped", "N"),
     _Flag("model_cache_mb", _count, "256", "memory for robots' models", "MB"),
-    _Flag("log_level", _level, "warning", "debug, info, warning or error", "LEVEL"),
+    _Flag("log_level", _level, "warning", "debug, info, warning or error; JSON but on a terminal", "LEVEL"),
 )  # fmt: skip
 
 

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from itertools import accumulate
 
+from posecast_wire import Close
 from prometheus_client import CollectorRegistry, start_http_server
-from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metric
+from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, HistogramMetricFamily, Metric
 from prometheus_client.registry import Collector
 
 from posecast_relay.adapters.pump import Pump
+from posecast_relay.core.histogram import BOUNDS_S, Histogram
+
+EVICTIONS = (Close.HALF_OPEN, Close.NO_ACK, Close.EVENTS_FULL)
 
 
 class _Figures(Collector):
@@ -34,12 +39,33 @@ class _Figures(Collector):
             hub.fates,
             CounterMetricFamily,
         )
-        delivered = sum(room.delivered for room in rooms)
+        delivered = hub.delivered + sum(room.delivered for room in rooms)
         yield CounterMetricFamily("posecast_delivered_frames", "Frames handed to viewers", delivered)
-        ended = {str(int(code)): count for code, count in hub.endings.items()}
+        skipped = hub.skipped + sum(room.skipped for room in rooms)
+        yield CounterMetricFamily(
+            "posecast_skipped_frames", "Frames that viewers were due and could not take", skipped
+        )
+        shaken = self._pump.handshakes
+        yield _by("posecast_handshakes", "Requests for a stream", "result", shaken, CounterMetricFamily)
+        ended = {str(int(code)): count for code, count in list(hub.endings.items())}
         yield _by("posecast_endings", "Viewers let go, by close code", "code", ended, CounterMetricFamily)
+        evicted = sum(hub.endings[code] for code in EVICTIONS)
+        yield CounterMetricFamily("posecast_evictions", "Viewers cut because they did not keep up", evicted)
+        yield GaugeMetricFamily(
+            "posecast_ceiling_hz", "Rate that overload leaves; +Inf = all", hub.load.ceiling_hz
+        )
+        yield _times("posecast_frame_lateness_seconds", "Edge to relay, above the least", hub.lateness)
+        yield _times("posecast_fan_out_seconds", "To hand out what came in", self._pump.fan_out)
+        yield _times("posecast_loop_lag_seconds", "How late the event loop is", self._pump.loop_lag)
         trouble = self._pump.store.trouble()
         yield GaugeMetricFamily("posecast_store_up", "Whether the state store works", 0 if trouble else 1)
+
+
+def _times(name: str, text: str, times: Histogram) -> Metric:
+    metric = HistogramMetricFamily(name, text)
+    upto = [str(bound) for bound in BOUNDS_S] + ["+Inf"]
+    metric.add_metric([], list(zip(upto, accumulate(times.counts), strict=True)), times.sum_s)
+    return metric
 
 
 def _words(pump: Pump, now: float) -> dict[str, int]:

@@ -9,16 +9,25 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 
+from posecast_wire import Close
+
 from posecast_relay.adapters.store import StateStore
 from posecast_relay.core.actions import Action, Ask, Cut, End, Keep, Send
 from posecast_relay.core.histogram import Histogram
 from posecast_relay.core.hub import Hub
+from posecast_relay.core.viewer import Viewer
 
 log = logging.getLogger("posecast_relay")
 
 WATCH_S = 0.1
 JUDGE_S = 1.0
 GRAIN_S = 0.002  # a timer this close is left as it is
+
+
+def _ended(viewer: Viewer, close: Close, reason: str) -> None:
+    if log.isEnabledFor(logging.INFO):
+        more = {"conn": viewer.number, "robot": viewer.robot, "code": int(close), "reason": reason}
+        log.info("viewer let go", extra=more)
 
 
 class Pump:
@@ -67,7 +76,15 @@ class Pump:
         if now - self._judged_at >= JUDGE_S:
             busy = (time.thread_time() - self._used_s) / (now - self._judged_at)
             self._judged_at, self._used_s = now, time.thread_time()
+            before = self.hub.load.ceiling_hz
             self.carry_out(self.hub.judge_load(busy, now))
+            if self.hub.load.ceiling_hz != before:
+                log.warning(
+                    "overload: rates up to %g Hz"
+                    if before > self.hub.load.ceiling_hz
+                    else "less load: rates up to %g Hz",
+                    self.hub.load.ceiling_hz,
+                )
         self._watcher = self._loop.call_later(WATCH_S, self._watch, now + WATCH_S)
 
     def carry_out(self, actions: Iterable[Action]) -> None:
@@ -81,11 +98,21 @@ class Pump:
                     self.store.keep(stream)
                 case End(viewer, close, reason, retry_s):
                     viewer.outlet.end(close, reason, retry_s)
+                    _ended(viewer, close, reason)
                 case Cut(viewer, close):
                     viewer.outlet.cut(close)
+                    _ended(viewer, close, "cut")
                 case Ask(robot, views):
                     self.ask(robot, views)
         self.arm()
+
+    def join(self, viewer: Viewer) -> None:
+        """A viewer has connected."""
+        self.carry_out(self.hub.join(viewer, self.now(), self.unix_s()))
+        here = viewer in self.hub.viewers
+        self.handshakes["accepted" if here else "told to go"] += 1
+        if here:
+            log.info("viewer came", extra={"conn": viewer.number, "robot": viewer.robot})
 
     def flush(self) -> None:
         """Hand out what came in."""

@@ -60,8 +60,7 @@ class EventStream(asyncio.Protocol):
         if sock is not None and hasattr(socket, "TCP_USER_TIMEOUT"):
             sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, USER_TIMEOUT_MS)
         self._transport.write(HEAD)
-        pump = self._pump
-        pump.carry_out(pump.hub.join(self._viewer, pump.now(), pump.unix_s()))
+        self._pump.join(self._viewer)
 
     # ---- asyncio ----------------------------------------------------------
 
@@ -165,6 +164,7 @@ class _Http(HttpToolsProtocol):
         EventStream(self.transport, self.connections, self.pump, form, asked).start()
 
     def _refuse(self, status: HTTPStatus, reason: str) -> None:
+        self.pump.handshakes["refused"] += 1
         body = json.dumps({"error": reason}).encode()
         head = (
             f"HTTP/1.1 {status.value} {status.phrase}\r\ncontent-type: application/json\r\n"

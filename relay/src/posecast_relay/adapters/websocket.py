@@ -121,18 +121,21 @@ class LiveSocket(asyncio.Protocol):
         try:
             asked = read_target(request.path)
         except BadRequest as e:
+            self.pump.handshakes["refused"] += 1
             self._ws.send_response(self._ws.reject(e.status, f"{e}\n"))
             return
         response = self._ws.accept(request)
         self._ws.send_response(response)
         self._send_own()
-        if self._ws.state is not OPEN:
-            return
         pump = self.pump
+        if self._ws.state is not OPEN:
+            pump.handshakes["refused"] += 1
+            return
         try:
             asked.check()
         except NoSuchStream as e:
             pump.hub.endings[Close.ABSENT] += 1
+            pump.handshakes["told to go"] += 1
             self.end(Close.ABSENT, str(e), None)
             return
         lives_s = pump.hub.limits.max_age_s * random.uniform(0.9, 1.1)
@@ -140,7 +143,7 @@ class LiveSocket(asyncio.Protocol):
         self._viewer = Viewer(
             outlet, asked.robot, asked.view, asked.hz, pump.hub.limits, pump.now(), lives_s, asked.decoded
         )
-        pump.carry_out(pump.hub.join(self._viewer, pump.now(), pump.unix_s()))
+        pump.join(self._viewer)
         if self._transport.get_write_buffer_size() > 0:
             # uvicorn makes us the transport's protocol only after this call: it was told to pause, not we
             self._viewer.paused(pump.now())

@@ -50,6 +50,7 @@ class Hub:
         self.endings: Counter[int] = Counter()  # of viewers, by close code
         self.load = Load()
         self.lateness = Histogram()  # of frames from edges, as they came in
+        self.joins = 0
         self.delivered = 0  # by rooms that are forgotten; and so on
         self.skipped = 0
         self.draining: Drain | None = None  # nobody is taken any more
@@ -150,6 +151,8 @@ class Hub:
 
     def join(self, viewer: Viewer, now: float, unix_s: float) -> list[Action]:
         """A viewer came; it gets all it needs in one write, or is told that the relay goes or is full."""
+        self.joins += 1
+        viewer.number = self.joins
         if self.draining is not None:
             self.endings[Close.DRAIN] += 1
             return [End(viewer, Close.DRAIN, GOING, DRAIN_RETRY_S)]

@@ -40,6 +40,7 @@ class Viewer:
         "limits",
         "mark_at",
         "mark_n",
+        "number",
         "outlet",
         "paused_at",
         "ping_at",
@@ -69,6 +70,7 @@ class Viewer:
         speaks: bool = True,
     ) -> None:
         self.outlet = outlet
+        self.number = 0  # of the connection, given by the hub
         self.robot = robot
         self.view = view
         self.hz = min(max(hz, 0.0), limits.max_hz)
