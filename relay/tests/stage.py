@@ -218,7 +218,12 @@ class ZenohEdge:
         """Send one."""
         doc = {"type": "event", "t": 1.0, "level": "fault", "source": "RKN", "text": text, "state": state}
         stamp = self.edge.stamp(time.monotonic()).pack()
-        self.session.put(event_key(self.robot, "public"), json.dumps(doc), attachment=stamp)
+        self.session.put(
+            event_key(self.robot, "public"),
+            json.dumps(doc),
+            attachment=stamp,
+            congestion_control=zenoh.CongestionControl.BLOCK,
+        )
 
     def echo(self) -> Echo | None:
         """What the relay says it has."""

@@ -6,6 +6,7 @@ import asyncio
 import contextlib
 import gc
 import logging
+import resource
 import signal
 import socket
 import threading
@@ -33,6 +34,7 @@ from posecast_relay.logs import start_logging
 
 log = logging.getLogger("posecast_relay")
 
+SPARE_FILES = 1000  # beside the viewers' sockets
 BACKLOG = 4096  # a lecture hall opens the link at once
 GRACE_S = 2  # for requests under way when the relay stops
 CLOSE_ZENOH_S = 1.0
@@ -79,6 +81,7 @@ def run(settings: Settings) -> None:
 
 
 async def _serve(settings: Settings) -> None:
+    _allow_sockets(settings.max_viewers)
     listener = _bind(settings.host, settings.port)
     try:
         session, endpoints = open_router(settings.zenoh_listen)
@@ -139,6 +142,20 @@ async def _serve(settings: Settings) -> None:
         await store.stop()
         stop_metrics()
         await _close(session)
+
+
+def _allow_sockets(viewers: int) -> None:
+    """A socket per viewer: more than the 1,024 open files that shells usually allow, less than they may."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    wanted = viewers + SPARE_FILES
+    if hard != resource.RLIM_INFINITY:
+        wanted = min(wanted, hard)
+    if soft != resource.RLIM_INFINITY and soft < wanted:
+        with contextlib.suppress(OSError, ValueError):
+            resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, hard))
+            soft = wanted
+    if soft != resource.RLIM_INFINITY and soft < viewers + SPARE_FILES:
+        log.warning("only %d open files allowed: fewer viewers than --max-viewers %d", soft, viewers)
 
 
 def _bind(host: str, port: int) -> socket.socket:
