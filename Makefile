@@ -40,7 +40,11 @@ $(DEMO)/robot.urdf: .venv/.ready $(shell git ls-files --cached --others --exclud
 	$(BIN)/python edge-agent/demo/build.py --out $(DEMO)
 	@touch $@
 
-setup: .venv/.ready node_modules/.ready spa/dist/index.html $(DEMO)/robot.urdf ## prepare everything, start nothing
+$(DEMO)/model/manifest.json: $(DEMO)/robot.urdf $(wildcard edge-agent/src/posecast_edge/model/*.py)
+	$(BIN)/posecast-edge model build --no-cache $< -o $(@D)
+	@touch $@
+
+setup: .venv/.ready node_modules/.ready spa/dist/index.html $(DEMO)/model/manifest.json ## prepare everything, start nothing
 
 # ---- for people --------------------------------------------------------------
 

@@ -11,10 +11,16 @@ from demo_stage import Minute
 from posecast_edge.sources import Sample, SourceError, defaults_of, demo, open_source
 
 
-def test_it_brings_profile_and_model(bundle: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_it_brings_profile_and_model(bundle: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(demo, "BUNDLE", bundle)
     defaults = defaults_of("demo")
-    assert defaults.urdf == bundle / "robot.urdf"
+    assert (defaults.urdf, defaults.model) == (bundle / "robot.urdf", None)
+    (tmp_path / "demo" / "model").mkdir(parents=True)
+    for made in ("robot.urdf", "model/manifest.json"):
+        (tmp_path / "demo" / made).touch()
+    monkeypatch.setattr(demo, "BUNDLE", tmp_path / "demo")
+    assert defaults_of("demo").model == tmp_path / "demo" / "model"
+    monkeypatch.setattr(demo, "BUNDLE", bundle)
     assert defaults.profile is not None
     assert defaults.profile.is_file()
     assert open_source("demo", None).description == "demo, a loop of 60 s"

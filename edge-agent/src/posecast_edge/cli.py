@@ -43,9 +43,10 @@ def _run(settings: Settings, console: Console) -> int:
     defaults = defaults_of(settings.source)
     profile_path = settings.profile or defaults.profile
     urdf = settings.urdf or defaults.urdf
+    model = settings.model or (None if settings.urdf else defaults.model)
     profile = load_profile(profile_path) if profile_path else None
-    if settings.model:
-        bundle: Bundle | None = load_built(settings.model)
+    if model:
+        bundle: Bundle | None = load_built(model)
     else:
         bundle = _whole(load_bundle(urdf)) if urdf else None
     source = open_source(settings.source, profile)

@@ -52,6 +52,7 @@ class Defaults:
 
     profile: Path | None = None
     urdf: Path | None = None
+    model: Path | None = None  # the URDF, built; goes before it
 
 
 class Source(Protocol):

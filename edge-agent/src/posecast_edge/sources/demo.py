@@ -34,11 +34,12 @@ MAX_BEHIND_S = 1.0  # a machine that slept goes on where it stood
 
 
 def defaults() -> Defaults:
-    """The demo's own profile and URDF. SourceError when the bundle has not been made."""
+    """The demo's own profile and model, built where that was done. SourceError when there is no bundle."""
     urdf = BUNDLE / "robot.urdf"
     if not urdf.is_file():
         raise SourceError(f"the demo robot is missing ({BUNDLE}): {HOW}")
-    return Defaults(profile=PROFILE, urdf=urdf)
+    model = BUNDLE / "model"
+    return Defaults(PROFILE, urdf, model if (model / "manifest.json").is_file() else None)
 
 
 def open_source(address: str, profile: Profile | None) -> Source:
