@@ -23,6 +23,9 @@ $(UV): tools/uv-version
 	@touch $@
 
 .venv/.ready: $(UV) uv.lock pyproject.toml $(wildcard */pyproject.toml wire/python/pyproject.toml)
+	@# the mesh tools' simplifier comes as source
+	@tools/need g++
+	@tools/need python3-dev
 	$(UV) sync --quiet --frozen --all-packages --python "$$(command -v python3)"
 	@touch $@
 
