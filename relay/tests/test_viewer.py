@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections import deque
+from random import Random
+
 import pytest
 from posecast_relay.core.limits import Limits
 from posecast_relay.core.viewer import Viewer
 from posecast_wire import Close
 
-from .sim import Edge, World
+from .sim import Edge, Screen, World
 
 
 def watch(world: World, edge: Edge, viewer: Viewer, seconds: float, acks: bool = True) -> None:
@@ -213,3 +216,33 @@ def test_connections_are_renewed_before_their_age_limit() -> None:
     assert screen.ended == (Close.AGE_LIMIT, "time for a new connection", 1.0)
     assert viewer not in world.hub.viewers
     assert world.hub.endings[Close.AGE_LIMIT] == 1
+
+
+@pytest.mark.parametrize(("hz", "way_s", "pause_s"), [(30, 0.001, 0.25), (10, 0.03, 0.25), (60, 0.2, 0.9)])
+def test_a_viewer_that_reads_in_gulps_is_never_cut(hz: int, way_s: float, pause_s: float) -> None:
+    """It acknowledges on a frame, a second after its last: what it reads in one go has one acknowledgement,
+    sent with the first frame of it, and the rest of the gulp owes none."""
+    viewer = Viewer(Screen(), "r", "public", float(hz), Limits(), 0.0)
+    random, under_way, acks = Random(1), deque[tuple[float, int]](), deque[tuple[float, int]]()
+    acked_at, reads_at, gulp_at = -9.0, 0.0, random.expovariate(0.2)
+    skipped = 0
+    for i in range(60 * 120):
+        now = i / 60
+        while acks and acks[0][0] <= now:
+            viewer.acked(acks.popleft()[1], now)
+        if i % (60 // hz) == 0:
+            viewer.heard_at = now
+            assert viewer.overdue(now) is None, f"cut at {now:.1f} s"
+            if viewer.blocked or (now >= viewer.check_at and not viewer.may_send(now)):
+                skipped += 1
+            else:
+                viewer.sent += 1
+                under_way.append((now + way_s, viewer.sent))
+        if now >= gulp_at:
+            reads_at, gulp_at = now + pause_s, now + pause_s + random.expovariate(0.2)
+        while now >= reads_at and under_way and under_way[0][0] <= now:
+            _, n = under_way.popleft()
+            if now - acked_at >= 1.0:
+                acked_at = now
+                acks.append((now + way_s, n))
+    assert skipped < 0.1 * 120 * hz

@@ -26,9 +26,10 @@ class Limits:
     status_s: float = 0.9  # so that every viewer hears at least once a second
     sweep_s: float = 0.5  # how often silent robots and silent viewers are looked for
     ask_s: float = 1.0  # between two questions for one robot's snapshots
-    ack_grace_s: float = 1.2  # a viewer owes no acknowledgement within a second of its last; and some leeway
-    ack_stop_s: float = 0.8  # owed for so long (so 2 s after the last one): send nothing more
-    ack_abort_s: float = 13.8  # owed for so long (so 15 s after the last one): cut
+    ack_every_s: float = 1.0  # a viewer owes no acknowledgement within this of its last
+    backlog_s: float = 2.0  # acks come, but for messages so old: send nothing more
+    ack_stop_s: float = 1.0  # owed for so long (so 2 s after the last one): send nothing more
+    ack_abort_s: float = 14.0  # owed for so long (so 15 s after the last one): cut
     undrained_s: float = 5.0  # a viewer that never acknowledges may leave its buffer unread for so long
     undrained_acking_s: float = 15.0  # the same for one that acknowledges
     max_age_s: float = float("inf")  # of a connection, give or take a tenth; then closed 4000

@@ -33,15 +33,17 @@ class Viewer:
         "check_at",
         "decoded",
         "frame",
+        "heard_ack_at",
         "heard_at",
         "hz",
         "key",
         "lane",
         "limits",
-        "mark_at",
-        "mark_n",
         "number",
+        "oldest_at",
+        "oldest_n",
         "outlet",
+        "owed_at",
         "paused_at",
         "ping_at",
         "ref",
@@ -94,8 +96,10 @@ class Viewer:
         # acknowledgements
         self.sent = 0  # binary messages
         self.acks = False  # it has acknowledged once, so it will
-        self.mark_n = 0
-        self.mark_at: float | None = None  # since when message `mark_n` is owed
+        self.heard_ack_at = now
+        self.owed_at: float | None = None  # when the first message went that is sure to be acknowledged
+        self.oldest_n = 0
+        self.oldest_at: float | None = None  # when message `oldest_n` went, the oldest of those that is not
         self.check_at = float("inf")  # when the next message sent makes it owe one, or stalls it
         # signs of life and manners
         self.heard_at = now
@@ -104,16 +108,21 @@ class Viewer:
         self.tokens_at = now
 
     def may_send(self, now: float) -> bool:
-        """Called when `check_at` has passed: this message must be acknowledged, or an earlier one is overdue.
+        """Called when `check_at` has passed: whether another message may go before it acknowledges.
 
         A viewer acknowledges when a message arrives and a second has passed since its last acknowledgement.
-        So the first message sent a second after that was heard here is sure to be answered (a little later to
-        be safe: a stalled viewer gets nothing that it could acknowledge); older ones need not be.
+        So the first message sent a second after that was heard here is sure to be answered, and is always let
+        through: a viewer that had read all in one go owes nothing for the rest, and would never speak again.
         """
-        if self.mark_at is None:
-            self.mark_n = self.sent + 1
-            self.mark_at = now
-            self.check_at = now + self.limits.ack_stop_s
+        limits = self.limits
+        if self.owed_at is None:
+            if now < self.heard_ack_at + limits.ack_every_s:
+                return False  # its acknowledgements come, but for messages of two seconds ago
+            self.owed_at = now
+            if self.oldest_at is None:
+                self.oldest_at = now
+                self.oldest_n = self.sent + 1
+            self.check_at = min(now + limits.ack_stop_s, max(self.oldest_at + limits.backlog_s, now))
             return True
         self.stalled = True
         self.blocked = True
@@ -122,11 +131,15 @@ class Viewer:
     def acked(self, n: int, now: float) -> None:
         """It has received `n` binary messages."""
         self.acks = True
-        if self.mark_at is not None and min(n, self.sent) < self.mark_n:
-            return
-        self.mark_at = None
+        self.heard_ack_at = now
+        self.owed_at = None
         self.stalled = False
-        self.check_at = now + self.limits.ack_grace_s
+        self.check_at = now + self.limits.ack_every_s
+        if self.oldest_at is not None:
+            if min(n, self.sent) >= self.oldest_n:
+                self.oldest_at = None
+            else:
+                self.check_at = min(self.check_at, self.oldest_at + self.limits.backlog_s)
         self.settle()
 
     def paused(self, now: float) -> None:
@@ -142,8 +155,11 @@ class Viewer:
         """The relay itself stood still for so long: what the viewer did meanwhile is still to be read."""
         self.heard_at = min(now, self.heard_at + seconds)
         self.check_at += seconds
-        if self.mark_at is not None:
-            self.mark_at += seconds
+        self.heard_ack_at = min(now, self.heard_ack_at + seconds)
+        if self.owed_at is not None:
+            self.owed_at += seconds
+        if self.oldest_at is not None:
+            self.oldest_at += seconds
         if self.paused_at is not None:
             self.paused_at += seconds
 
@@ -162,7 +178,7 @@ class Viewer:
         limits = self.limits
         if self.speaks and now - self.heard_at >= limits.half_open_s:
             return Close.HALF_OPEN
-        if self.mark_at is not None and now - self.mark_at >= limits.ack_abort_s:
+        if self.owed_at is not None and now - self.owed_at >= limits.ack_abort_s:
             return Close.NO_ACK
         patience = limits.undrained_acking_s if self.acks else limits.undrained_s
         if self.paused_at is not None and now - self.paused_at >= patience:
