@@ -72,15 +72,13 @@ class Relay:
         assert self.process.stdout is not None
         line = self.process.stdout.readline().decode()
         found = re.fullmatch(
-            r"posecast-relay: serving http://(127\.0\.0\.1:(\d+)), robots on (tcp/127\.0\.0\.1:(\d+))\n", line
+            r"posecast-relay: serving http://(127\.0\.0\.1:(\d+)), "
+            r"robots (?:on (tcp/127\.0\.0\.1:(\d+))|from Redis)\n",
+            line,
         )
         assert found, f"{line!r} {self.errors()}"
-        self.address, self.http, self.zenoh, self.zenoh_port = (
-            found[1],
-            int(found[2]),
-            found[3],
-            int(found[4]),
-        )
+        self.address, self.http = found[1], int(found[2])
+        self.zenoh, self.zenoh_port = found[3] or "", int(found[4] or 0)
 
     def errors(self) -> str:
         """Its stderr."""
@@ -247,6 +245,7 @@ class Watcher:
         self.acks = acks
         self.texts: list[dict[str, Any]] = []
         self.frames: list[tuple[float, Frame]] = []
+        self.payloads: dict[int, bytes] = {}  # by seq
         self.closed: tuple[int, str] | None = None
         self.connection: websockets.ClientConnection | None = None
         self._task: asyncio.Task[None] | None = None
@@ -274,6 +273,7 @@ class Watcher:
                 count += 1
                 now = time.monotonic()
                 self.frames.append((now, decoder.decode(message)))
+                self.payloads[self.frames[-1][1].seq] = message
                 if self.acks and now - acked_at >= 1.0:
                     acked_at = now
                     await connection.send(json.dumps({"type": "ack", "n": count}))
@@ -318,6 +318,16 @@ class Redis:
             probe.sendall(b"PING\r\n")
             return probe.recv(7) == b"+PONG\r\n"
         return False
+
+    def freeze(self) -> None:
+        """It stands still; its sockets stay open."""
+        assert self.process is not None
+        self.process.send_signal(signal.SIGSTOP)
+
+    def thaw(self) -> None:
+        """It goes on."""
+        assert self.process is not None
+        self.process.send_signal(signal.SIGCONT)
 
     def kill(self) -> None:
         """At once, with all it held."""

@@ -80,3 +80,14 @@ def test_help_lists_every_setting(capsys: pytest.CaptureFixture[str]) -> None:
         "POSECAST_MAX_VIEWERS",
     ):
         assert name in said
+
+
+def test_a_gateway_needs_no_publishers_and_every_role_but_all_a_store() -> None:
+    found = parse(["run", "--role", "gateway", "--store", "redis+cluster://h:1"], {})
+    assert (found.role, found.store) == ("gateway", "redis+cluster://h:1")
+    assert parse(["run", "--dev"], {"POSECAST_ROLE": "all"}).role == "all"
+    for role in ("ingest", "gateway"):
+        with pytest.raises(SettingsError, match=f"--role {role}: needs --store redis"):
+            parse(["run", "--dev", "--role", role], {})
+    with pytest.raises(SettingsError, match="--role 'edge': use all, ingest or gateway"):
+        parse(["run", "--role", "edge"], {})

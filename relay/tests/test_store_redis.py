@@ -8,7 +8,8 @@ from typing import Any
 
 import httpx
 import redis
-from posecast_relay.adapters.store_redis import GUARD, generation_key, state_key
+from posecast_relay.adapters.redis_link import generation_key, state_key
+from posecast_relay.adapters.store_redis import GUARD
 from posecast_wire import Decoder
 
 from .stage import Redis, Relay, Watcher, free_port, until
@@ -83,8 +84,8 @@ def test_the_guard_lets_nothing_older_replace_what_is_newer(redis_server: Redis)
     guard = store.register_script(GUARD)
 
     def write(generation: int, seq: int, full: bool, key_id: int, frame: bytes) -> int:
-        args = [generation, seq, "1" if full else "0", key_id, "frame", frame]
-        return int(guard([STATE, "posecast:{r}:generation"], args))
+        args = [generation, seq, "1" if full else "0", key_id, b"told", "frame", frame]
+        return int(guard([STATE, "posecast:{r}:generation", "posecast:{r}:live"], args))
 
     assert write(1, 5, False, 7, b"light first") == 2
     assert write(1, 5, True, 7, b"a") == 1

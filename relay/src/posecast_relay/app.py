@@ -98,17 +98,19 @@ def make_app(pump: Pump, models: Models, decoded: Decoded, static: Path | None) 
 
     @app.get(API, summary="Robots on air")
     async def robots(request: Request) -> Response:
-        return answers.answer(request, "", lambda: robots_document(pump.hub, pump.now()))
+        return answers.answer(request, "", lambda: robots_document(pump.hub, pump.store, pump.now()))
 
     @app.get(API + "/{robot}", summary="One robot: liveness, viewers, schema, model")
     async def one_robot(request: Request, robot: str) -> Response:
+        await pump.open(robot)
         of = pump.hub.robots.get(robot)
         if of is None or of.heard_at is None:
             raise HTTPException(404, f"no robot {robot!r} here")
-        return answers.answer(request, robot, lambda: robot_document(of, pump.now()))
+        return answers.answer(request, robot, lambda: robot_document(of, pump.hub, pump.store, pump.now()))
 
     @app.get(API + "/{robot}/state", summary="The newest state with names and units")
     async def state(robot: str, view: str = PUBLIC) -> Response:
+        await pump.open(robot)
         of = pump.hub.robots.get(robot)
         room = of.rooms.get(view) if of is not None and view == PUBLIC else None
         if of is None or room is None or room.stream.newest is None:

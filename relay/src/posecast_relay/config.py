@@ -22,6 +22,7 @@ class Settings:
     """What `posecast-relay run` was asked for."""
 
     dev: bool
+    role: str
     host: str
     port: int
     metrics_port: int | None
@@ -68,8 +69,14 @@ def _host(text: str) -> str:
 
 
 def _store(text: str) -> str:
-    if text != "memory://" and not re.match(r"rediss?://[^\s]+$", text):
-        raise ValueError("use memory://, redis://HOST:PORT or rediss://HOST:PORT")
+    if text != "memory://" and not re.match(r"rediss?(\+cluster)?://[^\s]+$", text):
+        raise ValueError("use memory://, redis://HOST:PORT, rediss://… (TLS) or redis+cluster://…")
+    return text
+
+
+def _role(text: str) -> str:
+    if text not in ("all", "ingest", "gateway"):
+        raise ValueError("use all, ingest or gateway")
     return text
 
 
@@ -117,10 +124,11 @@ class _Flag:
 
 FLAGS = (
     _Flag("dev", _boolean, "", "accept publishers without credentials; Zenoh then listens on loopback only"),
+    _Flag("role", _role, "all", "all; ingest: robots to Redis; gateway: Redis to viewers", "ROLE"),
     _Flag("host", _host, "127.0.0.1", "address HTTP listens on", "HOST"),
     _Flag("port", _port, "8080", "port HTTP listens on; 0 = any free one", "PORT", "PORT"),
     _Flag("metrics_port", _port, None, "port for Prometheus, on --host; default: none", "PORT"),
-    _Flag("store", _store, "memory://", "where the newest state is kept: memory:// or redis://…", "URL"),
+    _Flag("store", _store, "memory://", "memory://, redis://, rediss:// (TLS), redis+cluster://…", "URL"),
     _Flag("zenoh_listen", _endpoints, "tcp/127.0.0.1:7447", "where edges connect; port 0 = any free", "ADDR"),
     _Flag("static", _directory, None, "the built page; default: the one packed in, if any", "DIR"),
     _Flag("max_viewers", _count, "5000", "further ones are told `full`", "N"),
@@ -187,6 +195,10 @@ def parse(argv: Sequence[str], environ: Mapping[str, str]) -> Settings:
     values = {flag.name: _value(flag, asked[flag.name], environ) for flag in FLAGS}
     assert set(values) == {f.name for f in fields(Settings)}
     settings = Settings(**values)  # type: ignore[arg-type]
+    if settings.role != "all" and settings.store == "memory://":
+        raise SettingsError(f"--role {settings.role}: needs --store redis://…, where the roles meet")
+    if settings.role == "gateway":  # it hears viewers and Redis only
+        return settings
     if not settings.dev:
         raise SettingsError(
             "give --dev: this relay knows no credentials yet, so it takes any publisher on loopback"

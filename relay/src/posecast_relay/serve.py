@@ -18,19 +18,17 @@ import zenoh
 
 from posecast_relay.adapters.decoded import Decoded
 from posecast_relay.adapters.metrics import start_metrics
-from posecast_relay.adapters.models import Models
 from posecast_relay.adapters.pump import Pump
 from posecast_relay.adapters.sse import http_protocol
-from posecast_relay.adapters.store import StateStore
 from posecast_relay.adapters.store_memory import MemoryStore
 from posecast_relay.adapters.websocket import live_protocol
-from posecast_relay.adapters.zenoh_ingest import ZenohIngest
 from posecast_relay.adapters.zenoh_session import ListenError, open_router
 from posecast_relay.app import make_app
 from posecast_relay.config import Settings
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
 from posecast_relay.logs import start_logging
+from posecast_relay.roles import open_part
 
 log = logging.getLogger("posecast_relay")
 
@@ -83,18 +81,22 @@ def run(settings: Settings) -> None:
 async def _serve(settings: Settings) -> None:
     _allow_sockets(settings.max_viewers)
     listener = _bind(settings.host, settings.port)
-    try:
-        session, endpoints = open_router(settings.zenoh_listen)
-    except ListenError as e:
-        listener.close()
-        raise StartError(str(e)) from None
+    session: zenoh.Session | None = None
+    source = "from Redis"
+    if settings.role != "gateway":
+        try:
+            session, endpoints = open_router(settings.zenoh_listen)
+        except ListenError as e:
+            listener.close()
+            raise StartError(str(e)) from None
+        source = "on " + ", ".join(endpoints)
     limits = Limits(
         viewers=settings.max_viewers,
         robots=settings.max_robots,
         max_age_s=settings.max_connection_age or float("inf"),
     )
-    store = _store(settings.store)
-    pump = Pump(Hub(limits), store)
+    pump = Pump(Hub(limits), MemoryStore())
+    part = open_part(settings, session, pump)
     try:
         stop_metrics = _metrics(settings, pump)
     except OSError as e:
@@ -103,11 +105,11 @@ async def _serve(settings: Settings) -> None:
         raise StartError(
             f"--metrics-port {settings.metrics_port}: {(e.strerror or str(e)).lower()}"
         ) from None
-    models = Models(session, pump.hub, settings.model_cache_mb << 20)
     decoded = Decoded()
+    streams = settings.role != "ingest"
     host, port = listener.getsockname()[:2]
     shown = f"[{host}]" if ":" in host else host
-    line = f"posecast-relay: serving http://{shown}:{port}, robots on {', '.join(endpoints)}"
+    line = f"posecast-relay: serving http://{shown}:{port}, robots {source}"
 
     def serving() -> None:
         # What was made until here lives as long as the process: the collector need not walk it. Nor need it
@@ -118,9 +120,9 @@ async def _serve(settings: Settings) -> None:
         print(line, flush=True)
 
     config = uvicorn.Config(
-        make_app(pump, models, decoded, settings.static),
-        ws=live_protocol(pump, decoded),
-        http=http_protocol(pump, decoded),
+        make_app(pump, part.models, decoded, settings.static),
+        ws=live_protocol(pump, decoded) if streams else "none",
+        http=http_protocol(pump, decoded) if streams else "httptools",
         lifespan="off",
         log_config=None,
         access_log=False,
@@ -132,14 +134,13 @@ async def _serve(settings: Settings) -> None:
     loop = asyncio.get_running_loop()
     for number in (signal.SIGTERM, signal.SIGINT):
         loop.add_signal_handler(number, server.leave)
-    await store.start()
+    await part.start()
     pump.start()
-    ZenohIngest(session, pump).start()
     try:
         await server.serve(sockets=[listener])
     finally:
         pump.stop()
-        await store.stop()
+        await part.stop()
         stop_metrics()
         await _close(session)
 
@@ -184,16 +185,10 @@ def _metrics(settings: Settings, pump: Pump) -> Callable[[], None]:
     return stop
 
 
-def _store(url: str) -> StateStore:
-    if url == "memory://":
-        return MemoryStore()
-    from posecast_relay.adapters.store_redis import RedisStore  # noqa: PLC0415 — a third of the time to start
-
-    return RedisStore(url)
-
-
-async def _close(session: zenoh.Session) -> None:
+async def _close(session: zenoh.Session | None) -> None:
     """Zenoh's close may wait for a peer that does not answer; the process need not."""
+    if session is None:
+        return
     closing = threading.Thread(target=session.close, daemon=True)
     closing.start()
     give_up_at = asyncio.get_running_loop().time() + CLOSE_ZENOH_S

@@ -238,7 +238,7 @@ export class Session {
             robot: message.robot,
             ageMs: message.age_ms,
             seq: message.seq,
-            degraded: false, // for the relay to say once it can be: a gateway without its store
+            degraded: message.degraded,
             atMs: nowMs,
           },
         });

@@ -83,8 +83,8 @@ export function judge(evidence: Evidence, nowMs: number): Verdict {
     if (joining && status === null) return verdict(null);
     return verdict('STALE', 'no connection');
   }
+  if (status.degraded) return verdict('STALE', 'relay degraded'); // it can't know whether the robot is there
   if (status.robot === 'offline') return verdict('OFFLINE');
-  if (status.degraded) return verdict('STALE', 'relay degraded');
   const spokeSince = evidence.freshMs !== null && evidence.freshMs > status.atMs;
   const silent = status.robot === 'silent' && !spokeSince;
   if (silent || ageMs === null || ageMs > STALE_AFTER_MS) return verdict('STALE', 'robot silent');

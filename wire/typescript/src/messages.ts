@@ -17,12 +17,16 @@ export interface Hello {
   readonly model: string | null;
 }
 
-/** After hello, then at least once a second. `age_ms`, `seq`: of the newest frame; null before any. */
+/**
+ * After hello, then at least once a second. `age_ms`, `seq`: of the newest frame; null before any. `degraded`: the
+ * relay does not hear of robots just now, for a reason of its own (a gateway without Redis).
+ */
 export interface Status {
   readonly type: 'status';
   readonly robot: RobotWord;
   readonly age_ms: number | null;
   readonly seq: number | null;
+  readonly degraded: boolean;
 }
 
 /** `text` is what arrived, to the byte: its hash is the schema's id. */
@@ -159,6 +163,11 @@ class Reader {
     return new Map(Object.entries(v).filter((e): e is [string, T] => is(e[1])));
   }
 
+  /** Present and true. */
+  is(name: string): boolean {
+    return this.doc.get(name) === true;
+  }
+
   private isNull(name: string): boolean {
     return (this.doc.get(name) ?? null) === null;
   }
@@ -177,7 +186,7 @@ function status(r: Reader): Status | null {
   const robot = r.word('robot', ['online', 'silent', 'offline']);
   const [age_ms, seq] = [r.numberOrNull('age_ms'), r.numberOrNull('seq')];
   if (robot === undefined || age_ms === undefined || seq === undefined) return null;
-  return { type: 'status', robot, age_ms, seq };
+  return { type: 'status', robot, age_ms, seq, degraded: r.is('degraded') };
 }
 
 function info(r: Reader): Info | null {

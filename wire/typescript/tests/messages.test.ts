@@ -5,8 +5,8 @@ import { parseRelayMessage } from '../src/index.ts';
 const HASH = 'a'.repeat(64);
 
 test.each([
-  { type: 'status', robot: 'silent', age_ms: 1700, seq: 12 },
-  { type: 'status', robot: 'offline', age_ms: null, seq: null },
+  { type: 'status', robot: 'silent', age_ms: 1700, seq: 12, degraded: true },
+  { type: 'status', robot: 'offline', age_ms: null, seq: null, degraded: false },
   { type: 'event', n: 3, t: 1.5, at: 1e9, level: 'fault', source: 'RKN', text: 'jam', state: 'on' },
   { type: 'rate', hz: 10, reason: 'busy' },
   { type: 'model', hash: HASH },

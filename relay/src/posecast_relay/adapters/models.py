@@ -7,21 +7,14 @@ come in small ranges one by one at low priority: one large reply would cut a thi
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import hashlib
 import json
 import re
 from collections import OrderedDict
 from collections.abc import Callable, Coroutine
-from typing import Any, NamedTuple, TypeVar, cast
-
-import zenoh
-from posecast_wire.keys import model_key
-
-from posecast_relay.core.hub import Hub
+from typing import Any, NamedTuple, Protocol, TypeVar, cast
 
 RANGE_BYTES = 250_000
-RANGE_TIMEOUT_S = 10.0
 MANIFEST_BYTES_MAX = 1 << 20
 FILES_MAX = 4096
 MANIFESTS_MAX = 32
@@ -54,6 +47,19 @@ class Unavailable(RuntimeError):
     """The edge does not deliver it just now: one line."""
 
 
+class ModelSource(Protocol):
+    """Where models come from."""
+
+    def offers(self, robot: str, digest: str) -> bool:
+        """Whether it is worth asking for."""
+
+    async def manifest(self, robot: str, digest: str) -> bytes:
+        """Its bytes. Absent, Unavailable."""
+
+    async def read(self, robot: str, digest: str, sha256: str, off: int, size: int) -> bytes:
+        """`size` ≤ RANGE_BYTES bytes of a file. Absent, Unavailable."""
+
+
 class ModelFile(NamedTuple):
     """A file's bytes and the type to serve them as."""
 
@@ -75,9 +81,8 @@ class _Manifest(NamedTuple):
 class Models:
     """Fetches and keeps. When memory is full the file asked for longest ago goes."""
 
-    def __init__(self, session: zenoh.Session, hub: Hub, cache_bytes: int) -> None:
-        self._session = session
-        self._hub = hub
+    def __init__(self, source: ModelSource, cache_bytes: int) -> None:
+        self._source = source
         self._cache_bytes = cache_bytes
         self._kept_bytes = 0
         self._kept: OrderedDict[str, bytes] = OrderedDict()
@@ -95,7 +100,7 @@ class Models:
             raise Absent(f"no file {path!r} in this model")
         data = self._kept.get(entry.sha256)
         if data is None:
-            data = await self._once((robot, entry.sha256), lambda: self._fetch_file(robot, entry))
+            data = await self._once((robot, entry.sha256), lambda: self._fetch_file(robot, digest, entry))
         else:
             self._kept.move_to_end(entry.sha256)
         return ModelFile(data, entry.type if entry.type in TYPES else "application/octet-stream")
@@ -104,8 +109,7 @@ class Models:
         known = self._manifests.get((robot, digest))
         if known is not None:
             return known
-        of = self._hub.robots.get(robot)
-        if of is None or not any(room.stream.model == digest for room in of.rooms.values()):
+        if not SHA256.fullmatch(digest) or not self._source.offers(robot, digest):
             raise Absent("no such model")
         return await self._once((robot, digest), lambda: self._fetch_manifest(robot, digest))
 
@@ -123,7 +127,7 @@ class Models:
             task.exception()  # seen, also when nobody waits any more
 
     async def _fetch_manifest(self, robot: str, digest: str) -> _Manifest:
-        data = await self._get(model_key(robot, "manifest"))
+        data = await self._source.manifest(robot, digest)
         if len(data) > MANIFEST_BYTES_MAX or hashlib.sha256(data).hexdigest() != digest:
             raise Unavailable("the edge's manifest is another one by now, or too large")
         manifest = _Manifest(data, _files(data))
@@ -132,12 +136,13 @@ class Models:
             self._manifests.popitem(last=False)
         return manifest
 
-    async def _fetch_file(self, robot: str, entry: _Entry) -> bytes:
+    async def _fetch_file(self, robot: str, digest: str, entry: _Entry) -> bytes:
         if entry.size > self._cache_bytes:
             raise Unavailable(f"a file of {entry.size} bytes, more than this relay keeps")
-        key, parts, off = model_key(robot, entry.sha256), [], 0
+        parts, off = [], 0
         while off < entry.size:
-            part = await self._get(f"{key}?off={off};len={min(RANGE_BYTES, entry.size - off)}")
+            size = min(RANGE_BYTES, entry.size - off)
+            part = await self._source.read(robot, digest, entry.sha256, off, size)
             if not 0 < len(part) <= RANGE_BYTES:
                 raise Unavailable(f"the edge answered {len(part)} bytes at {off} of {entry.size}")
             parts.append(part)
@@ -155,37 +160,10 @@ class Models:
             _, gone = self._kept.popitem(last=False)
             self._kept_bytes -= len(gone)
 
-    async def _get(self, selector: str) -> bytes:
-        """One reply to one question. Unavailable when none comes."""
-        loop = asyncio.get_running_loop()
-        ended: asyncio.Future[None] = loop.create_future()
-        replies: list[bytes] = []
-
-        def on_reply(reply: zenoh.Reply) -> None:
-            if reply.ok is not None:
-                replies.append(reply.ok.payload.to_bytes())
-
-        def end() -> None:
-            if not ended.done():
-                ended.set_result(None)
-
-        def on_end() -> None:
-            with contextlib.suppress(RuntimeError):  # the loop has closed: the relay is stopping
-                loop.call_soon_threadsafe(end)
-
-        try:
-            self._session.get(
-                selector,
-                zenoh.handlers.Callback(on_reply, on_end),
-                timeout=RANGE_TIMEOUT_S,
-                priority=zenoh.Priority.DATA_LOW,
-            )
-            await asyncio.wait_for(ended, RANGE_TIMEOUT_S + 1)
-        except (zenoh.ZError, TimeoutError) as e:
-            raise Unavailable(f"the edge does not answer: {e or 'timeout'}") from None
-        if not replies:
-            raise Unavailable("the edge does not answer")
-        return replies[0]
+    async def entries(self, robot: str, digest: str) -> dict[str, tuple[str, int]]:
+        """The model's files by path: SHA-256 and size. Absent, Unavailable."""
+        found = (await self._manifest(robot, digest)).files
+        return {path: (entry.sha256, entry.size) for path, entry in found.items()}
 
 
 def _files(manifest: bytes) -> dict[str, _Entry]:

@@ -7,12 +7,12 @@ import logging
 import random
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Awaitable, Callable, Iterable, Sequence
 
 from posecast_wire import Close
 
 from posecast_relay.adapters.store import StateStore
-from posecast_relay.core.actions import Action, Ask, Cut, End, Keep, Send
+from posecast_relay.core.actions import Action, Ask, Cut, End, Keep, Send, Watch
 from posecast_relay.core.histogram import Histogram
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.viewer import Viewer
@@ -30,13 +30,21 @@ def _ended(viewer: Viewer, close: Close, reason: str) -> None:
         log.info("viewer let go", extra=more)
 
 
+async def _open(_robot: str) -> None:
+    """Every robot is listened for."""
+
+
 class Pump:
-    """One per process, on the event loop. `ask` is set by whoever can ask an edge."""
+    """One per process, on the event loop. `ask` is set by whoever can ask an edge; `watch` and `open` by who
+    listens only for robots that somebody asks for.
+    """
 
     def __init__(self, hub: Hub, store: StateStore) -> None:
         self.hub = hub
         self.store = store
         self.ask: Callable[[str, Sequence[str]], None] = lambda _robot, _views: None
+        self.watch: Callable[[str], None] = lambda _robot: None
+        self.open: Callable[[str], Awaitable[None]] = _open
         self._loop = asyncio.get_running_loop()
         self._timer: asyncio.TimerHandle | None = None
         self._armed_at = float("inf")
@@ -104,6 +112,8 @@ class Pump:
                     _ended(viewer, close, "cut")
                 case Ask(robot, views):
                     self.ask(robot, views)
+                case Watch(robot):
+                    self.watch(robot)
         self.arm()
 
     def join(self, viewer: Viewer) -> None:

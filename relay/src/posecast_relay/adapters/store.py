@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Any, Protocol
 
 from posecast_relay.core.stream import Stream
 
@@ -15,6 +15,12 @@ class StateStore(Protocol):
 
     def trouble(self) -> str | None:
         """One line about what is wrong, None when all is well."""
+
+    def robots(self) -> list[dict[str, Any]] | None:
+        """The robots on air as others tell of them; None where this process hears them itself."""
+
+    def viewers_elsewhere(self, robot: str) -> int:
+        """How many watch it at other processes."""
 
     async def start(self) -> None:
         """Begin to work; does not wait for the store to answer."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from posecast_relay.core.stream import Stream
 
 
@@ -14,6 +16,14 @@ class MemoryStore:
     def trouble(self) -> str | None:
         """Memory does not fail by itself."""
         return None
+
+    def robots(self) -> list[dict[str, Any]] | None:
+        """The core knows them."""
+        return None
+
+    def viewers_elsewhere(self, robot: str) -> int:  # noqa: ARG002
+        """There is no elsewhere."""
+        return 0
 
     async def start(self) -> None:
         """Nothing to begin."""

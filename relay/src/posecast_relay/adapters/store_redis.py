@@ -1,12 +1,8 @@
-"""`redis://`: the newest state of every stream in Redis, for other processes and for whoever looks.
+"""`redis://` of a process that hears robots: the newest state of every stream for other processes.
 
 Written by one task that nobody waits for. What waits to be written is the set of streams that changed; each
 is read when its turn comes, so a slow or dead Redis costs newer states, never memory or a viewer's frame.
-
-    posecast:{ROBOT}:generation   how many runs were adopted (INCR)
-    posecast:{ROBOT}:VIEW:state   hash: generation seq run schema key_id key ref frame info model events
-
-The braces are part of the name: they keep one robot's keys on one node of a Redis Cluster.
+The same write tells the robot's channel what changed, so who subscribes and then reads has no gap.
 """
 
 from __future__ import annotations
@@ -15,24 +11,38 @@ import asyncio
 import contextlib
 import json
 import logging
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
-import redis.asyncio as redis
-from redis.backoff import NoBackoff
-from redis.exceptions import NoScriptError, RedisError
-from redis.retry import Retry
+from redis.exceptions import NoScriptError
 
+from posecast_relay.adapters.redis_board import BOARD, Board
+from posecast_relay.adapters.redis_link import (
+    REDIS_ERRORS,
+    STATUS_MS,
+    TTL_S,
+    Link,
+    channel,
+    end,
+    generation_key,
+    name_of,
+    state_key,
+    status_key,
+)
+from posecast_relay.adapters.relayed import Standing, Update
+from posecast_relay.core.hub import Hub
+from posecast_relay.core.robot import Robot
 from posecast_relay.core.stream import Held, Stream
 
 log = logging.getLogger("posecast_relay")
 
-TTL_S = 3600  # renewed by every KEY
-TIMEOUT_S = 1.0  # of one call to Redis
-ROUND_S = 0.02  # between two rounds, so that many robots share one
-BACKOFF_S = (0.25, 1.0)  # first and longest wait after a failure
+ROUND_S = 0.005  # between two rounds, so that many robots share one
+BEAT_S = 1.0  # between two signs of life
+BACKOFF_S = (0.1, 0.4)  # first and longest wait after a failure
+STOP_S = 1.0
 
-# An older (generation, seq) never replaces a newer one. A light write (frame only) that finds another KEY or
-# nothing there is refused with 2: the whole state is written next.
+# An older (generation, seq) never replaces a newer one: 0. A light write (frame only) that finds another KEY
+# or nothing there is refused with 2: the whole state is written next.
 GUARD = """
 local state, counter = KEYS[1], KEYS[2]
 local generation, seq, full = tonumber(ARGV[1]), tonumber(ARGV[2]), ARGV[3] == '1'
@@ -40,14 +50,23 @@ local has = redis.call('HMGET', state, 'generation', 'seq', 'key_id')
 local has_generation, has_seq = tonumber(has[1] or '-1'), tonumber(has[2] or '-1')
 if generation < has_generation or (generation == has_generation and seq < has_seq) then return 0 end
 if not full and (generation ~= has_generation or has[3] ~= ARGV[4]) then return 2 end
-redis.call('HSET', state, 'generation', ARGV[1], 'seq', ARGV[2], 'key_id', ARGV[4], unpack(ARGV, 5))
+redis.call('HSET', state, 'generation', ARGV[1], 'seq', ARGV[2], 'key_id', ARGV[4], unpack(ARGV, 6))
 if full then
   if tonumber(redis.call('GET', counter) or '0') < generation then redis.call('SET', counter, generation) end
   redis.call('EXPIRE', state, {ttl})
   redis.call('EXPIRE', counter, 2 * {ttl})
 end
+redis.call('SPUBLISH', KEYS[3], ARGV[5])
 return 1
 """.replace("{ttl}", str(TTL_S))
+
+# A process whose run was replaced by another process's says nothing about the robot: 0
+STATUS = """
+if tonumber(redis.call('GET', KEYS[2]) or '0') > tonumber(ARGV[1]) then return 0 end
+redis.call('SET', KEYS[1], ARGV[2], 'PX', {ms})
+redis.call('SPUBLISH', KEYS[3], ARGV[2])
+return 1
+""".replace("{ms}", str(STATUS_MS))
 
 
 class _Written(NamedTuple):
@@ -60,34 +79,28 @@ class _Written(NamedTuple):
     event_n: int
 
 
-def state_key(robot: str, view: str) -> str:
-    """The hash with one stream's newest state."""
-    return f"posecast:{{{robot}}}:{view}:state"
-
-
-def generation_key(robot: str) -> str:
-    """The counter of a robot's adopted runs."""
-    return f"posecast:{{{robot}}}:generation"
-
-
 class RedisStore:
-    """See the module. `writes` and `failures` are for metrics."""
+    """See the module. `describe` gives a robot's document for the board."""
 
-    def __init__(self, url: str) -> None:
+    def __init__(
+        self, url: str, hub: Hub, now: Callable[[], float], describe: Callable[[Robot], dict[str, Any]]
+    ) -> None:
         self.writes = 0
         self.failures = 0
-        self._client: Any = redis.from_url(
-            url,
-            socket_timeout=TIMEOUT_S,
-            socket_connect_timeout=TIMEOUT_S,
-            retry=Retry(NoBackoff(), 0),
-        )
+        self.link = Link(url)
+        self.board = Board(self.link)
+        self._hub = hub
+        self._now = now
+        self._describe = describe
         self._dirty: dict[Stream, None] = {}
         self._written: dict[Stream, _Written] = {}
         self._generations: dict[str, tuple[int, int]] = {}  # robot → run, generation
+        self._tokens: dict[str, bool] = {}  # as told last
+        self._superseded: set[str] = set()  # robots that another process writes
+        self._resumed: set[Stream] = set()
         self._wake = asyncio.Event()
+        self._beat_at = 0.0
         self._trouble: str | None = "redis: not connected yet"
-        self._sha = ""
         self._task: asyncio.Task[None] | None = None
 
     def keep(self, stream: Stream) -> None:
@@ -99,77 +112,73 @@ class RedisStore:
         """What is wrong with Redis, if anything."""
         return self._trouble
 
+    def robots(self) -> list[dict[str, Any]] | None:
+        """The core hears them."""
+        return None
+
+    def viewers_elsewhere(self, robot: str) -> int:
+        """As the board says; none while Redis is gone."""
+        return 0 if self._trouble else self.board.viewers_elsewhere(robot)
+
     async def start(self) -> None:
         """Start the writing task; Redis may come later."""
         self._task = asyncio.create_task(self._work(), name="redis")
 
     async def stop(self) -> None:
         """One last round, then let go."""
-        if self._task is not None:
-            self._task.cancel()
-            with contextlib.suppress(asyncio.CancelledError):
-                await self._task
-        with contextlib.suppress(RedisError, OSError, TimeoutError):
-            async with asyncio.timeout(TIMEOUT_S):
+        await end(self._task)
+        with contextlib.suppress(*REDIS_ERRORS):
+            async with asyncio.timeout(STOP_S):
                 if self._trouble is None:
                     await self._round()
-                await self._client.aclose()
+        await self.link.close()
 
     async def _work(self) -> None:
         wait_s = BACKOFF_S[0]
         while True:
             try:
-                async with asyncio.timeout(2 * TIMEOUT_S):
-                    if self._trouble is not None:
-                        await self._connect()
-                    await self._round()
+                if self._trouble is not None:
+                    await self._connect()
+                await self._round()
+                if self._now() >= self._beat_at:
+                    self._beat_at = self._now() + BEAT_S
+                    await self._beat()
                 wait_s = BACKOFF_S[0]
-            except (RedisError, OSError, TimeoutError) as e:
+            except REDIS_ERRORS as e:
                 await self._failed(e)
                 await asyncio.sleep(wait_s)
                 wait_s = min(2 * wait_s, BACKOFF_S[1])
                 continue
             await asyncio.sleep(ROUND_S)
-            await self._wake.wait()
+            with contextlib.suppress(TimeoutError):
+                async with asyncio.timeout(max(0.0, self._beat_at - self._now())):
+                    await self._wake.wait()
             self._wake.clear()
 
     async def _connect(self) -> None:
-        self._sha = await self._client.script_load(GUARD)
+        await self.link.connect(GUARD, STATUS, BOARD)
         self._written.clear()  # whatever stands there, write it whole
+        self._superseded.clear()
+        for robot in self._hub.robots.values():
+            self._dirty |= {room.stream: None for room in robot.rooms.values()}
+        self._beat_at = 0.0
         if self.failures:
             log.warning("redis is back")
         self._trouble = None
 
-    async def _failed(self, error: Exception) -> None:
+    async def _failed(self, error: BaseException) -> None:
         if self._trouble is None or not self.failures:
-            log.warning("redis: %s; viewers notice nothing, trying on", error or type(error).__name__)
+            why = str(error) or type(error).__name__
+            log.warning("redis: %s; viewers here notice nothing, trying on", why)
         self.failures += 1
-        self._trouble = f"redis: {type(error).__name__}"  # /readyz is public: no addresses
-        with contextlib.suppress(RedisError, OSError, TimeoutError):
-            async with asyncio.timeout(TIMEOUT_S):
-                await self._client.connection_pool.disconnect()
+        self._trouble = name_of(error)  # /readyz is public: no addresses
+        await self.link.reset()
 
     async def _round(self) -> None:
-        """Write every stream that changed, in one exchange."""
+        """Write every stream that changed."""
         batch, self._dirty = self._dirty, {}
         try:
-            ready = [s for s in batch if s.newest is not None and s.key is not None]
-            for stream in ready:
-                await self._generation(stream)
-            if not ready:
-                return
-            pipe = self._client.pipeline(transaction=False)
-            for stream in ready:
-                self._add(pipe, stream)
-            results = await pipe.execute(raise_on_error=False)
-            for stream, result in zip(ready, results, strict=True):
-                if isinstance(result, Exception):
-                    raise result
-                if result == 2:
-                    del self._written[stream]
-                    self._dirty[stream] = None
-                    self._wake.set()
-                self.writes += 1
+            await self._write(batch)
         except NoScriptError:  # Redis was restarted between two rounds
             self._dirty = batch | self._dirty
             await self._connect()
@@ -177,16 +186,41 @@ class RedisStore:
         except BaseException:
             self._dirty = batch | self._dirty
             self._written.clear()
-            self._wake.set()
             raise
 
+    async def _write(self, batch: dict[Stream, None]) -> None:
+        ready = [s for s in batch if s.newest is not None and s.key is not None]
+        for stream in ready:
+            await self._generation(stream)
+        ready = [s for s in ready if s.robot not in self._superseded]
+        results = await self.link.run_all([self._call(stream) for stream in ready])
+        for stream, result in zip(ready, results, strict=True):
+            self.writes += 1
+            if result != 1:
+                self._written.pop(stream, None)
+            if result == 2:
+                self.keep(stream)
+            elif result == 0:
+                self._superseded.add(stream.robot)
+        told = {s.robot: self._hub.robots.get(s.robot) for s in batch}
+        await self._tell([r for r in told.values() if r and self._tokens.get(r.name) != r.liveness.token])
+
     async def _generation(self, stream: Stream) -> None:
+        """Adopt its run; its events go on counting where an earlier process stopped."""
         known = self._generations.get(stream.robot)
         if known is None or known[0] != stream.run_id:
-            generation = await self._client.incr(generation_key(stream.robot))
-            self._generations[stream.robot] = (stream.run_id, generation)
+            client = self.link.client
+            generation = await self.link.call(client.incr(generation_key(stream.robot)))
+            self._generations[stream.robot] = (stream.run_id, int(generation))
+            self._superseded.discard(stream.robot)
+        if stream not in self._resumed:
+            client = self.link.client
+            texts = await self.link.call(client.hget(state_key(stream.robot, stream.view), "events"))
+            if stream not in self._written and texts:
+                stream.resume([_text(event) for event in json.loads(texts)])
+            self._resumed.add(stream)
 
-    def _add(self, pipe: Any, stream: Stream) -> None:
+    def _call(self, stream: Stream) -> tuple[str, list[str], list[Any]]:
         key, newest, ref = stream.key, stream.newest, stream.ref
         assert key is not None
         assert newest is not None
@@ -194,13 +228,71 @@ class RedisStore:
         state = _Written(generation, key, ref, stream.version, stream.event_n)
         before = self._written.get(stream)
         light = before is not None and before == state._replace(ref=before.ref)
-        values: list[bytes | str | int] = ["frame", newest.payload]
+        version = f"{self.board.id}:{stream.version}"
+        values: list[bytes | str | int] = ["frame", newest.payload, "stamp", round(newest.stamp_s * 1e9)]
         if before is None or ref is not before.ref or not light:
             values += ["ref", ref.payload if ref else b""]
         if not light:
             values += ["run", f"{stream.run_id:016x}", "schema", stream.schema.text if stream.schema else ""]
             values += ["key", key.payload, "info", json.dumps(stream.info), "model", stream.model or ""]
             values += ["events", "[" + ",".join(event.text for event in stream.events) + "]"]
+            values += ["version", version]
+        # what others lack, bases first; frames that were never live here come by the snapshot alone
+        age_s = stream.age_s(self._now())
+        lacking: list[Held] = []
+        if age_s is not None:
+            bases = [key if before is None or key is not before.key else None]
+            bases.append(ref if ref is not None and (before is None or ref is not before.ref) else None)
+            lacking = [base for base in bases if base is not None and base is not newest] + [newest]
+        told_n = before.event_n if before is not None else 0
+        update = Update(
+            stream.view,
+            generation,
+            stream.run_id,
+            version,
+            age_s or 0.0,
+            tuple((round(held.stamp_s * 1e9), held.payload) for held in lacking),
+            tuple(event.text for event in stream.events if event.n > told_n),
+        )
         self._written[stream] = state
-        names = (state_key(stream.robot, stream.view), generation_key(stream.robot))
-        pipe.evalsha(self._sha, 2, *names, generation, newest.seq, "0" if light else "1", key.id, *values)
+        names = [state_key(stream.robot, stream.view), generation_key(stream.robot), channel(stream.robot)]
+        args = [generation, newest.seq, "0" if light else "1", key.id, update.pack(), *values]
+        return GUARD, names, args
+
+    async def _beat(self) -> None:
+        """Say of every robot how it is; take over those that another process has ceased to write."""
+        for robot in tuple(self._superseded):
+            if not await self.link.call(self.link.client.exists(status_key(robot))):
+                self._superseded.discard(robot)
+                self._generations.pop(robot, None)
+                of = self._hub.robots.get(robot)
+                for room in of.rooms.values() if of else ():
+                    self.keep(room.stream)
+        heard = [robot for robot in self._hub.robots.values() if robot.heard_at is not None]
+        await self._tell(heard)
+        known = {robot.name for robot in heard}
+        for stream in [s for s in self._written if s.robot not in known]:  # forgotten by the core
+            del self._written[stream]
+            self._resumed.discard(stream)
+            self._generations.pop(stream.robot, None)
+        viewers = {r.name: r.viewer_count() for r in self._hub.robots.values() if r.has_viewers()}
+        told = {robot.name: self._describe(robot) for robot in heard if robot.name not in self._superseded}
+        await self.board.exchange(self._now(), viewers, told)
+        for of_mine in heard:
+            of_mine.followed = self.board.viewers_elsewhere(of_mine.name) > 0
+
+    async def _tell(self, robots: list[Robot]) -> None:
+        now = self._now()
+        calls: list[tuple[str, list[str], list[Any]]] = []
+        for robot in robots:
+            ages_s = {view: room.stream.age_s(now) for view, room in robot.rooms.items()}
+            standing = Standing(robot.liveness.token, ages_s).pack()
+            names = [status_key(robot.name), generation_key(robot.name), channel(robot.name)]
+            calls.append((STATUS, names, [self._generations.get(robot.name, (0, 0))[1], standing]))
+        if calls:
+            await self.link.run_all(calls)
+        self._tokens |= {robot.name: robot.liveness.token for robot in robots}
+
+
+def _text(event: dict[str, Any]) -> str:
+    return json.dumps(event, separators=(",", ":"), ensure_ascii=False)

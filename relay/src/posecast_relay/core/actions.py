@@ -52,4 +52,11 @@ class Keep:
     stream: Stream
 
 
-Action = Send | End | Cut | Ask | Keep
+@dataclass(slots=True)
+class Watch:
+    """This robot has its first viewer: a relay that hears robots from others listens for it from now on."""
+
+    robot: str
+
+
+Action = Send | End | Cut | Ask | Keep | Watch

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import cast
 
 from posecast_wire import (
@@ -21,7 +21,7 @@ from posecast_wire import (
 )
 
 from posecast_relay.core import messages
-from posecast_relay.core.actions import Action, Ask, Cut, End, Keep, Send
+from posecast_relay.core.actions import Action, Ask, Cut, End, Keep, Send, Watch
 from posecast_relay.core.drain import Drain
 from posecast_relay.core.histogram import Histogram
 from posecast_relay.core.limits import Limits
@@ -54,6 +54,7 @@ class Hub:
         self.delivered = 0  # by rooms that are forgotten; and so on
         self.skipped = 0
         self.draining: Drain | None = None  # nobody is taken any more
+        self.degraded = False  # no robot is heard of, for a reason of this relay's own
         self.wake_at = 0.0  # `tick` wants to be called then, or a little later
         self._changed: dict[Room, None] = {}
         self._status_at = 0.0
@@ -63,14 +64,16 @@ class Hub:
 
     # ---- from the edges ---------------------------------------------------
 
-    def frame(self, robot: str, view: str, payload: bytes, stamp: Stamp, now: float) -> Fate:
-        """Take a frame in; `flush` then hands out the newest."""
+    def frame(
+        self, robot: str, view: str, payload: bytes, stamp: Stamp, now: float, late_s: float = 0.0
+    ) -> Fate:
+        """Take a frame in; `flush` then hands out the newest. `late_s`: as late as another relay found it."""
         found = self._publisher(robot, view)
         if found is None:
             fate = Fate.CROWDED
         else:
             of, room = found
-            fate = of.frame(room, payload, stamp, now)
+            fate = of.frame(room, payload, stamp, now, late_s)
             if fate is Fate.TAKEN:
                 self._changed[room] = None
                 self.lateness.add(of.runs.lateness_s)
@@ -79,13 +82,22 @@ class Hub:
         self.fates[fate.value] += 1
         return fate
 
-    def snapshot(self, robot: str, view: str, snapshot: Snapshot, stamp: Stamp, now: float) -> None:
-        """Take in what an edge answered. ValueError, one line, when it is of no use."""
+    def snapshot(
+        self,
+        robot: str,
+        view: str,
+        snapshot: Snapshot,
+        stamp: Stamp,
+        now: float,
+        newest: bytes | None = None,
+    ) -> None:
+        """Take in what an edge, or another relay with its `newest` frame, answered. ValueError, one line,
+        when it is of no use."""
         found = self._publisher(robot, view)
         if found is None:
             raise ValueError("snapshot: more robots or views than the relay takes")
         of, room = found
-        of.snapshot(room, snapshot, stamp, now)
+        of.snapshot(room, snapshot, stamp, now, newest)
         self._changed[room] = None
 
     def event(
@@ -125,12 +137,12 @@ class Hub:
                 return []
             found.came(now)
             self.wake_at = min(self.wake_at, found.ask_at)
-            return self._words_changed(found, now)
+            return self._kept(found) + self._words_changed(found, now)
         gone = self.robots.get(robot)
         if gone is None:
             return []
         gone.liveness.left(now)
-        return self._words_changed(gone, now)
+        return self._kept(gone) + self._words_changed(gone, now)
 
     def flush(self, now: float, unix_s: float) -> list[Action]:
         """Hand out what has changed since the last flush, each stream's newest frame only."""
@@ -146,6 +158,60 @@ class Hub:
                 self.wake_at = min(self.wake_at, room.wake_at())
             out += self._conflict(robot, now, unix_s)
         return out
+
+    # ---- from other relays --------------------------------------------------
+
+    def heard_of(self, robot: str, view: str, n: int, text: str) -> list[Action]:
+        """An event that another relay has numbered. One that came before is left out."""
+        found = self._publisher(robot, view)
+        if found is None:
+            return []
+        _, room = found
+        event = room.stream.heard_of(n, text)
+        return [] if event is None else self._told(room.announce(event))
+
+    def standing(
+        self, robot: str, token: bool, ages_s: Mapping[str, float | None], now: float
+    ) -> list[Action]:
+        """How a robot is, told by a relay that hears it; `ages_s` by view."""
+        found = self._robot(robot)
+        if found is None:
+            return []
+        found.heard_at = now
+        for view, age_s in ages_s.items():
+            room = found.rooms.get(view)
+            if room is not None and age_s is not None:
+                room.stream.aged(age_s, now)
+        if found.liveness.token != token:
+            return self.token(robot, token, now)
+        return self._words_changed(found, now)
+
+    def lacks(self, robot: str) -> None:
+        """Something of this robot changed that only a snapshot brings: ask, at most once a second."""
+        of = self.robots.get(robot)
+        if of is not None:
+            of.lacking = True
+            self.wake_at = min(self.wake_at, of.ask_at)
+
+    def degrade(self, degraded: bool, now: float, robot: str | None = None) -> list[Action]:
+        """This relay ceases, or begins again, to hear of one robot or of all of them. Viewers are told."""
+        if robot is None:
+            self.degraded = degraded
+        elif robot in self.robots:
+            self.robots[robot].degraded = degraded
+        out: list[Action] = []
+        for of in self.robots.values():
+            for room in of.rooms.values():
+                if room.degraded != (self.degraded or of.degraded):
+                    room.degraded = not room.degraded
+                    out += room.report(of.word(room, now), now)
+        return out
+
+    def forget(self, robot: str) -> None:
+        """Nobody here watches it, and this relay stops listening for it."""
+        of = self.robots.get(robot)
+        if of is not None and not of.has_viewers():
+            self._forget(of)
 
     # ---- from the viewers ---------------------------------------------------
 
@@ -166,7 +232,9 @@ class Hub:
         room = robot.room(viewer.view)
         self.viewers[viewer] = room
         self._words.setdefault(room, robot.word(room, now))
-        return [room.join(viewer, robot.word(room, now), now, unix_s)]
+        room.degraded = self.degraded or robot.degraded
+        watch: list[Action] = [] if robot.has_viewers() else [Watch(robot.name)]
+        return [room.join(viewer, robot.word(room, now), now, unix_s), *watch]
 
     def leave(self, viewer: Viewer) -> None:
         """A viewer's connection is gone; harmless when it was let go of before."""
@@ -354,6 +422,10 @@ class Hub:
                 self.endings[action.close] += 1
         return actions
 
+    @staticmethod
+    def _kept(robot: Robot) -> list[Action]:
+        return [Keep(room.stream) for room in robot.rooms.values()]
+
     def _words_changed(self, robot: Robot, now: float) -> list[Action]:
         out: list[Action] = []
         for room in robot.rooms.values():
@@ -386,7 +458,7 @@ class Hub:
                 "state": "on" if conflict else "off",
             }
             out += self._told(room.announce(room.stream.number(doc, unix_s)))
-        return out
+        return out + self._kept(robot)
 
 
 def _said(payload: bytes, limits: Limits) -> dict[str, object] | None:

@@ -69,9 +69,11 @@ def hello(unix_s: float, robot: str, view: str, hz: float, model: str | None, li
     return document(doc)
 
 
-def status(word: RobotWord, age_ms: int | None, seq: int | None) -> bytes:
-    """How the robot is, and how old its newest frame."""
+def status(word: RobotWord, age_ms: int | None, seq: int | None, degraded: bool = False) -> bytes:
+    """How the robot is, and how old its newest frame. `degraded`: this relay does not hear of robots now."""
     doc: Status = {"type": "status", "robot": word, "age_ms": age_ms, "seq": seq}
+    if degraded:
+        doc["degraded"] = True
     return document(doc)
 
 

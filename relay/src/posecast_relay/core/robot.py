@@ -32,6 +32,8 @@ class Robot:
         self.lacking = False  # something that only a snapshot brings
         self.ask_at = float("-inf")  # not before
         self.in_conflict = False
+        self.followed = False  # somebody watches it at another relay
+        self.degraded = False  # those who hear it do not answer
 
     def room(self, view: str) -> Room:
         """The room of a view, made when it is new."""
@@ -47,8 +49,8 @@ class Robot:
         self.lacking = True
         self.ask_at = max(self.ask_at, now + SETTLE_S)
 
-    def frame(self, room: Room, payload: bytes, stamp: Stamp, now: float) -> Fate:
-        """A frame that the edge sent just now."""
+    def frame(self, room: Room, payload: bytes, stamp: Stamp, now: float, late_s: float = 0.0) -> Fate:
+        """A frame that the edge sent just now; `late_s`: as late as another relay found it."""
         stream = room.stream
         header = stream.check(payload)
         if isinstance(header, Fate):
@@ -61,18 +63,20 @@ class Robot:
                 self.lacking = True
                 return Fate.NO_BASE
             self._adopt(stamp.run_id, now)
-        late_s = self.runs.arrived(stamp, now)
+        late_s = max(late_s, self.runs.arrived(stamp, now))
         fate = stream.take(payload, header, stamp.run_id, stamp.elapsed_ns / 1e9, now, late_s)
         if fate in (Fate.NO_BASE, Fate.NO_SCHEMA):
             self.lacking = True
         return fate
 
-    def snapshot(self, room: Room, snapshot: Snapshot, stamp: Stamp, now: float) -> None:
+    def snapshot(
+        self, room: Room, snapshot: Snapshot, stamp: Stamp, now: float, newest: bytes | None = None
+    ) -> None:
         """What the edge answered. ValueError when it does not hold together or its run is retired."""
         self.heard_at = now
         if self.runs.is_retired(stamp.run_id, now):
             raise ValueError("snapshot: of a retired run")
-        room.stream.absorb(snapshot, stamp.run_id, stamp.elapsed_ns / 1e9)
+        room.stream.absorb(snapshot, stamp.run_id, stamp.elapsed_ns / 1e9, newest)
         if stamp.run_id != self.runs.current:
             self._adopt(stamp.run_id, now)
         self.lacking = False
@@ -90,8 +94,8 @@ class Robot:
         return True
 
     def _stale(self, now: float) -> bool:
-        watched = self.liveness.token and any(room.viewers for room in self.rooms.values())
-        return watched and now >= self.ask_at + REFRESH_S
+        watched = self.followed or self.has_viewers()
+        return watched and self.liveness.token and now >= self.ask_at + REFRESH_S
 
     def word(self, room: Room, now: float) -> RobotWord:
         """How the robot is, as far as this view shows."""
@@ -101,3 +105,7 @@ class Robot:
     def has_viewers(self) -> bool:
         """Whether anybody watches any view."""
         return any(room.viewers for room in self.rooms.values())
+
+    def viewer_count(self) -> int:
+        """How many watch it, over all views."""
+        return sum(len(room.viewers) for room in self.rooms.values())

@@ -43,6 +43,7 @@ class Room:
         self.groups: dict[float, Group] = {}
         self.delivered = 0  # frames times viewers
         self.skipped = 0  # likewise: due, but the viewer could not take it
+        self.degraded = False  # this relay does not hear of the robot just now, for a reason of its own
 
     # ---- coming, going, changing rate -------------------------------------
 
@@ -258,4 +259,4 @@ class Room:
         age_s = self.stream.age_s(now)
         newest = self.stream.newest
         age_ms = None if age_s is None else max(0, round(age_s * 1000))
-        return messages.status(word, age_ms, newest.seq if newest else None)
+        return messages.status(word, age_ms, newest.seq if newest else None, self.degraded)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 from collections import deque
+from collections.abc import Sequence
 from enum import StrEnum
 
 from posecast_wire import BadFrame, Schema, SchemaError, Snapshot, fnv1a32, frame_id, parse_header
@@ -172,7 +173,7 @@ class Stream:
 
     # ---- the snapshot ----------------------------------------------------
 
-    def absorb(self, snapshot: Snapshot, run_id: int, stamp_s: float) -> None:
+    def absorb(self, snapshot: Snapshot, run_id: int, stamp_s: float, newest: bytes | None = None) -> None:
         """Take what a snapshot brings. ValueError, and nothing changed, when it does not hold together.
 
         Its frames may be of any age, so they count as bases and as a picture, but never as a sign of life.
@@ -193,10 +194,10 @@ class Stream:
                 raise ValueError("snapshot: older than what is here")
         self._describe(schema, snapshot.info, snapshot.model)
         self._place(snapshot.key, key_header, run_id, stamp_s)
-        if snapshot.ref is not None:
-            ref_header = self.check(snapshot.ref)
-            if isinstance(ref_header, Header):
-                self._place(snapshot.ref, ref_header, run_id, stamp_s)
+        for payload in (snapshot.ref, newest):
+            header = self.check(payload) if payload is not None else None
+            if payload is not None and isinstance(header, Header):
+                self._place(payload, header, run_id, stamp_s)
         if self._waiting is not None:
             payload, waiting_run, waiting_stamp_s, arrived, late_s = self._waiting
             self._waiting = None
@@ -247,7 +248,30 @@ class Stream:
         self.events.append(event)
         return event
 
+    def heard_of(self, n: int, text: str) -> Event | None:
+        """Keep an event that another relay has numbered; None when it is here already."""
+        if n <= self.event_n:
+            return None
+        self.event_n = n
+        event = Event(n, text)
+        self.events.append(event)
+        return event
+
+    def resume(self, texts: Sequence[str]) -> None:
+        """Put what an earlier process kept before the events of this one, and number these from there on."""
+        own = list(self.events)
+        self.events.clear()
+        for text in texts:
+            self.heard_of(int(json.loads(text)["n"]), text)
+        for event in own:
+            self.number(json.loads(event.text), json.loads(event.text)["at"])
+
     # ---- age -------------------------------------------------------------
+
+    def aged(self, age_s: float, now: float) -> None:
+        """How old its frames are, told by another relay: counts until one comes live."""
+        if self.live_at is None and self.newest is not None:
+            self.live_at, self.late_s = now - age_s, 0.0
 
     def age_s(self, now: float) -> float | None:
         """Age of the newest frame, with the time it was under way; None before any live one."""

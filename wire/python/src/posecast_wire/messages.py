@@ -35,13 +35,20 @@ class Hello(TypedDict):
     model: str | None
 
 
-class Status(TypedDict):
-    """After hello, then at least once a second. `age_ms`, `seq`: of the newest frame; None before any."""
-
+class _StatusBase(TypedDict):
     type: Literal["status"]
     robot: RobotWord
     age_ms: int | None
     seq: int | None
+
+
+class Status(_StatusBase, total=False):
+    """After hello, then at least once a second. `age_ms`, `seq`: of the newest frame; None before any.
+
+    `degraded`: the relay does not hear of robots just now, for a reason of its own (a gateway without Redis).
+    """
+
+    degraded: bool
 
 
 class Info(TypedDict):

@@ -1,0 +1,67 @@
+"""Models as edges answer for them over Zenoh."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+
+import zenoh
+from posecast_wire.keys import model_key
+
+from posecast_relay.adapters.models import Unavailable
+from posecast_relay.core.hub import Hub
+
+RANGE_TIMEOUT_S = 10.0
+
+
+class EdgeModels:
+    """A ModelSource: only what a robot announces now is asked for."""
+
+    def __init__(self, session: zenoh.Session, hub: Hub) -> None:
+        self._session = session
+        self._hub = hub
+
+    def offers(self, robot: str, digest: str) -> bool:
+        """Whether the robot announces this model."""
+        of = self._hub.robots.get(robot)
+        return of is not None and any(room.stream.model == digest for room in of.rooms.values())
+
+    async def manifest(self, robot: str, digest: str) -> bytes:  # noqa: ARG002 — an edge has one
+        """Its bytes, whichever the edge has now. Unavailable."""
+        return await self._get(model_key(robot, "manifest"))
+
+    async def read(self, robot: str, digest: str, sha256: str, off: int, size: int) -> bytes:  # noqa: ARG002
+        """A range of a file. Unavailable."""
+        return await self._get(f"{model_key(robot, sha256)}?off={off};len={size}")
+
+    async def _get(self, selector: str) -> bytes:
+        """One reply to one question. Unavailable when none comes."""
+        loop = asyncio.get_running_loop()
+        ended: asyncio.Future[None] = loop.create_future()
+        replies: list[bytes] = []
+
+        def on_reply(reply: zenoh.Reply) -> None:
+            if reply.ok is not None:
+                replies.append(reply.ok.payload.to_bytes())
+
+        def end() -> None:
+            if not ended.done():
+                ended.set_result(None)
+
+        def on_end() -> None:
+            with contextlib.suppress(RuntimeError):  # the loop has closed: the relay is stopping
+                loop.call_soon_threadsafe(end)
+
+        try:
+            self._session.get(
+                selector,
+                zenoh.handlers.Callback(on_reply, on_end),
+                timeout=RANGE_TIMEOUT_S,
+                priority=zenoh.Priority.DATA_LOW,
+            )
+            await asyncio.wait_for(ended, RANGE_TIMEOUT_S + 1)
+        except (zenoh.ZError, TimeoutError) as e:
+            raise Unavailable(f"the edge does not answer: {e or 'timeout'}") from None
+        if not replies:
+            raise Unavailable("the edge does not answer")
+        return replies[0]

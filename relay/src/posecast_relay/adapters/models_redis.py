@@ -1,0 +1,97 @@
+"""Models in Redis: put there by who hears the robot, read there by gateways, which keep nothing on disk."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+
+from posecast_relay.adapters.models import RANGE_BYTES, Absent, Models, Unavailable
+from posecast_relay.adapters.redis_link import REDIS_ERRORS, TTL_S, Link, bundle_key, end
+from posecast_relay.core.hub import Hub
+
+log = logging.getLogger("posecast_relay")
+
+LOOK_S = 2.0  # between two looks for models that are not in Redis
+MANIFEST = "manifest"
+
+
+class RedisModels:
+    """A ModelSource for gateways."""
+
+    def __init__(self, link: Link, hub: Hub) -> None:
+        self._link = link
+        self._hub = hub
+
+    def offers(self, robot: str, digest: str) -> bool:  # noqa: ARG002
+        """Redis knows; the robot need not be watched here."""
+        return True
+
+    async def manifest(self, robot: str, digest: str) -> bytes:
+        """Its bytes. Absent, Unavailable."""
+        return await self._field(robot, digest, MANIFEST)
+
+    async def read(self, robot: str, digest: str, sha256: str, off: int, size: int) -> bytes:  # noqa: ARG002
+        """A range as it was put there. Absent, Unavailable."""
+        return await self._field(robot, digest, f"{sha256}:{off}")
+
+    async def _field(self, robot: str, digest: str, field: str) -> bytes:
+        try:
+            data: bytes | None = await self._link.call(
+                self._link.client.hget(bundle_key(robot, digest), field)
+            )
+        except REDIS_ERRORS:
+            raise Unavailable("the store does not answer") from None
+        if data is None:
+            of = self._hub.robots.get(robot)
+            if of is not None and any(room.stream.model == digest for room in of.rooms.values()):
+                raise Unavailable("the model is on its way")
+            raise Absent("no such model")
+        return data
+
+
+class ModelPorter:
+    """Carries every model that robots announce from their edges to Redis, one after the other."""
+
+    def __init__(self, link: Link, hub: Hub, models: Models) -> None:
+        self._link = link
+        self._hub = hub
+        self._models = models
+        self._task: asyncio.Task[None] | None = None
+
+    def start(self) -> None:
+        """Begin."""
+        self._task = asyncio.create_task(self._work(), name="models to redis")
+
+    async def stop(self) -> None:
+        """Leave it as it is."""
+        await end(self._task)
+
+    async def _work(self) -> None:
+        while True:
+            announced = {
+                (robot.name, room.stream.model)
+                for robot in self._hub.robots.values()
+                for room in robot.rooms.values()
+                if room.stream.model is not None and robot.liveness.token
+            }
+            for robot, digest in sorted(announced):
+                try:
+                    await self._carry(robot, digest)
+                except (*REDIS_ERRORS, Absent, Unavailable) as e:  # the store says so itself; tried again
+                    log.info("model of %s to redis: %s", robot, e)
+            await asyncio.sleep(LOOK_S)
+
+    async def _carry(self, robot: str, digest: str) -> None:
+        """The manifest goes last: where it is, the files are."""
+        link, key = self._link, bundle_key(robot, digest)
+        if await link.call(link.client.hexists(key, MANIFEST)):
+            await link.call(link.client.expire(key, TTL_S))
+            return
+        for path, (sha256, _) in (await self._models.entries(robot, digest)).items():
+            data = (await self._models.file(robot, digest, path)).data
+            for off in range(0, len(data), RANGE_BYTES):
+                part = data[off : off + RANGE_BYTES]
+                await link.call(link.client.hset(key, f"{sha256}:{off}", part))
+        manifest = await self._models.manifest(robot, digest)
+        await link.call(link.client.hset(key, MANIFEST, manifest))
+        await link.call(link.client.expire(key, TTL_S))

@@ -1,0 +1,110 @@
+"""The board in Redis: which robots are on air and how many watch them, over all processes.
+
+Each process writes its part once a second and reads the whole in the same call, by Redis's own clock:
+hosts' clocks differ.
+
+    posecast:{-}:robots    hash: robot → time, its document; written by whoever hears it
+    posecast:{-}:viewers   hash: process → time, viewers by robot
+    posecast:{-}:ingests   hash: process that hears robots → time
+"""
+
+from __future__ import annotations
+
+import json
+import secrets
+from collections.abc import Mapping
+from typing import Any
+
+from posecast_relay.adapters.redis_link import Link
+
+KEYS = ("posecast:{-}:robots", "posecast:{-}:viewers", "posecast:{-}:ingests")
+FRESH_S = 4.0  # what a process wrote longer ago counts no more
+INGEST_S = (
+    2.5  # shorter than a robot goes unheard: first its relay is gone, then the robot's state is unknown
+)
+FORGET_S = 3600.0
+
+BOARD = """
+local t = redis.call('TIME')
+local now = string.format('%d.%06d', t[1], t[2])
+local function put(key, field, text) redis.call('HSET', key, field, now .. ' ' .. text) end
+put(KEYS[2], ARGV[1], ARGV[3])
+if ARGV[2] == '1' then put(KEYS[3], ARGV[1], '') end
+for i = 4, #ARGV, 2 do put(KEYS[1], ARGV[i], ARGV[i + 1]) end
+local found, limits = {now}, { {forget}, {fresh}, {ingest} }
+for k = 1, 3 do
+  local kept = {}
+  local all = redis.call('HGETALL', KEYS[k])
+  for i = 1, #all, 2 do
+    if tonumber(string.match(all[i + 1], '^[%d.]+')) < tonumber(now) - limits[k] then
+      redis.call('HDEL', KEYS[k], all[i])
+    else
+      kept[#kept + 1] = all[i]
+      kept[#kept + 1] = all[i + 1]
+    end
+  end
+  redis.call('EXPIRE', KEYS[k], {forget})
+  found[#found + 1] = kept
+end
+return found
+"""
+for name, limit_s in {"{forget}": FORGET_S, "{fresh}": FRESH_S, "{ingest}": INGEST_S}.items():
+    BOARD = BOARD.replace(name, f"{limit_s:g}")
+
+
+class Board:
+    """What stood there at the last exchange, and when (by the process's clock)."""
+
+    def __init__(self, link: Link) -> None:
+        self.id = secrets.token_hex(6)
+        self.robots: dict[str, dict[str, Any]] = {}
+        self.ages_s: dict[str, float] = {}  # of each robot's document
+        self.ingests = 0  # processes that hear robots
+        self.read_at = float("-inf")
+        self._link = link
+        self._elsewhere: dict[str, int] = {}
+
+    def viewers_elsewhere(self, robot: str) -> int:
+        """How many watch it at other processes."""
+        return self._elsewhere.get(robot, 0)
+
+    def documents(self, now: float) -> list[dict[str, Any]]:
+        """The robots on air by name, aged to now; one that nobody hears any more is offline."""
+        documents = []
+        for robot, doc in sorted(self.robots.items()):
+            age_s = self.ages_s[robot] + max(0.0, now - self.read_at)
+            aged = dict(doc)
+            if doc.get("age_ms") is not None:
+                aged["age_ms"] = doc["age_ms"] + round(age_s * 1000)
+            if age_s > FRESH_S:
+                aged["status"] = "offline"
+            documents.append(aged)
+        return documents
+
+    async def exchange(
+        self, now: float, viewers: Mapping[str, int], heard: Mapping[str, Mapping[str, Any]] | None
+    ) -> None:
+        """Write this process's viewers and the robots it hears (None: it hears none); read the whole."""
+        args: list[str] = [self.id, "0" if heard is None else "1", _compact(viewers)]
+        for robot, doc in (heard or {}).items():
+            args += [robot, _compact(doc)]
+        at, robots, counts, ingests = await self._link.run(BOARD, KEYS, *args)
+        self.read_at = now
+        self.robots, self.ages_s, self._elsewhere = {}, {}, {}
+        self.ingests = len(ingests) // 2
+        for field, text in _pairs(robots):
+            written, _, doc_text = text.partition(" ")
+            self.robots[field] = json.loads(doc_text)
+            self.ages_s[field] = float(at) - float(written)
+        for process, text in _pairs(counts):
+            if process != self.id:
+                for robot, count in json.loads(text.partition(" ")[2]).items():
+                    self._elsewhere[robot] = self._elsewhere.get(robot, 0) + int(count)
+
+
+def _pairs(flat: list[bytes]) -> list[tuple[str, str]]:
+    return [(flat[i].decode(), flat[i + 1].decode()) for i in range(0, len(flat), 2)]
+
+
+def _compact(doc: Mapping[str, Any]) -> str:
+    return json.dumps(doc, separators=(",", ":"), ensure_ascii=False)

@@ -1,0 +1,77 @@
+"""Sharded subscriptions: one connection for each server that holds a channel of ours."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections.abc import Callable
+from typing import Any
+
+from posecast_relay.adapters.redis_link import REDIS_ERRORS, Link, channel, end
+
+PREFIX, SUFFIX = "posecast:{", "}:live"
+
+
+class Ear:
+    """Calls `heard(robot, message)` in the order of each robot's messages, and `lost(error)` when a
+    connection fails; then `close` it and make a new one.
+    """
+
+    def __init__(
+        self, link: Link, heard: Callable[[str, bytes], None], lost: Callable[[BaseException], None]
+    ) -> None:
+        self._link = link
+        self._heard = heard
+        self._lost = lost
+        self._at: dict[tuple[str, int], tuple[Any, asyncio.Task[None]]] = {}
+        self._confirmed: dict[str, asyncio.Future[None]] = {}
+        self._pubsubs: dict[str, Any] = {}
+
+    async def subscribe(self, robot: str) -> None:
+        """When this returns nothing said from now on is missed. REDIS_ERRORS."""
+        address, client = self._link.listener(robot)
+        confirmed = self._confirmed[robot] = asyncio.get_running_loop().create_future()
+        known = self._at.get(address)
+        pubsub = client.pubsub() if known is None else known[0]
+        self._pubsubs[robot] = pubsub
+        await self._link.call(pubsub.ssubscribe(channel(robot)))
+        if known is None:
+            self._at[address] = (pubsub, asyncio.create_task(self._listen(pubsub), name="redis ear"))
+        await self._link.call(confirmed)
+
+    async def unsubscribe(self, robot: str) -> None:
+        """No more of this robot."""
+        pubsub = self._pubsubs.pop(robot, None)
+        self._confirmed.pop(robot, None)
+        if pubsub is not None:
+            await self._link.call(pubsub.sunsubscribe(channel(robot)))
+
+    async def close(self) -> None:
+        """Drop all connections."""
+        listening, self._at = self._at, {}
+        for pubsub, task in listening.values():
+            await end(task)
+            with contextlib.suppress(*REDIS_ERRORS):
+                await self._link.call(pubsub.aclose())
+
+    async def _listen(self, pubsub: Any) -> None:
+        try:
+            while True:
+                message = await pubsub.get_message(timeout=None)
+                if message is None:
+                    continue
+                robot = _robot(message["channel"])
+                if message["type"] == "ssubscribe":
+                    confirmed = self._confirmed.get(robot)
+                    if confirmed is not None and not confirmed.done():
+                        confirmed.set_result(None)
+                elif message["type"] == "smessage":
+                    self._heard(robot, message["data"])
+                elif message["type"] == "sunsubscribe" and robot in self._pubsubs:
+                    raise ConnectionError("the channel has moved to another node")
+        except (*REDIS_ERRORS, RuntimeError) as e:  # RuntimeError: closed under way
+            self._lost(e)
+
+
+def _robot(name: bytes) -> str:
+    return name.decode().removeprefix(PREFIX).removesuffix(SUFFIX)

@@ -1,0 +1,146 @@
+"""Redis as every role uses it: one server, TLS or a Cluster, by URL; names of keys; every call bounded.
+
+    posecast:{ROBOT}:generation   how many runs were adopted (INCR)
+    posecast:{ROBOT}:status       whether its edge is there and how old its frames are; gone in 3.5 s
+    posecast:{ROBOT}:VIEW:state   hash: generation seq run stamp version schema key_id key ref frame info
+                                  model events
+    posecast:{ROBOT}:model:HASH   hash: manifest, and the files' ranges as SHA256:OFFSET
+    posecast:{ROBOT}:live         sharded channel: what changed, as `relayed` packs it
+    posecast:{-}:…                the board: see `redis_board`
+
+The braces are part of the name: they keep one robot's keys on one node of a Redis Cluster. No robot is
+called `-`.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable, Sequence
+from typing import Any, TypeVar
+
+import redis.asyncio as redis
+from redis.asyncio.cluster import RedisCluster
+from redis.asyncio.retry import Retry
+from redis.backoff import NoBackoff
+from redis.exceptions import RedisClusterException, RedisError
+
+T = TypeVar("T")
+
+TTL_S = 3600  # renewed by every KEY
+TIMEOUT_S = 0.25  # of one exchange with Redis
+STATUS_MS = 3500  # a robot's status is worth nothing after this
+BATCH = 64  # calls in one exchange, so that each keeps within the time
+REDIS_ERRORS = (RedisError, RedisClusterException, OSError, TimeoutError)
+
+
+def state_key(robot: str, view: str) -> str:
+    """The hash with one stream's newest state."""
+    return f"posecast:{{{robot}}}:{view}:state"
+
+
+def generation_key(robot: str) -> str:
+    """The counter of a robot's adopted runs."""
+    return f"posecast:{{{robot}}}:generation"
+
+
+def status_key(robot: str) -> str:
+    """The robot's status, and the sign that a relay hears it."""
+    return f"posecast:{{{robot}}}:status"
+
+
+def bundle_key(robot: str, digest: str) -> str:
+    """The hash with one model."""
+    return f"posecast:{{{robot}}}:model:{digest}"
+
+
+def channel(robot: str) -> str:
+    """Where a robot's changes are told."""
+    return f"posecast:{{{robot}}}:live"
+
+
+class Link:
+    """A client that gives up in time. After a failure call `reset`, then `connect`."""
+
+    def __init__(self, url: str) -> None:
+        scheme, _, rest = url.partition("://")
+        self.is_cluster = scheme.endswith("+cluster")
+        self._url = f"{scheme.removesuffix('+cluster')}://{rest}"
+        self._scripts: dict[str, str] = {}  # text → SHA-1, once loaded
+        self.client: Any = self._open(self._url)
+
+    def _open(self, url: str) -> Any:
+        options: dict[str, Any] = {"socket_timeout": TIMEOUT_S, "socket_connect_timeout": TIMEOUT_S}
+        options["retry"] = Retry(NoBackoff(), 0)
+        if self.is_cluster:
+            return RedisCluster.from_url(url, **options)
+        return redis.from_url(url, **options)
+
+    async def connect(self, *scripts: str) -> None:
+        """Reach Redis and give it these scripts."""
+        if self.is_cluster:  # several exchanges with several nodes
+            async with asyncio.timeout(4 * TIMEOUT_S):
+                await self.client.initialize()
+        for text in scripts:
+            self._scripts[text] = await self.call(self.client.script_load(text))
+
+    async def reset(self) -> None:
+        """Drop every connection: what was asked before a failure must not be answered later."""
+        try:
+            if self.is_cluster:
+                await self.call(self.client.aclose())
+            else:
+                await self.call(self.client.connection_pool.disconnect())
+        except REDIS_ERRORS:
+            self.client = self._open(self._url)
+
+    async def close(self) -> None:
+        """Let go."""
+        try:
+            await self.call(self.client.aclose())
+        except REDIS_ERRORS:
+            return
+
+    @staticmethod
+    async def call(asked: Awaitable[T]) -> T:
+        """One exchange, within TIMEOUT_S."""
+        async with asyncio.timeout(TIMEOUT_S):  # wait_for may swallow a cancellation
+            return await asked
+
+    async def run(self, script: str, keys: Sequence[str], *args: bytes | str | int | float) -> Any:
+        """A script that `connect` was given."""
+        return await self.call(self.client.evalsha(self._scripts[script], len(keys), *keys, *args))
+
+    async def run_all(self, calls: Sequence[tuple[str, Sequence[str], Sequence[Any]]]) -> list[Any]:
+        """Several scripts with their keys and arguments, BATCH to an exchange. The first error is raised."""
+        results: list[Any] = []
+        for at in range(0, len(calls), BATCH):
+            batch = calls[at : at + BATCH]
+            if self.is_cluster:  # its pipelines take no scripts
+                results += await asyncio.gather(*(self.run(s, k, *a) for s, k, a in batch))
+                continue
+            pipe = self.client.pipeline(transaction=False)
+            for script, keys, args in batch:
+                pipe.evalsha(self._scripts[script], len(keys), *keys, *args)
+            results += await self.call(pipe.execute())
+        return results
+
+    def listener(self, robot: str) -> tuple[tuple[str, int], Any]:
+        """Where this robot's channel lives, and a client for that server alone. Cluster: `connect` first."""
+        if not self.is_cluster:
+            return ("", 0), self.client
+        node = self.client.get_node_from_key(channel(robot))
+        kwargs = dict(node.connection_kwargs)
+        pool = redis.ConnectionPool(connection_class=node.connection_class, **kwargs)
+        return (str(node.host), int(node.port)), redis.Redis(connection_pool=pool)
+
+
+async def end(task: asyncio.Task[None] | None) -> None:
+    """Cancel a task, and wait for its end for a moment only."""
+    if task is not None and not task.done():
+        task.cancel()
+        await asyncio.wait({task}, timeout=2 * TIMEOUT_S)
+
+
+def name_of(error: BaseException) -> str:
+    """What went wrong, for everybody: no addresses."""
+    return f"redis: {type(error).__name__}"
