@@ -89,6 +89,8 @@ def test_a_full_event_lane_ends_the_viewer_with_its_reason_and_nobody_else() -> 
         b"[]",
         b'{"type":"status"}',
         b'{"type":"event"}',
+        b'{"type":"event","t":NaN,"level":"fault","source":"a","text":"b","state":"on"}',
+        b'{"type":"event","t":0,"level":"fault","source":"a","text":"b","state":"on","x":1e999}',
         b'{"type":"info"}',
         b'{"type":"info","kv":{"mode":1}}',
         b'{"type":"event","t":0,"level":"fault","source":"a","text":"b","state":"on","x":"'

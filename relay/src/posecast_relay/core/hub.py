@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import cast
@@ -28,6 +27,7 @@ from posecast_relay.core.limits import Limits
 from posecast_relay.core.load import Load
 from posecast_relay.core.robot import PUBLIC, Robot
 from posecast_relay.core.room import NEVER, Room
+from posecast_relay.core.said import conflict_event, edge_said
 from posecast_relay.core.stream import Fate
 from posecast_relay.core.viewer import Viewer
 
@@ -105,7 +105,7 @@ class Hub:
     ) -> list[Action]:
         """An event from an edge: number it, keep it, hand it to everybody. Or the robot's info."""
         found = self._publisher(robot, view)
-        doc = _said(payload, self.limits)
+        doc = edge_said(payload, self.limits)
         if found is None or doc is None:
             self.fates[(Fate.CROWDED if found is None else Fate.BAD).value] += 1
             return []
@@ -449,32 +449,6 @@ class Hub:
         out: list[Action] = []
         for room in robot.rooms.values():
             newest = room.stream.newest
-            doc: dict[str, object] = {
-                "type": "event",
-                "t": newest.t_s if newest else 0.0,
-                "level": "caution",
-                "source": "relay",
-                "text": "another edge claims this robot",
-                "state": "on" if conflict else "off",
-            }
+            doc = conflict_event(newest.t_s if newest else 0.0, conflict)
             out += self._told(room.announce(room.stream.number(doc, unix_s)))
         return out + self._kept(robot)
-
-
-def _said(payload: bytes, limits: Limits) -> dict[str, object] | None:
-    """An edge's event or info, or None when it is neither."""
-    if len(payload) > max(limits.event_bytes, limits.info_bytes):
-        return None
-    try:
-        doc = json.loads(payload.decode())
-    except (ValueError, RecursionError):
-        return None
-    if not isinstance(doc, dict):
-        return None
-    if doc.get("type") == "info":
-        kv = doc.get("kv")
-        return doc if isinstance(kv, dict) and all(isinstance(text, str) for text in kv.values()) else None
-    if doc.get("type") != "event" or len(payload) > limits.event_bytes:
-        return None
-    texts = all(isinstance(doc.get(name), str) for name in ("level", "source", "text", "state"))
-    return doc if texts and isinstance(doc.get("t"), (int, float)) else None
