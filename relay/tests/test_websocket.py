@@ -34,7 +34,10 @@ async def test_frames_arrive_as_they_came_at_the_rate_asked_for(relays: Any, edg
     assert stride([frame.seq for _, frame in all_frames.frames][-60:]) == 1
     assert stride([frame.seq for _, frame in third.frames][-20:]) == 3
     assert all(frame.codes == (frame.seq,) * 2 for _, frame in all_frames.frames + third.frames)
-    assert [doc["type"] for doc in third.texts[:3]] == ["hello", "status", "schema"]
+    types = [doc["type"] for doc in third.texts]
+    assert types[:2] == ["hello", "status"]
+    # the robot may come on air just after the viewer, which is one more status before the schema
+    assert [kind for kind in types if kind != "status"][:2] == ["hello", "schema"]
     assert third.texts[0]["hz"] == 10
     assert edge.seq > 60
 
