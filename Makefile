@@ -1,17 +1,20 @@
 # Every target sets up what it needs; `make` alone lists them.
 .DEFAULT_GOAL := help
-.PHONY: help setup demo dev test test-full check fix bytes bench load dist clean unit e2e
+.PHONY: help setup demo dev test test-full check fix bytes bench peers load faults soak compose-test dist clean unit e2e browsers
 SHELL := /bin/bash
 export UV_PYTHON_DOWNLOADS := never
 export PYTHONDONTWRITEBYTECODE := 1
 
 UV    := .tools/bin/uv
 BIN   := .venv/bin
-PYSRC := wire/python edge-agent relay loadtests tests tools spa/e2e
+PYSRC := wire/python edge-agent relay benches loadtests tests tools spa/e2e
+ENGINES   := chromium firefox webkitgtk
+E2E_NEEDS := redis-server chromium firefox-esr webkit2gtk-driver xvfb
 DEMO  := edge-agent/src/posecast_edge/demo_bundle
+DIST  ?= dist
 
 help: ## list the targets
-	@awk -F':.*## ' '/^[a-z0-9-]+:.*## /{printf "  make %-10s %s\n", $$1, $$2}' Makefile
+	@awk -F':.*## ' '/^[a-z0-9-]+:.*## /{printf "  make %-12s %s\n", $$1, $$2}' Makefile
 
 # ---- what the rest stands on -------------------------------------------------
 
@@ -59,15 +62,18 @@ dev: setup ## the same with the page served by Vite, reloading as you edit
 
 # ---- proof -------------------------------------------------------------------
 
-check: .venv/.ready node_modules/.ready ## lint, types, import directions, formats
+check: .venv/.ready node_modules/.ready ## lint, types, import directions, formats, known vulnerabilities
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy $(PYSRC)
 	$(BIN)/lint-imports --no-cache
 	$(BIN)/hadolint infra/Dockerfile
+	@said=$$(XDG_DATA_HOME=$$(mktemp -d) $(BIN)/caddy validate --config infra/Caddyfile --adapter caddyfile 2>&1) || { echo "$$said"; exit 1; }
+	$(BIN)/kubernetes-validate --strict --quiet $(filter-out %/kustomization.yaml,$(wildcard infra/cloud/kubernetes/*.yaml))
 	npx --no-install biome check
 	npx --no-install tsc -p wire/typescript
 	npx --no-install tsc -p spa
+	@UV=$(UV) tools/audit
 
 fix: .venv/.ready node_modules/.ready ## what the linters can mend by themselves
 	$(BIN)/ruff check --fix .
@@ -75,25 +81,31 @@ fix: .venv/.ready node_modules/.ready ## what the linters can mend by themselves
 	npx --no-install biome check --write
 
 unit: setup ## Python and TypeScript tests without a browser
-	@tools/need redis-server
+	@for package in redis-server nginx; do tools/need $$package || exit; done
 	$(BIN)/pytest -m "not full"
 	npm test --silent -w wire/typescript
 	npm test --silent -w spa
 
-e2e: setup ## the whole path in a real browser
-	@tools/need redis-server
-	@tools/need chromium
+e2e: setup ## the whole path in real browsers: all of it in Chromium, a smoke in Firefox and WebKitGTK
+	@for package in $(E2E_NEEDS); do tools/need $$package || exit; done
 	npm run --silent e2e -w spa
+	POSECAST_ENGINE=firefox npm run --silent e2e -w spa -- smoke browsers
+	POSECAST_ENGINE=webkitgtk npm run --silent e2e -w spa -- smoke browsers
 
 test: unit e2e ## all tests CI runs (≤ 25 min)
 
-test-full: setup ## the long rest as well
-	@tools/need redis-server
-	@tools/need chromium
+test-full: setup ## the long rest as well, and every browser test in each of the three engines
+	@for package in $(E2E_NEEDS) nginx; do tools/need $$package || exit; done
 	$(BIN)/pytest
 	npm test --silent -w wire/typescript
 	npm test --silent -w spa
-	npm run --silent e2e -w spa
+	@# every engine is played, also after one has failed
+	failed=; for engine in $(ENGINES); do POSECAST_FULL=1 POSECAST_ENGINE=$$engine npm run --silent e2e -w spa || failed+=" $$engine"; done; \
+	  test -z "$$failed" || { echo "failed in:$$failed"; exit 1; }
+
+browsers: setup ## the README's table of browsers, as found on this machine
+	@for package in $(E2E_NEEDS); do tools/need $$package || exit; done
+	@for engine in $(ENGINES); do POSECAST_WRITE_BROWSERS=1 POSECAST_ENGINE=$$engine npm run --silent e2e -w spa -- browsers || exit; done
 
 # ---- figures -----------------------------------------------------------------
 
@@ -103,12 +115,32 @@ bytes: .venv/.ready ## bytes per frame on the shared telemetry sets
 bench: .venv/.ready ## the relay beside a bare send() loop, FastAPI and websockets (needs cc; 20 to 40 minutes)
 	$(BIN)/python -m relay.benches.bench
 
-load: setup ## Locust viewers against a relay of their own
+peers: setup ## the relay beside Socket.IO, ws, Tornado, foxglove-sdk, Mosquitto and NATS (5 minutes)
+	benches/peers/install
+	$(BIN)/python -m benches.peers.run
+
+load: setup ## a lecture, a flash crowd, a fleet and slow phones against a relay of their own (4 minutes)
 	$(BIN)/python -m posecast_loadtests
 
-dist: setup ## wheels (with the page and the demo robot inside) in dist/
-	rm -rf relay/src/posecast_relay/page && cp -r spa/dist relay/src/posecast_relay/page
-	$(UV) build --quiet --wheel --all-packages --out-dir dist; status=$$?; rm -rf relay/src/posecast_relay/page; exit $$status
+soak: setup ## half an hour of viewers coming and going: what grows, what comes back (MINUTES=480 for a night)
+	@tools/need redis-server
+	@tools/need chromium
+	$(BIN)/python -m posecast_loadtests.soak --minutes $(or $(MINUTES),30)
+
+faults: setup ## break everything on the way from robot to viewer, and see what viewers see (8 minutes)
+	@tools/need redis-server
+	@tools/need nftables
+	$(BIN)/pytest tests/faults
+
+compose-test: setup ## infra/docker-compose.yml on a real Docker engine: built, started, looked at over TLS, taken down
+	$(BIN)/pytest -rs tests/compose
+
+dist: setup ## wheels of wire, agent (with the demo robot) and relay (with the page) in dist/, and what they bring along (SBOM)
+	rm -rf $(DIST)
+	@# the relay is built from a copy with the page in it: a page left in the sources would be served by tests too
+	stage=$$(mktemp -d) && trap 'rm -rf "$$stage"' EXIT && cp -r relay "$$stage" && cp -r spa/dist "$$stage/relay/src/posecast_relay/page" && \
+	  for part in wire/python edge-agent "$$stage/relay"; do $(UV) build --quiet --wheel --out-dir $(DIST) "$$part" || exit; done
+	$(BIN)/python -m tools.sbom $(DIST)
 
 clean: ## remove what was made
 	rm -rf .venv .tools node_modules spa/dist dist out $(DEMO)

@@ -1,10 +1,12 @@
-import { readdirSync, readFileSync, writeFileSync } from 'node:fs';
+import { mkdirSync, readdirSync, readFileSync, writeFileSync } from 'node:fs';
+import { createRequire } from 'node:module';
 import path from 'node:path';
 import { gzipSync } from 'node:zlib';
 import react from '@vitejs/plugin-react';
 import type { Plugin } from 'vite';
 import { defineConfig } from 'vitest/config';
 
+const RELAYS = 'https: wss: http://localhost:* ws://localhost:* http://127.0.0.1:* ws://127.0.0.1:*';
 /**
  * What the built page may load. It stands in the page itself, so that it holds on any host, also one that sets no
  * headers. The dev server's reload script is inline, hence only in the build.
@@ -12,13 +14,18 @@ import { defineConfig } from 'vitest/config';
 const CONTENT_POLICY = [
   "default-src 'self'",
   "script-src 'self' 'wasm-unsafe-eval'",
-  "img-src 'self' data: blob:",
-  "connect-src 'self' blob: data:",
+  // A relay may be elsewhere: `relay.ts` narrows these to the one it reads as soon as it knows which.
+  `img-src 'self' data: blob: ${RELAYS}`,
+  `connect-src 'self' blob: data: ${RELAYS}`,
   "worker-src 'self' blob:",
   "object-src 'none'",
   "base-uri 'none'",
   "form-action 'none'",
 ].join('; ');
+
+/** Chunks that the page itself imports. A name that is missing here costs some bytes, nothing else. */
+const IN_THE_PAGE =
+  /\/(as_anyone|clock|early|first_sight|format|grounding|jsx-runtime|language|level_latch|manifest|preload-helper|react|relay|rolldown-runtime|settings|share_token|src|values)-[\w-]{8}\.js$/;
 
 function contentPolicy(): Plugin {
   return {
@@ -34,6 +41,27 @@ function contentPolicy(): Plugin {
   };
 }
 
+/** `early.ts` runs as soon as it is here, whatever else is still on its way; Vite would put it into the page's own script. */
+function earlyStart(): Plugin {
+  return {
+    name: 'early-start',
+    apply: 'build',
+    transformIndexHtml: {
+      order: 'post',
+      handler: (html, { bundle }) => {
+        const early = Object.values(bundle ?? {}).find(
+          (chunk) => chunk.type === 'chunk' && chunk.name === 'early',
+        );
+        if (early === undefined) throw new Error('no early chunk');
+        const src = `./${early.fileName}`;
+        const rest = html.replace(new RegExp(`\\s*<link rel="modulepreload"[^>]*href="${src}"[^>]*>`), '');
+        // Before all others: a browser fetches in this order, and it is small.
+        return rest.replace('<script ', `<script type="module" async src="${src}"></script>\n    <script `);
+      },
+    },
+  };
+}
+
 /** urdf-loader imports its mesh loaders whether they are used or not. The scene reads meshes itself, Collada only when
  *  there is some: without this its 20 kB would come with every 3D view. */
 function withoutUnusedLoaders(): Plugin {
@@ -45,6 +73,44 @@ function withoutUnusedLoaders(): Plugin {
       unused.test(id) && importer?.includes('urdf-loader') ? `\0unused:${id}` : undefined,
     load: (id) =>
       id.startsWith('\0unused:') ? 'export class STLLoader {}\nexport class ColladaLoader {}' : undefined,
+  };
+}
+
+/** The documentation of the relay's routes, as FastAPI shows it, but from here and not from a CDN. */
+function routesPage(): Plugin {
+  const require = createRequire(import.meta.url);
+  return {
+    name: 'routes-page',
+    apply: 'build',
+    generateBundle() {
+      for (const file of ['swagger-ui.css', 'swagger-ui-bundle.js', 'LICENSE', 'NOTICE']) {
+        const source = readFileSync(require.resolve(`swagger-ui-dist/${file}`));
+        this.emitFile({ type: 'asset', fileName: `docs/${file}`, source });
+      }
+    },
+  };
+}
+
+/** `embed/index.html`, the entry for an iframe: the same page, one folder deeper, told so in its root element, and without
+ *  the early start, since it asks for nothing before it is on the screen. As an entry of its own to the bundler it would
+ *  split what the two have in common into a dozen files that a phone fetches one by one. */
+function embedEntry(): Plugin {
+  let folder = '';
+  return {
+    name: 'embed-entry',
+    apply: 'build',
+    configResolved: (config) => {
+      folder = path.resolve(config.root, config.build.outDir);
+    },
+    writeBundle: () => {
+      const page = readFileSync(path.join(folder, 'index.html'), 'utf8');
+      const deeper = page
+        .replace(/\s*<script type="module" async [^>]*><\/script>/, '')
+        .replace(/(href|src)="\.\//g, '$1="../')
+        .replace('<html ', '<html data-page="embed" data-home="../" ');
+      mkdirSync(path.join(folder, 'embed'), { recursive: true });
+      writeFileSync(path.join(folder, 'embed/index.html'), deeper);
+    },
   };
 }
 
@@ -69,8 +135,29 @@ function packed(): Plugin {
 
 export default defineConfig({
   base: './', // one build for any path; the routes live in the hash
-  plugins: [react(), contentPolicy(), withoutUnusedLoaders(), packed()],
-  build: { target: 'es2022', sourcemap: false, chunkSizeWarningLimit: 800, manifest: true },
+  plugins: [
+    react(),
+    contentPolicy(),
+    earlyStart(),
+    withoutUnusedLoaders(),
+    routesPage(),
+    embedEntry(),
+    packed(),
+  ],
+  build: {
+    target: 'es2022',
+    sourcemap: false,
+    chunkSizeWarningLimit: 800,
+    manifest: true,
+    license: { fileName: 'licenses.json' }, // of what is bundled, their texts too: they ask for that
+    modulePreload: {
+      polyfill: false, // a browser without it fetches a little later
+      // What a part needs is fetched side by side with it; what the page has had from the start is not named again.
+      resolveDependencies: (_, needed, { hostType }) =>
+        hostType === 'js' ? needed.filter((file) => !IN_THE_PAGE.test(file)) : needed,
+    },
+    rolldownOptions: { input: { index: 'index.html', early: 'src/early.ts' } },
+  },
   worker: { format: 'es' },
   server: {
     proxy: { '/api': { target: process.env.POSECAST_RELAY ?? 'http://127.0.0.1:8080', ws: true } },

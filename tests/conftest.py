@@ -15,7 +15,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import pytest
 import websockets
@@ -69,6 +69,12 @@ class Part:
         return until(f"{self.name} prints {pattern}", found)
 
     @property
+    def out(self) -> str:
+        """Its stdout so far, whole lines."""
+        text = self._paths[0].read_text()
+        return text[: text.rfind("\n") + 1]
+
+    @property
     def log(self) -> str:
         """Both outputs."""
         return "\n".join(f"--- {path.name}\n{path.read_text()}" for path in self._paths)
@@ -95,6 +101,7 @@ class Stack:
 
     folder: Path
     parts: list[Part] = field(default_factory=list)
+    relay_command: tuple[str, ...] = (f"{BIN}/posecast-relay",)
 
     def start(self, name: str, *command: str, stdin: int | None = None) -> Part:
         """Any process."""
@@ -102,16 +109,24 @@ class Stack:
         self.parts.append(part)
         return part
 
-    def relay(self, port: int = 0, zenoh_port: int = 0, store: str = "memory://") -> tuple[Part, str, str]:
-        """(process, `127.0.0.1:port` of HTTP, Zenoh endpoint)."""
-        listen = f"tcp/127.0.0.1:{zenoh_port}"
+    def relay(
+        self,
+        port: int = 0,
+        zenoh_port: int = 0,
+        store: str = "memory://",
+        zenoh_host: str = "127.0.0.1",
+        flags: tuple[str, ...] = (),
+    ) -> tuple[Part, str, str]:
+        """(process, `127.0.0.1:port` of HTTP, Zenoh endpoint: empty for a gateway)."""
+        listen = f"tcp/{zenoh_host}:{zenoh_port}"
         part = self.start(
             "relay",
-            *(f"{BIN}/posecast-relay", "run", "--dev", "--port", str(port)),
+            *(*self.relay_command, "run", "--dev", "--port", str(port)),
             *("--zenoh-listen", listen, "--store", store),
+            *flags,
         )
-        found = part.line(r"serving http://(\S+), robots on (tcp/\S+)")
-        return part, found[1], found[2]
+        found = part.line(r"serving http://(\S+), robots (?:on (tcp/\S+)|from Redis)")
+        return part, found[1], found[2] or ""
 
     def edge(self, zenoh: str, *arguments: str, stdin: int | None = None) -> Part:
         """An edge of the robot `demo`."""
@@ -156,6 +171,8 @@ class Viewer:
     url: str
     frames: list[tuple[float, Frame]] = field(default_factory=list)
     undecodable: int = 0
+    messages: list[dict[str, Any]] = field(default_factory=list)
+    connections: int = 0
 
     async def watch(self) -> None:
         """Until cancelled."""
@@ -167,6 +184,7 @@ class Viewer:
     async def _connection(self) -> None:
         decoder, received, acknowledged, acknowledged_s = Decoder(), 0, 0, time.monotonic()
         async with websockets.connect(self.url, proxy=None, compression=None) as link:
+            self.connections += 1
             async for message in link:
                 now_s = time.monotonic()
                 if isinstance(message, bytes):
@@ -175,8 +193,12 @@ class Viewer:
                         self.frames.append((now_s, decoder.decode(message)))
                     except FrameError:
                         self.undecodable += 1
-                elif json.loads(message)["type"] == "schema":
-                    decoder.add_schema(message)
+                else:
+                    said = json.loads(message)
+                    if said["type"] == "schema":
+                        decoder.add_schema(message)
+                    elif said["type"] != "status":
+                        self.messages.append(said)
                 if now_s - acknowledged_s >= 1 and received > acknowledged:
                     acknowledged, acknowledged_s = received, now_s
                     await link.send(json.dumps({"type": "ack", "n": received}))

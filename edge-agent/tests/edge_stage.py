@@ -21,6 +21,9 @@ from posecast_wire.keys import Echo, Stamp, echo_key, snapshot_key
 
 ROBOT = "r1"
 LEASE_MS = 2500
+WITHOUT_MESH_TOOLS = (
+    "import sys; sys.modules['meshoptimizer'] = None; from posecast_edge.cli import main; main()"
+)
 
 
 def until(condition: Callable[[], bool], what: str, seconds: float = 10.0) -> None:
@@ -57,6 +60,7 @@ class Router:
     """The relay's side of the link. `answer_echo` says what the relay claims to have."""
 
     port: int = field(default_factory=free_port)
+    host: str = "127.0.0.1"
     frames: list[Got] = field(default_factory=list)
     events: list[dict[str, object]] = field(default_factory=list)
     echo: Callable[[], Echo | None] | None = None
@@ -66,7 +70,7 @@ class Router:
 
     @property
     def endpoint(self) -> str:
-        return f"tcp/127.0.0.1:{self.port}"
+        return f"tcp/{self.host}:{self.port}"
 
     def start(self, subscribe: bool = True) -> None:
         config = {
@@ -134,9 +138,10 @@ def router() -> Iterator[Router]:
 class Edge:
     """`posecast-edge run` as a process, its source on stdin."""
 
-    def __init__(self, *args: str, stdin: bool = True) -> None:
+    def __init__(self, *args: str, stdin: bool = True, mesh_tools: bool = True) -> None:
+        program = ["-m", "posecast_edge"] if mesh_tools else ["-c", WITHOUT_MESH_TOOLS]
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "posecast_edge", *args],
+            [sys.executable, *program, *args],
             stdin=subprocess.PIPE if stdin else subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
@@ -179,8 +184,9 @@ class Edge:
 def edge(router: Router) -> Iterator[Callable[..., Edge]]:
     started: list[Edge] = []
 
-    def start(*args: str, relay: str | None = None) -> Edge:
-        e = Edge("run", "--robot", ROBOT, "--source", "jsonl", "--relay", relay or router.endpoint, *args)
+    def start(*args: str, relay: str | None = None, mesh_tools: bool = True) -> Edge:
+        to = ("--relay", relay or router.endpoint)
+        e = Edge("run", "--robot", ROBOT, "--source", "jsonl", *to, *args, mesh_tools=mesh_tools)
         started.append(e)
         return e
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import struct
@@ -9,6 +10,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+from PIL import Image
+from posecast_edge.model.mesh import Mesh
 from posecast_edge.model.resolve import Resolver
 
 SHARED = Path(os.environ.get("POSECAST_SHARED") or Path(__file__).parents[2].parent / "shared")
@@ -28,6 +31,15 @@ CUBE_FACES = np.array(
         [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3],
     ]
 )  # fmt: skip
+
+
+def _red_picture() -> bytes:
+    out = io.BytesIO()
+    Image.new("RGB", (4, 4), (255, 0, 0)).save(out, "PNG")
+    return out.getvalue()
+
+
+PICTURE = _red_picture()
 
 
 def nothing(_done: int, _total: int, _what: str) -> None:
@@ -134,6 +146,15 @@ def cube_glb(
         struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(binary), b"BIN\0") + binary
     )
     return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
+
+
+def volume(mesh: Mesh) -> float:
+    """Positive for a closed body whose faces look outward."""
+    total = 0.0
+    for surface in mesh.surfaces:
+        a, b, c = (surface.positions[surface.faces[:, k]].astype(np.float64) for k in range(3))
+        total += float(np.einsum("nk,nk->n", a, np.cross(b, c)).sum()) / 6
+    return total
 
 
 def joint(

@@ -103,12 +103,12 @@ def test_nothing_outside_is_served(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("<robot><link></robot>", "line 1: mismatched tag"),
-        ("", "line 1: no element found"),
-        ("<sdf/>", "the root element is <sdf>, not <robot>"),
+        ("<robot><link></robot>", "line 1: not XML: mismatched tag"),
+        ("", "line 1: not XML: no element found"),
+        ("<sdf/>", "line 1: this is SDF, not URDF"),
         ('<!DOCTYPE r [<!ENTITY a "b">]><robot>&a;</robot>', "line 1: a document type (DTD) is not accepted"),
-        ("<robot>" + "<a>" * 70 + "</a>" * 70 + "</robot>", "line 1: nested over 64 deep"),
-        ("\x00\x01", "line 1: not well-formed"),
+        ("<robot>" + "<a>" * 70 + "</a>" * 70 + "</robot>", "line 1: nested more than 64 deep"),
+        ("\x00\x01", "line 1: not XML: not well-formed"),
     ],
 )
 def test_a_urdf_that_does_not_parse(tmp_path: Path, text: str, message: str) -> None:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from posecast_edge.certificate import Certificate
 from posecast_edge.settings import Settings, UsageError, parse_settings
+from posecast_wire import Credential
 
 GOOD = ["run", "--robot", "r1", "--source", "jsonl", "--relay", "tcp/127.0.0.1:7447"]
 
@@ -37,12 +40,12 @@ def test_environment_stands_in_and_flags_win() -> None:
     ("argv", "environment", "part"),
     [
         ([], {}, "posecast-edge run"),
-        (["run"], {}, "required: --robot, --source, --relay"),
+        (["run"], {}, "required: --source, --relay"),
         ([*GOOD, "--robot", "r*"], {}, "--robot: robot 'r*': use"),
         ([*GOOD, "--urdf", "a", "--model", "b"], {}, "--urdf and --model: give one"),
         ([*GOOD, "--robot", "../x"], {}, "--robot"),
         ([*GOOD, "--robot", ""], {}, "--robot"),
-        ([*GOOD, "--source", "ros"], {}, "--source: unknown source 'ros': one of jsonl, trajectory, demo"),
+        ([*GOOD, "--source", "ros"], {}, "--source: unknown source 'ros': one of jsonl, "),
         ([*GOOD, "--relay", "relay.example"], {}, "--relay: 'relay.example' is no endpoint like tcp/"),
         ([*GOOD, "--relay", "tcp/1.2.3.4:99999"], {}, "--relay"),
         ([*GOOD, "--relay", "tcp/a:1#bind=x"], {}, "--relay"),
@@ -92,7 +95,7 @@ def test_wrong_configuration_ends_with_2(tmp_path: Path) -> None:
     urdf.write_text("<robot")
     for argv, part in (
         (["--robot", "r*"], "robot 'r*'"),
-        (["--profile", str(profile)], f"{profile}: fields.pos.unit: unknown unit 'furlong'"),
+        (["--profile", str(profile)], f"{profile}:5: fields.pos.unit: unknown unit 'furlong'"),
         (["--profile", str(tmp_path / "no.toml")], "no.toml: No such file"),
         (["--urdf", str(urdf)], f"{urdf}: line 1: "),
         (["--source", "jsonl:/nowhere"], "/nowhere: No such file"),
@@ -103,3 +106,63 @@ def test_wrong_configuration_ends_with_2(tmp_path: Path) -> None:
         assert done.stderr.count("\n") == 1, done.stderr
         assert done.stderr.startswith("posecast-edge: ")
         assert part in done.stderr
+
+
+def test_a_credential_names_the_robot(tmp_path: Path) -> None:
+    credential = Credential("r1", "x" * 43)
+    file = tmp_path / "r1.credential"
+    file.write_text(credential.line() + "\n")
+    file.chmod(0o600)
+    argv = ["run", "--source", "jsonl", "--relay", "tls/relay.example:7447", "--credential", str(file)]
+    for more in ([], ["--robot", "r1"]):
+        settings = parse_settings([*argv, *more], {})
+        assert (settings.robot, settings.credential) == ("r1", credential)
+
+    def refused(*more: str) -> str:
+        with pytest.raises(UsageError) as error:
+            parse_settings([*argv, *more], {})
+        said = str(error.value)
+        assert credential.secret not in said
+        assert "\n" not in said
+        return said
+
+    assert "--credential is of robot 'r1', --robot says 'r2'" in refused("--robot", "r2")
+    file.chmod(0o604)
+    assert "chmod 600" in refused()
+    file.chmod(0o600)
+    file.write_text(credential.line()[:-1])
+    assert "cut short or mistyped" in refused()
+    file.unlink()
+    assert "no such file or directory" in refused()
+    with pytest.raises(UsageError, match="required: --robot, or a --credential that names it"):
+        parse_settings(argv[:-2], {})
+
+
+@pytest.mark.skipif(shutil.which("openssl") is None, reason="no openssl here")
+def test_a_certificate_instead(tmp_path: Path) -> None:
+    new = "req -x509 -newkey ec -pkeyopt ec_paramgen_curve:P-256 -nodes -days 2"
+    for name in ("hubo", "other"):
+        made = f"openssl {new} -subj /CN={name} -keyout {name}.key -out {name}.pem"
+        subprocess.run(made.split(), cwd=tmp_path, check=True, capture_output=True)
+    chain, key, other = tmp_path / "hubo.pem", tmp_path / "hubo.key", tmp_path / "other.key"
+    relay = ["run", "--source", "demo", "--relay", "tls/relay.example:7447"]
+    files = ["--tls-cert", str(chain), "--tls-key", str(key), "--tls-ca", str(chain)]
+    found = parse_settings([*relay, "--robot", "hubo", *files], {})
+    assert found.credential == Certificate(chain, key, chain)
+
+    def refused(*argv: str) -> str:
+        with pytest.raises(UsageError) as error:
+            parse_settings([*relay, *argv], {})
+        assert "\n" not in str(error.value)
+        return str(error.value)
+
+    named = ("--robot", "hubo")
+    assert "required: --robot" in refused(*files)
+    assert "go together" in refused(*named, *files[:2])
+    assert "go together" in refused(*named, *files[4:])
+    assert "needs tls/… or quic/…" in refused(*named, *files, "--relay", "tcp/127.0.0.1:7447")
+    assert "no certificate and its key" in refused(*named, *files, "--tls-key", str(other))
+    assert "no such file" in refused(*named, *files, "--tls-cert", str(tmp_path / "gone"))
+    assert f"{key}: no certificate" in refused(*named, *files, "--tls-ca", str(key))
+    key.chmod(0o644)
+    assert "chmod 600" in refused(*named, *files)

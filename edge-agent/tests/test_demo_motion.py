@@ -77,7 +77,7 @@ def test_an_obstacle_parts_ref_and_pos_of_the_left_arm(minute: Minute) -> None:
     force = minute.channel("ftf", "LH.fz")
     limit = minute.profile.mapping.thresholds["ftf"]["LH.fz"]
     levels = {limit.level(f) for f in force}
-    assert levels == {"ok", "caution"}
+    assert levels == {"ok", "caution", "fault"}
     assert minute.flag("LSP", "comply").any()
 
 

@@ -8,9 +8,20 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import pytest
-from model_stage import ROBOTS, cube_collada, cube_stl, joint, link, mesh, robot, shared_robot, written
+from model_stage import (
+    PICTURE,
+    ROBOTS,
+    cube_collada,
+    cube_stl,
+    joint,
+    link,
+    mesh,
+    robot,
+    shared_robot,
+    written,
+)
 from posecast_edge.model.doctor import examine
-from posecast_edge.model.files import Files, facts_of, read_visual_meshes
+from posecast_edge.model.files import facts_of, read_visual_files
 from posecast_edge.model.finding import Finding, ModelRefused
 from posecast_edge.model.resolve import Resolver
 from posecast_edge.model.tree import build_tree
@@ -56,6 +67,8 @@ CORPUS = [
     Case("name-odd", "warning", 2, "'__proto__'", (link("__proto__"),)),
     Case("name-odd", "warning", 2, "<img", (link("&lt;img src=x&gt;"),)),
     Case("number", "error", 4, "'1,5 0 0'", (A, B, joint("j", "a", "b", inside='<axis xyz="0 0 1"/><origin xyz="1,5 0 0"/>'))),
+    Case("number", "error", 4, "by xacro", (A, B, joint("j", "a", "b", inside='<axis xyz="0 0 1"/><origin rpy="$(optenv RPY 0 0 0)"/>'))),
+    Case("number-commas", "warning", 4, "'0.1, 0, -2'", (A, B, joint("j", "a", "b", inside='<axis xyz="0,0,1"/><origin xyz="0.1, 0, -2"/>'))),
     Case("number", "error", 4, "not finite", (A, B, joint("j", "a", "b", inside='<axis xyz="nan 0 1"/>'))),
     Case("number", "error", 4, "three numbers", (A, B, joint("j", "a", "b", inside='<axis xyz="1 0"/>'))),
     Case("axis-zero", "error", 4, "0 0 0", (A, B, joint("j", "a", "b", inside='<axis xyz="0 0 0"/>'))),
@@ -69,7 +82,13 @@ CORPUS = [
     Case("limit-degrees", "warning", 4, "degrees", (A, B, joint("j", "a", "b", limit='<limit lower="-90" upper="90"/>'))),
     Case("limit-millimetres", "warning", 4, "millimetres", (A, B, joint("j", "a", "b", "prismatic", limit='<limit upper="300"/>'))),
     Case("limit-negative", "warning", 4, "below 0", (A, B, joint("j", "a", "b", limit='<limit lower="-1" upper="1" velocity="-1"/>'))),
-    Case("joint-free", "hint", 4, "no channel", (A, B, joint("j", "a", "b", "floating", "", ""))),
+    Case("joint-free", "hint", 4, "'j/trans_x'", (A, B, joint("j", "a", "b", "floating", "", ""))),
+    Case("joint-free", "hint", 4, "'j/x', 'j/y', 'j/theta'", (A, B, joint("j", "a", "b", "planar", '<axis xyz="0 0 1"/>', ""))),
+    Case("axis-missing", "warning", 4, "a floor is 0 0 1", (A, B, joint("j", "a", "b", "planar", "", ""))),
+    Case(
+        "mimic-fixed", "error", 5, "more than one value",
+        (A, B, C, joint("j", "a", "b", inside='<axis xyz="0 0 1"/><mimic joint="k"/>'), joint("k", "b", "c", "floating", "", "")),
+    ),
     Case("mimic-unknown", "error", 4, "'gone'", (A, B, joint("j", "a", "b", inside='<axis xyz="0 0 1"/><mimic joint="gone"/>'))),
     Case("mimic-loop", "error", 4, "circle", (A, B, joint("j", "a", "b", inside='<axis xyz="0 0 1"/><mimic joint="j"/>'))),
     Case(
@@ -113,7 +132,16 @@ CORPUS = [
     Case("color", "warning", 2, "0 … 255", (link("a", box("1 1 1", '<material name="m"><color rgba="255 0 0 1"/></material>')),)),
     Case("color", "warning", 2, "four numbers", (link("a", box("1 1 1", '<material name="m"><color rgba="red"/></material>')),)),
     Case("material-colour", "hint", 2, "'steel'", (link("a", box("1 1 1", '<material name="steel"/>')),)),
-    Case("texture-in-urdf", "hint", 2, "into the mesh", (link("a", box("1 1 1", '<material name="m"><texture filename="t.png"/></material>')),)),
+    Case("texture-missing", "error", 2, "'t.png'", (link("a", box("1 1 1", '<material name="m"><texture filename="t.png"/></material>')),)),
+    Case(
+        "texture-coordinates", "hint", 2, "mean colour",
+        (link("a", '<visual><geometry><mesh filename="meshes/a.stl"/></geometry><material name="m"><texture filename="meshes/t.png"/></material></visual>'),),
+        {"a_stl": cube_stl(), "t_png": PICTURE},
+    ),
+    Case(
+        "material-doubled", "hint", 3, "(line 2)",
+        ('<material name="m"><color rgba="1 0 0 1"/></material>', link("a", box("1 1 1", '<material name="m"><color rgba="0 1 0 1"/></material>'))),
+    ),
     Case("sensor-link", "warning", 3, "'gone'", (A, '<gazebo reference="gone"><sensor name="imu" type="imu"/></gazebo>')),
     Case("reference", "warning", 3, "<transmission>", (A, '<transmission name="t"><joint name="gone"/></transmission>')),
     Case("mass-negative", "warning", 2, "-1 kg", (link("a", box("1 1 1") + '<inertial><mass value="-1"/></inertial>'),)),
@@ -125,8 +153,7 @@ CORPUS = [
 def diagnose(path: Path) -> list[Finding]:
     with path.open("rb") as source:
         urdf = read_urdf(source)
-    files = Files(Resolver(path))
-    read_visual_meshes(urdf, files, lambda *_: None)
+    files = read_visual_files(urdf, Resolver(path), lambda *_: None)
     return examine(urdf, build_tree(urdf), facts_of(files))
 
 
@@ -174,22 +201,28 @@ def test_what_is_no_urdf(text: bytes, reason: str) -> None:
 
 
 def test_a_profile_that_does_not_fit() -> None:
-    urdf = read_urdf(io.BytesIO(robot(A, B, C, AB, joint("bc", "b", "c", "fixed", "", "")).encode()))
+    free = joint("cd", "c", "d", "floating", "", "")
+    parts = (A, B, C, link("d"), AB, joint("bc", "b", "c", "fixed", "", ""), free)
+    urdf = read_urdf(io.BytesIO(robot(*parts).encode()))
     meaning = Meaning(
-        joints={"gone": JointMap(()), "bc": JointMap(()), "ab": JointMap(())},
+        joints={name: JointMap(()) for name in ("gone", "bc", "ab", "cd", "cd/rot_w")},
         sensors={
             "RF": SensorMount("wrench", "right foot", "nowhere"),
             "torso": SensorMount("imu", "torso", "a"),
             "battery": SensorMount("power", "battery", None),
         },
     )
-    findings = examine(urdf, build_tree(urdf), None, meaning)
-    assert [(f.code, f.severity) for f in findings] == [
-        ("profile-joint", "warning"),
-        ("profile-joint", "warning"),
-        ("profile-sensor", "warning"),
+    findings = [f for f in examine(urdf, build_tree(urdf), None, meaning) if f.code.startswith("profile-")]
+    assert {f.severity for f in findings} == {"warning"}
+    assert sorted(f.text for f in findings) == [
+        "the profile maps joint 'bc', which is fixed",
+        "the profile maps joint 'cd', which is floating: map "
+        + ", ".join(
+            f"'cd/{v}'" for v in ("trans_x", "trans_y", "trans_z", "rot_x", "rot_y", "rot_z", "rot_w")
+        ),
+        "the profile maps joint 'gone', which there is not",
+        "the profile mounts sensor 'RF' on link 'nowhere', which there is not",
     ]
-    assert "'nowhere'" in findings[2].text
 
 
 def test_heavy_meshes_are_named(tmp_path: Path) -> None:

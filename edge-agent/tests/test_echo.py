@@ -53,6 +53,22 @@ def test_a_slow_answer_means_a_queue() -> None:
     assert watch.word(5.0) == "late"
 
 
+def test_while_an_answer_is_overdue_nothing_is_worth_sending() -> None:
+    w = linked()
+    w.sent(0, 10.0)
+    w.asked(10.0)
+    assert not w.full(19.0), "a relay that never answered may know no echo"
+    w.answered(Echo(7, 0, 0.0), 10.0, 10.1)
+    assert not w.full(30.0), "nothing is asked"
+    w.asked(30.0)
+    assert [w.full(30.0 + s) for s in (0.0, 0.5, 0.59, 0.61, 5.0)] == [False, False, False, True, True]
+    w.answered(None, 30.0, 32.0)  # given up
+    assert not w.full(33.0)
+    w.asked(33.0)
+    w.link(False)
+    assert not w.full(40.0)
+
+
 def test_old_frames_are_forgotten_with_the_link() -> None:
     watch = linked()
     watch.sent(0, 0.0)

@@ -21,8 +21,11 @@ SCHEMA = Schema.parse(
 )
 
 
-def sample(watch: EventWatch, t: float, fz: float | None, a: int | None, b: int | None) -> list[Event]:
-    return watch.sample(t, [fz, a, b], t)
+def sample(
+    watch: EventWatch, t: float, fz: float | None, a: int | None, b: int | None, now_s: float | None = None
+) -> list[Event]:
+    values: dict[str, list[float | None]] = {"ftf": [fz], "flags": [a, b]}
+    return watch.sample(t, lambda field: values[field.name], t if now_s is None else now_s)
 
 
 def test_every_rise_and_fall_of_a_fault_bit_and_no_state_bit() -> None:
@@ -69,12 +72,12 @@ def test_a_limit_has_two_sides_and_hysteresis() -> None:
 def test_source_silent_and_back() -> None:
     watch = EventWatch(SCHEMA)
     assert watch.tick(100.0) == []  # never delivered: nothing to miss
-    watch.sample(7.0, [0.0, 0, 0], 100.0)
+    sample(watch, 7.0, 0.0, 0, 0, 100.0)
     assert watch.tick(101.4) == []
     assert watch.tick(101.5) == [Event(7.0, "caution", "source", "silent", True)]
     assert watch.silent
     assert watch.tick(102.0) == []
-    assert watch.sample(9.0, [0.0, 0, 0], 103.0) == [Event(9.0, "caution", "source", "silent", False)]
+    assert sample(watch, 9.0, 0.0, 0, 0, 103.0) == [Event(9.0, "caution", "source", "silent", False)]
     assert not watch.silent
 
 
@@ -95,6 +98,6 @@ def test_a_storm_stays_bounded() -> None:
     out = []
     for i in range(2000):  # ten seconds at 200 Hz, all bits toggling
         now = i / 200
-        out += limit.admit(watch.sample(now, [0.0, 6 * (i % 2), 6 * (i % 2)], now), now)
+        out += limit.admit(sample(watch, now, 0.0, 6 * (i % 2), 6 * (i % 2)), now)
     assert len(out) <= 10 * PER_SECOND
     assert any(e.source == "events" for e in out)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 from edge_stage import until
-from posecast_edge.sources import Sample, SourceError, open_source
+from posecast_edge.sources import KINDS, Sample, SourceError, open_source
 from posecast_edge.sources.jsonl import MAX_LINE, JsonlSource, LineError, parse_line
 
 
@@ -149,5 +149,5 @@ def test_a_path_that_is_not_there() -> None:
 
 
 def test_unknown_kind() -> None:
-    with pytest.raises(SourceError, match=r"^unknown source 'ros': one of jsonl, trajectory, demo$"):
+    with pytest.raises(SourceError, match=f"^unknown source 'ros': one of {', '.join(KINDS)}$"):
         open_source("ros", None)

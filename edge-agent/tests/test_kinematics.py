@@ -18,7 +18,9 @@ from posecast_edge.model.kinematics import link_poses, quaternion_from_rpy
 from posecast_edge.model.manifest import encode, home, skeleton
 from posecast_edge.model.tree import build_tree
 from posecast_edge.model.urdf_reader import load_urdf
+from trimesh import transformations as untyped
 
+transformations: Any = untyped
 CONFIGURATIONS = 20
 MILLIMETRE = 1e-3
 
@@ -82,6 +84,71 @@ def test_every_type_of_joint(tmp_path: Path) -> None:
         joint("z", "g", "h", "revolute", turned("0 0 1")),
     ]
     compare(written(tmp_path, robot(*parts)), seed=1)
+
+
+TURNED = '<origin xyz="0.1 -0.2 0.3" rpy="0.4 -0.5 2.6"/>'
+FLOATING = [f"trans_{c}" for c in "xyz"] + [f"rot_{c}" for c in "xyzw"]
+
+
+def free_joint(folder: Path, kind: str, inside: str = TURNED) -> tuple[dict[str, Any], np.ndarray[Any, Any]]:
+    """A robot whose only joint `j` is that, and parent_from_joint by trimesh."""
+    manifest = manifest_of(
+        written(folder, robot(link("a"), link("b"), joint("j", "a", "b", kind, inside, "")))
+    )
+    origin = transformations.euler_matrix(0.4, -0.5, 2.6, "sxyz")
+    origin[:3, 3] = 0.1, -0.2, 0.3
+    return manifest, origin
+
+
+def test_a_floating_joint(tmp_path: Path) -> None:
+    manifest, origin = free_joint(tmp_path, "floating")
+    assert manifest["joints"][0]["type"] == "floating"
+    assert "limits" not in manifest["joints"][0]
+    chance = np.random.default_rng(3)
+    for _ in range(CONFIGURATIONS):
+        x, y, z, *quat = chance.normal(size=7)  # of any length: it is brought to 1
+        moved = transformations.quaternion_matrix([quat[3], *quat[:3]])
+        moved[:3, 3] = x, y, z
+        readings = {f"j/{part}": v for part, v in zip(FLOATING, (x, y, z, *quat), strict=True)}
+        assert np.allclose(link_poses(manifest, readings)["b"], origin @ moved)
+
+
+def test_a_floating_joint_of_which_little_is_known(tmp_path: Path) -> None:
+    manifest, origin = free_joint(tmp_path, "floating")
+    assert np.allclose(link_poses(manifest, {"j": 1.0})["b"], origin)
+    slid = origin @ transformations.translation_matrix([0, 2, 0])
+    assert np.allclose(link_poses(manifest, {"j/trans_y": 2.0})["b"], slid)
+    assert np.allclose(link_poses(manifest, {"j/trans_y": 2.0, "j/rot_w": 0.0})["b"], slid)
+    half = origin @ transformations.rotation_matrix(math.pi / 2, [0, 0, 1])
+    assert np.allclose(link_poses(manifest, {"j/rot_z": 1.0})["b"], half)  # with rot_w at rest, 1
+
+
+@pytest.mark.parametrize(
+    ("axis", "x", "y"),
+    [
+        ((0, 0, 1), (1, 0, 0), (0, 1, 0)),
+        ((0, 0, -1), (1, 0, 0), (0, -1, 0)),
+        ((1, 0, 0), (0, 0, -1), (0, 1, 0)),
+        ((0, -1, 0), (1, 0, 0), (0, 0, 1)),
+        ((0.48, -0.6, 0.64), None, None),
+        ((0.001, 0, -1), None, None),
+    ],
+)
+def test_a_planar_joint(
+    tmp_path: Path, axis: tuple[float, ...], x: tuple[float, ...] | None, y: tuple[float, ...] | None
+) -> None:
+    inside = f'{TURNED}<axis xyz="{axis[0]} {axis[1]} {axis[2]}"/>'
+    manifest, origin = free_joint(tmp_path, "planar", inside)
+    u, v = np.array(manifest["joints"][0]["plane"])
+    normal = np.array(axis) / np.linalg.norm(axis)
+    assert np.allclose(np.cross(u, v), normal)
+    assert np.allclose([u @ u, v @ v, u @ v], [1, 1, 0])
+    assert x is None or np.allclose(u, x)
+    assert y is None or np.allclose(v, y)
+    moved = transformations.rotation_matrix(0.7, normal)
+    moved[:3, 3] = 0.3 * u - 2 * v
+    assert np.allclose(link_poses(manifest, {"j/x": 0.3, "j/y": -2.0, "j/theta": 0.7})["b"], origin @ moved)
+    assert np.allclose(link_poses(manifest, {"j": 1.0})["b"], origin)
 
 
 def test_order_and_root_do_not_depend_on_the_file(tmp_path: Path) -> None:

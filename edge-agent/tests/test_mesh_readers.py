@@ -20,6 +20,7 @@ from model_stage import (
     cube_stl,
     cube_text_stl,
     resolver_at,
+    volume,
 )
 from posecast_edge.model.finding import ModelRefused
 from posecast_edge.model.mesh import Mesh, fans
@@ -29,15 +30,6 @@ from posecast_edge.model.mesh_reader import read_mesh
 def read(folder: Path, name: str, data: bytes) -> Mesh:
     (folder / name).write_bytes(data)
     return read_mesh(folder / name, resolver_at(folder))
-
-
-def volume(mesh: Mesh) -> float:
-    """Positive for a closed body whose faces look outward."""
-    total = 0.0
-    for surface in mesh.surfaces:
-        a, b, c = (surface.positions[surface.faces[:, k]].astype(np.float64) for k in range(3))
-        total += float(np.einsum("nk,nk->n", a, np.cross(b, c)).sum()) / 6
-    return total
 
 
 CUBES = {

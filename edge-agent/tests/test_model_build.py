@@ -5,6 +5,8 @@ from __future__ import annotations
 import hashlib
 import json
 import struct
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +14,7 @@ import meshoptimizer
 import numpy as np
 import pytest
 from model_stage import (
+    PICTURE,
     ROBOTS,
     SHARED,
     cube_collada,
@@ -33,6 +36,7 @@ from posecast_edge.model.kinematics import from_quaternion, link_poses, quaterni
 from posecast_edge.model.manifest import home
 from posecast_edge.model.raster import camera_towards, silhouette
 from posecast_edge.model.resolve import Resolver
+from posecast_edge.sources.demo import BUNDLE
 
 VIEWS = [np.array(v) for v in ((1.0, 0.0, 0.05), (0.0, 1.0, 0.1), (1.0, 0.55, 0.42))]
 PIXELS = 512
@@ -81,6 +85,20 @@ def test_sizes(shared: tuple[str, Built]) -> None:
     assert len(built.manifest) < 60_000
     sizes = [len(level.data) for level in built.levels.values()]
     assert sizes == sorted(sizes)
+
+
+def test_few_bytes_can_be_many_triangles() -> None:
+    """The demo robot suits a phone's line as it is, but not a phone without a graphics card."""
+    path = BUNDLE / "robot.urdf"
+    if not path.exists():
+        pytest.skip("the demo robot is not built: make setup")
+    built = made(path)
+    low, high = built.document["levels"]
+    assert [low["name"], high["name"]] == ["low", "high"]
+    assert high["triangles"] > 40_000
+    assert low["triangles"] <= 24_000
+    assert low["bytes"] < high["bytes"] / 2
+    assert low["error_m"] < 0.0015
 
 
 def test_silhouettes(shared: tuple[str, Built]) -> None:
@@ -159,10 +177,32 @@ def unpacked(data: bytes) -> tuple[dict[str, Any], NDArray[Any], NDArray[Any], N
 
 
 def test_same_input_same_bytes(tmp_path: Path) -> None:
-    path = written(tmp_path, robot(link("a", mesh("meshes/a.stl"))), a_stl=cube_stl())
-    one, two = made(path), made(path)
-    assert one.manifest == two.manifest
-    assert one.files == two.files
+    """Whatever folder it lies in, whichever way this process orders its sets: a hash must name one model."""
+    coloured = cube_obj().decode().replace("\nv 0.2", "\nv 0.2 ").splitlines()
+    obj = "\n".join(f"{v} {i / 8} 0 {1 - i / 8}" if v[:2] == "v " else v for i, v in enumerate(coloured))
+    shapes = mesh("meshes/a.stl") + mesh("meshes/b.obj") + mesh("meshes/c.dae") + mesh("meshes/gone.stl")
+    picture = '<material name="m"><texture filename="meshes/t.png"/></material>'
+    more = f'<visual><geometry><sphere radius="1"/></geometry>{picture}</visual>'
+    manifests = set()
+    for seed in ("1", "2"):
+        text = robot(link("a", shapes + more), link("b"), joint("j", "a", "b"))
+        files = {"a_stl": cube_stl(), "b_obj": obj.encode(), "c_dae": cube_collada(), "t_png": PICTURE}
+        path = written(tmp_path / f"folder {seed}", text, **files)
+        out = tmp_path / f"bundle {seed}"
+        program = [
+            sys.executable,
+            "-m",
+            "posecast_edge",
+            "model",
+            "build",
+            str(path),
+            "-o",
+            str(out),
+            "--no-cache",
+        ]
+        subprocess.run(program, env={"PYTHONHASHSEED": seed}, capture_output=True, check=True)
+        manifests.add((out / "manifest.json").read_bytes())
+    assert len(manifests) == 1
 
 
 def colours(built: Built) -> list[str]:
@@ -317,6 +357,12 @@ def test_no_robot_at_all(tmp_path: Path) -> None:
     for text in (robot(), robot(link("a"), link("b"), joint("j", "a", "b"), joint("k", "b", "a"))):
         with pytest.raises(ModelRefused):
             made(written(tmp_path, text))
+
+
+def test_no_robot_but_a_recipe_for_one(tmp_path: Path) -> None:
+    text = '<robot name="r" xmlns:xacro="http://ros.org/xacro"><xacro:include filename="a.xacro"/></robot>'
+    with pytest.raises(ModelRefused, match=r"xacro robot\.xacro > robot\.urdf"):
+        made(written(tmp_path, text))
 
 
 def test_sensors_and_joints_reach_the_manifest(tmp_path: Path) -> None:

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 from model_stage import cube_stl, joint, link, mesh, robot, written
+from posecast_edge.model.cache import ENTRIES, Cache
 from posecast_edge.model.command import CLEAN, PROBLEMS, UNUSABLE, run_command
 from posecast_edge.model.folder import read_folder
+from posecast_edge.model.resolve import Resolver
 
 HEALTHY = robot(link("a"), link("b", mesh("meshes/b.stl")), joint("ab", "a", "b"))
 
@@ -79,6 +82,17 @@ def test_cache_is_used_until_anything_changes(tmp_path: Path) -> None:
     )
 
 
+def test_the_cache_is_bounded(tmp_path: Path) -> None:
+    cache = tmp_path / "cache/posecast/models"
+    paths = [written(tmp_path / f"m{i}", robot(link("a", ""))) for i in range(ENTRIES + 2)]
+    for path in paths:
+        kept = Cache(cache, path, [])
+        kept.put({"manifest.json": b'{"v":2,"files":[]}'}, Resolver(path))
+        os.utime(max(cache.iterdir(), key=lambda p: p.stat().st_ctime), (paths.index(path),) * 2)
+    assert len(list(cache.iterdir())) == ENTRIES
+    assert [Cache(cache, path, []).get() is not None for path in paths] == [False, False, *[True] * ENTRIES]
+
+
 def test_cache_that_cannot_be_written(tmp_path: Path) -> None:
     path = written(tmp_path / "model", HEALTHY, b_stl=cube_stl())
     (tmp_path / "cache").write_text("a file")
@@ -141,7 +155,7 @@ def test_doctor(
     [
         (["doctor", "--urdf", "{}/gone.urdf"], "gone.urdf: No such file"),
         (["doctor", "--urdf", "{}"], "Is a directory"),
-        (["doctor"], "required"),
+        (["doctor"], "give --urdf, --profile, --source, or several of them"),
         (["doctor", "--urdf", "{}/robot.urdf", "--profile", "{}/gone.toml"], "gone.toml"),
         (["model"], "required"),
         (["model", "build", "{}/robot.urdf"], "required"),
@@ -173,6 +187,11 @@ def test_doctor_reads_the_profile(tmp_path: Path, capsys: pytest.CaptureFixture[
     )
     assert run_command(["doctor", "--urdf", str(path), "--profile", str(profile)], {}) == PROBLEMS
     assert "mounts sensor 'RF' on link 'gone'" in capsys.readouterr().out
+    assert run_command(["doctor", "--profile", str(profile)], {}) == CLEAN, "alone it is well"
+    assert capsys.readouterr().out == f"{profile}: 2 fields, 2 channels: nothing wrong\n"
+    profile.write_text('[[fields]]\nname = "pos"\nunnit = "rad"\n')
+    assert run_command(["doctor", "--profile", str(profile)], {}) == UNUSABLE
+    assert "p.toml:3: fields[0].unnit: unknown key" in capsys.readouterr().err
 
 
 def test_as_a_program_without_traces_of_a_terminal(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from model_stage import cube_collada, cube_glb, cube_obj, cube_stl, cube_text_st
 from posecast_edge.model.collada import read_collada
 from posecast_edge.model.doctor import examine
 from posecast_edge.model.finding import ModelRefused
-from posecast_edge.model.gltf_reader import read_glb
+from posecast_edge.model.gltf_reader import read_gltf
 from posecast_edge.model.mesh import Mesh, checked
 from posecast_edge.model.obj import read_obj
 from posecast_edge.model.stl import read_stl
@@ -39,7 +39,7 @@ READERS: dict[str, tuple[bytes, Callable[[bytes], Mesh]]] = {
         cube_collada(effect=EFFECT, node="<rotate>0 0 1 90</rotate>"),
         lambda data: read_collada(data, load),
     ),
-    "glb": (cube_glb(), read_glb),
+    "glb": (cube_glb(), lambda data: read_gltf(data, load)),
 }
 
 damages = st.lists(

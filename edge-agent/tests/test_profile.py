@@ -5,8 +5,10 @@ from pathlib import Path
 
 import pytest
 from edge_stage import PROFILE
-from posecast_edge.profile import ProfileError, load_profile, parse_profile
+from posecast_edge.profile_reader import ProfileError, find_profile, load_profile, parse_profile
+from posecast_edge.schema_build import schema_text
 from posecast_wire.mapping import JointMap, SensorMount, Threshold
+from posecast_wire.schema import Schema
 
 BASE = '[labels]\njoint=["A","B"]\n[[fields]]\nname="pos"\n'
 
@@ -35,41 +37,66 @@ def test_a_whole_profile() -> None:
     [
         ("x = ", "p.toml: Invalid value (at end of document)"),
         ("", "p.toml: fields: at least one [[fields]] is needed"),
-        (BASE + "[robott]\n", "p.toml: robott: unknown key"),
-        (BASE + "[robot]\nname='x'\ncolour='red'\n", "p.toml: robot.colour: unknown key; known: name, root"),
-        (BASE + "unt='rad'\n", "p.toml: fields[0].unt: unknown key"),
-        (BASE + "unit='furlong'\n", "p.toml: fields.pos.unit: unknown unit 'furlong'"),
-        (BASE + "labels='joints'\n", "p.toml: fields.pos.labels: unknown label set 'joints'"),
-        (BASE + "labels=['C','C']\n", "p.toml: fields.pos.labels[1]: 'C' stands there twice"),
-        (BASE + "scale=0\n", "p.toml: fields.pos.scale: must be above 0, not 0"),
-        (BASE + "scale='big'\n", "p.toml: fields.pos.scale: must be a number, not 'big'"),
-        (BASE + "deadband=-1\n", "p.toml: fields.pos.deadband: must be at least 0, not -1"),
-        (BASE + "rel='vel'\n", "p.toml: fields.pos.rel: 'vel' is no earlier field"),
-        (BASE + "slow=1\n", "p.toml: fields.pos.slow: must be true or false, not 1"),
-        (BASE + "[[fields]]\nname='pos'\n", "p.toml: fields[1].name: 'pos' stands there twice"),
-        (BASE + "[[fields]]\nname='a b'\n", "p.toml: fields[1].name: 'a b' must be"),
-        (BASE + "[joints.K]\nterms=[['C',1]]\n", "p.toml: joints.K.terms[0]: unknown joint 'C'"),
-        (BASE + "[joints.K]\nterms=[['A']]\n", "p.toml: joints.K.terms[0]: must be [channel, gain]"),
-        (BASE + "[joints.K]\nterms=[['A',nan]]\n", "p.toml: joints.K.terms[0]: must be a number"),
+        (BASE + "[robott]\n", "p.toml:5: robott: unknown key"),
+        (
+            BASE + "[robot]\nname='x'\ncolour='red'\n",
+            "p.toml:7: robot.colour: unknown key; known: name, root",
+        ),
+        (BASE + "unt='rad'\n", "p.toml:5: fields[0].unt: unknown key"),
+        (BASE + "unit='furlong'\n", "p.toml:5: fields.pos.unit: unknown unit 'furlong'"),
+        (BASE + "labels='joints'\n", "p.toml:5: fields.pos.labels: unknown label set 'joints'"),
+        (BASE + "labels=['C','C']\n", "p.toml:5: fields.pos.labels[1]: 'C' stands there twice"),
+        (BASE + "scale=0\n", "p.toml:5: fields.pos.scale: must be above 0, not 0"),
+        (BASE + "scale='big'\n", "p.toml:5: fields.pos.scale: must be a number, not 'big'"),
+        (BASE + "deadband=-1\n", "p.toml:5: fields.pos.deadband: must be at least 0, not -1"),
+        (BASE + "rel='vel'\n", "p.toml:5: fields.pos.rel: 'vel' is no earlier field"),
+        (BASE + "slow=1\n", "p.toml:5: fields.pos.slow: must be true or false, not 1"),
+        (BASE + "[[fields]]\nname='pos'\n", "p.toml:6: fields[1].name: 'pos' stands there twice"),
+        (BASE + "[[fields]]\nname='a b'\n", "p.toml:6: fields[1].name: 'a b' must be"),
+        (BASE + "[joints.K]\nterms=[['C',1]]\n", "p.toml:6: joints.K.terms[0]: unknown joint 'C'"),
+        (
+            BASE + "[joints.K]\nterms=[['A',1]]\n[joints.L]\nterms=[['A',2]]\n",
+            "p.toml:8: joints.L.terms[0]: channel 'A' moves joint 'K' already; a joint that moves",
+        ),
+        (
+            BASE + "[joints]\nK.terms=[['L',1]]\nL.terms=[['K',1]]\n",
+            "p.toml:6: joints.K: a loop: K → L → K",
+        ),
+        (BASE + "units={A='inch'}\n", "p.toml:5: fields.pos.units.A: unknown unit 'inch'"),
+        (BASE + "units={C='mm'}\n", "p.toml:5: fields.pos.units.C: unknown label 'C'"),
+        (BASE + "[views.Lab]\n", "p.toml:5: views.Lab: view 'Lab': use 1 to 63 of a-z"),
+        (BASE + "[views.lab]\nfields=['pos','cur']\n", "p.toml:6: views.lab.fields[1]: unknown field 'cur'"),
+        (BASE + "[views.lab]\nhz=0\n", "p.toml:6: views.lab.hz: must be above 0, not 0"),
+        (BASE + "[views.lab]\nrate=5\n", "p.toml:6: views.lab.rate: unknown key; known: fields, hz, scales"),
+        (
+            BASE + "[views.lab.scales]\nvel=1\n",
+            "p.toml:6: views.lab.scales.vel: unknown field of this view 'vel'",
+        ),
+        (
+            BASE + "[[fields]]\nname='flags'\nbits=['jam']\n[views.lab.scales]\nflags=2\n",
+            "p.toml:9: views.lab.scales.flags: a field of bits has no scale",
+        ),
+        (BASE + "[joints.K]\nterms=[['A']]\n", "p.toml:6: joints.K.terms[0]: must be [channel, gain]"),
+        (BASE + "[joints.K]\nterms=[['A',nan]]\n", "p.toml:6: joints.K.terms[0]: must be a number"),
         (
             BASE + "[joints.A]\noffset_deg=1\noffset_rad=1\n",
-            "p.toml: joints.A: give offset_rad or offset_deg",
+            "p.toml:5: joints.A: give offset_rad or offset_deg",
         ),
-        (BASE + "[sensors.RF]\nkind='nose'\n", "p.toml: sensors.RF.kind: unknown kind 'nose'"),
-        (BASE + "[sensors.RF]\nkind='imu'\nxyz=[1,2]\n", "p.toml: sensors.RF.xyz: must be three numbers"),
-        (BASE + "[severity.pos]\njam='fault'\n", "p.toml: severity.pos.jam: unknown bit 'jam'"),
-        (BASE + "[thresholds.temp]\nA={high=1}\n", "p.toml: thresholds.temp: unknown field 'temp'"),
-        (BASE + "[thresholds.pos]\nC={high=1}\n", "p.toml: thresholds.pos.C: unknown label 'C'"),
-        (BASE + "[thresholds.pos]\nA={}\n", "p.toml: thresholds.pos.A: needs low or high"),
+        (BASE + "[sensors.RF]\nkind='nose'\n", "p.toml:6: sensors.RF.kind: unknown kind 'nose'"),
+        (BASE + "[sensors.RF]\nkind='imu'\nxyz=[1,2]\n", "p.toml:7: sensors.RF.xyz: must be three numbers"),
+        (BASE + "[severity.pos]\njam='fault'\n", "p.toml:6: severity.pos.jam: unknown bit 'jam'"),
+        (BASE + "[thresholds.temp]\nA={high=1}\n", "p.toml:5: thresholds.temp: unknown field 'temp'"),
+        (BASE + "[thresholds.pos]\nC={high=1}\n", "p.toml:6: thresholds.pos.C: unknown label 'C'"),
+        (BASE + "[thresholds.pos]\nA={}\n", "p.toml:6: thresholds.pos.A: needs low or high"),
         (
             BASE + "[thresholds.pos]\nA={low=2,high=1}\n",
-            "p.toml: thresholds.pos.A: low 2 is not below high 1",
+            "p.toml:6: thresholds.pos.A: low 2 is not below high 1",
         ),
-        (BASE + "[tolerance]\nC=1\n", "p.toml: tolerance.C: unknown joint 'C'"),
-        (BASE + "[names]\nC='c'\n", "p.toml: names.C: unknown channel or site 'C'"),
-        (BASE + "[names]\nA=''\n", "p.toml: names.A: must be a text"),
-        (BASE + "[trajectory]\ncolumns=['A']\n", "p.toml: trajectory.rate_hz: must be a number, not None"),
-        (BASE + "[trajectory]\ncolumns=['C']\nrate_hz=1\n", "p.toml: trajectory.columns[0]: unknown"),
+        (BASE + "[tolerance]\nC=1\n", "p.toml:6: tolerance.C: unknown joint 'C'"),
+        (BASE + "[names]\nC='c'\n", "p.toml:6: names.C: unknown channel or site 'C'"),
+        (BASE + "[names]\nA=''\n", "p.toml:6: names.A: must be a text"),
+        (BASE + "[trajectory]\ncolumns=['A']\n", "p.toml:5: trajectory.rate_hz: must be a number, not None"),
+        (BASE + "[trajectory]\ncolumns=['C']\nrate_hz=1\n", "p.toml:6: trajectory.columns[0]: unknown"),
     ],
 )
 def test_a_mistake_is_named_with_file_and_place(text: str, message: str) -> None:
@@ -88,10 +115,56 @@ def test_a_file_that_is_not_there_or_not_text(tmp_path: Path) -> None:
 
 
 def test_every_profile_in_the_package_parses_and_makes_a_schema() -> None:
-    from posecast_edge.schema_build import schema_text
-    from posecast_wire.schema import Schema
-
     files = sorted((Path(__file__).parents[1] / "src/posecast_edge/profiles").glob("*.toml"))
     assert files
     for file in files:
         assert Schema.parse(schema_text(load_profile(file))).size > 0
+
+
+def test_a_joint_may_follow_a_joint_and_a_channel_have_a_unit_of_its_own() -> None:
+    p = parse_profile(
+        BASE + "units={B='mm'}\n[joints]\nk1={terms=[['A',2]],offset_rad=1}\nk2.terms=[['k1',0.5]]\n"
+    )
+    assert p.mapping.joints == {"k1": JointMap((("A", 2.0),), 1.0), "k2": JointMap((("A", 1.0),), 0.5)}
+    assert p.mapping.unit("pos", "B") == "mm"
+    assert p.mapping.unit("pos", "A") is None
+    assert Schema.parse(schema_text(p)).mapping.unit("pos", "B") == "mm"
+
+
+VIEWS = """
+[views.public]
+fields = ["pos", "flags"]
+hz = 10
+scales = { pos = 0.01 }
+[views.lab]
+"""
+
+
+def test_a_view_holds_nothing_of_what_is_not_in_it() -> None:
+    p = parse_profile(PROFILE + VIEWS)
+    public, lab = (p.seen_as(p.views[name]) for name in ("public", "lab"))
+    assert (p.views["public"].hz, p.views["lab"].hz) == (10, None)
+    text = schema_text(public)
+    assert not [word for word in ("ftf", "RF", "foot", "500", '"ref"', '"rel"') if word in text], text
+    schema = Schema.parse(text)
+    assert [(f.name, f.scale, f.rel) for f in schema.fields] == [("pos", 0.01, None), ("flags", 1, None)]
+    assert schema.mapping.joints == p.mapping.joints
+    assert schema.mapping.names == {"RKN": "right knee"}
+    assert schema_text(lab) == schema_text(p)
+
+
+def test_a_view_without_joints_tells_nothing_of_the_body() -> None:
+    p = parse_profile(PROFILE + '[views.force]\nfields = ["ftf"]\n')
+    schema = Schema.parse(schema_text(p.seen_as(p.views["force"])))
+    assert (schema.mapping.joints, schema.mapping.tolerances, schema.mapping.severities) == ({}, {}, {})
+    assert set(schema.mapping.sensors) == {"RF"}
+
+
+def test_a_profile_that_comes_along_is_found_by_its_name(tmp_path: Path) -> None:
+    assert load_profile(find_profile("hubo2plus")).name == "Hubo 2+"
+    assert find_profile(str(tmp_path / "hubo2plus")) == tmp_path / "hubo2plus"
+    assert find_profile("../profiles/hubo2plus") == Path("../profiles/hubo2plus")
+    with pytest.raises(
+        ProfileError, match=r"No such file.*that come with the agent: arm, demo, drchubo, g1, hubo2plus"
+    ):
+        load_profile(find_profile("hubo3"))

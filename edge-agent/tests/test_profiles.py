@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from demo_stage import Floats, Skeleton, joint_angles
-from posecast_edge.profile import load_profile
+from posecast_edge.profile_reader import load_profile
 from posecast_edge.sources import demo, open_source
 from posecast_edge.sources.trajectory import TrajectorySource
 

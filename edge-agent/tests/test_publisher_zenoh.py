@@ -72,8 +72,8 @@ def test_frames_arrive_with_stamps_and_decode(router: Router, fed: tuple[Edge, F
     assert [d.seq for d in decoded] == list(range(decoded[0].seq, decoded[0].seq + len(decoded)))
     assert decoded[-1].values("pos")[1] is None
     assert decoded[-1].values("pos")[0] == pytest.approx(decoded[-1].values("ref")[0])
-    # 30 a second: frame times of the robot's clock are about 33 ms apart
-    assert (decoded[-1].t_s - decoded[0].t_s) / (len(decoded) - 1) == pytest.approx(1 / 30, rel=0.3)
+    # never more than 30 a second
+    assert (elapsed[-1] - elapsed[0]) / 1e9 / (len(elapsed) - 1) > 0.9 / 30
 
 
 def test_snapshot_holds_what_a_late_joiner_needs(router: Router, fed: tuple[Edge, Feeder]) -> None:
@@ -180,7 +180,7 @@ def test_model_ranges_hash_right(router: Router, edge: Start, tmp_path: Path) ->
         '<robot name="r"><link name="l"><visual><geometry><mesh filename="meshes/a.stl"/></geometry></visual>'
         '<visual><geometry><mesh filename="package://x/gone.stl"/></geometry></visual></link></robot>'
     )
-    e = edge("--urdf", str(tmp_path / "r.urdf"))
+    e = edge("--urdf", str(tmp_path / "r.urdf"), mesh_tools=False)
     e.send(pos={"RKN": 0.1})
     until(lambda: router.snapshot() is not None, "snapshot")
     sample = router.snapshot()

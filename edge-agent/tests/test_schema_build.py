@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 from edge_stage import PROFILE
-from posecast_edge.profile import parse_profile
+from posecast_edge.profile_reader import parse_profile
 from posecast_edge.schema_build import profile_of, schema_text
 from posecast_edge.sources import Sample, SourceError, Values
 from posecast_edge.wellknown import FLAG_BITS

@@ -5,7 +5,7 @@ from __future__ import annotations
 import random
 
 from edge_stage import PROFILE
-from posecast_edge.profile import parse_profile
+from posecast_edge.profile_reader import parse_profile
 from posecast_edge.sources import Sample
 from posecast_edge.stream import Stream
 from posecast_wire.decoder import Decoder
@@ -75,3 +75,24 @@ def test_info_stays_bounded() -> None:
     assert snapshot is not None
     assert len(snapshot.info) == 64
     assert snapshot.info["k0"] == "new"
+
+
+def test_a_sample_that_is_not_the_newest_makes_events_and_no_frame() -> None:
+    s = stream()
+    s.deliver(Sample(0.0, {"pos": [0.0, 0.0], "flags": [0, 0]}), 0.0)
+    first = s.tick(0.0)
+    assert first is not None
+    told = [
+        (e.t_s, e.on)
+        for k, mask in enumerate((2, 0), start=1)
+        for e in s.deliver(Sample(k / 200, {"pos": [1.0, 1.0], "flags": [mask, 0]}, newest=False), k / 200)
+    ]
+    assert told == [(1 / 200, True), (2 / 200, False)]
+    assert not s.fresh
+    s.deliver(Sample(0.015, {"pos": [2.0, 2.0], "flags": [0, 0]}), 0.015)
+    decoder = Decoder()
+    decoder.add_schema(s.schema.text)
+    decoder.decode(first.data)
+    second = s.tick(0.033)
+    assert second is not None
+    assert decoder.decode(second.data).values("pos") == [2.0, 2.0]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import zlib
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -24,7 +25,7 @@ CUBE = Surface(CUBE_CORNERS, CUBE_FACES.astype(np.int32))
 
 
 def ball(radius: float = 1.0) -> Surface:
-    return weld(tessellate("sphere", (radius,)).surfaces[0])
+    return weld(replace(tessellate("sphere", (radius,)).surfaces[0], uv=None))
 
 
 def test_weld_makes_one_body_of_loose_triangles() -> None:

@@ -9,7 +9,8 @@ import time
 from pathlib import Path
 
 import pytest
-from posecast_edge.profile import Profile, ProfileError, parse_profile
+from posecast_edge.profile import Profile
+from posecast_edge.profile_reader import ProfileError, parse_profile
 from posecast_edge.sources import Sample, SourceError, open_source
 from posecast_edge.sources.trajectory import MAX_LINE, RowError, TrajectorySource, parse_row
 

@@ -3,8 +3,8 @@
 One sitting, rounds interleaved: every server meets the same neighbours, and ratios are taken within a round.
 The server has one core, the viewers (C) and the robot another. Main figure: CPU of the server per delivered
 binary message (/proc/PID/task/*/schedstat, all threads, Zenoh's too); wall rates suffer from neighbours, this
-less. "core/waited": the server's share of its core, and the most it stood ready while someone else had it.
-When a figure looks odd, look there first. Writes out/bench/bench.json.
+less. "core/others": the server's share of its core, and the most that neighbours took of it: when a figure
+looks odd, look there first. "relay-write" is the relay without io_uring. Writes out/bench/bench.json.
 """
 
 from __future__ import annotations
@@ -16,17 +16,19 @@ import platform
 import resource
 import sys
 import time
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 from relay.benches.build import OUT, NoCompiler, build
 from relay.benches.measure import Row, measure
-from relay.benches.scenarios import ALL, QUICK, SCENARIOS, Scenario
+from relay.benches.scenarios import ALL, QUICK, RELAYS, SCENARIOS, Scenario
 from relay.benches.servers import CannotStart, Place
 from relay.benches.table import goals, print_all
 
 QUICK_S = 3.0
 TRIES = 3
-DISTURBED = 0.1  # of the wall time the server stood ready and another process had its core
+DISTURBED = 0.1  # of the wall time another process had the server's core
 
 
 def parse(names: list[str]) -> argparse.Namespace:
@@ -36,7 +38,7 @@ def parse(names: list[str]) -> argparse.Namespace:
         "--quick", action="store_true", help=f"one round of 3 s, {' and '.join(QUICK)}: about a minute"
     )
     parser.add_argument("--rounds", type=int, default=3)
-    parser.add_argument("--servers", default=",".join(ALL), help="a ratio needs both its servers")
+    parser.add_argument("--servers", default=",".join({*ALL, *RELAYS}), help="a ratio needs both its servers")
     parser.add_argument("--out", type=Path, default=OUT)
     asked = parser.parse_args()
     unknown = [name for name in asked.scenario if name not in names]
@@ -55,6 +57,17 @@ def choose_cores() -> tuple[int, int]:
     return cores[0], cores[-1]
 
 
+def prepare(out: Path) -> Place:
+    """Programs built, files allowed, this process on the core that is not the server's. NoCompiler."""
+    binaries = build()
+    resource.setrlimit(resource.RLIMIT_NOFILE, (resource.getrlimit(resource.RLIMIT_NOFILE)[1],) * 2)
+    out.mkdir(parents=True, exist_ok=True)
+    (out / "server.log").unlink(missing_ok=True)
+    server_core, other_core = choose_cores()
+    os.sched_setaffinity(0, {other_core})
+    return Place(server_core, other_core, binaries, out)
+
+
 def machine() -> dict[str, object]:
     return {
         "kernel": platform.release(),
@@ -70,14 +83,14 @@ def progress(text: str) -> None:
         print(f"\r\033[K{text}", end="", file=sys.stderr, flush=True)
 
 
-def calmest(kind: str, scenario: Scenario, place: Place, seconds: float, tries: int) -> Row:
+def calmest(run_once: Callable[[], Row], tries: int) -> Row:
     """One run; when a neighbour had the server's core for long, another, and the least disturbed counts."""
     best: Row | None = None
     for _ in range(tries):
-        row = measure(kind, scenario, place, seconds)
-        if best is None or row["waited_share"] < best["waited_share"]:
+        row = run_once()
+        if best is None or row["others_share"] < best["others_share"]:
             best = row
-        if best["waited_share"] < DISTURBED:
+        if best["others_share"] < DISTURBED:
             break
     assert best is not None
     return best
@@ -93,7 +106,8 @@ def run(chosen: list[Scenario], servers: list[str], rounds: int, place: Place, q
                 progress(f"round {number + 1}/{rounds}: {scenario.title}, {kind}")
                 seconds, tries = (QUICK_S, 1) if quick else (scenario.seconds, TRIES)
                 try:
-                    rows.append(calmest(kind, scenario, place, seconds, tries) | {"round": number})
+                    row = calmest(partial(measure, kind, scenario, place, seconds), tries)
+                    rows.append(row | {"round": number})
                 except CannotStart as e:
                     progress("")
                     print(f"bench: {scenario.name}, {kind}: {e}", file=sys.stderr)
@@ -106,16 +120,10 @@ def main() -> int:
     asked = parse(list(by_name))
     names = asked.scenario or (QUICK if asked.quick else list(by_name))
     try:
-        binaries = build()
+        place = prepare(asked.out)
     except NoCompiler as e:
         print(e, file=sys.stderr)
         return 2
-    resource.setrlimit(resource.RLIMIT_NOFILE, (resource.getrlimit(resource.RLIMIT_NOFILE)[1],) * 2)
-    asked.out.mkdir(parents=True, exist_ok=True)
-    (asked.out / "server.log").unlink(missing_ok=True)
-    server_core, other_core = choose_cores()
-    os.sched_setaffinity(0, {other_core})
-    place = Place(server_core, other_core, binaries, asked.out)
     about, began = machine(), time.monotonic()
     rounds = 1 if asked.quick else asked.rounds
     rows = run([by_name[n] for n in names], asked.servers.split(","), rounds, place, asked.quick)

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from relay.benches.feed import LAG_SAMPLE
-from relay.benches.scenarios import Scenario
+from relay.benches.scenarios import RELAYS, Scenario
 from relay.benches.servers import CannotStart, Place, Server, serving
 from relay.benches.stamps import make_stamps
 
@@ -39,6 +39,7 @@ def command(scenario: Scenario, server: Server, place: Place, seconds: float, re
         "--seconds": seconds,
         "--step": scenario.step if relay else 1,
         "--server-pid": server.pid,
+        "--server-core": place.server_core,
     }
     if scenario.frozen:
         asked |= {"--frozen": scenario.frozen}
@@ -79,7 +80,7 @@ def derive(row: Row, scenario: Scenario, server: Server, held: list[tuple[float,
     row["messages_per_cpu_s"] = messages / cpu if cpu > 0 else 0.0
     row["cpu_us"] = cpu * 1e6 / messages if messages else 0.0
     row["server_share"] = cpu / row["wall_s"]
-    row["waited_share"] = row["server_waited_s"] / row["wall_s"]
+    row["others_share"] = max(0.0, row["core_busy_s"] - cpu) / row["wall_s"]
     row["delivered"] = messages / (row["wall_s"] * scenario.hz * max(1, row["opened"] - scenario.frozen))
     row["missed_share"] = row["missed"] / max(1, messages + row["missed"])
     rss = row["rss_mb"]
@@ -96,18 +97,24 @@ def derive(row: Row, scenario: Scenario, server: Server, held: list[tuple[float,
         frozen["fds_gone_s"] = gone[0] - began if gone else None
 
 
+def play(asked: list[str], server: Server) -> tuple[Row, list[tuple[float, int]]]:
+    """The viewers of this command line, on the bench's own core; what they saw, and the server's sockets."""
+    child = subprocess.Popen(asked, stdout=subprocess.PIPE, text=True)
+    said, held = watch(child, server)
+    if not said:
+        raise CannotStart(f"its viewers said nothing (exit {child.returncode})")
+    row: Row = json.loads(said)
+    if not row["messages"]:
+        raise CannotStart("its viewers got no frame, see server.log")
+    return row, held
+
+
 def measure(kind: str, scenario: Scenario, place: Place, seconds: float) -> Row:
     """CannotStart when the server or the viewers did not run."""
     make_stamps(place.stamps)
     with serving(kind, scenario, place) as server:
-        asked = command(scenario, server, place, seconds, kind == "relay")
-        child = subprocess.Popen(asked, stdout=subprocess.PIPE, text=True)  # on the bench's own core
-        said, held = watch(child, server)
-        if not said:
-            raise CannotStart(f"viewers of {kind} said nothing (exit {child.returncode})")
-        row: Row = json.loads(said)
-        if not row["messages"]:
-            raise CannotStart(f"viewers of {kind} got no frame, see server.log in {place.out.name}")
+        asked = command(scenario, server, place, seconds, kind in RELAYS)
+        row, held = play(asked, server)
         row |= {"scenario": scenario.name, "server": kind, "load_average": os.getloadavg()[0]}
         derive(row, scenario, server, held)
     return row

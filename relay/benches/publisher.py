@@ -1,6 +1,7 @@
 """The robot of the bench: real frames of about 200 bytes through a real Zenoh session.
 
 python -m relay.benches.publisher --relay tcp/127.0.0.1:7447 --hz 30 --stamps FILE [--robot bench]
+    [--bytes 200]
 
 Prints "READY" when the relay listens to it. Every channel jumps at random, so that no frame is small or
 suppressed; a KEY every 4 s as an edge sends it.
@@ -12,6 +13,7 @@ import argparse
 import json
 import random
 import secrets
+import struct
 import time
 
 import zenoh
@@ -28,8 +30,12 @@ from posecast_wire import (
 
 from relay.benches.stamps import Stamps
 
-CHANNELS = 106
-REACH = 4000  # codes lie within ±REACH: about 15 bits a channel, 200 bytes a frame
+CHANNELS_PER_BYTE = 106 / 200
+DRAWN_BYTES = (
+    1000  # larger frames are one KEY with a new header: Python can't encode so many channels in time
+)
+KEY_HEADER = struct.Struct("<BIId")  # wire format 1: tag, schema id, seq, t s
+REACH = 4000  # codes lie within ±REACH: about 15 bits a channel
 
 
 def open_session(relay: str) -> zenoh.Session:
@@ -47,8 +53,8 @@ def open_session(relay: str) -> zenoh.Session:
     return zenoh.open(config)
 
 
-def make_schema(robot: str) -> Schema:
-    labels = [f"J{i}" for i in range(CHANNELS)]
+def make_schema(robot: str, frame_bytes: int) -> Schema:
+    labels = [f"J{i}" for i in range(round(frame_bytes * CHANNELS_PER_BYTE))]
     fields = [{"name": "pos", "labels": "joint", "unit": "rad", "scale": 0.001}]
     return Schema.parse(build_schema_text(robot, {"joint": labels}, fields))
 
@@ -59,9 +65,10 @@ def main() -> None:
     parser.add_argument("--robot", default="bench")
     parser.add_argument("--hz", type=float, required=True)
     parser.add_argument("--stamps", required=True)
+    parser.add_argument("--bytes", type=int, default=200, help="of a frame, about")
     asked = parser.parse_args()
 
-    stamps, schema = Stamps(asked.stamps), make_schema(asked.robot)
+    stamps, schema = Stamps(asked.stamps), make_schema(asked.robot, asked.bytes)
     encoder, run_id, began_ns = Encoder(schema), secrets.randbits(63) | 1, time.monotonic_ns()
 
     def attachment() -> bytes:
@@ -79,19 +86,28 @@ def main() -> None:
         congestion_control=zenoh.CongestionControl.DROP,
         priority=zenoh.Priority.REAL_TIME,
     )
-    encoder.encode([0] * schema.size, 0, 0.0, time.monotonic())
+    source = random.Random(1)
+
+    def draw() -> list[int]:
+        return source.choices(range(-REACH, REACH + 1), k=schema.size)
+
+    first = encoder.encode(draw(), 0, 0.0, time.monotonic())
     session.liveliness().declare_token(alive_key(asked.robot))
     while not publisher.matching_status.matching:  # type: ignore[attr-defined]  # the stub says bool
         time.sleep(0.01)
     print("READY", flush=True)
 
-    source = random.Random(1)
+    def make(seq: int, now: float) -> bytes:
+        t_s = now - began_ns * 1e-9
+        if asked.bytes > DRAWN_BYTES:
+            return KEY_HEADER.pack(first[0], schema.id, seq, t_s) + first[KEY_HEADER.size :]
+        return encoder.encode(draw(), seq, t_s, now, force_key=seq == 1)
+
     seq, due = 0, time.monotonic()
     while True:
-        codes = source.choices(range(-REACH, REACH + 1), k=schema.size)
         seq += 1
         now = time.monotonic()
-        frame = encoder.encode(codes, seq, now - began_ns * 1e-9, now, force_key=seq == 1)
+        frame = make(seq, now)
         due = max(due + stamps.period_s(asked.hz), now)
         time.sleep(max(0.0, due - time.monotonic()))
         stamps.note(seq)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 FRAME_BYTES = 200
 ALL = ("bare", "relay", "websockets", "fastapi")
+RELAYS = ("relay", "relay-write")  # the second without io_uring
 TIMED = ("relay", "fastapi")
 OURS = ("relay",)
 
@@ -22,6 +23,7 @@ class Scenario:
     frozen: int = 0  # of the viewers, from the window's beginning
     resume_after_s: float = 0.0
     seconds: float = 8.0
+    frame_bytes: int = FRAME_BYTES
     lag: bool = False  # event-loop lateness, from a timer inside the server
 
     @property
@@ -31,7 +33,7 @@ class Scenario:
 
 
 SCENARIOS = (
-    Scenario("steady-1000", "1,000 viewers × 30 Hz", 1000, 30),
+    Scenario("steady-1000", "1,000 viewers × 30 Hz", 1000, 30, (*ALL, "relay-write")),
     Scenario("steady-2000", "2,000 viewers × 30 Hz", 2000, 30),
     # A relay gives nobody more than 60 Hz, so saturation is more viewers than one core serves at 60 Hz.
     Scenario("saturation", "saturation: 4,000 viewers × 60 Hz asked for", 4000, 60),

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import IO
 
 from relay.benches.build import ROOT
-from relay.benches.scenarios import FRAME_BYTES, Scenario
+from relay.benches.scenarios import RELAYS, Scenario
 
 ROBOT = "bench"
 START_LIMIT_S = 20.0
@@ -79,12 +79,13 @@ def end(child: subprocess.Popen[bytes]) -> None:
 
 
 @contextmanager
-def relay(scenario: Scenario, place: Place, lag: Path | None, log: IO[bytes]) -> Iterator[Server]:
+def relay(kind: str, scenario: Scenario, place: Place, lag: Path | None, log: IO[bytes]) -> Iterator[Server]:
     settings = ["run", "--dev", "--port", "0", "--zenoh-listen", "tcp/127.0.0.1:0"]
-    if lag is None:
+    if lag is None and kind == "relay":
         command = [str(Path(sys.executable).with_name("posecast-relay")), *settings]
     else:
-        command = [sys.executable, "-m", "relay.benches.timed_relay", str(lag), *settings]
+        ways = ["--lag", str(lag)] if lag is not None else ["--no-uring"]
+        command = [sys.executable, "-m", "relay.benches.odd_relay", *ways, *settings]
     child = start_on(place.server_core, command, log)
     robot: subprocess.Popen[bytes] | None = None
     try:
@@ -92,6 +93,7 @@ def relay(scenario: Scenario, place: Place, lag: Path | None, log: IO[bytes]) ->
         robot_hz = scenario.robot_hz or scenario.hz
         publisher = [sys.executable, "-m", "relay.benches.publisher", "--relay", said[2], "--robot", ROBOT]
         publisher += ["--hz", str(robot_hz), "--stamps", str(place.stamps)]
+        publisher += ["--bytes", str(scenario.frame_bytes)]
         robot = start_on(place.other_core, publisher, log)
         wait_line(robot, "READY\n")
         yield Server(child.pid, int(said[1]), f"/api/v1/robots/{ROBOT}/live?hz={scenario.hz:g}", lag)
@@ -108,7 +110,7 @@ def comparison(
     command = (
         [str(place.binaries["bare_server"])] if kind == "bare" else [sys.executable, "-m", MODULES[kind]]
     )
-    command += ["--hz", str(scenario.hz), "--bytes", str(FRAME_BYTES), "--stamps", str(place.stamps)]
+    command += ["--hz", str(scenario.hz), "--bytes", str(scenario.frame_bytes), "--stamps", str(place.stamps)]
     if lag is not None and kind != "bare":
         command += ["--lag", str(lag)]
     child = start_on(place.server_core, command, log)
@@ -127,8 +129,8 @@ def serving(kind: str, scenario: Scenario, place: Place) -> Iterator[Server]:
         lag.unlink(missing_ok=True)
     with open(place.out / "server.log", "ab") as log:
         started = (
-            relay(scenario, place, lag, log)
-            if kind == "relay"
+            relay(kind, scenario, place, lag, log)
+            if kind in RELAYS
             else comparison(kind, scenario, place, lag, log)
         )
         with started as server:

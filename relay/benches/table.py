@@ -69,7 +69,7 @@ def steady_line(rows: Sequence[Row], scenario: Scenario, server: str) -> list[st
         spread([r["lateness_ms"]["p99"] for r in mine], 1),
         f"{median(r['rss_mb_per_1000'] for r in mine):.1f}",
         f"{median(r['message_bytes'] for r in mine):.0f}",
-        f"{median(r['server_share'] for r in mine):.0%}/{max(r['waited_share'] for r in mine):.0%}",
+        f"{median(r['server_share'] for r in mine):.0%}/{max(r['others_share'] for r in mine):.0%}",
         f"{max(r['generator_share'] for r in mine):.0%}",
         flags(mine),
     ]
@@ -89,7 +89,7 @@ def storm_line(rows: Sequence[Row], scenario: Scenario, server: str) -> list[str
 
 
 STEADY = ["server", "msgs/CPU-s", "µs CPU/msg", "÷ bare", "delivered", "p50 ms", "p99 ms"]
-STEADY += ["RSS MB/1k", "bytes", "core/waited", "generator", ""]
+STEADY += ["RSS MB/1k", "bytes", "core/others", "generator", ""]
 STORM = ["server", "handshakes/s", "p99 ms", "longest pause ms", "RSS MB/1k", "generator", ""]
 
 

@@ -1,7 +1,8 @@
 /* N WebSocket viewers in one thread: what reached them, when, and what it cost the server.
  *
  *   viewers --port P --path /live --viewers N --stamps FILE [--host 127.0.0.1] [--mode steady|storm] [--seconds 8]
- *           [--settle 2] [--in-flight 256] [--sources 64] [--step 1] [--server-pid PID] [--frozen K [--resume-after S]]
+ *           [--settle 2] [--in-flight 256] [--sources 64] [--step 1] [--server-pid PID --server-core C] [--frozen K [--resume-after S]]
+ *           [--subprotocol NAME] [--greet text:…|hex:…] [--skip BYTES] [--acks 0]
  *
  * steady: connect (at most --in-flight handshakes open at once), have the feed begin, settle, measure for --seconds.
  * storm:  all connect at once; the measured window is the storm itself and one second more.
@@ -9,6 +10,8 @@
  * second has passed since the last. --frozen K of them stop reading when the window begins (what SIGSTOP does to a
  * browser), for good or for --resume-after seconds. --step: how far seq moves from one frame to the next one due.
  * --sources: loopback addresses to come from, so that neither ports nor a cap per address run out.
+ * Other servers' protocols (benches/peers): --subprotocol is asked for, --greet is sent once as one message (hex: as a binary
+ * one), --skip bytes stand before the frame in a binary message (where no frame follows, it is theirs), --acks 0 sends none.
  * permessage-deflate is not offered. Output: one JSON object on stdout; exit 1 when viewers could not connect. */
 #define _GNU_SOURCE
 #include "histogram.h"
@@ -34,16 +37,18 @@ struct viewer {
     uint8_t frozen, has_seq;
     uint32_t seq, key_id, ref_id; /* newest seen; the bases this connection was given */
     uint32_t binaries, in_window;
+    uint32_t held_id; /* of a base that the next frame will tell to be due or not; 0: none */
+    uint64_t held_us, held_read_ns;
     uint64_t began_ns, acked_ns, gone_ns;
     uint8_t *kept; /* the start of a message whose end has not come */
     size_t kept_size;
 };
 
 static struct {
-    const char *host, *path, *mode, *stamps;
-    int port, viewers, in_flight, sources, step, server_pid, frozen;
+    const char *host, *path, *mode, *stamps, *subprotocol, *greet;
+    int port, viewers, in_flight, sources, step, server_pid, server_core, frozen, skip, acks;
     double seconds, settle, resume_after;
-} o = {.host = "127.0.0.1", .path = "/", .mode = "steady", .in_flight = 256, .sources = 64, .step = 1, .seconds = 8, .settle = 2};
+} o = {.acks = 1, .host = "127.0.0.1", .path = "/", .mode = "steady", .in_flight = 256, .sources = 64, .step = 1, .seconds = 8, .settle = 2, .server_core = -1};
 
 static struct viewer *viewers;
 static uint64_t *stamps;
@@ -53,7 +58,7 @@ static int opened, waiting, failed; /* handshakes done, under way, lost */
 static int measuring;
 static uint64_t window_began, last_opened_ns;
 static struct {
-    uint64_t frames, bytes, texts, keys, duplicates, reordered, missed, orphans, unreadable, unstamped, closed, acks;
+    uint64_t frames, along, bytes, received, texts, keys, duplicates, reordered, missed, orphans, unreadable, unstamped, closed, acks;
     double backlog_s;
 } seen;
 static uint32_t closings[5000];
@@ -78,12 +83,22 @@ static void send_masked(struct viewer *v, uint8_t opcode, const uint8_t *payload
 }
 
 static void acknowledge(struct viewer *v, uint64_t now) {
-    if (now - v->acked_ns < 1000000000ull) return;
+    if (!o.acks || now - v->acked_ns < 1000000000ull) return;
     char text[64];
     int size = snprintf(text, sizeof text, "{\"type\":\"ack\",\"n\":%u}", v->binaries);
     v->acked_ns = now;
     seen.acks++;
     send_masked(v, 1, (uint8_t *)text, (size_t)size);
+}
+
+static void greet(struct viewer *v) {
+    uint8_t bytes[125];
+    size_t size = 0;
+    int binary = !strncmp(o.greet, "hex:", 4);
+    const char *from = strchr(o.greet, ':') + 1;
+    if (binary) while (size < sizeof bytes && sscanf(from + 2 * size, "%2hhx", &bytes[size]) == 1) size++;
+    else memcpy(bytes, from, size = strlen(from));
+    send_masked(v, binary ? 2 : 1, bytes, size);
 }
 
 /* How many due frames lie between two seqs: a KEY handed over as a base sits between two due ones and is none. */
@@ -92,11 +107,27 @@ static uint32_t missed_between(uint32_t before, uint32_t after) {
     return due > 1 ? due - 1 : 0;
 }
 
+static void count_due(struct viewer *v, uint64_t late_us) {
+    seen.frames++;
+    v->in_window++;
+    if (late_us) histogram_add(&lateness, late_us); /* 0: not stamped */
+}
+
+/* Where fewer frames are due than the robot makes, a base that was not due comes along with the frame that stands on it,
+ * in one write. It is no delivery of its own, and its age is no lateness. */
+static void settle_base(struct viewer *v, uint32_t stands_on, uint64_t read_ns) {
+    if (v->held_id && v->held_id == stands_on && v->held_read_ns == read_ns) seen.along++;
+    else if (v->held_id) count_due(v, v->held_us);
+    v->held_id = 0;
+}
+
 static void take_frame(struct viewer *v, const uint8_t *bytes, size_t size, uint64_t now) {
     struct header h;
+    if (o.skip && size < (size_t)o.skip + 9) return; /* the other protocol's own */
+    bytes += o.skip, size -= (size_t)o.skip;
     v->binaries++;
     if (!read_header(bytes, size, &h)) {
-        seen.unreadable++;
+        seen.unreadable += !o.skip; /* with --skip likewise */
         return;
     }
     if (!h.is_key && h.base_id != v->key_id && h.base_id != v->ref_id) seen.orphans++;
@@ -110,12 +141,12 @@ static void take_frame(struct viewer *v, const uint8_t *bytes, size_t size, uint
         if (after > seen.backlog_s) seen.backlog_s = after;
     }
     if (measuring && !v->frozen) {
-        seen.frames++;
         seen.bytes += size;
         seen.keys += h.is_key;
-        v->in_window++;
-        if (stamp) histogram_add(&lateness, late_ns / 1000);
-        else seen.unstamped++;
+        settle_base(v, h.base_id, now);
+        if (h.own_id && o.step > 1) v->held_id = h.own_id, v->held_us = late_ns / 1000, v->held_read_ns = now;
+        else count_due(v, late_ns / 1000);
+        if (!stamp) seen.unstamped++;
         if (v->has_seq && h.seq == v->seq) seen.duplicates++;
         else if (v->has_seq && (int32_t)(h.seq - v->seq) < 0) seen.reordered += h.own_id == 0 || h.is_key;
         else if (v->has_seq) seen.missed += missed_between(v->seq, h.seq);
@@ -176,6 +207,7 @@ static size_t take_answer(struct viewer *v, const uint8_t *bytes, size_t size, u
     opened++;
     last_opened_ns = now;
     histogram_add(&handshake, (now - v->began_ns) / 1000);
+    if (o.greet) greet(v);
     return length;
 }
 
@@ -189,6 +221,7 @@ static void read_from(struct viewer *v) {
         return;
     }
     uint64_t now = now_ns();
+    if (measuring && !v->frozen) seen.received += (uint64_t)n;
     size += (size_t)n;
     size_t used = v->phase == UPGRADING ? take_answer(v, heard, size, now) : 0;
     used += take_messages(v, heard + used, size - used, now);
@@ -203,8 +236,9 @@ static void ask_upgrade(struct viewer *v) {
     char text[512];
     int size = snprintf(text, sizeof text,
                         "GET %s HTTP/1.1\r\nHost: %s:%d\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
-                        "Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n",
-                        o.path, o.host, o.port);
+                        "Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n%s%s%s\r\n",
+                        o.path, o.host, o.port, o.subprotocol ? "Sec-WebSocket-Protocol: " : "",
+                        o.subprotocol ? o.subprotocol : "", o.subprotocol ? "\r\n" : "");
     v->phase = UPGRADING;
     struct epoll_event e = {.events = EPOLLIN, .data.ptr = v};
     epoll_ctl(epoll, EPOLL_CTL_MOD, v->fd, &e);
@@ -259,21 +293,36 @@ static void freeze(int frozen) {
 }
 
 struct cpu {
-    double ran_s, waited_s; /* on a core; ready, but another process had the core */
+    double ran_s;  /* all threads of the server; softirq in its context is included */
+    double busy_s; /* its core, whoever had it: what goes beyond ran_s was a neighbour's */
 };
 
-/* All threads of the server so far; softirq in its context is included. */
+static double core_busy_s(void) {
+    char line[256], name[16];
+    double busy = 0;
+    FILE *f = o.server_core < 0 ? NULL : fopen("/proc/stat", "r");
+    snprintf(name, sizeof name, "cpu%d ", o.server_core);
+    while (f && fgets(line, sizeof line, f)) {
+        unsigned long long user, nice, system, idle, iowait, irq, softirq, steal;
+        if (!strncmp(line, name, strlen(name)) && sscanf(line + strlen(name), "%llu %llu %llu %llu %llu %llu %llu %llu", &user,
+                                                         &nice, &system, &idle, &iowait, &irq, &softirq, &steal) == 8)
+            busy = (double)(user + nice + system + irq + softirq + steal) / (double)sysconf(_SC_CLK_TCK);
+    }
+    if (f) fclose(f);
+    return busy;
+}
+
 static struct cpu server_cpu(void) {
     char path[300];
-    struct cpu sum = {0, 0};
+    struct cpu sum = {0, core_busy_s()};
     snprintf(path, sizeof path, "/proc/%d/task", o.server_pid);
     DIR *tasks = o.server_pid ? opendir(path) : NULL;
     for (struct dirent *d; tasks && (d = readdir(tasks));) {
-        unsigned long long ran = 0, waited = 0;
+        unsigned long long ran = 0;
         snprintf(path, sizeof path, "/proc/%d/task/%s/schedstat", o.server_pid, d->d_name);
         FILE *f = d->d_name[0] == '.' ? NULL : fopen(path, "r");
         if (!f) continue;
-        if (fscanf(f, "%llu %llu", &ran, &waited) == 2) sum.ran_s += (double)ran * 1e-9, sum.waited_s += (double)waited * 1e-9;
+        if (fscanf(f, "%llu", &ran) == 1) sum.ran_s += (double)ran * 1e-9;
         fclose(f);
     }
     if (tasks) closedir(tasks);
@@ -336,9 +385,18 @@ static void read_options(int argc, char **argv) {
         else if (!strcmp(name, "--sources")) o.sources = atoi(value);
         else if (!strcmp(name, "--step")) o.step = atoi(value);
         else if (!strcmp(name, "--server-pid")) o.server_pid = atoi(value);
+        else if (!strcmp(name, "--server-core")) o.server_core = atoi(value);
         else if (!strcmp(name, "--frozen")) o.frozen = atoi(value);
         else if (!strcmp(name, "--resume-after")) o.resume_after = atof(value);
+        else if (!strcmp(name, "--subprotocol")) o.subprotocol = value;
+        else if (!strcmp(name, "--greet")) o.greet = value;
+        else if (!strcmp(name, "--skip")) o.skip = atoi(value);
+        else if (!strcmp(name, "--acks")) o.acks = atoi(value);
         else fprintf(stderr, "viewers: unknown option %s\n", name), exit(2);
+    }
+    if (o.greet && (strlen(o.greet) > 125 || (strncmp(o.greet, "text:", 5) && strncmp(o.greet, "hex:", 4)))) {
+        fprintf(stderr, "viewers: --greet text:… or hex:…, at most 125 characters\n");
+        exit(2);
     }
     if (o.port <= 0 || o.viewers <= 0 || !o.stamps || o.step < 1 || o.sources < 1 || o.frozen > o.viewers / 2) {
         fprintf(stderr, "usage: viewers --port P --path PATH --viewers N --stamps FILE …\n");
@@ -395,8 +453,8 @@ int main(int argc, char **argv) {
            o.viewers - opened, connect_s, connect_s > 0 ? opened / connect_s : 0);
     printf("\"handshake_ms\":{\"p50\":%.2f,\"p99\":%.2f,\"max\":%.2f},", histogram_ms(&handshake, .5),
            histogram_ms(&handshake, .99), (double)handshake.max_us / 1000);
-    printf("\"window_began_s\":%.6f,\"wall_s\":%.4f,\"messages\":%lu,\"bytes\":%lu,\"texts\":%lu,\"keys\":%lu,\"acks\":%lu,",
-           (double)window_began * 1e-9, wall, seen.frames, seen.bytes, seen.texts, seen.keys, seen.acks);
+    printf("\"window_began_s\":%.6f,\"wall_s\":%.4f,\"messages\":%lu,\"along\":%lu,\"bytes\":%lu,\"received\":%lu,\"texts\":%lu,\"keys\":%lu,\"acks\":%lu,",
+           (double)window_began * 1e-9, wall, seen.frames, seen.along, seen.bytes, seen.received, seen.texts, seen.keys, seen.acks);
     printf("\"duplicates\":%lu,\"reordered\":%lu,\"missed\":%lu,\"orphans\":%lu,\"unreadable\":%lu,\"unstamped\":%lu,\"closed\":%lu,",
            seen.duplicates, seen.reordered, seen.missed, seen.orphans, seen.unreadable, seen.unstamped, seen.closed);
     printf("\"lateness_ms\":{\"p50\":%.2f,\"p99\":%.2f,\"p999\":%.2f,\"max\":%.2f},", histogram_ms(&lateness, .5),
@@ -405,8 +463,8 @@ int main(int argc, char **argv) {
     printf("\"closings\":{");
     for (int i = 0, first = 1; i < 5000; i++)
         if (closings[i]) printf("%s\"%d\":%u", first ? "" : ",", i, closings[i]), first = 0;
-    printf("},\"jain\":%.5f,\"generator_share\":%.3f,\"server_cpu_s\":%.4f,\"server_waited_s\":%.4f,", jain(), own / wall,
-           after.ran_s - before.ran_s, after.waited_s - before.waited_s);
+    printf("},\"jain\":%.5f,\"generator_share\":%.3f,\"server_cpu_s\":%.4f,\"core_busy_s\":%.4f,", jain(), own / wall,
+           after.ran_s - before.ran_s, after.busy_s - before.busy_s);
     printf("\"rss_mb\":{\"idle\":%.2f,\"connected\":%.2f,\"end\":%.2f}}\n", idle_rss, full_rss, server_rss_mb());
     return opened == o.viewers ? 0 : 1;
 }

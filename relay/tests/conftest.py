@@ -1,3 +1,4 @@
 """The fixtures of the adapters' tests."""
 
-from .stage import edges, redis_server, relays  # noqa: F401
+from .redis_server import redis_server  # noqa: F401
+from .stage import edges, relays  # noqa: F401

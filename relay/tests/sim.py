@@ -67,12 +67,15 @@ def split(data: bytes) -> Iterable[tuple[int, bytes]]:
 class Screen:
     """A viewer's far end: what it was told and what it decoded. Every frame must decode at once."""
 
+    descriptor = -1
+
     def __init__(self) -> None:
         self.decoder = Decoder()
         self.texts: list[dict[str, Any]] = []
         self.frames: list[Frame] = []  # all binary messages
         self.states: list[Frame] = []  # the last one of each write
         self.pings = 0
+        self.writes = 0
         self.ended: tuple[Close, str, float | None] | None = None
         self.was_cut: Close | None = None
 
@@ -80,6 +83,7 @@ class Screen:
         """Outlet: read everything at once."""
         assert self.ended is None
         assert self.was_cut is None
+        self.writes += 1
         before = len(self.frames)
         for opcode, payload in split(data):
             if opcode == 1:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import gzip
+import os
 from pathlib import Path
 from typing import Any
 
@@ -35,7 +36,7 @@ async def test_the_list_and_one_robot(relays: Any, edges: Any) -> None:
     base = f"http://{relay.address}/api/v1/robots"
     assert httpx.get(base).json() == {"robots": []}
     missing = httpx.get(base + "/r")
-    assert (missing.status_code, missing.json()) == (404, {"error": "no robot 'r' here"})
+    assert (missing.status_code, missing.json()) == (404, {"error": "no such robot here, or not for you"})
     edge = edges(relay.zenoh)
     edge.edge.info = {"mode": "walking"}
     async with Watcher(relay.url()) as viewer:
@@ -45,7 +46,7 @@ async def test_the_list_and_one_robot(relays: Any, edges: Any) -> None:
         robot = answer.json()["robots"][0]
         assert robot["robot"] == "r"
         assert robot["viewers"] == 1
-        assert 25 < robot["hz"] < 35
+        assert 15 < robot["hz"] < 35  # 30, on a loaded machine
         assert 0 <= robot["age_ms"] < 1500
         assert answer.headers["access-control-allow-origin"] == "*"
         assert answer.headers["cache-control"] == "public, max-age=1"
@@ -92,7 +93,7 @@ async def test_the_state_as_plain_json(relays: Any, edges: Any) -> None:
     assert pos == {"unit": "rad", "values": {"RKN": codes[0] * 0.01, "LKN": codes[1] * 0.01}}
     assert flags["values"]["RKN"] == edge.edge.schema.fields[1].bits_set(codes[2])
     assert state["status"] in ("online", "silent")
-    assert httpx.get(url, params={"view": "lab"}).status_code == 404
+    assert httpx.get(url, params={"view": "lab"}).status_code == 403
 
 
 async def test_a_model_is_fetched_once_verified_and_immutable(relays: Any, edges: Any) -> None:
@@ -127,6 +128,15 @@ async def test_a_model_is_fetched_once_verified_and_immutable(relays: Any, edges
         assert headers["cache-control"] == "public, max-age=31536000, immutable"
         assert headers["access-control-allow-origin"] == "*"
         assert headers["x-content-type-options"] == "nosniff"
+        known = await client.get(base + "/meshes/knee.stl", headers={"if-none-match": headers["etag"]})
+        assert (known.status_code, known.content) == (304, b"")
+        url = base + "/meshes/knee.stl"
+        plain = await client.get(url, headers={"accept-encoding": "identity"})
+        assert headers["content-encoding"] == "gzip"
+        assert int(headers["content-length"]) < len(MESH) / 10
+        assert plain.content == MESH
+        assert "content-encoding" not in plain.headers
+        assert plain.headers["vary"] == headers["vary"] == "accept-encoding"
         evil = await client.get(base + "/evil.html")
         assert evil.headers["content-type"] == "application/octet-stream"
         assert "sandbox" in evil.headers["content-security-policy"]
@@ -184,6 +194,75 @@ def test_the_page_and_never_instead_of_an_answer(relays: Any, page: Path) -> Non
     assert "/api/v1/robots/{robot}/state" in httpx.get(base + "/openapi.json").json()["paths"]
     assert httpx.get(base + "/docs").status_code == 404
     assert httpx.get(base + "/metrics").status_code == 404
+
+
+def test_the_pages_own_policy_is_sent_as_a_header_too(relays: Any, page: Path) -> None:
+    policy = '<meta http-equiv="Content-Security-Policy" content="default-src &#39;self&#39;; img-src *">'
+    (page / "index.html").write_text(f"<!doctype html><head>{policy}<title>page</title>")
+    base = f"http://{relays('--static', str(page)).address}"
+    for path in ("/", "/assets/app-1a2b.js"):  # a worker's script as well: what the page says doesn't bind it
+        answer = httpx.get(base + path)
+        frames = "; frame-ancestors 'none'" if path == "/" else ""
+        assert answer.headers["content-security-policy"] == "default-src 'self'; img-src *" + frames
+        assert answer.headers["x-content-type-options"] == "nosniff"
+    page_headers = httpx.get(base + "/").headers
+    assert page_headers["x-frame-options"] == "DENY"
+    assert page_headers["referrer-policy"] == "no-referrer"
+    (page / "other.html").write_text("<!doctype html><title>its own")
+    for path in ("/livez", "/other.html"):
+        assert "content-security-policy" not in httpx.get(base + path).headers
+    (page / "index.html").write_text("<!doctype html><title>built anew")
+    os.utime(page / "index.html", (0, 0))
+    assert "content-security-policy" not in httpx.get(base + "/").headers
+
+
+def test_a_frames_page_says_which_pages_may_frame_its_robot(relays: Any, page: Path, tmp_path: Path) -> None:
+    policy = '<meta http-equiv="Content-Security-Policy" content="default-src &#39;self&#39;">'
+    (page / "embed").mkdir()
+    for path in (page / "index.html", page / "embed/index.html"):
+        path.write_text(f"<!doctype html><head>{policy}<title>page</title>")
+    robots = tmp_path / "robots.toml"
+    rules = (
+        "[robots.open.anyone]\n[robots.course.anyone]\nframes=['https://course.example']\n[robots.lab.link]\n"
+    )
+    robots.write_text(rules)
+    robots.chmod(0o600)
+    listed = ("--origins", "https://lab.example")
+    base = f"http://{relays('--static', str(page), '--robots', str(robots), *listed).address}"
+
+    def ancestors(path: str, **headers: str) -> str:
+        answer = httpx.get(base + path, headers=headers)
+        assert answer.status_code == 200, path
+        assert "<title>page" in answer.text
+        assert answer.headers["cache-control"] == "no-cache"
+        assert answer.headers["x-content-type-options"] == "nosniff"
+        assert answer.headers["referrer-policy"] == "no-referrer"
+        own, _, frames = answer.headers["content-security-policy"].partition("; frame-ancestors ")
+        assert own == "default-src 'self'"
+        assert ("x-frame-options" in answer.headers) is (frames == "'none'"), "an old browser knows no other"
+        return frames
+
+    assert ancestors("/embed/open") == "*"
+    assert ancestors("/embed/course") == "'self' https://course.example"
+    hidden = "'self' https://lab.example"
+    # none is named, where the fragment may name any: /embed/, and what is hidden is as what is not there
+    for asked in ("/embed/", "/embed/index.html", "/embed/lab", "/embed/no-such", "/embed/%6cab"):
+        assert ancestors(asked) == hidden, asked
+    for asked in ("/", "/embed//", "/embed/lab/"):
+        answer = httpx.get(base + asked)
+        found = answer.headers.get("content-security-policy", "")
+        assert answer.status_code == 404 or found.endswith("frame-ancestors 'none'"), asked
+    for asked in ("/embed/LAB", "/embed/lab/x", "/embed/gone.js"):
+        assert httpx.get(base + asked).status_code == 404, asked
+
+    first = httpx.get(base + "/embed/open")
+    assert "etag" not in first.headers
+    robots.write_text(rules.replace("[robots.open.anyone]", "[robots.open.link]"))
+    date = first.headers["date"]  # whoever has it already is told anew, though the file is the same
+    until(
+        "the file has been read anew",
+        lambda: ancestors("/embed/open", **{"if-modified-since": date}) == hidden,
+    )
 
 
 def test_a_packed_file_goes_to_those_who_can_unpack(relays: Any, page: Path) -> None:

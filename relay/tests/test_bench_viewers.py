@@ -4,13 +4,21 @@ from __future__ import annotations
 
 import json
 import shutil
+import struct
 import subprocess
 import sys
+import threading
+from contextlib import suppress
+from itertools import count
 from pathlib import Path
 
 import pytest
+from websockets import Subprotocol
+from websockets.exceptions import ConnectionClosed
+from websockets.sync.server import ServerConnection, serve
 
 ROOT = Path(__file__).resolve().parents[2]
+KEY_HEADER = struct.Struct("<BIId")  # wire format 1: tag, schema id, seq, t s
 
 pytestmark = pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler (cc) here")
 
@@ -75,3 +83,31 @@ def test_frozen_viewers_are_not_counted(programs: dict[str, str], stamps: Path) 
 def test_all_at_once(programs: dict[str, str], stamps: Path) -> None:
     seen = watch(programs, stamps, "--mode", "storm")
     assert (seen["opened"], seen["failed"]) == (20, 0)
+
+
+def test_viewers_of_another_protocol(programs: dict[str, str], stamps: Path) -> None:
+    """They ask for its subprotocol, greet it, and find the frame behind its own bytes."""
+    heard: set[tuple[str | None, str | bytes]] = set()
+
+    def news(connection: ServerConnection) -> None:
+        heard.add((connection.subprotocol, connection.recv()))
+        connection.send(b"welcome")  # shorter than any frame, so none
+        with suppress(ConnectionClosed):
+            for seq in count(1):
+                connection.send(b"MSG " + KEY_HEADER.pack(0x13, 0, seq, 0.0).ljust(50))
+                with suppress(TimeoutError):
+                    heard.add(("later", connection.recv(timeout=0.02)))
+
+    with serve(news, "127.0.0.1", 0, subprotocols=[Subprotocol("news")], compression=None) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        port = str(server.socket.getsockname()[1])
+        command = [programs["viewers"], "--port", port, "--stamps", str(stamps), "--viewers", "3"]
+        command += ["--seconds", "0.5", "--settle", "0.1", "--subprotocol", "news", "--greet", "hex:00ff"]
+        command += ["--skip", "4", "--acks", "0"]
+        done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=60)
+        server.shutdown()
+    seen = json.loads(done.stdout)
+    assert heard == {("news", b"\x00\xff")}
+    assert seen["bytes"] == 50 * seen["messages"]
+    assert (seen["unreadable"], seen["acks"], seen["opened"]) == (0, 0, 3)
+    assert seen["received"] >= seen["messages"] * (50 + 4 + 2)

@@ -28,7 +28,7 @@ def test_a_flag_wins_over_its_variable_and_that_over_port() -> None:
     ("argv", "environ", "says"),
     [
         ([], {}, "required: run"),
-        (["run"], {}, "--dev"),
+        (["run"], {}, "give --robots FILE (who may publish and watch), or --dev"),
         (["run", "--dev", "--prot", "1"], {}, "unrecognized arguments: --prot 1"),
         (["run", "--dev", "--port"], {}, "--port"),
         (["run", "--dev", "--port", "80a"], {}, "--port '80a': use a number from 0 to 65535"),
@@ -37,10 +37,10 @@ def test_a_flag_wins_over_its_variable_and_that_over_port() -> None:
         (["run"], {"POSECAST_DEV": "perhaps"}, "POSECAST_DEV 'perhaps': use 1 or 0"),
         (["run", "--dev", "--store", "mysql://x"], {}, "--store 'mysql://x': "),
         (["run", "--dev", "--static", "/nowhere"], {}, "--static '/nowhere': no index.html there"),
-        (["run", "--dev", "--zenoh-listen", "7447"], {}, "--zenoh-listen '7447': use tcp/HOST:PORT"),
-        (["run", "--dev", "--zenoh-listen", "tcp/127.0.0.1:99999"], {}, "use tcp/HOST:PORT"),
-        (["run", "--dev", "--zenoh-listen", "tcp/0.0.0.0:7447"], {}, "only loopback"),
-        (["run", "--dev", "--zenoh-listen", "tcp/relay.example:7447"], {}, "only loopback"),
+        (["run", "--dev", "--zenoh-listen", "7447"], {}, "--zenoh-listen '7447': use tls/HOST:PORT or tcp"),
+        (["run", "--dev", "--zenoh-listen", "tcp/127.0.0.1:99999"], {}, "use tls/HOST:PORT"),
+        (["run", "--dev", "--zenoh-listen", "tcp/0.0.0.0:7447"], {}, "only tcp/… on loopback"),
+        (["run", "--dev", "--zenoh-listen", "tcp/relay.example:7447"], {}, "on loopback"),
         (["run", "--dev", "--max-viewers", "0"], {}, "--max-viewers '0': "),
         (
             ["run", "--dev", "--max-connection-age", "0.5"],
@@ -48,6 +48,25 @@ def test_a_flag_wins_over_its_variable_and_that_over_port() -> None:
             "--max-connection-age '0.5': use a number of s",
         ),
         (["run", "--dev", "--host", "a b"], {}, "--host 'a b': "),
+        (["run", "--dev", "--trusted-proxies", "10.0.0"], {}, "--trusted-proxies '10.0.0': use addresses"),
+        (["run", "--dev", "--origins", "good.com"], {}, "--origins 'good.com': use https://HOST"),
+        (["run", "--dev", "--origins", "https://a.b/c"], {}, "--origins 'https://a.b/c': use https://HOST"),
+        (["run", "--dev", "--origins", "https://a.b;script-src"], {}, "use https://HOST[:PORT]"),
+        (["run", "--robots", __file__, "--zenoh-ca", __file__], {}, "with --zenoh-ca only tls/… or quic/…"),
+        (["run", "--robots", __file__, "--zenoh-ca", "/gone"], {}, "--zenoh-ca '/gone': no such file"),
+        (["run", "--dev", "--firebase-project", "X"], {}, "--firebase-project 'X': use the project's id"),
+        (["run", "--dev", "--firebase-database", "http://x.firebaseio.com"], {}, "use https://HOST"),
+        (["run", "--dev", "--firebase-database", "https://x.example/y"], {}, "use https://HOST"),
+        (
+            ["run", "--dev", *("--role", "gateway", "--store", "redis://h:1")],
+            {"POSECAST_FIREBASE_DATABASE": "https://x.firebaseio.com"},
+            "--firebase-database: not with --role gateway",
+        ),
+        (
+            ["run", "--robots", __file__],
+            {"FIREBASE_AUTH_EMULATOR_HOST": "127.0.0.1:9099"},
+            "FIREBASE_AUTH_EMULATOR_HOST is set: with it anybody is whoever they say",
+        ),
     ],
 )
 def test_wrong_settings_are_one_line(argv: list[str], environ: dict[str, str], says: str) -> None:
@@ -83,9 +102,11 @@ def test_help_lists_every_setting(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_a_gateway_needs_no_publishers_and_every_role_but_all_a_store() -> None:
-    found = parse(["run", "--role", "gateway", "--store", "redis+cluster://h:1"], {})
+    found = parse(["run", "--dev", "--role", "gateway", "--store", "redis+cluster://h:1"], {})
     assert (found.role, found.store) == ("gateway", "redis+cluster://h:1")
     assert parse(["run", "--dev"], {"POSECAST_ROLE": "all"}).role == "all"
+    with pytest.raises(SettingsError, match="give --robots FILE"):
+        parse(["run", "--role", "gateway", "--store", "redis://h:1"], {})
     for role in ("ingest", "gateway"):
         with pytest.raises(SettingsError, match=f"--role {role}: needs --store redis"):
             parse(["run", "--dev", "--role", role], {})

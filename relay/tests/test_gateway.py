@@ -13,7 +13,8 @@ import httpx
 import pytest
 import redis
 
-from .stage import Model, Redis, Relay, Watcher, ZenohEdge, until
+from .redis_server import Redis
+from .stage import Model, Relay, Watcher, ZenohEdge, until
 
 STATE = "posecast:{r}:public:state"
 
@@ -65,23 +66,45 @@ def trio(relays: Any, edges: Any, redis_server: Redis) -> Trio:
     return Trio(relays, edges, redis_server)
 
 
-async def test_two_gateways_hand_out_the_same_bytes_at_the_same_time(trio: Trio) -> None:
-    async with watching(*trio.gateways) as (a, b):
-        for viewer in (a, b):
+async def test_two_gateways_hand_out_every_frame_with_the_same_bytes(trio: Trio) -> None:
+    """Two viewers at each. The edge makes a frame when all have the one before: a loaded machine costs time
+    and never a frame, so what is missing was lost by us.
+    """
+    async with watching(*trio.gateways, *trio.gateways, query="?hz=60") as viewers:
+        for viewer in viewers:
+            await viewer.until("frames", lambda v: len(v.frames) > 5)
+        trio.edge.hz = 50.0
+        trio.edge.waits = lambda: any(v.frames[-1][1].seq < trio.edge.seq for v in viewers)
+        first = max(v.frames[-1][1].seq for v in viewers) + 5
+        for viewer in viewers:
+            await viewer.until("600 frames", lambda v: v.frames[-1][1].seq >= first + 600, 60.0)
+        for viewer in viewers:
+            assert [seq for seq in clean(viewer) if first <= seq < first + 600] == [
+                *range(first, first + 600)
+            ]
+            assert {word(viewer)} == {"online"}
+        same = viewers[0].payloads
+        for viewer in viewers[1:]:
+            assert all(viewer.payloads[seq] == same[seq] for seq in range(first, first + 600))
+
+
+async def test_two_gateways_are_never_far_apart(trio: Trio) -> None:
+    """The edge waits for nobody here. 200 ms are six frames."""
+    async with watching(*trio.gateways) as viewers:
+        for viewer in viewers:
+            await viewer.until("frames", lambda v: len(v.frames) > 5)
+        began = time.monotonic()
+        for viewer in viewers:
             await viewer.until("four seconds", lambda v: len(v.frames) > 120)
-        both = sorted(set(a.payloads) & set(b.payloads))
-        assert len(both) > 100
-        assert all(a.payloads[seq] == b.payloads[seq] for seq in both)
-        at_a = {frame.seq: at for at, frame in a.frames}
-        at_b = {frame.seq: at for at, frame in b.frames}
-        apart = sorted(abs(at_a[seq] - at_b[seq]) for seq in both[2:])
-        assert apart[int(len(apart) * 0.95)] < 0.2, apart[-10:]
-        for viewer in (a, b):
-            seqs = clean(viewer)[2:]
-            assert seqs[-1] - seqs[0] + 1 - len(seqs) <= 0.25 * len(
-                seqs
-            )  # two loaded cores, not a quiet relay
-            assert word(viewer) == "online"
+        arrivals = sorted((at, n, f.seq) for n, v in enumerate(viewers) for at, f in v.frames if at > began)
+        newest = [arrivals[0][2]] * 2
+        apart = []
+        for _, n, seq in arrivals:
+            newest[n] = seq
+            apart.append(abs(newest[0] - newest[1]))
+        assert sorted(apart)[len(apart) * 95 // 100] <= 6, apart
+        for viewer in viewers:
+            clean(viewer)
 
 
 async def test_the_state_its_events_and_info_reach_whoever_joins_late(trio: Trio) -> None:
@@ -154,27 +177,6 @@ async def test_redis_frozen_is_told_and_survived(trio: Trio, redis_server: Redis
         clean(viewer)
 
 
-async def test_all_misses_nothing_while_redis_is_frozen_and_dead(
-    relays: Any, edges: Any, redis_server: Redis
-) -> None:
-    relay = relays("--store", redis_server.url)
-    beside = relays("--role", "gateway", "--store", redis_server.url)
-    edge = edges(relay.zenoh)
-    async with watching(relay, beside) as (viewer, other):
-        for each in (viewer, other):
-            await each.until("frames", lambda v: len(v.frames) > 20)
-        for how in (redis_server.freeze, redis_server.kill):
-            began, seq = time.monotonic(), edge.seq
-            await asyncio.to_thread(how)
-            await viewer.until("three seconds", live_after(seq + 85))
-            assert (
-                viewer.longest_gap_s(began) < 0.4
-            )  # two loaded cores; a call to Redis gives up after 0.25 s
-        seqs = clean(viewer)[2:]
-        assert seqs[-1] - seqs[0] + 1 - len(seqs) <= 0.05 * len(seqs)
-        assert all("degraded" not in said for said in viewer.told("status"))
-
-
 async def test_an_ingest_that_starts_again_goes_on(trio: Trio, edges: Any) -> None:
     async with watching(*trio.gateways) as viewers:
         trio.edge.event("jam")
@@ -196,6 +198,27 @@ async def test_an_ingest_that_starts_again_goes_on(trio: Trio, edges: Any) -> No
         assert get(ingest, "/readyz").status_code == 200
 
 
+async def test_events_go_on_after_redis_and_the_ingest_lost_count(trio: Trio, redis_server: Redis) -> None:
+    async with watching(trio.gateways[0]) as (viewer,):
+        await viewer.until("frames", lambda v: len(v.frames) > 20)
+        for n in range(1, 6):
+            trio.edge.event(f"fault {n}")
+        await viewer.until("the events", lambda v: len(v.told("event")) == 5)
+        port = trio.ingest.zenoh_port
+        trio.ingest.stop()
+        await asyncio.to_thread(redis_server.kill)
+        await asyncio.to_thread(redis_server.start)
+        trio.relays("--role", "ingest", *trio.flags, zenoh_port=port)
+        await viewer.until("frames again", live_after(viewer.frames[-1][1].seq))
+        trio.edge.event("after it all")
+        await viewer.until("the next event", lambda v: len(v.told("event")) == 6)
+        assert [e["n"] for e in viewer.told("event")] == [1, 2, 3, 4, 5, 1]
+        async with watching(*trio.gateways) as lates:
+            for late in lates:
+                await late.until("the state", lambda v: v.frames)
+                assert [(e["n"], e["text"]) for e in late.told("event")] == [(1, "after it all")]
+
+
 async def test_silent_offline_and_another_run_reach_gateways(trio: Trio, edges: Any) -> None:
     async with watching(trio.gateways[0]) as (viewer,):
         await viewer.until("frames", lambda v: len(v.frames) > 20)
@@ -214,16 +237,19 @@ async def test_silent_offline_and_another_run_reach_gateways(trio: Trio, edges: 
         await viewer.until("offline", lambda v: word(v) == "offline", 8.0)
 
 
+def in_list(relay: Relay) -> tuple[str, str, int]:
+    """The only robot there."""
+    (robot,) = get(relay, "/api/v1/robots").json()["robots"]
+    return robot["robot"], robot["status"], robot["viewers"]
+
+
 async def test_viewers_are_counted_over_all_and_lists_are_the_same(trio: Trio) -> None:
     async with watching(*trio.gateways, trio.gateways[0]) as viewers:
         await viewers[0].until("frames", lambda v: len(v.frames) > 5)
-        path = "/api/v1/robots/r"
+        path, told = "/api/v1/robots/r", ("r", "online", 3)
         for relay in (trio.ingest, *trio.gateways):
             await asyncio.to_thread(until, "three", lambda r=relay: get(r, path).json().get("viewers") == 3)
-            listed = get(relay, "/api/v1/robots").json()["robots"]
-            assert [(robot["robot"], robot["status"], robot["viewers"]) for robot in listed] == [
-                ("r", "online", 3)
-            ]
+            await asyncio.to_thread(until, "likewise in the list", lambda r=relay: in_list(r) == told)
     gateway = trio.gateways[1]
     assert get(gateway, "/api/v1/robots/nobody").status_code == 404
     state = get(gateway, "/api/v1/robots/r/state").json()

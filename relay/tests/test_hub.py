@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import json
+from itertools import pairwise
 
 import pytest
+from posecast_relay.core.actions import Action
 from posecast_relay.core.limits import Limits
+from posecast_relay.core.room import Room
 from posecast_wire import Close
 
 from .sim import UNIX_S, Edge, World, schema
@@ -92,6 +95,8 @@ def test_a_full_event_lane_ends_the_viewer_with_its_reason_and_nobody_else() -> 
         b'{"type":"event","t":NaN,"level":"fault","source":"a","text":"b","state":"on"}',
         b'{"type":"event","t":0,"level":"fault","source":"a","text":"b","state":"on","x":1e999}',
         b'{"type":"info"}',
+        b'{"type":"model"}',
+        b'{"type":"model","hash":"../../etc/passwd"}',
         b'{"type":"info","kv":{"mode":1}}',
         b'{"type":"event","t":0,"level":"fault","source":"a","text":"b","state":"on","x":"'
         + b"y" * 2048
@@ -129,6 +134,80 @@ def test_status_comes_right_after_hello_and_at_least_once_a_second_also_without_
         world.pass_time(1.0)
         viewer.heard_at = world.now
         assert len(screen.told("status")) >= n
+
+
+@pytest.mark.parametrize(("robot_hz", "hz"), [(30, 30), (30, 10), (30, 1), (30, 0), (0.5, 30), (0.5, 0)])
+def test_status_is_heard_every_second_at_every_rate(robot_hz: float, hz: float) -> None:
+    world = World()
+    edge = world.on_air()
+    viewer, screen = world.join(hz=hz)
+    heard = [world.now]
+    for _ in range(1000):
+        world.pass_time(0.01)
+        viewer.heard_at = world.now
+        world.say(viewer, type="ack", n=viewer.sent)
+        viewer.tokens = 10.0
+        if world.now - edge.began_s - 5.0 > (edge.seq + 1) / robot_hz:
+            world.publish(edge)
+        if len(screen.told("status")) > len(heard):
+            heard.append(world.now)
+    assert len(heard) >= 11
+    assert max(b - a for a, b in pairwise(heard)) <= 1.0
+    assert max(screen.told("status")[-1]["age_ms"], 0) < 3000
+
+
+def test_status_travels_with_a_frame_and_costs_no_write_of_its_own() -> None:
+    world = World()
+    edge = world.on_air()
+    screens = [world.join(hz=hz)[1] for hz in (30, 30, 15)]
+    world.run(edge, 1.0)
+    before = [(len(s.states), len(s.told("status")), s.writes) for s in screens]
+    world.run(edge, 0.95)
+    for screen, (frames, statuses, writes) in zip(screens, before, strict=True):
+        assert len(screen.told("status")) > statuses
+        assert screen.writes - writes == len(screen.states) - frames
+
+
+def test_a_tick_looks_only_at_those_whose_moment_has_come() -> None:
+    world = World()
+    for n in range(50):
+        world.on_air(robot=f"r{n}")
+        world.join(robot=f"r{n}", hz=10)
+    world.pass_time(0.6)
+    edges = [Edge(0xABC, schema(), began_s=world.now - 5.0) for _ in range(50)]
+    looked: list[Room] = []
+    flush = Room.flush
+
+    def look(room: Room, now: float) -> list[Action]:
+        looked.append(room)
+        return flush(room, now)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Room, "flush", look)
+        for _ in range(3):
+            world.pass_time(1 / 30)
+            for n, edge in enumerate(edges):
+                world.now += 1e-4  # each has a moment of its own
+                world.publish(edge, robot=f"r{n}")
+        world.pass_time(0.3)
+    assert len(looked) <= 4 * 50  # and not 50 for each of them
+
+
+def test_an_edge_that_went_before_it_answered_is_waited_for_in_peace() -> None:
+    """`pass_time` asserts that no tick asks for another one at once."""
+    world = World()
+    edge = Edge(0xABC, schema(), began_s=world.now - 5.0)
+    world.do(world.hub.token("r", True, world.now))
+    world.publish(edge)
+    world.pass_time(2.0)
+    world.do(world.hub.token("r", False, world.now))
+    world.pass_time(20.0)
+    asked = len(world.asked)
+    world.pass_time(5.0)
+    assert len(world.asked) == asked
+    world.do(world.hub.token("r", True, world.now))
+    world.pass_time(0.2)
+    assert len(world.asked) == asked + 1
 
 
 def test_a_viewer_who_waits_sees_the_robot_come() -> None:
@@ -224,6 +303,23 @@ def test_changed_info_is_told_at_once_and_alone() -> None:
         assert screen.told("info") == [{"type": "info", "kv": {"mode": "walking"}}]
         assert len(screen.told("schema")) == 1
         assert screen.told("event") == []
+
+
+def test_another_model_is_told_at_once_and_alone() -> None:
+    world = World()
+    edge = world.on_air()
+    screens = [world.join(hz)[1] for hz in (30.0, 0.0)]
+    digest = "a" * 64
+    for stamp in (edge.stamp(world.now), Edge(9, edge.schema).stamp(world.now)):  # the latter: of no run yet
+        said = b'{"type":"model","hash":"%s"}' % digest.encode()
+        world.do(world.hub.event("r", "public", said, stamp, world.now, UNIX_S))
+        digest = "b" * 64
+    world.run(edge, 0.5)
+    for screen in screens:
+        assert screen.told("model") == [{"type": "model", "hash": "a" * 64}]
+        assert len(screen.told("schema")) == 1
+    _, late = world.join()
+    assert late.told("hello")[0]["model"] == "a" * 64
 
 
 def test_robots_that_only_viewers_named_are_forgotten_with_them() -> None:

@@ -75,7 +75,9 @@ async def test_the_figures_of_a_running_relay(relays: Any, edges: Any) -> None:
 async def test_the_log_is_json_lines_and_holds_no_token(relays: Any, edges: Any) -> None:
     relay = relays("--log-level", "debug")
     edges(relay.zenoh)
-    async with Watcher(relay.url(query="?token=CANARY")) as viewer:
+    with pytest.raises(websockets.InvalidStatus):
+        await websockets.connect(relay.url(query="?token=CANARY"))
+    async with Watcher(relay.url()) as viewer:
         await viewer.until("frames", lambda v: v.frames)
         assert viewer.connection is not None
         await viewer.connection.send('{"type":"auth","token":"CANARY"}')

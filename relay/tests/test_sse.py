@@ -192,7 +192,7 @@ async def test_server_sent_events_bring_the_same(relays: Any, edges: Any) -> Non
         ("r/live.sse?hz=fast", 400),
         ("r/live.sse?format=xml", 400),
         ("R*/live.sse", 404),
-        ("r/live.sse?view=lab", 404),
+        ("r/live.sse?view=lab", 403),
     ],
 )
 def test_what_is_no_stream_gets_a_status(relays: Any, path: str, status: int) -> None:
@@ -262,3 +262,17 @@ async def test_events_after_another_answer_on_one_connection(relays: Any, edges:
     text = (await asyncio.wait_for(reader.readuntil(b"event: frame\n"), 10)).decode()
     assert "text/event-stream" in text
     writer.close()
+
+
+def test_every_write_tells_when_it_was_made(relays: Any, edges: Any) -> None:
+    relay = relays()
+    edges(relay.zenoh)
+    stamps: list[int] = []
+    with httpx.stream("GET", f"http://{relay.address}/api/v1/robots/r/live.sse?hz=30", timeout=15) as answer:
+        for line in answer.iter_lines():
+            if line.startswith("id: "):
+                stamps.append(int(line[4:]))
+            if len(stamps) >= 10:
+                break
+    assert stamps == sorted(stamps)
+    assert stamps[-1] > stamps[0]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import pytest
 from posecast_relay.core.limits import Limits
 from posecast_relay.core.stream import Stream
@@ -177,3 +179,62 @@ def test_more_robots_or_views_than_allowed_are_dropped_and_counted() -> None:
     world.hub.frame("a", "second", edge.frame(world.now), edge.stamp(world.now), world.now)
     assert world.hub.fates["crowded"] == 2
     assert set(world.hub.robots) == {"a", "b"}
+
+
+def event(text: str) -> dict[str, object]:
+    """An event as an edge says it."""
+    return {"type": "event", "t": 1.0, "level": "fault", "source": "RKN", "text": text, "state": "on"}
+
+
+def told(stream: Stream) -> list[tuple[int, str]]:
+    """Its events by number."""
+    docs = [json.loads(kept.text) for kept in stream.events]
+    return [(doc["n"], doc["text"]) for doc in docs]
+
+
+def test_a_restarted_process_counts_on_from_where_the_one_before_stopped() -> None:
+    before, after = (Stream("r", "public", Limits()) for _ in range(2))
+    for text in "abc":
+        before.number(event(text), 1.0)
+    after.number(event("d"), 2.0)
+    after.resume("p", [kept.text for kept in before.events])
+    assert told(after) == [(1, "a"), (2, "b"), (3, "c"), (4, "d")]
+    assert after.numbering == "p"
+    assert after.number(event("e"), 3.0).n == 5
+
+
+def test_who_takes_over_tells_nothing_twice() -> None:
+    """Both hear the robot, one tells; what only the other heard comes after."""
+    first, second = (Stream("r", "public", Limits()) for _ in range(2))
+    for text in "ab":
+        first.number(event(text), 1.0)
+        second.number(event(text), 1.1)
+    second.resume("p", [kept.text for kept in first.events])
+    assert told(second) == [(1, "a"), (2, "b")]
+    for text in "cd":
+        first.number(event(text), 2.0)
+        second.number(event(text), 2.1)
+    second.number(event("e"), 3.0)  # the first one is gone by now
+    second.resume("p", [kept.text for kept in first.events], told_n=2)
+    assert told(second) == list(zip(range(1, 6), "abcde", strict=True))
+
+
+def test_events_told_long_ago_are_not_told_again() -> None:
+    mine = Stream("r", "public", Limits())
+    for text in "ab":
+        mine.number(event(text), 1.0)
+    theirs = [json.dumps(event(str(n)) | {"n": n, "at": 2.0}) for n in range(50, 150)]
+    mine.resume("p", theirs, told_n=2)
+    assert told(mine) == [(n, str(n)) for n in range(50, 150)]
+
+
+def test_whoever_kept_no_event_changes_no_number_and_broken_ones_change_nothing() -> None:
+    stream = Stream("r", "public", Limits())
+    for text in "ab":
+        stream.number(event(text), 1.0)
+    stream.resume("p", [])
+    assert (told(stream), stream.numbering) == ([(1, "a"), (2, "b")], "p")
+    for broken in ("", "[]", '{"n":"x"}', '{"text":"without"}'):
+        with pytest.raises(ValueError, match=r"."):
+            stream.resume("q", ['{"n":1,"text":"sound"}', broken])
+    assert (told(stream), stream.numbering) == ([(1, "a"), (2, "b")], "p")

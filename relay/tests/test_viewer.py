@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from collections import deque
+from itertools import pairwise
 from random import Random
 
 import pytest
@@ -10,7 +12,7 @@ from posecast_relay.core.limits import Limits
 from posecast_relay.core.viewer import Viewer
 from posecast_wire import Close
 
-from .sim import Edge, Screen, World
+from .sim import Edge, Screen, World, schema
 
 
 def watch(world: World, edge: Edge, viewer: Viewer, seconds: float, acks: bool = True) -> None:
@@ -98,6 +100,51 @@ def test_a_buffer_left_unread_is_cut(acks: bool, cut_after_s: float) -> None:
         assert world.now < began + 20
     assert screen.was_cut is Close.NO_ACK
     assert cut_after_s <= world.now - began <= cut_after_s + 0.7
+
+
+@pytest.mark.parametrize("freezes", [False, True])
+def test_a_newcomer_has_time_to_read_what_it_is_given(freezes: bool) -> None:
+    """A hundred events and a schema are many seconds' worth for who reads a kilobyte a second."""
+    world = World()
+    edge = world.on_air(schema([f"joint_{i}" for i in range(400)]))
+    for i in range(100):
+        doc = {"type": "event", "t": 1.0, "level": "fault", "source": "RKN", "text": "x" * 80, "state": "on"}
+        doc["source"] = f"joint_{i}"
+        world.do(
+            world.hub.event("r", "public", json.dumps(doc).encode(), edge.stamp(world.now), world.now, 0.0)
+        )
+    viewer, screen = world.join(10.0)
+    kinds = [text["type"] for text in screen.texts]
+    assert kinds.index("schema") < kinds.index("event")
+    began, reads_s = world.now, viewer.arrived_by - world.now + 5.0
+    assert reads_s > 15.0
+    viewer.paused(world.now)  # its socket has not taken it all
+    while world.now < began + reads_s + 15.0 and screen.was_cut is None:
+        world.pass_time(0.25)
+        world.publish(edge)
+        viewer.heard_at = world.now
+        if not freezes and world.now > began + 0.9 * reads_s:
+            if viewer.paused_at is not None:
+                world.do(world.hub.drained(viewer))
+            world.say(viewer, type="ack", n=viewer.sent)
+    if freezes:
+        assert screen.was_cut is Close.NO_ACK
+        assert reads_s <= world.now - began <= reads_s + 1.0
+    else:
+        assert screen.was_cut is None
+        assert screen.states[-1].seq == edge.seq
+
+
+def test_a_newcomer_that_has_read_it_all_and_then_freezes_is_cut_like_everybody() -> None:
+    world = World()
+    edge = world.on_air(schema([f"joint_{i}" for i in range(2000)]))
+    viewer, screen = world.join(10.0)
+    assert viewer.arrived_by > world.now + 14.0
+    watch(world, edge, viewer, 5.0)
+    watch(world, edge, viewer, 14.0, acks=False)
+    assert screen.was_cut is None
+    watch(world, edge, viewer, 2.0, acks=False)
+    assert screen.was_cut is Close.NO_ACK
 
 
 def test_nothing_heard_is_asked_and_then_cut_within_twelve_seconds() -> None:
@@ -246,3 +293,39 @@ def test_a_viewer_that_reads_in_gulps_is_never_cut(hz: int, way_s: float, pause_
                 acked_at = now
                 acks.append((now + way_s, n))
     assert skipped < 0.1 * 120 * hz
+
+
+@pytest.mark.parametrize(("robot_hz", "asked_hz"), [(30.0, 10.0), (2.0, 30.0)])
+def test_four_hundred_milliseconds_of_jitter_hold_nothing_back_for_long(
+    robot_hz: float, asked_hz: float
+) -> None:
+    """Each way takes 400 ± 400 ms, in order. A page so far away acknowledges twice a second; between two
+    frames then lies less than the 1.5 s after which it would call the robot stale."""
+    world, random = World(), Random(3)
+    edge = world.on_air()
+    viewer, screen = world.join(asked_hz)
+    to_page, to_relay = deque[tuple[float, int]](), deque[tuple[float, int]]()
+    arrivals = [world.now]
+    acked_at, acked, next_at = world.now, 0, world.now
+    began = world.now
+    while world.now < began + 300:
+        viewer.heard_at = world.now
+        seen = len(screen.frames)
+        world.pass_time(1 / 60)
+        if world.now >= next_at:
+            next_at += 1 / robot_hz
+            world.publish(edge)
+        if len(screen.frames) > seen:
+            last = to_page[-1][0] if to_page else 0.0
+            to_page.append((max(last, world.now + random.uniform(0.0, 0.8)), len(screen.frames)))
+        while to_page and to_page[0][0] <= world.now:
+            _, n = to_page.popleft()
+            arrivals.append(world.now)
+            if world.now - acked_at >= 0.5 and n > acked:
+                acked_at, acked = world.now, n
+                last = to_relay[-1][0] if to_relay else 0.0
+                to_relay.append((max(last, world.now + random.uniform(0.0, 0.8)), n))
+        while to_relay and to_relay[0][0] <= world.now:
+            world.say(viewer, type="ack", n=to_relay.popleft()[1])
+    assert len(arrivals) > 0.95 * 300 * min(robot_hz, asked_hz)
+    assert max(b - a for a, b in pairwise(arrivals)) < 1.5

@@ -1,8 +1,8 @@
 """Forward kinematics by yourdfpy, independent of the page's: link → 4×4 matrix, as JSON.
 
-stdin: `{"urdf": path, "joints": {joint: rad or m, or null}, "base": null | {"xyz": [x, y, z], "quat_wxyz":
-[w, x, y, z]}}`. stdout: `{link: 16 numbers, row-major}`; metres, world Z up. Without a base the robot's root
-stands upright with the lowest point of the pose at z = 0. Joints not named stand at 0.
+stdin: `{"urdf": path, "joints": [{joint: rad or m, or null}, …], "base": null | {"xyz": [x, y, z],
+"quat_wxyz": [w, x, y, z]}}`. stdout: `[{link: 16 numbers, row-major}, …]`; metres, world Z up. Without a base
+the robot's root stands upright with the lowest point of the pose at z = 0. Joints not named stand at 0.
 """
 
 from __future__ import annotations
@@ -81,16 +81,23 @@ def world_from_root(base: dict[str, list[float]] | None, urdf: yourdfpy.URDF) ->
     return pose
 
 
+def poses(
+    urdf: yourdfpy.URDF, given: dict[str, float | None], base: dict[str, list[float]] | None
+) -> dict[str, list[float]]:
+    """world_from_link of every link in one configuration."""
+    movable = set(urdf.actuated_joint_names)
+    joints = {name: np.float64(value) for name, value in given.items() if value is not None}
+    at_rest = dict.fromkeys(movable, np.float64(0))
+    urdf.update_cfg(at_rest | {name: joints[name] for name in movable & joints.keys()})
+    root = world_from_root(base, urdf)
+    return {name: (root @ urdf.get_transform(name)).flatten().tolist() for name in urdf.link_map}
+
+
 def main() -> None:
-    """One robot in one pose."""
+    """One robot in some poses."""
     given = json.load(sys.stdin)
     urdf = load(Path(given["urdf"]), meshes=given["base"] is None)
-    movable = set(urdf.actuated_joint_names)
-    joints = {name: np.float64(value) for name, value in given["joints"].items() if value is not None}
-    urdf.update_cfg({name: joints[name] for name in movable & joints.keys()})
-    root = world_from_root(given["base"], urdf)
-    poses = {name: (root @ urdf.get_transform(name)).flatten().tolist() for name in urdf.link_map}
-    json.dump(poses, sys.stdout)
+    json.dump([poses(urdf, joints, given["base"]) for joints in given["joints"]], sys.stdout)
 
 
 if __name__ == "__main__":

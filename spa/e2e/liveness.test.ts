@@ -3,7 +3,7 @@ import { describe, expect, it } from 'vitest';
 import { until } from './driver/until.ts';
 import { FaultyLink } from './proxy.ts';
 import { type ChipChange, chips, chipText, liveness, RECORD } from './robot_page.ts';
-import { setStage } from './stage.ts';
+import { FULL, setStage } from './stage.ts';
 
 const stage = setStage();
 
@@ -149,4 +149,40 @@ describe('the four words', () => {
       `relay killed: LIVE ${(live?.atMs ?? 0) - killedMs} ms after the kill, ${(live?.atMs ?? 0) - servingMs} ms after it served again`,
     );
   });
+
+  it.runIf(FULL)(
+    'nothing false in five minutes with 400 ms of jitter',
+    async () => {
+      const relay = await stage.stack.relay();
+      stage.stack.fedEdge(relay, SWINGING, { robot: 'swings' });
+      stage.stack.fedEdge(relay, { pos: { RKN: 0, LKN: 0.2 } }, { robot: 'stands' });
+      const { edge } = stage.stack.fedEdge(relay, SWINGING, { robot: 'left' });
+      const link = await FaultyLink.open(relay.port);
+      try {
+        link.fault({ delayMs: 400, jitterMs: 400 });
+        await until('three robots', async () => {
+          const robots = JSON.stringify(await relay.json('/api/v1/robots'));
+          return ['swings', 'stands', 'left'].every((robot) => robots.includes(robot));
+        });
+        await edge.kill();
+        const said = { swings: 'LIVE', stands: 'HOLDING', left: 'OFFLINE' };
+        const watched = [];
+        for (const [robot, expected] of Object.entries(said)) {
+          const page = await stage.newPage({ preload: RECORD });
+          await page.open(`${link.url}/#/r/${robot}`);
+          await until(expected, async () => (await liveness(page)) === expected, 60_000);
+          watched.push({ page, robot, expected, before: (await chips(page)).length });
+        }
+        await pause(300_000);
+        for (const { page, robot, expected, before } of watched) {
+          const since = (await chips(page)).slice(before);
+          expect(since, `${robot} was ${expected} all the time`).toEqual([]);
+          console.log(`${robot}: ${expected} for five minutes; ${await chipText(page)}`);
+        }
+      } finally {
+        await link.close();
+      }
+    },
+    420_000,
+  );
 });

@@ -6,7 +6,7 @@ import type { SampleModel } from '../src/scene/model_samples.ts';
 import { type BuiltFiles, sampleChain, writeBuilt } from './built_model.ts';
 import type { Page } from './driver/page.ts';
 import { until } from './driver/until.ts';
-import { body, renderedFrames } from './robot_page.ts';
+import { body, renderedFrames, resting } from './robot_page.ts';
 import { forwardKinematics, REPO, type Relay } from './stack.ts';
 import { setStage } from './stage.ts';
 
@@ -51,12 +51,12 @@ const asked = (page: Page, file: string) => page.requested.filter((url) => url.e
 
 /** Draw calls of a picture in which only the camera has moved: without those of the shadow. */
 async function drawCalls(page: Page): Promise<number> {
-  await pause(700); // framing eases once the skin has come
+  await until('framing has eased', () => resting(page));
   for (const side of ['front', 'side']) {
     const before = await renderedFrames(page);
     await page.findByRole('button', side).click();
     await until('a picture', async () => (await renderedFrames(page)) > before);
-    await pause(500);
+    await until('the camera has come to rest', () => resting(page));
   }
   return page.evaluate<number>('window.posecast.scene.drawCalls');
 }
@@ -73,7 +73,7 @@ describe('a built model', () => {
     const joints = await page.evaluate<Record<string, number>>(
       `Object.fromEntries(${JSON.stringify(Object.keys(pos))}.map((j) => [j, window.posecast.twin.value('pos', j)]))`,
     );
-    const expected = forwardKinematics(files.urdf, joints);
+    const expected = await forwardKinematics(files.urdf, joints);
     let apart = Number.NaN;
     await until('the pose', async () => {
       const links = (await body(page))?.links ?? {};
@@ -92,7 +92,7 @@ describe('a built model', () => {
     const page = await shown(relay, files, readings(sampleChain(12)));
     await until('the second level', () => asked(page, 'middle.glb') === 1);
     expect([asked(page, 'low.glb'), asked(page, 'high.glb')]).toEqual([1, 0]);
-    await page.findByRole('button', 'Show the body in full detail').click();
+    await page.findByRole('button', /^finer/).click();
     await until('the finest level', () => asked(page, 'high.glb') === 1);
     await until('no more to ask for', async () => (await page.findByTestId('finer').count()) === 0);
     expect(
@@ -133,6 +133,11 @@ describe('a built model', () => {
         await until('a picture', async () => (await renderedFrames(page)) > before);
         expect(await drawCalls(page)).toBe(counts.sixty);
       }
+      await page.evaluate(`window.posecast.scene.showGhost(new Map([['joint1', 1.2]]))`);
+      expect(await drawCalls(page), 'a ghost is one more').toBe((counts[name] ?? 0) + 1);
+      if (name === 'sixty') await page.screenshot(path.join(SHOTS, 'built-model-ghost.png'));
+      await page.evaluate('window.posecast.scene.showGhost(null)');
+      expect(await drawCalls(page)).toBe(counts[name]);
       await page.close();
     }
     console.log(`draw calls in all: ${JSON.stringify(counts)}`);

@@ -20,23 +20,30 @@ export interface ProcessOptions {
   readonly stdout?: number;
   /** Gets every line of stdout; such lines are data and not kept. */
   readonly onLine?: (line: string) => void;
+  /** It starts others: they form a group, hear every signal together, and the kernel ends it when this runner is gone. */
+  readonly group?: boolean;
 }
 
 export class Process {
   readonly name: string;
   readonly child: ChildProcess;
   readonly #lines: string[] = [];
-  readonly #stdout: string[] = [];
   readonly #ended: Promise<number | null>;
+  readonly #group: boolean;
 
   constructor(name: string, command: string, args: readonly string[], options: ProcessOptions = {}) {
     this.name = name;
-    this.child = spawn(command, args, {
+    this.#group = options.group === true;
+    const [program, rest] = this.#group
+      ? ['setpriv', ['--pdeathsig', 'KILL', '--', command, ...args]]
+      : [command, args];
+    this.child = spawn(program, rest, {
+      detached: this.#group,
       stdio: [options.stdin ?? 'ignore', options.stdout ?? 'pipe', 'pipe'],
       env: { ...process.env, PYTHONUNBUFFERED: '1', ...options.env },
     });
     alive.add(this);
-    eachLine(this.child.stdout, options.onLine ?? ((line) => this.#keep(line, this.#stdout)));
+    eachLine(this.child.stdout, options.onLine ?? ((line) => this.#keep(line)));
     eachLine(this.child.stderr, (line) => this.#keep(line));
     this.#ended = new Promise((resolve) => {
       this.child.once('exit', (code) => {
@@ -60,12 +67,12 @@ export class Process {
     return alive.has(this);
   }
 
-  /** Waits for a line of stdout that matches. */
+  /** Waits for a line of either output that matches. */
   line(pattern: RegExp, deadlineMs = 30_000): Promise<RegExpMatchArray> {
     return until(
       `${this.name} prints ${pattern}`,
       () => {
-        for (const line of this.#stdout) {
+        for (const line of this.#lines) {
           const found = line.match(pattern);
           if (found !== null) return found;
         }
@@ -77,7 +84,9 @@ export class Process {
   }
 
   signal(signal: NodeJS.Signals): void {
-    if (this.child.exitCode === null && this.child.signalCode === null) this.child.kill(signal);
+    if (this.child.exitCode !== null || this.child.signalCode !== null) return;
+    if (this.#group && this.child.pid !== undefined) process.kill(-this.child.pid, signal);
+    else this.child.kill(signal);
   }
 
   write(line: string): void {
@@ -88,6 +97,7 @@ export class Process {
   async kill(): Promise<void> {
     this.signal('SIGKILL');
     await this.#ended;
+    this.#endRest();
   }
 
   /** Asks politely; after 5 s no longer. */
@@ -97,14 +107,23 @@ export class Process {
     const hard = setTimeout(() => this.signal('SIGKILL'), GRACE_MS);
     const code = await this.#ended;
     clearTimeout(hard);
+    this.#endRest();
     return code;
   }
 
-  #keep(line: string, also: string[] = []): void {
-    for (const kept of [this.#lines, also]) {
-      kept.push(line);
-      if (kept.length > KEPT_LINES) kept.shift();
+  /** What a group's first process has left behind. */
+  #endRest(): void {
+    if (!this.#group || this.child.pid === undefined) return;
+    try {
+      process.kill(-this.child.pid, 'SIGKILL');
+    } catch {
+      // nobody is left
     }
+  }
+
+  #keep(line: string): void {
+    this.#lines.push(line);
+    if (this.#lines.length > KEPT_LINES) this.#lines.shift();
   }
 }
 

@@ -8,24 +8,37 @@ import net from 'node:net';
 export interface Fault {
   /** Hold every byte, keep the connections; new ones are accepted and held as well. */
   readonly frozen?: boolean;
-  /** Every byte arrives this much later. */
+  /** Every byte arrives this much later; a connection's first byte by one more round trip, its handshake. */
   readonly delayMs?: number;
+  /** Give or take so much, at random: bytes keep their order, as TCP's do. */
+  readonly jitterMs?: number;
   /** Towards the browser, over all connections of this proxy. */
   readonly bytesPerSecond?: number;
+  /** As old proxies do: what asks for an upgrade is passed on as if it did not. */
+  readonly stripUpgrade?: boolean;
+  /** Towards the browser bytes go on only when so many are there, or the relay has said all: a buffer of a proxy's. */
+  readonly gatherBytes?: number;
 }
 
 interface Pair {
   readonly browser: net.Socket;
   readonly relay: net.Socket;
+  stranded: boolean;
 }
 
 const SLICE = 1024;
 const HELD_BYTES = 64 * 1024;
+/** Header lines that make a request an upgrade; the key and version of a WebSocket alone make none. */
+const UPGRADE = /^(?:Upgrade: websocket|Connection: Upgrade|Connection: keep-alive, Upgrade)\r\n/gim;
 
 export class FaultyLink {
   readonly port: number;
+  /** Bytes handed to the browser so far. */
+  passedBytes = 0;
   readonly #server: net.Server;
   readonly #links = new Set<Pair>();
+  /** A browser keeps a connection that the relay has ended, sometimes for a minute. */
+  readonly #browsers = new Set<net.Socket>();
   #fault: Fault = {};
   #refuse = false;
   #freeAt = 0;
@@ -73,6 +86,11 @@ export class FaultyLink {
     }
   }
 
+  /** From now on every connection that stands holds its bytes for ever, and nobody is told; new ones are well. */
+  strand(): void {
+    for (const link of this.#links) link.stranded = true;
+  }
+
   heal(): void {
     this.#refuse = false;
     this.fault({});
@@ -81,6 +99,7 @@ export class FaultyLink {
   async close(): Promise<void> {
     this.cut(true);
     this.fault({});
+    for (const browser of this.#browsers) browser.destroy();
     await new Promise<void>((resolve) => this.#server.close(() => resolve()));
   }
 
@@ -90,31 +109,49 @@ export class FaultyLink {
       browser.resetAndDestroy();
       return;
     }
+    this.#browsers.add(browser);
+    browser.on('close', () => this.#browsers.delete(browser));
     const relay = net.connect({ port: targetPort, host: '127.0.0.1' });
     relay.on('error', () => browser.resetAndDestroy());
-    const link = { browser, relay };
+    const link = { browser, relay, stranded: false };
     this.#links.add(link);
     const gone = (): void => {
       this.#links.delete(link);
     };
     browser.on('close', gone);
     relay.on('close', gone);
-    void this.#pump(browser, relay, false);
-    void this.#pump(relay, browser, true);
+    void this.#pump(link, browser, relay, false);
+    void this.#pump(link, relay, browser, true);
   }
 
   /** Reads towards a lane of at most `HELD_BYTES`, so a slow or frozen lane pushes back on the sender. */
-  async #pump(from: net.Socket, to: net.Socket, limited: boolean): Promise<void> {
+  async #pump(link: Pair, from: net.Socket, to: net.Socket, limited: boolean): Promise<void> {
     const lane = { held: 0, last: Promise.resolve() };
+    let gathered: Buffer[] = [];
+    const opened = performance.now() + (limited ? 0 : 2 * (this.#fault.delayMs ?? 0));
     try {
-      for await (const chunk of from as AsyncIterable<Buffer>) {
+      for await (const read of from as AsyncIterable<Buffer>) {
+        let chunk = read;
+        if (!limited && this.#fault.stripUpgrade === true) {
+          chunk = Buffer.from(read.toString('latin1').replace(UPGRADE, ''), 'latin1');
+        }
+        if (limited) {
+          gathered.push(read);
+          chunk = Buffer.concat(gathered);
+          if (chunk.length < (this.#fault.gatherBytes ?? 0)) continue;
+          gathered = [];
+        }
         for (let at = 0; at < chunk.length; at += SLICE) {
           const slice = chunk.subarray(at, at + SLICE);
-          const due = performance.now() + (this.#fault.delayMs ?? 0);
+          const { delayMs = 0, jitterMs = 0 } = this.#fault;
+          const wanderMs = (2 * Math.random() - 1) * jitterMs;
+          const due = Math.max(performance.now(), opened) + delayMs + wanderMs;
           lane.held += slice.length;
           lane.last = lane.last.then(async () => {
             await wait(due - performance.now());
             await this.#pass(slice.length, limited);
+            if (link.stranded) return;
+            if (limited) this.passedBytes += slice.length;
             if (!to.destroyed && !to.write(slice)) await drained(to);
             lane.held -= slice.length;
           });
@@ -122,7 +159,8 @@ export class FaultyLink {
         }
       }
       await lane.last;
-      to.end();
+      if (link.stranded) return;
+      to.end(Buffer.concat(gathered));
     } catch {
       to.destroy();
     }

@@ -1,6 +1,7 @@
 /** The robot page as tests read it: its chip over time, its table by frame, its body. */
 
 import type { Page } from './driver/page.ts';
+import { until } from './driver/until.ts';
 
 export interface ChipChange {
   /** Unix time, ms: comparable with the test's own clock, it is one machine. */
@@ -29,8 +30,13 @@ export const RECORD = `(() => {
     for (const table of document.querySelectorAll('[data-seq]')) {
       const seq = Number(table.dataset.seq);
       if (!table.dataset.seq || rows.has(seq)) continue;
+      // of the rows on the screen: others are written in turns
+      const room = (table.closest('.table-room') ?? document.body).getBoundingClientRect();
       const cells = {};
-      for (const cell of table.querySelectorAll('[data-field="pos"]')) cells[cell.dataset.label] = cell.textContent;
+      for (const cell of table.querySelectorAll('[data-field="pos"]')) {
+        const { top, bottom } = cell.getBoundingClientRect();
+        if (top >= room.top && bottom <= room.bottom && bottom <= innerHeight) cells[cell.dataset.label] = cell.textContent;
+      }
       rows.set(seq, cells);
       if (rows.size > 200) rows.delete(rows.keys().next().value);
     }
@@ -79,4 +85,51 @@ export function body(page: Page): Promise<Body | null> {
 
 export function renderedFrames(page: Page): Promise<number> {
   return page.evaluate<number>('window.posecast?.scene?.renderedFrames ?? -1');
+}
+
+/** Whether the body has come to rest: what it shows is the newest pose, and no picture is asked for. */
+export function resting(page: Page): Promise<boolean> {
+  return page.evaluate<boolean>('window.posecast?.scene?.resting ?? false');
+}
+
+/** Whether the robot wears the finest shells that it will: until then a finer level may still come by itself. A machine that is
+ *  slow in 3D keeps to the coarsest. For a model of two levels. */
+export async function finest(page: Page): Promise<boolean> {
+  const settled = `window.posecast.scene.finerBytes === null || document.querySelector('[data-trouble="detail"]') !== null`;
+  return (await hasSkin(page)) && (await page.evaluate<boolean>(settled));
+}
+
+/** Whether a level of the robot's shells is in the picture, not the skeleton alone. */
+export function hasSkin(page: Page): Promise<boolean> {
+  return page.evaluate<boolean>('(window.posecast?.scene?.triangles ?? 0) > 1000');
+}
+
+/** Waits until so many frames of the robot in a row have cost no picture; what was still on its way may come before. */
+export async function drawsNothing(page: Page, frames: number): Promise<void> {
+  await until(
+    `${frames} frames without a picture`,
+    async () => {
+      const before = await renderedFrames(page);
+      const seq = (await shownSeq(page)) ?? 0;
+      await until('frames go on', async () => ((await shownSeq(page)) ?? 0) > seq + frames, 30_000);
+      return (await renderedFrames(page)) === before;
+    },
+    90_000,
+  );
+}
+
+/** Taps until it has been seen as a tap: between down and up of a busy machine there may be longer than a person takes. */
+export async function tapped(
+  what: string,
+  tap: () => Promise<void>,
+  holds: () => Promise<boolean>,
+): Promise<void> {
+  await until(
+    what,
+    async () => {
+      await tap();
+      return until(what, holds, 3000).catch(() => false);
+    },
+    60_000,
+  );
 }

@@ -1,7 +1,8 @@
 """A robot's program for tests: reads samples as JSON lines and repeats the newest one at 30 Hz on stdout.
 
 One object a line on stdin. A member `wave: {field: {label: [amplitude, hertz]}}` makes those readings swing;
-all else is delivered as it stands. SIGSTOP silences it and leaves the edge that it feeds alone.
+all else is delivered as it stands. One with `once: true` is delivered a single time, between two of the one
+before it. SIGSTOP silences it and leaves the edge that it feeds alone.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ PERIOD_S = 1 / 30
 
 def moved(sample: dict[str, Any], t_s: float) -> dict[str, Any]:
     """The sample at `t_s` seconds: its waves applied, the recipe itself left out."""
-    out = {name: value for name, value in sample.items() if name != "wave"}
+    out = {name: value for name, value in sample.items() if name not in ("wave", "once")}
     for field, waves in sample.get("wave", {}).items():
         swing = {
             label: amplitude * math.sin(2 * math.pi * hz * t_s) for label, (amplitude, hz) in waves.items()
@@ -30,17 +31,22 @@ def moved(sample: dict[str, Any], t_s: float) -> dict[str, Any]:
 def main() -> None:
     """Until stdout closes."""
     newest: dict[str, Any] = json.loads(sys.stdin.readline())
+    once: list[dict[str, Any]] = []
 
     def listen() -> None:
         nonlocal newest
         for line in sys.stdin:
-            newest = json.loads(line)
+            sample = json.loads(line)
+            if sample.get("once"):
+                once.append(sample)
+            else:
+                newest = sample
 
     threading.Thread(target=listen, daemon=True).start()
     try:
         while True:
             t_s = time.time()  # the machine's clock as the robot's: what arrives can be dated
-            print(json.dumps({"t": round(t_s, 4), **moved(newest, t_s)}), flush=True)
+            print(json.dumps({"t": round(t_s, 4), **moved(once.pop() if once else newest, t_s)}), flush=True)
             time.sleep(PERIOD_S)
     except BrokenPipeError:
         sys.stderr.close()  # the edge has left; nothing to say

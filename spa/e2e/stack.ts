@@ -1,23 +1,41 @@
 /** The real parts on free ports: Redis, relay, edges, a tap. Nothing here is simulated. */
 
-import { execFileSync } from 'node:child_process';
+import { execFile, execFileSync } from 'node:child_process';
 import { closeSync, existsSync, mkdtempSync, openSync, rmSync } from 'node:fs';
 import net from 'node:net';
 import { tmpdir } from 'node:os';
 import path from 'node:path';
 import { fileURLToPath } from 'node:url';
+import { promisify } from 'node:util';
+import { freePort } from './driver/free_port.ts';
 import { until } from './driver/until.ts';
 import { Process, type ProcessOptions } from './process.ts';
+
+const execFileAsync = promisify(execFile);
 
 export const REPO = fileURLToPath(new URL('../..', import.meta.url));
 export const SHARED = process.env.POSECAST_SHARED ?? path.join(REPO, '..', 'shared');
 export const PYTHON = path.join(REPO, '.venv/bin/python');
+const BARE_EDGE: readonly string[] = [
+  PYTHON,
+  '-c',
+  'import sys; sys.modules["meshoptimizer"] = None; from posecast_edge.cli import main; main()',
+];
 const DIST = path.join(REPO, 'spa/dist');
 
 export interface RelayOptions {
+  readonly role?: 'all' | 'ingest' | 'gateway';
   readonly store?: string;
   readonly httpPort?: number;
   readonly zenohPort?: number;
+  /** A file of who may watch. */
+  readonly robots?: string;
+  /** A database that it writes what anyone may see into. */
+  readonly mirror?: string;
+  /** Whose accounts are signed in: a project, and the host of its Auth emulator. */
+  readonly accounts?: { readonly project: string; readonly emulator: string };
+  /** Pages elsewhere that may show what is not for everybody. */
+  readonly origins?: string;
 }
 
 export interface EdgeOptions {
@@ -28,6 +46,8 @@ export interface EdgeOptions {
   readonly profile?: string;
   readonly urdf?: string;
   readonly model?: string;
+  /** false: as if the extra `model` were not installed, so that a URDF's meshes go as they are. */
+  readonly meshTools?: boolean;
 }
 
 /** One sample as `source.py` repeats it. */
@@ -107,31 +127,50 @@ export class Stack {
   /** A Redis of its own, in memory only; returns its URL. */
   async redis(): Promise<string> {
     const port = await freePort();
-    this.start('redis', 'redis-server', [
+    await this.redisOn(port);
+    return `redis://127.0.0.1:${port}/0`;
+  }
+
+  /** The same on a port that the test knows. */
+  async redisOn(port: number): Promise<Process> {
+    const running = this.start('redis', 'redis-server', [
       ...['--port', String(port), '--bind', '127.0.0.1', '--save', '', '--appendonly', 'no'],
       ...['--dir', this.folder()],
     ]);
     await until('redis listens', () => connects(port));
-    return `redis://127.0.0.1:${port}/0`;
+    return running;
   }
 
   async relay(options: RelayOptions = {}): Promise<Relay> {
     if (!existsSync(path.join(DIST, 'index.html'))) throw new Error('spa/dist is missing: run make setup');
-    const running = this.start('relay', path.join(REPO, '.venv/bin/posecast-relay'), [
+    const flags = [
       ...['run', '--dev', '--port', String(options.httpPort ?? 0)],
       ...['--zenoh-listen', `tcp/127.0.0.1:${options.zenohPort ?? 0}`],
       ...['--static', DIST],
+      ...['--role', options.role ?? 'all'],
       ...(options.store === undefined ? [] : ['--store', options.store]),
-    ]);
-    const found = await running.line(/serving http:\/\/127\.0\.0\.1:(\d+), robots on (tcp\/\S+)/);
+      ...(options.robots === undefined ? [] : ['--robots', options.robots]),
+      ...(options.mirror === undefined ? [] : ['--firebase-database', options.mirror]),
+      ...(options.accounts === undefined ? [] : ['--firebase-project', options.accounts.project]),
+      ...(options.origins === undefined ? [] : ['--origins', options.origins]),
+    ];
+    const { accounts } = options;
+    const env = accounts === undefined ? {} : { FIREBASE_AUTH_EMULATOR_HOST: accounts.emulator };
+    const running = this.start('relay', path.join(REPO, '.venv/bin/posecast-relay'), flags, { env });
+    const found = await running.line(
+      /serving http:\/\/127\.0\.0\.1:(\d+), robots (?:on (tcp\/\S+)|from Redis)/,
+    );
     return new Relay(running, Number(found[1]), found[2] ?? '');
   }
 
   edge(relay: Relay, options: EdgeOptions = {}, stdin: ProcessOptions['stdin'] = 'ignore'): Process {
+    const [command = '', ...first] =
+      options.meshTools === false ? BARE_EDGE : [path.join(REPO, '.venv/bin/posecast-edge')];
     return this.start(
       'edge',
-      path.join(REPO, '.venv/bin/posecast-edge'),
+      command,
       [
+        ...first,
         ...['run', '--robot', options.robot ?? 'demo', '--source', options.source ?? 'demo'],
         ...['--relay', relay.zenoh],
         ...(options.hz === undefined ? [] : ['--hz', String(options.hz)]),
@@ -140,7 +179,7 @@ export class Stack {
         ...(options.urdf === undefined ? [] : ['--urdf', options.urdf]),
         ...(options.model === undefined ? [] : ['--model', options.model]),
       ],
-      { stdin },
+      { stdin, env: { XDG_CACHE_HOME: this.folder() } },
     );
   }
 
@@ -190,24 +229,28 @@ export class Stack {
   }
 }
 
-/** Link → 4×4 row-major matrix, by `fk.py`. */
-export function forwardKinematics(
+/** Link → 4×4 row-major matrix, by `fk.py`. Meanwhile proxies in this process go on. */
+export async function forwardKinematics(
   urdf: string,
-  joints: Readonly<Record<string, number | null>>,
+  joints: Configuration,
   base: unknown = null,
-): Record<string, number[]> {
-  const input = JSON.stringify({ urdf, joints, base });
-  const output = execFileSync(PYTHON, [path.join(REPO, 'spa/e2e/fk.py')], { input, maxBuffer: 1 << 24 });
-  return JSON.parse(output.toString()) as Record<string, number[]>;
+): Promise<Record<string, number[]>> {
+  const [pose] = await manyForwardKinematics(urdf, [joints], base);
+  return pose ?? {};
 }
 
-export async function freePort(): Promise<number> {
-  const server = net.createServer();
-  await new Promise<void>((resolve) => server.listen(0, '127.0.0.1', resolve));
-  const address = server.address();
-  await new Promise<void>((resolve) => server.close(() => resolve()));
-  if (address === null || typeof address === 'string') throw new Error('no free port');
-  return address.port;
+/** rad or m by joint; null and joints not named stand at 0. */
+export type Configuration = Readonly<Record<string, number | null>>;
+
+/** The same for several configurations of one robot, which is read once. */
+export async function manyForwardKinematics(
+  urdf: string,
+  joints: readonly Configuration[],
+  base: unknown = null,
+): Promise<Record<string, number[]>[]> {
+  const running = execFileAsync(PYTHON, [path.join(REPO, 'spa/e2e/fk.py')], { maxBuffer: 1 << 26 });
+  running.child.stdin?.end(JSON.stringify({ urdf, joints, base }));
+  return JSON.parse((await running).stdout) as Record<string, number[]>[];
 }
 
 function connects(port: number): Promise<boolean> {

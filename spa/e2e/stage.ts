@@ -1,14 +1,28 @@
 /** What every browser test stands on: one browser a file, one stack and fresh pages a test, and what no page may do. */
 
-import { afterAll, afterEach, beforeAll, beforeEach, expect } from 'vitest';
-import { openChromium } from './driver/chromium.ts';
-import type { Browser, BrowserOptions, Page, PageOptions } from './driver/page.ts';
+import { afterAll, afterEach, beforeAll, beforeEach, expect, type TestContext } from 'vitest';
+import { openBrowser } from './driver/engines.ts';
+import type { Ability, Browser, BrowserOptions, Page, PageOptions } from './driver/page.ts';
 import { Stack } from './stack.ts';
+
+/** Whether the long rest is played as well: `make test-full`. */
+export const FULL = process.env.POSECAST_FULL === '1';
 
 export interface Stage {
   readonly stack: Stack;
+  readonly browser: Browser;
+  /** Skips the test, saying why, in an engine whose driver can't do this. */
+  needs(context: TestContext, ability: Ability): void;
   newPage(options?: PageOptions): Promise<Page>;
 }
+
+/** Software draws in 3D as slowly as the slowest phone: without this a page would go over to the light view in the middle of a
+ *  test. A test that has settings of its own, `{}` for none, is left with those. */
+const KEEP_3D = `(() => {
+  try {
+    if (localStorage.getItem('posecast.settings') === null) localStorage.setItem('posecast.settings', '{"body":"3d"}');
+  } catch {} // no storage here
+})()`;
 
 /** Call once at the top of a test file. */
 export function setStage(options: BrowserOptions = {}): Stage {
@@ -17,7 +31,7 @@ export function setStage(options: BrowserOptions = {}): Stage {
   let pages: Page[] = [];
 
   beforeAll(async () => {
-    browser = await openChromium(options);
+    browser = await openBrowser(options);
   });
 
   beforeEach((context) => {
@@ -30,8 +44,11 @@ export function setStage(options: BrowserOptions = {}): Stage {
   afterEach(async () => {
     const errors = pages.flatMap((page) => page.errors);
     const foreign = pages.flatMap((page) => page.foreign);
-    for (const page of pages) await page.close();
-    await stack.down();
+    try {
+      for (const page of pages) await page.close();
+    } finally {
+      await stack.down();
+    }
     expect(errors, 'errors in the console').toEqual([]);
     expect(foreign, 'requests to another origin').toEqual([]);
   });
@@ -44,9 +61,17 @@ export function setStage(options: BrowserOptions = {}): Stage {
     get stack() {
       return stack;
     },
-    async newPage(pageOptions = {}) {
+    get browser() {
       if (browser === null) throw new Error('no browser yet');
-      const page = await browser.newPage(pageOptions);
+      return browser;
+    },
+    needs(context, ability) {
+      const why = this.browser.lacks[ability];
+      if (why !== undefined) context.skip(why);
+    },
+    async newPage(pageOptions = {}) {
+      const preload = `${KEEP_3D};${pageOptions.preload ?? ''}`;
+      const page = await this.browser.newPage({ ...pageOptions, preload });
       pages.push(page);
       return page;
     },

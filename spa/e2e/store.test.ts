@@ -27,7 +27,7 @@ describe('a real Redis', () => {
     const page = await stage.newPage({ preload: RECORD });
     await page.open(`${relay.url}/#/r/demo`);
     await until('LIVE', async () => ['LIVE', 'HOLDING'].includes(await liveness(page)));
-    await until('frames', async () => (await shownPositions(page)).size > 10);
+    await until('frames', async () => (await shownPositions(page)).size > 10, 60_000);
 
     await edge.kill();
     const newest = await until('the last frame has come to rest', async () => {

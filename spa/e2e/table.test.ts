@@ -1,10 +1,12 @@
 import { describe, expect, it } from 'vitest';
 import { until } from './driver/until.ts';
 import { cellNumber, liveness, RECORD, shownPositions, shownSeq } from './robot_page.ts';
-import { setStage } from './stage.ts';
+import { FULL, setStage } from './stage.ts';
 
 const stage = setStage();
 
+/** All rows are on the screen: those that nobody sees are written in turns. */
+const TALL = { width: 1280, height: 1600 };
 /** Three decimals are shown. */
 const HALF_DIGIT = 0.0005 + 1e-9;
 
@@ -13,7 +15,7 @@ describe('the table', () => {
     const relay = await stage.stack.relay();
     const tap = stage.stack.tap(relay);
     stage.stack.edge(relay);
-    const page = await stage.newPage({ preload: RECORD });
+    const page = await stage.newPage({ preload: RECORD, viewport: TALL });
     await page.open(`${relay.url}/#/r/demo`);
 
     const shown = await until('ten frames that the tap has too', async () => {
@@ -43,7 +45,7 @@ describe('the table', () => {
   it('shows a robot that moves', async () => {
     const relay = await stage.stack.relay();
     stage.stack.edge(relay);
-    const page = await stage.newPage({ preload: RECORD });
+    const page = await stage.newPage({ preload: RECORD, viewport: TALL });
     await page.open(`${relay.url}/#/r/demo`);
     await until(
       'a knee that moves',
@@ -82,4 +84,46 @@ describe('the table', () => {
     await page.open(`${relay.url}/#/`);
     expect(await page.evaluate<number>('document.documentElement.scrollWidth')).toBeLessThanOrEqual(390);
   });
+  it.skipIf(!FULL)(
+    'tells what an update of sixty moving rows costs; under load the figure means nothing',
+    async () => {
+      const relay = await stage.stack.relay();
+      const joints = Array.from({ length: 60 }, (_, i) => `J${i}`);
+      const of = <T>(value: (i: number) => T) =>
+        Object.fromEntries(joints.map((joint, i) => [joint, value(i)]));
+      stage.stack.fedEdge(relay, {
+        ref: of(() => 0),
+        cur: of(() => 0),
+        wave: { pos: of((i) => [0.5, 0.2 + i / 60]), cur: of((i) => [2, 0.3 + i / 90]) },
+      });
+      const page = await stage.newPage();
+      await page.open(`${relay.url}/#/r/demo`);
+      type Sampled = { writes: number; eachMs: number[] };
+      await page.evaluate(`(() => {
+        const { numbers } = window.posecast;
+        window.sampled = { writes: 0, eachMs: [] };
+        let before = { ...numbers };
+        const look = () => {
+          if (numbers.writes === before.writes + 1) window.sampled.eachMs.push(numbers.scriptMs - before.scriptMs);
+          window.sampled.writes = numbers.writes;
+          before = { ...numbers };
+          requestAnimationFrame(look);
+        };
+        look();
+      })()`);
+      const sampled = () => page.evaluate<Sampled>('window.sampled');
+      await until('warm', async () => (await sampled()).writes >= 50, 60_000);
+      await page.evaluate('window.sampled.eachMs.length = 0');
+      await until('a hundred updates', async () => (await sampled()).eachMs.length >= 100, 90_000);
+      const eachMs = (await sampled()).eachMs.toSorted((a, b) => a - b);
+      const mean = (all: readonly number[]) => all.reduce((sum, ms) => sum + ms, 0) / all.length;
+      // The page's clock ticks every 0.1 ms: a single update is that coarse, a mean is not.
+      const undisturbed = mean(eachMs.slice(0, Math.floor(eachMs.length * 0.9)));
+      console.log(
+        `${mean(eachMs).toFixed(3)} ms of script for each update of 60 rows, ${undisturbed.toFixed(3)} without the slowest tenth`,
+      );
+      expect(await page.evaluate<number>('document.querySelectorAll(".joints tbody tr").length')).toBe(60);
+    },
+    240_000,
+  );
 });

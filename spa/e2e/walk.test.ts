@@ -5,7 +5,7 @@ import { describe, expect, it } from 'vitest';
 import { until } from './driver/until.ts';
 import { body, shownSeq } from './robot_page.ts';
 import { REPO, SHARED } from './stack.ts';
-import { setStage } from './stage.ts';
+import { FULL, setStage } from './stage.ts';
 
 const stage = setStage();
 
@@ -22,7 +22,7 @@ interface Feet {
   readonly right: number;
 }
 
-describe.skipIf(!existsSync(URDF) || !existsSync(TRAJECTORY))('Hubo 2+ walks', () => {
+describe.skipIf(!FULL || !existsSync(URDF) || !existsSync(TRAJECTORY))('Hubo 2+ walks', () => {
   it('lifts its feet in turn, with the other on the floor; pictures are in e2e/shots', async () => {
     const relay = await stage.stack.relay();
     stage.stack.edge(relay, {

@@ -1,19 +1,54 @@
-import { StrictMode } from 'react';
+import './early.ts';
+import { StrictMode, Suspense } from 'react';
 import { createRoot } from 'react-dom/client';
 import { App } from './app/App.tsx';
+import { ErrorBoundary } from './app/ErrorBoundary.tsx';
 import { installHandle } from './app/handle.ts';
+import { followLanguage } from './app/language.ts';
+import { late } from './app/late.tsx';
+import { loadList } from './app/load_list.ts';
+import { loadScene } from './app/load_scene.ts';
+import { relaySettled } from './app/relay.ts';
+import { reloadAfterDeploy } from './app/reload.ts';
+import { parseRoute } from './app/route.ts';
+import { lendSettings, queryOf } from './app/settings.ts';
+import { hasWebGl } from './app/use_body_view.ts';
 import './app/styles/tokens.css';
 import './app/styles/page.css';
 import './app/styles/robot.css';
 import './app/styles/numbers.css';
-import './app/styles/local.css';
+import './app/styles/joints.css';
 
+/** `embed/index.html` is the same page for an iframe. It asks for nothing before it is on the screen. */
+const EmbedPage = late(async () => (await import('./app/EmbedPage.tsx')).EmbedPage);
+const embedded = document.documentElement.dataset.page === 'embed';
+
+performance.mark('posecast:script');
+// Before the first render: it is the largest part of the page, and whoever opens a robot wants it.
+const { page } = parseRoute(window.location.hash);
+if (!embedded && page === 'robot') {
+  if (hasWebGl()) loadScene().catch(() => {}); // the page asks again, and says what is wrong
+} else if (!embedded && page === 'list') loadList().catch(() => {});
 installHandle();
+const lend = () => lendSettings(queryOf(window.location.hash));
+lend();
+window.addEventListener('hashchange', lend); // another link, not what the page itself writes there
+reloadAfterDeploy();
 const root = document.getElementById('root');
 if (root !== null) {
-  createRoot(root).render(
-    <StrictMode>
-      <App />
-    </StrictMode>,
+  Promise.all([relaySettled(), followLanguage()]).then(() =>
+    createRoot(root).render(
+      <StrictMode>
+        {embedded ? (
+          <ErrorBoundary>
+            <Suspense>
+              <EmbedPage />
+            </Suspense>
+          </ErrorBoundary>
+        ) : (
+          <App />
+        )}
+      </StrictMode>,
+    ),
   );
 }

@@ -1,9 +1,11 @@
 import { describe, expect, it } from 'vitest';
+import { missingWords } from '../src/app/body_words.ts';
 import { readRobots } from '../src/app/robots.ts';
 import { parseRoute } from '../src/app/route.ts';
 import { readSettings } from '../src/app/settings.ts';
 import { heightPx, nextHeight, PEEK_PX, restingHeight } from '../src/app/sheet_heights.ts';
-import { chipWords, missingWords, stageWords, truthWords, waitingWords } from '../src/app/words.ts';
+import { truthWords } from '../src/app/truth_words.ts';
+import { chipWords, stageWords, waitingWords } from '../src/app/words.ts';
 import type { Link } from '../src/stream/client.ts';
 import type { Verdict } from '../src/twin/liveness.ts';
 
@@ -12,6 +14,11 @@ describe('routes', () => {
     expect(['', '#', '#/'].map((hash) => parseRoute(hash).page)).toEqual(['list', 'list', 'list']);
     expect(parseRoute('#/r/hubo-2')).toEqual({ page: 'robot', robot: 'hubo-2' });
     expect(parseRoute('#/r/demo?view=public')).toEqual({ page: 'robot', robot: 'demo' });
+    expect(parseRoute('#/r/demo+hubo')).toEqual({ page: 'robots', robots: ['demo', 'hubo'] });
+    expect(parseRoute('#/r/demo+demo')).toEqual({ page: 'robot', robot: 'demo' });
+    expect(parseRoute('#/r/a+b+c+d+e+f').page).toBe('robots');
+    expect(parseRoute('#/r/a+b+c+d+e+f+g').page).toBe('unknown');
+    expect(parseRoute('#/r/demo+').page).toBe('unknown');
     for (const bad of ['#/r/', '#/r/*', '#/r/Hubo', '#/r/a/b', '#/r/../x', `#/r/${'a'.repeat(64)}`, '#/x']) {
       expect(parseRoute(bad).page).toBe('unknown');
     }
@@ -38,14 +45,14 @@ describe('the list of robots', () => {
     const robots = readRobots({
       robots: [
         { robot: 'demo', status: 'online', age_ms: 12, seq: 4, hz: 30, viewers: 3, model: null },
-        { robot: 'old', status: 'offline', age_ms: null, viewers: 0 },
+        { robot: 'old', status: 'offline', age_ms: null, viewers: 0, model: '../x' },
         { status: 'online' },
         null,
       ],
     });
     expect(robots).toEqual([
-      { robot: 'demo', name: 'demo', state: 'online', ageMs: 12, viewers: 3 },
-      { robot: 'old', name: 'old', state: 'offline', ageMs: null, viewers: 0 },
+      { robot: 'demo', name: 'demo', state: 'online', ageMs: 12, viewers: 3, model: null },
+      { robot: 'old', name: 'old', state: 'offline', ageMs: null, viewers: 0, model: null },
     ]);
     expect([null, {}, 'x', { robots: 7 }].map(readRobots)).toEqual([[], [], [], []]);
   });
@@ -77,6 +84,7 @@ describe('the sheet', () => {
 
 describe('words', () => {
   const link: Link = {
+    by: 'websocket',
     phase: 'open',
     retryAtMs: null,
     ending: null,
@@ -133,6 +141,23 @@ describe('words', () => {
     const lines = truthWords(verdict({}), { ...link, grantedHz: 5, rateReason: 'slow network' });
     expect(lines).toContain('5 Hz: slow network.');
     expect(lines).toContain('Round trip to the relay: 42 ms.');
+  });
+
+  it('say quietly that no WebSocket gets through', () => {
+    const events: Link = { ...link, by: 'events', roundTripMs: null };
+    const { word, detail, more } = chipWords(verdict({}), events, 0);
+    expect(`${word} ${detail}${more}`).toBe('LIVE 30 Hz · over HTTP');
+    expect(truthWords(verdict({}), events).join(' ')).toMatch(/No WebSocket/);
+    expect(truthWords(verdict({}), link).join(' ')).not.toMatch(/WebSocket/);
+  });
+
+  it('say that a mirror is one, and that nobody writes it', () => {
+    const mirror: Link = { ...link, by: 'mirror', hz: 2, roundTripMs: null };
+    const { word, detail, more } = chipWords(verdict({}), mirror, 0);
+    expect(`${word} ${detail}${more}`).toBe('LIVE 2 Hz · mirror');
+    expect(truthWords(verdict({}), mirror).join(' ')).toMatch(/reads a mirror.* at most 2 poses a second/);
+    const unwritten = truthWords(verdict({ word: 'STALE', cause: 'relay degraded' }), mirror);
+    expect(unwritten[0]).toMatch(/^Nobody writes the mirror/);
   });
 
   it('of waiting name what is missing', () => {

@@ -1,9 +1,8 @@
 // @vitest-environment happy-dom
 import { strToU8, zipSync } from 'fflate';
 import { describe, expect, it } from 'vitest';
-import { diagnose } from '../src/drop/doctor.ts';
-import { type LocalFile, localFiles, MAX_FILES, tidyPath } from '../src/drop/files.ts';
-import { openLocal } from '../src/drop/local_robot.ts';
+import { filesOf, type LocalFile, localFiles, MAX_FILES, tidyPath } from '../src/drop/files.ts';
+import { type LocalRobot, openLocal, urdfsIn } from '../src/drop/local_robot.ts';
 import { unzip } from '../src/drop/unzip.ts';
 
 const file = (content: string | Uint8Array): LocalFile => {
@@ -14,53 +13,8 @@ const file = (content: string | Uint8Array): LocalFile => {
 const folder = (files: Record<string, string>) =>
   new Map(Object.entries(files).map(([path, content]) => [path, file(content)]));
 
-const robot = (inside: string) => `<robot name="r"><link name="a"/><link name="b"/>${inside}</robot>`;
-const joint = (inside = '', type = 'revolute', name = 'j', parent = 'a', child = 'b') =>
-  `<joint name="${name}" type="${type}"><parent link="${parent}"/><child link="${child}"/>${inside}</joint>`;
-const LIMIT = '<limit lower="-1" upper="1" effort="1" velocity="1"/>';
-
-const words = (urdf: string, missing: string[] = []) =>
-  diagnose(new DOMParser().parseFromString(urdf, 'text/xml').documentElement, missing, urdf).map(
-    ({ text }) => text,
-  );
-
-describe('the doctor', () => {
-  it('finds nothing in a sound robot', () => {
-    expect(words(robot(joint(`<axis xyz="0 0 1"/>${LIMIT}`)))).toEqual([]);
-  });
-
-  it.each([
-    ['a link that is not there', robot(joint(LIMIT, 'revolute', 'j', 'a', 'c')), 'names the link "c"'],
-    ['doubled links', robot(`<link name="a"/>${joint(LIMIT)}`), 'Two links are called a.'],
-    ['doubled joints', robot(joint(LIMIT) + joint(LIMIT)), 'Two joints are called j.'],
-    ['two parents', robot(joint(LIMIT) + joint(LIMIT, 'revolute', 'k')), 'Link b has two parents.'],
-    ['a circle', robot(joint(LIMIT) + joint(LIMIT, 'revolute', 'k', 'b', 'a')), 'the joints form a circle'],
-    ['two roots', robot(''), 'There are 2 roots: a, b.'],
-    ['no links', '<robot name="r"/>', 'There are no links.'],
-    ['an unknown type', robot(joint(LIMIT, 'hinge')), 'of type "hinge"'],
-    ['an axis of zero', robot(joint(`<axis xyz="0 0 0"/>${LIMIT}`)), 'is zero'],
-    ['an axis of no numbers', robot(joint(`<axis xyz="0 x 1"/>${LIMIT}`)), 'is not three numbers'],
-    ['a long axis', robot(joint(`<axis xyz="0 0 2"/>${LIMIT}`)), 'has length 2.000'],
-    ['no limits', robot(joint()), 'has no limits'],
-    ['limits the wrong way round', robot(joint('<limit lower="1" upper="-1"/>')), 'is above its upper'],
-    ['limits that exclude zero', robot(joint('<limit lower="0.5" upper="1"/>')), 'exclude 0'],
-    ['degrees', robot(joint('<limit lower="-90" upper="90"/>')), 'look like degrees'],
-    ['millimetres', robot(joint(`<origin xyz="0 0 350"/>${LIMIT}`)), 'millimetres taken for metres?'],
-    ['a mimic of nobody', robot(joint(`<mimic joint="x"/>${LIMIT}`)), 'mimics "x", which does not exist'],
-    ['a mimic of itself', robot(joint(`<mimic joint="j"/>${LIMIT}`)), 'mimics itself in a circle'],
-    ['a template', robot(`${joint(LIMIT)}<!-- $\{arm} -->`), 'xacro template'],
-  ])('names %s', (_, urdf, why) => {
-    expect(words(urdf).some((text) => text.includes(why))).toBe(true);
-  });
-
-  it('says the worst first', () => {
-    const found = words(robot(joint('<axis xyz="0 0 2"/>') + joint(LIMIT, 'revolute', 'k', 'b', 'c')), [
-      'x.stl',
-    ]);
-    expect(found[0]).toContain('names the link "c"');
-    expect(found.at(-1)).toContain('has length');
-  });
-});
+const opened = async (files: ReadonlyMap<string, LocalFile>): Promise<LocalRobot> =>
+  openLocal(files, urdfsIn(files)[0]!);
 
 const MESH = (uri: string) => `<visual><geometry><mesh filename="${uri}"/></geometry></visual>`;
 const shows = (...uris: string[]) =>
@@ -79,7 +33,7 @@ describe('a dropped robot', () => {
       'top/meshes/a.stl': 'x',
       'top/meshes/b c.stl': 'y',
     });
-    const { manifest, diagnoses } = await openLocal(files);
+    const { manifest, findings } = await opened(files);
     expect(uris.map((uri) => manifest.files.get(uri)?.path)).toEqual([
       'top/meshes/a.stl',
       'top/meshes/a.stl',
@@ -87,7 +41,9 @@ describe('a dropped robot', () => {
       'top/meshes/b c.stl',
     ]);
     expect([...manifest.missing]).toEqual(['gone.stl']);
-    expect(diagnoses.map(({ text }) => text)).toEqual(['The mesh gone.stl is not among the files.']);
+    expect(findings(null).map(({ text, line }) => [text, line])).toEqual([
+      ["mesh 'gone.stl' of link 'a': no such file", 1],
+    ]);
   });
 
   it('never leaves what was dropped', () => {
@@ -100,13 +56,75 @@ describe('a dropped robot', () => {
     ]).toEqual(['a/b/c', 'a/b', 'b', null, null]);
   });
 
+  it('of several URDFs, the one nearest to the top comes first, then the largest', () => {
+    const small = '<robot name="r"/>';
+    const files = folder({
+      'a/b/deep.urdf': small.repeat(9),
+      'a/x.urdf': small,
+      'a/y.URDF': small.repeat(2),
+    });
+    expect(urdfsIn(files)).toEqual(['a/y.URDF', 'a/x.urdf', 'a/b/deep.urdf']);
+  });
+
+  it('has a slider for each joint that moves by itself, within limits that make sense', async () => {
+    const link = (name: string) => `<link name="${name}"/>`;
+    const joint = (name: string, child: string, type: string, inside = '') =>
+      `<joint name="${name}" type="${type}"><parent link="a"/><child link="${child}"/>${inside}</joint>`;
+    const urdf = `<robot name="r">${['a', 'b', 'c', 'd', 'e', 'f', 'g'].map(link).join('')}
+      ${joint('turn', 'b', 'revolute', '<limit lower="0.2" upper="1"/>')}${joint('spin', 'c', 'continuous')}
+      ${joint('slide', 'd', 'prismatic', '<limit lower="2" upper="1"/>')}${joint('still', 'e', 'fixed')}
+      ${joint('copy', 'f', 'revolute', '<mimic joint="turn"/>')}${joint('free', 'g', 'floating')}</robot>`;
+    const { joints } = await opened(folder({ 'r.urdf': urdf }));
+    expect(joints).toEqual([
+      { name: 'turn', unit: 'rad', lower: 0, upper: 1 },
+      { name: 'spin', unit: 'rad', lower: -Math.PI, upper: Math.PI },
+      { name: 'slide', unit: 'm', lower: -1, upper: 1 },
+      { name: 'free/trans_x', unit: 'm', lower: -1, upper: 1 },
+      { name: 'free/trans_y', unit: 'm', lower: -1, upper: 1 },
+      { name: 'free/trans_z', unit: 'm', lower: -1, upper: 1 },
+    ]);
+  });
+
   it.each([
     ['no URDF', { 'a.stl': 'x' }, 'No .urdf among these files.'],
     ['only a template', { 'r.urdf.xacro': 'x' }, 'r.urdf.xacro is a template'],
-    ['an entity', { 'r.urdf': '<!DOCTYPE r [<!ENTITY a "b">]><robot/>' }, 'r.urdf: a DTD is not accepted.'],
-    ['another document', { 'r.urdf': '<html/>' }, 'r.urdf has no <robot>.'],
+    [
+      'an entity',
+      { 'r.urdf': '<!DOCTYPE r [<!ENTITY a "b">]><robot/>' },
+      'r.urdf, line 1: a document type (DTD) is not accepted',
+    ],
+    ['another document', { 'r.urdf': '<html/>' }, 'r.urdf, line 1: this is an HTML page, not URDF'],
   ])('with %s is refused in one line', async (_, files, why) => {
-    await expect(openLocal(folder(files as unknown as Record<string, string>))).rejects.toThrow(why);
+    await expect(opened(folder(files as unknown as Record<string, string>))).rejects.toThrow(why);
+  });
+});
+
+describe('what is dropped', () => {
+  const entry = (fullPath: string) =>
+    ({
+      isFile: true,
+      fullPath,
+      file: (take: (file: File) => void) => take(new File(['x'], fullPath)),
+    }) as unknown as FileSystemEntry;
+  /** A folder whose reader hands out a hundred entries at a time, as browsers do. */
+  const directory = (entries: FileSystemEntry[]) => {
+    const readEntries = (take: (some: FileSystemEntry[]) => void) => take(entries.splice(0, 100));
+    return { isFile: false, createReader: () => ({ readEntries }) } as unknown as FileSystemEntry;
+  };
+
+  it('is walked, folders of folders too, beside files that came without an entry', async () => {
+    const meshes = Array.from({ length: 230 }, (_, i) => entry(`/arm/meshes/${i}.stl`));
+    const top = directory([entry('/arm/arm.urdf'), directory(meshes)]);
+    const found = await filesOf([top, new File(['y'], 'mail.zip')]);
+    expect(found.size).toBe(232);
+    expect([...found.keys()]).toEqual(
+      expect.arrayContaining(['arm/arm.urdf', 'arm/meshes/229.stl', 'mail.zip']),
+    );
+  });
+
+  it('is refused when it is more than a robot', async () => {
+    const many = Array.from({ length: MAX_FILES + 1 }, (_, i) => entry(`/home/${i}`));
+    await expect(filesOf([directory(many)])).rejects.toThrow('More than 5000 files');
   });
 });
 
@@ -121,10 +139,8 @@ describe('a zip', () => {
     });
     const files = await localFiles(new Map([['r.zip', new File([zip], 'r.zip')]]));
     expect([...files.keys()].sort()).toEqual(['r/meshes/a.stl', 'r/r.urdf']);
-    const opened = await openLocal(files);
-    expect(new TextDecoder().decode(await opened.fetch(opened.manifest.files.get('meshes/a.stl')!))).toBe(
-      'mesh',
-    );
+    const { manifest, fetch } = await opened(files);
+    expect(new TextDecoder().decode(await fetch(manifest.files.get('meshes/a.stl')!))).toBe('mesh');
   });
 
   it('whose members lead outside or are called strangely harms nobody', async () => {

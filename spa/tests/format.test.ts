@@ -1,5 +1,5 @@
 import { describe, expect, it } from 'vitest';
-import { displayOf, flagWords, formatNumber, formatSpan } from '../src/twin/format.ts';
+import { displayOf, flagWords, formatNumber, formatSpan, stepsOf, stepsText } from '../src/twin/format.ts';
 
 const shown = (value: number | null, unit: string, angle: 'rad' | 'deg' = 'rad') =>
   formatNumber(value, displayOf(unit, angle));
@@ -17,6 +17,20 @@ describe('numbers', () => {
   it('keep the sign in a column of its own, with a true minus', () => {
     expect(shown(-0.381, 'rad')).toBe('\u22120.381');
     expect(shown(-0.381, 'rad').length).toBe(shown(0.381, 'rad').length);
+  });
+
+  it('are the same text exactly where they are the same number of steps', () => {
+    const rad = displayOf('rad', 'rad');
+    for (const value of [0.0005, 0.38149, 1.9995, 12.3456, 999.9996, 1e9, 1e14, 1e17, 3e22]) {
+      for (const signed of [value, -value]) {
+        const text = formatNumber(signed, rad);
+        const shownAs = Number(text.replace('\u2212', '-').replace('\u2007', ''));
+        expect(Math.abs(shownAs - signed), text).toBeLessThanOrEqual(0.000_500_1 + Math.abs(signed) * 1e-15);
+        expect(stepsText(stepsOf(signed, rad), rad)).toBe(text);
+      }
+    }
+    expect(stepsOf(0.3811, rad)).toBe(stepsOf(0.3809, rad));
+    expect(formatNumber(0.000012, displayOf('lux', 'rad', 1e-5))).toBe('\u20070.00001');
   });
 
   it('have no sign when they round to zero', () => {

@@ -1,5 +1,4 @@
 import { describe, expect, it } from 'vitest';
-import { FaultWatch } from '../src/twin/faults.ts';
 import { JointTable } from '../src/twin/joints.ts';
 import { codesWith, SCHEMA } from './schema.ts';
 
@@ -16,6 +15,16 @@ const row = (changed: Parameters<typeof codesWith>[0], label = 'RKN') => {
 };
 
 describe('joint rows', () => {
+  it('of a joint that yields on purpose are no caution for it', () => {
+    expect(row({ 'ref.RKN': 500, 'flags.RKN': HOMED | ENABLED })).toMatchObject({
+      apart: true,
+      level: 'caution',
+    });
+    expect(row({ 'ref.RKN': 500, 'flags.RKN': HOMED | ENABLED | COMPLY })).toMatchObject({
+      ...{ apart: false, compliant: true, level: 'ok' },
+    });
+  });
+
   it('show reference, position, their difference, current, temperature and plain name', () => {
     const knee = row({ 'ref.RKN': 500, 'pos.RKN': 480, 'cur.RKN': -150 });
     expect(knee.ref).toBeCloseTo(0.5);
@@ -74,20 +83,4 @@ describe('joint rows', () => {
     const columns = ['ref', 'pos', 'error', 'cur', 'temp', 'flags', 'homed', 'enabled'] as const;
     expect(columns.every((column) => table.has(column))).toBe(true);
   });
-});
-
-it('active faults are told with the time since they were first seen, the oldest first', () => {
-  const watch = new FaultWatch();
-  const table = new JointTable(SCHEMA);
-  const at = (nowMs: number, changed: Parameters<typeof codesWith>[0]) =>
-    watch.update(table.read(codesWith(changed)), nowMs).map((f) => [f.label, f.words, f.sinceMs]);
-
-  expect(at(0, {})).toEqual([]);
-  expect(at(100, { 'flags.RKN': JAM })).toEqual([['RKN', 'jam', 100]]);
-  expect(at(900, { 'flags.RKN': JAM, 'temp.LKN': 90 })).toEqual([
-    ['RKN', 'jam', 100],
-    ['LKN', 'too hot', 900],
-  ]);
-  expect(at(1000, { 'temp.LKN': 90 })).toEqual([['LKN', 'too hot', 900]]);
-  expect(at(2000, { 'flags.RKN': JAM })).toEqual([['RKN', 'jam', 2000]]);
 });

@@ -125,24 +125,26 @@ describe('the picture', () => {
   });
 });
 
-it('400 ms of jitter on a status each second is no reason to cry STALE', () => {
-  // The slowest case: no poses asked for (hidden page), so that status alone keeps the picture true.
-  let seed = 7;
-  const jitter = () => {
-    seed = (seed * 1103515245 + 12345) % 2 ** 31;
-    return (seed / 2 ** 31) * 400;
-  };
-  let arrived = NOW;
-  for (let sent = NOW; sent < NOW + 300_000; sent += 1000) {
-    const next = sent + 1000 + jitter();
-    const seen = evidence({
-      status: status({ ageMs: 33, atMs: arrived }),
-      heardMs: arrived,
-      freshMs: null,
-      changedMs: null,
-      watchingMs: null,
-    });
-    expect(judge(seen, next - 1).word).toBe('LIVE');
-    arrived = next;
-  }
+describe('a status each 0.97 s, each of them 0 to 800 ms under way', () => {
+  const EVERY_MS = 970;
+  const cases: [string, Partial<Evidence>, Partial<Status>, string][] = [
+    ['to a hidden page, which asks for no poses', { watchingMs: null, shownMs: null }, { ageMs: 33 }, 'LIVE'],
+    ['of a robot that has left', {}, { robot: 'offline', ageMs: 90_000 }, 'OFFLINE'],
+    ['of a robot that is silent', {}, { robot: 'silent', ageMs: 90_000 }, 'robot silent'],
+  ];
+  it.each(cases)('%s', (_, seen, said, expected) => {
+    let seed = 7;
+    const underWay = () => {
+      seed = (seed * 1103515245 + 12345) % 2 ** 31;
+      return (seed / 2 ** 31) * 800;
+    };
+    let arrived = NOW;
+    for (let sent = NOW + EVERY_MS; sent < NOW + 300_000; sent += EVERY_MS) {
+      const next = Math.max(arrived, sent + underWay());
+      const unheard = { freshMs: null, changedMs: null, shownMs: null, heardMs: arrived, ...seen };
+      const found = judge(evidence({ ...unheard, status: status({ ...said, atMs: arrived }) }), next - 1);
+      expect(expected).toBe(found.cause ?? found.word);
+      arrived = next;
+    }
+  });
 });

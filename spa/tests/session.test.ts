@@ -1,4 +1,5 @@
 import { describe, expect, it } from 'vitest';
+import { WITHOUT_MS } from '../src/stream/carrier.ts';
 import type { FromStream } from '../src/stream/messages.ts';
 import { type Action, CONNECT_LIMIT_MS, Session, SILENT_LIMIT_MS } from '../src/stream/session.ts';
 import { Frames, SCHEMA, SCHEMA_TEXT } from './schema.ts';
@@ -36,6 +37,37 @@ class Rig {
     return this.take().flatMap((action) =>
       action.do === 'send' ? [JSON.parse(action.text) as unknown] : [],
     );
+  }
+
+  /** The addresses it wanted since the last look. */
+  asked(): string[] {
+    return this.take().flatMap((action) => (action.do === 'connect' ? [action.url] : []));
+  }
+
+  /** Two openings fail: it stands on events now. */
+  fallBack(): void {
+    this.do(this.session.start(this.now));
+    for (let failure = 0; failure < 2; failure++) {
+      this.do(this.session.closed(this.now, 1006, ''));
+      this.pass(1000);
+    }
+    this.do(this.session.opened(this.now));
+    this.say({
+      type: 'hello',
+      wire: 1,
+      server_time: 0,
+      robot: 'r',
+      view: 'public',
+      hz: 30,
+      limits: {},
+      model: null,
+    });
+  }
+
+  /** A frame that the relay wrote so long ago. */
+  lateFrame(bytes: Uint8Array, lateMs: number): void {
+    this.session.stamped(this.now, this.now - lateMs);
+    this.frame(bytes);
   }
 
   open(): void {
@@ -92,21 +124,28 @@ describe('connecting', () => {
     const rig = new Rig();
     rig.do(rig.session.start(rig.now));
     expect(rig.take()).toEqual([
-      { do: 'post', message: { kind: 'link', phase: 'connecting', retryAtMs: null, ending: null } },
-      { do: 'connect', url: 'ws://relay/live?hz=30' },
+      {
+        do: 'post',
+        message: { kind: 'link', by: 'websocket', phase: 'connecting', retryAtMs: null, ending: null },
+      },
+      { do: 'connect', by: 'websocket', url: 'ws://relay/live?hz=30' },
     ]);
   });
 
-  it('gives up on a socket that does not open, and tries again', () => {
+  it('gives up on what does not open, and goes on trying by turns', () => {
     const rig = new Rig(0);
     rig.do(rig.session.start(rig.now));
+    rig.pass(WITHOUT_MS);
+    expect(rig.asked()).toEqual(['ws://relay/live?hz=30', 'http://relay/live.sse?hz=30']);
     rig.pass(CONNECT_LIMIT_MS);
     rig.take();
     rig.pass(250);
     expect(rig.session.phase).toBe('waiting');
     expect(rig.take().map((action) => action.do)).toEqual(['drop', 'post']);
     rig.pass(250);
-    expect(rig.session.phase).toBe('connecting');
+    expect(rig.asked()).toEqual(['ws://relay/live?hz=30']);
+    rig.pass(WITHOUT_MS);
+    expect(rig.asked()).toEqual(['http://relay/live.sse?hz=30']);
   });
 
   it('backs off with full jitter, and starts anew after a connection that worked', () => {
@@ -210,6 +249,24 @@ describe('a socket that died without saying so', () => {
 
 describe('acknowledging', () => {
   const acks = (rig: Rig) => rig.sent().filter((m) => (m as { type: string }).type === 'ack');
+
+  it('twice a second from afar, or the relay would wait for it and hold frames back', () => {
+    const rig = new Rig();
+    rig.open();
+    rig.schema();
+    const frames = new Frames();
+    rig.pass(250);
+    const [ping] = rig.sent().filter((m) => (m as { type: string }).type === 'ping') as { t: number }[];
+    rig.pass(600);
+    rig.say({ type: 'pong', t: ping!.t });
+    rig.frame(frames.next());
+    expect(acks(rig)).toEqual([{ type: 'ack', n: 1 }]);
+    rig.pass(499);
+    rig.frame(frames.next());
+    expect(acks(rig)).toEqual([]);
+    rig.pass(1);
+    expect(acks(rig)).toEqual([{ type: 'ack', n: 2 }]);
+  });
 
   it('counts the binary messages of this connection, at most once a second, and owes nothing for longer', () => {
     const rig = opened();
@@ -315,6 +372,16 @@ describe('frames', () => {
     expect(states(rig).map((s) => s.freshMs)).toEqual([rig.now]);
   });
 
+  it('are as old as they have been here, whatever a status says that took its time', () => {
+    const rig = opened();
+    rig.frame(new Frames(1).next());
+    rig.now += 1700;
+    rig.take();
+    rig.status({ seq: 1, age_ms: 900 });
+    rig.status({ seq: 2, age_ms: 900 }); // of one that is not here yet
+    expect(rig.posts('status').map(({ status }) => status.ageMs)).toEqual([1700, 900]);
+  });
+
   it('tell when the pose last changed', () => {
     const rig = opened();
     const frames = new Frames();
@@ -384,7 +451,7 @@ describe('what the relay says', () => {
     const rig = opened();
     rig.say({ type: 'schema', v: 1, robot: 'x', labels: {}, fields: [{ name: 'pos', labels: 'none' }] });
     const [problem] = rig.posts('problem');
-    expect(problem?.text).toContain('fields[0].labels');
+    expect(problem?.problem.detail).toContain('fields[0].labels');
     expect(rig.session.phase).toBe('open');
   });
 
@@ -404,4 +471,145 @@ describe('what the relay says', () => {
     expect(pace?.hz).toBeCloseTo(20, 0);
     expect(pace?.roundTripMs).toBe(40);
   });
+});
+
+describe('where no WebSocket gets through', () => {
+  const EVENTS = 'http://relay/live.sse?hz=30';
+
+  function onEvents(): Rig {
+    const rig = new Rig();
+    rig.fallBack();
+    rig.schema();
+    rig.take();
+    return rig;
+  }
+
+  it('two openings that fail are enough; it says by what it comes', () => {
+    const rig = new Rig();
+    rig.fallBack();
+    const done = rig.take();
+    expect(done.flatMap((action) => (action.do === 'connect' ? [action.url] : []))).toEqual([
+      'ws://relay/live?hz=30',
+      'ws://relay/live?hz=30',
+      EVENTS,
+    ]);
+    const links = done.flatMap((action) =>
+      action.do === 'post' && action.message.kind === 'link' ? [action.message] : [],
+    );
+    expect(links.at(-1)).toMatchObject({ by: 'events', phase: 'open' });
+  });
+
+  it('so is a WebSocket that opens and brings nothing', () => {
+    const rig = new Rig(0);
+    rig.do(rig.session.start(rig.now));
+    for (let i = 0; i < 2; i++) {
+      rig.do(rig.session.opened(rig.now));
+      rig.pass(SILENT_LIMIT_MS + 500);
+    }
+    expect(rig.asked().at(-1)).toBe(EVENTS);
+  });
+
+  it('nothing is said to the relay, and a WebSocket is tried beside it, more and more seldom', () => {
+    const rig = onEvents();
+    const frames = new Frames();
+    const tries: number[] = [];
+    const began = rig.now;
+    while (rig.now - began < 400_000) {
+      rig.pass(1000);
+      rig.status();
+      rig.frame(frames.next());
+      const done = rig.take();
+      expect(done.some((action) => action.do === 'send')).toBe(false);
+      if (done.some((action) => action.do === 'try')) tries.push(Math.round((rig.now - began) / 1000));
+    }
+    expect(tries).toEqual([1, 31, 91, 211]);
+    rig.do(rig.session.wake(rig.now));
+    rig.pass(250);
+    expect(rig.take()).toContainEqual({ do: 'try', url: 'ws://relay/live?hz=30' });
+    rig.do(rig.session.moved(rig.now));
+    rig.status();
+    expect(rig.posts('link').at(-1)).toMatchObject({ by: 'websocket', phase: 'open' });
+    rig.do(rig.session.closed(rig.now, 1006, ''));
+    rig.pass(1000);
+    expect(rig.asked(), 'what has worked is tried first').toEqual(['ws://relay/live?hz=30']);
+  });
+
+  it('a page that is not seen asks for another connection without poses, and stays open', () => {
+    const rig = onEvents();
+    rig.pass(2000);
+    rig.status();
+    rig.take();
+    rig.do(rig.session.visibility(rig.now, false));
+    expect(rig.take()).toEqual([{ do: 'connect', by: 'events', url: 'http://relay/live.sse?hz=0' }]);
+    expect(rig.session.phase).toBe('open');
+    rig.do(rig.session.visibility(rig.now, true));
+    expect(rig.asked(), 'no flood').toEqual([]);
+    rig.pass(2000);
+    expect(rig.asked()).toEqual([EVENTS]);
+  });
+
+  it('what has lain on its way tells of then', () => {
+    const rig = onEvents();
+    const frames = new Frames();
+    rig.lateFrame(frames.next(), 40);
+    rig.status();
+    rig.take();
+    rig.lateFrame(frames.next(), 1840);
+    rig.status();
+    const done = rig.take();
+    const messages = done.flatMap((action) => (action.do === 'post' ? [action.message] : []));
+    const state = messages.find((message) => message.kind === 'state')?.state;
+    expect(state).toMatchObject({ atMs: rig.now, lateMs: 1800, freshMs: rig.now - 1800 });
+    expect(messages.find((message) => message.kind === 'status')?.status.atMs).toBe(rig.now - 1800);
+  });
+
+  /** Frames that come later and later, as through a buffer that fills. */
+  function flood(rig: Rig, frames: Frames, seconds: number, lateMs: (second: number) => number): string[] {
+    const asked: string[] = [];
+    for (let second = 0; second < seconds && asked.length === 0; second++) {
+      rig.pass(1000);
+      rig.status();
+      rig.lateFrame(frames.next(), lateMs(second));
+      asked.push(...rig.asked());
+    }
+    return asked;
+  }
+
+  it('poses that are late twice are asked for more seldom; the person may ask for all of them', () => {
+    const rig = onEvents();
+    const frames = new Frames();
+    rig.lateFrame(frames.next(), 0);
+    rig.take();
+    expect(flood(rig, frames, 20, () => 1900)).toEqual([]);
+    expect(flood(rig, frames, 20, (second) => (second % 2) * 2500)).toEqual([]); // never twice
+    expect(flood(rig, frames, 20, () => 2500)).toEqual(['http://relay/live.sse?hz=10']);
+    rig.say({
+      type: 'hello',
+      wire: 1,
+      server_time: 0,
+      robot: 'r',
+      view: 'public',
+      hz: 10,
+      limits: {},
+      model: null,
+    });
+    expect(rig.posts('rate').at(-1)).toMatchObject({ hz: 10, reason: 'slow network' });
+    rig.lateFrame(frames.next(), 0);
+    expect(flood(rig, frames, 20, () => 2500)).toEqual(['http://relay/live.sse?hz=5']);
+    rig.pass(2000);
+    rig.status();
+    rig.take();
+    rig.do(rig.session.wishAll(rig.now));
+    expect(rig.asked()).toEqual([EVENTS]);
+  });
+});
+
+it('asks the relay again for a rate that it has lowered', () => {
+  const rig = opened();
+  rig.pass(1000);
+  rig.status();
+  rig.say({ type: 'rate', hz: 5, reason: 'overload' });
+  expect(rig.posts('rate')).toEqual([{ kind: 'rate', hz: 5, reason: 'overload' }]);
+  rig.do(rig.session.wishAll(rig.now));
+  expect(rig.sent()).toEqual([{ type: 'rate', hz: 30 }]);
 });

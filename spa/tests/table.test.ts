@@ -124,7 +124,7 @@ it('the sensor table shows every group with its units', () => {
   const host = document.createElement('div');
   const view = new SensorView(host, twin);
   show(twin, 9, { 'ftf.RF.fz': 260, 'ftm.RF.mx': null });
-  view.write();
+  view.write(0);
   const row = host.querySelector('[data-field="ftf"][data-label="RF.fz"]')?.closest('tr');
   expect(row?.textContent).toBe('Fz\u2007260.0N');
   expect(row?.dataset.level).toBe('caution');
@@ -135,5 +135,35 @@ it('the sensor table shows every group with its units', () => {
     'torso',
     'Power',
     'range',
+  ]);
+});
+
+it('velocity and effort have columns only where a robot reports them', () => {
+  const columns = (schema: typeof SCHEMA) => {
+    const twin = new RobotTwin('small', 0);
+    const host = document.createElement('div');
+    twin.acceptSchema(schema);
+    const codes = new Int32Array(schema.size).fill(25);
+    twin.acceptState({ schemaId: schema.id, seq: 1, tS: 0, codes, freshMs: 0, changedMs: 0, atMs: 0 });
+    new JointView(host, twin).write(0);
+    return [...host.querySelectorAll('thead th')].map((head, i) =>
+      [head.textContent, host.querySelector('tbody tr')?.children[i]?.textContent].join(' '),
+    );
+  };
+  expect(columns(SCHEMA).join()).not.toMatch(/vel|effort/);
+  const { parse } = SCHEMA.constructor as typeof import('@posecast/wire').Schema;
+  const moving = JSON.parse(SCHEMA.text) as { fields: unknown[] };
+  moving.fields.push(
+    { name: 'vel', unit: 'rad/s', scale: 0.01, labels: 'joint' },
+    { name: 'effort', unit: 'Nm', scale: 0.1, labels: 'joint' },
+  );
+  expect(columns(parse(JSON.stringify(moving))).slice(1, 8)).toEqual([
+    'refrad \u20070.025',
+    'posrad \u20070.025',
+    'errorrad \u20070.000',
+    'velrad/s \u20070.25',
+    'effortN·m \u20072.50',
+    'curA \u20070.25',
+    'temp°C \u200725.0',
   ]);
 });

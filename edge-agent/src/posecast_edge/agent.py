@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 import threading
 import time
 
@@ -14,7 +15,8 @@ from posecast_edge.console import Console
 from posecast_edge.echo import RateControl
 from posecast_edge.events import Event
 from posecast_edge.model.bundle import Bundle
-from posecast_edge.profile import Profile
+from posecast_edge.pace import Pace
+from posecast_edge.profile import PUBLIC, Profile
 from posecast_edge.publisher_zenoh import ZenohPublisher
 from posecast_edge.schema_build import profile_of
 from posecast_edge.settings import Settings
@@ -23,7 +25,6 @@ from posecast_edge.stream import Stream
 
 log = logging.getLogger("posecast_edge")
 
-VIEW = "public"
 NAP_S = 0.1  # the longest sleep: a signal is noticed this soon
 STOP_S = 0.7
 
@@ -36,24 +37,24 @@ class Agent:
         settings: Settings,
         source: Source,
         profile: Profile | None,
-        bundle: Bundle | None,
         console: Console,
     ) -> None:
         """posecast_wire.SchemaError when the wire cannot carry the profile."""
         self._settings = settings
         self._source = source
         self._console = console
-        self._model = bundle.hash if bundle else None
+        self._model: str | None = None
         self._useless = Complaints(log.warning, "useless samples")
-        self._stream = self._new_stream(profile) if profile else None
+        self._shows = self._shows_of(profile)
         self._publisher = ZenohPublisher(
             settings.robot,
-            VIEW,
+            [show.view for show in self._shows],
             settings.relay,
             snapshot=self._snapshot,
             heard=self._force_key,
-            bundle=bundle,
+            credential=settings.credential,
         )
+        self._bell = threading.Event()  # somebody has begun to listen
         self._rate = RateControl(settings.hz)
         self._meter = Meter()
         self._stopping = False
@@ -61,6 +62,11 @@ class Agent:
         self._source_ended = False
         self._failure: str | None = None
         self.link_closed = False  # after `run`: the link's thread has ended too
+
+    def offer(self, bundle: Bundle) -> None:
+        """Show the robot by this model from now on. From any thread, also before `run`."""
+        self._model = bundle.hash
+        self._publisher.offer(bundle)
 
     def stop(self) -> None:
         """End soon. Safe inside a signal handler: it takes no lock."""
@@ -71,55 +77,74 @@ class Agent:
         self._publisher.start()
         threading.Thread(target=self._read_source, name="source", daemon=True).start()
         echoes = 0
-        next_s = time.monotonic()
         while not self._stopping and not self._source_ended:
             now_s = time.monotonic()
-            if now_s < next_s:
-                time.sleep(min(next_s - now_s, NAP_S))
-                continue
             if self._publisher.echoes != echoes:
                 echoes = self._publisher.echoes
-                self._rate.note(self._publisher.late_s, now_s)
-            next_s = max(next_s + 1 / self._rate.hz, now_s)  # never catch up: a late frame is an old pose
-            self._tick(now_s)
+                self._adapt(now_s)
+            for show in self._shows:
+                if show.rest_s(now_s) == 0:
+                    self._send(show, now_s)
+            self._chores(now_s)
+            if self._bell.wait(min(NAP_S, *(show.rest_s(now_s) for show in self._shows))):
+                self._bell.clear()
         self._source_stop.set()
         if self._source_ended:
-            self._tick(time.monotonic())  # the last sample
+            for show in self._shows:
+                self._send(show, time.monotonic())  # the last sample
             log.log(logging.ERROR if self._failure else logging.INFO, "%s", self._failure or "source ended")
+        for show in self._shows:
+            show.end()  # a source that delivers on must not meet a link that closes
         self.link_closed = self._publisher.stop(STOP_S)
         self._console.finish()
         return 1 if self._failure else 0
 
     # --- the clock's thread
 
-    def _tick(self, now_s: float) -> None:
-        stream = self._stream
-        if stream is not None:
-            self._tell(stream.idle(now_s))
-            # without a link nothing is encoded: the newest sample waits, and only the newest
-            frame = stream.tick(now_s) if self._publisher.connected else None
-            if frame is not None:
-                self._publisher.frame(frame.data, frame.seq)
-                self._meter.frame(len(frame.data))
+    def _adapt(self, now_s: float) -> None:
+        before_hz, late_s = self._rate.hz, self._publisher.late_s
+        self._rate.note(late_s, now_s)
+        if self._rate.hz < before_hz:
+            log.warning("frames arrive %.1f s late: %g Hz instead of %g", late_s, self._rate.hz, before_hz)
+        elif self._rate.hz > before_hz:
+            log.info("frames arrive in time: %g Hz again", self._rate.hz)
+
+    def _chores(self, now_s: float) -> None:
+        for show in self._shows:
+            if show.stream is not None:
+                self._tell(show, show.stream.idle(now_s))
         if self._console.due(now_s):
             self._console.progress(self._progress(now_s), now_s)
 
-    def _tell(self, events: list[Event]) -> None:
+    def _tell(self, show: Show, events: list[Event]) -> None:
         for event in events:
-            self._publisher.event(event)
+            self._publisher.event(show.view, event)
 
     def _progress(self, now_s: float) -> str:
         link = self._publisher.word()
         if link == "late":
             link = f"late {self._publisher.late_s:.1f} s, asked for {self._rate.hz:g} Hz"
-        stream = self._stream
+        stream = self._shows[0].stream
         source = "no sample yet" if stream is None or not stream.started else "live"
         if stream is not None and stream.silent:
             source = "silent"
         flow = self._meter.take(now_s)
         return f"{self._settings.robot} | {link} | {flow} | {self._source.description}: {source}"
 
-    # --- the source's thread
+    # --- the source's thread, which also sends: nobody has to be woken up for a frame
+
+    def _send(self, show: Show, now_s: float) -> None:
+        """The frame that is due. By the clock's thread when no sample came for it."""
+        with show.lock:
+            if show.ended:
+                return
+            show.left(now_s, self._rate.hz)
+            # without a link, or with a queue in it, nothing is encoded: the newest sample waits, only the
+            # newest
+            frame = show.stream.tick(now_s) if show.stream and self._publisher.open else None
+            if frame is not None:
+                self._publisher.frame(show.view, frame.data, frame.seq)
+                self._meter.frame(len(frame.data))
 
     def _read_source(self) -> None:
         try:
@@ -131,34 +156,85 @@ class Agent:
             self._failure = f"source: {type(e).__name__}: {e}"
         self._source_ended = True
 
-    def _deliver(self, sample: Sample) -> None:
+    def _deliver(self, sample: Sample) -> float | None:
         now_s = time.monotonic()
-        stream = self._stream
-        if stream is None:
-            try:
-                stream = self._new_stream(profile_of(self._settings.robot, sample))
-            except (SourceError, SchemaError) as e:
-                self._useless.add(f"{sample.where}: {e}" if sample.where else str(e), now_s)
-                return
-        info = stream.info
-        self._tell(stream.deliver(sample, now_s))
-        if stream.info is not info:
-            self._publisher.info(stream.info)
-        self._stream = stream  # seen by the clock only now, with its first sample in it
+        for show in self._shows:
+            stream = show.stream
+            if stream is None:
+                try:
+                    stream = self._new_stream(profile_of(self._settings.robot, sample))
+                except (SourceError, SchemaError) as e:
+                    self._useless.add(f"{sample.where}: {e}" if sample.where else str(e), now_s)
+                    return None
+            info = stream.info
+            self._tell(show, stream.deliver(sample, now_s))
+            if stream.info is not info:
+                self._publisher.info(show.view, stream.info)
+            show.stream = stream  # seen by the clock only now, with its first sample in it
+            if sample.newest and show.pace.ripe(now_s):
+                self._send(show, now_s)
+        return min(show.pace.from_s for show in self._shows)
 
     def _new_stream(self, profile: Profile) -> Stream:
         return Stream(profile, self._settings.key_interval_s, log.warning)
 
+    def _shows_of(self, profile: Profile | None) -> list[Show]:
+        """What is sent, the fastest first: without views everything, without a profile what comes first."""
+        hz, now_s = self._settings.hz, time.monotonic()
+        if profile is None or not profile.views:
+            stream = self._new_stream(profile) if profile else None
+            return [Show(PUBLIC, hz, stream, now_s)]
+        shows = [
+            Show(name, min(view.hz or hz, hz), self._new_stream(profile.seen_as(view)), now_s)
+            for name, view in profile.views.items()
+        ]
+        return sorted(shows, key=lambda show: -show.hz)
+
     # --- called by the link
 
-    def _snapshot(self) -> Snapshot | None:
-        stream = self._stream
+    def _show(self, view: str) -> Show:
+        return next(show for show in self._shows if show.view == view)
+
+    def _snapshot(self, view: str) -> Snapshot | None:
+        stream = self._show(view).stream
         return stream.snapshot(self._model) if stream else None
 
-    def _force_key(self) -> None:
-        stream = self._stream
-        if stream:
-            stream.force_key()
+    def _force_key(self, view: str) -> None:
+        show = self._show(view)
+        if show.stream:
+            show.stream.force_key()
+            show.at_once = True  # who has just come does not wait for the pace
+            self._bell.set()
+
+
+class Show:
+    """One view as it is sent. `stream` is None until the first sample of a robot without a profile."""
+
+    def __init__(self, view: str, hz: float, stream: Stream | None, now_s: float) -> None:
+        self.view = view
+        self.hz = hz  # at most
+        self.stream = stream
+        self.pace = Pace(hz, now_s)
+        self.at_once = False  # a frame is wanted whatever the pace
+        self.lock = threading.Lock()  # frames leave one after the other, in the order of their numbers
+        self.ended = False
+
+    def rest_s(self, now_s: float) -> float:
+        """How long no frame is due as things are; 0: now."""
+        if self.at_once:
+            return 0.0
+        return self.pace.wait_s(now_s) if self.stream and self.stream.fresh else math.inf
+
+    def end(self) -> None:
+        """No frame leaves any more, nor is one just leaving."""
+        with self.lock:
+            self.ended = True
+
+    def left(self, now_s: float, most_hz: float) -> None:
+        """A frame leaves; not more than `most_hz` of them shall."""
+        self.at_once = False
+        self.pace.hz = min(self.hz, most_hz)
+        self.pace.left(now_s)
 
 
 class Meter:

@@ -6,14 +6,20 @@ import logging
 import os
 import signal
 import sys
+from typing import TYPE_CHECKING
 
 from posecast_wire.schema import SchemaError
 
 from posecast_edge.console import Console
-from posecast_edge.model.bundle import Bundle, ModelError, load_built, load_bundle
-from posecast_edge.profile import ProfileError, load_profile
+from posecast_edge.model.bundle import ModelError, load_built, load_bundle
+from posecast_edge.model.resolve import package_folders
+from posecast_edge.profile_reader import ProfileError, load_profile
 from posecast_edge.settings import Settings, UsageError, parse_settings
-from posecast_edge.sources import SourceError, defaults_of, open_source
+from posecast_edge.sources import Discovering, SourceError, defaults_of, open_source
+
+if TYPE_CHECKING:
+    from posecast_edge.model.background import BackgroundBuild
+    from posecast_edge.model.described import DescribedModel
 
 WRONG_CONFIGURATION = 2
 
@@ -24,6 +30,14 @@ def main() -> None:
         from posecast_edge.model.command import run_command  # noqa: PLC0415 - `run` stays small without it
 
         sys.exit(run_command(sys.argv[1:], os.environ))
+    if sys.argv[1:2] == ["probe"]:
+        from posecast_edge.probe import run_probe  # noqa: PLC0415
+
+        sys.exit(run_probe(sys.argv[2:]))
+    if sys.argv[1:2] == ["profile"]:
+        from posecast_edge.profile_new import run_profile  # noqa: PLC0415
+
+        sys.exit(run_profile(sys.argv[2:]))
     console = Console()
     log = logging.getLogger("posecast_edge")
     log.addHandler(console)
@@ -45,33 +59,38 @@ def _run(settings: Settings, console: Console) -> int:
     urdf = settings.urdf or defaults.urdf
     model = settings.model or (None if settings.urdf else defaults.model)
     profile = load_profile(profile_path) if profile_path else None
-    if model:
-        bundle: Bundle | None = load_built(model)
-    else:
-        bundle = _whole(load_bundle(urdf)) if urdf else None
+    built = load_built(model) if model else None
+    raw = load_bundle(urdf, package_folders(os.environ)) if urdf and not built else None
+    if raw:
+        raw.tell_missing()
     source = open_source(settings.source, profile)
 
     from posecast_edge.agent import Agent  # noqa: PLC0415 - Zenoh costs time and memory a wrong flag need not pay
 
-    agent = Agent(settings, source, profile, bundle, console)
+    agent = Agent(settings, source, profile, console)
+    if built:
+        agent.offer(built)
+    build: BackgroundBuild | DescribedModel | None = None
+    if urdf and raw:
+        from posecast_edge.model.background import BackgroundBuild  # noqa: PLC0415 - the same
+
+        build = BackgroundBuild(urdf, raw, agent.offer)
+    elif isinstance(source, Discovering) and not built:
+        from posecast_edge.model.described import DescribedModel  # noqa: PLC0415 - the same
+
+        build = DescribedModel(package_folders(os.environ), agent.offer)
+        source.describe_to(build.take)
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: agent.stop())
-    status = agent.run()
+    if build:
+        build.start()
+    try:
+        status = agent.run()
+    finally:
+        if build:
+            build.stop()
     if not agent.link_closed:
         # The link's thread sits in an open() or put() that ends only by itself; nothing is left to save.
         sys.stderr.flush()
         os._exit(status)
     return status
-
-
-def _whole(bundle: Bundle) -> Bundle:
-    """The bundle; what it lacks is said once."""
-    if bundle.missing:
-        shown = ", ".join(bundle.missing[:3]) + (" …" if len(bundle.missing) > 3 else "")
-        logging.getLogger("posecast_edge").warning(
-            "model: %d of %d files missing: %s",
-            len(bundle.missing),
-            len(bundle.files) + len(bundle.missing),
-            shown,
-        )
-    return bundle

@@ -6,7 +6,7 @@ from collections import deque
 
 from posecast_wire.keys import Echo
 
-LATE_S = 0.5  # above it the rate is halved
+LATE_S = 0.5  # above it the rate is halved, and an answer that takes longer holds frames back
 CALM_S = 0.25  # below it for RECOVER_S the rate doubles again
 RECOVER_S = 5.0
 SETTLE_S = (
@@ -26,12 +26,14 @@ class EchoWatch:
         self._quickest_s: float | None = None
         self._connected = False
         self._echo: Echo | None = None
+        self._asked_s: float | None = None  # a question is under way
         self.late_s = 0.0
 
     def link(self, connected: bool) -> None:
         """The link came up or went down: what was known of the relay is void."""
         self._connected = connected
         self._echo = None
+        self._asked_s = None
         self._first = None
         self._sent.clear()
         self.late_s = 0.0
@@ -42,9 +44,21 @@ class EchoWatch:
             self._first = (seq, now_s)
         self._sent.append((seq, now_s))
 
+    def asked(self, now_s: float) -> None:
+        """A question goes out."""
+        self._asked_s = now_s
+
+    def full(self, now_s: float) -> bool:
+        """A relay that has answered before takes its time over a question: that waits in a queue on the way,
+        and what is sent now would wait behind it. So nothing is sent until it is answered or given up."""
+        if self._asked_s is None or self._echo is None or self._quickest_s is None:
+            return False
+        return now_s - self._asked_s > LATE_S + self._quickest_s
+
     def answered(self, echo: Echo | None, asked_s: float, now_s: float) -> None:
         """The relay's answer; None when nobody answered, or too late."""
         self._echo = echo
+        self._asked_s = None
         round_trip_s = now_s - asked_s
         if echo is None and round_trip_s < LATE_S:
             self.late_s = 0.0  # nobody there to ask: not a matter of time

@@ -7,11 +7,11 @@ becomes two events.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from posecast_wire.mapping import Threshold
-from posecast_wire.schema import Schema
+from posecast_wire.schema import Field, Schema
 
 SILENT_S = 1.5  # as long as a viewer waits before it says STALE
 PER_SECOND = 20
@@ -58,25 +58,30 @@ class EventLimit:
         return out
 
 
-class _Bits:
-    """Watches the mask of one channel range."""
+Values = Sequence[float | None]
 
-    def __init__(self, start: int, labels: Sequence[str], told: Sequence[tuple[int, str, str]]) -> None:
-        self.slice = slice(start, start + len(labels))
-        self._labels = labels
+
+class _Bits:
+    """Watches the masks of one field."""
+
+    def __init__(self, field: Field, told: Sequence[tuple[int, str, str]]) -> None:
+        self.field = field
+        self._labels = field.labels
         self._told = told  # mask, name, level
         self._all = sum(mask for mask, _, _ in told)
-        self._seen: list[float | None] = [0] * len(labels)
+        self._newest: Values = ()
+        self._known: list[float | None] = [0] * field.size  # the newest reading of each
 
-    def look(self, t_s: float, masks: list[float | None]) -> list[Event]:
+    def look(self, t_s: float, masks: Values) -> list[Event]:
         events: list[Event] = []
-        if masks == self._seen:
+        if masks is self._newest or masks == self._newest:  # as nearly always, 200 times a second
             return events
+        self._newest = masks
         for i, mask in enumerate(masks):
-            before = self._seen[i]
+            before = self._known[i]
             if mask is None or mask == before:
                 continue  # no reading: what was true last stays so
-            self._seen[i] = mask
+            self._known[i] = mask
             changed = (int(mask) ^ int(before or 0)) & self._all
             if changed:
                 for bit, name, level in self._told:
@@ -86,7 +91,7 @@ class _Bits:
 
 
 class _Limit:
-    """Watches one channel against one threshold."""
+    """Watches one channel against one threshold. `index`: in its field."""
 
     def __init__(self, index: int, label: str, unit: str, threshold: Threshold) -> None:
         self.index = index
@@ -115,22 +120,45 @@ class _Limit:
         return [Event(t_s, "caution", self._label, self._words[s], on) for s, on in sides if s]
 
 
+class _Limits:
+    """Watches the channels of one field that have a threshold."""
+
+    def __init__(self, field: Field, limits: Sequence[_Limit]) -> None:
+        self.field = field
+        self._limits = limits
+        self._newest: Values = ()
+
+    def look(self, t_s: float, values: Values) -> list[Event]:
+        if values is self._newest or values == self._newest:  # temperatures hardly change
+            return []
+        self._newest = values
+        events: list[Event] = []
+        for limit in self._limits:
+            value = values[limit.index]
+            if value is not None and (limit.side or not limit.low <= value <= limit.high):
+                events += limit.look(t_s, value)
+        return events
+
+
 class EventWatch:
     """Samples in, events out. One thread calls it, or a lock stands around it."""
 
     def __init__(self, schema: Schema) -> None:
         """A bit whose severity is `state` makes no event. Limits are those of the schema's mapping."""
-        self._bits: list[_Bits] = []
-        self._limits: list[_Limit] = []
+        self._watched: list[_Bits | _Limits] = []
         for field in schema.fields:
             levels = [schema.mapping.severity(field.name, bit) for bit in field.bits]
             told = [(1 << i, field.bits[i], level) for i, level in enumerate(levels) if level != "state"]
             if told:
-                self._bits.append(_Bits(field.start, field.labels, told))
-            for i, label in enumerate(field.labels):
-                threshold = schema.mapping.threshold(field.name, label)
-                if threshold is not None:
-                    self._limits.append(_Limit(field.start + i, label, field.unit, threshold))
+                self._watched.append(_Bits(field, told))
+            thresholds = [schema.mapping.threshold(field.name, label) for label in field.labels]
+            limits = [
+                _Limit(i, label, field.unit, threshold)
+                for i, (label, threshold) in enumerate(zip(field.labels, thresholds, strict=True))
+                if threshold is not None
+            ]
+            if limits:
+                self._watched.append(_Limits(field, limits))
         self._last_s: float | None = None
         self._t_s = 0.0
         self.silent = False
@@ -140,19 +168,18 @@ class EventWatch:
         """A sample has come."""
         return self._last_s is not None
 
-    def sample(self, t_s: float, values: Sequence[float | None], now_s: float) -> list[Event]:
-        """A sample in channel order. Returns what it changed."""
+    def sample(self, t_s: float, values_of: Callable[[Field], Values | None], now_s: float) -> list[Event]:
+        """A sample: `values_of` gives a field's values in the order of its labels, None when it has none; it
+        is asked for the fields that can make an event. Returns what the sample changed."""
         events: list[Event] = []
         self._last_s, self._t_s = now_s, t_s
         if self.silent:
             self.silent = False
             events.append(Event(t_s, "caution", "source", "silent", False))
-        for bits in self._bits:
-            events += bits.look(t_s, list(values[bits.slice]))
-        for limit in self._limits:
-            value = values[limit.index]
-            if value is not None and (limit.side or not limit.low <= value <= limit.high):
-                events += limit.look(t_s, value)
+        for watched in self._watched:
+            values = values_of(watched.field)
+            if values is not None:
+                events += watched.look(t_s, values)
         return events
 
     def tick(self, now_s: float) -> list[Event]:

@@ -1,45 +1,14 @@
-"""A profile: all that is particular to one robot, as a TOML file becomes a frozen, typed value.
-
-Every table is optional but `[[fields]]`. An unknown key, joint, label or unit is an error that names file and
-place: a typing mistake must not become a silently missing limb.
-"""
+"""A profile: all that is particular to one robot, frozen and typed. profile_reader.py makes it of TOML."""
 
 from __future__ import annotations
 
-import math
-import sys
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Any, NoReturn, cast
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 
-from posecast_wire.mapping import (
-    ANY,
-    JOINT,
-    SENSOR_KINDS,
-    SEVERITIES,
-    JointMap,
-    SensorMount,
-    Severity,
-    Threshold,
-    Xyz,
-)
+from posecast_wire.mapping import JOINT
 from posecast_wire.mapping import Mapping as Meaning
-from posecast_wire.schema import BITS_MAX, FIELD_NAME
 
-from posecast_edge.columns import find_column
-from posecast_edge.wellknown import PLAIN, UNITS, WELL_KNOWN
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
-
-SKIP = "-"  # a trajectory column nobody reads
-
-
-class ProfileError(ValueError):
-    """A profile that cannot be used: `file: where: reason`, one line."""
+PUBLIC = "public"
 
 
 @dataclass(frozen=True)
@@ -73,6 +42,25 @@ class Trajectory:
 
 
 @dataclass(frozen=True)
+class RosTopics:
+    """Which topics of a ROS graph are read. `topics`: role (sources/ros_topics.py) → (pattern, site or "");
+    what is not in it goes by type and name. `domain`: ROS_DOMAIN_ID, None for any."""
+
+    topics: Mapping[str, tuple[tuple[str, str], ...]] = field(default_factory=dict)
+    domain: int | None = None
+    encoding: str = "json"  # of rosbridge: json, cbor
+
+
+@dataclass(frozen=True)
+class View:
+    """What one audience gets: some fields, perhaps coarser, perhaps at a lower rate. `scales`: by field."""
+
+    fields: tuple[str, ...]
+    hz: float | None = None  # None: as fast as the agent sends
+    scales: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
 class Profile:
     """One robot. Mappings keep the order of the file. `mapping`: what channels mean for the model."""
 
@@ -82,299 +70,36 @@ class Profile:
     mapping: Meaning = field(default_factory=Meaning)
     root: str | None = None  # the model's root link
     trajectory: Trajectory | None = None
+    ros: RosTopics | None = None
+    views: Mapping[str, View] = field(default_factory=dict)  # none: everything is public
 
     def field_named(self, name: str) -> FieldSpec | None:
         """The field of that name, or None."""
         return next((f for f in self.fields if f.name == name), None)
 
-
-def load_profile(path: Path) -> Profile:
-    """Read and parse a profile file. ProfileError when it cannot be read or does not fit."""
-    try:
-        text = path.read_text(encoding="utf-8")
-    except OSError as e:
-        raise ProfileError(f"{path}: {e.strerror or e}") from None
-    except UnicodeDecodeError as e:
-        raise ProfileError(f"{path}: byte {e.start}: not UTF-8") from None
-    return parse_profile(text, str(path))
-
-
-def parse_profile(text: str, file: str = "profile") -> Profile:
-    """TOML text → Profile. ProfileError `file: where: reason`."""
-    try:
-        document = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as e:
-        raise ProfileError(f"{file}: {e}") from None
-    return _Reader(file).profile(document)
-
-
-class _Reader:
-    """Takes values out of a TOML document and says where one is wrong."""
-
-    def __init__(self, file: str) -> None:
-        self.file = file
-
-    def fail(self, where: str, reason: str) -> NoReturn:
-        raise ProfileError(f"{self.file}: {where}: {reason}")
-
-    # --- values
-
-    def table(self, value: object, where: str, keys: Sequence[str] | None = None) -> dict[str, Any]:
-        if not isinstance(value, dict):
-            self.fail(where, "must be a table")
-        if keys is not None:
-            for key in value:
-                if key not in keys:
-                    self.fail(f"{where}.{key}" if where else key, f"unknown key; known: {', '.join(keys)}")
-        return value
-
-    def text(self, value: object, where: str) -> str:
-        if not isinstance(value, str) or not value or not value.isprintable():
-            self.fail(where, f"must be a text, not {value!r}")
-        return value
-
-    def number(self, value: object, where: str, low: float = -math.inf, above: float = -math.inf) -> float:
-        if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
-            self.fail(where, f"must be a number, not {value!r}")
-        if value < low:
-            self.fail(where, f"must be at least {low:g}, not {value:g}")
-        if value <= above:
-            self.fail(where, f"must be above {above:g}, not {value:g}")
-        return float(value)
-
-    def texts(self, value: object, where: str) -> tuple[str, ...]:
-        if not isinstance(value, list) or not value:
-            self.fail(where, "must be a list of texts")
-        return tuple(self.text(v, f"{where}[{i}]") for i, v in enumerate(value))
-
-    def unique(self, value: object, where: str) -> tuple[str, ...]:
-        texts = self.texts(value, where)
-        for i, v in enumerate(texts):
-            if v in texts[:i]:
-                self.fail(f"{where}[{i}]", f"{v!r} stands there twice")
-        return texts
-
-    def xyz(self, value: object, where: str) -> Xyz:
-        if not isinstance(value, list) or len(value) != 3:
-            self.fail(where, "must be three numbers")
-        x, y, z = (self.number(v, f"{where}[{i}]") for i, v in enumerate(value))
-        return (x, y, z)
-
-    def known(self, name: str, allowed: Sequence[str], what: str, where: str) -> str:
-        if name not in allowed:
-            self.fail(where, f"unknown {what} {name!r}")
-        return name
-
-    # --- tables
-
-    def profile(self, doc: dict[str, Any]) -> Profile:
-        keys = (
-            "robot",
-            "labels",
-            "fields",
-            "joints",
-            "sensors",
-            "severity",
-            "thresholds",
-            "tolerance",
-            "names",
-        )
-        self.table(doc, "", (*keys, "trajectory"))
-        robot = self.table(doc.get("robot", {}), "robot", ("name", "root"))
-        labels = {
-            name: self.unique(value, f"labels.{name}")
-            for name, value in self.table(doc.get("labels", {}), "labels").items()
-        }
-        fields = self.fields(doc.get("fields"), labels)
-        for f in fields:
-            labels.setdefault(f.label_set, f.labels)
-        by_name = {f.name: f for f in fields}
-        joint = labels.get(JOINT, ())
-        everything = tuple(dict.fromkeys(label for f in fields for label in f.labels))
-        sensors = self.sensors(doc.get("sensors", {}))
-        sites = (*sensors, *(label.split(".")[0] for label in everything))
-        return Profile(
-            name=self.text(robot.get("name", "robot"), "robot.name"),
-            root=self.text(robot["root"], "robot.root") if "root" in robot else None,
-            fields=fields,
-            labels=labels,
-            mapping=Meaning(
-                joints=self.joints(doc.get("joints", {}), joint),
-                sensors=sensors,
-                names=self.names(doc.get("names", {}), (*everything, *sites)),
-                thresholds=self.thresholds(doc.get("thresholds", {}), by_name),
-                tolerances=self.tolerances(doc.get("tolerance", {}), joint),
-                severities=self.severities(doc.get("severity", {}), by_name),
-            ),
-            trajectory=self.trajectory(doc["trajectory"], fields) if "trajectory" in doc else None,
-        )
-
-    def fields(self, value: object, labels: Mapping[str, tuple[str, ...]]) -> tuple[FieldSpec, ...]:
-        if not isinstance(value, list) or not value:
-            self.fail("fields", "at least one [[fields]] is needed")
+    def seen_as(self, view: View) -> Profile:
+        """What is left of the profile in a view: nothing of a field that is not in it."""
         fields: list[FieldSpec] = []
-        for i, item in enumerate(value):
-            fields.append(self.field(item, f"fields[{i}]", labels, fields))
-        return tuple(fields)
-
-    def field(
-        self, value: object, where: str, labels: Mapping[str, tuple[str, ...]], before: Sequence[FieldSpec]
-    ) -> FieldSpec:
-        keys = ("name", "labels", "unit", "scale", "deadband", "rel", "bits", "slow")
-        item = self.table(value, where, keys)
-        name = self.text(item.get("name"), f"{where}.name")
-        if not FIELD_NAME.fullmatch(name):
-            self.fail(f"{where}.name", f"{name!r} must be letters, digits and _, the first no digit")
-        if any(f.name == name for f in before):
-            self.fail(f"{where}.name", f"{name!r} stands there twice")
-        where = f"fields.{name}"
-        default = WELL_KNOWN.get(name, PLAIN)
-        given = item.get("labels", JOINT if default.joints else name)
-        if isinstance(given, str):
-            label_set, own = self.known(given, tuple(labels), "label set", f"{where}.labels"), labels[given]
-        else:
-            label_set, own = name, self.unique(given, f"{where}.labels")
-            if label_set in labels and labels[label_set] != own:
-                self.fail(f"{where}.labels", f"differs from [labels] {label_set}")
-        rel = item.get("rel", default.rel if "rel" not in item else None)
-        if rel is not None:
-            other = next((f for f in before if f.name == rel), None)
-            if other is None:
-                if "rel" in item:
-                    self.fail(f"{where}.rel", f"{rel!r} is no earlier field")
-                rel = None
-            elif len(other.labels) != len(own):
-                self.fail(f"{where}.rel", f"{rel!r} has {len(other.labels)} channels, {name!r} {len(own)}")
-        bits = self.unique(item["bits"], f"{where}.bits") if "bits" in item else ()
-        if len(bits) > BITS_MAX:
-            self.fail(f"{where}.bits", f"{len(bits)} bits; at most {BITS_MAX}")
-        unit = item.get("unit", default.unit)
-        if not isinstance(unit, str) or unit not in UNITS:
-            self.fail(f"{where}.unit", f"unknown unit {unit!r}; known: {', '.join(u for u in UNITS if u)}")
-        slow = item.get("slow", False)
-        if not isinstance(slow, bool):
-            self.fail(f"{where}.slow", f"must be true or false, not {slow!r}")
-        return FieldSpec(
-            name=name,
-            label_set=label_set,
-            labels=own,
-            unit=UNITS[unit],
-            scale=1.0 if bits else self.number(item.get("scale", default.scale), f"{where}.scale", above=0),
-            deadband=self.number(item.get("deadband", 0.3), f"{where}.deadband", low=0),
-            rel=rel,
-            bits=bits,
-            slow=slow,
-        )
-
-    def joints(self, value: object, channels: Sequence[str]) -> dict[str, JointMap]:
-        joints: dict[str, JointMap] = {}
-        for name, entry in self.table(value, "joints").items():
-            where = f"joints.{name}"
-            item = self.table(entry, where, ("terms", "offset_rad", "offset_deg"))
-            given = item.get("terms", [[name, 1.0]])
-            if not isinstance(given, list):
-                self.fail(f"{where}.terms", "must be a list of [channel, gain]")
-            terms: list[tuple[str, float]] = []
-            for i, term in enumerate(given):
-                at = f"{where}.terms[{i}]"
-                if not isinstance(term, list) or len(term) != 2:
-                    self.fail(at, "must be [channel, gain]")
-                channel = self.known(self.text(term[0], at), channels, "joint", at)
-                terms.append((channel, self.number(term[1], at)))
-            if "offset_rad" in item and "offset_deg" in item:
-                self.fail(where, "give offset_rad or offset_deg, not both")
-            offset_rad = self.number(item.get("offset_rad", 0.0), f"{where}.offset_rad")
-            if "offset_deg" in item:
-                offset_rad = math.radians(self.number(item["offset_deg"], f"{where}.offset_deg"))
-            joints[name] = JointMap(tuple(terms), offset_rad)
-        return joints
-
-    def sensors(self, value: object) -> dict[str, SensorMount]:
-        sensors: dict[str, SensorMount] = {}
-        for site, entry in self.table(value, "sensors").items():
-            where = f"sensors.{site}"
-            item = self.table(entry, where, ("kind", "name", "link", "xyz", "rpy"))
-            sensors[site] = SensorMount(
-                kind=self.known(
-                    self.text(item.get("kind"), f"{where}.kind"), SENSOR_KINDS, "kind", f"{where}.kind"
-                ),
-                name=self.text(item.get("name", site), f"{where}.name"),
-                link=self.text(item["link"], f"{where}.link") if "link" in item else None,
-                xyz=self.xyz(item.get("xyz", [0, 0, 0]), f"{where}.xyz"),
-                rpy=self.xyz(item.get("rpy", [0, 0, 0]), f"{where}.rpy"),
-            )
-        return sensors
-
-    def severities(self, value: object, fields: Mapping[str, FieldSpec]) -> dict[str, dict[str, Severity]]:
-        severities: dict[str, dict[str, Severity]] = {}
-        for name, entry in self.table(value, "severity").items():
-            where = f"severity.{name}"
-            bits = fields[self.known(name, tuple(fields), "field", where)].bits
-            severities[name] = {
-                self.known(bit, bits, "bit", f"{where}.{bit}"): cast(
-                    Severity,
-                    self.known(self.text(word, f"{where}.{bit}"), SEVERITIES, "severity", f"{where}.{bit}"),
-                )
-                for bit, word in self.table(entry, where).items()
-            }
-        return severities
-
-    def names(self, value: object, known: Sequence[str]) -> dict[str, str]:
-        return {
-            self.known(k, known, "channel or site", f"names.{k}"): self.text(v, f"names.{k}")
-            for k, v in self.table(value, "names").items()
-        }
-
-    def tolerances(self, value: object, joint: Sequence[str]) -> dict[str, float]:
-        return {
-            self.known(k, (*joint, ANY), "joint", f"tolerance.{k}"): self.number(v, f"tolerance.{k}", above=0)
-            for k, v in self.table(value, "tolerance").items()
-        }
-
-    def thresholds(self, value: object, fields: Mapping[str, FieldSpec]) -> dict[str, dict[str, Threshold]]:
-        thresholds: dict[str, dict[str, Threshold]] = {}
-        for name, entry in self.table(value, "thresholds").items():
-            labels = fields[self.known(name, tuple(fields), "field", f"thresholds.{name}")].labels
-            thresholds[name] = {}
-            for label, limits in self.table(entry, f"thresholds.{name}").items():
-                where = f"thresholds.{name}.{label}"
-                self.known(label, (*labels, ANY), "label", where)
-                item = self.table(limits, where, ("low", "high", "caution"))
-                low, high, caution = (
-                    self.number(item[k], f"{where}.{k}") if k in item else None
-                    for k in ("low", "high", "caution")
-                )
-                if low is None and high is None:
-                    self.fail(where, "needs low or high")
-                if low is not None and high is not None and low >= high:
-                    self.fail(where, f"low {low:g} is not below high {high:g}")
-                if caution is None:
-                    caution = 1.0
-                elif not 0 < caution <= 1:
-                    self.fail(f"{where}.caution", f"must lie above 0 and not above 1, not {caution:g}")
-                thresholds[name][label] = Threshold(low, high, caution)
-        return thresholds
-
-    def trajectory(self, value: object, fields: Sequence[FieldSpec]) -> Trajectory:
-        item = self.table(value, "trajectory", ("columns", "fewest", "rate_hz", "unit", "lag_s", "header"))
-        columns = self.texts(item.get("columns"), "trajectory.columns")
-        for i, column in enumerate(columns):
-            if column != SKIP:
-                if find_column(fields, column) is None:
-                    self.fail(f"trajectory.columns[{i}]", f"unknown channel {column!r}")
-                if column in columns[:i]:
-                    self.fail(f"trajectory.columns[{i}]", f"{column!r} stands there twice")
-        header = item.get("header", 0)
-        if isinstance(header, bool) or not isinstance(header, int) or header < 0:
-            self.fail("trajectory.header", f"must be a number of lines, not {header!r}")
-        fewest = item.get("fewest", len(columns))
-        if isinstance(fewest, bool) or not isinstance(fewest, int) or not 1 <= fewest <= len(columns):
-            self.fail("trajectory.fewest", f"must lie in 1…{len(columns)}, not {fewest!r}")
-        return Trajectory(
-            columns=columns,
-            fewest=fewest,
-            rate_hz=self.number(item.get("rate_hz"), "trajectory.rate_hz", above=0),
-            unit=self.known(item.get("unit", "rad"), ("rad", "deg"), "unit", "trajectory.unit"),
-            lag_s=self.number(item.get("lag_s", 0.0), "trajectory.lag_s", low=0),
-            header=header,
+        for f in self.fields:
+            if f.name in view.fields:
+                rel = f.rel if any(e.name == f.rel for e in fields) else None
+                fields.append(replace(f, rel=rel, scale=view.scales.get(f.name, f.scale)))
+        names = {f.name for f in fields}
+        labels = {label for f in fields for label in f.labels}
+        sites = {label.split(".")[0] for label in labels}
+        moves = any(f.label_set == JOINT for f in fields)
+        m = self.mapping
+        return replace(
+            self,
+            fields=tuple(fields),
+            labels={f.label_set: f.labels for f in fields},
+            mapping=Meaning(
+                joints=m.joints if moves else {},
+                sensors={site: mount for site, mount in m.sensors.items() if site in sites},
+                names={k: v for k, v in m.names.items() if k in labels or k in sites},
+                thresholds={k: v for k, v in m.thresholds.items() if k in names},
+                tolerances=m.tolerances if moves else {},
+                severities={k: v for k, v in m.severities.items() if k in names},
+                units={k: v for k, v in m.units.items() if k in names},
+            ),
         )

@@ -7,29 +7,29 @@ there is no backlog when the link comes back.
 
 from __future__ import annotations
 
+import base64
 import json
 import logging
 import threading
 import time
-from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
-from typing import cast
+from functools import partial
 
 import zenoh
+from posecast_wire.credential import Credential
 from posecast_wire.keys import (
     Echo,
     Snapshot,
     alive_key,
     echo_key,
-    event_key,
-    frame_key,
     model_key,
-    snapshot_key,
 )
 
-from posecast_edge.echo import EchoWatch
+from posecast_edge.certificate import Certificate
+from posecast_edge.echo import LATE_S, EchoWatch
 from posecast_edge.events import Event
+from posecast_edge.lane import Lane
 from posecast_edge.model.bundle import RANGE_MAX, Bundle
 from posecast_edge.run import Run
 
@@ -37,17 +37,31 @@ log = logging.getLogger("posecast_edge.link")
 
 OPEN_MS = 2000  # one attempt; in between the thread looks whether it is to stop
 LEASE_MS = 2500  # the relay takes an edge for gone after this long without a sign of life
-RETRY_MS = (200, 1000)
+RETRY_MS = (25, 1000)  # at first at once: a relay that enrols a robot opens its door anew within milliseconds
+WHY_S = 3.0  # without a link for so long: find out why
 BATCH_BYTES = 8192  # small batches and a small kernel buffer: on a thin uplink a queue is only delay
 SNDBUF_BYTES = 32768
 ECHO_S = 1.0
+ECHO_AGAIN_S = 0.3  # while frames are late, and
+NEW_LINK_S = 5.0  # so long on a link of which nobody knows what it carries
 ECHO_TIMEOUT_S = 2.0
-EVENTS_MAX = 100  # waiting for the link; the oldest goes first. The relay keeps as many
-KEY_FIRST_S = 1.0  # events wait this long for the KEY that makes the relay adopt this run
 
 
-def zenoh_config(relay: str) -> zenoh.Config:
+def zenoh_config(relay: str, credential: Credential | Certificate | None = None) -> zenoh.Config:
     """A client of one relay that finds nobody else. `relay`: a Zenoh endpoint, `tcp/host:port`."""
+    link: dict[str, object] = {
+        "tx": {"lease": LEASE_MS, "keep_alive": 4, "batch_size": BATCH_BYTES},
+    }
+    auth: dict[str, object] = {}
+    if isinstance(credential, Certificate):
+        own = {"connect_certificate": str(credential.chain), "connect_private_key": str(credential.key)}
+        ca_file = {} if credential.ca is None else {"root_ca_certificate": str(credential.ca)}
+        link["tls"] = {"enable_mtls": True, **own, **ca_file}
+    elif credential is not None:
+        auth["usrpwd"] = {"user": credential.robot, "password": credential.secret}
+        if credential.ca is not None:  # else the authorities that the web trusts
+            ca = base64.b64encode(credential.ca.encode()).decode()
+            link["tls"] = {"root_ca_certificate_base64": ca}
     endpoint = relay if relay.startswith("quic/") else f"{relay}#so_sndbuf={SNDBUF_BYTES}"
     retry = {"period_init_ms": RETRY_MS[0], "period_max_ms": RETRY_MS[1], "period_increase_factor": 2}
     return zenoh.Config.from_json5(
@@ -56,28 +70,10 @@ def zenoh_config(relay: str) -> zenoh.Config:
                 "mode": "client",
                 "connect": {"endpoints": [endpoint], "timeout_ms": OPEN_MS, "retry": retry},
                 "scouting": {"delay": 0, "multicast": {"enabled": False}, "gossip": {"enabled": False}},
-                "transport": {
-                    "link": {"tx": {"lease": LEASE_MS, "keep_alive": 4, "batch_size": BATCH_BYTES}},
-                    "shared_memory": {"enabled": False},
-                },
+                "transport": {"link": link, "auth": auth, "shared_memory": {"enabled": False}},
             }
         )
     )
-
-
-def _matching(publisher: zenoh.Publisher) -> zenoh.MatchingStatus:
-    return cast(zenoh.MatchingStatus, publisher.matching_status)  # zenoh's stub says bool; it is not
-
-
-def _event_document(event: Event) -> dict[str, object]:
-    return {
-        "type": "event",
-        "t": event.t_s,
-        "level": event.level,
-        "source": event.source,
-        "text": event.text,
-        "state": "on" if event.on else "off",
-    }
 
 
 class ZenohPublisher:
@@ -86,27 +82,30 @@ class ZenohPublisher:
     def __init__(
         self,
         robot: str,
-        view: str,
+        views: Sequence[str],
         relay: str,
         *,
-        snapshot: Callable[[], Snapshot | None],
-        heard: Callable[[], None],
-        bundle: Bundle | None = None,
+        snapshot: Callable[[str], Snapshot | None],
+        heard: Callable[[str], None],
+        credential: Credential | Certificate | None = None,
     ) -> None:
-        """`snapshot` and `heard` are called by Zenoh's threads; `heard` when somebody begins to listen."""
+        """`snapshot` and `heard` take a view and are called by Zenoh's threads; `heard` when somebody begins
+        to listen. Lateness is measured on the first of `views`, which must be the fastest."""
         self.run = Run()
         self.connected = False
         self.echoes = 0  # questions answered or not: each a new measurement of lateness
         self._watch = EchoWatch(self.run.id)
-        self._robot, self._view, self._relay = robot, view, relay
-        self._snapshot, self._heard, self._bundle = snapshot, heard, bundle
-        self._frames: zenoh.Publisher | None = None
-        self._events: deque[Event] = deque(maxlen=EVENTS_MAX)
-        self._info: dict[str, str] | None = None  # waits for the link; the newest only
+        self._robot, self._relay, self._credential = robot, relay, credential
+        self._told = ""  # why there is no link
+        self._lanes = {
+            view: Lane(robot, view, self.run, partial(snapshot, view), partial(heard, view)) for view in views
+        }
+        self._measured = views[0]
+        self._bundle: Bundle | None = None
         self._wake = threading.Condition()  # two threads wait on it, hence notify_all
         self._stopping = False
-        self._heard_s = 0.0
-        self._frame_since_heard = False
+        self._just_linked = False
+        self._linked_s = 0.0
         self._watch_lock = threading.Lock()
         self._declared: list[object] = []  # Zenoh undeclares what nobody holds
         self._thread = threading.Thread(target=self._keep_link, name="link", daemon=True)
@@ -117,26 +116,34 @@ class ZenohPublisher:
         """Begin to connect."""
         self._thread.start()
 
-    def frame(self, data: bytes, seq: int) -> None:
+    def frame(self, view: str, data: bytes, seq: int) -> None:
         """Send a frame, or discard it when there is no link."""
-        publisher = self._frames
-        if publisher is None:
+        lane = self._lanes[view]
+        if not lane.declared:
             return
-        with self._watch_lock:
-            self._watch.sent(seq, time.monotonic())
-        publisher.put(data, attachment=self.run.stamp().pack())
-        self._frame_since_heard = True
+        if view == self._measured:
+            with self._watch_lock:
+                self._watch.sent(seq, time.monotonic())
+        lane.frame(data)
 
-    def event(self, event: Event) -> None:
+    def event(self, view: str, event: Event) -> None:
         """Send an event as soon as somebody listens."""
         with self._wake:
-            self._events.append(event)
+            self._lanes[view].events.append(event)
             self._wake.notify_all()
 
-    def info(self, texts: dict[str, str]) -> None:
+    def info(self, view: str, texts: dict[str, str]) -> None:
         """Send what the robot says of itself, all of it, as soon as somebody listens."""
         with self._wake:
-            self._info = texts
+            self._lanes[view].info = texts
+            self._wake.notify_all()
+
+    def offer(self, bundle: Bundle) -> None:
+        """Answer for this model from now on, and tell its hash as soon as somebody listens."""
+        with self._wake:
+            self._bundle = bundle
+            for lane in self._lanes.values():
+                lane.model = bundle.hash
             self._wake.notify_all()
 
     def stop(self, timeout_s: float) -> bool:
@@ -152,6 +159,13 @@ class ZenohPublisher:
         """How late frames arrive, s, by the newest echo."""
         return self._watch.late_s
 
+    @property
+    def open(self) -> bool:
+        """Whether a frame is worth sending: there is a link, somebody listens, and no queue is before it."""
+        if not self.connected or self._watch.full(time.monotonic()):
+            return False
+        return self._lanes[self._measured].heard
+
     def word(self) -> str:
         """The state of the link in a word or two."""
         return self._watch.word(time.monotonic())
@@ -163,68 +177,56 @@ class ZenohPublisher:
         if session is None:
             return
         with session:
-            events = self._declare(session)
+            self._declare(session)
             threading.Thread(target=self._ask_echo, args=(session,), name="echo", daemon=True).start()
-            while self._send_waiting(events):
+            while self._send_waiting():
                 pass
-            self._frames = None
+            for lane in self._lanes.values():
+                lane.close()
 
     def _open(self) -> zenoh.Session | None:
-        told = False
         while not self._stopping:
             with suppress(zenoh.ZError):  # which only ever says that time ran out
-                return zenoh.open(zenoh_config(self._relay))
-            if not told:
-                told = True
-                log.warning("%s does not answer, trying on", self._relay)
+                return zenoh.open(zenoh_config(self._relay, self._credential))
+            self._tell_why()
             with self._wake:
                 self._wake.wait_for(lambda: self._stopping, RETRY_MS[0] / 1000)
         return None
 
-    def _declare(self, session: zenoh.Session) -> zenoh.Publisher:
+    def _tell_why(self) -> None:
+        """Why there is no link, once, and again when it is another reason."""
+        from posecast_edge.doorbell import ring  # noqa: PLC0415 - few runs ever need it
+
+        self._tell(ring(self._relay, self._credential))
+
+    def _tell(self, why: str) -> None:
+        if why != self._told:
+            self._told = why
+            log.warning("%s %s; trying on", self._relay, why)
+
+    def _declare(self, session: zenoh.Session) -> None:
         """All that this agent is on the network. Who sees the token asks for the snapshot, and who has that
         for the model: so they are declared the other way round."""
-        robot, view = self._robot, self._view
-        frames = session.declare_publisher(
-            frame_key(robot, view),
-            congestion_control=zenoh.CongestionControl.DROP,
-            priority=zenoh.Priority.REAL_TIME,
-        )
-        events = session.declare_publisher(
-            event_key(robot, view),
-            reliability=zenoh.Reliability.RELIABLE,
-            congestion_control=zenoh.CongestionControl.BLOCK,
-        )
-        self._frames = frames
         self._declared += [
             session.info.declare_transport_events_listener(self._on_transport, history=True),
-            frames.declare_matching_listener(self._on_matching),
-            session.declare_queryable(model_key(robot, "**"), self._on_model),
-            session.declare_queryable(snapshot_key(robot, view), self._on_snapshot),
-            session.liveliness().declare_token(alive_key(robot)),
+            session.declare_queryable(model_key(self._robot, "**"), self._on_model),
         ]
-        self._on_matching(_matching(frames))  # it may have matched before anybody listened for it
-        return events
+        for lane in self._lanes.values():
+            self._declared += lane.declare(session)
+        self._declared.append(session.liveliness().declare_token(alive_key(self._robot)))
 
-    def _send_waiting(self, publisher: zenoh.Publisher) -> bool:
-        """Send the info or an event, or wait for one. False when the agent stops and no more can be sent."""
+    def _send_waiting(self) -> bool:
+        """Send what waits, or wait for something. False when the agent stops and no more can be sent."""
         with self._wake:
-            waiting = bool(self._events) or self._info is not None
-            if not (waiting and _matching(publisher).matching and self._key_went_first()):
+            waiting = [lane for lane in self._lanes.values() if lane.waiting]
+            ready = next((lane for lane in waiting if lane.ready), None)
+            if ready is None:
                 if not self._stopping:
                     self._wake.wait(0.1 if waiting else None)
                 return not self._stopping
-            if self._info is not None:
-                document: dict[str, object] = {"type": "info", "kv": self._info}
-                self._info = None
-            else:
-                document = _event_document(self._events.popleft())
-        text = json.dumps(document, ensure_ascii=False, separators=(",", ":"))
-        publisher.put(text.encode(), attachment=self.run.stamp().pack())
+            send = ready.take()
+        send()
         return True
-
-    def _key_went_first(self) -> bool:
-        return self._frame_since_heard or time.monotonic() - self._heard_s > KEY_FIRST_S
 
     # --- called by Zenoh's threads
 
@@ -232,22 +234,13 @@ class ZenohPublisher:
         self.connected = event.kind == zenoh.SampleKind.PUT
         with self._watch_lock:
             self._watch.link(self.connected)
+        with self._wake:
+            self._just_linked = self.connected  # ask before a queue can build up: how quick is an answer?
+            self._linked_s = time.monotonic()
+            self._wake.notify_all()
+        self._told = ""
         if not self._stopping:
             log.info("%s %s", "linked to" if self.connected else "lost", self._relay)
-
-    def _on_matching(self, status: zenoh.MatchingStatus) -> None:
-        if status.matching:
-            self._heard_s, self._frame_since_heard = time.monotonic(), False
-            self._heard()
-
-    def _on_snapshot(self, query: zenoh.Query) -> None:
-        with query:
-            snapshot = self._snapshot()
-            if snapshot is None:
-                query.reply_err(b"no sample yet")
-                return
-            stamp = self.run.stamp().pack()
-            query.reply(snapshot_key(self._robot, self._view), snapshot.pack(), attachment=stamp)
 
     def _on_model(self, query: zenoh.Query) -> None:
         part = str(query.key_expr).rpartition("/")[2]
@@ -261,26 +254,40 @@ class ZenohPublisher:
 
     def _model_range(self, part: str, parameters: zenoh.Parameters) -> bytes:
         """KeyError, ValueError, OSError: there is no such file or range."""
-        if self._bundle is None:
+        bundle = self._bundle
+        if bundle is None:
             raise KeyError("no model")
         offset = int(parameters.get("off") or 0)
         length = int(parameters.get("len") or RANGE_MAX)
-        return self._bundle.read(part, offset, length)
+        return bundle.read(part, offset, length)
 
     # --- the echo's thread
 
     def _ask_echo(self, session: zenoh.Session) -> None:
         while not self._stopping:
             with self._wake:
-                self._wake.wait_for(lambda: self._stopping, ECHO_S)
-            if self._stopping or not self.connected:
+                new = time.monotonic() - self._linked_s < NEW_LINK_S
+                pause_s = ECHO_AGAIN_S if new or self._watch.late_s > LATE_S else ECHO_S
+                self._wake.wait_for(lambda: self._stopping or self._just_linked, pause_s)
+                self._just_linked = False
+            if self._stopping:
+                continue
+            if not self.connected:
+                if time.monotonic() - self._linked_s > WHY_S:
+                    self._tell_why()
                 continue
             asked_s = time.monotonic()
+            with self._watch_lock:
+                self._watch.asked(asked_s)
             echo = self._echo_of(session)
             with self._watch_lock:
                 if self.connected:
                     self._watch.answered(echo, asked_s, time.monotonic())
                     self.echoes += 1
+            # a certificate of the right authority links, whatever name it bears
+            stranger = echo is None and isinstance(self._credential, Certificate)
+            if stranger and self.connected and asked_s - self._linked_s > WHY_S:
+                self._tell(f"does not know {self._robot!r}, or the certificate does not bear that name")
 
     def _echo_of(self, session: zenoh.Session) -> Echo | None:
         echo: Echo | None = None

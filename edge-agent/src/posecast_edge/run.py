@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import secrets
+import os
 import time
 
 from posecast_wire.keys import Stamp
@@ -12,7 +12,7 @@ class Run:
     """A random id, never ordered by value: a robot may boot in 1970, and two agents may claim one robot."""
 
     def __init__(self) -> None:
-        self.id = secrets.randbelow((1 << 64) - 1) + 1
+        self.id = int.from_bytes(os.urandom(8), "big") or 1
         self._start_ns = time.monotonic_ns()
 
     def stamp(self) -> Stamp:

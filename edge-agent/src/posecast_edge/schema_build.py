@@ -4,15 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from posecast_wire.mapping import JOINT, Threshold
+from posecast_wire.mapping import JOINT, SensorMount, Threshold
 from posecast_wire.mapping import Mapping as Meaning
 from posecast_wire.schema import BITS_MAX, CHANNELS_MAX, FIELD_NAME, build_schema_text
 
 from posecast_edge.profile import FieldSpec, Profile
 from posecast_edge.sources import Reading, Sample, SourceError, Values
-from posecast_edge.wellknown import FLAG_BITS, PLAIN, STATE_BITS, WELL_KNOWN
+from posecast_edge.wellknown import (
+    DIAG_BITS,
+    FLAG_BITS,
+    PLAIN,
+    SITES_OF,
+    STATE_BITS,
+    WELL_KNOWN,
+)
 
-FLAGS = "flags"
+FLAGS, DIAG = "flags", "diag"
 
 
 def schema_text(profile: Profile) -> str:
@@ -52,6 +59,7 @@ def _mapping(meaning: Meaning) -> dict[str, object]:
         },
         "tolerance": dict(meaning.tolerances),
         "severity": {field: dict(bits) for field, bits in meaning.severities.items()},
+        "units": {field: dict(labels) for field, labels in meaning.units.items()},
     }
     return {name: part for name, part in parts.items() if part}
 
@@ -89,7 +97,7 @@ def profile_of(robot: str, sample: Sample) -> Profile:
         if not isinstance(values, Mapping) and len(values) != len(own):
             raise SourceError(_unlabelled(name, values))
         labels[label_set] = own
-        bits = _flag_bits(values) if name == FLAGS else ()
+        bits = _flag_bits(values) if name == FLAGS else DIAG_BITS if name == DIAG else ()
         rel = default.rel if any(f.name == default.rel for f in fields) else None
         fields.append(
             FieldSpec(name, label_set, own, default.unit, 1.0 if bits else default.scale, rel=rel, bits=bits)
@@ -99,9 +107,23 @@ def profile_of(robot: str, sample: Sample) -> Profile:
     channels = sum(len(f.labels) for f in fields)
     if channels > CHANNELS_MAX:
         raise SourceError(f"the first sample has {channels} channels; at most {CHANNELS_MAX}")
-    flags = next((f.bits for f in fields if f.name == FLAGS), ())
-    states = {bit: STATE_BITS[bit] for bit in flags if bit in STATE_BITS}
-    return Profile(robot, tuple(fields), labels, Meaning(severities={FLAGS: states} if states else {}))
+    severities = {
+        f.name: states
+        for f in fields
+        if (states := {bit: STATE_BITS[bit] for bit in f.bits if bit in STATE_BITS})
+    }
+    return Profile(robot, tuple(fields), labels, Meaning(sensors=_mounts(sample), severities=severities))
+
+
+def _mounts(sample: Sample) -> dict[str, SensorMount]:
+    """The sites whose link the sample names."""
+    kinds = {
+        label.partition(".")[0]: kind
+        for name, kind in SITES_OF.items()
+        if isinstance(values := sample.values.get(name), Mapping)
+        for label in values
+    }
+    return {s: SensorMount(kinds[s], s, link) for s, link in sample.links.items() if s in kinds}
 
 
 def _joint_labels(sample: Sample) -> tuple[str, ...]:

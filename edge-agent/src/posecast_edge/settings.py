@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import argparse
 import re
+import stat
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NoReturn
 
+from posecast_wire.credential import LINE_MAX, Credential
 from posecast_wire.keys import check_name
 
+from posecast_edge.certificate import Certificate
+from posecast_edge.profile_reader import find_profile
 from posecast_edge.sources import KINDS, SourceError, split_spec
 
 ENDPOINT = re.compile(r"(tcp|tls|quic)/(\[[0-9a-fA-F:.]+\]|[A-Za-z0-9._-]+):(\d{1,5})")
@@ -32,6 +36,7 @@ class Settings:
     profile: Path | None
     urdf: Path | None
     model: Path | None
+    credential: Credential | Certificate | None = None
 
 
 class _Parser(argparse.ArgumentParser):
@@ -61,6 +66,48 @@ def _relay(text: str) -> str:
     return text
 
 
+def _credential(text: str) -> Credential:
+    """A file, since a secret in the command line is read by everybody on the machine."""
+    try:
+        with Path(text).open("rb") as file:
+            if stat.S_IMODE(Path(text).stat().st_mode) & 0o007:
+                raise ValueError("everybody on this machine may read it: chmod 600")
+            return Credential.parse(file.read(LINE_MAX + 1).decode("ascii", "replace"))
+    except OSError as e:
+        raise argparse.ArgumentTypeError(f"{text}: {(e.strerror or str(e)).lower()}") from None
+    except ValueError as e:
+        raise argparse.ArgumentTypeError(f"{text}: {e}") from None
+
+
+def _proof(args: argparse.Namespace) -> Credential | Certificate | None:
+    """How the robot proves who it is; by nothing, on one machine."""
+    given: Credential | None = args.credential
+    if args.tls_cert is None and args.tls_key is None and args.tls_ca is None:
+        return given
+    if args.tls_cert is None or args.tls_key is None:
+        raise UsageError("--tls-cert and --tls-key go together; --tls-ca only with them")
+    if given is not None:
+        raise UsageError("--credential and --tls-cert: give one of the two")
+    if args.relay.startswith("tcp/"):
+        raise UsageError(f"--relay {args.relay}: a certificate needs tls/… or quic/…")
+    certificate = Certificate(args.tls_cert, args.tls_key, args.tls_ca)
+    try:
+        certificate.check()
+    except ValueError as e:
+        raise UsageError(f"--tls-cert, --tls-key, --tls-ca: {e}") from None
+    return certificate
+
+
+def _named(robot: str | None, credential: Credential | Certificate | None) -> str:
+    if not isinstance(credential, Credential):
+        if robot is None:
+            raise UsageError("the following arguments are required: --robot, or a --credential that names it")
+        return robot
+    if robot not in (None, credential.robot):
+        raise UsageError(f"--credential is of robot {credential.robot!r}, --robot says {robot!r}")
+    return credential.robot
+
+
 def _number(low: float, high: float) -> type:
     """A float type for argparse within [low, high]."""
 
@@ -79,9 +126,11 @@ def _number(low: float, high: float) -> type:
 def parse_settings(argv: Sequence[str], environment: Mapping[str, str]) -> Settings:
     """UsageError with one line when something is wrong; SystemExit(0) after --help."""
     parser = _Parser(prog="posecast-edge", description="Put a robot on a URL: reads it, never commands it.")
-    commands = parser.add_subparsers(dest="command", metavar="run|model|doctor")
+    commands = parser.add_subparsers(dest="command", metavar="run|probe|doctor|model|profile")
     commands.add_parser("model", help="model build: a URDF and its meshes, made small for phones")
-    commands.add_parser("doctor", help="what is wrong with a URDF, in plain words")
+    commands.add_parser("probe", help="what a source offers")
+    commands.add_parser("doctor", help="what is wrong with a model, a profile, a source, in plain words")
+    commands.add_parser("profile", help="profile new: a profile to start from, made of a URDF")
     run = commands.add_parser(
         "run",
         help="read a source and send it to a relay",
@@ -95,26 +144,35 @@ def parse_settings(argv: Sequence[str], environment: Mapping[str, str]) -> Setti
             f"--{name}",
             type=parse,  # type: ignore[arg-type]
             default=given if given else default,
-            required=default is None and not given and name in ("robot", "source", "relay"),
+            required=not given and name in ("source", "relay"),
             metavar=name.upper().replace("-", "_"),
             help=f"{text} [{variable}]",
         )
 
-    flag("robot", _robot, "the robot's name in the link: a-z, 0-9 and -")
+    flag("robot", _robot, "the robot's name in the link: a-z, 0-9 and -; its credential knows it too")
     flag("source", _source, f"KIND[:ADDRESS]; kinds: {', '.join(KINDS)}")
-    flag("relay", _relay, "where the relay listens, tcp/HOST:PORT")
+    flag("relay", _relay, "where the relay listens: tls/HOST:PORT, or tcp/… on one machine")
+    flag("credential", _credential, "file with the line that `posecast-relay robots add` printed")
+    flag("tls-cert", Path, "instead: the robot's certificate (PEM), where the relay has --zenoh-ca")
+    flag("tls-key", Path, "its private key (PEM)")
+    flag("tls-ca", Path, "what signed the relay's certificate (PEM); without: an authority of the web")
     flag("hz", _number(1, 60), "frames a second, 1 to 60 (30)", 30.0)
     flag("key-interval", _number(0.2, 600), "seconds between frames that stand alone (4)", 4.0)
-    flag("profile", Path, "TOML file that says what the channels mean")
-    flag("urdf", Path, "the robot's model; its meshes are served with it")
+    flag(
+        "profile",
+        find_profile,
+        "TOML file that says what the channels mean, or the name of one that comes along",
+    )
+    flag("urdf", Path, "the robot's model; it is made small and served, meshes and all")
     flag("model", Path, "instead of --urdf: the folder that `model build` made")
     args = parser.parse_args(argv)
     if args.command is None:
         raise UsageError("say `posecast-edge run …`, or --help")
     if args.urdf and args.model:
         raise UsageError("--urdf and --model: give one of the two")
+    proof = _proof(args)
     return Settings(
-        args.robot,
+        _named(args.robot, proof),
         args.source,
         args.relay,
         args.hz,
@@ -122,4 +180,5 @@ def parse_settings(argv: Sequence[str], environment: Mapping[str, str]) -> Setti
         args.profile,
         args.urdf,
         args.model,
+        proof,
     )

@@ -1,25 +1,27 @@
 """One robot's stream from sample to frame: schema, layout, sampler, events, encoder. No I/O, time comes in.
 
-`deliver` is called by the source's thread, `tick` by the clock's, `snapshot` by the network's.
+`deliver` is called by the source's thread, `snapshot` by the network's, `tick` by one thread at a time.
 """
 
 from __future__ import annotations
 
 import math
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
+from typing import cast
 
 from posecast_wire.encoder import Encoder
 from posecast_wire.keys import Snapshot
 from posecast_wire.quantiser import Quantiser
-from posecast_wire.schema import Schema
+from posecast_wire.schema import Field, Schema
 
 from posecast_edge.complaints import Complaints
 from posecast_edge.events import Event, EventLimit, EventWatch
 from posecast_edge.layout import Layout
 from posecast_edge.profile import Profile
-from posecast_edge.sampler import Sampler
+from posecast_edge.sampler import Sampler, Values
 from posecast_edge.schema_build import schema_text
 from posecast_edge.sources import Sample
 
@@ -57,6 +59,11 @@ class Stream:
         return self._watch.started
 
     @property
+    def fresh(self) -> bool:
+        """A sample waits that no frame has carried."""
+        return self._sampler.fresh
+
+    @property
     def silent(self) -> bool:
         """The source has stopped delivering."""
         return self._watch.silent
@@ -71,13 +78,27 @@ class Stream:
         if not math.isfinite(sample.t_s):
             self._untimed.add(f"a sample of time {sample.t_s} is dropped", now_s)
             return []
-        values = self._layout.flatten(sample, now_s)
-        self._sampler.offer(sample.t_s, values)
+        if sample.exact:
+            values_of: Callable[[Field], Sequence[float | None] | None] = partial(_values_of, sample)
+            offered: Values = partial(self._exact, sample)
+        else:
+            offered = flat = self._layout.flatten(sample, now_s)
+            values_of = partial(_slice_of, flat)
+        if sample.newest:
+            self._sampler.offer(sample.t_s, offered)
         for name, text in sample.info.items():
             if self._info.get(name) != text and (name in self._info or len(self._info) < INFO_MAX):
                 self._info = {**self._info, name: text}
         with self._events_lock:
-            return self._limit.admit(self._watch.sample(sample.t_s, values, now_s), now_s)
+            return self._limit.admit(self._watch.sample(sample.t_s, values_of, now_s), now_s)
+
+    def _exact(self, sample: Sample) -> list[float | None]:
+        """Values in channel order."""
+        flat: list[float | None] = []
+        for f in self.schema.fields:
+            values = _values_of(sample, f)
+            flat += [None] * f.size if values is None else values
+        return flat
 
     def idle(self, now_s: float) -> list[Event]:
         """Events that time alone makes; to be called now and then."""
@@ -105,3 +126,11 @@ class Stream:
         if key is None:
             return None
         return Snapshot(self.schema.text, self._info, key, ref, model)
+
+
+def _values_of(sample: Sample, field: Field) -> Sequence[float | None] | None:
+    return cast("Sequence[float | None] | None", sample.values.get(field.name))  # exact: see Sample
+
+
+def _slice_of(flat: Sequence[float | None], field: Field) -> Sequence[float | None]:
+    return flat[field.start : field.start + field.size]

@@ -11,6 +11,7 @@ UNITS = {
     "": "",
     "rad": "rad",
     "m": "m",
+    "mm": "mm",
     "rad/s": "rad/s",
     "m/s": "m/s",
     "A": "A",
@@ -49,18 +50,39 @@ WELL_KNOWN = {
     "ref": WellKnown("rad", 0.001, joints=True),
     "pos": WellKnown("rad", 0.001, joints=True, rel="ref"),
     "vel": WellKnown("rad/s", 0.01, joints=True),
+    "effort": WellKnown("N·m", 0.05, joints=True),
     "cur": WellKnown("A", 0.01, joints=True),
+    "duty": WellKnown("%", 1.0, joints=True),
+    "heat": WellKnown("J", 1.0, joints=True),
     "temp": WellKnown("°C", 1.0, joints=True),
     "flags": WellKnown("", 1.0, joints=True),
     "ftm": WellKnown("N·m", 0.05),
     "ftf": WellKnown("N", 1.0),
     "quat": WellKnown("", 0.001),
+    "tilt": WellKnown("rad", 0.001),
     "gyro": WellKnown("rad/s", 0.01),
     "acc": WellKnown("m/s²", 0.05),
     "volt": WellKnown("V", 0.05),
     "amp": WellKnown("A", 0.1),
+    "watt": WellKnown("W", 1.0),
+    "charge": WellKnown("%", 0.5),
     "base": WellKnown("m", 0.001),
     "baseq": WellKnown("", 0.001),
+    "diag": WellKnown("", 1.0),
+}
+
+# field → kind of sensor its sites are
+SITES_OF = {
+    "ftf": "wrench",
+    "ftm": "wrench",
+    "quat": "imu",
+    "tilt": "imu",
+    "gyro": "imu",
+    "acc": "imu",
+    "volt": "power",
+    "amp": "power",
+    "watt": "power",
+    "charge": "power",
 }
 
 PLAIN = WellKnown("", 0.001)  # a field nobody heard of: a plain table
@@ -89,5 +111,15 @@ STATE_BITS: dict[str, Severity] = {
     "homed": "state",
     "enabled": "state",
     "comply": "state",
+    "active": "state",
+    "driverOn": "state",
+    "ctrlOn": "state",
+    "mode": "state",
+    "limitSwitch": "state",
     "pwmSaturated": "caution",
+    "warn": "caution",
+    "stale": "caution",
 }
+
+# What the parts of a robot say of themselves: bits of the field `diag`.
+DIAG_BITS = ("warn", "error", "stale")

@@ -1,74 +1,102 @@
-"""`python -m posecast_loadtests`: a relay and a demo robot of its own, and Locust's viewers on them.
+"""`python -m posecast_loadtests [SCENARIO …]`: each on its own relay, beside a control viewer (`make load`).
 
-Arguments are Locust's (`-u`, `-r`, `-t`, `--hz`, …) and stand after the defaults below, so they win. With
-`-H ws://…` nothing is started and that relay is loaded instead.
+With `-H ws://host:port --zenoh tcp/host:port` nothing is started and that relay is loaded instead. Results go
+to `--out`: Locust's HTML report and CSV files, and the counts as JSON. Exit code 1 when a limit was broken.
 """
 
 from __future__ import annotations
 
-import re
+import argparse
+import json
 import subprocess
 import sys
-import time
-import urllib.request
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack
 from pathlib import Path
 
-DEFAULTS = ["--headless", "--only-summary", "-u", "200", "-r", "50", "-t", "30s"]
-_SERVING = re.compile(r"serving http://(\S+), robots on (\S+)")
-_GRACE_S = 10.0
-_START_LIMIT_S = 60.0
+from posecast_loadtests.scenarios import SCENARIOS, Scenario
+from posecast_loadtests.stage import Address, ends_on_term, own_relay, started
+from posecast_loadtests.tally import Tally, breaches, report
+
+SOURCE_HZ = 30
 
 
-def started(stack: ExitStack, *command: str) -> subprocess.Popen[str]:
-    """A process that ends with `stack`; its stdout is piped."""
-    process = subprocess.Popen([*command], stdout=subprocess.PIPE, text=True)
-
-    def end() -> None:
-        process.terminate()
-        try:
-            process.wait(_GRACE_S)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.wait()
-
-    stack.callback(end)
-    return process
-
-
-def own_relay(stack: ExitStack) -> str:
-    """Starts a relay and the demo robot; the address for `-H`."""
-    here = Path(sys.executable).parent
-    relay = started(
-        stack, f"{here}/posecast-relay", "run", "--dev", "--port", "0", "--zenoh-listen", "tcp/127.0.0.1:0"
+def options() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(
+        prog="python -m posecast_loadtests", description="Load tests of the relay."
     )
-    assert relay.stdout is not None
-    line = relay.stdout.readline()
-    found = _SERVING.search(line)
-    if found is None:
-        sys.exit(f"the relay didn't start: {line.strip() or 'see above'}")
-    started(stack, f"{here}/posecast-edge", "run", "--robot", "demo", "--source", "demo", "--relay", found[2])
-    wait_on_air(f"http://{found[1]}/api/v1/robots/demo/state")
-    return f"ws://{found[1]}"
+    parser.add_argument("scenario", nargs="*", help=f"of {', '.join(SCENARIOS)}; all when none is named")
+    parser.add_argument("-H", "--host", help="a relay that runs already, ws://host:port; its robot is `demo`")
+    parser.add_argument("--zenoh", default="tcp/127.0.0.1:7447", help="where its robots connect")
+    parser.add_argument("--viewers", type=int, help="instead of each scenario's own number")
+    parser.add_argument("--stretch", type=float, default=1.0, help="multiplies all times")
+    parser.add_argument(
+        "--processes", type=int, help="Locust workers; one carries about 1,000 viewers of 10 Hz"
+    )
+    parser.add_argument("--out", type=Path, default=Path("out/load"))
+    asked = parser.parse_args()
+    for name in asked.scenario:
+        if name not in SCENARIOS:
+            parser.error(f"no scenario {name!r}; there are {', '.join(SCENARIOS)}")
+    if asked.stretch <= 0 or (asked.viewers is not None and asked.viewers < 1):
+        parser.error("--stretch and --viewers must be above 0")
+    return asked
 
 
-def wait_on_air(state: str) -> None:
-    """Until the robot's state can be read: load on an absent robot would measure nothing."""
-    end_s = time.monotonic() + _START_LIMIT_S
-    while time.monotonic() < end_s:
-        with suppress(OSError), urllib.request.urlopen(state, timeout=2):
-            return
-        time.sleep(0.1)
-    sys.exit(f"no robot on air within {_START_LIMIT_S:.0f} s")
+def run(scenario: Scenario, asked: argparse.Namespace) -> tuple[Tally, Tally]:
+    """What Locust's viewers and the control viewer counted."""
+    at = str(asked.out / scenario.name)
+    with Path(f"{at}.log").open("w") as log, ExitStack() as stack:
+        address = Address(asked.host, asked.zenoh) if asked.host else own_relay(stack, log).address
+        stream = f"{address.viewers}/api/v1/robots/demo/live?hz={scenario.hz:g}"
+        control = started(
+            stack,
+            log,
+            *(
+                sys.executable,
+                "-m",
+                "posecast_loadtests.control",
+                stream,
+                str(round(SOURCE_HZ / scenario.hz)),
+            ),
+            stdin=subprocess.PIPE,
+        )
+        counts = Path(f"{at}.json")
+        counts.unlink(missing_ok=True)
+        command = [
+            *(sys.executable, "-m", "locust", "-f", str(Path(__file__).with_name("scenario_file.py"))),
+            *("--headless", "--only-summary", "--loglevel", "WARNING", "--scenario", scenario.name),
+            *("-H", address.viewers, "--zenoh", address.robots, "--stretch", str(asked.stretch)),
+            *("--viewers", str(asked.viewers or scenario.viewers), "--counts", str(counts)),
+            *("--html", f"{at}.html", "--csv", at),
+            *(("--processes", str(asked.processes)) if asked.processes else ()),
+        ]
+        status = subprocess.run(command, stdout=log, stderr=log, check=False).returncode
+        if status or not counts.exists():
+            sys.exit(f"{scenario.name}: Locust ended with {status}, see {at}.log")
+        told, _ = control.communicate()
+    return Tally.sum([json.loads(counts.read_text())]), Tally.sum([json.loads(told)])
 
 
-def main(arguments: list[str]) -> int:
-    """Locust's exit code: 1 when a limit didn't hold."""
-    with ExitStack() as stack:
-        target = [] if "-H" in arguments or "--host" in arguments else ["-H", own_relay(stack)]
-        locustfile = [sys.executable, "-m", "locust", "-f", str(Path(__file__).with_name("user.py"))]
-        return subprocess.run([*locustfile, *DEFAULTS, *target, *arguments], check=False).returncode
+def main() -> int:
+    asked = options()
+    ends_on_term()
+    asked.out.mkdir(parents=True, exist_ok=True)
+    broken = 0
+    for name in asked.scenario or SCENARIOS:
+        scenario = SCENARIOS[name].stretched(asked.stretch, asked.viewers)
+        print(
+            f"\n{scenario.name}: {scenario.title}\n{scenario.viewers} viewers × {scenario.hz:g} Hz",
+            flush=True,
+        )
+        viewers, control = run(scenario, asked)
+        print(report(viewers, scenario.limits, control), flush=True)
+        found = breaches(viewers, scenario.limits, control)
+        broken += bool(found)
+        result = {"viewers": viewers.counts(), "control": control.counts(), "breaches": found}
+        (asked.out / f"{name}.json").write_text(json.dumps(result, indent=1))
+    print(f"\nreports: {asked.out}/*.html")
+    return 1 if broken else 0
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    sys.exit(main())

@@ -46,6 +46,11 @@ class Viewer:
         self._joined = False
         self.messages = 0
 
+    def paced(self, step: int) -> None:
+        """From now on every `step`th of the robot's frames is due: the relay has changed the rate."""
+        self._step = step
+        self._joined = False
+
     def schema(self, text: str) -> None:
         """A schema message, verbatim."""
         if self._decoder is not None:

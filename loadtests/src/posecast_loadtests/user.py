@@ -3,125 +3,168 @@
 from __future__ import annotations
 
 import json
-import os
-import socket
+import random
 import time
 from argparse import ArgumentParser
+from contextlib import suppress
+from pathlib import Path
 from typing import Any
-from urllib.parse import urlsplit
 
 from locust import User, events, task
 from locust.env import Environment
 from locust.runners import MasterRunner, WorkerRunner
 
 from posecast_loadtests.check import Clock, Viewer
-from posecast_loadtests.rfc6455 import (
-    Opcode,
-    ProtocolError,
-    Reader,
-    check_upgrade,
-    client_frame,
-    upgrade_request,
-)
+from posecast_loadtests.connection import Connection
+from posecast_loadtests.rfc6455 import Opcode, ProtocolError
+from posecast_loadtests.scenarios import SCENARIOS, SOAK, Scenario, Stage
 from posecast_loadtests.tally import Limits, Tally, breaches, report
 
-_ACK_INTERVAL_S = 1.0
-_SILENCE_S = 5.0
 # every tenth frame goes into Locust's own statistics, every fiftieth viewer decodes in full
 _REPORTED = 10
 _DECODING = 50
+_SLOW_BYTES_PER_S = 1000
+_SLOW_CHUNK = 250
+_FROZEN_AFTER_S = 5.0
+_FROZEN_FOR_S = 22.0  # by then the relay has cut who does not read (it does so after 15 s)
+_STEADY_S = 2.0  # connections shorter than this say nothing about fairness
+_COME_BACK_S = 1.0
 
 tally = Tally()
-clock = Clock()
+clocks: dict[str, Clock] = {}
 _others: dict[str, dict[str, Any]] = {}
 
 
+def scenario(environment: Environment) -> Scenario:
+    """The one asked for by name, or one made of Locust's own `-u`."""
+    options = environment.parsed_options
+    assert options is not None
+    named = {**SCENARIOS, SOAK.name: SOAK}.get(options.scenario)
+    if named is not None:
+        return named.stretched(options.stretch, options.viewers)
+    return Scenario("viewers", "viewers", options.num_users or 1, (Stage(0, 1.0),), options.hz)
+
+
 class ViewerUser(User):
-    """One browser tab: joins, reads, acknowledges, until the test ends."""
+    """One browser tab: joins, reads, acknowledges, until the test ends or it has seen enough."""
 
     _started = 0
 
     def __init__(self, environment: Environment) -> None:
         super().__init__(environment)
+        number = ViewerUser._started
         ViewerUser._started += 1
         options = environment.parsed_options
         assert options is not None
-        self._hz = float(options.hz)
-        self._address = f"{self.host}/api/v1/robots/{options.robot}/live?hz={self._hz:g}"
-        step = max(1, round(float(options.source_hz) / self._hz))
-        self._viewer = Viewer(tally, clock, step, decode=ViewerUser._started % _DECODING == 1)
+        asked = scenario(environment)
+        robot = f"fleet-{number % asked.robots}" if asked.robots else options.robot
+        self._kind = asked.kind(number)
+        self._source_hz = float(options.source_hz)
+        self._address = f"{self.host}/api/v1/robots/{robot}/live?hz={asked.hz:g}"
+        self._step = max(1, round(self._source_hz / asked.hz))
+        self._stays_s = 60 / asked.churn_per_min if asked.churn_per_min else float("inf")
+        clock = clocks.setdefault(robot, Clock())
+        mine = tally if self._kind == "healthy" else Tally()  # a slow phone misses frames, as it should
+        self._viewer = Viewer(mine, clock, self._step, decode=number % _DECODING == 0)
+        self._mine = mine
+        self._link: Connection | None = None
         self._since_s = 0.0
-        self._socket: socket.socket | None = None
+        self._frames_before = 0
 
     @task
     def watch(self) -> None:
         """One connection, to its end."""
         self._viewer.connected()
+        self._viewer.paced(self._step)
+        began_s = time.monotonic()
         try:
-            self._read(*self._join())
+            self._link = Connection(self._address, slow=self._kind == "slow")
+            self._fire("join", time.monotonic() - began_s)
+            self._read(self._link)
         except (OSError, ProtocolError) as error:
-            tally.refused += 1
-            self._fire("join", 0.0, error)
-            time.sleep(1)
+            if self._kind == "frozen" and self._since_s:
+                tally.evicted += 1  # a cut connection may also end as a reset
+            else:
+                tally.refused += 1
+                self._fire("join" if not self._since_s else "read", 0.0, error)
+            time.sleep(_COME_BACK_S)
+        finally:
+            self._leave()
 
     def on_stop(self) -> None:
         """Locust ends the greenlet in the middle of `watch`; what it saw counts."""
-        if self._socket is not None:
-            self._socket.close()
-        if self._since_s:
-            tally.viewer(self._viewer.frames / max(1e-9, time.monotonic() - self._since_s))
+        self._leave()
 
-    def _join(self) -> tuple[socket.socket, bytes]:
-        url = urlsplit(self._address)
-        began_s = time.monotonic()
-        link = socket.create_connection((url.hostname or "127.0.0.1", url.port or 80), timeout=_SILENCE_S)
-        link.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        key = os.urandom(16)
-        link.sendall(upgrade_request(url.netloc, f"{url.path}?{url.query}", key))
-        answer = b""
-        while (rest := check_upgrade(answer, key)) is None:
-            more = link.recv(4096)
-            if not more:
-                raise ProtocolError("closed instead of an answer")
-            answer += more
-        self._socket = link
-        self._fire("join", time.monotonic() - began_s)
-        return link, rest
+    def _leave(self) -> None:
+        if self._link is not None:
+            self._link.close()
+            self._link = None
+        if not self._since_s:
+            return
+        seconds, self._since_s = time.monotonic() - self._since_s, 0.0
+        frames, self._frames_before = self._viewer.frames - self._frames_before, self._viewer.frames
+        if self._kind == "healthy" and seconds >= _STEADY_S:
+            tally.viewer(frames / seconds)
+        elif self._kind == "slow":
+            tally.slow_viewers += 1
+            tally.slow_frames += frames
+            tally.slow_starved += not frames
+        # these must hold for everybody, however slow
+        if self._mine is not tally:
+            for name in ("duplicates", "reordered", "undecodable"):
+                setattr(tally, name, getattr(tally, name) + getattr(self._mine, name))
+                setattr(self._mine, name, 0)
 
-    def _read(self, link: socket.socket, data: bytes) -> None:
-        reader = Reader()
-        acknowledged_s, acknowledged = time.monotonic(), 0
-        while True:
-            arrival_s = time.monotonic()
-            for opcode, payload in reader.feed(data):
-                if opcode is Opcode.BINARY:
-                    self._frame(payload, arrival_s)
-                elif opcode is Opcode.TEXT:
-                    if json.loads(payload).get("type") == "schema":
-                        self._viewer.schema(payload.decode())
-                elif opcode is Opcode.PING:
-                    link.sendall(client_frame(Opcode.PONG, payload))
-                elif opcode is Opcode.CLOSE:
-                    tally.closed += 1
-                    code = int.from_bytes(payload[:2], "big")
-                    self._fire("closed", 0.0, ProtocolError(f"{code} {payload[2:].decode()}"))
-                    return
-            # after any message, not only a frame: a relay that waits for this sends no frames, but status
-            if arrival_s - acknowledged_s >= _ACK_INTERVAL_S and self._viewer.messages > acknowledged:
-                acknowledged_s, acknowledged = arrival_s, self._viewer.messages
-                ack = json.dumps({"type": "ack", "n": acknowledged})
-                link.sendall(client_frame(Opcode.TEXT, ack.encode()))
-            data = link.recv(65536)
-            if not data:
+    def _read(self, link: Connection) -> None:
+        leaves_s = time.monotonic() + random.expovariate(1 / self._stays_s) if self._stays_s < 1e9 else 1e18
+        self._thaw_s = 0.0
+        receive = {"slow": self._receive_slowly, "frozen": self._receive_until_frozen}.get(self._kind)
+        for opcode, payload, arrival_s in link.messages(receive):
+            if opcode is Opcode.BINARY:
+                self._frame(payload, arrival_s)
+            elif opcode is Opcode.TEXT:
+                self._text(payload)
+            elif self._kind != "frozen":
                 tally.closed += 1
+                code = int.from_bytes(payload[:2], "big")
+                self._fire("closed", 0.0, ProtocolError(f"{code} {payload[2:].decode(errors='replace')}"))
                 return
+            if arrival_s >= leaves_s:
+                return
+            if self._thaw_s and arrival_s > self._thaw_s + _COME_BACK_S:
+                tally.unevicted += 1
+                return
+        if self._kind == "frozen":
+            tally.evicted += 1
+        else:
+            tally.closed += 1
+
+    def _receive_slowly(self) -> bytes:
+        assert self._link is not None
+        time.sleep(_SLOW_CHUNK / _SLOW_BYTES_PER_S)
+        return self._link.socket.recv(_SLOW_CHUNK)
+
+    def _receive_until_frozen(self) -> bytes:
+        assert self._link is not None
+        if not self._thaw_s and self._since_s and time.monotonic() - self._since_s > _FROZEN_AFTER_S:
+            time.sleep(_FROZEN_FOR_S)
+            self._thaw_s = time.monotonic()
+        return self._link.socket.recv(65536)
+
+    def _text(self, payload: bytes) -> None:
+        message = json.loads(payload)
+        if message.get("type") == "schema":
+            self._viewer.schema(payload.decode())
+        elif message.get("type") == "rate":
+            tally.lowered += 1
+            self._viewer.paced(max(1, round(self._source_hz / max(message["hz"], 0.1))))
 
     def _frame(self, payload: bytes, arrival_s: float) -> None:
         if not self._since_s:
             self._since_s = arrival_s
         lateness_s = self._viewer.binary(payload, arrival_s)
         if lateness_s is not None and self._viewer.frames % _REPORTED == 0:
-            self._fire("frame", lateness_s, size=len(payload))
+            self._fire(f"frame, {self._kind}", lateness_s, size=len(payload))
 
     def _fire(self, name: str, seconds: float, error: Exception | None = None, size: int = 0) -> None:
         self.environment.events.request.fire(
@@ -139,11 +182,15 @@ def _arguments(parser: ArgumentParser) -> None:
     parser.add_argument("--robot", default="demo", help="whom to watch")
     parser.add_argument("--hz", type=float, default=10.0, help="frames a second each viewer asks for")
     parser.add_argument("--source-hz", type=float, default=30.0, help="frames a second the robot sends")
+    parser.add_argument("--scenario", default="", help=f"one of {', '.join(SCENARIOS)}; instead of -u -r -t")
+    parser.add_argument("--viewers", type=int, default=None, help="of a scenario, instead of its own number")
+    parser.add_argument("--stretch", type=float, default=1.0, help="multiplies a scenario's times")
     parser.add_argument("--max-missed", type=float, default=limits.missed_share, help="share of frames")
     parser.add_argument(
         "--max-p99-ms", type=float, default=limits.p99_ms, help="lateness of 99 %% of the frames"
     )
     parser.add_argument("--min-jain", type=float, default=limits.jain, help="fairness of the viewers' rates")
+    parser.add_argument("--counts", default="", help="file for the counts, as JSON; then no verdict is given")
 
 
 def _tell(data: dict[str, Any], **_: Any) -> None:
@@ -160,6 +207,11 @@ def _verdict(environment: Environment, **_: Any) -> None:
     whole = Tally.sum(_others.values()) if isinstance(environment.runner, MasterRunner) else tally
     options = environment.parsed_options
     assert options is not None
+    if options.counts:
+        with suppress(OSError):
+            Path(options.counts).write_text(json.dumps(whole.counts()))
+        environment.process_exit_code = 0
+        return
     limits = Limits(options.max_missed, options.max_p99_ms, options.min_jain)
     print(report(whole, limits))
     environment.process_exit_code = 1 if breaches(whole, limits) else 0

@@ -1,32 +1,39 @@
-"""`posecast-relay`: reads the settings and runs the relay."""
+"""`posecast-relay`: reads the settings and runs the relay, or does as `robots` is told."""
 
 from __future__ import annotations
 
 import os
+import signal
 import sys
 from collections.abc import Sequence
 
-from posecast_relay.config import SettingsError, parse
+from posecast_relay.config import SettingsError, StartError, parse
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Exit status: 0 after SIGTERM or Ctrl-C, 2 for a wrong setting or a port in use."""
     try:
-        settings = parse(sys.argv[1:] if argv is None else argv, os.environ)
-    except SettingsError as e:
+        # until the loop takes the signals over nothing is to be closed; an exception may be lost in an import
+        signal.signal(signal.SIGTERM, lambda *_: os._exit(0))
+        _run(sys.argv[1:] if argv is None else argv)
+    except (SettingsError, StartError) as e:
         print(f"posecast-relay: {e}", file=sys.stderr)
         return 2
-    try:
-        from posecast_relay.serve import StartError, run  # noqa: PLC0415 — --help and a wrong flag answer at once
-
-        try:
-            run(settings)
-        except StartError as e:
-            print(f"posecast-relay: {e}", file=sys.stderr)
-            return 2
-    except KeyboardInterrupt:  # before the loop has taken the signals over
+    except KeyboardInterrupt:
         return 0
     return 0
+
+
+def _run(argv: Sequence[str]) -> None:
+    if argv[:1] == ["robots"]:
+        from posecast_relay.robots_command import run_robots  # noqa: PLC0415 — the same
+
+        run_robots(argv[1:], os.environ)
+        return
+    settings = parse(argv, os.environ)
+    from posecast_relay.serve import run  # noqa: PLC0415 — --help and a wrong flag answer at once
+
+    run(settings)
 
 
 if __name__ == "__main__":

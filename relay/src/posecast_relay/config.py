@@ -10,11 +10,18 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import NoReturn, TypeVar
 
+from posecast_relay.adapters.addresses import Network, networks
+from posecast_relay.adapters.origins import ORIGIN
+
 T = TypeVar("T")
 
 
 class SettingsError(ValueError):
     """A wrong setting: one line that names it."""
+
+
+class StartError(RuntimeError):
+    """The relay cannot start as it was asked to: one line that says why."""
 
 
 @dataclass(frozen=True)
@@ -28,8 +35,18 @@ class Settings:
     metrics_port: int | None
     store: str
     zenoh_listen: tuple[str, ...]
+    zenoh_tls_cert: Path | None
+    zenoh_tls_key: Path | None
+    zenoh_ca: Path | None
+    robots: Path | None
+    origins: tuple[str, ...]
+    trusted_proxies: tuple[Network, ...]
+    firebase_project: str | None
+    firebase_revoked: bool
+    firebase_database: str | None
     static: Path | None
     max_viewers: int
+    max_per_address: int
     max_robots: int
     max_connection_age: float | None
     model_cache_mb: int
@@ -84,10 +101,10 @@ def _endpoints(text: str) -> tuple[str, ...]:
     found = tuple(part.strip() for part in text.split(","))
     for part in found:
         if (
-            not re.fullmatch(r"tcp/(\[[0-9a-fA-F:]+\]|[^\s:/#?]+):\d{1,5}", part)
+            not re.fullmatch(r"(tcp|tls|quic)/(\[[0-9a-fA-F:]+\]|[^\s:/#?]+):\d{1,5}", part)
             or int(part[-5:].split(":")[-1]) > 65535
         ):
-            raise ValueError("use tcp/HOST:PORT, several separated by commas")
+            raise ValueError("use tls/HOST:PORT or tcp/HOST:PORT, several separated by commas")
     return found
 
 
@@ -96,6 +113,43 @@ def _directory(text: str) -> Path:
     if not (path / "index.html").is_file():
         raise ValueError("no index.html there")
     return path
+
+
+def _file(text: str) -> Path:
+    path = Path(text)
+    try:
+        path.open("rb").close()
+    except OSError as e:
+        raise ValueError((e.strerror or str(e)).lower()) from None
+    return path
+
+
+def _proxies(text: str) -> tuple[Network, ...]:
+    try:
+        return networks(text)
+    except ValueError:
+        raise ValueError("use addresses or networks as 10.0.0.0/8, several separated by commas") from None
+
+
+def _project(text: str) -> str:
+    if not re.fullmatch(r"[a-z][a-z0-9-]{3,62}", text):
+        raise ValueError("use the project's id, as my-course-1a2b")
+    return text
+
+
+def _database(text: str) -> str:
+    found = re.fullmatch(r"(https?)://([a-zA-Z0-9.-]+|\[[0-9a-fA-F:]+\])(:\d{1,5})?/?", text)
+    if found is None or (found[1] == "http" and not _is_loopback(f"/{found[2]}:0")):
+        raise ValueError("use https://HOST as the Firebase console shows it; http:// on this machine only")
+    return text.rstrip("/")
+
+
+def _origins(text: str) -> tuple[str, ...]:
+    found = tuple(part.strip() for part in text.split(",") if part.strip())
+    for part in found:
+        if not ORIGIN.fullmatch(part):
+            raise ValueError("use https://HOST[:PORT], several separated by commas")
+    return found
 
 
 def _level(text: str) -> str:
@@ -123,15 +177,25 @@ class _Flag:
 
 
 FLAGS = (
-    _Flag("dev", _boolean, "", "accept publishers without credentials; Zenoh then listens on loopback only"),
+    _Flag("dev", _boolean, "", "take publishers without credentials; Zenoh then listens on loopback only"),
     _Flag("role", _role, "all", "all; ingest: robots to Redis; gateway: Redis to viewers", "ROLE"),
     _Flag("host", _host, "127.0.0.1", "address HTTP listens on", "HOST"),
     _Flag("port", _port, "8080", "port HTTP listens on; 0 = any free one", "PORT", "PORT"),
     _Flag("metrics_port", _port, None, "port for Prometheus, on --host; default: none", "PORT"),
     _Flag("store", _store, "memory://", "memory://, redis://, rediss:// (TLS), redis+cluster://…", "URL"),
     _Flag("zenoh_listen", _endpoints, "tcp/127.0.0.1:7447", "where edges connect; port 0 = any free", "ADDR"),
+    _Flag("zenoh_tls_cert", _file, None, "certificate (PEM) for tls/… endpoints", "FILE"),
+    _Flag("zenoh_tls_key", _file, None, "its private key (PEM)", "FILE"),
+    _Flag("zenoh_ca", _file, None, "robots show a certificate of this authority (PEM), no password", "FILE"),
+    _Flag("robots", _file, None, "who may publish and watch; `posecast-relay robots` writes it", "FILE"),
+    _Flag("origins", _origins, "", "pages elsewhere that may show what is not for everybody", "URL,…"),
+    _Flag("trusted_proxies", _proxies, "", "whose X-Forwarded-For tells the viewer's address", "NET,…"),
+    _Flag("firebase_project", _project, None, "whose accounts are `signed-in`", "ID"),
+    _Flag("firebase_revoked", _boolean, "", "ask Google about revoked accounts; takes its credentials"),
+    _Flag("firebase_database", _database, None, "mirror of what anyone may see, 2 Hz; one relay each", "URL"),
     _Flag("static", _directory, None, "the built page; default: the one packed in, if any", "DIR"),
     _Flag("max_viewers", _count, "5000", "further ones are told `full`", "N"),
+    _Flag("max_per_address", _count, "2000", "streams; a lecture hall may stand behind one", "N"),
     _Flag("max_connection_age", _seconds, None, "viewers connect anew after this, give or take a tenth", "S"),
     _Flag("max_robots", _count, "1000", "frames of further ones are dropped", "N"),
     _Flag("model_cache_mb", _count, "256", "memory for robots' models", "MB"),
@@ -150,9 +214,9 @@ def _parser() -> argparse.ArgumentParser:
         description="Latest state in, thousands of viewers out. It reads robots; it never commands one.",
         allow_abbrev=False,
     )
-    run = parser.add_subparsers(dest="command", required=True, metavar="run").add_parser(
-        "run", help="serve until SIGTERM or Ctrl-C", allow_abbrev=False
-    )
+    commands = parser.add_subparsers(dest="command", required=True, metavar="run|robots")
+    commands.add_parser("robots", help="robots add|list|remove|rotate|link|unlink: publishers, share links")
+    run = commands.add_parser("run", help="serve until SIGTERM or Ctrl-C", allow_abbrev=False)
     for flag in FLAGS:
         told = f"{flag.help} [{flag.variable}]" + (f" (default {flag.default})" if flag.default else "")
         if flag.metavar is None:
@@ -197,15 +261,35 @@ def parse(argv: Sequence[str], environ: Mapping[str, str]) -> Settings:
     settings = Settings(**values)  # type: ignore[arg-type]
     if settings.role != "all" and settings.store == "memory://":
         raise SettingsError(f"--role {settings.role}: needs --store redis://…, where the roles meet")
-    if settings.role == "gateway":  # it hears viewers and Redis only
-        return settings
-    if not settings.dev:
+    if not settings.dev and settings.robots is None:
         raise SettingsError(
-            "give --dev: this relay knows no credentials yet, so it takes any publisher on loopback"
+            "give --robots FILE (who may publish and watch), or --dev: anybody on loopback, seen by everybody"
         )
+    emulator = environ.get("FIREBASE_AUTH_EMULATOR_HOST")
+    if emulator and not settings.dev:  # then unsigned tokens are as good as any
+        raise SettingsError(
+            "FIREBASE_AUTH_EMULATOR_HOST is set: with it anybody is whoever they say; only with --dev"
+        )
+    if settings.role == "gateway":  # it hears viewers and Redis only
+        if settings.firebase_database is not None:
+            raise SettingsError("--firebase-database: not with --role gateway: who hears the robots writes")
+        return settings
     for endpoint in settings.zenoh_listen:
-        if not _is_loopback(endpoint):
-            raise SettingsError(
-                f"--zenoh-listen {endpoint!r}: with --dev only loopback, since anybody could publish"
-            )
+        _check_endpoint(settings, endpoint)
     return settings
+
+
+def _check_endpoint(settings: Settings, endpoint: str) -> None:
+    encrypted = not endpoint.startswith("tcp/")
+    if settings.zenoh_ca is not None and not encrypted:
+        raise SettingsError(f"--zenoh-listen {endpoint!r}: with --zenoh-ca only tls/… or quic/…")
+    if settings.dev and (encrypted or not _is_loopback(endpoint)):
+        raise SettingsError(
+            f"--zenoh-listen {endpoint!r}: with --dev only tcp/… on loopback, since anybody could publish"
+        )
+    if not encrypted and not _is_loopback(endpoint):
+        raise SettingsError(f"--zenoh-listen {endpoint!r}: beyond this machine only tls/… or quic/…")
+    if encrypted and (settings.zenoh_tls_cert is None or settings.zenoh_tls_key is None):
+        raise SettingsError(
+            f"--zenoh-listen {endpoint!r}: needs a certificate: give --zenoh-tls-cert and --zenoh-tls-key"
+        )

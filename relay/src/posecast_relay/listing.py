@@ -1,32 +1,50 @@
-"""What is on air, as JSON documents."""
+"""What is on air, as JSON documents: of each robot what the asker may see."""
 
 from __future__ import annotations
 
 import json
 from typing import Any
 
-from posecast_relay.adapters.store import StateStore
-from posecast_relay.core.hub import Hub
-from posecast_relay.core.robot import PUBLIC, Robot
+from posecast_relay.adapters.access import Access
+from posecast_relay.core.policy import PUBLIC, Grant, Who
+from posecast_relay.core.robot import Robot
 from posecast_relay.core.room import Room
 
+VEILED = {"age_ms": None, "seq": None, "hz": None, "model": None}
 
-def robots_document(hub: Hub, store: StateStore, now: float) -> dict[str, Any]:
+
+def robots_document(access: Access, who: Who, now: float) -> dict[str, Any]:
     """Every robot whose edge has been heard, here or by those who fill the store, by name."""
-    told = store.robots()
+    told = access.live.store.robots()
     if told is None:
-        heard = sorted((r for r in hub.robots.values() if r.heard_at is not None), key=lambda r: r.name)
-        told = [robot_summary(r, now) for r in heard]
-    return {"robots": [doc | {"viewers": _viewers(doc["robot"], hub, store)} for doc in told]}
+        names = [robot.name for robot in access.live.hub.robots.values() if robot.heard_at is not None]
+        told = [{"robot": name} for name in sorted(names)]
+    shown = []
+    for doc in told:
+        grant = access.judge(who, doc["robot"])
+        summary = _summary(access, grant, doc, now) if isinstance(grant, Grant) else None
+        if summary is not None:
+            shown.append(summary | {"viewers": _viewers(access, doc["robot"])})
+    return {"robots": shown}
 
 
-def robot_document(robot: Robot, hub: Hub, store: StateStore, now: float) -> dict[str, Any]:
-    """One robot with the schema and info of its view."""
-    room = _room(robot)
+def _summary(access: Access, grant: Grant, doc: dict[str, Any], now: float) -> dict[str, Any] | None:
+    """In a line, as this asker may see it. `doc`: what another process says of the public view, undelayed."""
+    if "status" in doc and grant.delay_s == 0:
+        return doc if grant.view == PUBLIC else doc | VEILED | {"name": grant.robot}
+    found = access.shown(grant)
+    return robot_summary(*found, now) if found is not None else None
+
+
+def robot_document(
+    access: Access, grant: Grant, robot: Robot, room: Room | None, now: float
+) -> dict[str, Any]:
+    """One robot with the schema and info of the view that the asker may see."""
     stream = room.stream if room else None
     schema = stream.schema if stream else None
-    return robot_summary(robot, now) | {
-        "viewers": _viewers(robot.name, hub, store),
+    return robot_summary(robot, room, now) | {
+        "view": grant.view,
+        "viewers": _viewers(access, robot.name),
         "conflict": robot.in_conflict,
         "lateness_ms": round(robot.runs.lateness_s * 1000),
         "info": stream.info if stream else {},
@@ -35,9 +53,8 @@ def robot_document(robot: Robot, hub: Hub, store: StateStore, now: float) -> dic
     }
 
 
-def robot_summary(robot: Robot, now: float) -> dict[str, Any]:
-    """One robot in a line, as this process knows it."""
-    room = _room(robot)
+def robot_summary(robot: Robot, room: Room | None, now: float) -> dict[str, Any]:
+    """One robot in a line, as one of its views shows it."""
     stream = room.stream if room else None
     age_s = stream.age_s(now) if stream else None
     interval_s = stream.cadence.interval_s if stream else 0.0
@@ -53,12 +70,7 @@ def robot_summary(robot: Robot, now: float) -> dict[str, Any]:
     }
 
 
-def _viewers(robot: str, hub: Hub, store: StateStore) -> int:
+def _viewers(access: Access, robot: str) -> int:
     """Over all processes."""
-    here = hub.robots.get(robot)
-    return (here.viewer_count() if here else 0) + store.viewers_elsewhere(robot)
-
-
-def _room(robot: Robot) -> Room | None:
-    """The view that everybody may see."""
-    return robot.rooms.get(PUBLIC)
+    here = [of for pump in access.pumps if (of := pump.hub.robots.get(robot)) is not None]
+    return sum(of.viewer_count() for of in here) + access.live.store.viewers_elsewhere(robot)

@@ -9,14 +9,17 @@ from __future__ import annotations
 
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
-
-import zenoh
+from functools import partial
+from typing import Any
 
 from posecast_relay.adapters.models import Models
 from posecast_relay.adapters.models_edge import EdgeModels
 from posecast_relay.adapters.pump import Pump
+from posecast_relay.adapters.zenoh_door import Door
 from posecast_relay.adapters.zenoh_ingest import ZenohIngest
 from posecast_relay.config import Settings
+from posecast_relay.core.policy import PUBLIC
+from posecast_relay.core.robot import Robot
 from posecast_relay.listing import robot_summary
 
 
@@ -29,19 +32,22 @@ class Part:
     stop: Callable[[], Awaitable[None]]
 
 
-def open_part(settings: Settings, session: zenoh.Session | None, pump: Pump) -> Part:
-    """Gives the pump its store. `session` is None for a gateway only."""
+def open_part(settings: Settings, door: Door | None, pump: Pump) -> Part:
+    """Gives the pump its store. `door` is None for a gateway only."""
     cache_bytes = settings.model_cache_mb << 20
-    if session is None:
+    if door is None:
         return _gateway(settings.store, pump, cache_bytes)
-    models = Models(EdgeModels(session, pump.hub), cache_bytes)
-    ingest = ZenohIngest(session, pump)
+    models = Models(EdgeModels(door, pump.hub), cache_bytes)
+    ingest = ZenohIngest(door, pump)
     if settings.store == "memory://":
 
         async def start() -> None:
             ingest.start()
 
-        return Part(models, start, pump.store.stop)
+        async def stop() -> None:
+            ingest.stop()
+
+        return Part(models, start, stop)
     return _with_redis(settings.store, pump, models, ingest)
 
 
@@ -49,7 +55,7 @@ def _with_redis(url: str, pump: Pump, models: Models, ingest: ZenohIngest) -> Pa
     from posecast_relay.adapters.models_redis import ModelPorter  # noqa: PLC0415 — half of the time to start
     from posecast_relay.adapters.store_redis import RedisStore  # noqa: PLC0415
 
-    store = RedisStore(url, pump.hub, pump.now, lambda robot: robot_summary(robot, pump.now()))
+    store = RedisStore(url, pump.hub, pump.now, partial(_described, pump))
     porter = ModelPorter(store.link, pump.hub, models)
     pump.store = store
 
@@ -59,10 +65,15 @@ def _with_redis(url: str, pump: Pump, models: Models, ingest: ZenohIngest) -> Pa
         ingest.start()
 
     async def stop() -> None:
+        ingest.stop()
         await porter.stop()
         await store.stop()
 
     return Part(models, start, stop)
+
+
+def _described(pump: Pump, robot: Robot) -> dict[str, Any]:
+    return robot_summary(robot, robot.rooms.get(PUBLIC), pump.now())
 
 
 def _gateway(url: str, pump: Pump, cache_bytes: int) -> Part:

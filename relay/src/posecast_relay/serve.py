@@ -6,29 +6,48 @@ import asyncio
 import contextlib
 import gc
 import logging
+import os
 import resource
 import signal
 import socket
 import threading
-from collections.abc import Callable, Iterator
+import time
+from collections.abc import Callable, Coroutine, Iterator, Sequence
+from typing import TYPE_CHECKING, Any
 
 import uvicorn
 import uvloop
 import zenoh
+from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
 
+from posecast_relay.adapters.access import Access
+from posecast_relay.adapters.addresses import Addresses
 from posecast_relay.adapters.decoded import Decoded
+from posecast_relay.adapters.fan_out import FanOut
 from posecast_relay.adapters.metrics import start_metrics
 from posecast_relay.adapters.pump import Pump
 from posecast_relay.adapters.sse import http_protocol
 from posecast_relay.adapters.store_memory import MemoryStore
+from posecast_relay.adapters.tokens import Accounts, Tokens
+from posecast_relay.adapters.unasked import Unasked, guarded
+from posecast_relay.adapters.uring import Ring
 from posecast_relay.adapters.websocket import live_protocol
-from posecast_relay.adapters.zenoh_session import ListenError, open_router
+from posecast_relay.adapters.zenoh_door import Door
+from posecast_relay.adapters.zenoh_refusals import Refusals
+from posecast_relay.adapters.zenoh_session import Gate, ListenError
 from posecast_relay.app import make_app
-from posecast_relay.config import Settings
+from posecast_relay.config import Settings, StartError
+from posecast_relay.core.delay import DelayedHub
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
 from posecast_relay.logs import start_logging
+from posecast_relay.robots_file import Robots, RobotsError, read_robots
+from posecast_relay.robots_watch import RobotsWatch
 from posecast_relay.roles import open_part
+from posecast_relay.unheard import Unheard
+
+if TYPE_CHECKING:
+    from posecast_relay.adapters.firebase_mirror import FirebaseMirror
 
 log = logging.getLogger("posecast_relay")
 
@@ -36,28 +55,31 @@ SPARE_FILES = 1000  # beside the viewers' sockets
 BACKLOG = 4096  # a lecture hall opens the link at once
 GRACE_S = 2  # for requests under way when the relay stops
 CLOSE_ZENOH_S = 1.0
-
-
-class StartError(RuntimeError):
-    """The relay cannot start: one line that says why."""
+END_S = 9.5  # after SIGTERM; platforms kill a process at 10 s
 
 
 class _Server(uvicorn.Server):
     """uvicorn without its signal handlers: they close everybody at once, with the signal as status."""
 
-    def __init__(self, config: uvicorn.Config, pump: Pump, serving: Callable[[], None]) -> None:
+    def __init__(self, config: uvicorn.Config, pumps: Sequence[Pump], serving: Callable[[], None]) -> None:
         super().__init__(config)
-        self._pump = pump
+        self._pumps = pumps
         self._serving = serving
 
     def leave(self) -> None:
         """SIGTERM or Ctrl-C: move the viewers away, then stop. A second one: at once."""
-        self.force_exit = self.should_exit = self._pump.draining
-        self._pump.drain()
+        going = self._pumps[0].draining
+        self.force_exit = self.should_exit = going
+        if not going:
+            last = threading.Timer(END_S, _end)
+            last.daemon = True
+            last.start()
+        for pump in self._pumps:
+            pump.drain()
 
     async def on_tick(self, counter: int) -> bool:
         """Ten times a second: whether to stop."""
-        return await super().on_tick(counter) or self._pump.drained
+        return await super().on_tick(counter) or all(pump.drained for pump in self._pumps)
 
     @contextlib.contextmanager
     def capture_signals(self) -> Iterator[None]:
@@ -74,34 +96,34 @@ def run(settings: Settings) -> None:
     """Serve until SIGTERM or SIGINT. StartError when a port is in use."""
     start_logging(settings.log_level)
     logging.getLogger("websockets").setLevel(logging.WARNING)  # else two lines for every viewer
+    robots = _robots(settings)
+    guarded_door = robots is not None and not settings.dev and settings.role != "gateway"
+    refusals = Refusals() if guarded_door else None
     with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
-        runner.run(_serve(settings))
+        runner.get_loop().set_exception_handler(Unheard())
+        runner.run(_serve(settings, robots, refusals))
 
 
-async def _serve(settings: Settings) -> None:
+async def _serve(settings: Settings, robots: Robots | None, refusals: Refusals | None) -> None:
     _allow_sockets(settings.max_viewers)
     listener = _bind(settings.host, settings.port)
-    session: zenoh.Session | None = None
-    source = "from Redis"
-    if settings.role != "gateway":
-        try:
-            session, endpoints = open_router(settings.zenoh_listen)
-        except ListenError as e:
-            listener.close()
-            raise StartError(str(e)) from None
-        source = "on " + ", ".join(endpoints)
-    limits = Limits(
-        viewers=settings.max_viewers,
-        robots=settings.max_robots,
-        max_age_s=settings.max_connection_age or float("inf"),
-    )
-    pump = Pump(Hub(limits), MemoryStore())
-    part = open_part(settings, session, pump)
     try:
-        stop_metrics = _metrics(settings, pump)
+        door = _door(settings, robots)
+    except ListenError as e:
+        listener.close()
+        raise StartError(str(e)) from None
+    access = _access(settings, robots)
+    pump = access.live
+    mirror = _mirror(settings, access)
+    if refusals is not None and door is not None:
+        pump.publishers_refused = lambda: refusals.count
+        refusals.may_publish = door.lets_in
+    part = open_part(settings, door, pump)
+    try:
+        stop_metrics = _metrics(settings, access, mirror)
     except OSError as e:
         listener.close()
-        await _close(session)
+        await _close(door)
         raise StartError(
             f"--metrics-port {settings.metrics_port}: {(e.strerror or str(e)).lower()}"
         ) from None
@@ -109,6 +131,7 @@ async def _serve(settings: Settings) -> None:
     streams = settings.role != "ingest"
     host, port = listener.getsockname()[:2]
     shown = f"[{host}]" if ":" in host else host
+    source = f"on {', '.join(door.endpoints)}" if door else "from Redis"
     line = f"posecast-relay: serving http://{shown}:{port}, robots {source}"
 
     def serving() -> None:
@@ -119,10 +142,14 @@ async def _serve(settings: Settings) -> None:
         gc.set_threshold(50_000, 20, 100)
         print(line, flush=True)
 
+    def cut(count: int) -> None:
+        pump.handshakes["never asked"] += count
+
+    unasked = Unasked(pump.now, cut)
     config = uvicorn.Config(
-        make_app(pump, part.models, decoded, settings.static),
-        ws=live_protocol(pump, decoded) if streams else "none",
-        http=http_protocol(pump, decoded) if streams else "httptools",
+        make_app(access, part.models, decoded, settings.static),
+        ws=live_protocol(access, decoded) if streams else "none",
+        http=guarded(http_protocol(access, decoded) if streams else HttpToolsProtocol, unasked),
         lifespan="off",
         log_config=None,
         access_log=False,
@@ -130,19 +157,121 @@ async def _serve(settings: Settings) -> None:
         backlog=BACKLOG,
         timeout_graceful_shutdown=GRACE_S,
     )
-    server = _Server(config, pump, serving)
+    server = _Server(config, access.pumps, serving)
     loop = asyncio.get_running_loop()
     for number in (signal.SIGTERM, signal.SIGINT):
         loop.add_signal_handler(number, server.leave)
     await part.start()
-    pump.start()
+    for each in access.pumps:
+        each.start()
+    beside = _beside(_follow(settings, robots, door, access), mirror)
     try:
         await server.serve(sockets=[listener])
     finally:
-        pump.stop()
+        for each in access.pumps:
+            each.stop()
+        for task in beside:
+            task.cancel()
         await part.stop()
         stop_metrics()
-        await _close(session)
+        await _close(door)
+
+
+def _robots(settings: Settings) -> Robots | None:
+    if settings.robots is None:
+        return None
+    try:
+        return read_robots(settings.robots)
+    except RobotsError as e:
+        raise StartError(f"--robots {e}") from None
+
+
+def _access(settings: Settings, robots: Robots | None) -> Access:
+    limits = Limits(
+        viewers=settings.max_viewers,
+        per_address=settings.max_per_address,
+        robots=settings.max_robots,
+        max_age_s=settings.max_connection_age or float("inf"),
+    )
+    fan_out = FanOut(_ring())
+    live = Pump(Hub(limits), MemoryStore(), fan_out)
+    addresses = Addresses(settings.max_per_address, settings.trusted_proxies)
+    if robots is None:
+        return Access(live, addresses=addresses)
+    tokens = Tokens(_accounts(settings))
+    tokens.link_keys = robots.link_keys()
+    later = Pump(DelayedHub(limits), MemoryStore(), fan_out)
+    return Access(live, robots.policy(), later, tokens, settings.origins, addresses)
+
+
+def _accounts(settings: Settings) -> Accounts | None:
+    if settings.firebase_project is None:
+        return None
+    try:
+        from posecast_relay.adapters.firebase import Firebase  # noqa: PLC0415 — a second to load
+    except ImportError:
+        raise StartError("--firebase-project: install posecast-relay[firebase]") from None
+    return Firebase(settings.firebase_project, settings.firebase_revoked)
+
+
+def _door(settings: Settings, robots: Robots | None) -> Door | None:
+    """None for a gateway, which hears no edges. ListenError."""
+    if settings.role == "gateway":
+        return None
+    if settings.dev or robots is None:
+        zenoh.init_log_from_env_or("off")
+        return Door(settings.zenoh_listen, None)
+    admitted = _admitted(settings, robots)
+    gate = Gate(admitted, settings.zenoh_tls_cert, settings.zenoh_tls_key, settings.zenoh_ca)
+    return Door(settings.zenoh_listen, gate)
+
+
+def _beside(
+    following: Coroutine[Any, Any, None] | None, mirror: FirebaseMirror | None
+) -> list[asyncio.Task[None]]:
+    """What goes on beside the serving."""
+    tasks = [] if following is None else [asyncio.create_task(following, name="robots file")]
+    return tasks if mirror is None else [*tasks, asyncio.create_task(mirror.run(), name="mirror")]
+
+
+def _admitted(settings: Settings, robots: Robots) -> dict[str, str]:
+    """Who may publish now, and by which password: none where a certificate is asked for."""
+    now_s = time.time()
+    return robots.secrets(now_s) if settings.zenoh_ca is None else dict.fromkeys(robots.valid(now_s), "")
+
+
+def _follow(
+    settings: Settings, robots: Robots | None, door: Door | None, access: Access
+) -> Coroutine[Any, Any, None] | None:
+    """What the file of robots says from now on."""
+    if settings.robots is None or robots is None:
+        return None
+
+    async def changed(to: Robots) -> None:
+        if access.tokens is not None:
+            access.tokens.link_keys = to.link_keys()
+        access.change(to.policy())
+        if door is not None:
+            await door.admit(_admitted(settings, to))
+
+    watch = RobotsWatch(settings.robots, robots, changed)
+
+    async def follow() -> None:
+        await asyncio.gather(watch.run(), access.recheck())
+
+    return follow()
+
+
+def _ring() -> Ring | None:
+    ring = Ring.open()
+    log.info("frames go out %s", "by io_uring" if ring else "one write() each: io_uring is not allowed here")
+    return ring
+
+
+def _end() -> None:
+    """What is still waited for by now (a library's thread, a name server) is not worth being killed."""
+    log.warning("not all is closed %g s after the signal: ending as it is", END_S)
+    os._exit(0)
 
 
 def _allow_sockets(viewers: int) -> None:
@@ -177,19 +306,32 @@ def _bind(host: str, port: int) -> socket.socket:
     return listener
 
 
-def _metrics(settings: Settings, pump: Pump) -> Callable[[], None]:
+def _mirror(settings: Settings, access: Access) -> FirebaseMirror | None:
+    if settings.firebase_database is None:
+        return None
+    credentials = os.environ.get("GOOGLE_APPLICATION_CREDENTIALS")
+    if credentials and not os.access(credentials, os.R_OK):
+        raise StartError(f"GOOGLE_APPLICATION_CREDENTIALS {credentials!r}: can't be read")
+    try:
+        from posecast_relay.adapters.firebase_mirror import FirebaseMirror  # noqa: PLC0415 — seldom wanted
+    except ImportError:
+        raise StartError("--firebase-database: install posecast-relay[firebase]") from None
+    return FirebaseMirror(settings.firebase_database, access)
+
+
+def _metrics(settings: Settings, access: Access, mirror: FirebaseMirror | None) -> Callable[[], None]:
     if settings.metrics_port is None:
         return lambda: None
-    port, stop = start_metrics(settings.host, settings.metrics_port, pump)
+    port, stop = start_metrics(settings.host, settings.metrics_port, access.pumps, mirror)
     log.info("metrics on http://%s:%d/metrics", settings.host, port)
     return stop
 
 
-async def _close(session: zenoh.Session | None) -> None:
+async def _close(door: Door | None) -> None:
     """Zenoh's close may wait for a peer that does not answer; the process need not."""
-    if session is None:
+    if door is None:
         return
-    closing = threading.Thread(target=session.close, daemon=True)
+    closing = threading.Thread(target=door.session.close, daemon=True)
     closing.start()
     give_up_at = asyncio.get_running_loop().time() + CLOSE_ZENOH_S
     while closing.is_alive() and asyncio.get_running_loop().time() < give_up_at:

@@ -18,21 +18,23 @@ DECODE_S = 0.1  # at most ten times a second, however many ask
 
 
 class StateReader:
-    """Decodes a stream's newest frame, at most ten times a second per stream."""
+    """Decodes a stream's newest frame, at most ten times a second per stream, or as often as a grant says."""
 
     def __init__(self, now: Callable[[], float], decoded: Decoded) -> None:
         self._now = now
         self._newest = decoded
-        self._decoded: WeakKeyDictionary[Stream, tuple[float, Frame]] = WeakKeyDictionary()
+        self._decoded: WeakKeyDictionary[Stream, dict[float, tuple[float, Frame]]] = WeakKeyDictionary()
 
-    def read(self, robot: Robot, room: Room) -> bytes:
+    def read(self, robot: Robot, room: Room, hz: float) -> bytes:
         """The JSON text. The stream has a newest frame."""
         now, stream = self._now(), room.stream
-        known = self._decoded.get(stream)
-        if known is None or now - known[0] >= DECODE_S:
+        every_s = max(DECODE_S, 1 / hz)
+        of_stream = self._decoded.setdefault(stream, {})  # by rate: as many as a policy names
+        known = of_stream.get(every_s)
+        if known is None or now - known[0] >= every_s:
             frame = self._newest.frame(stream)
             if frame is not None:
-                known = self._decoded[stream] = (now, frame)
+                known = of_stream[every_s] = (now, frame)
         age_s = stream.age_s(now)
         document: dict[str, Any] = {
             "robot": stream.robot,
@@ -56,4 +58,6 @@ def _fields(frame: Frame) -> dict[str, Any]:
         else:
             values = list(field_values(frame, field))
         found[field.name] = {"unit": field.unit, "values": dict(zip(field.labels, values, strict=True))}
+        if units := frame.schema.mapping.units.get(field.name):
+            found[field.name]["units"] = dict(units)  # of channels whose unit is another
     return found

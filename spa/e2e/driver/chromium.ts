@@ -1,19 +1,39 @@
 /** Chromium behind the words of `page.ts`, by Playwright's library (its test runner is not used). */
 
-import { type BrowserContext, chromium, type Locator, type Page as PlaywrightPage } from 'playwright-core';
-import type { Browser, BrowserOptions, Element, Page, PageOptions, Role, Viewport } from './page.ts';
+import {
+  type BrowserContext,
+  type CDPSession,
+  chromium,
+  type Locator,
+  type Page as PlaywrightPage,
+} from 'playwright-core';
+import { line } from './actions.ts';
+import { Complaints, foreignTo } from './complaints.ts';
+import type {
+  Browser,
+  BrowserOptions,
+  Button,
+  Element,
+  Finger,
+  Page,
+  PageOptions,
+  Point,
+  Role,
+  Viewport,
+} from './page.ts';
 
 const EXECUTABLE = process.env.POSECAST_CHROMIUM ?? '/usr/bin/chromium';
 
 const ARGS = [
   '--no-sandbox',
   '--no-first-run',
+  '--enable-precise-memory-info', // else the heap is told in steps of tens of megabytes
   '--disable-background-networking',
   '--disable-component-update',
   '--disable-default-apps',
   '--disable-sync',
   // nothing but loopback has a name: what the page or the browser asks of the world goes nowhere
-  '--host-resolver-rules=MAP * ~NOTFOUND , EXCLUDE 127.0.0.1',
+  '--host-resolver-rules=MAP * ~NOTFOUND , EXCLUDE 127.0.0.1 , EXCLUDE localhost',
 ];
 const WEBGL = ['--use-angle=swiftshader', '--enable-unsafe-swiftshader', '--ignore-gpu-blocklist'];
 
@@ -27,10 +47,20 @@ export async function openChromium(options: BrowserOptions = {}): Promise<Browse
     args: [...ARGS, ...(options.webgl === false ? ['--disable-3d-apis'] : WEBGL)],
   });
   return {
+    engine: 'chromium',
     version: browser.version(),
+    lacks: {},
     async newPage(pageOptions: PageOptions = {}): Promise<Page> {
       const viewport = pageOptions.viewport ?? { width: 1280, height: 800 };
-      const context = await browser.newContext({ viewport });
+      const { motion, scheme, colors } = pageOptions.media ?? {};
+      const context = await browser.newContext({
+        viewport,
+        hasTouch: pageOptions.touch === true,
+        ignoreHTTPSErrors: options.strangersCertificate === true,
+        ...(motion === undefined ? {} : { reducedMotion: motion }),
+        ...(scheme === undefined ? {} : { colorScheme: scheme }),
+        ...(colors === undefined ? {} : { forcedColors: 'active' as const }),
+      });
       if (pageOptions.preload !== undefined) await context.addInitScript(pageOptions.preload);
       return new ChromiumPage(context, await context.newPage());
     },
@@ -39,28 +69,40 @@ export async function openChromium(options: BrowserOptions = {}): Promise<Browse
 }
 
 class ChromiumPage implements Page {
-  readonly errors: string[] = [];
-  readonly foreign: string[] = [];
   readonly requested: string[] = [];
-  #host: string | null = null;
-  readonly #forgiven: RegExp[] = [];
+  readonly #complaints = new Complaints(NETWORK_LOG);
   readonly #context: BrowserContext;
   readonly #page: PlaywrightPage;
+  readonly #allowed = new Set<string>();
+  #host: string | null = null;
+  #devtools: Promise<CDPSession> | null = null;
 
   constructor(context: BrowserContext, page: PlaywrightPage) {
     this.#context = context;
     this.#page = page;
-    context.on('request', (request) => this.#saw(request.url()));
-    page.on('websocket', (socket) => this.#saw(socket.url()));
-    page.on('pageerror', (error) => this.#complain(`uncaught: ${error.stack ?? error.message}`));
+    context.on('request', (request) => this.requested.push(request.url()));
+    page.on('websocket', (socket) => this.requested.push(socket.url()));
+    page.on('pageerror', (error) => this.#complaints.add(`uncaught: ${error.stack ?? error.message}`));
     page.on('console', (message) => {
-      if (message.type() === 'error') this.#complain(message.text());
+      if (message.type() === 'error') this.#complaints.add(message.text());
     });
+  }
+
+  get errors(): readonly string[] {
+    return this.#complaints.errors;
+  }
+
+  get foreign(): readonly string[] {
+    return foreignTo(this.#host, this.#allowed, this.requested);
   }
 
   async open(url: string): Promise<void> {
     this.#host = new URL(url).host;
     await this.#page.goto(url, { waitUntil: 'domcontentloaded' });
+  }
+
+  async reload(): Promise<void> {
+    await this.#page.reload({ waitUntil: 'domcontentloaded' });
   }
 
   evaluate<T>(script: string | (() => T)): Promise<T> {
@@ -83,6 +125,67 @@ class ChromiumPage implements Page {
     return this.#page.keyboard.press(key);
   }
 
+  async drag(from: Point, to: Point, button: Button = 'left'): Promise<void> {
+    const { mouse } = this.#page;
+    await mouse.move(from.x, from.y);
+    await mouse.down({ button });
+    for (const { x, y } of line({ from, to })) await mouse.move(x, y);
+    await mouse.up({ button });
+  }
+
+  async click({ x, y }: Point): Promise<void> {
+    const { mouse } = this.#page;
+    // sent together: on a slow machine an answer may take longer than a person between down and up
+    await Promise.all([mouse.move(x, y), mouse.down(), mouse.up()]);
+  }
+
+  doubleClick({ x, y }: Point): Promise<void> {
+    return this.#page.mouse.dblclick(x, y);
+  }
+
+  async wheel({ x, y }: Point, pixels: number): Promise<void> {
+    await this.#page.mouse.move(x, y);
+    await this.#page.mouse.wheel(0, pixels);
+  }
+
+  async touch(...fingers: Finger[]): Promise<void> {
+    const cdp = await this.#cdp();
+    const send = (type: 'touchStart' | 'touchMove' | 'touchEnd', points: Point[]) =>
+      cdp.send('Input.dispatchTouchEvent', { type, touchPoints: points.map((at, id) => ({ ...at, id })) });
+    const moves = fingers.map(line);
+    await send(
+      'touchStart',
+      fingers.map(({ from }) => from),
+    );
+    for (const step of moves[0]?.keys() ?? []) {
+      await send(
+        'touchMove',
+        moves.map((points) => points[step]!),
+      );
+    }
+    await send('touchEnd', []);
+  }
+
+  async doubleTap(at: Point): Promise<void> {
+    const cdp = await this.#cdp();
+    const touch = (type: 'touchStart' | 'touchEnd') =>
+      cdp.send('Input.dispatchTouchEvent', { type, touchPoints: type === 'touchStart' ? [at] : [] });
+    // sent together: on a slow machine an answer may take longer than a person between two taps
+    await Promise.all([touch('touchStart'), touch('touchEnd'), touch('touchStart'), touch('touchEnd')]);
+  }
+
+  async dropFiles({ x, y }: Point, paths: readonly string[]): Promise<void> {
+    const cdp = await this.#cdp();
+    const data = { items: [], files: [...paths], dragOperationsMask: 1 };
+    for (const type of ['dragEnter', 'dragOver', 'drop'] as const) {
+      await cdp.send('Input.dispatchDragEvent', { type, x, y, data });
+    }
+  }
+
+  async slow(times: number): Promise<void> {
+    await (await this.#cdp()).send('Emulation.setCPUThrottlingRate', { rate: times });
+  }
+
   viewport(size: Viewport): Promise<void> {
     return this.#page.setViewportSize(size);
   }
@@ -92,26 +195,21 @@ class ChromiumPage implements Page {
   }
 
   forgive(pattern: RegExp): void {
-    this.#forgiven.push(pattern);
-    for (let i = this.errors.length - 1; i >= 0; i--) {
-      if (pattern.test(this.errors[i] ?? '')) this.errors.splice(i, 1);
-    }
+    this.#complaints.forgive(pattern);
+  }
+
+  allow(host: string): void {
+    this.#allowed.add(host);
   }
 
   close(): Promise<void> {
     return this.#context.close();
   }
 
-  #complain(text: string): void {
-    if (NETWORK_LOG.test(text) || this.#forgiven.some((pattern) => pattern.test(text))) return;
-    this.errors.push(text);
-  }
-
-  #saw(address: string): void {
-    this.requested.push(address);
-    const url = new URL(address);
-    if (url.protocol === 'data:' || url.protocol === 'blob:') return;
-    if (url.host !== this.#host) this.foreign.push(address);
+  /** Chromium's own protocol, for what Playwright has no word for. */
+  #cdp(): Promise<CDPSession> {
+    this.#devtools ??= this.#context.newCDPSession(this.#page);
+    return this.#devtools;
   }
 }
 

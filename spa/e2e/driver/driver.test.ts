@@ -1,8 +1,12 @@
+import { mkdtempSync, rmSync, writeFileSync } from 'node:fs';
 import http from 'node:http';
 import type { AddressInfo } from 'node:net';
-import { afterAll, beforeAll, describe, expect, it } from 'vitest';
-import { openChromium } from './chromium.ts';
-import type { Browser, Page } from './page.ts';
+import { tmpdir } from 'node:os';
+import path from 'node:path';
+import { afterAll, beforeAll, describe, expect, it, type TestContext } from 'vitest';
+import { openBrowser } from './engines.ts';
+import { freePort } from './free_port.ts';
+import type { Ability, Browser, Page, Point } from './page.ts';
 import { until } from './until.ts';
 
 const HTML = `<!doctype html><title>words</title>
@@ -12,10 +16,10 @@ const HTML = `<!doctype html><title>words</title>
 /** A page that says what its address asks for; Content-Security-Policy as strict as ours. */
 function serve(): Promise<http.Server> {
   const server = http.createServer((request, response) => {
-    const worker = request.url === '/worker.js';
+    const worker = request.url?.startsWith('/worker.js');
     response.setHeader('content-type', worker ? 'text/javascript' : 'text/html');
     response.setHeader('content-security-policy', "default-src 'self' 'unsafe-inline'; connect-src *");
-    response.end(worker ? `fetch('http://127.0.0.1:9/from-worker').catch(() => {});` : HTML);
+    response.end(worker ? `fetch(decodeURIComponent(location.search.slice(1))).catch(() => {});` : HTML);
   });
   return new Promise((resolve) => server.listen(0, '127.0.0.1', () => resolve(server)));
 }
@@ -24,6 +28,10 @@ describe('the page driver', () => {
   let browser: Browser;
   let server: http.Server;
   let url: string;
+  const needs = (context: TestContext, ability: Ability): void => {
+    const why = browser.lacks[ability];
+    if (why !== undefined) context.skip(why);
+  };
   const opened = async (): Promise<Page> => {
     const page = await browser.newPage({ preload: 'window.first = true' });
     await page.open(url);
@@ -31,7 +39,7 @@ describe('the page driver', () => {
   };
 
   beforeAll(async () => {
-    browser = await openChromium();
+    browser = await openBrowser();
     server = await serve();
     url = `http://127.0.0.1:${(server.address() as AddressInfo).port}/`;
   });
@@ -58,15 +66,25 @@ describe('the page driver', () => {
     await page.close();
   });
 
+  it('loads a page anew', async () => {
+    const page = await opened();
+    await page.evaluate('window.second = true');
+    await page.reload();
+    await until('anew', () => page.evaluate<boolean>('window.second === undefined && window.first === true'));
+    expect(await page.findByRole('heading').text()).toBe('Words');
+    await page.close();
+  });
+
   it.each([
-    ['fetch', 'void fetch("http://127.0.0.1:9/away").catch(() => {})'],
+    ['fetch', 'void fetch("http://AWAY/").catch(() => {})'],
     ['a name that is not loopback', 'void fetch("http://example.com/away").catch(() => {})'],
-    ['WebSocket', 'void new WebSocket("ws://127.0.0.1:9/away")'],
-    ['image', 'void (new Image().src = "http://127.0.0.1:9/away.png")'],
-    ['worker', 'void new Worker("/worker.js")'],
+    ['WebSocket', 'void new WebSocket("ws://AWAY/")'],
+    ['image', 'void (new Image().src = "http://AWAY/away.png")'],
+    ['worker', 'void new Worker("/worker.js?" + encodeURIComponent("http://AWAY/"))'],
   ])('sees a request to another origin: %s', async (_, script) => {
     const page = await opened();
-    await page.evaluate(script);
+    const away = `127.0.0.1:${await freePort()}`; // where nobody answers
+    await page.evaluate(script.replace('AWAY', away));
     // what the page's own policy holds back never leaves, but is complained of: either fails a test
     await until('the request or the complaint', () => page.foreign.length + page.errors.length > 0);
     await page.close();
@@ -79,6 +97,89 @@ describe('the page driver', () => {
     await until('both', () => page.errors.length === 2);
     page.forgive(/loud|logged/);
     expect(page.errors).toEqual([]);
+    await page.close();
+  });
+
+  /** What the page was told by its input events, in short words, a run of equal ones told once. */
+  const listen = (page: Page) =>
+    page.evaluate(`(() => {
+      window.heard = [];
+      const hear = (word) => { if (heard.at(-1) !== word) heard.push(word); };
+      for (const type of ['pointerdown', 'pointermove', 'pointerup']) {
+        addEventListener(type, (e) => {
+          if (type !== 'pointermove' || e.buttons !== 0) hear([type.slice(7), e.pointerType, e.buttons].join(' '));
+        });
+      }
+      addEventListener('dblclick', () => hear('dblclick'));
+      addEventListener('wheel', (e) => hear('wheel ' + Math.sign(e.deltaY)));
+      addEventListener('keydown', (e) => hear(['key', e.shiftKey ? 'Shift' : '', e.key].join(' ')));
+      addEventListener('contextmenu', (e) => e.preventDefault());
+      document.body.style.cssText = 'height: 100vh; touch-action: none';
+    })()`);
+  const said = (page: Page) => page.evaluate<string[]>('window.heard');
+  const middle: Point = { x: 300, y: 300 };
+  const beside: Point = { x: 380, y: 320 };
+
+  it('drags, clicks twice and presses keys', async () => {
+    const page = await opened();
+    await listen(page);
+    await page.drag(middle, beside);
+    expect(await said(page)).toEqual(['down mouse 1', 'move mouse 1', 'up mouse 0']);
+    await page.doubleClick(middle);
+    expect((await said(page)).at(-1)).toBe('dblclick');
+    await page.press('Escape');
+    await page.press('Shift+ArrowLeft');
+    await page.press('f');
+    expect((await said(page)).slice(-4)).toEqual([
+      'key  Escape',
+      'key Shift Shift',
+      'key Shift ArrowLeft',
+      'key  f',
+    ]);
+    await page.close();
+  });
+
+  it('drags with the right button and turns the wheel', async (context) => {
+    needs(context, 'buttons');
+    needs(context, 'wheel');
+    const page = await opened();
+    await listen(page);
+    await page.drag(beside, middle, 'right');
+    expect(await said(page)).toEqual(['down mouse 2', 'move mouse 2', 'up mouse 0']);
+    await page.wheel(middle, 120);
+    await until('the wheel', async () => (await said(page)).at(-1) === 'wheel 1');
+    await page.close();
+  });
+
+  it('drags files and folders onto the page', async (context) => {
+    needs(context, 'files');
+    const folder = mkdtempSync(path.join(tmpdir(), 'posecast-drag-'));
+    writeFileSync(path.join(folder, 'inside.txt'), 'x');
+    const page = await opened();
+    await page.evaluate(`(() => {
+      window.heard = [];
+      addEventListener('dragover', (e) => e.preventDefault());
+      addEventListener('drop', (e) => {
+        e.preventDefault();
+        for (const item of e.dataTransfer.items) window.heard.push(item.webkitGetAsEntry().isDirectory ? 'folder' : 'file');
+      });
+    })()`);
+    await page.dropFiles(middle, [folder, path.join(folder, 'inside.txt')]);
+    await until('the drop', async () => (await said(page)).length > 0);
+    expect(await said(page)).toEqual(['folder', 'file']);
+    await page.close();
+    rmSync(folder, { recursive: true });
+  });
+
+  it('touches with one finger and with two', async (context) => {
+    needs(context, 'touch');
+    const page = await browser.newPage({ touch: true });
+    await page.open(url);
+    await listen(page);
+    await page.touch({ from: middle, to: beside });
+    expect(await said(page)).toEqual(['down touch 1', 'move touch 1', 'up touch 0']);
+    await page.touch({ from: middle, to: beside }, { from: { x: 200, y: 200 }, to: { x: 100, y: 100 } });
+    expect((await said(page)).slice(3)).toEqual(['down touch 1', 'move touch 1', 'up touch 0']);
     await page.close();
   });
 

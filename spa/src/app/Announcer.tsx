@@ -1,28 +1,46 @@
-import { useEffect, useRef, useState } from 'react';
-import { type RobotLink, useWord } from './robot_link.ts';
+import { useEffect, useState } from 'react';
+import { SignReader } from '../twin/sign_reader.ts';
+import { AsAnyone } from './AsAnyone.tsx';
+import type { RobotLink } from './robot_link.ts';
+import { spoken } from './spoken.ts';
 
-/** A listener hears a change of the word, and not more often than this. */
+/** A listener hears what has changed, and not more often than this. */
 const EVERY_MS = 5000;
+const LOOK_MS = 500;
+/** What those who see choose for themselves takes nothing from those who listen. */
+const ALL = { shown: 'pos', lens: false, forces: true, level: true, load: 'off' } as const;
 
-/** The word of the page for those who listen to it. */
+/** The robot in words, for those who listen to the page. */
 export function Announcer({ link }: { link: RobotLink }) {
-  const word = useWord(link);
   const [said, setSaid] = useState('');
-  const saidMs = useRef(Number.NEGATIVE_INFINITY);
   useEffect(() => {
-    const say = () => {
-      const { cause } = link.watch.verdict();
-      saidMs.current = performance.now();
-      setSaid(
-        word === null ? '' : `${link.twin.robot}: ${word.toLowerCase()}${cause === null ? '' : `, ${cause}`}`,
-      );
+    let reader: SignReader | null = null;
+    let gist = '';
+    let saidMs = Number.NEGATIVE_INFINITY;
+    const look = () => {
+      const { schema, state, limits, robot } = link.twin;
+      if (schema !== null && reader?.schema !== schema) reader = new SignReader(schema);
+      const known = schema !== null && state !== null && limits !== null;
+      const now = spoken({
+        name: schema?.robot ?? robot,
+        verdict: link.watch.verdict(),
+        readings: known ? (reader?.read(state.codes, limits, ALL) ?? null) : null,
+        faults: link.faults.faults() ?? [],
+      });
+      if (now.gist === gist || performance.now() - saidMs < EVERY_MS) return;
+      gist = now.gist;
+      saidMs = performance.now();
+      setSaid(now.text);
     };
-    const timer = setTimeout(say, Math.max(0, saidMs.current + EVERY_MS - performance.now()));
-    return () => clearTimeout(timer);
-  }, [word, link]);
+    const timer = setInterval(look, LOOK_MS);
+    return () => clearInterval(timer);
+  }, [link]);
   return (
-    <p className="unseen" role="status" aria-live="polite">
-      {said}
-    </p>
+    <>
+      <AsAnyone />
+      <p className="unseen" role="status" aria-live="polite" data-testid="spoken">
+        {said}
+      </p>
+    </>
   );
 }

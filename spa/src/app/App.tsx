@@ -1,63 +1,77 @@
-import { useEffect, useState } from 'react';
+import { Suspense, useEffect, useState } from 'react';
 import { ErrorBoundary } from './ErrorBoundary.tsx';
-import { LocalPage } from './LocalPage.tsx';
+import { useHash } from './hash.ts';
+import { useText } from './language.ts';
+import { late } from './late.tsx';
+import { loadList } from './load_list.ts';
 import { closeLocal, listenForDrops, useLocal } from './local.ts';
-import { RobotList } from './RobotList.tsx';
 import { RobotPage } from './RobotPage.tsx';
-import { parseRoute, useHash } from './route.ts';
-import { SettingsSheet } from './SettingsSheet.tsx';
+import { relayChoice } from './relay.ts';
+import type { RobotLink } from './robot_link.ts';
+import { parseRoute } from './route.ts';
 import { useThemeOnRoot } from './theme.ts';
+
+// Who opens a robot needs no list.
+const RobotList = late(async () => (await loadList()).RobotList);
+// Few visitors want these: they come when they are opened.
+const NothingHere = late(async () => (await import('./NothingHere.tsx')).NothingHere);
+const LinePage = late(async () => (await import('./LinePage.tsx')).LinePage);
+const SettingsSheet = late(async () => (await import('./SettingsSheet.tsx')).SettingsSheet);
+const LocalPage = late(async () => (await import('./LocalPage.tsx')).LocalPage);
 
 export function App() {
   useThemeOnRoot();
-  const [settingsOpen, setSettingsOpen] = useState(false);
-  const openSettings = () => setSettingsOpen(true);
+  const [sheet, setSheet] = useState<{ link: RobotLink | null } | null>(null);
+  const openSettings = (link?: RobotLink) => setSheet({ link: link ?? null });
   return (
     <ErrorBoundary>
-      <Page onSettings={openSettings} />
+      <Suspense>
+        <Page onSettings={openSettings} />
+      </Suspense>
       <DropNotice />
-      {settingsOpen && <SettingsSheet onClose={() => setSettingsOpen(false)} />}
+      <Suspense>
+        {sheet !== null && <SettingsSheet link={sheet.link} onClose={() => setSheet(null)} />}
+      </Suspense>
     </ErrorBoundary>
   );
 }
 
-function Page({ onSettings }: { onSettings: () => void }) {
+function Page({ onSettings }: { onSettings: (link?: RobotLink) => void }) {
   const hash = useHash();
   const route = parseRoute(hash);
   const local = useLocal();
-  const listed = route.page !== 'robot' && local.phase !== 'shown';
+  const listed = route.page !== 'robot' && route.page !== 'robots' && local.phase !== 'shown';
   useEffect(() => {
     if (listed) document.title = 'Posecast';
   }, [listed]);
   useEffect(listenForDrops, []);
+  const place = hash.split('?')[0]; // the rest changes while one looks
   // biome-ignore lint/correctness/useExhaustiveDependencies: going anywhere leaves what was dropped
-  useEffect(() => closeLocal, [hash]);
-  if (local.phase === 'shown') return <LocalPage key={local.robot.name} robot={local.robot} />;
+  useEffect(() => closeLocal, [place]);
+  const { refused } = relayChoice();
+  if (refused !== null) return <NothingHere hash={hash} refused={refused} />;
+  if (local.phase === 'shown')
+    return <LocalPage key={local.robot.path} robot={local.robot} urdfs={local.urdfs} />;
   switch (route.page) {
     case 'list':
-      return <RobotList onSettings={onSettings} />;
+      return <RobotList onSettings={() => onSettings()} />;
     case 'robot':
       return <RobotPage key={route.robot} robot={route.robot} onSettings={onSettings} />;
+    case 'robots':
+      return <LinePage key={route.robots.join('+')} robots={route.robots} onSettings={onSettings} />;
     case 'unknown':
-      return (
-        <main className="broken">
-          <h1>Nothing here</h1>
-          <p>This link names nothing that the page knows: {route.hash}</p>
-          <a className="text-button" href="#/">
-            All robots
-          </a>
-        </main>
-      );
+      return <NothingHere hash={route.hash} refused={null} />;
   }
 }
 
 /** What became of a drop that shows no robot. */
 function DropNotice() {
+  const text = useText();
   const local = useLocal();
   if (local.phase === 'reading') {
     return (
       <p className="drop-notice" role="status">
-        Reading the files.
+        {text.readingFiles}
       </p>
     );
   }
@@ -66,7 +80,7 @@ function DropNotice() {
     <div className="drop-notice" role="alert" data-testid="drop-refused">
       <span>{local.why}</span>
       <button type="button" className="text-button" onClick={closeLocal}>
-        Close
+        {text.close}
       </button>
     </div>
   );

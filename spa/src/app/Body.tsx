@@ -1,33 +1,45 @@
-import { type ReactNode, useEffect, useRef, useState } from 'react';
-import type { ModelReport, RobotScene } from '../scene/index.ts';
-import { bodyFollows } from './body_link.ts';
-import { showScene } from './handle.ts';
-import { apiUrl, type RobotLink, useConnection, useVersion, useWord } from './robot_link.ts';
-import { changeSettings, useSettings } from './settings.ts';
-import { useTheme } from './theme.ts';
+import { Suspense, useCallback, useEffect, useRef, useState } from 'react';
+import type { BodyView, LineView, ModelReport } from '../scene/index.ts';
+import { manifestUrl } from './addresses.ts';
+import { FirstSketch } from './FirstSketch.tsx';
+import { follow } from './follow.ts';
+import { say, useText } from './language.ts';
+import { late } from './late.tsx';
+import { accounts } from './relay.ts';
+import { type RobotLink, useConnection, useVersion, useWord } from './robot_link.ts';
+import type { SignsLink } from './signs_link.ts';
 import { useNow } from './tick.ts';
-import { bareWords, bytesWords, missingWords, stageWords, waitingWords } from './words.ts';
+import { useBodyView } from './use_body_view.ts';
+import { useCameraHands } from './use_camera_hands.ts';
+import { bytesWords, problemWords, stageWords, waitingWords } from './words.ts';
+
+/** They come with the body: the page itself starts without. */
+const BodyNotes = late(async () => (await import('./BodyNotes.tsx')).BodyNotes);
+const BodyTools = late(async () => (await import('./BodyTools.tsx')).BodyTools);
+const SignIn = late(async () => (await import('./SignIn.tsx')).SignIn);
+const LoadLegend = late(async () => (await import('./LoadLegend.tsx')).LoadLegend);
 
 const SAY_WHY_AFTER_MS = 3000;
-
 type Model =
   | { phase: 'none' }
   | { phase: 'loading'; received: number; total: number }
-  | { phase: 'shown'; note: string | null }
+  | { phase: 'shown'; report: ModelReport }
   | { phase: 'failed'; why: string };
 
-/** The robot as a body. The drawing itself is a chunk of its own that this component asks for; without it, or without
- *  WebGL, the page says so in one line and the numbers stand. */
+/** The robot as a body. The drawing itself is a chunk of its own that this component asks for; without it the page says
+ *  so in one line and the numbers stand. */
 export function Body({ link }: { link: RobotLink }) {
   const host = useRef<HTMLDivElement>(null);
-  const { scene, why } = useScene(host, link);
-  const model = useModel(scene, link);
-  const { shown } = useSettings();
-  useVersion(link);
-  const hasRef = link.twin.schema?.field('ref') != null;
+  const { view, trouble, why, choose } = useBodyView(host, usePlayed(link));
+  useCameraHands(host, view, link.twin);
+  useViewAddress(view, link);
+  const signs = useSigns(view, link);
+  const model = useModel(view, link);
+  const text = useText();
 
   return (
-    <section className="stage" aria-label="Body">
+    <section className="stage" aria-label={text.body}>
+      {why === null && (model.phase === 'none' || model.phase === 'loading') && <FirstSketch link={link} />}
       <div className="canvas" ref={host} data-testid="scene" data-shown={model.phase !== 'none'} />
       {model.phase === 'loading' && <Progress received={model.received} total={model.total} />}
       <StageNote link={link} />
@@ -46,128 +58,76 @@ export function Body({ link }: { link: RobotLink }) {
         {why === null && model.phase === 'none' && <Waiting link={link} />}
       </div>
       {model.phase === 'loading' && model.total > 0 && (
-        <p className="stage-foot">Loading the body: {bytesWords(model.received, model.total)}</p>
+        <p className="stage-foot">{text.loadingBody(bytesWords(model.received, model.total))}</p>
       )}
-      {model.phase === 'shown' && model.note !== null && (
-        <p className="stage-foot" data-testid="model-note">
-          {model.note}
-        </p>
+      {(trouble !== null || model.phase !== 'none') && (
+        <Suspense fallback={null}>
+          <BodyNotes
+            link={link}
+            trouble={trouble}
+            report={model.phase === 'shown' ? model.report : null}
+            choose={choose}
+          />
+        </Suspense>
       )}
-      {scene !== null && model.phase !== 'none' && (
-        <div className="stage-tools">
-          {hasRef && (
-            <fieldset className="segments">
-              <legend className="unseen">What the body shows</legend>
-              {(['pos', 'ref'] as const).map((choice) => (
-                <label key={choice}>
-                  <input
-                    type="radio"
-                    name="shown"
-                    checked={shown === choice}
-                    onChange={() => changeSettings({ shown: choice })}
-                  />
-                  <span title={choice === 'pos' ? 'Where the robot is' : 'Where it was told to be'}>
-                    {choice}
-                  </span>
-                </label>
-              ))}
-            </fieldset>
-          )}
-          <fieldset className="segments">
-            <legend className="unseen">Camera</legend>
-            <Tool onClick={() => scene.look('home')} title="Back to the first view">
-              ↺
-            </Tool>
-            <Tool onClick={() => scene.look('front')}>front</Tool>
-            <Tool onClick={() => scene.look('side')}>side</Tool>
-          </fieldset>
-          {model.phase === 'shown' && <Finer scene={scene} />}
-        </div>
+      {signs !== null && model.phase !== 'none' && (
+        <Suspense fallback={null}>
+          <LoadLegend signs={[signs]} />
+        </Suspense>
+      )}
+      {view !== null && model.phase !== 'none' && (
+        <Suspense fallback={null}>
+          <BodyTools link={link} view={view} shown={model.phase === 'shown'} />
+        </Suspense>
       )}
     </section>
   );
 }
 
-function Tool({ onClick, title, children }: { onClick: () => void; title?: string; children: ReactNode }) {
-  return (
-    <button type="button" onClick={onClick} title={title} aria-label={title}>
-      {children}
-    </button>
-  );
+/** How the body plays what the robot does. */
+function usePlayed(link: RobotLink) {
+  return useCallback(async () => {
+    const { bodyFollows } = await import('./body_link.ts'); // the code of the view is on its way meanwhile
+    return (view: LineView) => bodyFollows(view, link);
+  }, [link]);
 }
 
-/** Asks for the finest shells, where there are finer ones than a page fetches by itself. */
-function Finer({ scene }: { scene: RobotScene }) {
-  const [state, setState] = useState<'offered' | 'coming' | 'done' | 'failed'>('offered');
-  const [received, setReceived] = useState(0);
-  const bytes = useRef(scene.finerBytes);
-  if (bytes.current === null || state === 'done') return null;
-  const size = bytes.current;
-  const ask = () => {
-    setState('coming');
-    scene
-      .refine((now) => setReceived(now))
-      .then(
-        () => setState('done'),
-        () => setState('failed'),
-      );
-  };
-  const words = {
-    offered: `finer · ${bytesWords(size, 0)}`,
-    coming: bytesWords(received, size),
-    failed: 'did not come · again',
-  }[state];
-  return (
-    <fieldset className="segments" disabled={state === 'coming'} data-testid="finer">
-      <legend className="unseen">Detail</legend>
-      <Tool onClick={ask} title="Show the body in full detail">
-        {words}
-      </Tool>
-    </fieldset>
-  );
-}
-
-function useScene(host: React.RefObject<HTMLDivElement | null>, link: RobotLink) {
-  const theme = useTheme();
-  const [scene, setScene] = useState<RobotScene | null>(null);
-  const [why, setWhy] = useState<string | null>(null);
-  const themeNow = useRef(theme);
-  themeNow.current = theme;
-
+/** The address holds what is looked at; the code for it comes with the body. */
+function useViewAddress(view: BodyView | null, link: RobotLink): void {
   useEffect(() => {
-    let left = false;
-    let made: RobotScene | null = null;
-    let stop: (() => void) | null = null;
-    if (!hasWebGl()) {
-      setWhy('This browser has no 3D. The numbers show everything the robot says.');
-      return;
-    }
-    import('../scene/index.ts')
-      .then(({ RobotScene: Scene }) => {
-        if (left || host.current === null) return;
-        made = new Scene(host.current, { theme: themeNow.current });
-        stop = bodyFollows(made, link);
-        showScene(made);
-        setScene(made);
-      })
-      .catch((error: unknown) => {
-        const what = error instanceof Error ? error.message : String(error);
-        if (!left) setWhy(`The 3D view did not load (${what}). The numbers show everything the robot says.`);
-      });
-    return () => {
-      left = true;
-      stop?.();
-      showScene(null);
-      setScene(null);
-      made?.dispose();
-    };
-  }, [host, link]);
-
-  useEffect(() => scene?.setTheme(theme), [scene, theme]);
-  return { scene, why };
+    if (view === null) return;
+    return follow(
+      import('./view_address.ts').then(
+        ({ addressFollows }) =>
+          () =>
+            addressFollows(view, link),
+      ),
+    );
+  }, [view, link]);
 }
 
-function useModel(scene: RobotScene | null, link: RobotLink): Model {
+/** What is drawn beside the body. */
+function useSigns(scene: BodyView | null, link: RobotLink): SignsLink | null {
+  const [signs, setSigns] = useState<SignsLink | null>(null);
+  useEffect(() => {
+    if (scene === null) return;
+    // A chunk that does not come takes nothing else with it: the body stands without signs.
+    const end = follow(
+      import('./signs_link.ts').then(({ signsFollow }) => () => {
+        const drawn = signsFollow(scene, link);
+        setSigns(drawn);
+        return drawn.stop;
+      }),
+    );
+    return () => {
+      end();
+      setSigns(null);
+    };
+  }, [scene, link]);
+  return signs;
+}
+
+function useModel(scene: BodyView | null, link: RobotLink): Model {
   useVersion(link);
   const { robot, modelHash } = link.twin;
   const [model, setModel] = useState<Model>({ phase: 'none' });
@@ -178,40 +138,24 @@ function useModel(scene: RobotScene | null, link: RobotLink): Model {
     }
     let left = false;
     setModel({ phase: 'loading', received: 0, total: 0 });
+    link.twin.acceptTree(null); // of the model before
     const progress = (received: number, total: number) => {
       if (!left) setModel({ phase: 'loading', received, total });
     };
-    scene.load(apiUrl(`robots/${robot}/model/${modelHash}/manifest.json`), progress).then((report) => {
+    scene.load(manifestUrl(robot, modelHash), progress).then((report) => {
       if (left) return;
       if (report.error !== undefined) {
-        setModel({ phase: 'failed', why: `The body can't be shown: ${report.error}` });
+        setModel({ phase: 'failed', why: say().bodyFailed(report.error) });
         return;
       }
-      setModel({
-        phase: 'shown',
-        note: noteOf(report),
-      });
+      link.twin.acceptTree(scene.tree());
+      setModel({ phase: 'shown', report });
     });
     return () => {
       left = true;
     };
-  }, [scene, robot, modelHash]);
+  }, [scene, robot, modelHash, link]);
   return model;
-}
-
-function noteOf({ bare, missing }: ModelReport): string | null {
-  if (bare !== undefined) return bareWords(bare);
-  return missing.length > 0 ? missingWords(missing, null) : null;
-}
-
-function hasWebGl(): boolean {
-  try {
-    const context = document.createElement('canvas').getContext('webgl2');
-    context?.getExtension('WEBGL_lose_context')?.loseContext(); // a page may hold few contexts
-    return context !== null;
-  } catch {
-    return false;
-  }
 }
 
 /** A thin bar at the top edge that counts real bytes. */
@@ -221,7 +165,7 @@ function Progress({ received, total }: { received: number; total: number }) {
     <div
       className="progress"
       role="progressbar"
-      aria-label="Loading the body"
+      aria-label={say().loadingBody('')}
       aria-valuenow={Math.round(part * 100)}
       data-testid="progress"
     >
@@ -236,15 +180,23 @@ function StageNote({ link }: { link: RobotLink }) {
   const connection = useConnection(link);
   const verdict = link.watch.verdict();
   const words = stageWords(verdict, connection, now);
-  if (words === null && connection.problem === null) return null;
+  const { problem } = connection;
+  if (words === null && problem === null) return null;
   const canTry = verdict.cause === 'no connection' && connection.phase !== 'connecting';
   return (
     <div className="stage-note" data-word={verdict.word ?? ''} data-testid="stage-note">
-      <span>{connection.problem ?? words}</span>
+      <span>
+        {problem === null || (words !== null && problem.what === 'newer') ? words : problemWords(problem)}
+      </span>
       {canTry && (
         <button type="button" className="text-button" onClick={() => link.client.wake()}>
-          Try now
+          {say().tryNow}
         </button>
+      )}
+      {accounts !== null && connection.phase === 'ended' && (
+        <Suspense fallback={null}>
+          <SignIn refused />
+        </Suspense>
       )}
     </div>
   );

@@ -1,36 +1,29 @@
-import { useEffect, useId, useRef, useState } from 'react';
+import { Suspense, useEffect, useId } from 'react';
 import { nowMs } from '../stream/clock.ts';
+import { useText } from './language.ts';
+import { late } from './late.tsx';
+import { usePopover } from './popover.ts';
 import { type RobotLink, useConnection, useWord } from './robot_link.ts';
 import { useNow } from './tick.ts';
-import { chipWords, truthWords } from './words.ts';
+import { chipWords } from './words.ts';
+
+const loadExplanation = () => import('./Explanation.tsx');
+const Explanation = late(async () => (await loadExplanation()).Explanation);
+/** Who asks why there is no connection could not fetch the answer then. */
+const FETCH_AHEAD_MS = 3000;
 
 /** The truth of the whole page: the word, the rate, the age. Tapping it opens the explanation. */
 export function Chip({ link }: { link: RobotLink }) {
   useNow(250);
   useWord(link); // a change of the word is not kept waiting
   const connection = useConnection(link);
-  const [open, setOpen] = useState(false);
-  const around = useRef<HTMLDivElement>(null);
+  useText();
+  const { open, setOpen, around } = usePopover<HTMLDivElement>();
   const explanation = useId();
-
   useEffect(() => {
-    if (!open) return;
-    const leave = (event: Event) => {
-      if (
-        event instanceof KeyboardEvent
-          ? event.key === 'Escape'
-          : !around.current?.contains(event.target as Node)
-      ) {
-        setOpen(false);
-      }
-    };
-    window.addEventListener('pointerdown', leave);
-    window.addEventListener('keydown', leave);
-    return () => {
-      window.removeEventListener('pointerdown', leave);
-      window.removeEventListener('keydown', leave);
-    };
-  }, [open]);
+    const timer = setTimeout(() => loadExplanation().catch(() => {}), FETCH_AHEAD_MS);
+    return () => clearTimeout(timer);
+  }, []);
 
   const verdict = link.watch.verdict();
   const { word, detail, more } = chipWords(verdict, connection, nowMs());
@@ -57,9 +50,9 @@ export function Chip({ link }: { link: RobotLink }) {
       </button>
       {open && (
         <div className="popover" id={explanation} data-testid="liveness-explained">
-          {truthWords(verdict, connection).map((line, i) => (
-            <p key={i === 0 ? 'first' : line.split(':')[0]}>{line}</p>
-          ))}
+          <Suspense fallback={null}>
+            <Explanation link={link} />
+          </Suspense>
         </div>
       )}
     </div>

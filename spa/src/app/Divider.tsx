@@ -1,4 +1,5 @@
 import { type KeyboardEvent, type PointerEvent, useRef } from 'react';
+import { say } from './language.ts';
 
 const STEP_PX = 24;
 
@@ -33,7 +34,7 @@ export function Divider({
       className="divider"
       role="separator"
       aria-orientation="vertical"
-      aria-label="Width of the numbers"
+      aria-label={say().widthOfNumbers}
       aria-valuenow={Math.round(widthPx)}
       tabIndex={0}
       onPointerDown={down}

@@ -1,4 +1,5 @@
 import { Component, type ReactNode } from 'react';
+import { say } from './language.ts';
 
 /** When the page itself breaks it says so, instead of turning white. */
 export class ErrorBoundary extends Component<{ children: ReactNode }, { what: string | null }> {
@@ -12,10 +13,10 @@ export class ErrorBoundary extends Component<{ children: ReactNode }, { what: st
     if (this.state.what === null) return this.props.children;
     return (
       <main className="broken" role="alert">
-        <h1>This page has stopped</h1>
-        <p>The robot is not affected. What went wrong here: {this.state.what}</p>
+        <h1>{say().stopped}</h1>
+        <p>{say().stoppedWhy(this.state.what)}</p>
         <button type="button" className="text-button" onClick={() => window.location.reload()}>
-          Reload
+          {say().reload}
         </button>
       </main>
     );

@@ -1,59 +1,79 @@
-import { useEffect, useState } from 'react';
-import { nowMs } from '../stream/clock.ts';
-import { type ActiveFault, FaultWatch } from '../twin/faults.ts';
-import { formatSpan } from '../twin/format.ts';
-import { JointTable } from '../twin/joints.ts';
+import type { Fault } from '../twin/fault_book.ts';
+import { displayOf, formatNumber, formatSpan } from '../twin/format.ts';
+import { faultWords } from './fault_words.ts';
+import { useFaults } from './faults.ts';
+import { say, useText } from './language.ts';
 import type { RobotLink } from './robot_link.ts';
+import { selectJoint } from './selection.ts';
+import { settings } from './settings.ts';
+import { useNow } from './tick.ts';
 
-const EVERY_MS = 500;
-
-/** What is wrong now, in one line: it stands above the tabs, and is what a phone shows when the sheet is down. */
+/** What is wrong, in one line: it stands above the tabs, and is what a phone shows when the sheet is down. */
 export function FaultLine({ link }: { link: RobotLink }) {
-  const faults = useFaults(link);
-  const first = faults?.[0];
+  useNow(500); // how long it has lasted
+  const text = useText();
+  const faults = useFaults(link.faults);
+  const open = faults?.filter((fault) => !fault.acknowledged) ?? [];
+  const counted = open.filter(({ level }) => level === 'fault').length;
+  const first = open[0];
   return (
-    <div className="fault-line" data-testid="fault-line" data-faults={faults?.length}>
+    <div className="fault-line" data-testid="fault-line" data-faults={faults === null ? undefined : counted}>
       {first === undefined ? (
-        <span className="quiet">{faults === null ? '' : 'No faults'}</span>
+        <span className="quiet">{faults === null ? '' : quietWords(faults)}</span>
       ) : (
         <>
-          <span className="fault-mark" aria-hidden="true" />
-          <b>{first.label}</b>
-          <span className="fault-words" title={first.plain ?? undefined}>
-            {first.words}
-          </span>
-          <span className="quiet">· {sinceWords(nowMs() - first.sinceMs)}</span>
-          {faults !== null && faults.length > 1 && <span className="quiet more">+{faults.length - 1}</span>}
+          <span
+            className="fault-mark"
+            data-level={first.level}
+            data-over={first.clearedMs !== null}
+            aria-hidden="true"
+          />
+          <button
+            type="button"
+            className="fault-what"
+            title={link.twin.schema?.mapping.names.get(first.source)}
+            onClick={() => selectJoint(first.source)}
+          >
+            <b>{first.source}</b> {faultWords(first, offBy(link, first))}
+          </button>
+          <span className="quiet">· {whenWords(first)}</span>
+          {open.length > 1 && <span className="quiet more">+{open.length - 1}</span>}
+          <button
+            type="button"
+            className="text-button acknowledge"
+            data-testid="acknowledge"
+            onClick={() => link.faults.acknowledge(open)}
+          >
+            {open.length > 1 ? text.acknowledgeAll : text.acknowledge}
+          </button>
         </>
       )}
     </div>
   );
 }
 
-function sinceWords(spanMs: number): string {
-  return spanMs < 1000 ? 'now' : formatSpan(Math.floor(spanMs / 1000) * 1000);
+function quietWords(faults: readonly Fault[]): string {
+  const count = faults.filter(({ level }) => level === 'fault').length;
+  return count === 0 ? say().noFaults : say().faultsAcknowledged(count);
 }
 
-/** null until a pose has come: no news of faults is not "no faults". */
-function useFaults({ twin }: RobotLink): readonly ActiveFault[] | null {
-  const [faults, setFaults] = useState<readonly ActiveFault[] | null>(null);
-  useEffect(() => {
-    const watch = new FaultWatch();
-    let table: JointTable | null = null;
-    let schemaId: number | null = null;
-    const look = () => {
-      const { schema, state } = twin;
-      if (schema === null || state === null) return;
-      if (table === null || schemaId !== schema.id) {
-        table = new JointTable(schema);
-        schemaId = schema.id;
-      }
-      const found = watch.update(table.read(state.codes), nowMs());
-      setFaults((before) => (found.length === 0 && before?.length === 0 ? before : found));
-    };
-    look();
-    const timer = setInterval(look, EVERY_MS);
-    return () => clearInterval(timer);
-  }, [twin]);
-  return faults;
+/** How far a joint is off its command now: "0.21 rad". */
+function offBy({ twin }: RobotLink, { what, source }: Fault): string {
+  const [ref, pos] = [twin.value('ref', source) ?? null, twin.value('pos', source) ?? null];
+  if (what !== 'apart' || ref === null || pos === null) return '';
+  const field = twin.schema?.field('pos');
+  const unit = twin.schema?.mapping.unit('pos', source) ?? field?.unit ?? '';
+  const display = displayOf(unit, settings().angle, field?.scale);
+  const coarse = { ...display, decimals: Math.min(display.decimals, 2) };
+  return `${formatNumber(Math.abs(ref - pos), coarse).trim()} ${display.unit}`;
+}
+
+function whenWords(fault: Fault): string {
+  if (fault.clearedMs !== null) return say().overSince(formatSpan(whole(Date.now() - fault.clearedMs)));
+  const lastsMs = Date.now() - fault.firstMs;
+  return lastsMs < 1000 ? say().now : formatSpan(whole(lastsMs));
+}
+
+function whole(ms: number): number {
+  return Math.floor(Math.max(ms, 0) / 1000) * 1000;
 }

@@ -1,42 +1,51 @@
-import { useEffect, useRef, useState } from 'react';
+import { useEffect, useMemo, useRef, useState } from 'react';
 import type { LocalRobot } from '../drop/local_robot.ts';
-import type { RobotScene } from '../scene/index.ts';
+import type { ModelReport, RobotScene } from '../scene/index.ts';
 import { displayOf, formatNumber } from '../twin/format.ts';
 import { showScene } from './handle.ts';
 import { BackIcon } from './icons.tsx';
-import { closeLocal } from './local.ts';
+import { say, useText } from './language.ts';
+import { loadScene } from './load_scene.ts';
+import { chooseUrdf, closeLocal } from './local.ts';
+import { useMore } from './more.ts';
 import { useSettings } from './settings.ts';
 import { useTheme } from './theme.ts';
+import { useCameraHands } from './use_camera_hands.ts';
+import './styles/local.css';
 
 /** A robot that somebody dropped on the page: its body, a slider for each joint, and what is wrong with it. */
-export function LocalPage({ robot }: { robot: LocalRobot }) {
+export function LocalPage({ robot, urdfs }: { robot: LocalRobot; urdfs: readonly string[] }) {
   const host = useRef<HTMLDivElement>(null);
-  const { scene, note } = useLocalScene(host, robot);
+  const { scene, report } = useLocalScene(host, robot);
+  const text = useText();
+  const rest = useMore();
+  useCameraHands(host, scene);
   useEffect(() => {
     document.title = `${robot.name} · Posecast`;
   }, [robot]);
   return (
     <div className="robot-page" data-testid="local-page">
       <header className="top">
-        <button type="button" className="icon-button" onClick={closeLocal} aria-label="Close this robot">
+        <button type="button" className="icon-button" onClick={closeLocal} aria-label={rest.closeRobot}>
           <BackIcon />
         </button>
         <h1 className="robot-name">{robot.name}</h1>
-        <span className="quiet">only in this browser</span>
+        <span className="quiet">{rest.onlyHere}</span>
       </header>
       <main className="split local">
         <div className="split-body">
-          <section className="stage" aria-label="Body">
+          <section className="stage" aria-label={text.body}>
             <div className="canvas" ref={host} data-testid="scene" data-shown="true" />
-            {note !== null && (
+            {report?.note != null && (
               <div className="stage-middle">
-                <p className="stage-say">{note}</p>
+                <p className="stage-say">{report.note}</p>
               </div>
             )}
           </section>
         </div>
-        <aside className="split-panel local-panel" aria-label="Joints">
-          <Findings robot={robot} />
+        <aside className="split-panel local-panel" aria-label={text.joints}>
+          {urdfs.length > 1 && <Choice chosen={robot.path} urdfs={urdfs} />}
+          <Findings robot={robot} report={report} />
           <Sliders robot={robot} scene={scene} />
         </aside>
       </main>
@@ -44,17 +53,23 @@ export function LocalPage({ robot }: { robot: LocalRobot }) {
   );
 }
 
+/** What came of loading it. */
+interface LocalReport {
+  /** Why there is no body. */
+  readonly note: string | null;
+  readonly meshes: ModelReport['meshes'];
+}
+
 function useLocalScene(host: React.RefObject<HTMLDivElement | null>, robot: LocalRobot) {
   const theme = useTheme();
   const themeNow = useRef(theme);
   themeNow.current = theme;
   const [scene, setScene] = useState<RobotScene | null>(null);
-  const [note, setNote] = useState<string | null>(null);
+  const [loaded, setLoaded] = useState<{ robot: LocalRobot; report: LocalReport } | null>(null);
   useEffect(() => {
     let left = false;
     let made: RobotScene | null = null;
-    setNote(null);
-    import('../scene/index.ts')
+    loadScene()
       .then(async ({ RobotScene: Scene }) => {
         if (left || host.current === null) return;
         made = new Scene(host.current, { theme: themeNow.current });
@@ -62,10 +77,12 @@ function useLocalScene(host: React.RefObject<HTMLDivElement | null>, robot: Loca
         setScene(made);
         made.setPose({ joints: new Map(), base: null }, true);
         const report = await made.loadLocal(robot.manifest, robot);
-        if (!left && report.error !== undefined) setNote(`The body can't be shown: ${report.error}`);
+        const note = report.error === undefined ? null : say().bodyFailed(report.error);
+        if (!left) setLoaded({ robot, report: { note, meshes: report.meshes } });
       })
       .catch((error: unknown) => {
-        if (!left) setNote(error instanceof Error ? error.message : String(error));
+        const note = error instanceof Error ? error.message : String(error);
+        if (!left) setLoaded({ robot, report: { note, meshes: undefined } });
       });
     return () => {
       left = true;
@@ -75,23 +92,44 @@ function useLocalScene(host: React.RefObject<HTMLDivElement | null>, robot: Loca
     };
   }, [host, robot]);
   useEffect(() => scene?.setTheme(theme), [scene, theme]);
-  return { scene, note };
+  return { scene, report: loaded?.robot === robot ? loaded.report : null };
 }
 
-/** What is wrong with it, worst first. */
-function Findings({ robot }: { robot: LocalRobot }) {
-  const { diagnoses } = robot;
-  if (diagnoses.length === 0)
-    return <p className="quiet local-well">Nothing wrong was found in this URDF.</p>;
+/** Several URDFs lay among the files: the likeliest is shown, any other can be. */
+function Choice({ chosen, urdfs }: { chosen: string; urdfs: readonly string[] }) {
+  const text = useMore();
+  return (
+    <label className="local-choice">
+      <span className="quiet">{text.robotsInFiles(urdfs.length)}</span>
+      <select
+        value={chosen}
+        data-testid="choose-urdf"
+        onChange={({ target }) => void chooseUrdf(target.value)}
+      >
+        {urdfs.map((path) => (
+          <option key={path}>{path}</option>
+        ))}
+      </select>
+    </label>
+  );
+}
+
+const SEVERITIES = { error: 'severityError', warning: 'severityWarning', hint: 'severityHint' } as const;
+
+/** What is wrong with it, worst first: what the URDF tells at once, the rest when the meshes have been read. */
+function Findings({ robot, report }: { robot: LocalRobot; report: LocalReport | null }) {
+  const text = useMore();
+  const findings = useMemo(() => robot.findings(report?.meshes ?? null), [robot, report]);
+  if (findings.length === 0)
+    return report === null ? null : <p className="quiet local-well">{text.nothingWrong}</p>;
   return (
     <details className="local-findings" open data-testid="findings">
-      <summary>
-        {diagnoses.length} {diagnoses.length === 1 ? 'finding' : 'findings'}
-      </summary>
+      <summary>{text.findings(findings.length)}</summary>
       <ul>
-        {diagnoses.map(({ severity, text }) => (
-          <li key={text} data-severity={severity}>
-            <b>{severity}</b> {text}
+        {findings.map(({ severity, code, text: said, line }) => (
+          <li key={`${line} ${said}`} data-severity={severity} title={code}>
+            <b>{text[SEVERITIES[severity]]}</b> {said}
+            {line !== null && <span className="quiet"> · {text.line(line)}</span>}
           </li>
         ))}
       </ul>
@@ -100,6 +138,7 @@ function Findings({ robot }: { robot: LocalRobot }) {
 }
 
 function Sliders({ robot, scene }: { robot: LocalRobot; scene: RobotScene | null }) {
+  const text = useMore();
   const { angle } = useSettings();
   const [values, setValues] = useState<ReadonlyMap<string, number>>(new Map());
   useEffect(() => {
@@ -114,7 +153,7 @@ function Sliders({ robot, scene }: { robot: LocalRobot; scene: RobotScene | null
   return (
     <div className="local-sliders">
       <button type="button" className="text-button" onClick={() => setValues(new Map())}>
-        All to zero
+        {text.allToZero}
       </button>
       {robot.joints.map(({ name, unit, lower, upper }) => (
         <label key={name} className="local-slider">
@@ -128,6 +167,8 @@ function Sliders({ robot, scene }: { robot: LocalRobot; scene: RobotScene | null
             value={values.get(name) ?? 0}
             onChange={({ target }) => setValues(new Map(values).set(name, Number(target.value)))}
           />
+          <small>{words(lower, unit)}</small>
+          <small>{words(upper, unit)}</small>
         </label>
       ))}
     </div>

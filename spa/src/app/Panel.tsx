@@ -1,20 +1,48 @@
-import { type KeyboardEvent, useEffect, useRef, useState } from 'react';
+import { type DragEvent, type KeyboardEvent, Suspense, useEffect, useRef } from 'react';
+import { firstSight } from '../scene/first_sight.ts';
 import { nowMs } from '../stream/clock.ts';
-import { Alarms } from './Alarms.tsx';
 import { FaultLine } from './FaultLine.tsx';
+import { onLanguage, say, useText } from './language.ts';
+import { late, lateAfterBody } from './late.tsx';
+import { ROOM_FOR_BOTH, useMedia } from './media.ts';
+import { plot, usePlotted } from './plotted.ts';
 import type { RobotLink } from './robot_link.ts';
+import { onSelection, selection, useSelectedJoint } from './selection.ts';
 import { make } from './table/cells.ts';
-import { JointView } from './table/joint_view.ts';
+import { JointView, type TableSources } from './table/joint_view.ts';
 import { refreshWith } from './table/refresh.ts';
-import { SensorView } from './table/sensor_view.ts';
+import { bringsValue, broughtValue } from './table/value_drag.ts';
 
-const TABS = ['Joints', 'Sensors', 'Alarms'] as const;
-type Tab = (typeof TABS)[number];
+// The table is there at once; the rest comes when somebody looks for it.
+const TableTools = lateAfterBody(async () => (await import('./TableTools.tsx')).TableTools);
+const JointCard = late(async () => (await import('./JointCard.tsx')).JointCard);
+const Sensors = late(async () => (await import('./Sensors.tsx')).Sensors);
+const Plots = late(async () => (await import('./Plots.tsx')).Plots);
+const Alarms = late(async () => (await import('./Alarms.tsx')).Alarms);
 
-/** The numbers: what is wrong now, and three tabs. */
-export function Panel({ link }: { link: RobotLink }) {
-  const [tab, setTab] = useState<Tab>('Joints');
+const TABS = ['Joints', 'Sensors', 'Plots', 'Alarms'] as const;
+const TAB_WORDS = { Joints: 'joints', Sensors: 'sensors', Plots: 'plots', Alarms: 'alarms' } as const;
+export type Tab = (typeof TABS)[number];
+
+/** The numbers: what is wrong now, and four tabs. Which one is open outlives the panel: a phone that is turned has
+ *  another. */
+export function Panel({
+  link,
+  tab,
+  onTab: setTab,
+}: {
+  link: RobotLink;
+  tab: Tab;
+  onTab: (tab: Tab) => void;
+}) {
+  const text = useText();
   const tabs = useRef<HTMLDivElement>(null);
+  const joint = useSelectedJoint();
+  const traces = usePlotted().length;
+  useEffect(() => {
+    // Wherever it was chosen. Not at once: a phone that is turned keeps the tab that it had.
+    return onSelection(() => selection() !== null && setTab('Joints'));
+  }, [setTab]);
 
   const onKeyDown = (event: KeyboardEvent) => {
     const step = event.key === 'ArrowRight' ? 1 : event.key === 'ArrowLeft' ? -1 : 0;
@@ -23,11 +51,22 @@ export function Panel({ link }: { link: RobotLink }) {
     setTab(TABS[next] ?? tab);
     tabs.current?.querySelectorAll('button')[next]?.focus();
   };
+  const onDrop = (event: DragEvent) => {
+    const value = broughtValue(event);
+    if (value === null) return;
+    event.preventDefault();
+    plot(value);
+    setTab('Plots');
+  };
+  const landing = {
+    onDragOver: (event: DragEvent) => bringsValue(event) && event.preventDefault(),
+    onDrop,
+  };
 
   return (
     <div className="panel">
       <FaultLine link={link} />
-      <div className="tabs" role="tablist" aria-label="Numbers" ref={tabs} onKeyDown={onKeyDown}>
+      <div className="tabs" role="tablist" aria-label={text.numbers} ref={tabs} onKeyDown={onKeyDown}>
         {TABS.map((name) => (
           <button
             key={name}
@@ -38,33 +77,86 @@ export function Panel({ link }: { link: RobotLink }) {
             aria-controls={`panel-${name}`}
             tabIndex={tab === name ? 0 : -1}
             onClick={() => setTab(name)}
+            {...(name === 'Plots' ? landing : {})}
           >
-            {name}
+            {text[TAB_WORDS[name]]}
+            {name === 'Plots' && traces > 0 && <small className="tab-count">{traces}</small>}
           </button>
         ))}
       </div>
-      <div className="tab-body" role="tabpanel" id={`panel-${tab}`} aria-labelledby={`tab-${tab}`} key={tab}>
-        {tab === 'Joints' && <Numbers link={link} kind="joints" />}
-        {tab === 'Sensors' && <Numbers link={link} kind="sensors" />}
-        {tab === 'Alarms' && <Alarms link={link} />}
+      <div
+        className="tab-body"
+        role="tabpanel"
+        id={`panel-${tab}`}
+        aria-labelledby={`tab-${tab}`}
+        key={tab}
+        {...(tab === 'Plots' ? landing : {})}
+      >
+        <Suspense fallback={null}>
+          {tab === 'Joints' && <Joints link={link} joint={joint} />}
+          {tab === 'Sensors' && <Sensors link={link} />}
+          {tab === 'Plots' && <Plots link={link} />}
+          {tab === 'Alarms' && <Alarms link={link} />}
+        </Suspense>
       </div>
     </div>
   );
 }
 
+/** The table, and under it the card of the joint that was chosen; where there is little room, in its place. */
+function Joints({ link, joint }: { link: RobotLink; joint: string | null }) {
+  const both = useMedia(ROOM_FOR_BOTH);
+  return (
+    <div className="joints-room">
+      {(joint === null || both) && (
+        <>
+          <div className="table-tools">
+            <Suspense fallback={null}>
+              <TableTools />
+            </Suspense>
+          </div>
+          <div className="table-room">
+            <JointNumbers link={link} />
+          </div>
+        </>
+      )}
+      {joint !== null && (
+        <Suspense fallback={null}>
+          <JointCard link={link} joint={joint} />
+        </Suspense>
+      )}
+    </div>
+  );
+}
+
 /** Only the place for them: the numbers themselves are written past React. */
-function Numbers({ link, kind }: { link: RobotLink; kind: 'joints' | 'sensors' }) {
+function JointNumbers({ link }: { link: RobotLink }) {
   const host = useRef<HTMLDivElement>(null);
   useEffect(() => {
     if (host.current === null) return;
-    host.current.replaceChildren(make('p', 'note late', 'No numbers yet.'));
-    const view =
-      kind === 'joints' ? new JointView(host.current, link.twin) : new SensorView(host.current, link.twin);
-    const stop = refreshWith(link.twin, () => view.write(nowMs()));
+    host.current.replaceChildren(make('p', 'note late', say().noNumbersYet));
+    const sources: TableSources = {
+      openFault: (label) => link.faults.book.of(label),
+      readings: link.past.readings,
+    };
+    const view = new JointView(host.current, link.twin, sources);
+    const write = () => view.write(nowMs());
+    let left = false;
+    firstSight
+      .then(() => import('./limb_titles.ts'))
+      .then(
+        ({ titledLimbs }) => {
+          sources.limbs = titledLimbs;
+          if (!left) write();
+        },
+        () => {}, // they stand in one list
+      );
+    const stop = refreshWith(link.twin, write, [link.faults.onChange, onLanguage]);
     return () => {
+      left = true;
       stop();
       view.dispose();
     };
-  }, [link, kind]);
+  }, [link]);
   return <div className="numbers" ref={host} />;
 }

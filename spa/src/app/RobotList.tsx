@@ -1,41 +1,73 @@
-import { useState } from 'react';
+import './styles/list.css';
+import { Suspense, useState } from 'react';
 import { formatSpan } from '../twin/format.ts';
 import { Sign } from './Chip.tsx';
-import { CheckIcon, CopyIcon, RobotFigure, SettingsIcon } from './icons.tsx';
+import { Command } from './Command.tsx';
+import { SettingsIcon } from './icons.tsx';
+import { useText } from './language.ts';
+import { late } from './late.tsx';
+import { useListText } from './list_text.ts';
 import { openChosen } from './local.ts';
+import { accounts, home, relayChoice } from './relay.ts';
 import { type ListedRobot, useRobots } from './robots.ts';
-import { robotHref } from './route.ts';
+import { MOST_SIDE_BY_SIDE, robotHref } from './route.ts';
+import { Thumbnail } from './Thumbnail.tsx';
+
+const SignIn = late(async () => (await import('./SignIn.tsx')).SignIn);
 
 /** Who is on air: a grid of cards, or the lines that put a robot there. */
 export function RobotList({ onSettings }: { onSettings: () => void }) {
+  const text = useText();
+  const rest = useListText();
   const listing = useRobots();
   const robots = listing.phase === 'waiting' ? [] : listing.robots;
+  const host = new URL(relayChoice().base ?? home()).host;
+  const elsewhere = host === window.location.host ? null : host;
+  /** Robots to be shown side by side, in the order in which they were chosen; null while nobody chooses. */
+  const [chosen, setChosen] = useState<readonly string[] | null>(null);
   return (
     <div className="list-page">
       <header className="top">
         <a className="brand" href="#/">
           Posecast
         </a>
+        {elsewhere !== null && (
+          <span className="quiet" data-testid="relay-host">
+            {elsewhere}
+          </span>
+        )}
         <span className="grow" />
-        <button type="button" className="icon-button" onClick={onSettings} aria-label="Settings">
+        {accounts !== null && (
+          <Suspense fallback={null}>
+            <SignIn />
+          </Suspense>
+        )}
+        <button type="button" className="icon-button" onClick={onSettings} aria-label={text.settings}>
           <SettingsIcon />
         </button>
       </header>
       <main className="list">
-        <h1>On air</h1>
+        <h1>{rest.onAir}</h1>
         {listing.phase === 'unreachable' && (
           <p className="list-note" role="status">
-            No connection to the relay. Trying again.
+            {rest.noRelay}
           </p>
         )}
-        {listing.phase === 'waiting' && <p className="quiet">Asking the relay who is on air.</p>}
+        {listing.phase === 'waiting' && <p className="quiet">{rest.askingRelay}</p>}
         {robots.length > 0 && (
           <ul className="cards" data-testid="robots" data-old={listing.phase === 'unreachable'}>
             {robots.map((robot) => (
-              <Card key={robot.robot} robot={robot} old={listing.phase === 'unreachable'} />
+              <Card
+                key={robot.robot}
+                robot={robot}
+                old={listing.phase === 'unreachable'}
+                place={chosen === null ? null : chosen.indexOf(robot.robot)}
+                onChoose={() => setChosen((before) => toggled(before ?? [], robot.robot))}
+              />
             ))}
           </ul>
         )}
+        {robots.length > 1 && <SideBySide chosen={chosen} onChosen={setChosen} />}
         {listing.phase === 'known' && robots.length === 0 && <Empty />}
         <YourOwn />
       </main>
@@ -45,15 +77,66 @@ export function RobotList({ onSettings }: { onSettings: () => void }) {
 
 const WORDS = { online: 'LIVE', silent: 'STALE', offline: 'OFFLINE' } as const;
 
-function Card({ robot, old }: { robot: ListedRobot; old: boolean }) {
+/** Into the choice, or out of it; beyond what fits, nothing. */
+function toggled(chosen: readonly string[], robot: string): readonly string[] {
+  if (chosen.includes(robot)) return chosen.filter((other) => other !== robot);
+  return chosen.length < MOST_SIDE_BY_SIDE ? [...chosen, robot] : chosen;
+}
+
+/** Chooses up to six robots for one scene. */
+function SideBySide(props: {
+  chosen: readonly string[] | null;
+  onChosen: (chosen: readonly string[] | null) => void;
+}) {
+  const { chosen, onChosen } = props;
+  const rest = useListText();
+  if (chosen === null) {
+    return (
+      <button type="button" className="text-button side-by-side" onClick={() => onChosen([])}>
+        {rest.sideBySide}
+      </button>
+    );
+  }
+  return (
+    <div className="side-by-side" data-testid="side-by-side">
+      {chosen.length < 2 ? (
+        <span className="quiet">{rest.chooseSome}</span>
+      ) : (
+        <a className="text-button" href={robotHref(...chosen)}>
+          {rest.showSideBySide(chosen.length)}
+        </a>
+      )}
+      <button type="button" className="text-button" onClick={() => onChosen(null)}>
+        {rest.cancel}
+      </button>
+    </div>
+  );
+}
+
+/** `place`: where it stands in the choice for a line, -1 outside it; null while nobody chooses. */
+function Card(props: { robot: ListedRobot; old: boolean; place: number | null; onChoose: () => void }) {
+  const { robot, old, place, onChoose } = props;
   const word = old ? 'STALE' : WORDS[robot.state];
   const age = robot.ageMs !== null && word !== 'LIVE' && !old ? ` ${formatSpan(robot.ageMs)}` : '';
-  const cause = old ? ': no connection' : word === 'STALE' ? ': robot silent' : '';
+  const text = useText();
+  const rest = useListText();
+  const cause = old ? `: ${text.noConnection}` : word === 'STALE' ? `: ${text.robotSilent}` : '';
   return (
     <li>
-      <a className="card" href={robotHref(robot.robot)} data-testid={`robot-${robot.robot}`}>
+      <a
+        className="card"
+        href={robotHref(robot.robot)}
+        data-testid={`robot-${robot.robot}`}
+        data-chosen={place !== null && place >= 0}
+        onClick={(event) => {
+          if (place === null) return;
+          event.preventDefault();
+          onChoose();
+        }}
+      >
+        {place !== null && <span className="card-place">{place < 0 ? '' : place + 1}</span>}
         <span className="thumb" data-state={word}>
-          <RobotFigure />
+          <Thumbnail robot={robot} />
         </span>
         <span className="card-name">{robot.name}</span>
         <span className="card-line">
@@ -65,11 +148,7 @@ function Card({ robot, old }: { robot: ListedRobot; old: boolean }) {
               {cause}
             </span>
           </span>
-          {robot.viewers !== null && (
-            <span className="quiet">
-              {robot.viewers} {robot.viewers === 1 ? 'viewer' : 'viewers'}
-            </span>
-          )}
+          {robot.viewers !== null && <span className="quiet">{rest.viewers(robot.viewers)}</span>}
         </span>
       </a>
     </li>
@@ -78,13 +157,12 @@ function Card({ robot, old }: { robot: ListedRobot; old: boolean }) {
 
 /** The other way in: a robot from this computer, in this browser only. */
 function YourOwn() {
+  const rest = useListText();
   return (
-    <section className="your-own" aria-label="Your own robot">
-      <p className="quiet">
-        Or drop a folder or a zip with a URDF anywhere on this page. It is shown here and sent nowhere.
-      </p>
+    <section className="your-own" aria-label={rest.yourOwn}>
+      <p className="quiet">{rest.dropHere}</p>
       <label className="text-button">
-        Choose a folder
+        {rest.chooseFolder}
         <input
           type="file"
           className="unseen"
@@ -94,7 +172,7 @@ function YourOwn() {
         />
       </label>
       <label className="text-button">
-        Choose a zip
+        {rest.chooseZip}
         <input
           type="file"
           accept=".zip"
@@ -108,39 +186,16 @@ function YourOwn() {
 }
 
 function Empty() {
+  const rest = useListText();
   const relay = `tcp/${window.location.hostname || '127.0.0.1'}:7447`;
   return (
     <div className="empty" data-testid="no-robots">
-      <p>No robot is on air. One line beside the robot puts it here.</p>
-      <Command what="The demo robot" line={`posecast-edge run --robot demo --source demo --relay ${relay}`} />
+      <p>{rest.nobodyOnAir}</p>
+      <Command what={rest.demoRobot} line={`posecast-edge run --robot demo --source demo --relay ${relay}`} />
       <Command
-        what="Yours: one JSON object a line"
+        what={rest.yours}
         line={`my-robot | posecast-edge run --robot mine --source jsonl --relay ${relay}`}
       />
     </div>
-  );
-}
-
-function Command({ what, line }: { what: string; line: string }) {
-  const [copied, setCopied] = useState(false);
-  const copy = async () => {
-    try {
-      await navigator.clipboard.writeText(line);
-      setCopied(true);
-      setTimeout(() => setCopied(false), 2000);
-    } catch {
-      // Not allowed here (an insecure origin): the line can still be selected by hand.
-    }
-  };
-  return (
-    <figure className="command">
-      <figcaption>{what}</figcaption>
-      <pre>
-        <code>{line}</code>
-      </pre>
-      <button type="button" className="icon-button" onClick={copy} aria-label={copied ? 'Copied' : 'Copy'}>
-        {copied ? <CheckIcon /> : <CopyIcon />}
-      </button>
-    </figure>
   );
 }

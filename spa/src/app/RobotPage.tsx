@@ -1,21 +1,30 @@
-import { useEffect, useLayoutEffect, useRef, useState } from 'react';
-import { Announcer } from './Announcer.tsx';
+import { Suspense, useEffect, useLayoutEffect, useRef, useState } from 'react';
 import { Body } from './Body.tsx';
 import { Chip } from './Chip.tsx';
-import { Divider } from './Divider.tsx';
+import { useFullscreen } from './fullscreen.ts';
 import { showLink } from './handle.ts';
-import { BackIcon, FullscreenIcon, PanelIcon, SettingsIcon } from './icons.tsx';
+import { BackIcon, FullscreenIcon, PanelIcon, SettingsIcon, ShareIcon } from './icons.tsx';
+import { say, useText } from './language.ts';
+import { late, lateAfterBody } from './late.tsx';
 import { SIDE_BY_SIDE, useMedia } from './media.ts';
-import { Panel } from './Panel.tsx';
+import { Panel, type Tab } from './Panel.tsx';
 import { type RobotLink, useRobotLink, useVersion, useWord } from './robot_link.ts';
 import { Sheet } from './Sheet.tsx';
+import { onSelection, selection } from './selection.ts';
 import { changeSettings, useSettings } from './settings.ts';
 import { heightPx, type SheetHeight } from './sheet_heights.ts';
 
+const Divider = late(async () => (await import('./Divider.tsx')).Divider);
+const Announcer = lateAfterBody(async () => (await import('./Announcer.tsx')).Announcer);
+const ShareSheet = late(async () => (await import('./ShareSheet.tsx')).ShareSheet);
+const KeysSheet = late(async () => (await import('./KeysSheet.tsx')).KeysSheet);
+
 const PANEL_LEAST_PX = 320;
 const BODY_LEAST_PX = 280;
+/** A second tap still finds the body where the first one was. */
+const RAISE_MS = 400;
 
-export function RobotPage({ robot, onSettings }: { robot: string; onSettings: () => void }) {
+export function RobotPage({ robot, onSettings }: { robot: string; onSettings: (link: RobotLink) => void }) {
   const link = useRobotLink(robot);
   useEffect(() => {
     showLink(link);
@@ -24,35 +33,42 @@ export function RobotPage({ robot, onSettings }: { robot: string; onSettings: ()
   useEffect(() => {
     document.title = `${robot} · Posecast`;
   }, [robot]);
-  return link === null ? null : <Loaded link={link} onSettings={onSettings} />;
+  return link === null ? null : <Loaded link={link} onSettings={() => onSettings(link)} />;
 }
 
 function Loaded({ link, onSettings }: { link: RobotLink; onSettings: () => void }) {
+  const text = useText();
   const word = useWord(link);
   const { panelOpen } = useSettings();
   const page = useRef<HTMLDivElement>(null);
   useVersion(link);
   const name = link.twin.schema?.robot ?? link.twin.robot;
 
-  const fullscreen = () => {
-    if (document.fullscreenElement !== null) void document.exitFullscreen();
-    else void page.current?.requestFullscreen?.().catch(() => undefined); // an iPhone has none
-  };
+  const { fullscreen, toggle } = useFullscreen(page);
+  const [sheet, setSheet] = useState<'share' | 'keys' | null>(null);
   useEffect(() => {
     const onKey = (event: KeyboardEvent) => {
       const typing = event.target instanceof HTMLInputElement && event.target.type !== 'radio';
       if (typing || event.ctrlKey || event.metaKey || event.altKey) return;
       if (event.key === 't' || event.key === 'T') changeSettings({ panelOpen: !panelOpen });
-      else if (event.key === 'f' || event.key === 'F') fullscreen();
+      else if (event.key === 'f' || event.key === 'F') toggle();
+      else if (event.key === 's' || event.key === 'S') setSheet('share');
+      else if (event.key === '?') setSheet('keys');
     };
     window.addEventListener('keydown', onKey);
     return () => window.removeEventListener('keydown', onKey);
   });
 
   return (
-    <div className="robot-page" ref={page} data-word={word ?? ''} data-testid="robot-page">
+    <div
+      className="robot-page"
+      ref={page}
+      data-word={word ?? ''}
+      data-fullscreen={fullscreen}
+      data-testid="robot-page"
+    >
       <header className="top">
-        <a className="icon-button" href="#/" aria-label="All robots">
+        <a className="icon-button" href="#/" aria-label={text.allRobots}>
           <BackIcon />
         </a>
         <h1 className="robot-name" title={link.twin.robot}>
@@ -63,48 +79,78 @@ function Loaded({ link, onSettings }: { link: RobotLink; onSettings: () => void 
         <button
           type="button"
           className="icon-button wide-only"
-          aria-label="Show the numbers"
+          aria-label={text.showNumbers}
           aria-pressed={panelOpen}
-          title="Numbers (T)"
+          title={`${text.numbers} (T)`}
           onClick={() => changeSettings({ panelOpen: !panelOpen })}
         >
           <PanelIcon />
         </button>
-        {document.fullscreenEnabled && (
-          <button
-            type="button"
-            className="icon-button wide-only"
-            aria-label="Fullscreen"
-            title="Fullscreen (F)"
-            onClick={fullscreen}
-          >
-            <FullscreenIcon />
-          </button>
-        )}
+        <button
+          type="button"
+          className="icon-button fullscreen-button"
+          aria-label={text.fullscreen}
+          aria-pressed={fullscreen !== 'off'}
+          title={`${text.fullscreen} (F)`}
+          onClick={toggle}
+        >
+          <FullscreenIcon />
+        </button>
         <button
           type="button"
           className="icon-button"
-          aria-label="Settings"
-          title="Settings"
+          aria-label={text.share}
+          title={`${text.share} (S)`}
+          onClick={() => setSheet('share')}
+        >
+          <ShareIcon />
+        </button>
+        <button
+          type="button"
+          className="icon-button"
+          aria-label={text.settings}
+          title={text.settings}
           onClick={onSettings}
         >
           <SettingsIcon />
         </button>
       </header>
-      <Split link={link} />
-      <Announcer link={link} />
+      <Split link={link} alone={fullscreen === 'page'} />
+      <Suspense fallback={null}>
+        <Announcer link={link} />
+      </Suspense>
+      <Suspense fallback={null}>
+        {sheet === 'share' && (
+          <ShareSheet robot={link.twin.robot} name={name} onClose={() => setSheet(null)} />
+        )}
+        {sheet === 'keys' && <KeysSheet onClose={() => setSheet(null)} />}
+      </Suspense>
     </div>
   );
 }
 
-/** Body first, numbers beside it; on a phone held upright the numbers are a sheet over the body. */
-function Split({ link }: { link: RobotLink }) {
+/** Body first, numbers beside it; on a phone held upright the numbers are a sheet over the body. `alone`: no numbers. */
+function Split({ link, alone }: { link: RobotLink; alone: boolean }) {
   const sideBySide = useMedia(SIDE_BY_SIDE);
   const { panelOpen, panelPx } = useSettings();
   const room = useRef<HTMLDivElement>(null);
   const [size, setSize] = useState<{ width: number; height: number } | null>(null);
   const [draggedPx, setDraggedPx] = useState<number | null>(null);
   const [height, setHeight] = useState<SheetHeight>('half');
+  const [tab, setTab] = useState<Tab>('Joints');
+
+  useEffect(() => {
+    let raise: ReturnType<typeof setTimeout> | undefined;
+    const leave = onSelection(() => {
+      clearTimeout(raise);
+      if (selection() === null) return;
+      raise = setTimeout(() => setHeight((now) => (now === 'peek' ? 'half' : now)), RAISE_MS);
+    });
+    return () => {
+      leave();
+      clearTimeout(raise);
+    };
+  }, []);
 
   useLayoutEffect(() => {
     const element = room.current;
@@ -122,27 +168,29 @@ function Split({ link }: { link: RobotLink }) {
   const coveredPx = heightPx(height === 'full' ? 'half' : height, size.height);
   return (
     <main className={sideBySide ? 'split' : 'split stacked'} ref={room}>
-      <div className="split-body" style={sideBySide ? undefined : { bottom: `${coveredPx - 12}px` }}>
+      <div className="split-body" style={sideBySide || alone ? undefined : { bottom: `${coveredPx - 12}px` }}>
         <Body link={link} />
       </div>
-      {sideBySide && panelOpen && (
+      {sideBySide && panelOpen && !alone && (
         <>
-          <Divider
-            widthPx={widthPx}
-            onWidth={(px, done) => {
-              const fitting = panelWidth(px, size.width);
-              setDraggedPx(done ? null : fitting);
-              if (done) changeSettings({ panelPx: fitting });
-            }}
-          />
-          <aside className="split-panel" style={{ width: `${widthPx}px` }} aria-label="Numbers">
-            <Panel link={link} />
+          <Suspense fallback={null}>
+            <Divider
+              widthPx={widthPx}
+              onWidth={(px, done) => {
+                const fitting = panelWidth(px, size.width);
+                setDraggedPx(done ? null : fitting);
+                if (done) changeSettings({ panelPx: fitting });
+              }}
+            />
+          </Suspense>
+          <aside className="split-panel" style={{ width: `${widthPx}px` }} aria-label={say().numbers}>
+            <Panel link={link} tab={tab} onTab={setTab} />
           </aside>
         </>
       )}
-      {!sideBySide && (
+      {!sideBySide && !alone && (
         <Sheet height={height} roomPx={size.height} onHeight={setHeight}>
-          <Panel link={link} />
+          <Panel link={link} tab={tab} onTab={setTab} />
         </Sheet>
       )}
     </main>

@@ -1,72 +1,170 @@
-import { useEffect, useRef } from 'react';
-import { CloseIcon } from './icons.tsx';
-import { changeSettings, type Settings, useSettings } from './settings.ts';
+import { Suspense } from 'react';
+import { CameraKeys } from './CameraKeys.tsx';
+import { Dialog } from './Dialog.tsx';
+import { useText } from './language.ts';
+import { late } from './late.tsx';
+import { useMore } from './more.ts';
+import { accounts } from './relay.ts';
+import type { RobotLink } from './robot_link.ts';
+import { ARROWS, changeSettings, type Settings, useSettings } from './settings.ts';
+import './styles/choices.css';
+import './styles/signs.css';
+
+/** For those who open the sheet: the page itself starts without. */
+const SignIn = late(async () => (await import('./SignIn.tsx')).SignIn);
+const Limits = late(async () => (await import('./Limits.tsx')).Limits);
 
 /** Few, and in one place. */
-export function SettingsSheet({ onClose }: { onClose: () => void }) {
-  const dialog = useRef<HTMLDialogElement>(null);
-  const { theme, angle, faultsFirst } = useSettings();
-  useEffect(() => {
-    dialog.current?.showModal();
-    dialog.current?.focus(); // not the first button: nothing is proposed yet
-  }, []);
+export function SettingsSheet({ link, onClose }: { link: RobotLink | null; onClose: () => void }) {
+  const {
+    theme,
+    language,
+    angle,
+    faultsFirst,
+    body,
+    smooth,
+    palette,
+    arrowScale,
+    headingLocked,
+    follow,
+    mouse,
+  } = useSettings();
+  const text = useText();
+  const rest = useMore();
   return (
-    // biome-ignore lint/a11y/useKeyWithClickEvents: Escape closes a dialog by itself
-    <dialog
-      className="settings"
-      ref={dialog}
-      tabIndex={-1}
-      onClose={onClose}
-      onClick={(event) => event.target === dialog.current && dialog.current.close()}
-      aria-label="Settings"
-      data-testid="settings"
-    >
-      <div className="settings-inner">
-        <header>
-          <h2>Settings</h2>
-          <button
-            type="button"
-            className="icon-button"
-            aria-label="Close"
-            onClick={() => dialog.current?.close()}
-          >
-            <CloseIcon />
-          </button>
-        </header>
-        <Choice<Settings['theme']>
-          name="theme"
-          legend="Theme"
-          chosen={theme}
-          choices={[
-            ['system', 'System'],
-            ['dark', 'Dark'],
-            ['light', 'Light'],
-          ]}
-          onChoose={(chosen) => changeSettings({ theme: chosen })}
+    <Dialog title={text.settings} testId="settings" onClose={onClose}>
+      <Choice<Settings['theme']>
+        name="theme"
+        legend={rest.theme}
+        chosen={theme}
+        choices={[
+          ['system', rest.system],
+          ['dark', rest.dark],
+          ['light', rest.light],
+        ]}
+        onChoose={(chosen) => changeSettings({ theme: chosen })}
+      />
+      <Choice<Settings['language']>
+        name="language"
+        legend="Language · 언어"
+        chosen={language}
+        choices={[
+          ['system', rest.system],
+          ['en', 'English'],
+          ['ko', '한국어'],
+        ]}
+        onChoose={(chosen) => changeSettings({ language: chosen })}
+      />
+      <Choice<Settings['angle']>
+        name="angle"
+        legend={rest.angles}
+        chosen={angle}
+        choices={[
+          ['rad', 'rad'],
+          ['deg', rest.degrees],
+        ]}
+        onChoose={(chosen) => changeSettings({ angle: chosen })}
+      />
+      <Choice<'faults' | 'robot'>
+        name="order"
+        legend={rest.orderOfJoints}
+        chosen={faultsFirst ? 'faults' : 'robot'}
+        choices={[
+          ['faults', rest.faultsFirst],
+          ['robot', rest.asTheRobotHasThem],
+        ]}
+        onChoose={(chosen) => changeSettings({ faultsFirst: chosen === 'faults' })}
+      />
+      <Choice<Settings['body']>
+        name="body"
+        legend={rest.drawing}
+        chosen={body}
+        choices={[
+          ['auto', rest.byDevice],
+          ['3d', '3D'],
+          ['light', rest.lightView],
+        ]}
+        onChoose={(chosen) => changeSettings({ body: chosen })}
+      />
+      <Choice<'smooth' | 'raw'>
+        name="motion"
+        legend={rest.motion}
+        chosen={smooth ? 'smooth' : 'raw'}
+        choices={[
+          ['smooth', rest.smooth],
+          ['raw', rest.raw],
+        ]}
+        onChoose={(chosen) => changeSettings({ smooth: chosen === 'smooth' })}
+      />
+      <Choice<Settings['palette']>
+        name="palette"
+        legend={rest.colours}
+        chosen={palette}
+        choices={[
+          ['standard', rest.coloursStandard],
+          ['safe', rest.coloursSafe],
+        ]}
+        onChoose={(chosen) => changeSettings({ palette: chosen })}
+      />
+      <Choice<'free' | 'locked'>
+        name="heading"
+        legend={rest.heading}
+        chosen={headingLocked ? 'locked' : 'free'}
+        choices={[
+          ['free', rest.headingFree],
+          ['locked', rest.headingLocked],
+        ]}
+        onChoose={(chosen) => changeSettings({ headingLocked: chosen === 'locked' })}
+      />
+      <label className="choice slider">
+        <span>{rest.arrowLength}</span>
+        <input
+          type="range"
+          min={Math.log2(ARROWS.least)}
+          max={Math.log2(ARROWS.most)}
+          step={0.25}
+          value={Math.log2(arrowScale)}
+          onChange={(event) => changeSettings({ arrowScale: 2 ** Number(event.target.value) })}
         />
-        <Choice<Settings['angle']>
-          name="angle"
-          legend="Angles"
-          chosen={angle}
-          choices={[
-            ['rad', 'rad'],
-            ['deg', 'degrees'],
-          ]}
-          onChoose={(chosen) => changeSettings({ angle: chosen })}
-        />
-        <Choice<'faults' | 'robot'>
-          name="order"
-          legend="Order of joints"
-          chosen={faultsFirst ? 'faults' : 'robot'}
-          choices={[
-            ['faults', 'Faults first'],
-            ['robot', 'As the robot has them'],
-          ]}
-          onChoose={(chosen) => changeSettings({ faultsFirst: chosen === 'faults' })}
-        />
-        <p className="quiet">Kept in this browser only.</p>
-      </div>
-    </dialog>
+        <output>{arrowScale.toFixed(2)} ×</output>
+      </label>
+      {link !== null && (
+        <Suspense fallback={null}>
+          <Limits link={link} />
+        </Suspense>
+      )}
+      <Choice<Settings['follow']>
+        name="follow"
+        legend={rest.follow}
+        chosen={follow}
+        choices={[
+          ['along', rest.followAlong],
+          ['turn', rest.followTurn],
+          ['stay', rest.followStay],
+        ]}
+        onChoose={(chosen) => changeSettings({ follow: chosen })}
+      />
+      <Choice<Settings['mouse']>
+        name="mouse"
+        legend={rest.mouse}
+        chosen={mouse}
+        choices={[
+          ['orbit', rest.mouseOrbit],
+          ['foxglove', rest.mouseFoxglove],
+        ]}
+        onChoose={(chosen) => changeSettings({ mouse: chosen })}
+      />
+      <details className="keys">
+        <summary>{rest.keysOfTheCamera}</summary>
+        <CameraKeys />
+      </details>
+      {accounts !== null && (
+        <Suspense fallback={null}>
+          <SignIn />
+        </Suspense>
+      )}
+      <p className="quiet">{rest.keptHere}</p>
+    </Dialog>
   );
 }
 

@@ -1,4 +1,5 @@
 import { type PointerEvent, type ReactNode, useRef, useState } from 'react';
+import { say } from './language.ts';
 import { heightPx, nextHeight, restingHeight, type SheetHeight } from './sheet_heights.ts';
 
 /** A tap may tremble this far. */
@@ -67,7 +68,7 @@ export function Sheet({
       <button
         type="button"
         className="grip"
-        aria-label={height === 'full' ? 'Lower the numbers' : 'Raise the numbers'}
+        aria-label={height === 'full' ? say().lowerNumbers : say().raiseNumbers}
         aria-expanded={height !== 'peek'}
         onPointerDown={down}
         onPointerMove={move}

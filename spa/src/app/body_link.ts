@@ -1,32 +1,47 @@
-import type { RobotScene } from '../scene/index.ts';
-import { Poser } from '../twin/pose.ts';
+import type { BodyView } from '../scene/index.ts';
+import { Player } from '../twin/player.ts';
 import type { RobotLink } from './robot_link.ts';
 import { onSettings, settings } from './settings.ts';
 
 /** Lets the body follow the twin, outside React. Returns the end of it. */
-export function bodyFollows(scene: RobotScene, { twin, watch }: RobotLink): () => void {
-  let poser: Poser | null = null;
-  let made = '';
+export function bodyFollows(
+  scene: Pick<BodyView, 'play' | 'wake' | 'setGrey'>,
+  { twin, watch }: RobotLink,
+): () => void {
+  let player: Player | null = null;
+  let playedSchema = twin.schema;
+  let continuous: readonly string[] = [];
 
   const live = () => watch.word === 'LIVE' || watch.word === 'HOLDING';
-  const pose = () => {
+  const take = () => {
     const { schema, state } = twin;
     if (schema === null || state === null) return;
-    const { shown } = settings();
-    const wanted = `${schema.id} ${shown}`;
-    if (poser === null || wanted !== made) {
-      poser = new Poser(schema, schema.field(shown) === null ? 'pos' : shown);
-      made = wanted;
+    if (player === null || schema !== playedSchema) {
+      player = new Player(schema);
+      player.raw = !settings().smooth;
+      player.setContinuous(continuous);
+      playedSchema = schema;
     }
-    scene.setPose(poser.pose(state.codes), live());
+    if (player.push(state)) scene.wake();
   };
-  const grey = () => {
-    scene.setGrey(!live());
-    pose();
+  const chosen = () => {
+    if (player !== null) player.raw = !settings().smooth;
+    scene.wake();
   };
-  const leave = [twin.onState(pose), onSettings(pose), watch.onWord(grey)];
+  const grey = () => scene.setGrey(!live());
+  scene.play({
+    sample: (nowMs) => player?.sample(nowMs) ?? false,
+    pose: () => player?.pose(settings().shown) ?? null,
+    setContinuous: (joints) => {
+      continuous = joints;
+      player?.setContinuous(joints);
+    },
+  });
+  const leave = [twin.onState(take), onSettings(chosen), watch.onWord(grey)];
   grey();
+  take();
   return () => {
+    scene.play(null);
     for (const off of leave) off();
   };
 }

@@ -1,7 +1,13 @@
-import type { RobotScene } from '../scene/index.ts';
+import type { BodyView, RobotScene } from '../scene/index.ts';
 import type { RobotLink } from './robot_link.ts';
 import type { Settings } from './settings.ts';
 import { settings } from './settings.ts';
+import { cost } from './table/refresh.ts';
+
+/** What not every view has. */
+type OfOneView = Pick<RobotScene, 'signsOf' | 'robots' | 'topOf' | 'pixelRatio' | 'keepSharp'> & {
+  readonly pictureMs: number;
+};
 
 /** What tests and curious people find under `window.posecast`: the page as it is, read only. */
 interface Handle {
@@ -12,10 +18,15 @@ interface Handle {
     readonly cause: string | null;
     value(field: string, label: string): number | null | undefined;
   } | null;
-  readonly scene: Pick<
-    RobotScene,
-    'linkPoses' | 'renderedFrames' | 'drawCalls' | 'triangles' | 'pick' | 'setLinkLook'
-  > | null;
+  readonly link: {
+    /** What the relay has granted; null until it said so. */
+    readonly granted_hz: number | null;
+    /** `websocket`, or `events` where none gets through. */
+    readonly carrier: string;
+  } | null;
+  readonly scene: (Omit<BodyView, 'load' | 'play' | 'setPose' | 'dispose'> & Partial<OfOneView>) | null;
+  /** What tables, card and plots have cost: how often they were written, and the script's time for it, ms. */
+  readonly numbers: { readonly writes: number; readonly scriptMs: number };
   readonly settings: Settings;
 }
 
@@ -26,14 +37,18 @@ declare global {
 }
 
 let link: RobotLink | null = null;
-let scene: RobotScene | null = null;
+let scene: BodyView | null = null;
 
 export function showLink(shown: RobotLink | null): void {
   link = shown;
 }
 
-export function showScene(shown: RobotScene | null): void {
+export function showScene(shown: BodyView | null): void {
   scene = shown;
+}
+
+export function shownScene(): BodyView | null {
+  return scene;
 }
 
 export function installHandle(): void {
@@ -57,8 +72,16 @@ export function installHandle(): void {
         value: (field: string, label: string) => twin.value(field, label),
       };
     },
+    get link() {
+      if (link === null) return null;
+      const { grantedHz, by } = link.client.link;
+      return { granted_hz: grantedHz, carrier: by };
+    },
     get scene() {
       return scene;
+    },
+    get numbers() {
+      return cost;
     },
     get settings() {
       return settings();

@@ -24,6 +24,15 @@ export const BackIcon = () => (
   </Icon>
 );
 
+/** An arrow, an arc and a level line. */
+export const SignsIcon = () => (
+  <Icon>
+    <path d="M8 17V6M4.8 9.2L8 6l3.2 3.2" />
+    <path d="M13 14a5 5 0 0 0 5-7.5M18.9 9.6l-.6-3.4-3.2 1.2" />
+    <path d="M4 20.5h16" />
+  </Icon>
+);
+
 export const PanelIcon = () => (
   <Icon>
     <rect x="3.5" y="5" width="17" height="14" rx="2.5" />
@@ -34,6 +43,13 @@ export const PanelIcon = () => (
 export const FullscreenIcon = () => (
   <Icon>
     <path d="M4 9V5.5A1.5 1.5 0 0 1 5.5 4H9M15 4h3.5A1.5 1.5 0 0 1 20 5.5V9M20 15v3.5a1.5 1.5 0 0 1-1.5 1.5H15M9 20H5.5A1.5 1.5 0 0 1 4 18.5V15" />
+  </Icon>
+);
+
+export const ShareIcon = () => (
+  <Icon>
+    <path d="M12 14.5V4M8.2 7.4L12 3.6l3.8 3.8" />
+    <path d="M7.5 11H6a1.5 1.5 0 0 0-1.5 1.5V19A1.5 1.5 0 0 0 6 20.5h12a1.5 1.5 0 0 0 1.5-1.5v-6.5A1.5 1.5 0 0 0 18 11h-1.5" />
   </Icon>
 );
 

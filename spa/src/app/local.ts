@@ -1,11 +1,12 @@
 import { useSyncExternalStore } from 'react';
+import type { LocalFiles } from '../drop/files.ts';
 import type { LocalRobot } from '../drop/local_robot.ts';
 
 /** What was dropped on the page last. It lives as long as the page and is never sent. */
 export type Local =
   | { phase: 'none' }
   | { phase: 'reading' }
-  | { phase: 'shown'; robot: LocalRobot }
+  | { phase: 'shown'; robot: LocalRobot; files: LocalFiles; urdfs: readonly string[] }
   | { phase: 'refused'; why: string };
 
 let current: Local = { phase: 'none' };
@@ -32,20 +33,26 @@ export function closeLocal(): void {
   become({ phase: 'none' });
 }
 
-/** Reads files, dropped or chosen; the newest drop wins. */
-export async function openFiles(gather: () => Promise<ReadonlyMap<string, File>>): Promise<void> {
+/** Shows what is read; the newest wins. */
+async function show(read: (code: typeof import('./open_local.ts')) => Promise<Local>): Promise<void> {
   turn += 1;
   const mine = turn;
   become({ phase: 'reading' });
-  let next: Local;
-  try {
-    const { localFiles } = await import('../drop/files.ts');
-    const { openLocal } = await import('../drop/local_robot.ts');
-    next = { phase: 'shown', robot: await openLocal(await localFiles(await gather())) };
-  } catch (cause) {
-    next = { phase: 'refused', why: cause instanceof Error ? cause.message : String(cause) };
-  }
+  const next = await import('./open_local.ts')
+    .then(read)
+    .catch((cause: unknown): Local => ({ phase: 'refused', why: String(cause) }));
   if (mine === turn) become(next);
+}
+
+/** Reads files, dropped or chosen. */
+export function openFiles(gather: () => Promise<ReadonlyMap<string, File>>): Promise<void> {
+  return show(({ readFiles }) => readFiles(gather));
+}
+
+/** Shows another URDF of the same files. One that can't be read is refused; the one before stays away. */
+export async function chooseUrdf(path: string): Promise<void> {
+  const before = current;
+  if (before.phase === 'shown') await show(({ readOther }) => readOther(before, path));
 }
 
 /** Lets files fall anywhere on the page. Returns the end of it. */
@@ -54,12 +61,15 @@ export function listenForDrops(): () => void {
     if (event.dataTransfer?.types.includes('Files')) event.preventDefault();
   };
   const drop = (event: DragEvent) => {
-    const items = [...(event.dataTransfer?.items ?? [])];
-    // Asked for at once: the list is empty after this event.
-    const entries = items.map((item) => item.webkitGetAsEntry()).filter((entry) => entry !== null);
-    if (entries.length === 0) return;
+    // Asked for at once: the list is empty after this event. A file is had without its entry, whatever program it is from.
+    const dropped = [...(event.dataTransfer?.items ?? [])].map((item) => {
+      const entry = item.webkitGetAsEntry();
+      return entry?.isDirectory ? entry : item.getAsFile();
+    });
+    const things = dropped.filter((thing) => thing !== null);
+    if (things.length === 0) return;
     event.preventDefault();
-    void openFiles(async () => (await import('../drop/files.ts')).filesOf(entries));
+    void openFiles(async () => (await import('../drop/files.ts')).filesOf(things));
   };
   window.addEventListener('dragover', over);
   window.addEventListener('drop', drop);

@@ -14,3 +14,6 @@ export function useMedia(query: string): boolean {
 
 /** Beside each other where there is room, and on a phone held sideways; else the numbers are a sheet over the body. */
 export const SIDE_BY_SIDE = '(min-width: 700px), (orientation: landscape) and (min-width: 560px)';
+
+/** Room for the table and a joint's card under it: beside the body, and high enough for both. */
+export const ROOM_FOR_BOTH = '(min-width: 700px) and (min-height: 640px)';

@@ -3,40 +3,44 @@ import { type Link, StreamClient } from '../stream/client.ts';
 import { nowMs } from '../stream/clock.ts';
 import type { Word } from '../twin/liveness.ts';
 import { RobotTwin } from '../twin/robot.ts';
+import { streamUrl, WANTED_HZ } from './addresses.ts';
+import { FaultKeeper } from './faults.ts';
+import { HistoryKeeper } from './history_keeper.ts';
+import { loadOwnLimits } from './own_limits.ts';
+import { clearPlots } from './plotted.ts';
+import { selectJoint } from './selection.ts';
 import { LivenessWatch } from './watch.ts';
 
-/** As often as the eye can use; the relay gives less when it must. */
-const WANTED_HZ = 30;
-
-/** One robot as this page has it: its state, the connection that feeds it, and the watch over its truth. */
+/** One robot as this page has it: its state, the connection that feeds it, the watch over its truth, its faults, its
+ *  last minute. */
 export interface RobotLink {
   twin: RobotTwin;
   client: StreamClient;
   watch: LivenessWatch;
-}
-
-/** Where the relay is: the origin that served the page. */
-export function apiUrl(path: string): string {
-  return new URL(`api/v1/${path}`, window.location.href.split('#')[0]).href;
-}
-
-export function streamUrl(robot: string): string {
-  return apiUrl(`robots/${robot}/live`).replace(/^http/, 'ws');
+  faults: FaultKeeper;
+  past: HistoryKeeper;
 }
 
 export function useRobotLink(robot: string): RobotLink | null {
   const [link, setLink] = useState<RobotLink | null>(null);
   useEffect(() => {
     const twin = new RobotTwin(robot, nowMs());
+    loadOwnLimits(twin);
     const opened: RobotLink = {
       twin,
       client: new StreamClient(twin, streamUrl(robot), WANTED_HZ),
       watch: new LivenessWatch(twin),
+      faults: new FaultKeeper(twin),
+      past: new HistoryKeeper(twin),
     };
     setLink(opened);
     return () => {
       opened.client.close();
       opened.watch.close();
+      opened.faults.close();
+      opened.past.close();
+      selectJoint(null);
+      clearPlots();
       setLink(null);
     };
   }, [robot]);
@@ -54,10 +58,15 @@ export function useWord({ watch }: RobotLink): Word | null {
   return useSyncExternalStore(watch.onWord, () => watch.word);
 }
 
-/** Changes whenever something slow about the robot did (schema, model, info, events). */
-export function useVersion({ twin }: RobotLink): number {
+/** Changes whenever something slow about a robot did (schema, model, info, events). */
+export function useVersion(...links: readonly RobotLink[]): number {
   return useSyncExternalStore(
-    (listener) => twin.onChange(listener),
-    () => twin.version,
+    (listener) => {
+      const leave = links.map(({ twin }) => twin.onChange(listener));
+      return () => {
+        for (const off of leave) off();
+      };
+    },
+    () => links.reduce((sum, { twin }) => sum + twin.version, 0),
   );
 }

@@ -1,5 +1,6 @@
 import { useEffect, useState } from 'react';
-import { apiUrl } from './robot_link.ts';
+import { onAccount, tokenFor } from '../twin/share_token.ts';
+import { apiUrl } from './addresses.ts';
 
 const EVERY_MS = 2000;
 const LATE_MS = 6000;
@@ -11,6 +12,8 @@ export interface ListedRobot {
   state: 'online' | 'silent' | 'offline';
   ageMs: number | null;
   viewers: number | null;
+  /** SHA-256 of its model's manifest. */
+  model: string | null;
 }
 
 export type RobotListing =
@@ -32,6 +35,7 @@ export function readRobots(body: unknown): ListedRobot[] {
         state: status === 'online' || status === 'silent' ? status : 'offline',
         ageMs: typeof entry.age_ms === 'number' ? entry.age_ms : null,
         viewers: typeof entry.viewers === 'number' ? entry.viewers : null,
+        model: typeof entry.model === 'string' && /^[0-9a-f]{64}$/.test(entry.model) ? entry.model : null,
       },
     ];
   });
@@ -49,7 +53,8 @@ export function useRobots(): RobotListing {
       asking = true;
       try {
         const signal = AbortSignal.any([leave.signal, AbortSignal.timeout(LATE_MS)]);
-        const answer = await fetch(apiUrl('robots'), { signal, cache: 'no-cache' });
+        let answer = await get(signal, tokenFor(apiUrl('robots')));
+        if (answer.status === 401 || answer.status === 403) answer = await get(signal, undefined); // what is for anyone is for them, too
         if (!answer.ok) throw new Error(answer.statusText);
         setListing({ phase: 'known', robots: readRobots(await answer.json()) });
       } catch {
@@ -64,6 +69,10 @@ export function useRobots(): RobotListing {
     };
     const timer = setInterval(ask, EVERY_MS);
     document.addEventListener('visibilitychange', ask, { signal: leave.signal });
+    leave.signal.addEventListener(
+      'abort',
+      onAccount(() => void ask()),
+    );
     void ask();
     return () => {
       clearInterval(timer);
@@ -71,6 +80,11 @@ export function useRobots(): RobotListing {
     };
   }, []);
   return listing;
+}
+
+function get(signal: AbortSignal, token: string | undefined): Promise<Response> {
+  const headers: HeadersInit = token ? { authorization: `Bearer ${token}` } : {};
+  return fetch(apiUrl('robots'), { signal, cache: 'no-cache', credentials: 'omit', headers });
 }
 
 function isRecord(value: unknown): value is Record<string, unknown> {

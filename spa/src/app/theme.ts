@@ -15,7 +15,9 @@ export function useTheme(): ThemeName {
 /** Writes it where the style sheet looks. */
 export function useThemeOnRoot(): void {
   const theme = useTheme();
+  const { palette } = useSettings();
   useEffect(() => {
     document.documentElement.dataset.theme = theme;
-  }, [theme]);
+    document.documentElement.dataset.palette = palette;
+  }, [theme, palette]);
 }

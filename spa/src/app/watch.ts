@@ -1,5 +1,5 @@
 import { nowMs } from '../stream/clock.ts';
-import { judge, type Verdict, type Word } from '../twin/liveness.ts';
+import { judge, newestAgeMs, STALE_AFTER_MS, type Verdict, type Word } from '../twin/liveness.ts';
 import type { RobotTwin } from '../twin/robot.ts';
 
 const EVERY_MS = 100;
@@ -44,7 +44,10 @@ export class LivenessWatch {
     const now = nowMs();
     const heldUp = this.#caughtUp && now - this.#lookedMs > HELD_UP_MS;
     this.#caughtUp = !heldUp;
-    this.#timer = setTimeout(this.#look, heldUp ? CATCH_UP_MS : EVERY_MS);
+    // The moment in which the pose gets too old is not waited past.
+    const leftMs = STALE_AFTER_MS - (newestAgeMs(this.#twin.evidence, now) ?? 0);
+    const nextMs = leftMs > 0 ? Math.min(EVERY_MS, leftMs) : EVERY_MS;
+    this.#timer = setTimeout(this.#look, heldUp ? CATCH_UP_MS : nextMs);
     if (heldUp) return;
     this.#lookedMs = now;
     this.#tell();

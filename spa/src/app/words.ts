@@ -1,7 +1,8 @@
 import type { Link } from '../stream/client.ts';
 import type { Ending } from '../stream/messages.ts';
 import { formatClock, formatSpan } from '../twin/format.ts';
-import type { Verdict } from '../twin/liveness.ts';
+import type { Cause, Verdict } from '../twin/liveness.ts';
+import { say } from './language.ts';
 
 /** Every sentence that depends on the state of things: what happened, what the page does about it, what you can do. */
 
@@ -17,20 +18,20 @@ export function chipWords(verdict: Verdict, link: Link, nowMs: number): ChipWord
   const { ageMs, unchangedMs } = verdict;
   switch (verdict.word) {
     case null:
-      return { word: 'Connecting', detail: '', more: '' };
+      return { word: say().connecting, detail: '', more: '' };
     case 'LIVE':
       return { word: 'LIVE', detail: paceWords(link), more: delayWords(link) };
     case 'HOLDING':
       return { word: 'HOLDING', detail: formatSpan(unchangedMs ?? 0), more: '' };
     case 'STALE': {
-      const cause = verdict.cause ?? '';
+      const cause = causeWords(verdict.cause);
       if (ageMs === null) return { word: 'STALE', detail: '', more: cause };
       return { word: 'STALE', detail: formatSpan(ageMs), more: `: ${cause}` };
     }
     case 'OFFLINE':
       return {
         word: 'OFFLINE',
-        detail: ageMs === null ? '' : `since ${formatClock(nowMs - ageMs)}`,
+        detail: ageMs === null ? '' : say().since(formatClock(nowMs - ageMs)),
         more: '',
       };
   }
@@ -48,108 +49,79 @@ export function delayMs(link: Link): number | null {
 
 function delayWords(link: Link): string {
   const delay = delayMs(link);
+  if (link.by === 'events') return ` · ${say().overHttp}`;
+  if (link.by === 'mirror') return ` · ${say().mirror}`;
   return delay === null ? '' : ` · ${formatSpan(delay)}`;
 }
 
-/** The explanation behind the chip. */
-export function truthWords(verdict: Verdict, link: Link): string[] {
-  const lines: string[] = [];
-  const heard = verdict.linkMs === null ? 'not heard yet' : `last heard ${formatSpan(verdict.linkMs)} ago`;
-  switch (verdict.word) {
+export function causeWords(cause: Cause | null): string {
+  switch (cause) {
     case null:
-      lines.push('Connecting to the relay.');
-      break;
-    case 'LIVE':
-      lines.push('New poses are coming in.');
-      break;
-    case 'HOLDING':
-      lines.push(
-        `The robot holds still: position, reference and flags have not changed for ${formatSpan(verdict.unchangedMs ?? 0)}. The link is fine.`,
-      );
-      break;
-    case 'STALE':
-      if (verdict.cause === 'robot silent') {
-        lines.push('The relay is there, but the robot sends nothing new. What you see is its last pose.');
-      } else if (verdict.cause === 'relay degraded') {
-        lines.push('The relay is there, but it cannot pass on what the robot does now.');
-      } else {
-        lines.push('This page has lost the relay. What you see is the last pose that came through.');
-      }
-      break;
-    case 'OFFLINE':
-      lines.push('The robot has left the air. The page goes on by itself when it comes back.');
-      break;
+      return '';
+    case 'robot silent':
+      return say().robotSilent;
+    case 'no connection':
+      return say().noConnection;
+    case 'relay degraded':
+      return say().relayDegraded;
   }
-  lines.push(`Relay: ${heard}.`);
-  if (link.roundTripMs !== null) lines.push(`Round trip to the relay: ${formatSpan(link.roundTripMs)}.`);
-  if (link.rateReason !== null && link.grantedHz !== null) {
-    lines.push(`${Math.round(link.grantedHz)} Hz: ${link.rateReason}.`);
-  }
-  return lines;
 }
 
 /** The line over the body when the picture is not live; null when it is. */
 export function stageWords(verdict: Verdict, link: Link, nowMs: number): string | null {
   if (verdict.word === 'OFFLINE') {
-    if (verdict.ageMs === null) return 'This robot is not on air. The page goes on by itself when it comes.';
-    return `Offline since ${formatClock(nowMs - verdict.ageMs)}. The page goes on by itself when the robot is back.`;
+    if (verdict.ageMs === null) return say().notOnAir;
+    return say().offlineSince(formatClock(nowMs - verdict.ageMs));
   }
   if (verdict.word !== 'STALE') return null;
   if (verdict.cause === 'no connection') return connectionWords(link, nowMs);
-  const since = verdict.ageMs === null ? 'No pose yet' : `Stale for ${formatSpan(verdict.ageMs)}`;
-  return `${since}: ${verdict.cause ?? ''}.`;
+  const since = verdict.ageMs === null ? say().noPoseYet : say().staleFor(formatSpan(verdict.ageMs));
+  return `${since}: ${causeWords(verdict.cause)}.`;
 }
 
 function connectionWords(link: Link, nowMs: number): string {
   const what = endingWords(link.ending);
   if (link.phase === 'ended') return what;
-  if (link.phase !== 'waiting' || link.retryAtMs === null) return `${what} Trying again.`;
+  if (link.phase !== 'waiting' || link.retryAtMs === null) return say().tryingAgain(what);
   const inS = Math.max(1, Math.ceil((link.retryAtMs - nowMs) / 1000));
-  return `${what} Trying again in ${inS} s.`;
+  return say().tryingAgainIn(what, inS);
 }
 
 export function endingWords(ending: Ending | null): string {
   switch (ending?.code) {
     case 1001:
     case 1012:
-      return 'The relay is restarting.';
+      return say().endedRestarting;
     case 1013:
-      return 'The hall is full.';
+      return say().endedFull;
     case 4401:
-      return 'This robot needs a sign-in or a share link.';
+      return say().endedToken;
     case 4403:
-      return 'This robot is not shared with you.';
+      return say().endedForbidden;
     case 4404:
-      return 'There is no robot of this name here.';
+      return say().endedAbsent;
     case 4429:
-      return 'The relay asked this page to slow down.';
+      return say().endedTooMany;
     default:
-      return 'No connection.';
+      return say().endedLost;
   }
+}
+
+/** What keeps the stream from being understood. */
+export function problemWords({ what, detail }: NonNullable<Link['problem']>): string {
+  if (what === 'newer') return say().problemNewer;
+  return what === 'schema' ? say().problemSchema(detail) : say().problemWorker(detail);
 }
 
 /** What the page is waiting for, once waiting has become noticeable. */
 export function waitingWords(known: { phase: Link['phase']; schema: boolean; pose: boolean }): string {
-  if (known.phase !== 'open') return 'Waiting for the relay to answer.';
-  if (!known.schema) return 'Waiting for the robot to describe itself.';
-  if (!known.pose) return 'Waiting for the first pose.';
-  return 'Waiting for the body. The robot has not sent its model.';
-}
-
-export function missingWords(missing: readonly string[], all: number | null): string {
-  const names = missing.map((uri) => (uri.split('/').at(-1) ?? uri).replace(/\.[a-z]+$/i, ''));
-  const shown = names.slice(0, 4).join(', ') + (names.length > 4 ? ', …' : '');
-  const one = missing.length === 1;
-  if (all === null) return `${missing.length} ${one ? 'mesh is' : 'meshes are'} missing: ${shown}.`;
-  return `${missing.length} of ${all} meshes ${one ? 'is' : 'are'} missing: ${shown}.`;
-}
-
-/** Under a body of which only the bones could be had. */
-export function bareWords(why: string): string {
-  return `Only the skeleton can be shown: ${why}.`;
+  if (known.phase !== 'open') return say().waitingRelay;
+  if (!known.schema) return say().waitingSchema;
+  if (!known.pose) return say().waitingPose;
+  return say().waitingModel;
 }
 
 export function bytesWords(received: number, total: number): string {
   const mega = (bytes: number) => (bytes / 1e6).toFixed(1);
-  return total > 0 ? `${mega(received)} of ${mega(total)} MB` : `${mega(received)} MB`;
+  return total > 0 ? say().bytes(mega(received), mega(total)) : `${mega(received)} MB`;
 }

@@ -1,169 +1,166 @@
-/** What is wrong with a URDF, in plain words. The edge's `posecast-edge doctor` says more; this says the main things. */
-export interface Diagnosis {
-  readonly severity: 'error' | 'warning' | 'hint';
-  readonly text: string;
+import type { MeshFacts } from '../scene/mesh_facts.ts';
+import { meshFindings } from './doctor_meshes.ts';
+import { type Finding, general, quoted, worstFirst } from './finding.ts';
+import { treeOf } from './tree.ts';
+import { type Joint, type Link, materialOf, SCALAR_TYPES, type Urdf, type Vector } from './urdf.ts';
+
+/**
+ * What can be read, and is probably not meant: the list and the words of `posecast-edge doctor`
+ * (posecast_edge.model.doctor).
+ */
+
+const TURN = 2 * Math.PI;
+/** m, from one joint to the next: more than that is a unit mistaken. */
+const FAR_M = 10;
+/** rad or m: a limit that large means none. */
+const UNBOUNDED = 1e4;
+/** How far an axis may be from length 1. */
+const UNIT = 1e-3;
+
+type Say = (severity: Finding['severity'], code: string, text: string, line: number | null) => void;
+
+/** Everything, worst first. `missing`: the URIs (meshes, textures) for which there is no file; `meshes`: what the others
+ *  have told by their URIs, null before they are read. */
+export function diagnose(
+  urdf: Urdf,
+  missing: ReadonlySet<string>,
+  meshes: ReadonlyMap<string, MeshFacts> | null,
+): Finding[] {
+  const tree = treeOf(urdf);
+  const found: Finding[] = [...urdf.findings, ...tree.findings];
+  const say: Say = (severity, code, text, line) => found.push({ severity, code, text, line });
+  for (const joint of urdf.joints) examineJoint(joint, say);
+  for (const link of urdf.links) examineLink(link, say);
+  materials(urdf, say);
+  mentions(urdf, say);
+  found.push(...meshFindings(urdf, tree, missing, meshes));
+  return worstFirst(found);
 }
 
-/** A joint that a slider can move. */
-export interface Joint {
-  readonly name: string;
-  readonly unit: 'rad' | 'm';
-  readonly lower: number;
-  readonly upper: number;
-}
+const VARIABLES: Readonly<Record<string, readonly string[]>> = {
+  planar: ['x', 'y', 'theta'],
+  floating: ['trans_x', 'trans_y', 'trans_z', 'rot_x', 'rot_y', 'rot_z', 'rot_w'],
+};
 
-const TYPES = new Set(['revolute', 'continuous', 'prismatic', 'fixed', 'floating', 'planar']);
-const RANK = { error: 0, warning: 1, hint: 2 } as const;
-const FULL_TURN = 2 * Math.PI;
-const MAX_DIAGNOSES = 200;
-
-/** Worst first, each once, at most 200. */
-export function diagnose(robot: Element, missing: readonly string[], text: string): Diagnosis[] {
-  const found: Diagnosis[] = [];
-  const say = (severity: Diagnosis['severity'], words: string) => {
-    found.push({ severity, text: words });
-  };
-  tree(robot, say);
-  for (const joint of children(robot, 'joint')) {
-    examineAxis(joint, say);
-    examineLimit(joint, say);
+function examineJoint(joint: Joint, say: Say): void {
+  const { type, line, axis } = joint;
+  const what = `joint ${quoted(joint.name)}`;
+  origin(what, joint.xyz, joint.rpy, line, say);
+  const variables = VARIABLES[type];
+  if (variables !== undefined) {
+    const channels = variables.map((variable) => quoted(`${joint.name}/${variable}`)).join(', ');
+    say('hint', 'joint-free', `${what} is ${type}: it moves by channels ${channels}`, line);
   }
-  mimics(robot, say);
-  for (const uri of missing) say('warning', `The mesh ${uri} is not among the files.`);
-  if (/\$\{|<xacro:/.test(text)) say('error', 'This is a xacro template: run xacro on it first.');
-  for (const origin of robot.querySelectorAll('joint > origin')) {
-    const far = Math.max(...numbers(origin.getAttribute('xyz')).map(Math.abs), 0);
-    if (far <= 20) continue;
-    const name = nameOf(origin.parentElement!);
-    say('warning', `Joint ${name} is ${far.toFixed(0)} m from its parent: millimetres taken for metres?`);
+  if (!SCALAR_TYPES.has(type) && joint.mimic !== null)
+    say('hint', 'mimic-useless', `${what} is ${type} and mimics another`, line);
+  if (type === 'fixed' || type === 'floating') return;
+  if (axis === null) {
+    const more = type === 'planar' ? ': its plane stands upright; a floor is 0 0 1' : '';
+    const severity = type === 'planar' ? 'warning' : 'hint';
+    say(severity, 'axis-missing', `${what} has no axis; the standard says x (1 0 0)${more}`, line);
+  } else {
+    const length = Math.hypot(...axis);
+    if (length < 1e-9) say('error', 'axis-zero', `${what}: its axis is 0 0 0; read as 1 0 0`, line);
+    else if (Math.abs(length - 1) > UNIT) {
+      const text = `${what}: its axis has length ${general(length, 3)}, not 1; other programs scale the motion by it`;
+      say('warning', 'axis-length', text, line);
+    }
   }
-  const once = [...new Map(found.map((diagnosis) => [diagnosis.text, diagnosis])).values()];
-  return once.sort((a, b) => RANK[a.severity] - RANK[b.severity]).slice(0, MAX_DIAGNOSES);
+  if (SCALAR_TYPES.has(type) && type !== 'continuous') limits(joint, what, say);
 }
 
-/** What sliders show: every joint that moves by itself. */
-export function readJoints(robot: Element): Joint[] {
-  return children(robot, 'joint').flatMap((joint) => {
-    const type = joint.getAttribute('type');
-    if (children(joint, 'mimic').length > 0) return [];
-    if (type !== 'revolute' && type !== 'continuous' && type !== 'prismatic') return [];
-    const [lower, upper] = limits(joint);
-    const sound = type !== 'continuous' && lower !== null && upper !== null && lower < upper;
-    const reach = type === 'prismatic' ? 1 : Math.PI;
-    return [
-      {
-        name: nameOf(joint),
-        unit: type === 'prismatic' ? 'm' : 'rad',
-        lower: sound ? Math.min(lower, 0) : -reach,
-        upper: sound ? Math.max(upper, 0) : reach,
-      } as const,
-    ];
-  });
-}
-
-type Say = (severity: Diagnosis['severity'], text: string) => void;
-
-function tree(robot: Element, say: Say): void {
-  const links = new Set<string>();
-  for (const link of children(robot, 'link')) {
-    const name = nameOf(link);
-    if (name === '') say('error', 'A link has no name.');
-    else if (links.has(name)) say('error', `Two links are called ${name}.`);
-    links.add(name);
-  }
-  if (links.size === 0) {
-    say('error', 'There are no links.');
+function limits({ type, limit, line: jointLine }: Joint, what: string, say: Say): void {
+  if (limit === null) {
+    say('warning', 'limit-missing', `${what} is ${type} and has no <limit>`, jointLine);
     return;
   }
-  const parentOf = new Map<string, string>();
-  const jointNames = new Set<string>();
-  for (const joint of children(robot, 'joint')) {
-    const name = nameOf(joint);
-    if (jointNames.has(name)) say('error', `Two joints are called ${name}.`);
-    jointNames.add(name);
-    const type = joint.getAttribute('type') ?? '';
-    if (!TYPES.has(type)) say('error', `Joint ${name} is of type "${type}", which URDF does not know.`);
-    const ends = ['parent', 'child'].map((end) => children(joint, end)[0]?.getAttribute('link') ?? '');
-    for (const end of ends)
-      if (!links.has(end)) say('error', `Joint ${name} names the link "${end}", which does not exist.`);
-    const [parent = '', child = ''] = ends;
-    if (parentOf.has(child)) say('error', `Link ${child} has two parents.`);
-    else parentOf.set(child, parent);
+  const { line } = limit;
+  if (limit.lower === null && limit.upper === null) {
+    const text = `${what}: a <limit> without lower and upper means 0 to 0: it could not move`;
+    say('warning', 'limit-empty', text, line);
+    return;
   }
-  const roots = [...links].filter((link) => !parentOf.has(link));
-  if (roots.length === 0) say('error', 'There is no root link: the joints form a circle.');
-  if (roots.length > 1) say('warning', `There are ${roots.length} roots: ${roots.slice(0, 4).join(', ')}.`);
+  const [lower, upper] = [limit.lower ?? 0, limit.upper ?? 0];
+  const shown = `${general(lower)} to ${general(upper)}`;
+  if (lower > upper) say('error', 'limit-reversed', `${what}: lower is above upper: ${shown}`, line);
+  else if (lower === upper)
+    say('warning', 'limit-zero', `${what}: lower and upper are the same: ${shown}`, line);
+  else if (lower > 0 || upper < 0) {
+    const text = `${what}: 0 lies outside its limits, ${shown}: the zero pose can't be taken`;
+    say('hint', 'limit-without-zero', text, line);
+  }
+  const largest = Math.max(Math.abs(lower), Math.abs(upper));
+  if (type === 'revolute' && largest > 2 * TURN && largest < UNBOUNDED)
+    say('warning', 'limit-degrees', `${what}: limits ${shown} rad: are these degrees?`, line);
+  if (type === 'prismatic' && largest > FAR_M && largest < UNBOUNDED)
+    say('warning', 'limit-millimetres', `${what}: limits ${shown} m: are these millimetres?`, line);
+  if ((limit.velocity ?? 0) < 0 || (limit.effort ?? 0) < 0)
+    say('warning', 'limit-negative', `${what}: velocity or effort is below 0`, line);
 }
 
-function examineAxis(joint: Element, say: Say): void {
-  const axis = children(joint, 'axis')[0];
-  if (axis === undefined || joint.getAttribute('type') === 'fixed') return;
-  const parts = numbers(axis.getAttribute('xyz'));
-  const length = Math.hypot(...parts);
-  if (parts.length !== 3 || !Number.isFinite(length))
-    say('error', `The axis of joint ${nameOf(joint)} is not three numbers.`);
-  else if (length === 0) say('error', `The axis of joint ${nameOf(joint)} is zero: it can't move.`);
-  else if (Math.abs(length - 1) > 1e-3) {
+function origin(what: string, xyz: Vector, rpy: Vector, line: number | null, say: Say): void {
+  const list = (values: Vector) => values.map((value) => general(value)).join(' ');
+  if (Math.max(...rpy.map(Math.abs)) > TURN + 0.01)
+    say('warning', 'origin-degrees', `${what}: rpy ${list(rpy)} rad: are these degrees?`, line);
+  if (Math.max(...xyz.map(Math.abs)) > FAR_M)
+    say('warning', 'origin-far', `${what}: origin ${list(xyz)} m: are these millimetres?`, line);
+}
+
+function examineLink({ name, visuals, inertial }: Link, say: Say): void {
+  for (const { xyz, rpy, line } of visuals) origin(`link ${quoted(name)}, visual`, xyz, rpy, line, say);
+  if (inertial === null) return;
+  const [ixx = 0, ixy = 0, ixz = 0, iyy = 0, iyz = 0, izz = 0] = inertial.moments;
+  if (inertial.mass < 0) {
+    say(
+      'warning',
+      'mass-negative',
+      `link ${quoted(name)}: a mass of ${general(inertial.mass)} kg`,
+      inertial.line,
+    );
+  } else if (
+    Math.min(ixx, iyy, izz) < 0 ||
+    ixx * iyy < ixy * ixy ||
+    ixx * izz < ixz * ixz ||
+    iyy * izz < iyz * iyz
+  ) {
     say(
       'hint',
-      `The axis of joint ${nameOf(joint)} has length ${length.toFixed(3)}, not 1; it is taken as a direction.`,
+      'inertia',
+      `link ${quoted(name)}: no body has such an inertia; simulators refuse it`,
+      inertial.line,
     );
   }
 }
 
-function examineLimit(joint: Element, say: Say): void {
-  const type = joint.getAttribute('type');
-  const name = nameOf(joint);
-  if (type !== 'revolute' && type !== 'prismatic') return;
-  const [lower, upper] = limits(joint);
-  if (lower === null || upper === null) {
-    if (children(joint, 'limit').length === 0) say('warning', `Joint ${name} is ${type} and has no limits.`);
-    return;
+/** Names that stand for no colour, each once. */
+function materials(urdf: Urdf, say: Say): void {
+  const lines = new Map<string, (number | null)[]>();
+  for (const visual of urdf.links.flatMap((link) => link.visuals)) {
+    const own = visual.material;
+    if (own === null || own.name === '' || own.texture !== null) continue;
+    const found = materialOf(visual, urdf);
+    if (found === null || (found.rgba === null && found.texture === null)) {
+      lines.set(own.name, [...(lines.get(own.name) ?? []), own.line]);
+    }
   }
-  if (lower > upper) say('error', `Joint ${name}: its lower limit ${lower} is above its upper ${upper}.`);
-  else if (lower === upper) say('warning', `Joint ${name}: its limits are equal, it can't move.`);
-  else if (lower > 0 || upper < 0) say('hint', `Joint ${name}: its limits (${lower} to ${upper}) exclude 0.`);
-  if (type === 'revolute' && Math.max(Math.abs(lower), Math.abs(upper)) > 2 * FULL_TURN) {
-    say('warning', `Joint ${name}: limits of ${lower} to ${upper} rad look like degrees.`);
-  }
-}
-
-function mimics(robot: Element, say: Say): void {
-  const joints = children(robot, 'joint');
-  const names = new Set(joints.map(nameOf));
-  const leaderOf = new Map<string, string>();
-  for (const joint of joints) {
-    const leader = children(joint, 'mimic')[0]?.getAttribute('joint');
-    if (leader == null) continue;
-    if (!names.has(leader)) say('error', `Joint ${nameOf(joint)} mimics "${leader}", which does not exist.`);
-    leaderOf.set(nameOf(joint), leader);
-  }
-  for (const start of leaderOf.keys()) {
-    let at = leaderOf.get(start);
-    for (let steps = 0; at !== undefined && at !== start && steps < leaderOf.size; steps += 1)
-      at = leaderOf.get(at);
-    if (at === start) say('error', `Joint ${start} mimics itself in a circle.`);
+  for (const [name, where] of lines) {
+    const times = where.length > 1 ? `, ${where.length} times` : '';
+    const text = `material ${quoted(name)} has no colour anywhere${times}; grey is shown`;
+    say('hint', 'material-colour', text, where[0] ?? null);
   }
 }
 
-function limits(joint: Element): [lower: number | null, upper: number | null] {
-  const limit = children(joint, 'limit')[0];
-  const number = (key: string) => {
-    const text = limit?.getAttribute(key);
-    const value = text == null ? (limit === undefined ? Number.NaN : 0) : Number(text);
-    return Number.isFinite(value) ? value : null;
-  };
-  return [number('lower'), number('upper')];
-}
-
-function numbers(text: string | null): number[] {
-  return (text ?? '').trim().split(/\s+/).filter(Boolean).map(Number);
-}
-
-function children(element: Element, name: string): Element[] {
-  return [...element.children].filter((child) => child.nodeName === name);
-}
-
-function nameOf(element: Element): string {
-  return element.getAttribute('name') ?? '';
+/** Sensors, transmissions and <gazebo> that speak of what there is not. */
+function mentions({ links: all, joints: moved, sensors, references }: Urdf, say: Say): void {
+  const links = new Set(all.map(({ name }) => name));
+  const joints = new Set(moved.map(({ name }) => name));
+  for (const { name, link, line } of sensors) {
+    if (links.has(link)) continue;
+    const where = link === '' ? 'no link' : `link ${quoted(link)}, which there is not`;
+    say('warning', 'sensor-link', `sensor ${quoted(name)} sits on ${where}`, line);
+  }
+  for (const { what, name, by, line } of references) {
+    if (joints.has(name) || (what !== 'joint' && links.has(name))) continue;
+    say('warning', 'reference', `${by} speaks of ${what} ${quoted(name)}, which there is not`, line);
+  }
 }

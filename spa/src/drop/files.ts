@@ -6,7 +6,21 @@ export interface LocalFile {
 
 export type LocalFiles = ReadonlyMap<string, LocalFile>;
 
-export class DropError extends Error {}
+/** Why files are refused; the name of the sentence that says so, and what it speaks of. */
+export type Refusal =
+  | { readonly why: 'dropDamaged' | 'dropNoZip' | 'dropNoUrdf' }
+  | { readonly why: 'dropTooMany'; readonly count: number }
+  | { readonly why: 'dropBomb' | 'dropTemplate' | 'dropTooLarge'; readonly path: string }
+  | { readonly why: 'dropUnreadable'; readonly path: string; readonly what: string };
+
+export class DropError extends Error {
+  readonly refusal: Refusal;
+
+  constructor(message: string, refusal: Refusal, options?: ErrorOptions) {
+    super(message, options);
+    this.refusal = refusal;
+  }
+}
 
 /** More is no robot: somebody dropped a home folder. */
 export const MAX_FILES = 5000;
@@ -26,24 +40,28 @@ export function tidyPath(path: string): string | null {
 }
 
 /** The files of a drop, folders walked. Throws a DropError of one line. */
-export async function filesOf(entries: readonly FileSystemEntry[]): Promise<Map<string, File>> {
+export async function filesOf(dropped: readonly (FileSystemEntry | File)[]): Promise<Map<string, File>> {
   const found = new Map<string, File>();
-  const waiting = [...entries];
+  const waiting = [...dropped];
   for (let entry = waiting.pop(); entry !== undefined; entry = waiting.pop()) {
-    if (entry.isFile) {
+    if (entry instanceof File) found.set(entry.name, entry);
+    else if (entry.isFile) {
       const at = entry as FileSystemFileEntry;
       found.set(tidyPath(at.fullPath) ?? at.name, await new Promise<File>((yes, no) => at.file(yes, no)));
-      if (found.size > MAX_FILES)
-        throw new DropError(`More than ${MAX_FILES} files: is this the robot's folder?`);
-      continue;
+    } else {
+      const reader = (entry as FileSystemDirectoryEntry).createReader();
+      for (;;) {
+        // A reader gives at most a hundred entries at a time.
+        const some = await new Promise<FileSystemEntry[]>((yes, no) => reader.readEntries(yes, no));
+        if (some.length === 0) break;
+        waiting.push(...some);
+      }
     }
-    const reader = (entry as FileSystemDirectoryEntry).createReader();
-    for (;;) {
-      // A reader gives at most a hundred entries at a time.
-      const some = await new Promise<FileSystemEntry[]>((yes, no) => reader.readEntries(yes, no));
-      if (some.length === 0) break;
-      waiting.push(...some);
-    }
+    if (found.size > MAX_FILES)
+      throw new DropError(`More than ${MAX_FILES} files: is this the robot's folder?`, {
+        why: 'dropTooMany',
+        count: MAX_FILES,
+      });
   }
   return found;
 }

@@ -6,16 +6,18 @@ import {
   MAX_ALL_BYTES,
   MAX_FILE_BYTES,
   MAX_FILES,
+  type Refusal,
   tidyPath,
 } from './files.ts';
 
 /** What a model may be made of; other members are not even unpacked. */
-const WANTED = /\.(urdf|xacro|stl|dae|obj|mtl|png|jpe?g)$/i;
+const WANTED = /\.(urdf|xacro|stl|dae|obj|mtl|glb|png|jpe?g)$/i;
 
-const PIECE = 16_384;
+/** A piece may unpack to a thousand times its size before anybody can say no. */
+const PIECE = 2048;
 /** Meshes shrink to a tenth, pictures hardly; what grows more than this is made to fill a memory. */
 const MAX_GROWTH = 100;
-const GROWTH_COUNTS_FROM = 8_000_000;
+const GROWTH_COUNTS_FROM = 4_000_000;
 
 /**
  * A zip's members, unpacked piece by piece. What a member claims about its size is not believed: bytes are counted as
@@ -27,12 +29,13 @@ export async function unzip(file: Blob): Promise<LocalFiles> {
   let total = 0;
   let read = 0;
   let refusal: DropError | null = null;
-  const refuse = (why: string) => {
-    refusal ??= new DropError(why);
+  const refuse = (message: string, why: Refusal) => {
+    refusal ??= new DropError(message, why);
   };
   const reader = new Unzip((member) => {
     members += 1;
-    if (members > MAX_FILES) refuse(`The zip has more than ${MAX_FILES} members.`);
+    if (members > MAX_FILES)
+      refuse(`The zip has more than ${MAX_FILES} members.`, { why: 'dropTooMany', count: MAX_FILES });
     const path = tidyPath(member.name);
     if (refusal !== null || path === null || !WANTED.test(path)) return; // not started: skipped
     const pieces: Uint8Array[] = [];
@@ -40,7 +43,7 @@ export async function unzip(file: Blob): Promise<LocalFiles> {
     member.ondata = (error, piece, final) => {
       if (refusal !== null) return;
       if (error !== null) {
-        refuse(`The zip is damaged at ${path}.`);
+        refuse(`The zip is damaged at ${path}.`, { why: 'dropDamaged' });
         return;
       }
       size += piece.length;
@@ -54,7 +57,7 @@ export async function unzip(file: Blob): Promise<LocalFiles> {
       if (why !== null) {
         found.clear();
         pieces.length = 0;
-        refuse(`The zip unpacks ${why}, at ${path}.`);
+        refuse(`The zip unpacks ${why}, at ${path}.`, { why: 'dropBomb', path });
         return;
       }
       pieces.push(piece);
@@ -79,12 +82,12 @@ export async function unzip(file: Blob): Promise<LocalFiles> {
     reader.push(new Uint8Array(), true);
   } catch (cause) {
     if (cause instanceof DropError) throw cause;
-    throw new DropError('The zip is damaged.', { cause });
+    throw new DropError('The zip is damaged.', { why: 'dropDamaged' }, { cause });
   } finally {
     void source.cancel().catch(() => {});
   }
   if (refusal !== null) throw refusal;
-  if (members === 0) throw new DropError('This is no zip.');
+  if (members === 0) throw new DropError('This is no zip.', { why: 'dropNoZip' });
   return found;
 }
 

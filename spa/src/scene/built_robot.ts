@@ -1,8 +1,8 @@
-import { BundleError, fetchBytes, fileUrl } from './bundle.ts';
+import { BundleError } from './bundle.ts';
 import type { Stage } from './figure.ts';
-import { cachedLevel, isGenuine, keepLevel } from './geometry_cache.ts';
 import { type Level, readLevel } from './level.ts';
 import type { LevelFile, Manifest } from './manifest.ts';
+import { levelBytes } from './model_files.ts';
 import type { ModelReport } from './report.ts';
 import type { SkinTones } from './skin.ts';
 import { SkinnedRobot } from './skinned_robot.ts';
@@ -22,6 +22,7 @@ export class BuiltRobot {
   /** Index of the level that is shown; -1 while it is a skeleton. */
   #shown = -1;
   #refining: Promise<void> | null = null;
+  #coarse = false;
 
   constructor(manifest: Manifest, manifestUrl: string, stage: Stage, drain: Drain, tones: SkinTones) {
     this.#manifest = manifest;
@@ -34,6 +35,7 @@ export class BuiltRobot {
   /** Dresses it in its coarsest level. What is wrong stands in the report; the skeleton moves in any case. */
   async dress(report: ModelReport, onProgress: OnProgress): Promise<void> {
     report.joints = [...this.#robot.jointNames];
+    report.findings = this.#manifest.findings;
     report.missing = this.#manifest.missing.map(({ uri }) => uri);
     report.problems.push(...this.#manifest.missing.map(({ uri, reason }) => `${uri}: ${reason}`));
     if (this.#manifest.levels.length === 0) return;
@@ -67,9 +69,29 @@ export class BuiltRobot {
     return this.#refine(this.#manifest.levels.length - 1, onProgress);
   }
 
+  /** Whether there is a coarser level than the finest. */
+  get hasLevels(): boolean {
+    return this.#manifest.levels.length > 1;
+  }
+
+  /** Keeps to the coarsest level, or may show a finer one again. What does not come is nobody's trouble: the level before
+   *  stays. */
+  async keepCoarse(coarse: boolean): Promise<void> {
+    if (coarse === this.#coarse) return;
+    this.#coarse = coarse;
+    await this.#refining?.catch(() => {});
+    if (this.#shown < 0 || coarse !== this.#coarse) return;
+    const next = nextWhenIdle(this.#manifest.levels.length);
+    if (!coarse) await this.#refine(next, () => {}).catch(() => {});
+    else if (this.#shown > 0) {
+      this.#refining = this.#wear(0, () => {});
+      await this.#refining.catch(() => {});
+    }
+  }
+
   async #refine(level: number, onProgress: OnProgress): Promise<void> {
     await this.#refining?.catch(() => {}); // one at a time: the finer must not be replaced by the coarser
-    if (this.#shown >= level) return;
+    if (this.#shown >= level || this.#coarse) return;
     this.#refining = this.#wear(level, onProgress);
     await this.#refining;
   }
@@ -95,32 +117,20 @@ export class BuiltRobot {
 
 /** Rejects with a BundleError of one line that names the file. */
 async function fetchLevel(
-  { path, bytes: size, sha256 }: LevelFile,
+  file: LevelFile,
   manifestUrl: string,
   visuals: number,
   signal: AbortSignal,
   onBytes: (received: number) => void,
 ): Promise<Level> {
-  let bytes = await cachedLevel(sha256);
-  const known = bytes?.length === size;
-  if (bytes === null || !known) {
-    let received = 0;
-    bytes = await fetchBytes(fileUrl(manifestUrl, { path }), size, signal, (more) => {
-      received += more;
-      onBytes(received);
-    });
-    if (bytes.length !== size) throw new BundleError(`${path}: ${bytes.length} bytes instead of ${size}`);
-    if ((await isGenuine(sha256, bytes as Uint8Array<ArrayBuffer>)) === false) {
-      throw new BundleError(`${path}: not the bytes that were announced (SHA-256)`);
-    }
-  }
-  onBytes(size);
+  const bytes = await levelBytes(file, manifestUrl, signal, onBytes);
+  onBytes(file.bytes);
   try {
-    const level = await readLevel(bytes, visuals);
-    if (!known) void keepLevel(sha256, bytes as Uint8Array<ArrayBuffer>);
-    return level;
+    return await readLevel(bytes, visuals);
   } catch (cause) {
-    throw new BundleError(`${path}: ${cause instanceof Error ? cause.message : String(cause)}`, { cause });
+    throw new BundleError(`${file.path}: ${cause instanceof Error ? cause.message : String(cause)}`, {
+      cause,
+    });
   }
 }
 

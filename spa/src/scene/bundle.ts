@@ -1,3 +1,5 @@
+import { tokenFor } from '../twin/share_token.ts';
+
 /**
  * A robot's bundle over HTTP: the manifest names every file, the scene fetches those it needs.
  *
@@ -140,7 +142,9 @@ export async function fetchBytes(
   const name = url.slice(url.lastIndexOf('/') + 1);
   let response: Response;
   try {
-    response = await fetch(url, { signal, credentials: 'omit' });
+    const token = tokenFor(url);
+    const headers: HeadersInit = token ? { authorization: `Bearer ${token}` } : {};
+    response = await fetch(url, { signal, credentials: 'omit', headers });
   } catch (cause) {
     throw new BundleError(`${name}: no answer`, { cause });
   }

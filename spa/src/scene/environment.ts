@@ -15,10 +15,13 @@ import {
   Vector2,
 } from 'three';
 import { mergeGeometries } from 'three/addons/utils/BufferGeometryUtils.js';
+import { Contacts, MOST_CONTACTS } from './contact.ts';
+import type { Figure } from './figure.ts';
 import type { SceneTheme } from './theme.ts';
 
 /** Floor to the horizon, in reaches of the robot. */
 const FLOOR_REACHES = 60;
+export const SHADOW_PIXELS = 512;
 const AXIS_COLORS = [0xe5484d, 0x2fa866, 0x3b82f6]; // x red, y green, z blue
 
 /** What is around a robot: light, floor, grid, and the small axes at its base. */
@@ -29,16 +32,19 @@ export class Environment {
   readonly #fill = new DirectionalLight();
   readonly #floor: Mesh<PlaneGeometry, ShaderMaterial>;
   readonly #axes = new Mesh(axesGeometry(), new MeshBasicMaterial({ vertexColors: true, toneMapped: false }));
+  readonly #contacts = new Contacts();
   #reach = 1;
 
   constructor() {
     this.#sky.position.set(0, 0, 1); // its direction: from the floor to the sky
     this.#key.castShadow = true;
-    this.#key.shadow.mapSize.set(512, 512);
+    this.#key.shadow.mapSize.set(SHADOW_PIXELS, SHADOW_PIXELS);
     this.#key.shadow.radius = 5;
     this.#key.shadow.bias = -0.0004;
     this.#key.shadow.normalBias = 0.012;
     this.#floor = new Mesh(new PlaneGeometry(1, 1), floorMaterial());
+    this.#floor.material.uniforms.contactPlace!.value = this.#contacts.place;
+    this.#floor.material.uniforms.contactSize!.value = this.#contacts.size;
     this.#floor.receiveShadow = true;
     this.#floor.renderOrder = -1;
     this.group.add(
@@ -66,6 +72,7 @@ export class Environment {
     uniforms.minorLine!.value = theme.minorLine;
     uniforms.majorLine!.value = theme.majorLine;
     uniforms.shadow!.value = theme.shadow;
+    uniforms.contact!.value = theme.contact;
   }
 
   /** `reach`: the radius of the robot, metres. The grid keeps its metres; light and axes grow with the robot. */
@@ -84,6 +91,11 @@ export class Environment {
     this.follow(this.#floor.position.x, this.#floor.position.y);
   }
 
+  /** Darkens the floor where a link touches it. */
+  touch(boxes: Figure['boxes']): void {
+    this.#contacts.follow(boxes, this.#reach);
+  }
+
   /** Light and floor stay around a robot that walks; the lines of the grid stay where they are in the world. */
   follow(x: number, y: number): void {
     const r = this.#reach;
@@ -94,6 +106,13 @@ export class Environment {
     this.#key.position.set(x + r * 2, y + r * 0.7, r * 4.6);
     this.#fill.target.position.set(x, y, r * 0.7);
     this.#fill.position.set(x - r * 0.5, y - r * 3, r * 1.4);
+  }
+
+  /** Along each side of the shadow map: fewer are cheaper, and softer. */
+  set shadowPixels(pixels: number) {
+    if (this.#key.shadow.mapSize.x === pixels) return;
+    this.#key.shadow.mapSize.set(pixels, pixels);
+    this.forgetShadow();
   }
 
   /** The shadow map goes with its WebGL context; the next picture makes a new one. */
@@ -141,6 +160,9 @@ function floorMaterial(): ShaderMaterial {
         minorLine: { value: new Color() },
         majorLine: { value: new Color() },
         shadow: { value: 0.5 },
+        contact: { value: 0.5 },
+        contactPlace: { value: [] },
+        contactSize: { value: [] },
         reach: { value: 1 },
         focus: { value: new Vector2() },
       },
@@ -169,6 +191,9 @@ function floorMaterial(): ShaderMaterial {
       uniform vec3 minorLine;
       uniform vec3 majorLine;
       uniform float shadow;
+      uniform float contact;
+      uniform vec4 contactPlace[${MOST_CONTACTS}];
+      uniform vec4 contactSize[${MOST_CONTACTS}];
       uniform float reach;
       uniform vec2 focus;
       varying vec2 place;
@@ -182,6 +207,19 @@ function floorMaterial(): ShaderMaterial {
         return max(seen.x, seen.y);
       }
 
+      // How dark it is under what stands here: full beneath it, gone a hand's breadth beside it.
+      float underfoot() {
+        float dark = 0.0;
+        for (int i = 0; i < ${MOST_CONTACTS}; i++) {
+          vec2 off = place - contactPlace[i].xy;
+          vec2 along = contactPlace[i].zw;
+          vec2 beside = abs(vec2(dot(off, along), dot(off, vec2(-along.y, along.x)))) - contactSize[i].xy * 0.82;
+          float far = length(max(beside, 0.0)) / (0.055 * reach);
+          dark = max(dark, contactSize[i].z * exp(-far * far));
+        }
+        return dark;
+      }
+
       void main() {
         float away = length(place - focus) / reach;
         float pool = 1.0 - smoothstep(0.0, 7.0, away);
@@ -189,6 +227,7 @@ function floorMaterial(): ShaderMaterial {
         color = mix(color, minorLine, lines(0.1) * (1.0 - smoothstep(0.5, 3.2, away)));
         color = mix(color, majorLine, lines(1.0) * (1.0 - smoothstep(1.0, 9.0, away)));
         color *= 1.0 - shadow * (1.0 - getShadowMask()) * pool;
+        color *= 1.0 - contact * underfoot();
         gl_FragColor = vec4(color, 1.0);
         #include <colorspace_fragment>
         #include <dithering_fragment>

@@ -18,13 +18,13 @@ export async function cachedLevel(sha256: string): Promise<Uint8Array | null> {
   }
 }
 
-export async function keepLevel(sha256: string, bytes: Uint8Array<ArrayBuffer>): Promise<void> {
+export async function keepLevel(sha256: string, bytes: Uint8Array): Promise<void> {
   try {
     const cache = await window.caches?.open(NAME);
     if (cache === undefined || bytes.length > MAX_BYTES) return;
     await cache.put(
       address(sha256),
-      new Response(bytes, { headers: { 'content-length': String(bytes.length) } }),
+      new Response(bytes as Uint8Array<ArrayBuffer>, { headers: { 'content-length': String(bytes.length) } }),
     );
     let total = 0;
     for (const key of [...(await cache.keys())].reverse()) {
@@ -37,8 +37,10 @@ export async function keepLevel(sha256: string, bytes: Uint8Array<ArrayBuffer>):
 }
 
 /** Whether the bytes are those that were announced; null where the browser can't tell (no https). */
-export async function isGenuine(sha256: string, bytes: Uint8Array<ArrayBuffer>): Promise<boolean | null> {
+export async function isGenuine(sha256: string, bytes: Uint8Array): Promise<boolean | null> {
   if (window.crypto?.subtle === undefined) return null;
-  const digest = new Uint8Array(await window.crypto.subtle.digest('SHA-256', bytes));
+  const digest = new Uint8Array(
+    await window.crypto.subtle.digest('SHA-256', bytes as Uint8Array<ArrayBuffer>),
+  );
   return Array.from(digest, (byte) => byte.toString(16).padStart(2, '0')).join('') === sha256;
 }

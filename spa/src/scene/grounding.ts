@@ -35,13 +35,37 @@ export function growBox(box: LinkBox, points: ArrayLike<number>, m: Elements): v
   }
 }
 
-export function lowestZ(box: LinkBox, m: Elements): number {
-  let z = m[14]!;
+/** `at`: where the transform begins in `m`. */
+export function lowestZ(box: LinkBox, m: Elements, at = 0): number {
+  let z = m[at + 14]!;
   for (let i = 0; i < 3; i += 1) {
-    const along = m[i * 4 + 2]!;
+    const along = m[at + i * 4 + 2]!;
     const centre = (box.min[i]! + box.max[i]!) / 2;
     const half = (box.max[i]! - box.min[i]!) / 2;
     z += along * centre - Math.abs(along) * half;
   }
   return z;
+}
+
+/** The lowest point of a robot in the frame that `fromLink` leads to, metres: of its links' boxes, or of link origins where
+ *  there are none. 16 numbers a link. */
+export function lowestOf(fromLink: Float64Array, boxes: ReadonlyMap<number, LinkBox>): number {
+  let low = Number.POSITIVE_INFINITY;
+  for (const [link, box] of boxes) low = Math.min(low, lowestZ(box, fromLink, link * 16));
+  if (boxes.size === 0) for (let i = 14; i < fromLink.length; i += 16) low = Math.min(low, fromLink[i]!);
+  return low;
+}
+
+/** Grows `min` and `max` by a box's corners, seen through the transform that begins at `at` in `m`. */
+export function expandByBox(min: number[], max: number[], box: LinkBox, m: Elements, at: number): void {
+  for (let corner = 0; corner < 8; corner += 1) {
+    const x = (corner & 1 ? box.max : box.min)[0];
+    const y = (corner & 2 ? box.max : box.min)[1];
+    const z = (corner & 4 ? box.max : box.min)[2];
+    for (let row = 0; row < 3; row += 1) {
+      const value = m[at + row]! * x + m[at + row + 4]! * y + m[at + row + 8]! * z + m[at + row + 12]!;
+      min[row] = Math.min(min[row]!, value);
+      max[row] = Math.max(max[row]!, value);
+    }
+  }
 }

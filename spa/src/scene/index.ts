@@ -1,7 +1,19 @@
 /** The 3D view: plain three.js, no framework. Loaded on demand; the rest of the page works without it. */
 export type { Pose } from '../twin/pose.ts';
 export type { ViewName } from './camera.ts';
+export type { ScenePart } from './part.ts';
 export type { ModelReport } from './report.ts';
 export { RobotScene } from './robot_scene.ts';
 export type { LinkLook } from './skin.ts';
-export type { ThemeName } from './theme.ts';
+export type { Trouble } from './stamina.ts';
+export type { SceneTheme, ThemeName } from './theme.ts';
+export type {
+  BodyView,
+  EyePlace,
+  FollowMode,
+  LineMember,
+  LineView,
+  MouseStyle,
+  PoseSource,
+  SignedBody,
+} from './view.ts';

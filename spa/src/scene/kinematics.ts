@@ -1,11 +1,13 @@
 /**
- * Forward kinematics of a tree of joints: readings in, root_from_link of every link out.
+ * Forward kinematics of a tree of joints: readings in, root_from_link of every link out (docs/MODEL.md).
  *
- * `root_from_child = root_from_parent · T(xyz) · R(quat) · M(q)`, joint by joint in the manifest's order, which puts
+ * `root_from_child = root_from_parent · T(xyz) · R(quat) · M`, joint by joint in the manifest's order, which puts
  * a parent before its children. Limits never clamp: a monitor shows what is. Nothing is allocated after construction.
  */
 
 export type JointType = 'revolute' | 'continuous' | 'prismatic' | 'fixed' | 'floating' | 'planar';
+
+type Triple = readonly [number, number, number];
 
 export interface Joint {
   readonly name: string;
@@ -13,32 +15,69 @@ export interface Joint {
   /** Index of the parent link; the child of joint i is link i + 1. */
   readonly parent: number;
   /** parent_from_joint at rest: metres, and a unit quaternion w, x, y, z. */
-  readonly xyz: readonly [number, number, number];
+  readonly xyz: Triple;
   readonly quat: readonly [number, number, number, number];
   /** A unit vector in the joint's frame. */
-  readonly axis: readonly [number, number, number];
+  readonly axis: Triple;
+  /** Unit vectors x and y of a planar joint, in the joint's frame; null for any other. */
+  readonly plane: readonly [Triple, Triple] | null;
   readonly limits: { readonly lower: number; readonly upper: number } | null;
   readonly mimic: { readonly joint: number; readonly multiplier: number; readonly offset: number } | null;
 }
 
+/** What a joint of several values calls them, after `JOINT/`, and where each stands at rest: rad or m. */
+const VARIABLES: Readonly<Record<'planar' | 'floating', readonly (readonly [string, number])[]>> = {
+  planar: [
+    ['x', 0],
+    ['y', 0],
+    ['theta', 0],
+  ],
+  floating: [
+    ['trans_x', 0],
+    ['trans_y', 0],
+    ['trans_z', 0],
+    ['rot_x', 0],
+    ['rot_y', 0],
+    ['rot_z', 0],
+    ['rot_w', 1],
+  ],
+};
+
 const SIZE = 16;
-const TURN = 0;
-const SLIDE = 1;
-const STAY = 2;
+const STAY = 0;
+const TURN = 1;
+const SLIDE = 2;
+const PLANE = 3;
+const FLOAT = 4;
+const KIND: Readonly<Record<JointType, number>> = {
+  fixed: STAY,
+  revolute: TURN,
+  continuous: TURN,
+  prismatic: SLIDE,
+  planar: PLANE,
+  floating: FLOAT,
+};
+/** A quaternion shorter than this says nothing. */
+const NO_ROTATION = 1e-6;
 
 export class Kinematics {
   /** root_from_link, 16 numbers a link, column after column; metres. Link 0 is the root: always the identity. */
   readonly rootFromLink: Float64Array;
-  readonly #names: readonly string[];
-  /** Joints that can move, by their place in the manifest. */
-  readonly #movable: Int32Array;
   readonly #kind: Uint8Array;
   readonly #parent: Int32Array;
   readonly #axis: Float64Array;
+  /** x and y of each planar joint's plane, 6 numbers a joint. */
+  readonly #plane: Float64Array;
   /** parent_from_joint at rest, as `rootFromLink`. */
   readonly #rest: Float64Array;
-  /** The newest reading of each joint, rad or m; NaN until there is one. */
+  /** What readings are called; those of one joint after one another. */
+  readonly #names: string[] = [];
+  /** For each joint, where its readings begin. */
+  readonly #first: Int32Array;
+  /** rad, m, or parts of a quaternion; NaN until there is one. */
   readonly #reading: Float64Array;
+  /** What stands in for a reading that never came. */
+  readonly #standIn: Float64Array;
   readonly #leader: Int32Array;
   readonly #multiplier: Float64Array;
   readonly #offset: Float64Array;
@@ -46,38 +85,44 @@ export class Kinematics {
   constructor(joints: readonly Joint[]) {
     const count = joints.length;
     this.rootFromLink = new Float64Array((count + 1) * SIZE);
-    this.#kind = new Uint8Array(count);
+    this.#kind = Uint8Array.from(joints, ({ type }) => KIND[type]);
     this.#parent = Int32Array.from(joints, (joint) => joint.parent);
-    this.#axis = new Float64Array(count * 3);
-    this.#rest = new Float64Array(count * SIZE);
-    this.#reading = new Float64Array(count).fill(Number.NaN);
+    this.#axis = Float64Array.from(joints.flatMap((joint) => joint.axis));
+    this.#plane = Float64Array.from(joints.flatMap(({ plane }) => plane?.flat() ?? [0, 0, 0, 0, 0, 0]));
+    this.#rest = Float64Array.from(joints.flatMap(({ xyz, quat }) => transform(xyz, quat)));
+    this.#first = new Int32Array(count);
+    const standIns: number[] = [];
+    joints.forEach(({ name, type }, i) => {
+      this.#first[i] = this.#names.length;
+      if (type === 'planar' || type === 'floating') {
+        for (const [variable, rest] of VARIABLES[type]) {
+          this.#names.push(`${name}/${variable}`);
+          standIns.push(rest);
+        }
+      } else if (type !== 'fixed') {
+        this.#names.push(name);
+        standIns.push(0);
+      }
+    });
+    this.#standIn = Float64Array.from(standIns);
+    this.#reading = new Float64Array(standIns.length).fill(Number.NaN);
     this.#leader = Int32Array.from(joints, (joint) => joint.mimic?.joint ?? -1);
     this.#multiplier = Float64Array.from(joints, (joint) => joint.mimic?.multiplier ?? 0);
     this.#offset = Float64Array.from(joints, (joint) => joint.mimic?.offset ?? 0);
-    joints.forEach((joint, i) => {
-      const { type } = joint;
-      this.#kind[i] =
-        type === 'prismatic' ? SLIDE : type === 'revolute' || type === 'continuous' ? TURN : STAY;
-      this.#axis.set(joint.axis, i * 3);
-      this.#rest.set(transform(joint.xyz, joint.quat), i * SIZE);
-    });
-    this.#names = joints.map((joint) => joint.name);
-    this.#movable = Int32Array.from(joints.keys()).filter((i) => this.#kind[i] !== STAY);
     this.rootFromLink.set([1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]);
     this.compute();
   }
 
-  /** Names of the joints that can move, in the manifest's order. */
+  /** What readings may be called, in the manifest's order: a joint's name, or `JOINT/variable` for one of several values. */
   get jointNames(): string[] {
-    return Array.from(this.#movable, (i) => this.#names[i]!);
+    return [...this.#names];
   }
 
-  /** Takes readings by joint name, rad or m. A joint without one, or with one that is no number, keeps its place.
+  /** Takes readings by name, rad or m. Without one, or with one that is no number, a joint keeps its place.
    *  False when nothing changed. */
   set(readings: ReadonlyMap<string, number>): boolean {
     let changed = false;
-    for (let m = 0; m < this.#movable.length; m += 1) {
-      const i = this.#movable[m]!;
+    for (let i = 0; i < this.#names.length; i += 1) {
       const reading = readings.get(this.#names[i]!);
       if (reading === undefined || !Number.isFinite(reading) || reading === this.#reading[i]) continue;
       this.#reading[i] = reading;
@@ -86,13 +131,14 @@ export class Kinematics {
     return changed;
   }
 
-  /** rad or m. A follower's own reading wins over what it would copy; without any reading a joint stands at 0. */
+  /** rad or m of a joint of one value. A follower's own reading wins over what it would copy; without any reading a
+   *  joint stands at 0. */
   value(joint: number): number {
-    const own = this.#reading[joint]!;
+    const own = this.#reading[this.#first[joint]!]!;
     if (!Number.isNaN(own)) return own;
     const leader = this.#leader[joint]!;
     if (leader < 0) return 0;
-    const led = this.#reading[leader]!;
+    const led = this.#reading[this.#first[leader]!]!;
     return this.#multiplier[joint]! * (Number.isNaN(led) ? 0 : led) + this.#offset[joint]!;
   }
 
@@ -102,40 +148,79 @@ export class Kinematics {
       const from = this.#parent[i]! * SIZE;
       const to = (i + 1) * SIZE;
       multiply(this.rootFromLink, to, this.rootFromLink, from, this.#rest, i * SIZE);
-      const kind = this.#kind[i];
-      if (kind === TURN) this.#turn(to, i, this.value(i));
-      else if (kind === SLIDE) this.#slide(to, i, this.value(i));
+      switch (this.#kind[i]) {
+        case TURN:
+          this.#turn(to, i, this.value(i));
+          break;
+        case SLIDE:
+          this.#slide(to, this.#axis, i * 3, this.value(i));
+          break;
+        case PLANE: {
+          const first = this.#first[i]!;
+          this.#slide(to, this.#plane, i * 6, this.#variable(first));
+          this.#slide(to, this.#plane, i * 6 + 3, this.#variable(first + 1));
+          this.#turn(to, i, this.#variable(first + 2));
+          break;
+        }
+        case FLOAT:
+          this.#float(to, this.#first[i]!);
+          break;
+      }
     }
   }
 
-  /** Rodrigues: m ← m · R(axis, angle). */
+  #variable(i: number): number {
+    const reading = this.#reading[i]!;
+    return Number.isNaN(reading) ? this.#standIn[i]! : reading;
+  }
+
+  /** m ← m · R(axis, angle). */
   #turn(m: number, joint: number, angle: number): void {
     if (angle === 0) return;
-    const x = this.#axis[joint * 3]!;
-    const y = this.#axis[joint * 3 + 1]!;
-    const z = this.#axis[joint * 3 + 2]!;
-    const c = Math.cos(angle);
-    const s = Math.sin(angle);
-    const t = 1 - c;
+    const at = joint * 3;
+    const half = Math.sin(angle / 2);
+    this.#rotate(
+      m,
+      Math.cos(angle / 2),
+      half * this.#axis[at]!,
+      half * this.#axis[at + 1]!,
+      half * this.#axis[at + 2]!,
+    );
+  }
+
+  /** m ← m · T(way · direction), the direction from `at` on in `directions`. */
+  #slide(m: number, directions: Float64Array, at: number, way: number): void {
+    this.#shift(m, way * directions[at]!, way * directions[at + 1]!, way * directions[at + 2]!);
+  }
+
+  /** m ← m · T(translation) · R(quaternion), seven variables from `first` on. */
+  #float(m: number, first: number): void {
+    this.#shift(m, this.#variable(first), this.#variable(first + 1), this.#variable(first + 2));
+    const x = this.#variable(first + 3);
+    const y = this.#variable(first + 4);
+    const z = this.#variable(first + 5);
+    const w = this.#variable(first + 6);
+    const length = Math.hypot(x, y, z, w);
+    if (length >= NO_ROTATION) this.#rotate(m, w / length, x / length, y / length, z / length);
+  }
+
+  #shift(m: number, x: number, y: number, z: number): void {
     const pose = this.rootFromLink;
-    for (let row = 0; row < 3; row += 1) {
-      const a = pose[m + row]!;
-      const b = pose[m + 4 + row]!;
-      const d = pose[m + 8 + row]!;
-      pose[m + row] = a * (t * x * x + c) + b * (t * x * y + s * z) + d * (t * x * z - s * y);
-      pose[m + 4 + row] = a * (t * x * y - s * z) + b * (t * y * y + c) + d * (t * y * z + s * x);
-      pose[m + 8 + row] = a * (t * x * z + s * y) + b * (t * y * z - s * x) + d * (t * z * z + c);
+    for (let row = m; row < m + 3; row += 1) {
+      pose[row + 12]! += x * pose[row]! + y * pose[row + 4]! + z * pose[row + 8]!;
     }
   }
 
-  #slide(m: number, joint: number, way: number): void {
+  /** m ← m · R of a unit quaternion. */
+  #rotate(m: number, w: number, x: number, y: number, z: number): void {
     const pose = this.rootFromLink;
-    for (let row = 0; row < 3; row += 1) {
-      pose[m + 12 + row]! +=
-        way *
-        (pose[m + row]! * this.#axis[joint * 3]! +
-          pose[m + 4 + row]! * this.#axis[joint * 3 + 1]! +
-          pose[m + 8 + row]! * this.#axis[joint * 3 + 2]!);
+    for (let row = m; row < m + 3; row += 1) {
+      const a = pose[row]!;
+      const b = pose[row + 4]!;
+      const c = pose[row + 8]!;
+      pose[row] = a * (1 - 2 * (y * y + z * z)) + b * 2 * (x * y + w * z) + c * 2 * (x * z - w * y);
+      pose[row + 4] = a * 2 * (x * y - w * z) + b * (1 - 2 * (x * x + z * z)) + c * 2 * (y * z + w * x);
+      pose[row + 8] = a * 2 * (x * z + w * y) + b * 2 * (y * z - w * x) + c * (1 - 2 * (x * x + y * y));
     }
   }
 }

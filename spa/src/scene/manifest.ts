@@ -1,5 +1,5 @@
 import { BundleError, isRecord } from './bundle.ts';
-import type { LinkBox } from './grounding.ts';
+import { emptyBox, growBox, type LinkBox } from './grounding.ts';
 import type { Joint, JointType } from './kinematics.ts';
 
 /**
@@ -14,7 +14,10 @@ export interface Manifest {
   readonly links: readonly string[];
   readonly joints: readonly Joint[];
   readonly visuals: readonly Visual[];
+  /** A picture of it beside the manifest; null where there is none. */
+  readonly thumbnail: string | null;
   readonly missing: readonly { readonly uri: string; readonly reason: string }[];
+  /** What `posecast-edge doctor` says of the URDF, worst first. */
   readonly findings: readonly Finding[];
 }
 
@@ -41,6 +44,7 @@ export interface Finding {
   readonly text: string;
 }
 
+const FILE = /^[a-z0-9][a-z0-9.-]*$/;
 const MAX_LINKS = 1000;
 const MAX_VISUALS = 1024;
 const MAX_LEVEL_BYTES = 128_000_000;
@@ -52,6 +56,8 @@ const TYPES: ReadonlySet<unknown> = new Set<JointType>([
   'floating',
   'planar',
 ]);
+
+const IDENTITY = [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1];
 
 type Raw = Readonly<Record<string, unknown>>;
 
@@ -76,6 +82,7 @@ export function readManifest(raw: Raw): Manifest {
     visuals: list(raw.visuals, 'visuals', MAX_VISUALS).map((entry, i) =>
       readVisual(record(entry, `visuals[${i}]`), i, links.length),
     ),
+    thumbnail: thumbnailOf(raw),
     missing: optionalList(raw.missing).map(({ uri, reason }) => ({ uri: loose(uri), reason: loose(reason) })),
     findings: optionalList(raw.findings).map(({ severity, line, text: words }) => ({
       severity: loose(severity),
@@ -83,6 +90,18 @@ export function readManifest(raw: Raw): Manifest {
       text: loose(words),
     })),
   };
+}
+
+/** What each link shows, as one box in the link's frame. */
+export function boxesOfLinks({ visuals }: Manifest): Map<number, LinkBox> {
+  const boxes = new Map<number, LinkBox>();
+  for (const { link, box } of visuals) {
+    if (box === null) continue;
+    const whole = boxes.get(link) ?? emptyBox();
+    growBox(whole, [...box.min, ...box.max], IDENTITY);
+    boxes.set(link, whole);
+  }
+  return boxes;
 }
 
 function readJoint(raw: Raw, i: number): Joint {
@@ -100,9 +119,21 @@ function readJoint(raw: Raw, i: number): Joint {
     xyz: numbers(raw.xyz ?? [0, 0, 0], 3, `${where}.xyz`) as unknown as Joint['xyz'],
     quat: unit(quat, `${where}.quat`) as unknown as Joint['quat'],
     axis: unit(axis, `${where}.axis`) as unknown as Joint['axis'],
+    plane: type === 'planar' ? readPlane(raw.plane, `${where}.plane`) : null,
     limits: readLimits(raw.limits),
     mimic: raw.mimic === undefined ? null : readMimic(record(raw.mimic, `${where}.mimic`), where),
   };
+}
+
+/** The name of a model's picture, beside its manifest; null for a model without one. */
+export function thumbnailOf({ thumbnail }: Raw): string | null {
+  return typeof thumbnail === 'string' && FILE.test(thumbnail) ? thumbnail : null;
+}
+
+function readPlane(raw: unknown, where: string): Joint['plane'] {
+  const ways = list(raw, where, 2).map((way) => unit(numbers(way, 3, where), where));
+  if (ways.length !== 2) throw wrong(`${where}: not two directions`);
+  return ways as unknown as Joint['plane'];
 }
 
 function readLimits(raw: unknown): Joint['limits'] {
@@ -122,7 +153,7 @@ function readMimic(raw: Raw, where: string): Joint['mimic'] {
 function readLevelFile(raw: Raw, i: number): LevelFile {
   const { name, path, bytes, sha256 } = raw;
   const where = `levels[${i}]`;
-  if (typeof path !== 'string' || !/^[a-z0-9][a-z0-9.-]*$/.test(path)) throw wrong(`${where}: bad path`);
+  if (typeof path !== 'string' || !FILE.test(path)) throw wrong(`${where}: bad path`);
   if (!isIndex(bytes, MAX_LEVEL_BYTES)) throw wrong(`${where}: bad size`);
   if (typeof sha256 !== 'string' || !/^[0-9a-f]{64}$/.test(sha256)) throw wrong(`${where}: bad sha256`);
   return { name: loose(name), path, bytes, sha256 };

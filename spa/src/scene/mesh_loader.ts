@@ -1,7 +1,16 @@
-import { type Color, Loader, LoadingManager, type Material, type Mesh, type Object3D } from 'three';
+import {
+  type Color,
+  Loader,
+  LoadingManager,
+  type Material,
+  type Mesh,
+  type MeshStandardMaterial,
+  type Object3D,
+} from 'three';
 import type { BundleFile } from './bundle.ts';
+import type { MeshNote } from './mesh_facts.ts';
 import type { RawFiles } from './raw_robot.ts';
-import { isAsciiStl, isBinaryStl, MeshError, parseStl } from './stl.ts';
+import { isAsciiStl, isBinaryStl, MeshError, parseStl, tailBytes } from './stl.ts';
 import { type Welded, weld } from './weld.ts';
 
 /** One colour of a mesh file, in the file's own frame and in metres. `color` is null where the file names none. */
@@ -11,7 +20,13 @@ export interface MeshPart {
   opacity: number;
 }
 
-export type MeshKind = 'stl' | 'collada';
+export interface LoadedMesh {
+  readonly parts: readonly MeshPart[];
+  /** What had to be read with leniency. */
+  readonly notes: readonly MeshNote[];
+}
+
+export type MeshKind = 'stl' | 'collada' | 'obj' | 'glb';
 
 /** A white pixel: what a Collada texture becomes, as bundles of this version carry none. */
 const WHITE = 'data:image/gif;base64,R0lGODlhAQABAIAAAP///wAAACwAAAAAAQABAAACAkQBADs=';
@@ -19,43 +34,61 @@ const WHITE = 'data:image/gif;base64,R0lGODlhAQABAIAAAP///wAAACwAAAAAAQABAAACAkQ
 /** What the bytes are, whatever the file is called. A host that answers an unknown path with its start page would
  *  otherwise be read as four billion triangles. Throws MeshError. */
 export function meshKind(bytes: Uint8Array): MeshKind {
+  if (new TextDecoder('latin1').decode(bytes.subarray(0, 4)) === 'glTF') return 'glb';
   if (isBinaryStl(bytes)) return 'stl';
   const head = new TextDecoder('latin1').decode(bytes.subarray(0, 4096));
   if (/<COLLADA[\s>]/.test(head)) return 'collada';
   if (/<!doctype html|<html[\s>]/i.test(head)) throw new MeshError('a web page came instead of a mesh');
   if (isAsciiStl(bytes)) return 'stl';
   if (bytes.length === 0) throw new MeshError('empty');
-  throw new MeshError('neither STL nor Collada');
+  if (/^\s*(?:v|mtllib|o|g)\s+\S/m.test(head) && !head.includes('\0')) return 'obj';
+  throw new MeshError('neither STL, Collada, OBJ nor GLB');
 }
 
 /** Mesh files of one bundle, each fetched and read once however many links use it. */
 export class MeshLoader {
   readonly #files: RawFiles;
-  readonly #parts = new Map<string, Promise<MeshPart[]>>();
+  readonly #meshes = new Map<string, Promise<LoadedMesh>>();
 
   constructor(files: RawFiles) {
     this.#files = files;
   }
 
   /** Rejects with a one-line Error that names the file. */
-  load(file: BundleFile): Promise<MeshPart[]> {
-    let parts = this.#parts.get(file.path);
-    if (parts === undefined) {
-      parts = this.#read(file);
-      this.#parts.set(file.path, parts);
+  load(file: BundleFile): Promise<LoadedMesh> {
+    let mesh = this.#meshes.get(file.path);
+    if (mesh === undefined) {
+      mesh = this.#read(file);
+      this.#meshes.set(file.path, mesh);
     }
-    return parts;
+    return mesh;
   }
 
-  async #read(file: BundleFile): Promise<MeshPart[]> {
+  async #parse(bytes: Uint8Array, file: BundleFile): Promise<LoadedMesh> {
+    switch (meshKind(bytes)) {
+      case 'stl':
+        return {
+          parts: [{ surface: weld(parseStl(bytes)), color: null, opacity: 1 }],
+          notes: stlNotes(bytes),
+        };
+      case 'collada':
+        return readCollada(new TextDecoder().decode(bytes));
+      case 'obj':
+        return readObj(
+          new TextDecoder().decode(bytes),
+          async (name) => (await this.#files.beside?.(file, name)) ?? null,
+        );
+      case 'glb':
+        return { parts: await readGlb(bytes), notes: [] };
+    }
+  }
+
+  async #read(file: BundleFile): Promise<LoadedMesh> {
     const bytes = await this.#files.fetch(file);
     try {
-      const parts =
-        meshKind(bytes) === 'stl'
-          ? [{ surface: weld(parseStl(bytes)), color: null, opacity: 1 }]
-          : await readCollada(new TextDecoder().decode(bytes));
-      if (parts.every((part) => part.surface.index.length === 0)) throw new MeshError('no triangles');
-      return parts;
+      const mesh = await this.#parse(bytes, file);
+      if (mesh.parts.every((part) => part.surface.index.length === 0)) throw new MeshError('no triangles');
+      return mesh;
     } catch (cause) {
       const why = cause instanceof Error ? (cause.message.split('\n')[0] ?? '') : String(cause);
       throw new MeshError(`${file.path}: ${why}`, { cause });
@@ -63,17 +96,72 @@ export class MeshLoader {
   }
 }
 
-/** Collada as RViz reads it: `<unit>` applied, `<up_axis>` ignored (its vertices are in the link's frame already). */
-async function readCollada(text: string): Promise<MeshPart[]> {
-  const { ColladaLoader } = await import('three/addons/loaders/ColladaLoader.js');
+/** Nothing that a mesh names is fetched: a picture becomes a white pixel. */
+function offline(): LoadingManager {
   const manager = new LoadingManager();
-  manager.setURLModifier(() => WHITE);
-  const scene = new ColladaLoader(manager).parse(text, '')?.scene;
+  manager.setURLModifier((url) => (/^(blob|data):/.test(url) ? url : WHITE));
+  return manager;
+}
+
+/** OBJ, in the colours of the MTL that it names where that is there. */
+async function readObj(
+  text: string,
+  beside: (name: string) => Promise<Uint8Array | null>,
+): Promise<LoadedMesh> {
+  const { OBJLoader } = await import('three/addons/loaders/OBJLoader.js');
+  const loader = new OBJLoader(offline());
+  const library = /^\s*mtllib\s+(\S.*?)\s*$/m.exec(text)?.[1];
+  const paints = library === undefined ? null : await beside(library);
+  if (paints !== null) {
+    const { MTLLoader } = await import('three/addons/loaders/MTLLoader.js');
+    loader.setMaterials(new MTLLoader(offline()).parse(new TextDecoder().decode(paints), ''));
+  }
+  const lost = library !== undefined && paints === null;
+  const notes: MeshNote[] = lost
+    ? [['material-file', `its material library '${library.slice(0, 80)}': no such file`]]
+    : [];
+  return { parts: partsOf(loader.parse(text), paints !== null), notes };
+}
+
+/** A GLB that needs no file but itself; its axes are the link's, as with any mesh. */
+async function readGlb(bytes: Uint8Array): Promise<MeshPart[]> {
+  const { GLTFLoader } = await import('three/addons/loaders/GLTFLoader.js');
+  const { MeshoptDecoder } = await import('three/addons/libs/meshopt_decoder.module.js');
+  const loader = new GLTFLoader(offline()).setMeshoptDecoder(MeshoptDecoder);
+  const { scene } = await loader.parseAsync(bytes.slice().buffer, '');
+  return partsOf(scene, true);
+}
+
+/** Collada as RViz reads it: `<unit>` applied, `<up_axis>` ignored (its vertices are in the link's frame already). */
+async function readCollada(text: string): Promise<LoadedMesh> {
+  const { ColladaLoader } = await import('three/addons/loaders/ColladaLoader.js');
+  const scene = new ColladaLoader(offline()).parse(text, '')?.scene;
   if (scene === undefined) throw new MeshError('no Collada scene');
   scene.quaternion.identity();
   scene.position.set(0, 0, 0);
-  scene.updateMatrixWorld(true);
+  return { parts: partsOf(scene, true), notes: colladaNotes(text) };
+}
 
+function stlNotes(bytes: Uint8Array): MeshNote[] {
+  const tail = tailBytes(bytes);
+  return tail === 0 ? [] : [['stl-tail', `${tail} bytes after the last triangle`]];
+}
+
+/** What a Collada file says of itself, and what is made of it. */
+function colladaNotes(text: string): MeshNote[] {
+  const asset = /<asset[\s>].*?<\/asset>/s.exec(text.slice(0, 65_536))?.[0] ?? '';
+  const metre = Number(/<unit\b[^>]*\bmeter\s*=\s*["']([^"']*)["']/.exec(asset)?.[1] ?? 1);
+  const axis = (/<up_axis>([^<]*)</.exec(asset)?.[1] ?? '').trim();
+  const notes: MeshNote[] = [];
+  if (metre !== 1) notes.push(['collada-unit', `its unit is ${metre} m; applied`]);
+  if (axis !== '' && axis !== 'Z_UP')
+    notes.push(['collada-axis', `it says ${axis.slice(0, 10)}; ignored, as RViz does`]);
+  return notes;
+}
+
+/** All meshes of a file in its root's frame, one part for each colour. `colored`: its materials are the file's. */
+function partsOf(scene: Object3D, colored: boolean): MeshPart[] {
+  scene.updateMatrixWorld(true);
   const groups = new Map<string, { soups: Float32Array[]; color: Color | null; opacity: number }>();
   scene.traverse((object) => {
     if (!isMesh(object)) return;
@@ -81,7 +169,7 @@ async function readCollada(text: string): Promise<MeshPart[]> {
     const whole = { start: 0, count: Number.POSITIVE_INFINITY, materialIndex: 0 };
     const ranges = materials.length > 1 ? object.geometry.groups : [whole];
     for (const { start, count, materialIndex } of ranges) {
-      const { color, opacity } = paint(materials[materialIndex ?? 0]);
+      const { color, opacity } = paint(colored ? materials[materialIndex ?? 0] : undefined);
       const key = color === null ? '' : `${color.getHexString()} ${opacity}`;
       const group = groups.get(key) ?? { soups: [], color, opacity };
       group.soups.push(worldSoup(object, start, count));
@@ -108,8 +196,12 @@ function paint(material: Material | undefined): { color: Color | null; opacity: 
 }
 
 /** False for what three.js puts where a file names no material: a magenta or a white stand-in. */
-function isFromFile({ name, type }: Material): boolean {
-  return name !== Loader.DEFAULT_MATERIAL_NAME && !(name === '' && type === 'MeshBasicMaterial');
+function isFromFile(material: Material): boolean {
+  const { name, type } = material;
+  if (name === Loader.DEFAULT_MATERIAL_NAME) return false;
+  const plain =
+    type === 'MeshStandardMaterial' && (material as MeshStandardMaterial).color.getHex() === 0xffffff;
+  return name !== '' || (type !== 'MeshBasicMaterial' && !plain);
 }
 
 /** Corners of a range of a mesh's triangles, in the frame of the file's root. */

@@ -49,10 +49,10 @@ export function asciiStl(soup: Float32Array): Uint8Array {
 }
 
 /** One triangle in Collada, in centimetres, in a file that claims to be Y-up, painted wholly transparent. */
-export function collada(transparency = '0.0'): Uint8Array {
+export function collada(transparency = '0.0', up = 'Y_UP'): Uint8Array {
   return new TextEncoder().encode(`<?xml version="1.0"?>
 <COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
- <asset><unit name="centimeter" meter="0.01"/><up_axis>Z_UP</up_axis></asset>
+ <asset><unit name="centimeter" meter="0.01"/><up_axis>${up}</up_axis></asset>
  <library_effects><effect id="e"><profile_COMMON><technique sid="common"><lambert>
   <diffuse><color>1 0 0 1</color></diffuse>
   <transparent><color>1 1 1 1</color></transparent><transparency><float>${transparency}</float></transparency>
@@ -68,4 +68,47 @@ export function collada(transparency = '0.0'): Uint8Array {
   <instance_material symbol="s" target="#m"/></technique_common></bind_material></instance_geometry></node></visual_scene></library_visual_scenes>
  <scene><instance_visual_scene url="#scene"/></scene>
 </COLLADA>`);
+}
+
+/** Two triangles: one red, one in a paint that its library does not know. */
+export const OBJ = `mtllib paints.mtl
+v 0 0 0
+v 1 0 0
+v 0 0 1
+v 0 1 0
+usemtl red
+f 1 2 3
+usemtl bare
+f 1 2 4
+`;
+export const MTL = 'newmtl red\nKd 1 0 0\nmap_Kd picture.png\n';
+
+/** One triangle in a binary glTF, its node 1 m along x. */
+export function triangleGlb(color: readonly number[] | null = [0, 0, 1, 1]): Uint8Array {
+  const corners = Float32Array.of(0, 0, 0, 1, 0, 0, 0, 1, 0);
+  const materials =
+    color === null ? [] : [{ name: 'blue', pbrMetallicRoughness: { baseColorFactor: color } }];
+  const json = JSON.stringify({
+    asset: { version: '2.0' },
+    scene: 0,
+    scenes: [{ nodes: [0] }],
+    nodes: [{ mesh: 0, translation: [1, 0, 0] }],
+    meshes: [{ primitives: [{ attributes: { POSITION: 0 }, ...(color === null ? {} : { material: 0 }) }] }],
+    materials,
+    accessors: [
+      { bufferView: 0, componentType: 5126, count: 3, type: 'VEC3', min: [0, 0, 0], max: [1, 1, 0] },
+    ],
+    bufferViews: [{ buffer: 0, byteLength: corners.byteLength }],
+    buffers: [{ byteLength: corners.byteLength }],
+  });
+  const text = new TextEncoder().encode(json.padEnd(Math.ceil(json.length / 4) * 4));
+  const bytes = new Uint8Array(12 + 8 + text.length + 8 + corners.byteLength);
+  const view = new DataView(bytes.buffer);
+  const head = [0x46546c67, 2, bytes.length, text.length, 0x4e4f534a];
+  for (const [i, value] of head.entries()) view.setUint32(4 * i, value, true);
+  bytes.set(text, 20);
+  view.setUint32(20 + text.length, corners.byteLength, true);
+  view.setUint32(24 + text.length, 0x004e4942, true);
+  bytes.set(new Uint8Array(corners.buffer), 28 + text.length);
+  return bytes;
 }

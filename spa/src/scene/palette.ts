@@ -1,15 +1,25 @@
-import { Color, DoubleSide, FrontSide, MeshStandardMaterial } from 'three';
+import { Color, DoubleSide, FrontSide, type MeshLambertMaterial, MeshStandardMaterial } from 'three';
+import { glass } from './glass.ts';
 import type { Drain } from './stale.ts';
 
 const ROUGHNESS = 0.6;
 
-/** The matt shells of one robot: one material for each colour, however many links name it. */
+/** The matt shells of one robot, one material for each colour, however many links name it; and the glass of its ghost. */
 export class Palette {
   readonly #drain: Drain;
+  readonly #accent: { value: Color };
   readonly #shells = new Map<string, MeshStandardMaterial>();
+  #glass: MeshLambertMaterial | null = null;
 
-  constructor(drain: Drain) {
+  constructor(drain: Drain, accent: { value: Color }) {
     this.#drain = drain;
+    this.#accent = accent;
+  }
+
+  /** What its ghost is made of. */
+  glass(): MeshLambertMaterial {
+    this.#glass ??= glass(this.#drain, this.#accent);
+    return this.#glass;
   }
 
   /** `color` in the working space (linear), `opacity` 0…1; a surface that is not closed shows its inner side, too. */
@@ -36,5 +46,6 @@ export class Palette {
   dispose(): void {
     for (const shell of this.#shells.values()) shell.dispose();
     this.#shells.clear();
+    this.#glass?.dispose();
   }
 }

@@ -1,7 +1,7 @@
 // @vitest-environment happy-dom
 import { existsSync, readFileSync } from 'node:fs';
 import { resolve } from 'node:path';
-import { Box3, Color, Mesh, type MeshStandardMaterial, Object3D } from 'three';
+import { Box3, Color, Mesh, type MeshStandardMaterial, Object3D, Ray, Vector3 } from 'three';
 import { expect, test } from 'vitest';
 import type { MeshPart } from './mesh_loader.ts';
 import { cubeSoup } from './mesh_samples.ts';
@@ -26,7 +26,7 @@ const ARM = `<robot name="arm">
 </robot>`;
 
 function arm(): RobotModel {
-  const model = new RobotModel(ARM, new Palette(new Drain(new Color())));
+  const model = new RobotModel(ARM, new Palette(new Drain(new Color()), { value: new Color() }));
   model.place([0, 0, 0], [1, 0, 0, 0]);
   return model;
 }
@@ -111,13 +111,56 @@ test('a placeholder takes the place of a mesh, at its link', () => {
   expect(box.parent?.name).toBe('upper');
 });
 
+test('a ghost is the same meshes in another pose: those that are there, and those that come later', () => {
+  const model = arm();
+  const ghost = model.ghost();
+  const worn = () => {
+    const meshes: Mesh[] = [];
+    ghost.root.traverse((object) => {
+      if (object instanceof Mesh) meshes.push(object);
+    });
+    return meshes;
+  };
+  expect(worn().length, 'what the URDF draws itself').toBe(1);
+  model.slots[0]!.fill([cube]);
+  expect(worn().length).toBe(2);
+  const shells = new Set<unknown>();
+  model.root.traverse((object) => {
+    if (object instanceof Mesh && !worn().includes(object)) shells.add(object.geometry);
+  });
+  expect(worn().every(({ geometry }) => shells.has(geometry))).toBe(true);
+
+  model.setJoints(angles({ shoulder: 0.3 }));
+  expect(ghost.setJoints(angles({ shoulder: 0.3 }))).toBe(true);
+  expect(ghost.setJoints(angles({ shoulder: 0.3 }))).toBe(false);
+  model.place([1, 2, 3], [1, 0, 0, 0]);
+  const upper = worn().find((mesh) => mesh.parent?.name === 'upper')!;
+  const body: Mesh[] = [];
+  model.root.traverse((object) => {
+    if (object instanceof Mesh && object !== upper && object.geometry === upper.geometry) body.push(object);
+  });
+  const place = (mesh: Mesh) => mesh.matrixWorld.toArray().map((part) => expect.closeTo(part, 9));
+  expect(upper.matrixWorld.toArray(), 'where both stand alike').toEqual(place(body[0]!));
+  ghost.setJoints(angles({ shoulder: 1.3 }));
+  model.root.updateMatrixWorld(true);
+  expect(upper.matrixWorld.toArray()).not.toEqual(place(body[0]!));
+  expect(model.linkMatrix('upper')!.elements[0], 'the body stays').toBeCloseTo(Math.cos(0.3));
+
+  ghost.setLook('upper', { hide: true });
+  expect(upper.visible).toBe(false);
+  const down = new Ray(new Vector3(1, 2, 9), new Vector3(0, 0, -1));
+  expect(model.pick(down), 'one points at the body').not.toBeNull();
+  ghost.dispose();
+  expect(ghost.root.parent).toBeNull();
+});
+
 const HUBO = resolve(SHARED, 'robots/hubo2plus-stl/hubo-urdf/model_collision_as_visual.urdf');
 
 test.skipIf(!existsSync(HUBO))(
   `Hubo 2+ agrees with plain matrices (needs ${HUBO.split('/').slice(-4).join('/')})`,
   () => {
     const text = readFileSync(HUBO, 'utf8');
-    const model = new RobotModel(text, new Palette(new Drain(new Color())));
+    const model = new RobotModel(text, new Palette(new Drain(new Color()), { value: new Color() }));
     expect(model.problems).toEqual([]);
     expect(model.slots.length).toBe(58);
     for (let round = 0; round < 5; round += 1) {
@@ -233,3 +276,24 @@ function about(axis: number[], angle: number): number[] {
     t * z * z + c,
   ];
 }
+
+test('a planar joint slides and turns across its axis, a floating one goes anywhere; the rest stays', () => {
+  const model = new RobotModel(
+    `<robot name="r"><link name="base"/><link name="cart"/><link name="wall"/><link name="drone"/>
+    <joint name="drive" type="planar"><parent link="base"/><child link="cart"/><origin xyz="1 0 0"/><axis xyz="0 0 2"/></joint>
+    <joint name="slide" type="planar"><parent link="cart"/><child link="wall"/><axis xyz="0 1 0"/></joint>
+    <joint name="fly" type="floating"><parent link="base"/><child link="drone"/><origin xyz="0 0 1"/></joint></robot>`,
+    new Palette(new Drain(new Color()), { value: new Color() }),
+  );
+  expect(model.jointNames.slice(0, 4)).toEqual(['drive/x', 'drive/y', 'drive/theta', 'slide/x']);
+  expect(model.jointNames.at(-1)).toBe('fly/rot_w');
+  expect(
+    model.setJoints(angles({ 'drive/x': 2, 'drive/theta': Math.PI / 2, 'slide/x': 1, 'slide/y': 3 })),
+  ).toBe(true);
+  expect(model.setJoints(angles({ 'fly/trans_z': 1, 'fly/rot_x': 0 }))).toBe(true);
+  expect(model.setJoints(angles({ 'fly/trans_z': 1, 'drive/x': Number.NaN }))).toBe(false);
+  model.place([0, 0, 0], [1, 0, 0, 0]);
+  expect(at(model, 'cart')).toEqual([3, 0, 0]);
+  expect(at(model, 'wall'), 'across y: x, and down').toEqual([3, 1, -3]);
+  expect(at(model, 'drone')).toEqual([0, 0, 2]);
+});

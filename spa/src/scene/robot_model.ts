@@ -4,25 +4,32 @@ import {
   BufferAttribute,
   BufferGeometry,
   Color,
+  FrontSide,
   type Material,
   Matrix4,
   Mesh,
+  Quaternion,
   type Ray,
   Raycaster,
   Vector3,
 } from 'three';
-import URDFLoader, { type URDFJoint, type URDFRobot } from 'urdf-loader';
-import type { Figure } from './figure.ts';
+import URDFLoader, { type URDFRobot } from 'urdf-loader';
+import type { Quat } from '../twin/rotation.ts';
+import type { Figure, FigureJoint, LinkTint } from './figure.ts';
 import { emptyBox, growBox, type LinkBox, lowestZ } from './grounding.ts';
 import type { MeshPart } from './mesh_loader.ts';
 import type { Palette } from './palette.ts';
+import { RawGhost } from './raw_ghost.ts';
+import { UNREAD } from './sign_tones.ts';
 import type { LinkLook } from './skin.ts';
 import { readUrdf } from './urdf_document.ts';
+import { slidesOrTurns, UrdfJoints } from './urdf_joints.ts';
 import type { Welded } from './weld.ts';
 
 /** The shade of a shell for which neither URDF nor mesh names one. */
 const UNPAINTED = new Color(0xc4cad3);
-const SLIDES_OR_TURNS = new Set(['revolute', 'continuous', 'prismatic']);
+/** The upper bits of each part of a colour: a handful of shades on a ramp. */
+const SHADES = 0xf0f0f0;
 
 /** A place of the robot that a mesh file fills. */
 export interface MeshSlot {
@@ -45,13 +52,17 @@ export class RobotModel implements Figure {
   readonly slots: readonly MeshSlot[];
   readonly #robot: URDFRobot;
   readonly #palette: Palette;
-  readonly #joints: readonly URDFJoint[];
-  /** The newest reading of each joint; NaN until there is one. A joint without a reading keeps its place. */
-  readonly #angles: Float64Array;
+  readonly #joints: UrdfJoints;
+  /** What it was read from, mended. */
+  readonly #source: Element;
+  readonly #ghosts = new Set<RawGhost>();
   /** For each link that shows something, its bounding box. */
   readonly boxes: ReadonlyMap<Object3D, LinkBox>;
   readonly #boxes = new Map<Object3D, LinkBox>();
+  /** What tinted shells are painted with by themselves. */
+  readonly #untinted = new Map<Mesh, Material>();
   readonly #owned = new Set<BufferGeometry>();
+  #unread: ReadonlySet<string> = new Set();
   /** Links that show the same mesh file share its buffers. */
   readonly #geometries = new Map<Welded, BufferGeometry>();
 
@@ -72,20 +83,19 @@ export class RobotModel implements Figure {
     this.problems = problems;
     this.boxes = this.#boxes;
     this.#palette = palette;
-    const joints = Object.values(this.#robot.joints).filter((joint) => SLIDES_OR_TURNS.has(joint.jointType));
-    // A joint that mimics another comes last: where the robot reports it, its own reading wins.
-    this.#joints = joints.sort((a, b) => Number('mimicJoint' in a) - Number('mimicJoint' in b));
-    this.#angles = new Float64Array(this.#joints.length).fill(Number.NaN);
-    for (const joint of this.#joints) {
-      joint.ignoreLimits = true; // a monitor shows what is, also where it should not be
-      if (!('mimicJoint' in joint)) joint.setJointValue(0); // followers take their offsets
-    }
+    this.#joints = new UrdfJoints(this.#robot);
+    this.#source = robot;
     this.#finishPrimitives(new Set(slots));
     this.slots = slots.map((mesh) => this.#slot(mesh));
   }
 
   get jointNames(): string[] {
-    return this.#joints.map((joint) => joint.name);
+    return this.#joints.names;
+  }
+
+  get continuousNames(): string[] {
+    const continuous = this.#joints.joints.filter(({ jointType }) => jointType === 'continuous');
+    return continuous.map(({ name }) => name);
   }
 
   get linkNames(): string[] {
@@ -97,6 +107,29 @@ export class RobotModel implements Figure {
     return this.#robot.links[name]?.matrixWorld;
   }
 
+  rootTurn(name: string): Quat | null {
+    const link = this.#robot.links[name];
+    if (link === undefined) return null;
+    this.root.updateMatrixWorld(true);
+    TURN.setFromRotationMatrix(
+      ROOT_FROM_LINK.copy(this.root.matrixWorld).invert().multiply(link.matrixWorld),
+    );
+    return [TURN.w, TURN.x, TURN.y, TURN.z];
+  }
+
+  joint(name: string): FigureJoint | undefined {
+    const joint = this.#robot.joints[name];
+    if (joint === undefined || !slidesOrTurns(joint)) return undefined;
+    const link = joint.children.find((child) => 'isURDFLink' in child);
+    if (link === undefined) return undefined;
+    return { link: link.name, axis: joint.axis.toArray(), slides: joint.jointType === 'prismatic' };
+  }
+
+  linkBox(name: string): LinkBox | undefined {
+    const link = this.#robot.links[name];
+    return link === undefined ? undefined : this.#boxes.get(link);
+  }
+
   /** For each link but the root: its parent link's name and its own. */
   *bones(): Generator<[parent: string, child: string]> {
     for (const [child, link] of Object.entries(this.#robot.links)) {
@@ -105,21 +138,8 @@ export class RobotModel implements Figure {
     }
   }
 
-  /** Turns the joints; rad or m by URDF name. False when nothing changed: then there is nothing to draw. */
   setJoints(joints: ReadonlyMap<string, number>): boolean {
-    let changed = false;
-    for (const [i, joint] of this.#joints.entries()) {
-      const angle = joints.get(joint.name);
-      if (angle === undefined || !Number.isFinite(angle) || angle === this.#angles[i]) continue;
-      this.#angles[i] = angle;
-      changed = true;
-    }
-    if (!changed) return false;
-    for (const [i, joint] of this.#joints.entries()) {
-      const angle = this.#angles[i]!;
-      if (!Number.isNaN(angle)) joint.setJointValue(angle);
-    }
-    return true;
+    return this.#joints.set(joints);
   }
 
   /** Puts the root link at a place in the world and computes every link's matrix. */
@@ -131,10 +151,10 @@ export class RobotModel implements Figure {
   }
 
   /** Stands the robot upright at the world's origin, its lowest point on the floor. */
-  ground(): void {
-    this.place([0, 0, 0], [1, 0, 0, 0]);
+  ground(quat_wxyz: readonly [number, number, number, number] = [1, 0, 0, 0]): void {
+    this.place([0, 0, 0], quat_wxyz);
     const low = this.#lowest();
-    if (low !== 0) this.place([0, 0, -low], [1, 0, 0, 0]);
+    if (low !== 0) this.place([0, 0, -low], quat_wxyz);
   }
 
   /** The world's box around everything that is drawn, or around the link origins while nothing is. */
@@ -172,8 +192,51 @@ export class RobotModel implements Figure {
     }
   }
 
+  ghost(): RawGhost {
+    const loader = new URDFLoader();
+    loader.parseVisual = false;
+    const ghost = new RawGhost(loader.parse(this.#source), this.#palette.glass(), (gone) =>
+      this.#ghosts.delete(gone),
+    );
+    for (const link of Object.values(this.#robot.links)) {
+      for (const visual of link.children) {
+        if (!('isURDFVisual' in visual)) continue;
+        for (const mesh of visual.children) if (mesh instanceof Mesh) lend(mesh, ghost);
+      }
+    }
+    this.#ghosts.add(ghost);
+    this.root.add(ghost.root);
+    return ghost;
+  }
+
+  markUnread(links: ReadonlySet<string>): void {
+    for (const link of this.#unread) if (!links.has(link)) this.setTint(link, null);
+    for (const link of links) if (!this.#unread.has(link)) this.setTint(link, UNREAD);
+    this.#unread = links;
+  }
+
+  /** In steps, because each shade is a material; stripes are for built models. */
+  setTint(name: string, tint: LinkTint | null): void {
+    for (const visual of this.#robot.links[name]?.children ?? []) {
+      if (!('isURDFVisual' in visual)) continue;
+      visual.traverse((object) => {
+        if (!(object instanceof Mesh)) return;
+        const own: Material = this.#untinted.get(object) ?? object.material;
+        if (tint === null) {
+          object.material = own;
+          this.#untinted.delete(object);
+        } else {
+          this.#untinted.set(object, own);
+          const shade = new Color(tint.color & SHADES);
+          object.material = this.#palette.shell(shade, own.opacity, own.side === FrontSide);
+        }
+      });
+    }
+  }
+
   dispose(): void {
     this.root.removeFromParent();
+    for (const ghost of [...this.#ghosts]) ghost.dispose();
     this.#palette.dispose();
     for (const geometry of this.#owned) geometry.dispose();
   }
@@ -210,6 +273,7 @@ export class RobotModel implements Figure {
     const points = object.geometry.getAttribute('position').array;
     growBox(box, points, LINK_FROM_MESH.multiplyMatrices(visual.matrix, object.matrix).elements);
     this.#boxes.set(link, box);
+    for (const ghost of this.#ghosts) lend(object, ghost);
   }
 
   #geometry(surface: Welded): BufferGeometry {
@@ -254,8 +318,19 @@ export class RobotModel implements Figure {
 }
 
 const POINT = new Vector3();
+const TURN = new Quaternion();
+const ROOT_FROM_LINK = new Matrix4();
 const RAYCASTER = new Raycaster();
 const LINK_FROM_MESH = new Matrix4();
+
+/** Lets a ghost wear a mesh of the body's. */
+function lend(mesh: Mesh, ghost: RawGhost): void {
+  const visual = mesh.parent;
+  if (visual === null || visual.parent === null || !mesh.visible) return;
+  visual.updateMatrix();
+  mesh.updateMatrix();
+  ghost.wear(visual.parent.name, mesh.geometry, LINK_FROM_MESH.multiplyMatrices(visual.matrix, mesh.matrix));
+}
 
 function urdfNode(visual: Object3D): Element | null {
   return (visual as Object3D & { urdfNode?: Element | null }).urdfNode ?? null;

@@ -1,377 +1,400 @@
-import { Box3, Color, NeutralToneMapping, Ray, Scene, Vector3, VSMShadowMap, WebGLRenderer } from 'three';
+import { Color, Scene, Vector3 } from 'three';
+import type { KinematicTree } from '../twin/kinematic_tree.ts';
 import type { Pose } from '../twin/pose.ts';
-import { BuiltRobot } from './built_robot.ts';
-import { Download, fetchManifest, type RawManifest, readRawManifest } from './bundle.ts';
+import type { SignReadings } from '../twin/sign_reader.ts';
+import type { RawManifest } from './bundle.ts';
 import { CameraRig, type ViewName } from './camera.ts';
-import { Environment } from './environment.ts';
-import type { Figure, Stage } from './figure.ts';
-import { readManifest } from './manifest.ts';
-import { wantsStillness } from './motion.ts';
+import { Environment, SHADOW_PIXELS } from './environment.ts';
+import { markOnce } from './first_sight.ts';
+import type { Cover } from './free_area.ts';
+import { Later } from './later.ts';
+import type { Step } from './pace.ts';
+import type { ScenePart } from './part.ts';
 import { Placeholders } from './placeholder.ts';
 import type { RawFiles } from './raw_robot.ts';
+import { RenderLoop } from './render_loop.ts';
 import type { ModelReport } from './report.ts';
-import { ShadowCaster } from './shadow.ts';
-import { Skeleton } from './skeleton.ts';
+import { RobotLine } from './robot_line.ts';
+import type { SignManner } from './robot_signs.ts';
+import { Signs } from './signs.ts';
 import type { LinkLook, SkinTones } from './skin.ts';
-import { Drain } from './stale.ts';
-import { THEMES, type ThemeName } from './theme.ts';
+import { StagedRobot } from './staged_robot.ts';
+import { Stamina, type Trouble } from './stamina.ts';
+import { Surface } from './surface.ts';
+import { type SceneTheme, THEMES, type ThemeName } from './theme.ts';
+import type { EyePlace, FollowMode, LineView, MouseStyle, PoseSource, SeenSigns } from './view.ts';
+import { warmUp } from './warm_up.ts';
 
-const MAX_PIXEL_RATIO = 2;
-/** A tick after a pause must not count the pause. */
-const MAX_STEP_SECONDS = 0.1;
 const PLACEHOLDER_REACHES = 0.12;
+/** After so long without motion a picture of fewer pixels is drawn once more with all of them. */
+const REST_MS = 500;
+
+export interface SceneOptions {
+  readonly theme: ThemeName;
+  /** Hears every change; null is all well. */
+  readonly onTrouble?: (trouble: Trouble | null) => void;
+  /** Hears of every picture: for what stands over it. */
+  readonly onDrawn?: () => void;
+}
 
 /**
- * One robot in three dimensions, in a world whose Z is up. It draws only when something has changed: a pose, the
- * camera, the size, the theme, a mesh that came. An unchanged robot costs no frames.
+ * One robot (or some, side by side) in three dimensions, in a world whose Z is up. It puts together what is drawn (`StagedRobot`,
+ * `Environment`, `ScenePart`s), from where (`CameraRig`), on what (`Surface`) and when (`RenderLoop`).
  */
-export class RobotScene {
-  /** Pictures drawn so far. */
-  renderedFrames = 0;
-  readonly #host: HTMLElement;
-  readonly #renderer: WebGLRenderer;
+export class RobotScene implements LineView {
   readonly #scene = new Scene();
+  readonly #loop: RenderLoop;
+  readonly #surface: Surface;
   readonly #camera: CameraRig;
   readonly #environment = new Environment();
-  readonly #drain: Drain;
   readonly #placeholders = new Placeholders();
-  readonly #resizes: ResizeObserver;
-  readonly #bounds = new Box3();
-  #theme: ThemeName;
+  readonly #line = new RobotLine();
+  readonly #robot: StagedRobot;
+  readonly #signs: Signs;
+  readonly #parts = new Set<ScenePart>();
   readonly #tones: SkinTones = { accent: { value: new Color() }, caution: { value: new Color() } };
-  #figure: Figure | null = null;
-  #built: BuiltRobot | null = null;
-  #skeleton: Skeleton | null = null;
-  #caster: ShadowCaster | null = null;
-  #loading: AbortController | null = null;
-  #pose: Pose | null = null;
-  /** The newest base that made sense; null while the robot reports none. */
-  #base: NonNullable<Pose['base']> | null = null;
-  #greyAsked = false;
-  #live = false;
-  #tickRequested = false;
-  #lastTick = 0;
+  readonly #stamina: Stamina;
+  readonly #onDrawn: () => void;
+  #theme: SceneTheme;
+  readonly #sharpen = new Later(REST_MS, () => {
+    // A slow device may need longer than that for the next picture: then it is not at rest.
+    if (!this.#loop.resting) return this.#sharpen.putOff();
+    this.#surface.sharpness = 1;
+    this.#loop.drawNow();
+  });
+  #size = { width: 1, height: 1 };
+  #cool: () => void = () => {};
 
   /** Throws an Error with a sentence for people when the browser has no WebGL. */
-  constructor(host: HTMLElement, options: { theme: ThemeName }) {
-    this.#host = host;
-    const canvas = document.createElement('canvas');
-    const context = canvas.getContext('webgl2', { antialias: true, alpha: false });
-    if (context === null)
-      throw new Error('This browser has no 3D. The table shows everything the robot says.');
-    this.#renderer = new WebGLRenderer({ canvas, context });
-    this.#renderer.toneMapping = NeutralToneMapping; // keeps the colours of the URDF, rolls off highlights only
-    this.#renderer.shadowMap.enabled = true;
-    this.#renderer.shadowMap.type = VSMShadowMap;
-    this.#renderer.shadowMap.autoUpdate = false; // shadows change with the pose, not with the camera
-    canvas.setAttribute('role', 'img');
-    canvas.setAttribute('aria-label', '3D view of the robot');
-    canvas.style.display = 'block';
-    canvas.style.touchAction = 'none';
-    host.append(canvas);
-    canvas.addEventListener('webglcontextlost', this.#onContextLost);
-    canvas.addEventListener('webglcontextrestored', this.#onContextRestored);
-
-    this.#theme = options.theme;
-    this.#drain = new Drain(new Color());
-    this.#drain.advance(Number.POSITIVE_INFINITY);
-    this.#camera = new CameraRig(canvas, () => this.#requestTick());
+  constructor(host: HTMLElement, options: SceneOptions) {
+    this.#stamina = new Stamina({
+      keep: (step) => this.#keep(step),
+      coarse: () => this.#line.coarse,
+      replaceable: () => this.#line.built,
+      say: options.onTrouble ?? (() => {}),
+    });
+    this.#onDrawn = options.onDrawn ?? (() => {});
+    this.#theme = THEMES[options.theme];
+    this.#loop = new RenderLoop(() => this.#draw());
+    this.#surface = new Surface(host, {
+      resized: (width, height, pixelRatio) => this.#resized(width, height, pixelRatio),
+      blank: () => this.#loop.drawNow(),
+      lost: () => {
+        this.#surface.forget(this.#scene);
+        this.#environment.forgetShadow();
+        this.#stamina.lost(performance.now());
+      },
+      restored: () => {
+        this.#stamina.restored();
+        this.#drawShadows();
+      },
+    });
+    this.#camera = new CameraRig(this.#surface.canvas, () => this.#loop.request());
     this.#scene.add(this.#environment.group);
+    this.#robot = this.addRobot();
+    this.#loop.add({
+      advance: (seconds) => {
+        const easing = this.#camera.advance(seconds);
+        if (easing) this.#loop.request();
+        return easing;
+      },
+    });
+    this.#signs = new Signs({
+      host,
+      camera: this.#camera.camera,
+      changed: () => this.#loop.request(),
+      wake: () => this.#loop.wake(),
+    });
+    this.add(this.#signs);
+    this.#loop.onInterval = (ms) => this.#stamina.took(ms);
     this.setTheme(options.theme);
-    this.#resizes = new ResizeObserver(() => this.#resize());
-    this.#resizes.observe(host);
-    this.#resize();
+    if (this.#surface.fit()) this.#loop.drawNow();
+    const { renderer } = this.#surface;
+    this.#cool = warmUp(renderer, this.#scene, this.#camera.camera, this.#robot.drain, this.#tones);
+  }
+
+  get renderedFrames(): number {
+    return this.#loop.renderedFrames;
+  }
+
+  get resting(): boolean {
+    return this.#loop.resting && !this.#sharpen.due;
+  }
+
+  /** Pixels drawn for each of CSS, along each side. */
+  get pixelRatio(): number {
+    return this.#surface.renderer.getPixelRatio();
   }
 
   /** Draw calls of the newest picture, shadows included when they were drawn anew. */
   get drawCalls(): number {
-    return this.#renderer.info.render.calls;
+    return this.#surface.renderer.info.render.calls;
   }
 
-  /** Triangles of the newest picture. */
   get triangles(): number {
-    return this.#renderer.info.render.triangles;
+    return this.#surface.renderer.info.render.triangles;
   }
 
-  /** Loads the robot that a bundle's manifest describes. Never rejects: what is wrong stands in the report. A later
-   *  call supersedes an earlier one. */
+  addRobot(): StagedRobot {
+    const robot = new StagedRobot({
+      tones: this.#tones,
+      theme: () => this.#theme,
+      placeholder: () => this.#placeholders.make(this.#camera.reach * PLACEHOLDER_REACHES),
+      placed: () => this.#placed(),
+      framed: (_robot, eased) => this.#framed(eased),
+      changed: () => this.#loop.request(),
+    });
+    robot.drain.setPixelRatio(this.pixelRatio);
+    this.#line.add(robot);
+    if (this.#line.several) this.#camera.home = 'front'; // from anywhere else they would hide each other
+    this.#scene.add(robot.object);
+    this.#loop.add(robot);
+    return robot;
+  }
+
+  get robots(): readonly StagedRobot[] {
+    return this.#line.robots;
+  }
+
+  topOf(robot: StagedRobot): { x: number; y: number } | null {
+    const top = this.#line.topOf(robot, this.#camera.camera);
+    const { width, height } = this.#size;
+    return top === null ? null : { x: ((top.x + 1) / 2) * width, y: ((1 - top.y) / 2) * height };
+  }
+
+  /** Shows something more. Returns the end of it, which also disposes of the part. */
+  add(part: ScenePart): () => void {
+    this.#parts.add(part);
+    this.#scene.add(part.object);
+    part.setTheme?.(this.#theme);
+    part.follow?.();
+    const rest = this.#loop.add({ advance: (seconds, nowMs) => part.advance?.(seconds, nowMs) ?? false });
+    this.#drawShadows();
+    return () => {
+      rest();
+      this.#parts.delete(part);
+      part.object.removeFromParent();
+      part.dispose();
+      this.#drawShadows();
+    };
+  }
+
+  /** A part has changed by itself: a picture of it. */
+  request(): void {
+    this.#loop.request();
+  }
+
   load(
     manifestUrl: string,
     onProgress: (receivedBytes: number, totalBytes: number) => void,
   ): Promise<ModelReport> {
-    return this.#supersede((signal, report) => this.#load(manifestUrl, onProgress, signal, report));
+    return this.#robot.load(manifestUrl, onProgress);
   }
 
   /** The same for raw files that this browser has already, by the URIs of their URDF. */
   loadLocal(manifest: RawManifest, files: RawFiles): Promise<ModelReport> {
-    return this.#supersede(async (signal, report) => {
-      const { showRaw } = await import('./raw_robot.ts');
-      await showRaw(manifest, files, this.#stage(signal), this.#drain, report, () => {});
-      this.#frame(true);
-    });
+    return this.#robot.loadLocal(manifest, files);
   }
 
-  async #supersede(work: (signal: AbortSignal, report: ModelReport) => Promise<void>): Promise<ModelReport> {
-    this.#loading?.abort();
-    const loading = new AbortController();
-    this.#loading = loading;
-    const report: ModelReport = { missing: [], joints: [], ignored: [], problems: [] };
-    try {
-      await work(loading.signal, report);
-    } catch (cause) {
-      report.error = cause instanceof Error ? cause.message : String(cause);
-      if (!loading.signal.aborted) this.#clear(); // the model before is not this robot's any more
-    }
-    if (loading.signal.aborted) report.error = 'superseded by a newer model';
-    return report;
+  play(source: PoseSource | null): void {
+    this.#robot.play(source);
+    this.#loop.wake();
   }
 
-  /** Shows the newest pose; `live` false marks it as one that is not the robot's present. */
+  wake(): void {
+    this.#loop.wake();
+  }
+
   setPose(pose: Pose, live: boolean): void {
-    this.#pose = pose;
-    this.#live = live;
-    this.#updateGrey();
-    this.#show(pose);
+    this.#robot.setPose(pose, live);
   }
 
-  /** Lets the colour drain to grey: stale or offline. */
   setGrey(grey: boolean): void {
-    this.#greyAsked = grey;
-    this.#updateGrey();
+    this.#robot.setGrey(grey);
   }
 
   setTheme(name: ThemeName): void {
-    this.#theme = name;
     const theme = THEMES[name];
+    this.#theme = theme;
     this.#scene.background = theme.page;
-    this.#renderer.toneMappingExposure = theme.exposure;
+    this.#surface.renderer.toneMappingExposure = theme.exposure;
     this.#environment.setTheme(theme);
     this.#placeholders.setColor(theme.caution);
     this.#tones.accent.value = theme.accent;
     this.#tones.caution.value = theme.caution;
-    this.#drain.setTone(theme.stale);
-    this.#requestTick();
+    this.#line.setTheme(theme);
+    for (const part of this.#parts) part.setTheme?.(theme);
+    this.#loop.request();
   }
 
-  /** Turns the camera to a named view; `home` is the one that a robot is first seen from. */
+  setCover(cover: Cover): void {
+    if (this.#camera.cover(cover)) this.#loop.request();
+  }
+
   look(view: ViewName): void {
     this.#camera.look(view);
-    this.#requestTick();
+    this.#loop.request();
   }
 
-  /** Bytes that `refine` would fetch; null when there is nothing finer, or nothing that this device should carry. */
   get finerBytes(): number | null {
-    return this.#built?.finestBytes ?? null;
+    return this.#robot.finerBytes;
   }
 
-  /** Shows the finest level there is; the one before stays until then. Rejects with one line when it can't be had. */
-  async refine(onProgress: (receivedBytes: number, totalBytes: number) => void): Promise<void> {
-    await this.#built?.refine(onProgress);
+  refine(onProgress: (receivedBytes: number, totalBytes: number) => void): Promise<void> {
+    return this.#robot.refine(onProgress);
   }
 
-  /** The link under a point of the window (CSS pixels), or null. */
+  get stand(): EyePlace | null {
+    return this.#camera.stand;
+  }
+
+  standAt(place: EyePlace): void {
+    this.#camera.standAt(place);
+    this.#loop.request();
+  }
+
+  get eye(): EyePlace {
+    return this.#camera.eye;
+  }
+
+  focus(link: string): void {
+    const at = this.#robot.figure?.linkMatrix(link);
+    if (at === undefined) return;
+    this.#camera.focus(new Vector3().setFromMatrixPosition(at));
+    this.#loop.request();
+  }
+
+  orbit(left: number, up: number): void {
+    this.#camera.orbit(left, up);
+  }
+
+  pan(dx: number, dy: number): void {
+    this.#camera.pan(dx, dy);
+  }
+
+  zoom(factor: number): void {
+    this.#camera.zoom(factor);
+  }
+
+  setMouse(style: MouseStyle): void {
+    this.#camera.setMouse(style);
+  }
+
+  setFollow(mode: FollowMode): void {
+    this.#camera.followMode = mode;
+  }
+
   pick(clientX: number, clientY: number): string | null {
-    const { left, top, width, height } = this.#renderer.domElement.getBoundingClientRect();
-    POINT.set((2 * (clientX - left)) / width - 1, 1 - (2 * (clientY - top)) / height, 0.5);
-    const { camera } = this.#camera;
-    RAY.origin.setFromMatrixPosition(camera.matrixWorld);
-    RAY.direction.copy(POINT).unproject(camera).sub(RAY.origin).normalize();
-    return this.#figure?.pick(RAY) ?? null;
+    return this.#robot.pick(this.#camera.ray(this.#surface.place(clientX, clientY)));
   }
 
-  /** How a link is shown from now on; `{}` as at first. */
+  tree(): KinematicTree | null {
+    return this.#robot.tree();
+  }
+
   setLinkLook(link: string, look: LinkLook): void {
-    this.#figure?.setLook(link, look);
-    this.#requestTick();
+    this.#robot.setLinkLook(link, look);
   }
 
-  /** world_from_link of the newest pose for every link: 4×4, row after row, metres, world Z up. */
+  showGhost(joints: ReadonlyMap<string, number> | null, limbs: readonly string[] | null = null): void {
+    this.#robot.showGhost(joints, limbs);
+  }
+
+  showSigns(readings: SignReadings | null, manner?: SignManner, of = this.#robot): void {
+    this.#signs.show(of, readings, manner);
+  }
+
+  get signs(): SeenSigns {
+    return this.signsOf(this.#robot);
+  }
+
+  signsOf(robot: StagedRobot): SeenSigns {
+    return { ...this.#signs.shown(robot), ghostLinks: robot.ghostLinks };
+  }
+
+  lockHeading(locked: boolean): void {
+    this.#robot.lockHeading(locked);
+  }
+
   linkPoses(): Record<string, number[]> {
-    const figure = this.#figure;
-    if (figure === null) return {};
-    return Object.fromEntries(
-      figure.linkNames.map((name) => [name, figure.linkMatrix(name)!.clone().transpose().toArray()]),
-    );
+    return this.#robot.linkPoses();
+  }
+
+  /** Never gives up pixels or detail again: for pictures that are kept, where it does not matter how long one takes. */
+  keepSharp(): void {
+    this.#loop.onInterval = null;
+    this.#stamina.forget();
   }
 
   dispose(): void {
-    this.#loading?.abort();
-    this.#resizes.disconnect();
+    this.#loop.stop();
+    this.#sharpen.callOff();
+    this.#stamina.dispose();
     this.#camera.dispose();
-    this.#clear();
+    for (const part of this.#parts) part.dispose();
+    this.#line.dispose();
     this.#placeholders.dispose();
     this.#environment.dispose();
-    const canvas = this.#renderer.domElement;
-    canvas.removeEventListener('webglcontextlost', this.#onContextLost);
-    canvas.removeEventListener('webglcontextrestored', this.#onContextRestored);
-    this.#renderer.dispose();
-    this.#renderer.forceContextLoss(); // a page may hold few contexts; don't wait for the garbage collector
-    canvas.remove();
+    this.#cool();
+    this.#surface.dispose();
   }
 
-  async #load(
-    manifestUrl: string,
-    onProgress: (receivedBytes: number, totalBytes: number) => void,
-    signal: AbortSignal,
-    report: ModelReport,
-  ): Promise<void> {
-    const raw = await fetchManifest(manifestUrl, signal);
-    const stage = this.#stage(signal);
-    if (raw.v === 2) {
-      const built = new BuiltRobot(readManifest(raw), manifestUrl, stage, this.#drain, this.#tones);
-      this.#built = built;
-      await built.dress(report, onProgress);
-    } else {
-      const { showRaw } = await import('./raw_robot.ts');
-      const manifest = readRawManifest(raw);
-      // Until the URDF is read nobody knows which files it draws.
-      let total = [...manifest.files.values()].reduce((sum, file) => sum + file.size, 0);
-      const files = new Download(manifestUrl, signal, (received) => onProgress(received, total));
-      await showRaw(manifest, files, stage, this.#drain, report, (needed) => {
-        total = needed;
-      });
+  #placed(): void {
+    const middle = this.#line.middle();
+    if (middle !== null) {
+      const { x, y } = middle;
+      this.#environment.touch(this.#line.boxes);
+      this.#environment.follow(x, y);
+      this.#camera.follow(x, y, this.#line.heading);
     }
-    report.ignored = [...(this.#pose?.joints.keys() ?? [])].filter((name) => !report.joints.includes(name));
-    this.#frame(true);
+    for (const part of this.#parts) part.follow?.();
+    this.#drawShadows();
   }
 
-  #stage(signal: AbortSignal): Stage {
-    return {
-      signal,
-      show: (figure) => {
-        signal.throwIfAborted();
-        this.#adopt(figure);
-      },
-      skinned: () => {
-        this.#skeleton?.dispose();
-        this.#skeleton = null;
-        this.#place();
-      },
-      changed: () => this.#place(),
-      placeholder: () => this.#placeholders.make(this.#camera.reach * PLACEHOLDER_REACHES),
-    };
-  }
-
-  #adopt(figure: Figure): void {
-    this.#clear();
-    this.#figure = figure;
-    this.#scene.add(figure.root);
-    this.#skeleton = new Skeleton(figure, THEMES[this.#theme].muted);
-    this.#caster = new ShadowCaster(figure.linkNames.length);
-    this.#scene.add(this.#skeleton.lines, this.#caster.blocks);
-    if (this.#pose !== null) figure.setJoints(this.#pose.joints);
-    this.#place();
-    this.#frame(false);
-  }
-
-  #clear(): void {
-    this.#caster?.dispose();
-    this.#skeleton?.dispose();
-    this.#figure?.dispose();
-    this.#caster = this.#skeleton = this.#figure = this.#built = null;
-    this.#renderer.shadowMap.needsUpdate = true;
-    this.#requestTick();
-  }
-
-  /** Shows a pose at once. Interpolation, when it comes, calls this from the tick with poses in between. */
-  #show(pose: Pose): void {
-    const based = this.#takeBase(pose.base);
-    const turned = this.#figure?.setJoints(pose.joints) ?? false;
-    if (turned || based) this.#place();
-  }
-
-  /** True when the base is another than before. A base that is not numbers is no base report: the last one stays. */
-  #takeBase(base: Pose['base']): boolean {
-    const old = this.#base;
-    if (base === null) {
-      this.#base = null;
-      return old !== null;
-    }
-    const now = [...base.xyz, ...base.quat_wxyz];
-    if (!now.every(Number.isFinite) || Math.hypot(...base.quat_wxyz) < 1e-6) return false;
-    if (old !== null && [...old.xyz, ...old.quat_wxyz].every((value, i) => value === now[i])) return false;
-    this.#base = base;
-    return true;
-  }
-
-  /** Computes where every link is, and asks for a picture of it. */
-  #place(): void {
-    const figure = this.#figure;
-    if (figure === null) return;
-    if (this.#base === null) figure.ground();
-    else figure.place(this.#base.xyz, this.#base.quat_wxyz);
-    const { x, y } = figure.root.position;
-    this.#camera.follow(x, y);
-    this.#environment.follow(x, y);
-    this.#skeleton?.follow(figure);
-    this.#caster?.follow(figure.boxes);
-    this.#renderer.shadowMap.needsUpdate = true;
-    this.#requestTick();
-  }
-
-  #frame(eased: boolean): void {
-    if (this.#figure === null) return;
-    this.#camera.frame(this.#figure.bounds(this.#bounds), eased);
+  #framed(eased: boolean): void {
+    const bounds = this.#line.arrange();
+    if (bounds.isEmpty()) return;
+    this.#camera.frame(bounds, eased);
     this.#environment.resize(this.#camera.reach);
-    this.#renderer.shadowMap.needsUpdate = true;
-    this.#requestTick();
+    this.#signs.measure();
+    this.#drawShadows();
   }
 
-  #updateGrey(): void {
-    const grey = this.#greyAsked || !this.#live;
-    if (grey === this.#drain.grey) return;
-    this.#drain.grey = grey;
-    this.#requestTick();
+  #drawShadows(): void {
+    this.#surface.renderer.shadowMap.needsUpdate = true;
+    this.#loop.request();
   }
 
-  #resize(): void {
-    const { clientWidth, clientHeight } = this.#host;
-    if (clientWidth === 0 || clientHeight === 0) return;
-    const ratio = Math.min(window.devicePixelRatio, MAX_PIXEL_RATIO);
-    this.#renderer.setPixelRatio(ratio);
-    this.#renderer.setSize(clientWidth, clientHeight);
-    this.#drain.setPixelRatio(ratio);
-    this.#camera.resize(clientWidth, clientHeight);
-    this.#draw(); // at once: a resized canvas is blank until it is drawn
+  #resized(width: number, height: number, pixelRatio: number): void {
+    this.#line.setPixelRatio(pixelRatio);
+    if (this.#size.width === width && this.#size.height === height) return;
+    this.#size = { width, height };
+    this.#camera.resize(width, height);
+    this.#signs.setSize(width, height);
   }
 
-  #requestTick(): void {
-    if (this.#tickRequested) return;
-    this.#tickRequested = true;
-    requestAnimationFrame(this.#tick);
+  #draw(): boolean {
+    const { pixels } = this.#stamina;
+    const moving = !this.#loop.resting;
+    if (pixels < 1 && moving) {
+      this.#surface.sharpness = pixels;
+      this.#sharpen.putOff();
+    }
+    this.#signs.prepare();
+    const drawn = this.#surface.render(this.#scene, this.#camera.camera);
+    this.#onDrawn();
+    if (drawn && this.#robot.pose !== null && this.#robot.figure !== null) {
+      markOnce(this.#robot.dressed ? 'posecast:skin' : 'posecast:skeleton');
+      if (this.#robot.dressed) this.#cool();
+    }
+    return drawn;
   }
 
-  readonly #tick = (nowMs: number): void => {
-    this.#tickRequested = false;
-    const seconds = Math.min((nowMs - this.#lastTick) / 1000, MAX_STEP_SECONDS);
-    this.#lastTick = nowMs;
-    const moving = this.#camera.advance(seconds);
-    const draining = this.#drain.advance(wantsStillness() ? Number.POSITIVE_INFINITY : seconds);
-    this.#draw();
-    if (moving || draining) this.#requestTick();
-  };
-
-  #draw(): void {
-    if (this.#renderer.getContext().isContextLost()) return;
-    this.#renderer.render(this.#scene, this.#camera.camera);
-    this.renderedFrames += 1;
+  /** This device is slower or faster than it was thought to be. */
+  #keep({ pixels, shadow, lowest }: Step): void {
+    this.#environment.shadowPixels = SHADOW_PIXELS * shadow;
+    if (pixels === 1) this.#surface.sharpness = 1;
+    this.#line.keepCoarse(lowest);
+    this.#drawShadows();
   }
-
-  readonly #onContextLost = (event: Event): void => {
-    event.preventDefault(); // or the browser never gives it back
-    // Forget what lay in the lost context: three.js would later delete it in the new one, with a warning for each.
-    this.#scene.traverse((object) => {
-      if (!('geometry' in object && 'material' in object)) return;
-      for (const held of [object.geometry, object.material].flat()) (held as { dispose(): void }).dispose();
-    });
-    this.#environment.forgetShadow();
-  };
-
-  readonly #onContextRestored = (): void => {
-    this.#renderer.shadowMap.needsUpdate = true;
-    this.#requestTick();
-  };
 }
-
-const POINT = new Vector3();
-const RAY = new Ray();

@@ -14,6 +14,7 @@ import {
   Texture,
   type WebGLProgramParametersWithUniforms,
 } from 'three';
+import type { LinkTint } from './figure.ts';
 import { multiply } from './kinematics.ts';
 import type { Level } from './level.ts';
 import type { Drain } from './stale.ts';
@@ -33,7 +34,8 @@ export interface LinkLook {
 
 /**
  * The bones of one robot on the graphics card: a texture of 4 × n texels, root_from_mesh of each visual column after
- * column. The bottom row of such a matrix says nothing, so how the visual looks stands there: highlight, fade, hide.
+ * column. The bottom row of such a matrix says nothing, so how the visual looks stands there: highlight, fade, hide,
+ * and its tint (0 for none, else 1 + 0xrrggbb, below zero where it is hatched).
  * One upload moves and paints the whole robot; any number of skins (a ghost) may read bones of their own.
  */
 export class Bones {
@@ -55,10 +57,12 @@ export class Bones {
       const highlight = bones[at + 3]!;
       const fade = bones[at + 7]!;
       const hide = bones[at + 11]!;
+      const tint = bones[at + 15]!;
       multiply(bones, at, rootFromLink, linkOfVisual[i]! * NUMBERS, linkFromMesh, at);
       bones[at + 3] = highlight;
       bones[at + 7] = fade;
       bones[at + 11] = hide;
+      bones[at + 15] = tint;
     }
     this.texture.needsUpdate = true;
   }
@@ -68,6 +72,14 @@ export class Bones {
     this.#numbers[at + 3] = highlight;
     this.#numbers[at + 7] = fade;
     this.#numbers[at + 11] = hide ? 1 : 0;
+    this.texture.needsUpdate = true;
+  }
+
+  setTint(visual: number, tint: LinkTint | null): void {
+    const packed = tint === null ? 0 : (tint.hatched ? -1 : 1) * (1 + tint.color);
+    const at = visual * NUMBERS + 15;
+    if (this.#numbers[at] === packed) return;
+    this.#numbers[at] = packed;
     this.texture.needsUpdate = true;
   }
 
@@ -180,10 +192,14 @@ type Uniforms = SkinTones & {
 const VERTEX_HEAD = `
 attribute vec2 part;
 uniform highp sampler2D bones;
+flat varying vec2 look;
+`;
+
+const PAINT_HEAD = `
 uniform highp sampler2D paints;
 flat varying vec4 paint;
-flat varying vec2 look;
-void main() {`;
+flat varying vec4 tint;
+`;
 
 /** Faces the way its link does; scales are uniform, so no inverse is needed. */
 const BONE_NORMAL = `
@@ -192,9 +208,18 @@ vec4 bone0 = texelFetch(bones, ivec2(0, bone), 0);
 vec4 bone1 = texelFetch(bones, ivec2(1, bone), 0);
 vec4 bone2 = texelFetch(bones, ivec2(2, bone), 0);
 vec4 bone3 = texelFetch(bones, ivec2(3, bone), 0);
-paint = texelFetch(paints, ivec2(int(part.y + 0.5), 0), 0);
 look = vec2(bone0.w, bone1.w);
 objectNormal = normalize(mat3(bone0.xyz, bone1.xyz, bone2.xyz) * objectNormal);
+`;
+
+const VERTEX_PAINT = `
+paint = texelFetch(paints, ivec2(int(part.y + 0.5), 0), 0);
+tint = vec4(0.0);
+if (bone3.w != 0.0) {
+  int packed = int(abs(bone3.w)) - 1;
+  tint = vec4(vec3(packed >> 16, (packed >> 8) & 255, packed & 255) / 255.0, bone3.w < 0.0 ? 2.0 : 1.0);
+  tint.rgb = pow(tint.rgb, vec3(2.2));
+}
 `;
 
 const BONE_POSITION = 'transformed = mat3(bone0.xyz, bone1.xyz, bone2.xyz) * vec3(position) + bone3.xyz;\n';
@@ -206,6 +231,7 @@ const FRAGMENT_HEAD = `
 uniform vec3 accent;
 uniform vec3 caution;
 flat varying vec4 paint;
+flat varying vec4 tint;
 flat varying vec2 look;
 
 #ifdef SEE_THROUGH
@@ -227,6 +253,13 @@ if (paint.a > 1.5) {
   float across = abs(fract((gl_FragCoord.x - gl_FragCoord.y) / 12.0) - 0.5) * 2.0;
   diffuseColor.rgb = mix(mix(vec3(0.3), caution, 0.12), caution, smoothstep(0.66, 0.84, across));
 }
+if (tint.a > 0.5) {
+  diffuseColor.rgb = tint.rgb;
+  if (tint.a > 1.5) {
+    float across = abs(fract((gl_FragCoord.x - gl_FragCoord.y) / 14.0) - 0.5) * 2.0;
+    diffuseColor.rgb *= mix(1.0, 0.35, smoothstep(0.5, 0.7, across));
+  }
+}
 `;
 
 const GLOW = `
@@ -236,15 +269,26 @@ diffuseColor.rgb = mix(diffuseColor.rgb, accent, look.x * 0.35);
 
 function patch(shader: WebGLProgramParametersWithUniforms, uniforms: Uniforms): void {
   Object.assign(shader.uniforms, uniforms);
-  const after = (chunk: string, more: string) => (text: string) =>
-    text.replace(`#include <${chunk}>`, `#include <${chunk}>\n${more}`);
-  shader.vertexShader = [
-    after('skinbase_vertex', BONE_NORMAL),
-    after('skinning_vertex', BONE_POSITION),
-    after('project_vertex', BONE_HIDE),
-  ].reduce((text, change) => change(text), shader.vertexShader.replace('void main() {', VERTEX_HEAD));
+  bend(shader, VERTEX_HEAD + PAINT_HEAD, BONE_NORMAL + VERTEX_PAINT);
   shader.fragmentShader = [after('color_fragment', PAINT), after('emissivemap_fragment', GLOW)].reduce(
     (text, change) => change(text),
     shader.fragmentShader.replace('void main() {', FRAGMENT_HEAD),
   );
+}
+
+/** Lets the vertices of a shader follow their bones; `head` declares them. */
+export function bend(shader: WebGLProgramParametersWithUniforms, head: string, normal = BONE_NORMAL): void {
+  shader.vertexShader = [
+    after('skinbase_vertex', normal),
+    after('skinning_vertex', BONE_POSITION),
+    after('project_vertex', BONE_HIDE),
+  ].reduce(
+    (text, change) => change(text),
+    shader.vertexShader.replace('void main() {', `${head}void main() {`),
+  );
+}
+
+/** Adds to a chunk of three's shaders. */
+export function after(chunk: string, more: string): (text: string) => string {
+  return (text) => text.replace(`#include <${chunk}>`, `#include <${chunk}>\n${more}`);
 }

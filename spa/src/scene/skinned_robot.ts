@@ -1,25 +1,31 @@
-import { type Box3, Matrix4, Object3D, Ray, Vector3 } from 'three';
-import type { Figure } from './figure.ts';
-import { emptyBox, growBox, type LinkBox, lowestZ } from './grounding.ts';
+import { type Box3, Matrix4, Object3D, Quaternion, Ray, Vector3 } from 'three';
+import type { Quat } from '../twin/rotation.ts';
+import type { Figure, FigureJoint, LinkTint } from './figure.ts';
+import { Ghost } from './ghost.ts';
+import { type LinkBox, lowestZ } from './grounding.ts';
 import { Kinematics } from './kinematics.ts';
 import type { Level } from './level.ts';
-import type { Manifest } from './manifest.ts';
+import { boxesOfLinks, type Manifest } from './manifest.ts';
 import { pickVisual } from './pick.ts';
+import { UNREAD } from './sign_tones.ts';
 import { Bones, type LinkLook, Skin, type SkinTones } from './skin.ts';
 import type { Drain } from './stale.ts';
 
-const IDENTITY = [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1];
+const MOVES: ReadonlySet<string> = new Set(['revolute', 'continuous', 'prismatic']);
 
 /** A robot from a built model: complete in its motion from the manifest alone, and dressed when a level has come. */
 export class SkinnedRobot implements Figure {
   readonly root = new Object3D();
   readonly linkNames: readonly string[];
   readonly jointNames: readonly string[];
+  readonly continuousNames: readonly string[];
   readonly boxes: readonly (readonly [link: { readonly matrixWorld: Matrix4 }, box: LinkBox])[];
   readonly #manifest: Manifest;
   readonly #kinematics: Kinematics;
   readonly #links: readonly { readonly matrixWorld: Matrix4 }[];
   readonly #linkOf: ReadonlyMap<string, number>;
+  /** Those that turn or slide, by their place in the manifest. */
+  readonly #jointOf: ReadonlyMap<string, number>;
   readonly #boxOfLink: ReadonlyMap<number, LinkBox>;
   readonly #linkOfVisual: Int32Array;
   readonly #bones: Bones;
@@ -28,6 +34,9 @@ export class SkinnedRobot implements Figure {
   #level: Level | null = null;
   #skin: Skin | null = null;
   #fading = false;
+  readonly #tints = new Map<string, LinkTint>();
+  #unread: ReadonlySet<string> = new Set();
+  readonly #ghosts = new Set<Ghost>();
 
   constructor(manifest: Manifest, drain: Drain, tones: SkinTones) {
     this.#manifest = manifest;
@@ -38,15 +47,15 @@ export class SkinnedRobot implements Figure {
     this.#linkOfVisual = Int32Array.from(manifest.visuals, (visual) => visual.link);
     this.linkNames = manifest.links;
     this.jointNames = this.#kinematics.jointNames;
+    this.continuousNames = manifest.joints
+      .filter(({ type }) => type === 'continuous')
+      .map(({ name }) => name);
     this.#linkOf = new Map(manifest.links.map((name, i) => [name, i]));
+    this.#jointOf = new Map(
+      manifest.joints.flatMap(({ name, type }, i) => (MOVES.has(type) ? [[name, i] as const] : [])),
+    );
     this.#links = manifest.links.map(() => ({ matrixWorld: new Matrix4() }));
-    const boxes = new Map<number, LinkBox>();
-    for (const { link, box } of manifest.visuals) {
-      if (box === null) continue;
-      const whole = boxes.get(link) ?? emptyBox();
-      growBox(whole, [...box.min, ...box.max], IDENTITY);
-      boxes.set(link, whole);
-    }
+    const boxes = boxesOfLinks(manifest);
     this.#boxOfLink = boxes;
     this.boxes = [...boxes].map(([link, box]) => [this.#links[link]!, box] as const);
     this.root.matrixAutoUpdate = false;
@@ -55,6 +64,24 @@ export class SkinnedRobot implements Figure {
 
   linkMatrix(name: string): Matrix4 | undefined {
     return this.#links[this.#linkOf.get(name) ?? -1]?.matrixWorld;
+  }
+
+  rootTurn(name: string): Quat | null {
+    const link = this.#linkOf.get(name);
+    if (link === undefined) return null;
+    TURN.setFromRotationMatrix(LINK.fromArray(this.#kinematics.rootFromLink, link * 16));
+    return [TURN.w, TURN.x, TURN.y, TURN.z];
+  }
+
+  joint(name: string): FigureJoint | undefined {
+    const found = this.#jointOf.get(name);
+    if (found === undefined) return undefined;
+    const { axis, type } = this.#manifest.joints[found]!;
+    return { link: this.linkNames[found + 1]!, axis, slides: type === 'prismatic' };
+  }
+
+  linkBox(name: string): LinkBox | undefined {
+    return this.#boxOfLink.get(this.#linkOf.get(name) ?? -1);
   }
 
   *bones(): Generator<[parent: string, child: string]> {
@@ -77,16 +104,21 @@ export class SkinnedRobot implements Figure {
     this.#spread();
   }
 
-  ground(): void {
+  ground(quat_wxyz: readonly [number, number, number, number] = UPRIGHT): void {
+    const [w, x, y, z] = quat_wxyz;
+    WORLD_FROM_ROOT.makeRotationFromQuaternion(TURN.set(x, y, z, w).normalize());
     const poses = this.#kinematics.rootFromLink;
     let low = Number.POSITIVE_INFINITY;
     for (const [link, box] of this.#boxOfLink) {
-      LINK.fromArray(poses, link * 16);
+      LINK.fromArray(poses, link * 16).premultiply(WORLD_FROM_ROOT);
       low = Math.min(low, lowestZ(box, LINK.elements));
     }
-    if (this.#boxOfLink.size === 0)
-      for (let i = 14; i < poses.length; i += 16) low = Math.min(low, poses[i]!);
-    this.place([0, 0, -low], [1, 0, 0, 0]);
+    if (this.#boxOfLink.size === 0) {
+      for (let i = 0; i < poses.length; i += 16) {
+        low = Math.min(low, LINK.fromArray(poses, i).premultiply(WORLD_FROM_ROOT).elements[14]!);
+      }
+    }
+    this.place([0, 0, -low], quat_wxyz);
   }
 
   bounds(into: Box3): Box3 {
@@ -125,6 +157,34 @@ export class SkinnedRobot implements Figure {
     }
   }
 
+  setTint(link: string, tint: LinkTint | null): void {
+    if (tint === null) this.#tints.delete(link);
+    else this.#tints.set(link, tint);
+    this.#paint(link);
+  }
+
+  markUnread(links: ReadonlySet<string>): void {
+    const before = this.#unread;
+    this.#unread = links;
+    for (const link of new Set([...before, ...links])) this.#paint(link);
+  }
+
+  /** The same robot in another pose: one more draw call. It lives no longer than this robot. */
+  ghost(): Ghost {
+    const ghost = new Ghost(
+      this.#manifest.joints,
+      this.#linkOf,
+      this.#linkOfVisual,
+      this.#drain,
+      this.#tones,
+      (gone) => this.#ghosts.delete(gone),
+    );
+    this.#ghosts.add(ghost);
+    this.root.add(ghost.mesh);
+    if (this.#level !== null && this.#skin !== null) ghost.wear(this.#level, this.#skin.mesh.geometry);
+    return ghost;
+  }
+
   /** Puts on the shells of a level in place of those of the level before: one picture to the next, nothing jumps. */
   wear(level: Level, pictures: readonly (ImageBitmap | null)[]): void {
     const old = this.#skin;
@@ -133,13 +193,23 @@ export class SkinnedRobot implements Figure {
     if (this.#fading) this.#skin.allowFading();
     this.#bend();
     this.root.add(this.#skin.mesh);
+    for (const ghost of this.#ghosts) ghost.wear(level, this.#skin.mesh.geometry);
     old?.dispose();
   }
 
   dispose(): void {
     this.root.removeFromParent();
+    for (const ghost of [...this.#ghosts]) ghost.dispose();
     this.#skin?.dispose();
     this.#bones.dispose();
+  }
+
+  #paint(link: string): void {
+    const wanted = this.#linkOf.get(link);
+    const tint = this.#unread.has(link) ? UNREAD : (this.#tints.get(link) ?? null);
+    this.#linkOfVisual.forEach((of, visual) => {
+      if (of === wanted) this.#bones.setTint(visual, tint);
+    });
   }
 
   /** Moves the shells to where the joints are. */
@@ -159,6 +229,9 @@ export class SkinnedRobot implements Figure {
   }
 }
 
+const UPRIGHT = [1, 0, 0, 0] as const;
+const TURN = new Quaternion();
+const WORLD_FROM_ROOT = new Matrix4();
 const LINK = new Matrix4();
 const POINT = new Vector3();
 const ROOT_RAY = new Ray();

@@ -25,6 +25,11 @@ export class Drain {
     this.#goal = grey ? 1 : 0;
   }
 
+  /** Whether the colours are where they should be. */
+  get settled(): boolean {
+    return this.#amount.value === this.#goal;
+  }
+
   setTone(tone: Color): void {
     this.#tone.value = tone;
   }

@@ -22,6 +22,13 @@ export function isAsciiStl(bytes: Uint8Array): boolean {
   return /^solid/i.test(head) && /\bfacet\b|\bendsolid\b/i.test(head);
 }
 
+/** How much follows the last triangle of a binary file. */
+export function tailBytes(bytes: Uint8Array): number {
+  if (!isBinaryStl(bytes)) return 0;
+  const faces = new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength).getUint32(80, true);
+  return bytes.length - HEADER - faces * FACE;
+}
+
 export function parseStl(bytes: Uint8Array): Float32Array {
   return isBinaryStl(bytes) ? parseBinary(bytes) : parseAscii(new TextDecoder().decode(bytes));
 }

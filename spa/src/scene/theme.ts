@@ -1,9 +1,10 @@
 import { Color } from 'three';
+import { SIGN_TONES, type SignTones } from './sign_tones.ts';
 
 export type ThemeName = 'dark' | 'light';
 
-/** The colours of the scene. The page's own tokens (ground, muted, caution, stale) are repeated here because a
- *  canvas can't inherit CSS; the rest are the scene's. */
+/** The colours of the scene. The page's own tokens are repeated here because a canvas can't inherit CSS; the rest are the
+ *  scene's. */
 export interface SceneTheme {
   /** The page's ground: what the scene fades to. */
   page: Color;
@@ -13,6 +14,10 @@ export interface SceneTheme {
   majorLine: Color;
   /** How dark a full shadow is, 0…1. */
   shadow: number;
+  /** How dark it is under a sole, 0…1. */
+  contact: number;
+  /** What is drawn about a robot. */
+  signs: SignTones;
   caution: Color;
   /** Selection and highlight. */
   accent: Color;
@@ -30,17 +35,20 @@ export interface SceneTheme {
 
 const hex = (value: number) => new Color(value);
 
+function ofSigns(signs: SignTones) {
+  const { caution, accent, muted, stale } = signs;
+  return { signs, caution: hex(caution), accent: hex(accent), muted: hex(muted), stale: hex(stale) };
+}
+
 export const THEMES: Readonly<Record<ThemeName, SceneTheme>> = {
   dark: {
+    ...ofSigns(SIGN_TONES.dark),
     page: hex(0x0e1116),
     floor: hex(0x222a35),
     minorLine: hex(0x2b3543),
     majorLine: hex(0x455266),
     shadow: 0.72,
-    caution: hex(0xf5b83d),
-    accent: hex(0x5aa9ff),
-    muted: hex(0x9aa6b6),
-    stale: hex(0x98a2b3),
+    contact: 0.62,
     sky: hex(0xdfe9f7),
     bounce: hex(0x39424f),
     hemisphere: 1.15,
@@ -49,15 +57,13 @@ export const THEMES: Readonly<Record<ThemeName, SceneTheme>> = {
     exposure: 1,
   },
   light: {
+    ...ofSigns(SIGN_TONES.light),
     page: hex(0xf7f8fa),
     floor: hex(0xffffff),
     minorLine: hex(0xe3e7ed),
     majorLine: hex(0xc3cad4),
     shadow: 0.3,
-    caution: hex(0xb45309),
-    accent: hex(0x1d6fd1),
-    muted: hex(0x5b6675),
-    stale: hex(0xb4bcc8),
+    contact: 0.34,
     sky: hex(0xffffff),
     bounce: hex(0xc9ced6),
     hemisphere: 1.35,

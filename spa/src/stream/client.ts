@@ -1,10 +1,16 @@
 import { Schema } from '@posecast/wire';
 import type { RobotTwin } from '../twin/robot.ts';
+import { onAccount, tokenFor } from '../twin/share_token.ts';
+import type { Carrier } from './carrier.ts';
 import { nowMs } from './clock.ts';
-import type { Ending, FromStream, Phase, ToStream } from './messages.ts';
+import type { Ending, FromStream, Phase, Problem, ToStream } from './messages.ts';
+import { Sight } from './sight.ts';
+import { takeStream } from './start.ts';
 
 /** The connection as the page tells of it. A new object at every change, so that a listener can compare. */
 export interface Link {
+  /** What carries it, or is to. */
+  by: Carrier;
   phase: Phase;
   retryAtMs: number | null;
   ending: Ending | null;
@@ -14,10 +20,11 @@ export interface Link {
   /** Measured. */
   hz: number;
   roundTripMs: number | null;
-  problem: string | null;
+  problem: Problem | null;
 }
 
 const UNKNOWN: Link = {
+  by: 'websocket',
   phase: 'connecting',
   retryAtMs: null,
   ending: null,
@@ -28,7 +35,7 @@ const UNKNOWN: Link = {
   problem: null,
 };
 
-/** The page's end of the stream: starts the worker, writes what it says into the twin, tells it what the page sees. */
+/** The page's end of the stream: takes the worker, writes what it says into the twin, tells it what the page sees. */
 export class StreamClient {
   link: Link = UNKNOWN;
   readonly #twin: RobotTwin;
@@ -38,25 +45,28 @@ export class StreamClient {
 
   constructor(twin: RobotTwin, url: string, hz: number) {
     this.#twin = twin;
-    this.#worker = new Worker(new URL('./worker.ts', import.meta.url), { type: 'module', name: 'stream' });
+    const { worker, said } = takeStream(url, hz);
+    this.#worker = worker;
     this.#worker.onmessage = (event: MessageEvent<FromStream>) => this.#accept(event.data);
     this.#worker.onerror = (event) => {
       this.#set({
-        problem: `The stream stopped: ${event.message || 'its worker could not start'}. Reload the page.`,
+        problem: { what: 'worker', detail: event.message || 'it could not start' },
       });
     };
-    this.#tell({ kind: 'open', url, hz, visible: !document.hidden });
-    twin.acceptWatching(!document.hidden, nowMs());
+    for (const message of said) this.#accept(message);
+    const sight = new Sight((seen) => {
+      this.#tell({ kind: 'visible', visible: seen });
+      twin.acceptWatching(seen, nowMs());
+      if (seen) this.wake();
+    });
+    this.#tell({ kind: 'visible', visible: sight.seen });
+    twin.acceptWatching(sight.seen, nowMs());
     const { signal } = this.#leave;
     const wake = () => this.wake();
-    document.addEventListener(
-      'visibilitychange',
-      () => {
-        this.#tell({ kind: 'visible', visible: !document.hidden });
-        twin.acceptWatching(!document.hidden, nowMs());
-        if (!document.hidden) wake();
-      },
-      { signal },
+    signal.addEventListener('abort', () => sight.close());
+    signal.addEventListener(
+      'abort',
+      onAccount(() => this.#tell({ kind: 'token', token: tokenFor(url) })),
     );
     window.addEventListener('online', wake, { signal });
     window.addEventListener('pageshow', (event) => event.persisted && wake(), { signal });
@@ -70,6 +80,11 @@ export class StreamClient {
   /** Try now rather than later. */
   wake(): void {
     this.#tell({ kind: 'wake' });
+  }
+
+  /** Every pose again, though the rate was lowered. */
+  wishAll(): void {
+    this.#tell({ kind: 'wish-all' });
   }
 
   close(): void {
@@ -94,7 +109,7 @@ export class StreamClient {
         return;
       case 'schema':
         twin.acceptSchema(Schema.parse(message.text)); // the worker has parsed the same text before
-        this.#set({ problem: null });
+        if (this.link.problem?.what === 'schema') this.#set({ problem: null });
         return;
       case 'event':
         twin.acceptEvent(message.event);
@@ -114,13 +129,18 @@ export class StreamClient {
       case 'link':
         twin.acceptConnection(message.phase === 'open', nowMs());
         this.#set({
+          by: message.by,
           phase: message.phase,
           retryAtMs: message.retryAtMs,
           ending: message.phase === 'open' ? null : (message.ending ?? this.link.ending),
+          // the next connection may be to another relay; a worker that is gone stays gone
+          ...(message.phase === 'connecting' && this.link.problem?.what !== 'worker'
+            ? { problem: null }
+            : {}),
         });
         return;
       case 'problem':
-        this.#set({ problem: message.text });
+        this.#set({ problem: message.problem });
         return;
     }
   }

@@ -1,6 +1,7 @@
 import type { EventMessage } from '@posecast/wire';
 import type { Status } from '../twin/liveness.ts';
 import type { RobotState } from '../twin/robot.ts';
+import type { Carrier } from './carrier.ts';
 
 /** Why a connection ended, in the close table's terms. */
 export interface Ending {
@@ -12,7 +13,7 @@ export type Phase = 'connecting' | 'open' | 'waiting' | 'ended';
 
 /** Worker → page. Control messages are few (status once a second, events 20 a second at most); states pass a mailbox. */
 export type FromStream =
-  | { kind: 'link'; phase: Phase; retryAtMs: number | null; ending: Ending | null }
+  | { kind: 'link'; by: Carrier; phase: Phase; retryAtMs: number | null; ending: Ending | null }
   | { kind: 'schema'; text: string }
   | { kind: 'state'; state: RobotState }
   | { kind: 'status'; status: Status }
@@ -23,13 +24,24 @@ export type FromStream =
   | { kind: 'rate'; hz: number; reason: string | null }
   /** Measured: frames a second, and the round trip to the relay (null until known). */
   | { kind: 'pace'; hz: number; roundTripMs: number | null }
-  | { kind: 'problem'; text: string };
+  | { kind: 'problem'; problem: Problem };
+
+/** What keeps the stream from being understood. `newer`: the relay speaks another wire format. */
+export interface Problem {
+  readonly what: 'newer' | 'schema' | 'worker';
+  /** In English: for who builds the robot. */
+  readonly detail: string;
+}
 
 /** Page → worker. */
 export type ToStream =
-  | { kind: 'open'; url: string; hz: number; visible: boolean }
+  | { kind: 'open'; url: string; hz: number; visible: boolean; token: string | undefined }
   | { kind: 'taken' }
+  /** A newer token, another one, or none any more. */
+  | { kind: 'token'; token: string | undefined }
   | { kind: 'visible'; visible: boolean }
   /** Something changed outside (back online, back from sleep, the person asks): try now rather than later. */
   | { kind: 'wake' }
+  /** A rate that was lowered is asked for in full again. */
+  | { kind: 'wish-all' }
   | { kind: 'close' };

@@ -1,35 +1,39 @@
 import {
-  Decoder,
-  type Frame,
-  FrameError,
   parseRelayMessage,
   type RelayMessage,
   retryOf,
-  type Schema,
-  SchemaError,
   type ViewerMessage,
   WIRE_VERSION,
 } from '@posecast/wire';
-import { poseDiffers } from '../twin/motion.ts';
 import { retryDelayMs } from './backoff.ts';
+import { type Carrier, CarrierChoice } from './carrier.ts';
+import { Lateness, lowerHz } from './lateness.ts';
 import type { Ending, FromStream, Phase } from './messages.ts';
+import { Reading } from './reading.ts';
 
 /** status comes at least once a second: three of them missing is a dead socket that nobody told us about. */
 export const SILENT_LIMIT_MS = 3000;
 export const CONNECT_LIMIT_MS = 8000;
 const ACK_EVERY_MS = 1000;
+/** Far away: the relay hears an acknowledgement so late that it would hold frames back while it waits for the next. */
+const FAR_MS = 500;
 const PING_EVERY_MS = 5000;
 const PACE_EVERY_MS = 1000;
 /** Between two rate wishes, so that a person flipping through tabs is no flood. */
 const RATE_EVERY_MS = 500;
+/** The same on events, where another rate is another connection. */
+const REASK_EVERY_MS = 2000;
 /** A connection that stood this long worked: the next failure starts the backoff anew. */
 const WORKED_MS = 5000;
-/** After a longer pause between frames nobody knows whether the pose moved meanwhile. */
-const GAP_MS = 2500;
+/** A rate that needs no explanation. */
+const AS_WISHED = new Set(['', 'asked', 'recovered']);
+const SLOW_NETWORK = 'slow network';
 
 /** What the worker must do, in this order. */
 export type Action =
-  | { do: 'connect'; url: string }
+  | { do: 'connect'; by: Carrier; url: string }
+  /** Open a WebSocket beside what stands; if it opens, it takes over. */
+  | { do: 'try'; url: string }
   | { do: 'send'; text: string }
   | { do: 'drop' }
   | { do: 'post'; message: FromStream };
@@ -41,9 +45,13 @@ export type Action =
  *   connecting ──opened──► open ──closed, silent──► waiting ──time, wake──► connecting
  *        └──failed, slow──────────────────────────────┘
  *   open ──closed with a code that says "not again"──► ended ──wake──► connecting
+ *
+ * What carries it, `CarrierChoice` decides at every connecting. On events nothing can be said to the relay: another rate
+ * is another connection, and the stream stays open meanwhile. A mirror, which is any address but a WebSocket's, has one rate.
  */
 export class Session {
   readonly #url: string;
+  #token: string | undefined;
   readonly #wantedHz: number;
   readonly #random: () => number;
 
@@ -55,12 +63,7 @@ export class Session {
   #bye: (Ending & { retryS: number | null }) | null = null;
   #visible = true;
 
-  #decoder = new Decoder();
-  #shownSchemaId: number | null = null;
-  #statusSeq: number | null = null;
-  #freshMs: number | null = null;
-  #changedMs = 0;
-  #newest: { schemaId: number; seq: number; codes: Int32Array; atMs: number } | null = null;
+  #reading = this.#newReading();
 
   #received = 0;
   #acknowledged = 0;
@@ -70,16 +73,24 @@ export class Session {
   #askedHz: number;
   #askedMs = Number.NEGATIVE_INFINITY;
   #paceMs = 0;
-  #frames: number[] = [];
+
+  readonly #choice: CarrierChoice;
+  readonly #lateness = new Lateness();
+  /** What a slow network is asked for, on events; null: all that is wanted. */
+  #slowHz: number | null = null;
+  /** The relay has said something on this connection. */
+  #greeted = false;
 
   #actions: Action[] = [];
 
-  constructor(url: string, hz: number, visible: boolean, random: () => number) {
+  constructor(url: string, hz: number, visible: boolean, random: () => number, token?: string) {
     this.#url = url;
+    this.#token = token;
     this.#wantedHz = hz;
     this.#askedHz = hz;
     this.#visible = visible;
     this.#random = random;
+    this.#choice = new CarrierChoice(random, !url.startsWith('ws'));
   }
 
   get phase(): Phase {
@@ -98,12 +109,34 @@ export class Session {
     this.#pingMs = Number.NEGATIVE_INFINITY; // at once: the age on the chip needs it
     this.#paceMs = nowMs;
     this.#link(null);
+    if (this.#token && !this.#onEvents) this.#send({ type: 'auth', token: this.#token });
     this.#wishRate(nowMs);
     return this.#take();
   }
 
+  /** The WebSocket that was tried beside the events has opened: it carries the stream from now on. */
+  moved(nowMs: number): Action[] {
+    this.#choice.now = 'websocket';
+    this.#slowHz = null;
+    this.#begin(nowMs, this.#wantedHz);
+    return this.opened(nowMs);
+  }
+
+  /** Bytes came on events: a long message on a slow line is no silence. */
+  heard(nowMs: number): Action[] {
+    this.#heardMs = nowMs;
+    return this.#take();
+  }
+
+  /** What comes next on events was written at this time of the relay's own clock. */
+  stamped(nowMs: number, writtenMs: number): void {
+    this.#lateness.stamped(nowMs, writtenMs);
+  }
+
   text(nowMs: number, text: string): Action[] {
     this.#heardMs = nowMs;
+    if (!this.#greeted) this.#choice.worked();
+    this.#greeted = true;
     const message = parseRelayMessage(text);
     if (message !== null) this.#understand(nowMs, message);
     this.#acknowledge(nowMs);
@@ -113,7 +146,7 @@ export class Session {
   binary(nowMs: number, frame: Uint8Array): Action[] {
     this.#heardMs = nowMs;
     this.#received += 1;
-    this.#decode(nowMs, frame);
+    this.#reading.frame(nowMs, this.#lateMs, frame);
     this.#acknowledge(nowMs);
     return this.#take();
   }
@@ -134,7 +167,17 @@ export class Session {
         this.#acknowledge(nowMs);
         this.#wishRate(nowMs);
         this.#measure(nowMs);
+        if (this.#greeted && this.#choice.tries(nowMs)) {
+          this.#actions.push({ do: 'try', url: this.#address('websocket', this.#wantedHz) });
+        }
+        if (this.#choice.now === 'events' && this.#askedHz > 0 && this.#lateness.tooLate(nowMs)) {
+          this.#slowHz = lowerHz(this.#askedHz);
+          this.#reask(nowMs, this.#slowHz); // what is on its way is old: it goes with its connection
+        }
       }
+    } else if (this.#phase === 'connecting' && this.#choice.overdue(nowMs)) {
+      this.#choice.failed();
+      this.#connect(nowMs);
     } else if (this.#phase === 'connecting' && nowMs - this.#sinceMs > CONNECT_LIMIT_MS) {
       this.#actions.push({ do: 'drop' });
       this.#lost(nowMs, { code: 1006, reason: 'no answer' }, null);
@@ -153,6 +196,7 @@ export class Session {
 
   /** Back online, back from sleep, or the person asks. A socket that may have died in the meantime is not trusted. */
   wake(nowMs: number): Action[] {
+    this.#choice.hope(nowMs);
     if (this.#phase === 'connecting') return this.#take();
     if (this.#phase === 'open') {
       if (nowMs - this.#heardMs <= SILENT_LIMIT_MS / 2) return this.#take();
@@ -160,6 +204,27 @@ export class Session {
     }
     this.#failures = 0;
     this.#connect(nowMs);
+    return this.#take();
+  }
+
+  /** A newer token prolongs a WebSocket. Where none was before, or none is any more, another connection shows other things. */
+  renew(nowMs: number, token: string | undefined): Action[] {
+    const before = this.#token;
+    this.#token = token;
+    if (before && token && this.#phase === 'open' && !this.#onEvents) this.#send({ type: 'auth', token });
+    else if (before !== token) {
+      this.#actions.push({ do: 'drop' });
+      this.#failures = 0;
+      this.#connect(nowMs);
+    }
+    return this.#take();
+  }
+
+  /** The person wants every pose, whatever the network or the relay made of it. */
+  wishAll(nowMs: number): Action[] {
+    this.#slowHz = null;
+    this.#askedHz = Number.NaN;
+    this.#wishRate(nowMs);
     return this.#take();
   }
 
@@ -183,34 +248,67 @@ export class Session {
     this.#actions.push({ do: 'send', text: JSON.stringify(message) });
   }
 
+  #newReading(): Reading {
+    return new Reading((message) => this.#post(message));
+  }
+
   #link(ending: Ending | null): void {
-    this.#post({ kind: 'link', phase: this.#phase, retryAtMs: this.#retryAtMs, ending });
+    const by = this.#choice.now;
+    this.#post({ kind: 'link', by, phase: this.#phase, retryAtMs: this.#retryAtMs, ending });
   }
 
   #connect(nowMs: number): void {
     this.#phase = 'connecting';
-    this.#sinceMs = nowMs;
     this.#retryAtMs = null;
+    const by = this.#choice.next(nowMs);
+    if (!this.#onEvents) this.#slowHz = null;
+    this.#begin(nowMs, by === 'websocket' ? this.#wantedHz : this.#wishedHz);
+    this.#link(null);
+    this.#actions.push({ do: 'connect', by, url: this.#address(by, this.#askedHz) });
+  }
+
+  /** Nothing can be said there. */
+  get #onEvents(): boolean {
+    return this.#choice.now !== 'websocket';
+  }
+
+  get #wishedHz(): number {
+    return this.#visible ? (this.#slowHz ?? this.#wantedHz) : 0;
+  }
+
+  #address(by: Carrier, hz: number): string {
+    if (by === 'mirror') return this.#url;
+    // Events have a header for the token.
+    if (by === 'events') return `${this.#url.replace(/^ws/, 'http')}.sse?hz=${hz}`;
+    return `${this.#url}?hz=${hz}${this.#token ? '&auth=1' : ''}`;
+  }
+
+  /** Another rate on events. The page need not know: until the new answer is there, what it has goes on ageing. */
+  #reask(nowMs: number, hz: number): void {
+    this.#begin(nowMs, hz);
+    this.#heardMs = nowMs;
+    this.#askedMs = nowMs;
+    this.#actions.push({ do: 'connect', by: 'events', url: this.#address('events', hz) });
+  }
+
+  #begin(nowMs: number, askedHz: number): void {
+    this.#sinceMs = nowMs;
     this.#bye = null;
+    this.#greeted = false;
+    this.#lateness.begin(nowMs);
     // The relay keeps per connection what we were given: a new one starts from nothing on both sides.
-    this.#decoder = new Decoder();
-    this.#shownSchemaId = null;
-    this.#newest = null;
-    this.#statusSeq = null;
-    this.#freshMs = null;
+    this.#reading = this.#newReading();
     this.#received = 0;
     this.#acknowledged = 0;
     this.#ackMs = Number.NEGATIVE_INFINITY;
     this.#roundTripMs = null;
-    this.#askedHz = this.#wantedHz;
-    this.#frames = [];
-    this.#link(null);
-    this.#actions.push({ do: 'connect', url: `${this.#url}?hz=${this.#wantedHz}` });
+    this.#askedHz = askedHz;
   }
 
   #lost(nowMs: number, ending: Ending, retryS: number | null): void {
     if (this.#phase === 'ended' || this.#phase === 'waiting') return;
     if (this.#phase === 'open' && nowMs - this.#sinceMs >= WORKED_MS) this.#failures = 0;
+    if (!this.#greeted) this.#choice.failed();
     const delayMs = retryDelayMs(retryOf(ending.code), this.#failures, this.#random(), retryS);
     this.#failures += 1;
     this.#phase = delayMs === null ? 'ended' : 'waiting';
@@ -221,42 +319,17 @@ export class Session {
   #understand(nowMs: number, message: RelayMessage): void {
     switch (message.type) {
       case 'hello':
-        if (message.wire !== WIRE_VERSION) {
-          this.#post({
-            kind: 'problem',
-            text: 'The relay speaks a newer language than this page. Reload it.',
-          });
-        }
-        this.#post({ kind: 'rate', hz: message.hz, reason: null });
+        if (message.wire !== WIRE_VERSION)
+          this.#post({ kind: 'problem', problem: { what: 'newer', detail: String(message.wire) } });
+        this.#post({ kind: 'rate', hz: message.hz, reason: this.#slowHz === null ? null : SLOW_NETWORK });
         this.#post({ kind: 'model', hash: message.model });
         return;
-      case 'status':
-        this.#statusSeq = message.seq;
-        this.#post({
-          kind: 'status',
-          status: {
-            robot: message.robot,
-            ageMs: message.age_ms,
-            seq: message.seq,
-            degraded: message.degraded,
-            atMs: nowMs,
-          },
-        });
-        return;
-      case 'schema':
-        this.#adoptSchema(message.text);
-        return;
-      case 'info':
-        this.#post({ kind: 'info', kv: message.kv });
-        return;
-      case 'event':
-        this.#post({ kind: 'event', event: message });
-        return;
       case 'rate':
-        this.#post({ kind: 'rate', hz: message.hz, reason: message.reason || null });
-        return;
-      case 'model':
-        this.#post({ kind: 'model', hash: message.hash });
+        this.#post({
+          kind: 'rate',
+          hz: message.hz,
+          reason: AS_WISHED.has(message.reason) ? null : message.reason,
+        });
         return;
       case 'pong':
         this.#roundTripMs = Math.max(0, nowMs - message.t);
@@ -264,90 +337,48 @@ export class Session {
       case 'bye':
         this.#bye = { code: message.code, reason: message.reason, retryS: message.retry_s };
         return;
+      default:
+        this.#reading.message(nowMs, this.#lateMs, message);
+        return;
     }
   }
 
-  #adoptSchema(text: string): void {
-    let schema: Schema;
-    try {
-      schema = this.#decoder.addSchema(text);
-    } catch (error) {
-      if (!(error instanceof SchemaError)) throw error;
-      this.#post({ kind: 'problem', text: `The robot's description can't be read: ${error.message}` });
-      return;
-    }
-    this.#showSchema(schema);
+  /** A WebSocket is held up by what it owes in acknowledgements long before it is late. */
+  get #lateMs(): number {
+    return this.#onEvents ? this.#lateness.ms : 0;
   }
 
-  #showSchema(schema: Schema): void {
-    if (schema.id === this.#shownSchemaId) return;
-    this.#shownSchemaId = schema.id;
-    this.#post({ kind: 'schema', text: schema.text });
-  }
-
-  #decode(nowMs: number, bytes: Uint8Array): void {
-    let frame: Frame;
-    try {
-      frame = this.#decoder.decode(bytes);
-    } catch (error) {
-      // A frame we can't read changes nothing: the relay brings its base, and at the latest the next KEY mends it.
-      if (error instanceof FrameError) return;
-      throw error;
-    }
-    const { schema, seq, codes } = frame;
-    const before = this.#newest;
-    const sameSchema = before !== null && before.schemaId === schema.id;
-    const unsure = !sameSchema || nowMs - before.atMs > GAP_MS;
-    if (unsure || poseDiffers(schema, before.codes, codes)) this.#changedMs = nowMs;
-    if (this.#statusSeq !== null && seq > this.#statusSeq) this.#freshMs = nowMs;
-    this.#showSchema(schema); // it may be one that was shown before the last
-    this.#newest = { schemaId: schema.id, seq, codes, atMs: nowMs };
-    this.#frames.push(nowMs);
-    this.#post({
-      kind: 'state',
-      state: {
-        schemaId: schema.id,
-        seq,
-        tS: frame.tS,
-        codes: codes.slice(),
-        freshMs: this.#freshMs,
-        changedMs: this.#changedMs,
-        atMs: nowMs,
-      },
-    });
-  }
-
-  /** `n` counts the binary messages of this connection; at most once a second, and never left owing. */
+  /** `n` counts the binary messages of this connection; at most once a second (twice, from afar), and never left owing. */
   #acknowledge(nowMs: number): void {
-    if (this.#phase !== 'open' || this.#received === this.#acknowledged) return;
-    if (nowMs - this.#ackMs < ACK_EVERY_MS) return;
+    if (this.#phase !== 'open' || this.#onEvents || this.#received === this.#acknowledged) return;
+    const far = (this.#roundTripMs ?? 0) > FAR_MS;
+    if (nowMs - this.#ackMs < (far ? ACK_EVERY_MS / 2 : ACK_EVERY_MS)) return;
     this.#ackMs = nowMs;
     this.#acknowledged = this.#received;
     this.#send({ type: 'ack', n: this.#received });
   }
 
   #wishRate(nowMs: number): void {
-    const hz = this.#visible ? this.#wantedHz : 0;
-    if (this.#phase !== 'open' || hz === this.#askedHz || nowMs - this.#askedMs < RATE_EVERY_MS) return;
+    const hz = this.#wishedHz;
+    if (this.#choice.now === 'mirror') return;
+    const everyMs = this.#onEvents ? REASK_EVERY_MS : RATE_EVERY_MS;
+    if (this.#phase !== 'open' || hz === this.#askedHz || nowMs - this.#askedMs < everyMs) return;
+    if (this.#onEvents) {
+      this.#reask(nowMs, hz);
+      return;
+    }
     this.#askedHz = hz;
     this.#askedMs = nowMs;
     this.#send({ type: 'rate', hz });
   }
 
   #measure(nowMs: number): void {
-    if (nowMs - this.#pingMs >= PING_EVERY_MS) {
+    if (!this.#onEvents && nowMs - this.#pingMs >= PING_EVERY_MS) {
       this.#pingMs = nowMs;
       this.#send({ type: 'ping', t: nowMs });
     }
     if (nowMs - this.#paceMs < PACE_EVERY_MS) return;
     this.#paceMs = nowMs;
-    this.#frames = this.#frames.filter((atMs) => nowMs - atMs <= 2 * PACE_EVERY_MS);
-    const first = this.#frames[0];
-    const last = this.#frames.at(-1);
-    const hz =
-      first === undefined || last === undefined || last <= first
-        ? 0
-        : ((this.#frames.length - 1) * 1000) / (last - first);
-    this.#post({ kind: 'pace', hz, roundTripMs: this.#roundTripMs });
+    this.#post({ kind: 'pace', hz: this.#reading.hz(nowMs), roundTripMs: this.#roundTripMs });
   }
 }

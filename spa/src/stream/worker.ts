@@ -1,5 +1,6 @@
 /// <reference lib="webworker" />
 import { nowMs } from './clock.ts';
+import type { StreamEvent } from './events.ts';
 import { Mailbox } from './mailbox.ts';
 import type { FromStream, ToStream } from './messages.ts';
 import { type Action, Session } from './session.ts';
@@ -17,6 +18,10 @@ type StateMessage = Extract<FromStream, { kind: 'state' }>;
 const states = new Mailbox<StateMessage>();
 let session: Session | null = null;
 let socket: WebSocket | null = null;
+/** A WebSocket that is tried while the stream stands on events. */
+let trial: WebSocket | null = null;
+let events: { close(): void } | null = null;
+let token: string | undefined;
 let wallMinusClock = Date.now() - nowMs();
 
 function post(message: FromStream): void {
@@ -37,7 +42,11 @@ function perform(actions: readonly Action[]): void {
   for (const action of actions) {
     switch (action.do) {
       case 'connect':
-        connect(action.url);
+        if (action.by === 'websocket') connect(action.url);
+        else read(action.url, action.by === 'mirror');
+        break;
+      case 'try':
+        attempt(action.url);
         break;
       case 'send':
         if (socket?.readyState === WebSocket.OPEN) socket.send(action.text);
@@ -61,10 +70,14 @@ function connect(url: string): void {
     perform(session?.closed(nowMs(), 1006, 'the address is not one for a stream') ?? []);
     return;
   }
+  opened.onopen = () => socket === opened && perform(session?.opened(nowMs()) ?? []);
+  own(opened);
+}
+
+function own(opened: WebSocket): void {
   socket = opened;
   opened.binaryType = 'arraybuffer';
   const mine = () => socket === opened; // what an abandoned socket still says is nobody's business
-  opened.onopen = () => mine() && perform(session?.opened(nowMs()) ?? []);
   opened.onmessage = (event: MessageEvent<string | ArrayBuffer>) => {
     if (!mine() || session === null) return;
     perform(
@@ -80,17 +93,64 @@ function connect(url: string): void {
   };
 }
 
+/** Only a network that lets no WebSocket through needs the reader of events, only some links that of a mirror. */
+function read(url: string, mirrored: boolean): void {
+  drop();
+  const mine = { close: () => {} };
+  events = mine;
+  const unlessLeft = (then: (session: Session) => readonly Action[]) => {
+    if (events === mine && session !== null) perform(then(session));
+  };
+  (mirrored ? import('./mirror.ts') : import('./events.ts')).then(
+    ({ openEvents, frameBytes }) => {
+      if (events !== mine) return;
+      const hear = ({ name, data, writtenMs }: StreamEvent) =>
+        unlessLeft((to) => {
+          if (Number.isFinite(writtenMs)) to.stamped(nowMs(), writtenMs);
+          const frame = name === 'frame' ? frameBytes(data) : null;
+          return frame === null ? to.text(nowMs(), data) : to.binary(nowMs(), frame);
+        });
+      mine.close = openEvents(url, token, {
+        opened: () => unlessLeft((to) => to.opened(nowMs())),
+        heard: () => unlessLeft((to) => to.heard(nowMs())),
+        event: hear,
+        closed: (code, reason) =>
+          unlessLeft((to) => {
+            events = null;
+            return to.closed(nowMs(), code, reason);
+          }),
+      }).close;
+    },
+    () => unlessLeft((to) => to.closed(nowMs(), 1006, 'the reader of events did not come')),
+  );
+}
+
+/** One at a time; one that does not open is replaced by the next. */
+function attempt(url: string): void {
+  trial?.close();
+  const tried = new WebSocket(url);
+  trial = tried;
+  tried.onopen = () => {
+    if (trial !== tried || session === null) return;
+    trial = null; // so that it is not dropped
+    drop();
+    own(tried);
+    perform(session.moved(nowMs()));
+  };
+}
+
 function drop(): void {
-  const dropped = socket;
-  socket = null;
-  dropped?.close();
+  const dropped = [socket, trial, events];
+  socket = trial = events = null;
+  for (const one of dropped) one?.close();
 }
 
 self.onmessage = (event: MessageEvent<ToStream>) => {
   const message = event.data;
   switch (message.kind) {
     case 'open':
-      session = new Session(message.url, message.hz, message.visible, Math.random);
+      token = message.token;
+      session = new Session(message.url, message.hz, message.visible, Math.random, message.token);
       perform(session.start(nowMs()));
       break;
     case 'taken': {
@@ -98,11 +158,18 @@ self.onmessage = (event: MessageEvent<ToStream>) => {
       if (next !== null) handOver(next);
       break;
     }
+    case 'token':
+      token = message.token;
+      perform(session?.renew(nowMs(), token) ?? []);
+      break;
     case 'visible':
       perform(session?.visibility(nowMs(), message.visible) ?? []);
       break;
     case 'wake':
       perform(session?.wake(nowMs()) ?? []);
+      break;
+    case 'wish-all':
+      perform(session?.wishAll(nowMs()) ?? []);
       break;
     case 'close':
       perform(session?.close() ?? []);

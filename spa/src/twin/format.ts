@@ -10,7 +10,7 @@ export const NO_READING = '—';
 
 const DEGREES = 180 / Math.PI;
 
-interface Display {
+export interface Display {
   unit: string;
   decimals: number;
   factor: number;
@@ -19,6 +19,7 @@ interface Display {
 const DISPLAYS: Readonly<Record<string, Omit<Display, 'factor'>>> = {
   rad: { unit: 'rad', decimals: 3 },
   m: { unit: 'm', decimals: 3 },
+  mm: { unit: 'mm', decimals: 1 },
   'rad/s': { unit: 'rad/s', decimals: 2 },
   'm/s': { unit: 'm/s', decimals: 3 },
   'm/s2': { unit: 'm/s²', decimals: 2 },
@@ -47,11 +48,41 @@ export function displayOf(unit: string, angle: AngleUnit, scale = 0.001): Displa
 
 /** A number with its sign in a column of its own; `null` and NaN are no reading. */
 export function formatNumber(value: number | null, display: Display): string {
-  if (value === null || !Number.isFinite(value)) return NO_READING;
-  const digits = Math.abs(value * display.factor).toFixed(display.decimals);
-  // What rounds to zero has no sign: a flickering minus says nothing.
-  const negative = value < 0 && Number(digits) !== 0;
-  return (negative ? MINUS : NO_SIGN) + digits;
+  return stepsText(stepsOf(value, display), display);
+}
+
+/** 10⁰ … 10⁶: as many decimals as are ever shown. */
+const POWERS = [1, 10, 100, 1e3, 1e4, 1e5, 1e6] as const;
+
+/** The value counted in steps of the last digit shown; NaN is no reading. Two values of the same steps look the same, so
+ *  that a table need not even make a text of what it shows already. */
+export function stepsOf(value: number | null, { decimals, factor }: Display): number {
+  if (value === null) return Number.NaN;
+  const steps = Math.abs(value * factor) * (POWERS[decimals] ?? 1);
+  // Beyond that a double has no digit behind the point, and rounding would only blur it. What rounds to zero has no sign: a
+  // flickering minus says nothing.
+  const whole = steps < 1e15 ? Math.round(steps) : steps;
+  return value < 0 && whole !== 0 ? -whole : whole;
+}
+
+/** ".000" … ".999", made when they are first wanted. */
+const FRACTIONS: (readonly string[])[] = [];
+
+export function stepsText(steps: number, { decimals }: Display): string {
+  if (!Number.isFinite(steps)) return NO_READING;
+  const sign = steps < 0 ? MINUS : NO_SIGN;
+  const size = Math.abs(steps);
+  const power = POWERS[decimals] ?? 1;
+  if (size >= 1e15) return sign + (size / power).toFixed(decimals);
+  if (decimals === 0) return sign + size;
+  const whole = Math.floor(size / power);
+  return sign + whole + fractionOf(size - whole * power, decimals, power);
+}
+
+function fractionOf(part: number, decimals: number, power: number): string {
+  if (decimals > 3) return `.${String(part).padStart(decimals, '0')}`;
+  FRACTIONS[decimals] ??= Array.from({ length: power }, (_, i) => `.${String(i).padStart(decimals, '0')}`);
+  return FRACTIONS[decimals][part]!;
 }
 
 /** A stretch of time: "38 ms", "3.2 s", "12 s", "4 min", "2 h". */

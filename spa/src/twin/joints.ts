@@ -1,5 +1,7 @@
-import { type Field, type Level, level, type Schema, type Severity } from '@posecast/wire';
+import type { Field, Level, Schema, Severity } from '@posecast/wire';
 import { flagWords } from './format.ts';
+import { LevelLatch } from './level_latch.ts';
+import { Limits, type Threshold } from './limits.ts';
 import { valueAt } from './values.ts';
 
 export interface Flag {
@@ -18,6 +20,8 @@ export interface JointRow {
   pos: number | null;
   /** ref − pos. */
   error: number | null;
+  vel: number | null;
+  effort: number | null;
   cur: number | null;
   temp: number | null;
   homed: boolean | null;
@@ -28,11 +32,18 @@ export interface JointRow {
   level: Level;
   curLevel: Level;
   tempLevel: Level;
-  /** Further from its command than the profile tolerates. */
+  /** Yields on purpose: where it is then is no fault of its. */
+  compliant: boolean;
+  /** Further from its command than the profile tolerates, and not on purpose. */
   apart: boolean;
 }
 
+/** What comes straight from a field. */
+type Measured = 'ref' | 'pos' | 'vel' | 'effort' | 'cur' | 'temp';
+
 const RANK: Readonly<Record<Severity, number>> = { fault: 0, caution: 1, state: 2 };
+/** Of the tolerance: how far ref and pos must come together again before a deviation counts as gone. */
+export const CLOSE_AGAIN = 0.8;
 const SHOWN_AS_COLUMNS = new Set(['homed', 'enabled']);
 const NO_FLAGS: readonly Flag[] = [];
 
@@ -40,13 +51,20 @@ const NO_FLAGS: readonly Flag[] = [];
 export class JointTable {
   readonly rows: readonly JointRow[];
   readonly #schema: Schema;
+  readonly #profileLimits: Limits;
+  readonly #latches: readonly { cur: LevelLatch; temp: LevelLatch }[];
   readonly #flagsOfMask = new Map<number, readonly Flag[]>();
-  readonly #columns: Readonly<Record<'ref' | 'pos' | 'cur' | 'temp' | 'flags', Field | null>>;
+  readonly #columns: Readonly<Record<Measured | 'flags', Field | null>>;
+  readonly #tolerances: readonly (number | null)[];
+  /** Of each row, while the same limits hold. */
+  #thresholds: { of: Limits; cur: (Threshold | null)[]; temp: (Threshold | null)[] } | null = null;
   readonly #homedBit: number;
   readonly #enabledBit: number;
+  readonly #complianceBit: number;
 
   constructor(schema: Schema) {
     this.#schema = schema;
+    this.#profileLimits = new Limits(schema.mapping);
     const main = schema.field('pos') ?? schema.field('ref');
     const column = (name: string): Field | null => {
       const field = schema.field(name);
@@ -55,6 +73,8 @@ export class JointTable {
     this.#columns = {
       ref: column('ref'),
       pos: column('pos'),
+      vel: column('vel'),
+      effort: column('effort'),
       cur: column('cur'),
       temp: column('temp'),
       flags: column('flags'),
@@ -62,12 +82,15 @@ export class JointTable {
     const bits = this.#columns.flags?.bits ?? [];
     this.#homedBit = bits.indexOf('homed');
     this.#enabledBit = bits.indexOf('enabled');
+    this.#complianceBit = bits.indexOf('comply');
     this.rows = (main?.labels ?? []).map((label) => ({
       label,
       plain: schema.mapping.names.get(label) ?? null,
       ref: null,
       pos: null,
       error: null,
+      vel: null,
+      effort: null,
       cur: null,
       temp: null,
       homed: null,
@@ -76,12 +99,15 @@ export class JointTable {
       level: 'ok',
       curLevel: 'ok',
       tempLevel: 'ok',
+      compliant: false,
       apart: false,
     }));
+    this.#latches = this.rows.map(() => ({ cur: new LevelLatch(), temp: new LevelLatch() }));
+    this.#tolerances = this.rows.map(({ label }) => schema.mapping.tolerance(label));
   }
 
   /** Whether the robot reports this at all: a column that never has a reading is not worth its room. */
-  has(column: 'ref' | 'pos' | 'error' | 'cur' | 'temp' | 'flags' | 'homed' | 'enabled'): boolean {
+  has(column: Measured | 'error' | 'flags' | 'homed' | 'enabled'): boolean {
     switch (column) {
       case 'error':
         return this.#columns.ref !== null && this.#columns.pos !== null;
@@ -94,31 +120,49 @@ export class JointTable {
     }
   }
 
-  read(codes: Int32Array): readonly JointRow[] {
-    const { ref, pos, cur, temp, flags } = this.#columns;
-    const { mapping } = this.#schema;
-    this.rows.forEach((row, i) => {
+  /** Where a column of numbers comes from; null when the robot does not report it. */
+  column(name: Measured): Field | null {
+    return this.#columns[name];
+  }
+
+  read(codes: Int32Array, limits: Limits = this.#profileLimits): readonly JointRow[] {
+    const { ref, pos, vel, effort, cur, temp, flags } = this.#columns;
+    const thresholds = this.#thresholdsOf(limits);
+    for (let i = 0; i < this.rows.length; i += 1) {
+      const row = this.rows[i]!;
       row.ref = valueAt(codes, ref, i);
       row.pos = valueAt(codes, pos, i);
       row.error = row.ref === null || row.pos === null ? null : row.ref - row.pos;
+      row.vel = valueAt(codes, vel, i);
+      row.effort = valueAt(codes, effort, i);
       row.cur = valueAt(codes, cur, i);
       row.temp = valueAt(codes, temp, i);
       const mask = valueAt(codes, flags, i);
       row.homed = this.#bit(mask, this.#homedBit);
       row.enabled = this.#bit(mask, this.#enabledBit);
       row.flags = mask === null ? NO_FLAGS : this.#named(mask);
-      row.curLevel = this.#level('cur', row.label, row.cur);
-      row.tempLevel = this.#level('temp', row.label, row.temp);
-      const tolerated = mapping.tolerance(row.label);
-      row.apart = tolerated !== null && row.error !== null && Math.abs(row.error) > tolerated;
+      const latches = this.#latches[i]!;
+      row.curLevel = latches.cur.next(thresholds.cur[i]!, row.cur);
+      row.tempLevel = latches.temp.next(thresholds.temp[i]!, row.temp);
+      row.compliant = this.#bit(mask, this.#complianceBit) === true;
+      row.apart = !row.compliant && this.#isApart(row, this.#tolerances[i]!);
       row.level = levelOfRow(row);
-    });
+    }
     return this.rows;
   }
 
-  #level(field: string, label: string, value: number | null): Level {
-    const threshold = this.#schema.mapping.threshold(field, label);
-    return threshold === null ? 'ok' : level(threshold, value);
+  /** Looked up once, not in every frame. */
+  #thresholdsOf(limits: Limits) {
+    if (this.#thresholds?.of !== limits) {
+      const of = (field: string) => this.rows.map(({ label }) => limits.threshold(field, label));
+      this.#thresholds = { of: limits, cur: of('cur'), temp: of('temp') };
+    }
+    return this.#thresholds;
+  }
+
+  #isApart({ error, apart }: JointRow, tolerated: number | null): boolean {
+    if (tolerated === null || error === null) return false;
+    return Math.abs(error) > tolerated * (apart ? CLOSE_AGAIN : 1);
   }
 
   #bit(mask: number | null, bit: number): boolean | null {

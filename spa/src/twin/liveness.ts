@@ -9,6 +9,8 @@ export type Word = 'LIVE' | 'HOLDING' | 'STALE' | 'OFFLINE';
 export type Cause = 'robot silent' | 'no connection' | 'relay degraded';
 
 export const STALE_AFTER_MS = 1500;
+/** Where no pose is claimed to be new the relay speaks once a second, and a network may hold that up for most of another. */
+export const QUIET_AFTER_MS = 2000;
 /** A page that has only just opened claims nothing for this long. */
 export const JOINING_MS = 3000;
 export const HOLDING_AFTER_MS = 3000;
@@ -77,8 +79,7 @@ export function judge(evidence: Evidence, nowMs: number): Verdict {
     unchangedMs,
   });
 
-  const quiet = linkMs === null || linkMs > STALE_AFTER_MS;
-  if (!evidence.connected || status === null || quiet) {
+  if (!evidence.connected || status === null || linkMs === null || linkMs >= QUIET_AFTER_MS) {
     const joining = evidence.lostMs === null && nowMs - evidence.openedMs <= JOINING_MS;
     if (joining && status === null) return verdict(null);
     return verdict('STALE', 'no connection');
@@ -86,11 +87,13 @@ export function judge(evidence: Evidence, nowMs: number): Verdict {
   if (status.degraded) return verdict('STALE', 'relay degraded'); // it can't know whether the robot is there
   if (status.robot === 'offline') return verdict('OFFLINE');
   const spokeSince = evidence.freshMs !== null && evidence.freshMs > status.atMs;
-  const silent = status.robot === 'silent' && !spokeSince;
-  if (silent || ageMs === null || ageMs > STALE_AFTER_MS) return verdict('STALE', 'robot silent');
-  // The robot is well, but is it what the picture shows?
+  if (status.robot === 'silent' && !spokeSince) return verdict('STALE', 'robot silent');
   const { watchingMs, shownMs } = evidence;
-  if (watchingMs !== null && nowMs - (shownMs ?? watchingMs) > STALE_AFTER_MS) {
+  const staleMs = watchingMs === null ? QUIET_AFTER_MS : STALE_AFTER_MS; // who asks for no poses hears by status alone
+  if (linkMs >= staleMs) return verdict('STALE', 'no connection');
+  if (ageMs === null || ageMs >= staleMs) return verdict('STALE', 'robot silent');
+  // The robot is well, but is it what the picture shows?
+  if (watchingMs !== null && nowMs - (shownMs ?? watchingMs) >= STALE_AFTER_MS) {
     return verdict('STALE', 'relay degraded');
   }
   if (watchingMs !== null && shownMs === null) return verdict(null); // the first pose is on its way

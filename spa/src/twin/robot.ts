@@ -1,4 +1,6 @@
 import type { EventMessage, Schema } from '@posecast/wire';
+import type { KinematicTree } from './kinematic_tree.ts';
+import { Limits, NO_EDITS, type ThresholdEdits } from './limits.ts';
 import type { Evidence, Status } from './liveness.ts';
 import { valueAt } from './values.ts';
 
@@ -16,6 +18,8 @@ export interface RobotState {
   changedMs: number;
   /** When it arrived. */
   atMs: number;
+  /** How long it had waited on its way, as far as that is known. */
+  lateMs?: number;
 }
 
 /**
@@ -30,6 +34,11 @@ export class RobotTwin {
   /** Newest last. */
   events: readonly EventMessage[] = [];
   modelHash: string | null = null;
+  /** How the links of the model hang together; null while there is none on the page. */
+  tree: KinematicTree | null = null;
+  /** Which limits hold: the profile's, and what the viewer has set instead; null until there is a schema. */
+  limits: Limits | null = null;
+  edits: ThresholdEdits = NO_EDITS;
   readonly evidence: Evidence;
   /** Counts changes, so that a listener can tell cheaply whether it is up to date. */
   version = 0;
@@ -67,6 +76,7 @@ export class RobotTwin {
   acceptSchema(schema: Schema): void {
     if (this.schema?.id === schema.id) return;
     this.schema = schema;
+    this.limits = new Limits(schema.mapping, this.edits);
     this.state = null;
     this.#changed();
   }
@@ -76,8 +86,9 @@ export class RobotTwin {
     this.state = state;
     if (state.freshMs !== null) this.evidence.freshMs = state.freshMs;
     this.evidence.changedMs = state.changedMs;
-    this.evidence.shownMs = state.atMs;
-    this.heard(state.atMs);
+    const leftMs = state.atMs - (state.lateMs ?? 0); // what has lain on its way tells of then
+    this.evidence.shownMs = leftMs;
+    this.heard(leftMs);
     for (const listener of this.#stateListeners) listener();
   }
 
@@ -128,6 +139,13 @@ export class RobotTwin {
     this.#changed();
   }
 
+  /** The viewer's own thresholds. They hold for whatever schema comes. */
+  acceptEdits(edits: ThresholdEdits): void {
+    this.edits = edits;
+    if (this.schema !== null) this.limits = new Limits(this.schema.mapping, edits);
+    this.#changed();
+  }
+
   acceptInfo(info: ReadonlyMap<string, string>): void {
     this.info = info;
     this.#changed();
@@ -136,6 +154,12 @@ export class RobotTwin {
   acceptModel(hash: string | null): void {
     if (this.modelHash === hash) return;
     this.modelHash = hash;
+    this.#changed();
+  }
+
+  acceptTree(tree: KinematicTree | null): void {
+    if (this.tree === tree) return;
+    this.tree = tree;
     this.#changed();
   }
 

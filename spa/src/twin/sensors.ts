@@ -1,4 +1,8 @@
-import { type Field, type Level, level, type Schema } from '@posecast/wire';
+import type { Field, Level, Schema } from '@posecast/wire';
+import type { Reader } from './history.ts';
+import { LevelLatch } from './level_latch.ts';
+import { Limits } from './limits.ts';
+import { rpyOf, unit as unitQuat } from './rotation.ts';
 import { valueAt } from './values.ts';
 
 export interface Reading {
@@ -20,24 +24,38 @@ export interface SensorGroup {
   readonly readings: readonly Reading[];
 }
 
-const JOINT_FIELDS = new Set(['ref', 'pos', 'vel', 'cur', 'temp', 'flags']);
+/** What power is called, and its fields; one that is not named is called as the robot calls it. */
+export interface PowerWords {
+  readonly power: string;
+  readonly volt?: string;
+  readonly amp?: string;
+  readonly watt?: string;
+  readonly charge?: string;
+}
+
+const JOINT_FIELDS = new Set(['ref', 'pos', 'vel', 'effort', 'cur', 'temp']);
 const BASE_FIELDS = new Set(['base', 'baseq']);
 const KIND_OF_FIELD: Readonly<Record<string, 'wrench' | 'imu' | 'power'>> = {
   ftf: 'wrench',
   ftm: 'wrench',
   quat: 'imu',
+  tilt: 'imu',
   gyro: 'imu',
   acc: 'imu',
   volt: 'power',
   amp: 'power',
+  watt: 'power',
+  charge: 'power',
 };
 const UNIT_OF_FIELD: Readonly<Record<string, string>> = {
   ftf: 'N',
   ftm: 'Nm',
+  tilt: 'rad',
   gyro: 'rad/s',
   acc: 'm/s2',
   volt: 'V',
   amp: 'A',
+  watt: 'W',
 };
 const NAMES: Readonly<Record<string, Readonly<Record<string, string>>>> = {
   ftf: { fx: 'Fx', fy: 'Fy', fz: 'Fz' },
@@ -53,15 +71,20 @@ type Source = { from: Field; index: number } | { quat: readonly number[]; field:
 export class SensorTable {
   readonly groups: readonly SensorGroup[];
   readonly #schema: Schema;
-  readonly #all: { reading: Reading; source: Source }[] = [];
+  readonly #power: PowerWords;
+  readonly #profileLimits: Limits;
+  readonly #all: { reading: Reading; source: Source; latch: LevelLatch }[] = [];
 
-  constructor(schema: Schema) {
+  constructor(schema: Schema, power: PowerWords = { power: 'Power' }) {
     this.#schema = schema;
+    this.#power = power;
+    this.#profileLimits = new Limits(schema.mapping);
     const groups = new Map<string, { kind: SensorGroup['kind']; site: string; readings: Reading[] }>();
     const main = schema.field('pos') ?? schema.field('ref');
     for (const field of schema.fields) {
-      if (BASE_FIELDS.has(field.name)) continue;
-      if (JOINT_FIELDS.has(field.name) && field.labelSet === main?.labelSet) continue;
+      if (BASE_FIELDS.has(field.name) || field.bits.length > 0) continue; // bits are told as alarms
+      const ofJoints = field.labelSet === main?.labelSet;
+      if (ofJoints && JOINT_FIELDS.has(field.name)) continue;
       const kind = KIND_OF_FIELD[field.name] ?? 'other';
       field.labels.forEach((label, index) => {
         const [site, component] = split(label, kind);
@@ -73,7 +96,12 @@ export class SensorTable {
           return;
         }
         const unit = field.unit || (UNIT_OF_FIELD[field.name] ?? '');
-        const name = kind === 'power' ? (label === 'main' ? field.name : label) : component;
+        const name =
+          kind === 'power'
+            ? label === 'main'
+              ? (this.#powerName(field.name) ?? field.name)
+              : label
+            : component;
         this.#add(
           group.readings,
           {
@@ -93,19 +121,30 @@ export class SensorTable {
       .map((group) => ({ ...group, title: this.#title(group.kind, group.site) }));
   }
 
-  read(codes: Int32Array): readonly SensorGroup[] {
-    const { mapping } = this.#schema;
-    for (const { reading, source } of this.#all) {
-      const channel = 'from' in source;
-      reading.value = channel ? valueAt(codes, source.from, source.index) : eulerAngle(codes, source);
-      const threshold = channel ? mapping.threshold(reading.field, reading.label) : null;
-      reading.level = threshold === null ? 'ok' : level(threshold, reading.value);
+  read(codes: Int32Array, limits: Limits = this.#profileLimits): readonly SensorGroup[] {
+    for (const { reading, source, latch } of this.#all) {
+      reading.value = readFrom(codes, source);
+      const threshold = 'from' in source ? limits.threshold(reading.field, reading.label) : null;
+      reading.level = latch.next(threshold, reading.value);
     }
     return this.groups;
   }
 
+  /** Reads one of the readings out of any frame's codes; null when there is none of that name. */
+  reader(field: string, label: string): { readonly reading: Reading; readonly read: Reader } | null {
+    const found = this.#all.find(({ reading }) => reading.field === field && reading.label === label);
+    if (found === undefined) return null;
+    return { reading: found.reading, read: (codes) => readFrom(codes, found.source) };
+  }
+
+  #powerName(field: string): string | undefined {
+    return field === 'volt' || field === 'amp' || field === 'watt' || field === 'charge'
+      ? this.#power[field]
+      : undefined;
+  }
+
   #title(kind: SensorGroup['kind'], site: string): string {
-    if (kind === 'power') return site === 'main' ? 'Power' : `Power, ${site}`;
+    if (kind === 'power') return site === 'main' ? this.#power.power : `${this.#power.power}, ${site}`;
     return this.#schema.mapping.sensors.get(site)?.name ?? site;
   }
 
@@ -124,7 +163,7 @@ export class SensorTable {
   #add(into: Reading[], fixed: Omit<Reading, 'value' | 'level'>, source: Source): void {
     const reading: Reading = { ...fixed, value: null, level: 'ok' };
     into.push(reading);
-    this.#all.push({ reading, source });
+    this.#all.push({ reading, source, latch: new LevelLatch() });
   }
 }
 
@@ -134,17 +173,8 @@ function split(label: string, kind: SensorGroup['kind']): [string, string] {
   return [label.slice(0, dot), label.slice(dot + 1)];
 }
 
-/** Fixed-axis roll, pitch, yaw (rad) of the unit quaternion w, x, y, z, as REP-103 has them. */
-export function eulerOfQuaternion(w: number, x: number, y: number, z: number): [number, number, number] {
-  const norm = Math.hypot(w, x, y, z);
-  if (!(norm > 1e-6)) return [Number.NaN, Number.NaN, Number.NaN];
-  const [a, b, c, d] = [w / norm, x / norm, y / norm, z / norm];
-  const sine = Math.max(-1, Math.min(1, 2 * (a * c - d * b)));
-  return [
-    Math.atan2(2 * (a * b + c * d), 1 - 2 * (b * b + c * c)),
-    Math.asin(sine),
-    Math.atan2(2 * (a * d + b * c), 1 - 2 * (c * c + d * d)),
-  ];
+function readFrom(codes: Int32Array, source: Source): number | null {
+  return 'from' in source ? valueAt(codes, source.from, source.index) : eulerAngle(codes, source);
 }
 
 function eulerAngle(
@@ -158,6 +188,6 @@ function eulerAngle(
     parts.push(value);
   }
   const [w = 0, x = 0, y = 0, z = 0] = parts;
-  const angle = eulerOfQuaternion(w, x, y, z)[source.angle] ?? Number.NaN;
-  return Number.isFinite(angle) ? angle : null;
+  const turned = unitQuat([w, x, y, z]);
+  return turned === null ? null : (rpyOf(turned)[source.angle] ?? null);
 }

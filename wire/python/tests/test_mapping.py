@@ -22,6 +22,7 @@ MAPPED = Schema.parse(
             "thresholds": {"temp": {"*": {"high": 70}, "RKN": {"high": 80, "caution": 0.9}}},
             "tolerance": {"*": 0.05, "RKN": 0.08},
             "severity": {"flags": {"homed": "state"}},
+            "units": {"pos": {"NK1": "mm"}},
         },
     )
 )
@@ -40,6 +41,11 @@ def test_parts() -> None:
     assert mapping.threshold("cur", "RKN") is None
     assert (mapping.tolerance("RKN"), mapping.tolerance("LKN")) == (0.08, 0.05)
     assert (mapping.severity("flags", "homed"), mapping.severity("flags", "jam")) == ("state", "fault")
+    assert (mapping.unit("pos", "NK1"), mapping.unit("pos", "RKN"), mapping.unit("cur", "NK1")) == (
+        "mm",
+        None,
+        None,
+    )
 
 
 def test_joint_values_are_in_radians_by_urdf_name() -> None:

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import importlib.util
 import json
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import pytest
@@ -18,6 +16,8 @@ from posecast_wire import (
     SchemaError,
     joint_values,
 )
+
+from wire.python.tools import make_schema_vectors, make_vectors
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDER = ROOT / "vectors"
@@ -37,17 +37,8 @@ def cases() -> list[Any]:
     ]
 
 
-def maker(name: str) -> ModuleType:
-    spec = importlib.util.spec_from_file_location(name, ROOT / f"python/tools/{name}.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
 def test_committed_vectors_are_what_the_script_makes() -> None:
-    files = {**maker("make_vectors").files(), **maker("make_schema_vectors").files()}
+    files = {**make_vectors.files(), **make_schema_vectors.files()}
     assert sorted(p.name for p in FOLDER.iterdir()) == sorted(files)
     for name, text in files.items():
         assert (FOLDER / name).read_text(encoding="utf-8") == text, f"run the scripts in tools/: {name}"

@@ -80,6 +80,7 @@ def schemas() -> dict[str, Any]:
         ("mapping.thresholds.a.x.caution", mapping(thresholds={"a": {"x": {"caution": 0}}})),
         ("mapping.tolerance.*", mapping(tolerance={"*": -1})),
         ("mapping.severity.a.jam", mapping(severity={"a": {"jam": "bad"}})),
+        ("mapping.units.a.x", mapping(units={"a": {"x": 5}})),
     ]
     mapped = build_schema_text(
         "mapped",

@@ -8,125 +8,14 @@ a fresh start, step by step: learn a schema, or decode a frame and get `state` (
 from __future__ import annotations
 
 import json
-import random
-import struct
-from collections.abc import Sequence
 from pathlib import Path
 
-from posecast_wire import (
-    CODE_MAX,
-    MISSING,
-    BadFrame,
-    BaseUnknown,
-    Decoder,
-    Encoder,
-    Schema,
-    build_schema_text,
-    frame_id,
-)
+from posecast_wire import CODE_MAX, MISSING, frame_id
+
+from wire.python.tools.hand_made import key_frame, packed, plain_frame, ref_frame
+from wire.python.tools.vector_script import ONE, SCHEMAS, Case, Dice, Script, Stream
 
 FOLDER = Path(__file__).resolve().parents[2] / "vectors"
-Step = dict[str, object]
-Case = dict[str, object]
-Coded = Sequence[tuple[int, Sequence[int]]]  # per field: nibble, residuals
-
-ARM = build_schema_text(
-    "arm",
-    {"joint": ["SHP", "SHR", "ELB", "WRP"], "site": ["hand.mx", "hand.my", "hand.fz"], "main": ["main"]},
-    [
-        {"name": "ref", "labels": "joint", "unit": "rad", "scale": 0.001},
-        {"name": "pos", "labels": "joint", "unit": "rad", "scale": 0.001, "rel": "ref"},
-        {"name": "ft", "labels": "site", "unit": "N", "scale": 0.5},
-        {"name": "volt", "labels": "main", "unit": "V", "scale": 0.05, "slow": True},
-        {"name": "temp", "labels": "joint", "unit": "°C", "slow": True},
-        {"name": "flags", "labels": "joint", "bits": ["homed", "enabled", "jam"]},
-    ],
-)
-ONE = build_schema_text("one", {"x": ["x"]}, [{"name": "x", "labels": "x"}])
-CHAIN = build_schema_text(
-    "chain",
-    {"j": ["a", "b"]},
-    [
-        {"name": "p", "labels": "j"},
-        {"name": "q", "labels": "j", "rel": "p"},
-        {"name": "r", "labels": "j", "rel": "q"},
-    ],
-)
-WIDE = build_schema_text(
-    "wide",
-    {"j": [f"j{i}" for i in range(100)]},
-    [{"name": "a", "labels": "j"}, {"name": "b", "labels": "j", "rel": "a"}, {"name": "c", "labels": "j"}],
-)
-SCHEMAS = {"arm": ARM, "one": ONE, "chain": CHAIN, "wide": WIDE}
-
-
-class Dice:
-    """Numbers from `random()` alone: the one sequence Python promises never to change."""
-
-    def __init__(self, seed: int) -> None:
-        self._rng = random.Random(seed)
-
-    def below(self, n: int) -> int:
-        return int(self._rng.random() * n)
-
-    def near(self, spread: int) -> int:
-        return self.below(2 * spread + 1) - spread
-
-    def moved(self, codes: Sequence[int], spread: int, one_in: int = 2) -> list[int]:
-        return [c + self.near(spread) if self.below(one_in) == 0 else c for c in codes]
-
-
-class Script:
-    """Writes a case by really decoding: what is recorded is what the reference decoder said."""
-
-    def __init__(self, name: str, why: str, *schemas: str) -> None:
-        self.case: Case = {"name": name, "why": why}
-        self.steps: list[Step] = []
-        self._decoder = Decoder()
-        for schema in schemas:
-            self.learn(schema)
-
-    def learn(self, name: str) -> None:
-        self._decoder.add_schema(SCHEMAS[name])
-        self.steps.append({"schema": name})
-
-    def frame(self, data: bytes, note: str = "", **also: object) -> None:
-        step: Step = {"note": note} if note else {}
-        step["frame"] = data.hex()
-        try:
-            got = self._decoder.decode(data)
-            step |= {"is": "state", "seq": got.seq, "t": got.t_s, "codes": list(got.codes)}
-        except BaseUnknown:
-            step["is"] = "unknown"
-        except BadFrame:
-            step["is"] = "bad"
-        self.steps.append(step | also)
-
-    def done(self) -> Case:
-        return self.case | {"steps": self.steps}
-
-
-class Stream(Script):
-    """A case made by an encoder, which another encoder can make again."""
-
-    def __init__(self, name: str, why: str, schema: str, key_interval_s: float = 4.0, refs: int = 0) -> None:
-        super().__init__(name, why, schema)
-        self.case["encode"] = {"schema": schema, "key_interval_s": key_interval_s, "ref_every": refs}
-        self.size = Schema.parse(SCHEMAS[schema]).size
-        self._encoder = Encoder(Schema.parse(SCHEMAS[schema]), key_interval_s, refs)
-        self.frames: list[bytes] = []
-
-    def send(
-        self, codes: Sequence[int], seq: int, t: float, now: float | None = None, force_key: bool = False
-    ) -> bytes:
-        now = t if now is None else now
-        data = self._encoder.encode(codes, seq, t, now, force_key)
-        also: Step = {"from": {"codes": list(codes), "seq": seq, "t": t, "now": now}}
-        if force_key:
-            also["from"] = {"codes": list(codes), "seq": seq, "t": t, "now": now, "force_key": True}
-        self.frames.append(data)
-        self.frame(data, "", **also)
-        return data
 
 
 def moving(dice: Dice) -> list[Case]:
@@ -224,10 +113,10 @@ def of_themselves() -> list[Case]:
 def other_senders() -> list[Case]:
     """Frames no encoder of ours would write, and every decoder must read."""
     other = Script("another sender", "orders all 4, a wasteful n, a zero field spelt out", "one")
-    key = _key("one", 1, 2.5, [(9, [4])], [4])
+    key = key_frame(ONE, 1, 2.5, [(9, [4])], [4])
     other.frame(key)
     for n, code in ((0, 4), (14, 4), (5, 1000), (0, CODE_MAX), (14, MISSING), (15, 4)):
-        other.frame(_plain(frame_id(key), 2, 40, [(n, [code - 4])], [4]), f"n = {n}")
+        other.frame(plain_frame(frame_id(key), 2, 40, [(n, [code - 4])], [4]), f"n = {n}")
     return [other.done()]
 
 
@@ -247,11 +136,11 @@ def bad_headers(good: bytes) -> Case:
     s.frame(good[:9] + bytes.fromhex("000000000000f87f") + good[17:], "t is not a number")
     s.frame(good, "and the same decoder takes a good one")
     at = frame_id(good)
-    s.frame(_plain(at, 1, 0, [(4, [1])], [4])[:9], "no body")
-    s.frame(_plain(at, 0, 0, [(4, [1])], [4]), "no distance from its base")
-    s.frame(_plain(at ^ 1, 1, 0, [(4, [1])], [4]), "another base")
+    s.frame(plain_frame(at, 1, 0, [(4, [1])], [4])[:9], "no body")
+    s.frame(plain_frame(at, 0, 0, [(4, [1])], [4]), "no distance from its base")
+    s.frame(plain_frame(at ^ 1, 1, 0, [(4, [1])], [4]), "another base")
     s.frame(good[:1] + b"\1\2\3\4" + good[5:], "another schema")
-    s.frame(_plain(at, 1, 0, [(4, [1])], [4]), "still the same base")
+    s.frame(plain_frame(at, 1, 0, [(4, [1])], [4]), "still the same base")
     return s.done()
 
 
@@ -260,7 +149,7 @@ def bad_bodies(good: bytes) -> Case:
     at = frame_id(good)
     s = Script("bodies", "cut short, padded, past the range", "one")
     s.frame(good)
-    plain = _plain(at, 1, 0, [(4, [300])], [4])
+    plain = plain_frame(at, 1, 0, [(4, [300])], [4])
     s.frame(plain, "good")
     for end in range(9, len(plain)):
         s.frame(plain[:end], f"cut to {end} bytes")
@@ -268,13 +157,13 @@ def bad_bodies(good: bytes) -> Case:
     s.frame(plain + b"\1", "a byte too many")
     s.frame(plain[:-1] + bytes([plain[-1] | 1]), "padding that is not zero")
     s.frame(plain[:9] + b"\0" * 9, "zeros for ever")
-    s.frame(_plain(at, 1, 0, [(4, [CODE_MAX - 4])], [4]), "the largest code")
-    s.frame(_plain(at, 1, 0, [(4, [CODE_MAX - 3])], [4]), "one more")
-    s.frame(_plain(at, 1, 0, [(4, [MISSING - 4])], [4]), "the smallest")
-    s.frame(_plain(at, 1, 0, [(4, [MISSING - 5])], [4]), "one less")
-    s.frame(_packed(plain[:9], "0000" + "0" * 32 + "1" * 33), "a residual of 33 bits")
-    s.frame(_packed(plain[:9], "1110" + "0" * 18 + "1" * 33), "a residual of 33 bits, order 14")
-    s.frame(_packed(plain[:9], "0100" + "0" * 28 + "1" * 33), "a residual of 33 bits, order 4")
+    s.frame(plain_frame(at, 1, 0, [(4, [CODE_MAX - 4])], [4]), "the largest code")
+    s.frame(plain_frame(at, 1, 0, [(4, [CODE_MAX - 3])], [4]), "one more")
+    s.frame(plain_frame(at, 1, 0, [(4, [MISSING - 4])], [4]), "the smallest")
+    s.frame(plain_frame(at, 1, 0, [(4, [MISSING - 5])], [4]), "one less")
+    s.frame(packed(plain[:9], "0000" + "0" * 32 + "1" * 33), "a residual of 33 bits")
+    s.frame(packed(plain[:9], "1110" + "0" * 18 + "1" * 33), "a residual of 33 bits, order 14")
+    s.frame(packed(plain[:9], "0100" + "0" * 28 + "1" * 33), "a residual of 33 bits, order 4")
     s.frame(bytes([0x10]) + plain[1:9] + b"\0" * 65528, "65,537 bytes")
     s.frame(plain, "good still")
     return s.done()
@@ -285,10 +174,10 @@ def ref_on_ref(good: bytes) -> Case:
     at = frame_id(good)
     s = Script("a REF on a REF", "only a KEY carries REFs", "one")
     s.frame(good)
-    ref = _ref(at, 1, 33, [(4, [1])], [4])
+    ref = ref_frame(at, 1, 33, [(4, [1])], [4])
     s.frame(ref)
-    s.frame(_ref(frame_id(ref), 1, 33, [(4, [1])], [4]), "coded against a REF")
-    s.frame(_plain(frame_id(ref), 1, 33, [(4, [1])], [4]), "a plain frame may")
+    s.frame(ref_frame(frame_id(ref), 1, 33, [(4, [1])], [4]), "coded against a REF")
+    s.frame(plain_frame(frame_id(ref), 1, 33, [(4, [1])], [4]), "a plain frame may")
     return s.done()
 
 
@@ -308,7 +197,7 @@ def damaged(dice: Dice) -> Case:
 
 
 def invalid() -> list[Case]:
-    good = _key("one", 1, 2.5, [(9, [4])], [4])
+    good = key_frame(ONE, 1, 2.5, [(9, [4])], [4])
     return [bad_headers(good), bad_bodies(good), ref_on_ref(good), damaged(Dice(2))]
 
 
@@ -373,44 +262,6 @@ def alternating() -> list[Case]:
     s.frame(arm[6])
     s.frame(arm[8])
     return [s.done()]
-
-
-def _code(residual: int, k: int) -> str:
-    bits = f"{(2 * residual if residual >= 0 else -2 * residual - 1) + (1 << k):b}"
-    return "0" * (len(bits) - 1 - k) + bits
-
-
-def _packed(header: bytes, bits: str) -> bytes:
-    bits += "0" * (-len(bits) % 8)
-    return header + int(bits, 2).to_bytes(len(bits) // 8, "big")
-
-
-def _body(fields: Coded, orders: Sequence[int]) -> str:
-    bits, i = "", 0
-    for n, residuals in fields:
-        bits += f"{n:04b}"
-        for r in residuals:
-            bits += "" if n == 15 else _code(r, max(0, min(15, orders[i] + n - 4)))
-            i += 1
-    return bits
-
-
-def _key(schema: str, seq: int, t: float, fields: Coded, orders: Sequence[int]) -> bytes:
-    """A KEY written out by hand, not by our encoder."""
-    header = struct.pack("<BIId", 0x13, Schema.parse(SCHEMAS[schema]).id, seq, t)
-    return _packed(header, _body(fields, [4] * len(orders)) + "".join(f"{k:04b}" for k in orders))
-
-
-def _against(tag: int, base: int, distance: int, ms: int, fields: Coded, orders: Sequence[int]) -> bytes:
-    return _packed(struct.pack("<BIHH", tag, base, distance, ms), _body(fields, orders))
-
-
-def _plain(base: int, distance: int, ms: int, fields: Coded, orders: Sequence[int]) -> bytes:
-    return _against(0x10, base, distance, ms, fields, orders)
-
-
-def _ref(base: int, distance: int, ms: int, fields: Coded, orders: Sequence[int]) -> bytes:
-    return _against(0x12, base, distance, ms, fields, orders)
 
 
 def _with_damage(dice: Dice, data: bytes) -> bytes:

@@ -56,7 +56,13 @@ export class Mapping {
     private readonly thresholds: ReadonlyMap<string, ReadonlyMap<string, Threshold>>,
     private readonly tolerances: ReadonlyMap<string, number>,
     private readonly severities: ReadonlyMap<string, ReadonlyMap<string, Severity>>,
+    private readonly units: ReadonlyMap<string, ReadonlyMap<string, string>>,
   ) {}
+
+  /** The unit of one channel where it is not its field's, else null. */
+  unit(field: string, label: string): string | null {
+    return this.units.get(field)?.get(label) ?? null;
+  }
 
   /** The limits of one channel, else those of `*` in its field, else null. */
   threshold(field: string, label: string): Threshold | null {
@@ -87,6 +93,7 @@ export function parseMapping(value: unknown): Mapping {
     part('thresholds', (v, at) => each(v, at, threshold)),
     part('tolerance', atLeastZero),
     part('severity', (v, at) => each(v, at, severity)),
+    part('units', (v, at) => each(v, at, text)),
   );
 }
 

@@ -48,6 +48,7 @@ test('stars stand for the rest', () => {
         thresholds: { temp: { '*': { high: 70 }, RKN: { high: 80, caution: 0.9 } } },
         tolerance: { '*': 0.05, RKN: 0.08 },
         severity: { flags: { homed: 'state' } },
+        units: { pos: { NK1: 'mm' } },
         sensors: { RF: { kind: 'wrench', link: 'foot' }, main: { kind: 'power' } },
       },
     }),
@@ -57,6 +58,11 @@ test('stars stand for the rest', () => {
   expect(mapping.threshold('cur', 'LKN')).toBeNull();
   expect([mapping.tolerance('RKN'), mapping.tolerance('LKN')]).toEqual([0.08, 0.05]);
   expect([mapping.severity('flags', 'homed'), mapping.severity('flags', 'jam')]).toEqual(['state', 'fault']);
+  expect([mapping.unit('pos', 'NK1'), mapping.unit('pos', 'RKN'), mapping.unit('cur', 'NK1')]).toEqual([
+    'mm',
+    null,
+    null,
+  ]);
   expect(mapping.sensors.get('RF')).toEqual({
     kind: 'wrench',
     name: 'RF',

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from bisect import bisect_left
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 
 from posecast_edge.model.doctor import examine
 from posecast_edge.model.figure import Figure, Looks, Visual, build_figure
-from posecast_edge.model.files import Files, Progress, facts_of, read_visual_meshes
+from posecast_edge.model.files import Progress, facts_of, read_visual_files
 from posecast_edge.model.finding import Finding, ModelRefused
 from posecast_edge.model.kinematics import from_quaternion, link_poses, quaternion_from_rpy
 from posecast_edge.model.level import Body, Fineness, Level, Placed, Skin, make_level
@@ -32,9 +33,30 @@ Triangles = tuple[Vectors, Vectors, Vectors]  # corners and normals (m, 3, 3), d
 ROUGH = 15  # a rung: 0.2 % of the robot's size. Beyond, gaps open between shells that touch, for few bytes
 PATIENCE = 1.5  # a level may be so much larger than it should to spare that
 
-# name, bytes aimed at, bits of a position's longest side, pixels of a picture's side
 NEAR = 1.25  # a level that is that near to the next coarser one spares it
-HIGH, MIDDLE, LOW = ("high", 3_500_000, 14, 2048), ("middle", 550_000, 13, 512), ("low", 190_000, 12, 128)
+
+
+@dataclass(frozen=True)
+class Aim:
+    """What a level should be: bytes and drawn triangles at most, bits of a position's longest side, pixels of
+    a picture's side."""
+
+    name: str
+    size: int
+    triangles: float
+    bits: int
+    pixels: int
+
+    def suits(self, level: Level, slack: float) -> bool:
+        """Whether a level is within that many times of both."""
+        return len(level.data) <= self.size * slack and level.triangles <= self.triangles * slack
+
+
+AIMS = (
+    Aim("high", 3_500_000, math.inf, 14, 2048),
+    Aim("middle", 550_000, math.inf, 13, 512),
+    Aim("low", 190_000, 24_000, 12, 128),  # of what a phone without a graphics card fills 20 times a second
+)
 
 
 @dataclass(frozen=True)
@@ -54,9 +76,10 @@ def build(urdf_path: Path, resolver: Resolver, progress: Progress) -> Built:
     urdf = load_urdf(urdf_path)
     tree = build_tree(urdf)
     if not tree.links:
-        raise ModelRefused(tree.findings[-1].text, tree.findings[-1].line)
-    files = Files(resolver)
-    read_visual_meshes(urdf, files, progress)
+        unexpanded = (f for f in urdf.findings if f.code == "xacro")
+        reason = next(unexpanded, tree.findings[-1])
+        raise ModelRefused(reason.text, reason.line)
+    files = read_visual_files(urdf, resolver, progress)
     figure = build_figure(urdf, tree, files)
     document: dict[str, Any] = {"v": VERSION, "robot": urdf.name, **skeleton(urdf, tree)}
     poses = [np.array(p) for p in link_poses(document, home(document)).values()]
@@ -87,7 +110,7 @@ def build(urdf_path: Path, resolver: Resolver, progress: Progress) -> Built:
         "visuals": [_visual(i, v, figure.looks[v.looks]) for i, v in enumerate(figure.visuals)],
     }
     document |= {"box": _corners(*box)} if box is not None else {}
-    missing = [{"uri": f.uri, "reason": f.reason} for f in files if f.reason]
+    missing = [{"uri": uri, "reason": reason} for uri, reason in files.missing().items()]
     document |= {"missing": missing} if missing else {}
     document |= {"findings": finding_entries(findings)} if findings else {}
     contents["thumbnail.png"] = thumbnail
@@ -106,30 +129,38 @@ def _levels(figure: Figure, size: float, progress: Progress) -> dict[str, Level]
     rungs = rungs_in_all(sizes, size)
     made: dict[str, Level] = {}
     finer = None
-    for number, (name, target, bits, pixels) in enumerate((HIGH, MIDDLE, LOW)):
-        if finer is not None and len(finer.data) <= target * NEAR:
+    for number, aim in enumerate(AIMS):
+        if finer is not None and aim.suits(finer, NEAR):
             continue
-        progress(number, 3, f"level {name}")
+        progress(number, len(AIMS), f"level {aim.name}")
 
-        def at(rung: int, bits: int = bits, pixels: int = pixels) -> Level:
-            return make_level(bodies, placed, Fineness(rung, bits, pixels))
+        def at(rung: int, aim: Aim = aim) -> Level:
+            return make_level(bodies, placed, Fineness(rung, aim.bits, aim.pixels))
 
-        level = _fitted(at, bodies, rungs, target)
+        level = _fitted(at, bodies, placed, rungs, aim)
         if finer is None or len(level.data) < len(finer.data):
-            made[name] = finer = level
+            made[aim.name] = finer = level
     return dict(reversed(made.items()))
 
 
-def _fitted(at: Callable[[int], Level], bodies: Sequence[Body], rungs: int, target: int) -> Level:
-    """The finest level of about `target` bytes; the coarsest there is where none is that small."""
+def _fitted(
+    at: Callable[[int], Level], bodies: Sequence[Body], placed: Sequence[Placed], rungs: int, aim: Aim
+) -> Level:
+    """The finest level that is about what it should be; the coarsest there is where none is that small."""
 
     def triangles(rung: int) -> int:
         return sum(len(s.ladder.rung(rung)[1]) for b in bodies for s in b.skins)
 
+    def drawn(rung: int) -> int:
+        return sum(len(s.ladder.rung(rung)[1]) for p in placed for s in bodies[p.body].skins)
+
+    def small(rung: int) -> bool:
+        return triangles(rung) * per_triangle <= aim.size and drawn(rung) <= aim.triangles
+
     per_triangle, made = 8.0, dict[int, Level]()
     while True:
-        rung = bisect_left(range(rungs - 1), True, key=lambda k: triangles(k) * per_triangle <= target)
-        while rung in made and len(made[rung].data) > target and rung < rungs - 1:
+        rung = bisect_left(range(rungs - 1), True, key=small)
+        while rung in made and not aim.suits(made[rung], 1) and rung < rungs - 1:
             rung += 1
         if rung in made:
             break
@@ -137,7 +168,7 @@ def _fitted(at: Callable[[int], Level], bodies: Sequence[Body], rungs: int, targ
         per_triangle = len(made[rung].data) / max(triangles(rung), 1)
     if rung > ROUGH:
         smoother = at(ROUGH)
-        if len(smoother.data) <= target * PATIENCE:
+        if aim.suits(smoother, PATIENCE):
             return smoother
     return made[rung]
 

@@ -9,21 +9,23 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator
+import logging
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from urllib.parse import unquote, urlsplit
-from xml.parsers import expat
 
 from posecast_edge.model.finding import ModelRefused
-from posecast_edge.model.folder import MANIFEST, read_folder
+from posecast_edge.model.folder import check_folder
+from posecast_edge.model.resolve import Resolver
+from posecast_edge.model.urdf import Urdf
+from posecast_edge.model.urdf_reader import load_urdf
+
+log = logging.getLogger("posecast_edge.model")
 
 RANGE_MAX = 250_000  # bytes of one reply: a larger one closes a thin uplink's connection
-URDF_MAX = 16 << 20
 FILE_MAX = 256 << 20
 FILES_MAX = 1000
-DEPTH_MAX = 64
-LEVELS_UP = 4  # parents of the URDF's folder in which a package is looked for
 
 # what is served, by suffix
 TYPES = {
@@ -64,6 +66,13 @@ class Bundle:
         self.hash = hashlib.sha256(self.manifest).hexdigest()
         self._by_hash = {f.sha256: f for f in files}
 
+    def tell_missing(self) -> None:
+        """What it lacks, said once."""
+        if self.missing:
+            shown = ", ".join(self.missing[:3]) + (" …" if len(self.missing) > 3 else "")
+            total = len(self.files) + len(self.missing)
+            log.warning("model: %d of %d files missing: %s", len(self.missing), total, shown)
+
     def read(self, part: str, offset: int, length: int) -> bytes:
         """A range of `manifest` or of the file with that SHA-256.
 
@@ -82,46 +91,60 @@ class Bundle:
             return f.read(min(length, size - offset))
 
 
-def load_bundle(urdf: Path) -> Bundle:
+def load_bundle(urdf: Path, packages: Sequence[Path] = ()) -> Bundle:
     """Read a URDF and find the files it names. ModelError when the URDF cannot be used; a file that cannot be
-    found, or lies outside the model's folders, stands in `missing`."""
+    found, or lies outside the model's folders (resolve.py), stands in `missing`."""
     try:
-        if urdf.stat().st_size > URDF_MAX:
-            raise ModelError(f"{urdf}: over {URDF_MAX >> 20} MiB")
-        text = urdf.read_bytes()
+        uris = list(dict.fromkeys(_uris(load_urdf(urdf))))
+        files = [_file(urdf.resolve(), urdf.name, urdf.name)]
+    except ModelRefused as e:
+        raise ModelError(
+            f"{urdf}: {e.reason}" if e.line is None else f"{urdf}: line {e.line}: {e.reason}"
+        ) from None
     except OSError as e:
         raise ModelError(f"{urdf}: {e.strerror or e}") from None
-    uris = list(dict.fromkeys(_mesh_uris(text, urdf)))
-    resolver = _Resolver(urdf.resolve())
-    files = [_file(urdf.resolve(), urdf.name, urdf.name)]
+    resolver = Resolver(urdf, packages)
     missing: list[str] = []
     taken = {urdf.name}
     for uri in uris:
-        found = resolver.find(uri)
-        if found is None or len(files) >= FILES_MAX:
+        file = _found(resolver, uri, taken) if len(files) < FILES_MAX else None
+        if file is None:
             missing.append(uri)
-            continue
-        try:
-            files.append(_file(found, _free_path(uri, taken), uri))
-        except OSError:
-            missing.append(uri)
+        else:
+            files.append(file)
     return Bundle(_manifest(files, missing), files, missing)
+
+
+def _found(resolver: Resolver, uri: str, taken: set[str]) -> BundleFile | None:
+    try:
+        path = resolver.find(uri).path
+        return _file(path, _free_path(uri, taken), uri) if path.suffix.lower() in TYPES else None
+    except (ModelRefused, OSError):
+        return None
+
+
+def _uris(urdf: Urdf) -> Iterator[str]:
+    """Of meshes and pictures, in the file's order of links."""
+    for link in urdf.links:
+        for shape in (*link.visuals, *link.collisions):
+            if shape.geometry is not None and shape.geometry.uri:
+                yield shape.geometry.uri
+            if shape.material is not None and shape.material.texture:
+                yield shape.material.texture
+    for material in urdf.materials.values():
+        if material.texture:
+            yield material.texture
 
 
 def load_built(folder: Path) -> Bundle:
     """What `posecast-edge model build` made. ModelError unless every file is what its manifest says."""
     try:
-        read = read_folder(folder)
+        manifest, entries = check_folder(folder)
     except FileNotFoundError as e:
         raise ModelError(f"{folder}: no built model, {Path(e.filename).name} is missing") from None
     except (ModelRefused, OSError) as e:
         raise ModelError(f"{folder}: {e}") from None
-    manifest = read.pop(MANIFEST)
-    files = [
-        BundleFile(folder / path, path, path, len(data), hashlib.sha256(data).hexdigest())
-        for path, data in read.items()
-    ]
-    return Bundle(manifest, files, [])
+    return Bundle(manifest, [BundleFile(folder / e.path, e.path, e.path, *e[1:]) for e in entries], [])
 
 
 def _manifest(files: list[BundleFile], missing: list[str]) -> bytes:
@@ -164,89 +187,3 @@ def _free_path(uri: str, taken: set[str]) -> str:
         number += 1
     taken.add(path)
     return path
-
-
-def _mesh_uris(text: bytes, urdf: Path) -> Iterator[str]:
-    """`filename` of every <mesh> and <texture>. expat alone, so that entities are refused unexpanded."""
-    uris: list[str] = []
-    depth = 0
-    root = ""
-
-    def start(name: str, attributes: dict[str, str]) -> None:
-        nonlocal depth, root
-        depth += 1
-        root = root or name
-        if depth > DEPTH_MAX:
-            raise ModelError(f"{urdf}: line {parser.CurrentLineNumber}: nested over {DEPTH_MAX} deep")
-        if name in ("mesh", "texture") and attributes.get("filename"):
-            uris.append(attributes["filename"])
-
-    def end(_name: str) -> None:
-        nonlocal depth
-        depth -= 1
-
-    def doctype(*_: object) -> None:
-        raise ModelError(f"{urdf}: line {parser.CurrentLineNumber}: a document type (DTD) is not accepted")
-
-    parser = expat.ParserCreate()
-    parser.StartElementHandler = start
-    parser.EndElementHandler = end
-    parser.StartDoctypeDeclHandler = doctype
-    parser.EntityDeclHandler = doctype
-    try:
-        parser.Parse(text, True)
-    except expat.ExpatError as e:
-        raise ModelError(f"{urdf}: line {e.lineno}: {expat.ErrorString(e.code)}") from None
-    if root != "robot":
-        raise ModelError(f"{urdf}: the root element is <{root}>, not <robot>")
-    return iter(uris)
-
-
-class _Resolver:
-    """Finds the file behind a URI, inside the folders that belong to the model."""
-
-    def __init__(self, urdf: Path) -> None:
-        self._folder = folder = urdf.parent
-        self._above = list(urdf.parents)[: LEVELS_UP + 1]
-        # The model's own folder: its ROS package, else the one that holds meshes/ beside the URDF's folder.
-        package = next((p for p in self._above if (p / "package.xml").is_file()), None)
-        beside = (folder.parent / "meshes").is_dir() and not (folder / "meshes").is_dir()
-        self._root = package or (folder.parent if beside else folder)
-
-    def find(self, uri: str) -> Path | None:
-        """The file; None when there is none, it is no mesh or picture, or lies outside (links resolved)."""
-        try:
-            parts = urlsplit(uri)
-        except ValueError:
-            return None
-        path = unquote(parts.path)
-        if parts.scheme == "package":
-            return self._in_package(unquote(parts.netloc), path.strip("/"))
-        if parts.scheme == "file":
-            return self._inside(Path(path), self._root)
-        return None if parts.scheme else self._inside(self._folder / path, self._root)
-
-    def _in_package(self, package: str, rest: str) -> Path | None:
-        if not package:  # package:///name/rest
-            package, _, rest = rest.partition("/")
-        if package in ("", ".", "..") or "/" in package:
-            return None
-        for folder in self._above:
-            for root in (folder, folder / package):
-                # a package called like the user would be all that the user has
-                private = Path.home().is_relative_to(root)
-                if root.name == package and not private and (found := self._inside(root / rest, root)):
-                    return found
-        # A package whose folder was renamed or taken apart: the tail of the path in the model's own folder.
-        names = PurePosixPath(rest).parts
-        tails = (self._inside(self._root.joinpath(*names[i:]), self._root) for i in range(len(names)))
-        return next((found for found in tails if found), None)
-
-    @staticmethod
-    def _inside(path: Path, root: Path) -> Path | None:
-        try:
-            real, inside = path.resolve(), root.resolve()
-            served = real.suffix.lower() in TYPES and real.is_relative_to(inside) and real.is_file()
-        except (OSError, RuntimeError, ValueError):  # links in a circle, a NUL in the name
-            return None
-        return real if served else None

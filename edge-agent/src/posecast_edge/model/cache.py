@@ -21,7 +21,7 @@ from posecast_edge.model.resolve import Resolver
 
 ENTRIES = 16
 INPUTS = "inputs.json"
-BUILDER = 1  # goes up when the same input gives another bundle
+BUILDER = 4  # goes up when the same input gives another bundle
 
 
 def cache_folder(environment: Mapping[str, str]) -> Path:

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from posecast_edge.model.finding import ModelRefused
 from posecast_edge.model.mesh import TEXT_MAX, TRIANGLES_MAX, Mesh, Paint, Rgba, Surface, fans
 from posecast_edge.model.obj import Load
+from posecast_edge.model.texture import checked_picture
 from posecast_edge.model.xml_tree import Element, read_xml
 
 ELEMENTS_MAX = 200_000
@@ -33,28 +34,30 @@ SHADERS = ("phong", "lambert", "blinn", "constant")
 
 @dataclass(frozen=True)
 class _Piece:
-    """Triangles of one material symbol in a geometry: (m, 3) corners into positions, and uv per corner."""
+    """Triangles of one material symbol: (m, 3) corners into positions; uv and colour per corner."""
 
     symbol: str
     positions: NDArray[np.float64]
     faces: NDArray[np.int64]
     uv: NDArray[np.float64] | None  # (m, 3, 2)
+    colours: NDArray[np.float64] | None  # (m, 3, 3)
 
 
-def read_collada(data: bytes, load: Load) -> Mesh:
-    """ModelRefused when it is none; a missing texture only costs the texture."""
+def read_collada(data: bytes, load: Load, keep_uv: bool = False) -> Mesh:
+    """ModelRefused when it is none; a missing texture only costs the texture. `keep_uv`: also without one."""
     root = read_xml(
         io.BytesIO(data), bytes_max=TEXT_MAX, elements_max=ELEMENTS_MAX, depth_max=DEPTH_MAX, texts=True
     )
     if root.tag.rpartition(":")[2] != "COLLADA":
         raise ModelRefused(f"its root is <{root.tag[:40]}>, not <COLLADA>", root.line)
-    return _Reader(root, load).mesh()
+    return _Reader(root, load, keep_uv).mesh()
 
 
 class _Reader:
-    def __init__(self, root: Element, load: Load) -> None:
+    def __init__(self, root: Element, load: Load, keep_uv: bool) -> None:
         self._root = root
         self._load = load
+        self._keep_uv = keep_uv
         self._notes: list[tuple[str, str]] = []
         self._ids: dict[str, Element] = {}
         self._pieces: dict[int, list[_Piece]] = {}
@@ -114,10 +117,25 @@ class _Reader:
             elif child.tag == "instance_geometry" and target is not None:
                 yield from self._geometry(target, at, _bindings(child))
             elif child.tag == "instance_controller" and target is not None:
-                skin = target.first("skin")
-                shape = self._target(skin.get("source")) if skin else None
-                if shape is not None:
-                    yield from self._geometry(shape, at, _bindings(child))
+                yield from self._controlled(target, at, _bindings(child), 0)
+
+    def _controlled(
+        self, controller: Element, at: Transform, bound: dict[str, str], depth: int
+    ) -> Iterator[Surface]:
+        """A skinned or morphed shape as it was bound: URDF moves bodies, not bones."""
+        self._count(depth)
+        how = controller.first("skin") or controller.first("morph")
+        source = self._target(how.get("source")) if how else None
+        if how is None or source is None:
+            return
+        bind = how.first("bind_shape_matrix")
+        values = _floats(bind) if bind else np.zeros(0)
+        if len(values) == 16 and np.isfinite(values).all():
+            at = at @ values.reshape(4, 4)
+        if source.tag == "controller":
+            yield from self._controlled(source, at, bound, depth + 1)
+        else:
+            yield from self._geometry(source, at, bound)
 
     def _geometry(self, geometry: Element, at: Transform, bound: dict[str, str]) -> Iterator[Surface]:
         self._count(0)
@@ -128,7 +146,8 @@ class _Reader:
             if self._triangles > TRIANGLES_MAX:
                 raise ModelRefused(f"more than {TRIANGLES_MAX:,} triangles")
             paint = self._paint(bound.get(piece.symbol) or (f"#{piece.symbol}" if piece.symbol else ""))
-            yield _placed(piece, at, paint)
+            textured = self._keep_uv or (paint is not None and paint.texture is not None)
+            yield _placed(piece, at, paint, textured)
 
     def _count(self, depth: int) -> None:
         self._instances += 1
@@ -151,12 +170,26 @@ class _Reader:
                 continue
             offset, source = inputs["POSITION"]
             positions = self._source(source, 3)
-            uv = None
-            if "TEXCOORD" in inputs:
-                uv_offset, uv_source = inputs["TEXCOORD"]
-                pairs, at = self._source(uv_source, 2), numbers[corners, uv_offset]
-                uv = pairs[at] if at.min() >= 0 and at.max() < len(pairs) else None
-            yield _Piece(element.get("material") or "", positions, numbers[corners, offset], uv)
+            uv, colours = (
+                self._of_corners(inputs, semantic, width, numbers, corners)
+                for semantic, width in (("TEXCOORD", 2), ("COLOR", 3))
+            )
+            yield _Piece(element.get("material") or "", positions, numbers[corners, offset], uv, colours)
+
+    def _of_corners(
+        self,
+        inputs: dict[str, tuple[int, Element]],
+        semantic: str,
+        width: int,
+        numbers: NDArray[np.int64],
+        corners: NDArray[np.int64],
+    ) -> NDArray[np.float64] | None:
+        """(m, 3, width) values; None when there are none, or too few."""
+        if semantic not in inputs:
+            return None
+        offset, source = inputs[semantic]
+        values, at = self._source(source, width), numbers[corners, offset]
+        return values[at] if at.min() >= 0 and at.max() < len(values) else None
 
     def _inputs(self, element: Element) -> dict[str, tuple[int, Element]]:
         """Offset and source by semantic; the first set of each."""
@@ -248,7 +281,7 @@ class _Reader:
         ref = source.first("ref") if source else None
         file = (ref.text if ref else source.text if source else name).strip()
         try:
-            return self._load(file)
+            return checked_picture(self._load(file))
         except ModelRefused as e:
             self._note("texture", f"its texture {file[:80]!r}: {e.reason}")
             return None
@@ -259,19 +292,24 @@ def _bindings(instance: Element) -> dict[str, str]:
     return {e.get("symbol") or "": e.get("target") or "" for e in (common.children if common else ())}
 
 
-def _placed(piece: _Piece, at: Transform, paint: Paint | None) -> Surface:
+def _placed(piece: _Piece, at: Transform, paint: Paint | None, textured: bool) -> Surface:
     positions = piece.positions @ at[:3, :3].T + at[:3, 3]
-    faces = piece.faces
+    faces, uv, colours = piece.faces, piece.uv if textured else None, piece.colours
     if faces.min() < 0 or faces.max() >= len(positions):
         raise ModelRefused("a triangle names a vertex that there is not")
     if np.linalg.det(at[:3, :3]) < 0:
         faces = faces[:, ::-1]
-    if piece.uv is None or paint is None or paint.texture is None:
+        uv, colours = (None if v is None else v[:, ::-1] for v in (uv, colours))
+    if uv is None and colours is None:
         return Surface(positions.astype(np.float32), faces.astype(np.int32), None, paint)
-    uv = piece.uv[:, ::-1] if faces is not piece.faces else piece.uv
-    flipped = uv.reshape(-1, 2) * (1, -1) + (0, 1)  # Collada counts from below
     own = np.arange(faces.size, dtype=np.int32).reshape(-1, 3)
-    return Surface(positions[faces.reshape(-1)].astype(np.float32), own, flipped.astype(np.float32), paint)
+    return Surface(
+        positions[faces.reshape(-1)].astype(np.float32),
+        own,
+        None if uv is None else (uv.reshape(-1, 2) * (1, -1) + (0, 1)).astype(np.float32),  # from below
+        paint,
+        None if colours is None else colours.reshape(-1, 3).astype(np.float32),
+    )
 
 
 def _corners(element: Element, stride: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

@@ -6,21 +6,28 @@ import argparse
 import json
 import sys
 from collections.abc import Mapping, Sequence
+from io import BytesIO
 from pathlib import Path
 from typing import Any, NoReturn
 
 from posecast_edge.model.cache import Cache, cache_folder
 from posecast_edge.model.doctor import examine
-from posecast_edge.model.finding import SEVERITIES, Finding, ModelRefused, quoted
+from posecast_edge.model.finding import EXTRA, SEVERITIES, Finding, ModelRefused, quoted
 from posecast_edge.model.folder import MANIFEST, write_folder
 from posecast_edge.model.progress import Bar
 from posecast_edge.model.resolve import Resolver, package_folders
 from posecast_edge.model.tree import build_tree
-from posecast_edge.model.urdf_reader import load_urdf
-from posecast_edge.profile import ProfileError, load_profile
+from posecast_edge.model.urdf import Urdf
+from posecast_edge.model.urdf_reader import load_urdf, read_urdf
+from posecast_edge.observe import observe
+from posecast_edge.profile import Profile
+from posecast_edge.profile_reader import ProfileError, find_profile, load_profile
+from posecast_edge.source_doctor import examine_source
+from posecast_edge.sources import Discovering, SourceError, defaults_of, open_source
 
+DESCRIPTION = "robot_description"
+NEEDS_EXTRA = f"needs the mesh tools: {EXTRA}"
 CLEAN, PROBLEMS, UNUSABLE = 0, 1, 2
-EXTRA = "needs the mesh tools: pip install 'posecast-edge[model]'"
 
 
 class _Parser(argparse.ArgumentParser):
@@ -37,9 +44,12 @@ def run_command(argv: Sequence[str], environment: Mapping[str, str]) -> int:
     build.add_argument("urdf", type=Path)
     build.add_argument("-o", "--out", type=Path, required=True, help="the bundle's folder")
     build.add_argument("--no-cache", action="store_true", help="build it anew")
-    doctor = commands.add_parser("doctor", help="what is wrong with a URDF, in plain words")
-    doctor.add_argument("--urdf", type=Path, required=True)
-    doctor.add_argument("--profile", type=Path, help="also whether the profile fits it")
+    doctor = commands.add_parser("doctor", help="what is wrong with a set-up, in plain words")
+    doctor.add_argument("--urdf", type=Path)
+    doctor.add_argument("--profile", type=find_profile, help="also whether the profile fits it")
+    doctor.add_argument("--source", help="also whether what it delivers fits both")
+    doctor.add_argument("--seconds", type=float, default=5.0, help="how long to watch the source (5)")
+    doctor.add_argument("--hz", type=float, default=30.0, help="frames a second that are wanted (30)")
     for command in (build, doctor):
         text = "a folder of ROS packages; may be given more than once, as may ROS_PACKAGE_PATH"
         command.add_argument("--packages", type=Path, action="append", default=[], metavar="DIR", help=text)
@@ -47,44 +57,78 @@ def run_command(argv: Sequence[str], environment: Mapping[str, str]) -> int:
     try:
         args = parser.parse_args(argv)
         file = args.urdf
+        if args.command == "doctor" and not (args.urdf or args.profile or args.source):
+            raise ModelRefused("doctor: give --urdf, --profile, --source, or several of them")
         packages = [*args.packages, *package_folders(environment)]
         if args.command == "doctor":
-            return _doctor(args.urdf, packages, args.profile)
+            return _doctor(args, packages)
         return _build(args.urdf, packages, args.out, None if args.no_cache else cache_folder(environment))
     except ModelRefused as e:
         where = "" if file is None else f"{file}: " if e.line is None else f"{file}:{e.line}: "
         _say(sys.stderr, f"posecast-edge: {where}{e.reason}")
-    except ProfileError as e:
+    except (ProfileError, SourceError) as e:
         _say(sys.stderr, f"posecast-edge: {e}")
     except OSError as e:
         _say(sys.stderr, f"posecast-edge: {e.filename or file}: {e.strerror or e}")
     return UNUSABLE
 
 
-def _doctor(path: Path, packages: Sequence[Path], profile: Path | None) -> int:
-    urdf = load_urdf(path)
-    meaning = load_profile(profile).mapping if profile is not None else None
-    try:
-        from posecast_edge.model.files import Files, facts_of, read_visual_meshes  # noqa: PLC0415 - an extra
-    except ImportError:
-        facts = None
-        _say(sys.stderr, f"posecast-edge: meshes not looked at: {EXTRA}")
-    else:
-        files = Files(Resolver(path, packages))
-        with Bar(sys.stderr) as bar:
-            read_visual_meshes(urdf, files, bar.show)
-        facts = facts_of(files)
-    findings = examine(urdf, build_tree(urdf), facts, meaning)
-    for finding in findings:
-        _say(sys.stdout, finding.words(str(path)))
-    _say(sys.stdout, f"{path}: {_counted(urdf.name, len(urdf.links), len(urdf.joints), findings)}")
+def _doctor(args: argparse.Namespace, packages: Sequence[Path]) -> int:
+    profile = load_profile(args.profile) if args.profile is not None else None
+    urdf = load_urdf(args.urdf) if args.urdf is not None else None
+    findings: list[Finding] = []
+    if urdf is not None:
+        findings += _model(args.urdf, urdf, packages, profile)
+    if args.source is not None:
+        findings += _source(args, profile, urdf)
+    if profile is not None and urdf is None and args.source is None:
+        channels = sum(len(f.labels) for f in profile.fields)
+        counts = f"{_many(len(profile.fields), 'field')}, {_many(channels, 'channel')}"
+        _say(sys.stdout, f"{args.profile}: {counts}: {_counted(findings)}")
     return PROBLEMS if any(f.severity != "hint" for f in findings) else CLEAN
 
 
-def _counted(name: str, links: int, joints: int, findings: Sequence[Finding]) -> str:
+def _model(path: Path, urdf: Urdf, packages: Sequence[Path], profile: Profile | None) -> list[Finding]:
+    try:
+        from posecast_edge.model.files import facts_of, read_visual_files  # noqa: PLC0415 - an extra
+    except ImportError:
+        facts = None
+        _say(sys.stderr, f"posecast-edge: meshes not looked at: {NEEDS_EXTRA}")
+    else:
+        with Bar(sys.stderr) as bar:
+            files = read_visual_files(urdf, Resolver(path, packages), bar.show)
+        facts = facts_of(files)
+    findings = examine(urdf, build_tree(urdf), facts, profile.mapping if profile else None)
+    for finding in findings:
+        _say(sys.stdout, finding.words(str(path)))
+    counts = f"{_many(len(urdf.links), 'link')}, {_many(len(urdf.joints), 'joint')}"
+    _say(sys.stdout, f"{path}: robot {quoted(urdf.name)}, {counts}: {_counted(findings)}")
+    return findings
+
+
+def _source(args: argparse.Namespace, profile: Profile | None, urdf: Urdf | None) -> list[Finding]:
+    """What shows only while the source speaks."""
+    path = defaults_of(args.source).profile if profile is None else None
+    profile = load_profile(path) if path else profile
+    source = open_source(args.source, profile)
+    described: list[str] = []
+    if urdf is None and isinstance(source, Discovering):
+        source.describe_to(described.append)
+    seen = observe(source, args.seconds, profile)
+    if described:
+        urdf = read_urdf(BytesIO(described[-1].encode()))
+    findings = examine_source(seen, urdf, args.hz, given=profile is not None)
+    for finding in findings:
+        # a line is the URDF's
+        _say(sys.stdout, finding.words(str(args.urdf or DESCRIPTION) if finding.line else args.source))
+    rate = f"{_many(seen.samples, 'sample')}, {seen.rate_hz:.1f} a second"
+    _say(sys.stdout, f"{args.source}: {rate}: {_counted(findings)}")
+    return findings
+
+
+def _counted(findings: Sequence[Finding]) -> str:
     counts = [(sum(f.severity == s for f in findings), s) for s in SEVERITIES]
-    said = ", ".join(_many(n, s) for n, s in counts if n) or "nothing wrong"
-    return f"robot {quoted(name)}, {_many(links, 'link')}, {_many(joints, 'joint')}: {said}"
+    return ", ".join(_many(n, s) for n, s in counts if n) or "nothing wrong"
 
 
 def _many(number: int, what: str) -> str:
@@ -95,7 +139,7 @@ def _build(path: Path, packages: Sequence[Path], out: Path, cache: Path | None) 
     try:
         from posecast_edge.model.build import build  # noqa: PLC0415 - an extra
     except ImportError:
-        raise ModelRefused(EXTRA) from None
+        raise ModelRefused(NEEDS_EXTRA) from None
     kept = Cache(cache, path, packages) if cache is not None else None
     files = kept.get() if kept is not None else None
     if files is None:

@@ -13,11 +13,13 @@ from posecast_wire.mapping import Mapping as Meaning
 
 from posecast_edge.model.doctor_meshes import MeshFacts, mesh_findings
 from posecast_edge.model.finding import Finding, quoted, worst_first
+from posecast_edge.model.kinematics import variables_of
 from posecast_edge.model.tree import Tree
-from posecast_edge.model.urdf import Joint, Link, Urdf, material_of
+from posecast_edge.model.urdf import SCALAR_TYPES, UNBOUNDED, Joint, Link, Urdf, material_of
 
 TURN = 2 * math.pi
 FAR = 10.0  # m, from one joint to the next: more than that is a unit mistaken
+SHOWN = 6  # names in one line
 UNIT = 1e-3  # how far an axis may be from length 1
 
 
@@ -43,15 +45,19 @@ def _joint(joint: Joint) -> Iterator[Finding]:
     what = f"joint {quoted(joint.name)}"
     yield from _origin(what, joint.pose.xyz, joint.pose.rpy, joint.line)
     if joint.type in ("floating", "planar"):
-        text = f"{what} is {joint.type}: it is shown at its origin, no channel moves it"
-        yield Finding("hint", "joint-free", text, joint.line)
-    if joint.type not in ("revolute", "continuous", "prismatic"):
-        if joint.mimic is not None:
-            yield Finding("hint", "mimic-useless", f"{what} is {joint.type} and mimics another", joint.line)
+        channels = ", ".join(map(quoted, _variables(joint)))
+        yield Finding(
+            "hint", "joint-free", f"{what} is {joint.type}: it moves by channels {channels}", joint.line
+        )
+    if joint.type not in SCALAR_TYPES and joint.mimic is not None:
+        yield Finding("hint", "mimic-useless", f"{what} is {joint.type} and mimics another", joint.line)
+    if joint.type in ("fixed", "floating"):
         return
     if joint.axis is None:
-        text = f"{what} has no axis; the standard says x (1 0 0)"
-        yield Finding("hint", "axis-missing", text, joint.line)
+        plane = joint.type == "planar"
+        more = ": its plane stands upright; a floor is 0 0 1" if plane else ""
+        text = f"{what} has no axis; the standard says x (1 0 0){more}"
+        yield Finding("warning" if plane else "hint", "axis-missing", text, joint.line)
     else:
         length = math.hypot(*joint.axis)
         if length < 1e-9:
@@ -59,7 +65,8 @@ def _joint(joint: Joint) -> Iterator[Finding]:
         elif abs(length - 1) > UNIT:
             text = f"{what}: its axis has length {length:.3g}, not 1; other programs scale the motion by it"
             yield Finding("warning", "axis-length", text, joint.line)
-    yield from _limits(joint, what)
+    if joint.type in SCALAR_TYPES:
+        yield from _limits(joint, what)
 
 
 def _limits(joint: Joint, what: str) -> Iterator[Finding]:
@@ -84,9 +91,9 @@ def _limits(joint: Joint, what: str) -> Iterator[Finding]:
         text = f"{what}: 0 lies outside its limits, {shown}: the zero pose can't be taken"
         yield Finding("hint", "limit-without-zero", text, line)
     largest = max(abs(lower), abs(upper))
-    if joint.type == "revolute" and largest > 2 * TURN:
+    if joint.type == "revolute" and 2 * TURN < largest < UNBOUNDED:
         yield Finding("warning", "limit-degrees", f"{what}: limits {shown} rad: are these degrees?", line)
-    if joint.type == "prismatic" and largest > FAR:
+    if joint.type == "prismatic" and FAR < largest < UNBOUNDED:
         yield Finding(
             "warning", "limit-millimetres", f"{what}: limits {shown} m: are these millimetres?", line
         )
@@ -106,9 +113,6 @@ def _origin(what: str, xyz: tuple[float, ...], rpy: tuple[float, ...], line: int
 def _link(link: Link) -> Iterator[Finding]:
     for shape in link.visuals:
         yield from _origin(f"link {quoted(link.name)}, visual", shape.pose.xyz, shape.pose.rpy, shape.line)
-        if shape.material is not None and shape.material.texture:
-            text = f"link {quoted(link.name)}: a texture in the URDF is not shown; put it into the mesh"
-            yield Finding("hint", "texture-in-urdf", text, shape.material.line)
     inertial = link.inertial
     if inertial is not None:
         ixx, ixy, ixz, iyy, iyz, izz = inertial.inertia
@@ -130,7 +134,7 @@ def _materials(urdf: Urdf) -> Iterator[Finding]:
             own = shape.material
             if own is not None and own.name and not own.texture:
                 found = material_of(shape, urdf.materials)
-                if found is None or found.rgba is None:
+                if found is None or (found.rgba is None and not found.texture):
                     lines.setdefault(own.name, []).append(own.line)
     for name, where in lines.items():
         times = f", {len(where)} times" if len(where) > 1 else ""
@@ -161,12 +165,26 @@ def _profile(urdf: Urdf, meaning: Meaning) -> Iterator[Finding]:
                 f"the profile mounts sensor {quoted(site)} on link {quoted(mount.link)}, which there is not"
             )
             yield Finding("warning", "profile-sensor", text)
+    known = {name for joint in urdf.joints for name in _variables(joint)}
+    gone = [name for name in meaning.joints if name not in known and name not in joints]
+    if gone:  # in one line: with another robot's profile it is all of them
+        many = f" and {len(gone) - SHOWN} more" if len(gone) > SHOWN else ""
+        which = f"joint{'s' if len(gone) > 1 else ''} {', '.join(map(quoted, gone[:SHOWN]))}{many}"
+        text = f"the profile maps {which}, which there {'are' if len(gone) > 1 else 'is'} not"
+        yield Finding("warning", "profile-joint", text)
     for name in meaning.joints:
-        if name not in joints:
-            yield Finding(
-                "warning", "profile-joint", f"the profile maps joint {quoted(name)}, which there is not"
-            )
-        elif joints[name].type == "fixed":
-            yield Finding(
-                "warning", "profile-joint", f"the profile maps joint {quoted(name)}, which is fixed"
-            )
+        if name in known:
+            continue
+        joint = joints.get(name)
+        if joint is None:
+            continue
+        if joint.type == "fixed":
+            text = "which is fixed"
+        else:
+            text = f"which is {joint.type}: map {', '.join(map(quoted, _variables(joint)))}"
+        yield Finding("warning", "profile-joint", f"the profile maps joint {quoted(name)}, {text}")
+
+
+def _variables(joint: Joint) -> list[str]:
+    """Names of the readings that move it."""
+    return [name for name, _ in variables_of(joint.name, joint.type)]

@@ -9,20 +9,21 @@ from itertools import product as corners_of
 
 from posecast_edge.model.finding import Finding, quoted
 from posecast_edge.model.kinematics import Matrix, from_quaternion, product, quaternion_from_rpy
+from posecast_edge.model.resolve import OUTSIDE
 from posecast_edge.model.tree import Tree
-from posecast_edge.model.urdf import Geometry, Shape, Urdf, Vector
+from posecast_edge.model.urdf import Geometry, Shape, Urdf, Vector, material_of
 
 LARGE_M = 20.0
 SMALL_M = 0.05
 SPECK_M = 1e-4
 HEAVY_BYTES = 20_000_000
-OUTSIDE_CODES = {"lies outside the model's folders": "mesh-outside", "no such file": "mesh-missing"}
+OUTSIDE_CODES = {OUTSIDE: "mesh-outside", "no such file": "mesh-missing"}
 
 
 @dataclass(frozen=True)
 class MeshFacts:
     """What is known of one URI. `reason`: why there is no mesh; `hint`: how it was found all the same; `low`,
-    `high`: its box in the file's axes, m, before the URDF's scale."""
+    `high`: its box in the file's axes, m, before the URDF's scale; `has_uv`: a picture knows where to lie."""
 
     uri: str
     reason: str | None = None
@@ -32,6 +33,7 @@ class MeshFacts:
     low: Vector = (0.0, 0.0, 0.0)
     high: Vector = (0.0, 0.0, 0.0)
     notes: tuple[tuple[str, str], ...] = ()
+    has_uv: bool = False
 
 
 def mesh_findings(urdf: Urdf, tree: Tree, facts: Mapping[str, MeshFacts] | None) -> Iterator[Finding]:
@@ -44,6 +46,7 @@ def mesh_findings(urdf: Urdf, tree: Tree, facts: Mapping[str, MeshFacts] | None)
     if facts is None:
         return
     yield from _files(shapes, facts)
+    yield from _textures(urdf, shapes, facts)
     for name, shape in shapes:
         yield from _size(name, shape, facts)
     yield from _whole(tree, facts)
@@ -91,6 +94,28 @@ def _files(shapes: list[tuple[str, Shape]], facts: Mapping[str, MeshFacts]) -> I
     for (code, text), uris in lenient.items():
         more = f" and {len(uris) - 1} more" if len(uris) > 1 else ""
         yield Finding("hint", code, f"mesh {quoted(uris[0])}{more}: {text}", first[uris[0]])
+
+
+def _textures(
+    urdf: Urdf, shapes: list[tuple[str, Shape]], facts: Mapping[str, MeshFacts]
+) -> Iterator[Finding]:
+    """Pictures that the URDF itself names, and that can't be shown."""
+    told: set[str] = set()
+    for name, shape in shapes:
+        material = material_of(shape, urdf.materials)
+        if material is None or not material.texture:
+            continue
+        lost = facts.get(material.texture)
+        if lost is not None and lost.reason is not None:
+            if material.texture not in told:
+                text = f"texture {quoted(material.texture)} of link {quoted(name)}: {lost.reason}"
+                yield Finding("error", "texture-missing", text, material.line)
+            told.add(material.texture)
+            continue
+        fact = facts.get(shape.geometry.uri) if shape.geometry is not None else None
+        if fact is not None and fact.reason is None and not fact.has_uv:
+            text = f"link {quoted(name)}: its mesh has no texture coordinates; the mean colour is shown"
+            yield Finding("hint", "texture-coordinates", text, shape.line)
 
 
 def _size(name: str, shape: Shape, facts: Mapping[str, MeshFacts]) -> Iterator[Finding]:

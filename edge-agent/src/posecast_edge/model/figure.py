@@ -96,7 +96,7 @@ class _Maker:
         """Surfaces of one paint become one, welded."""
         by_paint: dict[tuple[Paint, str | None], list[Surface]] = {}
         for surface in mesh.surfaces:
-            own = STAND_IN if mark else surface.paint or fallback
+            own = STAND_IN if mark else surface.paint or fallback or surface.spare
             painted = (own or GREY, mark or ("default" if own is None else None))
             if painted[0].texture is not None and surface.uv is None:
                 painted = (_without_picture(painted[0]), painted[1])
@@ -137,7 +137,12 @@ class _Maker:
 
     def _paint(self, shape: Shape) -> Paint | None:
         material = material_of(shape, self._urdf.materials)
-        return Paint(material.rgba) if material is not None and material.rgba is not None else None
+        if material is None:
+            return None
+        picture = self._files.picture(material.texture) if material.texture else None
+        if picture is not None:  # the picture alone, as RViz does
+            return Paint((1.0, 1.0, 1.0, material.rgba[3] if material.rgba else 1.0), picture)
+        return Paint(material.rgba) if material.rgba is not None else None
 
 
 def _without_picture(paint: Paint) -> Paint:

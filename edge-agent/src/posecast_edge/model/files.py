@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 from posecast_edge.model.doctor_meshes import MeshFacts
 from posecast_edge.model.finding import ModelRefused
 from posecast_edge.model.mesh import Mesh
-from posecast_edge.model.mesh_reader import read_mesh
+from posecast_edge.model.mesh_reader import TEXTURE_MAX, read_bounded, read_mesh
 from posecast_edge.model.resolve import Resolver
-from posecast_edge.model.urdf import Urdf
+from posecast_edge.model.texture import checked_picture
+from posecast_edge.model.urdf import Urdf, material_of
 
 TRIANGLES_MAX = 10_000_000  # of all meshes
 
@@ -31,12 +32,15 @@ class MeshFile:
 
 
 class Files:
-    """The meshes of one URDF, read when asked for. Bounded by TRIANGLES_MAX in all."""
+    """The meshes and pictures that one URDF names, read when asked for. Bounded by TRIANGLES_MAX in all."""
 
-    def __init__(self, resolver: Resolver) -> None:
+    def __init__(self, resolver: Resolver, textured: Collection[str] = ()) -> None:
+        """`textured`: URIs of meshes for which the URDF has a picture."""
         self._resolver = resolver
+        self._textured = textured
         self._by_uri: dict[str, MeshFile] = {}
-        self._by_path: dict[Path, Mesh | str] = {}
+        self._by_path: dict[tuple[Path, bool], Mesh | str] = {}
+        self._pictures: dict[str, bytes | str] = {}
         self._triangles = 0
 
     def __getitem__(self, uri: str) -> MeshFile:
@@ -52,19 +56,36 @@ class Files:
             found = self._resolver.find(uri)
         except ModelRefused as e:
             return MeshFile(uri, None, None, e.reason, None, 0)
-        if found.path not in self._by_path:
-            self._by_path[found.path] = self._load(found.path)
-        loaded = self._by_path[found.path]
+        key = (found.path, uri in self._textured)
+        if key not in self._by_path:
+            self._by_path[key] = self._load(*key)
+        loaded = self._by_path[key]
         size = found.path.stat().st_size
         if isinstance(loaded, str):
             return MeshFile(uri, found.path, None, loaded, found.hint, size)
         return MeshFile(uri, found.path, loaded, None, found.hint, size)
 
-    def _load(self, path: Path) -> Mesh | str:
+    def picture(self, uri: str) -> bytes | None:
+        """The picture behind a URI; None when there is none, and `missing` says why."""
+        if uri not in self._pictures:
+            try:
+                path = self._resolver.find(uri).path
+                self._pictures[uri] = checked_picture(read_bounded(path, TEXTURE_MAX))
+            except ModelRefused as e:
+                self._pictures[uri] = e.reason
+        found = self._pictures[uri]
+        return found if isinstance(found, bytes) else None
+
+    def missing(self) -> dict[str, str]:
+        """URI → why it can't be used."""
+        reasons = {file.uri: file.reason for file in self if file.reason}
+        return reasons | {uri: why for uri, why in self._pictures.items() if isinstance(why, str)}
+
+    def _load(self, path: Path, keep_uv: bool) -> Mesh | str:
         if self._triangles > TRIANGLES_MAX:
             return f"left out: the robot has more than {TRIANGLES_MAX:,} triangles already"
         try:
-            mesh = read_mesh(path, self._resolver)
+            mesh = read_mesh(path, self._resolver, keep_uv)
         except ModelRefused as e:
             return e.reason if e.line is None else f"line {e.line}: {e.reason}"
         except MemoryError:
@@ -73,18 +94,30 @@ class Files:
         return mesh
 
 
-def read_visual_meshes(urdf: Urdf, files: Files, progress: Progress) -> None:
-    """Read what is drawn, with word of how far it is."""
+def read_visual_files(urdf: Urdf, resolver: Resolver, progress: Progress) -> Files:
+    """What is drawn, read, with word of how far it is."""
+    pictures: dict[str, None] = {}
+    textured: set[str] = set()
+    for shape in (s for link in urdf.links for s in link.visuals):
+        material = material_of(shape, urdf.materials)
+        if shape.geometry is not None and material is not None and material.texture:
+            pictures[material.texture] = None
+            textured.add(shape.geometry.uri)
+    files = Files(resolver, textured)
+    for uri in pictures:
+        files.picture(uri)
     shapes = [s.geometry for link in urdf.links for s in link.visuals if s.geometry is not None]
     uris = list(dict.fromkeys(g.uri for g in shapes if g.kind == "mesh"))
     for number, uri in enumerate(uris):
         progress(number, len(uris), uri)
         files[uri]
+    return files
 
 
 def facts_of(files: Files) -> dict[str, MeshFacts]:
     """For the doctor."""
-    return {file.uri: _facts(file) for file in files}
+    lost = {uri: MeshFacts(uri, reason) for uri, reason in files.missing().items()}
+    return lost | {file.uri: _facts(file) for file in files}
 
 
 def _facts(file: MeshFile) -> MeshFacts:
@@ -100,4 +133,5 @@ def _facts(file: MeshFile) -> MeshFacts:
         (low[0], low[1], low[2]),
         (high[0], high[1], high[2]),
         file.mesh.notes,
+        all(s.uv is not None for s in file.mesh.surfaces),
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+EXTRA = "pip install 'posecast-edge[model]'"
 SEVERITIES = ("error", "warning", "hint")
 
 

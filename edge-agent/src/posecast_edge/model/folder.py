@@ -7,9 +7,9 @@ import hashlib
 import json
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple, cast
 
 from posecast_edge.model.finding import ModelRefused
 
@@ -17,6 +17,7 @@ MANIFEST = "manifest.json"
 MANIFEST_MAX = 1 << 20
 FILE_MAX = 256 << 20
 FILES_MAX = 64
+CHUNK = 1 << 18  # the agent beside the robot stays small
 PATH = re.compile(r"[a-z0-9][a-z0-9.-]{0,99}")
 SHA256 = re.compile(r"[0-9a-f]{64}")
 
@@ -37,25 +38,41 @@ def write_folder(folder: Path, files: Mapping[str, bytes]) -> None:
             (folder / name).unlink()
 
 
+class Entry(NamedTuple):
+    """A file as a manifest names it."""
+
+    path: str
+    size: int
+    sha256: str
+
+
 def read_folder(folder: Path) -> dict[str, bytes]:
     """A bundle's files with its manifest. ModelRefused unless each is what the manifest says; OSError."""
+    manifest, entries = check_folder(folder)
+    return {MANIFEST: manifest} | {e.path: _read(folder / e.path, e.size) for e in entries}
+
+
+def check_folder(folder: Path) -> tuple[bytes, list[Entry]]:
+    """The manifest, and its files by name. ModelRefused unless each is what the manifest says; OSError."""
     manifest = _read(folder / MANIFEST, MANIFEST_MAX)
-    files = {MANIFEST: manifest}
-    for path, size, digest in entries_of(manifest):
-        data = _read(folder / path, min(size, FILE_MAX))
-        if len(data) != size or hashlib.sha256(data).hexdigest() != digest:
+    entries = entries_of(manifest)
+    for path, size, digest in entries:
+        sha, length = hashlib.sha256(), 0
+        for chunk in _chunks(folder / path, size):
+            sha.update(chunk)
+            length += len(chunk)
+        if length != size or sha.hexdigest() != digest:
             raise ModelRefused(f"{path} is not what the manifest says")
-        files[path] = data
-    return files
+    return manifest, entries
 
 
-def entries_of(manifest: bytes) -> list[tuple[str, int, str]]:
-    """Path, size and SHA-256 of each file that a version 2 manifest names. ModelRefused when it is none."""
+def entries_of(manifest: bytes) -> list[Entry]:
+    """The files that a version 2 manifest names. ModelRefused when it is none."""
     try:
         document: dict[str, Any] = json.loads(manifest)
         if document["v"] != 2:
             raise ModelRefused(f"a bundle of version {document['v']!r:.20}; this is for version 2")
-        entries = [(f["path"], f["size"], f["sha256"]) for f in document["files"]]
+        entries = [Entry(f["path"], f["size"], f["sha256"]) for f in document["files"]]
     except (ValueError, KeyError, TypeError, RecursionError):
         raise ModelRefused("its manifest is none") from None
     if len(entries) > FILES_MAX or not all(map(_fits, entries)):
@@ -63,8 +80,8 @@ def entries_of(manifest: bytes) -> list[tuple[str, int, str]]:
     return entries
 
 
-def _fits(entry: tuple[object, object, object]) -> bool:
-    path, size, digest = entry
+def _fits(entry: Entry) -> bool:
+    path, size, digest = cast(tuple[object, object, object], entry)  # a stranger's
     return (
         isinstance(path, str)
         and PATH.fullmatch(path) is not None
@@ -87,10 +104,16 @@ def _names_in(folder: Path) -> set[str]:
 
 
 def _read(path: Path, most: int) -> bytes:
+    return b"".join(_chunks(path, most))
+
+
+def _chunks(path: Path, most: int) -> Iterator[bytes]:
     if path.is_symlink():
         raise ModelRefused(f"{path.name} is a link")
+    left = most
     with path.open("rb") as file:
-        data = file.read(most + 1)
-    if len(data) > most:
-        raise ModelRefused(f"{path.name} is larger than the manifest says")
-    return data
+        while chunk := file.read(CHUNK):
+            left -= len(chunk)
+            if left < 0:
+                raise ModelRefused(f"{path.name} is larger than the manifest says")
+            yield chunk

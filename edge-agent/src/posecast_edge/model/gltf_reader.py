@@ -1,7 +1,8 @@
-"""GLB: triangles and base colours of a self-contained glTF 2.0 file, in its own axes as URDF viewers do."""
+"""glTF 2.0, as GLB or with files beside it: triangles and base colours, in its own axes as in RViz."""
 
 from __future__ import annotations
 
+import binascii
 import json
 from collections.abc import Iterator
 from typing import Any
@@ -9,9 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from posecast_edge.model.finding import ModelRefused
+from posecast_edge.model.finding import ModelRefused, quoted
 from posecast_edge.model.kinematics import from_quaternion
-from posecast_edge.model.mesh import TRIANGLES_MAX, Mesh, Paint, Surface
+from posecast_edge.model.mesh import TRIANGLES_MAX, Floats, Mesh, Paint, Surface
+from posecast_edge.model.obj import Load
 from posecast_edge.model.texture import checked_picture
 
 JSON_MAX = 16 << 20
@@ -22,14 +24,26 @@ COMPONENTS = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 512
 WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 
 
-def read_glb(data: bytes) -> Mesh:
-    """ModelRefused when it is none, is compressed, or points outside itself."""
-    document, binary = _chunks(data)
+def read_gltf(data: bytes, load: Load) -> Mesh:
+    """ModelRefused when it is none, or is compressed."""
+    document, binary = _chunks(data) if data[:4] == b"glTF" else (_json(data), None)
     try:
-        reader = _Reader(document, binary)
+        reader = _Reader(document, binary, load)
         return Mesh(tuple(reader.surfaces()), tuple(reader.notes))
     except (KeyError, IndexError, TypeError, AttributeError, ValueError, OverflowError) as e:
         raise ModelRefused(f"its glTF is broken: {type(e).__name__} {str(e)[:60]}") from None
+
+
+def _json(text: bytes) -> dict[str, Any]:
+    if len(text) > JSON_MAX:
+        raise ModelRefused("its JSON is longer than the file, or than 16 MiB")
+    try:
+        document = json.loads(text)
+    except (ValueError, RecursionError):
+        raise ModelRefused("its JSON is none") from None
+    if not isinstance(document, dict):
+        raise ModelRefused("its JSON is none")
+    return document
 
 
 def _chunks(data: bytes) -> tuple[dict[str, Any], bytes]:
@@ -38,23 +52,19 @@ def _chunks(data: bytes) -> tuple[dict[str, Any], bytes]:
     length = int.from_bytes(data[12:16], "little")
     if data[16:20] != b"JSON" or length > len(data) - 20 or length > JSON_MAX:
         raise ModelRefused("its JSON is longer than the file, or than 16 MiB")
-    try:
-        document = json.loads(data[20 : 20 + length])
-    except (ValueError, RecursionError):
-        raise ModelRefused("its JSON is none") from None
+    document = _json(data[20 : 20 + length])
     at = 20 + length
     binary = b""
     if at + 8 <= len(data) and data[at + 4 : at + 8] == b"BIN\0":
         binary = data[at + 8 : at + 8 + int.from_bytes(data[at : at + 4], "little")]
-    if not isinstance(document, dict):
-        raise ModelRefused("its JSON is none")
     return document, binary
 
 
 class _Reader:
-    def __init__(self, document: dict[str, Any], binary: bytes) -> None:
+    def __init__(self, document: dict[str, Any], binary: bytes | None, load: Load) -> None:
         self._document = document
-        self._binary = binary
+        self._load = load
+        self._buffers: dict[int, bytes] = {} if binary is None else {0: binary}
         self._visited = 0
         self.notes: list[tuple[str, str]] = []
         self._triangles = 0
@@ -102,14 +112,27 @@ class _Reader:
             raise ModelRefused(f"more than {TRIANGLES_MAX:,} triangles")
         paint = self._paint(primitive.get("material"))
         uv = None
-        if paint is not None and paint.texture is not None and "TEXCOORD_0" in attributes:
+        if "TEXCOORD_0" in attributes:
             uv = self._accessor(attributes["TEXCOORD_0"], 2).astype(np.float32)
             if len(uv) != len(positions):
                 raise ModelRefused("vertices and texture coordinates of different numbers")
+        colours = self._colours(attributes, len(positions))
         if np.linalg.det(at[:3, :3]) < 0:
             faces = faces[:, ::-1]
         placed = positions @ at[:3, :3].T + at[:3, 3]
-        return Surface(placed.astype(np.float32), faces.astype(np.int32), uv, paint)
+        return Surface(placed.astype(np.float32), faces.astype(np.int32), uv, paint, colours)
+
+    def _colours(self, attributes: dict[str, Any], count: int) -> Floats | None:
+        """Display values (n, 3) of vertices that have colours of their own."""
+        if "COLOR_0" not in attributes:
+            return None
+        number = attributes["COLOR_0"]
+        width = WIDTHS[_at(self._document["accessors"], number)["type"]]
+        linear = np.clip(self._accessor(number, width)[:, :3].astype(np.float64), 0, 1)
+        if len(linear) != count or width < 3:
+            raise ModelRefused("vertices and colours of different numbers")
+        low = linear * 12.92
+        return np.where(linear <= 0.0031308, low, 1.055 * linear ** (1 / 2.4) - 0.055).astype(np.float32)
 
     def _accessor(self, index: int, width: int) -> NDArray[Any]:
         """(n, width) values; normalised ones as floats."""
@@ -131,12 +154,34 @@ class _Reader:
         return np.maximum(values.astype(np.float64) / np.iinfo(kind).max, -1.0)
 
     def _view(self, view: dict[str, Any]) -> bytes:
-        if view.get("buffer", 0) != 0 or _at(self._document["buffers"], 0).get("uri"):
-            raise ModelRefused("it points to files beside it; pack it into one GLB")
+        data = self._buffer(_whole(view.get("buffer", 0)))
         offset, length = _whole(view.get("byteOffset", 0)), _whole(view["byteLength"])
-        if offset + length > len(self._binary):
+        if offset + length > len(data):
             raise ModelRefused("it claims more data than it has")
-        return self._binary[offset : offset + length]
+        return data[offset : offset + length]
+
+    def _buffer(self, number: int) -> bytes:
+        uri = _at(self._document["buffers"], number).get("uri")
+        if number not in self._buffers or uri is not None:
+            self._buffers[number] = self._resource(uri)
+        return self._buffers[number]
+
+    def _resource(self, uri: Any) -> bytes:
+        """The bytes behind a URI: inside it, or a file beside this one."""
+        if not isinstance(uri, str):
+            raise ModelRefused("it has no data")
+        if not uri.startswith("data:"):
+            return self._file(uri)
+        head, comma, text = uri.partition(",")
+        if not comma or not head.endswith(";base64"):
+            raise ModelRefused("data inside it are not base64")
+        return binascii.a2b_base64(text)
+
+    def _file(self, uri: str) -> bytes:
+        try:
+            return self._load(uri)
+        except ModelRefused as e:
+            raise ModelRefused(f"its file {quoted(uri, 40)}: {e.reason}") from None
 
     def _paint(self, index: int | None) -> Paint | None:
         if index is None:
@@ -150,11 +195,12 @@ class _Reader:
         if picture is None:
             return Paint(rgba)
         image = _at(self._document["images"], _at(self._document["textures"], picture["index"])["source"])
-        if "bufferView" not in image:
-            raise ModelRefused("it points to files beside it; pack it into one GLB")
-        view = self._view(_at(self._document["bufferViews"], image["bufferView"]))
         try:
-            return Paint(rgba, checked_picture(view))
+            if "bufferView" in image:
+                data = self._view(_at(self._document["bufferViews"], image["bufferView"]))
+            else:
+                data = self._resource(image.get("uri"))
+            return Paint(rgba, checked_picture(data))
         except ModelRefused as e:
             self.notes.append(("texture", f"a texture in it: {e.reason}"))
             return Paint(rgba)

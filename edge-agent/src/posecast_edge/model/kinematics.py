@@ -11,6 +11,20 @@ from typing import Any
 
 Matrix = list[list[float]]
 
+# What a joint's readings are called after its own name, and their rest: MoveIt's names of variables.
+SCALAR = (("", 0.0),)
+VARIABLES = {
+    "revolute": SCALAR,
+    "continuous": SCALAR,
+    "prismatic": SCALAR,
+    "fixed": (),
+    "planar": (("x", 0.0), ("y", 0.0), ("theta", 0.0)),
+    "floating": (
+        *((f"trans_{c}", 0.0) for c in "xyz"),
+        *((f"rot_{c}", float(c == "w")) for c in "xyzw"),
+    ),
+}
+
 
 def identity() -> Matrix:
     """No motion."""
@@ -43,28 +57,55 @@ def quaternion_from_rpy(rpy: Sequence[float]) -> tuple[float, float, float, floa
     return (w, x, y, z) if w >= 0 else (-w, -x, -y, -z)
 
 
-def motion(kind: str, axis: Sequence[float], q: float) -> Matrix:
-    """What a joint adds at q: turns about, or slides along, its unit axis."""
+def plane_of(axis: Sequence[float]) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
+    """x and y of the plane across a unit axis: the frame's, by the shortest turn that takes z to the axis."""
+    a, b, c = axis
+    if c < -1 + 1e-9:  # every turn by 180° is as short: about x
+        return (1.0, 0.0, 0.0), (0.0, -1.0, 0.0)
+    d = 1 / (1 + c)
+    return (1 - a * a * d, -a * b * d, -a), (-a * b * d, 1 - b * b * d, -b)
+
+
+def variables_of(name: str, kind: str) -> list[tuple[str, float]]:
+    """Names of the readings that a joint takes, each with the value it has without one."""
+    return [(f"{name}/{part}" if part else name, rest) for part, rest in VARIABLES[kind]]
+
+
+def motion(joint: Mapping[str, Any], q: Sequence[float]) -> Matrix:
+    """What a joint adds at q, the values of its variables."""
+    kind, axis = joint["type"], joint["axis"]
     if kind in ("revolute", "continuous"):
-        s = math.sin(q / 2)
-        return from_quaternion((0.0, 0.0, 0.0), (math.cos(q / 2), *(s * a for a in axis)))
+        return _turned((0.0, 0.0, 0.0), axis, q[0])
     if kind == "prismatic":
-        return from_quaternion([q * a for a in axis], (1.0, 0.0, 0.0, 0.0))
+        return from_quaternion([q[0] * a for a in axis], (1.0, 0.0, 0.0, 0.0))
+    if kind == "planar":
+        u, v = joint["plane"]
+        return _turned([q[0] * u[i] + q[1] * v[i] for i in range(3)], axis, q[2])
+    if kind == "floating":
+        x, y, z, w = q[3:]
+        length = math.hypot(w, x, y, z)
+        quat = (w / length, x / length, y / length, z / length) if length > 1e-6 else (1.0, 0.0, 0.0, 0.0)
+        return from_quaternion(q[:3], quat)
     return identity()
 
 
-def joint_values(manifest: Mapping[str, Any], readings: Mapping[str, float]) -> list[float]:
-    """q of every joint: its reading, else what it mimics, else 0."""
+def _turned(xyz: Sequence[float], axis: Sequence[float], angle: float) -> Matrix:
+    s = math.sin(angle / 2)
+    return from_quaternion(xyz, (math.cos(angle / 2), *(s * a for a in axis)))
+
+
+def joint_values(manifest: Mapping[str, Any], readings: Mapping[str, float]) -> list[list[float]]:
+    """The values of every joint's variables: each its reading, else what it mimics, else its rest."""
     joints = manifest["joints"]
-    values = [readings.get(joint["name"]) for joint in joints]
 
-    def of(joint: Mapping[str, Any], value: float | None) -> float:
-        mimic = joint.get("mimic")
-        if value is None and mimic:
-            return float(mimic["multiplier"] * (values[mimic["joint"]] or 0.0) + mimic["offset"])
-        return value or 0.0
+    def values(joint: Mapping[str, Any]) -> list[float]:
+        name, mimic = joint["name"], joint.get("mimic")
+        if mimic and name not in readings:
+            leader = readings.get(joints[mimic["joint"]]["name"], 0.0)
+            return [mimic["multiplier"] * leader + mimic["offset"]]
+        return [readings.get(variable, rest) for variable, rest in variables_of(name, joint["type"])]
 
-    return [of(joint, value) for joint, value in zip(joints, values, strict=True)]
+    return [values(joint) for joint in joints]
 
 
 def link_poses(manifest: Mapping[str, Any], readings: Mapping[str, float]) -> dict[str, Matrix]:
@@ -72,6 +113,6 @@ def link_poses(manifest: Mapping[str, Any], readings: Mapping[str, float]) -> di
     poses = [identity()]
     for joint, q in zip(manifest["joints"], joint_values(manifest, readings), strict=True):
         parent_from_joint = from_quaternion(joint["xyz"], joint["quat"])
-        moved = product(parent_from_joint, motion(joint["type"], joint["axis"], q))
+        moved = product(parent_from_joint, motion(joint, q))
         poses.append(product(poses[joint["parent"]], moved))
     return dict(zip(manifest["links"], poses, strict=True))

@@ -9,13 +9,12 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from posecast_edge.model.finding import Finding
-from posecast_edge.model.kinematics import quaternion_from_rpy
+from posecast_edge.model.kinematics import plane_of, quaternion_from_rpy
 from posecast_edge.model.tree import Tree
-from posecast_edge.model.urdf import Pose, Sensor, Urdf, Vector
+from posecast_edge.model.urdf import SCALAR_TYPES, UNBOUNDED, Pose, Sensor, Urdf, Vector
 
 VERSION = 2
 FINDINGS_MAX = 200
-MOVING = ("revolute", "continuous", "prismatic")
 
 
 def skeleton(urdf: Urdf, tree: Tree) -> dict[str, Any]:
@@ -34,7 +33,7 @@ def home(manifest: Mapping[str, Any]) -> dict[str, float]:
     for joint in manifest["joints"]:
         limits = joint.get("limits", {})
         low, high = limits.get("lower", -math.inf), limits.get("upper", math.inf)
-        if low <= high and not joint.get("mimic"):
+        if low <= high and joint["type"] in SCALAR_TYPES and not joint.get("mimic"):
             at[joint["name"]] = min(max(0.0, low), high)
     return at
 
@@ -82,7 +81,9 @@ def _joint(tree: Tree, number: int) -> dict[str, Any]:
         **_pose(joint.pose),
         "axis": [short(v) for v in unit(joint.axis)],
     }
-    if limit is not None and joint.type in MOVING:
+    if joint.type == "planar":
+        entry["plane"] = [[short(v) for v in way] for way in plane_of(unit(joint.axis))]
+    if limit is not None and joint.type in SCALAR_TYPES:
         bounded = joint.type != "continuous"
         given = {
             "lower": limit.lower if limit.lower is not None or not bounded else 0.0,
@@ -90,7 +91,7 @@ def _joint(tree: Tree, number: int) -> dict[str, Any]:
             "velocity": limit.velocity,
             "effort": limit.effort,
         }
-        if not bounded:
+        if not bounded or max(abs(limit.lower or 0.0), abs(limit.upper or 0.0)) >= UNBOUNDED:
             given["lower"] = given["upper"] = None
         entry["limits"] = {name: short(v) for name, v in given.items() if v is not None}
     if follow is not None:

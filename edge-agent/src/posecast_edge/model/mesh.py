@@ -29,12 +29,16 @@ class Paint:
 @dataclass(frozen=True)
 class Surface:
     """Triangles of one paint: positions (n, 3), faces (m, 3) counter-clockwise seen from outside, uv (n, 2)
-    with (0, 0) at the picture's upper left, or None. `paint` None: the file names none."""
+    with (0, 0) at the picture's upper left, or None. `paint` None: the file names none. `colours` (n, 3): of
+    the vertices, display values multiplied with the paint, or None. `spare`: for where the URDF names no
+    paint either."""
 
     positions: Floats
     faces: Faces
     uv: Floats | None = None
     paint: Paint | None = None
+    colours: Floats | None = None
+    spare: Paint | None = None
 
 
 @dataclass(frozen=True)
@@ -67,14 +71,12 @@ def checked(mesh: Mesh) -> Mesh:
             raise ModelRefused("vertices that are not finite (NaN)")
         if np.abs(surface.positions).max() > 1e7:
             raise ModelRefused("vertices more than 10,000 km away")
-        uv = surface.uv
-        if (
-            surface.paint is None
-            or surface.paint.texture is None
-            or (uv is not None and not np.isfinite(uv).all())
-        ):
+        uv, colours = surface.uv, surface.colours
+        if uv is not None and not np.isfinite(uv).all():
             uv = None
-        surfaces.append(replace(surface, uv=uv))
+        if colours is not None:
+            colours = None if not np.isfinite(colours).all() else np.clip(colours, 0, 1)
+        surfaces.append(replace(surface, uv=uv, colours=colours))
     if not surfaces:
         raise ModelRefused("no triangles in it")
     if sum(len(s.faces) for s in surfaces) > TRIANGLES_MAX:

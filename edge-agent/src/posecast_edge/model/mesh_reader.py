@@ -2,41 +2,49 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from posecast_edge.model.collada import read_collada
 from posecast_edge.model.finding import ModelRefused
-from posecast_edge.model.gltf_reader import read_glb
+from posecast_edge.model.gltf_reader import read_gltf
 from posecast_edge.model.mesh import FILE_MAX, Mesh, checked
 from posecast_edge.model.obj import read_obj
 from posecast_edge.model.resolve import Resolver
 from posecast_edge.model.stl import read_stl
-from posecast_edge.model.texture import checked_picture
+from posecast_edge.model.vertex_colour import by_colours
 
 TEXTURE_MAX = 64 << 20
 
 
-def read_mesh(path: Path, resolver: Resolver) -> Mesh:
-    """The checked mesh. ModelRefused says why it can't be shown."""
+def read_mesh(path: Path, resolver: Resolver, keep_uv: bool = False) -> Mesh:
+    """The checked mesh, one paint a surface. ModelRefused says why it can't be shown.
+
+    `keep_uv`: the URDF has a picture for it, so coordinates matter also where the file itself names none.
+    """
+    mesh = checked(_read(path, resolver, keep_uv))
+    return replace(mesh, surfaces=tuple(by_colours(mesh.surfaces)))
+
+
+def _read(path: Path, resolver: Resolver, keep_uv: bool) -> Mesh:
     data = read_bounded(path, FILE_MAX)
     _refuse_the_obvious(data)
     suffix = path.suffix.lower()
 
     def load(name: str) -> bytes:
         file = resolver.beside(path, name)
-        data = read_bounded(file, TEXTURE_MAX)
-        return data if file.suffix.lower() == ".mtl" else checked_picture(data)
+        return read_bounded(file, FILE_MAX if file.suffix.lower() == ".bin" else TEXTURE_MAX)
 
-    if data[:4] == b"glTF":
-        return checked(read_glb(data))
+    if data[:4] == b"glTF" or suffix == ".gltf":
+        return read_gltf(data, load)
     if suffix == ".stl":
-        return checked(read_stl(data))
+        return read_stl(data)
     if suffix == ".dae":
-        return checked(read_collada(data, load))
+        return read_collada(data, load, keep_uv)
     if suffix == ".obj":
-        return checked(read_obj(data, load))
-    if suffix in (".gltf", ".glb"):
-        raise ModelRefused("no glTF 2.0 binary; pack it into one GLB")
+        return read_obj(data, load, keep_uv)
+    if suffix == ".glb":
+        raise ModelRefused("no glTF 2.0 binary")
     raise ModelRefused(f"{suffix} is no kind of mesh that is read")
 
 

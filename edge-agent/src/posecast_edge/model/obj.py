@@ -8,7 +8,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from posecast_edge.model.finding import ModelRefused
-from posecast_edge.model.mesh import TEXT_MAX, TRIANGLES_MAX, Mesh, Paint, Rgba, Surface, fans
+from posecast_edge.model.mesh import TEXT_MAX, TRIANGLES_MAX, Floats, Mesh, Paint, Rgba, Surface, fans
+from posecast_edge.model.texture import checked_picture
+
+DEFAULT = (0.8, 0.8, 0.8)  # Kd
 
 Load = Callable[[str], bytes]  # a file named by the mesh; ModelRefused when it can't be had
 
@@ -22,8 +25,8 @@ class _Group:
     counts: list[int] = field(default_factory=list)
 
 
-def read_obj(data: bytes, load: Load) -> Mesh:
-    """ModelRefused when it is none; a missing library only costs colours."""
+def read_obj(data: bytes, load: Load, keep_uv: bool = False) -> Mesh:
+    """ModelRefused when it is none; a missing library only costs colours. `keep_uv`: even without picture."""
     if len(data) > TEXT_MAX:
         raise ModelRefused(f"an OBJ over {TEXT_MAX >> 20} MiB")
     notes: list[tuple[str, str]] = []
@@ -46,8 +49,20 @@ def read_obj(data: bytes, load: Load) -> Mesh:
             paints.update(_library(rest.strip().decode("utf-8", "replace"), load, notes))
     positions = _rows(vertices, 3)
     uv = _rows(textures, 2) if textures else np.zeros((0, 2), np.float32)
-    surfaces = [_surface(g, positions, uv, paints.get(name)) for name, g in groups.items() if g.counts]
+    coloured = bool(vertices) and all(line.count(b" ") >= 5 for line in vertices)
+    colours = _rows(vertices, 6)[:, 3:] if coloured else None  # v x y z r g b, as scanners write it
+    surfaces = [
+        _surface(
+            g, positions, uv if keep_uv or _pictured(paints.get(name)) else None, paints.get(name), colours
+        )
+        for name, g in groups.items()
+        if g.counts
+    ]
     return Mesh(tuple(surfaces), tuple(notes))
+
+
+def _pictured(paint: Paint | None) -> bool:
+    return paint is not None and paint.texture is not None
 
 
 def _face(group: _Group, rest: bytes, vertices: int, textures: int) -> None:
@@ -68,7 +83,7 @@ def _face(group: _Group, rest: bytes, vertices: int, textures: int) -> None:
         raise ModelRefused(f"more than {TRIANGLES_MAX:,} triangles")
 
 
-def _rows(lines: list[bytes], width: int) -> np.ndarray[tuple[int, int], np.dtype[np.float32]]:
+def _rows(lines: list[bytes], width: int) -> Floats:
     try:
         return (
             np.array([line.split()[:width] for line in lines], np.float64)
@@ -80,18 +95,15 @@ def _rows(lines: list[bytes], width: int) -> np.ndarray[tuple[int, int], np.dtyp
 
 
 def _surface(
-    group: _Group,
-    positions: np.ndarray[tuple[int, int], np.dtype[np.float32]],
-    uv: np.ndarray[tuple[int, int], np.dtype[np.float32]],
-    paint: Paint | None,
+    group: _Group, positions: Floats, uv: Floats | None, paint: Paint | None, colours: Floats | None
 ) -> Surface:
     corners = fans(np.array(group.counts, np.int64))
     vertex = np.array(group.vertex, np.int64)
     if vertex.min() < 0 or vertex.max() >= len(positions):
         raise ModelRefused("a triangle names a vertex that there is not")
     texture = np.array(group.texture, np.int64)
-    if paint is None or paint.texture is None or texture.min() < 0 or texture.max() >= len(uv):
-        return Surface(positions, vertex[corners].astype(np.int32), None, _untextured(paint))
+    if uv is None or texture.min() < 0 or texture.max() >= len(uv):
+        return Surface(positions, vertex[corners].astype(np.int32), None, paint, colours)
     pairs, number = np.unique(np.stack([vertex, texture], 1), axis=0, return_inverse=True)
     flipped = uv[pairs[:, 1]] * (1, -1) + (0, 1)  # OBJ counts from below
     return Surface(
@@ -99,11 +111,8 @@ def _surface(
         number.reshape(-1)[corners].astype(np.int32),
         flipped.astype(np.float32),
         paint,
+        None if colours is None else colours[pairs[:, 0]],
     )
-
-
-def _untextured(paint: Paint | None) -> Paint | None:
-    return None if paint is None else Paint(paint.rgba)
 
 
 def _library(name: str, load: Load, notes: list[tuple[str, str]]) -> dict[str, Paint]:
@@ -115,33 +124,56 @@ def _library(name: str, load: Load, notes: list[tuple[str, str]]) -> dict[str, P
     paints: dict[str, Paint] = {}
     current = ""
     for line in text.splitlines():
-        words = line.split()
-        if len(words) < 2:
-            continue
-        key, rest = words[0].lower(), words[1:]
+        key, _, rest = line.strip().replace("\t", " ").partition(" ")
+        key, rest = key.lower(), rest.strip()
         if key == "newmtl":
-            current = " ".join(rest)
-            paints[current] = Paint((0.8, 0.8, 0.8, 1.0))
-        elif current in paints:
+            current = rest
+            paints[current] = Paint((*DEFAULT, 1.0))
+        elif rest and current in paints:
             paints[current] = _changed(paints[current], key, rest, load, notes)
-    return paints
+    return {name: _lit(paint) for name, paint in paints.items()}
 
 
-def _changed(paint: Paint, key: str, rest: list[str], load: Load, notes: list[tuple[str, str]]) -> Paint:
+def _changed(paint: Paint, key: str, rest: str, load: Load, notes: list[tuple[str, str]]) -> Paint:
+    words = rest.split()
+    rgba: Rgba = paint.rgba
     try:
-        r, g, b, a = paint.rgba
-        rgba: Rgba = paint.rgba
-        if key == "kd" and len(rest) >= 3:
-            r, g, b = (min(max(float(x), 0.0), 1.0) for x in rest[:3])
-            rgba = (r, g, b, a)
+        if key == "kd" and len(words) >= 3:
+            r, g, b = (min(max(float(x), 0.0), 1.0) for x in words[:3])
+            rgba = (r, g, b, paint.rgba[3])
         elif key in ("d", "tr"):
-            a = float(rest[-1]) if key == "d" else 1 - float(rest[0])
-            rgba = (r, g, b, a if 0.02 < a < 1 else 1.0)
+            a = float(words[-1]) if key == "d" else 1 - float(words[0])
+            rgba = (*paint.rgba[:3], a if 0.02 < a < 1 else 1.0)
         elif key == "map_kd":
-            return Paint(paint.rgba, load(rest[-1]))
+            return Paint(rgba, checked_picture(load(_picture_name(words))))
     except ValueError:
         return paint
     except ModelRefused as e:
-        notes.append(("texture", f"its texture {rest[-1][:80]!r}: {e.reason}"))
+        notes.append(("texture", f"its texture {rest[-80:]!r}: {e.reason}"))
         return paint
     return Paint(rgba, paint.texture)
+
+
+def _picture_name(words: list[str]) -> str:
+    """The file's name, which may have spaces, behind options like `-s 1 1 1`."""
+    at = 0
+    while at < len(words) - 1 and words[at].startswith("-"):
+        at += 2  # the option and its first value; further ones are numbers
+        while at < len(words) - 1 and _is_number(words[at]):
+            at += 1
+    return " ".join(words[at:])
+
+
+def _is_number(word: str) -> bool:
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True
+
+
+def _lit(paint: Paint) -> Paint:
+    """A picture alone: exporters leave Kd at black, or at their default, where the picture says it all."""
+    if paint.texture is not None and (max(paint.rgba[:3]) < 0.02 or paint.rgba[:3] == DEFAULT):
+        return Paint((1.0, 1.0, 1.0, paint.rgba[3]), paint.texture)
+    return paint

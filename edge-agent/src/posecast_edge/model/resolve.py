@@ -17,12 +17,12 @@ from posecast_edge.model.finding import ModelRefused, quoted
 from posecast_edge.model.xml_tree import read_xml
 
 MESHES = (".stl", ".dae", ".obj", ".glb", ".gltf", ".ply")
-BESIDE = (".mtl", ".png", ".jpg", ".jpeg", ".bmp", ".tga", ".tif", ".tiff", ".webp", ".gif", ".dds")
+BESIDE = (".mtl", ".png", ".jpg", ".jpeg", ".bmp", ".tga", ".tif", ".tiff", ".webp", ".gif", ".dds", ".bin")
 LEVELS_UP = 4  # parents of the URDF's folder in which a package is looked for
 FOLDERS_MAX = 2000  # looked into for a package.xml
 ENTRIES_MAX = 20_000  # of one folder, looked at for a name in other letters
 
-OUTSIDE = "lies outside the model's folders"
+OUTSIDE = "lies outside the model's folders; name its folder with --packages or ROS_PACKAGE_PATH"
 
 
 @dataclass(frozen=True)
@@ -125,7 +125,7 @@ class Resolver:
                 return Resolved(found.path, hint)
             if found.reason == OUTSIDE:
                 raise found
-        where = "near the URDF; name its folder with --packages"
+        where = "near the URDF; name its folder with --packages or ROS_PACKAGE_PATH"
         raise refused or ModelRefused(f"no package {quoted(package)} {where}")
 
     def _roots_of(self, package: str) -> Iterator[Path]:

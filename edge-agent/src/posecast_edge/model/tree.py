@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from posecast_edge.model.finding import Finding, quoted
-from posecast_edge.model.urdf import Joint, Link, Urdf
+from posecast_edge.model.urdf import SCALAR_TYPES, Joint, Link, Urdf
 
 
 @dataclass(frozen=True)
@@ -130,7 +130,7 @@ def _follows(urdf: Urdf, order: list[Joint], findings: list[Finding]) -> tuple[F
     follows: list[Follow | None] = []
     for joint in order:
         follow = None
-        if joint.mimic is not None:
+        if joint.mimic is not None and joint.type in SCALAR_TYPES:  # the doctor names the others
             follow, problem = _resolve(joint, order, index, known)
             if problem:
                 text = f"joint {quoted(joint.name)} {problem[1]}"
@@ -155,6 +155,7 @@ def _resolve(
         multiplier *= at.mimic.multiplier
         at = order[index[target]]
         seen.add(target)
-    if at.type in ("fixed", "floating", "planar"):
-        return None, ("mimic-fixed", f"mimics the {at.type} joint {quoted(at.name)}, which has no value")
+    if at.type not in SCALAR_TYPES:
+        lack = "no value" if at.type == "fixed" else "more than one value"
+        return None, ("mimic-fixed", f"mimics the {at.type} joint {quoted(at.name)}, which has {lack}")
     return Follow(index[at.name], multiplier, offset), None

@@ -13,7 +13,9 @@ Vector = tuple[float, float, float]
 ZERO: Vector = (0.0, 0.0, 0.0)
 ONES: Vector = (1.0, 1.0, 1.0)
 
-JOINT_TYPES = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
+SCALAR_TYPES = ("revolute", "continuous", "prismatic")  # one value moves them
+UNBOUNDED = 1e4  # rad or m: a limit that large means none
+JOINT_TYPES = (*SCALAR_TYPES, "fixed", "floating", "planar")
 
 
 @dataclass(frozen=True)
@@ -146,8 +148,6 @@ class Urdf:
 
 
 def material_of(shape: Shape, materials: Mapping[str, Material]) -> Material | None:
-    """A visual's material; one that is only named is looked up among the robot's."""
+    """A visual's material: what its name stands for in the robot, else its own."""
     own = shape.material
-    if own is None or own.rgba is not None or own.texture:
-        return own
-    return materials.get(own.name)
+    return None if own is None else materials.get(own.name, own)

@@ -5,6 +5,7 @@ named in `findings`, so that the rest of the robot can still be shown.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import BinaryIO
 
@@ -77,9 +78,7 @@ class _Reader:
         self._shapes = 0
         self._xacro(root)
         for element in root.all("material"):
-            material = self._material(element)
-            if material.rgba is not None or material.texture:
-                self.urdf.materials.setdefault(material.name, material)
+            self._define(self._material(element))
         readers = {
             "link": self._link,
             "joint": self._joint,
@@ -90,6 +89,7 @@ class _Reader:
         for element in root.children:
             if reader := readers.get(element.tag):
                 reader(element)
+        self._show_something(root)
 
     def _say(self, severity: str, code: str, text: str, element: Element) -> None:
         self.urdf.findings.append(Finding(severity, code, text, element.line))
@@ -98,6 +98,26 @@ class _Reader:
         if any(c.tag.startswith("xacro:") for c in root.children):
             text = "xacro macros are left in it; expand them first: xacro robot.xacro > robot.urdf"
             self._say("error", "xacro", text, next(c for c in root.children if c.tag.startswith("xacro:")))
+
+    def _show_something(self, root: Element) -> None:
+        """A robot made for planning alone has no visuals: its collision shapes are what there is to see."""
+        links = self.urdf.links
+        if any(s.geometry for link in links for s in link.visuals):
+            return
+        if any(s.geometry for link in links for s in link.collisions):
+            self.urdf.links = [replace(link, visuals=link.collisions) for link in links]
+            self._say(
+                "hint", "collisions-shown", "no link has a visual; the collision shapes are shown", root
+            )
+
+    def _define(self, material: Material) -> None:
+        """Keep it under its name: the first definition counts for the whole robot, as in ROS (urdfdom)."""
+        if not material.name or (material.rgba is None and not material.texture):
+            return
+        first = self.urdf.materials.setdefault(material.name, material)
+        if (first.rgba, first.texture) != (material.rgba, material.texture):
+            text = f"material {quoted(material.name)} has two meanings; the first (line {first.line}) counts"
+            self.urdf.findings.append(Finding("hint", "material-doubled", text, material.line))
 
     def _link(self, element: Element) -> None:
         name = self._name(element, "link")
@@ -173,18 +193,21 @@ class _Reader:
         if self._shapes > 2 * SHAPES_MAX:
             raise ModelRefused(f"more than {2 * SHAPES_MAX} visuals and collisions", element.line)
         pose = self._pose(element, what)
-        material = element.first("material") if element.tag == "visual" else None
+        material = element.first("material") or element.first("geometry", "material")
         holder = element.first("geometry")
         geometry = self._geometry(holder, what) if holder else None
         if geometry is None:
             text = f"{what}: a {element.tag} without a geometry"
             self._say("warning", f"{element.tag}-empty", text, element)
-        return Shape(pose, geometry, self._material(material, what) if material else None, element.line)
+        paint = self._material(material, what) if material and element.tag == "visual" else None
+        if paint is not None:
+            self._define(paint)
+        return Shape(pose, geometry, paint, element.line)
 
     def _geometry(self, holder: Element, what: str) -> Geometry | None:
         known = [e for e in holder.children if e.tag == "mesh" or e.tag in SHAPES]
         for e in holder.children:
-            if e not in known:
+            if e not in known and e.tag != "material":
                 self._say("warning", "shape-unknown", f"{what}: unknown shape {quoted(e.tag)}", e)
         if len(known) > 1:
             text = f"{what}: several shapes in one geometry; the first counts"
@@ -314,8 +337,12 @@ class _Reader:
     def _numbers(self, element: Element, name: str, what: str) -> list[float] | None:
         text = element.get(name) or ""
         values = _floats(text)
+        if values is None and "," in text and (values := _floats(_uncomma(text))) is not None:
+            say = f"{what}: <{element.tag} {name}> with commas: {quoted(text, 40)}; other programs refuse it"
+            self._say("warning", "number-commas", say, element)
         if values is None or not all(map(math.isfinite, values)):
             wrong = "is no number" if values is None else "is not finite"
+            wrong = "was not expanded by xacro" if "${" in text or "$(" in text else wrong
             self._say(
                 "error", "number", f"{what}: <{element.tag} {name}> {wrong}: {quoted(text, 40)}", element
             )
@@ -331,6 +358,11 @@ def _floats(text: str) -> list[float] | None:
         return [float(word) for word in text[:1000].split()]
     except ValueError:
         return None
+
+
+def _uncomma(text: str) -> str:
+    """Commas between numbers gone; a comma that may be a decimal one stays."""
+    return text.replace(", ", " ") if any(c.isspace() for c in text.strip()) else text.replace(",", " ")
 
 
 def _three(values: list[float]) -> Vector:

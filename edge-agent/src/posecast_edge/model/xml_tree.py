@@ -6,6 +6,7 @@ more than its first pages.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from typing import BinaryIO
 from xml.parsers import expat
@@ -14,6 +15,8 @@ from posecast_edge.model.finding import ModelRefused
 
 CHUNK = 1 << 20
 TOKEN_MAX = 2 << 20  # bytes of one tag with its attributes: expat starts anew on it with every chunk
+
+LATE_DECLARATION = re.compile(rb"(?:\s|<!--(?:[^-]|-[^-]){0,4000}-->)+<\?xml[^>]{0,200}\?>")
 
 NO_ATTRIBUTES: Mapping[str, str] = {}
 
@@ -99,16 +102,34 @@ def read_xml(
         parser.CharacterDataHandler = characters
     size = 0
     try:
-        while chunk := source.read(CHUNK):
+        for chunk in _chunks(source, bytes_max):
             size += len(chunk)
-            if size > bytes_max:
-                raise ModelRefused(f"larger than {bytes_max / (1 << 20):g} MiB")
             parser.Parse(chunk, False)
             if size - parser.CurrentByteIndex > TOKEN_MAX:
                 raise ModelRefused(f"a tag larger than {TOKEN_MAX >> 20} MiB", parser.CurrentLineNumber)
         parser.Parse(b"", True)
     except expat.ExpatError as e:
+        if (
+            root and not stack
+        ):  # it is whole; what follows its end is rubbish that other readers pass over too
+            return root[0]
         raise ModelRefused(f"not XML: {expat.ErrorString(e.code)}", e.lineno) from None
     except (LookupError, UnicodeError, ValueError) as e:  # an encoding nobody knows
         raise ModelRefused(f"not XML: {e}", parser.CurrentLineNumber) from None
     return root[0]
+
+
+def _chunks(source: BinaryIO, bytes_max: int) -> Iterator[bytes]:
+    """The whole source, at most that much of it."""
+    left = bytes_max
+    while chunk := source.read(CHUNK):
+        first, left = left == bytes_max, left - len(chunk)
+        if left < 0:
+            raise ModelRefused(f"larger than {bytes_max / (1 << 20):g} MiB")
+        yield _without_late_declaration(chunk) if first else chunk
+
+
+def _without_late_declaration(start: bytes) -> bytes:
+    """Blanks out an XML declaration that does not stand at the very beginning, as ROS's reader lets it."""
+    found = LATE_DECLARATION.match(start)
+    return start if found is None else re.sub(rb"[^\n]", b" ", found[0]) + start[found.end() :]

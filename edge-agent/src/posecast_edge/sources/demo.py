@@ -12,13 +12,13 @@ import threading
 import time
 import zlib
 from array import array
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import accumulate
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from posecast_edge.sources import Defaults, Sample, Source, SourceError
+from posecast_edge.sources import Defaults, Deliver, Sample, Source, SourceError
 
 if TYPE_CHECKING:
     from posecast_edge.profile import Profile
@@ -33,8 +33,9 @@ MISSING = -32768
 MAX_BEHIND_S = 1.0  # a machine that slept goes on where it stood
 
 
-def defaults() -> Defaults:
+def defaults(address: str) -> Defaults:
     """The demo's own profile and model, built where that was done. SourceError when there is no bundle."""
+    del address
     urdf = BUNDLE / "robot.urdf"
     if not urdf.is_file():
         raise SourceError(f"the demo robot is missing ({BUNDLE}): {HOW}")
@@ -141,7 +142,7 @@ class DemoSource:
         self.description = f"demo, a loop of {motion.period_s:g} s"
         self._motion = motion
 
-    def run(self, deliver: Callable[[Sample], None], stop: threading.Event) -> None:
+    def run(self, deliver: Deliver, stop: threading.Event) -> None:
         """Deliver every sample at its instant until `stop`; when late, only the newest that is due."""
         rate_hz = self._motion.rate_hz
         start_s, index = time.monotonic(), 0

@@ -18,11 +18,11 @@ import stat
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 from posecast_edge.complaints import Complaints
-from posecast_edge.sources import Sample, Source, SourceError
+from posecast_edge.sources import Deliver, Sample, Source, SourceError
 
 if TYPE_CHECKING:
     from posecast_edge.profile import Profile
@@ -66,7 +66,7 @@ class JsonlSource:
         self._start_s = 0.0  # monotonic time at which the file's clock stood at 0
         self._bad = Complaints(log.warning, "bad lines")
 
-    def run(self, deliver: Callable[[Sample], None], stop: threading.Event) -> None:
+    def run(self, deliver: Deliver, stop: threading.Event) -> None:
         """Deliver every good line until the end or `stop`. SourceError when reading fails."""
         for number, line in enumerate(self._lines(stop), start=1):
             if not line.strip():

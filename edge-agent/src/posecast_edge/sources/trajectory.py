@@ -12,13 +12,13 @@ import logging
 import math
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
 from posecast_edge.columns import find_column
 from posecast_edge.complaints import Complaints
-from posecast_edge.sources import Sample, Source, SourceError
+from posecast_edge.sources import Deliver, Sample, Source, SourceError
 
 if TYPE_CHECKING:
     from posecast_edge.profile import Profile, Trajectory
@@ -79,7 +79,7 @@ class TrajectorySource:
         self._rows = self._play()
         self._index = -1  # of the newest row taken, over all passes
 
-    def run(self, deliver: Callable[[Sample], None], stop: threading.Event) -> None:
+    def run(self, deliver: Deliver, stop: threading.Event) -> None:
         """Deliver until `stop`. SourceError when the file cannot be read any more."""
         with self._file:
             start_s = time.monotonic()

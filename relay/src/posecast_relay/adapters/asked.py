@@ -9,8 +9,6 @@ from urllib.parse import parse_qs
 
 from posecast_wire import check_name
 
-from posecast_relay.core.robot import PUBLIC
-
 STREAM_PATH = re.compile(r"/api/v1/robots/([^/]{1,200})/live(\.sse)?")
 DEFAULT_HZ = 30.0
 
@@ -32,19 +30,25 @@ class Asked:
     """A stream as asked for; the names are still to be checked."""
 
     robot: str
-    view: str
+    view: str | None  # None: whichever the asker may see
     hz: float
     decoded: bool  # frames as JSON instead of binary
+    auth: bool = False  # a token comes as the first message
 
     def check(self) -> None:
         """NoSuchStream when there can be no such robot or view for a viewer."""
         try:
             check_name("robot", self.robot)
-            check_name("view", self.view)
+            if self.view is not None:
+                check_name("view", self.view)
         except ValueError as e:
             raise NoSuchStream(str(e)) from None
-        if self.view != PUBLIC:
-            raise NoSuchStream(f"view {self.view!r}: only {PUBLIC!r} is open to viewers")
+
+
+def bearer(header: str | None) -> str | None:
+    """The token of an `Authorization` header, if there is one."""
+    kind, _, token = (header or "").partition(" ")
+    return token.strip() or None if kind.lower() == "bearer" else None
 
 
 def read_target(target: str, suffix: str = "") -> Asked:
@@ -63,4 +67,6 @@ def read_target(target: str, suffix: str = "") -> Asked:
     form = asked.get("format", ["binary"])[0]
     if form not in ("binary", "json"):
         raise BadRequest("format must be binary or json")
-    return Asked(found[1], asked.get("view", [PUBLIC])[0], hz, form == "json")
+    if "token" in asked or "access_token" in asked:  # it would stand in logs on the way
+        raise BadRequest("a token never stands in an address: send it as Authorization or first message")
+    return Asked(found[1], asked.get("view", [None])[0], hz, form == "json", asked.get("auth") == ["1"])

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
 from itertools import accumulate
+from typing import Protocol
 
 from posecast_wire import Close
 from prometheus_client import CollectorRegistry, start_http_server
@@ -11,24 +13,37 @@ from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Histo
 from prometheus_client.registry import Collector
 
 from posecast_relay.adapters.pump import Pump
+from posecast_relay.core.breaker import Breaker
 from posecast_relay.core.histogram import BOUNDS_S, Histogram
 
 EVICTIONS = (Close.HALF_OPEN, Close.NO_ACK, Close.EVENTS_FULL)
 
 
-class _Figures(Collector):
+class Mirroring(Protocol):
+    """Whoever writes a mirror. `written`: its requests, `sent` and `failed`."""
+
+    written: Counter[str]
+    breaker: Breaker
+
+
+class Figures(Collector):
     """Reads the core's counters when Prometheus asks, in the metrics server's thread."""
 
-    def __init__(self, pump: Pump) -> None:
-        self._pump = pump
+    def __init__(self, pumps: Sequence[Pump], mirror: Mirroring | None = None) -> None:
+        """`pumps`: the live one first, then that of the viewers to whom all is shown with a delay."""
+        self._pump = pumps[0]
+        self._hubs = [pump.hub for pump in pumps]
+        self._mirror = mirror
 
     def collect(self) -> Iterable[Metric]:
         """All figures, as they are now."""
         hub = self._pump.hub
-        robots = list(hub.robots.values())
-        rooms = [room for robot in robots for room in list(robot.rooms.values())]
+        everywhere = [robot for each in self._hubs for robot in list(each.robots.values())]
+        rooms = [room for robot in everywhere for room in list(robot.rooms.values())]
+        viewers = sum(len(each.viewers) for each in self._hubs)
+        endings: Counter[int] = sum((Counter(each.endings) for each in self._hubs), Counter())
         now = self._pump.now()
-        yield GaugeMetricFamily("posecast_viewers", "Viewers connected", len(hub.viewers))
+        yield GaugeMetricFamily("posecast_viewers", "Viewers connected", viewers)
         yield _by(
             "posecast_robots", "Robots by liveness", "state", _words(self._pump, now), GaugeMetricFamily
         )
@@ -39,26 +54,41 @@ class _Figures(Collector):
             hub.fates,
             CounterMetricFamily,
         )
-        delivered = hub.delivered + sum(room.delivered for room in rooms)
+        refused = self._pump.publishers_refused()
+        yield CounterMetricFamily("posecast_publishers_refused", "Edges that were not let in", refused)
+        delivered = sum(each.delivered for each in self._hubs) + sum(room.delivered for room in rooms)
         yield CounterMetricFamily("posecast_delivered_frames", "Frames handed to viewers", delivered)
-        skipped = hub.skipped + sum(room.skipped for room in rooms)
+        skipped = sum(each.skipped for each in self._hubs) + sum(room.skipped for room in rooms)
         yield CounterMetricFamily(
             "posecast_skipped_frames", "Frames that viewers were due and could not take", skipped
         )
         shaken = self._pump.handshakes
         yield _by("posecast_handshakes", "Requests for a stream", "result", shaken, CounterMetricFamily)
-        ended = {str(int(code)): count for code, count in list(hub.endings.items())}
+        ended = {str(int(code)): count for code, count in endings.items()}
         yield _by("posecast_endings", "Viewers let go, by close code", "code", ended, CounterMetricFamily)
-        evicted = sum(hub.endings[code] for code in EVICTIONS)
+        evicted = sum(endings[code] for code in EVICTIONS)
         yield CounterMetricFamily("posecast_evictions", "Viewers cut because they did not keep up", evicted)
         yield GaugeMetricFamily(
             "posecast_ceiling_hz", "Rate that overload leaves; +Inf = all", hub.load.ceiling_hz
         )
+        yield GaugeMetricFamily("posecast_tasks", "Tasks on the event loop", self._pump.tasks)
         yield _times("posecast_frame_lateness_seconds", "Edge to relay, above the least", hub.lateness)
         yield _times("posecast_fan_out_seconds", "To hand out what came in", self._pump.fan_out)
         yield _times("posecast_loop_lag_seconds", "How late the event loop is", self._pump.loop_lag)
         trouble = self._pump.store.trouble()
         yield GaugeMetricFamily("posecast_store_up", "Whether the state store works", 0 if trouble else 1)
+        exchanges = self._pump.store.exchanges()
+        if exchanges is not None:
+            seconds, losses = exchanges
+            yield _times("posecast_store_seconds", "Exchanges with the store, given up at 0.25", seconds)
+            yield CounterMetricFamily("posecast_store_losses", "Times that the store was lost", losses)
+        if self._mirror is not None:
+            asked = {"sent": 0, "failed": 0} | self._mirror.written
+            yield _by(
+                "posecast_mirror_requests", "Requests to the mirror", "result", asked, CounterMetricFamily
+            )
+            left = 1 if self._mirror.breaker.is_open else 0
+            yield GaugeMetricFamily("posecast_mirror_breaker_open", "Whether it is left alone", left)
 
 
 def _times(name: str, text: str, times: Histogram) -> Metric:
@@ -89,10 +119,12 @@ def _by(
     return metric
 
 
-def start_metrics(host: str, port: int, pump: Pump) -> tuple[int, Callable[[], None]]:
+def start_metrics(
+    host: str, port: int, pumps: Sequence[Pump], mirror: Mirroring | None = None
+) -> tuple[int, Callable[[], None]]:
     """Serve on `host`:`port` (0 = any free); returns the real port and how to stop. OSError when in use."""
     registry = CollectorRegistry()
-    registry.register(_Figures(pump))
+    registry.register(Figures(pumps, mirror))
     server, thread = start_http_server(port, host, registry)
 
     def stop() -> None:

@@ -7,6 +7,7 @@ come in small ranges one by one at low priority: one large reply would cut a thi
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import hashlib
 import json
 import re
@@ -15,6 +16,7 @@ from collections.abc import Callable, Coroutine
 from typing import Any, NamedTuple, Protocol, TypeVar, cast
 
 RANGE_BYTES = 250_000
+TRIES = 3  # of a range
 MANIFEST_BYTES_MAX = 1 << 20
 FILES_MAX = 4096
 MANIFESTS_MAX = 32
@@ -61,10 +63,11 @@ class ModelSource(Protocol):
 
 
 class ModelFile(NamedTuple):
-    """A file's bytes and the type to serve them as."""
+    """A file's bytes, the type to serve them as, and their SHA-256."""
 
     data: bytes
     type: str
+    sha256: str
 
 
 class _Entry(NamedTuple):
@@ -103,7 +106,8 @@ class Models:
             data = await self._once((robot, entry.sha256), lambda: self._fetch_file(robot, digest, entry))
         else:
             self._kept.move_to_end(entry.sha256)
-        return ModelFile(data, entry.type if entry.type in TYPES else "application/octet-stream")
+        kind = entry.type if entry.type in TYPES else "application/octet-stream"
+        return ModelFile(data, kind, entry.sha256)
 
     async def _manifest(self, robot: str, digest: str) -> _Manifest:
         known = self._manifests.get((robot, digest))
@@ -142,7 +146,7 @@ class Models:
         parts, off = [], 0
         while off < entry.size:
             size = min(RANGE_BYTES, entry.size - off)
-            part = await self._source.read(robot, digest, entry.sha256, off, size)
+            part = await self._read(robot, digest, entry.sha256, off, size)
             if not 0 < len(part) <= RANGE_BYTES:
                 raise Unavailable(f"the edge answered {len(part)} bytes at {off} of {entry.size}")
             parts.append(part)
@@ -152,6 +156,13 @@ class Models:
             raise Unavailable("the file is not what its manifest says")
         self._keep(entry.sha256, data)
         return data
+
+    async def _read(self, robot: str, digest: str, sha256: str, off: int, size: int) -> bytes:
+        """A range: on a bad uplink one that is lost should not cost the whole file."""
+        for _ in range(TRIES - 1):
+            with contextlib.suppress(Unavailable):
+                return await self._source.read(robot, digest, sha256, off, size)
+        return await self._source.read(robot, digest, sha256, off, size)
 
     def _keep(self, sha256: str, data: bytes) -> None:
         self._kept[sha256] = data

@@ -9,6 +9,7 @@ import zenoh
 from posecast_wire.keys import model_key
 
 from posecast_relay.adapters.models import Unavailable
+from posecast_relay.adapters.zenoh_door import Door
 from posecast_relay.core.hub import Hub
 
 RANGE_TIMEOUT_S = 10.0
@@ -17,8 +18,8 @@ RANGE_TIMEOUT_S = 10.0
 class EdgeModels:
     """A ModelSource: only what a robot announces now is asked for."""
 
-    def __init__(self, session: zenoh.Session, hub: Hub) -> None:
-        self._session = session
+    def __init__(self, door: Door, hub: Hub) -> None:
+        self._door = door
         self._hub = hub
 
     def offers(self, robot: str, digest: str) -> bool:
@@ -53,7 +54,7 @@ class EdgeModels:
                 loop.call_soon_threadsafe(end)
 
         try:
-            self._session.get(
+            self._door.session.get(
                 selector,
                 zenoh.handlers.Callback(on_reply, on_end),
                 timeout=RANGE_TIMEOUT_S,

@@ -6,15 +6,17 @@ import asyncio
 import logging
 import random
 import time
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Awaitable, Callable, Iterable, Sequence
 
 from posecast_wire import Close
 
+from posecast_relay.adapters.fan_out import SLICE, FanOut
 from posecast_relay.adapters.store import StateStore
-from posecast_relay.core.actions import Action, Ask, Cut, End, Keep, Send, Watch
+from posecast_relay.core.actions import Action, Ask, Cut, End, Keep, Send, Verify, Watch
 from posecast_relay.core.histogram import Histogram
 from posecast_relay.core.hub import Hub
+from posecast_relay.core.stream import Stream
 from posecast_relay.core.viewer import Viewer
 
 log = logging.getLogger("posecast_relay")
@@ -39,21 +41,31 @@ class Pump:
     listens only for robots that somebody asks for.
     """
 
-    def __init__(self, hub: Hub, store: StateStore) -> None:
+    def __init__(self, hub: Hub, store: StateStore, fan_out: FanOut) -> None:
         self.hub = hub
         self.store = store
+        self._fan_out = fan_out
         self.ask: Callable[[str, Sequence[str]], None] = lambda _robot, _views: None
         self.watch: Callable[[str], None] = lambda _robot: None
         self.open: Callable[[str], Awaitable[None]] = _open
+        self.verify: Callable[[Viewer, str], None] = lambda _viewer, _token: None  # public views need none
+        self.kept: Callable[[Stream], None] = lambda _stream: None  # a stream has changed
+        self.pinned: Callable[[], set[str]] = set  # robots that are listened for whoever watches
         self._loop = asyncio.get_running_loop()
         self._timer: asyncio.TimerHandle | None = None
         self._armed_at = float("inf")
         self._watcher: asyncio.TimerHandle | None = None
+        self._todo: deque[Action] = deque()  # decided, not carried out
+        self._sending: tuple[bytes, Sequence[Viewer]] | None = None  # the rest of a Send, before all of those
+        self._walking = False
+        self._flush_waits = False
+        self._flushed_at: float | None = None
         self._judged_at = self.now()
         self._used_s = time.thread_time()
         self.loop_lag = Histogram()
         self.fan_out = Histogram()  # of frames: deciding and writing
         self.handshakes: Counter[str] = Counter()
+        self.publishers_refused: Callable[[], int] = lambda: 0  # at the door that edges come through
 
     @staticmethod
     def now() -> float:
@@ -64,6 +76,11 @@ class Pump:
     def unix_s() -> float:
         """The wall clock, only ever shown."""
         return time.time()
+
+    @property
+    def tasks(self) -> int:
+        """How many asyncio tasks there are; may be asked from another thread."""
+        return len(asyncio.all_tasks(self._loop))
 
     def start(self) -> None:
         """Begin to follow the core's clock, and to watch the loop's own punctuality."""
@@ -96,25 +113,69 @@ class Pump:
         self._watcher = self._loop.call_later(WATCH_S, self._watch, now + WATCH_S)
 
     def carry_out(self, actions: Iterable[Action]) -> None:
-        """Do what the core said, in its order, and see to it that it is called again in time."""
-        for action in actions:
-            match action:
-                case Send(data, viewers):
-                    for viewer in viewers:
-                        viewer.outlet.write(data)
-                case Keep(stream):
-                    self.store.keep(stream)
-                case End(viewer, close, reason, retry_s):
-                    viewer.outlet.end(close, reason, retry_s)
-                    _ended(viewer, close, reason)
-                case Cut(viewer, close):
-                    viewer.outlet.cut(close)
-                    _ended(viewer, close, "cut")
-                case Ask(robot, views):
-                    self.ask(robot, views)
-                case Watch(robot):
-                    self.watch(robot)
-        self.arm()
+        """Do what the core said, in its order, and see to it that it is called again in time.
+
+        A crowd is walked in slices, one in each turn of the loop. Until the last is done the core is not
+        asked for more: frames that come meanwhile replace each other there, so nothing piles up here.
+        """
+        self._todo.extend(actions)
+        if not self._walking:
+            if self._todo:
+                self._walk()
+            else:
+                self.arm()
+
+    def _walk(self) -> None:
+        self._walking = True
+        left = SLICE
+        try:
+            while (self._todo or self._sending is not None) and left > 0:
+                if self._sending is None:
+                    left -= 1
+                    self._begin(self._todo.popleft())
+                if self._sending is not None:
+                    data, viewers = self._sending
+                    part = viewers[: max(1, left)]
+                    self._sending = (data, viewers[len(part) :]) if len(viewers) > len(part) else None
+                    left -= len(part)
+                    self._fan_out.write(data, part)
+        finally:
+            self._walking = bool(self._todo or self._sending is not None)
+            if self._walking:
+                self._loop.call_soon(self._walk)
+            else:
+                self._walked()
+
+    def _begin(self, action: Action) -> None:
+        match action:
+            case Send(data, (viewer,)):
+                viewer.outlet.write(data)
+            case Send(data, viewers):
+                self._sending = data, viewers
+            case Keep(stream):
+                self.store.keep(stream)
+                self.kept(stream)
+            case End(viewer, close, reason, retry_s):
+                viewer.outlet.end(close, reason, retry_s)
+                _ended(viewer, close, reason)
+            case Cut(viewer, close):
+                viewer.outlet.cut(close)
+                _ended(viewer, close, "cut")
+            case Ask(robot, views):
+                self.ask(robot, views)
+            case Verify(viewer, token):
+                self.verify(viewer, token)
+            case Watch(robot):
+                self.watch(robot)
+
+    def _walked(self) -> None:
+        if self._flushed_at is not None:
+            self.fan_out.add(self.now() - self._flushed_at)
+            self._flushed_at = None
+        if self._flush_waits:
+            self.flush()
+        else:
+            self.arm()
 
     def join(self, viewer: Viewer) -> None:
         """A viewer has connected."""
@@ -126,14 +187,15 @@ class Pump:
 
     def flush(self) -> None:
         """Hand out what came in."""
-        began = self.now()
-        self.carry_out(self.hub.flush(began, self.unix_s()))
-        self.fan_out.add(self.now() - began)
+        self._flush_waits = self._walking
+        if not self._walking:
+            self._flushed_at = self.now()
+            self.carry_out(self.hub.flush(self._flushed_at, self.unix_s()))
 
     def arm(self) -> None:
         """Set the timer for the core's next moment, unless it stands early enough."""
         wake_at = self.hub.wake_at
-        if wake_at >= self._armed_at - GRAIN_S:
+        if self._walking or wake_at >= self._armed_at - GRAIN_S:
             return
         if self._timer is not None:
             self._timer.cancel()
@@ -143,7 +205,8 @@ class Pump:
     def _tick(self) -> None:
         self._armed_at = float("inf")
         self._timer = None
-        self.carry_out(self.hub.tick(self.now(), self.unix_s()))
+        if not self._walking:  # else it is set again when all is done
+            self.carry_out(self.hub.tick(self.now(), self.unix_s()))
 
     def drain(self) -> None:
         """Move the viewers away, since this relay goes; harmless when begun already."""
@@ -160,4 +223,4 @@ class Pump:
     @property
     def drained(self) -> bool:
         """Whether it may go: all viewers have been told."""
-        return self.draining and not self.hub.viewers
+        return self.draining and not self.hub.viewers and not self._walking

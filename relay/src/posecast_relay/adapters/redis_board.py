@@ -10,9 +10,10 @@ hosts' clocks differ.
 
 from __future__ import annotations
 
+import contextlib
 import json
 import secrets
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from posecast_relay.adapters.redis_link import Link
@@ -92,18 +93,23 @@ class Board:
         self.read_at = now
         self.robots, self.ages_s, self._elsewhere = {}, {}, {}
         self.ingests = len(ingests) // 2
-        for field, text in _pairs(robots):
-            written, _, doc_text = text.partition(" ")
-            self.robots[field] = json.loads(doc_text)
-            self.ages_s[field] = float(at) - float(written)
-        for process, text in _pairs(counts):
+        for robot, written, doc in _rows(robots):
+            self.robots[robot] = doc
+            self.ages_s[robot] = float(at) - written
+        for process, _, doc in _rows(counts):
             if process != self.id:
-                for robot, count in json.loads(text.partition(" ")[2]).items():
+                for robot, count in doc.items():
                     self._elsewhere[robot] = self._elsewhere.get(robot, 0) + int(count)
 
 
-def _pairs(flat: list[bytes]) -> list[tuple[str, str]]:
-    return [(flat[i].decode(), flat[i + 1].decode()) for i in range(0, len(flat), 2)]
+def _rows(flat: list[bytes]) -> Iterator[tuple[str, float, dict[str, Any]]]:
+    """Name, time and document of each row; what is none is left out."""
+    for name, text in zip(flat[::2], flat[1::2], strict=True):
+        written, _, said = text.partition(b" ")
+        with contextlib.suppress(ValueError, RecursionError):
+            doc = json.loads(said)
+            if isinstance(doc, dict):
+                yield name.decode(), float(written), doc
 
 
 def _compact(doc: Mapping[str, Any]) -> str:

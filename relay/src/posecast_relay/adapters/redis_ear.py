@@ -24,20 +24,26 @@ class Ear:
         self._heard = heard
         self._lost = lost
         self._at: dict[tuple[str, int], tuple[Any, asyncio.Task[None]]] = {}
+        self._asking = asyncio.Lock()
         self._confirmed: dict[str, asyncio.Future[None]] = {}
         self._pubsubs: dict[str, Any] = {}
 
-    async def subscribe(self, robot: str) -> None:
+    async def subscribe(self, *robots: str) -> None:
         """When this returns nothing said from now on is missed. REDIS_ERRORS."""
+        async with self._asking:  # who comes first opens a server's one connection
+            for robot in robots:
+                await self._ask(robot)
+        await self._link.call(asyncio.gather(*(self._confirmed[robot] for robot in robots)))
+
+    async def _ask(self, robot: str) -> None:
         address, client = self._link.listener(robot)
-        confirmed = self._confirmed[robot] = asyncio.get_running_loop().create_future()
+        self._confirmed[robot] = asyncio.get_running_loop().create_future()
         known = self._at.get(address)
         pubsub = client.pubsub() if known is None else known[0]
         self._pubsubs[robot] = pubsub
         await self._link.call(pubsub.ssubscribe(channel(robot)))
         if known is None:
             self._at[address] = (pubsub, asyncio.create_task(self._listen(pubsub), name="redis ear"))
-        await self._link.call(confirmed)
 
     async def unsubscribe(self, robot: str) -> None:
         """No more of this robot."""
@@ -49,8 +55,8 @@ class Ear:
     async def close(self) -> None:
         """Drop all connections."""
         listening, self._at = self._at, {}
-        for pubsub, task in listening.values():
-            await end(task)
+        await end(*(task for _, task in listening.values()))
+        for pubsub, _ in listening.values():
             with contextlib.suppress(*REDIS_ERRORS):
                 await self._link.call(pubsub.aclose())
 

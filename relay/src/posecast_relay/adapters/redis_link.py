@@ -3,7 +3,7 @@
     posecast:{ROBOT}:generation   how many runs were adopted (INCR)
     posecast:{ROBOT}:status       whether its edge is there and how old its frames are; gone in 3.5 s
     posecast:{ROBOT}:VIEW:state   hash: generation seq run stamp version schema key_id key ref frame info
-                                  model events
+                                  model events numbering
     posecast:{ROBOT}:model:HASH   hash: manifest, and the files' ranges as SHA256:OFFSET
     posecast:{ROBOT}:live         sharded channel: what changed, as `relayed` packs it
     posecast:{-}:…                the board: see `redis_board`
@@ -15,8 +15,10 @@ called `-`.
 from __future__ import annotations
 
 import asyncio
+import time
 from collections.abc import Awaitable, Sequence
 from typing import Any, TypeVar
+from urllib.parse import urlsplit
 
 import redis.asyncio as redis
 from redis.asyncio.cluster import RedisCluster
@@ -24,11 +26,15 @@ from redis.asyncio.retry import Retry
 from redis.backoff import NoBackoff
 from redis.exceptions import RedisClusterException, RedisError
 
+from posecast_relay.adapters.lookup import Lookup
+from posecast_relay.core.histogram import Histogram
+
 T = TypeVar("T")
 
 TTL_S = 3600  # renewed by every KEY
 TIMEOUT_S = 0.25  # of one exchange with Redis
 STATUS_MS = 3500  # a robot's status is worth nothing after this
+CONNECTIONS = 32  # to a server; who needs one more waits its turn
 BATCH = 64  # calls in one exchange, so that each keeps within the time
 REDIS_ERRORS = (RedisError, RedisClusterException, OSError, TimeoutError)
 
@@ -65,6 +71,8 @@ class Link:
         scheme, _, rest = url.partition("://")
         self.is_cluster = scheme.endswith("+cluster")
         self._url = f"{scheme.removesuffix('+cluster')}://{rest}"
+        self._lookup = Lookup(urlsplit(self._url).hostname or "localhost")
+        self.seconds = Histogram()  # of exchanges, also of those that failed
         self._scripts: dict[str, str] = {}  # text → SHA-1, once loaded
         self.client: Any = self._open(self._url)
 
@@ -73,10 +81,12 @@ class Link:
         options["retry"] = Retry(NoBackoff(), 0)
         if self.is_cluster:
             return RedisCluster.from_url(url, **options)
-        return redis.from_url(url, **options)
+        options |= {"max_connections": CONNECTIONS, "timeout": TIMEOUT_S}
+        return redis.Redis.from_pool(redis.BlockingConnectionPool.from_url(url, **options))
 
     async def connect(self, *scripts: str) -> None:
         """Reach Redis and give it these scripts."""
+        await self.call(self._lookup.find())
         if self.is_cluster:  # several exchanges with several nodes
             async with asyncio.timeout(4 * TIMEOUT_S):
                 await self.client.initialize()
@@ -100,11 +110,16 @@ class Link:
         except REDIS_ERRORS:
             return
 
-    @staticmethod
-    async def call(asked: Awaitable[T]) -> T:
+    async def call(self, asked: Awaitable[T]) -> T:
         """One exchange, within TIMEOUT_S."""
-        async with asyncio.timeout(TIMEOUT_S):  # wait_for may swallow a cancellation
-            return await asked
+        began = time.monotonic()
+        try:
+            async with asyncio.timeout(TIMEOUT_S):  # wait_for may swallow a cancellation
+                return await asked
+        except (RuntimeError, AttributeError) as e:  # so they call it when a connection was dropped meanwhile
+            raise ConnectionError(str(e)) from None
+        finally:
+            self.seconds.add(time.monotonic() - began)
 
     async def run(self, script: str, keys: Sequence[str], *args: bytes | str | int | float) -> Any:
         """A script that `connect` was given."""
@@ -134,11 +149,13 @@ class Link:
         return (str(node.host), int(node.port)), redis.Redis(connection_pool=pool)
 
 
-async def end(task: asyncio.Task[None] | None) -> None:
-    """Cancel a task, and wait for its end for a moment only."""
-    if task is not None and not task.done():
+async def end(*tasks: asyncio.Task[None] | None) -> None:
+    """Cancel tasks, and wait for their end for a moment only."""
+    going = {task for task in tasks if task is not None and not task.done()}
+    for task in going:
         task.cancel()
-        await asyncio.wait({task}, timeout=2 * TIMEOUT_S)
+    if going:
+        await asyncio.wait(going, timeout=2 * TIMEOUT_S)
 
 
 def name_of(error: BaseException) -> str:

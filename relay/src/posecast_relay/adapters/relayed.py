@@ -10,12 +10,15 @@ HEADER_END = b"\n"
 
 
 class Update(NamedTuple):
-    """A stream has changed. `version` names schema, info and model: another one means that they changed."""
+    """A stream has changed. `version` names schema, info and model: another one means that they changed.
+    `numbering` names the count of the events: another one began at 1.
+    """
 
     view: str
     generation: int
     run_id: int
     version: str
+    numbering: str
     late_s: float  # age of the newest frame when this was sent
     frames: tuple[tuple[int, bytes], ...]  # edge's ns since its run began, and the frame; bases come first
     events: tuple[str, ...]  # numbered, as viewers get them
@@ -27,6 +30,7 @@ class Update(NamedTuple):
             "generation": self.generation,
             "run": f"{self.run_id:016x}",
             "version": self.version,
+            "numbering": self.numbering,
             "late": round(self.late_s, 4),
             "frames": [(ns, len(frame)) for ns, frame in self.frames],
             "events": self.events,
@@ -77,6 +81,7 @@ def _update(doc: dict[str, object], rest: bytes) -> Update:
         int(doc["generation"]),  # type: ignore[call-overload]
         run_id,
         str(doc["version"]),
+        str(doc["numbering"]),
         float(doc["late"]),  # type: ignore[arg-type]
         tuple(frames),
         tuple(str(text) for text in doc["events"]),  # type: ignore[attr-defined]

@@ -10,24 +10,29 @@ import asyncio
 import json
 import random
 import socket
+from collections.abc import Callable
+from functools import partial
 from http import HTTPStatus
 from typing import Any, ClassVar
 
 from posecast_wire import Close, Retry, retry_of
 from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
 
-from posecast_relay.adapters.asked import STREAM_PATH, Asked, BadRequest, NoSuchStream, read_target
+from posecast_relay.adapters.access import CROWDED, FOREIGN, REASONS, STATUSES, Access
+from posecast_relay.adapters.asked import STREAM_PATH, Asked, BadRequest, NoSuchStream, bearer, read_target
 from posecast_relay.adapters.decoded import Decoded
+from posecast_relay.adapters.doorway import Doorway
 from posecast_relay.adapters.forms import EventForm, Form, JsonForm
 from posecast_relay.adapters.pump import Pump
 from posecast_relay.adapters.websocket import CLOSING_S, use_small_buffers
 from posecast_relay.core import messages
 from posecast_relay.core.hub import DRAIN_RETRY_S, GOING
+from posecast_relay.core.policy import ANYONE, Grant, Who
 from posecast_relay.core.viewer import Viewer
 
 HEAD = (
-    b"HTTP/1.1 200 OK\r\ncontent-type: text/event-stream\r\ncache-control: no-store\r\n"
-    b"access-control-allow-origin: *\r\nx-accel-buffering: no\r\nconnection: close\r\n\r\n"
+    b"HTTP/1.1 200 OK\r\ncontent-type: text/event-stream\r\ncache-control: no-store\r\n%s"
+    b"x-accel-buffering: no\r\nconnection: close\r\n\r\n"
     b"retry: 2000\n\n"  # ms, after a connection that ended without a word
 )
 # These viewers never speak. A status goes out every second, so a peer that is gone leaves it unacknowledged.
@@ -37,9 +42,20 @@ USER_TIMEOUT_MS = 11_000
 class EventStream(asyncio.Protocol):
     """One viewer's response, from its head to its end."""
 
+    descriptor = -1  # what is written is made into events first
+
     def __init__(
-        self, transport: asyncio.Transport, connections: set[Any], pump: Pump, form: Form, asked: Asked
+        self,
+        transport: asyncio.Transport,
+        connections: set[Any],
+        pump: Pump,
+        form: Form,
+        asked: Asked,
+        grant: Grant,
+        left: Callable[[], None],
     ) -> None:
+        """`left` is called when the connection is gone."""
+        self._left = left
         self._transport = transport
         self._connections = connections
         self._pump = pump
@@ -48,18 +64,22 @@ class EventStream(asyncio.Protocol):
         limits = pump.hub.limits
         lives_s = limits.max_age_s * random.uniform(0.9, 1.1)
         self._viewer = Viewer(
-            self, asked.robot, asked.view, asked.hz, limits, pump.now(), lives_s, asked.decoded, speaks=False
+            *(self, asked.robot, grant.view, asked.hz, limits, pump.now(), lives_s, asked.decoded),
+            speaks=False,
+            grant=grant,
+            asked_view=asked.view,
         )
+        self._viewer.expires_at = pump.now() + grant.who.until_s - pump.unix_s()
 
-    def start(self) -> None:
-        """Join; the first write brings everything."""
+    def start(self, pages: str | None) -> None:
+        """Join; the first write brings everything. `pages`: origin of those that may read it."""
         self._connections.add(self)
         self._transport.set_protocol(self)
         use_small_buffers(self._transport)
         sock = self._transport.get_extra_info("socket")
         if sock is not None and hasattr(socket, "TCP_USER_TIMEOUT"):
             sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, USER_TIMEOUT_MS)
-        self._transport.write(HEAD)
+        self._transport.write(HEAD % (f"access-control-allow-origin: {pages}\r\n".encode() if pages else b""))
         self._pump.join(self._viewer)
 
     # ---- asyncio ----------------------------------------------------------
@@ -70,6 +90,7 @@ class EventStream(asyncio.Protocol):
         if self._closing is not None:
             self._closing.cancel()
         self._pump.hub.leave(self._viewer)
+        self._left()
 
     def data_received(self, _data: bytes) -> None:
         """There is nothing to say on this connection."""
@@ -91,8 +112,10 @@ class EventStream(asyncio.Protocol):
     def write(self, data: bytes) -> None:
         """Messages, as events."""
         room = self._pump.hub.viewers.get(self._viewer)
-        if room is not None:
-            self._transport.write(self._form.of(data, room.stream))
+        events = self._form.of(data, room.stream) if room is not None else b""
+        if events:
+            # When it was written, so that a reader, which can't acknowledge, sees how late it is.
+            self._transport.write(b"id: %d\n" % int(1000 * self._pump.now()) + events)
 
     def end(self, close: Close, reason: str, retry_s: float | None) -> None:
         """Say why and when to come again, then close."""
@@ -119,11 +142,13 @@ def _wait_ms(close: Close, retry_s: float | None) -> int:
 class _Http(HttpToolsProtocol):
     """uvicorn's HTTP, less the requests for event streams."""
 
-    pump: ClassVar[Pump]
+    access: ClassVar[Access]
     forms: ClassVar[dict[bool, Form]]
+    doorway: ClassVar[Doorway]
 
     _wanted = False
     _taken = False
+    _entering: asyncio.Task[None] | None = None
 
     def on_headers_complete(self) -> None:
         """Look whose request it is."""
@@ -149,6 +174,16 @@ class _Http(HttpToolsProtocol):
             self._taken = True
             self._take_over()
 
+    def handle_websocket_upgrade(self) -> None:
+        """In its turn. Until then nothing further is read from this connection."""
+        self.transport.pause_reading()
+        self.doorway.admit(self._upgrade)
+
+    def _upgrade(self) -> None:
+        if not self.transport.is_closing():
+            self.transport.resume_reading()
+            super().handle_websocket_upgrade()
+
     def _take_over(self) -> None:
         try:
             asked = read_target(self.url.decode("latin-1"), ".sse")
@@ -159,12 +194,41 @@ class _Http(HttpToolsProtocol):
         except NoSuchStream as e:
             self._refuse(HTTPStatus.NOT_FOUND, str(e))
             return
+        token = bearer(self._header(b"authorization"))
+        if token is None or self.access.tokens is None:
+            self._enter(asked, ANYONE)
+        elif not self.access.may_show(self._header(b"origin"), self._header(b"host")):
+            self._refuse(HTTPStatus.FORBIDDEN, FOREIGN)
+        else:
+            self._entering = asyncio.create_task(self._enter_by(asked, token), name="token")
+
+    def _header(self, name: bytes) -> str | None:
+        return next((value.decode("latin-1") for each, value in self.headers if each == name), None)
+
+    async def _enter_by(self, asked: Asked, token: str) -> None:
+        who = await self.access.who(token)
+        if not self.transport.is_closing():
+            self._enter(asked, who)
+
+    def _enter(self, asked: Asked, who: Who | Close) -> None:
+        grant = who if isinstance(who, Close) else self.access.judge(who, asked.robot, asked.view)
+        if isinstance(grant, Close):
+            self._refuse(STATUSES[grant], REASONS[grant])
+            return
+        addresses = self.access.addresses
+        peer = (self.transport.get_extra_info("peername") or ("",))[0]
+        address = addresses.enter(peer, self._header(b"x-forwarded-for"))
+        if address is None:
+            self._refuse(HTTPStatus.SERVICE_UNAVAILABLE, CROWDED)
+            return
         self.connections.discard(self)
-        form = self.forms[asked.decoded]
-        EventStream(self.transport, self.connections, self.pump, form, asked).start()
+        form, pump = self.forms[asked.decoded], self.access.pump(grant)
+        pages = "*" if grant.open else self._header(b"origin")  # that one was let in
+        left = partial(addresses.leave, address)
+        EventStream(self.transport, self.connections, pump, form, asked, grant, left).start(pages)
 
     def _refuse(self, status: HTTPStatus, reason: str) -> None:
-        self.pump.handshakes["refused"] += 1
+        self.access.live.handshakes["refused"] += 1
         body = json.dumps({"error": reason}).encode()
         head = (
             f"HTTP/1.1 {status.value} {status.phrase}\r\ncontent-type: application/json\r\n"
@@ -174,11 +238,12 @@ class _Http(HttpToolsProtocol):
         self.transport.close()
 
 
-def http_protocol(of: Pump, decoded: Decoded) -> type[_Http]:
+def http_protocol(of: Access, decoded: Decoded) -> type[_Http]:
     """The class that uvicorn takes as its `http` option."""
 
     class Bound(_Http):
-        pump = of
+        access = of
+        doorway = Doorway()
         forms: ClassVar[dict[bool, Form]] = {False: EventForm(), True: EventForm(JsonForm(decoded))}
 
     return Bound

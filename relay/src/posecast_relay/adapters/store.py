@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any, Protocol
 
+from posecast_relay.core.histogram import Histogram
 from posecast_relay.core.stream import Stream
 
 
@@ -15,6 +16,9 @@ class StateStore(Protocol):
 
     def trouble(self) -> str | None:
         """One line about what is wrong, None when all is well."""
+
+    def exchanges(self) -> tuple[Histogram, int] | None:
+        """How long those with a server took, and how often it was lost; None where there is no server."""
 
     def robots(self) -> list[dict[str, Any]] | None:
         """The robots on air as others tell of them; None where this process hears them itself."""

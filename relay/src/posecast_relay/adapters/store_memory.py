@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from posecast_relay.core.histogram import Histogram
 from posecast_relay.core.stream import Stream
 
 
@@ -15,6 +16,10 @@ class MemoryStore:
 
     def trouble(self) -> str | None:
         """Memory does not fail by itself."""
+        return None
+
+    def exchanges(self) -> tuple[Histogram, int] | None:
+        """There are none."""
         return None
 
     def robots(self) -> list[dict[str, Any]] | None:

@@ -12,6 +12,7 @@ import contextlib
 import json
 import logging
 from collections.abc import Callable
+from itertools import count
 from typing import Any, NamedTuple
 
 from redis.exceptions import NoScriptError
@@ -30,6 +31,7 @@ from posecast_relay.adapters.redis_link import (
     status_key,
 )
 from posecast_relay.adapters.relayed import Standing, Update
+from posecast_relay.core.histogram import Histogram
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.robot import Robot
 from posecast_relay.core.stream import Held, Stream
@@ -85,8 +87,8 @@ class RedisStore:
     def __init__(
         self, url: str, hub: Hub, now: Callable[[], float], describe: Callable[[Robot], dict[str, Any]]
     ) -> None:
-        self.writes = 0
         self.failures = 0
+        self.losses = 0  # times that Redis, having been there, was not any more
         self.link = Link(url)
         self.board = Board(self.link)
         self._hub = hub
@@ -97,7 +99,10 @@ class RedisStore:
         self._generations: dict[str, tuple[int, int]] = {}  # robot → run, generation
         self._tokens: dict[str, bool] = {}  # as told last
         self._superseded: set[str] = set()  # robots that another process writes
+        self._take_over_at = 0.0  # not before: who writes them may still be on the way to Redis
         self._resumed: set[Stream] = set()
+        self._told_n: dict[Stream, int] = {}  # its newest event that reached Redis
+        self._counts = count(1)
         self._wake = asyncio.Event()
         self._beat_at = 0.0
         self._trouble: str | None = "redis: not connected yet"
@@ -111,6 +116,10 @@ class RedisStore:
     def trouble(self) -> str | None:
         """What is wrong with Redis, if anything."""
         return self._trouble
+
+    def exchanges(self) -> tuple[Histogram, int] | None:
+        """With Redis."""
+        return self.link.seconds, self.losses
 
     def robots(self) -> list[dict[str, Any]] | None:
         """The core hears them."""
@@ -158,7 +167,7 @@ class RedisStore:
     async def _connect(self) -> None:
         await self.link.connect(GUARD, STATUS, BOARD)
         self._written.clear()  # whatever stands there, write it whole
-        self._superseded.clear()
+        self._take_over_at = self._now() + STATUS_MS / 1000
         for robot in self._hub.robots.values():
             self._dirty |= {room.stream: None for room in robot.rooms.values()}
         self._beat_at = 0.0
@@ -171,6 +180,7 @@ class RedisStore:
             why = str(error) or type(error).__name__
             log.warning("redis: %s; viewers here notice nothing, trying on", why)
         self.failures += 1
+        self.losses += self._trouble is None
         self._trouble = name_of(error)  # /readyz is public: no addresses
         await self.link.reset()
 
@@ -195,13 +205,15 @@ class RedisStore:
         ready = [s for s in ready if s.robot not in self._superseded]
         results = await self.link.run_all([self._call(stream) for stream in ready])
         for stream, result in zip(ready, results, strict=True):
-            self.writes += 1
-            if result != 1:
-                self._written.pop(stream, None)
+            if result == 1:
+                self._told_n[stream] = self._written[stream].event_n
+                continue
+            self._written.pop(stream, None)
             if result == 2:
                 self.keep(stream)
-            elif result == 0:
+            else:
                 self._superseded.add(stream.robot)
+                self._take_over_at = self._now() + STATUS_MS / 1000  # who replaced it has hardly begun
         told = {s.robot: self._hub.robots.get(s.robot) for s in batch}
         await self._tell([r for r in told.values() if r and self._tokens.get(r.name) != r.liveness.token])
 
@@ -213,11 +225,18 @@ class RedisStore:
             generation = await self.link.call(client.incr(generation_key(stream.robot)))
             self._generations[stream.robot] = (stream.run_id, int(generation))
             self._superseded.discard(stream.robot)
+            self._tokens.pop(stream.robot, None)  # told with this write: until then nobody seems to write it
         if stream not in self._resumed:
             client = self.link.client
-            texts = await self.link.call(client.hget(state_key(stream.robot, stream.view), "events"))
-            if stream not in self._written and texts:
-                stream.resume([_text(event) for event in json.loads(texts)])
+            names = ["events", "numbering"]
+            texts, numbering = await self.link.call(client.hmget(state_key(stream.robot, stream.view), names))
+            stream.numbering = f"{self.board.id}:{next(self._counts)}"  # unless somebody's count is there
+            if texts and numbering:
+                try:
+                    told = [_text(event) for event in json.loads(texts)]
+                    stream.resume(numbering.decode(), told, self._told_n.get(stream, 0))
+                except (ValueError, TypeError) as e:
+                    log.warning("events of %s/%s in redis: %.200s", stream.robot, stream.view, e)
             self._resumed.add(stream)
 
     def _call(self, stream: Stream) -> tuple[str, list[str], list[Any]]:
@@ -236,7 +255,7 @@ class RedisStore:
             values += ["run", f"{stream.run_id:016x}", "schema", stream.schema.text if stream.schema else ""]
             values += ["key", key.payload, "info", json.dumps(stream.info), "model", stream.model or ""]
             values += ["events", "[" + ",".join(event.text for event in stream.events) + "]"]
-            values += ["version", version]
+            values += ["version", version, "numbering", stream.numbering]
         # what others lack, bases first; frames that were never live here come by the snapshot alone
         age_s = stream.age_s(self._now())
         lacking: list[Held] = []
@@ -250,6 +269,7 @@ class RedisStore:
             generation,
             stream.run_id,
             version,
+            stream.numbering,
             age_s or 0.0,
             tuple((round(held.stamp_s * 1e9), held.payload) for held in lacking),
             tuple(event.text for event in stream.events if event.n > told_n),
@@ -261,27 +281,30 @@ class RedisStore:
 
     async def _beat(self) -> None:
         """Say of every robot how it is; take over those that another process has ceased to write."""
-        for robot in tuple(self._superseded):
+        for robot in tuple(self._superseded) if self._now() >= self._take_over_at else ():
             if not await self.link.call(self.link.client.exists(status_key(robot))):
                 self._superseded.discard(robot)
                 self._generations.pop(robot, None)
                 of = self._hub.robots.get(robot)
                 for room in of.rooms.values() if of else ():
+                    self._resumed.discard(room.stream)
                     self.keep(room.stream)
         heard = [robot for robot in self._hub.robots.values() if robot.heard_at is not None]
-        await self._tell(heard)
+        mine = await self._tell(heard)
         known = {robot.name for robot in heard}
-        for stream in [s for s in self._written if s.robot not in known]:  # forgotten by the core
-            del self._written[stream]
+        for stream in {s for s in (*self._resumed, *self._told_n) if s.robot not in known}:  # by the core
+            self._written.pop(stream, None)
+            self._told_n.pop(stream, None)
             self._resumed.discard(stream)
             self._generations.pop(stream.robot, None)
         viewers = {r.name: r.viewer_count() for r in self._hub.robots.values() if r.has_viewers()}
-        told = {robot.name: self._describe(robot) for robot in heard if robot.name not in self._superseded}
+        told = {robot.name: self._describe(robot) for robot in mine}
         await self.board.exchange(self._now(), viewers, told)
         for of_mine in heard:
             of_mine.followed = self.board.viewers_elsewhere(of_mine.name) > 0
 
-    async def _tell(self, robots: list[Robot]) -> None:
+    async def _tell(self, robots: list[Robot]) -> list[Robot]:
+        """Returns those of which nobody else tells."""
         now = self._now()
         calls: list[tuple[str, list[str], list[Any]]] = []
         for robot in robots:
@@ -289,9 +312,9 @@ class RedisStore:
             standing = Standing(robot.liveness.token, ages_s).pack()
             names = [status_key(robot.name), generation_key(robot.name), channel(robot.name)]
             calls.append((STATUS, names, [self._generations.get(robot.name, (0, 0))[1], standing]))
-        if calls:
-            await self.link.run_all(calls)
+        results = await self.link.run_all(calls)
         self._tokens |= {robot.name: robot.liveness.token for robot in robots}
+        return [robot for robot, result in zip(robots, results, strict=True) if result == 1]
 
 
 def _text(event: dict[str, Any]) -> str:

@@ -9,21 +9,23 @@ from __future__ import annotations
 import asyncio
 import random
 import socket
+from http import HTTPStatus
 from typing import TYPE_CHECKING, Any, ClassVar, cast
 
-from posecast_wire import Close
+from posecast_wire import Auth, Close, MessageError, parse_viewer_message
 from websockets.frames import Frame as WebSocketFrame
 from websockets.frames import Opcode
 from websockets.http11 import Request
 from websockets.protocol import OPEN
 from websockets.server import ServerProtocol
 
-from posecast_relay.adapters.asked import BadRequest, NoSuchStream, read_target
+from posecast_relay.adapters.access import CROWDED, FOREIGN, REASONS, Access
+from posecast_relay.adapters.asked import Asked, BadRequest, NoSuchStream, bearer, read_target
 from posecast_relay.adapters.decoded import Decoded
 from posecast_relay.adapters.forms import Form, JsonForm
-from posecast_relay.adapters.pump import Pump
 from posecast_relay.core import messages
-from posecast_relay.core.hub import DRAIN_RETRY_S, GOING
+from posecast_relay.core.hub import DRAIN_RETRY_S, FULL_RETRY_S, GOING
+from posecast_relay.core.policy import ANYONE, Grant
 from posecast_relay.core.viewer import Viewer
 
 if TYPE_CHECKING:
@@ -33,7 +35,9 @@ if TYPE_CHECKING:
 # What an unread socket swallows before it pushes back. Small, so that a slow viewer shows soon (the kernel
 # takes twice the figure); large enough for a join in one go.
 SEND_BUFFER_BYTES = 16384
+TOKEN_S = 5.0  # until the token is there; else closed 4401
 CLOSING_S = 2.0  # a viewer that does not answer a close in this time is cut off
+SHORT = 125  # bytes of a message whose size stands in the frame's second byte
 
 
 def use_small_buffers(transport: asyncio.Transport) -> None:
@@ -45,10 +49,30 @@ def use_small_buffers(transport: asyncio.Transport) -> None:
     transport.set_write_buffer_limits(high=0)
 
 
+def descriptor_of(transport: asyncio.Transport) -> int:
+    """Of the socket, when all that is written to it goes out as it is; else −1."""
+    sock = transport.get_extra_info("socket")
+    if sock is None or transport.get_extra_info("sslcontext") is not None:
+        return -1
+    return int(sock.fileno())
+
+
+def short_text(data: bytes) -> bytes | None:
+    """The text, when `data` is one whole text message of a viewer, and a short one: as an acknowledgement is.
+
+    A fifth of what the library takes for it. Whatever is not plainly that is the library's to judge.
+    """
+    size = len(data) - 6
+    if not 0 < size <= SHORT or data[0] != 0x81 or data[1] != 0x80 | size:
+        return None
+    mask = (data[2:6] * ((size + 3) // 4))[:size]
+    return (int.from_bytes(data[6:], "big") ^ int.from_bytes(mask, "big")).to_bytes(size, "big")
+
+
 class LiveSocket(asyncio.Protocol):
     """One viewer's connection, from its HTTP request to its end."""
 
-    pump: ClassVar[Pump]
+    access: ClassVar[Access]
     json_form: ClassVar[Form]
 
     def __init__(
@@ -57,12 +81,21 @@ class LiveSocket(asyncio.Protocol):
         server_state: ServerState,
         app_state: Any,  # noqa: ARG002
     ) -> None:
+        self.pump = self.access.live  # whose hub it is a viewer of, once it is one
         self._connections: set[Any] = server_state.connections
         self._ws = ServerProtocol(max_size=self.pump.hub.limits.message_bytes)
         self._transport: asyncio.Transport
         self._viewer: Viewer | None = None
+        self._own_descriptor = -1
+        self.descriptor = -1  # to be written to directly: never while anything waits in the transport
+        self._over = False  # nothing may be written any more
         self._fragments: list[bytes] | None = None
+        self._unread = 0  # bytes in the library that may be the beginning of a message
         self._closing: asyncio.TimerHandle | None = None
+        self._address: str | None = None  # whose streams it counts among
+        self._asked: Asked | None = None  # what is wanted, while a token is waited for
+        self._no_token: asyncio.TimerHandle | None = None
+        self._entering: asyncio.Task[None] | None = None
 
     # ---- asyncio ----------------------------------------------------------
 
@@ -75,31 +108,54 @@ class LiveSocket(asyncio.Protocol):
     def connection_lost(self, _exc: Exception | None) -> None:
         """The connection is gone, by whichever side."""
         self._connections.discard(self)
+        self._write_no_more()
+        self._waits_no_more()
+        if self._address is not None:
+            self.access.addresses.leave(self._address)
+            self._address = None
         if self._closing is not None:
             self._closing.cancel()
         if self._viewer is not None:
             self.pump.hub.leave(self._viewer)
+        # nothing that is left may hold itself in a circle: a collection comes after 50,000 objects only
+        self._viewer = None
+        self._ws.parser.close()
+        self._ws.parser_exc = None
 
     def pause_writing(self) -> None:
         """The socket did not take everything."""
+        self.descriptor = -1
         if self._viewer is not None:
             self._viewer.paused(self.pump.now())
 
     def resume_writing(self) -> None:
         """The socket has taken everything."""
+        if not self._over:
+            self.descriptor = self._own_descriptor
         if self._viewer is not None:
             self.pump.carry_out(self.pump.hub.drained(self._viewer))
 
     def data_received(self, data: bytes) -> None:
         """Bytes from the viewer (first of all its HTTP request, as uvicorn read it)."""
         ws = self._ws
-        ws.receive_data(data)
         if self._viewer is not None:
             self._viewer.heard_at = self.pump.now()
+        if self._unread == 0 and self._fragments is None and ws.state is OPEN:
+            text = short_text(data)
+            if text is not None:
+                self._text(text)
+                return
+        ws.receive_data(data)
+        self._unread += len(data)
+        self._send_own()  # a ping between two parts of a message is answered before the message is
         for event in ws.events_received():
             if isinstance(event, Request):
                 self._handshake(event)
+                if data.endswith(b"\r\n\r\n"):  # else what it read of a message is not known, nor will be
+                    self._unread = 0
             elif isinstance(event, WebSocketFrame):
+                size = len(event.data)
+                self._unread -= size + (6 if size <= SHORT else 8 if size < 1 << 16 else 14)
                 self._frame(event)
         self._send_own()
 
@@ -124,6 +180,20 @@ class LiveSocket(asyncio.Protocol):
             self.pump.handshakes["refused"] += 1
             self._ws.send_response(self._ws.reject(e.status, f"{e}\n"))
             return
+        origin, token = request.headers.get("Origin"), bearer(request.headers.get("Authorization"))
+        if (asked.auth or token) and not self.access.may_show(origin, request.headers.get("Host")):
+            self.pump.handshakes["refused"] += 1
+            self._ws.send_response(self._ws.reject(HTTPStatus.FORBIDDEN, FOREIGN + "\n"))
+            return
+        self._address = self.access.addresses.enter(
+            (self._transport.get_extra_info("peername") or ("",))[0], request.headers.get("X-Forwarded-For")
+        )
+        if self._address is None:
+            self.pump.handshakes["refused"] += 1
+            response = self._ws.reject(HTTPStatus.SERVICE_UNAVAILABLE, CROWDED + "\n")
+            response.headers["Retry-After"] = "30"
+            self._ws.send_response(response)
+            return
         response = self._ws.accept(request)
         self._ws.send_response(response)
         self._send_own()
@@ -138,13 +208,61 @@ class LiveSocket(asyncio.Protocol):
             pump.handshakes["told to go"] += 1
             self.end(Close.ABSENT, str(e), None)
             return
+        if self.access.tokens is not None and (token or asked.auth):
+            self._wait_for_token(asked, token)
+        else:
+            self._enter(asked, self.access.judge(ANYONE, asked.robot, asked.view))
+
+    def _wait_for_token(self, asked: Asked, token: str | None) -> None:
+        """It comes with the request, or as the first message within a few seconds."""
+        self._asked = asked
+        self._no_token = asyncio.get_running_loop().call_later(TOKEN_S, self._refuse_entry, Close.TOKEN)
+        if token:
+            self._show(token)
+
+    def _show(self, token: str) -> None:
+        if self._entering is None:
+            self._entering = asyncio.create_task(self._enter_by(token), name="token")
+
+    async def _enter_by(self, token: str) -> None:
+        asked, who = self._asked, await self.access.who(token)
+        if asked is None or self._over:
+            return
+        if isinstance(who, Close):
+            self._refuse_entry(who)
+            return
+        self._waits_no_more()
+        self._enter(asked, self.access.judge(who, asked.robot, asked.view))
+
+    def _waits_no_more(self) -> None:
+        self._asked = None
+        if self._no_token is not None:
+            self._no_token.cancel()
+
+    def _refuse_entry(self, close: Close) -> None:
+        self._waits_no_more()
+        self.pump.hub.endings[close] += 1
+        self.pump.handshakes["told to go"] += 1
+        self.end(close, REASONS[close], FULL_RETRY_S if close is Close.FULL else None)
+
+    def _enter(self, asked: Asked, grant: Grant | Close) -> None:
+        if isinstance(grant, Close):
+            self._refuse_entry(grant)
+            return
+        pump = self.pump = self.access.pump(grant)
         lives_s = pump.hub.limits.max_age_s * random.uniform(0.9, 1.1)
         outlet = _JsonOutlet(self, self.json_form) if asked.decoded else self
         self._viewer = Viewer(
-            outlet, asked.robot, asked.view, asked.hz, pump.hub.limits, pump.now(), lives_s, asked.decoded
+            *(outlet, asked.robot, grant.view, asked.hz, pump.hub.limits, pump.now(), lives_s, asked.decoded),
+            grant=grant,
+            asked_view=asked.view,
         )
+        self._viewer.expires_at = self.access.expires_at(grant)
+        self._own_descriptor = descriptor_of(self._transport)
         pump.join(self._viewer)
-        if self._transport.get_write_buffer_size() > 0:
+        if self._transport.get_write_buffer_size() == 0:
+            self.descriptor = self._own_descriptor
+        else:
             # uvicorn makes us the transport's protocol only after this call: it was told to pause, not we
             self._viewer.paused(pump.now())
 
@@ -161,31 +279,50 @@ class LiveSocket(asyncio.Protocol):
                 whole, self._fragments = b"".join(self._fragments), None
             else:
                 whole = bytes(frame.data)
-            if self._viewer is not None:
-                pump = self.pump
-                pump.carry_out(pump.hub.message(self._viewer, whole, pump.now()))
+            self._text(whole)
+
+    def _text(self, text: bytes) -> None:
+        if self._viewer is not None:
+            pump = self.pump
+            pump.carry_out(pump.hub.message(self._viewer, text, pump.now()))
+        elif self._asked is not None:
+            try:
+                said = parse_viewer_message(text)
+            except MessageError as e:
+                self._waits_no_more()
+                self.pump.hub.endings[e.close] += 1
+                self.end(e.close, str(e), None)
+                return
+            if isinstance(said, Auth):
+                self._show(said.token)
 
     def _refuse(self, close: Close, reason: str) -> None:
         if self._viewer is not None:
             self.pump.carry_out(self.pump.hub.refuse(self._viewer, close, reason))
+        elif self._asked is not None:
+            self._waits_no_more()
+            self.end(close, reason, None)
 
     # ---- what it is sent (Outlet) -------------------------------------------
 
     def write(self, data: bytes) -> None:
         """Ready-made messages, to the socket."""
-        self._transport.write(data)
+        if not self._over:
+            self._transport.write(data)
 
     def end(self, close: Close, reason: str, retry_s: float | None) -> None:
         """Say why, close, and do not wait for long."""
         if self._ws.state is not OPEN:
             return
         self._transport.write(messages.bye(close, reason, retry_s))
+        self._write_no_more()
         self._ws.send_close(close, reason[:100])
         self._send_own()
         self._hurry()
 
     def cut(self, _close: Close) -> None:
         """Abort: nothing gets through to a viewer that does not read."""
+        self._write_no_more()
         self._transport.abort()
 
     def _hurry(self) -> None:
@@ -210,6 +347,7 @@ class LiveSocket(asyncio.Protocol):
 
     def _let_go(self) -> None:
         """Nothing more may be written. An ending for a broken rule (1002, 1009) is counted by its code."""
+        self._write_no_more()
         viewer, hub, sent = self._viewer, self.pump.hub, self._ws.close_sent
         if viewer is None or viewer not in hub.viewers:
             return
@@ -221,11 +359,17 @@ class LiveSocket(asyncio.Protocol):
         """The same in another form."""
         room = self.pump.hub.viewers.get(self._viewer) if self._viewer else None
         if room is not None:
-            self._transport.write(form.of(data, room.stream))
+            self.write(form.of(data, room.stream))
+
+    def _write_no_more(self) -> None:
+        self._over = True
+        self.descriptor = -1
 
 
 class _JsonOutlet:
     """The outlet of a viewer of `format=json`."""
+
+    descriptor = -1
 
     def __init__(self, socket: LiveSocket, form: Form) -> None:
         self._form = form
@@ -238,11 +382,11 @@ class _JsonOutlet:
         self._socket.write_as(self._form, data)
 
 
-def live_protocol(of: Pump, decoded: Decoded) -> type[LiveSocket]:
+def live_protocol(of: Access, decoded: Decoded) -> type[LiveSocket]:
     """The class that uvicorn takes as its `ws` option."""
 
     class Bound(LiveSocket):
-        pump = of
+        access = of
         json_form = JsonForm(decoded)
 
     return Bound

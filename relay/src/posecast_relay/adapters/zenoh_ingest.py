@@ -10,26 +10,31 @@ import asyncio
 import logging
 from collections import deque
 from collections.abc import Callable, Sequence
+from functools import partial
 
 import zenoh
 from posecast_wire import Echo, Snapshot, Stamp, check_name
 from posecast_wire.keys import PREFIX, snapshot_key
 
 from posecast_relay.adapters.pump import Pump
+from posecast_relay.adapters.zenoh_door import Door
 
 log = logging.getLogger("posecast_relay")
 
 FRAMES_MAX = 8192  # waiting for a stalled loop; the oldest go, the newest state is what counts
 OTHERS_MAX = 8192  # events, tokens, answers: likewise
 SNAPSHOT_TIMEOUT_S = 2.0
+RETURN_S = (
+    3.0  # after the door was opened anew a robot has so long to come back; edges try at least once a second
+)
 COMPLAIN_S = 10.0  # between two log lines about bad messages
 
 
 class ZenohIngest:
     """Subscriptions, the echo, and the questions about snapshots."""
 
-    def __init__(self, session: zenoh.Session, pump: Pump) -> None:
-        self._session = session
+    def __init__(self, door: Door, pump: Pump) -> None:
+        self._door = door
         self._pump = pump
         self._loop = asyncio.get_running_loop()
         self._frames: deque[tuple[str, str, bytes, bytes]] = deque(maxlen=FRAMES_MAX)
@@ -37,16 +42,45 @@ class ZenohIngest:
         self._woken = False
         self._complained_at = float("-inf")
         self._declared: list[object] = []
+        self._opening = 0  # which session it is; tokens of one that is gone mean nothing
+        self._missing: set[str] = set()  # were here before the door was opened anew
+        self._given_up: asyncio.TimerHandle | None = None
 
     def start(self) -> None:
         """Subscribe. From here on edges are heard."""
-        session = self._session
         self._pump.ask = self._ask
+        self._door.closing, self._door.opened = self._leave_off, self._go_on
+        self._declare()
+
+    def stop(self) -> None:
+        """No more timers."""
+        if self._given_up is not None:
+            self._given_up.cancel()
+
+    def _leave_off(self) -> None:
+        self._opening += 1
+        self._declared = []
+
+    def _go_on(self) -> None:
+        robots = self._pump.hub.robots.values()
+        self._missing |= {robot.name for robot in robots if robot.liveness.token}
+        self._declare()
+        self.stop()
+        self._given_up = self._loop.call_later(RETURN_S, self._give_up)
+
+    def _give_up(self) -> None:
+        missing, self._missing = self._missing, set()
+        for robot in sorted(missing):
+            self._token(robot, False)
+
+    def _declare(self) -> None:
+        session = self._door.session
+        on_token = partial(self._on_token, self._opening)
         self._declared = [
             session.declare_subscriber(f"{PREFIX}/*/*/frame", self._on_frame),
             session.declare_subscriber(f"{PREFIX}/*/*/event", self._on_event),
             session.declare_queryable(f"{PREFIX}/*/echo", self._on_echo),
-            session.liveliness().declare_subscriber(f"{PREFIX}/*/alive", self._on_token, history=True),
+            session.liveliness().declare_subscriber(f"{PREFIX}/*/alive", on_token, history=True),
         ]
 
     # ---- in Zenoh's threads ---------------------------------------------------
@@ -63,10 +97,16 @@ class ZenohIngest:
         payload = sample.payload.to_bytes()
         self._later(lambda: self._event(chunks[2], chunks[3], payload, stamp))
 
-    def _on_token(self, sample: zenoh.Sample) -> None:
+    def _on_token(self, opening: int, sample: zenoh.Sample) -> None:
         robot = str(sample.key_expr).split("/")[2]
         present = sample.kind == zenoh.SampleKind.PUT
-        self._later(lambda: self._token(robot, present))
+
+        def told() -> None:
+            if opening == self._opening:
+                self._missing.discard(robot)
+                self._token(robot, present)
+
+        self._later(told)
 
     def _on_echo(self, query: zenoh.Query) -> None:
         self._later(lambda: self._echo(query))
@@ -153,7 +193,9 @@ class ZenohIngest:
     def _ask(self, robot: str, views: Sequence[str]) -> None:
         for view in views:  # not `*`: the edge's `model/**` would match it too
             try:
-                self._session.get(snapshot_key(robot, view), self._on_snapshot, timeout=SNAPSHOT_TIMEOUT_S)
+                self._door.session.get(
+                    snapshot_key(robot, view), self._on_snapshot, timeout=SNAPSHOT_TIMEOUT_S
+                )
             except zenoh.ZError as e:
                 log.warning("snapshot of %s/%s: %s", robot, view, e)
 

@@ -3,33 +3,135 @@
 from __future__ import annotations
 
 import json
+import os
+import secrets
 import socket
-from collections.abc import Sequence
+import tempfile
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
 
 import zenoh
+from posecast_wire.keys import PREFIX
 
 LEASE_MS = 2500  # an edge whose link is cut is gone after this long
 PORT_TRIES = 5
+REOPEN_S = 5.0  # the port we have just let go of is tried again for so long
+SESSIONS_MAX = 4000  # edges; Zenoh's own figure is 1,000
 
 
 class ListenError(OSError):
     """The listener could not be opened: one line, with the endpoint."""
 
 
-def _config(endpoints: Sequence[str]) -> zenoh.Config:
+@dataclass(frozen=True)
+class Gate:
+    """Who is let in: `secrets` by robot. With a certificate and its key, endpoints may be `tls/…`.
+
+    `ca`: robots show a certificate of this authority with their name as its common name; no password is asked
+    for, and secrets are empty.
+    """
+
+    secrets: Mapping[str, str] = field(repr=False)
+    cert: Path | None = None
+    key: Path | None = None
+    ca: Path | None = None
+
+
+# What an edge may do with the keys of its own robot ({}), and what it is told. Everything else is denied.
+# Zenoh knows no patterns for users, so there are rules for each.
+Rights = Mapping[tuple[str, ...], tuple[str, ...]]  # kinds of messages → keys
+IN_OF_ONE: Rights = {
+    ("put",): ("{}/*/frame", "{}/*/event"),
+    ("liveliness_token",): ("{}/alive",),
+    ("declare_queryable", "reply"): ("{}/*/snapshot", "{}/model/**"),
+    ("query",): ("{}/echo",),
+}
+OUT_OF_ONE: Rights = {("query",): ("{}/*/snapshot", "{}/model/**"), ("reply",): ("{}/echo",)}
+# What the relay listens for: not of anybody's state. Without it an edge would not begin to send.
+OUT_OF_ALL: Rights = {
+    ("declare_subscriber",): ("*/*/frame", "*/*/event"),
+    ("declare_queryable",): ("*/echo",),
+    ("declare_liveliness_subscriber", "liveliness_query"): ("*/alive",),
+}
+
+
+def access_control(robots: Sequence[str], known_by: str = "usernames") -> dict[str, Any]:
+    """Zenoh's `access_control`: each robot its own keys, by its name in `known_by`; default deny."""
+    rules: list[dict[str, Any]] = []
+
+    def add(name: str, flow: str, rights: Rights, of: str) -> list[str]:
+        made = []
+        for n, (messages, keys) in enumerate(rights.items()):
+            made.append(f"{name}-{flow}-{n}")
+            exprs = [f"{PREFIX}/{key.format(of)}" for key in keys]
+            rules.append(
+                {"id": made[-1], "permission": "allow", "flows": [flow], "messages": [*messages]}
+                | {"key_exprs": exprs}
+            )
+        return made
+
+    shared = add("all", "egress", OUT_OF_ALL, "")
+    policies = []
+    for robot in robots:
+        own = [*add(robot, "ingress", IN_OF_ONE, robot), *add(robot, "egress", OUT_OF_ONE, robot)]
+        policies.append({"rules": shared + own, "subjects": [robot]})
+    return {
+        "enabled": True,
+        "default_permission": "deny",
+        "rules": rules,
+        "subjects": [{"id": robot, known_by: [robot]} for robot in robots],
+        "policies": policies,
+    }
+
+
+def _config(endpoints: Sequence[str], gate: Gate | None, passwords: str | None) -> zenoh.Config:
     config = zenoh.Config()
-    for key, value in {
+    settings: dict[str, Any] = {
         "mode": "router",
         "listen/endpoints": list(endpoints),
         "scouting/multicast/enabled": False,
         "scouting/gossip/enabled": False,
         "scouting/delay": 0,  # else opening takes half a second
         "transport/link/tx/lease": LEASE_MS,
+        "transport/unicast/max_sessions": SESSIONS_MAX,
         "transport/shared_memory/enabled": False,  # drops messages silently under load
         "adminspace/enabled": False,
-    }.items():
+    }
+    if gate is not None:
+        known_by = "usernames" if gate.ca is None else "cert_common_names"
+        settings["access_control"] = access_control(sorted(gate.secrets), known_by)
+        if passwords is not None:
+            settings["transport/auth/usrpwd/dictionary_file"] = passwords
+        if gate.ca is not None:
+            settings["transport/link/tls/enable_mtls"] = True
+            settings["transport/link/tls/root_ca_certificate"] = str(gate.ca)
+            settings["transport/link/tls/close_link_on_expiration"] = True
+        if gate.cert is not None and gate.key is not None:
+            settings["transport/link/tls/listen_certificate"] = str(gate.cert)
+            settings["transport/link/tls/listen_private_key"] = str(gate.key)
+    for key, value in settings.items():
         config.insert_json5(key, json.dumps(value))
     return config
+
+
+@contextmanager
+def _passwords(gate: Gate | None) -> Iterator[str | None]:
+    """The file that Zenoh wants them in, `user:password`, for as long as it takes to read it."""
+    if gate is None or gate.ca is not None:
+        yield None
+        return
+    # an empty file would let everybody in; no robot's name begins with -
+    lines = [f"{robot}:{secret}" for robot, secret in gate.secrets.items()]
+    lines.append(f"-:{secrets.token_urlsafe(32)}")
+    with tempfile.NamedTemporaryFile("w", prefix="posecast-") as file:
+        os.fchmod(file.fileno(), 0o600)
+        file.write("\n".join(lines) + "\n")
+        file.flush()
+        yield file.name
 
 
 def _with_port(endpoint: str) -> str:
@@ -44,16 +146,33 @@ def _with_port(endpoint: str) -> str:
         return f"{scheme}/{host}:{probe.getsockname()[1]}"
 
 
-def open_router(endpoints: Sequence[str]) -> tuple[zenoh.Session, list[str]]:
-    """The session and the endpoints it listens on. ListenError when it cannot."""
-    zenoh.init_log_from_env_or("off")
+def open_router(endpoints: Sequence[str], gate: Gate | None = None) -> tuple[zenoh.Session, list[str]]:
+    """The session and the endpoints it listens on. Without a gate anybody may publish. ListenError."""
     for tries_left in reversed(range(PORT_TRIES)):
         real = [_with_port(e) for e in endpoints]
         try:
-            return zenoh.open(_config(real)), real
+            return _open(real, gate), real
         except zenoh.ZError as e:
             if tries_left and real != list(endpoints):
                 continue
             reason = "address already in use" if "in use" in str(e) else str(e).splitlines()[0]
             raise ListenError(f"zenoh listener {', '.join(real)}: {reason}") from None
     raise AssertionError("unreachable")
+
+
+def _open(endpoints: Sequence[str], gate: Gate | None) -> zenoh.Session:
+    with _passwords(gate) as passwords:
+        return zenoh.open(_config(endpoints, gate, passwords))
+
+
+def reopen_router(endpoints: Sequence[str], gate: Gate) -> zenoh.Session:
+    """The same door with other locks. ListenError when the port does not come free again."""
+    give_up_at = time.monotonic() + REOPEN_S
+    while True:
+        try:
+            return _open(endpoints, gate)
+        except zenoh.ZError as e:
+            if time.monotonic() >= give_up_at:
+                line = str(e).splitlines()[0]
+                raise ListenError(f"zenoh listener {', '.join(endpoints)}: {line}") from None
+            time.sleep(0.01)

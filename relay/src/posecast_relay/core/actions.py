@@ -59,4 +59,12 @@ class Watch:
     robot: str
 
 
-Action = Send | End | Cut | Ask | Keep | Watch
+@dataclass(slots=True)
+class Verify:
+    """Find out whether this token, which a viewer sent while it watches, is good, and judge anew."""
+
+    viewer: Viewer
+    token: str
+
+
+Action = Send | End | Cut | Ask | Keep | Watch | Verify

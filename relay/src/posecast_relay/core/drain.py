@@ -23,7 +23,9 @@ class Drain:
         self.wake_at = now
 
     def due(self, now: float) -> Sequence[Viewer]:
-        """Those to go now. `wake_at` is set to when there are more."""
+        """Those to go now. `wake_at` is set to when there are more; before that, nobody is to go."""
+        if now < self.wake_at:
+            return ()
         elapsed_s = now + STEP_S - self._began
         upto = len(self._order)
         if elapsed_s < self._spread_s:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import cast
 
 from posecast_wire import (
@@ -20,13 +20,15 @@ from posecast_wire import (
 )
 
 from posecast_relay.core import messages
-from posecast_relay.core.actions import Action, Ask, Cut, End, Keep, Send, Watch
+from posecast_relay.core.actions import Action, Ask, Cut, End, Keep, Send, Verify, Watch
 from posecast_relay.core.drain import Drain
 from posecast_relay.core.histogram import Histogram
 from posecast_relay.core.limits import Limits
 from posecast_relay.core.load import Load
-from posecast_relay.core.robot import PUBLIC, Robot
-from posecast_relay.core.room import NEVER, Room
+from posecast_relay.core.policy import PUBLIC, Grant
+from posecast_relay.core.robot import Robot
+from posecast_relay.core.room import Room
+from posecast_relay.core.roster import Roster
 from posecast_relay.core.said import conflict_event, edge_said
 from posecast_relay.core.stream import Fate
 from posecast_relay.core.viewer import Viewer
@@ -34,33 +36,26 @@ from posecast_relay.core.viewer import Viewer
 FULL_RETRY_S = 30.0
 DRAIN_RETRY_S = 10.0
 RENEW_RETRY_S = 1.0  # these come one by one already
+EXPIRED = "the link or sign-in has expired"
 GOING = "the relay is being replaced"
 FORGET_EVERY = 20  # sweeps
 HELD_UP_S = 0.1  # a tick that comes later than this shows that the process stood still
 
 
-class Hub:
-    """All robots and viewers of one process."""
+class Hub(Roster):
+    """What happens to the robots and viewers of one process."""
 
     def __init__(self, limits: Limits) -> None:
-        self.limits = limits
-        self.robots: dict[str, Robot] = {}
-        self.viewers: dict[Viewer, Room] = {}
+        super().__init__(limits)
         self.fates: Counter[str] = Counter()  # of messages from edges
-        self.endings: Counter[int] = Counter()  # of viewers, by close code
         self.load = Load()
         self.lateness = Histogram()  # of frames from edges, as they came in
         self.joins = 0
-        self.delivered = 0  # by rooms that are forgotten; and so on
-        self.skipped = 0
         self.draining: Drain | None = None  # nobody is taken any more
-        self.degraded = False  # no robot is heard of, for a reason of this relay's own
-        self.wake_at = 0.0  # `tick` wants to be called then, or a little later
-        self._changed: dict[Room, None] = {}
         self._status_at = 0.0
+        self._status_goes = False  # with the frames, just now
         self._sweep_at = 0.0
         self._sweeps = 0
-        self._words: dict[Room, str] = {}
 
     # ---- from the edges ---------------------------------------------------
 
@@ -68,17 +63,17 @@ class Hub:
         self, robot: str, view: str, payload: bytes, stamp: Stamp, now: float, late_s: float = 0.0
     ) -> Fate:
         """Take a frame in; `flush` then hands out the newest. `late_s`: as late as another relay found it."""
-        found = self._publisher(robot, view)
+        found = self.publisher(robot, view)
         if found is None:
             fate = Fate.CROWDED
         else:
             of, room = found
             fate = of.frame(room, payload, stamp, now, late_s)
             if fate is Fate.TAKEN:
-                self._changed[room] = None
+                self.changed[room] = None
                 self.lateness.add(of.runs.lateness_s)
             if of.lacking:
-                self.wake_at = min(self.wake_at, of.ask_at)
+                self.ask_about(of)
         self.fates[fate.value] += 1
         return fate
 
@@ -93,18 +88,18 @@ class Hub:
     ) -> None:
         """Take in what an edge, or another relay with its `newest` frame, answered. ValueError, one line,
         when it is of no use."""
-        found = self._publisher(robot, view)
+        found = self.publisher(robot, view)
         if found is None:
             raise ValueError("snapshot: more robots or views than the relay takes")
         of, room = found
         of.snapshot(room, snapshot, stamp, now, newest)
-        self._changed[room] = None
+        self.changed[room] = None
 
     def event(
         self, robot: str, view: str, payload: bytes, stamp: Stamp, now: float, unix_s: float
     ) -> list[Action]:
-        """An event from an edge: number it, keep it, hand it to everybody. Or the robot's info."""
-        found = self._publisher(robot, view)
+        """An event from an edge: number it, keep it, hand it to everybody. Or the robot's info or model."""
+        found = self.publisher(robot, view)
         doc = edge_said(payload, self.limits)
         if found is None or doc is None:
             self.fates[(Fate.CROWDED if found is None else Fate.BAD).value] += 1
@@ -114,15 +109,18 @@ class Hub:
             self.fates[Fate.RETIRED.value] += 1
             return []
         of.heard_at = now
-        if doc["type"] == "info":
-            return self._informed(of, room, doc["kv"], stamp)
-        return [*self._told(room.announce(room.stream.number(doc, unix_s))), Keep(room.stream)]
+        if doc["type"] in ("info", "model"):
+            return self._informed(of, room, doc, stamp)
+        return [*self.told(room.announce(room.stream.number(doc, unix_s))), Keep(room.stream)]
 
-    def _informed(self, of: Robot, room: Room, kv: object, stamp: Stamp) -> list[Action]:
-        if stamp.run_id != of.runs.current:  # its first KEY will bring the snapshot, and that the info
+    def _informed(self, of: Robot, room: Room, doc: dict[str, object], stamp: Stamp) -> list[Action]:
+        if stamp.run_id != of.runs.current:  # its first KEY will bring the snapshot, and that all of it
             return []
         try:
-            room.stream.inform(cast("dict[str, str]", kv))
+            if doc["type"] == "model":
+                room.stream.show(cast(str, doc["hash"]))
+            else:
+                room.stream.inform(cast("dict[str, str]", doc["kv"]))
         except ValueError:
             self.fates[Fate.BAD.value] += 1
             return []
@@ -131,87 +129,33 @@ class Hub:
     def token(self, robot: str, present: bool, now: float) -> list[Action]:
         """An edge's liveliness token came or went."""
         if present:
-            found = self._robot(robot)
+            found = self.admit(robot)
             if found is None:
                 self.fates[Fate.CROWDED.value] += 1
                 return []
             found.came(now)
-            self.wake_at = min(self.wake_at, found.ask_at)
-            return self._kept(found) + self._words_changed(found, now)
+            self.ask_about(found)
+            return self.kept(found) + self.words_changed(found, now)
         gone = self.robots.get(robot)
         if gone is None:
             return []
         gone.liveness.left(now)
-        return self._kept(gone) + self._words_changed(gone, now)
+        return self.kept(gone) + self.words_changed(gone, now)
 
     def flush(self, now: float, unix_s: float) -> list[Action]:
         """Hand out what has changed since the last flush, each stream's newest frame only."""
         out: list[Action] = []
-        changed, self._changed = self._changed, {}
+        changed, self.changed = self.changed, {}
         for room in changed:
             robot = self.robots[room.stream.robot]
             out += room.describe()
             out += room.offer(now)
             out.append(Keep(room.stream))
             if room.viewers:
-                out += self._word_changed(robot, room, now)
-                self.wake_at = min(self.wake_at, room.wake_at())
+                out += self.word_changed(robot, room, now)
+                self.plan(room)
             out += self._conflict(robot, now, unix_s)
         return out
-
-    # ---- from other relays --------------------------------------------------
-
-    def heard_of(self, robot: str, view: str, n: int, text: str) -> list[Action]:
-        """An event that another relay has numbered. One that came before is left out."""
-        found = self._publisher(robot, view)
-        if found is None:
-            return []
-        _, room = found
-        event = room.stream.heard_of(n, text)
-        return [] if event is None else self._told(room.announce(event))
-
-    def standing(
-        self, robot: str, token: bool, ages_s: Mapping[str, float | None], now: float
-    ) -> list[Action]:
-        """How a robot is, told by a relay that hears it; `ages_s` by view."""
-        found = self._robot(robot)
-        if found is None:
-            return []
-        found.heard_at = now
-        for view, age_s in ages_s.items():
-            room = found.rooms.get(view)
-            if room is not None and age_s is not None:
-                room.stream.aged(age_s, now)
-        if found.liveness.token != token:
-            return self.token(robot, token, now)
-        return self._words_changed(found, now)
-
-    def lacks(self, robot: str) -> None:
-        """Something of this robot changed that only a snapshot brings: ask, at most once a second."""
-        of = self.robots.get(robot)
-        if of is not None:
-            of.lacking = True
-            self.wake_at = min(self.wake_at, of.ask_at)
-
-    def degrade(self, degraded: bool, now: float, robot: str | None = None) -> list[Action]:
-        """This relay ceases, or begins again, to hear of one robot or of all of them. Viewers are told."""
-        if robot is None:
-            self.degraded = degraded
-        elif robot in self.robots:
-            self.robots[robot].degraded = degraded
-        out: list[Action] = []
-        for of in self.robots.values():
-            for room in of.rooms.values():
-                if room.degraded != (self.degraded or of.degraded):
-                    room.degraded = not room.degraded
-                    out += room.report(of.word(room, now), now)
-        return out
-
-    def forget(self, robot: str) -> None:
-        """Nobody here watches it, and this relay stops listening for it."""
-        of = self.robots.get(robot)
-        if of is not None and not of.has_viewers():
-            self._forget(of)
 
     # ---- from the viewers ---------------------------------------------------
 
@@ -222,29 +166,26 @@ class Hub:
         if self.draining is not None:
             self.endings[Close.DRAIN] += 1
             return [End(viewer, Close.DRAIN, GOING, DRAIN_RETRY_S)]
-        if len(self.viewers) >= self.limits.viewers:
+        if len(self.viewers) + self.elsewhere() >= self.limits.viewers:
             self.endings[Close.FULL] += 1
             return [End(viewer, Close.FULL, "as many viewers as this relay takes", FULL_RETRY_S)]
+        grant = viewer.grant
+        if grant is not None:
+            here = self.admitted[grant.robot, grant.by]
+            if grant.viewers is not None and here >= grant.viewers:
+                self.endings[Close.FULL] += 1
+                return [End(viewer, Close.FULL, "as many viewers as this robot takes", FULL_RETRY_S)]
+            self.admitted[grant.robot, grant.by] = here + 1
         viewer.hz = min(viewer.asked_hz, self.load.ceiling_hz)
         robot = self.robots.get(viewer.robot)
         if robot is None:  # it may come later; bounded by the number of viewers
             robot = self.robots[viewer.robot] = Robot(viewer.robot, self.limits)
         room = robot.room(viewer.view)
         self.viewers[viewer] = room
-        self._words.setdefault(room, robot.word(room, now))
+        self.words.setdefault(room, robot.word(room, now))
         room.degraded = self.degraded or robot.degraded
         watch: list[Action] = [] if robot.has_viewers() else [Watch(robot.name)]
         return [room.join(viewer, robot.word(room, now), now, unix_s), *watch]
-
-    def leave(self, viewer: Viewer) -> None:
-        """A viewer's connection is gone; harmless when it was let go of before."""
-        room = self.viewers.pop(viewer, None)
-        if room is None:
-            return
-        room.leave(viewer)
-        robot = self.robots.get(viewer.robot)
-        if robot is not None and robot.heard_at is None and not robot.has_viewers():
-            self._forget(robot)
 
     def message(self, viewer: Viewer, payload: bytes, now: float) -> list[Action]:
         """A text message from a viewer."""
@@ -252,11 +193,11 @@ class Hub:
         if room is None:
             return []
         if not viewer.take_token(now):
-            return self._end(viewer, Close.TOO_MANY, "too many messages", 10.0)
+            return self.end(viewer, Close.TOO_MANY, "too many messages", 10.0)
         try:
             return self._answer(viewer, room, parse_viewer_message(payload), now)
         except MessageError as e:
-            return self._end(viewer, e.close, str(e), None)
+            return self.end(viewer, e.close, str(e), None)
 
     def _answer(self, viewer: Viewer, room: Room, said: ViewerMessage, now: float) -> list[Action]:
         match said:
@@ -265,20 +206,37 @@ class Hub:
                 viewer.acked(n, now)
                 return room.drained(viewer) if was_blocked else []
             case Rate(hz):
-                viewer.asked_hz = min(hz, self.limits.max_hz)
+                viewer.asked_hz = min(hz, viewer.max_hz)
                 granted = min(viewer.asked_hz, self.load.ceiling_hz)
                 room.set_rate(viewer, granted, now)
-                self.wake_at = min(self.wake_at, room.wake_at())
+                self.plan(room)
                 reason = "asked" if granted == hz else "limit" if granted == viewer.asked_hz else "overload"
-                return self._told(room.tell(viewer, messages.rate(granted, reason)))
+                return self.told(room.tell(viewer, messages.rate(granted, reason)))
             case Ping(t):
-                return self._told(room.tell(viewer, messages.pong(t)))
-            case Auth():  # public views need none
-                return []
+                return self.told(room.tell(viewer, messages.pong(t)))
+            case Auth(token):
+                return [Verify(viewer, token)]
 
     def refuse(self, viewer: Viewer, close: Close, reason: str) -> list[Action]:
         """Let a viewer go because of what it sent (found below the messages: binary data)."""
-        return self._end(viewer, close, reason, None)
+        return self.end(viewer, close, reason, None)
+
+    def regrant(self, viewer: Viewer, grant: Grant, now: float) -> list[Action]:
+        """What a viewer may see has been judged anew. Another view or delay takes another connection."""
+        before, room = viewer.grant, self.viewers.get(viewer)
+        if room is None or before is None:
+            return []
+        if (before.view, before.delay_s, before.by) != (grant.view, grant.delay_s, grant.by):
+            return self.end(viewer, Close.AGE_LIMIT, "what you may see has changed", RENEW_RETRY_S)
+        viewer.grant = grant
+        viewer.max_hz = min(self.limits.max_hz, grant.hz)
+        if viewer.asked_hz <= viewer.max_hz:
+            return []
+        viewer.asked_hz = viewer.max_hz
+        granted = min(viewer.asked_hz, self.load.ceiling_hz)
+        room.set_rate(viewer, granted, now)
+        self.plan(room)
+        return self.told(room.tell(viewer, messages.rate(granted, "limit")))
 
     def drained(self, viewer: Viewer) -> list[Action]:
         """A viewer's socket has taken everything."""
@@ -295,7 +253,7 @@ class Hub:
         out: list[Action] = []
         for viewer in drain.due(now):
             if viewer in self.viewers:
-                out += self._end(viewer, Close.DRAIN, GOING, DRAIN_RETRY_S)
+                out += self.end(viewer, Close.DRAIN, GOING, DRAIN_RETRY_S)
         self.wake_at = min(self.wake_at, drain.wake_at)
         return out
 
@@ -315,12 +273,12 @@ class Hub:
                 continue
             room.set_rate(viewer, granted, now)
             if viewer.blocked:
-                out += self._told(room.tell(viewer, messages.rate(granted, reason)))
+                out += self.told(room.tell(viewer, messages.rate(granted, reason)))
             else:
                 told.setdefault(granted, []).append(viewer)
         out += [Send(messages.rate(hz, reason), viewers) for hz, viewers in told.items()]
         for room in set(self.viewers.values()):
-            self.wake_at = min(self.wake_at, room.wake_at())
+            self.plan(room)
         return out
 
     # ---- time ---------------------------------------------------------------
@@ -332,32 +290,45 @@ class Hub:
         if held_up_s > HELD_UP_S and self._sweeps:
             for viewer in self.viewers:
                 viewer.forgive(held_up_s, now)
-        sweep = now >= self._sweep_at
-        report = now >= self._status_at
-        wake_at = NEVER
+        for room in self.flushes.due(now):
+            out += room.flush(now)
+            self.plan(room)
+        for robot in self.questions.due(now):
+            out += self._ask(robot, now)
+        if now >= self._status_at:
+            out += self._report(now)
+        if now >= self._sweep_at:
+            for robot in self.robots.values():
+                out += self._ask(robot, now)
+                out += self.words_changed(robot, now)
+                out += self._conflict(robot, now, unix_s)
+            out += self._sweep(now)
+            self._sweep_at = now + self.limits.sweep_s
+        self.wake_at = min(self.flushes.next_at, self.questions.next_at, self._sweep_at, self._status_at)
+        if self.draining is not None:
+            out += self._move_away(self.draining, now)
+        return out
+
+    def _ask(self, robot: Robot, now: float) -> list[Action]:
+        asks = robot.asks(now) and self.robots.get(robot.name) is robot
+        if robot.lacking and robot.ask_at > now:
+            self.ask_about(robot)
+        return [Ask(robot.name, (*{PUBLIC, *robot.rooms},))] if asks else []
+
+    def _report(self, now: float) -> list[Action]:
+        """The status travels with the next frame; those who get none within a moment are told by itself."""
+        out: list[Action] = []
+        self._status_goes = not self._status_goes
         for robot in self.robots.values():
-            if robot.asks(now):
-                out.append(Ask(robot.name, (*{PUBLIC, *robot.rooms},)))
-            if robot.lacking:
-                wake_at = min(wake_at, robot.ask_at)
             for room in robot.rooms.values():
                 if not room.viewers:
                     continue
-                out += room.flush(now)
-                wake_at = min(wake_at, room.wake_at())
-                out += self._word_changed(robot, room, now)
-                if report:
-                    out += room.report(robot.word(room, now), now)
-            if sweep:
-                out += self._conflict(robot, now, unix_s)
-        if sweep:
-            out += self._sweep(now)
-            self._sweep_at = now + self.limits.sweep_s
-        if report:
-            self._status_at = now + self.limits.status_s
-        self.wake_at = min(wake_at, self._sweep_at, self._status_at)
-        if self.draining is not None:
-            out += self._move_away(self.draining, now)
+                if self._status_goes:
+                    room.owe_status(robot.word(room, now))
+                else:
+                    out += room.settle_status(now)
+        alone_s = self.limits.status_alone_s
+        self._status_at = now + (alone_s if self._status_goes else self.limits.status_s - alone_s)
         return out
 
     def _sweep(self, now: float) -> list[Action]:
@@ -369,8 +340,10 @@ class Hub:
                 self.leave(viewer)
                 self.endings[close] += 1
                 out.append(Cut(viewer, close))
+            elif now >= viewer.expires_at:
+                out += self.end(viewer, Close.TOKEN, EXPIRED, None)
             elif now >= viewer.until:
-                out += self._end(viewer, Close.AGE_LIMIT, "time for a new connection", RENEW_RETRY_S)
+                out += self.end(viewer, Close.AGE_LIMIT, "time for a new connection", RENEW_RETRY_S)
             elif viewer.speaks and now - max(viewer.heard_at, viewer.ping_at) >= self.limits.ping_s:
                 viewer.ping_at = now
                 pings.append(viewer)
@@ -381,64 +354,10 @@ class Hub:
             for robot in tuple(self.robots.values()):
                 gone = robot.heard_at is None or now - robot.heard_at > self.limits.forget_s
                 if gone and not robot.liveness.token and not robot.has_viewers():
-                    self._forget(robot)
+                    self.drop(robot)
         return out
 
-    # ---- small things ---------------------------------------------------------
-
-    def _robot(self, name: str) -> Robot | None:
-        robot = self.robots.get(name)
-        if robot is None:
-            known = sum(1 for r in self.robots.values() if r.heard_at is not None)
-            if known >= self.limits.robots:
-                return None
-            robot = self.robots[name] = Robot(name, self.limits)
-        return robot
-
-    def _publisher(self, name: str, view: str) -> tuple[Robot, Room] | None:
-        robot = self._robot(name)
-        if robot is None or (view not in robot.rooms and len(robot.rooms) >= self.limits.views):
-            return None
-        return robot, robot.room(view)
-
-    def _forget(self, robot: Robot) -> None:
-        del self.robots[robot.name]
-        for room in robot.rooms.values():
-            self.delivered += room.delivered
-            self.skipped += room.skipped
-            self._words.pop(room, None)
-            self._changed.pop(room, None)
-
-    def _end(self, viewer: Viewer, close: Close, reason: str, retry_s: float | None) -> list[Action]:
-        self.leave(viewer)
-        self.endings[close] += 1
-        return [End(viewer, close, reason, retry_s)]
-
-    def _told(self, actions: list[Action]) -> list[Action]:
-        """What a room returned; whoever it had to let go of is counted."""
-        for action in actions:
-            if isinstance(action, End):
-                self.leave(action.viewer)
-                self.endings[action.close] += 1
-        return actions
-
-    @staticmethod
-    def _kept(robot: Robot) -> list[Action]:
-        return [Keep(room.stream) for room in robot.rooms.values()]
-
-    def _words_changed(self, robot: Robot, now: float) -> list[Action]:
-        out: list[Action] = []
-        for room in robot.rooms.values():
-            if room.viewers:
-                out += self._word_changed(robot, room, now)
-        return out
-
-    def _word_changed(self, robot: Robot, room: Room, now: float) -> list[Action]:
-        word = robot.word(room, now)
-        if self._words.get(room) == word:
-            return []
-        self._words[room] = word
-        return room.report(word, now)
+    # ---- two edges with one name ----------------------------------------------
 
     def _conflict(self, robot: Robot, now: float, unix_s: float) -> list[Action]:
         """Tell when a second edge begins or ceases to claim this robot."""
@@ -450,5 +369,5 @@ class Hub:
         for room in robot.rooms.values():
             newest = room.stream.newest
             doc = conflict_event(newest.t_s if newest else 0.0, conflict)
-            out += self._told(room.announce(room.stream.number(doc, unix_s)))
-        return out + self._kept(robot)
+            out += self.told(room.announce(room.stream.number(doc, unix_s)))
+        return out + self.kept(robot)

@@ -12,6 +12,7 @@ class Limits:
     """What the relay takes, keeps and waits for. What happens beyond each bound stands beside it."""
 
     viewers: int = 5000  # in all; the next one gets `bye` 1013
+    per_address: int = 2000  # streams; a lecture hall may stand behind one. The next one gets HTTP 503
     robots: int = 1000  # publishers; frames of further ones are dropped and counted
     views: int = 8  # per robot; likewise
     frame_bytes: int = 1 << 16  # a larger frame is dropped and counted
@@ -24,14 +25,17 @@ class Limits:
     messages_burst: int = 20  # a viewer's messages at once; beyond closes 4429
     messages_per_s: float = 10.0
     status_s: float = 0.9  # so that every viewer hears at least once a second
+    status_alone_s: float = 0.07  # no frame for so long that takes the status along: it goes by itself
     sweep_s: float = 0.5  # how often silent robots and silent viewers are looked for
     ask_s: float = 1.0  # between two questions for one robot's snapshots
     ack_every_s: float = 1.0  # a viewer owes no acknowledgement within this of its last
     backlog_s: float = 2.0  # acks come, but for messages so old: send nothing more
-    ack_stop_s: float = 1.0  # owed for so long (so 2 s after the last one): send nothing more
+    ack_stop_s: float = 0.9  # owed for so long (so less than 2 s after the last one): send nothing more
     ack_abort_s: float = 14.0  # owed for so long (so 15 s after the last one): cut
     undrained_s: float = 5.0  # a viewer that never acknowledges may leave its buffer unread for so long
     undrained_acking_s: float = 15.0  # the same for one that acknowledges
+    slowest_bytes_per_s: float = 800.0  # who reads what it is given at first no slower than this is not cut,
+    given_s: float = 15.0  # as long as it has not longer to do with it than this, and undrained_s
     max_age_s: float = float("inf")  # of a connection, give or take a tenth; then closed 4000
     ping_s: float = 5.0  # nothing heard for so long: ask
     half_open_s: float = 11.0  # nothing heard for so long: cut

@@ -51,9 +51,23 @@ def document(doc: Mapping[str, object]) -> bytes:
     return text(json.dumps(doc, separators=(",", ":"), ensure_ascii=False))
 
 
-def hello(unix_s: float, robot: str, view: str, hz: float, model: str | None, limits: Limits) -> bytes:
-    """First message of every connection."""
-    granted: Granted = {"max_hz": limits.max_hz, "message_bytes": limits.message_bytes}
+def hello(
+    unix_s: float,
+    robot: str,
+    view: str,
+    hz: float,
+    model: str | None,
+    limits: Limits,
+    max_hz: float | None = None,
+    delay_s: float = 0.0,
+) -> bytes:
+    """First message of every connection. `max_hz`: of this viewer, where it is less than of any."""
+    granted: Granted = {
+        "max_hz": limits.max_hz if max_hz is None else max_hz,
+        "message_bytes": limits.message_bytes,
+    }
+    if delay_s > 0:
+        granted["delay_s"] = delay_s
     if limits.max_age_s != float("inf"):
         granted["max_age_s"] = limits.max_age_s
     doc: Hello = {

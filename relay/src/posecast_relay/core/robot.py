@@ -11,9 +11,6 @@ from posecast_relay.core.room import Room
 from posecast_relay.core.runs import Runs
 from posecast_relay.core.stream import Fate
 
-PUBLIC = (
-    "public"  # the view that is there unless a profile says otherwise, and the only one open to viewers yet
-)
 SETTLE_S = 0.05  # between a token and the first question: what the edge declares comes one by one
 HEARD_S = 10.0  # an edge without a token that was heard within this may still answer
 REFRESH_S = 10.0  # a watched robot is asked again, since a model changes without a frame

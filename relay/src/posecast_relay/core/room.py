@@ -13,12 +13,11 @@ from posecast_wire.messages import RobotWord
 
 from posecast_relay.core import messages
 from posecast_relay.core.actions import Action, End, Send
+from posecast_relay.core.agenda import NEVER
 from posecast_relay.core.limits import Limits
 from posecast_relay.core.pace import Pace
 from posecast_relay.core.stream import Event, Held, Stream
 from posecast_relay.core.viewer import Viewer
-
-NEVER = float("inf")
 
 
 class Group:
@@ -44,28 +43,39 @@ class Room:
         self.delivered = 0  # frames times viewers
         self.skipped = 0  # likewise: due, but the viewer could not take it
         self.degraded = False  # this relay does not hear of the robot just now, for a reason of its own
+        self._owed: RobotWord | None = None  # the status that goes with the next frame
+        self._told: set[Group] = set()  # who has it
 
     # ---- coming, going, changing rate -------------------------------------
 
     def join(self, viewer: Viewer, word: RobotWord, now: float, unix_s: float) -> Send:
-        """Everything a new viewer needs, in one write."""
+        """Everything a new viewer needs, in one write: the pose before what has happened, a long list."""
         stream = self.stream
         self.viewers[viewer] = None
         parts = [
-            messages.hello(unix_s, stream.robot, stream.view, viewer.hz, stream.model, self.limits),
+            messages.hello(
+                *(unix_s, stream.robot, stream.view, viewer.hz, stream.model, self.limits),
+                viewer.max_hz,
+                viewer.grant.delay_s if viewer.grant else 0.0,
+            ),
             self._status(word, now),
         ]
         if stream.schema is not None:
             parts.append(stream.described(viewer.schema_n, with_model=False))  # hello has told the model
         viewer.version, viewer.schema_n = stream.version, stream.schema_n
-        parts += [event.packed for event in stream.events]
         group = self._enter(viewer)
         if group is not None and stream.newest is not None:
             parts.append(self._lacking(viewer, stream.newest))
             self._hand(viewer, stream.newest)
             if group.frame is None:
                 self._handed_out(group, stream.newest, now)
-        return Send(b"".join(parts), (viewer,))
+        parts += [event.packed for event in stream.events]
+        data = b"".join(parts)
+        limits = self.limits
+        viewer.given_n = viewer.sent
+        reads_s = len(data) / limits.slowest_bytes_per_s
+        viewer.arrived_by = now + min(limits.given_s, max(0.0, reads_s - limits.undrained_s))
+        return Send(data, (viewer,))
 
     def leave(self, viewer: Viewer) -> None:
         """Forget a viewer; harmless when it is gone already."""
@@ -77,6 +87,8 @@ class Room:
         self._exit(viewer)
         viewer.hz = hz
         group = self._enter(viewer)
+        if group is not None:
+            self._told.discard(group)
         if group is not None and viewer.frame is not self.stream.newest:
             group.behind.add(viewer)
             group.retry_at = min(group.retry_at, now + group.pace.period_s)
@@ -98,6 +110,7 @@ class Room:
         group.behind.discard(viewer)
         if not group.viewers:
             del self.groups[viewer.hz]
+            self._told.discard(group)
 
     # ---- frames -----------------------------------------------------------
 
@@ -142,6 +155,10 @@ class Room:
         version = self.stream.version
         key = frame if frame.is_key else frame.key
         ref, is_key = frame.ref, frame.is_key
+        status = b""
+        if self._owed is not None and group not in self._told:
+            status = self._status(self._owed, now)
+            self._told.add(group)
         for viewer in viewers:
             if viewer.frame is frame:
                 continue
@@ -155,14 +172,14 @@ class Room:
                 viewer.frame = frame
                 viewer.key = key
             else:
-                out.append(Send(self._lacking(viewer, frame), (viewer,)))
+                out.append(Send(status + self._lacking(viewer, frame), (viewer,)))
                 self._hand(viewer, frame)
         if frame.is_ref:
             for viewer in ready:
                 viewer.ref = frame
         if ready:
             self.delivered += len(ready)
-            out.append(Send(frame.packed, ready))
+            out.append(Send(status + frame.packed, ready))
         if group.frame is not frame:
             self._handed_out(group, frame, now)
         group.behind = behind
@@ -251,8 +268,22 @@ class Room:
         return [Send(data, (viewer,))] if data else []
 
     def report(self, word: RobotWord, now: float) -> list[Action]:
-        """The status for everybody who can take it."""
+        """The status for everybody who can take it, at once."""
+        self._owed = None
         ready = [v for v in self.viewers if not v.blocked]
+        return [Send(self._status(word, now), ready)] if ready else []
+
+    def owe_status(self, word: RobotWord) -> None:
+        """The status is due again: each group's next frame takes it along, in the same write."""
+        self._owed = word
+        self._told.clear()
+
+    def settle_status(self, now: float) -> list[Action]:
+        """By itself to those whom no frame has brought it."""
+        word, self._owed = self._owed, None
+        if word is None:
+            return []
+        ready = [v for v in self.viewers if not v.blocked and self.groups.get(v.hz) not in self._told]
         return [Send(self._status(word, now), ready)] if ready else []
 
     def _status(self, word: RobotWord, now: float) -> bytes:

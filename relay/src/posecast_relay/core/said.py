@@ -1,16 +1,19 @@
-"""What an edge says beside its frames: an event, or its info. Read as a stranger's text, told as JSON."""
+"""What an edge says beside its frames: an event, its info or model. Read as a stranger's, told as JSON."""
 
 from __future__ import annotations
 
 import json
+import re
 
 from posecast_wire.checked import loads
 
 from posecast_relay.core.limits import Limits
 
+SHA256 = re.compile("[0-9a-f]{64}")
+
 
 def edge_said(payload: bytes, limits: Limits) -> dict[str, object] | None:
-    """An event or info (by its `type`), or None when it is neither."""
+    """An event, info or model (by its `type`), or None when it is none of them."""
     if len(payload) > max(limits.event_bytes, limits.info_bytes):
         return None
     try:
@@ -18,15 +21,19 @@ def edge_said(payload: bytes, limits: Limits) -> dict[str, object] | None:
         json.dumps(doc, allow_nan=False)  # 1e999 is JSON, but what it reads as cannot be written again
     except (ValueError, RecursionError):
         return None
-    if not isinstance(doc, dict):
-        return None
-    if doc.get("type") == "info":
+    return doc if isinstance(doc, dict) and _is_sound(doc, len(payload), limits) else None
+
+
+def _is_sound(doc: dict[str, object], size: int, limits: Limits) -> bool:
+    kind = doc.get("type")
+    if kind == "info":
         kv = doc.get("kv")
-        return doc if isinstance(kv, dict) and all(isinstance(text, str) for text in kv.values()) else None
-    if doc.get("type") != "event" or len(payload) > limits.event_bytes:
-        return None
+        return isinstance(kv, dict) and all(isinstance(text, str) for text in kv.values())
+    if kind == "model":
+        digest = doc.get("hash")
+        return isinstance(digest, str) and SHA256.fullmatch(digest) is not None
     texts = all(isinstance(doc.get(name), str) for name in ("level", "source", "text", "state"))
-    return doc if texts and isinstance(doc.get("t"), (int, float)) else None
+    return kind == "event" and size <= limits.event_bytes and texts and isinstance(doc.get("t"), (int, float))
 
 
 def conflict_event(t_s: float, present: bool) -> dict[str, object]:

@@ -104,6 +104,7 @@ class Stream:
         self.model: str | None = None
         self.events: deque[Event] = deque(maxlen=limits.events)
         self.event_n = 0
+        self.numbering = ""  # names the count that `event_n` goes on with, where other relays follow it
         self.version = 0
         self.schema_n = 0
         self.cadence = Cadence()
@@ -225,6 +226,11 @@ class Stream:
         if self.schema is not None:  # else the snapshot brings it
             self._describe(self.schema, info, self.model)
 
+    def show(self, model: str) -> None:
+        """The edge says that its robot looks otherwise by now: the SHA-256 of the model's manifest."""
+        if self.schema is not None:
+            self._describe(self.schema, self.info, model)
+
     def _check_info(self, info: dict[str, str]) -> None:
         if sum(len(k) + len(v) for k, v in info.items()) > self.limits.info_bytes:
             raise ValueError(f"info over {self.limits.info_bytes} bytes")
@@ -248,8 +254,16 @@ class Stream:
         self.events.append(event)
         return event
 
-    def heard_of(self, n: int, text: str) -> Event | None:
-        """Keep an event that another relay has numbered; None when it is here already."""
+    def heard_of(self, numbering: str, text: str) -> Event | None:
+        """Keep an event that another relay has numbered; None when it is here already. ValueError.
+
+        Another `numbering` began at 1 again, because whoever counted has lost count: so does this stream.
+        """
+        n = _number(text)
+        if numbering != self.numbering:
+            self.numbering = numbering
+            self.events.clear()
+            self.event_n = 0
         if n <= self.event_n:
             return None
         self.event_n = n
@@ -257,14 +271,24 @@ class Stream:
         self.events.append(event)
         return event
 
-    def resume(self, texts: Sequence[str]) -> None:
-        """Put what an earlier process kept before the events of this one, and number these from there on."""
-        own = list(self.events)
-        self.events.clear()
+    def resume(self, numbering: str, texts: Sequence[str], told_n: int = 0) -> None:
+        """Go on where another process stopped: its events come first, and those of this one count from there.
+
+        `told_n`: events of this process up to this one were told already. Others may have come to both.
+        ValueError, and nothing changed, when one of `texts` is none.
+        """
         for text in texts:
-            self.heard_of(int(json.loads(text)["n"]), text)
-        for event in own:
-            self.number(json.loads(event.text), json.loads(event.text)["at"])
+            _number(text)
+        own = [json.loads(event.text) for event in self.events if event.n > told_n]
+        self.events.clear()
+        self.event_n = 0
+        self.numbering = numbering
+        for text in texts:
+            self.heard_of(numbering, text)
+        known = {_happening(json.loads(text)) for text in texts}
+        for doc in own:
+            if _happening(doc) not in known:
+                self.number(doc, doc["at"])
 
     # ---- age -------------------------------------------------------------
 
@@ -276,3 +300,16 @@ class Stream:
     def age_s(self, now: float) -> float | None:
         """Age of the newest frame, with the time it was under way; None before any live one."""
         return None if self.live_at is None else now - self.live_at + self.late_s
+
+
+def _number(text: str) -> int:
+    """Of an event that was given one. ValueError when it was not."""
+    try:
+        return int(json.loads(text)["n"])
+    except (TypeError, LookupError, RecursionError) as e:
+        raise ValueError(f"no numbered event: {type(e).__name__}") from None
+
+
+def _happening(event: dict[str, object]) -> str:
+    """What an event says of the robot: the same at every relay that heard it."""
+    return json.dumps({name: said for name, said in event.items() if name not in ("n", "at")}, sort_keys=True)

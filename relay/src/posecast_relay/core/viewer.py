@@ -7,11 +7,17 @@ from typing import Protocol
 from posecast_wire import Close
 
 from posecast_relay.core.limits import Limits
+from posecast_relay.core.policy import Grant
 from posecast_relay.core.stream import Held
 
 
 class Outlet(Protocol):
-    """A viewer's connection, as those who carry out actions need it. The core never calls it."""
+    """A viewer's connection, as those who carry out actions need it. The core never calls it.
+
+    `descriptor`: of the socket, while bytes may go straight to it; −1: only by `write`.
+    """
+
+    descriptor: int
 
     def write(self, data: bytes) -> None:
         """Hand these bytes to the socket."""
@@ -28,17 +34,23 @@ class Viewer:
 
     __slots__ = (
         "acks",
+        "arrived_by",
         "asked_hz",
+        "asked_view",
         "blocked",
         "check_at",
         "decoded",
+        "expires_at",
         "frame",
+        "given_n",
+        "grant",
         "heard_ack_at",
         "heard_at",
         "hz",
         "key",
         "lane",
         "limits",
+        "max_hz",
         "number",
         "oldest_at",
         "oldest_n",
@@ -70,15 +82,21 @@ class Viewer:
         lives_s: float = float("inf"),
         decoded: bool = False,
         speaks: bool = True,
+        grant: Grant | None = None,
+        asked_view: str | None = None,
     ) -> None:
         self.outlet = outlet
         self.number = 0  # of the connection, given by the hub
         self.robot = robot
         self.view = view
-        self.hz = min(max(hz, 0.0), limits.max_hz)
+        self.grant = grant  # None: nobody asked for one
+        self.asked_view = asked_view  # None: whichever the grant is for
+        self.max_hz = min(limits.max_hz, grant.hz) if grant else limits.max_hz
+        self.hz = min(max(hz, 0.0), self.max_hz)
         self.asked_hz = self.hz  # served less often while the process is overloaded
         self.limits = limits
         self.until = now + lives_s
+        self.expires_at = float("inf")  # what it has shown is worth nothing from then on
         self.decoded = decoded  # gets no bases: it counts one message per frame
         self.speaks = speaks  # answers pings
         # state: what it was given last, and which bases it holds
@@ -93,6 +111,8 @@ class Viewer:
         self.blocked = False
         self.paused_at: float | None = None
         self.stalled = False
+        self.arrived_by = now  # it may be so busy reading what it was given when it came, or
+        self.given_n = 0  # until it acknowledges more messages than those
         # acknowledgements
         self.sent = 0  # binary messages
         self.acks = False  # it has acknowledged once, so it will
@@ -132,6 +152,8 @@ class Viewer:
         """It has received `n` binary messages."""
         self.acks = True
         self.heard_ack_at = now
+        if n > self.given_n:
+            self.arrived_by = min(now, self.arrived_by)
         self.owed_at = None
         self.stalled = False
         self.check_at = now + self.limits.ack_every_s
@@ -154,6 +176,7 @@ class Viewer:
     def forgive(self, seconds: float, now: float) -> None:
         """The relay itself stood still for so long: what the viewer did meanwhile is still to be read."""
         self.heard_at = min(now, self.heard_at + seconds)
+        self.arrived_by += seconds
         self.check_at += seconds
         self.heard_ack_at = min(now, self.heard_ack_at + seconds)
         if self.owed_at is not None:
@@ -175,12 +198,12 @@ class Viewer:
 
     def overdue(self, now: float) -> Close | None:
         """Why this connection is to be cut now, if it is."""
-        limits = self.limits
-        if self.speaks and now - self.heard_at >= limits.half_open_s:
+        limits, came = self.limits, self.arrived_by  # a ping, too, waits behind what it reads at first
+        if self.speaks and now - max(came, self.heard_at) >= limits.half_open_s:
             return Close.HALF_OPEN
-        if self.owed_at is not None and now - self.owed_at >= limits.ack_abort_s:
+        if self.owed_at is not None and now - max(came, self.owed_at) >= limits.ack_abort_s:
             return Close.NO_ACK
         patience = limits.undrained_acking_s if self.acks else limits.undrained_s
-        if self.paused_at is not None and now - self.paused_at >= patience:
+        if self.paused_at is not None and now - max(came, self.paused_at) >= patience:
             return Close.NO_ACK
         return None

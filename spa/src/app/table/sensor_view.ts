@@ -1,49 +1,83 @@
-import { displayOf, formatNumber } from '../../twin/format.ts';
+import { type Display, displayOf, formatSpan } from '../../twin/format.ts';
+import type { LastReadings } from '../../twin/last_readings.ts';
 import type { RobotTwin } from '../../twin/robot.ts';
 import { type Reading, type SensorGroup, SensorTable } from '../../twin/sensors.ts';
+import { more } from '../more.ts';
+import { isPlotted, togglePlot } from '../plotted.ts';
 import { settings } from '../settings.ts';
-import { DataMark, make, TextCell } from './cells.ts';
+import { DataMark, make, NumberCell, press, TextCell } from './cells.ts';
+import { carryValues } from './value_drag.ts';
 
-const KINDS: Readonly<Record<SensorGroup['kind'], string>> = {
-  wrench: 'force',
-  imu: 'IMU',
-  power: 'power',
-  other: 'other',
-};
+/** From here on a reading that is gone says how old it is. */
+const OLD_MS = 1500;
+
+/** What stands behind a group's name. */
+function kindWords(kind: SensorGroup['kind']): string {
+  const { ofForce, ofOther } = more();
+  return { wrench: ofForce, imu: 'IMU', power: '', other: ofOther }[kind];
+}
 
 interface ReadingView {
-  reading: Reading;
-  value: TextCell;
-  unit: TextCell;
-  level: DataMark;
+  readonly reading: Reading;
+  /** The same reading of the last that was known, when the newest frame has none. */
+  readonly last: Reading;
+  readonly value: NumberCell;
+  readonly unit: TextCell;
+  readonly level: DataMark;
+  readonly plot: HTMLElement;
+  readonly group: GroupView;
+}
+
+interface GroupView {
+  readonly old: TextCell;
+  lostMs: number | null;
 }
 
 /** Force-torque sensors, IMUs, power and whatever else a robot reports, one small table for each place. */
 export class SensorView {
   readonly #twin: RobotTwin;
   readonly #host: HTMLElement;
-  #schemaId: number | null = null;
+  readonly #last: LastReadings | null;
+  #builtFor: readonly unknown[] = [];
   #table: SensorTable | null = null;
+  #lastTable: SensorTable | null = null;
   #root: HTMLElement | null = null;
+  #groups: GroupView[] = [];
   #views: ReadingView[] = [];
+  readonly #displays = new Map<string, Display>();
+  #angle = '';
 
-  constructor(host: HTMLElement, twin: RobotTwin) {
+  constructor(host: HTMLElement, twin: RobotTwin, last: LastReadings | null = null) {
     this.#host = host;
     this.#twin = twin;
+    this.#last = last;
   }
 
-  write(): void {
+  write(nowMs: number): void {
     const { schema, state } = this.#twin;
     if (schema === null) return;
-    if (schema.id !== this.#schemaId) this.#build();
+    if (schema !== this.#builtFor[0] || more() !== this.#builtFor[1]) this.#build();
     if (this.#table === null || this.#root === null || state === null) return;
-    this.#table.read(state.codes);
-    const { angle } = settings();
-    for (const { reading, value, unit, level } of this.#views) {
-      const display = displayOf(reading.unit, angle, reading.scale);
-      value.set(formatNumber(reading.value, display));
+    this.#table.read(state.codes, this.#twin.limits ?? undefined);
+    const lost = this.#last?.anyLost === true ? this.#last : null;
+    if (lost !== null) this.#lastTable?.read(lost.codes);
+    for (const group of this.#groups) group.lostMs = null;
+    for (const { reading, last, value, unit, level, plot, group } of this.#views) {
+      const display = this.#displayOf(reading);
+      const old = reading.value === null && lost !== null && last.value !== null;
+      value.set(old ? last.value : reading.value, display, old);
+      if (old)
+        group.lostMs = Math.min(
+          group.lostMs ?? Number.POSITIVE_INFINITY,
+          this.#lostMs(reading, lost) ?? nowMs,
+        );
       unit.set(display.unit);
       level.set(reading.level);
+      press(plot, isPlotted(reading));
+    }
+    for (const { old, lostMs } of this.#groups) {
+      const age = lostMs === null ? 0 : nowMs - lostMs;
+      old.set(age < OLD_MS ? '' : more().oldBy(formatSpan(Math.floor(age / 1000) * 1000)));
     }
     this.#root.dataset.seq = String(state.seq);
   }
@@ -52,48 +86,89 @@ export class SensorView {
     this.#host.replaceChildren();
   }
 
+  /** When it was last read; of an angle, when one of the parts that it is computed from was. */
+  #lostMs({ field: name, label }: Reading, last: LastReadings): number | null {
+    const field = this.#twin.schema?.field(name) ?? null;
+    const site = label.slice(0, label.lastIndexOf('.') + 1);
+    const labels = name === 'quat' ? ['w', 'x', 'y', 'z'].map((part) => site + part) : [label];
+    const lost = labels.flatMap((one) => last.lostMs(field, field?.labels.indexOf(one) ?? -1) ?? []);
+    return lost.length === 0 ? null : Math.min(...lost);
+  }
+
+  #displayOf({ unit, scale }: Reading): Display {
+    const { angle } = settings();
+    if (angle !== this.#angle) this.#displays.clear();
+    this.#angle = angle;
+    const key = `${unit} ${scale}`;
+    const known = this.#displays.get(key) ?? displayOf(unit, angle, scale);
+    this.#displays.set(key, known);
+    return known;
+  }
+
   #build(): void {
     const { schema } = this.#twin;
     if (schema === null) return;
-    this.#schemaId = schema.id;
-    const table = new SensorTable(schema);
+    const text = more();
+    this.#builtFor = [schema, text];
+    const table = new SensorTable(schema, text);
     this.#table = table;
+    this.#lastTable = new SensorTable(schema);
     this.#views = [];
+    this.#groups = [];
     if (table.groups.length === 0) {
-      this.#host.replaceChildren(make('p', 'note', 'This robot reports no sensors.'));
+      this.#host.replaceChildren(make('p', 'note', text.noSensors));
       this.#root = null;
       return;
     }
     const root = make('div', 'sensors');
     root.dataset.testid = 'sensor-table';
-    for (const group of table.groups) root.append(this.#group(group));
+    table.groups.forEach((group, i) => {
+      root.append(this.#group(group, this.#lastTable!.groups[i]!));
+    });
+    root.addEventListener('click', ({ target }) => {
+      const row = (target as HTMLElement).closest('tr');
+      const { field, label } = row?.querySelector<HTMLElement>('[data-field]')?.dataset ?? {};
+      if (field !== undefined && label !== undefined) togglePlot({ field, label });
+    });
+    carryValues(root);
     this.#root = root;
     this.#host.replaceChildren(root);
   }
 
-  #group(group: SensorGroup): HTMLTableElement {
+  #group(group: SensorGroup, last: SensorGroup): HTMLTableElement {
     const table = make('table', 'sensor');
     const caption = make('caption', '', group.title);
-    caption.append(make('span', 'kind', group.kind === 'power' ? '' : KINDS[group.kind]));
+    caption.append(make('span', 'kind', kindWords(group.kind)));
+    const old = caption.appendChild(make('span', 'old'));
     table.append(caption);
+    const view: GroupView = { old: new TextCell(old), lostMs: null };
+    this.#groups.push(view);
     const body = make('tbody', '');
-    for (const reading of group.readings) {
+    group.readings.forEach((reading, i) => {
       const row = make('tr', '');
-      const name = make('th', '', reading.name);
+      const name = make('th', '');
       name.scope = 'row';
+      const plot = make('button', '', reading.name);
+      plot.type = 'button';
+      plot.title = more().toPlots;
+      name.append(plot);
       const value = make('td', 'c-num');
       value.dataset.field = reading.field;
       value.dataset.label = reading.label;
+      value.draggable = true;
       const unit = make('td', 'unit');
       row.append(name, value, unit);
       body.append(row);
       this.#views.push({
         reading,
-        value: new TextCell(value),
+        last: last.readings[i]!,
+        value: new NumberCell(value),
         unit: new TextCell(unit),
         level: new DataMark(row, 'level'),
+        plot,
+        group: view,
       });
-    }
+    });
     table.append(body);
     return table;
   }

@@ -1,6 +1,7 @@
 """Posecast wire format 1: schema, frames, messages. `wire/SPEC.md` is the normative text."""
 
 from posecast_wire.closes import ENDINGS, Close, Ending, Retry, retry_of
+from posecast_wire.credential import Credential
 from posecast_wire.decoder import Decoder, Frame
 from posecast_wire.encoder import Encoder
 from posecast_wire.fnv import fnv1a32
@@ -58,6 +59,7 @@ __all__ = [
     "BaseUnknown",
     "Bye",
     "Close",
+    "Credential",
     "DecodedFrame",
     "Decoder",
     "Echo",

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 
 class Close(IntEnum):
-    """WebSocket close codes the relay uses."""
+    """WebSocket close codes a viewer meets; 1001 comes from proxies only."""
 
     GOING_AWAY = 1001
     BINARY = 1003
@@ -44,7 +44,7 @@ class Ending(NamedTuple):
 
 
 ENDINGS: dict[Close, Ending] = {
-    Close.GOING_AWAY: Ending("going away", "the relay is stopping", Retry.SPREAD),
+    Close.GOING_AWAY: Ending("going away", "a proxy on the way is stopping", Retry.SPREAD),
     Close.BINARY: Ending("binary", "a viewer sent a binary message; viewers send text only", Retry.NEVER),
     Close.NOT_UTF8: Ending("not UTF-8", "a viewer sent text that is not UTF-8", Retry.NEVER),
     Close.NOT_ALLOWED: Ending("not allowed", "a viewer sent a message the relay does not know", Retry.NEVER),

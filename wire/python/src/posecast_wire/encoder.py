@@ -177,32 +177,49 @@ class _Span(NamedTuple):
 
 
 class _Rows:
-    """Code tables per channel for one table of orders, and the search for a field's best nibble."""
+    """The rows of all fields for one table of orders, and the search for a field's best nibble."""
 
     def __init__(self, orders: list[int]) -> None:
         self._orders = orders
-        self._tables: dict[tuple[int, int], list[_Codes]] = {}
+        self._rows: dict[tuple[int, int], _Row] = {}
 
     def shortest(self, start: int, stop: int, z: list[int]) -> str:
         """Nibble and codes of one field: walks downhill from what the mean z suggests."""
         suggested = bisect_right(ORDER_STEPS, sum(z) / len(z))
         usual = sum(self._orders[start:stop]) // len(z)
         n = max(0, min(NIBBLE_MAX, suggested - usual + 4))
-        best = self._coded(start, stop, n, z)
+        least = self._row(start, stop, n).bits(z)
         for step in (1, -1):
             m = n + step
-            while 0 <= m <= NIBBLE_MAX and len(other := self._coded(start, stop, m, z)) < len(best):
-                best, m = other, m + step
+            while 0 <= m <= NIBBLE_MAX and (bits := self._row(start, stop, m).bits(z)) < least:
+                least, n, m = bits, m, m + step
             if m != n + step:
                 break  # it was downhill this way, so it is uphill the other way
-        return best
+        return NIBBLES[n] + "".join(map(getitem, self._row(start, stop, n).codes, z))
 
-    def _coded(self, start: int, stop: int, n: int, z: list[int]) -> str:
-        tables = self._tables.get((start, n))
-        if tables is None:
-            tables = [CODES[max(0, min(ORDER_MAX, k + n - 4))] for k in self._orders[start:stop]]
-            self._tables[start, n] = tables
-        return NIBBLES[n] + "".join(map(getitem, tables, z))
+    def _row(self, start: int, stop: int, n: int) -> _Row:
+        row = self._rows.get((start, n))
+        if row is None:
+            orders = [max(0, min(ORDER_MAX, k + n - 4)) for k in self._orders[start:stop]]
+            row = self._rows[start, n] = _Row.of(orders)
+        return row
+
+
+class _Row(NamedTuple):
+    """One field's codes at one nibble."""
+
+    codes: list[_Codes]
+    powers: list[int]  # 2 to the order
+    fixed_bits: int  # of all channels: the order and 1
+
+    @classmethod
+    def of(cls, orders: list[int]) -> _Row:
+        return cls([CODES[k] for k in orders], [1 << k for k in orders], sum(orders) + len(orders))
+
+    def bits(self, z: list[int]) -> int:
+        """How long the codes would be, without making them: each has as many zeros before its first 1 as bits
+        after it, but for the order."""
+        return 2 * sum(map(int.bit_length, map(add, z, self.powers))) - self.fixed_bits
 
 
 def _packed(bits: str) -> bytes:

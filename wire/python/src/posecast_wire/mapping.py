@@ -77,6 +77,11 @@ class Mapping:
     thresholds: ReadOnly[str, ReadOnly[str, Threshold]] = field(default_factory=dict)
     tolerances: ReadOnly[str, float] = field(default_factory=dict)
     severities: ReadOnly[str, ReadOnly[str, Severity]] = field(default_factory=dict)
+    units: ReadOnly[str, ReadOnly[str, str]] = field(default_factory=dict)
+
+    def unit(self, field_name: str, label: str) -> str | None:
+        """The unit of one channel where it is not its field's, else None."""
+        return self.units.get(field_name, {}).get(label)
 
     def threshold(self, field_name: str, label: str) -> Threshold | None:
         """The limits of one channel, else those of `*` in its field, else None."""
@@ -113,6 +118,10 @@ def parse_mapping(value: object) -> Mapping:
         severities={
             k: {bit: _severity(s, f"{at}.{bit}") for bit, s in table(v, at).items()}
             for k, v, at in part("severity")
+        },
+        units={
+            k: {label: text(unit, f"{at}.{label}") for label, unit in table(v, at).items()}
+            for k, v, at in part("units")
         },
     )
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from typing import Literal, TypedDict
 
@@ -15,10 +16,11 @@ RobotWord = Literal["online", "silent", "offline"]
 
 
 class Limits(TypedDict, total=False):
-    """What this viewer may do, as far as the relay limits it."""
+    """What this viewer may do, as far as the relay limits it. `delay_s`: all it sees happened so long ago."""
 
     max_hz: float
     max_age_s: float
+    delay_s: float
     message_bytes: int
 
 
@@ -147,6 +149,8 @@ class Ping:
 
 ViewerMessage = Rate | Ack | Auth | Ping
 
+_ACK = re.compile(rb'\{"type":"ack","n":(0|[1-9][0-9]{0,14})\}')  # as our page writes it
+
 
 class MessageError(ValueError):
     """A viewer's message that ends the connection, with the close code that says why."""
@@ -158,21 +162,9 @@ class MessageError(ValueError):
 
 def parse_viewer_message(text: str | bytes) -> ViewerMessage:
     """What a viewer sent. MessageError 1007 not UTF-8, 1009 over 4 KiB, 1008 anything else than the four."""
-    if len(text) > MESSAGE_BYTES_MAX:
-        raise MessageError(Close.TOO_LONG, f"over {MESSAGE_BYTES_MAX} bytes")
-    try:
-        raw = text if isinstance(text, bytes) else text.encode()
-        if len(raw) > MESSAGE_BYTES_MAX:
-            raise MessageError(Close.TOO_LONG, f"over {MESSAGE_BYTES_MAX} bytes")
-        doc = loads(raw.decode())
-    except UnicodeError:
-        raise MessageError(Close.NOT_UTF8, "not UTF-8") from None
-    except MessageError:
-        raise
-    except ValueError:
-        raise MessageError(Close.NOT_ALLOWED, "not JSON") from None
-    if not isinstance(doc, dict):
-        raise MessageError(Close.NOT_ALLOWED, "not an object")
+    if isinstance(text, bytes) and (found := _ACK.fullmatch(text)) is not None:
+        return Ack(int(found[1]))  # nearly all that a relay hears, so it is spared the rest
+    doc = _document(text)
     kind = doc.get("type")
     if kind == "rate":
         return Rate(_number(doc, "hz", 0, 1000))
@@ -189,6 +181,25 @@ def parse_viewer_message(text: str | bytes) -> ViewerMessage:
             raise MessageError(Close.NOT_ALLOWED, "token must be a text")
         return Auth(token)
     raise MessageError(Close.NOT_ALLOWED, "type must be rate, ack, auth or ping")
+
+
+def _document(text: str | bytes) -> dict[str, object]:
+    if len(text) > MESSAGE_BYTES_MAX:
+        raise MessageError(Close.TOO_LONG, f"over {MESSAGE_BYTES_MAX} bytes")
+    try:
+        raw = text if isinstance(text, bytes) else text.encode()
+        if len(raw) > MESSAGE_BYTES_MAX:
+            raise MessageError(Close.TOO_LONG, f"over {MESSAGE_BYTES_MAX} bytes")
+        doc = loads(raw.decode())
+    except UnicodeError:
+        raise MessageError(Close.NOT_UTF8, "not UTF-8") from None
+    except MessageError:
+        raise
+    except ValueError:
+        raise MessageError(Close.NOT_ALLOWED, "not JSON") from None
+    if not isinstance(doc, dict):
+        raise MessageError(Close.NOT_ALLOWED, "not an object")
+    return doc
 
 
 def _number(doc: dict[str, object], name: str, low: float, high: float) -> float:

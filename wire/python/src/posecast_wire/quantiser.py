@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from math import floor, inf, isfinite
 
-from posecast_wire.schema import CODE_MAX, MISSING, Schema
+from posecast_wire.schema import CODE_MAX, MISSING, Field, Schema
 
 
 class Quantiser:
@@ -14,17 +14,12 @@ class Quantiser:
     def __init__(self, schema: Schema, deadband_lsb: float | Mapping[str, float] = 0.3) -> None:
         """`deadband_lsb`: in code steps, for all fields or by field name (0.3 where unnamed); 0 = round."""
         self._size = schema.size
-        self._last: list[int] = [MISSING] * schema.size
-        self._scales: list[float] = []
-        self._keep: list[float] = []
-        self._bits: list[bool] = []
+        self._fields: list[_FieldCodes] = []
         for f in schema.fields:
             h = deadband_lsb.get(f.name, 0.3) if isinstance(deadband_lsb, Mapping) else deadband_lsb
             if not 0 <= h <= 1e6:
                 raise ValueError(f"deadband of {f.name}: {h} is not a number of code steps")
-            self._scales += [f.scale] * f.size
-            self._keep += [0.0 if f.bits else 0.5 + h] * f.size
-            self._bits += [bool(f.bits)] * f.size
+            self._fields.append(_FieldCodes(f, h))
 
     def codes(self, values: Sequence[float | None]) -> list[int]:
         """Codes of one sample, values in the schema's channel order and units. ValueError on a wrong length.
@@ -34,8 +29,29 @@ class Quantiser:
         """
         if len(values) != self._size:
             raise ValueError(f"{len(values)} values for {self._size} channels")
-        last = self._last
-        for i, (v, old, scale, keep) in enumerate(zip(values, last, self._scales, self._keep, strict=True)):
+        codes: list[int] = []
+        for f in self._fields:
+            codes += f.codes(values[f.start : f.stop])
+        return codes
+
+
+class _FieldCodes:
+    """The last codes of one field, and the values that made them: many stand still from frame to frame."""
+
+    def __init__(self, f: Field, deadband_lsb: float) -> None:
+        self.start, self.stop = f.start, f.start + f.size
+        self._scale = f.scale
+        self._keep = 0.0 if f.bits else 0.5 + deadband_lsb
+        self._bits = bool(f.bits)
+        self._values: Sequence[float | None] = ()
+        self._codes = [MISSING] * f.size
+
+    def codes(self, values: Sequence[float | None]) -> list[int]:
+        if values == self._values:
+            return self._codes
+        self._values = values
+        scale, keep, last = self._scale, self._keep, self._codes
+        for i, v in enumerate(values):
             if v is None:
                 last[i] = MISSING
                 continue
@@ -43,12 +59,13 @@ class Quantiser:
                 x = v / scale
             except OverflowError:  # an int past every float
                 x = inf
+            old = last[i]
             if -keep <= x - old <= keep and old != MISSING:  # NaN fails this and every comparison
                 continue
             if not isfinite(x):
                 last[i] = MISSING
-            elif self._bits[i]:
+            elif self._bits:
                 last[i] = int(x) if x == int(x) and 0 <= x <= CODE_MAX else MISSING
             else:
-                last[i] = max(-CODE_MAX, min(CODE_MAX, floor(x + 0.5)))
-        return last.copy()
+                last[i] = floor(x + 0.5) if -CODE_MAX <= x <= CODE_MAX else CODE_MAX if x > 0 else -CODE_MAX
+        return last

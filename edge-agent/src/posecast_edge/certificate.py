@@ -1,0 +1,43 @@
+"""How a robot proves who it is where the relay wants a certificate instead of a password (mutual TLS)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """PEM files. Zenoh reads them anew for every connection, so they may be renewed in place.
+
+    `chain`: the robot's own certificate, then those between it and the authority. `ca`: what signed the
+    relay's; None when that is an authority the whole web trusts.
+    """
+
+    chain: Path
+    key: Path
+    ca: Path | None = None
+
+    def check(self) -> None:
+        """ValueError, one line, when they can't be used."""
+        import ssl  # noqa: PLC0415 - over 1 MB, which an edge without a certificate does without
+
+        context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
+        try:
+            context.load_cert_chain(self.chain, self.key, password="")
+        except OSError as e:  # SSLError is one
+            why = (
+                "no certificate and its key"
+                if isinstance(e, ssl.SSLError)
+                else (e.strerror or str(e)).lower()
+            )
+            raise ValueError(f"{self.chain}, {self.key}: {why}") from None
+        if self.key.stat().st_mode & 0o007:
+            raise ValueError(f"{self.key}: everybody on this machine may read it: chmod 600")
+        if self.ca is None:
+            return
+        try:
+            context.load_verify_locations(self.ca)
+        except OSError as e:
+            why = "no certificate" if isinstance(e, ssl.SSLError) else (e.strerror or str(e)).lower()
+            raise ValueError(f"{self.ca}: {why}") from None

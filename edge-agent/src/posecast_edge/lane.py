@@ -1,0 +1,138 @@
+"""One view on its way out: what waits for somebody to listen, and in which order it goes."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections import deque
+from collections.abc import Callable
+from typing import cast
+
+import zenoh
+from posecast_wire.keys import Snapshot, event_key, frame_key, snapshot_key
+
+from posecast_edge.events import Event
+from posecast_edge.run import Run
+
+EVENTS_MAX = 100  # waiting for the link; the oldest goes first. The relay keeps as many
+KEY_FIRST_S = 1.0  # events wait this long for the KEY that makes the relay adopt this run
+
+
+class Lane:
+    """Frames, events and the snapshot of one view. What waits is guarded by the publisher's lock."""
+
+    def __init__(
+        self,
+        robot: str,
+        view: str,
+        run: Run,
+        snapshot: Callable[[], Snapshot | None],
+        heard: Callable[[], None],
+    ) -> None:
+        """`snapshot` and `heard` are called by Zenoh's threads; `heard` when somebody begins to listen."""
+        self.view = view
+        self.events: deque[Event] = deque(maxlen=EVENTS_MAX)
+        self.info: dict[str, str] | None = None  # the newest only
+        self.model: str | None = None  # the same
+        self._robot, self._run = robot, run
+        self._snapshot, self._heard = snapshot, heard
+        self._frames: zenoh.Publisher | None = None
+        self._events: zenoh.Publisher | None = None
+        self._matched = False
+        self._heard_s = 0.0
+        self._frame_since_heard = False
+
+    def declare(self, session: zenoh.Session) -> list[object]:
+        """Come into being on the network; what is returned must be held."""
+        self._frames = frames = session.declare_publisher(
+            frame_key(self._robot, self.view),
+            congestion_control=zenoh.CongestionControl.DROP,
+            priority=zenoh.Priority.REAL_TIME,
+        )
+        self._events = session.declare_publisher(
+            event_key(self._robot, self.view),
+            reliability=zenoh.Reliability.RELIABLE,
+            congestion_control=zenoh.CongestionControl.BLOCK,
+        )
+        listener = frames.declare_matching_listener(self._on_matching)
+        self._on_matching(_matching(frames))  # it may have matched before anybody listened for it
+        return [listener, session.declare_queryable(snapshot_key(self._robot, self.view), self._on_snapshot)]
+
+    def close(self) -> None:
+        """No frame leaves any more."""
+        self._frames, self._matched = None, False
+
+    @property
+    def declared(self) -> bool:
+        """Whether a frame would leave."""
+        return self._frames is not None
+
+    @property
+    def heard(self) -> bool:
+        """Somebody listens: what is sent now leaves."""
+        if not self._matched and self._frames is not None:
+            self._matched = _matching(self._frames).matching  # in case the listener was too early to know
+        return self._matched
+
+    def frame(self, data: bytes) -> None:
+        """Send a frame, or discard it when there is no link."""
+        if self._frames is not None:
+            self._frames.put(data, attachment=self._run.stamp().pack())
+            self._frame_since_heard = True
+
+    @property
+    def waiting(self) -> bool:
+        """Something is to be told."""
+        return bool(self.events) or self.info is not None or self.model is not None
+
+    @property
+    def ready(self) -> bool:
+        """Somebody listens, and the KEY went first."""
+        if self._events is None or not _matching(self._events).matching:
+            return False
+        return self._frame_since_heard or time.monotonic() - self._heard_s > KEY_FIRST_S
+
+    def take(self) -> Callable[[], None]:
+        """The next that waits, as what sends it: to be called without the lock."""
+        if self.info is not None:
+            document: dict[str, object] = {"type": "info", "kv": self.info}
+            self.info = None
+        elif self.model is not None:
+            document = {"type": "model", "hash": self.model}
+            self.model = None
+        else:
+            document = _event_document(self.events.popleft())
+        text = json.dumps(document, ensure_ascii=False, separators=(",", ":"))
+        publisher = self._events
+        assert publisher is not None
+        return lambda: publisher.put(text.encode(), attachment=self._run.stamp().pack())
+
+    def _on_matching(self, status: zenoh.MatchingStatus) -> None:
+        self._matched = status.matching
+        if status.matching:
+            self._heard_s, self._frame_since_heard = time.monotonic(), False
+            self._heard()
+
+    def _on_snapshot(self, query: zenoh.Query) -> None:
+        with query:
+            snapshot = self._snapshot()
+            if snapshot is None:
+                query.reply_err(b"no sample yet")
+                return
+            stamp = self._run.stamp().pack()
+            query.reply(snapshot_key(self._robot, self.view), snapshot.pack(), attachment=stamp)
+
+
+def _matching(publisher: zenoh.Publisher) -> zenoh.MatchingStatus:
+    return cast(zenoh.MatchingStatus, publisher.matching_status)  # zenoh's stub says bool; it is not
+
+
+def _event_document(event: Event) -> dict[str, object]:
+    return {
+        "type": "event",
+        "t": event.t_s,
+        "level": event.level,
+        "source": event.source,
+        "text": event.text,
+        "state": "on" if event.on else "off",
+    }

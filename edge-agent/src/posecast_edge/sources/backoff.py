@@ -1,0 +1,32 @@
+"""When to try again. Pure: time comes in as an argument."""
+
+from __future__ import annotations
+
+FIRST_S = 0.2
+LONGEST_S = 5.0
+STEADY_S = 5.0  # a connection that lasted so long was a good one
+
+
+class Backoff:
+    """Doubles the pause with every failure; a connection that lasted begins anew. Monotonic seconds."""
+
+    def __init__(self) -> None:
+        self._pause_s = FIRST_S
+        self._next_s = float("-inf")
+        self._connected_s: float | None = None
+
+    def due(self, now_s: float) -> bool:
+        """Whether to try now."""
+        return now_s >= self._next_s
+
+    def connected(self, now_s: float) -> None:
+        """A try succeeded, so far."""
+        self._connected_s = now_s
+
+    def failed(self, now_s: float) -> None:
+        """A try or a connection came to its end."""
+        if self._connected_s is not None and now_s - self._connected_s >= STEADY_S:
+            self._pause_s = FIRST_S
+        self._connected_s = None
+        self._next_s = now_s + self._pause_s
+        self._pause_s = min(LONGEST_S, self._pause_s * 2)

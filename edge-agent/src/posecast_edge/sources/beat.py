@@ -1,0 +1,82 @@
+"""When somebody writes next who wakes nobody up: his beat, from looks at what he has written. Pure."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+LEARNED_FRAMES = 32  # before that every frame is looked for,
+LEARNING = 0.8  # of a period after the one before
+SPAN_S = 4.0  # the period is the mean over about so long, and over twice LEARNED_FRAMES
+EARLIER_S = 10e-6  # so much earlier is every further look in a row that is not too early,
+LATER = 1 / 4  # and by so much of the time it was too early the one after it is later
+JUMPS_MAX = 3  # frames in a row that came a period off: it is another beat
+LOOKS_HZ = 100  # a writer quicker than this and its channel is not followed frame by frame
+
+
+class Aim(NamedTuple):
+    """The next look: for how many frames from now on, when, and whether it is the wanted one that should be
+    there (else it is only lest something be lost, and half a period later will do)."""
+
+    frames: int
+    look_s: float
+    closely: bool
+
+
+class Beat:
+    """A writer's period and phase. Frames are counted by the writer, times are monotonic seconds."""
+
+    def __init__(self) -> None:
+        self.period_s = 0.0  # 0: not known
+        self._written_s: float | None = None  # about when the newest was written
+        self._span_s = 0.0
+        self._span_frames = 0.0
+        self._in_time = 0  # close looks in a row
+        self._jumps = 0
+
+    def aim(self, wanted_s: float, most: int) -> Aim:
+        """For the first frame that is written at `wanted_s` or later; or for one before, so that there are
+        never more than `most` to be seen."""
+        if self._written_s is None:
+            return Aim(1, 0.0, True)
+        if not self._learned:
+            return Aim(1, self._written_s + LEARNING * self.period_s, True)
+        frames = max(1, math.ceil((wanted_s - self._written_s) / self.period_s))
+        looks = max(1, min(math.ceil(frames / most), int(frames * self.period_s * LOOKS_HZ)))
+        frames = math.ceil(frames / looks)
+        closely = looks == 1
+        return Aim(frames, self._written_s + (frames + (0.0 if closely else 0.5)) * self.period_s, closely)
+
+    def came(self, frames: int, now_s: float, blind_s: float, closely: bool) -> None:
+        """So many frames came, the newest before `now_s`. `blind_s`: how long before another look had been
+        too early for it, 0: none was. `closely`: as it was aimed."""
+        if self._written_s is None:
+            self._written_s = now_s
+            return
+        at_s = now_s - blind_s / 2
+        if self._learned:
+            expected_s = self._written_s + frames * self.period_s
+            late_s = at_s - expected_s
+            if abs(late_s) > self.period_s:  # he paused, or hurried
+                self._jumps += 1
+                if self._jumps == JUMPS_MAX:
+                    self._span_s = self._span_frames = 0.0
+                self._written_s = at_s
+                return
+            if closely:
+                self._in_time = 0 if blind_s else self._in_time + 1
+                late_s = LATER * late_s if blind_s else min(late_s, -EARLIER_S * self._in_time)
+            else:
+                late_s = min(late_s, 0.0)
+            at_s = expected_s + late_s
+        self._jumps = 0
+        if self._span_s > SPAN_S and self._span_frames > 2 * LEARNED_FRAMES:
+            self._span_s, self._span_frames = self._span_s / 2, self._span_frames / 2
+        self._span_s += at_s - self._written_s
+        self._span_frames += frames
+        self.period_s = self._span_s / self._span_frames
+        self._written_s = at_s
+
+    @property
+    def _learned(self) -> bool:
+        return self._span_frames >= LEARNED_FRAMES and self.period_s > 0

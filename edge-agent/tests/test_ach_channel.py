@@ -1,0 +1,270 @@
+"""A channel in shared memory, read beside a writer who knows nothing of it."""
+
+from __future__ import annotations
+
+import os
+import struct
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import pytest
+from ach_stage import HEADER, Writer, patterned
+from edge_stage import until
+from posecast_edge.sources import ach_channel
+from posecast_edge.sources.ach_channel import Channel, ChannelError
+from posecast_edge.sources.ach_shm import ShmReader
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    return tmp_path / "achshm-hubo-state"
+
+
+def test_the_newest_frame_once(path: Path) -> None:
+    writer = Writer(path)
+    channel = Channel(path)
+    assert channel.newest() is None
+    writer.put(b"one")
+    assert channel.newest() == b"one"
+    assert channel.newest() is None
+    for i in range(25):  # around the ring, twice
+        writer.put(bytes([i]) * 3898)
+    assert channel.newest() == bytes([24]) * 3898
+    assert channel.newest() is None
+    assert channel.torn == 0
+
+
+def test_all_that_is_there_comes_once_and_in_order(path: Path) -> None:
+    writer = Writer(path)
+    for i in range(3):
+        writer.put(bytes([i]) * 3898)
+    channel = Channel(path)
+    assert channel.holds(3898) == 7
+    assert channel.fresh() == [bytes([2]) * 3898], "what was before us is not news"
+    assert channel.fresh() == []
+    at = 3
+    for count in (1, 7, 2, 6, 7, 7, 3):
+        for i in range(at, at + count):
+            writer.put(bytes([i]) * 3898)
+        assert channel.fresh() == [bytes([i]) * 3898 for i in range(at, at + count)]
+        at += count
+    for i in range(at, at + 30):
+        writer.put(bytes([i]) * 3898)
+    assert channel.fresh() == [bytes([i]) * 3898 for i in range(at + 23, at + 30)], "what it still keeps"
+    assert channel.seq == at + 30
+
+
+def test_an_elder_frame_that_the_writer_crosses_is_left_out(
+    path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    size = 3896
+    writer = Writer(path, frames=8, frame_size=size)
+    writer.put(patterned(0, size))
+    channel = Channel(path)
+    assert channel.fresh() == [patterned(0, size)]
+    for i in range(1, 8):
+        writer.put(patterned(i, size))
+    really = os.pread
+    reads = 0
+
+    def slow(fd: int, count: int, place: int) -> bytes:
+        nonlocal reads
+        data = really(fd, count, place)
+        if count == size:
+            reads += 1
+            if reads == 4:  # the newest, two more, and now this one is overwritten
+                for i in range(5):
+                    writer.put(patterned(100 + i, size))
+        return data
+
+    with monkeypatch.context() as m:
+        m.setattr("posecast_edge.sources.ach_channel.os.pread", slow)
+        assert channel.fresh() == [patterned(i, size) for i in (5, 6, 7)]
+    assert channel.fresh() == [patterned(100 + i, size) for i in range(5)]
+
+
+def test_a_channel_begun_anew_in_its_place_is_followed(path: Path) -> None:
+    writer = Writer(path)
+    for i in range(30):
+        writer.put(bytes([i]) * 100)
+    channel = Channel(path)
+    assert channel.newest() == bytes([29]) * 100
+    Writer(path).put(b"first again")
+    assert channel.newest() == b"first again"
+
+
+def test_it_can_do_nothing_but_read(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    opened: list[int] = []
+    really = os.open
+
+    def spy(name: Path, flags: int, *rest: int) -> int:
+        opened.append(flags)
+        return really(name, flags, *rest)
+
+    monkeypatch.setattr("posecast_edge.sources.ach_channel.os.open", spy)
+    writer = Writer(path)
+    writer.put(b"x" * 3898)
+    before = path.read_bytes()
+    channel = Channel(path)
+    channel.newest()
+    assert path.read_bytes() == before, "not even the mutex has changed"
+    assert [f & os.O_ACCMODE for f in opened] == [os.O_RDONLY]
+    with pytest.raises(OSError, match="Bad file descriptor"):
+        os.pwrite(channel._fd, b"x", 0)
+
+
+def test_a_frame_the_writer_crosses_is_read_again(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The writer laps the reader in the middle of its copy."""
+    size = 3896
+    writer = Writer(path, frames=3, frame_size=size)
+    for i in range(3):
+        writer.put(patterned(i, size))
+    channel = Channel(path)
+    really = os.pread
+    crossings = iter([True, True])
+
+    def slow(fd: int, count: int, place: int) -> bytes:
+        if count == size and next(crossings, False):
+            first = really(fd, count // 2, place)
+            for i in range(3):
+                writer.put(patterned(100 + i, size))
+            return first + really(fd, count - count // 2, place + count // 2)
+        return really(fd, count, place)
+
+    monkeypatch.setattr("posecast_edge.sources.ach_channel.os.pread", slow)
+    assert channel.newest() == patterned(102, size)
+    assert channel.torn == 2
+
+
+def test_a_writer_that_always_laps_us_is_given_up_for_now(
+    path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    writer = Writer(path, frames=3, frame_size=800)
+    writer.put(patterned(1, 800))
+    channel = Channel(path)
+    really = os.pread
+    puts = 0
+
+    def lapped(fd: int, count: int, place: int) -> bytes:
+        nonlocal puts
+        if count == 800:
+            puts += 1
+            for _ in range(3):
+                writer.put(patterned(puts, 800))
+        return really(fd, count, place)
+
+    with monkeypatch.context() as m:
+        m.setattr("posecast_edge.sources.ach_channel.os.pread", lapped)
+        assert channel.newest() is None
+    assert puts == ach_channel.TRIES
+    assert channel.newest() == patterned(puts, 800)
+
+
+def test_beside_a_real_writer_no_frame_is_torn(path: Path) -> None:
+    """Another process writes as fast as it can into a channel of three frames."""
+    size = 3896
+    script = Path(__file__).with_name("ach_stage.py")
+    with subprocess.Popen(
+        [sys.executable, str(script), str(path), str(size)], stdin=subprocess.PIPE, stdout=subprocess.PIPE
+    ) as writer:
+        assert writer.stdout is not None
+        assert writer.stdin is not None
+        assert writer.stdout.readline() == b"ready\n"
+        channel = Channel(path)
+        numbers: list[int] = []
+        deadline = time.monotonic() + 60
+        while len(numbers) < 3000 and time.monotonic() < deadline:
+            frame = channel.newest()
+            if frame is not None:
+                number = int.from_bytes(frame[:8], "little")
+                assert frame == patterned(number, size), "a torn frame came through"
+                numbers.append(number)
+        writer.stdin.close()
+        written = int(writer.stdout.readline())
+    assert len(numbers) == 3000
+    assert numbers == sorted(set(numbers)), "never an older frame, never the same twice"
+    assert written > 3000
+
+
+def damaged(path: Path, place: int, content: bytes) -> None:
+    Writer(path).put(b"x" * 3898)
+    with path.open("r+b") as f:
+        f.seek(place)
+        f.write(content)
+
+
+COUNT, SIZE = 10, 3000
+AFTER_INDEX = HEADER + 8 + 24 * COUNT
+
+
+@pytest.mark.parametrize(
+    ("place", "content", "message"),
+    [
+        (0, b"\x7fELF", "no ACH channel: it begins with 0x464c457f"),
+        (88, struct.pack("<Q", 0), "another layout: its counts make no sense"),
+        (88, struct.pack("<Q", 1 << 40), "another layout: its counts make no sense"),
+        (96, struct.pack("<Q", 1 << 60), "another layout: its counts make no sense"),
+        (88, struct.pack("<Q", 11), "another layout: 30584 bytes where 30608 are expected"),
+        (HEADER, bytes(8), "another layout: no guard at byte 320"),
+        (AFTER_INDEX, bytes(8), f"another layout: no guard at byte {AFTER_INDEX}"),
+        (AFTER_INDEX + 8 + COUNT * SIZE, bytes(8), "another layout: no guard at byte 30576"),
+    ],
+)
+def test_another_layout_is_refused_in_one_line(path: Path, place: int, content: bytes, message: str) -> None:
+    damaged(path, place, content)
+    with pytest.raises(ChannelError) as caught:
+        Channel(path)
+    assert message in str(caught.value)
+
+
+def test_a_stub_a_shrunk_file_and_an_index_that_points_outside(path: Path) -> None:
+    path.write_bytes(b"\xf3\x11\x75\xb0")
+    with pytest.raises(ChannelError, match="only 4 bytes"):
+        Channel(path)
+    damaged(path, HEADER + 8, struct.pack("<QQQ", 3898, 29_000, 1))
+    with pytest.raises(ChannelError, match="its index points at byte 29000, 3898 long, of 30000"):
+        Channel(path).newest()
+    Writer(path).put(b"x" * 3898)
+    channel = Channel(path)
+    os.truncate(path, 200)
+    with pytest.raises(ChannelError, match="shrunk"):
+        channel.newest()
+
+
+def test_the_reader_waits_for_a_channel_and_follows_a_new_one(
+    path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level("INFO")
+    monkeypatch.setattr("posecast_edge.sources.persistent.SAY_EVERY_S", 0.0)
+    frames: list[bytes] = []
+    stop = threading.Event()
+    reader = ShmReader(path)
+
+    def run() -> None:
+        while not stop.is_set():
+            frames.extend(reader.frames(stop, 0.0))
+
+    thread = threading.Thread(target=run)
+    thread.start()
+    try:
+        until(lambda: "No such file or directory; trying on" in caplog.text, "told that there is none")
+        made = path.with_name("made")
+        Writer(made).put(b"first")
+        made.rename(path)
+        until(lambda: b"first" in frames, "the first daemon's frame")
+        Writer(made).put(b"second")
+        made.rename(path)  # hubo-ach was restarted: the old file lives on under no name
+        until(lambda: b"second" in frames, "the second daemon's frame")
+        assert "the channel was made anew; trying on" in caplog.text
+        path.write_bytes(b"rubbish")
+        until(lambda: "shrunk" in caplog.text or "no ACH channel" in caplog.text, "told of the rubbish")
+        Writer(made).put(b"third")
+        made.rename(path)
+        until(lambda: b"third" in frames, "the third daemon's frame")
+    finally:
+        stop.set()
+        thread.join()
+        reader.close()

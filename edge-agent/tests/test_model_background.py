@@ -1,0 +1,134 @@
+"""`run --urdf`: the robot is on air at once, its model is announced when it has been built beside it."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import logging
+import sys
+import threading
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from edge_stage import ROBOT, Edge, Router, until
+from model_stage import cube_stl, link, mesh, robot, written
+from posecast_edge.model.background import NEEDED, BackgroundBuild
+from posecast_edge.model.bundle import Bundle, load_bundle
+from posecast_wire.keys import Snapshot, model_key
+
+Start = Callable[..., Edge]
+RSS_KB_MAX = 40 << 10
+
+
+@pytest.fixture(autouse=True)
+def own_cache(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.setenv("TMPDIR", str(tmp_path / "tmp"))
+    (tmp_path / "tmp").mkdir()
+
+
+def cube_robot(folder: Path) -> Path:
+    return written(folder / "robot", robot(link("a", mesh("meshes/a.stl"))), a_stl=cube_stl())
+
+
+def announced(router: Router) -> list[object]:
+    return [e["hash"] for e in router.events if e["type"] == "model"]
+
+
+def manifest_of(router: Router) -> bytes:
+    [reply] = router.get(model_key(ROBOT, "manifest"))
+    assert reply.ok is not None
+    return reply.ok.payload.to_bytes()
+
+
+def snapshot_model(router: Router) -> str | None:
+    sample = router.snapshot()
+    return Snapshot.unpack(sample.payload.to_bytes()).model if sample is not None else None
+
+
+def memory_kb(pid: int, what: str = "VmHWM") -> int:
+    lines = Path(f"/proc/{pid}/status").read_text().splitlines()
+    return next(int(line.split()[1]) for line in lines if line.startswith(what))
+
+
+def test_built_beside_the_frames(router: Router, edge: Start, tmp_path: Path) -> None:
+    e = edge("--urdf", str(cube_robot(tmp_path)))
+    e.send(t=1.0, pos={"RKN": 0.1})
+    until(lambda: bool(router.frames), "a frame")
+    until(lambda: bool(announced(router)), "the model", 60)
+    manifest = manifest_of(router)
+    digest = hashlib.sha256(manifest).hexdigest()
+    assert announced(router) == [digest]
+    assert snapshot_model(router) == digest
+    document = json.loads(manifest)
+    assert document["v"] == 2
+    assert document["links"] == ["a"]
+    for file in document["files"]:
+        [reply] = router.get(model_key(ROBOT, file["sha256"]) + f"?off=0;len={file['size']}")
+        assert reply.ok is not None
+        assert hashlib.sha256(reply.ok.payload.to_bytes()).hexdigest() == file["sha256"]
+    assert memory_kb(e.process.pid) < RSS_KB_MAX
+    e.process.terminate()
+    assert e.wait() == 0
+    assert list((tmp_path / "tmp").iterdir()) == []  # nothing is left behind
+
+
+def test_stopped_while_it_builds(router: Router, edge: Start, tmp_path: Path) -> None:
+    e = edge("--urdf", str(cube_robot(tmp_path)))
+    until(lambda: any((tmp_path / "tmp").iterdir()), "the builder's folder")
+    e.process.terminate()
+    assert e.wait(20) == 0
+    assert list((tmp_path / "tmp").iterdir()) == []
+
+
+class Ready:
+    """What a build hands over."""
+
+    def __init__(self) -> None:
+        self.bundles: list[Bundle] = []
+        self.came = threading.Event()
+
+    def __call__(self, bundle: Bundle) -> None:
+        self.bundles.append(bundle)
+        self.came.set()
+
+
+def test_without_the_mesh_tools_the_meshes_go_as_they_are(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setitem(sys.modules, NEEDED[0], None)
+    path = cube_robot(tmp_path)
+    raw, ready = load_bundle(path), Ready()
+    build = BackgroundBuild(path, raw, ready)
+    build.start()
+    build.stop()
+    assert ready.bundles == [raw]
+    [record] = caplog.records
+    assert "pip install 'posecast-edge[model]'" in record.getMessage()
+    assert "\n" not in record.getMessage()
+
+
+def test_what_can_t_be_built_goes_as_it_is(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    path = written(tmp_path / "robot", '<robot name="r"><joint name="j" type="fixed"/></robot>')
+    raw, ready = load_bundle(path), Ready()
+    build = BackgroundBuild(path, raw, ready)
+    build.start()
+    assert ready.came.wait(60)
+    build.stop()
+    assert ready.bundles == [raw]
+    [message] = [r.getMessage() for r in caplog.records]
+    assert message == f"model: not built, meshes go as they are: {path}: there is no link in it"
+
+
+def test_what_is_wrong_is_counted(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level(logging.INFO)
+    path = written(tmp_path / "robot", robot(link("a", mesh("meshes/gone.stl"))))
+    ready = Ready()
+    build = BackgroundBuild(path, load_bundle(path), ready)
+    build.start()
+    assert ready.came.wait(60)
+    assert json.loads(ready.bundles[0].manifest)["v"] == 2
+    assert ready.bundles[0].read("manifest", 0, 10) == ready.bundles[0].manifest[:10]
+    build.stop()
+    assert f"1 error; posecast-edge doctor --urdf {path} names them" in caplog.text

@@ -1,0 +1,217 @@
+"""Source `mujoco`: MJCF and URDF, simulated and read as fields."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from posecast_edge.model.urdf_reader import load_urdf
+from posecast_edge.sources import Sample, SourceError, defaults_of, open_source
+
+mujoco = pytest.importorskip("mujoco", reason="the extra [mujoco] is not installed")
+
+from posecast_edge.sources.mujoco import ARM  # noqa: E402
+from posecast_edge.sources.mujoco_model import GO_S, STAY_S, TURN_S, Simulation, load, moving_parts  # noqa: E402
+
+SHARED = Path(os.environ.get("POSECAST_SHARED", Path(__file__).parents[3] / "shared"))
+
+WALKER = """
+<mujoco>
+  <worldbody>
+    <geom type="plane" size="5 5 .1"/>
+    <body name="trunk" pos="0 0 1">
+      <freejoint/>
+      <geom type="box" size=".2 .1 .1" mass="5"/>
+      <site name="imu" pos="0 0 .1"/>
+      <body name="leg">
+        <joint name="knee" axis="0 1 0" range="-30 60"/>
+        <geom type="capsule" fromto="0 0 0 0 0 -.3" size=".04" mass="1"/>
+        <site name="foot.left" pos="0 0 -.3"/>
+      </body>
+    </body>
+  </worldbody>
+  <actuator>
+    <position name="knee servo" joint="knee" kp="200" kv="5"/>
+    <motor name="kick" joint="knee"/>
+  </actuator>
+  <sensor>
+    <accelerometer site="imu"/>
+    <gyro site="imu"/>
+    <framequat objtype="site" objname="imu"/>
+    <force site="foot.left"/>
+    <touch site="foot.left"/>
+  </sensor>
+</mujoco>
+"""
+
+
+def mjcf(tmp_path: Path, text: str = WALKER) -> Simulation:
+    path = tmp_path / "model.xml"
+    path.write_text(text)
+    return load(path)
+
+
+def play(simulation: Simulation, seconds: float) -> list[Sample]:
+    found = []
+    for _ in range(round(seconds / 0.01)):
+        simulation.advance(0.01)
+        found.append(simulation.sample())
+    return found
+
+
+def value(sample: Sample, field: str, label: str) -> float:
+    found = sample.values[field]
+    assert isinstance(found, dict)
+    return float(found[label])
+
+
+def test_a_model_of_somebody_else(tmp_path: Path) -> None:
+    first = play(mjcf(tmp_path), 0.01)[0]
+    labels = {name: tuple(values) for name, values in first.values.items()}
+    assert labels == {
+        "ref": ("knee",),
+        "pos": ("knee",),
+        "vel": ("knee",),
+        "effort": ("knee",),
+        "base": ("base.x", "base.y", "base.z"),
+        "baseq": ("base.w", "base.x", "base.y", "base.z"),
+        "acc": ("imu.x", "imu.y", "imu.z"),
+        "gyro": ("imu.x", "imu.y", "imu.z"),
+        "quat": ("imu.w", "imu.x", "imu.y", "imu.z"),
+        "ftf": ("foot_left.fx", "foot_left.fy", "foot_left.fz"),
+    }
+    assert first.links == {"imu": "trunk", "foot_left": "leg"}
+
+
+def test_it_falls_as_things_fall(tmp_path: Path) -> None:
+    samples = play(mjcf(tmp_path), 0.3)
+    for sample in samples:
+        assert value(sample, "base", "base.z") == pytest.approx(1 - 9.81 / 2 * sample.t_s**2, abs=0.02)
+    assert [s.t_s for s in samples] == [pytest.approx(0.01 * (k + 1)) for k in range(30)]
+
+
+def test_keyframes_are_gone_through(tmp_path: Path) -> None:
+    keys = '<keyframe><key ctrl="0 0"/><key ctrl="0.6 0"/></keyframe></mujoco>'
+    fixed = WALKER.replace("<freejoint/>", "").replace("</mujoco>", keys)
+    samples = play(mjcf(tmp_path, fixed), 2 * (GO_S + STAY_S))
+    there, back = samples[round(100 * (GO_S + STAY_S)) - 2], samples[-2]
+    assert value(there, "ref", "knee") == pytest.approx(0.6)
+    assert value(back, "ref", "knee") == pytest.approx(0)
+    assert value(there, "pos", "knee") == pytest.approx(0.6, abs=0.05)
+    jumps = [abs(value(b, "ref", "knee") - value(a, "ref", "knee")) for a, b in itertools.pairwise(samples)]
+    assert max(jumps) < 0.02
+
+
+def test_the_arm_moves_each_joint_and_holds_the_others() -> None:
+    simulation = load(ARM)
+    joints = [s.joint for s in simulation.servos]
+    assert joints == ["turn", "lift", "elbow", "wrist", "finger_left", "finger_right"]
+    samples = play(simulation, TURN_S * len(joints))
+    for k, joint in enumerate(joints):
+        during = samples[round(100 * TURN_S * k) : round(100 * TURN_S * (k + 1))]
+        reach = max(abs(value(s, "pos", joint) - value(samples[0], "pos", joint)) for s in during)
+        assert reach > (0.01 if joint.startswith("finger") else 0.4), joint
+    for sample in samples:
+        for joint in joints:
+            assert abs(value(sample, "ref", joint) - value(sample, "pos", joint)) < 0.05, joint
+
+
+def test_the_arm_keeps_to_its_limits_and_the_doctor_likes_it() -> None:
+    limits = {j.name: j.limit for j in load_urdf(ARM).joints}
+    for sample in play(load(ARM), TURN_S * 6):
+        for joint, limit in limits.items():
+            position = value(sample, "pos", joint)
+            assert limit is not None
+            assert limit.lower is not None
+            assert limit.upper is not None
+            assert limit.lower - 0.01 <= position <= limit.upper + 0.01, joint
+    words = ("doctor", "--source", "mujoco", "--urdf", str(ARM), "--seconds", "1")
+    done = subprocess.run(
+        [sys.executable, "-m", "posecast_edge", *words],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=120,
+    )
+    assert (done.returncode, done.stderr) == (0, ""), done.stdout
+
+
+def test_a_joint_that_mimics_another_follows_it(tmp_path: Path) -> None:
+    path = tmp_path / "arm.urdf"
+    tie = '<mimic joint="finger_left" multiplier="0.5"/></joint>'
+    head, _, tail = ARM.read_text().rpartition("</joint>")
+    path.write_text(head + tie + tail)
+    simulation = load(path)
+    assert "finger_right" not in [s.joint for s in simulation.servos]
+    ends = play(simulation, TURN_S * 4.5)[-1]
+    assert value(ends, "pos", "finger_right") == pytest.approx(
+        value(ends, "pos", "finger_left") / 2, abs=0.004
+    )
+
+
+def test_a_urdf_is_what_is_seen_too_and_meshes_are_no_hindrance(tmp_path: Path) -> None:
+    assert defaults_of("mujoco").urdf == ARM
+    assert defaults_of(f"mujoco:{tmp_path}/a.urdf").urdf == tmp_path / "a.urdf"
+    assert defaults_of(f"mujoco:{tmp_path}/a.xml").urdf is None
+    mesh = b'<visual><geometry><mesh filename="package://nobody/has.dae"/></geometry></visual><inertial>'
+    assert b"nobody" not in moving_parts(ARM.read_bytes().replace(b"<inertial>", mesh, 1)).encode()
+
+
+def test_an_unstable_model_begins_anew_and_time_goes_on(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    wild = WALKER.replace("<freejoint/>", "").replace('kp="200" kv="5"', 'kp="1e12" kv="0"')
+    samples = play(mjcf(tmp_path, wild), 1)
+    assert all(a.t_s < b.t_s for a, b in itertools.pairwise(samples))
+    assert all(math.isfinite(value(s, "pos", "knee")) for s in samples)
+    assert "begins anew" in caplog.text
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "reason"),
+    [
+        ("a.xml", "<mujoco><worldbody/></mujoco>", "no joint turns or slides"),
+        ("a.xml", "<mujoco><worldboy/></mujoco>", "Schema violation"),
+        ("a.xml", "not xml", ""),
+        ("a.urdf", "<robot name='x'><link", ":1: not XML"),
+        ("a.urdf", "<sdf/>", ":1: this is SDF, not URDF"),
+        ("a.urdf", "<robot name='x'><link name='a'/></robot>", "no joint turns or slides"),
+    ],
+)
+def test_models_that_are_refused_in_one_line(tmp_path: Path, name: str, text: str, reason: str) -> None:
+    path = tmp_path / name
+    path.write_text(text)
+    with pytest.raises(SourceError) as e:
+        open_source(f"mujoco:{path}", None)
+    assert str(e.value).startswith(str(path))
+    assert reason in str(e.value)
+    assert "\n" not in str(e.value)
+
+
+def test_a_model_that_is_not_there() -> None:
+    with pytest.raises(SourceError, match=r"^/none\.xml: No such file or directory$"):
+        open_source("mujoco:/none.xml", None)
+
+
+@pytest.mark.skipif(not SHARED.is_dir(), reason="no robot models beside this checkout")
+@pytest.mark.parametrize(
+    "urdf",
+    [
+        "hubo2plus-stl/hubo-urdf/model_collision_as_visual.urdf",
+        "drchubo-stl/drchubo-urdf/drchubo-v3.urdf",
+        "unitree-g1/example-robot-data/robots/g1_description/urdf/g1_29dof_rev_1_0.urdf",
+    ],
+)
+def test_real_robots_hold_still_and_move_as_told(urdf: str, caplog: pytest.LogCaptureFixture) -> None:
+    simulation = load(SHARED / "robots" / urdf)
+    assert len(simulation.servos) == len(simulation.joints)
+    for sample in play(simulation, 2 * TURN_S):
+        for servo in simulation.servos:
+            told, stands = value(sample, "ref", servo.joint), value(sample, "pos", servo.joint)
+            assert abs(told - stands) < 0.05, servo.joint
+    assert caplog.messages == []

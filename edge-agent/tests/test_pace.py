@@ -1,0 +1,67 @@
+"""Sources of any rate against a fake clock: how often frames leave, and how old what they carry is."""
+
+from __future__ import annotations
+
+import pytest
+from edge_stage import PROFILE
+from posecast_edge.pace import Pace
+from posecast_edge.profile_reader import parse_profile
+from posecast_edge.sources import Sample
+from posecast_edge.stream import Stream
+from posecast_wire.decoder import Decoder
+
+TICK_S = 1e-4
+
+
+def ages(source_hz: float, hz: float, seconds: float, last: int | None = None) -> list[float]:
+    """Age, s, of the sample in each frame; the source delivers `last` samples, or goes on."""
+    pace = Pace(hz, 0.0)
+    sampled = carried = 0
+    sampled_s = 0.0
+    found = []
+    for step in range(round(seconds / TICK_S)):
+        now_s = step * TICK_S
+        ripe = False
+        if now_s * source_hz >= sampled and (last is None or sampled < last):
+            sampled, sampled_s = sampled + 1, now_s
+            ripe = pace.ripe(now_s)
+        if ripe or (sampled != carried and pace.wait_s(now_s) == 0):
+            pace.left(now_s)
+            if sampled != carried:
+                carried = sampled
+                found.append(now_s - sampled_s)
+    assert last is None or carried == last, "the last value goes out"
+    return found
+
+
+@pytest.mark.parametrize("source_hz", [1000, 333, 200, 100, 60, 50, 40, 31, 30.03, 30, 29.97, 20, 10, 1])
+def test_frames_leave_with_their_samples_at_the_rate_asked_for(source_hz: float) -> None:
+    found = ages(source_hz, 30.0, 20.0)
+    # what is a little faster than asked for is thinned, what is slower comes whole
+    assert len(found) == pytest.approx(20 * min(source_hz, 30), abs=3)
+    assert max(found) <= TICK_S, "frames leave as their samples arrive"
+
+
+@pytest.mark.parametrize("source_hz", [1000, 200, 50, 31])
+@pytest.mark.parametrize("last", [1, 2, 7, 50])
+def test_the_last_sample_before_a_silence_goes_out_soon(source_hz: float, last: int) -> None:
+    assert ages(source_hz, 30.0, 10.0, last)[-1] <= (1 + 1 / 8 + 5 / 4) / 30 + TICK_S
+
+
+def test_a_thousand_samples_a_second_become_thirty_frames_each_of_the_newest() -> None:
+    """Through the real stream: nothing queues, nothing is late after a minute that was not after a second."""
+    stream = Stream(parse_profile(PROFILE), 4.0, lambda line: None)
+    decoder = Decoder()
+    decoder.add_schema(stream.schema.text)
+    pace = Pace(30.0, 0.0)
+    behind = []
+    for n in range(60_000):
+        t_s = n / 1000
+        stream.deliver(Sample(t_s, {"pos": [n * 0.001, 0.0]}), t_s)
+        if pace.ripe(t_s):
+            pace.left(t_s)
+            frame = stream.tick(t_s)
+            assert frame is not None
+            behind.append(n * 0.001 - (decoder.decode(frame.data).values("pos")[0] or 0.0))
+    assert len(behind) in (1800, 1801)
+    assert max(map(abs, behind)) <= 0.0008 + 1e-9, "the newest value to half a step and its deadband"

@@ -1,0 +1,391 @@
+"""Source `ros2` against real Zenoh publishers whose keys, tokens and CDR are rmw_zenoh's and the bridge's."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import logging
+import math
+import random
+import struct
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+
+import pytest
+import zenoh
+from edge_stage import ROBOT, Edge, Router, until
+from posecast_edge.sources import SourceError, open_source
+from posecast_edge.sources import ros2 as ros2_module
+from posecast_edge.sources.ros2 import Inbox
+from posecast_edge.sources.ros_messages import (
+    BATTERY,
+    CONTROLLER_STATE,
+    DIAGNOSTICS,
+    IMU,
+    JOINT_STATE,
+    ODOMETRY,
+    STRING,
+    WRENCH,
+)
+from ros_stage import (
+    Graph,
+    battery,
+    controller_state,
+    diagnostics,
+    imu,
+    joint_state,
+    odometry,
+    text_message,
+    wrench,
+)
+from source_stage import Listen, Listening, Move, Mover
+
+NAMES = ["hip", "knee"]
+PROFILE = """
+[labels]
+joint = ["hip", "knee"]
+[[fields]]
+name = "pos"
+[ros]
+base = "/odom"
+wrench = { LF = "/ft/left" }
+"""
+KNEE = """<robot name="leg">
+<link name="thigh"/>
+<link name="shank"/>
+<joint name="knee" type="revolute"><parent link="thigh"/><child link="shank"/>
+<limit lower="0" upper="1" effort="1" velocity="1"/></joint></robot>"""
+
+
+@pytest.fixture
+def graph() -> Iterator[Graph]:
+    g = Graph().start()
+    yield g
+    g.stop()
+
+
+def joints(graph: Graph, topic: str = "/joint_states") -> Callable[[float], None]:
+    """Publishes both joints, with the machine's clock."""
+    return lambda t: graph.publish(topic, JOINT_STATE, joint_state(time.monotonic(), NAMES, [1.0, 2.0]))
+
+
+def test_every_type_from_its_own_topic(graph: Graph, listen: Listen, moving: Move) -> None:
+    def act(t_s: float) -> None:
+        at_s = 1000 + t_s
+        state = joint_state(at_s, NAMES, [t_s, 2.0], [0.5, 0.5], [1.0, 2.0])
+        graph.publish("/joint_states", JOINT_STATE, state)
+        told = controller_state(at_s, NAMES, [0.25, 0.75])
+        graph.publish("/legs/controller_state", CONTROLLER_STATE, told)
+        graph.publish("/imu/data", IMU, imu(at_s, "pelvis", (0.5, 0.5, 0.5, 0.5), (0.1, 0.2, 0.3)))
+        graph.publish("/ft/left", WRENCH, wrench(at_s, "left_foot", (1, 2, 300), (4, 5, 6)))
+        graph.publish("/battery_state", BATTERY, battery(at_s, 48.5, -2.5, 0.75))
+        graph.publish("/odom", ODOMETRY, odometry(at_s, (1, 2, 0.75), (1, 0, 0, 0)))
+        said = diagnostics(at_s, (2, "motor", "hot"), (0, "cpu", "well"))
+        graph.publish("/diagnostics", DIAGNOSTICS, said)
+
+    heard = listen(graph.source, PROFILE)
+    moving(50, act)
+    fields = {"pos", "vel", "effort", "ref", "quat", "gyro", "acc", "ftf", "ftm", "volt", "base", "diag"}
+    until(lambda: fields <= set(heard.newest), "every field")
+    values = heard.newest
+    assert values["ref"] == {"hip": 0.25, "knee": 0.75}
+    assert values["vel"] == {"hip": 0.5, "knee": 0.5}
+    assert values["effort"] == {"hip": 1.0, "knee": 2.0}
+    assert values["quat"]["pelvis.w"] == 0.5
+    assert values["gyro"] == {"pelvis.x": 0.1, "pelvis.y": 0.2, "pelvis.z": 0.3}
+    assert values["ftf"] == {"LF.fx": 1, "LF.fy": 2, "LF.fz": 300}
+    assert values["ftm"] == {"LF.mx": 4, "LF.my": 5, "LF.mz": 6}
+    assert values["volt"] == {"main": 48.5}
+    assert values["charge"] == {"main": 75.0}
+    assert values["base"] == {"base.x": 1, "base.y": 2, "base.z": 0.75}
+    assert values["diag"] == {"motor": ["error"], "cpu": []}
+    assert heard.samples[-1].info == {"motor": "hot", "cpu": "well", "battery": "discharging"}
+    assert heard.samples[-1].links == {"pelvis": "pelvis"}
+    t_s, values = heard.last
+    assert t_s == pytest.approx(1000 + values["pos"]["hip"], abs=1e-6)
+    times = [s.t_s for s in heard.samples]
+    assert times == sorted(set(times))
+
+
+def test_two_publishers_of_one_topic(graph: Graph, listen: Listen, moving: Move) -> None:
+    def act(joint: str, at: float) -> Callable[[float], None]:
+        return lambda t: graph.publish("/joint_states", JOINT_STATE, joint_state(1 + t, [joint], [at]))
+
+    heard = listen(graph.source, PROFILE)
+    moving(50, act("hip", 1.0))
+    leg = moving(50, act("knee", 2.0))
+    until(lambda: heard.newest.get("pos") == {"hip": 1.0, "knee": 2.0}, "both")
+    leg.end()
+    until(lambda: heard.newest.get("pos") == {"hip": 1.0}, "the dead one's readings are gone")
+
+
+def test_a_robot_described_before_anybody_listened(graph: Graph, listen: Listen) -> None:
+    urdf = "<robot name='r'><!--" + "x" * 140_000 + "--><link name='a'/></robot>"
+    graph.latch("/robot_description", STRING, text_message(urdf))
+    heard = listen(graph.source, None)
+    until(lambda: heard.urdfs == [urdf], "the description")
+
+
+def test_a_description_that_comes_later_counts_too(graph: Graph, listen: Listen) -> None:
+    heard = listen(graph.source, None)
+    until(lambda: heard.source.offers == [], "it runs")
+    graph.latch("/robot_description", STRING, text_message("<robot name='late'/>"))
+    until(lambda: heard.urdfs == ["<robot name='late'/>"], "the description")
+
+
+def test_a_robot_behind_the_dds_bridge(graph: Graph, listen: Listen, moving: Move) -> None:
+    put = graph.bridge("/r1/joint_states", JOINT_STATE)
+    camera = graph.bridge("/r1/camera", "sensor_msgs/Image")
+    heard = listen(f"{graph.source}/r1", PROFILE)
+
+    def act(t_s: float) -> None:
+        put(joint_state(1 + t_s, NAMES, [1.0, 2.0]))
+        camera(b"\0\1\0\0" + bytes(1000))
+
+    moving(50, act)
+    until(lambda: heard.newest.get("pos") == {"hip": 1.0, "knee": 2.0}, "positions")
+    assert [line.split()[:2] for line in heard.source.offers] == [
+        ["/r1/camera", "sensor_msgs/Image"],
+        ["/r1/joint_states", "sensor_msgs/JointState"],
+    ]
+
+
+def test_only_one_robot_of_several(graph: Graph, listen: Listen, moving: Move) -> None:
+    one = listen(f"ros2://127.0.0.1:{graph.port}/r1", PROFILE)
+    domain = listen(graph.source, PROFILE + "domain = 7\n")
+
+    def act(t_s: float) -> None:
+        graph.publish("/r1/joint_states", JOINT_STATE, joint_state(1 + t_s, NAMES, [1.0, 1.0]))
+        graph.publish("/r2/joint_states", JOINT_STATE, joint_state(1 + t_s, NAMES, [2.0, 2.0]))
+        graph.publish("/r3/joint_states", JOINT_STATE, joint_state(1 + t_s, NAMES, [3.0, 3.0]), domain=7)
+
+    moving(50, act)
+    until(lambda: len(one.samples) > 20 and len(domain.samples) > 20, "samples of both")
+    assert {s.values["pos"]["hip"] for s in one.samples} == {1.0}  # type: ignore[call-overload]
+    assert {s.values["pos"]["hip"] for s in domain.samples} == {3.0}  # type: ignore[call-overload]
+
+
+def test_bad_payloads_are_told_and_the_good_ones_go_on(
+    graph: Graph,
+    listen: Listen,
+    moving: Move,
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    caplog.set_level(logging.INFO, "posecast_edge")
+    good = joint_state(1.0, NAMES, [1.0, 2.0], [0.1, 0.2])
+    chance = random.Random(7)
+    bad = [good[:n] for n in range(len(good))] + [
+        bytes(chance.randrange(256) if chance.random() < 0.05 else b for b in good) for _ in range(200)
+    ]
+    bad += [b"\0\1\0\0" + struct.pack("<I", 0xFFFFFFFF) * 9, good + bytes(9), b"\xff" * 4000]
+    heard = listen(graph.source, PROFILE)
+    left = list(bad)
+
+    def act(t_s: float) -> None:
+        for _ in range(min(2, len(left))):
+            graph.publish("/other/joint_states", JOINT_STATE, left.pop())
+        graph.publish("/camera", "sensor_msgs/Image", b"\0\1\0\0" + bytes(500_000))
+        graph.publish("/camera", "sensor_msgs/Image", b"\0\1\0\0")
+        graph.publish("/big/joint_states", JOINT_STATE, bytes(ros2_module.PAYLOAD_MAX + 1))
+        graph.publish("/joint_states", JOINT_STATE, joint_state(1 + t_s, NAMES, [1.0, 2.0]))
+
+    moving(100, act)
+    until(lambda: not left, "all the bad ones", 30)
+    n = len(heard.samples)
+    until(lambda: len(heard.samples) > n + 5, "good ones after them", 30)
+    assert {"hip": 1.0, "knee": 2.0}.items() <= heard.newest["pos"].items()
+    lines = [r.getMessage() for r in caplog.records]
+    told = [line for line in lines if "joint_states: " in line and "no sensor_msgs/JointState" in line]
+    assert 1 <= len(told) <= 4, told  # the first at once, then counts
+    assert (
+        len([line for line in lines if "/camera is ignored: nothing here reads sensor_msgs/Image" in line])
+        == 1
+    )
+
+
+def test_of_a_flood_the_newest_arrives(graph: Graph, listen: Listen) -> None:
+    """What can't be read in time is dropped, and it is the oldest."""
+    names = [f"joint{i}" for i in range(40)]
+    heard = listen(graph.source, None)
+    ended = threading.Event()
+    stamps = [0.0]
+
+    def flood() -> None:
+        while not ended.is_set():
+            stamps.append(time.monotonic())
+            graph.publish("/joint_states", JOINT_STATE, joint_state(stamps[-1], names, [1.0] * 40))
+
+    publisher = threading.Thread(target=flood)
+    publisher.start()
+    try:
+        until(lambda: len(heard.samples) > 50, "samples", 20)
+    finally:
+        ended.set()
+        publisher.join()
+    until(lambda: heard.samples[-1].t_s == pytest.approx(stamps[-1], abs=1e-6), "the newest")
+    assert len(heard.samples) < len(stamps)
+
+
+def test_a_full_inbox_drops_the_oldest() -> None:
+    inbox = Inbox()
+    size = ros2_module.BACKLOG_MAX // 4
+    for k in range(10):
+        inbox.put("/a", JOINT_STATE, bytes([k]) * size)
+    taken, lost = inbox.take(0.0)
+    assert [payload[0] for _, _, payload in taken] == [6, 7, 8, 9]
+    assert lost == 6
+    assert inbox.take(0.0) == ([], 0)
+
+
+def test_a_robot_that_goes_and_comes_back(
+    graph: Graph, listen: Listen, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level(logging.INFO, "posecast_edge")
+    heard = listen(graph.source, PROFILE)
+    began_s = time.monotonic()
+
+    first = Mover(50, joints(graph))
+    until(lambda: len(heard.samples) > 10, "samples")
+    first.end()
+    graph.stop()
+    until(lambda: any("router lost" in r.getMessage() for r in caplog.records), "the loss is said")
+    graph.start()
+    n = len(heard.samples)
+    again = Mover(50, joints(graph))
+    until(lambda: len(heard.samples) > n + 10, "samples again", 20)
+    again.end()
+    assert heard.samples[-1].t_s > began_s
+
+
+def test_a_robot_that_is_not_there_yet(caplog: pytest.LogCaptureFixture) -> None:
+    graph = Graph()
+    heard = Listening(graph.source, PROFILE)
+    until(lambda: any("does not answer, trying on" in r.getMessage() for r in caplog.records), "a word")
+    graph.start()
+    mover = Mover(50, joints(graph))
+    until(lambda: len(heard.samples) > 5, "samples", 20)
+    mover.end()
+    heard.end()
+    graph.stop()
+
+
+def test_stamps_that_stand_still_are_silence(
+    graph: Graph,
+    listen: Listen,
+    moving: Move,
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    heard = listen(graph.source, PROFILE)
+    moving(50, lambda t: graph.publish("/joint_states", JOINT_STATE, joint_state(5.0, NAMES, [t, 2.0])))
+    until(lambda: any("stamps stand still" in r.getMessage() for r in caplog.records), "a word")
+    assert len(heard.samples) == 1
+
+
+def test_without_a_profile_the_first_sample_has_every_topic(
+    graph: Graph, listen: Listen, moving: Move
+) -> None:
+    heard = listen(graph.source, None)
+    moving(50, joints(graph))
+    moving(2, lambda t: graph.publish("/battery_state", BATTERY, battery(1 + t, 48.0, 1.0, math.nan)))
+    until(lambda: heard.samples != [], "the first sample")
+    assert {"pos", "volt", "amp", "charge"} <= set(heard.samples[0].values)
+
+
+def test_the_source_s_session_subscribes_and_the_uplink_s_does_not(
+    graph: Graph, router: Router, moving: Move
+) -> None:
+    """Two sessions in one process: what is declared to either router, as the routers themselves tell it."""
+    graph.latch("/robot_description", STRING, text_message("<robot name='r'><link name='a'/></robot>"))
+    moving(50, joints(graph))
+    flags = ("--robot", ROBOT, "--source", graph.source, "--relay", router.endpoint)
+    edge = Edge("run", *flags, stdin=False)
+    try:
+        until(lambda: len(router.frames) >= 5, "frames at the relay", 20)
+        assert router.session is not None
+        assert graph.router is not None
+        assert graph.nodes is not None
+        strangers = declared_to(router.session, {str(router.session.zid())})
+        assert strangers["subscriber"] == set()
+        assert strangers["queryable"] != set()  # a router does tell
+        assert strangers["publisher"] != set()
+        ours = {str(graph.router.zid()), str(graph.nodes.zid())}
+        at_the_robot = declared_to(graph.router, ours)
+        assert any(
+            key.endswith("**/sensor_msgs::msg::dds_::JointState_/*") for key in at_the_robot["subscriber"]
+        )
+        assert at_the_robot["publisher"] == set()
+        assert at_the_robot["queryable"] == set()
+    finally:
+        edge.kill()
+
+
+def declared_to(router: zenoh.Session, own: set[str]) -> dict[str, set[str]]:
+    """What sessions other than `own` have declared to a router: kind → keys."""
+    found: dict[str, set[str]] = {}
+    for kind in ("subscriber", "queryable", "publisher"):
+        found[kind] = set()
+        for reply in router.get(f"@/*/router/{kind}/**", timeout=3.0):
+            assert reply.ok is not None
+            by = json.loads(reply.ok.payload.to_string())
+            if not {zid for zids in by.values() for zid in zids} <= own:
+                found[kind].add(str(reply.ok.key_expr).partition(f"/{kind}/")[2])
+    return found
+
+
+def run(*command: str) -> subprocess.CompletedProcess[str]:
+    words = [sys.executable, "-m", "posecast_edge", *command]
+    return subprocess.run(words, capture_output=True, text=True, timeout=60, check=False)
+
+
+def test_probe_lists_the_topics_and_doctor_holds_them_against_the_description(
+    graph: Graph, moving: Move
+) -> None:
+    graph.latch("/robot_description", STRING, text_message(KNEE))
+    graph.declare("/camera", "sensor_msgs/Image")
+    moving(50, joints(graph))
+    probed = run("probe", graph.source, "--seconds", "0.5")
+    assert probed.returncode == 0, probed.stderr
+    *_, camera, positions, description = probed.stdout.splitlines()
+    assert camera.split() == ["/camera", "sensor_msgs/Image", "not", "read"]
+    assert positions.split()[:4] == ["/joint_states", "sensor_msgs/JointState", "→", "pos"]
+    assert description.split()[3:] == ["description", "1", "message"]
+    examined = run("doctor", "--source", graph.source, "--seconds", "0.5")
+    assert examined.returncode == 1
+    assert (
+        f"{graph.source}: warning: channel 'hip' without effect: the model has no such joint"
+        in examined.stdout
+    )
+    assert (
+        "robot_description:4: warning: joint 'knee' goes from 2 to 2 rad, its limits are" in examined.stdout
+    )
+
+
+@pytest.mark.parametrize(
+    "address", ["host name", "host:99999", "tcp/127.0.0.1:7447", "://x", "host/a b", "host:7447/a//b"]
+)
+def test_addresses_that_are_none(address: str) -> None:
+    with pytest.raises(SourceError, match="is no address"):
+        open_source(f"ros2:{address}", None)
+
+
+@pytest.mark.parametrize(
+    ("address", "description"),
+    [
+        ("", "ros2 localhost:7447"),
+        (":robot", "ros2 robot:7447"),
+        ("://robot", "ros2 robot:7447"),
+        ("://robot:1234/r1/", "ros2 robot:1234/r1"),
+        (":[::1]:1234", "ros2 [::1]:1234"),
+    ],
+)
+def test_addresses(address: str, description: str) -> None:
+    assert open_source(f"ros2{address}", None).description == description
+
+
+def test_without_the_extra_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+    with pytest.raises(SourceError, match=r'ros2 needs .*: pip install "posecast-edge\[ros\]"'):
+        open_source("ros2", None)

@@ -1,0 +1,143 @@
+"""Which topics are read as what: by name and type, and by the profile's [ros]."""
+
+from __future__ import annotations
+
+import pytest
+from posecast_edge.profile_reader import ProfileError, parse_profile
+from posecast_edge.sources.ros_messages import (
+    BATTERY,
+    CONTROLLER_STATE,
+    DIAGNOSTICS,
+    IMU,
+    JOINT_STATE,
+    ODOMETRY,
+    STRING,
+    WRENCH,
+)
+from posecast_edge.sources.ros_topics import Route, Routes, matches
+
+FIELDS = '[[fields]]\nname = "pos"\nlabels = ["a"]\n'
+
+
+@pytest.mark.parametrize(
+    ("topic", "type_name", "route"),
+    [
+        ("/joint_states", JOINT_STATE, Route("pos")),
+        ("/robot/limb/left/joint_states", JOINT_STATE, Route("pos")),
+        ("/joint_commands", JOINT_STATE, Route("ref")),
+        ("/arm/joint_command", JOINT_STATE, Route("ref")),
+        ("/desired", JOINT_STATE, Route("ref")),
+        ("/joint_states_raw", JOINT_STATE, None),
+        ("/arm_controller/controller_state", CONTROLLER_STATE, Route("ref")),
+        ("/imu/data", IMU, Route("imu")),
+        ("/ft/left", WRENCH, Route("wrench")),
+        ("/battery_state", BATTERY, Route("battery", "main")),
+        ("/left/battery", BATTERY, Route("battery", "left")),
+        ("/diagnostics", DIAGNOSTICS, Route("diagnostics")),
+        ("/diagnostics_agg", DIAGNOSTICS, None),
+        ("/odom", ODOMETRY, None),
+        ("/robot_description", STRING, Route("description")),
+        ("/chatter", STRING, None),
+        ("/camera", "sensor_msgs/Image", None),
+    ],
+)
+def test_by_name_and_type(topic: str, type_name: str, route: Route | None) -> None:
+    assert Routes(None).of(topic, type_name) == route
+
+
+def test_only_below_a_namespace() -> None:
+    routes = Routes(None, "/r1")
+    assert routes.of("/r1/joint_states", JOINT_STATE) == Route("pos")
+    assert routes.of("/r2/joint_states", JOINT_STATE) is None
+    assert routes.of("/r10/joint_states", JOINT_STATE) is None
+    assert routes.of("/r1/battery", BATTERY) == Route("battery", "main")
+
+
+def routes_of(ros: str, namespace: str = "") -> Routes:
+    return Routes(parse_profile(f"{FIELDS}[ros]\n{ros}").ros, namespace)
+
+
+def test_a_profile_names_topics_and_sites() -> None:
+    routes = routes_of(
+        'pos = ["/a/state", "/hands/*/state"]\nref = "/target"\nimu = { torso = "/imu" }\n'
+        'wrench = []\nbase = "/odom"'
+    )
+    assert routes.of("/a/state", JOINT_STATE) == Route("pos")
+    assert routes.of("/hands/left/state", JOINT_STATE) == Route("pos")
+    assert routes.of("/joint_states", JOINT_STATE) is None  # what is named excludes the usual
+    assert routes.of("/target", JOINT_STATE) == Route("ref")
+    assert routes.of("/target", CONTROLLER_STATE) == Route("ref")
+    assert routes.of("/imu", IMU) == Route("imu", "torso")
+    assert routes.of("/other", IMU) is None
+    assert routes.of("/ft", WRENCH) is None
+    assert routes.of("/odom", ODOMETRY) == Route("base")
+    assert routes.of("/battery", BATTERY) == Route("battery", "main")
+
+
+def test_what_a_profile_names_may_lie_outside_the_namespace() -> None:
+    routes = routes_of('diagnostics = "/diagnostics"', "r1")
+    assert routes.of("/diagnostics", DIAGNOSTICS) == Route("diagnostics")
+
+
+@pytest.mark.parametrize(
+    ("pattern", "topic", "fits"),
+    [
+        ("/a", "/a", True),
+        ("/a", "/a/b", False),
+        ("/a/*", "/a/b", True),
+        ("/a/*", "/a", False),
+        ("/a/*", "/a/b/c", False),
+        ("/a_*/s", "/a_b/s", True),
+        ("/**/s", "/s", True),
+        ("/**/s", "/a/b/s", True),
+        ("/a/**", "/a", True),
+        ("/a/**", "/a/b/c", True),
+        ("/a/**", "/ab", False),
+        ("/a.c", "/abc", False),
+    ],
+)
+def test_patterns(pattern: str, topic: str, fits: bool) -> None:
+    assert matches(pattern, topic) is fits
+
+
+def test_what_is_asked_for_holds_every_topic_once() -> None:
+    wanted = Routes(None).wanted()
+    assert ("/**", JOINT_STATE) in wanted
+    assert ("/**/robot_description", STRING) in wanted
+    assert [t for _, t in wanted if t == ODOMETRY] == []
+    assert len({t for _, t in wanted}) == len(wanted)
+    narrow = routes_of('pos = "/a"\nref = ["/b", "/c/*"]').wanted()
+    assert [p for p, t in narrow if t == JOINT_STATE] == ["/a", "/b", "/c/*"]
+    half = routes_of('pos = "/a"').wanted()
+    assert [p for p, t in half if t == JOINT_STATE] == ["/**"]
+
+
+def test_topics_to_ask_for_by_name() -> None:
+    assert Routes(None, "/r1").named() == [
+        ("/r1/joint_states", Route("pos")),
+        ("/r1/robot_description", Route("description")),
+    ]
+    named = routes_of('pos = ["/a", "/b/*"]\nimu = { torso = "/imu" }').named()
+    assert named == [
+        ("/a", Route("pos")),
+        ("/imu", Route("imu", "torso")),
+        ("/robot_description", Route("description")),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ('poss = "/a"', "profile:5: ros.poss: unknown key"),
+        ('pos = "a b"', "profile:5: ros.pos: 'a b' is no topic"),
+        ("pos = 5", "profile:5: ros.pos: must be a text"),
+        ('pos = { x = "/a" }', "profile:5: ros.pos: must be a text"),
+        ('imu = { "a.b" = "/a" }', "ros.imu.a.b: a site is one word"),
+        ("domain = 300", "profile:5: ros.domain: must lie in 0…232"),
+        ('encoding = "png"', "profile:5: ros.encoding: unknown encoding 'png'"),
+    ],
+)
+def test_a_wrong_table_names_its_line(line: str, words: str) -> None:
+    with pytest.raises(ProfileError) as e:
+        parse_profile(f"{FIELDS}[ros]\n{line}\n")
+    assert words in str(e.value)

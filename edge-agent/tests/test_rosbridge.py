@@ -1,0 +1,269 @@
+"""Source `rosbridge` against a WebSocket server that speaks its protocol, for better and worse."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import logging
+import threading
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import cbor2
+import pytest
+from edge_stage import free_port, until
+from posecast_edge.sources import SourceError, open_source
+from posecast_edge.sources import rosbridge as rosbridge_module
+from posecast_edge.sources.ros_messages import DIAGNOSTICS, JOINT_STATE
+from rosbridge_stage import Rosbridge, joint_state, ros_1, ros_2
+from source_stage import Listen, Move, Mover
+
+NAMES = ["hip", "knee"]
+PROFILE = """
+[labels]
+joint = ["hip", "knee"]
+[[fields]]
+name = "pos"
+"""
+CBOR = PROFILE + '[ros]\nencoding = "cbor"\n'
+TOPICS = {"/joint_states": ros_2(JOINT_STATE), "/camera": "sensor_msgs/msg/Image"}
+
+
+@pytest.fixture
+def bridge() -> Iterator[Callable[..., Rosbridge]]:
+    started: list[Rosbridge] = []
+
+    def start(topics: dict[str, str] = TOPICS, **how: Any) -> Rosbridge:
+        started.append(Rosbridge(topics, **how))
+        return started[-1]
+
+    yield start
+    for one in started:
+        one.stop()
+
+
+@pytest.mark.parametrize("profile", [PROFILE, CBOR], ids=["json", "cbor"])
+@pytest.mark.parametrize("version", [ros_1, ros_2])
+def test_either_ros_in_either_encoding(
+    version: Callable[[str], str],
+    profile: str,
+    bridge: Callable[..., Rosbridge],
+    listen: Listen,
+    moving: Move,
+) -> None:
+    server = bridge({"/joint_states": version(JOINT_STATE), "/camera": version("sensor_msgs/Image")})
+    heard = listen(server.source, profile)
+    moving(50, lambda t: server.publish("/joint_states", joint_state(9 + t, NAMES, [t, 2.0], version)))
+    until(lambda: len(heard.samples) > 10, "samples")
+    t_s, values = heard.last
+    assert values["pos"]["knee"] == 2.0
+    assert t_s == pytest.approx(9 + values["pos"]["hip"], abs=1e-6)
+    assert server.subscribed == {"/joint_states"}
+    (wish,) = [w for w in server.asked if w["op"] == "subscribe"]
+    assert wish["type"] == version(JOINT_STATE)
+    assert (wish["throttle_rate"], wish["queue_length"]) == (rosbridge_module.THROTTLE_MS, 1)
+    assert {w["op"] for w in server.asked} == {"subscribe", "call_service"}
+    services = {w["service"] for w in server.asked if w["op"] == "call_service"}
+    assert services <= {"/rosapi/topics", "/rosapi/publishers", "/rosapi/get_param"}
+
+
+def test_the_last_value_before_a_pause_arrives(bridge: Callable[..., Rosbridge], listen: Listen) -> None:
+    server = bridge()
+    heard = listen(server.source, PROFILE)
+    until(lambda: server.subscribed == {"/joint_states"}, "a subscription")
+    for burst in range(3):
+        for k in range(200):  # far faster than the throttle
+            server.publish("/joint_states", joint_state(1 + burst + k / 1000, NAMES, [burst, k]))
+        until(lambda: heard.newest.get("pos") == {"hip": burst, "knee": 199}, "the last of a burst")  # noqa: B023
+    assert server.sent < 300  # most were never sent
+
+
+def test_a_topic_of_two_publishers_is_not_throttled(bridge: Callable[..., Rosbridge], listen: Listen) -> None:
+    """Else the second, always a moment later, would push the first out of the queue of one."""
+    server = bridge()
+    server.publishers["/joint_states"] = 2
+    heard = listen(server.source, PROFILE)
+    until(lambda: server.subscribed == {"/joint_states"}, "a subscription")
+    assert "throttle_rate" not in next(w for w in server.asked if w["op"] == "subscribe")
+
+    def both(t_s: float) -> None:
+        server.publish("/joint_states", joint_state(1 + t_s, ["hip"], [1.0]))
+        server.publish("/joint_states", joint_state(1 + t_s, ["knee"], [2.0]))
+
+    mover = Mover(200, both)
+    until(lambda: heard.newest.get("pos") == {"hip": 1.0, "knee": 2.0}, "both")
+    mover.end()
+
+
+def test_fragments(bridge: Callable[..., Rosbridge], listen: Listen, moving: Move) -> None:
+    server = bridge()
+    server.fragment = 50
+    heard = listen(server.source, PROFILE)
+    moving(50, lambda t: server.publish("/joint_states", joint_state(1 + t, NAMES, [1.0, 2.0])))
+    until(lambda: heard.newest.get("pos") == {"hip": 1.0, "knee": 2.0}, "a message put together")
+
+
+def test_a_server_that_dies_and_comes_back(
+    bridge: Callable[..., Rosbridge],
+    listen: Listen,
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    caplog.set_level(logging.INFO, "posecast_edge")
+    port = free_port()
+    heard = listen(f"rosbridge://127.0.0.1:{port}", PROFILE)
+    until(lambda: any("trying on" in r.getMessage() for r in caplog.records), "a word")
+
+    def live(life: float) -> None:
+        server = bridge(port=port)
+        until(lambda: server.subscribed == {"/joint_states"}, "a subscription")
+        state = joint_state(life * 100, NAMES, [life, 0])
+        mover = Mover(50, lambda _: server.publish("/joint_states", state))
+        until(lambda: heard.newest.get("pos", {}).get("hip") == life, "positions of this life")
+        mover.end()
+        server.stop()
+
+    live(1.0)
+    live(2.0)
+    told = [r.getMessage() for r in caplog.records if "trying on" in r.getMessage()]
+    assert len(told) <= 4, told
+
+
+def test_nonsense_is_told_and_the_rest_goes_on(
+    bridge: Callable[..., Rosbridge],
+    listen: Listen,
+    moving: Move,
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    server = bridge()
+    heard = listen(server.source, PROFILE)
+    until(lambda: server.subscribed == {"/joint_states"}, "a subscription")
+    wrong = joint_state(1.0, NAMES, [1.0])
+    nonsense: list[str | bytes] = [
+        '{"op": "png", "data": "iVBORw0KGgo="}',
+        "no json",
+        b"\xff\xff",
+        json.dumps({"op": "publish", "topic": "/joint_states", "msg": wrong}),
+        json.dumps({"op": "publish", "topic": "/joint_states", "msg": None}),
+        cbor2.dumps({"op": "publish", "topic": "/joint_states", "msg": {"name": cbor2.CBORTag(86, b"123")}}),
+        json.dumps({"op": "publish", "topic": "/never_asked_for", "msg": wrong}),
+        json.dumps({"op": "service_response", "id": "topics", "values": {"topics": 5, "types": [1]}}),
+        json.dumps({"op": "service_response", "id": "publishers /x", "values": {"publishers": None}}),
+        json.dumps({"op": "status", "level": "error", "msg": "something about /joint_states"}),
+    ]
+
+    def act(t_s: float) -> None:
+        for data in nonsense:
+            server.say(data)
+        server.publish("/joint_states", joint_state(1 + t_s, NAMES, [1.0, 2.0]))
+
+    moving(30, act)
+    until(lambda: len(heard.samples) > 20, "samples all the while")
+    assert heard.newest["pos"] == {"hip": 1.0, "knee": 2.0}
+    lines = [r.getMessage() for r in caplog.records]
+    assert "rosbridge: PNG compression is not read, and was not asked for" in lines
+    assert "/joint_states: position has 1 values, name 2" in lines
+    assert "rosbridge says: something about /joint_states" in lines
+    assert len(lines) < 12, lines
+
+
+def test_without_rosapi_topics_are_asked_for_by_name(
+    bridge: Callable[..., Rosbridge], listen: Listen, moving: Move
+) -> None:
+    server = bridge({"/arm": "", "/target": ""}, rosapi=False)
+    heard = listen(server.source, PROFILE + '[ros]\npos = "/arm"\nref = "/target"\n')
+    controller = {"joint_names": NAMES, "reference": {"positions": [0.5, 0.6]}}
+
+    def act(t_s: float) -> None:
+        state = joint_state(1 + t_s, NAMES, [1.0, 2.0])
+        server.publish("/arm", state)
+        server.publish("/target", controller | {"header": state["header"]})
+
+    moving(30, act)
+    until(lambda: set(heard.newest) == {"pos", "ref"}, "both")
+    assert heard.newest == {"pos": {"hip": 1.0, "knee": 2.0}, "ref": {"hip": 0.5, "knee": 0.6}}
+    until(
+        lambda: "/robot_description" in {w.get("topic") for w in server.asked}, "its description is asked for"
+    )
+
+
+def test_a_topic_that_appears_later(
+    bridge: Callable[..., Rosbridge],
+    listen: Listen,
+    moving: Move,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(rosbridge_module, "LOOK_S", 0.3)
+    server = bridge({})
+    heard = listen(server.source, PROFILE)
+    until(lambda: len(server.asked) >= 2, "it asks again")
+    server.topics["/joint_states"] = ros_1(JOINT_STATE)
+    moving(50, lambda t: server.publish("/joint_states", joint_state(1 + t, NAMES, [1.0, 2.0], ros_1)))
+    until(lambda: len(heard.samples) > 5, "samples")
+
+
+def test_diagnostics_are_never_throttled(bridge: Callable[..., Rosbridge], listen: Listen) -> None:
+    server = bridge({"/diagnostics": ros_2(DIAGNOSTICS)})
+    listen(server.source, PROFILE)
+    until(lambda: server.subscribed == {"/diagnostics"}, "a subscription")
+    assert "throttle_rate" not in server.asked[-1]
+
+
+def test_the_description_of_either_ros(bridge: Callable[..., Rosbridge], listen: Listen) -> None:
+    two = bridge({"/robot_description": "std_msgs/msg/String"})
+    two.latched["/robot_description"] = {"data": "<robot name='two'/>"}
+    one = bridge({"/joint_states": JOINT_STATE})
+    one.parameters["/robot_description"] = "<robot name='one'/>"
+    of_two, of_one = listen(two.source, None), listen(one.source, None)
+    until(lambda: of_two.urdfs == ["<robot name='two'/>"], "the topic")
+    until(lambda: of_one.urdfs == ["<robot name='one'/>"], "the parameter")
+
+
+def test_of_a_flood_the_newest_arrives(bridge: Callable[..., Rosbridge], listen: Listen) -> None:
+    """A server that throttles nothing."""
+    server = bridge()
+    server.publishers["/joint_states"] = 2
+    names = [f"joint{i}" for i in range(40)]
+    heard = listen(server.source, None)
+    until(lambda: server.subscribed == {"/joint_states"}, "a subscription")
+    ended = threading.Event()
+    stamps = [0.0]
+
+    def flood() -> None:
+        while not ended.is_set():
+            stamps.append(time.monotonic())
+            server.publish("/joint_states", joint_state(stamps[-1], names, [1.0] * 40))
+
+    publisher = threading.Thread(target=flood)
+    publisher.start()
+    try:
+        until(lambda: len(heard.samples) > 50, "samples", 20)
+    finally:
+        ended.set()
+        publisher.join()
+    until(lambda: heard.samples[-1].t_s == pytest.approx(stamps[-1], abs=1e-6), "the newest", 20)
+
+
+@pytest.mark.parametrize("address", ["", "host name", "host:99999", "http://host", "host?x=1"])
+def test_addresses_that_are_none(address: str) -> None:
+    with pytest.raises(SourceError, match="is no address"):
+        open_source(f"rosbridge:{address}", None)
+
+
+@pytest.mark.parametrize(
+    ("address", "url"),
+    [
+        ("robot", "ws://robot:9090"),
+        ("//robot:80/ros", "ws://robot:80/ros"),
+        ("ws://[::1]", "ws://[::1]:9090"),
+        ("wss://robot.example/ros", "wss://robot.example:443/ros"),
+    ],
+)
+def test_addresses(address: str, url: str) -> None:
+    assert open_source(f"rosbridge:{address}", None).description == f"rosbridge {url}"
+
+
+def test_without_the_extra_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+    with pytest.raises(SourceError, match=r'rosbridge needs .*: pip install "posecast-edge\[ros\]"'):
+        open_source("rosbridge:robot", None)

@@ -1,0 +1,90 @@
+"""One viewer's socket: upgrade, messages, acknowledgements as the page sends them. Blocking."""
+
+from __future__ import annotations
+
+import json
+import os
+import socket
+import time
+from collections.abc import Callable, Iterator
+from urllib.parse import urlsplit
+
+from posecast_loadtests.rfc6455 import (
+    Opcode,
+    ProtocolError,
+    Reader,
+    check_upgrade,
+    client_frame,
+    upgrade_request,
+)
+
+ACK_INTERVAL_S = 1.0
+SILENCE_S = 5.0  # a status comes every second
+RECEIVE_BYTES = 65536
+_SLOW_BUFFER_BYTES = 4096
+
+
+class Connection:
+    """Open from its making until `close`. OSError and ProtocolError when it cannot be had or breaks."""
+
+    def __init__(self, address: str, slow: bool = False) -> None:
+        url = urlsplit(address)
+        self.socket = socket.socket()
+        self.socket.settimeout(SILENCE_S)
+        if slow:  # before connecting, or the kernel would still read ahead
+            self.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _SLOW_BUFFER_BYTES)
+        try:
+            self.socket.connect((url.hostname or "127.0.0.1", url.port or 80))
+            self.socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            self._rest = self._upgrade(url.netloc, f"{url.path}?{url.query}")
+        except BaseException:
+            self.close()
+            raise
+        self._reader = Reader()
+        self._binaries = 0
+        self._acknowledged = 0
+        self._acknowledged_s = time.monotonic()
+
+    def _upgrade(self, host: str, path: str) -> bytes:
+        key = os.urandom(16)
+        self.socket.sendall(upgrade_request(host, path, key))
+        answer = b""
+        while (rest := check_upgrade(answer, key)) is None:
+            more = self.socket.recv(4096)
+            if not more:
+                raise ProtocolError("closed instead of an answer")
+            answer += more
+        return rest
+
+    def messages(self, receive: Callable[[], bytes] | None = None) -> Iterator[tuple[Opcode, bytes, float]]:
+        """(TEXT, BINARY or CLOSE, payload, arrival in monotonic s) until the relay closes.
+
+        `receive`: reads from the socket; the whole of what is there when None.
+        """
+        receive = receive or (lambda: self.socket.recv(RECEIVE_BYTES))
+        data = self._rest
+        while True:
+            arrival_s = time.monotonic()
+            for opcode, payload in self._reader.feed(data):
+                if opcode is Opcode.PING:
+                    self.socket.sendall(client_frame(Opcode.PONG, payload))
+                    continue
+                self._binaries += opcode is Opcode.BINARY
+                yield opcode, payload, arrival_s
+                if opcode is Opcode.CLOSE:
+                    return
+            self._acknowledge(arrival_s)
+            data = receive()
+            if not data:
+                return
+
+    def _acknowledge(self, now_s: float) -> None:
+        # after any message, not only a frame: a relay that waits for this sends no frames, but status
+        if now_s - self._acknowledged_s >= ACK_INTERVAL_S and self._binaries > self._acknowledged:
+            self._acknowledged_s, self._acknowledged = now_s, self._binaries
+            text = json.dumps({"type": "ack", "n": self._binaries})
+            self.socket.sendall(client_frame(Opcode.TEXT, text.encode()))
+
+    def close(self) -> None:
+        """Gone; twice is fine."""
+        self.socket.close()

@@ -1,0 +1,115 @@
+"""The verdict of a soak, from its series alone: what grows, what comes back, what stays."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from math import sqrt
+from statistics import median
+from typing import NamedTuple
+
+GROWTH_MB_PER_H = 1.0
+RETURN_WITHIN = 5
+HEAP_MB = 1.0
+FULL_MINUTES = 30.0
+LEAK_MB = 5.0  # so much more within one run is a leak, however short the run
+POINTS_MAX = 400  # pairs of points are compared, so their number is bounded
+_Z95 = 1.96
+
+KEPT, BROKEN, NOT_SHOWN = "kept", "BROKEN", "not shown"
+
+
+class Point(NamedTuple):
+    """One reading of a series, `at_s` from the load's beginning."""
+
+    at_s: float
+    value: float
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One line of the table."""
+
+    name: str
+    figure: str
+    limit: str
+    verdict: str
+
+
+class Slope(NamedTuple):
+    """Per second, with the bounds of its 95 % interval."""
+
+    middle: float
+    low: float
+    high: float
+
+
+def slope(points: Sequence[Point]) -> Slope:
+    """Theil and Sen: the median of the slopes of all pairs, so that single peaks count for nothing. Bounds
+    by Sen (1968), doi:10.1080/01621459.1968.10480934. ValueError under three points."""
+    if len(points) < 3:
+        raise ValueError(f"slope: three points are needed, there are {len(points)}")
+    step = -(-len(points) // POINTS_MAX)
+    kept = points[::step]
+    slopes = sorted(
+        (b.value - a.value) / (b.at_s - a.at_s) for a, b in combinations(kept, 2) if b.at_s > a.at_s
+    )
+    n, pairs = len(kept), len(slopes)
+    spread = _Z95 * sqrt(n * (n - 1) * (2 * n + 5) / 18)
+    low, high = round((pairs - spread) / 2), round((pairs + spread) / 2)
+    return Slope(median(slopes), slopes[max(0, low)], slopes[min(pairs - 1, high)])
+
+
+def judge_growth(name: str, points: Sequence[Point], minutes: float) -> Finding:
+    """Memory, MB. Kept up to the limit; broken when it is surely steeper. A run that is shorter than the full
+    one can't tell a slow leak from warming up: there only a large growth is a breach."""
+    limit = f"≤ {GROWTH_MB_PER_H:g} MB/h"
+    if len(points) < 3:
+        return Finding(name, f"{len(points)} readings", limit, NOT_SHOWN)
+    per_h = Slope(*(value * 3600 for value in slope(points)))
+    third = max(1, len(points) // 3)
+    first, last = (median(p.value for p in part) for part in (points[:third], points[-third:]))
+    figure = f"{per_h.middle:+.2f} MB/h ({per_h.low:+.2f} to {per_h.high:+.2f}), {first:.1f} → {last:.1f} MB"
+    if per_h.middle <= GROWTH_MB_PER_H:
+        verdict = KEPT
+    elif last - first > LEAK_MB or (minutes >= FULL_MINUTES and per_h.low > GROWTH_MB_PER_H):
+        verdict = BROKEN
+    else:
+        verdict = NOT_SHOWN
+    return Finding(name, figure, limit, verdict)
+
+
+def judge_return(name: str, before: float, after: float, within: int = RETURN_WITHIN) -> Finding:
+    """A count at rest, before the load and after it."""
+    verdict = KEPT if abs(after - before) <= within else BROKEN
+    return Finding(name, f"{before:g} → {after:g}", f"back within {within}", verdict)
+
+
+def judge_heap(name: str, points: Sequence[Point], minutes: float) -> Finding:
+    """MB after a forced collection: the least of the first third against the least of the last. A page that
+    finds its machine slower or quicker draws at another resolution, some megabytes up or down; a leak raises
+    the floor."""
+    limit = f"differs by ≤ {HEAP_MB:g} MB"
+    if len(points) < 2:
+        return Finding(name, f"{len(points)} readings", limit, NOT_SHOWN)
+    third = max(1, len(points) // 3)
+    first, last = (min(part, key=lambda p: p.value) for part in (points[:third], points[-third:]))
+    more_mb = last.value - first.value
+    figure = f"least {first.value:.2f} → {last.value:.2f} MB ({more_mb:+.2f}), minutes {first.at_s / 60:.1f} "
+    figure += f"and {last.at_s / 60:.1f} of {points[0].at_s / 60:.1f} to {points[-1].at_s / 60:.1f}"
+    if abs(more_mb) <= HEAP_MB:
+        verdict = KEPT
+    else:
+        verdict = BROKEN if minutes >= FULL_MINUTES or more_mb > LEAK_MB else NOT_SHOWN
+    return Finding(name, figure, limit, verdict)
+
+
+def table(findings: Sequence[Finding]) -> str:
+    """For a person."""
+    lines = [(f.name, f.figure, f.limit, f.verdict) for f in findings]
+    widths = [max(len(line[i]) for line in lines) for i in range(4)]
+    return "\n".join(
+        "  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip()
+        for line in lines
+    )

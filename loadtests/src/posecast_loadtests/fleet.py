@@ -1,0 +1,142 @@
+"""Many robots from one process, each with a run, a liveliness token and a snapshot of its own.
+
+python -m posecast_loadtests.fleet --relay tcp/127.0.0.1:7447 --robots 100 --hz 30
+
+Robots are called fleet-0, fleet-1, …; they walk in ten groups out of step, and a group's robots send the same
+frames, since encoding is the edge's load and not the relay's. Prints one line of JSON a second:
+{"robots", "frames", "late"}; `late` counts ticks that began over half a period late, so that a generator that
+cannot keep up is not taken for a slow relay.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import secrets
+import time
+from dataclasses import dataclass, field
+
+import zenoh
+from posecast_wire import (
+    Encoder,
+    Schema,
+    Snapshot,
+    Stamp,
+    alive_key,
+    build_schema_text,
+    frame_key,
+    snapshot_key,
+)
+
+GROUPS = 10
+JOINTS = 30
+VIEW = "public"
+
+
+@dataclass
+class Robot:
+    """One robot's place in the relay."""
+
+    name: str
+    run_id: int = field(default_factory=lambda: secrets.randbits(63) | 1)
+    began_ns: int = field(default_factory=time.monotonic_ns)
+    publisher: zenoh.Publisher | None = None
+
+    def stamp(self) -> bytes:
+        return Stamp(self.run_id, time.monotonic_ns() - self.began_ns).pack()
+
+
+class Group:
+    """Robots in step: one schema, one encoder, the same frames."""
+
+    def __init__(self, number: int) -> None:
+        labels = [f"J{at}" for at in range(JOINTS)]
+        fields = [
+            {"name": "ref", "labels": "joint", "unit": "rad", "scale": 0.001},
+            {"name": "pos", "labels": "joint", "unit": "rad", "scale": 0.001, "rel": "ref"},
+        ]
+        self.schema = Schema.parse(build_schema_text(f"fleet, group {number}", {"joint": labels}, fields))
+        self.encoder = Encoder(self.schema)
+        self.robots: list[Robot] = []
+        self._phase = number / GROUPS
+        self._seq = 0
+
+    def frame(self, t_s: float, now_s: float) -> bytes:
+        """The next one: every joint swings, the position a little behind its reference."""
+        self._seq += 1
+        ref = [round(500 * math.sin(2 * t_s + self._phase * 6 + at)) for at in range(JOINTS)]
+        pos = [code - at % 4 for at, code in enumerate(ref)]
+        return self.encoder.encode([*ref, *pos], self._seq, t_s, now_s, force_key=self._seq == 1)
+
+    def snapshot(self) -> bytes | None:
+        key = self.encoder.key
+        return None if key is None else Snapshot(self.schema.text, {}, key, self.encoder.ref, None).pack()
+
+
+def open_session(relay: str) -> zenoh.Session:
+    """A client of this relay that finds nobody else."""
+    return zenoh.open(
+        zenoh.Config.from_json5(
+            json.dumps(
+                {
+                    "mode": "client",
+                    "connect": {"endpoints": [relay], "timeout_ms": 5000},
+                    "scouting": {"multicast": {"enabled": False}, "gossip": {"enabled": False}},
+                    "transport": {"shared_memory": {"enabled": False}},
+                }
+            )
+        )
+    )
+
+
+def join(session: zenoh.Session, robot: Robot, group: Group) -> list[object]:
+    """On air. What must be kept for it to stay there."""
+
+    def answer(query: zenoh.Query) -> None:
+        snapshot = group.snapshot()
+        if snapshot is not None:
+            query.reply(snapshot_key(robot.name, VIEW), snapshot, attachment=robot.stamp())
+
+    robot.publisher = session.declare_publisher(
+        frame_key(robot.name, VIEW),
+        congestion_control=zenoh.CongestionControl.DROP,
+        priority=zenoh.Priority.REAL_TIME,
+    )
+    group.robots.append(robot)
+    return [
+        session.declare_queryable(snapshot_key(robot.name, VIEW), answer),
+        session.liveliness().declare_token(alive_key(robot.name)),
+    ]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--relay", required=True)
+    parser.add_argument("--robots", type=int, required=True)
+    parser.add_argument("--hz", type=float, default=30.0)
+    asked = parser.parse_args()
+    groups = [Group(number) for number in range(GROUPS)]
+    session = open_session(asked.relay)
+    kept = [join(session, Robot(f"fleet-{n}"), groups[n % GROUPS]) for n in range(asked.robots)]
+    period_s = 1 / asked.hz / GROUPS
+    began_s = due_s = told_s = time.monotonic()
+    frames = late = 0
+    while True:
+        for group in groups:
+            time.sleep(max(0.0, due_s - time.monotonic()))
+            now_s = time.monotonic()
+            late += now_s - due_s > period_s * GROUPS / 2
+            due_s = max(due_s + period_s, now_s)
+            frame = group.frame(now_s - began_s, now_s)
+            for robot in group.robots:
+                assert robot.publisher is not None
+                robot.publisher.put(frame, attachment=robot.stamp())
+            frames += len(group.robots)
+        if due_s - told_s >= 1:
+            told_s = due_s
+            print(json.dumps({"robots": len(kept), "frames": frames, "late": late}), flush=True)
+
+
+if __name__ == "__main__":
+    main()

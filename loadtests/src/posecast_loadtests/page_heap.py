@@ -1,0 +1,149 @@
+"""The page in a headless Chromium, and how much its scripts keep.
+
+Chromium is spoken to over its debugging pipe (Chrome DevTools Protocol: JSON documents, each ended by a zero
+byte), so nothing needs installing.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+import select
+import subprocess
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from typing import Any, NamedTuple, TextIO
+
+from posecast_loadtests.stage import ends_with
+
+_ANSWER_S = 60.0  # a collection on a busy machine takes its time
+_HIGH = 10  # descriptors from here on, so that neither is 3 or 4, the two that Chromium uses
+_ARGUMENTS = (
+    *("--headless", "--no-sandbox", "--no-first-run", "--remote-debugging-pipe"),
+    *("--disable-background-networking", "--disable-component-update", "--disable-sync"),
+    *("--host-resolver-rules=MAP * ~NOTFOUND , EXCLUDE 127.0.0.1", "--window-size=390,844"),
+    *("--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"),
+)
+
+
+class PageError(Exception):
+    """One line: what Chromium did not do."""
+
+
+class Heap(NamedTuple):
+    """Of the page and its workers together, 10⁶ bytes. `scripts_mb`: objects and the bytes of their buffers;
+    `browser_mb`: what the browser keeps for them (nodes, events)."""
+
+    scripts_mb: float
+    browser_mb: float
+
+
+class Page:
+    """One page, watched by nobody."""
+
+    def __init__(self, orders: int, answers: int) -> None:
+        self._orders = orders
+        self._answers = answers
+        self._heard = b""
+        self._number = 0
+        self._sessions: list[str] = []  # the page's, then its workers'
+
+    def attach(self, url: str) -> None:
+        """To the page of this address. PageError when it doesn't open."""
+        end_s = time.monotonic() + _ANSWER_S
+        while True:
+            found = self._ask("Target.getTargets")["targetInfos"]
+            mine = [t["targetId"] for t in found if t["type"] == "page" and t["url"].startswith(url)]
+            if mine:
+                break
+            if time.monotonic() > end_s:
+                raise PageError(f"page: Chromium did not open {url}")
+            time.sleep(0.1)
+        session = self._ask("Target.attachToTarget", targetId=mine[0], flatten=True)["sessionId"]
+        self._sessions = [session]
+        self._ask(
+            "Target.setAutoAttach", session, autoAttach=True, waitForDebuggerOnStart=False, flatten=True
+        )
+
+    def text(self) -> str:
+        """What stands on it."""
+        asked = {"expression": "document.body.innerText", "returnByValue": True}
+        return str(self._ask("Runtime.evaluate", self._sessions[0], **asked)["result"].get("value", ""))
+
+    def heap(self) -> Heap:
+        """After a forced collection in the page and in each worker."""
+        scripts = browser = 0.0
+        for session in tuple(self._sessions):
+            for _ in range(2):  # what the first one's finalizers let go of goes with the second
+                self._ask("HeapProfiler.collectGarbage", session)
+            used = self._ask("Runtime.getHeapUsage", session)
+            scripts += used["usedSize"] + used.get("backingStorageSize", 0)
+            browser += used.get("embedderHeapUsedSize", 0)
+        return Heap(scripts / 1e6, browser / 1e6)
+
+    def _ask(self, method: str, session: str | None = None, **params: Any) -> dict[str, Any]:
+        self._number += 1
+        order: dict[str, Any] = {"id": self._number, "method": method, "params": params}
+        if session is not None:
+            order["sessionId"] = session
+        os.write(self._orders, json.dumps(order).encode() + b"\0")
+        for said in self._hear():
+            if said.get("id") == self._number:
+                if "error" in said:
+                    raise PageError(f"page: {method}: {said['error'].get('message')}")
+                return dict(said["result"])
+            self._note(said)
+        raise PageError(f"page: no answer to {method}")
+
+    def _note(self, event: dict[str, Any]) -> None:
+        params = event.get("params", {})
+        if event.get("method") == "Target.attachedToTarget" and self._sessions:
+            self._sessions.append(params["sessionId"])
+        elif event.get("method") == "Target.detachedFromTarget" and params["sessionId"] in self._sessions:
+            self._sessions.remove(params["sessionId"])
+
+    def _hear(self) -> Iterator[dict[str, Any]]:
+        end_s = time.monotonic() + _ANSWER_S
+        while True:
+            while b"\0" in self._heard:
+                document, _, self._heard = self._heard.partition(b"\0")
+                yield json.loads(document)
+            left_s = end_s - time.monotonic()
+            if left_s <= 0 or not select.select([self._answers], [], [], left_s)[0]:
+                return
+            more = os.read(self._answers, 1 << 16)
+            if not more:
+                raise PageError("page: Chromium has ended")
+            self._heard += more
+
+
+@contextmanager
+def page(executable: str, url: str, profile: str, log: TextIO) -> Iterator[Page]:
+    """Opens `url` in a Chromium of its own, which ends with the block. PageError when that fails."""
+    with ExitStack() as stack:
+        its_orders, orders = _pipe()
+        answers, its_answers = _pipe()
+        for end in (orders, answers):
+            stack.callback(os.close, end)
+        # Chromium reads orders from descriptor 3 and answers on 4
+        shell = f'exec "$0" "$@" 3<&{its_orders} 4>&{its_answers}'
+        process = subprocess.Popen(
+            ["bash", "-c", shell, executable, *_ARGUMENTS, f"--user-data-dir={profile}", url],
+            stdin=subprocess.DEVNULL, stdout=log, stderr=log, pass_fds=(its_orders, its_answers),
+        )  # fmt: skip
+        os.close(its_orders)
+        os.close(its_answers)
+        ends_with(stack, process)
+        opened = Page(orders, answers)
+        opened.attach(url)
+        yield opened
+
+
+def _pipe() -> tuple[int, int]:
+    low = os.pipe()
+    read, write = (fcntl.fcntl(end, fcntl.F_DUPFD_CLOEXEC, _HIGH) for end in low)
+    for end in low:
+        os.close(end)
+    return read, write

@@ -1,0 +1,280 @@
+"""`python -m posecast_loadtests.soak`: half an hour of viewers coming and going, and what it leaves behind.
+
+A relay with a Redis, the demo robot, Locust's viewers (a tenth leaves each minute and comes back as somebody
+new; some read slowly, some stop reading), and one real page in Chromium. Memory, descriptors, threads and
+tasks are read all the time; the page's heap after a forced collection, sixty times. A report goes to `--out`;
+exit code 1 when a limit was broken.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import platform
+import shutil
+import socket
+import sys
+import time
+from collections.abc import Callable
+from contextlib import ExitStack, suppress
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from subprocess import Popen, TimeoutExpired
+from tempfile import TemporaryDirectory
+from typing import TextIO
+
+from posecast_loadtests.endurance import (
+    BROKEN,
+    FULL_MINUTES,
+    NOT_SHOWN,
+    RETURN_WITHIN,
+    Finding,
+    Point,
+    judge_growth,
+    judge_heap,
+    judge_return,
+    table,
+)
+from posecast_loadtests.page_heap import Page, PageError, page
+from posecast_loadtests.scenarios import SOAK
+from posecast_loadtests.stage import OwnRelay, ends_on_term, ends_with, own_relay, started
+from posecast_loadtests.tally import Limits, Tally, breaches
+from posecast_loadtests.vitals import gauge, redis_mb, vitals
+
+READINGS = 360  # in one run, at most one a second
+WARM = 6  # a sixth into the run everything is warm
+HEAP_READINGS = 60  # of those, about
+REST_S = 30.0  # within this all that the load had opened must be closed
+LIVE_S = 30.0
+GROWING = ("relay RSS", "edge RSS", "Redis")
+POOL = min(32, (os.cpu_count() or 1) + 4)  # Python's own threads: made when first needed, then kept
+BEFORE, AFTER = "before: ", "after: "  # readings at rest
+RETURNING = ("relay descriptors", "relay threads", "relay tasks", "edge descriptors", "edge threads")
+HEAP = "page heap"
+FAILED = "readings without an answer"
+
+
+def options() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(
+        prog="python -m posecast_loadtests.soak", description=(__doc__ or "").partition(":")[2].split(".")[0]
+    )
+    parser.add_argument("--minutes", type=float, default=FULL_MINUTES, help="30 unless said; 480 for a night")
+    parser.add_argument("--viewers", type=int, default=SOAK.viewers)
+    parser.add_argument("--static", type=Path, default=Path("spa/dist"), help="the built page")
+    parser.add_argument("--no-page", action="store_true", help="don't watch it in Chromium")
+    parser.add_argument("--out", type=Path, default=Path("out/soak"))
+    asked = parser.parse_args()
+    if asked.minutes <= 0 or asked.viewers < 1:
+        parser.error("--minutes and --viewers must be above 0")
+    if not asked.no_page and not (asked.static / "index.html").is_file():
+        parser.error(
+            f"--static {asked.static}: no page is built there; `make setup` does it, or say --no-page"
+        )
+    return asked
+
+
+@dataclass
+class Record:
+    """What was read, and when."""
+
+    began_s: float = field(default_factory=time.monotonic)
+    series: dict[str, list[Point]] = field(default_factory=dict)
+
+    def note(self, name: str, value: float) -> None:
+        """One reading of now."""
+        self.series.setdefault(name, []).append(Point(time.monotonic() - self.began_s, value))
+
+    def newest(self, name: str) -> float:
+        """The last reading."""
+        return self.series[name][-1].value
+
+    def warm(self, name: str, from_s: float) -> list[Point]:
+        """A series without its beginning."""
+        return [point for point in self.series.get(name, []) if point.at_s >= from_s]
+
+
+def free_port() -> int:
+    """A port nobody listens on now."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def wait(what: str, holds: Callable[[], bool], limit_s: float) -> None:
+    """SystemExit with one line when it doesn't within the limit."""
+    end_s = time.monotonic() + limit_s
+    while not holds():
+        if time.monotonic() > end_s:
+            sys.exit(f"soak: not within {limit_s:g} s: {what}")
+        time.sleep(0.1)
+
+
+def redis(stack: ExitStack, log: TextIO, port: int) -> None:
+    """In memory only."""
+    started(
+        stack, log, "redis-server", *("--port", str(port), "--bind", "127.0.0.1"),
+        *("--save", "", "--appendonly", "no", "--logfile", "/dev/null"),
+    )  # fmt: skip
+
+    def answers() -> bool:
+        with suppress(OSError, ValueError):
+            return redis_mb(port) > 0
+        return False
+
+    wait("redis-server answers", answers, 20)
+
+
+def viewers(asked: argparse.Namespace, log: TextIO, host: str, counts: Path) -> Popen[bytes]:
+    """Locust, for as long as the soak takes."""
+    command = [
+        *(sys.executable, "-m", "locust", "-f", str(Path(__file__).with_name("scenario_file.py"))),
+        *("--headless", "--only-summary", "--loglevel", "WARNING", "--scenario", SOAK.name, "-H", host),
+        *("--stretch", str(asked.minutes / FULL_MINUTES), "--viewers", str(asked.viewers)),
+        *("--counts", str(counts)),
+    ]
+    return Popen(command, stdout=log, stderr=log)
+
+
+def look_live(shown: Page) -> None:
+    """SystemExit when the page doesn't say LIVE."""
+    wait("the page says LIVE", lambda: "LIVE" in shown.text(), LIVE_S)
+
+
+class Readers:
+    """Reads what relay, edge and Redis take."""
+
+    def __init__(self, record: Record, own: OwnRelay, metrics: str, redis_port: int) -> None:
+        self._record = record
+        self._own = own
+        self._metrics = metrics
+        self._redis_port = redis_port
+
+    def read(self, prefix: str = "") -> None:
+        """One reading of each series; `prefix` goes before its name. SystemExit when a process has ended,
+        OSError or ValueError when one doesn't answer in time."""
+        note = self._record.note
+        for name, process in (("relay", self._own.relay), ("edge", self._own.edge)):
+            if process.poll() is not None:
+                sys.exit(f"soak: the {name} has ended with {process.returncode}")
+            rss_mb, descriptors, threads = vitals(process.pid)
+            note(f"{prefix}{name} RSS", rss_mb)
+            note(f"{prefix}{name} descriptors", descriptors)
+            note(f"{prefix}{name} threads", threads)
+        note(f"{prefix}relay tasks", gauge(self._metrics, "posecast_tasks"))
+        note(f"{prefix}Redis", redis_mb(self._redis_port))
+
+    def read_at_rest(self) -> None:
+        """When all is as it was before, or after a while."""
+        end_s = time.monotonic() + REST_S
+        while True:
+            self.read(AFTER)
+            back = all(
+                abs(self._record.newest(AFTER + n) - self._record.newest(BEFORE + n)) <= 1 for n in RETURNING
+            )
+            if back or time.monotonic() > end_s:
+                return
+            time.sleep(0.5)
+
+
+def watch(
+    record: Record, readers: Readers, process: Popen[bytes], shown: Page | None, seconds: float
+) -> None:
+    """Reads until Locust ends."""
+    record.began_s, next_heap_s = time.monotonic(), seconds / WARM
+    while process.poll() is None:
+        try:
+            readers.read()
+        except (OSError, ValueError):  # too busy to answer once is no reason to lose a night
+            record.note(FAILED, 1)
+        at_s = time.monotonic() - record.began_s
+        if shown is not None and at_s >= next_heap_s:
+            next_heap_s += seconds / HEAP_READINGS
+            look_live(shown)
+            scripts_mb, browser_mb = shown.heap()
+            record.note(HEAP, scripts_mb)
+            record.note("kept by the browser for the page", browser_mb)
+        with suppress(TimeoutExpired):
+            process.wait(max(1.0, seconds / READINGS))
+
+
+def soak(asked: argparse.Namespace, log: TextIO, chromium: str | None) -> tuple[Record, Tally]:
+    """Everything, from start to end. `chromium`: the program, None for no page."""
+    record, metrics_port, redis_port = Record(), free_port(), free_port()
+    counts: Path = asked.out / "counts.json"
+    counts.unlink(missing_ok=True)
+    with ExitStack() as stack:
+        redis(stack, log, redis_port)
+        flags = ["--store", f"redis://127.0.0.1:{redis_port}/0", "--metrics-port", str(metrics_port)]
+        if chromium is not None:
+            flags += ["--static", str(asked.static)]
+        own = own_relay(stack, log, *flags)
+        readers = Readers(record, own, f"http://127.0.0.1:{metrics_port}/metrics", redis_port)
+        readers.read(BEFORE)
+        with ExitStack() as load:
+            shown: Page | None = None
+            if chromium is not None:
+                profile = load.enter_context(TemporaryDirectory(prefix="posecast-soak-"))
+                address = own.address.viewers.replace("ws://", "http://") + "/#/r/demo"
+                shown = load.enter_context(page(chromium, address, profile, log))
+                look_live(shown)
+            process = viewers(asked, log, own.address.viewers, counts)
+            ends_with(load, process)
+            watch(record, readers, process, shown, asked.minutes * 60)
+        if process.returncode or not counts.exists():
+            sys.exit(f"soak: Locust ended with {process.returncode}, see {log.name}")
+        readers.read_at_rest()
+    return record, Tally.sum([json.loads(counts.read_text())])
+
+
+def judge(record: Record, minutes: float, no_page: str) -> list[Finding]:
+    """Against the limits. `no_page`: why there was none."""
+    warm_s = minutes * 60 / WARM
+    found = [judge_growth(name, record.warm(name, warm_s), minutes) for name in GROWING]
+    for name in RETURNING:
+        within = RETURN_WITHIN + (POOL if name.endswith("threads") else 0)
+        found.append(judge_return(name, record.newest(BEFORE + name), record.newest(AFTER + name), within))
+    heap = record.series.get(HEAP, [])
+    found.append(Finding(HEAP, no_page, "", NOT_SHOWN) if no_page else judge_heap(HEAP, heap, minutes))
+    return found
+
+
+def main() -> int:
+    asked = options()
+    ends_on_term()
+    asked.out.mkdir(parents=True, exist_ok=True)
+    short = "" if asked.minutes >= FULL_MINUTES else f", not the {FULL_MINUTES:g} that the limits are for"
+    crowd = f"{asked.viewers} viewers × {SOAK.hz:g} Hz, {SOAK.churn_per_min:.0%} of them new each minute"
+    print(f"soak: {asked.minutes:g} minutes{short}; {crowd}", flush=True)
+    chromium = None if asked.no_page else shutil.which("chromium")
+    no_page = "" if chromium else "not asked for" if asked.no_page else "no chromium here"
+    try:
+        with (asked.out / "soak.log").open("w") as log:
+            record, tally = soak(asked, log, chromium)
+    except PageError as e:
+        sys.exit(f"soak: {e}, see {asked.out}/soak.log")
+    findings = judge(record, asked.minutes, no_page)
+    # a busy machine may be late and lower rates; what may never happen may not in half an hour either
+    never = breaches(replace(tally, lowered=0), Limits(missed_share=1.0, p99_ms=float("inf"), jain=0.0))
+    print(table(findings))
+    print(f"{tally.frames} frames to viewers, {tally.missed} missed; {tally.evicted} frozen viewers cut")
+    if FAILED in record.series:
+        print(f"{len(record.series[FAILED])} {FAILED}")
+    for line in never:
+        print(f"BREACH  {line}")
+    report = {
+        "minutes": asked.minutes,
+        "viewers": asked.viewers,
+        "machine": {"kernel": platform.release(), "cores": os.cpu_count(), "load": os.getloadavg()},
+        "findings": [asdict(finding) for finding in findings],
+        "breaches": never,
+        "counts": tally.counts(),
+        "series": record.series,
+    }
+    (asked.out / "soak.json").write_text(json.dumps(report, indent=1) + "\n")
+    print(f"all readings: {asked.out}/soak.json")
+    return 1 if never or any(finding.verdict == BROKEN for finding in findings) else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,54 @@
+"""What a process takes of its machine, as Linux tells it; and Redis of its memory, as Redis tells it."""
+
+from __future__ import annotations
+
+import os
+import re
+import socket
+import urllib.request
+from pathlib import Path
+from typing import NamedTuple
+
+_PAGE_BYTES = os.sysconf("SC_PAGE_SIZE")
+_ANSWER_S = 10.0
+
+
+class Vitals(NamedTuple):
+    """Of one process, at one moment."""
+
+    rss_mb: float  # resident, 10⁶ bytes
+    descriptors: int
+    threads: int
+
+
+def vitals(pid: int) -> Vitals:
+    """FileNotFoundError or ProcessLookupError when it is gone."""
+    at = Path(f"/proc/{pid}")
+    pages = int((at / "statm").read_text().split()[1])
+    threads = len(os.listdir(at / "task"))
+    return Vitals(pages * _PAGE_BYTES / 1e6, len(os.listdir(at / "fd")), threads)
+
+
+def redis_mb(port: int) -> float:
+    """What Redis has allocated (`used_memory`). OSError or ValueError when it doesn't say."""
+    with socket.create_connection(("127.0.0.1", port), _ANSWER_S) as link:
+        link.sendall(b"INFO memory\r\n")
+        heard = b""
+        while b"maxmemory:" not in heard:
+            more = link.recv(65536)
+            if not more:
+                break
+            heard += more
+    found = re.search(rb"^used_memory:(\d+)", heard, re.MULTILINE)
+    if found is None:
+        raise ValueError("redis: no used_memory in its answer to INFO memory")
+    return int(found[1]) / 1e6
+
+
+def gauge(metrics: str, name: str) -> float:
+    """One value of a relay's Prometheus page. OSError or ValueError when it isn't there."""
+    with urllib.request.urlopen(metrics, timeout=_ANSWER_S) as answer:
+        found = re.search(rf"^{name} (\S+)$", answer.read().decode(), re.MULTILINE)
+    if found is None:
+        raise ValueError(f"{metrics}: no {name}")
+    return float(found[1])

@@ -1,0 +1,191 @@
+"""Who gets what in this process: the policy in force, and the hub that each grant leads to."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Collection
+from http import HTTPStatus
+
+from posecast_wire import Close
+
+from posecast_relay.adapters.addresses import Addresses
+from posecast_relay.adapters.origins import may_show
+from posecast_relay.adapters.pump import Pump
+from posecast_relay.adapters.tokens import Tokens, Unverifiable
+from posecast_relay.core.delay import DelayedHub
+from posecast_relay.core.policy import ANYONE, Audience, Grant, Policy, Who
+from posecast_relay.core.robot import Robot
+from posecast_relay.core.room import Room
+from posecast_relay.core.stream import Stream
+from posecast_relay.core.viewer import Viewer
+
+log = logging.getLogger("posecast_relay")
+
+RENEWALS_MAX = 1000  # under way; a further one is forgotten, and its viewer's old token runs on to its end
+
+BAD_TOKEN = "the link or sign-in is wrong or has expired"
+CROWDED = "as many streams as this address may have"
+FOREIGN = "not for pages of this origin"
+HIDDEN = "no such robot here, or not for you"
+OTHER_VIEW = "this view is not for you"
+REASONS = {
+    Close.TOKEN: BAD_TOKEN,
+    Close.ABSENT: HIDDEN,
+    Close.FORBIDDEN: OTHER_VIEW,
+    Close.FULL: "who you are can't be found out just now",
+}
+STATUSES = {
+    Close.TOKEN: HTTPStatus.UNAUTHORIZED,
+    Close.ABSENT: HTTPStatus.NOT_FOUND,
+    Close.FORBIDDEN: HTTPStatus.FORBIDDEN,
+    Close.FULL: HTTPStatus.SERVICE_UNAVAILABLE,
+}
+RECHECK_S = 300.0  # accounts of those who watch: signed out, disabled, revoked?
+
+
+class Access:
+    """One per process. `later`: the pump of a DelayedHub, where there is one."""
+
+    def __init__(
+        self,
+        live: Pump,
+        policy: Policy = Policy(),  # noqa: B008
+        later: Pump | None = None,
+        tokens: Tokens | None = None,
+        origins: Collection[str] = (),
+        addresses: Addresses | None = None,
+    ) -> None:
+        self.live = live
+        self.later = later
+        self.policy = policy
+        self.tokens = tokens
+        self.origins = origins
+        self.addresses = Addresses(live.hub.limits.per_address) if addresses is None else addresses
+        self._renewals: set[asyncio.Task[None]] = set()
+        if tokens is not None:
+            for pump in self.pumps:
+                pump.verify = self._renew
+        if later is not None:
+            live.kept, live.pinned = self._note, self._delayed.names
+            live.hub.elsewhere = lambda: len(later.hub.viewers)
+            later.hub.elsewhere = lambda: len(live.hub.viewers)
+            self._delayed.follow(policy.delays_s())
+
+    @property
+    def pumps(self) -> tuple[Pump, ...]:
+        """Of live and of delayed viewers."""
+        return (self.live,) if self.later is None else (self.live, self.later)
+
+    @property
+    def _delayed(self) -> DelayedHub:
+        assert self.later is not None
+        assert isinstance(self.later.hub, DelayedHub)
+        return self.later.hub
+
+    def judge(self, who: Who, robot: str, view: str | None = None) -> Grant | Close:
+        """See Policy."""
+        return self.policy.judge(who, robot, view)
+
+    async def who(self, token: str) -> Who | Close:
+        """Who has a token; TOKEN when it is not good, FULL when that can't be found out just now."""
+        if self.tokens is None:
+            return ANYONE
+        try:
+            found = await self.tokens.who(token)
+        except Unverifiable as e:
+            self.live.handshakes["unverifiable"] += 1
+            log.warning("a token can't be verified: %s", e)
+            return Close.FULL
+        if found is None:
+            self.live.handshakes["bad token"] += 1
+            return Close.TOKEN
+        return found
+
+    def may_show(self, origin: str | None, host: str | None) -> bool:
+        """Whether a page there may show what is not for everybody."""
+        return may_show(origin, host, self.origins)
+
+    def frame_ancestors(self, robot: str) -> tuple[str, ...]:
+        """Pages that may frame a robot, as sources of CSP's `frame-ancestors`; "": any robot."""
+        return self.policy.frame_ancestors(robot, self.origins)
+
+    def expires_at(self, grant: Grant) -> float:
+        """By the core's clock."""
+        return self.live.now() + grant.who.until_s - self.live.unix_s()
+
+    def pump(self, grant: Grant) -> Pump:
+        """Whose viewers have such a grant."""
+        return self.later if grant.delay_s > 0 and self.later is not None else self.live
+
+    def shown(self, grant: Grant) -> tuple[Robot, Room | None] | None:
+        """The robot as the grant shows it, and the view; None when nothing was heard of it."""
+        of = self.pump(grant).hub.robots.get(grant.robot)
+        if of is None or of.heard_at is None:
+            return None
+        return of, of.rooms.get(grant.view)
+
+    def change(self, policy: Policy) -> None:
+        """From now on. Viewers whose rights are others now are told; those who lost them are let go."""
+        self.policy = policy
+        if self.later is not None:
+            self._delayed.follow(policy.delays_s())
+            live = self.live.hub.robots
+            for robot, view in policy.delays_s():  # what is here already is not told again
+                if robot in live and view in live[robot].rooms:
+                    self._note(live[robot].rooms[view].stream)
+        for pump in self.pumps:
+            for viewer in tuple(pump.hub.viewers):
+                if viewer.grant is None:
+                    continue
+                who: Who | Close = viewer.grant.who
+                if viewer.grant.who.audience is Audience.LINK and self.tokens is not None:
+                    who = self.tokens.of_link(viewer.grant.who.token) or Close.TOKEN  # its key may be another
+                self._again(viewer, who)
+
+    def _again(self, viewer: Viewer, who: Who | Close) -> None:
+        """A viewer that watches already is judged anew."""
+        pump = next((pump for pump in self.pumps if viewer in pump.hub.viewers), None)
+        if pump is None:
+            return
+        found = who if isinstance(who, Close) else self.judge(who, viewer.robot, viewer.asked_view)
+        if isinstance(found, Close):
+            pump.carry_out(pump.hub.refuse(viewer, found, REASONS[found]))
+        else:
+            viewer.expires_at = self.expires_at(found)
+            pump.carry_out(pump.hub.regrant(viewer, found, pump.now()))
+
+    def _renew(self, viewer: Viewer, token: str) -> None:
+        async def renew() -> None:
+            self._again(viewer, await self.who(token))
+
+        if viewer.grant is not None and len(self._renewals) < RENEWALS_MAX:
+            task = asyncio.create_task(renew(), name="token")
+            self._renewals.add(task)
+            task.add_done_callback(self._renewals.discard)
+
+    async def recheck(self) -> None:
+        """For ever: accounts of those who watch may have been disabled or signed out meanwhile."""
+        while True:
+            await asyncio.sleep(RECHECK_S)
+            await self.look_again()
+
+    async def look_again(self) -> None:
+        """Once. Where it can't be found out, nothing changes."""
+        judged: dict[str, Who | Close] = {}
+        for pump in self.pumps:
+            for viewer in tuple(pump.hub.viewers):
+                who = viewer.grant.who if viewer.grant is not None else ANYONE
+                if who.audience is Audience.SIGNED_IN:
+                    if who.token not in judged:
+                        judged[who.token] = await self.who(who.token)
+                    if judged[who.token] == Close.TOKEN:
+                        self._again(viewer, Close.TOKEN)
+
+    def _note(self, stream: Stream) -> None:
+        later = self.later
+        assert later is not None
+        robot = self.live.hub.robots.get(stream.robot)
+        token = robot is not None and robot.liveness.token
+        if self._delayed.note(stream, token, later.now()):
+            later.arm()

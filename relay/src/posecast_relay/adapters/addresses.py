@@ -1,0 +1,78 @@
+"""Whose connection it is, and how many streams each address has. A lecture hall may stand behind one."""
+
+from __future__ import annotations
+
+import ipaddress
+from collections import Counter
+from collections.abc import Sequence
+
+Network = ipaddress.IPv4Network | ipaddress.IPv6Network
+FORWARDED_MAX = 4000  # letters of the header; what stands further left anybody may have written
+OWN_V6 = "::/64"
+PREFIX_V6 = 64  # one household, one server: as good as one address
+
+
+def networks(text: str) -> tuple[Network, ...]:
+    """`10.0.0.0/8, 127.0.0.1`. ValueError."""
+    return tuple(ipaddress.ip_network(part.strip(), strict=False) for part in text.split(",") if part.strip())
+
+
+def real_address(peer: str, forwarded: str | None, trusted: Sequence[Network]) -> str:
+    """The nearest address that no trusted proxy is, from the right of `X-Forwarded-For`; else the peer's own.
+
+    Without trusted proxies the header counts for nothing, since anybody may send it.
+    """
+    found = _address(peer)
+    hops = (forwarded or "")[-FORWARDED_MAX:].split(",") if trusted else []
+    while found is not None and hops and any(found in network for network in trusted):
+        nearer = _address(hops.pop().strip())
+        if nearer is None:
+            break
+        found = nearer
+    if found is None:
+        return peer
+    if found.version == 6:
+        return str(ipaddress.ip_network((found, PREFIX_V6), strict=False))
+    return str(found)
+
+
+def _address(text: str) -> ipaddress.IPv4Address | ipaddress.IPv6Address | None:
+    try:
+        found = ipaddress.ip_address(text.partition("%")[0])
+    except ValueError:
+        return None
+    mapped = found.ipv4_mapped if isinstance(found, ipaddress.IPv6Address) else None
+    return mapped or found
+
+
+class Addresses:
+    """Streams by address, at most so many of each."""
+
+    def __init__(self, most: int, trusted: Sequence[Network] = ()) -> None:
+        self.most = most
+        self.trusted = trusted
+        self._open: Counter[str] = Counter()
+
+    def enter(self, peer: str, forwarded: str | None) -> str | None:
+        """The address to `leave` by, or None when it has as many as it may. This machine itself may have any:
+        a proxy here of which nobody told must not turn a hall away.
+        """
+        address = real_address(peer, forwarded, self.trusted)
+        if address.startswith("127.") or address == OWN_V6:
+            return ""
+        if self._open[address] >= self.most:
+            return None
+        self._open[address] += 1
+        return address
+
+    def leave(self, address: str) -> None:
+        """One is gone."""
+        if not address:
+            return
+        self._open[address] -= 1
+        if self._open[address] <= 0:
+            del self._open[address]
+
+    def __len__(self) -> int:
+        """Addresses with streams."""
+        return len(self._open)

@@ -1,0 +1,166 @@
+"""A mirror of the public views in a Firebase Realtime Database, for pages that reach no relay.
+
+A task of its own: one request at a time, given up after 5 s, none at all for a while when three in a row have
+failed. What anyone may not see is never written, and deleted where it stands. It speaks the database's REST
+API itself: firebase-admin would block a thread for seconds when the database is away.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import logging
+import random
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from itertools import chain
+
+import google.auth
+import google.auth.exceptions
+import google.auth.transport.requests
+import httpx
+from google.auth.credentials import Credentials
+
+from posecast_relay.adapters.access import Access
+from posecast_relay.core.breaker import Breaker
+from posecast_relay.core.mirror import HZ, Change, Mirror, Shown
+from posecast_relay.core.policy import ANYONE, Grant
+
+log = logging.getLogger("posecast_relay")
+
+ROOT = "posecast"
+GIVE_UP_S = 5.0
+BATCH_BYTES = 1_000_000  # of a request; further robots go into another one
+SCOPES = tuple(f"https://www.googleapis.com/auth/{name}" for name in ("firebase.database", "userinfo.email"))
+OWNER = "owner"  # what emulators and test doubles take for a service account
+
+
+class Rights:
+    """The service account's, as `GOOGLE_APPLICATION_CREDENTIALS` or the platform gives them."""
+
+    def __init__(self) -> None:
+        self._credentials: Credentials | None = None
+
+    async def token(self) -> str:
+        """Google is asked once an hour, in a thread. GoogleAuthError."""
+        found = self._credentials
+        if found is None or not found.valid:
+            found = self._credentials = await asyncio.to_thread(self._fetch)
+        return str(found.token)
+
+    def _fetch(self) -> Credentials:
+        found = self._credentials
+        if found is None:
+            found, _project = google.auth.default(scopes=SCOPES)
+        request = google.auth.transport.requests.Request()
+        found.refresh(request)  # type: ignore[no-untyped-call]
+        return found
+
+
+class FirebaseMirror:
+    """Writes what `access` shows to anyone, twice a second at most, into the database at `url`."""
+
+    def __init__(self, url: str, access: Access) -> None:
+        self.written: Counter[str] = Counter()  # requests: sent, failed
+        self.breaker = Breaker()
+        self._url = f"{url.rstrip('/')}/{ROOT}.json"
+        self._access = access
+        self._rights = Rights() if url.startswith("https:") else None  # in the clear: on this machine
+        self._mirror = Mirror()
+        self._adopted = False
+
+    async def run(self) -> None:
+        """Until cancelled. What stands there says by itself, by its age, that nobody writes it any more."""
+        now = self._access.live.now
+        async with httpx.AsyncClient(timeout=GIVE_UP_S, trust_env=self._rights is not None) as client:
+            due = now()
+            while True:
+                await asyncio.sleep(max(0.0, due - now()))
+                due = now() + 1 / HZ
+                if not self.breaker.lets(now()):
+                    continue
+                try:
+                    await self._look(client)
+                except Exception:  # a mistake of ours: no robot may end the mirror of all others
+                    log.exception("mirror")
+                    self._failed("a mistake in the relay")
+
+    async def _look(self, client: httpx.AsyncClient) -> None:
+        """Once: all that has changed since the last time."""
+        live = self._access.live
+        if not self._adopted:
+            found = await self._ask(client, "GET", {"shallow": "true"})
+            if found is None:
+                return
+            self._mirror.found(found)
+            self._adopted = True
+        changes = self._mirror.changes(dict(self._shown()), live.now(), live.unix_s())
+        for batch, body in batches(changes):
+            if await self._ask(client, "PATCH", {"print": "silent"}, body) is None:
+                self._mirror.lost(changes)  # later batches as well: made anew
+                return
+            self._mirror.wrote(batch)
+
+    def _shown(self) -> Iterator[tuple[str, Shown]]:
+        """What anyone may see now. How many watch a mirror nobody knows, so a robot with a cap has none."""
+        live = self._access.live
+        for name in [robot.name for robot in live.hub.robots.values() if robot.heard_at is not None]:
+            grant = self._access.judge(ANYONE, name)
+            if not isinstance(grant, Grant) or grant.viewers is not None:
+                continue
+            robot, room = self._access.shown(grant) or (None, None)
+            if robot is not None and room is not None:
+                yield name, Shown(room.stream, robot.word(room, live.now()), grant.hz)
+
+    async def _ask(
+        self, client: httpx.AsyncClient, method: str, parameters: dict[str, str], body: bytes | None = None
+    ) -> list[str] | None:
+        """The names in the answer; None when it has failed, which is counted."""
+        try:
+            async with asyncio.timeout(GIVE_UP_S):
+                token = OWNER if self._rights is None else await self._rights.token()
+                answer = await client.request(
+                    method,
+                    self._url,
+                    params=parameters,
+                    content=body,
+                    headers={"authorization": f"Bearer {token}"},
+                )
+                answer.raise_for_status()
+                names = answer.json() if method == "GET" else None
+        except httpx.HTTPStatusError as e:
+            self._failed(f"HTTP {e.response.status_code}")
+            return None
+        except (httpx.HTTPError, TimeoutError, ValueError, google.auth.exceptions.GoogleAuthError) as e:
+            self._failed(type(e).__name__)
+            return None
+        self.written["sent"] += 1
+        if self.breaker.worked():
+            log.warning("mirror: the database answers again")
+        return list(names) if isinstance(names, dict) else []
+
+    def _failed(self, why: str) -> None:
+        self.written["failed"] += 1
+        now = self._access.live.now()
+        if self.breaker.failed(now):
+            log.warning("mirror: the database does not take it (%s); tried again more seldom", why)
+        self.breaker.open_until += random.random()  # several relays do not come back as one
+
+
+def batches(changes: Mapping[str, Change]) -> Iterator[tuple[dict[str, Change], bytes]]:
+    """In requests of a bearable size, each with its body: a multi-path update, atomic in the database."""
+    batch: dict[str, Change] = {}
+    parts: list[str] = []
+    size = 0
+    for robot, change in chain(changes.items(), [(None, None)]):
+        if robot is None or change is None or (size > BATCH_BYTES and batch):
+            if batch:
+                yield batch, ("{" + ",".join(parts) + "}").encode()
+            batch, parts, size = {}, [], 0
+        if robot is not None and change is not None:
+            node = change.node
+            update = {robot: None} if node is None else {f"{robot}/{name}": node[name] for name in node}
+            text = json.dumps(update, separators=(",", ":"))[1:-1]
+            batch[robot] = change
+            parts.append(text)
+            size += len(text)

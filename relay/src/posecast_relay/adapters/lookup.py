@@ -1,0 +1,46 @@
+"""Whether a host's name can be found at present, asked where nobody has to wait for the answer.
+
+A resolver that does not answer holds its caller for half a minute. The event loop's own lookups would pile up
+behind it, and keep the process from ending as long.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import socket
+import threading
+
+
+class Lookup:
+    """Of one host; one thread asks at a time, and the process may end without it."""
+
+    def __init__(self, host: str) -> None:
+        self._host = host
+        self._under_way: asyncio.Future[None] | None = None
+
+    async def find(self) -> None:
+        """Returns once the name is found. OSError when it is not. Who waits may give up at any time."""
+        if self._under_way is None:
+            self._under_way = asyncio.get_running_loop().create_future()
+            threading.Thread(target=self._ask, args=(self._under_way,), daemon=True, name="lookup").start()
+        await asyncio.shield(self._under_way)
+
+    def _ask(self, under_way: asyncio.Future[None]) -> None:
+        error: OSError | None = None
+        try:
+            socket.getaddrinfo(self._host, None, type=socket.SOCK_STREAM)
+        except OSError as e:
+            error = e
+        except UnicodeError as e:  # no name at all
+            error = OSError(str(e))
+        with contextlib.suppress(RuntimeError):  # the loop has closed
+            under_way.get_loop().call_soon_threadsafe(self._answered, under_way, error)
+
+    def _answered(self, under_way: asyncio.Future[None], error: OSError | None) -> None:
+        self._under_way = None
+        if error is None:
+            under_way.set_result(None)
+        else:
+            under_way.set_exception(error)
+            under_way.exception()  # seen, also when nobody waits any more

@@ -1,0 +1,67 @@
+"""What Zenoh says of edges that it did not let in: only in its log, and that only on stdout."""
+
+from __future__ import annotations
+
+import logging
+import os
+import re
+import sys
+import threading
+import time
+from collections.abc import Callable
+
+import zenoh
+
+log = logging.getLogger("posecast_relay")
+
+SAY_S = 10.0  # between two lines: whoever knocks may knock fast
+LOG = "off,zenoh_transport::unicast::establishment::accept=debug,zenoh_link_tls::unicast=debug"
+OF_ZENOH = re.compile("zenoh_transport|zenoh_link_tls")
+SAID = re.compile(
+    r"establishment::accept.*UsrPwd extension.*(Invalid user|Invalid password|Expected extension)"
+    r"|link_tls::unicast.*(peer sent no certificates|invalid peer certificate)"
+)
+MEANINGS = {
+    "Invalid user": "no such robot here, or its credential has expired",
+    "Invalid password": "a wrong or replaced credential",
+    "Expected extension": "no credential",
+    "peer sent no certificates": "no certificate",
+    "invalid peer certificate": "a certificate that has expired, or of another authority",
+}
+NAMED = re.compile(r"link_tls::unicast.*Accepted TLS connection .*Common Name: (.*)\.\s*$")
+STRANGER = "a certificate of a name that the file of --robots does not let publish"
+
+
+class Refusals:
+    """Counts them, and logs one now and then. One per process: it takes stdout's place."""
+
+    def __init__(self) -> None:
+        self.count = 0
+        self.may_publish: Callable[[str], bool] = lambda _name: True  # who shows a certificate of that name
+        self._said_at = float("-inf")
+        self._stdout = os.dup(1)
+        listen, said = os.pipe()
+        sys.stdout.flush()
+        os.dup2(said, 1)
+        os.close(said)
+        sys.stdout = os.fdopen(os.dup(self._stdout), "w", buffering=1)
+        zenoh.init_log_from_env_or(LOG)
+        threading.Thread(target=self._read, args=(listen,), daemon=True, name="refusals").start()
+
+    def _read(self, listen: int) -> None:
+        with os.fdopen(listen, "rb") as lines:
+            for raw in lines:
+                line = raw.decode("utf-8", "replace")
+                if OF_ZENOH.search(line) is None:  # somebody else's
+                    os.write(self._stdout, raw)
+                elif (said := SAID.search(line)) is not None:
+                    self.refused(MEANINGS[said[1] or said[2]], time.monotonic())
+                elif (named := NAMED.search(line)) is not None and not self.may_publish(named[1]):
+                    self.refused(STRANGER, time.monotonic())  # linked, and denied everything
+
+    def refused(self, why: str, now: float) -> None:
+        """One was."""
+        self.count += 1
+        if now - self._said_at >= SAY_S:
+            self._said_at = now
+            log.warning("publisher refused (%d so far): %s", self.count, why)

@@ -1,0 +1,40 @@
+"""Leaves a server alone that does not answer; tries it again after a pause that doubles."""
+
+from __future__ import annotations
+
+FAILURES = 3  # in a row, and it is left alone
+PAUSE_S = 5.0
+PAUSE_MAX_S = 60.0
+
+
+class Breaker:
+    """closed (all goes through) → open (nothing does, for a pause) → half open (one try decides)."""
+
+    def __init__(self) -> None:
+        self.failures = 0  # in a row
+        self.open_until = float("-inf")
+        self._pause_s = PAUSE_S
+
+    @property
+    def is_open(self) -> bool:
+        """Whether it is left alone, or about to be tried for the first time since."""
+        return self.failures >= FAILURES
+
+    def lets(self, now: float) -> bool:
+        """Whether a try may be made now."""
+        return now >= self.open_until
+
+    def worked(self) -> bool:
+        """A try has worked; whether it was left alone until now."""
+        was_open = self.is_open
+        self.failures, self._pause_s = 0, PAUSE_S
+        return was_open
+
+    def failed(self, now: float) -> bool:
+        """A try has failed; whether it is left alone from now on and was not before."""
+        self.failures += 1
+        if not self.is_open:
+            return False
+        self.open_until = now + self._pause_s
+        self._pause_s = min(PAUSE_MAX_S, 2 * self._pause_s)
+        return self.failures == FAILURES

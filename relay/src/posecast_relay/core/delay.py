@@ -1,0 +1,194 @@
+"""What some audiences see later than it happens: a second hub, fed from one bounded ring per robot and view.
+
+What goes into a ring is what the stream held at that moment, by reference: an entry costs its newest frame.
+A full ring leaves out what comes until there is room again: the next entry brings all the state, and the
+events since the last one that was kept.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from posecast_wire import Schema, Snapshot, Stamp
+
+from posecast_relay.core.actions import Action
+from posecast_relay.core.agenda import NEVER
+from posecast_relay.core.hub import Hub
+from posecast_relay.core.limits import Limits
+from posecast_relay.core.secondhand import Secondhand
+from posecast_relay.core.stream import Event, Held, Stream
+
+ENTRIES_MAX = 4000  # a minute at 60 Hz, and its events
+BYTES_MAX = 16_000_000
+
+
+@dataclass(slots=True)
+class _Moment:
+    """A stream as it was. `live`: its newest frame had just come."""
+
+    at: float
+    token: bool
+    schema: Schema | None
+    info: dict[str, str]
+    model: str | None
+    key: Held | None
+    ref: Held | None
+    newest: Held | None
+    live: bool
+    late_s: float
+    numbering: str
+    events: list[Event]
+
+    @property
+    def size(self) -> int:
+        """Bytes that are its own."""
+        frame = len(self.newest.payload) if self.newest and self.live else 0
+        return 200 + frame + sum(len(event.text) for event in self.events)
+
+
+class _Ring:
+    """One robot and view on its way."""
+
+    def __init__(self, delay_s: float) -> None:
+        self.delay_s = delay_s
+        self.left_out = 0
+        self._moments: deque[_Moment] = deque()
+        self._bytes = 0
+        self._newest: Held | None = None
+        self._numbering = ""
+        self._event_n = 0
+        # what the second hub was given last
+        self.fed: _Moment | None = None
+        self.fed_key: Held | None = None
+        self.fed_ref: Held | None = None
+
+    def put(self, stream: Stream, token: bool, now: float) -> None:
+        """As it is now."""
+        if stream.numbering != self._numbering:
+            self._numbering, self._event_n = stream.numbering, 0
+        moment = _Moment(
+            at=now,
+            token=token,
+            schema=stream.schema,
+            info=stream.info,
+            model=stream.model,
+            key=stream.key,
+            ref=stream.ref,
+            newest=stream.newest,
+            live=stream.newest is not self._newest and stream.live_at is not None,
+            late_s=stream.late_s,
+            numbering=stream.numbering,
+            events=[event for event in stream.events if event.n > self._event_n],
+        )
+        if len(self._moments) >= ENTRIES_MAX or self._bytes + moment.size > BYTES_MAX:
+            self.left_out += 1
+            return
+        self._moments.append(moment)
+        self._bytes += moment.size
+        self._newest = stream.newest
+        self._event_n = stream.event_n
+
+    @property
+    def next_at(self) -> float:
+        """When the oldest is due."""
+        return self._moments[0].at + self.delay_s if self._moments else NEVER
+
+    def take(self, now: float) -> _Moment | None:
+        """The oldest, when it is due."""
+        if now < self.next_at:
+            return None
+        moment = self._moments.popleft()
+        self._bytes -= moment.size
+        return moment
+
+
+class DelayedHub(Hub):
+    """The robots as they were. Viewers join it as they join any hub."""
+
+    def __init__(self, limits: Limits) -> None:
+        super().__init__(limits)
+        self._rings: dict[tuple[str, str], _Ring] = {}
+        self._said = Secondhand(self)
+
+    def follow(self, delays_s: Mapping[tuple[str, str], float]) -> None:
+        """Keep these robots and views, so late, and no others."""
+        for name in self._rings.keys() - delays_s.keys():
+            del self._rings[name]
+        for name, delay_s in delays_s.items():
+            ring = self._rings.get(name)
+            if ring is None:
+                self._rings[name] = _Ring(delay_s)
+            else:
+                ring.delay_s = delay_s
+
+    @property
+    def left_out(self) -> int:
+        """What full rings had no room for."""
+        return sum(ring.left_out for ring in self._rings.values())
+
+    def names(self) -> set[str]:
+        """The robots that are followed."""
+        return {robot for robot, _ in self._rings}
+
+    def note(self, stream: Stream, token: bool, now: float) -> bool:
+        """The stream has changed. Whether it is one of those kept here: then `tick` is due by `wake_at`."""
+        ring = self._rings.get((stream.robot, stream.view))
+        if ring is None:
+            return False
+        ring.put(stream, token, now)
+        self.wake_at = min(self.wake_at, ring.next_at)
+        return True
+
+    def tick(self, now: float, unix_s: float) -> list[Action]:
+        """Also what is due of the past."""
+        out: list[Action] = []
+        for (robot, view), ring in self._rings.items():
+            while (moment := ring.take(now)) is not None:
+                out += self._relive(robot, view, ring, moment, now, unix_s)
+        if self.changed:
+            out += self.flush(now, unix_s)
+        out += super().tick(now, unix_s)
+        self.wake_at = min(self.wake_at, *(ring.next_at for ring in self._rings.values()), NEVER)
+        return out
+
+    def _relive(
+        self, robot: str, view: str, ring: _Ring, moment: _Moment, now: float, unix_s: float
+    ) -> list[Action]:
+        out: list[Action] = []
+        before = ring.fed
+        if before is None or before.token != moment.token:
+            out += self.token(robot, moment.token, now)
+        if moment.schema is not None and moment.key is not None and moment.newest is not None:
+            self._show(robot, view, ring, moment, now)
+        if moment.events:
+            out += self.flush(now, unix_s)  # first the state that they happened in
+            for event in moment.events:
+                out += self._said.event(robot, view, moment.numbering, event.text)
+        ring.fed = moment
+        return out
+
+    def _show(self, robot: str, view: str, ring: _Ring, moment: _Moment, now: float) -> None:
+        newest, key, ref, before = moment.newest, moment.key, moment.ref, ring.fed
+        assert newest is not None
+        assert key is not None
+        assert moment.schema is not None
+        told = before is not None and before.schema is moment.schema
+        told = told and before is not None and (before.info, before.model) == (moment.info, moment.model)
+        bases_here = key in (ring.fed_key, newest) and ref in (None, ring.fed_ref, newest)
+        stamp = Stamp(newest.run_id, round(newest.stamp_s * 1e9))
+        if not told or not bases_here:
+            ref_bytes = None if ref is None else ref.payload
+            snapshot = Snapshot(moment.schema.text, moment.info, key.payload, ref_bytes, moment.model)
+            try:
+                self.snapshot(robot, view, snapshot, stamp, now)
+            except ValueError:  # the stream itself has taken it: of a run that is retired here by now
+                self.fates["bad"] += 1
+                return
+        if moment.live:
+            self.frame(robot, view, newest.payload, stamp, now, moment.late_s)
+            room = self.robots[robot].rooms.get(view)
+            if room is not None:
+                room.stream.aged(moment.late_s, now)  # a KEY that came with the snapshot counts as well
+        ring.fed_key, ring.fed_ref = key, ref

@@ -1,0 +1,136 @@
+"""What a mirror of the public views holds, and what has to be written so that it holds the newest.
+
+One node for each robot, with these children:
+
+    schema, key, ref, frame   as they came from the edge, in base64; no `ref` where the frame needs none
+    status                    {robot, age_ms, seq, at, model}: the relay's word, as viewers are told it. `at`:
+                              its unix clock in ms, another one at every write, so that readers see whether
+                              somebody still writes
+
+Nothing waits here: each call of `changes` looks at what there is now, so the newest wins whatever became of
+the last write.
+"""
+
+from __future__ import annotations
+
+from base64 import b64encode
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+
+from posecast_wire.messages import RobotWord
+
+from posecast_relay.core.stream import Held, Stream
+
+HZ = 2.0  # a free project's database would carry more, but each reader pays for every byte
+STATUS_S = 0.9  # at least once a second somebody tells that he is there
+SLACK_S = 0.05  # a look that comes this much early counts
+
+Status = dict[str, str | int | None]
+Node = dict[str, str | Status | None]
+EMPTY: Node = dict.fromkeys(("schema", "key", "ref", "frame"))
+
+
+@dataclass(frozen=True)
+class Shown:
+    """One robot as anyone may see it just now. `hz`: at most."""
+
+    stream: Stream
+    word: RobotWord
+    hz: float
+
+
+@dataclass(frozen=True)
+class Written:
+    """What stands in a node. The objects themselves: they tell quickly whether they are others by now."""
+
+    schema: str | None = None
+    key: Held | None = None
+    ref: Held | None = None
+    frame: Held | None = None
+    word: RobotWord | None = None
+    frame_at: float = float("-inf")
+    status_at: float = float("-inf")
+
+
+@dataclass(frozen=True)
+class Change:
+    """To one node. `node`: children to write, to delete where they are None; None: delete the node."""
+
+    node: Node | None
+    after: Written
+
+
+class Mirror:
+    """Remembers what was written. A write that may have failed is made anew, whole."""
+
+    def __init__(self) -> None:
+        self._nodes: dict[str, Written | None] = {}  # None: something may stand there, nobody knows what
+
+    def found(self, robots: Iterable[str]) -> None:
+        """These nodes are there already, from an earlier life or of robots that are hidden by now."""
+        for robot in robots:
+            self._nodes.setdefault(robot, None)
+
+    def changes(self, shown: Mapping[str, Shown], now: float, unix_s: float) -> dict[str, Change]:
+        """By robot. Each has to be answered by `wrote` or `lost` before the next call."""
+        out = {robot: Change(None, Written()) for robot in self._nodes if robot not in shown}
+        for robot, this in shown.items():
+            before = self._nodes.get(robot)
+            change = _change(before or Written(), this, now, unix_s)
+            if change is not None:
+                # whatever stood there goes
+                whole = EMPTY | (change.node or {}) if before is None else change.node
+                out[robot] = Change(whole, change.after)
+        return out
+
+    def wrote(self, changes: Mapping[str, Change]) -> None:
+        """These are there."""
+        for robot, change in changes.items():
+            if change.node is None:
+                self._nodes.pop(robot, None)
+            else:
+                self._nodes[robot] = change.after
+
+    def lost(self, changes: Mapping[str, Change]) -> None:
+        """Nobody knows whether these are there."""
+        for robot in changes:
+            self._nodes[robot] = None
+
+
+def _change(before: Written, this: Shown, now: float, unix_s: float) -> Change | None:
+    stream, node, after = this.stream, Node(), before
+    newest = stream.newest if stream.schema is not None else None
+    if newest is not before.frame and now >= before.frame_at + 1 / min(this.hz, HZ) - SLACK_S:
+        # the frame with all that it needs, or nothing: they are read together
+        after = Written(
+            schema=stream.schema.text if stream.schema is not None and newest is not None else None,
+            key=None if newest is None else newest.key or newest,
+            ref=None if newest is None else newest.ref,
+            frame=newest,
+            frame_at=now,
+        )
+        if after.schema != before.schema:
+            node["schema"] = None if after.schema is None else b64encode(after.schema.encode()).decode()
+        for name, held, was in (("key", after.key, before.key), ("ref", after.ref, before.ref)):
+            if held is not was:
+                node[name] = _base64(held)
+        node["frame"] = _base64(newest)
+    if not node and this.word == before.word and now < before.status_at + STATUS_S:
+        return None
+    node["status"] = _status(this, after.frame, now, unix_s)
+    return Change(node, replace(after, word=this.word, status_at=now))
+
+
+def _base64(held: Held | None) -> str | None:
+    return None if held is None else b64encode(held.payload).decode()
+
+
+def _status(this: Shown, frame: Held | None, now: float, unix_s: float) -> Status:
+    age_s = this.stream.age_s(now)
+    return {
+        "robot": this.word,
+        "age_ms": None if age_s is None else max(0, round(age_s * 1000)),
+        "seq": None if frame is None else frame.seq,
+        "at": round(unix_s * 1000),
+        "model": this.stream.model,
+    }

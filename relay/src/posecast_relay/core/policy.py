@@ -1,0 +1,119 @@
+"""Who may see what: one pure function, asked by the stream, by events, by the state, the list and the models.
+
+A robot's rules are by audience. Whoever proves nothing is `anyone`; a share link or a signed-in account comes
+before that. Where no rule lets somebody in, the robot is absent, as one that does not exist is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+from posecast_wire import Close
+
+PUBLIC = "public"  # the view that there is unless a profile says otherwise
+DELAY_MAX_S = 60.0
+
+
+class Audience(StrEnum):
+    """Named as in the file of `--robots`."""
+
+    ANYONE = "anyone"
+    SIGNED_IN = "signed-in"
+    LINK = "link"
+
+
+@dataclass(frozen=True)
+class Rule:
+    """What an audience gets of a robot. `viewers`: of this audience at a time, in this process.
+
+    `frames`: origins of pages that may frame what `anyone` sees; None: any page.
+    """
+
+    view: str = PUBLIC
+    hz: float = 60.0
+    delay_s: float = 0.0
+    viewers: int | None = None
+    blackout: bool = False
+    frames: tuple[str, ...] | None = None
+
+
+@dataclass(frozen=True)
+class Who:
+    """Who asks, as far as `token` proves it. `robot`: the one that a share link opens. `until_s`: unix."""
+
+    audience: Audience = Audience.ANYONE
+    robot: str | None = None
+    until_s: float = float("inf")
+    token: str = field(default="", repr=False)
+
+
+ANYONE = Who()
+
+
+@dataclass(frozen=True)
+class Grant:
+    """What somebody may see: one view of one robot, so often, so late, and by which audience's rule."""
+
+    robot: str
+    view: str
+    hz: float
+    delay_s: float
+    viewers: int | None
+    by: Audience
+    who: Who
+
+    @property
+    def open(self) -> bool:
+        """Anyone may see it, on any page."""
+        return self.by is Audience.ANYONE
+
+
+Rules = Mapping[str, Mapping[Audience, Rule]]  # by robot
+EVERYBODY: Mapping[Audience, Rule] = {Audience.ANYONE: Rule()}
+
+
+@dataclass(frozen=True)
+class Policy:
+    """`rules` None: every robot's public view is open, as with --dev."""
+
+    rules: Rules | None = None
+
+    def of(self, robot: str) -> Mapping[Audience, Rule]:
+        """The rules of one robot; none for one that is not named."""
+        return EVERYBODY if self.rules is None else self.rules.get(robot, {})
+
+    def judge(self, who: Who, robot: str, view: str | None = None) -> Grant | Close:
+        """What `who` gets; or ABSENT, or FORBIDDEN for a view of a robot that shows another one to them."""
+        rules = self.of(robot)
+        found = [
+            Grant(robot, rule.view, rule.hz, rule.delay_s, rule.viewers, audience, who)
+            for audience in dict.fromkeys((who.audience, Audience.ANYONE))
+            if (rule := rules.get(audience)) is not None
+            and not rule.blackout
+            and (audience is not Audience.LINK or who.robot == robot)
+        ]
+        if not found:
+            return Close.ABSENT
+        return next((grant for grant in found if view in (None, grant.view)), Close.FORBIDDEN)
+
+    def frame_ancestors(self, robot: str, listed: Collection[str]) -> tuple[str, ...]:
+        """Pages that may frame a robot, as sources of CSP's `frame-ancestors`; "": any robot.
+
+        `listed`: pages elsewhere that may show what is not for everybody. Whoever asks for a frame proves
+        nothing yet, so a robot that is hidden is answered like one that does not exist.
+        """
+        rule = self.of(robot).get(Audience.ANYONE)
+        if rule is None or rule.blackout:
+            return ("'self'", *listed)
+        return ("*",) if rule.frames is None else ("'self'", *rule.frames)
+
+    def delays_s(self) -> dict[tuple[str, str], float]:
+        """The delayed views, by robot and view."""
+        return {
+            (robot, rule.view): rule.delay_s
+            for robot, rules in (self.rules or {}).items()
+            for rule in rules.values()
+            if rule.delay_s > 0
+        }

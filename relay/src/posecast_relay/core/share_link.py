@@ -1,0 +1,46 @@
+"""Share links: a signed text that lets whoever has it see one robot until it expires. Nothing is stored."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import hmac
+import re
+from collections.abc import Mapping
+
+from posecast_relay.core.policy import Audience, Who
+
+KIND = "L1"
+FORM = re.compile(
+    r"(L1\.([a-z0-9][a-z0-9-]{0,62})\.([1-9][0-9]{0,11})\.[A-Za-z0-9_-]{8})\.([A-Za-z0-9_-]{43})"
+)
+NO_KEY = "no such robot"  # signs nothing; a robot that is not here takes as long as one that is
+
+
+def make_link(key: str, robot: str, until_s: int, name: str) -> str:
+    """`name`: 8 letters of base64url, so that no two links are the same. `until_s`: unix."""
+    said = f"{KIND}.{robot}.{until_s}.{name}"
+    return f"{said}.{_signature(key, said)}"
+
+
+def is_link(token: str) -> bool:
+    """Whether it claims to be one."""
+    return token.startswith(KIND + ".")
+
+
+def read_link(token: str, keys: Mapping[str, str], unix_s: float) -> Who | None:
+    """Who has it, or None when it is not good: malformed, signed otherwise, or expired. `keys` by robot."""
+    found = FORM.fullmatch(token)
+    if found is None:
+        return None
+    said, robot, until_s, signature = found.groups()
+    key = keys.get(robot)
+    good = hmac.compare_digest(_signature(NO_KEY if key is None else key, said), signature)
+    if key is None or not good or unix_s >= int(until_s):
+        return None
+    return Who(Audience.LINK, robot, float(until_s), token)
+
+
+def _signature(key: str, said: str) -> str:
+    raw = hmac.digest(key.encode(), said.encode(), hashlib.sha256)
+    return base64.urlsafe_b64encode(raw).rstrip(b"=").decode()

@@ -1,0 +1,187 @@
+"""The file of `--robots`: who may publish, and who may see what of it. Read at start and when it changes.
+
+    [robots.hubo]
+    secret = "…"            # by `posecast-relay robots add`; without one it may show a certificate
+    [robots.hubo.anyone]    # an audience, and what it gets; also `signed-in` and `link`
+    view = "public"
+    delay_s = 10
+    frames = ["https://course.example"]  # `anyone` only: pages that may frame it; without: any
+
+An audience without a table sees nothing.
+"""
+
+from __future__ import annotations
+
+import re
+import stat
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from posecast_wire import check_name
+from posecast_wire.credential import SECRET
+
+from posecast_relay.adapters.origins import ORIGIN
+from posecast_relay.core.policy import DELAY_MAX_S, PUBLIC, Audience, Policy, Rule
+
+BYTES_MAX = 4_000_000
+ROBOT_FIELDS = ("secret", "expires", "link_key", *(str(audience.value) for audience in Audience))
+RULE_FIELDS = ("view", "hz", "delay_s", "viewers", "blackout", "frames")
+FRAMES_MAX = 100  # origins; they stand in a header
+
+
+class RobotsError(ValueError):
+    """What is wrong with the file: one line that names the file and the place, and quotes no secret."""
+
+
+@dataclass(frozen=True)
+class Enrolled:
+    """A robot of the file. Without a secret it can publish by certificate only. `expires_s`: unix."""
+
+    secret: str | None = field(default=None, repr=False)
+    expires_s: float = float("inf")
+    rules: Mapping[Audience, Rule] = field(default_factory=dict)
+    link_key: str | None = field(default=None, repr=False)  # signs its share links
+
+
+@dataclass(frozen=True)
+class Robots:
+    """All of the file."""
+
+    enrolled: Mapping[str, Enrolled]
+
+    def secrets(self, unix_s: float) -> dict[str, str]:
+        """Of the robots that may publish now by password."""
+        valid = {name: self.enrolled[name].secret for name in self.valid(unix_s)}
+        return {name: secret for name, secret in valid.items() if secret is not None}
+
+    def valid(self, unix_s: float) -> list[str]:
+        """The robots that may publish now, those by certificate among them."""
+        return [name for name, robot in self.enrolled.items() if robot.expires_s > unix_s]
+
+    def link_keys(self) -> dict[str, str]:
+        """Of the robots that have share links."""
+        return {name: robot.link_key for name, robot in self.enrolled.items() if robot.link_key is not None}
+
+    def policy(self) -> Policy:
+        """Who may see what."""
+        return Policy({name: robot.rules for name, robot in self.enrolled.items()})
+
+
+def read_robots(path: Path) -> Robots:
+    """RobotsError."""
+    try:
+        with path.open("rb") as file:
+            mode = stat.S_IMODE(path.stat().st_mode)
+            raw = file.read(BYTES_MAX + 1)
+    except OSError as e:
+        raise RobotsError(f"{path}: {(e.strerror or str(e)).lower()}") from None
+    if mode & 0o007:
+        raise RobotsError(f"{path}: holds secrets, and everybody on this machine may read it: chmod 600")
+    if len(raw) > BYTES_MAX:
+        raise RobotsError(f"{path}: over {BYTES_MAX} bytes")
+    try:
+        return _robots(tomllib.loads(raw.decode()))
+    except UnicodeDecodeError:
+        raise RobotsError(f"{path}: not UTF-8") from None
+    except tomllib.TOMLDecodeError as e:
+        # its message may quote a letter, never a value
+        raise RobotsError(f"{path}: {str(e)[:120]}") from None
+    except RobotsError as e:
+        raise RobotsError(f"{path}: {e}") from None
+
+
+def _robots(doc: Mapping[str, Any]) -> Robots:
+    known(doc, ("robots",), "the file")
+    robots = doc.get("robots", {})
+    if not isinstance(robots, dict):
+        raise RobotsError("robots: want tables [robots.NAME]")
+    return Robots({name: _enrolled(name, robot) for name, robot in robots.items()})
+
+
+def _enrolled(name: str, doc: object) -> Enrolled:
+    where = f"[robots.{name}]"
+    try:
+        check_name("robot", name)
+    except ValueError as e:
+        raise RobotsError(str(e)) from None
+    if not isinstance(doc, dict):
+        raise RobotsError(f"{where}: want a table")
+    known(doc, ROBOT_FIELDS, where)
+    secret, link_key = _secret(doc, "secret", where), _secret(doc, "link_key", where)
+    rules = {a: _rule(doc[a.value], f"[robots.{name}.{a.value}]") for a in Audience if a.value in doc}
+    delays_s: dict[str, float] = {}
+    for rule in rules.values():
+        if rule.delay_s > 0 and delays_s.setdefault(rule.view, rule.delay_s) != rule.delay_s:
+            raise RobotsError(
+                f"{where}: two delays for view {rule.view!r}: one is kept, for all who see it late"
+            )
+    return Enrolled(secret, _unix_s(doc, "expires", where), rules, link_key)
+
+
+def _secret(doc: Mapping[str, Any], name: str, where: str) -> str | None:
+    secret = doc.get(name)
+    if secret is not None and not (isinstance(secret, str) and SECRET.fullmatch(secret)):
+        raise RobotsError(f"{where} {name}: want one that `posecast-relay robots` made")
+    return secret
+
+
+def _rule(doc: object, where: str) -> Rule:
+    if not isinstance(doc, dict):
+        raise RobotsError(f"{where}: want a table")
+    known(doc, RULE_FIELDS, where)
+    view, blackout, viewers = doc.get("view", PUBLIC), doc.get("blackout", False), doc.get("viewers")
+    try:
+        check_name("view", view if isinstance(view, str) else "")
+    except ValueError as e:
+        raise RobotsError(f"{where} {e}") from None
+    if not isinstance(blackout, bool):
+        raise RobotsError(f"{where} blackout: want true or false")
+    if viewers is not None and (type(viewers) is not int or not 0 <= viewers <= 1_000_000):
+        raise RobotsError(f"{where} viewers: want a whole number from 0 to 1000000")
+    hz = _number(doc, "hz", 60.0, (0.1, 60.0), where)
+    delay_s = _number(doc, "delay_s", 0.0, (0.0, DELAY_MAX_S), where)
+    return Rule(view, hz, delay_s, viewers, blackout, _frames(doc, where))
+
+
+def _frames(doc: Mapping[str, Any], where: str) -> tuple[str, ...] | None:
+    frames = doc.get("frames")
+    if frames is None:
+        return None
+    if not where.endswith(f".{Audience.ANYONE.value}]"):
+        raise RobotsError(f"{where} frames: only for `anyone`: who asks for a frame proves nothing yet")
+    if not isinstance(frames, list) or len(frames) > FRAMES_MAX:
+        raise RobotsError(f"{where} frames: want a list of at most {FRAMES_MAX} origins")
+    for n, origin in enumerate(frames, 1):
+        if not isinstance(origin, str) or not ORIGIN.fullmatch(origin):
+            raise RobotsError(f"{where} frames: number {n} is no origin like https://course.example")
+    return tuple(frames)
+
+
+def _number(
+    doc: Mapping[str, Any], name: str, default: float, span: tuple[float, float], where: str
+) -> float:
+    value = doc.get(name, default)
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not span[0] <= value <= span[1]:
+        raise RobotsError(f"{where} {name}: want a number from {span[0]:g} to {span[1]:g}")
+    return float(value)
+
+
+def _unix_s(doc: Mapping[str, Any], name: str, where: str) -> float:
+    at = doc.get(name)
+    if at is None:
+        return float("inf")
+    if not isinstance(at, datetime):
+        raise RobotsError(f"{where} {name}: want a time like 2030-01-31T12:00:00Z")
+    return (at if at.tzinfo else at.replace(tzinfo=UTC)).timestamp()
+
+
+def known(doc: Mapping[str, Any], names: tuple[str, ...], where: str) -> None:
+    """RobotsError for a field that there is not: a misspelt limit must not be no limit."""
+    for name in doc:
+        if name not in names:
+            shown = re.sub(r"[^\w-]", "?", name)[:60]
+            raise RobotsError(f"{where}: unknown field {shown!r}: use {', '.join(names)}")

@@ -1,0 +1,62 @@
+"""Follows the file of `--robots` while the relay runs, and the credentials that expire meanwhile."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import os
+import time
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+
+from posecast_relay.robots_file import Robots, RobotsError, read_robots
+
+log = logging.getLogger("posecast_relay")
+
+LOOK_S = 0.5
+
+
+class RobotsWatch:
+    """`changed` is called with what the file says now, and whenever a credential has expired.
+
+    A file that is wrong or gone changes nothing: what was read last holds on, and one line says so.
+    """
+
+    def __init__(self, path: Path, robots: Robots, changed: Callable[[Robots], Awaitable[None]]) -> None:
+        self.robots = robots
+        self.refused = 0  # times that the file was wrong
+        self._path = path
+        self._changed = changed
+        self._seen = _state(path)
+        self._looked_s = time.time()
+
+    async def run(self) -> None:
+        """Until cancelled."""
+        while True:
+            await asyncio.sleep(LOOK_S)
+            await self.look(time.time())
+
+    async def look(self, unix_s: float) -> None:
+        """Once."""
+        seen = _state(self._path)
+        expired = self.robots.valid(self._looked_s) != self.robots.valid(unix_s)
+        self._looked_s = unix_s
+        if seen != self._seen:
+            self._seen = seen
+            try:
+                self.robots = await asyncio.to_thread(read_robots, self._path)
+            except RobotsError as e:
+                self.refused += 1
+                log.warning("%s; going on with what it said before", e)
+                return
+        elif not expired:
+            return
+        await self._changed(self.robots)
+
+
+def _state(path: Path) -> tuple[int, int, int, int] | None:
+    try:
+        found = os.stat(path)
+    except OSError:
+        return None
+    return found.st_mtime_ns, found.st_size, found.st_ino, found.st_mode

@@ -1,0 +1,29 @@
+"""What fails when nobody waits for it any more."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from typing import Any
+
+log = logging.getLogger("posecast_relay")
+
+
+class Unheard:
+    """The event loop's exception handler. A mistake of ours shows its traceback.
+
+    A connection that was given up (Redis, too slow) may fail afterwards: one line, not again until another
+    reason comes.
+    """
+
+    def __init__(self) -> None:
+        self._said = ""
+
+    def __call__(self, loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+        """As asyncio calls it."""
+        why = context.get("exception")
+        if not isinstance(why, OSError) or "future" not in context:
+            loop.default_exception_handler(context)
+        elif str(why) != self._said:
+            self._said = str(why)
+            log.warning("a connection that took too long: %s", why)

@@ -1,0 +1,105 @@
+"""Autobahn|Testsuite against the relay's WebSocket stack, by hand: it needs Python 2.7.
+
+    virtualenv -p python2.7 atenv && atenv/bin/pip install autobahntestsuite==25.10.1
+    .venv/bin/python -m relay.tests.autobahn atenv/bin/wstest
+
+What is tested is the LiveSocket that uvicorn starts for viewers; here it returns each message instead of
+passing it on. Exit 1 when more fail than ALLOWED.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import subprocess
+import sys
+import tempfile
+from collections import Counter
+from dataclasses import replace
+from pathlib import Path
+
+import uvicorn
+from posecast_relay.adapters.access import Access
+from posecast_relay.adapters.decoded import Decoded
+from posecast_relay.adapters.fan_out import FanOut
+from posecast_relay.adapters.pump import Pump
+from posecast_relay.adapters.sse import http_protocol
+from posecast_relay.adapters.store_memory import MemoryStore
+from posecast_relay.adapters.websocket import LiveSocket
+from posecast_relay.core import messages
+from posecast_relay.core.hub import Hub
+from posecast_relay.core.limits import Limits
+from posecast_wire import Close
+from websockets.frames import Frame, Opcode
+from websockets.http11 import Request
+
+from .stage import free_port
+
+# 7.1.5: a fragment, a close, a fragment. The library answers 1002 where 1000 is wanted.
+ALLOWED = {"7.1.5"}
+LONGEST = 1 << 25
+
+
+class Echo(LiveSocket):
+    """Returns what it is sent."""
+
+    _kind = Opcode.TEXT
+
+    def _handshake(self, request: Request) -> None:
+        self._ws.send_response(self._ws.accept(request))
+
+    def _frame(self, frame: Frame) -> None:
+        if frame.opcode in (Opcode.TEXT, Opcode.BINARY):
+            self._kind = frame.opcode
+        super()._frame(replace(frame, opcode=Opcode.TEXT) if frame.opcode is Opcode.BINARY else frame)
+
+    def _text(self, text: bytes) -> None:
+        if self._kind is Opcode.TEXT:
+            try:
+                text.decode()
+            except UnicodeDecodeError:
+                self._ws.fail(Close.NOT_UTF8)
+                self._send_own()
+                return
+        self.write(messages.packed(self._kind, text))
+        self._kind = Opcode.TEXT  # short ones come without `_frame`
+
+
+async def main(wstest: str) -> int:
+    pump = Pump(Hub(Limits(message_bytes=LONGEST)), MemoryStore(), FanOut(None))
+    Echo.pump = pump
+    port = free_port()
+    config = uvicorn.Config(
+        lambda _scope, _receive, _send: None,
+        ws=Echo,
+        http=http_protocol(Access(pump), Decoded()),
+        lifespan="off",
+        log_config=None,
+        port=port,
+    )
+    server = uvicorn.Server(config)
+    serving = asyncio.create_task(server.serve())
+    with tempfile.TemporaryDirectory() as folder:
+        asked = {
+            "outdir": folder,
+            "servers": [{"agent": "relay", "url": f"ws://127.0.0.1:{port}/"}],
+            "cases": ["*"],
+            "exclude-cases": [],
+            "exclude-agent-cases": {},
+        }
+        (Path(folder) / "fuzz.json").write_text(json.dumps(asked))
+        command = [wstest, "-m", "fuzzingclient", "-s", f"{folder}/fuzz.json"]
+        await asyncio.to_thread(subprocess.run, command, check=True, stdout=subprocess.DEVNULL)
+        found = json.loads((Path(folder) / "index.json").read_text())["relay"]
+    server.should_exit = True
+    await serving
+    print(Counter(case["behavior"] for case in found.values()))
+    for name, case in found.items():
+        if case["behavior"] not in ("OK", "INFORMATIONAL", "UNIMPLEMENTED"):
+            print(name, case["behavior"], case["behaviorClose"])
+    failed = {name for name, case in found.items() if case["behavior"] == "FAILED"}
+    return 1 if failed - ALLOWED else 0
+
+
+if __name__ == "__main__":
+    sys.exit(asyncio.run(main(sys.argv[1])))

@@ -1,0 +1,23 @@
+"""Who is to be looked at when."""
+
+from __future__ import annotations
+
+from posecast_relay.core.agenda import NEVER, Agenda
+
+
+def test_the_earliest_moment_counts_and_each_comes_once() -> None:
+    agenda = Agenda[str]()
+    assert agenda.next_at == NEVER
+    agenda.put("b", 2.0)
+    agenda.put("a", 3.0)
+    agenda.put("a", 1.0)
+    agenda.put("a", 4.0)
+    agenda.put("c", NEVER)
+    assert agenda.next_at == 1.0
+    assert agenda.due(0.9) == []
+    assert agenda.due(2.0) == ["a", "b"]
+    assert agenda.due(9.0) == []
+    agenda.put("a", 5.0)
+    agenda.put("b", 5.0)
+    assert agenda.due(5.0) == ["a", "b"]
+    assert agenda.next_at == NEVER

@@ -1,0 +1,51 @@
+"""The operator's page names what there is: every series, every flag it mentions, every link."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+from posecast_relay.adapters.fan_out import FanOut
+from posecast_relay.adapters.metrics import Figures
+from posecast_relay.adapters.pump import Pump
+from posecast_relay.adapters.store_memory import MemoryStore
+from posecast_relay.adapters.store_redis import RedisStore
+from posecast_relay.config import FLAGS
+from posecast_relay.core.breaker import Breaker
+from posecast_relay.core.hub import Hub
+from posecast_relay.core.limits import Limits
+
+DOCS = Path(__file__).resolve().parents[2] / "docs"
+ROBOTS_FLAGS = {"--ca", "--certificate", "--days", "--private", "--url"}  # of `posecast-relay robots add`
+EDGE_FLAGS = {"--credential", "--hz", "--relay", "--robot", "--tls-ca", "--tls-cert", "--tls-key"}
+PAGE = (DOCS / "OPERATIONS.md").read_text()
+
+
+async def test_every_series_is_explained_and_no_other() -> None:
+    hub = Hub(Limits())
+    pump = Pump(hub, MemoryStore(), FanOut(None))
+
+    def described(_robot: Any) -> dict[str, Any]:
+        return {}
+
+    pump.store = RedisStore("redis://nowhere", hub, pump.now, described)
+    figures = Figures([pump], SimpleNamespace(written=Counter(), breaker=Breaker()))
+    there = {family.name + ("_total" if family.type == "counter" else "") for family in figures.collect()}
+    rows = re.findall(r"^\| `(posecast_\w+)", PAGE, re.MULTILINE)
+    assert sorted(rows) == sorted(there)
+    assert {name.removesuffix("_bucket") for name in re.findall(r"posecast_[a-z_]+", PAGE)} <= there
+
+
+def test_every_flag_is_one() -> None:
+    known = {flag.option for flag in FLAGS} | {"--help"} | ROBOTS_FLAGS | EDGE_FLAGS
+    assert set(re.findall(r"(?<![\w-])--[a-z][a-z-]+", PAGE)) <= known
+
+
+def test_links_lead_somewhere() -> None:
+    titles = [title.lower() for title in re.findall(r"^#+ (.*)$", PAGE, re.MULTILINE)]
+    heads = {re.sub(r"[^a-z ]", "", title).replace(" ", "-") for title in titles}
+    for link in re.findall(r"\]\(([^)]+)\)", PAGE):
+        assert link[1:] in heads if link.startswith("#") else (DOCS / link).exists(), link

@@ -1,0 +1,114 @@
+"""Carrying out: in the core's order, a crowd in slices, and no decision while an earlier one is under way."""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+from collections.abc import Iterator
+
+import pytest
+from posecast_relay.adapters.fan_out import SLICE, FanOut
+from posecast_relay.adapters.pump import Pump
+from posecast_relay.adapters.store_memory import MemoryStore
+from posecast_relay.adapters.uring import Ring
+from posecast_relay.core import messages
+from posecast_relay.core.actions import Send
+from posecast_relay.core.hub import Hub
+from posecast_relay.core.limits import Limits
+from posecast_relay.core.viewer import Viewer
+
+from .sim import Edge, Screen, schema
+
+
+class Far:
+    """A viewer with a real socket; what the transport would send is only noted."""
+
+    def __init__(self) -> None:
+        self.near, self.far = socket.socketpair()
+        self.near.setblocking(False)
+        self.far.setblocking(False)
+        self.descriptor = self.near.fileno()
+        self.queued: list[bytes] = []
+
+    def write(self, data: bytes) -> None:
+        self.queued.append(data)
+
+    def end(self, *_why: object) -> None: ...
+
+    def cut(self, *_why: object) -> None: ...
+
+    def read(self) -> bytes:
+        try:
+            return self.far.recv(1 << 20)
+        except BlockingIOError:
+            return b""
+
+
+@pytest.fixture(params=["one by one", "ring"])
+def fan_out(request: pytest.FixtureRequest) -> Iterator[FanOut]:
+    ring = Ring.open() if request.param == "ring" else None
+    if ring is None and request.param == "ring":
+        pytest.skip("no io_uring here")
+    yield FanOut(ring)
+    if ring is not None:
+        ring.close()
+
+
+def viewer(outlet: Far | Screen) -> Viewer:
+    return Viewer(outlet, "r", "public", 30.0, Limits(), 0.0)
+
+
+def test_straight_to_the_sockets_but_never_past_what_waits(fan_out: FanOut) -> None:
+    fars = [Far() for _ in range(40)]
+    for waiting in fars[::4]:
+        waiting.descriptor = -1
+    fan_out.write(b"frame", [viewer(far) for far in fars])
+    assert all(far.queued == [b"frame"] and far.read() == b"" for far in fars[::4])
+    assert all(far.queued == [] and far.read() == b"frame" for i, far in enumerate(fars) if i % 4)
+
+
+def test_what_a_socket_does_not_take_goes_to_its_transport(fan_out: FanOut) -> None:
+    fars = [Far() for _ in range(40)]
+    fars[7].near.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 4096)
+    fars[9].far.close()
+    data = bytes(range(256)) * 400
+    fan_out.write(data, [viewer(far) for far in fars])
+    (tail,) = fars[7].queued
+    assert fars[7].read() + tail == data
+    assert fars[9].queued == [data]  # the transport meets the error, and ends it
+    assert all(far.queued == [] and far.read() == data for i, far in enumerate(fars) if i not in {7, 9})
+
+
+async def test_a_crowd_is_served_in_slices_and_frames_meanwhile_replace_each_other(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    clock = iter(range(1_000_000))
+    monkeypatch.setattr(Pump, "now", lambda _self: 1000.0 + next(clock) / 10)  # every frame is due
+    pump = Pump(Hub(Limits()), MemoryStore(), FanOut(None))
+    edge = Edge(0xABC, schema(), began_s=pump.now() - 5.0)
+
+    def publish() -> None:
+        now = pump.now()
+        pump.hub.frame("r", "public", edge.frame(now), edge.stamp(now), now)
+        pump.flush()
+
+    publish()
+    pump.hub.snapshot("r", "public", edge.snapshot(), edge.stamp(pump.now()), pump.now())
+    screens = [Screen() for _ in range(2 * SLICE + 10)]
+    viewers = [viewer(screen) for screen in screens]
+    for one in viewers:
+        pump.join(one)
+    publish()
+    served = sum(len(screen.states) == 2 for screen in screens)
+    assert SLICE - 5 <= served <= SLICE
+    assert all(len(screen.states) == 2 for screen in screens[:served])
+    for _ in range(3):
+        publish()
+    pump.carry_out([Send(messages.pong(7.0), viewers[:1])])
+    assert not screens[0].told("pong")  # it was decided after the frame that not all have yet
+    async with asyncio.timeout(20):
+        while len(screens[-1].states) < 3:
+            await asyncio.sleep(0)
+    assert all([frame.seq for frame in screen.states] == [0, 1, 4] for screen in screens)
+    assert screens[0].told("pong")
+    pump.stop()

@@ -1,0 +1,125 @@
+"""`posecast-relay robots`: credentials made, changed and forgotten."""
+
+from __future__ import annotations
+
+import stat
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+from posecast_relay.core.policy import Audience, Rule
+from posecast_relay.core.share_link import read_link
+from posecast_relay.robots_file import read_robots
+from posecast_wire import Credential
+
+from .certificates import certificates
+
+
+def robots(path: Path, *words: str) -> subprocess.CompletedProcess[str]:
+    """Run it."""
+    command = [
+        sys.executable,
+        "-m",
+        "posecast_relay.cli",
+        "robots",
+        words[0],
+        "--robots",
+        str(path),
+        *words[1:],
+    ]
+    return subprocess.run(command, capture_output=True, text=True, timeout=20, check=False)
+
+
+def refused(path: Path, *words: str) -> str:
+    """The one line of a command that ends with status 2 and changes nothing."""
+    before = path.read_bytes() if path.exists() else None
+    done = robots(path, *words)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert (path.read_bytes() if path.exists() else None) == before
+    assert done.stderr.count("\n") == 1
+    return done.stderr
+
+
+def test_a_robot_is_added_rotated_listed_and_removed(tmp_path: Path) -> None:
+    path = tmp_path / "robots.toml"
+    done = robots(path, "add", "hubo")
+    first = Credential.parse(done.stdout)
+    assert first.robot == "hubo"
+    assert first.secret not in done.stderr
+    assert stat.S_IMODE(path.stat().st_mode) == 0o600
+    assert read_robots(path).secrets(0.0) == {"hubo": first.secret}
+
+    path.write_text(path.read_text() + "\n# the one with the red arm\n")
+    path.chmod(0o640)
+    second = Credential.parse(robots(path, "rotate", "hubo", "--days", "30").stdout)
+    assert second.secret != first.secret
+    assert read_robots(path).secrets(0.0) == {"hubo": second.secret}
+    assert read_robots(path).secrets(1e11) == {}
+    assert "# the one with the red arm" in path.read_text()
+    assert stat.S_IMODE(path.stat().st_mode) == 0o640
+
+    robots(path, "add", "g1", "--private")
+    listed = robots(path, "list").stdout
+    assert [line.split("\t")[0] for line in listed.splitlines()] == ["g1", "hubo"]
+    assert "g1\tuntil removed\tnobody" in listed
+    assert listed.rstrip().endswith("anyone: public")
+    assert second.secret not in listed
+
+    done = robots(path, "add", "g2", "--certificate", "--days", "30")
+    assert (done.returncode, done.stdout) == (0, "")
+    assert "g2\tby certificate only, until " in robots(path, "list").stdout
+    assert "g2" not in read_robots(path).secrets(0.0)
+    assert "g2" in read_robots(path).valid(0.0)
+    assert "g2" not in read_robots(path).valid(1e11)
+    assert robots(path, "remove", "g2").returncode == 0
+
+    assert robots(path, "remove", "hubo").returncode == 0
+    assert read_robots(path).secrets(0.0).keys() == {"g1"}
+    assert [each.name for each in tmp_path.iterdir()] == ["robots.toml"]
+
+
+def test_the_authority_goes_along(tmp_path: Path) -> None:
+    certificates(tmp_path)
+    done = robots(tmp_path / "robots.toml", "add", "hubo", "--ca", str(tmp_path / "ca.pem"))
+    found = Credential.parse(done.stdout)
+    assert found.ca is not None
+    assert "".join(found.ca.split()) == "".join((tmp_path / "ca.pem").read_text().split())
+
+
+def test_what_cannot_be_done_is_one_line(tmp_path: Path) -> None:
+    path = tmp_path / "robots.toml"
+    assert "no robot 'hubo' in" in refused(path, "remove", "hubo")
+    assert "robot '*'" in refused(path, "add", "*")
+    assert "--ca" in refused(path, "add", "hubo", "--ca", "/nowhere")
+    assert "no certificate in PEM form" in refused(path, "add", "hubo", "--ca", __file__)
+    assert "use a number of days" in refused(path, "add", "hubo", "--days", "0")
+    assert "no such file or directory" in refused(tmp_path / "none" / "robots.toml", "add", "hubo")
+    robots(path, "add", "hubo")
+    assert "has a credential already" in refused(path, "add", "hubo")
+    path.write_text("[robots.hubo]\nsecrte = 1\n")
+    assert "unknown field 'secrte'" in refused(path, "add", "g1")
+    command = [sys.executable, "-m", "posecast_relay.cli", "robots", "list"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=20, check=False, env={})
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert "give --robots FILE" in done.stderr
+
+
+def test_share_links_are_made_and_ended(tmp_path: Path) -> None:
+    path = tmp_path / "robots.toml"
+    robots(path, "add", "hubo")
+    assert "no [robots.hubo.link] in" in refused(path, "link", "hubo")
+    path.write_text(path.read_text() + '\n[robots.hubo.link]\nview = "lab"\n')
+    line = robots(path, "link", "hubo", "--url", "https://relay.example/").stdout
+    head, _, token = line.strip().partition("?t=")
+    assert head == "https://relay.example/#/r/hubo"
+    keys = read_robots(path).link_keys()
+    now_s = time.time()
+    assert read_link(token, keys, now_s + 6.9 * 86400) is not None
+    assert read_link(token, keys, now_s + 7.1 * 86400) is None
+    again = robots(path, "link", "hubo").stdout.strip().partition("?t=")[2]
+    assert again != token
+    assert read_link(again, keys, now_s) is not None
+    robots(path, "unlink", "hubo")
+    assert read_link(again, read_robots(path).link_keys(), now_s) is None
+    assert read_robots(path).policy().of("hubo")[Audience.LINK] == Rule("lab")

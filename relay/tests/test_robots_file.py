@@ -1,0 +1,111 @@
+"""The file of who may publish: what is wrong with it is one line that keeps its secrets."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from posecast_relay.core.policy import Audience, Rule
+from posecast_relay.robots_file import RobotsError, read_robots
+
+SECRET = "C" * 43
+
+
+def write(folder: Path, text: str, mode: int = 0o600) -> Path:
+    """The file."""
+    path = folder / "robots.toml"
+    path.write_text(text)
+    path.chmod(mode)
+    return path
+
+
+def test_who_may_publish_when(tmp_path: Path) -> None:
+    text = f"""
+        [robots.hubo]
+        secret = "{SECRET}"
+        [robots.g1]
+        secret = "{SECRET}"
+        expires = 1970-01-01T00:01:40Z
+        [robots.later]
+        """
+    robots = read_robots(write(tmp_path, text))
+    assert robots.secrets(99.0).keys() == {"hubo", "g1"}
+    assert robots.secrets(100.0) == {"hubo": SECRET}
+    assert SECRET not in repr(robots)
+
+
+def test_who_may_watch(tmp_path: Path) -> None:
+    text = """
+        [robots.hubo.anyone]
+        frames = ["https://course.example", "http://10.0.0.5:8000"]
+        [robots.hubo.signed-in]
+        view = "lab"
+        hz = 10
+        delay_s = 0.5
+        viewers = 0
+        """
+    policy = read_robots(write(tmp_path, text)).policy()
+    assert policy.of("hubo") == {
+        Audience.ANYONE: Rule(frames=("https://course.example", "http://10.0.0.5:8000")),
+        Audience.SIGNED_IN: Rule("lab", 10.0, 0.5, 0),
+    }
+    assert policy.of("g1") == {}
+
+
+def test_an_empty_file_lets_nobody_in(tmp_path: Path) -> None:
+    assert read_robots(write(tmp_path, "")).secrets(0.0) == {}
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("[robots.hubo]\nsecrte = 'CANARY'", "[robots.hubo]: unknown field 'secrte': use secret, expires"),
+        ("[robots.hubo.anyone]\nhertz = 3", "[robots.hubo.anyone]: unknown field 'hertz': use view, hz"),
+        (
+            "[robots.hubo.everyone]",
+            "[robots.hubo]: unknown field 'everyone': use secret, expires, link_key, anyone",
+        ),
+        ("[robots.hubo]\nanyone = 'CANARY'", "[robots.hubo.anyone]: want a table"),
+        ("[robots.hubo.anyone]\nview = '*'", "[robots.hubo.anyone] view '*': use"),
+        ("[robots.hubo.anyone]\nhz = 0", "[robots.hubo.anyone] hz: want a number from 0.1 to 60"),
+        ("[robots.hubo.anyone]\ndelay_s = 61", "[robots.hubo.anyone] delay_s: want a number from 0 to 60"),
+        ("[robots.hubo.link]\nviewers = 1.5", "[robots.hubo.link] viewers: want a whole number"),
+        ("[robots.hubo.link]\nblackout = 1", "[robots.hubo.link] blackout: want true or false"),
+        ("[robots.r.anyone]\nframes='*'", "[robots.r.anyone] frames: want a list of at most 100 origins"),
+        ("[robots.r.anyone]\nframes=['https://a.example/']", "frames: number 1 is no origin"),
+        ("[robots.r.anyone]\nframes=['https://a', 'https://a; script-src *']", "frames: number 2 is no"),
+        ("[robots.r.link]\nframes=[]", "[robots.r.link] frames: only for `anyone`"),
+        ("[robots.r.anyone]\ndelay_s=1\n[robots.r.link]\ndelay_s=2", "[robots.r]: two delays for view"),
+        ("[robot.hubo]", "the file: unknown field 'robot': use robots"),
+        ("[robots.'*']", "robot '*': use 1 to 63"),
+        ("robots = 3", "robots: want tables"),
+        ("[robots]\nhubo = 'CANARY'", "[robots.hubo]: want a table"),
+        ("[robots.hubo]\nsecret = 'CANARY'", "[robots.hubo] secret: want one that"),
+        ("[robots.hubo]\nsecret = 'CANARY:x\\ny'", "[robots.hubo] secret: want one that"),
+        ("[robots.hubo]\nexpires = 2030", "[robots.hubo] expires: want a time"),
+        ("[robots.hubo\nsecret = 'CANARY'", "line 1"),
+        ('[robots.hubo]\n"a\\nb" = 1', "unknown field 'a?b'"),
+    ],
+)
+def test_a_wrong_file_is_one_line(tmp_path: Path, text: str, says: str) -> None:
+    path = write(tmp_path, text)
+    with pytest.raises(RobotsError) as error:
+        read_robots(path)
+    said = str(error.value)
+    assert said.startswith(f"{path}: ")
+    assert says in said
+    assert "CANARY" not in said
+    assert "\n" not in said
+
+
+def test_a_file_that_everybody_may_read_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(RobotsError, match="chmod 600"):
+        read_robots(write(tmp_path, "", 0o644))
+    with pytest.raises(RobotsError, match="no such file"):
+        read_robots(tmp_path / "none.toml")
+    with pytest.raises(RobotsError, match="over 4000000 bytes"):
+        read_robots(write(tmp_path, "#" * 4_000_001))
+    path = write(tmp_path, "")
+    path.write_bytes(b"\xff")
+    with pytest.raises(RobotsError, match="not UTF-8"):
+        read_robots(path)

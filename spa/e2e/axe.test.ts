@@ -1,0 +1,168 @@
+import path from 'node:path';
+import { describe, expect, it } from 'vitest';
+import { violations } from './axe.ts';
+import type { Page, PageOptions } from './driver/page.ts';
+import { until } from './driver/until.ts';
+import { hasSkin, resting } from './robot_page.ts';
+import { DEMO, demoAt } from './sign_words.ts';
+import { REPO, type Relay } from './stack.ts';
+import { FULL, setStage } from './stage.ts';
+
+const stage = setStage();
+
+const PHONE = { width: 390, height: 844 };
+const LAPTOP = { width: 1280, height: 800 };
+const BUNDLE = path.join(REPO, 'edge-agent/src/posecast_edge/demo_bundle');
+
+/** The demo robot with its jammed knee, standing still: faults, cautions, a ghost, and no picture to draw meanwhile. */
+async function jammed(): Promise<Relay> {
+  const relay = await stage.stack.relay();
+  stage.stack.fedEdge(relay, demoAt(42), DEMO);
+  return relay;
+}
+
+/** Looks at one place after another; what axe has found at each. */
+class Looks {
+  readonly found: Record<string, string[]> = {};
+  readonly page: Page;
+
+  private constructor(page: Page) {
+    this.page = page;
+  }
+
+  static async open(options: PageOptions): Promise<Looks> {
+    return new Looks(await stage.newPage(options));
+  }
+
+  async at(where: string): Promise<void> {
+    const wrong = await violations(this.page);
+    if (wrong.length > 0) this.found[where] = wrong;
+  }
+
+  async testId(id: string): Promise<void> {
+    await until(id, async () => (await this.page.findByTestId(id).count()) === 1, 60_000);
+  }
+
+  async list(relay: Relay): Promise<void> {
+    await this.page.open(`${relay.url}/#/`);
+    await this.testId('robot-demo');
+    await this.at('list');
+  }
+
+  async robot(relay: Relay): Promise<void> {
+    await this.page.open(`${relay.url}/#/r/demo`);
+    await until('a body', () => hasSkin(this.page), 60_000);
+    await until('its buttons and its row', () =>
+      this.page.evaluate<boolean>(
+        `document.querySelector('[data-testid=signs]') !== null && document.querySelector('.filter') !== null
+          && document.querySelector('tr[data-level=fault]') !== null`,
+      ),
+    );
+    await until('at rest', () => resting(this.page), 60_000);
+    await this.at('body and table');
+  }
+
+  async embed(relay: Relay): Promise<void> {
+    await this.page.open(`${relay.url}/embed/#/r/demo`);
+    await until('a body', () => hasSkin(this.page), 60_000);
+    await until('at rest', () => resting(this.page), 60_000);
+    await this.at('embed');
+  }
+}
+
+describe('axe finds nothing', () => {
+  it('on the list, at body and table, in a frame', async () => {
+    const relay = await jammed();
+    const looks = await Looks.open({ viewport: LAPTOP });
+    await looks.list(relay);
+    await looks.robot(relay);
+    await looks.embed(relay);
+    expect(looks.found).toEqual({});
+  }, 180_000);
+
+  interface Manner {
+    readonly colors?: 'forced';
+    readonly palette?: 'safe';
+    readonly language?: 'ko';
+  }
+  it.for<[scheme: 'dark' | 'light', manner: Manner]>([
+    ['dark', {}],
+    ['light', {}],
+    ['dark', { colors: 'forced' }],
+    ['light', { palette: 'safe' }],
+    ['dark', { language: 'ko' }],
+  ])('wherever one can go: %s %o', { timeout: 400_000 }, async ([scheme, manner], context) => {
+    if (!FULL) context.skip('make test-full plays it');
+    stage.needs(context, 'media');
+    const { colors, ...settings } = manner;
+    if (colors !== undefined && stage.browser.engine !== 'chromium')
+      context.skip('only Chromium’s driver asks for forced colours');
+    const relay = await jammed();
+    const looks = await Looks.open({
+      viewport: LAPTOP,
+      media: { scheme, motion: 'reduce', ...(colors === undefined ? {} : { colors }) },
+      preload: `localStorage.setItem('posecast.settings', '${JSON.stringify({ body: '3d', ...settings })}')`,
+    });
+    const { page } = looks;
+    const tab = (name: string) => page.evaluate(`document.getElementById('tab-${name}').click()`);
+    await looks.list(relay);
+    await looks.robot(relay);
+    await looks.testId('spoken');
+
+    await page.findByTestId('liveness').click();
+    await until('why', async () => (await page.findByTestId('liveness-explained').text()) !== '');
+    await looks.at('what stands behind the chip');
+    await page.press('Escape');
+    await page.evaluate('document.querySelector("[data-testid=signs] button").click()');
+    await looks.testId('sign-menu');
+    await looks.at('the menu of signs');
+    await page.press('Escape');
+
+    await page.evaluate(`document.querySelector('tr[data-label="RKN"] button').click()`);
+    await looks.testId('joint-card');
+    await page.findByTestId('plot-pos').click();
+    await page.findByTestId('plot-cur').click();
+    await looks.at('a card');
+    await page.press('Escape');
+    for (const name of ['Sensors', 'Plots', 'Alarms']) {
+      await tab(name);
+      await until(name, () =>
+        page.evaluate<boolean>(`document.querySelector('#panel-${name} :is(td, canvas, li)') !== null`),
+      );
+      await looks.at(name);
+    }
+    for (const [name, key] of [
+      ['share', 's'],
+      ['keys', '?'],
+    ] as const) {
+      await page.press(key);
+      await looks.testId(name);
+      await looks.at(name);
+      await page.press('Escape');
+      await until('gone', async () => (await page.findByTestId(name).count()) === 0);
+    }
+    await page.evaluate('[...document.querySelectorAll("header.top .icon-button")].at(-1).click()');
+    await looks.testId('limits');
+    await page.evaluate('for (const part of document.querySelectorAll("dialog details")) part.open = true');
+    await looks.at('settings');
+    await page.press('Escape');
+    await tab('Joints');
+    await page.viewport(PHONE);
+    await looks.at('phone');
+    await page.viewport(LAPTOP);
+
+    await page.open(`${relay.url}/#/nowhere`);
+    await until('said so', async () => (await page.text()).includes('/nowhere'));
+    await looks.at('an address that names nothing');
+    await looks.embed(relay);
+    await page.open(`${relay.url}/#/`);
+    if (stage.browser.lacks.files === undefined) {
+      await looks.testId('robot-demo');
+      await page.dropFiles({ x: 600, y: 400 }, [BUNDLE]);
+      await looks.testId('local-page');
+      await until('a body', () => hasSkin(page), 60_000);
+      await looks.at('a robot from this computer');
+    }
+    expect(looks.found).toEqual({});
+  });
+});

@@ -1,0 +1,94 @@
+import { existsSync, readFileSync } from 'node:fs';
+import path from 'node:path';
+import { describe, expect, it } from 'vitest';
+import { until } from './driver/until.ts';
+import { body, resting } from './robot_page.ts';
+import { buildModel, canBuild, SHARED_ROBOTS } from './shared_robots.ts';
+import { type Configuration, manyForwardKinematics } from './stack.ts';
+import { setStage } from './stage.ts';
+
+const stage = setStage();
+const CONFIGURATIONS = 20;
+const ONE_MM = 0.001;
+/** Fewer pixels for what software draws; only poses are read. */
+const SMALL = { width: 480, height: 360 };
+/** A wire code is at most this far from what was sent, rad or m. */
+const CODED = 0.002;
+
+interface Manifest {
+  readonly joints: readonly { name: string; type: string; mimic?: object }[];
+}
+
+/** A repeatable stream of numbers in −1…1. */
+function numbers(seed: number): () => number {
+  let state = seed;
+  return () => {
+    state = (Math.imul(state, 1664525) + 1013904223) >>> 0;
+    return state / 2 ** 31 - 1;
+  };
+}
+
+// The long part: `make test-full`.
+describe.skipIf(process.env.POSECAST_FULL === undefined || !canBuild())('every robot, twenty times', () => {
+  for (const [name, urdf] of Object.entries(SHARED_ROBOTS)) {
+    it.skipIf(!existsSync(urdf))(
+      `${name}: every link stands where independent forward kinematics puts it, to 1 mm`,
+      async () => {
+        const folder = stage.stack.folder();
+        buildModel(urdf, folder);
+        const { joints } = JSON.parse(readFileSync(path.join(folder, 'manifest.json'), 'utf8')) as Manifest;
+        const free = joints.filter(({ type, mimic }) => type !== 'fixed' && mimic === undefined);
+        const next = numbers(29);
+        const wanted: Configuration[] = Array.from({ length: CONFIGURATIONS }, () =>
+          Object.fromEntries(
+            free.map(({ name: joint, type }) => [joint, next() * (type === 'prismatic' ? 0.1 : 2.5)]),
+          ),
+        );
+        const relay = await stage.stack.relay();
+        const { source } = stage.stack.fedEdge(relay, { pos: wanted[0] }, { robot: name, model: folder });
+        const page = await stage.newPage({ viewport: SMALL });
+        await page.open(`${relay.url}/#/r/${name}`);
+        await until('a body', async () => Object.keys((await body(page))?.links ?? {}).length > 0, 30_000);
+        const sent: Configuration[] = [];
+        const seen: Readonly<Record<string, readonly number[]>>[] = [];
+        for (const pos of wanted) {
+          source.write(JSON.stringify({ pos }));
+          const values = await until(
+            'its readings',
+            async () => {
+              const now = await page.evaluate<Record<string, number>>(
+                `Object.fromEntries(${JSON.stringify(Object.keys(pos))}.map((j) => [j, window.posecast.twin.value('pos', j)]))`,
+              );
+              const here = Object.entries(pos).every(
+                ([j, q]) => Math.abs((now[j] ?? NaN) - (q ?? NaN)) < CODED,
+              );
+              return here && (await resting(page)) ? now : null;
+            },
+            60_000,
+          );
+          sent.push(values);
+          seen.push((await body(page))?.links ?? {});
+        }
+        const root = { xyz: [0, 0, 0], quat_wxyz: [1, 0, 0, 0] };
+        const expected = await manyForwardKinematics(urdf, sent, root);
+        let apart = 0;
+        for (const [i, links] of expected.entries()) {
+          const [first] = Object.keys(links);
+          // how high it stands is another test's; here every link is seen from the first
+          const lift = (seen[i]?.[first ?? '']?.[11] ?? NaN) - (links[first ?? '']?.[11] ?? NaN);
+          for (const [link, pose] of Object.entries(links)) {
+            for (const [at, value] of pose.entries()) {
+              const far = Math.abs(value + (at === 11 ? lift : 0) - (seen[i]?.[link]?.[at] ?? NaN));
+              apart = Number.isNaN(far) ? Infinity : Math.max(apart, far);
+            }
+          }
+        }
+        console.log(
+          `${name}: ${joints.length + 1} links, ${expected.length} configurations, ${(apart * 1e6).toFixed(2)} µm apart`,
+        );
+        expect(apart).toBeLessThanOrEqual(ONE_MM);
+      },
+      300_000,
+    );
+  }
+});

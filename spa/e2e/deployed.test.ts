@@ -1,0 +1,25 @@
+import { describe, it } from 'vitest';
+import { engineName } from './driver/engines.ts';
+import { until } from './driver/until.ts';
+import { hasSkin, liveness, RECORD, shownPositions, shownSeq } from './robot_page.ts';
+import { setStage } from './stage.ts';
+
+/** A cloud that somebody else has started, the demo robot in it: `make compose-test` names it. */
+const URL = process.env.POSECAST_URL;
+const stage = setStage({ strangersCertificate: true });
+
+describe.skipIf(URL === undefined || engineName() !== 'chromium')('a deployed cloud', () => {
+  it('shows its robot over TLS: in the list, in numbers, in the body', async () => {
+    const page = await stage.newPage({ preload: RECORD });
+    await page.open(`${URL}/`);
+    await page.findByRole('link', /demo/i).click();
+    await until('LIVE', async () => ['LIVE', 'HOLDING'].includes(await liveness(page)));
+    await until('a body', () => hasSkin(page), 60_000);
+    const first = (await shownSeq(page)) ?? -1;
+    await until('newer frames', async () => ((await shownSeq(page)) ?? -1) > first + 30);
+    await until('numbers that move', async () => {
+      const rows = [...(await shownPositions(page)).values()];
+      return new Set(rows.map((cells) => JSON.stringify(cells))).size > 5;
+    });
+  });
+});

@@ -1,0 +1,49 @@
+/** Draw calls as the graphics interface hears them, beside what three says of itself. */
+
+import type { Page } from './driver/page.ts';
+import { until } from './driver/until.ts';
+import { renderedFrames, resting } from './robot_page.ts';
+
+export interface DrawCalls {
+  /** Of the whole picture. */
+  readonly all: number;
+  /** Of what is drawn through bones: the robot, and its ghost. */
+  readonly bones: number;
+}
+
+/** Runs before the page's own scripts: counts the calls of each picture. */
+export const COUNT_DRAWS = `(() => {
+  let now = { all: 0, bones: 0 };
+  window.pictures = [];
+  const known = new WeakMap();
+  const hasBones = (gl) => {
+    const program = gl.getParameter(gl.CURRENT_PROGRAM);
+    if (!known.has(program)) known.set(program, gl.getUniformLocation(program, 'bones') !== null);
+    return known.get(program);
+  };
+  const gl = WebGL2RenderingContext.prototype;
+  for (const name of ['drawArrays', 'drawElements', 'drawRangeElements', 'drawArraysInstanced', 'drawElementsInstanced']) {
+    const draw = gl[name];
+    gl[name] = function (...how) {
+      if (now.all++ === 0) queueMicrotask(close);
+      if (hasBones(this)) now.bones++;
+      return draw.apply(this, how);
+    };
+  }
+  const close = () => {
+    window.pictures.push(now);
+    if (window.pictures.length > 50) window.pictures.shift();
+    now = { all: 0, bones: 0 };
+  };
+})()`;
+
+/** Those of a picture in which only the camera has moved: the shadow is not drawn anew. The robot must stand still. */
+export async function drawCalls(page: Page): Promise<DrawCalls & { three: number }> {
+  for (const side of ['front', 'side']) {
+    const before = await renderedFrames(page);
+    await page.findByRole('button', side).click();
+    await until('a picture', async () => (await renderedFrames(page)) > before);
+    await until('the camera has come to rest', () => resting(page), 60_000);
+  }
+  return page.evaluate('({ ...window.pictures.at(-1), three: window.posecast.scene.drawCalls })');
+}

@@ -1,0 +1,24 @@
+/** The engine that a run of the suite is played in: `POSECAST_ENGINE`, else Chromium. */
+
+import { openChromium } from './chromium.ts';
+import { openFirefox } from './firefox.ts';
+import type { Browser, BrowserOptions, EngineName } from './page.ts';
+import { openWebKitGtk } from './webkitgtk.ts';
+
+const OPEN: Readonly<Record<EngineName, (options?: BrowserOptions) => Promise<Browser>>> = {
+  chromium: openChromium,
+  firefox: openFirefox,
+  webkitgtk: openWebKitGtk,
+};
+
+export function engineName(): EngineName {
+  const name = process.env.POSECAST_ENGINE ?? 'chromium';
+  if (!Object.hasOwn(OPEN, name)) {
+    throw new Error(`POSECAST_ENGINE is ${name}; it may be ${Object.keys(OPEN).join(', ')}`);
+  }
+  return name as EngineName;
+}
+
+export function openBrowser(options?: BrowserOptions): Promise<Browser> {
+  return OPEN[engineName()](options);
+}

@@ -1,0 +1,107 @@
+/** Finding and reading elements from inside the page, for engines whose driver does not do it as Playwright does. */
+
+import type { Json, Role } from './page.ts';
+
+export type Query =
+  | { readonly testId: string }
+  | { readonly role: Role; readonly name?: string; readonly pattern?: { source: string; flags: string } };
+
+export type Act =
+  | { readonly do: 'count' | 'text' | 'visible' | 'point' }
+  | { readonly do: 'attribute'; readonly name: string }
+  | { readonly do: 'fill'; readonly text: string };
+
+/** An expression that does it in the page and gives JSON; `{ not: why }` asks to be tried again. */
+export function inPage(query: Query, act: Act): string {
+  return `(${find.toString()})(${JSON.stringify(query)}, ${JSON.stringify(act)})`;
+}
+
+/** Runs in the page: only what is written here is there. As Playwright has it, a name is a part of the accessible name
+ *  in any case of letters, and what is hidden has no role. */
+function find(query: Query, act: Act): Json {
+  const implicit: Record<Role, string> = {
+    link: 'a[href]',
+    button: 'button, input[type=button], input[type=submit], summary',
+    heading: 'h1, h2, h3, h4, h5, h6',
+    table: 'table',
+    row: 'tr',
+    rowheader: 'th[scope=row]',
+    cell: 'td',
+    status: 'output',
+    alert: '[role=alert]',
+    img: 'img, svg[role=img]',
+    tab: '[role=tab]',
+  };
+  const shown = (element: HTMLElement): boolean => {
+    const { width, height } = element.getBoundingClientRect();
+    return width > 0 && height > 0 && getComputedStyle(element).visibility === 'visible';
+  };
+  const spoken = (element: HTMLElement): string => {
+    const by = (element.getAttribute('aria-labelledby') ?? '').split(/\s+/).filter((id) => id !== '');
+    const said =
+      by.map((id) => document.getElementById(id)?.textContent ?? '').join(' ') ||
+      element.getAttribute('aria-label') ||
+      element.getAttribute('alt') ||
+      // biome-ignore lint/performance/useDomNodeTextContent: a name is what can be read
+      element.innerText ||
+      element.getAttribute('title') ||
+      '';
+    return said.replace(/\s+/g, ' ').trim();
+  };
+  const named = (element: HTMLElement): boolean => {
+    if (!('role' in query)) return true;
+    if (query.pattern !== undefined)
+      return new RegExp(query.pattern.source, query.pattern.flags).test(spoken(element));
+    return spoken(element)
+      .toLowerCase()
+      .includes((query.name ?? '').toLowerCase());
+  };
+  const matches = (): HTMLElement[] => {
+    if ('testId' in query) {
+      return [...document.querySelectorAll<HTMLElement>(`[data-testid="${CSS.escape(query.testId)}"]`)];
+    }
+    const selector = `:is(${implicit[query.role]}):not([role]), [role=${query.role}]`;
+    return [...document.querySelectorAll<HTMLElement>(selector)].filter(
+      (element) =>
+        element.closest('[aria-hidden=true], [inert]') === null && shown(element) && named(element),
+    );
+  };
+
+  const found = matches();
+  if (act.do === 'count') return found.length;
+  const [element] = found;
+  if (act.do === 'visible') return element !== undefined && shown(element);
+  if (element === undefined) return { not: 'there' };
+  if (found.length > 1) return { not: `one element but ${found.length}` };
+  switch (act.do) {
+    case 'text':
+      // biome-ignore lint/performance/useDomNodeTextContent: what a reader sees, not what is in the tree
+      return element.innerText;
+    case 'attribute':
+      return element.getAttribute(act.name);
+    case 'fill': {
+      if (!(element instanceof HTMLInputElement || element instanceof HTMLTextAreaElement)) {
+        return { not: 'a field to type into' };
+      }
+      element.focus();
+      // past React's own setter, which would take the new value for the old one
+      Object.getOwnPropertyDescriptor(Object.getPrototypeOf(element), 'value')?.set?.call(element, act.text);
+      element.dispatchEvent(new Event('input', { bubbles: true }));
+      element.dispatchEvent(new Event('change', { bubbles: true }));
+      return null;
+    }
+    case 'point': {
+      if (!shown(element)) return { not: 'visible' };
+      if (element.matches(':disabled')) return { not: 'enabled' };
+      element.scrollIntoView({ block: 'nearest', inline: 'nearest' });
+      const { left, top, width, height } = element.getBoundingClientRect();
+      const point = { x: Math.round(left + width / 2), y: Math.round(top + height / 2) };
+      const hit = document.elementFromPoint(point.x, point.y);
+      const label = element.closest('label');
+      if (hit === null || !(element.contains(hit) || hit.contains(element) || label?.contains(hit))) {
+        return { not: `on top: ${hit?.tagName ?? 'nothing'} is` };
+      }
+      return point;
+    }
+  }
+}

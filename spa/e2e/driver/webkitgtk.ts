@@ -1,0 +1,244 @@
+/** WebKitGTK's MiniBrowser behind the words of `page.ts`, over WebDriver (https://www.w3.org/TR/webdriver2/). */
+
+import { existsSync, mkdirSync, mkdtempSync, readdirSync, rmSync, writeFileSync } from 'node:fs';
+import { tmpdir } from 'node:os';
+import path from 'node:path';
+import { Process } from '../process.ts';
+import { Complaints } from './complaints.ts';
+import { openDisplay } from './display.ts';
+import { freePort } from './free_port.ts';
+import type { Browser, BrowserOptions, Page, PageOptions, Viewport } from './page.ts';
+import { type RemoteEnd, RemotePage } from './remote_page.ts';
+import { until } from './until.ts';
+import { WatchingProxy } from './watching_proxy.ts';
+
+const DRIVER = process.env.POSECAST_WEBKIT_DRIVER ?? '/usr/bin/WebKitWebDriver';
+const BROWSER = process.env.POSECAST_WEBKIT ?? miniBrowser();
+const ANSWER_MS = 60_000;
+const HANDSHAKE_MS = 2_000;
+
+const LACKS = {
+  touch: 'WebKitWebDriver plays no touch',
+  buttons: 'WebKitWebDriver lets go of the left button only',
+  wheel: 'WebKitWebDriver turns no wheel',
+  media: 'WebKitWebDriver sets no media preference',
+  slow: 'WebKitWebDriver has no word for a slow processor',
+  files: 'WebKitWebDriver drags no files from the desktop',
+  cache: 'under automation MiniBrowser has a private session, which keeps no answers',
+};
+
+/** MiniBrowser's toolbar would keep the window wider than a phone. */
+const GTK_CSS =
+  'button, entry, toolbar, headerbar { padding: 0; margin: 0; min-width: 0; min-height: 0; border-width: 0; }';
+
+/** This protocol tells nothing by itself, so the page does: what is logged as an error, thrown or held back by policy. */
+const COMPLAIN = `(() => {
+  const say = globalThis.postDriver;
+  const words = (thing) => (thing instanceof Error ? thing + '\\n' + thing.stack : String(thing));
+  const logged = console.error;
+  console.error = (...parts) => { say(parts.map(words).join(' ')); logged(...parts); };
+  const uncaught = (event) => say('uncaught: ' + words(event.error ?? event.message));
+  addEventListener('error', (event) => { if (event instanceof ErrorEvent) uncaught(event); });
+  addEventListener('unhandledrejection', (event) => say('uncaught: ' + words(event.reason)));
+  addEventListener('securitypolicyviolation', (event) => say('held back by policy: ' + event.blockedURI));
+  const NativeWorker = Worker;
+  globalThis.Worker = class Worker extends NativeWorker {
+    constructor(...how) { super(...how); this.addEventListener('error', uncaught); }
+  };
+})();`;
+
+export async function openWebKitGtk(options: BrowserOptions = {}): Promise<Browser> {
+  const home = mkdtempSync(path.join(tmpdir(), 'posecast-webkit-'));
+  mkdirSync(path.join(home, 'gtk-3.0'));
+  writeFileSync(path.join(home, 'gtk-3.0', 'gtk.css'), GTK_CSS);
+  const display = await openDisplay();
+  const env = {
+    ...display.env,
+    GDK_BACKEND: 'x11',
+    HOME: home,
+    XDG_CONFIG_HOME: home,
+    XDG_CACHE_HOME: home,
+    XDG_DATA_HOME: home,
+    NO_AT_BRIDGE: '1',
+    DBUS_SESSION_BUS_ADDRESS: 'disabled:',
+  };
+  const args = ['--automation', ...(options.webgl === false ? ['--enable-webgl=false'] : [])];
+  const pages = new Set<Page>();
+  const close = async (): Promise<void> => {
+    for (const page of pages) await page.close();
+    await display.close();
+    rmSync(home, { recursive: true, force: true, maxRetries: 3 });
+  };
+  const start = async (pageOptions: PageOptions = {}): Promise<Page> => {
+    const page = await newPage(env, args, pageOptions);
+    pages.add(page);
+    return page;
+  };
+  try {
+    const { end, version } = await WebKitEnd.start(env, args, null);
+    await end.close();
+    return { engine: 'webkitgtk', version, lacks: LACKS, newPage: start, close };
+  } catch (cause) {
+    await close();
+    throw cause;
+  }
+}
+
+/** A page is a browser of its own here: one driver serves one session, and a session's pages share their storage. */
+async function newPage(
+  env: Readonly<Record<string, string>>,
+  args: readonly string[],
+  options: PageOptions,
+): Promise<Page> {
+  const complaints = new Complaints();
+  const preload = `${COMPLAIN}\n${options.preload ?? ''}`;
+  const proxy = await WatchingProxy.open({ preload, onReport: (text) => complaints.add(text) });
+  try {
+    const { end } = await WebKitEnd.start(env, args, proxy.port);
+    await end.resize(options.viewport ?? { width: 1280, height: 800 });
+    return new RemotePage(end, proxy, complaints);
+  } catch (cause) {
+    await proxy.close();
+    throw cause;
+  }
+}
+
+interface Session {
+  readonly sessionId: string;
+  readonly capabilities: { readonly browserVersion: string };
+}
+
+class WebKitEnd implements RemoteEnd {
+  readonly #driver: Process;
+  readonly #url: string;
+
+  private constructor(driver: Process, url: string) {
+    this.#driver = driver;
+    this.#url = url;
+  }
+
+  static async start(
+    env: Readonly<Record<string, string>>,
+    args: readonly string[],
+    proxyPort: number | null,
+  ): Promise<{ end: WebKitEnd; version: string }> {
+    const port = await freePort(); // a driver that is told to take any does not say which
+    const driver = new Process('WebKitWebDriver', DRIVER, ['--host=127.0.0.1', `--port=${port}`], {
+      group: true,
+      env,
+    });
+    try {
+      const url = `http://127.0.0.1:${port}`;
+      await until('WebKitWebDriver listens', () => command(url, 'GET', '/status'));
+      const proxy =
+        proxyPort === null ? {} : { proxy: { proxyType: 'manual', httpProxy: `127.0.0.1:${proxyPort}` } };
+      const { sessionId, capabilities } = await command<Session>(url, 'POST', '/session', {
+        capabilities: {
+          alwaysMatch: {
+            browserName: 'MiniBrowser',
+            pageLoadStrategy: 'eager', // a load that never ends would hold every command
+            'webkitgtk:browserOptions': { binary: BROWSER, args },
+            ...proxy,
+          },
+        },
+      });
+      const end = new WebKitEnd(driver, `${url}/session/${sessionId}`);
+      return { end, version: capabilities.browserVersion };
+    } catch (cause) {
+      await driver.stop();
+      throw new Error(`no WebKitGTK: ${driver.log}`, { cause });
+    }
+  }
+
+  /** A step within a document is no load, and this driver would wait for one; and the first answer after a load may
+   *  get lost, so an idle question is asked until one comes. */
+  async navigate(url: string): Promise<void> {
+    const to = JSON.stringify(url);
+    const stays = `location.href.split('#')[0] === ${to}.split('#')[0] && ${to}.includes('#')`;
+    if ((await this.evaluate(`${stays} ? String(location.href = ${to}) : null`)) !== null) return;
+    await this.#post('/url', { url });
+    await this.#loaded();
+  }
+
+  async reload(): Promise<void> {
+    await this.#post('/refresh', {});
+    await this.#loaded();
+  }
+
+  #loaded(): Promise<string> {
+    return until('the page answers', () => this.#run('document.readyState', HANDSHAKE_MS), ANSWER_MS);
+  }
+
+  evaluate(expression: string): Promise<string | null> {
+    return this.#run(expression);
+  }
+
+  async perform(actions: readonly unknown[]): Promise<void> {
+    await this.#post('/actions', { actions });
+    await command(this.#url, 'DELETE', '/actions');
+  }
+
+  /** The window is what can be sized; the viewport is what is left of it. */
+  async resize(size: Viewport): Promise<void> {
+    const inner = async (): Promise<Viewport> =>
+      JSON.parse((await this.evaluate('JSON.stringify({ width: innerWidth, height: innerHeight })')) ?? '');
+    let window: Viewport = size;
+    await until(`a viewport of ${size.width} × ${size.height}`, async () => {
+      await this.#post('/window/rect', window);
+      const now = await inner();
+      if (now.width === size.width && now.height === size.height) return true;
+      const rect = await command<Viewport>(this.#url, 'GET', '/window/rect');
+      window = {
+        width: rect.width + size.width - now.width,
+        height: rect.height + size.height - now.height,
+      };
+      return false;
+    });
+  }
+
+  async capture(): Promise<Buffer> {
+    return Buffer.from(await command<string>(this.#url, 'GET', '/screenshot'), 'base64');
+  }
+
+  async close(): Promise<void> {
+    if (!this.#driver.running) return;
+    await command(this.#url, 'DELETE', '').catch(() => undefined); // the browser may be gone already
+    await this.#driver.stop();
+  }
+
+  #run(expression: string, answerMs = ANSWER_MS): Promise<string | null> {
+    const body = { script: `return ${expression}`, args: [] };
+    return command(this.#url, 'POST', '/execute/sync', body, answerMs);
+  }
+
+  #post<T>(route: string, body: object): Promise<T> {
+    return command<T>(this.#url, 'POST', route, body);
+  }
+}
+
+async function command<T>(
+  url: string,
+  method: string,
+  route: string,
+  body?: object,
+  answerMs = ANSWER_MS,
+): Promise<T> {
+  const answer = await fetch(url + route, {
+    method,
+    signal: AbortSignal.timeout(answerMs),
+    ...(body === undefined ? {} : { body: JSON.stringify(body) }),
+  });
+  const { value } = (await answer.json()) as { value: T & { error?: string; message?: string } };
+  if (!answer.ok) throw new Error(`${method} ${route}: ${value.error}: ${value.message}`);
+  return value;
+}
+
+/** Where Debian keeps it: a folder that is named after the machine. */
+function miniBrowser(): string {
+  const places = readdirSync('/usr/lib')
+    .flatMap((machine) =>
+      ['webkit2gtk-4.1', 'webkitgtk-6.0'].map((api) => `/usr/lib/${machine}/${api}/MiniBrowser`),
+    )
+    .filter((place) => existsSync(place));
+  return places[0] ?? 'MiniBrowser';
+}

@@ -1,0 +1,82 @@
+import { expect, it } from 'vitest';
+import type { Page } from './driver/page.ts';
+import { until } from './driver/until.ts';
+import { liveness, RECORD } from './robot_page.ts';
+import { setStage } from './stage.ts';
+
+const stage = setStage();
+
+const FINE = {
+  flags: { RKN: ['homed', 'enabled'] },
+  wave: { pos: { RKN: [0.4, 0.5] }, ref: { RKN: [0.4, 0.5] } },
+};
+const JAMMED = { ...FINE, flags: { RKN: ['homed', 'enabled', 'jam'] } };
+
+const line = (page: Page) =>
+  page.evaluate<string>('document.querySelector("[data-testid=fault-line]").textContent');
+const row = (page: Page) =>
+  page.evaluate<{ latched: string; flags: string; first: string | null }>(`(() => {
+    const row = document.querySelector('tr[data-label="RKN"]');
+    return {
+      latched: row.dataset.latched,
+      flags: row.querySelector('[data-field="flags"]').textContent,
+      first: row.parentElement.firstElementChild.dataset.label,
+    };
+  })()`);
+
+it('a fault of 30 ms stays until it is acknowledged in this browser, also after a reload', async () => {
+  const relay = await stage.stack.relay();
+  const { source } = stage.stack.fedEdge(relay, FINE, { profile: 'demo' });
+  const page = await stage.newPage({ preload: RECORD });
+  await page.open(`${relay.url}/#/r/demo`);
+  await until('LIVE', async () => (await liveness(page)) === 'LIVE');
+  await until('no faults', async () => (await line(page)) === 'No faults');
+
+  source.write(JSON.stringify({ ...JAMMED, once: true }));
+  await until('it is over, and still there', async () => (await row(page)).latched === 'over');
+  expect(await line(page)).toMatch(/^RKN jam· over since/);
+  expect(await row(page)).toMatchObject({ flags: 'jam, over', first: 'RKN' });
+
+  await page.open(`${relay.url}/?again#/r/demo`);
+  await until(
+    'the relay tells it again',
+    async () => (await row(page).catch(() => null))?.latched === 'over',
+  );
+  await page.findByTestId('acknowledge').click();
+  await until('acknowledged', async () => (await row(page)).latched === '');
+  expect(await line(page)).toBe('No faults');
+
+  await page.open(`${relay.url}/?third#/r/demo`);
+  await until('LIVE', async () => (await liveness(page)) === 'LIVE');
+  await until('no faults', async () => (await line(page)) === 'No faults');
+
+  source.write(JSON.stringify(JAMMED));
+  await until('the next one', async () => (await row(page)).latched === 'lasts');
+  await page.findByTestId('acknowledge').click();
+  await until('quiet, and not gone', async () => (await line(page)) === '1 fault, acknowledged');
+});
+
+it('is found in one tap: the line opens the joint, with its last minute and what happened', async () => {
+  const relay = await stage.stack.relay();
+  stage.stack.fedEdge(relay, JAMMED, { profile: 'demo' });
+  for (const viewport of [
+    { width: 390, height: 844 },
+    { width: 1280, height: 800 },
+  ]) {
+    const page = await stage.newPage({ viewport });
+    await page.open(`${relay.url}/#/r/demo`);
+    await until('the fault is told', async () => (await line(page).catch(() => '')).startsWith('RKN jam'));
+    await page.findByRole('button', /^RKN jam/).click();
+    const card = page.findByTestId('joint-card');
+    await until('its card', async () => (await card.count()) === 1);
+    const text = () =>
+      page.evaluate<string>('document.querySelector("[data-testid=joint-card]").textContent');
+    const points = () =>
+      page.evaluate<number>('document.querySelector(".trace-pos").getAttribute("d").split(/[ML]/).length');
+    await until('a strip that grows', async () => (await points()) > 5);
+    expect(await text()).toMatch(/RKN.*right knee.*\d\d:\d\d:\d\djam.*still there.*position.*reference/s);
+    await page.press('Escape');
+    await until('the table again', async () => (await card.count()) === 0);
+    await page.close();
+  }
+});

@@ -1,0 +1,124 @@
+import { existsSync } from 'node:fs';
+import { expect, it } from 'vitest';
+import { until } from './driver/until.ts';
+import { FaultyLink } from './proxy.ts';
+import { canBuild, SHARED_ROBOTS } from './shared_robots.ts';
+import type { Relay } from './stack.ts';
+import { FULL, setStage } from './stage.ts';
+
+const stage = setStage();
+
+/** 1.6 Mbit/s for all connections together and a round trip of 150 ms, a new connection's handshake included. */
+const SLOW = { delayMs: 75, bytesPerSecond: 200_000 };
+
+interface Asked {
+  readonly file: string;
+  readonly startMs: number;
+  readonly endMs: number;
+  readonly bytes: number;
+}
+
+/** As the relay lists a robot. */
+interface Listed {
+  readonly status: string;
+  readonly model: string | null;
+}
+
+interface Sight {
+  readonly marks: Readonly<Record<string, number>>;
+  readonly asked: readonly Asked[];
+}
+
+/** "The script has run" is the mark `posecast:script`: the first line of the page's own script after what it imports. */
+const SIGHT = `(() => ({
+  marks: Object.fromEntries(performance.getEntriesByType('mark').map((e) => [e.name.replace('posecast:', ''), e.startTime])),
+  asked: performance.getEntriesByType('resource').map((e) => ({
+    file: e.name.split('/').pop().replace(/-[\\w-]{8}\\.(js|css)$/, '.$1'), startMs: e.startTime, endMs: e.responseEnd, bytes: e.transferSize,
+  })),
+}))()`;
+
+/** What a page on a slow line has seen of a robot once it wears its shells. */
+async function firstSight(relay: Relay, robot: string): Promise<Sight> {
+  await until(
+    'on air, with a model',
+    async () => {
+      const [found] = ((await relay.json('/api/v1/robots')) as { robots: Listed[] }).robots;
+      return found?.status === 'online' && found.model !== null;
+    },
+    60_000,
+  );
+  const link = await FaultyLink.open(relay.port);
+  link.fault(SLOW);
+  const page = await stage.newPage();
+  await page.open(`${link.url}/#/r/${robot}`);
+  const look = () => page.evaluate<Sight>(SIGHT);
+  for (const mark of ['skeleton', 'skin'])
+    await until(mark, async () => (await look()).marks[mark] !== undefined, 30_000);
+  const seen = await look();
+  await link.close();
+
+  const at = (mark: string) => seen.marks[mark] ?? Number.NaN;
+  for (const { file: name, startMs, endMs, bytes } of seen.asked) {
+    console.log(`${startMs.toFixed(0).padStart(6)} – ${endMs.toFixed(0).padStart(6)} ms ${bytes} B ${name}`);
+  }
+  console.log(`script ${at('script').toFixed(0)} ms after the page was asked for; then`);
+  console.log(
+    `${robot}: skeleton after ${(at('skeleton') - at('script')).toFixed(0)} ms, shells after ${(at('skin') - at('script')).toFixed(0)} ms, ${link.passedBytes} bytes in all`,
+  );
+  return seen;
+}
+
+/** Nothing waits for what it does not need: order and bytes, whatever the machine's mood. */
+function nothingInTheWay({ marks, asked }: Sight, manifestBytes: number): void {
+  const file = (name: string): Asked => {
+    const found = asked.find((one) => one.file === name);
+    if (found === undefined) throw new Error(`${name} was never asked for: ${asked.map((one) => one.file)}`);
+    return found;
+  };
+  const at = (mark: string): number => marks[mark] ?? Number.NaN;
+
+  // What the skeleton waited for, and nothing else: page, styles, stream, manifest.
+  const before = asked.filter((one) => one.endMs > 0 && one.endMs <= at('skeleton'));
+  const needed = before.filter((one) => !/^(favicon|scene|three|stance)|\.glb$/.test(one.file));
+  expect(needed.map((one) => one.file)).toEqual(
+    expect.arrayContaining(['early.js', 'index.css', 'index.js', 'manifest.json', 'worker.js']),
+  );
+  expect(needed.reduce((sum, one) => sum + one.bytes, 0)).toBeLessThan(140_000);
+  // Page → early script → worker → hello on the stream → manifest: nothing else waits for anything before it.
+  expect(file('early.js').startMs).toBeLessThan(file('index.js').endMs);
+  expect(file('worker.js').startMs, 'the stream starts before the page is here').toBeLessThan(at('script'));
+  expect(file('manifest.json').bytes, 'packed').toBeLessThan(manifestBytes);
+  expect(at('skeleton'), 'lines before the code for shells').toBeLessThan(file('scene.js').endMs);
+  expect(
+    asked.find((one) => one.file.endsWith('.glb'))?.startMs,
+    'shells side by side with the code for them',
+  ).toBeLessThan(file('scene.js').endMs);
+  expect(at('skin'), 'shells after lines').toBeGreaterThan(at('skeleton'));
+}
+
+it('on a slow line the robot moves in lines at once, and has its shells when their bytes are here', async () => {
+  const relay = await stage.stack.relay();
+  stage.stack.edge(relay); // the demo robot
+  nothingInTheWay(await firstSight(relay, 'demo'), 6000);
+});
+
+const G1 = SHARED_ROBOTS.g1 ?? '';
+it.skipIf(!FULL || !existsSync(G1) || !canBuild())(
+  'so does Unitree G1, whose model the edge has built',
+  async () => {
+    const relay = await stage.stack.relay();
+    const swinging = {
+      pos: { left_knee_joint: 0.4, right_knee_joint: 0.4 },
+      wave: { pos: { left_elbow_joint: [0.6, 0.5] } },
+    };
+    stage.stack.fedEdge(relay, swinging, { robot: 'g1', urdf: G1 });
+    const seen = await firstSight(relay, 'g1');
+    nothingInTheWay(seen, 12_000);
+    const shells = seen.asked.filter(
+      (one) => one.file.endsWith('.glb') && one.endMs <= (seen.marks.skin ?? 0),
+    );
+    expect(shells.length, 'its lowest level, and no other').toBe(1);
+    expect(shells[0]?.bytes).toBeLessThan(200_000);
+  },
+  120_000,
+);

@@ -1,0 +1,35 @@
+import { expect, it } from 'vitest';
+import { until } from './driver/until.ts';
+import { hasSkin } from './robot_page.ts';
+import { setStage } from './stage.ts';
+
+const stage = setStage();
+
+it('the page and its worker load nothing but their own, and make no code from text', async () => {
+  const relay = await stage.stack.relay();
+  stage.stack.edge(relay);
+  const page = await stage.newPage();
+  await page.open(`${relay.url}/#/r/demo`);
+  await until('shells, which WebAssembly unpacks', () => hasSkin(page), 60_000);
+
+  const own = await page.evaluate<string>(
+    `document.querySelector('meta[http-equiv="Content-Security-Policy"]').content`,
+  );
+  const scripts = own.split('; ').find((part) => part.startsWith('script-src'));
+  expect(scripts).toBe("script-src 'self' 'wasm-unsafe-eval'");
+  const worker = page.requested.find((url) => /\/worker-[^/]+\.js$/.test(url));
+  for (const url of [relay.url, worker ?? 'no worker was asked for']) {
+    const told = url === worker ? own : `${own}; frame-ancestors 'none'`; // which only a header may say
+    expect((await fetch(url)).headers.get('content-security-policy'), url).toBe(told);
+  }
+
+  const signingIn = page.requested.filter((url) => /account|firebase|googleapis/i.test(url));
+  expect(signingIn, 'nothing of Firebase where nobody signs in').toEqual([]);
+
+  page.forgive(/polic/i); // that it is held back is logged
+  // in a task of the page's own: what a driver evaluates may be excepted
+  const made = await page.evaluate<string>(`new Promise((done) => setTimeout(() => {
+    try { done(new Function('return "made"')()); } catch (error) { done(error.name); }
+  }))`);
+  expect(made).toBe('EvalError');
+});

@@ -1,0 +1,70 @@
+/** Words of the tests of what is drawn about a robot. */
+
+import { execFileSync } from 'node:child_process';
+import path from 'node:path';
+import type { Page } from './driver/page.ts';
+import { until } from './driver/until.ts';
+import { body } from './robot_page.ts';
+import { PYTHON, REPO } from './stack.ts';
+
+const EDGE = path.join(REPO, 'edge-agent/src/posecast_edge');
+export const DEMO = {
+  profile: path.join(EDGE, 'profiles/demo.toml'),
+  model: path.join(EDGE, 'demo_bundle/model'),
+};
+
+/** The colour of a fault in either theme. */
+export const FAULT = /^#(ff5d5d|c81e1e)$/;
+
+interface Shown {
+  readonly value: number | null;
+  readonly level: string;
+  readonly size: number;
+}
+
+export interface Signs {
+  readonly wrenches: readonly { site: string; force: Shown | null; moment: Shown | null }[];
+  readonly deviations: readonly { channel: string; error: number; compliant: boolean }[];
+  readonly level: {
+    planeZ: number | null;
+    roll: number | null;
+    pitch: number | null;
+    feet: readonly string[];
+  };
+  readonly loads: Readonly<Record<string, string>>;
+  readonly ghostLinks: readonly string[];
+}
+
+/** What the demo robot says at a second of its programme. */
+export function demoAt(second: number): Record<string, Record<string, number | null>> {
+  const output = execFileSync(PYTHON, [path.join(REPO, 'spa/e2e/demo_moment.py'), String(second)]);
+  return JSON.parse(output.toString());
+}
+
+export function signs(page: Page): Promise<Signs> {
+  return page.evaluate<Signs>('JSON.parse(JSON.stringify(window.posecast.scene.signs))');
+}
+
+export function labels(page: Page): Promise<string[]> {
+  return page.evaluate<string[]>(
+    `[...document.querySelectorAll('.sign-label')].map((label) => label.dataset.sign + ': ' + label.textContent)`,
+  );
+}
+
+export async function shown(page: Page): Promise<void> {
+  await until('a body', async () => Object.keys((await body(page))?.links ?? {}).length > 0, 60_000);
+}
+
+export async function choose(page: Page, settings: Record<string, unknown>): Promise<void> {
+  await page.evaluate(`(() => {
+    const key = 'posecast.settings';
+    const kept = JSON.parse(localStorage.getItem(key) ?? '{}');
+    localStorage.setItem(key, JSON.stringify({ ...kept, ...${JSON.stringify(settings)} }));
+    // the address may say what was chosen before, and would win
+    history.replaceState(null, '', location.hash.split('?')[0]);
+    history.replaceState = () => {};
+  })()`);
+  page.forgive(/Importing a module script failed/); // what WebKit says of one that the reload has cut off
+  await page.reload();
+  await shown(page);
+}

@@ -1,0 +1,108 @@
+import { describe, expect, it } from 'vitest';
+import { sampleChain, writeBuilt } from './built_model.ts';
+import type { Page } from './driver/page.ts';
+import { until } from './driver/until.ts';
+import { staysWatchable } from './slow_device.ts';
+import { FULL, setStage } from './stage.ts';
+
+const stage = setStage();
+
+const ratio = (page: Page) => page.evaluate<number>('window.posecast?.scene?.pixelRatio ?? 0');
+const trouble = (page: Page) =>
+  page.evaluate<string>('document.querySelector("[data-testid=view-note]")?.dataset.trouble ?? ""');
+const shells = (page: Page) => page.evaluate<number>('window.posecast?.scene?.triangles ?? 0');
+
+/** Software that draws many pixels is as slow as any phone; a fast machine is made to wait between repaints. */
+const LONG_REPAINTS = `(() => {
+  const of = window.requestAnimationFrame.bind(window);
+  window.requestAnimationFrame = (tick) =>
+    of((ms) => (window.hurry ? tick(ms) : setTimeout(() => tick(performance.now()), 70)));
+})()`;
+
+/** No settings: the page decides by itself. */
+const AS_IT_COMES = `try { localStorage.setItem('posecast.settings', '{}') } catch {}`;
+
+describe.skipIf(!FULL)('a slow device', () => {
+  it('gets ten poses a second, in 3D or, where that is too slow, by hand', async (context) => {
+    stage.needs(context, 'slow');
+    const relay = await stage.stack.relay();
+    stage.stack.edge(relay);
+    const page = await stage.newPage({ viewport: { width: 390, height: 700 }, preload: AS_IT_COMES });
+    await page.open(`${relay.url}/#/r/demo`);
+    await until('a body', async () => (await shells(page)) > 500, 60_000);
+    await staysWatchable(page, async () => (await trouble(page)) === 'slow');
+  });
+
+  it('too slow for 3D goes over to the light view by itself and says so; asked to stay in 3D, it stays', async () => {
+    const relay = await stage.stack.relay();
+    stage.stack.edge(relay);
+    const page = await stage.newPage({
+      viewport: { width: 390, height: 700 },
+      preload: `${AS_IT_COMES};${LONG_REPAINTS.replace('70', '130')}`,
+    });
+    await page.open(`${relay.url}/#/r/demo`);
+    await until('3D', async () => (await shells(page)) > 500 && (await trouble(page)) !== 'slow', 60_000);
+    await until('by hand', async () => (await trouble(page)) === 'slow', 120_000);
+    await until('a body', async () => (await shells(page)) > 500, 60_000);
+    expect(await page.findByTestId('view-note').text()).toMatch(/too slow for 3D.*light view/);
+    await page.findByRole('button', 'Try 3D again').click();
+    await until(
+      '3D again',
+      async () => (await trouble(page)) !== 'slow' && (await shells(page)) > 500,
+      60_000,
+    );
+    expect(await page.evaluate<string>('window.posecast.settings.body')).toBe('3d');
+    const before = await page.evaluate<number>('window.posecast.scene.renderedFrames');
+    await until(
+      'as many pictures as it took before, and more',
+      async () => (await page.evaluate<number>('window.posecast.scene.renderedFrames')) > before + 100,
+      120_000,
+    );
+    await until('it says so', async () => (await trouble(page)) === 'detail');
+  });
+
+  it('gets the light view when the person wants it, and with it ten poses a second', async (context) => {
+    stage.needs(context, 'slow');
+    const relay = await stage.stack.relay();
+    stage.stack.edge(relay);
+    // Where a repaint takes long, as on a device with a weak graphics card.
+    const page = await stage.newPage({ viewport: { width: 390, height: 700 }, preload: LONG_REPAINTS });
+    await page.open(`${relay.url}/#/r/demo`);
+    await until(
+      'it is offered',
+      async () => (await page.findByRole('button', 'Light view').count()) === 1,
+      90_000,
+    );
+    await page.evaluate('window.hurry = true'); // it was the graphics card
+    await page.findByRole('button', 'Light view').click();
+    await until(
+      'drawn by hand',
+      async () => (await trouble(page)) === 'chosen' && (await shells(page)) > 500,
+      30_000,
+    );
+    await staysWatchable(page);
+    await page.findByRole('button', 'Back to 3D').click();
+    await until('3D', async () => (await trouble(page)) !== 'chosen', 30_000);
+  });
+
+  it('gives up pixels, then detail, and says so; at rest all its pixels are there', async () => {
+    const relay = await stage.stack.relay();
+    const files = await writeBuilt(stage.stack.folder(), sampleChain(60));
+    const swinging = { pos: { joint1: 0.3 }, wave: { pos: { joint2: [0.5, 0.5] } } };
+    const { source } = stage.stack.fedEdge(relay, swinging, { model: files.folder });
+    const page = await stage.newPage({
+      preload: LONG_REPAINTS,
+    });
+    await page.open(`${relay.url}/#/r/demo`);
+    await until('a body', async () => (await shells(page)) > 500, 60_000);
+    const whole = await ratio(page);
+    await until('fewer pixels', async () => (await ratio(page)) < whole, 60_000);
+    await until('it says so', async () => /pixels|detail/.test(await trouble(page)));
+    const fine = await shells(page);
+    await until('less detail', async () => (await trouble(page)) === 'detail', 60_000);
+    await until('a coarser body', async () => (await shells(page)) <= fine);
+    expect(await page.findByTestId('view-note').text()).toMatch(/slow/);
+    source.write(JSON.stringify({ pos: { joint1: 0.3, joint2: 0 } }));
+    await until('sharp at rest', async () => (await ratio(page)) === whole, 30_000);
+  });
+});

@@ -1,0 +1,59 @@
+import { mkdirSync } from 'node:fs';
+import path from 'node:path';
+import { describe, expect, it } from 'vitest';
+import { COUNT_DRAWS, drawCalls } from './draw_calls.ts';
+import { engineName } from './driver/engines.ts';
+import { until } from './driver/until.ts';
+import { poseMatches } from './pose_check.ts';
+import { cellNumber, hasSkin, liveness, RECORD, resting, shownPositions, shownSeq } from './robot_page.ts';
+import { REPO } from './stack.ts';
+import { setStage } from './stage.ts';
+
+const stage = setStage();
+const SHOTS = path.join(REPO, 'spa/e2e/shots');
+const URDF = path.join(REPO, 'edge-agent/src/posecast_edge/demo_bundle/robot.urdf');
+/** Three decimals are shown. */
+const HALF_DIGIT = 0.0005 + 1e-9;
+
+/** What `make test` plays in every engine. */
+describe('the whole path', () => {
+  it('leads from the list to the numbers and the moving body, drawn in one call', async () => {
+    const relay = await stage.stack.relay();
+    const tap = stage.stack.tap(relay);
+    const edge = stage.stack.edge(relay);
+    const page = await stage.newPage({ preload: `${RECORD};${COUNT_DRAWS}` });
+    await page.open(`${relay.url}/`);
+    await page.findByRole('link', /demo/i).click();
+    await until('LIVE', async () => ['LIVE', 'HOLDING'].includes(await liveness(page)));
+
+    const shown = await until('frames that the tap has too', async () => {
+      const rows = [...(await shownPositions(page))].filter(([seq]) => tap.frame(seq) !== undefined);
+      return rows.length >= 5 ? rows : null;
+    });
+    for (const [seq, cells] of shown) {
+      expect(Object.keys(cells).length, `rows of frame ${seq}`).toBeGreaterThan(5);
+      for (const [joint, cell] of Object.entries(cells)) {
+        const value = tap.frame(seq)?.values.pos?.[joint] ?? null;
+        const far = Math.abs((cellNumber(cell) ?? Number.NaN) - (value ?? Number.NaN));
+        if (value !== null) expect(far, `${joint} of frame ${seq}`).toBeLessThanOrEqual(HALF_DIGIT);
+      }
+    }
+
+    await until('a body', () => hasSkin(page), 60_000);
+    const first = await poseMatches(page, edge, tap, URDF);
+    await until('newer frames', async () => ((await shownSeq(page)) ?? -1) > first + 30);
+    expect(await poseMatches(page, edge, tap, URDF)).toBeGreaterThan(first);
+    mkdirSync(SHOTS, { recursive: true });
+    await page.screenshot(path.join(SHOTS, `smoke-${engineName()}.png`));
+
+    edge.signal('SIGSTOP');
+    await until('it stands still', async () => ['STALE', 'OFFLINE'].includes(await liveness(page)));
+    await until('the colour has drained', () => resting(page), 60_000);
+    const calls = await drawCalls(page);
+    edge.signal('SIGCONT');
+    console.log(`${stage.browser.engine} ${stage.browser.version}: ${JSON.stringify(calls)} draw calls`);
+    expect(calls.bones).toBe(1);
+    expect(calls.all).toBe(calls.three); // nothing is split up on its way
+    expect(calls.all).toBeLessThanOrEqual(20);
+  });
+});

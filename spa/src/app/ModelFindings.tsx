@@ -1,0 +1,23 @@
+import type { ModelReport } from '../scene/index.ts';
+import { remarksWords } from './body_words.ts';
+import { useMore } from './more.ts';
+
+/** What the edge's doctor says of the model, behind one quiet line; hints are for who builds the model, not for viewers. */
+export function ModelFindings({ findings = [] }: { findings: ModelReport['findings'] | undefined }) {
+  const said = useMore();
+  const shown = findings.filter(({ severity }) => severity !== 'hint');
+  if (shown.length === 0) return null;
+  return (
+    <details className="model-findings" data-testid="model-findings">
+      <summary>{remarksWords(shown.length)}</summary>
+      <ul>
+        {shown.map(({ severity, line, text }) => (
+          <li key={`${line} ${text}`} data-severity={severity}>
+            {text}
+            {line !== null && <span className="quiet"> · {said.line(line)}</span>}
+          </li>
+        ))}
+      </ul>
+    </details>
+  );
+}

@@ -1,0 +1,20 @@
+/** How a trace is told from others: a colour, and from the fifth on a dash as well. Red stays what it is for. */
+const COLORS = {
+  dark: ['#5aa9ff', '#e6b35a', '#4fd1b5', '#c59bff'],
+  light: ['#1d6fd1', '#96600a', '#0a7a66', '#7b3fc4'],
+} as const;
+const DASHES: readonly (readonly number[])[] = [[], [7, 4]];
+
+export interface TraceStyle {
+  readonly color: string;
+  /** CSS px: line, gap; empty for a whole line. */
+  readonly dash: readonly number[];
+}
+
+export function traceStyle(index: number, theme: 'dark' | 'light'): TraceStyle {
+  const colors = COLORS[theme];
+  return {
+    color: colors[index % colors.length]!,
+    dash: DASHES[Math.floor(index / colors.length) % DASHES.length]!,
+  };
+}

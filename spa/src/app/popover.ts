@@ -1,0 +1,28 @@
+import { type RefObject, useEffect, useRef, useState } from 'react';
+
+/** Something that opens over the page and goes again by Escape, or when anything outside `around` is pressed. */
+export function usePopover<T extends HTMLElement>(): {
+  open: boolean;
+  setOpen: (open: boolean) => void;
+  around: RefObject<T | null>;
+} {
+  const [open, setOpen] = useState(false);
+  const around = useRef<T>(null);
+  useEffect(() => {
+    if (!open) return;
+    const leave = (event: Event) => {
+      const leaves =
+        event instanceof KeyboardEvent
+          ? event.key === 'Escape'
+          : !around.current?.contains(event.target as Node);
+      if (leaves) setOpen(false);
+    };
+    window.addEventListener('pointerdown', leave);
+    window.addEventListener('keydown', leave);
+    return () => {
+      window.removeEventListener('pointerdown', leave);
+      window.removeEventListener('keydown', leave);
+    };
+  }, [open]);
+  return { open, setOpen, around };
+}

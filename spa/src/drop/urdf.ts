@@ -1,0 +1,97 @@
+import type { Finding } from './finding.ts';
+
+/** A URDF as typed values: metres, radians, rpy about fixed axes. */
+
+export type Vector = readonly [number, number, number];
+
+export interface Shape {
+  readonly kind: 'mesh' | 'box' | 'cylinder' | 'sphere' | 'capsule';
+  readonly uri: string;
+  readonly scale: Vector;
+  readonly dims: readonly number[];
+  readonly line: number | null;
+}
+
+export interface Visual {
+  readonly xyz: Vector;
+  readonly rpy: Vector;
+  readonly shape: Shape | null;
+  readonly material: Material | null;
+  readonly line: number | null;
+}
+
+export interface Material {
+  readonly name: string;
+  readonly rgba: readonly number[] | null;
+  readonly texture: string | null;
+  readonly line: number | null;
+}
+
+export interface Inertial {
+  readonly mass: number;
+  /** ixx, ixy, ixz, iyy, iyz, izz; kg·m². */
+  readonly moments: readonly number[];
+  readonly line: number | null;
+}
+
+export interface Link {
+  readonly name: string;
+  /** The collision shapes where no link of the robot has a visual. */
+  readonly visuals: readonly Visual[];
+  readonly inertial: Inertial | null;
+  readonly line: number | null;
+}
+
+/** null: not given. */
+export interface Limit {
+  readonly lower: number | null;
+  readonly upper: number | null;
+  readonly velocity: number | null;
+  readonly effort: number | null;
+  readonly line: number | null;
+}
+
+export interface Mimic {
+  readonly joint: string;
+  readonly line: number | null;
+}
+
+export type JointKind = 'revolute' | 'continuous' | 'prismatic' | 'fixed' | 'floating' | 'planar';
+
+export interface Joint {
+  readonly name: string;
+  readonly type: JointKind;
+  readonly parent: string;
+  readonly child: string;
+  readonly xyz: Vector;
+  readonly rpy: Vector;
+  /** As written; null when absent. */
+  readonly axis: Vector | null;
+  readonly limit: Limit | null;
+  readonly mimic: Mimic | null;
+  readonly line: number | null;
+}
+
+export interface Urdf {
+  readonly name: string;
+  /** The file's order, with doubles. */
+  readonly links: readonly Link[];
+  readonly joints: readonly Joint[];
+  readonly materials: ReadonlyMap<string, Material>;
+  readonly sensors: readonly { readonly name: string; readonly link: string; readonly line: number | null }[];
+  /** Mentions of joints or links outside the tree. */
+  readonly references: readonly {
+    readonly what: string;
+    readonly name: string;
+    readonly by: string;
+    readonly line: number | null;
+  }[];
+  readonly findings: readonly Finding[];
+}
+
+export const SCALAR_TYPES: ReadonlySet<string> = new Set(['revolute', 'continuous', 'prismatic']);
+
+/** A visual's material: what its name stands for in the robot, else its own. */
+export function materialOf({ material }: Visual, { materials }: Urdf): Material | null {
+  return material === null ? null : (materials.get(material.name) ?? material);
+}

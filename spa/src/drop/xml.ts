@@ -1,0 +1,116 @@
+/** XML from strangers as small trees with line numbers: what a browser's own reader doesn't tell. */
+
+const MAX_BYTES = 8 << 20;
+const MAX_ELEMENTS = 50_000;
+const MAX_DEPTH = 64;
+
+/** No XML that is accepted: one line, and where. */
+export class XmlRefused extends Error {
+  readonly line: number | null;
+
+  constructor(reason: string, line: number | null) {
+    super(reason);
+    this.line = line;
+  }
+}
+
+export class XmlElement {
+  readonly tag: string;
+  readonly line: number | null;
+  readonly children: readonly XmlElement[];
+  readonly #element: Element;
+
+  constructor(element: Element, lines: Iterator<number | null>) {
+    this.#element = element;
+    this.tag = element.nodeName;
+    this.line = lines.next().value ?? null; // document order: itself before its children
+    this.children = [...element.children].map((child) => new XmlElement(child, lines));
+  }
+
+  get(name: string): string | null {
+    return this.#element.getAttribute(name);
+  }
+
+  all(tag: string): XmlElement[] {
+    return this.children.filter((child) => child.tag === tag);
+  }
+
+  first(tag: string): XmlElement | null {
+    return this.children.find((child) => child.tag === tag) ?? null;
+  }
+}
+
+/** Throws XmlRefused; a hostile text is refused before the browser builds anything of it. */
+export function readXml(text: string): XmlElement {
+  if (text.length > MAX_BYTES) throw new XmlRefused('larger than 8 MiB', null);
+  const { lines, declared } = scan(text);
+  const xml = new DOMParser().parseFromString(declared, 'text/xml');
+  const complaint = xml.querySelector('parsererror')?.textContent;
+  if (complaint != null) {
+    const line = /line(?: number)?:? (\d+)/i.exec(complaint)?.[1];
+    const why = /error on line \d+ at column \d+: ([^\n]*)/
+      .exec(complaint)?.[1]
+      ?.replace(/Below is a .*/, '');
+    throw new XmlRefused(
+      `not XML: ${(why ?? complaint.split('\n')[0] ?? '').trim()}`,
+      line ? Number(line) : null,
+    );
+  }
+  const count = xml.getElementsByTagName('*').length;
+  return new XmlElement(xml.documentElement, (count === lines.length ? lines : []).values());
+}
+
+/** What stands between `<` and `>` of a tag. Nothing in it backtracks far: no tag holds another `<`. */
+const TAG = /<(\/?)([^\s/>!?<][^\s/><]*)((?:"[^"<]*"|'[^'<]*'|[^<>"'])*?)(\/?)>/y;
+/** What holds no tags, and how it ends. */
+const ASIDES = [
+  ['<!--', '-->'],
+  ['<![CDATA[', ']]>'],
+  ['<?', '?>'],
+] as const;
+
+/**
+ * The line of each start tag, in the document's order; and the text with every prefix declared that it uses: the edge
+ * reads `xacro:` without its namespace, a browser does not. Throws XmlRefused beyond the bounds.
+ */
+function scan(text: string): { lines: number[]; declared: string } {
+  const lines: number[] = [];
+  const prefixes = new Set<string>();
+  let line = 1;
+  let newline = text.indexOf('\n');
+  let depth = 0;
+  let root: number | null = null;
+  for (let at = text.indexOf('<'); at >= 0; ) {
+    for (; newline >= 0 && newline < at; newline = text.indexOf('\n', newline + 1)) line += 1;
+    if (/^<!(DOCTYPE|ENTITY)/i.test(text.slice(at, at + 10)))
+      throw new XmlRefused('a document type (DTD) is not accepted', line);
+    const aside = ASIDES.find(([begin]) => text.startsWith(begin, at));
+    if (aside !== undefined) {
+      const end = text.indexOf(aside[1], at + aside[0].length);
+      if (end < 0) break; // it never ends: the browser says so
+      at = text.indexOf('<', end + aside[1].length);
+      continue;
+    }
+    TAG.lastIndex = at;
+    const tag = TAG.exec(text);
+    at = text.indexOf('<', at + 1);
+    if (tag === null) continue;
+    const [, closing, name = '', attributes = '', empty] = tag;
+    if (closing === '/') {
+      depth -= 1;
+      continue;
+    }
+    root ??= tag.index + 1 + name.length;
+    for (const [, prefix] of `${name} ${attributes}`.matchAll(/(?:^|\s)([\w.-]+):[\w.-]+/g))
+      prefixes.add(prefix!);
+    lines.push(line);
+    if (lines.length > MAX_ELEMENTS) throw new XmlRefused(`more than ${MAX_ELEMENTS} elements`, line);
+    if (depth >= MAX_DEPTH) throw new XmlRefused(`nested more than ${MAX_DEPTH} deep`, line);
+    if (empty !== '/') depth += 1;
+  }
+  const missing = [...prefixes].filter(
+    (prefix) => !/^xml(ns)?$/.test(prefix) && !text.includes(`xmlns:${prefix}=`),
+  );
+  const more = missing.map((prefix) => ` xmlns:${prefix}="${prefix}"`).join('');
+  return { lines, declared: root === null ? text : text.slice(0, root) + more + text.slice(root) };
+}

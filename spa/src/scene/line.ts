@@ -1,0 +1,25 @@
+/** What a robot that is not there yet takes up, metres. */
+const LEAST_ROOM = 0.3;
+/** Of a robot's width and of its height: room for an arm, and for its name. */
+const WIDTHS = 1.3;
+const HEIGHTS = 0.6;
+
+/** One that can stand in a line. */
+export interface Standing {
+  /** Along the world's axes, metres; null while there is no model. */
+  readonly size: readonly [x: number, y: number, z: number] | null;
+  /** Moves its whole world along the scene's y, metres. */
+  standAside(y: number): void;
+}
+
+/** Puts robots beside each other along y, the middle of the line at the origin. */
+export function standInLine(robots: readonly Standing[]): void {
+  const rooms = robots.map(({ size }) =>
+    size === null ? LEAST_ROOM : Math.max(LEAST_ROOM, size[1] * WIDTHS, size[2] * HEIGHTS),
+  );
+  let y = -rooms.reduce((sum, room) => sum + room, 0) / 2;
+  for (const [i, robot] of robots.entries()) {
+    robot.standAside(y + rooms[i]! / 2);
+    y += rooms[i]!;
+  }
+}

@@ -1,0 +1,16 @@
+/** So many losses within `WITHIN_MS` are taken as bad luck; one more, and this browser can't hold a context. */
+export const MOST_LOSSES = 3;
+export const WITHIN_MS = 120_000;
+/** A browser that means to give a context back does so sooner. */
+export const PATIENCE_MS = 8000;
+
+/** How often the browser has taken the WebGL context away. */
+export class Losses {
+  #times: number[] = []; // at most MOST_LOSSES + 1
+
+  /** It is gone once more. False when that has been too often. */
+  bearable(nowMs: number): boolean {
+    this.#times = [...this.#times.filter((ms) => nowMs - ms < WITHIN_MS), nowMs].slice(-MOST_LOSSES - 1);
+    return this.#times.length <= MOST_LOSSES;
+  }
+}

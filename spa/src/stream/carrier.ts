@@ -1,0 +1,74 @@
+/** What carries a stream: a WebSocket, or server-sent events over plain HTTP where no WebSocket gets through; or a mirror of
+ *  the relay in a database. */
+export type Carrier = 'websocket' | 'events' | 'mirror';
+
+/** So many openings that fail, or so long without one, and the stream is asked for over plain HTTP. */
+export const FAILED_OPENINGS = 2;
+export const WITHOUT_MS = 5000;
+/** On events a WebSocket is tried beside them, at once and then less and less often. */
+const TRY_AGAIN_MS = 30_000;
+const SELDOM_MS = 300_000;
+
+/** Which carrier the next connection takes, and when a stream on events tries a WebSocket. Without a socket or a clock. */
+export class CarrierChoice {
+  /** Of the newest connection. A mirror is all there is. */
+  now: Carrier;
+  readonly #random: () => number;
+  #failed = 0;
+  #eventsWork = false;
+  /** Since when no WebSocket has worked; null while one does. */
+  #withoutMs: number | null = null;
+  #deadlineMs = 0;
+  #tryAtMs = 0;
+  #tryAgainMs = TRY_AGAIN_MS;
+
+  constructor(random: () => number, mirrored = false) {
+    this.#random = random;
+    this.now = mirrored ? 'mirror' : 'websocket';
+  }
+
+  /** For a connection that begins now. Once WebSockets are in doubt, the two take turns until one works. */
+  next(nowMs: number): Carrier {
+    if (this.now === 'mirror') return this.now;
+    this.#withoutMs ??= nowMs;
+    const endMs = this.#withoutMs + WITHOUT_MS;
+    const doubted = this.#failed >= FAILED_OPENINGS || nowMs >= endMs;
+    this.now = doubted && (this.now === 'websocket' || this.#eventsWork) ? 'events' : 'websocket';
+    this.#deadlineMs = nowMs < endMs ? endMs : nowMs + WITHOUT_MS;
+    this.hope(nowMs); // a relay that was only away for a moment takes WebSockets again
+    return this.now;
+  }
+
+  /** Whether an opening that has begun is given up for the other carrier. */
+  overdue(nowMs: number): boolean {
+    return this.now === 'websocket' && nowMs >= this.#deadlineMs;
+  }
+
+  /** The newest connection never said a word. */
+  failed(): void {
+    if (this.now === 'websocket') this.#failed += 1;
+    else this.#eventsWork = false;
+  }
+
+  /** The relay has spoken on it. */
+  worked(): void {
+    this.#eventsWork = this.now === 'events';
+    if (this.#eventsWork) return;
+    this.#failed = 0;
+    this.#withoutMs = null;
+  }
+
+  /** Something has changed outside: worth a try. */
+  hope(nowMs: number): void {
+    this.#tryAtMs = nowMs;
+    this.#tryAgainMs = TRY_AGAIN_MS;
+  }
+
+  /** Whether a stream that stands on events tries a WebSocket now. */
+  tries(nowMs: number): boolean {
+    if (this.now !== 'events' || nowMs < this.#tryAtMs) return false;
+    this.#tryAtMs = nowMs + this.#tryAgainMs * (0.5 + this.#random()); // a hall behind one proxy does not try as one
+    this.#tryAgainMs = Math.min(SELDOM_MS, 2 * this.#tryAgainMs);
+    return true;
+  }
+}

@@ -1,0 +1,128 @@
+/** More than any message is: a schema of a thousand joints has a tenth of it. What has no end is no stream of ours. */
+const LONGEST = 4_000_000;
+
+/** One server-sent event. */
+export interface StreamEvent {
+  readonly name: string;
+  readonly data: string;
+  /** The newest `id` of the stream: the relay's clock, ms. NaN before the first. */
+  readonly writtenMs: number;
+}
+
+/** Reads `text/event-stream` as it comes (WHATWG HTML §9.2.6), as far as a relay speaks it. */
+export class EventReader {
+  #text = '';
+  #name = '';
+  #data: string[] = [];
+  #kept = 0;
+  #writtenMs = Number.NaN;
+  readonly #utf8 = new TextDecoder();
+
+  /** Events that are whole now. Throws RangeError on one without end. */
+  read(bytes: Uint8Array): StreamEvent[] {
+    const found: StreamEvent[] = [];
+    this.#text += this.#utf8.decode(bytes, { stream: true });
+    let from = 0;
+    for (;;) {
+      const end = this.#text.indexOf('\n', from);
+      if (end < 0) break;
+      const line = this.#text.slice(from, this.#text[end - 1] === '\r' && end > from ? end - 1 : end);
+      from = end + 1;
+      this.#line(line, found);
+    }
+    this.#text = this.#text.slice(from);
+    if (this.#text.length + this.#kept > LONGEST) throw new RangeError('an event without end');
+    return found;
+  }
+
+  #line(line: string, found: StreamEvent[]): void {
+    if (line === '') {
+      if (this.#data.length > 0) {
+        found.push({
+          name: this.#name || 'message',
+          data: this.#data.join('\n'),
+          writtenMs: this.#writtenMs,
+        });
+      }
+      this.#name = '';
+      this.#data = [];
+      this.#kept = 0;
+      return;
+    }
+    const colon = line.indexOf(':');
+    const field = colon < 0 ? line : line.slice(0, colon);
+    const value = colon < 0 ? '' : line.slice(line[colon + 1] === ' ' ? colon + 2 : colon + 1);
+    if (field === 'data') {
+      this.#data.push(value);
+      this.#kept += value.length;
+    } else if (field === 'event') this.#name = value;
+    else if (field === 'id') this.#writtenMs = value === '' ? Number.NaN : Number(value);
+  }
+}
+
+/** Base64 as the relay writes frames; null when it is none. */
+export function frameBytes(base64: string): Uint8Array | null {
+  try {
+    return Uint8Array.from(atob(base64), (char) => char.charCodeAt(0));
+  } catch {
+    return null;
+  }
+}
+
+export interface EventsHandlers {
+  /** The relay has begun to answer. */
+  opened(): void;
+  /** Bytes came, of whatever. */
+  heard(): void;
+  event(event: StreamEvent): void;
+  /** The stream ended, or never began. A code of the close table, or 1006. */
+  closed(code: number, reason: string): void;
+}
+
+/** Not EventSource: that one sends no headers, tells no status, and comes back by rules of its own. */
+export function openEvents(
+  url: string,
+  token: string | undefined,
+  handlers: EventsHandlers,
+): { close(): void } {
+  const leave = new AbortController();
+  const run = async () => {
+    const answer = await fetch(url, {
+      signal: leave.signal,
+      cache: 'no-store',
+      credentials: 'omit',
+      headers: {
+        accept: 'text/event-stream',
+        ...(token === undefined ? {} : { authorization: `Bearer ${token}` }),
+      },
+    });
+    const { status, body } = answer;
+    const type = answer.headers.get('content-type') ?? '';
+    if (status !== 200 || body === null || !type.startsWith('text/event-stream')) {
+      leave.abort();
+      return status === 401 ? 4401 : status === 403 ? 4403 : 1006;
+    }
+    handlers.opened();
+    const reader = new EventReader();
+    const chunks = body.getReader();
+    for (;;) {
+      const { done, value } = await chunks.read();
+      if (leave.signal.aborted) return null;
+      if (done) return 1006;
+      handlers.heard();
+      for (const event of reader.read(value)) {
+        handlers.event(event);
+        if (leave.signal.aborted) return null;
+      }
+    }
+  };
+  run().then(
+    (code) => code !== null && handlers.closed(code, 'the answer ended'),
+    (error: unknown) => {
+      if (leave.signal.aborted) return;
+      leave.abort();
+      handlers.closed(1006, error instanceof Error ? error.message : String(error));
+    },
+  );
+  return { close: () => leave.abort() };
+}

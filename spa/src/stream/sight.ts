@@ -1,0 +1,41 @@
+/**
+ * Whether somebody can see this page: its tab is in front, and where it stands inside another page, that part of it is
+ * on the screen. What nobody sees asks the relay for no poses.
+ */
+export class Sight {
+  #onScreen = true;
+  #seen: boolean;
+  readonly #tell: (seen: boolean) => void;
+  readonly #leave = new AbortController();
+
+  /** `tell` hears every change. */
+  constructor(tell: (seen: boolean) => void) {
+    this.#tell = tell;
+    this.#seen = !document.hidden;
+    const { signal } = this.#leave;
+    document.addEventListener('visibilitychange', this.#look, { signal });
+    if (typeof IntersectionObserver === 'undefined') return;
+    // Without a root of its own it watches the window of the outermost page, also from inside an iframe.
+    const observer = new IntersectionObserver((entries) => {
+      this.#onScreen = entries.at(-1)?.isIntersecting ?? true;
+      this.#look();
+    });
+    observer.observe(document.documentElement);
+    signal.addEventListener('abort', () => observer.disconnect());
+  }
+
+  get seen(): boolean {
+    return this.#seen;
+  }
+
+  close(): void {
+    this.#leave.abort();
+  }
+
+  readonly #look = (): void => {
+    const seen = !document.hidden && this.#onScreen;
+    if (seen === this.#seen) return;
+    this.#seen = seen;
+    this.#tell(seen);
+  };
+}

@@ -1,0 +1,40 @@
+import { type Level, level, type Threshold } from '@posecast/wire';
+
+/** Of a limit: how far back a value must come before the limit counts as left. The edge's events use the same. */
+const HYSTERESIS = 0.05;
+
+const RANK: Readonly<Record<Level, number>> = { ok: 0, caution: 1, fault: 2 };
+
+export function worse(a: Level, b: Level): Level {
+  return RANK[a] >= RANK[b] ? a : b;
+}
+
+/** The level of one channel without flicker: it rises at once and falls only when the value has come well back. */
+export class LevelLatch {
+  #held: Level = 'ok';
+  #threshold: Threshold | null = null;
+
+  /** The level of the newest value; no limits and no reading are `ok`. */
+  next(threshold: Threshold | null, value: number | null): Level {
+    if (threshold !== this.#threshold) this.#held = 'ok'; // another limit: what was held says nothing about it
+    this.#threshold = threshold;
+    if (threshold === null || value === null || Number.isNaN(value)) {
+      this.#held = 'ok';
+      return 'ok';
+    }
+    const now = level(threshold, value);
+    if (RANK[now] >= RANK[this.#held]) this.#held = now;
+    else {
+      const lingering = levelFurtherOut(threshold, value);
+      if (RANK[lingering] < RANK[this.#held]) this.#held = lingering;
+    }
+    return this.#held;
+  }
+}
+
+/** The level the value would have a margin further out, on either side by itself. */
+function levelFurtherOut({ low, high, caution }: Threshold, value: number): Level {
+  const above = level({ low: null, high, caution }, value + HYSTERESIS * Math.abs(high ?? 0));
+  const below = level({ low, high: null, caution }, value - HYSTERESIS * Math.abs(low ?? 0));
+  return worse(above, below);
+}

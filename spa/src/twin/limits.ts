@@ -1,0 +1,122 @@
+import type { Mapping, Threshold } from '@posecast/wire';
+
+export type { Threshold };
+
+/** Thresholds that a viewer has set, field → label → threshold; they stand before those of the profile. */
+export type ThresholdEdits = ReadonlyMap<string, ReadonlyMap<string, Threshold>>;
+
+export const NO_EDITS: ThresholdEdits = new Map();
+
+/** As many as a robot may have channels; what is stored beyond that is not read. */
+const EDITS_MAX = 4096;
+/** The label that stands for all of a field, as in a profile. */
+export const ANY = '*';
+
+/** The limits that hold on this page: the viewer's own, else the profile's. */
+export class Limits {
+  readonly #mapping: Mapping;
+  readonly #edits: ThresholdEdits;
+
+  constructor(mapping: Mapping, edits: ThresholdEdits = NO_EDITS) {
+    this.#mapping = mapping;
+    this.#edits = edits;
+  }
+
+  /** What the profile says, whatever the viewer has set. */
+  profile(field: string, label: string): Threshold | null {
+    return this.#mapping.threshold(field, label);
+  }
+
+  threshold(field: string, label: string): Threshold | null {
+    const mine = this.#edits.get(field);
+    return mine?.get(label) ?? mine?.get(ANY) ?? this.profile(field, label);
+  }
+
+  edited(field: string, label: string): boolean {
+    return this.#edits.get(field)?.has(label) ?? false;
+  }
+}
+
+/** `edits` with one channel's threshold set, or with null given back to the profile. */
+export function withEdit(
+  edits: ThresholdEdits,
+  field: string,
+  label: string,
+  threshold: Threshold | null,
+): ThresholdEdits {
+  const next = new Map(edits);
+  const ofField = new Map(next.get(field));
+  if (threshold === null) ofField.delete(label);
+  else ofField.set(label, threshold);
+  if (ofField.size === 0) next.delete(field);
+  else next.set(field, ofField);
+  return next;
+}
+
+/** What may be wrong with limits that somebody has typed; the name of the sentence that says so. */
+export type BadThreshold = 'limitNoNumber' | 'limitMissing' | 'limitsCrossed' | 'limitCaution';
+
+/** null when these are limits one can watch. */
+export function whyNoThreshold({ low, high, caution }: Threshold): BadThreshold | null {
+  for (const limit of [low, high]) if (limit !== null && !Number.isFinite(limit)) return 'limitNoNumber';
+  if (low === null && high === null) return 'limitMissing';
+  if (low !== null && high !== null && low >= high) return 'limitsCrossed';
+  return caution > 0 && caution <= 1 ? null : 'limitCaution';
+}
+
+/** How a range is said. */
+export interface RangeWords {
+  readonly atMost: (value: string) => string;
+  readonly atLeast: (value: string) => string;
+  readonly between: (low: string, high: string) => string;
+}
+
+/** "±5 A", "−30 N to 500 N", "at most 70 °C". `shown`: a value with its unit. */
+export function rangeWords(
+  { low, high }: Threshold,
+  shown: (value: number) => string,
+  words: RangeWords,
+): string {
+  if (low === null) return words.atMost(shown(high ?? 0));
+  if (high === null) return words.atLeast(shown(low));
+  return -low === high ? `±${shown(high)}` : words.between(shown(low), shown(high));
+}
+
+/** JSON for the browser's storage. */
+export function editsText(edits: ThresholdEdits): string {
+  return JSON.stringify(Object.fromEntries([...edits].map(([field, of]) => [field, Object.fromEntries(of)])));
+}
+
+/** Whatever storage holds, edits come out whole: an entry that is odd is left out. */
+export function readEdits(text: string | null): ThresholdEdits {
+  let stored: unknown = null;
+  try {
+    stored = JSON.parse(text ?? 'null');
+  } catch {
+    // as good as nothing stored
+  }
+  let edits = NO_EDITS;
+  let left = EDITS_MAX;
+  for (const [field, of] of entries(stored)) {
+    for (const [label, value] of entries(of)) {
+      const threshold = readThreshold(value);
+      if (threshold === null || left === 0) continue;
+      edits = withEdit(edits, field, label, threshold);
+      left -= 1;
+    }
+  }
+  return edits;
+}
+
+function entries(value: unknown): [string, unknown][] {
+  return typeof value === 'object' && value !== null ? Object.entries(value) : [];
+}
+
+function readThreshold(value: unknown): Threshold | null {
+  if (typeof value !== 'object' || value === null) return null;
+  const { low = null, high = null, caution = 1 } = value as Record<string, unknown>;
+  const isLimit = (limit: unknown): limit is number | null => limit === null || typeof limit === 'number';
+  if (!isLimit(low) || !isLimit(high) || typeof caution !== 'number') return null;
+  const threshold = { low, high, caution };
+  return whyNoThreshold(threshold) === null ? threshold : null;
+}

@@ -1,0 +1,156 @@
+import { Arrivals, type Stamp } from './arrivals.ts';
+import { blend, type Layout } from './blend.ts';
+
+/** Motion that waits for its moment: at most so much; beyond that the oldest is taken as done. */
+export const MOST_MOVES = 32;
+/** After so long without a frame nobody knows what happened between: the newest is shown at once. */
+export const GAP_MS = 1000;
+/** How much faster or slower than the clock the playhead runs to reach where it should be. */
+const SLEW = 0.1;
+/** Farther off than this, it goes there at once. */
+const LOST_MS = 500;
+const LEAST_CATCH_UP_MS = 16;
+
+interface Move {
+  fromMs: number;
+  toMs: number;
+  readonly goal: Float64Array;
+}
+
+/**
+ * Plays the frames of one stream between their arrivals, so that ten poses a second look like motion. It shows only
+ * what lies between two poses that were measured, never what might come: when nothing has come, it holds.
+ *
+ * The playhead runs `delayMs` behind the earliest that frames can be here. A frame that comes later than that is caught
+ * up with within half an interval; a crowd of late ones counts as its newest. So lateness never adds up.
+ */
+export class Playout {
+  readonly #layout: Layout;
+  #raw = false;
+  #arrivals = new Arrivals();
+  #newest: Stamp | null = null;
+  #moves: Move[] = [];
+  /** Where the first of the moves begins. */
+  #from: Float64Array | null = null;
+  #shown: Float64Array;
+  #newestGoal: Float64Array | null = null;
+  #headMs = Number.NaN;
+  #headAtMs = 0;
+
+  constructor(layout: Layout) {
+    this.#layout = layout;
+    this.#shown = new Float64Array(layout.size).fill(Number.NaN);
+  }
+
+  get raw(): boolean {
+    return this.#raw;
+  }
+
+  /** Shows each frame when it comes and nothing between. */
+  set raw(raw: boolean) {
+    this.#raw = raw;
+    if (raw && this.#newestGoal !== null) this.#jump(this.#newestGoal);
+  }
+
+  /** What is to be seen as of the newest `sample` or `push`; NaN where nothing was ever read. The same array always. */
+  get shown(): Float64Array {
+    return this.#shown;
+  }
+
+  /** How far behind the earliest possible moment frames are shown, as things stand. */
+  get delayMs(): number {
+    return this.#raw || this.#newest === null ? 0 : this.#arrivals.delayMs;
+  }
+
+  /** Moves that wait; for tests. */
+  get waiting(): number {
+    return this.#moves.length;
+  }
+
+  /** Takes a frame's values (copied; NaN is no reading and leaves the value where it was). True when there is something
+   *  new to be seen. */
+  push(stamp: Stamp, values: ArrayLike<number>): boolean {
+    const before = this.#newest;
+    if (before !== null && stamp.seq === before.seq && stamp.tS === before.tS) return false; // told again on rejoining
+    const backwards = before !== null && (stamp.tS <= before.tS || stamp.seq <= before.seq);
+    if (backwards) this.#arrivals = new Arrivals();
+    this.#newest = stamp;
+    const goal = this.#complete(values);
+    const known = this.#newestGoal;
+    const moves = known === null || goal.some((value, i) => !Object.is(value, known[i]));
+    this.#newestGoal = goal;
+    const { lineMs, moveMs } = this.#arrivals.add(stamp, moves);
+    const gap = before === null || backwards || stamp.atMs - before.atMs > GAP_MS;
+    if (gap || this.#raw) return this.#jump(goal) || moves;
+    if (!moves) return false;
+    this.#move(goal, lineMs, moveMs, this.#playhead(stamp.atMs));
+    return true;
+  }
+
+  /** Moves on to this moment. True while there is more to come. */
+  sample(nowMs: number): boolean {
+    if (this.#from === null) return false;
+    const headMs = this.#playhead(nowMs);
+    for (let next = this.#moves[0]; next !== undefined && next.toMs <= headMs; next = this.#moves[0]) {
+      this.#from = next.goal;
+      this.#moves.shift();
+    }
+    const move = this.#moves[0];
+    if (move === undefined || headMs <= move.fromMs) this.#shown.set(this.#from);
+    else {
+      const part = (headMs - move.fromMs) / (move.toMs - move.fromMs);
+      blend(this.#layout, this.#from, move.goal, part, this.#shown);
+    }
+    return move !== undefined;
+  }
+
+  #complete(values: ArrayLike<number>): Float64Array {
+    const known = this.#newestGoal;
+    return Float64Array.from(values, (value, i) =>
+      Number.isFinite(value) ? value : (known?.[i] ?? Number.NaN),
+    );
+  }
+
+  #jump(goal: Float64Array): boolean {
+    const before = this.#shown.slice();
+    this.#moves = [];
+    this.#from = goal;
+    this.#shown.set(goal);
+    this.#headMs = Number.NaN;
+    return before.some((value, i) => !Object.is(value, goal[i]));
+  }
+
+  #move(goal: Float64Array, lineMs: number, moveMs: number, headMs: number): void {
+    const catchUpMs = Math.max(LEAST_CATCH_UP_MS, this.#arrivals.intervalMs / 2);
+    if (lineMs < headMs + catchUpMs) {
+      // Late: from what is on the screen straight to it, whatever was still to be caught up with.
+      this.#from = this.#shown.slice();
+      this.#moves = [{ fromMs: headMs, toMs: headMs + catchUpMs, goal }];
+      return;
+    }
+    const busyMs = this.#moves.at(-1)?.toMs ?? headMs;
+    const fromMs = Math.max(
+      lineMs - Math.min(moveMs, this.#arrivals.delayMs),
+      headMs,
+      Math.min(busyMs, lineMs - 1),
+    );
+    this.#moves.push({ fromMs, toMs: lineMs, goal });
+    if (this.#moves.length > MOST_MOVES) this.#from = this.#moves.shift()!.goal;
+  }
+
+  /** Where on the stream's line of time the picture is at this moment of the viewer's; never backwards. */
+  #playhead(nowMs: number): number {
+    const wanted = nowMs - this.#arrivals.offsetMs - this.#arrivals.delayMs;
+    const passedMs = Math.max(0, nowMs - this.#headAtMs);
+    const off = wanted - (this.#headMs + passedMs);
+    // Number.NaN at first: then it is lost, too.
+    if (Math.abs(off) <= LOST_MS) this.#headMs += passedMs + clamp(off, SLEW * passedMs);
+    else this.#headMs = wanted;
+    this.#headAtMs = Math.max(nowMs, this.#headAtMs);
+    return this.#headMs;
+  }
+}
+
+function clamp(value: number, most: number): number {
+  return Math.min(most, Math.max(-most, value));
+}

@@ -1,0 +1,29 @@
+/** What a plot shows, as a table: one row for each time, one column for each trace. */
+export interface Sheet {
+  /** Unix, ms. */
+  readonly atMs: readonly number[];
+  readonly columns: readonly {
+    readonly title: string;
+    readonly unit: string;
+    readonly values: readonly (number | null)[];
+  }[];
+}
+
+/** CSV as RFC 4180 has it. No reading is an empty cell; names come from the robot, so none may begin a formula. */
+export function csvOf({ atMs, columns }: Sheet): string {
+  const head = ['time', ...columns.map(({ title, unit }) => (unit === '' ? title : `${title} [${unit}]`))];
+  const rows = atMs.map((at, i) => [
+    new Date(at).toISOString(),
+    ...columns.map(({ values }) => numberOf(values[i] ?? null)),
+  ]);
+  return [head.map(quoted), ...rows].map((cells) => `${cells.join(',')}\r\n`).join('');
+}
+
+function quoted(text: string): string {
+  const safe = /^[=+\-@\t\r]/.test(text) ? `'${text}` : text;
+  return `"${safe.replaceAll('"', '""')}"`;
+}
+
+function numberOf(value: number | null): string {
+  return value === null || !Number.isFinite(value) ? '' : String(Number(value.toPrecision(9)));
+}

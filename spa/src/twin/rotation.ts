@@ -1,0 +1,58 @@
+/** Rotations as unit quaternions w, x, y, z: world_from_link turns a vector of the link into one of the world. */
+export type Quat = readonly [w: number, x: number, y: number, z: number];
+export type Vec3 = readonly [x: number, y: number, z: number];
+
+export const NO_TURN: Quat = [1, 0, 0, 0];
+
+/** Made to length one; null when it has no direction (zero, NaN). */
+export function unit([w, x, y, z]: Quat): Quat | null {
+  const length = Math.hypot(w, x, y, z);
+  return length > 1e-6 && Number.isFinite(length) ? [w / length, x / length, y / length, z / length] : null;
+}
+
+/** a_from_b · b_from_c */
+export function times([aw, ax, ay, az]: Quat, [bw, bx, by, bz]: Quat): Quat {
+  return [
+    aw * bw - ax * bx - ay * by - az * bz,
+    aw * bx + ax * bw + ay * bz - az * by,
+    aw * by - ax * bz + ay * bw + az * bx,
+    aw * bz + ax * by - ay * bx + az * bw,
+  ];
+}
+
+export function inverse([w, x, y, z]: Quat): Quat {
+  return [w, -x, -y, -z];
+}
+
+export function turn(q: Quat, [x, y, z]: Vec3): Vec3 {
+  const [, rx, ry, rz] = times(times(q, [0, x, y, z]), inverse(q));
+  return [rx, ry, rz];
+}
+
+/** Fixed axes X, Y, Z, rad, as in URDF. */
+export function ofRpy([roll, pitch, yaw]: Vec3): Quat {
+  const about = (angle: number, axis: 1 | 2 | 3): Quat => {
+    const q: [number, number, number, number] = [Math.cos(angle / 2), 0, 0, 0];
+    q[axis] = Math.sin(angle / 2);
+    return q;
+  };
+  return times(about(yaw, 3), times(about(pitch, 2), about(roll, 1)));
+}
+
+/** Fixed-axis roll, pitch, yaw (rad) as REP-103 has them. */
+export function rpyOf([w, x, y, z]: Quat): Vec3 {
+  const sine = Math.max(-1, Math.min(1, 2 * (w * y - z * x)));
+  return [
+    Math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y)),
+    Math.asin(sine),
+    Math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)),
+  ];
+}
+
+/** The same attitude facing along the world's x: what is left when nobody may say which way is north. The heading
+ *  that goes is the twist about the vertical, which is defined for every attitude but upside down. */
+export function withoutHeading(worldFromBody: Quat): Quat {
+  const [w, , , z] = worldFromBody;
+  const twist = unit([w, 0, 0, z]);
+  return twist === null ? worldFromBody : times(inverse(twist), worldFromBody);
+}

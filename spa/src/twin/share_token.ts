@@ -1,0 +1,30 @@
+/** The tokens of this page: of the share link that it was opened with, which opens one robot, and of whoever is signed in.
+ *  None ever stands in an address. */
+
+let held = '';
+let account = '';
+const listeners = new Set<() => void>();
+
+export function holdToken(token: string): void {
+  held = token;
+}
+
+/** Of the account, or '' when nobody is signed in. */
+export function holdAccount(token: string): void {
+  if (token === account) return;
+  account = token;
+  for (const listener of listeners) listener();
+}
+
+/** Hears of another account, and of every newer token of the same. */
+export function onAccount(listener: () => void): () => void {
+  listeners.add(listener);
+  return () => listeners.delete(listener);
+}
+
+/** For a stream, a file or the list of this relay: the link's for the robot that it opens, else the account's. */
+export function tokenFor(url: string): string | undefined {
+  const robot = held.split('.')[1];
+  if (robot && url.includes(`/api/v1/robots/${robot}/`)) return held;
+  return (/\/api\/v1\/robots(\/|$)/.test(url) && account) || undefined;
+}

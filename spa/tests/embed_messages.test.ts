@@ -1,0 +1,40 @@
+import { describe, expect, it } from 'vitest';
+import { parentOrigin, readWish } from '../src/app/embed_messages.ts';
+
+describe('the page around a frame', () => {
+  it('may ask for what the frame knows', () => {
+    expect(readWish({ posecast: 'look', view: 'side' })).toEqual({ posecast: 'look', view: 'side' });
+    expect(readWish({ posecast: 'select', joint: 'RKN' })).toEqual({ posecast: 'select', joint: 'RKN' });
+    expect(readWish({ posecast: 'select', joint: null })).toEqual({ posecast: 'select', joint: null });
+    expect(readWish({ posecast: 'set', angle: 'deg', theme: 'pink', palette: 'safe' })).toEqual({
+      posecast: 'set',
+      changed: { angle: 'deg' },
+    });
+  });
+
+  it('may say anything', () => {
+    const odd = [null, 'look', 7, [], {}, { posecast: 'look' }, { posecast: 'look', view: '__proto__' }];
+    for (const data of [
+      ...odd,
+      { posecast: 'select', joint: 7 },
+      { posecast: 'set', theme: {} },
+      { posecast: 'x' },
+    ]) {
+      expect(readWish(data)).toBeNull();
+    }
+  });
+
+  it('is the one that the address names, and nobody else', () => {
+    expect(parentOrigin('?origin=https://course.example/week-3?x')).toBe('https://course.example');
+    for (const none of [
+      '',
+      '?origin=',
+      '?origin=*',
+      '?origin=null',
+      '?origin=javascript:alert(1)',
+      '?origin=data:,x',
+    ]) {
+      expect(parentOrigin(none), none).toBeNull();
+    }
+  });
+});

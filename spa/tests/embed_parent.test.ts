@@ -1,0 +1,77 @@
+import { afterEach, beforeEach, expect, it, vi } from 'vitest';
+import { connectParent } from '../src/app/embed_parent.ts';
+import { showScene } from '../src/app/handle.ts';
+import type { RobotLink } from '../src/app/robot_link.ts';
+import { selection, selectJoint } from '../src/app/selection.ts';
+import { settings } from '../src/app/settings.ts';
+import type { BodyView } from '../src/scene/index.ts';
+
+const COURSE = 'https://course.example';
+const parent = { postMessage: vi.fn() };
+let hear: (event: object) => void = () => {};
+let tellWord: () => void = () => {};
+const link = {
+  twin: { robot: 'demo' },
+  watch: {
+    verdict: () => ({ word: 'LIVE', cause: null, ageMs: 12 }),
+    onWord: (listener: () => void) => {
+      tellWord = listener;
+      return () => {
+        tellWord = () => {};
+      };
+    },
+  },
+} as unknown as RobotLink;
+
+beforeEach(() => {
+  parent.postMessage.mockClear();
+  vi.stubGlobal('window', {
+    parent,
+    location: { search: `?origin=${COURSE}` },
+    localStorage: { getItem: () => null },
+    addEventListener: (_: string, listener: typeof hear) => {
+      hear = listener;
+    },
+    removeEventListener: () => {
+      hear = () => {};
+    },
+  });
+});
+afterEach(() => vi.unstubAllGlobals());
+
+it('tells the page around it, and no other, how the robot is', () => {
+  const end = connectParent(link);
+  tellWord();
+  expect(parent.postMessage.mock.calls).toEqual([
+    [{ posecast: 'ready', robot: 'demo', word: 'LIVE', cause: null, age_ms: 12 }, COURSE],
+    [{ posecast: 'liveness', robot: 'demo', word: 'LIVE', cause: null, age_ms: 12 }, COURSE],
+  ]);
+  end();
+  tellWord();
+  expect(parent.postMessage).toHaveBeenCalledTimes(2);
+});
+
+it('hears the page around it, and no other', () => {
+  const look = vi.fn();
+  showScene({ look } as unknown as BodyView);
+  const end = connectParent(link);
+  const wish = { posecast: 'look', view: 'side' };
+  hear({ source: parent, origin: 'https://evil.example', data: wish });
+  hear({ source: {}, origin: COURSE, data: wish });
+  expect(look).not.toHaveBeenCalled();
+  hear({ source: parent, origin: COURSE, data: wish });
+  expect(look).toHaveBeenCalledWith('side');
+  hear({ source: parent, origin: COURSE, data: { posecast: 'set', angle: 'deg' } });
+  expect(settings().angle).toBe('deg');
+  selectJoint(null);
+  hear({ source: parent, origin: COURSE, data: { posecast: 'select', joint: 'RKN' } });
+  expect(selection()?.joint).toBe('RKN');
+  end();
+  showScene(null);
+});
+
+it('says nothing where the address names nobody', () => {
+  (window as unknown as { location: { search: string } }).location.search = '';
+  connectParent(link);
+  expect(parent.postMessage).not.toHaveBeenCalled();
+});

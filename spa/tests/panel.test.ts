@@ -1,0 +1,163 @@
+// @vitest-environment happy-dom
+import { Schema } from '@posecast/wire';
+import { createElement, useState } from 'react';
+import { createRoot, type Root } from 'react-dom/client';
+import { afterEach, beforeAll, beforeEach, describe, expect, it, vi } from 'vitest';
+import { FaultKeeper } from '../src/app/faults.ts';
+import { HistoryKeeper } from '../src/app/history_keeper.ts';
+import { setOwnLimit } from '../src/app/own_limits.ts';
+import { Panel, type Tab } from '../src/app/Panel.tsx';
+import { clearPlots, plotted } from '../src/app/plotted.ts';
+import type { RobotLink } from '../src/app/robot_link.ts';
+import { selection, selectJoint } from '../src/app/selection.ts';
+import { changeSettings } from '../src/app/settings.ts';
+import { setFilter } from '../src/app/table/filter.ts';
+import { RobotTwin } from '../src/twin/robot.ts';
+import { codesWith, SCHEMA } from './schema.ts';
+
+const pen = new Proxy({}, { get: () => () => pen, set: () => true });
+/** What is opened late is compiled first, on a machine that may be busy. */
+const PATIENCE_MS = 20_000;
+let root: Root | null = null;
+
+beforeAll(() => {
+  vi.stubGlobal(
+    'Path2D',
+    class {
+      moveTo() {}
+      lineTo() {}
+      rect() {}
+      arc() {}
+      closePath() {}
+    },
+  );
+  vi.spyOn(HTMLCanvasElement.prototype, 'getContext').mockReturnValue(pen as never);
+});
+
+beforeEach(() => {
+  changeSettings({ angle: 'rad', faultsFirst: true, limbs: false });
+  setFilter('');
+  clearPlots();
+});
+
+afterEach(() => {
+  root?.unmount();
+  selectJoint(null);
+  document.body.replaceChildren();
+});
+
+function Page({ link }: { link: RobotLink }) {
+  const [tab, onTab] = useState<Tab>('Joints');
+  return createElement(Panel, { link, tab, onTab });
+}
+
+/** The numbers of a robot that says what the test wants, on a page without any relay. */
+async function panel(twin = new RobotTwin('small', 0)) {
+  twin.acceptSchema(SCHEMA);
+  const link = { twin, faults: new FaultKeeper(twin), past: new HistoryKeeper(twin) } as RobotLink;
+  const host = document.createElement('div');
+  document.body.append(host);
+  const made = createRoot(host);
+  root = made;
+  made.render(createElement(Page, { link }));
+  let seq = 0;
+  const say = async (changed: Parameters<typeof codesWith>[0], schema = SCHEMA) => {
+    seq += 1;
+    const codes = schema === SCHEMA ? codesWith(changed) : new Int32Array(schema.size);
+    twin.acceptState({
+      ...{ schemaId: schema.id, seq, tS: seq / 30, codes, freshMs: 0, changedMs: 0 },
+      atMs: Date.now(),
+    });
+  };
+  const find = async <T extends Element = HTMLElement>(selector: string) => {
+    const seen = () => {
+      const found = host.querySelector<T>(selector);
+      if (found === null) throw new Error(`no ${selector} in ${host.innerHTML.slice(0, 300)}`);
+      return found;
+    };
+    return vi.waitFor(seen, PATIENCE_MS);
+  };
+  const click = async (selector: string) => {
+    const found = await find(selector);
+    found.click();
+  };
+  const waitForText = (selector: string, text: string | RegExp) =>
+    vi.waitFor(() => expect(host.querySelector(selector)?.textContent).toMatch(text), PATIENCE_MS);
+  return { twin, host, say, find, click, waitForText };
+}
+
+describe('the numbers', { timeout: 60_000 }, () => {
+  it('open the card of a joint, whose values go into plots, and close it again', async () => {
+    const { say, click, find, host, waitForText } = await panel();
+    await say({ 'pos.RKN': 250, 'flags.RKN': 4 });
+    await click('tr[data-label="RKN"] button');
+    await waitForText('[data-testid=joint-card]', /RKN.*right knee.*jam.*still there.*position/s);
+    await click('[data-testid=plot-pos]');
+    await click('[data-testid=plot-error]');
+    expect(plotted().map(({ field }) => field)).toEqual(['pos', 'error']);
+    await waitForText('#tab-Plots', 'Plots2');
+    await click('#tab-Plots');
+    await waitForText('.plot-legend', /RKN pos.*0\.250/);
+    await click('[data-testid=plot-pause]');
+    await say({ 'pos.RKN': 900 });
+    await waitForText('[data-testid=plot-pause]', 'Go on');
+    expect(host.querySelector('.plot-legend')?.textContent).toMatch(/0\.250/);
+    selectJoint('RKN');
+    await find('#tab-Joints[aria-selected=true]');
+    await find('[data-testid=joint-card]');
+    await vi.waitFor(() => {
+      window.dispatchEvent(new KeyboardEvent('keydown', { key: 'Escape' })); // it listens a moment after it stands
+      expect(host.querySelector('[data-testid=joint-card]')).toBeNull();
+    }, PATIENCE_MS);
+    expect(selection()).toBeNull();
+  });
+
+  it('take a sensor into the plots and out again, and show one that fell silent as old', async () => {
+    const { say, click, find, waitForText } = await panel();
+    await say({ 'ftf.RF.fz': 260 });
+    await click('#tab-Sensors');
+    await waitForText('[data-field="ftf"]', '260.0');
+    await click('.sensor tr:has([data-field="ftf"]) button');
+    expect(plotted()).toEqual([{ field: 'ftf', label: 'RF.fz' }]);
+    await say({ 'ftf.RF.fz': null });
+    await find('[data-field="ftf"][data-old]');
+    await waitForText('[data-field="ftf"]', '260.0');
+    await click('.sensor tr:has([data-field="ftf"]) button');
+    expect(plotted()).toEqual([]);
+  });
+
+  it("tell when a limit of the viewer's own is crossed, with the time", async () => {
+    const { twin, say, click, waitForText } = await panel();
+    await click('#tab-Alarms');
+    await waitForText('.tab-body', 'Nothing has happened yet.');
+    setOwnLimit(twin, 'ftf', 'RF.fz', { low: null, high: 100, caution: 1 });
+    await say({ 'ftf.RF.fz': 50 });
+    await say({ 'ftf.RF.fz': 150 });
+    await say({ 'ftf.RF.fz': 10 });
+    await waitForText(
+      '[data-testid=alarms]',
+      /\d\d:\d\d:\d\dright foot Fz above 100 Nyour limit cleared.*right foot Fz above 100 Nyour limit/,
+    );
+    setOwnLimit(twin, 'ftf', 'RF.fz', null);
+  });
+
+  it('stand when the robot comes back with other joints and names that bite', async () => {
+    const { twin, say, click, host, waitForText } = await panel();
+    await say({ 'pos.RKN': 250 });
+    await click('tr[data-label="RKN"] button');
+    await waitForText('[data-testid=joint-card]', 'right knee');
+    const odd = '<img src=x onerror=alert(1)>';
+    const other = Schema.parse(
+      SCHEMA.text.replace('"joint":["LKN","RKN","NK1"]', `"joint":[${JSON.stringify(odd)},"__proto__","a"]`),
+    );
+    twin.acceptSchema(other);
+    await say({}, other);
+    await waitForText('[data-testid=joint-card]', 'This robot has no such joint now.');
+    for (const label of [odd, '__proto__']) {
+      selectJoint(label);
+      await waitForText('[data-testid=joint-card] h2', label);
+      await waitForText('[data-testid=joint-card]', 'Where the joint is');
+    }
+    expect(host.querySelector('img')).toBeNull();
+  });
+});

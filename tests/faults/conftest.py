@@ -1,0 +1,186 @@
+"""What the fault suite's scenarios are told with: a robot, an edge, screens; and the table at the end."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.conftest import Part, Stack, until
+from tests.namespaces import Namespace
+
+HERE = Path(__file__).parent
+TOLD: list[tuple[str, str]] = []  # (scenario, what was seen)
+
+
+class Screen:
+    """A viewer in a process of its own, and all it has said."""
+
+    def __init__(self, part: Part) -> None:
+        self.part = part
+
+    def lines(self, what: str, since_s: float = 0.0) -> list[dict[str, Any]]:
+        """Everything with this member, from then (monotonic) on."""
+        said = [json.loads(line) for line in self.part.out.splitlines()]
+        return [line for line in said if what in line and line["at"] >= since_s]
+
+    @property
+    def word(self) -> str | None:
+        """What it says now."""
+        said = self.lines("word")
+        return said[-1]["word"] if said else None
+
+    def says(
+        self, word: str, cause: str | None = None, since_s: float = 0.0, deadline_s: float = 30.0
+    ) -> float:
+        """Waits for that word; seconds from `since_s` to it."""
+
+        def found() -> dict[str, Any] | None:
+            said = [w for w in self.lines("word", since_s) if w["word"] == word]
+            return next((w for w in said if cause is None or w["cause"] == cause), None)
+
+        at: float = until(f"the screen says {word} {cause or ''}", found, deadline_s)["at"]
+        return at - since_s
+
+    def frames(self, since_s: float = 0.0) -> list[dict[str, Any]]:
+        """Those that came."""
+        return self.lines("seq", since_s)
+
+    def watches(self, count: int = 20, since_s: float = 0.0) -> None:
+        """Waits until so many frames have come."""
+        until(f"{count} frames", lambda: len(self.frames(since_s)) >= count)
+
+    def never_went_back(self) -> None:
+        """No frame was older than the one before it; every one could be decoded."""
+        assert self.lines("undecodable") == []
+        newest: dict[int, int] = {}
+        for frame in self.frames():
+            schema = frame["schema"]
+            assert frame["seq"] > newest.get(schema, -1), f"{frame} after seq {newest[schema]}"
+            newest[schema] = frame["seq"]
+
+    def signal(self, number: signal.Signals) -> float:
+        """Sends it; when."""
+        self.part.process.send_signal(number)
+        return time.monotonic()
+
+
+class Hall:
+    """Many viewers in one process, and all they have said."""
+
+    def __init__(self, part: Part, viewers: int) -> None:
+        self.viewers = viewers
+        self._part = part
+        self._read = 0
+        self._said: list[dict[str, Any]] = []
+
+    def said(self) -> list[dict[str, Any]]:
+        """Everything so far; what was read before is not read again."""
+        new = self._part.out[self._read :]
+        self._read += len(new)
+        self._said += [json.loads(line) for line in new.splitlines()]
+        return self._said
+
+    def live(self, since_s: float = 0.0, deadline_s: float = 60.0) -> list[float]:
+        """Waits until each has said LIVE; seconds from `since_s` to it, the quickest first."""
+
+        def found() -> list[float] | None:
+            first: dict[int, float] = {}
+            for line in self.said():
+                if line.get("word") == "LIVE" and line["at"] >= since_s:
+                    first.setdefault(line["viewer"], line["at"] - since_s)
+            return sorted(first.values()) if len(first) == self.viewers else None
+
+        return until(f"{self.viewers} viewers say LIVE", found, deadline_s)
+
+    def never_went_back(self) -> None:
+        """Nobody saw a frame older than the one before it, or one that could not be decoded."""
+        newest: dict[int, float] = {}
+        for line in self.said():
+            assert "undecodable" not in line, line
+            if "seq" in line:
+                assert line["t"] > newest.get(line["viewer"], -1.0), line
+                newest[line["viewer"]] = line["t"]
+
+
+@dataclass
+class Scene:
+    """One scenario's parts."""
+
+    stack: Stack
+    name: str
+    held: list[int] = field(default_factory=list)
+
+    def robot(self, joints: str = "RKN,LKN") -> tuple[Part, Path]:
+        """The robot's program and the FIFO it writes into."""
+        fifo = self.stack.folder / f"robot-{len(self.stack.parts)}"
+        os.mkfifo(fifo)
+        self.held.append(os.open(fifo, os.O_RDWR))  # so that neither end waits for the other or ends with it
+        program = [sys.executable, str(HERE / "robot.py"), str(fifo), joints]
+        return self.stack.start("robot", *program, stdin=subprocess.PIPE), fifo
+
+    def edge(self, zenoh: str, fifo: Path, *arguments: str) -> Part:
+        """On air as `demo` with what is written into the FIFO."""
+        return self.stack.edge(zenoh, "--source", f"jsonl:{fifo}", *arguments)
+
+    def screen(self, address: str, hz: int = 10, namespace: Namespace | None = None) -> Screen:
+        """A viewer of `demo`."""
+        url = f"ws://{address}/api/v1/robots/demo/live?hz={hz}"
+
+        def start() -> Part:
+            return self.stack.start("screen", sys.executable, str(HERE / "screen.py"), url)
+
+        return Screen(namespace.run(start) if namespace else start())
+
+    def hall(self, address: str, viewers: int) -> Hall:
+        """So many viewers of `demo`."""
+        url = f"ws://{address}/api/v1/robots/demo/live?hz=1"
+        return Hall(
+            self.stack.start("hall", sys.executable, str(HERE / "screen.py"), url, str(viewers)), viewers
+        )
+
+    def tell(self, *seen: str, **seen_s: float) -> None:
+        """What was measured, for the table."""
+        times = (f"{k.replace('_', ' ')} {v:.2f} s" for k, v in seen_s.items())
+        TOLD.append((self.name, ", ".join((*times, *seen))))
+
+
+def signalled(part: Part, number: signal.Signals) -> float:
+    """Sends it; when, on the monotonic clock."""
+    at_s = time.monotonic()
+    part.process.send_signal(number)
+    return at_s
+
+
+def killed(part: Part) -> float:
+    """SIGKILL; when."""
+    at_s = time.monotonic()
+    part.kill()
+    return at_s
+
+
+@pytest.fixture
+def scene(stack: Stack, request: pytest.FixtureRequest) -> Iterator[Scene]:
+    """Named after the test."""
+    made = Scene(stack, request.node.name.removeprefix("test_").replace("_", " "))
+    yield made
+    for fifo in made.held:
+        os.close(fifo)
+
+
+def pytest_terminal_summary(terminalreporter: Any) -> None:
+    """One line for each scenario that measured something."""
+    if TOLD:
+        terminalreporter.section("what viewers saw")
+        width = max(len(name) for name, _ in TOLD)
+        for name, seen in TOLD:
+            terminalreporter.write_line(f"{name:{width}}  {seen}")

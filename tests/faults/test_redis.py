@@ -1,0 +1,107 @@
+"""What breaks in the store: gateways say so and come back; who hears robots itself does not notice."""
+
+from __future__ import annotations
+
+import signal
+import socket
+import time
+from itertools import pairwise
+from typing import NamedTuple
+
+import pytest
+
+from tests.conftest import Part, Stack, until
+from tests.faults.conftest import Scene, Screen, killed, signalled
+
+SAID_S = 2.0
+BACK_S = 2.0
+
+
+class Hall(NamedTuple):
+    """A Redis between an ingest that serves viewers too (`all`) and a gateway; a screen on each."""
+
+    redis: Part
+    url: str
+    beside: Screen
+    behind: Screen
+
+
+def hall(scene: Scene) -> Hall:
+    url = scene.stack.redis()
+    redis = scene.stack.parts[-1]
+    _, address, zenoh = scene.stack.relay(store=url)
+    _, gateway, _ = scene.stack.relay(store=url, flags=("--role", "gateway"))
+    _, fifo = scene.robot()
+    scene.edge(zenoh, fifo)
+    beside, behind = scene.screen(address), scene.screen(gateway)
+    for screen in (beside, behind):
+        screen.says("LIVE")
+    return Hall(redis, url, beside, behind)
+
+
+def restart(stack: Stack, url: str) -> None:
+    """The same port, empty."""
+    port = url.rsplit(":", 1)[1].split("/", maxsplit=1)[0]
+    stack.start(
+        "redis", *("redis-server", "--port", port, "--bind", "127.0.0.1", "--save", "", "--appendonly", "no")
+    )
+    until("redis listens", lambda: listens(int(port)))
+
+
+def listens(port: int) -> bool:
+    with socket.socket() as probe:
+        return probe.connect_ex(("127.0.0.1", port)) == 0
+
+
+def test_redis_killed(scene: Scene) -> None:
+    made = hall(scene)
+    at_s = killed(made.redis)
+    degraded_s = made.behind.says("STALE", "relay degraded", at_s)
+    began_s = time.monotonic()
+    restart(scene.stack, made.url)
+    back_s = made.behind.says("LIVE", since_s=began_s)
+    check(made, at_s, degraded_s, back_s)
+    scene.tell(degraded=degraded_s, LIVE_again=back_s)
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("outage_s", [0, 60], ids=["", "for a minute"])
+def test_redis_frozen(scene: Scene, outage_s: float) -> None:
+    made = hall(scene)
+    at_s = signalled(made.redis, signal.SIGSTOP)
+    degraded_s = made.behind.says("STALE", "relay degraded", at_s)
+    until("the outage is over", lambda: time.monotonic() - at_s >= outage_s, outage_s + 20)
+    back_s = made.behind.says("LIVE", since_s=signalled(made.redis, signal.SIGCONT))
+    check(made, at_s, degraded_s, back_s)
+    scene.tell(degraded=degraded_s, LIVE_again=back_s)
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("command", [b"FLUSHALL", b"CLIENT KILL TYPE pubsub"])
+def test_redis_loses_everything(scene: Scene, command: bytes) -> None:
+    """Emptied, or rid of its listeners: at worst a moment, never a wrong picture."""
+    made = hall(scene)
+    at_s = time.monotonic()
+    with socket.create_connection(("127.0.0.1", int(made.url.rsplit(":", 1)[1].split("/")[0]))) as link:
+        link.sendall(command + b"\r\n")
+        assert link.recv(64)[:1] in b"+:"
+    made.behind.watches(30, since_s=at_s + 0.5)
+    gap_s = longest_gap_s(made.behind, at_s)
+    assert gap_s <= BACK_S
+    check(made, at_s, 0.0, 0.0)
+    scene.tell(longest_gap=gap_s)
+
+
+def longest_gap_s(screen: Screen, since_s: float) -> float:
+    times: list[float] = [frame["at"] for frame in screen.frames(since_s)]
+    return max(b - a for a, b in pairwise(times))
+
+
+def check(made: Hall, at_s: float, degraded_s: float, back_s: float) -> None:
+    """What holds whatever became of Redis."""
+    assert degraded_s <= SAID_S
+    assert back_s <= BACK_S
+    assert made.beside.lines("word", at_s) == []
+    assert longest_gap_s(made.beside, at_s) < 1.0
+    for screen in (made.beside, made.behind):
+        screen.never_went_back()

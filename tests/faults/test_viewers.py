@@ -1,0 +1,190 @@
+"""What breaks on the viewers' side."""
+
+from __future__ import annotations
+
+import json
+import signal
+import sys
+import time
+import urllib.request
+from collections.abc import Iterator
+from functools import partial
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+from posecast_loadtests.check import Clock, Viewer
+from posecast_loadtests.connection import Connection
+from posecast_loadtests.rfc6455 import Opcode
+from posecast_loadtests.tally import Tally
+
+from tests.conftest import Stack, until
+from tests.faults.conftest import Scene
+from tests.namespaces import FAR, NEAR, Cable
+
+pytestmark = pytest.mark.full
+SAID_S = 2.0
+LATE_LINK = Path(__file__).with_name("late_link.py")
+PAUSE_S = 7.0  # long past the 2 s of frames that may be under way, and not yet cut
+
+
+def watching(address: str) -> int:
+    with urllib.request.urlopen(f"http://{address}/api/v1/robots/demo", timeout=5) as answer:
+        return int(json.load(answer)["viewers"])
+
+
+@pytest.fixture
+def cable() -> Iterator[Cable]:
+    """Relay and robot are near, a viewer is far."""
+    made = Cable()
+    yield made
+    made.close()
+
+
+def far_relay(cable: Cable, scene: Scene, stack: Stack) -> str:
+    """A relay that hears the demo robot, near; its address for those far."""
+    _, address, zenoh = cable.near.run(lambda: stack.relay(flags=("--host", NEAR)))
+    _, fifo = scene.robot()
+    cable.near.run(lambda: scene.edge(zenoh, fifo))
+    return address
+
+
+def test_a_frozen_viewer_is_cut_and_hurts_nobody(scene: Scene) -> None:
+    _, address, zenoh = scene.stack.relay()
+    _, fifo = scene.robot()
+    scene.edge(zenoh, fifo)
+    frozen, other = scene.screen(address), scene.screen(address)
+    for screen in (frozen, other):
+        screen.says("LIVE")
+    at_s = frozen.signal(signal.SIGSTOP)
+    until("it is cut", lambda: watching(address) == 1, 25)
+    cut_s = time.monotonic() - at_s
+    newest = frozen.frames()[-1]["seq"]
+    thawed_s = frozen.signal(signal.SIGCONT)
+    frozen.says("LIVE", since_s=thawed_s)
+    frozen.watches(10, since_s=thawed_s + 2)
+    # of what was sent before the freeze it gets two seconds' worth at most, then the newest
+    late = [f for f in frozen.frames(thawed_s) if f["seq"] <= newest + 2 * 30 + 3 * 10]
+    assert len(late) <= 2 * 10 + 10
+    assert {line["word"] for line in other.lines("word", at_s)} == set()
+    frames = other.frames(at_s)
+    assert max(b["at"] - a["at"] for a, b in pairwise(frames)) < 1.0
+    for screen in (frozen, other):
+        screen.never_went_back()
+    assert cut_s <= 20.0
+    scene.tell(cut_after=cut_s)
+
+
+def passed(since_s: float, seconds: float) -> bool:
+    return time.monotonic() - since_s > seconds
+
+
+def late_after_a_pause(address: str, pause_s: float) -> list[float]:
+    """What a viewer that stops reading for so long is then handed: each frame's lateness, s, over 4 s."""
+    link = Connection(f"ws://{address}/api/v1/robots/demo/live?hz=10")
+    viewer = Viewer(Tally(), Clock(), step=3, decode=True)
+    late_s: list[float] = []
+    resumed_s = float("inf")
+    for opcode, payload, arrival_s in link.messages():
+        if opcode is Opcode.TEXT and json.loads(payload)["type"] == "schema":
+            viewer.schema(payload.decode())
+        elif opcode is Opcode.BINARY:
+            lateness_s = viewer.binary(payload, arrival_s)
+            if arrival_s > resumed_s and lateness_s is not None:
+                late_s.append(lateness_s)
+        if viewer.frames == 20 and resumed_s == float("inf"):
+            began_s = time.monotonic()
+            until("a while", partial(passed, began_s, pause_s))
+            resumed_s = time.monotonic()
+        if arrival_s > resumed_s + 4:
+            break
+    link.close()
+    return late_s
+
+
+def test_a_viewer_that_reads_again(scene: Scene) -> None:
+    """Before it is cut. It gets what was under way when it stopped, then the newest, nothing in between."""
+    _, address, zenoh = scene.stack.relay()
+    _, fifo = scene.robot()
+    scene.edge(zenoh, fifo)
+    scene.screen(address).says("LIVE")
+    late_s = late_after_a_pause(address, PAUSE_S)
+    old = sum(late > 1.0 for late in late_s)
+    assert old <= 2 * 10 + 5, f"{old} old frames were handed over, 2 s of them were due at most"
+    assert len(late_s) - old >= 10
+    scene.tell(old_frames_handed_over=old / 10)
+
+
+def test_half_open_viewer(scene: Scene, stack: Stack, cable: Cable) -> None:
+    address = far_relay(cable, scene, stack)
+    screen = scene.screen(address, namespace=cable.far)
+    screen.says("LIVE")
+    at_s = time.monotonic()
+    cable.near.do("ip link set cable down")
+    stale_s = screen.says("STALE", "no connection", at_s)
+    until("the relay has noticed", lambda: cable.near.run(lambda: watching(address)) == 0)
+    gone_s = time.monotonic() - at_s
+    mended_s = time.monotonic()
+    cable.near.do("ip link set cable up")
+    back_s = screen.says("LIVE", since_s=mended_s)
+    assert stale_s <= SAID_S
+    assert gone_s <= 12.0
+    screen.never_went_back()
+    scene.tell(STALE=stale_s, noticed_by_the_relay=gone_s, LIVE_again=back_s)
+
+
+def test_one_kilobyte_a_second(scene: Scene, stack: Stack, cable: Cable) -> None:
+    """Far less than 30 Hz need: it gets fewer frames, each as new as the link allows."""
+    address = far_relay(cable, scene, stack)
+    cable.near.do("tc qdisc add dev cable root tbf rate 8kbit burst 1540 latency 2000ms")
+    screen = scene.screen(address, hz=30, namespace=cable.far)
+    screen.says("LIVE", deadline_s=60)
+    began_s = time.monotonic()
+    until("a while", lambda: time.monotonic() - began_s > 12, 30)
+    frames = screen.frames(began_s)
+    screen.never_went_back()
+    assert len(frames) >= 10
+    worst_s = max(frame["behind_s"] for frame in frames)
+    assert worst_s <= 4.0
+    scene.tell(oldest_frame=worst_s)
+
+
+def test_a_tenth_of_the_packets_lost(scene: Scene, stack: Stack, cable: Cable) -> None:
+    address = far_relay(cable, scene, stack)
+    try:
+        cable.near.do(
+            "nft add table inet faults",
+            "nft add chain inet faults out { type filter hook output priority 0 ; }",
+            f"nft add rule inet faults out ip daddr {FAR} numgen random mod 100 < 10 drop",
+        )
+    except FileNotFoundError:
+        pytest.skip("nft is needed (nftables)")
+    screen = scene.screen(address, namespace=cable.far)
+    screen.says("LIVE")
+    began_s = time.monotonic()
+    until("a while", lambda: time.monotonic() - began_s > 12, 30)
+    frames = screen.frames(began_s)
+    screen.never_went_back()
+    assert len(frames) >= 6 * 10
+    worst_s = max(frame["behind_s"] for frame in frames)
+    scene.tell(oldest_frame=worst_s)
+
+
+def test_far_away(scene: Scene, stack: Stack) -> None:
+    """150 ms each way, give or take 50: LIVE, every frame in order, and hardly later than the way is long."""
+    _, address, zenoh = stack.relay()
+    _, fifo = scene.robot()
+    scene.edge(zenoh, fifo)
+    link = scene.stack.start("link", sys.executable, str(LATE_LINK), address, "150", "50")
+    port = link.line(r"PORT (\d+)")[1]
+    screen = scene.screen(f"127.0.0.1:{port}")
+    screen.says("LIVE")
+    began_s = time.monotonic()
+    screen.watches(100, since_s=began_s)
+    frames = screen.frames(began_s)
+    screen.never_went_back()
+    assert {line["word"] for line in screen.lines("word", began_s)} <= {"LIVE"}
+    assert [line["closed"] for line in screen.lines("closed")] == []
+    worst_s = max(frame["behind_s"] for frame in frames)
+    assert worst_s <= 2.0
+    scene.tell(oldest_frame=worst_s)

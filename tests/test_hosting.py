@@ -1,0 +1,219 @@
+"""The page on hosts of other kinds: real nginx, alone and before a relay."""
+
+from __future__ import annotations
+
+import gzip
+import json
+import re
+import shutil
+import socket
+import ssl
+import subprocess
+import time
+import urllib.error
+import urllib.request
+from collections.abc import Callable
+from email.message import Message
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.conftest import Stack, free_port, until
+
+ROOT = Path(__file__).resolve().parent.parent
+HOSTING = ROOT / "infra/hosting"
+DIST = ROOT / "spa/dist"
+POLICY = re.compile(r'http-equiv="Content-Security-Policy"\s+content="([^"]+)"')
+
+pytestmark = [
+    pytest.mark.skipif(shutil.which("nginx") is None, reason="no nginx here: apt-get install nginx"),
+    pytest.mark.skipif(shutil.which("openssl") is None, reason="no openssl here"),
+    pytest.mark.skipif(not (DIST / "index.html").exists(), reason="no built page: run make setup"),
+]
+
+Answer = tuple[int, "Message[str, str]", bytes]
+
+
+class Site:
+    """nginx with one of our files, on a port of its own."""
+
+    def __init__(self, folder: Path, file: str, **instead: str) -> None:
+        new = "req -x509 -newkey ec -pkeyopt ec_paramgen_curve:P-256 -nodes -days 2 -subj /CN=localhost"
+        names = "-addext subjectAltName=DNS:localhost -keyout privkey.pem -out fullchain.pem"
+        subprocess.run(["openssl", *new.split(), *names.split()], cwd=folder, check=True, capture_output=True)
+        self.port = free_port()
+        text = (HOSTING / file).read_text()
+        for old, new in (
+            {"listen 443": f"listen 127.0.0.1:{self.port}", "/etc/posecast": str(folder)} | instead
+        ).items():
+            assert old in text, old
+            text = text.replace(old, new)
+        (folder / "site.conf").write_text(text)
+        places = "".join(
+            f"{kind}_temp_path {folder}/{kind};"
+            for kind in ("client_body", "proxy", "fastcgi", "uwsgi", "scgi")
+        )
+        (folder / "nginx.conf").write_text(
+            f"pid {folder}/pid; daemon off; master_process off; error_log {folder}/errors;"
+            "events { worker_connections 900; }"
+            f"http {{ include /etc/nginx/mime.types; access_log off; {places} include {folder}/site.conf; }}"
+        )
+        self.command = ("nginx", "-p", str(folder), "-c", str(folder / "nginx.conf"))
+        self.trust = ssl.create_default_context(cafile=str(folder / "fullchain.pem"))
+
+    def get(self, path: str, **headers: str) -> Answer:
+        """Status, headers, body."""
+        request = urllib.request.Request(f"https://localhost:{self.port}{path}", headers=headers)
+        try:
+            with urllib.request.urlopen(request, timeout=10, context=self.trust) as answer:
+                return answer.status, answer.headers, answer.read()
+        except urllib.error.HTTPError as e:
+            return e.code, e.headers, e.read()
+
+    def answers(self) -> bool:
+        """Whether it does."""
+        try:
+            return self.get("/")[0] == 200
+        except OSError:
+            return False
+
+
+@pytest.fixture
+def site(stack: Stack, tmp_path: Path) -> Callable[..., Site]:
+    """Starts nginx."""
+
+    def start(file: str, **instead: str) -> Site:
+        made = Site(tmp_path, file, **instead)
+        part = stack.start("nginx", *made.command)
+
+        def up() -> bool:
+            assert part.process.poll() is None, part.log
+            return made.answers()
+
+        until("nginx answers", up)
+        return made
+
+    return start
+
+
+def test_nginx_serves_the_page_with_its_headers(site: Callable[..., Site], tmp_path: Path) -> None:
+    page = tmp_path / "page"
+    shutil.copytree(DIST, page)
+    (page / "config.json").write_text('{"relay": "https://relay.example"}')
+    lists = {'# demo "*";': 'demo "*";', "# hubo ": "hubo "}
+    at = site("nginx.conf", **{"/srv/posecast": str(page)}, **lists)
+
+    found = POLICY.search((page / "index.html").read_text())
+    assert found is not None
+    own = found[1].replace("&#39;", "'")
+    for path, cache, frames in (
+        ("/", "no-cache", "'none'"),
+        ("/index.html", "no-cache", "'none'"),
+        ("/config.json", "no-cache", "'none'"),
+        (
+            f"/assets/{next((page / 'assets').glob('worker-*.js')).name}",
+            "public, max-age=31536000, immutable",
+            "'none'",
+        ),
+        ("/embed/", "no-cache", "'self'"),
+        ("/embed/demo", "no-cache", "*"),
+        ("/embed/hubo", "no-cache", "'self' https://course.example"),
+        ("/embed/g1", "no-cache", "'self'"),
+    ):
+        status, headers, body = at.get(path)
+        assert status == 200, path
+        assert headers.get_all("cache-control") == [cache], path
+        assert headers.get_all("content-security-policy") == [f"{own}; frame-ancestors {frames}"], path
+        assert headers["x-frame-options"] == ("DENY" if frames == "'none'" else None), path
+        assert headers["x-content-type-options"] == "nosniff"
+        assert headers["referrer-policy"] == "no-referrer"
+        assert headers["strict-transport-security"]
+        assert "1." not in (headers["server"] or ""), "its version is nobody's business"
+        if path.startswith("/embed/"):
+            assert body == (page / "embed/index.html").read_bytes()
+    for gone in (
+        "/assets/gone.js",
+        "/nothing",
+        "/.vite/manifest.json",
+        "/embed/UP",
+        "/embed/demo/",
+        "/index.html.gz",
+        "/docs/",
+    ):
+        status, headers, body = at.get(gone)
+        assert status == 404, gone
+        assert b'id="root"' not in body, "never the page instead"
+
+    script = next(page.glob("assets/index-*.js"))
+    _, headers, body = at.get(f"/assets/{script.name}", **{"accept-encoding": "gzip"})
+    assert headers["content-encoding"] == "gzip"
+    assert headers["content-type"].partition(";")[0].endswith("javascript")
+    assert gzip.decompress(body) == script.read_bytes()
+    _, headers, _ = at.get("/")
+    assert at.get("/", **{"if-none-match": headers["etag"]})[0] == 304
+    assert json.loads(at.get("/config.json")[2]) == {"relay": "https://relay.example"}
+    for each in (page / "assets").glob("*.js"):  # one could keep an old page alive
+        assert "serviceWorker.register" not in each.read_text(), each.name
+
+
+def test_nginx_before_a_relay_adds_nothing_and_holds_nothing_back(
+    site: Callable[..., Site], stack: Stack, tmp_path: Path
+) -> None:
+    robots = tmp_path / "robots.toml"
+    robots.write_text("[robots.demo.anyone]\nframes = ['https://course.example']\n")
+    robots.chmod(0o600)
+    flags = ("--static", str(DIST), "--robots", str(robots), "--trusted-proxies", "127.0.0.1")
+    _, address, zenoh = stack.relay(flags=flags)
+    stack.edge(zenoh, "--source", "demo")
+    at = site("nginx-relay.conf", **{"127.0.0.1:8080": address})
+    until("the robot is on air", lambda: at.get("/api/v1/robots/demo/state")[0] == 200)
+
+    for path in ("/", "/embed/demo", "/embed/", "/api/v1/robots/demo", "/config.json"):
+        with urllib.request.urlopen(f"http://{address}{path}", timeout=10) as answer:
+            said = {k.lower(): v for k, v in answer.headers.items()}
+        status, headers, _ = at.get(path)
+        assert status == 200, path
+        for name in (
+            "content-security-policy",
+            "x-frame-options",
+            "cache-control",
+            "access-control-allow-origin",
+        ):
+            assert headers.get_all(name) == ([said[name]] if name in said else None), (path, name)
+    assert at.get("/embed/demo")[1]["content-security-policy"].endswith("'self' https://course.example")
+    for inside in ("/livez", "/readyz", "/metrics"):
+        assert at.get(inside)[0] == 404, inside
+
+    stream = f"https://localhost:{at.port}/api/v1/robots/demo/live.sse?hz=10"
+    with urllib.request.urlopen(stream, timeout=10, context=at.trust) as answer:
+        assert sum(answer.readline().startswith(b"data:") for _ in range(60)) >= 10
+    _frames_through(at)
+
+    slow = []
+    for _ in range(400):
+        link = socket.create_connection(("127.0.0.1", at.port), 10)
+        link.send(b"\x16\x03\x01\x02\x00")
+        slow.append(link)
+    began_s = time.monotonic()
+    assert at.get("/api/v1/robots")[0] == 200
+    print(f"with 400 slow requests open an answer took {(time.monotonic() - began_s) * 1e3:.0f} ms")
+    for link in slow:
+        link.close()
+
+
+def _frames_through(at: Site) -> None:
+    import asyncio
+
+    import websockets
+
+    async def watch() -> int:
+        url = f"wss://localhost:{at.port}/api/v1/robots/demo/live?hz=10"
+        frames = 0
+        async with websockets.connect(url, ssl=at.trust, proxy=None) as link:
+            while frames < 10:
+                message: Any = await asyncio.wait_for(link.recv(), 20)
+                frames += isinstance(message, bytes)
+        return frames
+
+    assert asyncio.run(watch()) == 10

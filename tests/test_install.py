@@ -1,0 +1,227 @@
+"""Wheels, installed outside the checkout, put a robot on air where there is no route to the internet.
+
+The commands are those of docs/INSTALL.md.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+import urllib.request
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from posecast_edge.settings import parse_settings
+
+from tests.conftest import until
+from tests.namespaces import Namespace
+
+ROOT = Path(__file__).resolve().parent.parent
+PAGE = (ROOT / "docs" / "INSTALL.md").read_text(encoding="utf-8")
+UNIT = ROOT / "infra" / "systemd" / "posecast-edge@.service"
+UV = ROOT / ".tools" / "bin" / "uv"
+# what a stranger's machine has; above all no PIP_FIND_LINKS and nothing of the make that runs these tests
+PLAIN = {
+    k: v for k, v in os.environ.items() if not k.startswith(("PIP_FIND", "MAKE", "MFLAGS", "PYTHON", "UV_"))
+}
+
+
+def blocks(kind: str) -> list[str]:
+    """Code of one kind on the page, in order."""
+    return re.findall(rf"```{kind}\n(.*?)```", PAGE, re.DOTALL)
+
+
+def sh(script: str, folder: Path) -> None:
+    """Runs it, shows what it said when it fails."""
+    done = subprocess.run(
+        ["bash", "-euc", script],
+        cwd=folder,
+        env=PLAIN,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=300,
+    )
+    assert done.returncode == 0, f"{script}\n{done.stdout}{done.stderr}"
+
+
+@pytest.fixture(scope="module")
+def wheels(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder where `make dist` left the wheels."""
+    folder = tmp_path_factory.mktemp("site") / "dist"
+    sh(f"make --silent dist DIST={folder}", ROOT)
+    assert sorted(wheel.name.split("-")[0] for wheel in folder.glob("*.whl")) == [
+        "posecast_edge",
+        "posecast_relay",
+        "posecast_wire",
+    ]
+    return folder
+
+
+@pytest.fixture
+def alone() -> Iterator[Any]:
+    """A place with a loopback and nothing else."""
+    place = Namespace()
+    place.do("ip link set lo up")
+    yield place
+    place.close()
+
+
+def on_air(stack: Any, place: Any, relay: Path, edge: Path) -> str:
+    """Starts both from their own virtual environments in a place without a route; the relay's URL."""
+    run: Callable[..., Any] = place.run
+    serving = run(
+        lambda: stack.start("relay", str(relay / "bin/posecast-relay"), "run", "--dev", "--port", "8080")
+    )
+    found = serving.line(r"serving (http://\S+), robots on")
+    words = ("run", "--robot", "demo", "--source", "demo", "--relay", "tcp/127.0.0.1:7447")
+    run(lambda: stack.start("edge", str(edge / "bin/posecast-edge"), *words))
+    return str(found[1])
+
+
+def get(place: Any, url: str) -> bytes:
+    def ask() -> bytes:
+        with urllib.request.urlopen(url, timeout=5) as answer:
+            body: bytes = answer.read()
+            return body
+
+    found: bytes = place.run(ask)
+    return found
+
+
+def moves(place: Any, url: str) -> None:
+    """Until the demo robot has stood in five poses."""
+    seen: set[str] = set()
+
+    def five() -> bool:
+        try:
+            state = json.loads(get(place, f"{url}/api/v1/robots/demo/state"))
+        except OSError:
+            return False
+        seen.add(json.dumps(state["fields"]["pos"]["values"]))
+        return len(seen) >= 5
+
+    until("the robot moves", five)
+
+
+def whole_page(place: Any, url: str) -> None:
+    """Every file of the built page is there, and none comes from elsewhere."""
+    index = get(place, f"{url}/").decode()
+    assert not re.findall(r"(?:src|href)=\"(?:https?:)?//", index)
+    linked = re.findall(r"(?:src|href)=\"\./([^\"]+)\"", index)
+    built = json.loads(get(place, f"{url}/.vite/manifest.json"))
+    files = {*linked, *(f for chunk in built.values() for f in (chunk["file"], *chunk.get("css", ())))}
+    assert len(files) > 5
+    for file in files:
+        assert get(place, f"{url}/{file}"), file
+
+
+def routes_page(place: Any, url: str) -> None:
+    """FastAPI's documentation of the routes, with its own files."""
+    page = get(place, f"{url}/docs").decode()
+    files = re.findall(r"(?:src|href)=\"\./([^\"]+)\"", page)
+    assert len(files) == 3
+    assert "//" not in re.sub(r"<!--.*?-->", "", page, flags=re.DOTALL)
+    for file in files:
+        assert get(place, f"{url}/docs/{file}"), file
+    assert "/api/v1/robots/{robot}/state" in json.loads(get(place, f"{url}/openapi.json"))["paths"]
+
+
+def test_wheels_put_a_robot_on_air_without_internet(
+    stack: Any, wheels: Path, alone: Any, tmp_path: Path
+) -> None:
+    for name in ("relay", "edge"):
+        # uv takes what setup has fetched already; the long test below does it as the page says
+        sh(
+            f"{sys.executable} -m venv --without-pip {name}\n"
+            f"{UV} pip install --quiet --python {name} {wheels}/posecast_{{wire,{name}}}-*.whl",
+            tmp_path,
+        )
+    assert not list((tmp_path / "edge").glob("lib/*/site-packages/numpy")), "extras are extras"
+    url = on_air(stack, alone, tmp_path / "relay", tmp_path / "edge")
+    moves(alone, url)
+    whole_page(alone, url)
+    routes_page(alone, url)
+
+
+@pytest.mark.full
+def test_a_wheelhouse_is_enough(stack: Any, wheels: Path, alone: Any, tmp_path: Path) -> None:
+    fill, install = (b for b in blocks("sh") if "wheelhouse\n" in b or "--no-index" in b)
+    for name in ("edge", "relay"):
+        site = tmp_path / name
+        site.mkdir()
+        (site / "dist").symlink_to(wheels)
+        (site / ".tools").symlink_to(ROOT / ".tools")
+        for file in ("uv.lock", "pyproject.toml"):
+            (site / file).symlink_to(ROOT / file)
+        for package in ("wire/python", "edge-agent", "relay", "loadtests"):
+            (site / package).mkdir(parents=True)
+            (site / package / "pyproject.toml").symlink_to(ROOT / package / "pyproject.toml")
+        sh(fill.replace("posecast-edge", f"posecast-{name}"), site)
+        away = tmp_path / f"{name}-away"
+        away.mkdir()
+        shutil.copytree(site / "wheelhouse", away / "wheelhouse")
+        here = install.replace("/opt/posecast", "venv").replace("posecast-edge", f"posecast-{name}")
+        alone.run(lambda here=here, away=away: sh(here, away))
+    url = on_air(stack, alone, tmp_path / "relay-away/venv", tmp_path / "edge-away/venv")
+    moves(alone, url)
+    whole_page(alone, url)
+    routes_page(alone, url)
+
+
+@pytest.mark.full
+def test_an_arm64_board_finds_every_wheel(wheels: Path, tmp_path: Path) -> None:
+    (script,) = (b for b in blocks("sh") if "aarch64" in b)
+    (tmp_path / "dist").symlink_to(wheels)
+    (tmp_path / ".tools").symlink_to(ROOT / ".tools")
+    sh(script, tmp_path)
+    found = sorted(path.name for path in (tmp_path / "wheelhouse-arm64").iterdir())
+    assert [name.split("-")[0] for name in found] == [
+        "eclipse_zenoh",
+        "posecast_edge",
+        "posecast_wire",
+        "tomli",
+    ]
+    assert [name for name in found if not name.endswith(("aarch64.whl", "-none-any.whl"))] == []
+
+
+def test_the_service_reads_settings_that_exist() -> None:
+    (text,) = blocks("ini")
+    given = dict(line.split("=", 1) for line in text.splitlines())
+    fixed = dict(re.findall(r"(POSECAST_\w+)=(\S+)", UNIT.read_text(encoding="utf-8")))
+    assert fixed == {"POSECAST_ROBOT": "%i"}
+    settings = parse_settings(["run"], {**given, "POSECAST_ROBOT": "hubo"})
+    assert settings.robot == "hubo"
+    known = {f"POSECAST_{name.upper()}" for name in settings.__dataclass_fields__}
+    assert set(given) <= known
+
+
+def test_systemd_takes_the_unit(tmp_path: Path) -> None:
+    if shutil.which("systemd-analyze") is None:
+        pytest.skip("no systemd-analyze here")
+    unit = tmp_path / UNIT.name
+    # verify wants the program to be there
+    unit.write_text(UNIT.read_text(encoding="utf-8").replace("/opt/posecast/bin/posecast-edge", "/bin/true"))
+    done = subprocess.run(
+        ["systemd-analyze", "verify", "--man=no", str(unit.with_name("posecast-edge@hubo.service"))],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    ours = [line for line in done.stderr.splitlines() if "posecast-edge" in line]
+    assert ours == []
+
+
+def test_links_lead_somewhere() -> None:
+    for link in re.findall(r"\]\(([^)]+)\)", PAGE):
+        file, _, head = link.partition("#")
+        assert file == "" or (ROOT / "docs" / file).exists(), link
+        text = (ROOT / "docs" / file).read_text(encoding="utf-8") if file else PAGE
+        heads = {title.lower().replace(" ", "-") for title in re.findall(r"^#+ (.*)$", text, re.MULTILINE)}
+        assert head == "" or head in heads, link

@@ -1,0 +1,113 @@
+"""docs/PROTOCOL.md, done as it says: every example runs, every sample shows the members there are."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shlex
+import subprocess
+import sys
+import urllib.error
+import urllib.request
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.conftest import until
+
+PAGE = (Path(__file__).resolve().parent.parent / "docs" / "PROTOCOL.md").read_text()
+ADDRESS = "127.0.0.1:8080"  # where the page says the demo is
+LINES = 3  # of an example's output: it goes on
+
+
+def block(language: str, holding: str) -> str:
+    """The one block of that language with this in it."""
+    found = [b for b in re.findall(rf"```{language}\n(.*?)```", PAGE, re.DOTALL) if holding in b]
+    assert len(found) == 1, f"{holding}: {len(found)} times in the page"
+    return str(found[0])
+
+
+def sample(holding: str) -> Any:
+    """A sample answer of the page."""
+    return json.loads(block("json", holding))
+
+
+@pytest.fixture
+def demo(stack: Any) -> str:
+    """Where a relay serves the moving demo robot."""
+    _, address, zenoh = stack.relay()
+    stack.edge(zenoh, "--source", "demo")
+
+    def has_state() -> bool:
+        with suppress(urllib.error.URLError):
+            return bool(get(address, "/api/v1/robots/demo/state")["fields"])
+        return False
+
+    until("the demo has a state", has_state)
+    return str(address)
+
+
+def get(address: str, path: str) -> Any:
+    """The answer, which any page may read."""
+    with urllib.request.urlopen(f"http://{address}{path}", timeout=10) as answer:
+        assert answer.headers["access-control-allow-origin"] == "*"
+        return json.load(answer)
+
+
+def first_lines(stack: Any, name: str, *command: str) -> list[str]:
+    """What this endless program prints first."""
+    part = stack.start(name, *command)
+    return str(part.line(rf"(?:.*\n){{{LINES}}}")[0]).splitlines()
+
+
+@pytest.mark.parametrize("line", block("sh", "curl").splitlines())
+def test_curl(line: str, demo: str, stack: Any) -> None:
+    command = [word.replace(ADDRESS, demo) for word in shlex.split(line)]
+    if "-sN" in command:
+        part = stack.start("curl", *command)
+        message = json.loads(part.line(r"event: frame\ndata: (.*)\n")[1])
+        assert message["values"]["pos"]
+    else:
+        answer = json.loads(subprocess.run(command, capture_output=True, check=True, timeout=20).stdout)
+        assert "demo" in json.dumps(answer)
+
+
+@pytest.mark.parametrize("name", ["watch.py", "frames.py"])
+def test_python(name: str, demo: str, stack: Any, tmp_path: Path) -> None:
+    program = tmp_path / name
+    program.write_text(block("python", f"# {name}").replace(ADDRESS, demo))
+    lines = first_lines(stack, "python", sys.executable, str(program))
+    assert len(set(lines)) == LINES  # it moves
+
+
+def test_javascript(demo: str, stack: Any, tmp_path: Path) -> None:
+    program = tmp_path / "watch.mjs"
+    program.write_text(block("js", "// watch.mjs").replace(ADDRESS, demo))
+    version = subprocess.run(["node", "--version"], capture_output=True, check=True, text=True).stdout
+    major = int(version.lstrip("v").split(".")[0])
+    flags = ["--experimental-websocket"] if major < 22 else []
+    lines = first_lines(stack, "node", "node", *flags, str(program))
+    assert len(set(lines)) == LINES
+    assert "WST" in json.loads(lines[0])
+
+
+def test_the_answers_have_the_members_shown(demo: str) -> None:
+    assert sample('{"robots"')["robots"][0].keys() == get(demo, "/api/v1/robots")["robots"][0].keys()
+    shown, real = sample('"fields"'), get(demo, "/api/v1/robots/demo/state")
+    assert shown.keys() == real.keys()
+    for field, part in shown["fields"].items():
+        assert part["unit"] == real["fields"][field]["unit"]
+        assert part["values"].keys() <= real["fields"][field]["values"].keys()
+    added = re.search(r"`GET /api/v1/robots/\{robot\}` adds (.*?)\n\n", PAGE, re.DOTALL)
+    assert added is not None
+    one, listed = get(demo, "/api/v1/robots/demo"), get(demo, "/api/v1/robots")["robots"][0]
+    assert set(re.findall(r"`([a-z_]+)`", added[1])) == one.keys() - listed.keys()
+
+
+def test_links_lead_somewhere() -> None:
+    docs = Path(__file__).resolve().parent.parent / "docs"
+    for link in re.findall(r"\]\(([^)#:]+)\)", PAGE):
+        assert os.path.exists(docs / link), link

@@ -1,0 +1,202 @@
+"""The shipped proxy (infra/Caddyfile) before a real relay, in a network namespace of its own."""
+
+from __future__ import annotations
+
+import json
+import re
+import socket
+import ssl
+import time
+import urllib.error
+import urllib.request
+from collections.abc import Iterator
+from dataclasses import dataclass
+from email.message import Message
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.conftest import BIN, Stack, until
+from tests.namespaces import Namespace
+
+ROOT = Path(__file__).resolve().parent.parent
+CADDY = BIN / "caddy"
+SLOW = 400
+PER_ADDRESS = 3
+OTHERS = "10.9.9."  # addresses that are not this machine's own, which are not counted
+
+pytestmark = pytest.mark.skipif(not CADDY.exists(), reason="no caddy in the virtual environment")
+
+
+class Stay(urllib.request.HTTPRedirectHandler):
+    """A redirect is an answer."""
+
+    def redirect_request(self, *_: Any) -> None:
+        """Not followed."""
+
+
+@dataclass
+class Site:
+    """Who asks is in the namespace too."""
+
+    place: Namespace
+    trust: ssl.SSLContext
+
+    def get(self, path: str, **headers: str) -> tuple[int, Message[str, str], bytes]:
+        """Status, headers, body of a GET; of `http://…` or of a path behind TLS."""
+        url = path if "://" in path else f"https://localhost{path}"
+
+        def ask() -> tuple[int, Message[str, str], bytes]:
+            opener = urllib.request.build_opener(urllib.request.HTTPSHandler(context=self.trust), Stay)
+            try:
+                with opener.open(urllib.request.Request(url, headers=headers), timeout=10) as answer:
+                    return answer.status, answer.headers, answer.read()
+            except urllib.error.HTTPError as e:
+                return e.code, e.headers, e.read()
+
+        found: tuple[int, Message[str, str], bytes] = self.place.run(ask)
+        return found
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
+    """A relay, its demo robot and the proxy before them, for all tests of this file."""
+    folder = tmp_path_factory.mktemp("proxy")
+    place, stack = Namespace(), Stack(folder)
+    place.do("ip link set lo up", *(f"ip address add {OTHERS}{n}/32 dev lo" for n in (1, 2, 3)))
+    page = str(ROOT / "spa/dist")
+    settings = {
+        "SITE": "localhost",
+        "VIEWERS_AT": "127.0.0.1",
+        "PAGE": page,
+        "XDG_DATA_HOME": str(folder),
+        "XDG_CONFIG_HOME": str(folder),
+    }
+    words = [f"{name}={value}" for name, value in settings.items()]
+    caddy = [str(CADDY), "run", "--config", str(ROOT / "infra/Caddyfile"), "--adapter", "caddyfile"]
+    root = folder / "caddy/pki/authorities/local/root.crt"
+    try:
+        limits = ("--trusted-proxies", "127.0.0.1", "--max-per-address", str(PER_ADDRESS), "--static", page)
+        relay = place.run(lambda: stack.relay(port=8080, zenoh_port=7447, flags=limits))
+        place.run(lambda: stack.edge(relay[2], "--source", "demo"))
+        proxy = place.run(lambda: stack.start("proxy", "env", *words, *caddy))
+
+        def authority() -> bool:
+            assert proxy.process.poll() is None, proxy.log
+            return root.is_file()
+
+        until("the proxy has made its authority", authority, 60)
+        made = Site(place, ssl.create_default_context(cafile=str(root)))
+
+        def serves() -> bool:
+            try:
+                return made.get("/api/v1/robots/demo/state")[0] == 200
+            except OSError:  # also while its certificate is being made
+                return False
+
+        # a certificate that could not be made at once is tried again by Caddy after a minute
+        until("the robot is on air behind the proxy", serves, 120)
+        yield made
+    finally:
+        for part in reversed(stack.parts):
+            part.stop()
+            print(part.log[-3000:])
+        place.close()
+
+
+def test_page_and_routes_over_tls(site: Site) -> None:
+    status, headers, body = site.get("/")
+    assert (status, headers["cache-control"]) == (200, "no-cache")
+    assert headers["x-content-type-options"] == "nosniff"
+    assert headers["server"] is None
+    assert headers["x-frame-options"] == "DENY"
+    asset = re.findall(r"\./(assets/[^\"]+\.js)", body.decode())[0]
+    status, headers, _ = site.get(f"/{asset}", **{"accept-encoding": "gzip"})
+    assert (status, headers["content-encoding"]) == (200, "gzip")
+    assert headers["cache-control"] == "public, max-age=31536000, immutable"
+    assert site.get("/.vite/manifest.json")[0] == 404
+    assert site.get("/assets/gone.js")[0] == 404
+    assert "/api/v1/robots" in json.loads(site.get("/openapi.json")[2])["paths"]
+    for framed in ("/embed/demo", "/embed/"):  # as the relay says it, and nobody else
+        status, headers, _ = site.get(framed)
+        policies = headers.get_all("content-security-policy") or []
+        assert (status, [each.split("; ")[-1] for each in policies]) == (200, ["frame-ancestors *"])
+        assert headers["x-frame-options"] is None
+    for inside in ("/livez", "/readyz", "/metrics"):
+        assert site.get(inside)[0] == 404, inside
+    status, headers, _ = site.get("http://localhost/")
+    assert (status, headers["location"]) == (308, "https://localhost/")
+    assert site.get("/", **{"x-long": "x" * 40_000})[0] == 431
+
+
+def test_events_pass_as_they_come(site: Site) -> None:
+
+    def read() -> int:
+        url = "https://localhost/api/v1/robots/demo/live.sse?hz=10"
+        with urllib.request.urlopen(url, timeout=10, context=site.trust) as answer:
+            events = 0
+            while events < 20:
+                events += answer.readline().startswith(b"data:")
+            return events
+
+    assert site.place.run(read) == 20
+
+
+def test_viewers_are_told_apart_behind_the_proxy(site: Site) -> None:
+    links = []
+
+    def stream(address: str) -> bytes:
+        """The status of one more stream from that address, which says that it is another."""
+        raw = socket.create_connection((f"{OTHERS}1", 443), 10, source_address=(address, 0))
+        link = site.trust.wrap_socket(raw, server_hostname="localhost")
+        links.append(link)
+        wanted = "/api/v1/robots/demo/live.sse?hz=1"
+        asked = f"GET {wanted} HTTP/1.1\r\nHost: localhost\r\nX-Forwarded-For: 10.9.9.9\r\n\r\n"
+        link.sendall(asked.encode())
+        return link.recv(12)[9:]
+
+    def all_of_them() -> list[bytes]:
+        return [stream(f"{OTHERS}{n}") for n in (2, 2, 2, 2, 3)]
+
+    try:
+        assert site.place.run(all_of_them) == [b"200", b"200", b"200", b"503", b"200"]
+    finally:
+        for link in links:
+            link.close()
+
+
+def test_who_sends_its_request_drop_by_drop_keeps_nobody_waiting(site: Site) -> None:
+    def open_all() -> list[socket.socket]:
+        sockets = []
+        for i in range(SLOW):
+            link = socket.create_connection(("127.0.0.1", 80 if i % 2 else 443), 10)
+            link.send(b"GET / HTTP/1.1\r\nX-Slow: " if i % 2 else b"\x16\x03\x01\x02\x00")
+            link.setblocking(False)
+            sockets.append(link)
+        return sockets
+
+    sockets = site.place.run(open_all)
+    waits = []
+    for _ in range(10):
+        began_s = time.monotonic()
+        assert site.get("/api/v1/robots")[0] == 200
+        waits.append(time.monotonic() - began_s)
+    print(f"with {SLOW} slow requests open: the slowest of ten answers took {max(waits) * 1e3:.0f} ms")
+    open_now = set(sockets)
+
+    def all_closed() -> bool:
+        for link in list(open_now):
+            try:
+                while link.recv(4096):
+                    pass
+                open_now.remove(link)
+            except BlockingIOError:
+                pass
+            except OSError:
+                open_now.remove(link)
+        return not open_now
+
+    until("the slow ones are let go", all_closed, 60)
+    for link in sockets:
+        link.close()

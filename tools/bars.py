@@ -1,0 +1,65 @@
+"""Plots of the tables in docs/BENCHMARKS.md, read from the page itself, so that both say the same.
+
+python -m tools.bars [--out DIR]: for every table under a line
+
+    <!-- bars: img/NAME.svg | TITLE | COLUMN | UNIT -->
+
+writes DIR/img/NAME.svg: one bar per row, by the first number in that column. Rows without one have no bar.
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+from pathlib import Path
+
+from tools import plot
+
+ROOT = Path(__file__).resolve().parent.parent
+PAGE = ROOT / "docs" / "BENCHMARKS.md"
+MARKER = re.compile(
+    r"^<!-- bars: (?P<file>\S+) \| (?P<title>[^|]+) \| (?P<column>[^|]+) \| (?P<unit>[^|]*) -->$"
+)
+NUMBER = re.compile(r"\d[\d,]*(?:\.\d+)?")
+
+
+def cells(line: str) -> list[str]:
+    """Of one row, without emphasis."""
+    return [cell.replace("*", "").replace("`", "").strip() for cell in line.strip().strip("|").split("|")]
+
+
+def bars_of(page: str) -> dict[str, str]:
+    """File → SVG. ValueError, naming the marker, when its table or column isn't there."""
+    lines, found = page.splitlines(), dict[str, str]()
+    for number, line in enumerate(lines):
+        marker = MARKER.match(line)
+        if marker is None:
+            continue
+        rest = [text for text in lines[number + 1 :] if text.strip()]
+        rows = []
+        for text in rest:
+            if not text.startswith("|"):
+                break
+            rows.append(cells(text))
+        if len(rows) < 3 or marker["column"] not in rows[0]:
+            raise ValueError(
+                f"BENCHMARKS.md:{number + 1}: no table with a column {marker['column']!r} follows"
+            )
+        at = rows[0].index(marker["column"])
+        figures = [(row[0], NUMBER.search(row[at])) for row in rows[2:]]
+        values = [(name, float(figure[0].replace(",", ""))) for name, figure in figures if figure]
+        found[marker["file"]] = plot.bars(marker["title"], marker["unit"], values)
+    return found
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("--out", type=Path, default=ROOT / "docs", help="instead of docs/")
+    out: Path = parser.parse_args().out
+    for name, image in bars_of(PAGE.read_text()).items():
+        (out / name).parent.mkdir(parents=True, exist_ok=True)
+        (out / name).write_text(image)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,87 @@
+"""python -m tools.sbom DIST: what the wheels bring along, as CycloneDX 1.5 beside them.
+
+Python's part is uv's own export of the lock file (names, versions, hashes of every file); licences are what
+installed packages say of themselves. The page's part is what Vite says it bundled (spa/dist/licenses.json).
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from importlib.metadata import PackageNotFoundError, metadata
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parent.parent
+UV = ROOT / ".tools/bin/uv"
+PAGE = ROOT / "spa/dist/licenses.json"
+WITH_PAGE = "posecast-relay"
+PARTS = ("posecast-wire", "posecast-edge", WITH_PAGE)
+# handed on as it comes, not bundled by Vite
+AS_IT_COMES = ROOT / "node_modules/swagger-ui-dist/package.json"
+
+
+def sbom(package: str) -> dict[str, Any]:
+    """Of one wheel with all its extras. OSError, subprocess.CalledProcessError."""
+    words = ("export", "--quiet", "--frozen", "--no-dev", "--all-extras", "--format", "cyclonedx1.5")
+    made = subprocess.run(
+        [UV, *words, "--package", package], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    document: dict[str, Any] = json.loads(made.stdout)
+    for component in document["components"]:
+        known = licences(component["name"])
+        if known:
+            component["licenses"] = known
+    if package == WITH_PAGE:
+        _add_page(document)
+    return document
+
+
+def licences(distribution: str) -> list[dict[str, Any]]:
+    """What a distribution says of its licence, in CycloneDX's terms; [] when it is not installed here."""
+    try:
+        told = metadata(distribution)
+    except PackageNotFoundError:  # for another system
+        return []
+    if "License-Expression" in told:
+        return [{"expression": told["License-Expression"]}]
+    classified = [
+        line.rpartition(" :: ")[2] for line in told.get_all("Classifier", []) if line.startswith("License ::")
+    ]
+    named = [name for name in classified if name != "OSI Approved"]
+    text = told["License"].strip() if "License" in told else ""
+    if not named and 0 < len(text) < 100:  # some put all of it there
+        named = [text]
+    return [{"license": {"name": name}} for name in named]
+
+
+def _add_page(document: dict[str, Any]) -> None:
+    bundled = json.loads(PAGE.read_text())
+    other = json.loads(AS_IT_COMES.read_text())
+    bundled.append({"name": other["name"], "version": other["version"], "identifier": other["license"]})
+    added = []
+    for part in bundled:
+        name, version = part["name"], part["version"]
+        purl = f"pkg:npm/{name.replace('@', '%40')}@{version}"
+        component = {"type": "library", "bom-ref": purl, "name": name, "version": version, "purl": purl}
+        added.append(component | {"licenses": [{"expression": part["identifier"]}]})
+    document["components"] += added
+    own = document["metadata"]["component"]["bom-ref"]
+    (node,) = (node for node in document["dependencies"] if node["ref"] == own)
+    node["dependsOn"] = [*node.get("dependsOn", []), *(component["bom-ref"] for component in added)]
+    document["dependencies"] += [{"ref": component["bom-ref"]} for component in added]
+
+
+def main() -> None:
+    """Writes one file for each wheel."""
+    folder = Path(sys.argv[1])
+    for package in PARTS:
+        file = folder / f"{package}.cdx.json"
+        document = sbom(package)
+        file.write_text(json.dumps(document, indent=1) + "\n")
+        print(f"{file}: {len(document['components'])} components")
+
+
+if __name__ == "__main__":
+    main()

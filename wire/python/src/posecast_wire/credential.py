@@ -1,0 +1,54 @@
+"""A robot's credential: the line that `posecast-relay robots add` prints and an edge is given in a file."""
+
+from __future__ import annotations
+
+import base64
+import binascii
+import re
+from dataclasses import dataclass, field
+
+from posecast_wire.keys import check_name
+
+SECRET = re.compile(r"[A-Za-z0-9_-]{43}")  # 256 random bits
+KIND = "posecast1"
+LINE_MAX = 20_000
+
+
+@dataclass(frozen=True)
+class Credential:
+    """`robot` is its Zenoh user, `secret` the password. `ca`: what signed the relay's certificate, as PEM;
+    None when that is an authority the whole web trusts."""
+
+    robot: str
+    secret: str = field(repr=False)
+    ca: str | None = None
+
+    def line(self) -> str:
+        """`posecast1:ROBOT:SECRET`, then `:` and the authority in base64 (DER) if there is one."""
+        import ssl  # noqa: PLC0415 - over 1 MB, which an edge without a certificate does without
+
+        ca = [] if self.ca is None else [base64.b64encode(ssl.PEM_cert_to_DER_cert(self.ca)).decode()]
+        return ":".join((KIND, self.robot, self.secret, *ca))
+
+    @classmethod
+    def parse(cls, text: str) -> Credential:
+        """ValueError, which never quotes the secret, when `text` is no credential."""
+        lines = [line for raw in text[: LINE_MAX + 1].splitlines() if (line := raw.strip())]
+        if len(text) > LINE_MAX or len(lines) != 1:
+            raise ValueError("no credential: want the one line that `posecast-relay robots add` printed")
+        kind, *rest = lines[0].split(":")
+        if kind != KIND or not 2 <= len(rest) <= 3:
+            raise ValueError(f"no credential: want {KIND}:ROBOT:SECRET")
+        check_name("robot", rest[0])
+        if not SECRET.fullmatch(rest[1]):
+            raise ValueError("no credential: its secret is cut short or mistyped")
+        return cls(rest[0], rest[1], _pem(rest[2]) if len(rest) == 3 else None)
+
+
+def _pem(text: str) -> str:
+    import ssl  # noqa: PLC0415 - the same
+
+    try:
+        return ssl.DER_cert_to_PEM_cert(base64.b64decode(text, validate=True))
+    except (binascii.Error, ValueError):
+        raise ValueError("no credential: its certificate is cut short or mistyped") from None
