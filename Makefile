@@ -12,6 +12,9 @@ ENGINES   := chromium firefox webkitgtk
 E2E_NEEDS := redis-server chromium firefox-esr webkit2gtk-driver xvfb
 DEMO  := edge-agent/src/posecast_edge/demo_bundle
 DIST  ?= dist
+# A test that loses against a busy machine is played once more, and named.
+PYTEST := $(BIN)/pytest --reruns 1 -rR
+E2E    := npm run --silent e2e -w spa -- --retry=1
 
 help: ## list the targets
 	@awk -F':.*## ' '/^[a-z0-9-]+:.*## /{printf "  make %-12s %s\n", $$1, $$2}' Makefile
@@ -82,25 +85,25 @@ fix: .venv/.ready node_modules/.ready ## what the linters can mend by themselves
 
 unit: setup ## Python and TypeScript tests without a browser
 	@for package in redis-server nginx; do tools/need $$package || exit; done
-	$(BIN)/pytest -m "not full"
+	$(PYTEST) -m "not full"
 	npm test --silent -w wire/typescript
 	npm test --silent -w spa
 
 e2e: setup ## the whole path in real browsers: all of it in Chromium, a smoke in Firefox and WebKitGTK
 	@for package in $(E2E_NEEDS); do tools/need $$package || exit; done
-	npm run --silent e2e -w spa
-	POSECAST_ENGINE=firefox npm run --silent e2e -w spa -- smoke browsers
-	POSECAST_ENGINE=webkitgtk npm run --silent e2e -w spa -- smoke browsers
+	$(E2E)
+	POSECAST_ENGINE=firefox $(E2E) smoke browsers
+	POSECAST_ENGINE=webkitgtk $(E2E) smoke browsers
 
 test: unit e2e ## all tests CI runs (≤ 25 min)
 
 test-full: setup ## the long rest as well, and every browser test in each of the three engines
 	@for package in $(E2E_NEEDS) nginx; do tools/need $$package || exit; done
-	$(BIN)/pytest
+	$(PYTEST)
 	npm test --silent -w wire/typescript
 	npm test --silent -w spa
 	@# every engine is played, also after one has failed
-	failed=; for engine in $(ENGINES); do POSECAST_FULL=1 POSECAST_ENGINE=$$engine npm run --silent e2e -w spa || failed+=" $$engine"; done; \
+	failed=; for engine in $(ENGINES); do POSECAST_FULL=1 POSECAST_ENGINE=$$engine $(E2E) || failed+=" $$engine"; done; \
 	  test -z "$$failed" || { echo "failed in:$$failed"; exit 1; }
 
 browsers: setup ## the README's table of browsers, as found on this machine

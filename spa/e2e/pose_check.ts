@@ -4,13 +4,15 @@ import { expect } from 'vitest';
 import type { Page } from './driver/page.ts';
 import { until } from './driver/until.ts';
 import type { Process } from './process.ts';
-import { type Body, body, resting } from './robot_page.ts';
+import { type Body, body, resting, whole } from './robot_page.ts';
 import { forwardKinematics, type Tap, type TappedFrame } from './stack.ts';
 
 const ONE_MM = 0.001;
 
 /** Stops the robot's edge and waits until page, scene and tap stand at its last frame. */
 async function frozen(page: Page, edge: Process, tap: Tap): Promise<{ shown: Body; sent: TappedFrame }> {
+  // First its shells: without them it stands on what has come so far, and of a stopped edge no more comes.
+  await until('the body is whole', () => whole(page), 60_000);
   page.forgive(/status of 503/); // a part of its model that the page asks for just now can't be had of a stopped edge
   edge.signal('SIGSTOP');
   let before = '';

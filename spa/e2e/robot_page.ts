@@ -104,6 +104,13 @@ export function hasSkin(page: Page): Promise<boolean> {
   return page.evaluate<boolean>('(window.posecast?.scene?.triangles ?? 0) > 1000');
 }
 
+/** Whether the body has come, as far as it will before finer levels. */
+export function whole(page: Page): Promise<boolean> {
+  return page.evaluate<boolean>(
+    `Object.keys(window.posecast?.scene?.linkPoses() ?? {}).length > 0 && document.querySelector('[data-testid="progress"]') === null`,
+  );
+}
+
 /** Waits until so many frames of the robot in a row have cost no picture; what was still on its way may come before. */
 export async function drawsNothing(page: Page, frames: number): Promise<void> {
   await until(
