@@ -26,7 +26,7 @@ _DECODING = 50
 _SLOW_BYTES_PER_S = 1000
 _SLOW_CHUNK = 250
 _FROZEN_AFTER_S = 5.0
-_FROZEN_FOR_S = 22.0  # by then the relay has cut who does not read (it does so after 15 s)
+_FROZEN_FOR_S = 22.0  # by then the relay has cut who does not read (20 s at most)
 _STEADY_S = 2.0  # connections shorter than this say nothing about fairness
 _COME_BACK_S = 1.0
 

@@ -34,8 +34,12 @@ class Limits:
     ack_abort_s: float = 14.0  # owed for so long (so 15 s after the last one): cut
     undrained_s: float = 5.0  # a viewer that never acknowledges may leave its buffer unread for so long
     undrained_acking_s: float = 15.0  # the same for one that acknowledges
-    slowest_bytes_per_s: float = 800.0  # who reads what it is given at first no slower than this is not cut,
-    given_s: float = 15.0  # as long as it has not longer to do with it than this, and undrained_s
+    # A newcomer that reads no faster than this has a while to do with what it is given. It shows that it
+    # reads by answering the pings between the events; until the first answer it has given_s to itself. So who
+    # reads is not cut, and who froze at its first byte is, after given_s + half_open_s + sweep_s = 19.5 s.
+    slowest_bytes_per_s: float = 800.0
+    ping_bytes: int = 4000  # from one of those pings to the next: 5 s
+    given_s: float = 8.0
     max_age_s: float = float("inf")  # of a connection, give or take a tenth; then closed 4000
     ping_s: float = 5.0  # nothing heard for so long: ask
     half_open_s: float = 11.0  # nothing heard for so long: cut

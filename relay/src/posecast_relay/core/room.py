@@ -69,12 +69,19 @@ class Room:
             self._hand(viewer, stream.newest)
             if group.frame is None:
                 self._handed_out(group, stream.newest, now)
-        parts += [event.packed for event in stream.events]
-        data = b"".join(parts)
         limits = self.limits
+        unasked = sum(map(len, parts))
+        for event in stream.events:
+            if viewer.speaks and unasked >= limits.ping_bytes:  # who reads slowly shows that it does
+                parts.append(messages.PING)
+                unasked = 0
+            parts.append(event.packed)
+            unasked += len(event.packed)
+        data = b"".join(parts)
         viewer.given_n = viewer.sent
         reads_s = len(data) / limits.slowest_bytes_per_s
         viewer.arrived_by = now + min(limits.given_s, max(0.0, reads_s - limits.undrained_s))
+        viewer.reads_by = now + reads_s
         return Send(data, (viewer,))
 
     def leave(self, viewer: Viewer) -> None:

@@ -58,6 +58,7 @@ class Viewer:
         "owed_at",
         "paused_at",
         "ping_at",
+        "reads_by",
         "ref",
         "robot",
         "schema_n",
@@ -111,8 +112,10 @@ class Viewer:
         self.blocked = False
         self.paused_at: float | None = None
         self.stalled = False
-        self.arrived_by = now  # it may be so busy reading what it was given when it came, or
-        self.given_n = 0  # until it acknowledges more messages than those
+        # reading what it was given when it came, until it acknowledges more messages than those:
+        self.given_n = 0
+        self.arrived_by = now  # till then without a word
+        self.reads_by = now  # till then as long as it is heard of
         # acknowledgements
         self.sent = 0  # binary messages
         self.acks = False  # it has acknowledged once, so it will
@@ -154,6 +157,7 @@ class Viewer:
         self.heard_ack_at = now
         if n > self.given_n:
             self.arrived_by = min(now, self.arrived_by)
+            self.reads_by = min(now, self.reads_by)
         self.owed_at = None
         self.stalled = False
         self.check_at = now + self.limits.ack_every_s
@@ -177,6 +181,7 @@ class Viewer:
         """The relay itself stood still for so long: what the viewer did meanwhile is still to be read."""
         self.heard_at = min(now, self.heard_at + seconds)
         self.arrived_by += seconds
+        self.reads_by += seconds
         self.check_at += seconds
         self.heard_ack_at = min(now, self.heard_ack_at + seconds)
         if self.owed_at is not None:
@@ -198,7 +203,8 @@ class Viewer:
 
     def overdue(self, now: float) -> Close | None:
         """Why this connection is to be cut now, if it is."""
-        limits, came = self.limits, self.arrived_by  # a ping, too, waits behind what it reads at first
+        limits = self.limits  # a ping, too, waits behind what it reads at first
+        came = max(self.arrived_by, min(self.heard_at, self.reads_by))
         if self.speaks and now - max(came, self.heard_at) >= limits.half_open_s:
             return Close.HALF_OPEN
         if self.owed_at is not None and now - max(came, self.owed_at) >= limits.ack_abort_s:
