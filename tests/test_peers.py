@@ -10,9 +10,10 @@ from pathlib import Path
 
 import pytest
 
-from benches.peers import mqtt
+from benches.peers import mqtt, page
 from benches.peers.peers import PEERS, mosquitto_settings, mqtt_viewers, nats_viewers
 from benches.peers.run import SCENARIOS
+from tools.bars import PAGE, bars_of
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -57,3 +58,55 @@ def test_a_small_run(tmp_path: Path, asked: list[str]) -> None:
         assert row["messages"] > 40, name
     for name in report["absent"]:
         assert f"not measured: {name} (" in done.stdout
+
+
+def row(scenario: str, server: str, cpu_us: float, round_number: int = 0) -> dict[str, object]:
+    """One run, as peers.json has it."""
+    return {
+        "scenario": scenario,
+        "server": server,
+        "round": round_number,
+        "cpu_us": cpu_us,
+        "messages_per_cpu_s": 1e6 / cpu_us,
+        "lateness_ms": {"p50": 5.0, "p99": 12.5},
+        "mb_per_viewer_hour": 22.0,
+        "rss_mb_per_1000": 9.5,
+        "others_share": 0.04,
+        "missed_share": 0.001,
+        "wall_s": 30.0,
+        "frozen": {"rss_kib_each": 2000.0, "fds_gone_s": None if server == "ws" else 11.0},
+    }
+
+
+def test_the_page_is_written_from_a_run() -> None:
+    """Both tables and plots; who is cheapest first, the relay before all."""
+    about = {"day": "1 May 2026", "commit": "abc1234", "kernel": "6", "cores": 2, "cpu": "some"}
+    runs = [
+        row(scenario, server, cost * (1 + number), number)
+        for number in (0, 1)
+        for scenario in ("steady", "slow")
+        for server, cost in (("nats", 16.0), ("posecast", 8.0), ("ws", 12.0))
+    ]
+    report = {
+        "machine": about | {"load_average_before": 0.2, "load_average_after": 1.0},
+        "runs": runs,
+        "absent": {"mosquitto": "no mosquitto"},
+    }
+    said = page.block(report)
+    steady = [line for line in said.splitlines() if line.startswith("| ")][2:5]
+    assert [line.split("|")[1].strip(" *") for line in steady] == [
+        "posecast-relay",
+        "ws 8.23.0 (Node)",
+        "nats-server (Go)",
+    ]
+    assert "| 1.50 (1.50–1.50) | 18.0 (12.0–24.0) |" in steady[1]
+    assert "commit `abc1234`" in said
+    assert "took at most 4% of the server's core.\n" in said
+    assert "| not in 30 s |" in said
+    assert said.endswith("Not measured: mosquitto (no mosquitto).")
+    written = page.put(PAGE.read_text(), said)
+    assert written.count(said) == 1
+    assert page.put(written, said) == written
+    assert {"img/bench-peers.svg", "img/bench-peers-slow.svg"} <= bars_of(written).keys()
+    with pytest.raises(ValueError, match="lacks the line"):
+        page.put("nothing of the kind", said)

@@ -52,13 +52,17 @@ def bars_of(page: str) -> dict[str, str]:
     return found
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("--out", type=Path, default=ROOT / "docs", help="instead of docs/")
-    out: Path = parser.parse_args().out
+def draw(out: Path) -> None:
+    """All plots of the page, below `out`."""
     for name, image in bars_of(PAGE.read_text()).items():
         (out / name).parent.mkdir(parents=True, exist_ok=True)
         (out / name).write_text(image)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("--out", type=Path, default=ROOT / "docs", help="instead of docs/")
+    draw(parser.parse_args().out)
 
 
 if __name__ == "__main__":

@@ -13,14 +13,16 @@ import argparse
 import json
 import os
 import platform
+import re
 import resource
+import subprocess
 import sys
 import time
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
-from relay.benches.build import OUT, NoCompiler, build
+from relay.benches.build import OUT, ROOT, NoCompiler, build
 from relay.benches.measure import Row, measure
 from relay.benches.scenarios import ALL, QUICK, RELAYS, SCENARIOS, Scenario
 from relay.benches.servers import CannotStart, Place
@@ -68,10 +70,27 @@ def prepare(out: Path) -> Place:
     return Place(server_core, other_core, binaries, out)
 
 
+def commit() -> str:
+    """What is measured; `+`: with changes that are not committed."""
+    said: list[str] = []
+    for command in (("rev-parse", "--short", "HEAD"), ("status", "--porcelain", "--untracked-files=no")):
+        try:
+            done = subprocess.run(("git", *command), cwd=ROOT, capture_output=True, text=True, check=True)
+        except (FileNotFoundError, subprocess.CalledProcessError):  # sources without their history
+            return "unknown"
+        said.append(done.stdout.strip())
+    return said[0] + ("+" if said[1] else "")
+
+
 def machine() -> dict[str, object]:
+    """Where and when it was measured."""
+    found = re.search(r"^model name\s*: (.+)$", Path("/proc/cpuinfo").read_text(), re.MULTILINE)
     return {
+        "day": time.strftime("%d %B %Y").lstrip("0"),
+        "commit": commit(),
         "kernel": platform.release(),
         "python": platform.python_version(),
+        "cpu": found[1] if found else platform.machine(),
         "cores": os.cpu_count(),
         "load_average_before": os.getloadavg()[0],
     }
