@@ -102,6 +102,7 @@ class Stack:
     folder: Path
     parts: list[Part] = field(default_factory=list)
     relay_command: tuple[str, ...] = (f"{BIN}/posecast-relay",)
+    edge_command: tuple[str, ...] = (f"{BIN}/posecast-edge",)
 
     def start(self, name: str, *command: str, stdin: int | None = None) -> Part:
         """Any process."""
@@ -132,12 +133,7 @@ class Stack:
         """An edge of the robot `demo`."""
         return self.start(
             "edge",
-            f"{BIN}/posecast-edge",
-            "run",
-            "--robot",
-            "demo",
-            "--relay",
-            zenoh,
+            *(*self.edge_command, "run", "--robot", "demo", "--relay", zenoh),
             *arguments,
             stdin=stdin,
         )
