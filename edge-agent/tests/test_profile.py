@@ -67,7 +67,11 @@ def test_a_whole_profile() -> None:
         (BASE + "[views.Lab]\n", "p.toml:5: views.Lab: view 'Lab': use 1 to 63 of a-z"),
         (BASE + "[views.lab]\nfields=['pos','cur']\n", "p.toml:6: views.lab.fields[1]: unknown field 'cur'"),
         (BASE + "[views.lab]\nhz=0\n", "p.toml:6: views.lab.hz: must be above 0, not 0"),
-        (BASE + "[views.lab]\nrate=5\n", "p.toml:6: views.lab.rate: unknown key; known: fields, hz, scales"),
+        (
+            BASE + "[views.lab]\nrate=5\n",
+            "p.toml:6: views.lab.rate: unknown key; known: fields, hz, scales, info",
+        ),
+        (BASE + "[views.lab]\ninfo='mode'\n", "p.toml:6: views.lab.info: must be a list of texts"),
         (
             BASE + "[views.lab.scales]\nvel=1\n",
             "p.toml:6: views.lab.scales.vel: unknown field of this view 'vel'",
@@ -151,6 +155,20 @@ def test_a_view_holds_nothing_of_what_is_not_in_it() -> None:
     assert schema.mapping.joints == p.mapping.joints
     assert schema.mapping.names == {"RKN": "right knee"}
     assert schema_text(lab) == schema_text(p)
+
+
+@pytest.mark.parametrize(
+    ("view", "texts"),
+    [
+        ("fields = ['pos']", ()),  # who picks fields picks texts as well
+        ("fields = ['pos']\ninfo = ['mode']", ("mode",)),
+        ("hz = 10", None),
+        ("info = []", ()),
+    ],
+)
+def test_a_view_has_the_texts_that_it_names(view: str, texts: tuple[str, ...] | None) -> None:
+    p = parse_profile(f"{PROFILE}[views.public]\n{view}\n")
+    assert p.seen_as(p.views["public"]).info == texts
 
 
 def test_a_view_without_joints_tells_nothing_of_the_body() -> None:

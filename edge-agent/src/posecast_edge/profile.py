@@ -53,11 +53,15 @@ class RosTopics:
 
 @dataclass(frozen=True)
 class View:
-    """What one audience gets: some fields, perhaps coarser, perhaps at a lower rate. `scales`: by field."""
+    """What one audience gets: some fields, perhaps coarser, perhaps at a lower rate. `scales`: by field.
+
+    `info`: its texts, by name; None: all of them.
+    """
 
     fields: tuple[str, ...]
     hz: float | None = None  # None: as fast as the agent sends
     scales: Mapping[str, float] = field(default_factory=dict)
+    info: tuple[str, ...] | None = None
 
 
 @dataclass(frozen=True)
@@ -72,6 +76,7 @@ class Profile:
     trajectory: Trajectory | None = None
     ros: RosTopics | None = None
     views: Mapping[str, View] = field(default_factory=dict)  # none: everything is public
+    info: tuple[str, ...] | None = None  # texts that are sent; None: all
 
     def field_named(self, name: str) -> FieldSpec | None:
         """The field of that name, or None."""
@@ -93,6 +98,7 @@ class Profile:
             self,
             fields=tuple(fields),
             labels={f.label_set: f.labels for f in fields},
+            info=view.info,
             mapping=Meaning(
                 joints=m.joints if moves else {},
                 sensors={site: mount for site, mount in m.sensors.items() if site in sites},

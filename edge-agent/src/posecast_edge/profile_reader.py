@@ -12,7 +12,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NoReturn, cast
 
-from posecast_wire.keys import check_name
 from posecast_wire.mapping import (
     ANY,
     JOINT,
@@ -30,6 +29,7 @@ from posecast_wire.schema import BITS_MAX, FIELD_NAME
 from posecast_edge.columns import find_column
 from posecast_edge.joint_terms import TermError, resolve
 from posecast_edge.profile import FieldSpec, Profile, RosTopics, Trajectory, View
+from posecast_edge.profile_views import read_view
 from posecast_edge.toml_lines import line_of, lines_of
 from posecast_edge.wellknown import PLAIN, UNITS, WELL_KNOWN
 
@@ -351,29 +351,9 @@ class Reader:
         return thresholds
 
     def views(self, value: object, fields: Mapping[str, FieldSpec]) -> dict[str, View]:
-        views: dict[str, View] = {}
-        for name, entry in self.table(value, "views").items():
-            where = f"views.{name}"
-            try:
-                check_name("view", name)
-            except ValueError as e:
-                self.fail(where, str(e))
-            item = self.table(entry, where, ("fields", "hz", "scales"))
-            seen = self.unique(item.get("fields", list(fields)), f"{where}.fields")
-            for i, field_name in enumerate(seen):
-                self.known(field_name, tuple(fields), "field", f"{where}.fields[{i}]")
-            scales = {
-                self.known(k, seen, "field of this view", f"{where}.scales.{k}"): self.number(
-                    v, f"{where}.scales.{k}", above=0
-                )
-                for k, v in self.table(item.get("scales", {}), f"{where}.scales").items()
-            }
-            for k in scales:
-                if fields[k].bits:
-                    self.fail(f"{where}.scales.{k}", "a field of bits has no scale")
-            hz = self.number(item["hz"], f"{where}.hz", above=0) if "hz" in item else None
-            views[name] = View(seen, hz, scales)
-        return views
+        return {
+            name: read_view(self, name, entry, fields) for name, entry in self.table(value, "views").items()
+        }
 
     def ros(self, value: object) -> RosTopics:
         from posecast_edge.profile_ros import read_ros  # noqa: PLC0415 - few robots have it

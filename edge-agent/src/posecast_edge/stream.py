@@ -51,6 +51,7 @@ class Stream:
         self._events_lock = threading.Lock()
         self._frames_lock = threading.Lock()
         self._info: dict[str, str] = {}
+        self._texts = profile.info  # None: all
         self._seq = 0
 
     @property
@@ -87,6 +88,8 @@ class Stream:
         if sample.newest:
             self._sampler.offer(sample.t_s, offered)
         for name, text in sample.info.items():
+            if self._texts is not None and name not in self._texts:
+                continue
             if self._info.get(name) != text and (name in self._info or len(self._info) < INFO_MAX):
                 self._info = {**self._info, name: text}
         with self._events_lock:
