@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass
 from http import HTTPStatus
 from urllib.parse import parse_qs
@@ -43,6 +44,11 @@ class Asked:
                 check_name("view", self.view)
         except ValueError as e:
             raise NoSuchStream(str(e)) from None
+
+
+def joined(values: Iterable[str]) -> str | None:
+    """A header that is there more than once is one list: a proxy may have added a line of its own."""
+    return ", ".join(values) or None
 
 
 def bearer(header: str | None) -> str | None:

@@ -19,7 +19,15 @@ from posecast_wire import Close, Retry, retry_of
 from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
 
 from posecast_relay.adapters.access import CROWDED, FOREIGN, REASONS, STATUSES, Access
-from posecast_relay.adapters.asked import STREAM_PATH, Asked, BadRequest, NoSuchStream, bearer, read_target
+from posecast_relay.adapters.asked import (
+    STREAM_PATH,
+    Asked,
+    BadRequest,
+    NoSuchStream,
+    bearer,
+    joined,
+    read_target,
+)
 from posecast_relay.adapters.decoded import Decoded
 from posecast_relay.adapters.doorway import Doorway
 from posecast_relay.adapters.forms import EventForm, Form, JsonForm
@@ -203,7 +211,7 @@ class _Http(HttpToolsProtocol):
             self._entering = asyncio.create_task(self._enter_by(asked, token), name="token")
 
     def _header(self, name: bytes) -> str | None:
-        return next((value.decode("latin-1") for each, value in self.headers if each == name), None)
+        return joined(value.decode("latin-1") for each, value in self.headers if each == name)
 
     async def _enter_by(self, asked: Asked, token: str) -> None:
         who = await self.access.who(token)

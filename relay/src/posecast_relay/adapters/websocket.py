@@ -7,6 +7,7 @@ A viewer is sent messages that the core has made ready, straight to the transpor
 from __future__ import annotations
 
 import asyncio
+import logging
 import random
 import socket
 from http import HTTPStatus
@@ -20,7 +21,7 @@ from websockets.protocol import OPEN
 from websockets.server import ServerProtocol
 
 from posecast_relay.adapters.access import CROWDED, FOREIGN, REASONS, Access
-from posecast_relay.adapters.asked import Asked, BadRequest, NoSuchStream, bearer, read_target
+from posecast_relay.adapters.asked import Asked, BadRequest, NoSuchStream, bearer, joined, read_target
 from posecast_relay.adapters.decoded import Decoded
 from posecast_relay.adapters.forms import Form, JsonForm
 from posecast_relay.core import messages
@@ -32,11 +33,14 @@ if TYPE_CHECKING:
     from uvicorn.config import Config
     from uvicorn.server import ServerState
 
+log = logging.getLogger("posecast_relay")
+
 # What an unread socket swallows before it pushes back. Small, so that a slow viewer shows soon (the kernel
 # takes twice the figure); large enough for a join in one go.
 SEND_BUFFER_BYTES = 16384
 TOKEN_S = 5.0  # until the token is there; else closed 4401
 CLOSING_S = 2.0  # a viewer that does not answer a close in this time is cut off
+HEADERS = ("Origin", "Host", "Authorization", "X-Forwarded-For")
 SHORT = 125  # bytes of a message whose size stands in the frame's second byte
 
 
@@ -150,7 +154,11 @@ class LiveSocket(asyncio.Protocol):
         self._send_own()  # a ping between two parts of a message is answered before the message is
         for event in ws.events_received():
             if isinstance(event, Request):
-                self._handshake(event)
+                try:
+                    self._handshake(event)
+                except Exception:  # a mistake of ours: uvicorn would leave the connection open for ever
+                    log.exception("handshake")
+                    self._transport.abort()
                 if data.endswith(b"\r\n\r\n"):  # else what it read of a message is not known, nor will be
                     self._unread = 0
             elif isinstance(event, WebSocketFrame):
@@ -180,13 +188,14 @@ class LiveSocket(asyncio.Protocol):
             self.pump.handshakes["refused"] += 1
             self._ws.send_response(self._ws.reject(e.status, f"{e}\n"))
             return
-        origin, token = request.headers.get("Origin"), bearer(request.headers.get("Authorization"))
-        if (asked.auth or token) and not self.access.may_show(origin, request.headers.get("Host")):
+        origin, host, authorization, forwarded = (joined(request.headers.get_all(name)) for name in HEADERS)
+        token = bearer(authorization)
+        if (asked.auth or token) and not self.access.may_show(origin, host):
             self.pump.handshakes["refused"] += 1
             self._ws.send_response(self._ws.reject(HTTPStatus.FORBIDDEN, FOREIGN + "\n"))
             return
         self._address = self.access.addresses.enter(
-            (self._transport.get_extra_info("peername") or ("",))[0], request.headers.get("X-Forwarded-For")
+            (self._transport.get_extra_info("peername") or ("",))[0], forwarded
         )
         if self._address is None:
             self.pump.handshakes["refused"] += 1
@@ -194,8 +203,7 @@ class LiveSocket(asyncio.Protocol):
             response.headers["Retry-After"] = "30"
             self._ws.send_response(response)
             return
-        response = self._ws.accept(request)
-        self._ws.send_response(response)
+        self._ws.send_response(self._ws.accept(request))
         self._send_own()
         pump = self.pump
         if self._ws.state is not OPEN:
