@@ -179,6 +179,6 @@ def test_a_robot_at_one_router_is_seen_at_the_relay_beside_the_other(mesh: Mesh)
     mesh.router(ROUTERS[0], beside, mesh.at(ROUTERS[1]))
     until("it is back", lambda: robot()["status"] == "online", 60)
     relay.kill()
-    ports = [int(each.rpartition(":")[2]) for each in (address, beside)]
-    stack.relay(*ports, flags=flags)
+    http, zenoh_port = (int(each.rpartition(":")[2]) for each in (address, beside))
+    stack.relay(http, zenoh_port, flags=flags)
     until("it is at the new relay", lambda: robot()["status"] == "online", 60)
