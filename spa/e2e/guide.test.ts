@@ -3,17 +3,20 @@ import path from 'node:path';
 import { describe, expect, it } from 'vitest';
 import type { Page, Viewport } from './driver/page.ts';
 import { until } from './driver/until.ts';
-import { finest, liveness } from './robot_page.ts';
+import { finest, liveness, resting } from './robot_page.ts';
 import { choose, DEMO, demoAt, shown } from './sign_words.ts';
 import { REPO } from './stack.ts';
 import { setStage } from './stage.ts';
 
 const stage = setStage();
 
-const MOST_BYTES = 60_000;
+const MOST_BYTES_EACH = 60_000;
+/** Between two pictures side by side. */
+const GAP = 16;
 const LAPTOP = { width: 1280, height: 800 };
 const PHONE = { width: 390, height: 844 };
 const JAMMED_S = 42;
+const DEMO_HEIGHT = 640;
 
 interface Part {
   readonly png: string;
@@ -21,46 +24,60 @@ interface Part {
   readonly y: number;
   readonly width: number;
   readonly height: number;
+  /** Pixels of the picture for one of the page's. */
+  readonly scale: number;
 }
 
-/** Parts of pictures, one below the other and as wide as the widest, as docs/img/NAME.webp. */
-async function write(page: Page, name: string, scale: number, ...parts: Part[]): Promise<void> {
+/** Parts of pictures, one below the other or with a gap side by side, as docs/img/NAME.webp. */
+async function write(page: Page, name: string, way: 'down' | 'across', ...parts: Part[]): Promise<void> {
   const webp = await page.evaluate<string>(`(async () => {
     const parts = ${JSON.stringify(parts)};
+    const across = ${way === 'across'};
+    const sizes = parts.map(({ width, height, scale }) => [Math.round(width * scale), Math.round(height * scale)]);
+    const most = (at) => Math.max(...sizes.map((size) => size[at]));
+    const sum = (at) => sizes.reduce((all, size) => all + size[at], 0);
     const canvas = document.createElement('canvas');
-    const width = Math.max(...parts.map((part) => part.width));
-    canvas.width = width * ${scale};
-    canvas.height = parts.reduce((sum, part) => sum + part.height, 0) * ${scale};
+    canvas.width = across ? sum(0) + (parts.length - 1) * ${GAP} : most(0);
+    canvas.height = across ? most(1) : sum(1);
     const context = canvas.getContext('2d');
     context.imageSmoothingQuality = 'high';
-    let y = 0;
-    for (const part of parts) {
+    let along = 0;
+    for (const [i, part] of parts.entries()) {
       const bytes = Uint8Array.from(atob(part.png), (c) => c.charCodeAt(0));
       const bitmap = await createImageBitmap(new Blob([bytes], { type: 'image/png' }));
-      const { x, y: top, height } = part;
-      context.drawImage(bitmap, x, top, width, height, 0, y, width * ${scale}, height * ${scale});
-      y += height * ${scale};
+      const [width, height] = sizes[i];
+      const to = across ? [along, 0] : [0, along];
+      context.drawImage(bitmap, part.x, part.y, part.width, part.height, ...to, width, height);
+      along += across ? width + ${GAP} : height;
     }
     return canvas.toDataURL('image/webp', 0.82).split(',')[1];
   })()`);
   const bytes = Buffer.from(webp, 'base64');
-  expect(bytes.length, `${name} is small`).toBeLessThan(MOST_BYTES);
+  expect(bytes.length, `${name} is small`).toBeLessThan(
+    MOST_BYTES_EACH * (way === 'across' ? parts.length : 1),
+  );
   writeFileSync(path.join(REPO, `docs/img/${name}.webp`), bytes);
   console.log(`${name}: ${(bytes.length / 1000).toFixed(0)} kB`);
 }
 
+/** The machine that makes the pictures draws in software and is told so; a reader's does not. */
+async function asOnOthers(page: Page): Promise<void> {
+  await page.evaluate(`(() => {
+    const sheet = new CSSStyleSheet();
+    sheet.replaceSync('[data-testid=view-note], [data-testid=finer] { display: none !important }');
+    document.adoptedStyleSheets = [sheet];
+  })()`);
+}
+
 async function photo(page: Page): Promise<string> {
-  // the machine that makes the pictures draws in software; a reader's does not
-  await page.evaluate(
-    `for (const note of document.querySelectorAll('[data-testid=stage-note]')) note.style.display = 'none'`,
-  );
+  await asOnOthers(page);
   const file = path.join(stage.stack.folder(), 'photo.png');
   await page.screenshot(file);
   return readFileSync(file).toString('base64');
 }
 
-async function whole(page: Page, { width, height }: Viewport): Promise<Part> {
-  return { png: await photo(page), x: 0, y: 0, width, height };
+async function whole(page: Page, { width, height }: Viewport, scale: number): Promise<Part> {
+  return { png: await photo(page), x: 0, y: 0, width, height, scale };
 }
 
 /** What the page shows of an element, with a little room around it. */
@@ -74,6 +91,7 @@ async function around(page: Page, selector: string, room: number): Promise<Part>
     y: Math.round(box.y - room),
     width: Math.round(box.width + 2 * room),
     height: Math.round(box.height + 2 * room),
+    scale: 1,
   };
 }
 
@@ -99,13 +117,13 @@ describe.runIf(process.env.POSECAST_WRITE_GUIDE === '1')("the guide's pictures",
     source.signal('SIGSTOP');
     await is(page, 'STALE');
     words.push(await around(page, chip, 8));
-    await write(page, 'guide-stale', 0.75, await whole(page, LAPTOP));
+    await write(page, 'guide-stale', 'down', await whole(page, LAPTOP, 0.75));
     source.signal('SIGCONT');
     await is(page, 'HOLDING');
     await edge.kill();
     await is(page, 'OFFLINE');
     words.push(await around(page, chip, 8));
-    await write(page, 'guide-words', 1, ...words);
+    await write(page, 'guide-words', 'down', ...words);
   }, 240_000);
 
   it('a fault on a phone, and its plot', async () => {
@@ -123,7 +141,7 @@ describe.runIf(process.env.POSECAST_WRITE_GUIDE === '1')("the guide's pictures",
     const points = () =>
       page.evaluate<number>('document.querySelector(".trace-pos").getAttribute("d").split(/[ML]/).length');
     await until('a strip', async () => (await points()) > 150, 60_000);
-    await write(page, 'guide-fault', 1, await whole(page, PHONE));
+    await write(page, 'guide-fault', 'down', await whole(page, PHONE, 1));
 
     await page.viewport(LAPTOP);
     for (const field of ['pos', 'ref', 'cur']) await page.findByTestId(`plot-${field}`).click();
@@ -134,6 +152,45 @@ describe.runIf(process.env.POSECAST_WRITE_GUIDE === '1')("the guide's pictures",
     const seq = () => page.evaluate<number>('window.posecast.twin.seq');
     const before = await seq();
     await until('ten seconds of them', async () => (await seq()) > before + 300, 60_000);
-    await write(page, 'guide-plot', 0.75, await whole(page, LAPTOP));
+    await write(page, 'guide-plot', 'down', await whole(page, LAPTOP, 0.75));
+  }, 240_000);
+
+  it('the demo robot on a laptop and on a phone', async () => {
+    const relay = await stage.stack.relay();
+    // thirty poses a second of which the body shows nothing, so that its picture is at rest
+    const still = demoAt(JAMMED_S);
+    const wave = { cur: { LKN: [1.2, 0.4] } };
+    const { source } = stage.stack.fedEdge(relay, { ...still, wave }, DEMO);
+    let steps = 0;
+    // a step nobody sees, so that it is LIVE; after it all pixels of a picture at rest come in well before it is HOLDING
+    const step = () => {
+      steps += 1;
+      const NK1 = (still.pos?.NK1 ?? 0) + (steps % 2) * 0.004;
+      source.write(JSON.stringify({ ...still, pos: { ...still.pos, NK1 }, wave }));
+    };
+    const page = await stage.newPage();
+    const parts: Part[] = [];
+    for (const [theme, viewport] of [
+      ['light', LAPTOP],
+      ['dark', PHONE],
+    ] as const) {
+      await page.viewport(viewport);
+      await page.open(`${relay.url}/?${theme}#/r/demo`);
+      await shown(page);
+      await choose(page, { theme });
+      await until('its finest shells', () => finest(page), 60_000);
+      await asOnOthers(page);
+      await page.press('0'); // the first view again, in the room that there is now
+      const part = await until('a fine picture of what is live', async () => {
+        step();
+        const live = async () => (await liveness(page)) === 'LIVE';
+        await until('LIVE', live, 3000);
+        await until('a picture at rest', () => resting(page), 3000);
+        const taken = await whole(page, viewport, DEMO_HEIGHT / viewport.height);
+        return (await live()) ? taken : null;
+      });
+      parts.push(part);
+    }
+    await write(page, 'demo', 'across', ...parts);
   }, 240_000);
 });
