@@ -1,4 +1,4 @@
-import { cpSync, writeFileSync } from 'node:fs';
+import { cpSync, mkdirSync, writeFileSync } from 'node:fs';
 import path from 'node:path';
 import { expect, it } from 'vitest';
 import type { Page } from './driver/page.ts';
@@ -11,12 +11,25 @@ import { FULL, setStage } from './stage.ts';
 const stage = setStage();
 
 const SWINGING = { pos: { RKN: 0 }, wave: { pos: { RKN: [0.4, 0.5] } } };
+const SHOTS = path.join(REPO, 'spa/e2e/shots');
 const PROJECT = 'demo-posecast';
 const [EMAIL, PASSWORD] = ['student@example.org', 'open-sesame'];
 
 const is = (page: Page, word: string) => async () => (await liveness(page)) === word;
 const there = (page: Page, id: string) => async () => (await page.findByTestId(id).count()) > 0;
 const loaded = (page: Page) => page.requested.filter((url) => /\/assets\/account-[\w-]+\.js/.test(url));
+
+/** On a laptop and on a phone, in e2e/shots. */
+async function photograph(page: Page, name: string): Promise<void> {
+  mkdirSync(SHOTS, { recursive: true });
+  for (const [screen, viewport] of Object.entries({
+    phone: { width: 390, height: 844 },
+    laptop: { width: 1280, height: 800 },
+  })) {
+    await page.viewport(viewport);
+    await page.screenshot(path.join(SHOTS, `${name}-${screen}.png`));
+  }
+}
 
 async function fill(page: Page, email: string, password: string): Promise<void> {
   for (const [id, text] of [
@@ -66,11 +79,14 @@ it.skipIf(!FULL)(
       await page.open(`${host.url}/#/`);
       await until('the open robot', there(page, 'robot-open'), 30_000);
       expect(await page.findByTestId('robot-lab').count()).toBe(0);
+      await photograph(page, 'sign-in-list');
       expect(loaded(page), 'nothing of Firebase before somebody signs in').toEqual([]);
       await page.findByTestId('sign-in').click();
       await until('the dialog', there(page, 'email'));
+      await photograph(page, 'sign-in');
       await fill(page, EMAIL, 'wrong');
       await until('it says so', there(page, 'sign-in-wrong'), 30_000);
+      await photograph(page, 'sign-in-wrong');
       expect(await page.findByTestId('sign-in-wrong').text()).toMatch(/do not fit together/);
       await fill(page, EMAIL, PASSWORD);
       await until('the private robot', there(page, 'robot-lab'), 30_000);
@@ -90,7 +106,10 @@ it.skipIf(!FULL)(
       await page.findByRole('button', 'Settings').click();
       await until('the account', there(page, 'sign-in'));
       expect(await page.findByTestId('sign-in').text()).toBe(EMAIL);
+      await photograph(page, 'sign-in-settings');
       await page.findByTestId('sign-in').click();
+      await until('the way out', there(page, 'sign-out'));
+      await photograph(page, 'sign-out');
       await page.findByTestId('sign-out').click();
       await until('not shared', async () => /not shared with you/.test(await page.text()), 30_000);
 
@@ -100,6 +119,7 @@ it.skipIf(!FULL)(
       other.forgive(/status of 40\d|WebSocket/);
       await other.open(`${host.url}/#/r/lab`);
       await until('asked to sign in', there(other, 'sign-in'), 30_000);
+      await photograph(other, 'sign-in-asked');
       await other.findByTestId('sign-in').click();
       await until('the dialog', there(other, 'email'));
       await fill(other, EMAIL, PASSWORD);

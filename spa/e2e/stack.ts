@@ -214,7 +214,7 @@ export class Stack {
   }
 
   async down(): Promise<void> {
-    for (const running of this.#started.splice(0).reverse()) await running.stop();
+    for (const running of this.#started.toReversed()) await running.stop(); // kept for `logs`: a failure is told of afterwards
     for (const made of this.#folders.splice(0)) rmSync(made, { recursive: true, force: true });
   }
 

@@ -47,7 +47,7 @@ function AccountDialog({ name, onClose }: { name: string | null; onClose: () => 
     });
   };
   return (
-    <Dialog title={text.signIn} testId="account" onClose={onClose}>
+    <Dialog title={name === null ? text.signIn : text.account} testId="account" onClose={onClose}>
       {name === null ? (
         <form className="account" onSubmit={submit}>
           <p className="quiet">{text.whySignIn}</p>

@@ -6,8 +6,9 @@
 import { asAnyone } from '../twin/as_anyone.ts';
 import type { Accounts, Choice } from './relay_config.ts';
 
-/** A page without an answer goes on with its own origin. */
-const CONFIG_LATE_MS = 2000;
+/** A page without an answer goes on with its own origin, and for good: so a slow line, and a device too busy to take the
+ *  answer, are given time. It comes from where the page came from, and the stream from there has begun (`early.ts`). */
+const CONFIG_LATE_MS = 30_000;
 
 /** What in an address asks for something else than the page's own origin. */
 export const ELSEWHERE = /[?&](relay|source)=/;

@@ -2,6 +2,7 @@
 export const accountEn = {
   signIn: 'Sign in',
   signOut: 'Sign out',
+  account: 'Account',
   whySignIn: 'Some robots are shared with people who have an account here.',
   email: 'E-mail',
   password: 'Password',

@@ -385,6 +385,7 @@ export const moreKo: More = {
 export const accountKo: AccountText = {
   signIn: '로그인',
   signOut: '로그아웃',
+  account: '계정',
   whySignIn: '이곳의 계정이 있는 사람에게만 공유된 로봇이 있습니다.',
   email: '이메일',
   password: '비밀번호',
