@@ -12,6 +12,8 @@ const pen = new Proxy({}, { get: () => () => pen, set: () => true });
 let PlotStack: typeof Stack;
 
 beforeAll(async () => {
+  // WebKitGTK's in the locale C, of which uPlot would make a number format while it is being loaded
+  Object.defineProperty(navigator, 'language', { value: 'C', configurable: true });
   vi.spyOn(HTMLCanvasElement.prototype, 'getContext').mockReturnValue(pen as never);
   vi.stubGlobal(
     'Path2D',

@@ -11,7 +11,8 @@ import { until } from './until.ts';
 
 const HTML = `<!doctype html><title>words</title>
 <h1>Words</h1><button onclick="this.textContent = 'pressed'">press</button>
-<input aria-label="name" data-testid="name"><p data-testid="hidden" style="display: none">x</p>`;
+<input aria-label="name" data-testid="name"><p data-testid="hidden" style="display: none">x</p>
+<p data-testid="row" style="display: flex"><span>one</span></p>`;
 
 /** A page that says what its address asks for; Content-Security-Policy as strict as ours. */
 function serve(): Promise<http.Server> {
@@ -51,6 +52,7 @@ describe('the page driver', () => {
   it('finds, clicks, types and reads', async () => {
     const page = await opened();
     expect(await page.findByRole('heading').text()).toBe('Words');
+    expect(await page.findByTestId('row').text()).toBe('one');
     await page.findByRole('button', 'press').click();
     await until('pressed', async () => (await page.text()).includes('pressed'));
     await page.findByTestId('name').type('hubo');

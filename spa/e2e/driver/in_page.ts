@@ -76,7 +76,7 @@ function find(query: Query, act: Act): Json {
   switch (act.do) {
     case 'text':
       // biome-ignore lint/performance/useDomNodeTextContent: what a reader sees, not what is in the tree
-      return element.innerText;
+      return element.innerText.trim(); // WebKit ends a flex row with a line break
     case 'attribute':
       return element.getAttribute(act.name);
     case 'fill': {

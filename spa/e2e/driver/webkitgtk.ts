@@ -60,6 +60,7 @@ export async function openWebKitGtk(options: BrowserOptions = {}): Promise<Brows
     XDG_CACHE_HOME: home,
     XDG_DATA_HOME: home,
     NO_AT_BRIDGE: '1',
+    LC_ALL: 'C.UTF-8', // the hardest one: its language is none that Intl knows
     DBUS_SESSION_BUS_ADDRESS: 'disabled:',
   };
   const args = ['--automation', ...(options.webgl === false ? ['--enable-webgl=false'] : [])];

@@ -1,3 +1,4 @@
+import './number_language.ts';
 import uPlot from 'uplot';
 import 'uplot/dist/uPlot.min.css';
 import { type AngleUnit, formatNumber, formatSpan } from '../../twin/format.ts';
