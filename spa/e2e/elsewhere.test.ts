@@ -1,4 +1,4 @@
-import { cpSync, readdirSync, readFileSync, renameSync, rmSync, writeFileSync } from 'node:fs';
+import { cpSync, readdirSync, readFileSync, rmSync, writeFileSync } from 'node:fs';
 import path from 'node:path';
 import { afterEach, beforeEach, describe, expect, it } from 'vitest';
 import type { Page } from './driver/page.ts';
@@ -12,6 +12,20 @@ const stage = setStage();
 
 const PREFIX = '/~somebody/robots/';
 const SWINGING = { pos: { RKN: 0 }, wave: { pos: { RKN: [0.4, 0.5] } } };
+
+/** As a newer page would lie there: every script has another name, and the old names are gone. */
+function deploy(folder: string): void {
+  const assets = path.join(folder, 'assets');
+  const scripts = readdirSync(assets).filter((name) => name.endsWith('.js'));
+  const newer = (text: string) =>
+    text.replace(/[\w.-]+\.js\b/g, (name) => (scripts.includes(name) ? `newer-${name}` : name));
+  for (const name of scripts) {
+    writeFileSync(path.join(assets, newer(name)), newer(readFileSync(path.join(assets, name), 'utf8')));
+    rmSync(path.join(assets, name));
+  }
+  const index = path.join(folder, 'index.html');
+  writeFileSync(index, newer(readFileSync(index, 'utf8')));
+}
 
 /** The built page as files in somebody's web space, under a path. */
 describe('the page on a host of plain files', () => {
@@ -69,25 +83,15 @@ describe('the page on a host of plain files', () => {
     page.forgive(/dynamically imported module|Loading module from|Importing a module script failed/); // as each browser has it
     await page.open(`${host.url}${PREFIX}#/r/demo`);
     await until('LIVE', isLive(page), 30_000);
+    // all that comes by itself is here: what comes later would be loaded anew for as well
+    await until('its filter', () => page.evaluate<boolean>('document.querySelector(".filter") !== null'));
+    await until('what is said aloud', async () => (await page.findByTestId('spoken').count()) === 1);
+    await page.findByTestId('liveness').click();
+    await until('why', async () => (await page.findByTestId('liveness-explained').text()) !== '');
+    await page.press('Escape');
     await page.evaluate('window.before = true');
 
-    const assets = path.join(folder, 'assets');
-    const rename = (pattern: RegExp): [was: string, is: string] => {
-      const was = readdirSync(assets).find((name) => pattern.test(name)) ?? '';
-      const is = was.replace(/-[\w-]{8}\./, '-deployed.');
-      renameSync(path.join(assets, was), path.join(assets, is));
-      return [was, is];
-    };
-    const put = (file: string, [was, is]: [string, string]) =>
-      writeFileSync(file, readFileSync(file, 'utf8').replaceAll(was, is));
-    const sheet = rename(/^SettingsSheet-.*\.js$/);
-    const index = rename(/^index-.*\.js$/);
-    for (const name of readdirSync(assets).filter((name) => name.endsWith('.js'))) {
-      put(path.join(assets, name), sheet);
-      put(path.join(assets, name), index);
-    }
-    put(path.join(folder, 'index.html'), index);
-
+    deploy(folder);
     await page.findByRole('button', 'Settings').click();
     await until('loaded anew', async () => !(await page.evaluate<boolean>('window.before === true')), 30_000);
     await until('LIVE', isLive(page), 30_000);
@@ -95,7 +99,10 @@ describe('the page on a host of plain files', () => {
     await until('it is there', async () => (await page.findByTestId('settings').count()) === 1);
     await page.press('Escape');
 
-    rmSync(path.join(assets, readdirSync(assets).find((name) => /^ShareSheet-.*\.js$/.test(name)) ?? ''));
+    const assets = path.join(folder, 'assets');
+    rmSync(
+      path.join(assets, readdirSync(assets).find((name) => /^newer-ShareSheet-.*\.js$/.test(name)) ?? ''),
+    );
     await page.evaluate('window.before = true');
     await page.findByRole('button', 'Share').click();
     await until('said so', async () => (await page.findByTestId('not-here').count()) === 1);
