@@ -4,6 +4,8 @@
 SHELL := /bin/bash
 export UV_PYTHON_DOWNLOADS := never
 export PYTHONDONTWRITEBYTECODE := 1
+# hundreds of short processes start in the tests: their libraries are compiled once
+export UV_COMPILE_BYTECODE := 1
 
 UV    := .tools/bin/uv
 BIN   := .venv/bin

@@ -32,4 +32,4 @@ if __name__ == "__main__":
         uvicorn.Server.startup = _startup_with_timer  # type: ignore[method-assign]
     if asked.no_uring:
         Ring.open = classmethod(lambda _: None)  # type: ignore[assignment]
-    sys.exit(main())
+    main()

@@ -55,4 +55,4 @@ WAYS: dict[str, Callable[[], None]] = {
 
 if __name__ == "__main__":
     WAYS[sys.argv.pop(1)]()
-    sys.exit(main())
+    main()

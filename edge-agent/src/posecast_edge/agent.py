@@ -61,7 +61,6 @@ class Agent:
         self._source_stop = threading.Event()
         self._source_ended = False
         self._failure: str | None = None
-        self.link_closed = False  # after `run`: the link's thread has ended too
 
     def offer(self, bundle: Bundle) -> None:
         """Show the robot by this model from now on. From any thread, also before `run`."""
@@ -95,7 +94,7 @@ class Agent:
             log.log(logging.ERROR if self._failure else logging.INFO, "%s", self._failure or "source ended")
         for show in self._shows:
             show.end()  # a source that delivers on must not meet a link that closes
-        self.link_closed = self._publisher.stop(STOP_S)
+        self._publisher.stop(STOP_S)
         self._console.finish()
         return 1 if self._failure else 0
 

@@ -6,7 +6,8 @@ import logging
 import os
 import signal
 import sys
-from typing import TYPE_CHECKING
+from contextlib import suppress
+from typing import TYPE_CHECKING, NoReturn
 
 from posecast_wire.schema import SchemaError
 
@@ -24,20 +25,20 @@ if TYPE_CHECKING:
 WRONG_CONFIGURATION = 2
 
 
-def main() -> None:
+def main() -> NoReturn:
     """Entry point; ends the process."""
     if sys.argv[1:2] in (["model"], ["doctor"]):
         from posecast_edge.model.command import run_command  # noqa: PLC0415 - `run` stays small without it
 
-        sys.exit(run_command(sys.argv[1:], os.environ))
+        _leave(run_command(sys.argv[1:], os.environ))
     if sys.argv[1:2] == ["probe"]:
         from posecast_edge.probe import run_probe  # noqa: PLC0415
 
-        sys.exit(run_probe(sys.argv[2:]))
+        _leave(run_probe(sys.argv[2:]))
     if sys.argv[1:2] == ["profile"]:
         from posecast_edge.profile_new import run_profile  # noqa: PLC0415
 
-        sys.exit(run_profile(sys.argv[2:]))
+        _leave(run_profile(sys.argv[2:]))
     console = Console()
     log = logging.getLogger("posecast_edge")
     log.addHandler(console)
@@ -50,7 +51,16 @@ def main() -> None:
         status = WRONG_CONFIGURATION
     except KeyboardInterrupt:  # before the handlers stand
         status = 0
-    sys.exit(status)
+    _leave(status)
+
+
+def _leave(status: int) -> NoReturn:
+    """Ends the process as it is: the interpreter's own farewell waits for a thread that sits in an open() of
+    the link, and one of Zenoh's threads that calls into it meanwhile aborts the process."""
+    with suppress(BrokenPipeError):
+        sys.stdout.flush()
+        sys.stderr.flush()
+    os._exit(status)
 
 
 def _run(settings: Settings, console: Console) -> int:
@@ -85,12 +95,7 @@ def _run(settings: Settings, console: Console) -> int:
     if build:
         build.start()
     try:
-        status = agent.run()
+        return agent.run()
     finally:
         if build:
             build.stop()
-    if not agent.link_closed:
-        # The link's thread sits in an open() or put() that ends only by itself; nothing is left to save.
-        sys.stderr.flush()
-        os._exit(status)
-    return status

@@ -146,13 +146,12 @@ class ZenohPublisher:
                 lane.model = bundle.hash
             self._wake.notify_all()
 
-    def stop(self, timeout_s: float) -> bool:
-        """Send what waits, close. False when the link's thread did not end in time ."""
+    def stop(self, timeout_s: float) -> None:
+        """Send what waits, close. A link's thread that is not done by then is left where it sits."""
         with self._wake:
             self._stopping = True
             self._wake.notify_all()
         self._thread.join(timeout_s)
-        return not self._thread.is_alive()
 
     @property
     def late_s(self) -> float:

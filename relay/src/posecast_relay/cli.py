@@ -6,22 +6,30 @@ import os
 import signal
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
+from typing import NoReturn
 
 from posecast_relay.config import SettingsError, StartError, parse
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Exit status: 0 after SIGTERM or Ctrl-C, 2 for a wrong setting or a port in use."""
+def main() -> NoReturn:
+    """Entry point; ends the process: 0 after SIGTERM or Ctrl-C, 2 for a wrong setting or a port in use."""
+    status = 0
     try:
         # until the loop takes the signals over nothing is to be closed; an exception may be lost in an import
         signal.signal(signal.SIGTERM, lambda *_: os._exit(0))
-        _run(sys.argv[1:] if argv is None else argv)
+        _run(sys.argv[1:])
     except (SettingsError, StartError) as e:
         print(f"posecast-relay: {e}", file=sys.stderr)
-        return 2
+        status = 2
     except KeyboardInterrupt:
-        return 0
-    return 0
+        pass
+    # All is closed. The interpreter's own farewell would wait for threads of libraries (a name server that
+    # does not answer), and one of Zenoh's that calls into it meanwhile aborts the process.
+    with suppress(BrokenPipeError):
+        sys.stdout.flush()
+        sys.stderr.flush()
+    os._exit(status)
 
 
 def _run(argv: Sequence[str]) -> None:
@@ -37,4 +45,4 @@ def _run(argv: Sequence[str]) -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()
