@@ -32,7 +32,8 @@ from posecast_relay.adapters.decoded import Decoded
 from posecast_relay.adapters.doorway import Doorway
 from posecast_relay.adapters.forms import EventForm, Form, JsonForm
 from posecast_relay.adapters.pump import Pump
-from posecast_relay.adapters.websocket import CLOSING_S, use_small_buffers
+from posecast_relay.adapters.socket_buffers import use_small_buffers
+from posecast_relay.adapters.websocket import CLOSING_S
 from posecast_relay.core import messages
 from posecast_relay.core.hub import DRAIN_RETRY_S, GOING
 from posecast_relay.core.policy import ANYONE, Grant, Who

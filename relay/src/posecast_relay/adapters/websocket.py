@@ -9,7 +9,6 @@ from __future__ import annotations
 import asyncio
 import logging
 import random
-import socket
 from http import HTTPStatus
 from typing import TYPE_CHECKING, Any, ClassVar, cast
 
@@ -24,6 +23,7 @@ from posecast_relay.adapters.access import CROWDED, FOREIGN, REASONS, Access
 from posecast_relay.adapters.asked import Asked, BadRequest, NoSuchStream, bearer, joined, read_target
 from posecast_relay.adapters.decoded import Decoded
 from posecast_relay.adapters.forms import Form, JsonForm
+from posecast_relay.adapters.socket_buffers import descriptor_of, use_small_buffers
 from posecast_relay.core import messages
 from posecast_relay.core.hub import DRAIN_RETRY_S, FULL_RETRY_S, GOING
 from posecast_relay.core.policy import ANYONE, Grant
@@ -35,30 +35,11 @@ if TYPE_CHECKING:
 
 log = logging.getLogger("posecast_relay")
 
-# What an unread socket swallows before it pushes back. Small, so that a slow viewer shows soon (the kernel
-# takes twice the figure); large enough for a join in one go.
-SEND_BUFFER_BYTES = 16384
 TOKEN_S = 5.0  # until the token is there; else closed 4401
+SLICE_BYTES = 4096  # of what comes at once: judged before more of it is taken apart
 CLOSING_S = 2.0  # a viewer that does not answer a close in this time is cut off
 HEADERS = ("Origin", "Host", "Authorization", "X-Forwarded-For")
 SHORT = 125  # bytes of a message whose size stands in the frame's second byte
-
-
-def use_small_buffers(transport: asyncio.Transport) -> None:
-    """So that the core hears of a slow viewer soon."""
-    sock = transport.get_extra_info("socket")
-    if sock is not None:
-        sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
-    # at 0 the transport tells at once when a socket has not taken everything
-    transport.set_write_buffer_limits(high=0)
-
-
-def descriptor_of(transport: asyncio.Transport) -> int:
-    """Of the socket, when all that is written to it goes out as it is; else −1."""
-    sock = transport.get_extra_info("socket")
-    if sock is None or transport.get_extra_info("sslcontext") is not None:
-        return -1
-    return int(sock.fileno())
 
 
 def short_text(data: bytes) -> bytes | None:
@@ -94,6 +75,8 @@ class LiveSocket(asyncio.Protocol):
         self.descriptor = -1  # to be written to directly: never while anything waits in the transport
         self._over = False  # nothing may be written any more
         self._fragments: list[bytes] | None = None
+        self._flooded = False  # by its viewer: nothing more is read
+        self._early = 0  # frames that came before it was a viewer
         self._unread = 0  # bytes in the library that may be the beginning of a message
         self._closing: asyncio.TimerHandle | None = None
         self._address: str | None = None  # whose streams it counts among
@@ -141,14 +124,19 @@ class LiveSocket(asyncio.Protocol):
 
     def data_received(self, data: bytes) -> None:
         """Bytes from the viewer (first of all its HTTP request, as uvicorn read it)."""
-        ws = self._ws
         if self._viewer is not None:
             self._viewer.heard_at = self.pump.now()
-        if self._unread == 0 and self._fragments is None and ws.state is OPEN:
+        if self._unread == 0 and self._fragments is None and self._ws.state is OPEN:
             text = short_text(data)
             if text is not None:
                 self._text(text)
                 return
+        for at in range(0, len(data), SLICE_BYTES):
+            if not self._flooded:
+                self._read(data[at : at + SLICE_BYTES])
+
+    def _read(self, data: bytes) -> None:
+        ws = self._ws
         ws.receive_data(data)
         self._unread += len(data)
         self._send_own()  # a ping between two parts of a message is answered before the message is
@@ -205,15 +193,14 @@ class LiveSocket(asyncio.Protocol):
             return
         self._ws.send_response(self._ws.accept(request))
         self._send_own()
-        pump = self.pump
         if self._ws.state is not OPEN:
-            pump.handshakes["refused"] += 1
+            self.pump.handshakes["refused"] += 1
             return
         try:
             asked.check()
         except NoSuchStream as e:
-            pump.hub.endings[Close.ABSENT] += 1
-            pump.handshakes["told to go"] += 1
+            self.pump.hub.endings[Close.ABSENT] += 1
+            self.pump.handshakes["told to go"] += 1
             self.end(Close.ABSENT, str(e), None)
             return
         if self.access.tokens is not None and (token or asked.auth):
@@ -277,7 +264,10 @@ class LiveSocket(asyncio.Protocol):
     def _frame(self, frame: WebSocketFrame) -> None:
         if frame.opcode is Opcode.CLOSE or self._ws.state is not OPEN:
             return
-        if frame.opcode is Opcode.BINARY:
+        counted = self._viewer is not None and frame.fin and frame.opcode is Opcode.TEXT  # by the hub
+        if not counted and not self._may_send():
+            self._refuse(Close.TOO_MANY, "too many messages")
+        elif frame.opcode is Opcode.BINARY:
             self._refuse(Close.BINARY, "viewers send text only")
         elif frame.opcode in (Opcode.TEXT, Opcode.CONT):
             if not frame.fin or self._fragments is not None:  # the library bounds their sum
@@ -288,6 +278,13 @@ class LiveSocket(asyncio.Protocol):
             else:
                 whole = bytes(frame.data)
             self._text(whole)
+
+    def _may_send(self) -> bool:
+        """Pings, pieces and what comes before its token cost a viewer as much as messages do."""
+        if self._viewer is not None:
+            return self._viewer.take_token(self.pump.now())
+        self._early += 1
+        return self._early <= self.pump.hub.limits.messages_burst
 
     def _text(self, text: bytes) -> None:
         if self._viewer is not None:
@@ -322,6 +319,9 @@ class LiveSocket(asyncio.Protocol):
         """Say why, close, and do not wait for long."""
         if self._ws.state is not OPEN:
             return
+        if close is Close.TOO_MANY:
+            self._flooded = True
+            self._transport.pause_reading()
         self._transport.write(messages.bye(close, reason, retry_s))
         self._write_no_more()
         self._ws.send_close(close, reason[:100])

@@ -1,0 +1,27 @@
+"""What lies between a write and a viewer: kept small, and gone round where nothing waits."""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+
+# What an unread socket swallows before it pushes back. Small, so that a slow viewer shows soon (the kernel
+# takes twice the figure); large enough for a join in one go.
+SEND_BUFFER_BYTES = 16384
+
+
+def use_small_buffers(transport: asyncio.Transport) -> None:
+    """So that the core hears of a slow viewer soon."""
+    sock = transport.get_extra_info("socket")
+    if sock is not None:
+        sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
+    # at 0 the transport tells at once when a socket has not taken everything
+    transport.set_write_buffer_limits(high=0)
+
+
+def descriptor_of(transport: asyncio.Transport) -> int:
+    """Of the socket, when all that is written to it goes out as it is; else −1."""
+    sock = transport.get_extra_info("socket")
+    if sock is None or transport.get_extra_info("sslcontext") is not None:
+        return -1
+    return int(sock.fileno())

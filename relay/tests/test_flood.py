@@ -1,0 +1,122 @@
+"""A viewer that sends far too much is let go after its first few, whatever it sends, and read no further."""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+from types import SimpleNamespace
+from typing import Any
+
+import httpx
+import pytest
+from posecast_relay.adapters.access import Access
+from posecast_relay.adapters.decoded import Decoded
+from posecast_relay.adapters.fan_out import FanOut
+from posecast_relay.adapters.pump import Pump
+from posecast_relay.adapters.store_memory import MemoryStore
+from posecast_relay.adapters.tokens import Tokens
+from posecast_relay.adapters.websocket import SLICE_BYTES, LiveSocket, live_protocol
+from posecast_relay.core.hub import Hub
+from posecast_relay.core.limits import Limits
+from posecast_wire import Close
+
+from .stage import Relay, Watcher
+
+MASK = bytes(4)
+PING = b"\x89\x80" + MASK
+PONG = b"\x8a\x80" + MASK
+PIECE = b"\x00\x80" + MASK  # of a message that never ends, and never gets longer
+BEGUN = b"\x01\x80" + MASK
+ACK = b'\x81\x94{}{"type":"ack","n":0}'.replace(b"{}", MASK, 1)
+MANY = 50_000
+FLOODS = {"pings": PING * MANY, "pongs": PONG * MANY, "pieces": BEGUN + PIECE * MANY, "messages": ACK * MANY}
+
+
+def request(query: str = "") -> bytes:
+    """For a stream of `r`."""
+    key = "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ=="
+    return (
+        f"GET /api/v1/robots/r/live{query} HTTP/1.1\r\nHost: x\r\nConnection: Upgrade\r\n"
+        f"Upgrade: websocket\r\nSec-WebSocket-Version: 13\r\n{key}\r\n\r\n"
+    ).encode()
+
+
+class Wire:
+    """A transport that takes everything and keeps it."""
+
+    def __init__(self) -> None:
+        self.taken = b""
+        self.reading = True
+
+    def write(self, data: bytes) -> None:
+        self.taken += data
+
+    def pause_reading(self) -> None:
+        self.reading = False
+
+    def get_extra_info(self, _name: str) -> None: ...
+
+    def set_write_buffer_limits(self, high: int) -> None: ...
+
+    def get_write_buffer_size(self) -> int:
+        return 0
+
+    def abort(self) -> None: ...
+
+
+@pytest.mark.parametrize("query", ["", "?auth=1"])
+@pytest.mark.parametrize("what", FLOODS)
+async def test_whatever_it_sends_a_few_are_looked_at(
+    what: str, query: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen, look = [0], LiveSocket._frame
+
+    def counted(self: LiveSocket, frame: Any) -> None:
+        seen[0] += 1
+        look(self, frame)
+
+    monkeypatch.setattr(LiveSocket, "_frame", counted)
+    limits = Limits()
+    pump, wire = Pump(Hub(limits), MemoryStore(), FanOut(None)), Wire()
+    config, server = SimpleNamespace(), SimpleNamespace(connections=set())
+    made = live_protocol(Access(pump, tokens=Tokens()), Decoded())
+    viewer: Any = made(config, server, None)  # type: ignore[arg-type]
+    viewer.connection_made(wire)
+    viewer.data_received(request(query))
+    viewer.data_received(FLOODS[what])
+    assert f'"code":{int(Close.TOO_MANY)}'.encode() in wire.taken
+    assert not wire.reading
+    assert seen[0] <= SLICE_BYTES // len(PING) + 2, "of many thousands"
+    assert not pump.hub.viewers
+    viewer.connection_lost(None)
+    pump.stop()
+
+
+async def test_one_that_floods_keeps_nobody_waiting(relays: Any, edges: Any) -> None:
+    relay: Relay = relays()
+    edges(relay.zenoh)
+
+    def flood(data: bytes) -> bytes:
+        with socket.create_connection(("127.0.0.1", relay.http), 20) as sock:
+            sock.sendall(request("?hz=0"))
+            said = b""
+            try:
+                sock.sendall(data)
+                while part := sock.recv(65536):
+                    said += part
+            except ConnectionError:
+                pass
+            return said
+
+    async with Watcher(relay.url(query="?hz=30")) as viewer:
+        await viewer.until("frames", lambda v: len(v.frames) > 10)
+        for data in FLOODS.values():
+            await asyncio.to_thread(flood, data)
+        seq = viewer.frames[-1][1].seq
+        await viewer.until("further frames", lambda v: v.frames[-1][1].seq > seq + 30)
+        assert viewer.closed is None
+        seqs = [frame.seq for _, frame in viewer.frames]
+    assert seqs == sorted(set(seqs))
+    listed = httpx.get(f"http://{relay.address}/api/v1/robots").json()["robots"]
+    assert listed[0]["viewers"] <= 1
+    assert "Traceback" not in relay.errors()
