@@ -35,6 +35,7 @@ def test_a_soak_of_seconds(tmp_path: Path) -> None:
     assert verdicts["page heap"] == "not shown"
     assert report["breaches"] == []
     assert report["counts"]["frames"] > 20
+    assert report["told"].keys() >= {"posecast_store_losses_total"}
     assert "0.1 minutes, not the 30 that the limits are for" in said
 
 

@@ -40,7 +40,7 @@ from posecast_loadtests.page_heap import Page, PageError, page
 from posecast_loadtests.scenarios import SOAK
 from posecast_loadtests.stage import OwnRelay, ends_on_term, ends_with, own_relay, started
 from posecast_loadtests.tally import Limits, Tally, breaches
-from posecast_loadtests.vitals import gauge, redis_mb, vitals
+from posecast_loadtests.vitals import figures, gauge, redis_mb, vitals
 
 READINGS = 360  # in one run, at most one a second
 WARM = 6  # a sixth into the run everything is warm
@@ -53,6 +53,7 @@ BEFORE, AFTER = "before: ", "after: "  # readings at rest
 RETURNING = ("relay descriptors", "relay threads", "relay tasks", "edge descriptors", "edge threads")
 HEAP = "page heap"
 FAILED = "readings without an answer"
+TOLD = ("posecast_endings_total{", "posecast_store_losses_total ")  # why viewers went; how often Redis did
 
 
 def options() -> argparse.Namespace:
@@ -80,6 +81,7 @@ class Record:
 
     began_s: float = field(default_factory=time.monotonic)
     series: dict[str, list[Point]] = field(default_factory=dict)
+    told: dict[str, float] = field(default_factory=dict)  # by the relay at the end, see TOLD
 
     def note(self, name: str, value: float) -> None:
         """One reading of now."""
@@ -224,6 +226,7 @@ def soak(asked: argparse.Namespace, log: TextIO, chromium: str | None) -> tuple[
         if process.returncode or not counts.exists():
             sys.exit(f"soak: Locust ended with {process.returncode}, see {log.name}")
         readers.read_at_rest()
+        record.told = figures(f"http://127.0.0.1:{metrics_port}/metrics", *TOLD)
     return record, Tally.sum([json.loads(counts.read_text())])
 
 
@@ -258,6 +261,7 @@ def main() -> int:
     never = breaches(replace(tally, lowered=0), Limits(missed_share=1.0, p99_ms=float("inf"), jain=0.0))
     print(table(findings))
     print(f"{tally.frames} frames to viewers, {tally.missed} missed; {tally.evicted} frozen viewers cut")
+    print("the relay says", ", ".join(f"{name} {value:.0f}" for name, value in record.told.items()))
     if FAILED in record.series:
         print(f"{len(record.series[FAILED])} {FAILED}")
     for line in never:
@@ -269,6 +273,7 @@ def main() -> int:
         "findings": [asdict(finding) for finding in findings],
         "breaches": never,
         "counts": tally.counts(),
+        "told": record.told,
         "series": record.series,
     }
     (asked.out / "soak.json").write_text(json.dumps(report, indent=1) + "\n")

@@ -47,8 +47,15 @@ def redis_mb(port: int) -> float:
 
 def gauge(metrics: str, name: str) -> float:
     """One value of a relay's Prometheus page. OSError or ValueError when it isn't there."""
-    with urllib.request.urlopen(metrics, timeout=_ANSWER_S) as answer:
-        found = re.search(rf"^{name} (\S+)$", answer.read().decode(), re.MULTILINE)
-    if found is None:
+    found = figures(metrics, f"{name} ")
+    if not found:
         raise ValueError(f"{metrics}: no {name}")
-    return float(found[1])
+    return next(iter(found.values()))
+
+
+def figures(metrics: str, *beginnings: str) -> dict[str, float]:
+    """All whose lines begin so, with their labels. OSError when the page can't be had."""
+    with urllib.request.urlopen(metrics, timeout=_ANSWER_S) as answer:
+        lines = answer.read().decode().splitlines()
+    found = (line.rpartition(" ") for line in lines if line.startswith(beginnings))
+    return {name: float(value) for name, _, value in found}

@@ -25,6 +25,7 @@ from redis.asyncio.cluster import RedisCluster
 from redis.asyncio.retry import Retry
 from redis.backoff import NoBackoff
 from redis.exceptions import RedisClusterException, RedisError
+from redis.maint_notifications import MaintNotificationsConfig
 
 from posecast_relay.adapters.lookup import Lookup
 from posecast_relay.core.histogram import Histogram
@@ -79,6 +80,10 @@ class Link:
     def _open(self, url: str) -> Any:
         options: dict[str, Any] = {"socket_timeout": TIMEOUT_S, "socket_connect_timeout": TIMEOUT_S}
         options["retry"] = Retry(NoBackoff(), 0)
+        # Each connection would begin with three commands that Redis may not know: the library's own name and
+        # version, and a service's notices of maintenance. Each refusal leaves a circle for the collector.
+        options["driver_info"] = None
+        options["maint_notifications_config"] = MaintNotificationsConfig(enabled=False)
         if self.is_cluster:
             return RedisCluster.from_url(url, **options)
         options |= {"max_connections": CONNECTIONS, "timeout": TIMEOUT_S}
