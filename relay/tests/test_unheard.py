@@ -24,3 +24,20 @@ async def test_a_connection_given_up_is_one_line_and_a_mistake_of_ours_a_traceba
     assert not any(exc_info for _, exc_info in said)
     loop.create_future().set_exception(KeyError("ours"))
     assert caplog.records[-1].exc_info
+
+
+class Transport:
+    """As the loop names it when something fails."""
+
+    def __init__(self, closed: bool) -> None:
+        self.is_closing = lambda: closed
+
+
+async def test_what_still_comes_over_a_closed_transport_is_one_line(caplog: pytest.LogCaptureFixture) -> None:
+    loop = asyncio.get_running_loop()
+    loop.set_exception_handler(Unheard())
+    late = RuntimeError("unable to perform operation on <TCPTransport closed=True>; the handler is closed")
+    for closed in (True, True, False):
+        said = {"message": "Fatal error on SSL protocol", "exception": late, "transport": Transport(closed)}
+        loop.call_exception_handler(said)
+    assert [bool(record.exc_info) for record in caplog.records] == [False, True]

@@ -22,7 +22,10 @@ class Unheard:
     def __call__(self, loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
         """As asyncio calls it."""
         why = context.get("exception")
-        if not isinstance(why, OSError) or "future" not in context:
+        transport = context.get("transport")
+        # what still came over TLS is answered into a transport that is closed already
+        is_late = isinstance(why, RuntimeError) and transport is not None and transport.is_closing()
+        if not is_late and not (isinstance(why, OSError) and "future" in context):
             loop.default_exception_handler(context)
         elif str(why) != self._said:
             self._said = str(why)

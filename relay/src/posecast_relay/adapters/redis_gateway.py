@@ -146,8 +146,8 @@ class RedisGateway:
         self._pump.carry_out(self._said.degrade(False, self._pump.now()))
 
     async def _failed(self, error: BaseException) -> None:
-        if self._trouble is None or not self.failures:
-            log.warning("redis: %s; viewers are told, trying on", str(error) or type(error).__name__)
+        if why := self.link.news(error):
+            log.warning("redis: %s; viewers are told, trying on", why)
         self.failures += 1
         self.losses += self._trouble is None
         self._failure = None

@@ -75,6 +75,7 @@ class Link:
         self._lookup = Lookup(urlsplit(self._url).hostname or "localhost")
         self.seconds = Histogram()  # of exchanges, also of those that failed
         self._scripts: dict[str, str] = {}  # text → SHA-1, once loaded
+        self._told: set[str] = set()  # kinds of failure since it worked
         self.client: Any = self._open(self._url)
 
     def _open(self, url: str) -> Any:
@@ -97,6 +98,15 @@ class Link:
                 await self.client.initialize()
         for text in scripts:
             self._scripts[text] = await self.call(self.client.script_load(text))
+        self._told.clear()
+
+    def news(self, error: BaseException) -> str | None:
+        """Why it failed, if it has not for such a reason since it worked."""
+        kind = name_of(error)
+        if kind in self._told:
+            return None
+        self._told.add(kind)
+        return str(error) or type(error).__name__
 
     async def reset(self) -> None:
         """Drop every connection: what was asked before a failure must not be answered later."""

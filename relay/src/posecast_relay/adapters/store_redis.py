@@ -176,8 +176,7 @@ class RedisStore:
         self._trouble = None
 
     async def _failed(self, error: BaseException) -> None:
-        if self._trouble is None or not self.failures:
-            why = str(error) or type(error).__name__
+        if why := self.link.news(error):
             log.warning("redis: %s; viewers here notice nothing, trying on", why)
         self.failures += 1
         self.losses += self._trouble is None
