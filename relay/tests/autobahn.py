@@ -15,6 +15,8 @@ import subprocess
 import sys
 import tempfile
 from collections import Counter
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -65,34 +67,46 @@ class Echo(LiveSocket):
         self._kind = Opcode.TEXT  # short ones come without `_frame`
 
 
-async def main(wstest: str) -> int:
-    pump = Pump(Hub(Limits(message_bytes=LONGEST)), MemoryStore(), FanOut(None))
-    Echo.pump = pump
+@asynccontextmanager
+async def echo() -> AsyncIterator[int]:
+    """A server that returns everything; its port."""
+    access = Access(Pump(Hub(Limits(message_bytes=LONGEST)), MemoryStore(), FanOut(None)))
+    Echo.access = access
     port = free_port()
     config = uvicorn.Config(
         lambda _scope, _receive, _send: None,
         ws=Echo,
-        http=http_protocol(Access(pump), Decoded()),
+        http=http_protocol(access, Decoded()),
         lifespan="off",
         log_config=None,
         port=port,
     )
     server = uvicorn.Server(config)
     serving = asyncio.create_task(server.serve())
+    while not server.started:
+        await asyncio.sleep(0.01)
+    try:
+        yield port
+    finally:
+        server.should_exit = True
+        await serving
+
+
+async def main(wstest: str, *cases: str) -> int:
+    """All cases, or those named (`1.*`)."""
     with tempfile.TemporaryDirectory() as folder:
-        asked = {
-            "outdir": folder,
-            "servers": [{"agent": "relay", "url": f"ws://127.0.0.1:{port}/"}],
-            "cases": ["*"],
-            "exclude-cases": [],
-            "exclude-agent-cases": {},
-        }
-        (Path(folder) / "fuzz.json").write_text(json.dumps(asked))
-        command = [wstest, "-m", "fuzzingclient", "-s", f"{folder}/fuzz.json"]
-        await asyncio.to_thread(subprocess.run, command, check=True, stdout=subprocess.DEVNULL)
+        async with echo() as port:
+            asked = {
+                "outdir": folder,
+                "servers": [{"agent": "relay", "url": f"ws://127.0.0.1:{port}/"}],
+                "cases": cases or ["*"],
+                "exclude-cases": [],
+                "exclude-agent-cases": {},
+            }
+            (Path(folder) / "fuzz.json").write_text(json.dumps(asked))
+            command = [wstest, "-m", "fuzzingclient", "-s", f"{folder}/fuzz.json"]
+            await asyncio.to_thread(subprocess.run, command, check=True, stdout=subprocess.DEVNULL)
         found = json.loads((Path(folder) / "index.json").read_text())["relay"]
-    server.should_exit = True
-    await serving
     print(Counter(case["behavior"] for case in found.values()))
     for name, case in found.items():
         if case["behavior"] not in ("OK", "INFORMATIONAL", "UNIMPLEMENTED"):
@@ -102,4 +116,4 @@ async def main(wstest: str) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(asyncio.run(main(sys.argv[1])))
+    sys.exit(asyncio.run(main(*sys.argv[1:])))

@@ -28,6 +28,7 @@ from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
 from posecast_wire import Close
 
+from . import autobahn
 from .sim import schema
 from .stage import Relay, Watcher, until
 
@@ -381,3 +382,11 @@ async def test_a_connection_that_is_gone_is_gone_from_memory_without_a_collectio
     finally:
         gc.enable()
         pump.stop()
+
+
+async def test_what_autobahn_plays_against_returns_everything() -> None:
+    """Its cases are played by hand, see there; this keeps the stage for them standing."""
+    async with autobahn.echo() as port, websockets.connect(f"ws://127.0.0.1:{port}/", max_size=None) as link:
+        for message in ("short", "x" * 70_000, b"\x00\xff", b"y" * 70_000):
+            await link.send(message)
+            assert await link.recv() == message
