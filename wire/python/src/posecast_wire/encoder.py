@@ -18,7 +18,7 @@ NIBBLE_MAX = 14
 NIBBLES = [f"{n:04b}" for n in range(16)]
 ALL_ZERO = "1111"  # the nibble of a field that did not move
 LEARNING_FRAMES = 8  # an idle robot sends as many in a KEY interval
-KEPT_CODES = 256  # per order; 16 orders of these are half a megabyte
+KEPT_CODES = 1024  # per order: 0.15 MB, and a robot needs few of the 16 orders
 # order = round(log2(0.69 × mean z)), as thresholds on the mean so that both languages agree to the bit
 ORDER_STEPS = tuple(1.0247924945978928 * (1 << k) for k in range(1, ORDER_MAX + 1))
 
@@ -67,7 +67,7 @@ class Encoder:
         self._last_t_s = 0.0
         self._frames_since_key = 0
         self._key_base = self._base = _Base(0, 0, 0.0, self._zeros)
-        self._z_sums = self._zeros
+        self._z_sums = [0] * schema.size
         self._z_frames = 0
         self._orders = [NEW_ORDER] * schema.size
         self._key_rows = _Rows([KEY_ORDER] * schema.size)
@@ -109,9 +109,9 @@ class Encoder:
             frames = self._z_frames
             self._orders = [bisect_right(ORDER_STEPS, total / frames) for total in self._z_sums]
             self._rows = _Rows(self._orders)
-            self._z_sums = self._zeros
+            self._z_sums = [0] * self.schema.size
             self._z_frames = 0
-        bits, _ = self._body(list(codes), self._key_rows)
+        bits = self._body(codes, self._zeros, self._key_rows, learn=False)
         frame = KEY_HEADER.pack(TAG_KEY, self.schema.id, seq, t_s)
         frame += _packed(bits + "".join([NIBBLES[k] for k in self._orders]))
         self._key_base = self._base = _Base(frame_id(frame), seq, t_s, list(codes))
@@ -123,13 +123,12 @@ class Encoder:
     def _encode_from(
         self, base: _Base, is_ref: bool, codes: Sequence[int], distance: int, t_ms: int
     ) -> bytes:
-        moved = list(map(sub, codes, base.codes))
         if self._ref_every and not is_ref:
+            moving, codes = codes, list(base.codes)
             for span in self._spans:
-                if span.slow:
-                    moved[span.start : span.stop] = self._zeros[span.start : span.stop]
-        bits, z = self._body(moved, self._rows)
-        self._z_sums = list(map(add, self._z_sums, z))
+                if not span.slow:
+                    codes[span.start : span.stop] = moving[span.start : span.stop]
+        bits = self._body(codes, base.codes, self._rows, learn=True)
         self._z_frames += 1
         self._frames_since_key += 1
         frame = HEADER.pack(TAG_REF if is_ref else TAG_PLAIN, base.id, distance, t_ms) + _packed(bits)
@@ -139,22 +138,25 @@ class Encoder:
             self.ref = frame
         return frame
 
-    def _body(self, moved: list[int], rows: _Rows) -> tuple[str, list[int]]:
-        """Bits of all fields and the z of all channels; `moved`: code minus base code per channel."""
+    def _body(self, codes: Sequence[int], base: Sequence[int], rows: _Rows, learn: bool) -> str:
+        """Bits of all fields against a base. `learn`: how far channels moved counts for later orders."""
+        moved: dict[int, list[int]] = {}  # by where the field starts; [] for one that stands, as most do
+        for start, stop, _, _ in self._spans:
+            field, still = codes[start:stop], base[start:stop]
+            moved[start] = [] if field == still else list(map(sub, field, still))
         parts: list[str] = []
-        all_z: list[int] = []
         for start, stop, rel, _ in self._spans:
-            r = moved[start:stop]
-            if rel is not None:
-                r = list(map(sub, r, moved[rel : rel + stop - start]))
-            if any(r):
-                z = [v + v if v >= 0 else -v - v - 1 for v in r]
-                parts.append(rows.shortest(start, stop, z))
-                all_z += z
-            else:
+            r = moved[start]
+            if rel is not None and moved[rel]:
+                r = list(map(sub, r or self._zeros, moved[rel]))
+            if not any(r):
                 parts.append(ALL_ZERO)
-                all_z += r
-        return "".join(parts), all_z
+                continue
+            z = [v + v if v >= 0 else -v - v - 1 for v in r]
+            parts.append(rows.shortest(start, stop, z))
+            if learn:
+                self._z_sums[start:stop] = map(add, self._z_sums[start:stop], z)
+        return "".join(parts)
 
 
 class _Base(NamedTuple):
