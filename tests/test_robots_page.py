@@ -1,27 +1,39 @@
-"""What docs/ROBOTS.md says of profiles and sources is so; test_source_doctor.py looks at the findings."""
+"""What docs/ROBOTS.md and the pages of its sources say is so; test_source_doctor.py looks at the findings."""
 
 from __future__ import annotations
 
 import re
 from pathlib import Path
 
+import pytest
 from posecast_edge.profile_reader import SHIPPED, parse_profile
-from posecast_edge.schema_build import schema_text
+from posecast_edge.schema_build import profile_of, schema_text
 from posecast_edge.sources import KINDS
 from posecast_edge.sources.hubo_state import LAYOUTS
+from posecast_edge.sources.jsonl import MAX_LINE, parse_line
 from posecast_edge.sources.ros2 import BACKLOG_MAX, PAYLOAD_MAX
 from posecast_edge.sources.ros_merge import STATE_S, STREAM_S
 from posecast_edge.sources.ros_topics import ROLES, TYPES
 from posecast_edge.sources.rosbridge import LOOK_S, THROTTLE_MS
+from posecast_edge.stream import Stream
 from posecast_edge.wellknown import UNITS
+from posecast_wire.decoder import Decoder
 from posecast_wire.schema import Schema
 
 ROOT = Path(__file__).resolve().parent.parent
-PAGE = (ROOT / "docs" / "ROBOTS.md").read_text(encoding="utf-8")
+DOCS = ROOT / "docs"
+GUIDE = (DOCS / "ROBOTS.md").read_text(encoding="utf-8")
+OF_SOURCE = {path.stem: path.read_text(encoding="utf-8") for path in sorted((DOCS / "robots").glob("*.md"))}
+PAGE = "\n".join([GUIDE, *OF_SOURCE.values()])
+LINK = re.compile(r"\]\(([^)#:]+\.md)(?:#([^)]*))?\)")
+
+
+def blocks(language: str, page: str) -> list[str]:
+    return re.findall(rf"```{language}\n(.*?)```", page, re.DOTALL)
 
 
 def test_the_profile_on_the_page_is_one() -> None:
-    _, text = re.findall(r"```toml\n(.*?)```", PAGE, re.DOTALL)
+    (text,) = blocks("toml", GUIDE)
     profile = parse_profile(text)
     Schema.parse(schema_text(profile))
     for view in profile.views.values():
@@ -31,7 +43,7 @@ def test_the_profile_on_the_page_is_one() -> None:
 
 
 def test_the_topics_on_the_page_are_a_table_of_a_profile() -> None:
-    text, _ = re.findall(r"```toml\n(.*?)```", PAGE, re.DOTALL)
+    (text,) = blocks("toml", OF_SOURCE["ros2"])
     ros = parse_profile('[[fields]]\nname = "pos"\nlabels = ["a"]\n' + text).ros
     assert ros is not None
     assert set(ros.topics) == set(ROLES)
@@ -54,3 +66,60 @@ def test_every_source_unit_profile_and_version_is_on_it() -> None:
     assert [unit for unit in set(UNITS.values()) if unit and unit not in PAGE] == []
     assert [path.stem for path in SHIPPED.glob("*.toml") if f"`{path.stem}`" not in PAGE] == []
     assert [size for size in LAYOUTS if str(size) not in PAGE] == []
+
+
+def test_every_source_has_a_page_that_the_guide_links_to_and_starts_with_a_command() -> None:
+    rows = [line.split("|") for line in GUIDE.splitlines() if line.count("|") == 5]
+    pages = {kind: row[4] for row in rows for kind in KINDS if re.search(rf"`{kind}[:`\[]", row[2])}
+    assert set(pages) == set(KINDS)
+    for kind, cell in pages.items():
+        if kind == "demo":
+            continue
+        page = OF_SOURCE[Path(LINK.findall(cell)[0][0]).stem]
+        assert f"--source {kind}" in page or f"--source '{kind}" in page, kind
+
+
+def test_links_of_these_pages_lead_somewhere() -> None:
+    for path in (DOCS / "ROBOTS.md", *(DOCS / "robots").glob("*.md")):
+        for name, anchor in LINK.findall(path.read_text(encoding="utf-8")):
+            target = (path.parent / name).read_text(encoding="utf-8")
+            heads = re.findall(r"^#+ (.*)$", target, re.MULTILINE)
+            assert not anchor or anchor in [
+                re.sub(r"[^\w -]", "", h.lower()).replace(" ", "-") for h in heads
+            ]
+
+
+def test_the_lines_of_a_program_on_its_page_make_frames() -> None:
+    """With a profile and without, as the page says."""
+    (text,) = blocks("json", OF_SOURCE["jsonl"])
+    profile = parse_profile(
+        '[labels]\njoint = ["RKN", "LKN"]\n[[fields]]\nname = "pos"\n'
+        '[[fields]]\nname = "flags"\nbits = ["jam"]\n'
+    )
+    lines = [parse_line(line.encode(), 0.0) for line in text.splitlines()]
+    for used in (profile, profile_of("r1", lines[0])):
+        said: list[str] = []
+        stream = Stream(used, 4.0, said.append)
+        events = [(e.source, e.text, e.on) for line in lines for e in stream.deliver(line, line.t_s)]
+        assert events == [("RKN", "jam", True), ("RKN", "jam", False)]
+        frame = stream.tick(12.5)
+        assert frame is not None
+        decoder = Decoder()
+        decoder.add_schema(stream.schema.text)
+        decoded = decoder.decode(frame.data)
+        pos = stream.schema.field("pos")
+        assert pos is not None
+        assert dict(zip(pos.labels, decoded.values("pos"), strict=True)) == pytest.approx(
+            {"RKN": 0.6, "LKN": 0.1}
+        )
+        assert decoded.t_s == pytest.approx(12.4)
+        assert said == []
+    assert MAX_LINE == 64 << 10
+
+
+def test_the_trajectory_on_its_page_is_a_table_of_a_profile() -> None:
+    (text,) = blocks("toml", OF_SOURCE["trajectory"])
+    labels = '[labels]\njoint = ["LKN", "RKN"]\n[[fields]]\nname = "ref"\n[[fields]]\nname = "pos"\n'
+    trajectory = parse_profile(labels + text).trajectory
+    assert trajectory is not None
+    assert (trajectory.columns, trajectory.rate_hz, trajectory.lag_s) == (("LKN", "RKN", "-"), 200, 0.012)
