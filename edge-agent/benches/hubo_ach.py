@@ -85,7 +85,7 @@ def main() -> int:
     if args.daemon is not None:
         daemon(args.daemon)
         return 0
-    with tempfile.TemporaryDirectory() as folder:
+    with tempfile.TemporaryDirectory(dir="/dev/shm") as folder:  # where channels are
         path = f"{folder}/achshm-hubo-state" if args.shm else ""
         command = [sys.executable, __file__, "--daemon", path]
         with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as robot:

@@ -101,7 +101,7 @@ def test_a_regular_writer_is_seen_as_it_writes_by_few_looks(
     assert seen.age_s(0.5) < 0.0005 + jitter_s
     assert seen.age_s(0.99) < 0.0015 + jitter_s
     assert seen.lost == 0
-    assert seen.looks_hz <= (80 if jitter_s < 0.001 else 100)
+    assert seen.looks_hz <= 63  # two for each frame that is sent, and one in fifty is too early
 
 
 def test_a_thousand_a_second_are_sampled_and_not_followed(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -25,7 +25,7 @@ def sample(
     watch: EventWatch, t: float, fz: float | None, a: int | None, b: int | None, now_s: float | None = None
 ) -> list[Event]:
     values: dict[str, list[float | None]] = {"ftf": [fz], "flags": [a, b]}
-    return watch.sample(t, lambda field: values[field.name], t if now_s is None else now_s)
+    return watch.sample(t, values.__getitem__, t if now_s is None else now_s)
 
 
 def test_every_rise_and_fall_of_a_fault_bit_and_no_state_bit() -> None:

@@ -157,6 +157,7 @@ class Agent:
 
     def _deliver(self, sample: Sample) -> float | None:
         now_s = time.monotonic()
+        wanted_s = math.inf
         for show in self._shows:
             stream = show.stream
             if stream is None:
@@ -166,13 +167,16 @@ class Agent:
                     self._useless.add(f"{sample.where}: {e}" if sample.where else str(e), now_s)
                     return None
             info = stream.info
-            self._tell(show, stream.deliver(sample, now_s))
+            events = stream.deliver(sample, now_s)
+            if events:
+                self._tell(show, events)
             if stream.info is not info:
                 self._publisher.info(show.view, stream.info)
             show.stream = stream  # seen by the clock only now, with its first sample in it
             if sample.newest and show.pace.ripe(now_s):
                 self._send(show, now_s)
-        return min(show.pace.from_s for show in self._shows)
+            wanted_s = min(wanted_s, show.pace.from_s)
+        return wanted_s
 
     def _new_stream(self, profile: Profile) -> Stream:
         return Stream(profile, self._settings.key_interval_s, log.warning)

@@ -65,7 +65,7 @@ class _Bits:
     """Watches the masks of one field."""
 
     def __init__(self, field: Field, told: Sequence[tuple[int, str, str]]) -> None:
-        self.field = field
+        self.name = field.name
         self._labels = field.labels
         self._told = told  # mask, name, level
         self._all = sum(mask for mask, _, _ in told)
@@ -124,7 +124,7 @@ class _Limits:
     """Watches the channels of one field that have a threshold."""
 
     def __init__(self, field: Field, limits: Sequence[_Limit]) -> None:
-        self.field = field
+        self.name = field.name
         self._limits = limits
         self._newest: Values = ()
 
@@ -168,16 +168,16 @@ class EventWatch:
         """A sample has come."""
         return self._last_s is not None
 
-    def sample(self, t_s: float, values_of: Callable[[Field], Values | None], now_s: float) -> list[Event]:
-        """A sample: `values_of` gives a field's values in the order of its labels, None when it has none; it
-        is asked for the fields that can make an event. Returns what the sample changed."""
+    def sample(self, t_s: float, values_of: Callable[[str], Values | None], now_s: float) -> list[Event]:
+        """A sample: `values_of` gives the values of the field of that name in the order of its labels, None
+        when it has none; it is asked for those that can make an event. Returns what the sample changed."""
         events: list[Event] = []
         self._last_s, self._t_s = now_s, t_s
         if self.silent:
             self.silent = False
             events.append(Event(t_s, "caution", "source", "silent", False))
         for watched in self._watched:
-            values = values_of(watched.field)
+            values = values_of(watched.name)
             if values is not None:
                 events += watched.look(t_s, values)
         return events

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import cast
@@ -15,13 +15,13 @@ from typing import cast
 from posecast_wire.encoder import Encoder
 from posecast_wire.keys import Snapshot
 from posecast_wire.quantiser import Quantiser
-from posecast_wire.schema import Field, Schema
+from posecast_wire.schema import Schema
 
 from posecast_edge.complaints import Complaints
 from posecast_edge.events import Event, EventLimit, EventWatch
 from posecast_edge.layout import Layout
 from posecast_edge.profile import Profile
-from posecast_edge.sampler import Sampler, Values
+from posecast_edge.sampler import Sampler
 from posecast_edge.schema_build import schema_text
 from posecast_edge.sources import Sample
 
@@ -80,27 +80,33 @@ class Stream:
             self._untimed.add(f"a sample of time {sample.t_s} is dropped", now_s)
             return []
         if sample.exact:
-            values_of: Callable[[Field], Sequence[float | None] | None] = partial(_values_of, sample)
-            offered: Values = partial(self._exact, sample)
+            values = cast("Mapping[str, Sequence[float | None]]", sample.values)
+            if sample.newest:
+                self._sampler.offer(sample.t_s, partial(self._flat, values))
         else:
-            offered = flat = self._layout.flatten(sample, now_s)
-            values_of = partial(_slice_of, flat)
-        if sample.newest:
-            self._sampler.offer(sample.t_s, offered)
-        for name, text in sample.info.items():
+            flat = self._layout.flatten(sample, now_s)
+            values = {f.name: flat[f.start : f.start + f.size] for f in self.schema.fields}
+            if sample.newest:
+                self._sampler.offer(sample.t_s, flat)
+        if sample.info:
+            self._take_info(sample.info)
+        with self._events_lock:
+            events = self._watch.sample(sample.t_s, values.get, now_s)
+            return self._limit.admit(events, now_s) if events else events
+
+    def _take_info(self, info: Mapping[str, str]) -> None:
+        for name, text in info.items():
             if self._texts is not None and name not in self._texts:
                 continue
             if self._info.get(name) != text and (name in self._info or len(self._info) < INFO_MAX):
                 self._info = {**self._info, name: text}
-        with self._events_lock:
-            return self._limit.admit(self._watch.sample(sample.t_s, values_of, now_s), now_s)
 
-    def _exact(self, sample: Sample) -> list[float | None]:
+    def _flat(self, values: Mapping[str, Sequence[float | None]]) -> list[float | None]:
         """Values in channel order."""
         flat: list[float | None] = []
         for f in self.schema.fields:
-            values = _values_of(sample, f)
-            flat += [None] * f.size if values is None else values
+            of_field = values.get(f.name)
+            flat += [None] * f.size if of_field is None else of_field
         return flat
 
     def idle(self, now_s: float) -> list[Event]:
@@ -129,11 +135,3 @@ class Stream:
         if key is None:
             return None
         return Snapshot(self.schema.text, self._info, key, ref, model)
-
-
-def _values_of(sample: Sample, field: Field) -> Sequence[float | None] | None:
-    return cast("Sequence[float | None] | None", sample.values.get(field.name))  # exact: see Sample
-
-
-def _slice_of(flat: Sequence[float | None], field: Field) -> Sequence[float | None]:
-    return flat[field.start : field.start + field.size]

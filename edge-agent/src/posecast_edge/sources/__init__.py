@@ -12,10 +12,10 @@ from __future__ import annotations
 import importlib
 import threading
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
-from types import ModuleType
-from typing import TYPE_CHECKING, Protocol, cast, runtime_checkable
+from types import MappingProxyType, ModuleType
+from typing import TYPE_CHECKING, NamedTuple, Protocol, cast, runtime_checkable
 
 if TYPE_CHECKING:
     from posecast_edge.profile import Profile
@@ -32,8 +32,10 @@ class SourceError(Exception):
     """A source that cannot open or cannot go on. The text is one line for a person."""
 
 
-@dataclass(frozen=True)
-class Sample:
+NOTHING: Mapping[str, str] = MappingProxyType({})
+
+
+class Sample(NamedTuple):
     """What the robot reported at one instant.
 
     `t_s`: the robot's clock, seconds. `values`: field name → values in the order of the field's labels, or by
@@ -46,10 +48,10 @@ class Sample:
 
     t_s: float
     values: Mapping[str, Values]
-    info: Mapping[str, str] = field(default_factory=dict)
+    info: Mapping[str, str] = NOTHING
     where: str = ""
     exact: bool = False
-    links: Mapping[str, str] = field(default_factory=dict)
+    links: Mapping[str, str] = NOTHING
     newest: bool = True
 
 

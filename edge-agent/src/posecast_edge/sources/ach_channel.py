@@ -3,7 +3,8 @@
 ACH's own readers hold a mutex while they copy, and so delay the real-time loop that writes. The writer clears
 the index entries of the frames it is about to overwrite *before* it copies, so a reader that finds its entry
 unchanged after copying has copied a whole frame. The file is read with pread(2): a mapping would kill this
-process when somebody shrinks the file.
+process when somebody shrinks the file. Three reads are a look, however many frames it brings: the index, the
+frames, the index again.
 
 Layout: ach 2.0 on x86-64 with glibc; anything else shows in the guards and is refused.
 """
@@ -20,6 +21,8 @@ MAGIC = 0xB07511F3
 # magic, len, name, index_cnt, data_size, data_head, data_free, index_head
 HEADER = struct.Struct("<I4xQ65s7xQQQQQ")
 HEADER_SIZE = 320  # with index_free, clock, mutex, condition variable, dirty, last_seq after the above
+INDEX_HEAD = struct.Struct("<Q")
+INDEX_HEAD_AT = 120
 ENTRY = struct.Struct("<QQQ")  # size, offset, seq; all zero: free
 GUARDS = (
     0x1A2A3A4A5A6A7A8A,
@@ -27,9 +30,10 @@ GUARDS = (
     0x1C2C3C4C5C6C7C8C,
 )  # before the index, before and after the data
 GUARD = struct.Struct("<Q")
-FRAMES_MAX = 1 << 16
+FRAMES_MAX = 1 << 12
 DATA_MAX = 1 << 30
-TRIES = 8  # reads of one frame; a writer that laps us more often is not followed
+SPAN_MAX = 1 << 18  # frames that lie so close together are read at once, with what is between them
+TRIES = 8  # looks at one frame; a writer that laps us more often is not followed
 
 
 class ChannelError(ReaderError):
@@ -62,66 +66,72 @@ class Channel:
             return True
         return (there.st_dev, there.st_ino) != (here.st_dev, here.st_ino)
 
-    def newest(self) -> bytes | None:
-        """The newest frame, None when it has been handed out already or the writer is too quick just now.
+    def fresh(self) -> list[bytes]:
+        """The frames since the last call that are still there, oldest first, at most KEPT_MAX; of the first
+        call the newest only. [] also when the writer is too quick just now.
 
         ChannelError when the channel's own numbers contradict each other and go on doing so.
         """
         outside = ""
         for _ in range(TRIES):
-            found = self._entry()
-            # A read across a lap may have met a frame before its publication, whose elder is the newest now.
+            head = self._head()
+            last = (INDEX_HEAD.unpack_from(head, INDEX_HEAD_AT)[0] - 1) % self._count
+            size, offset, seq = ENTRY.unpack_from(head, self._index + last * ENTRY.size)
+            # A look across a lap may have met a frame before its publication, whose elder is the newest now.
             # A sequence that fell further was begun anew.
-            if found is None or self.seq - self._count < found[2] <= self.seq:
-                return None
-            size, offset, seq = found
-            if size > self._data_size or offset > self._data_size - size:
-                outside = f"its index points at byte {offset}, {size} long, of {self._data_size}"
-            else:
-                outside = ""
-                frame = os.pread(self._fd, size, self._data + offset)
-                if self._still(found) and len(frame) == size:
+            if seq == 0 or size == 0 or self.seq - self._count < seq <= self.seq:
+                return []
+            if self._inside(size, offset):
+                frames = self._whole(head, self._entries(head, last, seq))
+                if frames:
                     self.seq = seq
-                    return frame
+                    return frames
+                outside = ""
+            else:
+                outside = f"its index points at byte {offset}, {size} long, of {self._data_size}"
             self.torn += 1
         if outside:
             raise ChannelError(outside)
-        return None
-
-    def fresh(self) -> list[bytes]:
-        """The frames since the last call that are still there, oldest first, at most KEPT_MAX; of the first
-        call the newest only. ChannelError as `newest`."""
-        before = self.seq
-        newest = self.newest()
-        if newest is None:
-            return []
-        found = [newest]
-        if before:
-            place = self._place
-            for seq in range(self.seq - 1, max(before, self.seq - KEPT_MAX), -1):
-                if place == self._index:
-                    place += self._count * ENTRY.size
-                place -= ENTRY.size
-                frame = self._elder(place, seq)
-                if frame is None:
-                    break  # the writer is there by now; what is older went before
-                found.append(frame)
-        return found[::-1]
+        return []
 
     def holds(self, size: int) -> int:
         """How many frames of that size the channel keeps."""
         return max(1, min(self._count, self._data_size // size))
 
-    def _elder(self, place: int, seq: int) -> bytes | None:
-        """The frame of that sequence whose index entry is at byte `place`; None when it is gone."""
-        entry = os.pread(self._fd, ENTRY.size, place)
-        if len(entry) < ENTRY.size:
-            return None
-        size, offset, its_seq = ENTRY.unpack(entry)
-        if its_seq != seq or size == 0 or size > self._data_size or offset > self._data_size - size:
-            return None
-        frame = os.pread(self._fd, size, self._data + offset)
-        return frame if len(frame) == size and os.pread(self._fd, ENTRY.size, place) == entry else None
+    def _entries(self, head: bytes, last: int, newest: int) -> list[tuple[int, int, int]]:
+        """Place of the index entry, size and offset of the newest frame and those before it that are news,
+        newest first."""
+        found = []
+        wanted = min(newest - self.seq, self._count, KEPT_MAX) if 0 < self.seq < newest else 1
+        for back in range(wanted):
+            place = self._index + (last - back) % self._count * ENTRY.size
+            size, offset, seq = ENTRY.unpack_from(head, place)
+            if seq != newest - back or size == 0 or not self._inside(size, offset):
+                break  # the writer is there by now; what is older went before
+            found.append((place, size, offset))
+        return found
+
+    def _inside(self, size: int, offset: int) -> bool:
+        return offset <= self._data_size - size
+
+    def _whole(self, head: bytes, entries: list[tuple[int, int, int]]) -> list[bytes]:
+        """The frames of these entries (newest first) that the writer did not touch meanwhile, oldest first;
+        [] when he touched the newest."""
+        low = min([offset for _, _, offset in entries])
+        span = max([offset + size for _, size, offset in entries]) - low
+        if span <= SPAN_MAX:
+            data = os.pread(self._fd, span, self._data + low)
+            frames = [data[offset - low : offset - low + size] for _, size, offset in entries]
+        else:
+            frames = [os.pread(self._fd, size, self._data + offset) for _, size, offset in entries]
+        now = self._head()
+        whole = 0
+        for (place, size, _), frame in zip(entries, frames, strict=True):
+            end = place + ENTRY.size
+            if now[place:end] != head[place:end] or len(frame) < size:
+                break
+            whole += 1
+        return frames[:whole][::-1]
 
     def _check(self) -> None:
         head = os.pread(self._fd, HEADER_SIZE + GUARD.size, 0)
@@ -135,7 +145,8 @@ class Channel:
         self._count: int = frames
         self._data_size: int = data_size
         self._index = HEADER_SIZE + GUARD.size
-        self._data = self._index + frames * ENTRY.size + GUARD.size
+        self._head_size = self._index + frames * ENTRY.size
+        self._data = self._head_size + GUARD.size
         whole = self._data + data_size + GUARD.size
         here = os.fstat(self._fd).st_size
         if length != whole or here < whole:
@@ -145,21 +156,9 @@ class Channel:
             if os.pread(self._fd, GUARD.size, place) != GUARD.pack(guard):
                 raise ChannelError(f"an ACH channel of another layout: no guard at byte {place}")
 
-    def _entry(self) -> tuple[int, int, int] | None:
-        """The newest frame's index entry (size, offset, seq), itself perhaps half written; None when the
-        channel is empty or the writer is at work on it."""
-        head = os.pread(self._fd, HEADER.size, 0)
-        if len(head) < HEADER.size:
+    def _head(self) -> bytes:
+        """Header and index as they are now, perhaps half written."""
+        head = os.pread(self._fd, self._head_size, 0)
+        if len(head) < self._head_size:
             raise ChannelError("the channel has shrunk")
-        index_head = HEADER.unpack(head)[-1]
-        self._place = self._index + (index_head - 1) % self._count * ENTRY.size
-        entry = os.pread(self._fd, ENTRY.size, self._place)
-        if len(entry) < ENTRY.size:
-            raise ChannelError("the channel has shrunk")
-        size, offset, seq = ENTRY.unpack(entry)
-        if seq == 0 or size == 0:
-            return None
-        return size, offset, seq
-
-    def _still(self, entry: tuple[int, int, int]) -> bool:
-        return os.pread(self._fd, ENTRY.size, self._place) == ENTRY.pack(*entry)
+        return head

@@ -8,8 +8,11 @@ from typing import NamedTuple
 LEARNED_FRAMES = 32  # before that every frame is looked for,
 LEARNING = 0.8  # of a period after the one before
 SPAN_S = 4.0  # the period is the mean over about so long, and over twice LEARNED_FRAMES
-EARLIER_S = 10e-6  # so much earlier is every further look in a row that is not too early,
-LATER = 1 / 4  # and by so much of the time it was too early the one after it is later
+# So much earlier is every further look in a row that is not too early: about one in fifty then is. Of a beat
+# just met the phase is anywhere, so the first looks count as if they were UNMET in a row;
+EARLIER_S = 1e-6
+UNMET = 100
+LATER = 3 / 4  # and by so much of the time it was too early the one after it is later
 JUMPS_MAX = 3  # frames in a row that came a period off: it is another beat
 LOOKS_HZ = 100  # a writer quicker than this and its channel is not followed frame by frame
 
@@ -31,7 +34,7 @@ class Beat:
         self._written_s: float | None = None  # about when the newest was written
         self._span_s = 0.0
         self._span_frames = 0.0
-        self._in_time = 0  # close looks in a row
+        self._in_time = UNMET  # close looks in a row
         self._jumps = 0
 
     def aim(self, wanted_s: float, most: int) -> Aim:
@@ -61,6 +64,7 @@ class Beat:
                 self._jumps += 1
                 if self._jumps == JUMPS_MAX:
                     self._span_s = self._span_frames = 0.0
+                self._in_time = UNMET
                 self._written_s = at_s
                 return
             if closely:

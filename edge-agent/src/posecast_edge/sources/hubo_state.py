@@ -209,7 +209,10 @@ class _Plan:
         elif field.name in HEAD:
             heads = [HEAD[field.name].get(label) for label in field.labels]
             self._unknown(field, heads)
-            self._numbers[field.name] = _Numbers("<30d", 0, heads)
+            used = [at for at in heads if at is not None] or [0]
+            first, count = min(used), max(used) + 1 - min(used)
+            places = [None if at is None else at - first for at in heads]
+            self._numbers[field.name] = _Numbers(f"<{count}d", 8 * first, places)
         elif layout.power is not None:
             member = POWER[field.name]
             self._numbers[field.name] = _Numbers("<3d", layout.power, [member] * len(field.labels))
@@ -253,6 +256,8 @@ class _Plan:
 class Readings(Mapping[str, "Values"]):
     """One frame's fields. Numbers are unpacked when asked for: of 200 frames a second 30 are sent."""
 
+    __slots__ = ("_dead", "_frame", "_masks", "_numbers")
+
     def __init__(
         self,
         frame: bytes,
@@ -269,6 +274,14 @@ class Readings(Mapping[str, "Values"]):
         if name in self._masks:
             return self._masks[name]
         return self._numbers[name].read(self._frame, self._dead)
+
+    def get(self, name: str, default: Any = None) -> Any:
+        """As of any mapping; but for every frame, hence in one step."""
+        masks = self._masks.get(name)
+        if masks is not None:
+            return masks
+        numbers = self._numbers.get(name)
+        return default if numbers is None else numbers.read(self._frame, self._dead)
 
     def __iter__(self) -> Iterator[str]:
         yield from self._numbers

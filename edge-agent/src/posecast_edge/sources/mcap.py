@@ -199,7 +199,7 @@ class _Pass:
         self._merge.take(channel.topic, route.role, type_name, report, self._now_s)
         sample = self._merge.sample(self._now_s)
         self._delivered |= sample is not None
-        return None if sample is None else replace(sample, where=f"{self._name}: {where}")
+        return None if sample is None else sample._replace(where=f"{self._name}: {where}")
 
     def last(self) -> Sample | None:
         """What a recording that is over while others would still be waited for has to say."""

@@ -12,7 +12,7 @@ import math
 import threading
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
@@ -101,7 +101,7 @@ class Player:
                     step_s = sample.t_s - previous_s
                     due_s += step_s
                 previous_s = sample.t_s
-                yield due_s, replace(sample, t_s=sample.t_s + shift_s)
+                yield due_s, sample._replace(t_s=sample.t_s + shift_s)
             if began_s is None:
                 path, start_s = self._playback.path, self._playback.start_s
                 raise SourceError(f"{path}: no samples" + (f" after {start_s:g} s" if start_s else ""))
