@@ -50,7 +50,7 @@ class _FieldCodes:
         if values == self._values:
             return self._codes
         self._values = values
-        scale, keep, last = self._scale, self._keep, self._codes
+        scale, keep, last, bits = self._scale, self._keep, self._codes, self._bits
         for i, v in enumerate(values):
             if v is None:
                 last[i] = MISSING
@@ -62,10 +62,10 @@ class _FieldCodes:
             old = last[i]
             if -keep <= x - old <= keep and old != MISSING:  # NaN fails this and every comparison
                 continue
-            if not isfinite(x):
-                last[i] = MISSING
-            elif self._bits:
-                last[i] = int(x) if x == int(x) and 0 <= x <= CODE_MAX else MISSING
+            if not -CODE_MAX <= x <= CODE_MAX:
+                last[i] = MISSING if bits or not isfinite(x) else CODE_MAX if x > 0 else -CODE_MAX
+            elif bits:
+                last[i] = int(x) if x == int(x) and x >= 0 else MISSING
             else:
-                last[i] = floor(x + 0.5) if -CODE_MAX <= x <= CODE_MAX else CODE_MAX if x > 0 else -CODE_MAX
+                last[i] = floor(x + 0.5)
         return last
