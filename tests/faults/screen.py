@@ -134,7 +134,7 @@ async def connection(screen: Screen, url: str) -> int | None:
                 link.transport.abort()
                 return None
             except websockets.ConnectionClosed as e:
-                return e.rcvd.code if e.rcvd else None
+                return code_of(e)
             if isinstance(message, bytes):
                 received += 1
                 screen.frame(decoder, message)
@@ -146,7 +146,15 @@ async def connection(screen: Screen, url: str) -> int | None:
             now_s = time.monotonic()
             if now_s - acknowledged_s >= ACK_S and received > acknowledged:
                 acknowledged, acknowledged_s = received, now_s
-                await link.send(json.dumps({"type": "ack", "n": received}))
+                try:
+                    await link.send(json.dumps({"type": "ack", "n": received}))
+                except websockets.ConnectionClosed as e:  # its end came while this was made
+                    return code_of(e)
+
+
+def code_of(end: websockets.ConnectionClosed) -> int | None:
+    """What the relay said."""
+    return end.rcvd.code if end.rcvd else None
 
 
 async def watch(url: str, viewer: int) -> None:
