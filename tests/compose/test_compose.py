@@ -162,10 +162,15 @@ def test_a_killed_service_comes_back_by_itself(cloud: Any, service: str) -> None
 
 
 def test_three_gateways_serve_one_robot(cloud: Any) -> None:
-    many = {"RELAY_ROLE": "ingest", "VIEWERS_AT": "gateway", "GATEWAYS": "3"}
+    many = {"RELAY_ROLE": "ingest", "VIEWERS_AT": "gateway", "GATEWAYS": "1"}
     words = ("--profile", "demo", "--profile", "gateways", "up", "--detach", "--wait")
     cloud.project.compose(*words, limit_s=180, **many)
     try:
+        assert len(cloud.project.containers("gateway")) == 1
+        # while it runs, and nobody but the gateways is started anew
+        before = {s: cloud.project.containers(s) for s in SERVICES}
+        cloud.project.compose(*words, "--scale", "gateway=3", limit_s=180, **many)
+        assert {s: cloud.project.containers(s) for s in SERVICES} == before
         gateways = cloud.project.containers("gateway")
         assert len(gateways) == 3
         cloud.until_moves()
