@@ -44,6 +44,6 @@ def test_a_page_is_watched_too(tmp_path: Path) -> None:
     if shutil.which("chromium") is None or not PAGE.is_file():
         pytest.skip("no chromium or no built page here")
     report, said = soaked(tmp_path, "--minutes", "0.5", "--viewers", "5", "--static", str(PAGE.parent))
-    heap_mb = [value for _, value in report["series"]["page heap"]]
+    heap_mb = [value for _, value in report["series"]["page heap, 3D"]]
     assert len(heap_mb) >= 2, said
     assert min(heap_mb) > 1, said

@@ -143,6 +143,12 @@ def look_live(shown: Page) -> None:
     wait("the page says LIVE", lambda: "LIVE" in shown.text(), LIVE_S)
 
 
+def look_whole(shown: Page) -> None:
+    """SystemExit when the page doesn't show the robot."""
+    wait("the page shows the robot", lambda: shown.view() != "", LIVE_S)
+    look_live(shown)
+
+
 class Readers:
     """Reads what relay, edge and Redis take."""
 
@@ -192,9 +198,9 @@ def watch(
         at_s = time.monotonic() - record.began_s
         if shown is not None and at_s >= next_heap_s:
             next_heap_s += seconds / HEAP_READINGS
-            look_live(shown)
+            look_whole(shown)
             scripts_mb, browser_mb = shown.heap()
-            record.note(HEAP, scripts_mb)
+            record.note(f"{HEAP}, {shown.view()}", scripts_mb)
             record.note("kept by the browser for the page", browser_mb)
         with suppress(TimeoutExpired):
             process.wait(max(1.0, seconds / READINGS))
@@ -219,7 +225,7 @@ def soak(asked: argparse.Namespace, log: TextIO, chromium: str | None) -> tuple[
                 profile = load.enter_context(TemporaryDirectory(prefix="posecast-soak-"))
                 address = own.address.viewers.replace("ws://", "http://") + "/#/r/demo"
                 shown = load.enter_context(page(chromium, address, profile, log))
-                look_live(shown)
+                look_whole(shown)
             process = viewers(asked, log, own.address.viewers, counts)
             ends_with(load, process)
             watch(record, readers, process, shown, asked.minutes * 60)
@@ -237,9 +243,11 @@ def judge(record: Record, minutes: float, no_page: str) -> list[Finding]:
     for name in RETURNING:
         within = RETURN_WITHIN + (POOL if name.endswith("threads") else 0)
         found.append(judge_return(name, record.newest(BEFORE + name), record.newest(AFTER + name), within))
-    heap = record.series.get(HEAP, [])
-    found.append(Finding(HEAP, no_page, "", NOT_SHOWN) if no_page else judge_heap(HEAP, heap, minutes))
-    return found
+    if no_page:
+        return [*found, Finding(HEAP, no_page, "", NOT_SHOWN)]
+    # the 3D view and the light one take different room: one that has been left for the other is judged by itself
+    heaps = [name for name in record.series if name.startswith(HEAP)] or [HEAP]
+    return found + [judge_heap(name, record.series.get(name, []), minutes) for name in heaps]
 
 
 def main() -> int:

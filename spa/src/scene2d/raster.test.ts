@@ -33,6 +33,26 @@ function drawn(
 const count = (pixels: Uint32Array, color: number) =>
   pixels.reduce((sum, pixel) => sum + (pixel === color ? 1 : 0), 0);
 
+it('keeps the memory of its largest picture, and shows nothing of it in a smaller one', () => {
+  const raster = new Raster();
+  raster.resize(40, 40);
+  const memory = raster.pixels.buffer;
+  raster.pixels.fill(RED);
+  for (const [width, height] of [
+    [20, 20],
+    [40, 40],
+    [10, 30],
+  ] as const) {
+    raster.resize(width, height);
+    raster.clear();
+    expect(raster.pixels.buffer).toBe(memory);
+    expect([raster.pixels.length, raster.bytes.length]).toEqual([width * height, width * height * 4]);
+    expect(count(raster.pixels, 0)).toBe(width * height);
+  }
+  raster.resize(41, 40);
+  expect(raster.pixels.buffer).not.toBe(memory);
+});
+
 describe('triangles', () => {
   const square = (inverseW: number, from = 0, to = 8) =>
     corners(

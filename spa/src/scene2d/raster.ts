@@ -30,20 +30,28 @@ export class Raster {
   pixels = new Uint32Array();
   #bytes = new Uint8ClampedArray<ArrayBuffer>(new ArrayBuffer(0));
   #depth = new Float32Array();
+  #memory = new ArrayBuffer(0);
+  #depths = new Float32Array();
 
   /** What `putImageData` takes. */
   get bytes(): Uint8ClampedArray<ArrayBuffer> {
     return this.#bytes;
   }
 
+  /** What it holds is undefined afterwards. Its memory grows to the largest size asked for and stays: a picture goes back
+   *  and forth between the pixels of motion and those of rest, and each time megabytes would be left behind. */
   resize(width: number, height: number): void {
     if (width === this.width && height === this.height) return;
     this.width = width;
     this.height = height;
-    const buffer = new ArrayBuffer(width * height * 4);
-    this.pixels = new Uint32Array(buffer);
-    this.#bytes = new Uint8ClampedArray(buffer);
-    this.#depth = new Float32Array(width * height);
+    const size = width * height;
+    if (size * 4 > this.#memory.byteLength) {
+      this.#memory = new ArrayBuffer(size * 4);
+      this.#depths = new Float32Array(size);
+    }
+    this.pixels = new Uint32Array(this.#memory, 0, size);
+    this.#bytes = new Uint8ClampedArray(this.#memory, 0, size * 4);
+    this.#depth = this.#depths.subarray(0, size);
   }
 
   /** Transparent, and nothing in the way. */
