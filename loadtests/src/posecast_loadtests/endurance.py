@@ -87,16 +87,17 @@ def judge_return(name: str, before: float, after: float, within: int = RETURN_WI
 
 
 def judge_heap(name: str, points: Sequence[Point], minutes: float) -> Finding:
-    """MB after forced collections: the least of the first third against the least of the last. What has just been
-    thrown away may stand in a single reading; a leak raises the floor."""
+    """MB after forced collections: the least of the first third against the least of the last. What has just
+    been thrown away may stand in a single reading; a leak raises the floor."""
     limit = f"differs by ≤ {HEAP_MB:g} MB"
     if len(points) < 2:
         return Finding(name, f"{len(points)} readings", limit, NOT_SHOWN)
     third = max(1, len(points) // 3)
     first, last = (min(part, key=lambda p: p.value) for part in (points[:third], points[-third:]))
     more_mb = last.value - first.value
-    figure = f"least {first.value:.2f} → {last.value:.2f} MB ({more_mb:+.2f}); minute {points[0].at_s / 60:.1f} "
-    figure += f"{points[0].value:.2f}, minute {points[-1].at_s / 60:.1f} {points[-1].value:.2f}"
+    figure = f"least {first.value:.2f} → {last.value:.2f} MB ({more_mb:+.2f})"
+    for at_s, value in (points[0], points[-1]):
+        figure += f", minute {at_s / 60:.1f} {value:.2f}"
     if abs(more_mb) <= HEAP_MB:
         verdict = KEPT
     else:

@@ -83,9 +83,9 @@ class Page:
         return str(self._ask("Runtime.evaluate", self._sessions[0], **asked)["result"].get("value", ""))
 
     def view(self) -> str:
-        """How the robot is shown: "3D", which from now on gives up neither pixels nor detail, "light" (without
-        WebGL), or "" while there is neither. A picture whose resolution follows the machine's load takes megabytes
-        more and less."""
+        """How the robot is shown: "3D", which from now on gives up neither pixels nor detail, "light"
+        (without WebGL), or "" while there is neither. A picture whose resolution follows the machine's
+        load takes megabytes more and less."""
         asked = {"expression": _VIEW, "returnByValue": True}
         return str(self._ask("Runtime.evaluate", self._sessions[0], **asked)["result"].get("value", ""))
 

@@ -245,7 +245,7 @@ def judge(record: Record, minutes: float, no_page: str) -> list[Finding]:
         found.append(judge_return(name, record.newest(BEFORE + name), record.newest(AFTER + name), within))
     if no_page:
         return [*found, Finding(HEAP, no_page, "", NOT_SHOWN)]
-    # the 3D view and the light one take different room: one that has been left for the other is judged by itself
+    # the 3D view and the light one take different room: each is judged by itself
     heaps = [name for name in record.series if name.startswith(HEAP)] or [HEAP]
     return found + [judge_heap(name, record.series.get(name, []), minutes) for name in heaps]
 
