@@ -49,7 +49,8 @@ export class PlotStack {
   readonly #list: readonly Plotted[];
   readonly #manner: PlotManner;
   readonly #resizes: ResizeObserver;
-  readonly #time = new TextCell(make('p', 'plot-time quiet'));
+  readonly #timeRoom = make('p', 'plot-time quiet');
+  readonly #time = new TextCell(this.#timeRoom);
   /** The schema whose values are shown. */
   #builtFor: History['schema'] | undefined;
   #shown: Shown[] = [];
@@ -107,7 +108,7 @@ export class PlotStack {
       const data = plotData(history, group, nowMs);
       return { group, values, data, plot: new uPlot(this.#options(group), aligned(data), canvas) };
     });
-    this.#host.replaceChildren(...parts, this.#time.element);
+    this.#host.replaceChildren(...parts, this.#timeRoom);
     this.#fit();
   }
 

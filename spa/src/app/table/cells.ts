@@ -1,14 +1,9 @@
-import { type Display, stepsOf, stepsText } from '../../twin/format.ts';
-
 /** A piece of text in the page that is written only when it differs: an unchanged row costs a comparison. */
 export class TextCell {
-  readonly element: HTMLElement;
-  readonly #node: Text;
+  readonly #node = new Text();
   #shown = '';
 
   constructor(element: HTMLElement) {
-    this.element = element;
-    this.#node = document.createTextNode('');
     element.append(this.#node);
   }
 
@@ -16,33 +11,6 @@ export class TextCell {
     if (text === this.#shown) return;
     this.#shown = text;
     this.#node.data = text;
-  }
-}
-
-/** A number that is not even made into a text again while it would look the same. */
-export class NumberCell {
-  readonly element: HTMLElement;
-  readonly #text: TextCell;
-  #old = false;
-  #steps = 0;
-  #display: Display | null = null;
-
-  constructor(element: HTMLElement) {
-    this.element = element;
-    this.#text = new TextCell(element);
-  }
-
-  /** `display`: the same object as long as it says the same. `old`: the last one known, not the present. */
-  set(value: number | null, display: Display, old = false): void {
-    if (old !== this.#old) {
-      this.#old = old;
-      this.element.toggleAttribute('data-old', old);
-    }
-    const steps = stepsOf(value, display);
-    if (display === this.#display && Object.is(steps, this.#steps)) return;
-    this.#steps = steps;
-    this.#display = display;
-    this.#text.set(stepsText(steps, display));
   }
 }
 

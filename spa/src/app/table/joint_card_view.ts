@@ -8,7 +8,8 @@ import { valueAt } from '../../twin/values.ts';
 import { more } from '../more.ts';
 import { isPlotted, togglePlot } from '../plotted.ts';
 import { settings } from '../settings.ts';
-import { make, NumberCell, press, TextCell } from './cells.ts';
+import { make, press, TextCell } from './cells.ts';
+import { NumberGrid } from './number_grid.ts';
 
 /** What each quantity is called, and what it is, for who sees it for the first time. */
 const QUANTITIES = [
@@ -27,7 +28,6 @@ const STRIP = { width: 300, height: 56 };
 
 interface Line {
   field: (typeof QUANTITIES)[number]['field'];
-  value: NumberCell;
   display: Display;
   unit: TextCell;
   limit: TextCell;
@@ -57,6 +57,8 @@ export class JointCardView {
   readonly #label: string;
   #builtFor: readonly unknown[] = [];
   #lines: Line[] = [];
+  /** Of each line its value. */
+  #values = new NumberGrid([]);
   #angle = '';
   #strips: StripView[] = [];
 
@@ -74,11 +76,12 @@ export class JointCardView {
     if (schema !== this.#builtFor[0] || more() !== this.#builtFor[1]) this.#build();
     if (state === null) return;
     const { angle } = settings();
-    for (const line of this.#lines) {
-      const { field, value, unit, limit, plot } = line;
+    if (angle !== this.#angle) this.#values.forget();
+    for (const [i, line] of this.#lines.entries()) {
+      const { field, unit, limit, plot } = line;
       if (angle !== this.#angle) line.display = this.#displayOf(field);
       const lost = this.#lost(field);
-      value.set(lost?.value ?? this.#value(field), line.display, lost !== null);
+      this.#values.set(i, lost?.value ?? this.#value(field), line.display, lost !== null);
       unit.set(line.display.unit);
       const words = [this.#limitWords(line)];
       if (lost !== null) words.unshift(more().lastRead(formatSpan(nowMs - lost.sinceMs)));
@@ -154,12 +157,14 @@ export class JointCardView {
       field === 'error' ? has('ref') && has('pos') : has(field),
     );
     const list = make('dl', 'card-values');
+    const values: HTMLElement[] = [];
     this.#lines = shown.map(({ field, name, what }) => {
       const row = make('div', '');
       const term = make('dt', '', text[name]);
       term.append(make('small', 'quiet', text[what]));
       const value = make('dd', 'c-num');
       value.dataset.field = field;
+      values.push(value);
       const unit = make('dd', 'unit');
       const limit = make('dd', 'card-limit');
       const plot = make('button', 'text-button', text.plotIt);
@@ -172,13 +177,13 @@ export class JointCardView {
       list.append(row);
       return {
         field,
-        value: new NumberCell(value),
         display: this.#displayOf(field),
         unit: new TextCell(unit),
         limit: new TextCell(limit),
         plot,
       };
     });
+    this.#values = new NumberGrid(values);
     this.#strips = [];
     const strips = make('div', 'strips');
     if (has('pos'))

@@ -1,9 +1,9 @@
 import type { Fault } from '../../twin/fault_book.ts';
-import { type Display, formatSpan } from '../../twin/format.ts';
-import type { Flag, JointRow } from '../../twin/joints.ts';
+import { formatSpan } from '../../twin/format.ts';
+import type { JointRow } from '../../twin/joints.ts';
 import { faultWords } from '../fault_words.ts';
 import { say } from '../language.ts';
-import { DataMark, make, NumberCell, TextCell } from './cells.ts';
+import { DataMark, make, TextCell } from './cells.ts';
 
 /** A row that was faulty stays on top this long after, also when acknowledged: rows that hop can't be read. */
 const STAYS_ON_TOP_MS = 5000;
@@ -18,9 +18,9 @@ export const STATES = ['homed', 'enabled'] as const;
 export type StateName = (typeof STATES)[number];
 const POSITIONS: ReadonlySet<NumberName> = new Set(['ref', 'pos', 'error']);
 
-/** Of one column of a row: what was read last, when nothing is read now. */
+/** A column of a row that nothing is read of now, and since when. */
 export interface Lost {
-  readonly value: number | null;
+  readonly name: NumberName;
   readonly sinceMs: number;
 }
 
@@ -33,16 +33,23 @@ export class RowView {
   /** What a filter looks through, in lower case; flags come and go. */
   haystack = '';
   readonly #named: string;
-  /** In the order of the columns. */
-  readonly #numbers: readonly NumberCell[];
-  readonly #states: readonly TextCell[];
+  /** Where its numbers go, in the order of the columns. */
+  readonly numbers: readonly HTMLElement[];
+  readonly #states: readonly (readonly [name: StateName, cell: TextCell])[];
   readonly #error: DataMark | null;
   readonly #cur: DataMark | null;
   readonly #temp: DataMark | null;
   readonly #flags: TextCell;
   readonly #level: DataMark;
   readonly #latched: DataMark;
-  #said: readonly unknown[] = [];
+  /** What is said. Flags, homed and enabled come of one reading: other flags are another list. */
+  #flags0: JointRow['flags'] | undefined;
+  #curLevel0: string | undefined;
+  #tempLevel0: string | undefined;
+  #apart0: boolean | undefined;
+  #fault0: Fault | null | undefined;
+  #cleared0: number | null | undefined;
+  #old0: string | undefined;
   #faultMs = Number.NEGATIVE_INFINITY;
   #cautionMs = Number.NEGATIVE_INFINITY;
   #cautionSinceMs = Number.NEGATIVE_INFINITY;
@@ -75,42 +82,45 @@ export class RowView {
       element.append(td);
       return td;
     };
-    this.#numbers = numbers.map((field) => {
+    this.numbers = numbers.map((field) => {
       const td = cell(field, `c-num c-${field}`);
       td.draggable = true; // into a plot
       if (ownUnit !== null && POSITIONS.has(field)) td.dataset.unit = ownUnit;
       marks[field] = new DataMark(td, 'level');
-      return new NumberCell(td);
+      return td;
     });
     this.#error = marks.error ?? null;
     this.#cur = marks.cur ?? null;
     this.#temp = marks.temp ?? null;
-    this.#states = states.map((field) => new TextCell(cell(field, 'c-state')));
+    this.#states = states.map((field) => [field, new TextCell(cell(field, 'c-state'))]);
     this.#flags = new TextCell(cell('flags', 'c-flags'));
     this.element = element;
     this.#level = new DataMark(element, 'level');
     this.#latched = new DataMark(element, 'latched');
   }
 
-  number(column: number, value: number | null, display: Display, lost: Lost | null): void {
-    this.#numbers[column]?.set(lost === null ? value : lost.value, display, lost !== null);
-  }
-
-  state(column: number, state: boolean | null): void {
-    this.#states[column]?.set(state === null ? '—' : state ? '✓' : say().no);
-  }
-
+  /** What is wrong with it, and its states. An unchanged row costs a comparison for each. */
   write(row: JointRow, fault: Fault | null, old: string, nowMs: number): void {
-    const { flags, level } = row;
-    const clearedMs = fault === null ? null : fault.clearedMs;
-    const [flags0, level0, fault0, cleared0, old0] = this.#said;
-    if (flags !== flags0 || level !== level0 || fault !== fault0 || clearedMs !== cleared0 || old !== old0) {
-      this.#said = [flags, level, fault, clearedMs, old];
-      this.#say(flags, level, fault, old);
+    const { flags, level, curLevel, tempLevel, apart } = row;
+    const clearedMs = fault?.clearedMs;
+    if (
+      flags !== this.#flags0 ||
+      curLevel !== this.#curLevel0 ||
+      tempLevel !== this.#tempLevel0 ||
+      apart !== this.#apart0 ||
+      fault !== this.#fault0 ||
+      clearedMs !== this.#cleared0 ||
+      old !== this.#old0
+    ) {
+      this.#flags0 = flags;
+      this.#curLevel0 = curLevel;
+      this.#tempLevel0 = tempLevel;
+      this.#apart0 = apart;
+      this.#fault0 = fault;
+      this.#cleared0 = clearedMs;
+      this.#old0 = old;
+      this.#say(row, fault, old);
     }
-    this.#error?.set(row.apart ? 'caution' : 'ok');
-    this.#cur?.set(row.curLevel);
-    this.#temp?.set(row.tempLevel);
     if (level === 'fault') this.#faultMs = nowMs;
     if (level === 'caution') {
       if (nowMs - this.#cautionMs > STAYS_ON_TOP_MS) this.#cautionSinceMs = nowMs;
@@ -118,8 +128,9 @@ export class RowView {
     }
   }
 
-  #say(flags: readonly Flag[], level: JointRow['level'], fault: Fault | null, old: string): void {
-    const parts = flags.map((flag) => flag.words);
+  #say(row: JointRow, fault: Fault | null, old: string): void {
+    const { level } = row;
+    const parts = row.flags.map((flag) => flag.words);
     if (fault !== null && fault.clearedMs !== null) parts.unshift(say().over(faultWords(fault)));
     if (old !== '') parts.unshift(old);
     const words = parts.join(', ');
@@ -128,6 +139,13 @@ export class RowView {
     this.haystack = `${this.#named} ${words} ${rank}`.toLowerCase();
     this.#level.set(level);
     this.#latched.set(fault === null ? '' : fault.clearedMs === null ? 'lasts' : 'over');
+    this.#error?.set(row.apart ? 'caution' : 'ok');
+    this.#cur?.set(row.curLevel);
+    this.#temp?.set(row.tempLevel);
+    for (const [name, cell] of this.#states) {
+      const state = row[name];
+      cell.set(state === null ? '—' : state ? '✓' : say().no);
+    }
     this.open = fault !== null;
   }
 
@@ -140,10 +158,10 @@ export class RowView {
 }
 
 /** "pos, cur 12 s old": which readings are gone, and how long ago the first of them was. */
-export function oldWords(lost: readonly (readonly [name: NumberName, lost: Lost])[], nowMs: number): string {
-  const told = lost.filter(([, { sinceMs }]) => nowMs - sinceMs >= OLD_MS);
+export function oldWords(lost: readonly Lost[], nowMs: number): string {
+  const told = lost.filter(({ sinceMs }) => nowMs - sinceMs >= OLD_MS);
   if (told.length === 0) return '';
-  const age = Math.max(...told.map(([, { sinceMs }]) => nowMs - sinceMs));
-  const names = told.map(([name]) => say()[name]).join(', ');
+  const age = nowMs - Math.min(...told.map(({ sinceMs }) => sinceMs));
+  const names = told.map(({ name }) => say()[name]).join(', ');
   return say().old(names, formatSpan(Math.floor(age / 1000) * 1000));
 }

@@ -12,15 +12,8 @@ import { onSelection, selection, selectJoint } from '../selection.ts';
 import { settings } from '../settings.ts';
 import { make, TextCell } from './cells.ts';
 import { anyFilter, filterText, onFilter, passes, setFilter } from './filter.ts';
-import {
-  type Lost,
-  NUMBERS,
-  type NumberName,
-  oldWords,
-  RowView,
-  STATES,
-  type StateName,
-} from './joint_row.ts';
+import { type Lost, NUMBERS, type NumberName, oldWords, RowView, STATES } from './joint_row.ts';
+import { NumberGrid } from './number_grid.ts';
 import { carryValues } from './value_drag.ts';
 
 /** What the table asks of the page around it. */
@@ -35,7 +28,7 @@ export interface TableSources {
 /** A column of numbers. */
 interface Column {
   readonly name: NumberName;
-  /** Where it comes from; null of what is computed. */
+  /** Where it comes from; null of what is computed: ref − pos. */
   readonly field: ReturnType<JointTable['column']>;
   readonly unit: TextCell;
   display: Display;
@@ -49,7 +42,7 @@ const HIDDEN = -1;
 const TURNS = 10;
 /** After the last frame all that was left is written. */
 const SETTLED_MS = 300;
-const NOTHING_LOST: readonly (readonly [NumberName, Lost])[] = [];
+const NOTHING_LOST: readonly Lost[] = [];
 
 /** The joint table, written straight into the page: React never sees a frame. */
 export class JointView {
@@ -60,8 +53,8 @@ export class JointView {
   #table: JointTable | null = null;
   #root: HTMLTableElement | null = null;
   #rows: readonly RowView[] = [];
+  #grid: NumberGrid | null = null;
   #columns: readonly Column[] = [];
-  #states: readonly StateName[] = [];
   #bodies: { element: HTMLElement; rows: readonly number[] }[] = [];
   #nothing: HTMLElement | null = null;
   #builtFor: readonly unknown[] = [];
@@ -72,7 +65,14 @@ export class JointView {
   #seen = new Uint8Array(0);
   readonly #sight: IntersectionObserver | null;
   #turn = 0;
+  /** One timer for many frames: to set one costs more than to write a row. */
   #settle: ReturnType<typeof setTimeout> | undefined;
+  #settled = true;
+  readonly #settleDown = () => {
+    this.#settle = this.#settled ? undefined : setTimeout(this.#settleDown, SETTLED_MS);
+    if (this.#settled) this.#writeNumbers();
+    this.#settled = true;
+  };
 
   constructor(host: HTMLElement, twin: RobotTwin, from: TableSources = {}) {
     this.#host = host;
@@ -120,27 +120,27 @@ export class JointView {
         const due = all || this.#seen[i] === 1 || i % TURNS === this.#turn;
         this.#writeRow(rows[i]!, i, nowMs, due);
       }
-      clearTimeout(this.#settle);
-      this.#settle = setTimeout(() => this.#writeNumbers(), SETTLED_MS);
+      this.#settled = false;
+      this.#settle ??= setTimeout(this.#settleDown, SETTLED_MS);
+      this.#root.dataset.seq = String(state.seq);
     }
     this.#arrange(nowMs);
-    if (state !== null) this.#root.dataset.seq = String(state.seq);
   }
 
   /** All numbers of the newest frame that is shown. */
   #writeNumbers(): void {
     if (this.#twin.state === null) return;
-    const rows = this.#table?.rows ?? [];
-    for (let i = 0; i < rows.length; i += 1) this.#writeNumbersOf(rows[i]!, i, true);
+    this.#table?.rows.forEach((row, i) => {
+      this.#writeNumbersOf(row, i, true);
+    });
   }
 
   /** Rows have come into sight, or gone out of it. */
   #look(changes: readonly IntersectionObserverEntry[]): void {
-    const isSeen = new Map(changes.map(({ target, isIntersecting }) => [target, isIntersecting]));
-    this.#rows.forEach((row, i) => {
-      const now = isSeen.get(row.element);
-      if (now !== undefined) this.#seen[i] = now ? 1 : 0;
-    });
+    for (const { target, isIntersecting } of changes) {
+      const i = this.#rows.findIndex(({ element }) => element === target);
+      this.#seen[i] = Number(isIntersecting); // of a row that is gone: nowhere
+    }
     if (changes.some(({ isIntersecting }) => isIntersecting)) this.#writeNumbers();
   }
 
@@ -152,32 +152,30 @@ export class JointView {
   /** What is wrong with a row is said at once; its numbers when they are due. */
   #writeRow(row: JointRow, i: number, nowMs: number, due: boolean): void {
     const gone = this.#writeNumbersOf(row, i, due);
-    const view = this.#rows[i];
-    if (view === undefined) return;
     const { openFault } = this.#from;
-    for (let c = 0; c < this.#states.length; c += 1) view.state(c, row[this.#states[c]!]);
     const old = gone.length === 0 ? '' : oldWords(gone, nowMs);
-    view.write(row, openFault === undefined ? null : openFault(row.label), old, nowMs);
+    this.#rows[i]?.write(row, openFault?.(row.label) ?? null, old, nowMs);
   }
 
   /** Returns what is not read any more. */
-  #writeNumbersOf(row: JointRow, i: number, due: boolean): readonly (readonly [NumberName, Lost])[] {
-    const view = this.#rows[i];
+  #writeNumbersOf(row: JointRow, i: number, due: boolean): readonly Lost[] {
     const { readings } = this.#from;
     const mayBeLost = readings?.anyLost === true;
-    if (view === undefined || !(due || mayBeLost)) return NOTHING_LOST;
     let gone = NOTHING_LOST;
-    for (let c = 0; c < this.#columns.length; c += 1) {
-      const { name, field, display, own } = this.#columns[c]!;
-      let lost: Lost | null = null;
-      if (mayBeLost && field !== null && row[name] === null) {
-        const sinceMs = readings.lostMs(field, i);
+    if (!(due || mayBeLost)) return gone;
+    const columns = this.#columns;
+    for (let c = 0; c < columns.length; c += 1) {
+      const { name, field, display, own } = columns[c]!;
+      let value = row[name];
+      let sinceMs: number | null = null;
+      if (mayBeLost && field !== null && value === null) {
+        sinceMs = readings.lostMs(field, i);
         if (sinceMs !== null) {
-          lost = { value: valueAt(readings.codes, field, i), sinceMs };
-          gone = [...gone, [name, lost]];
+          value = valueAt(readings.codes, field, i);
+          gone = [...gone, { name, sinceMs }];
         }
       }
-      if (due) view.number(c, row[name], own?.[i] ?? display, lost);
+      if (due) this.#grid?.set(i * columns.length + c, value, own?.[i] ?? display, sinceMs !== null);
     }
     return gone;
   }
@@ -238,6 +236,7 @@ export class JointView {
     if (schema === null) return;
     const { angle } = settings();
     this.#angle = angle;
+    this.#grid?.forget();
     for (const column of this.#columns) {
       const name = column.name === 'error' ? 'pos' : column.name;
       const field = schema.field(name);
@@ -269,7 +268,7 @@ export class JointView {
       return;
     }
     const numbers = NUMBERS.filter((name) => table.has(name));
-    this.#states = STATES.filter((name) => table.has(name));
+    const states = STATES.filter((name) => table.has(name));
     const root = make('table', 'joints');
     root.dataset.testid = 'joint-table';
     root.append(make('caption', 'unseen', text.joints));
@@ -286,7 +285,7 @@ export class JointView {
         own: null,
       };
     });
-    for (const name of this.#states) head.append(headCell(text[name], 'c-state', text[`${name}What`]));
+    for (const name of states) head.append(headCell(text[name], 'c-state', text[`${name}What`]));
     head.append(headCell(table.has('flags') ? text.flags : text.notes, 'c-flags', text.flagsWhat));
     const thead = make('thead', '');
     thead.append(head);
@@ -295,8 +294,9 @@ export class JointView {
     const limbOf = new Map(limbs?.flatMap(({ title, labels }) => labels.map((label) => [label, title])));
     this.#rows = table.rows.map((row) => {
       const unit = schema.mapping.unit('pos', row.label);
-      return new RowView(row, limbOf.get(row.label) ?? '', unit, numbers, this.#states);
+      return new RowView(row, limbOf.get(row.label) ?? '', unit, numbers, states);
     });
+    this.#grid = new NumberGrid(this.#rows.flatMap((row) => row.numbers));
     const placeOf = new Map(this.#rows.map((row, i) => [row.label, i]));
     const all = [{ title: null, labels: [...placeOf.keys()] }];
     this.#bodies = (limbs ?? all).map(({ title, labels }) => {

@@ -5,7 +5,8 @@ import { type Reading, type SensorGroup, SensorTable } from '../../twin/sensors.
 import { more } from '../more.ts';
 import { isPlotted, togglePlot } from '../plotted.ts';
 import { settings } from '../settings.ts';
-import { DataMark, make, NumberCell, press, TextCell } from './cells.ts';
+import { DataMark, make, press, TextCell } from './cells.ts';
+import { NumberGrid } from './number_grid.ts';
 import { carryValues } from './value_drag.ts';
 
 /** From here on a reading that is gone says how old it is. */
@@ -21,7 +22,7 @@ interface ReadingView {
   readonly reading: Reading;
   /** The same reading of the last that was known, when the newest frame has none. */
   readonly last: Reading;
-  readonly value: NumberCell;
+  readonly value: HTMLElement;
   readonly unit: TextCell;
   readonly level: DataMark;
   readonly plot: HTMLElement;
@@ -44,6 +45,8 @@ export class SensorView {
   #root: HTMLElement | null = null;
   #groups: GroupView[] = [];
   #views: ReadingView[] = [];
+  /** Of each view its value. */
+  #values = new NumberGrid([]);
   readonly #displays = new Map<string, Display>();
   #angle = '';
 
@@ -62,10 +65,10 @@ export class SensorView {
     const lost = this.#last?.anyLost === true ? this.#last : null;
     if (lost !== null) this.#lastTable?.read(lost.codes);
     for (const group of this.#groups) group.lostMs = null;
-    for (const { reading, last, value, unit, level, plot, group } of this.#views) {
+    for (const [i, { reading, last, unit, level, plot, group }] of this.#views.entries()) {
       const display = this.#displayOf(reading);
       const old = reading.value === null && lost !== null && last.value !== null;
-      value.set(old ? last.value : reading.value, display, old);
+      this.#values.set(i, old ? last.value : reading.value, display, old);
       if (old)
         group.lostMs = Math.min(
           group.lostMs ?? Number.POSITIVE_INFINITY,
@@ -97,7 +100,10 @@ export class SensorView {
 
   #displayOf({ unit, scale }: Reading): Display {
     const { angle } = settings();
-    if (angle !== this.#angle) this.#displays.clear();
+    if (angle !== this.#angle) {
+      this.#displays.clear();
+      this.#values.forget();
+    }
     this.#angle = angle;
     const key = `${unit} ${scale}`;
     const known = this.#displays.get(key) ?? displayOf(unit, angle, scale);
@@ -125,6 +131,7 @@ export class SensorView {
     table.groups.forEach((group, i) => {
       root.append(this.#group(group, this.#lastTable!.groups[i]!));
     });
+    this.#values = new NumberGrid(this.#views.map(({ value }) => value));
     root.addEventListener('click', ({ target }) => {
       const row = (target as HTMLElement).closest('tr');
       const { field, label } = row?.querySelector<HTMLElement>('[data-field]')?.dataset ?? {};
@@ -162,7 +169,7 @@ export class SensorView {
       this.#views.push({
         reading,
         last: last.readings[i]!,
-        value: new NumberCell(value),
+        value,
         unit: new TextCell(unit),
         level: new DataMark(row, 'level'),
         plot,
