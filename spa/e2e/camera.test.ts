@@ -6,7 +6,7 @@ import type { Page, PageOptions, Point } from './driver/page.ts';
 import { until } from './driver/until.ts';
 import { body, drawsNothing, hasSkin, resting, tapped } from './robot_page.ts';
 import { REPO } from './stack.ts';
-import { setStage } from './stage.ts';
+import { FULL, setStage } from './stage.ts';
 
 const stage = setStage();
 const MODEL = path.join(REPO, 'edge-agent/src/posecast_edge/demo_bundle/model');
@@ -124,37 +124,43 @@ describe('the camera under the mouse', () => {
     await tapped('close', () => page.doubleClick(at), close);
   });
 
-  it('moves with the right button, and the wheel comes nearer to what it points at', async (context) => {
-    stage.needs(context, 'buttons');
-    stage.needs(context, 'wheel');
-    const page = await standing();
-    const before = await eye(page);
-    const { robot, link } = await places(page);
-    for (let turn = 0; turn < 4; turn++) await page.wheel(robot, -120);
-    await until('nearer', async () => (await eye(page)).distance < before.distance * 0.9);
-    expect(await linkAt(page, robot), 'what the wheel pointed at').toBe(link);
-    const near = await eye(page);
-    await page.drag(robot, { x: robot.x + 80, y: robot.y }, 'right');
-    await until('moved', async () => apart((await eye(page)).target, near.target) > 0.05);
-    expect((await eye(page)).azimuth).toBeCloseTo(near.azimuth, 6);
-  });
+  it.skipIf(!FULL)(
+    'moves with the right button, and the wheel comes nearer to what it points at',
+    async (context) => {
+      stage.needs(context, 'buttons');
+      stage.needs(context, 'wheel');
+      const page = await standing();
+      const before = await eye(page);
+      const { robot, link } = await places(page);
+      for (let turn = 0; turn < 4; turn++) await page.wheel(robot, -120);
+      await until('nearer', async () => (await eye(page)).distance < before.distance * 0.9);
+      expect(await linkAt(page, robot), 'what the wheel pointed at').toBe(link);
+      const near = await eye(page);
+      await page.drag(robot, { x: robot.x + 80, y: robot.y }, 'right');
+      await until('moved', async () => apart((await eye(page)).target, near.target) > 0.05);
+      expect((await eye(page)).azimuth).toBeCloseTo(near.azimuth, 6);
+    },
+  );
 
-  it('moves over the floor with the left button for a Foxglove mouse, chosen in the settings', async () => {
-    const page = await standing();
-    await page.findByRole('button', 'Settings').click();
-    const other = `document.querySelector('input[name=mouse]:not(:checked)')`;
-    await until('the settings', () => page.evaluate<boolean>(`${other} !== null`));
-    await page.evaluate(`${other}.click()`);
-    await page.screenshot(path.join(SHOTS, `settings-${engineName()}.png`));
-    await page.findByRole('button', 'Close').click();
-    const before = await eye(page);
-    const { robot } = await places(page);
-    await page.drag(robot, { x: robot.x + 100, y: robot.y + 20 });
-    await until('moved', async () => apart((await eye(page)).target, before.target) > 0.05);
-    const after = await eye(page);
-    expect(after.target[2]).toBeCloseTo(before.target[2], 6);
-    expect(after.azimuth).toBeCloseTo(before.azimuth, 6);
-  });
+  it.skipIf(!FULL)(
+    'moves over the floor with the left button for a Foxglove mouse, chosen in the settings',
+    async () => {
+      const page = await standing();
+      await page.findByRole('button', 'Settings').click();
+      const other = `document.querySelector('input[name=mouse]:not(:checked)')`;
+      await until('the settings', () => page.evaluate<boolean>(`${other} !== null`));
+      await page.evaluate(`${other}.click()`);
+      await page.screenshot(path.join(SHOTS, `settings-${engineName()}.png`));
+      await page.findByRole('button', 'Close').click();
+      const before = await eye(page);
+      const { robot } = await places(page);
+      await page.drag(robot, { x: robot.x + 100, y: robot.y + 20 });
+      await until('moved', async () => apart((await eye(page)).target, before.target) > 0.05);
+      const after = await eye(page);
+      expect(after.target[2]).toBeCloseTo(before.target[2], 6);
+      expect(after.azimuth).toBeCloseTo(before.azimuth, 6);
+    },
+  );
 });
 
 describe('the camera under keys', () => {
@@ -190,7 +196,7 @@ describe('the camera under keys', () => {
     expect(apart(after.target, before.target)).toBeLessThan(1e-9);
   });
 
-  it('is there at once for who wants less motion', async (context) => {
+  it.skipIf(!FULL)('is there at once for who wants less motion', async (context) => {
     stage.needs(context, 'media');
     const page = await standing({ media: { motion: 'reduce' } });
     const azimuth = await page.evaluate<number>(`(() => {

@@ -6,7 +6,7 @@ import type { Page } from './driver/page.ts';
 import { until } from './driver/until.ts';
 import { liveness, renderedFrames } from './robot_page.ts';
 import { REPO } from './stack.ts';
-import { setStage } from './stage.ts';
+import { FULL, setStage } from './stage.ts';
 
 const stage = setStage();
 const SHOTS = path.join(REPO, 'spa/e2e/shots');
@@ -38,30 +38,33 @@ describe('fullscreen', () => {
     await until('back', async () => (await state(page)) === 'off');
   });
 
-  it('is the whole page where the browser has none, with the liveness still in view', async () => {
-    const page = await opened(NONE);
-    await page.findByRole('button', 'Fullscreen').click();
-    await until('the page', async () => (await state(page)) === 'page');
-    const body = `(({ top, width, height }) => ({ top, width, height }))(
+  it.skipIf(!FULL)(
+    'is the whole page where the browser has none, with the liveness still in view',
+    async () => {
+      const page = await opened(NONE);
+      await page.findByRole('button', 'Fullscreen').click();
+      await until('the page', async () => (await state(page)) === 'page');
+      const body = `(({ top, width, height }) => ({ top, width, height }))(
       document.querySelector('[data-testid="scene"]').getBoundingClientRect())`;
-    await until('the body fills it', async () => {
-      const { top, width, height: exact } = await page.evaluate<DOMRect>(body);
-      const height = Math.round(exact);
-      if (top === 0 && width === 390 && height === 844) return true;
-      throw new Error(JSON.stringify({ top, width, height }));
-    });
-    expect(await page.findByTestId('liveness').visible()).toBe(true);
-    expect(await page.findByRole('table').count()).toBe(0);
-    mkdirSync(SHOTS, { recursive: true });
-    await page.screenshot(path.join(SHOTS, `fullscreen-${engineName()}.png`));
-    await page.press('Escape');
-    await until('back', async () => (await state(page)) === 'off');
-    await page.press('f');
-    await until('again', async () => (await state(page)) === 'page');
-    await page.findByRole('button', 'Fullscreen').click();
-    await until('back again', async () => (await state(page)) === 'off');
-    const pictures = await renderedFrames(page);
-    await until('the body in its half', async () => (await renderedFrames(page)) > pictures + 3);
-    await page.screenshot(path.join(SHOTS, `phone-${engineName()}.png`));
-  });
+      await until('the body fills it', async () => {
+        const { top, width, height: exact } = await page.evaluate<DOMRect>(body);
+        const height = Math.round(exact);
+        if (top === 0 && width === 390 && height === 844) return true;
+        throw new Error(JSON.stringify({ top, width, height }));
+      });
+      expect(await page.findByTestId('liveness').visible()).toBe(true);
+      expect(await page.findByRole('table').count()).toBe(0);
+      mkdirSync(SHOTS, { recursive: true });
+      await page.screenshot(path.join(SHOTS, `fullscreen-${engineName()}.png`));
+      await page.press('Escape');
+      await until('back', async () => (await state(page)) === 'off');
+      await page.press('f');
+      await until('again', async () => (await state(page)) === 'page');
+      await page.findByRole('button', 'Fullscreen').click();
+      await until('back again', async () => (await state(page)) === 'off');
+      const pictures = await renderedFrames(page);
+      await until('the body in its half', async () => (await renderedFrames(page)) > pictures + 3);
+      await page.screenshot(path.join(SHOTS, `phone-${engineName()}.png`));
+    },
+  );
 });

@@ -38,7 +38,8 @@ export function setStage(options: BrowserOptions = {}): Stage {
     stack = new Stack();
     pages = [];
     const ofThisTest = stack;
-    context.onTestFailed(() => console.error(ofThisTest.logs));
+    // with why, which is not told of a test that is played once more and passes
+    context.onTestFailed(({ task }) => console.error(task.result?.errors?.at(-1)?.stack, ofThisTest.logs));
   });
 
   afterEach(async () => {

@@ -12,7 +12,8 @@ SPAN_S = 4.0  # the period is the mean over about so long, and over twice LEARNE
 # just met the phase is anywhere, so the first looks count as if they were UNMET in a row;
 EARLIER_S = 1e-6
 UNMET = 100
-LATER = 3 / 4  # and by so much of the time it was too early the one after it is later
+LATER = 3 / 4  # and by so much of the time it was too early the one after it is later,
+LATER_MAX_S = 0.5e-3  # but not by more: a frame that was held up says nothing of the next ones
 JUMPS_MAX = 3  # frames in a row that came a period off: it is another beat
 LOOKS_HZ = 100  # a writer quicker than this and its channel is not followed frame by frame
 
@@ -69,7 +70,7 @@ class Beat:
                 return
             if closely:
                 self._in_time = 0 if blind_s else self._in_time + 1
-                late_s = LATER * late_s if blind_s else min(late_s, -EARLIER_S * self._in_time)
+                late_s = min(LATER * late_s, LATER_MAX_S) if blind_s else min(late_s, -EARLIER_S * self._in_time)
             else:
                 late_s = min(late_s, 0.0)
             at_s = expected_s + late_s
