@@ -62,6 +62,17 @@ it('waits for a lost context, so long and so often, and then gives up', () => {
   expect(said.at(-1), 'the fourth within two minutes').toBe('failed');
 });
 
+it('says of a context that is gone that it is gone, however slow the repaints before were', () => {
+  const { stamina, said } = device();
+  stamina.lost(0);
+  crawl(stamina);
+  stamina.forget();
+  expect(said).toEqual(['lost']);
+  crawl(stamina);
+  stamina.restored();
+  expect(said.at(-1)).toBe('hopeless');
+});
+
 it('is done with once it is disposed of', () => {
   const { stamina, said } = device();
   stamina.lost(0);

@@ -24,6 +24,7 @@ export class Stamina {
   readonly #drawing: Drawing;
   readonly #losses = new Losses();
   readonly #pace = new Pace();
+  #away = false; // the context
   readonly #giveUp = new Later(PATIENCE_MS, () => this.#drawing.say('failed'));
 
   constructor(drawing: Drawing) {
@@ -48,6 +49,7 @@ export class Stamina {
 
   /** The browser took the context away. */
   lost(nowMs: number): void {
+    this.#away = true;
     const wait = this.#losses.bearable(nowMs);
     this.#drawing.say(wait ? 'lost' : 'failed');
     if (wait) this.#giveUp.putOff();
@@ -55,6 +57,7 @@ export class Stamina {
 
   /** It gave one back. */
   restored(): void {
+    this.#away = false;
     this.#giveUp.callOff();
     this.#drawing.say(this.#trouble());
   }
@@ -65,7 +68,7 @@ export class Stamina {
 
   #keep(): void {
     this.#drawing.keep(this.#pace.step);
-    this.#drawing.say(this.#trouble());
+    if (!this.#away) this.#drawing.say(this.#trouble()); // what was slow before says nothing of a context that is gone
   }
 
   #trouble(): Trouble | null {
