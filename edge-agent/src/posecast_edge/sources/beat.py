@@ -70,7 +70,8 @@ class Beat:
                 return
             if closely:
                 self._in_time = 0 if blind_s else self._in_time + 1
-                late_s = min(LATER * late_s, LATER_MAX_S) if blind_s else min(late_s, -EARLIER_S * self._in_time)
+                later_s = min(LATER * late_s, LATER_MAX_S)
+                late_s = later_s if blind_s else min(late_s, -EARLIER_S * self._in_time)
             else:
                 late_s = min(late_s, 0.0)
             at_s = expected_s + late_s
