@@ -88,7 +88,7 @@ def machine() -> dict[str, object]:
     return {
         "day": time.strftime("%d %B %Y").lstrip("0"),
         "commit": commit(),
-        "kernel": platform.release(),
+        "kernel": ".".join(platform.release().split(".")[:2]),
         "python": platform.python_version(),
         "cpu": found[1] if found else platform.machine(),
         "cores": os.cpu_count(),
