@@ -211,10 +211,17 @@ function Waiting({ link }: { link: RobotLink }) {
   const { twin } = link;
   // A line over the body that says so already is enough.
   if (now - twin.evidence.openedMs < SAY_WHY_AFTER_MS || word === 'STALE' || word === 'OFFLINE') return null;
-  const words = waitingWords({ phase, schema: twin.schema !== null, pose: twin.state !== null });
+  const words = waitingWords({
+    phase,
+    schema: twin.schema !== null,
+    pose: twin.state !== null,
+    model: twin.modelHash !== null,
+  });
   return (
-    <p className="stage-say" data-testid="waiting">
-      {words}
-    </p>
+    words && (
+      <p className="stage-say" data-testid="waiting">
+        {words}
+      </p>
+    )
   );
 }

@@ -113,12 +113,17 @@ export function problemWords({ what, detail }: NonNullable<Link['problem']>): st
   return what === 'schema' ? say().problemSchema(detail) : say().problemWorker(detail);
 }
 
-/** What the page is waiting for, once waiting has become noticeable. */
-export function waitingWords(known: { phase: Link['phase']; schema: boolean; pose: boolean }): string {
+/** What the page is waiting for, once waiting has become noticeable; empty while it gets the body ready itself. */
+export function waitingWords(known: {
+  phase: Link['phase'];
+  schema: boolean;
+  pose: boolean;
+  model: boolean;
+}): string {
   if (known.phase !== 'open') return say().waitingRelay;
   if (!known.schema) return say().waitingSchema;
   if (!known.pose) return say().waitingPose;
-  return say().waitingModel;
+  return known.model ? '' : say().waitingModel;
 }
 
 export function bytesWords(received: number, total: number): string {

@@ -110,7 +110,7 @@ export class RobotSigns {
     const { arrowScale, palette, from, live } = this.#manner;
     const color = (level: Level) => levelColor(tones, palette, level, live);
     const solid = (level: Level): Paint => ({ color: color(level), through: true });
-    this.#wrenches.draw(strokes, body, reach, arrowScale, solid);
+    this.#wrenches.draw(strokes, body, reach, arrowScale, solid, { color: tones.stale, through: true });
     this.#lens.draw(strokes, body, deviations, from, reach, ({ compliant }) => {
       const tone = compliant || !live ? tones.muted : color('caution');
       return { line: { color: tone, through: true }, fill: { color: tone, opacity: 0.34, through: true } };

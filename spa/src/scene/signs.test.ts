@@ -15,6 +15,7 @@ import { AT, MOST_STROKES, STRIDE, Strokes } from './strokes.ts';
 import { WrenchSigns } from './wrench_signs.ts';
 
 const GREEN = { color: 0x00ff00 };
+const GREY = { color: 0x000000 };
 const UP: Vec3 = [0, 0, 1];
 const ORIGIN: Vec3 = [0, 0, 0];
 
@@ -84,8 +85,12 @@ function wrench(force: Partial<Arrow>, moment: Partial<Arrow> = {}): Wrench {
 
 function show(of: Wrench, scale = 1, signs = new WrenchSigns()) {
   signs.take([of], true);
-  const strokes = drawn((b) => signs.draw(b, sampleLeg(), 0.5, scale, () => GREEN));
-  return { ...signs.shown[0]!, strokes: strokes.count };
+  const strokes = drawn((b) => signs.draw(b, sampleLeg(), 0.5, scale, () => GREEN, GREY));
+  return {
+    ...signs.shown[0]!,
+    strokes: strokes.count,
+    flange: [...strokes.numbers.subarray(AT.tint, AT.tint + 3)],
+  };
 }
 
 describe('force and moment', () => {
@@ -113,6 +118,11 @@ describe('force and moment', () => {
     expect(show(wrench({ vector: [0, 0, 2] })).strokes).toBe(1);
     const unread = show(wrench({ vector: null }));
     expect(unread).toMatchObject({ strokes: 1, force: { value: null, size: 0 } });
+    expect(unread.flange, 'green would say that all is well').toEqual([0, 0, 0]);
+    expect(
+      show(wrench({ vector: null, level: 'fault' })).flange,
+      'one axis reads, and is too much',
+    ).not.toEqual([0, 0, 0]);
   });
 
   it('glide to a new length within half a second, and come to rest', () => {

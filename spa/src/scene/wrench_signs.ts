@@ -99,13 +99,15 @@ export class WrenchSigns {
     return moved;
   }
 
-  /** `body`: null while there is none. `reach`: the robot's radius, m; `scale`: how much longer than usual arrows are. */
+  /** `body`: null while there is none. `reach`: the robot's radius, m; `scale`: how much longer than usual arrows are;
+   *  `unread`: the paint of a sensor that says nothing. */
   draw(
     strokes: Strokes,
     body: PosedBody | null,
     reach: number,
     scale: number,
     paint: (level: Level) => Paint,
+    unread: Paint,
   ): void {
     this.shown.length = 0;
     if (body === null) return;
@@ -117,7 +119,8 @@ export class WrenchSigns {
         at: pointThrough(worldFromLink, mount.xyz),
         inWorld: (direction) => directionThrough(worldFromLink, turn(linkFromSensor, direction)),
       };
-      drawFlange(strokes, sensor, reach, paint(force.level));
+      const silent = force.level === 'ok' && (lacks(force) || lacks(moment));
+      drawFlange(strokes, sensor, reach, silent ? unread : paint(force.level));
       const glides = this.#glides.get(site)!;
       const arrow = drawForce(strokes, sensor, force, glides.force.shown, reach, scale, paint(force.level));
       const sweep = drawMoment(
@@ -142,6 +145,10 @@ export class WrenchSigns {
 
 function shownOf(arrow: Arrow, size: number): ShownArrow | null {
   return arrow.axes.length === 0 ? null : { level: arrow.level, value: amountOf(arrow), size };
+}
+
+function lacks(arrow: Arrow): boolean {
+  return arrow.axes.length > 0 && arrow.vector === null;
 }
 
 /** A small ring where the sensor sits: so its place is known while it measures nothing. */

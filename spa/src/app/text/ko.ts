@@ -31,7 +31,7 @@ export const ko: Text = {
   waitingRelay: '릴레이의 응답을 기다립니다.',
   waitingSchema: '로봇의 설명을 기다립니다.',
   waitingPose: '첫 자세를 기다립니다.',
-  waitingModel: '몸체를 기다립니다. 로봇이 아직 모델을 보내지 않았습니다.',
+  waitingModel: '로봇이 아직 모델을 보내지 않았습니다.',
   bytes: (received, total) => `${total} MB 중 ${received}`,
   body: '몸체',
   loadingBody: (bytes) => `몸체를 받는 중: ${bytes}`,
