@@ -185,6 +185,20 @@ describe('the page driver', () => {
     await page.close();
   });
 
+  it.for(['dark', 'light'] as const)('has a system set to little motion and %s', async (scheme, context) => {
+    needs(context, 'media');
+    const page = await browser.newPage({ media: { motion: 'reduce', scheme } });
+    await page.open(url);
+    for (const query of ['(prefers-reduced-motion: reduce)', `(prefers-color-scheme: ${scheme})`])
+      expect(await page.evaluate<boolean>(`matchMedia('${query}').matches`), query).toBe(true);
+    await page.close();
+    const another = await opened();
+    expect(await another.evaluate<boolean>(`matchMedia('(prefers-reduced-motion: reduce)').matches`)).toBe(
+      false,
+    );
+    await another.close();
+  });
+
   it('until says what it waited for', async () => {
     await expect(until('the moon', () => null, 10)).rejects.toThrow(/the moon/);
   });
