@@ -16,6 +16,8 @@ const DRIVER = process.env.POSECAST_WEBKIT_DRIVER ?? '/usr/bin/WebKitWebDriver';
 const BROWSER = process.env.POSECAST_WEBKIT ?? miniBrowser();
 const ANSWER_MS = 60_000;
 const HANDSHAKE_MS = 2_000;
+/** A window that has another size for so long will keep it. */
+const SETTLED_MS = 2_000;
 
 const LACKS = {
   touch: 'WebKitWebDriver plays no touch',
@@ -195,21 +197,23 @@ class WebKitEnd implements RemoteEnd {
     await command(this.#url, 'DELETE', '/actions');
   }
 
-  /** The window is what can be sized; the viewport is what is left of it. */
+  /** The window is what can be sized; the viewport is what is left of it, a while later. What is around it is found out
+   *  before the window changes and once more only when it has come to rest: in between the two don't belong together. */
   async resize(size: Viewport): Promise<void> {
     const inner = async (): Promise<Viewport> =>
       JSON.parse((await this.evaluate('JSON.stringify({ width: innerWidth, height: innerHeight })')) ?? '');
-    let window: Viewport = size;
+    const fits = async (): Promise<boolean> => {
+      const { width, height } = await inner();
+      return width === size.width && height === size.height;
+    };
     await until(`a viewport of ${size.width} × ${size.height}`, async () => {
-      await this.#post('/window/rect', window);
-      const now = await inner();
-      if (now.width === size.width && now.height === size.height) return true;
-      const rect = await command<Viewport>(this.#url, 'GET', '/window/rect');
-      window = {
-        width: rect.width + size.width - now.width,
-        height: rect.height + size.height - now.height,
-      };
-      return false;
+      const outer = await command<Viewport>(this.#url, 'GET', '/window/rect');
+      const { width, height } = await inner();
+      await this.#post('/window/rect', {
+        width: Math.max(1, size.width + outer.width - width),
+        height: Math.max(1, size.height + outer.height - height),
+      });
+      return until('it fits', fits, SETTLED_MS).catch(() => false);
     });
   }
 
