@@ -12,6 +12,8 @@ const stage = setStage();
 
 const PHONE = { width: 390, height: 844 };
 const LAPTOP = { width: 1280, height: 800 };
+/** Every part of the settings. */
+const OPEN_ALL = `[...document.querySelectorAll('dialog details')].map((part) => { part.open = true; })`;
 const BUNDLE = path.join(REPO, 'edge-agent/src/posecast_edge/demo_bundle');
 
 /** The demo robot with its jammed knee, standing still: faults, cautions, a ghost, and no picture to draw meanwhile. */
@@ -143,7 +145,7 @@ describe('axe finds nothing', () => {
     }
     await page.evaluate('[...document.querySelectorAll("header.top .icon-button")].at(-1).click()');
     await looks.testId('limits');
-    await page.evaluate('for (const part of document.querySelectorAll("dialog details")) part.open = true');
+    await page.evaluate(OPEN_ALL);
     await looks.at('settings');
     await page.press('Escape');
     await tab('Joints');

@@ -13,6 +13,8 @@ const stage = setStage();
 
 const SHOTS = path.join(REPO, 'spa/e2e/shots');
 const BUNDLE = path.join(REPO, 'edge-agent/src/posecast_edge/demo_bundle');
+/** Every part of the settings. */
+const OPEN_ALL = `[...document.querySelectorAll('dialog details')].map((part) => { part.open = true; })`;
 const LAPTOP = { width: 1280, height: 800 };
 const PHONE = { width: 390, height: 844 };
 const KOREAN = `Object.defineProperty(navigator, 'languages', { get: () => ['ko-KR', 'en'] })`;
@@ -168,7 +170,7 @@ it.skipIf(!FULL)(
     }
     await page.findByRole('button', '설정').click();
     await has(page, 'limits');
-    await page.evaluate('for (const part of document.querySelectorAll("dialog details")) part.open = true');
+    await page.evaluate(OPEN_ALL);
     await look('settings');
     await shot('settings');
     await page.press('Escape');
@@ -262,7 +264,7 @@ it.skipIf(!FULL)(
     await until('a body', () => hasSkin(page), 60_000);
     // What the doctor finds is told in the words of `posecast-edge doctor`, so that they can be looked up.
     await page.evaluate(
-      'for (const item of document.querySelectorAll("[data-testid=findings] li")) item.remove()',
+      '[...document.querySelectorAll("[data-testid=findings] li")].map((item) => item.remove())',
     );
     for (const word of await page.evaluate<string[]>(
       '[...document.querySelectorAll(".local-slider > span, .robot-name")].map((name) => name.textContent)',
