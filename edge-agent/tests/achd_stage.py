@@ -22,7 +22,7 @@ class Achd:
         self.instead: Answer | None = None  # answer a client this way
         self.connections = 0
         self._frame = b""
-        self._number = 0
+        self._number = self._taken = 0
         self._changed = threading.Condition()
         self._open: list[socket.socket] = []
         self._stopped = False
@@ -38,6 +38,12 @@ class Achd:
         with self._changed:
             self._frame, self._number = frame, self._number + 1
             self._changed.notify_all()
+
+    def publish_surely(self, frame: bytes) -> None:
+        """As `publish`, but returns when the client there is has been sent it, however busy the machine."""
+        with self._changed:
+            self.publish(frame)
+            self._changed.wait_for(lambda: self._taken == self._number or not self._open, 10)
 
     def drop_clients(self) -> None:
         with self._changed:
@@ -105,6 +111,9 @@ class Achd:
                     self._changed.wait()
                 seen, frame = self._number, self._frame
             client.sendall(framed(frame))
+            with self._changed:
+                self._taken = seen
+                self._changed.notify_all()
 
 
 def framed(frame: bytes) -> bytes:

@@ -123,32 +123,39 @@ def test_a_fault_of_a_single_frame_is_told_at_any_time_between_two_sent(
 ) -> None:
     """Five milliseconds of a jam, ever elsewhere in the pace: of 200 frames a second 30 are sent."""
     path = tmp_path / "achshm-hubo-state"
-    put = server.publish if way == "achd" else Writer(path).put
-    jam = [300, 403, 507, 612, 718, 825]  # frames
-    told = {"text": "jam", "source": "RKN"}
+    # holds twelve: some are kept before the look as of a Hubo's seven, but a busy machine may be 40 ms late
+    put = server.publish_surely if way == "achd" else Writer(path, frames=16).put
+    jam = [20, 123, 227, 332, 438, 545]  # frames since the agent is on air
     robot = state()
+    stop, on_air = threading.Event(), threading.Event()
+    jammed_s: list[float] = []
 
-    def daemon(stop: threading.Event) -> None:
+    def daemon() -> None:
+        since = 0
         for k in itertools.count():
             if stop.wait(0.005):
                 return
+            since += on_air.is_set()
             robot.time = k / 200
-            robot.status[SLOT["RKN"]].jam = k in jam
+            robot.status[SLOT["RKN"]].jam = since in jam
+            if since in jam:
+                jammed_s.append(robot.time)
             put(bytes(robot))
 
-    stop = threading.Event()
-    thread = threading.Thread(target=daemon, args=(stop,), daemon=True)
+    thread = threading.Thread(target=daemon, daemon=True)
     thread.start()
     run(server.source if way == "achd" else f"hubo-ach:shm:{path}")
     try:
+        until(lambda: len(router.frames) > 2, "frames")
+        on_air.set()
         until(lambda: len(router.events) >= 2 * len(jam), "the jams", 20)
     finally:
         stop.set()
         thread.join()
     assert [(e["t"], e["state"], e["text"], e["source"]) for e in router.events] == [
-        (pytest.approx(t_s), state, told["text"], told["source"])
-        for k in jam
-        for t_s, state in ((k / 200, "on"), ((k + 1) / 200, "off"))
+        (pytest.approx(t_s), state, "jam", "RKN")
+        for k_s in jammed_s
+        for t_s, state in ((k_s, "on"), (k_s + 1 / 200, "off"))
     ]
 
 

@@ -25,7 +25,7 @@ from posecast_edge.stream import Stream
 
 log = logging.getLogger("posecast_edge")
 
-NAP_S = 0.1  # the longest sleep: a signal is noticed this soon
+NAP_S = 0.2  # the longest sleep: a signal is noticed this soon
 STOP_S = 0.7
 
 

@@ -4,7 +4,7 @@ ACH's own readers hold a mutex while they copy, and so delay the real-time loop 
 the index entries of the frames it is about to overwrite *before* it copies, so a reader that finds its entry
 unchanged after copying has copied a whole frame. The file is read with pread(2): a mapping would kill this
 process when somebody shrinks the file. Three reads are a look, however many frames it brings: the index, the
-frames, the index again.
+frames, the index again. What was `kept` has been read just so, and is looked into later.
 
 Layout: ach 2.0 on x86-64 with glibc; anything else shows in the guards and is refused.
 """
@@ -33,6 +33,7 @@ GUARD = struct.Struct("<Q")
 FRAMES_MAX = 1 << 12
 DATA_MAX = 1 << 30
 SPAN_MAX = 1 << 18  # frames that lie so close together are read at once, with what is between them
+Entry = tuple[int, int, int, int]  # its place in the index; size, offset and seq of its frame
 TRIES = 8  # looks at one frame; a writer that laps us more often is not followed
 
 
@@ -53,6 +54,7 @@ class Channel:
             raise
         self.torn = 0  # reads that the writer crossed
         self.seq = 0  # of the newest frame handed out, by the writer's count; 0: none yet
+        self._kept: list[tuple[bytes, bytes, bytes]] = []  # index, all frames, index again
 
     def close(self) -> None:
         """Close the file."""
@@ -66,71 +68,90 @@ class Channel:
             return True
         return (there.st_dev, there.st_ino) != (here.st_dev, here.st_ino)
 
+    def keep(self) -> None:
+        """Save what is there for the next `fresh`, before the writer overwrites it: three reads and no more,
+        for whoever is woken for it finds cold caches. Not of a large channel, which keeps enough itself."""
+        if self._data_size <= SPAN_MAX:
+            head = self._head()
+            self._kept.append((head, os.pread(self._fd, self._data_size, self._data), self._head()))
+
     def fresh(self) -> list[bytes]:
-        """The frames since the last call that are still there, oldest first, at most KEPT_MAX; of the first
-        call the newest only. [] also when the writer is too quick just now.
+        """The frames since the last call that are still there or were kept, oldest first, at most KEPT_MAX;
+        of the first call the newest only. Without those of now when the writer is too quick.
 
         ChannelError when the channel's own numbers contradict each other and go on doing so.
         """
-        outside = ""
+        found: list[bytes] = []
+        kept, self._kept = self._kept, []
+        for head, data, after in kept:
+            entries = self._news(head)
+            if entries and self._inside(entries[0]):
+                found += self._whole(head, entries, _cut(data, entries, 0), after)
         for _ in range(TRIES):
             head = self._head()
-            last = (INDEX_HEAD.unpack_from(head, INDEX_HEAD_AT)[0] - 1) % self._count
-            size, offset, seq = ENTRY.unpack_from(head, self._index + last * ENTRY.size)
-            # A look across a lap may have met a frame before its publication, whose elder is the newest now.
-            # A sequence that fell further was begun anew.
-            if seq == 0 or size == 0 or self.seq - self._count < seq <= self.seq:
-                return []
-            if self._inside(size, offset):
-                frames = self._whole(head, self._entries(head, last, seq))
+            entries = self._news(head)
+            if not entries:
+                return found[-KEPT_MAX:]
+            if self._inside(entries[0]):
+                frames = self._whole(head, entries, self._copy(entries), self._head())
                 if frames:
-                    self.seq = seq
-                    return frames
-                outside = ""
+                    return (found + frames)[-KEPT_MAX:]
             else:
-                outside = f"its index points at byte {offset}, {size} long, of {self._data_size}"
-            self.torn += 1
-        if outside:
-            raise ChannelError(outside)
-        return []
+                self.torn += 1
+        if not self._inside(entries[0]):
+            _, size, offset, _ = entries[0]
+            raise ChannelError(f"its index points at byte {offset}, {size} long, of {self._data_size}")
+        return found[-KEPT_MAX:]
 
     def holds(self, size: int) -> int:
         """How many frames of that size the channel keeps."""
         return max(1, min(self._count, self._data_size // size))
 
-    def _entries(self, head: bytes, last: int, newest: int) -> list[tuple[int, int, int]]:
-        """Place of the index entry, size and offset of the newest frame and those before it that are news,
-        newest first."""
-        found = []
+    def _news(self, head: bytes) -> list[Entry]:
+        """The newest frame and those before it that have not been handed out, newest first."""
+        last = (INDEX_HEAD.unpack_from(head, INDEX_HEAD_AT)[0] - 1) % self._count
+        place = self._index + last * ENTRY.size
+        size, offset, newest = ENTRY.unpack_from(head, place)
+        # A look across a lap may have met a frame before its publication, whose elder is the newest now.
+        # A sequence that fell further was begun anew.
+        if newest == 0 or size == 0 or self.seq - self._count < newest <= self.seq:
+            return []
+        found = [(place, size, offset, newest)]
         wanted = min(newest - self.seq, self._count, KEPT_MAX) if 0 < self.seq < newest else 1
-        for back in range(wanted):
-            place = self._index + (last - back) % self._count * ENTRY.size
-            size, offset, seq = ENTRY.unpack_from(head, place)
-            if seq != newest - back or size == 0 or not self._inside(size, offset):
+        for seq in range(newest - 1, newest - wanted, -1):
+            last = (last or self._count) - 1
+            place = self._index + last * ENTRY.size
+            entry = (place, *ENTRY.unpack_from(head, place))
+            if entry[3] != seq or entry[1] == 0 or not self._inside(entry):
                 break  # the writer is there by now; what is older went before
-            found.append((place, size, offset))
+            found.append(entry)
         return found
 
-    def _inside(self, size: int, offset: int) -> bool:
+    def _inside(self, entry: Entry) -> bool:
+        _, size, offset, _ = entry
         return offset <= self._data_size - size
 
-    def _whole(self, head: bytes, entries: list[tuple[int, int, int]]) -> list[bytes]:
-        """The frames of these entries (newest first) that the writer did not touch meanwhile, oldest first;
-        [] when he touched the newest."""
-        low = min([offset for _, _, offset in entries])
-        span = max([offset + size for _, size, offset in entries]) - low
+    def _copy(self, entries: list[Entry]) -> list[bytes]:
+        """The frames of these entries as they are now, perhaps half written."""
+        low = min([offset for _, _, offset, _ in entries])
+        span = max([offset + size for _, size, offset, _ in entries]) - low
         if span <= SPAN_MAX:
-            data = os.pread(self._fd, span, self._data + low)
-            frames = [data[offset - low : offset - low + size] for _, size, offset in entries]
-        else:
-            frames = [os.pread(self._fd, size, self._data + offset) for _, size, offset in entries]
-        now = self._head()
+            return _cut(os.pread(self._fd, span, self._data + low), entries, low)
+        return [os.pread(self._fd, size, self._data + offset) for _, size, offset, _ in entries]
+
+    def _whole(self, head: bytes, entries: list[Entry], frames: list[bytes], after: bytes) -> list[bytes]:
+        """The frames (newest first) that the writer did not touch between the two looks at the index, oldest
+        first; [] when he touched the newest."""
         whole = 0
-        for (place, size, _), frame in zip(entries, frames, strict=True):
+        for (place, size, _, _), frame in zip(entries, frames, strict=True):
             end = place + ENTRY.size
-            if now[place:end] != head[place:end] or len(frame) < size:
+            if after[place:end] != head[place:end] or len(frame) < size:
                 break
             whole += 1
+        if whole:
+            self.seq = entries[0][3]
+        else:
+            self.torn += 1
         return frames[:whole][::-1]
 
     def _check(self) -> None:
@@ -162,3 +183,8 @@ class Channel:
         if len(head) < self._head_size:
             raise ChannelError("the channel has shrunk")
         return head
+
+
+def _cut(data: bytes, entries: list[Entry], low: int) -> list[bytes]:
+    """The frames of these entries, where `data` begins at byte `low`."""
+    return [data[offset - low : offset - low + size] for _, size, offset, _ in entries]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 LEARNED_FRAMES = 32  # before that every frame is looked for,
@@ -19,12 +20,12 @@ LOOKS_HZ = 100  # a writer quicker than this and its channel is not followed fra
 
 
 class Aim(NamedTuple):
-    """The next look: for how many frames from now on, when, and whether it is the wanted one that should be
-    there (else it is only lest something be lost, and half a period later will do)."""
+    """The next look: for how many frames from now on, when, and when before that to keep what is there, lest
+    it be overwritten."""
 
     frames: int
     look_s: float
-    closely: bool
+    keep_s: Sequence[float] = ()
 
 
 class Beat:
@@ -35,25 +36,27 @@ class Beat:
         self._written_s: float | None = None  # about when the newest was written
         self._span_s = 0.0
         self._span_frames = 0.0
-        self._in_time = UNMET  # close looks in a row
+        self._in_time = UNMET  # looks in a row
         self._jumps = 0
 
-    def aim(self, wanted_s: float, most: int) -> Aim:
-        """For the first frame that is written at `wanted_s` or later; or for one before, so that there are
-        never more than `most` to be seen."""
+    def aim(self, wanted_s: float, latest_s: float, most: int) -> Aim:
+        """For the first frame that is written at `wanted_s` or later, or else for the last before `latest_s`;
+        so that of more than `most` none waits to be overwritten."""
         if self._written_s is None:
-            return Aim(1, 0.0, True)
+            return Aim(1, 0.0)
         if not self._learned:
-            return Aim(1, self._written_s + LEARNING * self.period_s, True)
-        frames = max(1, math.ceil((wanted_s - self._written_s) / self.period_s))
-        looks = max(1, min(math.ceil(frames / most), int(frames * self.period_s * LOOKS_HZ)))
-        frames = math.ceil(frames / looks)
-        closely = looks == 1
-        return Aim(frames, self._written_s + (frames + (0.0 if closely else 0.5)) * self.period_s, closely)
+            return Aim(1, self._written_s + LEARNING * self.period_s)
+        frames = math.ceil((wanted_s - self._written_s) / self.period_s)
+        frames = max(1, min(frames, int((latest_s - self._written_s) / self.period_s)))
+        looks = min(math.ceil(frames / most), int(frames * self.period_s * LOOKS_HZ))
+        keep_s = [
+            self._written_s + (math.ceil(frames * k / looks) + 0.5) * self.period_s for k in range(1, looks)
+        ]
+        return Aim(frames, self._written_s + frames * self.period_s, keep_s)
 
-    def came(self, frames: int, now_s: float, blind_s: float, closely: bool) -> None:
+    def came(self, frames: int, now_s: float, blind_s: float) -> None:
         """So many frames came, the newest before `now_s`. `blind_s`: how long before another look had been
-        too early for it, 0: none was. `closely`: as it was aimed."""
+        too early for it, 0: none was."""
         if self._written_s is None:
             self._written_s = now_s
             return
@@ -68,13 +71,9 @@ class Beat:
                 self._in_time = UNMET
                 self._written_s = at_s
                 return
-            if closely:
-                self._in_time = 0 if blind_s else self._in_time + 1
-                later_s = min(LATER * late_s, LATER_MAX_S)
-                late_s = later_s if blind_s else min(late_s, -EARLIER_S * self._in_time)
-            else:
-                late_s = min(late_s, 0.0)
-            at_s = expected_s + late_s
+            self._in_time = 0 if blind_s else self._in_time + 1
+            later_s = min(LATER * late_s, LATER_MAX_S)
+            at_s = expected_s + (later_s if blind_s else min(late_s, -EARLIER_S * self._in_time))
         self._jumps = 0
         if self._span_s > SPAN_S and self._span_frames > 2 * LEARNED_FRAMES:
             self._span_s, self._span_frames = self._span_s / 2, self._span_frames / 2
