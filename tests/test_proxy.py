@@ -24,6 +24,11 @@ ROOT = Path(__file__).resolve().parent.parent
 CADDY = BIN / "caddy"
 SLOW = 400
 PER_ADDRESS = 3
+UNREAD_S = 3  # instead of the two minutes that the file says
+SAFE = (
+    *("x-frame-options", "x-content-type-options", "referrer-policy"),
+    *("cross-origin-opener-policy", "permissions-policy"),
+)
 OTHERS = "10.9.9."  # addresses that are not this machine's own, which are not counted
 
 pytestmark = pytest.mark.skipif(not CADDY.exists(), reason="no caddy in the virtual environment")
@@ -42,6 +47,7 @@ class Site:
 
     place: Namespace
     trust: ssl.SSLContext
+    proxy: int  # its process
 
     def get(self, path: str, **headers: str) -> tuple[int, Message[str, str], bytes]:
         """Status, headers, body of a GET; of `http://…` or of a path behind TLS."""
@@ -66,6 +72,10 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
     place, stack = Namespace(), Stack(folder)
     place.do("ip link set lo up", *(f"ip address add {OTHERS}{n}/32 dev lo" for n in (1, 2, 3)))
     page = str(ROOT / "spa/dist")
+    caddyfile = folder / "Caddyfile"
+    text = (ROOT / "infra/Caddyfile").read_text()
+    assert text.count("write_idle 2m") == 1
+    caddyfile.write_text(text.replace("write_idle 2m", f"write_idle {UNREAD_S}s"))
     settings = {
         "SITE": "localhost",
         "VIEWERS_AT": "127.0.0.1",
@@ -74,7 +84,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
         "XDG_CONFIG_HOME": str(folder),
     }
     words = [f"{name}={value}" for name, value in settings.items()]
-    caddy = [str(CADDY), "run", "--config", str(ROOT / "infra/Caddyfile"), "--adapter", "caddyfile"]
+    caddy = [str(CADDY), "run", "--config", str(caddyfile), "--adapter", "caddyfile"]
     root = folder / "caddy/pki/authorities/local/root.crt"
     try:
         limits = ("--trusted-proxies", "127.0.0.1", "--max-per-address", str(PER_ADDRESS), "--static", page)
@@ -87,7 +97,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
             return root.is_file()
 
         until("the proxy has made its authority", authority, 60)
-        made = Site(place, ssl.create_default_context(cafile=str(root)))
+        made = Site(place, ssl.create_default_context(cafile=str(root)), proxy.process.pid)
 
         def serves() -> bool:
             try:
@@ -110,7 +120,10 @@ def test_page_and_routes_over_tls(site: Site) -> None:
     assert (status, headers["cache-control"]) == (200, "no-cache")
     assert headers["x-content-type-options"] == "nosniff"
     assert headers["server"] is None
-    assert headers["x-frame-options"] == "DENY"
+    assert headers["alt-svc"] is None  # no other port is open
+    itself = site.get("http://127.0.0.1:8080/")[1]  # as the relay sends the same page
+    for name in SAFE:
+        assert headers[name] == itself[name] is not None, name
     asset = re.findall(r"\./(assets/[^\"]+\.js)", body.decode())[0]
     status, headers, _ = site.get(f"/{asset}", **{"accept-encoding": "gzip"})
     assert (status, headers["content-encoding"]) == (200, "gzip")
@@ -128,6 +141,35 @@ def test_page_and_routes_over_tls(site: Site) -> None:
     status, headers, _ = site.get("http://localhost/")
     assert (status, headers["location"]) == (308, "https://localhost/")
     assert site.get("/", **{"x-long": "x" * 40_000})[0] == 431
+
+
+def test_who_never_reads_its_answer_is_let_go(site: Site) -> None:
+    longest = max((ROOT / "spa/dist/assets").iterdir(), key=lambda file: file.stat().st_size)
+
+    def ask() -> ssl.SSLSocket:
+        raw = socket.socket()
+        raw.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        raw.connect(("127.0.0.1", 443))
+        link = site.trust.wrap_socket(raw, server_hostname="localhost")
+        # more than all buffers of a loopback take
+        link.sendall(100 * f"GET /assets/{longest.name} HTTP/1.1\r\nHost: localhost\r\n\r\n".encode())
+        return link
+
+    def held() -> int:
+        """Connections that the proxy has open towards viewers."""
+        port_443, established = ":01BB", "01"
+        text = "".join(Path(f"/proc/{site.proxy}/net/{table}").read_text() for table in ("tcp", "tcp6"))
+        lines = [line.split() for line in text.splitlines()]
+        return sum(line[1].endswith(port_443) and line[3] == established for line in lines)
+
+    until("nobody else is there", lambda: held() == 0, 30)
+    links = [site.place.run(ask) for _ in range(5)]
+    try:
+        assert held() == len(links)
+        until("they are let go", lambda: held() == 0, 60)
+    finally:
+        for link in links:
+            link.close()
 
 
 def test_events_pass_as_they_come(site: Site) -> None:

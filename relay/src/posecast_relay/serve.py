@@ -40,6 +40,7 @@ from posecast_relay.config import Settings, StartError
 from posecast_relay.core.delay import DelayedHub
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
+from posecast_relay.listener import BACKLOG, listen
 from posecast_relay.logs import start_logging
 from posecast_relay.robots_file import Robots, RobotsError, read_robots
 from posecast_relay.robots_watch import RobotsWatch
@@ -52,7 +53,6 @@ if TYPE_CHECKING:
 log = logging.getLogger("posecast_relay")
 
 SPARE_FILES = 1000  # beside the viewers' sockets
-BACKLOG = 4096  # a lecture hall opens the link at once
 GRACE_S = 2  # for requests under way when the relay stops
 CLOSE_ZENOH_S = 1.0
 END_S = 9.5  # after SIGTERM; platforms kill a process at 10 s
@@ -106,7 +106,7 @@ def run(settings: Settings) -> None:
 
 async def _serve(settings: Settings, robots: Robots | None, refusals: Refusals | None) -> None:
     _allow_sockets(settings.max_viewers)
-    listener = _bind(settings.host, settings.port)
+    listener = listen(settings.host, settings.port)
     try:
         door = _door(settings, robots)
     except ListenError as e:
@@ -286,24 +286,6 @@ def _allow_sockets(viewers: int) -> None:
             soft = wanted
     if soft != resource.RLIM_INFINITY and soft < viewers + SPARE_FILES:
         log.warning("only %d open files allowed: fewer viewers than --max-viewers %d", soft, viewers)
-
-
-def _bind(host: str, port: int) -> socket.socket:
-    try:
-        family, kind, proto, _, address = socket.getaddrinfo(
-            host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
-        )[0]
-        listener = socket.socket(family, kind, proto)
-    except OSError as e:
-        raise StartError(f"--host {host}: {e.strerror}") from None
-    listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-    try:
-        listener.bind(address)
-        listener.listen(BACKLOG)
-    except OSError as e:
-        listener.close()
-        raise StartError(f"http://{host}:{port}: {(e.strerror or str(e)).lower()}") from None
-    return listener
 
 
 def _mirror(settings: Settings, access: Access) -> FirebaseMirror | None:

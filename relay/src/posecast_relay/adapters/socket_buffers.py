@@ -19,6 +19,13 @@ def use_small_buffers(transport: asyncio.Transport) -> None:
     transport.set_write_buffer_limits(high=0)
 
 
+def cut_unread(sock: socket.socket, after_ms: int) -> None:
+    """Whoever takes nothing of what waits for so long, or is not there any more, is cut by the kernel. Of a
+    listener: whoever connects to it."""
+    if hasattr(socket, "TCP_USER_TIMEOUT"):  # not on macOS
+        sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, after_ms)
+
+
 def descriptor_of(transport: asyncio.Transport) -> int:
     """Of the socket, when all that is written to it goes out as it is; else −1."""
     sock = transport.get_extra_info("socket")

@@ -9,7 +9,6 @@ from __future__ import annotations
 import asyncio
 import json
 import random
-import socket
 from collections.abc import Callable
 from functools import partial
 from http import HTTPStatus
@@ -32,7 +31,7 @@ from posecast_relay.adapters.decoded import Decoded
 from posecast_relay.adapters.doorway import Doorway
 from posecast_relay.adapters.forms import EventForm, Form, JsonForm
 from posecast_relay.adapters.pump import Pump
-from posecast_relay.adapters.socket_buffers import use_small_buffers
+from posecast_relay.adapters.socket_buffers import cut_unread, use_small_buffers
 from posecast_relay.adapters.websocket import CLOSING_S
 from posecast_relay.core import messages
 from posecast_relay.core.hub import DRAIN_RETRY_S, GOING
@@ -86,8 +85,8 @@ class EventStream(asyncio.Protocol):
         self._transport.set_protocol(self)
         use_small_buffers(self._transport)
         sock = self._transport.get_extra_info("socket")
-        if sock is not None and hasattr(socket, "TCP_USER_TIMEOUT"):
-            sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, USER_TIMEOUT_MS)
+        if sock is not None:
+            cut_unread(sock, USER_TIMEOUT_MS)
         self._transport.write(HEAD % (f"access-control-allow-origin: {pages}\r\n".encode() if pages else b""))
         self._pump.join(self._viewer)
 

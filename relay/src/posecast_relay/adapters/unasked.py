@@ -57,13 +57,23 @@ def guarded(base: type[HttpToolsProtocol], unasked: Unasked) -> type[HttpToolsPr
     """The same HTTP, which does not wait for ever."""
 
     class Guarded(base):  # type: ignore[misc, valid-type]
+        answering: Any = None
+
         def connection_made(self, transport: Any) -> None:
             super().connection_made(transport)
             unasked.came(transport)
 
         def connection_lost(self, exc: Exception | None) -> None:
             unasked.asked(self.transport)
+            if self.answering is not None:
+                self.answering.disconnected = True  # else it goes on, and fails with a traceback
             super().connection_lost(exc)
+
+        def _start_asgi_task(self, cycle: Any, app: Any) -> None:
+            # uvicorn tells only the newest request that its asker has left, which is another one when several
+            # were sent at once
+            self.answering = cycle
+            super()._start_asgi_task(cycle, app)
 
         def handle_websocket_upgrade(self) -> None:
             super().handle_websocket_upgrade()

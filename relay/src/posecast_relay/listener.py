@@ -1,0 +1,33 @@
+"""Where viewers connect, and what the kernel does for every connection that comes this way."""
+
+from __future__ import annotations
+
+import socket
+
+from posecast_relay.adapters.socket_buffers import cut_unread
+from posecast_relay.config import StartError
+
+BACKLOG = 4096  # a lecture hall opens the link at once
+# An answer (a file of the page, a model) that nobody reads is kept so long; at a kilobyte a second some of it
+# is always read. Streams have limits of their own.
+UNREAD_MS = 120_000
+
+
+def listen(host: str, port: int) -> socket.socket:
+    """Port 0: any free one. StartError."""
+    try:
+        family, kind, proto, _, address = socket.getaddrinfo(
+            host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
+        )[0]
+        listener = socket.socket(family, kind, proto)
+    except OSError as e:
+        raise StartError(f"--host {host}: {e.strerror}") from None
+    listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    cut_unread(listener, UNREAD_MS)
+    try:
+        listener.bind(address)
+        listener.listen(BACKLOG)
+    except OSError as e:
+        listener.close()
+        raise StartError(f"http://{host}:{port}: {(e.strerror or str(e)).lower()}") from None
+    return listener
