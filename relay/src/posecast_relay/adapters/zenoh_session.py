@@ -155,9 +155,16 @@ def open_router(endpoints: Sequence[str], gate: Gate | None = None) -> tuple[zen
         except zenoh.ZError as e:
             if tries_left and real != list(endpoints):
                 continue
-            reason = "address already in use" if "in use" in str(e) else str(e).splitlines()[0]
-            raise ListenError(f"zenoh listener {', '.join(real)}: {reason}") from None
+            raise _refused(real, e) from None
     raise AssertionError("unreachable")
+
+
+def _refused(endpoints: Sequence[str], error: zenoh.ZError) -> ListenError:
+    """In Zenoh's words, without where in its sources they stand."""
+    said = str(error).splitlines()[0].partition(" at /")[0]
+    return ListenError(
+        f"zenoh listener {', '.join(endpoints)}: {'address already in use' if 'in use' in said else said}"
+    )
 
 
 def _open(endpoints: Sequence[str], gate: Gate | None) -> zenoh.Session:
@@ -173,6 +180,5 @@ def reopen_router(endpoints: Sequence[str], gate: Gate) -> zenoh.Session:
             return _open(endpoints, gate)
         except zenoh.ZError as e:
             if time.monotonic() >= give_up_at:
-                line = str(e).splitlines()[0]
-                raise ListenError(f"zenoh listener {', '.join(endpoints)}: {line}") from None
+                raise _refused(endpoints, e) from None
             time.sleep(0.01)
