@@ -97,8 +97,7 @@ describe('axe finds nothing', () => {
     if (!FULL) context.skip('make test-full plays it');
     stage.needs(context, 'media');
     const { colors, ...settings } = manner;
-    if (colors !== undefined && stage.browser.engine !== 'chromium')
-      context.skip('only Chromium’s driver asks for forced colours');
+    if (colors !== undefined) stage.needs(context, 'colors');
     const relay = await jammed();
     const looks = await Looks.open({
       viewport: LAPTOP,

@@ -30,7 +30,7 @@ describe('those who listen', () => {
 
 describe('with the colours of the system', () => {
   it('signs stay signs', async (context) => {
-    if (stage.browser.engine !== 'chromium') context.skip('only Chromium’s driver asks for forced colours');
+    stage.needs(context, 'colors');
     const relay = await stage.stack.relay();
     stage.stack.edge(relay);
     const page = await stage.newPage({ media: { colors: 'forced' } });

@@ -33,6 +33,15 @@ const PREFERENCES = {
   'dom.w3c_touch_events.enabled': 1,
 };
 
+/** What the system says to a page, as Firefox's preferences have it. */
+function mediaPreferences({ motion, scheme, colors }: PageOptions['media'] = {}): Record<string, number> {
+  return {
+    'ui.prefersReducedMotion': motion === 'reduce' ? 1 : 0,
+    'layout.css.prefers-color-scheme.content-override': scheme === 'dark' ? 0 : scheme === 'light' ? 1 : 2,
+    'browser.display.document_color_use': colors === 'forced' ? 2 : 0,
+  };
+}
+
 /** What Firefox itself logs about a connection that a test has cut; the page can't silence it. */
 const NETWORK_LOG = [
   /Firefox can’t establish a connection to the server at ws:/,
@@ -40,8 +49,8 @@ const NETWORK_LOG = [
 ];
 
 const LACKS = {
-  media: 'WebDriver BiDi in this Firefox sets no media preference',
   slow: 'WebDriver BiDi has no word for a slow processor',
+  drops: 'WebDriver BiDi in this Firefox begins a drag and never drops',
   files: 'WebDriver BiDi drags no files from the desktop',
 };
 
@@ -61,7 +70,10 @@ export async function openFirefox(options: BrowserOptions = {}): Promise<Browser
   const firefox = new Process(
     'firefox',
     EXECUTABLE,
-    ['--headless', '--no-remote', '--profile', profile, '--remote-debugging-port', '0'],
+    [
+      ...['--headless', '--no-remote', '--profile', profile, '--remote-debugging-port', '0'],
+      '--remote-allow-system-access', // to its preferences
+    ],
     { group: true, env: { ...display.env, HOME: profile, MOZ_CRASHREPORTER_DISABLE: '1' } },
   );
   const close = async (): Promise<void> => {
@@ -95,10 +107,27 @@ export async function openFirefox(options: BrowserOptions = {}): Promise<Browser
   }
 }
 
+/** Preferences are the whole browser's: they hold for every page until the next one comes. */
+async function prefer(
+  connection: BidiConnection,
+  preferences: Readonly<Record<string, number>>,
+): Promise<void> {
+  const { contexts } = await connection.send<{ contexts: readonly { context: string }[] }>(
+    'browsingContext.getTree',
+    { 'moz:scope': 'chrome' },
+  );
+  const expression = Object.entries(preferences)
+    .map(([name, value]) => `Services.prefs.setIntPref(${JSON.stringify(name)}, ${value});`)
+    .join('');
+  const [window] = contexts;
+  await connection.send('script.evaluate', { expression, target: window, awaitPromise: false });
+}
+
 /** A page with a user context, and so with storage, caches and a proxy, of its own. */
 async function newPage(connection: BidiConnection, options: PageOptions = {}): Promise<Page> {
   const complaints = new Complaints(...NETWORK_LOG);
   const proxy = await WatchingProxy.open({ onReport: (text) => complaints.add(text) });
+  await prefer(connection, mediaPreferences(options.media));
   const address = `127.0.0.1:${proxy.port}`;
   const { userContext } = await connection.send<{ userContext: string }>('browser.createUserContext', {
     proxy: { proxyType: 'manual', httpProxy: address, sslProxy: address },

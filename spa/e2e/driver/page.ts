@@ -58,7 +58,7 @@ export interface PageOptions {
   readonly media?: {
     readonly motion?: 'reduce';
     readonly scheme?: 'dark' | 'light';
-    /** The system's own few colours instead of the page's. */
+    /** The system's own few colours instead of the page's; needs `colors`. */
     readonly colors?: 'forced';
   };
 }
@@ -75,7 +75,7 @@ export interface Page {
   text(): Promise<string>;
   /** A key by its name, with modifiers before it: `Escape`, `a`, `Shift+ArrowLeft`. */
   press(key: string): Promise<void>;
-  /** Moves the pressed mouse in a straight line; another button than the left needs `buttons`. */
+  /** Moves the pressed mouse in a straight line; another button than the left needs `buttons`, what is to be dropped `drops`. */
   drag(from: Point, to: Point, button?: Button): Promise<void>;
   click(at: Point): Promise<void>;
   doubleClick(at: Point): Promise<void>;
@@ -111,7 +111,16 @@ export interface BrowserOptions {
   readonly strangersCertificate?: boolean;
 }
 
-export type Ability = 'touch' | 'media' | 'slow' | 'buttons' | 'wheel' | 'files' | 'cache';
+export type Ability =
+  | 'touch'
+  | 'media'
+  | 'colors'
+  | 'slow'
+  | 'buttons'
+  | 'wheel'
+  | 'drops'
+  | 'files'
+  | 'cache';
 
 export interface Browser {
   readonly engine: EngineName;
