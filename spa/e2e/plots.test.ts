@@ -42,15 +42,34 @@ const traces = (page: Page) =>
   );
 const named = async (page: Page) => (await traces(page)).map(([name]) => name);
 
-it.skipIf(!FULL)(
-  'any value goes into a plot by a tap or a drag, is paused, read off, and saved as a table',
-  async () => {
-    const relay = await stage.stack.relay();
-    stage.stack.fedEdge(relay, WALKS, { profile: 'demo' });
-    const page = await stage.newPage({ preload: SAVES, viewport: { width: 1280, height: 800 } });
-    await page.open(`${relay.url}/#/r/demo`);
-    await until('numbers', async () => (await shownSeq(page)) !== null);
+async function opened(): Promise<Page> {
+  const relay = await stage.stack.relay();
+  stage.stack.fedEdge(relay, WALKS, { profile: 'demo' });
+  const page = await stage.newPage({ preload: SAVES, viewport: { width: 1280, height: 800 } });
+  await page.open(`${relay.url}/#/r/demo`);
+  await until('numbers', async () => (await shownSeq(page)) !== null);
+  return page;
+}
 
+it.skipIf(!FULL)('a cell dragged onto their tab becomes a plot', async (context) => {
+  stage.needs(context, 'drops');
+  const page = await opened();
+  await until('its row on top', () =>
+    page.evaluate<boolean>(`(() => {
+      document.querySelector('.table-room').scrollTop = 0;
+      const rows = [...document.querySelectorAll('.joints tbody tr')].slice(0, 3);
+      return rows.some((row) => row.dataset.label === 'RKN');
+    })()`),
+  );
+  const from = await middleOf(page, 'td[data-field="cur"][data-label="RKN"]');
+  await page.drag(from, await middleOf(page, '#tab-Plots'));
+  await until('the plot', async () => (await named(page)).join() === 'RKN cur');
+});
+
+it.skipIf(!FULL)(
+  'any value goes into a plot by a tap, is paused, read off, and saved as a table',
+  async () => {
+    const page = await opened();
     await page.findByRole('tab', 'Sensors').click();
     await clickOn(page, 'td[data-field="ftf"][data-label="RF.fz"]');
     await page.findByRole('tab', 'Joints').click();
@@ -58,23 +77,11 @@ it.skipIf(!FULL)(
     await page.findByTestId('plot-pos').click();
     await page.findByTestId('plot-error').click();
     const all = ['right foot Fz', 'RKN pos', 'RKN error'];
-    if (stage.browser.engine === 'chromium') {
-      await until('its row on top', () =>
-        page.evaluate<boolean>(`(() => {
-        document.querySelector('.table-room').scrollTop = 0;
-        const rows = [...document.querySelectorAll('.joints tbody tr')].slice(0, 3);
-        return rows.some((row) => row.dataset.label === 'RKN');
-      })()`),
-      );
-      const from = await middleOf(page, 'td[data-field="cur"][data-label="RKN"]');
-      await page.drag(from, await middleOf(page, '#tab-Plots'));
-      await until('the plots', async () => (await page.findByTestId('plots').count()) === 1);
-      all.push('RKN cur');
-    } else await page.findByRole('tab', /^Plots/).click();
+    await page.findByRole('tab', /^Plots/).click();
     await until('all of them', async () => (await named(page)).length === all.length);
     expect((await named(page)).toSorted()).toEqual(all.toSorted());
     const pictures = await page.evaluate<number>('document.querySelectorAll(".plot canvas").length');
-    expect(pictures, 'one for each unit').toBe(all.length - 1);
+    expect(pictures, 'one for each unit').toBe(2);
 
     const position = async () => (await traces(page)).find(([name]) => name === 'RKN pos')?.[1];
     const first = await until('a number', position);

@@ -153,6 +153,24 @@ describe('the page driver', () => {
     await page.close();
   });
 
+  it('drags an element onto another', async (context) => {
+    needs(context, 'drops');
+    const page = await opened();
+    await page.evaluate(`(() => {
+      window.heard = [];
+      const dragged = document.body.appendChild(document.createElement('div'));
+      dragged.draggable = true;
+      dragged.style.cssText = 'position: fixed; left: 200px; top: 200px; width: 200px; height: 110px';
+      for (const type of ['dragstart', 'drop', 'dragend']) addEventListener(type, () => window.heard.push(type));
+      addEventListener('dragstart', (e) => e.dataTransfer.setData('text/plain', 'x'));
+      addEventListener('dragover', (e) => e.preventDefault());
+    })()`);
+    await page.drag(middle, { x: 300, y: 400 });
+    await until('the end', async () => (await said(page)).length === 3);
+    expect(await said(page)).toEqual(['dragstart', 'drop', 'dragend']);
+    await page.close();
+  });
+
   it('drags files and folders onto the page', async (context) => {
     needs(context, 'files');
     const folder = mkdtempSync(path.join(tmpdir(), 'posecast-drag-'));
