@@ -2,7 +2,7 @@
 
 import { readFileSync, writeFileSync } from 'node:fs';
 import path from 'node:path';
-import type { EngineName } from './driver/page.ts';
+import type { Ability, EngineName } from './driver/page.ts';
 import { REPO } from './stack.ts';
 
 export interface BrowserRow {
@@ -14,6 +14,8 @@ export interface BrowserRow {
   readonly touch: string;
   readonly fullscreen: string;
   readonly withoutWebGl: string;
+  /** What no test could find out there. */
+  readonly lacks: readonly Ability[];
 }
 
 const NAMES: Readonly<Record<EngineName, string>> = {
@@ -21,15 +23,30 @@ const NAMES: Readonly<Record<EngineName, string>> = {
   firefox: 'Firefox',
   webkitgtk: 'WebKitGTK',
 };
-const HEAD = `| browser | version | body in 3D | one finger turns it | fullscreen | without WebGL |
-|---|---|---|---|---|---|`;
+const ABILITIES: Readonly<Record<Ability, string>> = {
+  touch: 'touch',
+  buttons: 'right button',
+  wheel: 'wheel',
+  drops: 'drag and drop',
+  files: 'files from the desktop',
+  media: 'settings of the system',
+  colors: 'forced colours',
+  slow: 'slow processor',
+  cache: 'cache',
+};
+const HEAD = `| browser | version | body in 3D | one finger turns it | fullscreen | without WebGL | not played: its driver can’t |
+|---|---|---|---|---|---|---|`;
 const START = '<!-- browsers: written by `make browsers` -->';
 const END = '<!-- /browsers -->';
 const README = path.join(REPO, 'README.md');
 
 function line(row: BrowserRow): string {
   const drawn = `✓ robot in ${calls(row.robotCalls)}, scene in ${row.allCalls}`;
-  const cells = [NAMES[row.engine], row.version, drawn, row.touch, row.fullscreen, row.withoutWebGl];
+  const unplayed = Object.entries(ABILITIES).filter(([ability]) => row.lacks.includes(ability as Ability));
+  const cells = [
+    ...[NAMES[row.engine], row.version, drawn, row.touch, row.fullscreen, row.withoutWebGl],
+    unplayed.map(([, word]) => word).join(', ') || '—',
+  ];
   return `| ${cells.join(' | ')} |`;
 }
 

@@ -2,7 +2,7 @@ import { describe, expect, it } from 'vitest';
 import { type BrowserRow, otherThan, readReadme, withRow, writeReadme } from './browser_table.ts';
 import { COUNT_DRAWS, drawCalls } from './draw_calls.ts';
 import { openBrowser } from './driver/engines.ts';
-import type { Page } from './driver/page.ts';
+import type { Ability, Page } from './driver/page.ts';
 import { until } from './driver/until.ts';
 import { finest, hasSkin, renderedFrames, resting } from './robot_page.ts';
 import { DEMO, demoAt } from './sign_words.ts';
@@ -19,6 +19,7 @@ const ROW: BrowserRow = {
   touch: '✓',
   fullscreen: '✓',
   withoutWebGl: 'table',
+  lacks: ['files'],
 };
 const EMPTY = 'Before.\n\n<!-- browsers: written by `make browsers` -->\n<!-- /browsers -->\n\nAfter.\n';
 
@@ -34,6 +35,7 @@ describe("the README's table of browsers", () => {
     const written = withRow(EMPTY, ROW);
     expect(otherThan(written, { ...ROW, version: '1.3' })).toBeNull();
     expect(otherThan(written, { ...ROW, robotCalls: 61 })).toContain('1 draw call,');
+    expect(otherThan(written, { ...ROW, lacks: [] })).toContain('files from the desktop |');
     expect(otherThan(written, { ...ROW, engine: 'webkitgtk' })).toBe('nothing');
   });
 
@@ -55,6 +57,7 @@ describe("the README's table of browsers", () => {
       touch: touch ? await turnedByFinger(page) : 'not tested: its driver has no touch',
       fullscreen: await fullscreen(page),
       withoutWebGl: await withoutWebGl(relay),
+      lacks: Object.keys(stage.browser.lacks) as Ability[],
     };
     if (process.env.POSECAST_WRITE_BROWSERS === '1') writeReadme(withRow(readReadme(), row));
     const other = otherThan(readReadme(), row);

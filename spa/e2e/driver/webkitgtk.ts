@@ -23,7 +23,9 @@ const LACKS = {
   touch: 'WebKitWebDriver plays no touch',
   buttons: 'WebKitWebDriver lets go of the left button only',
   wheel: 'WebKitWebDriver turns a wheel back when it lets go of it',
+  colors: 'WebKitGTK knows no forced colours',
   slow: 'WebKitWebDriver has no word for a slow processor',
+  drops: 'WebKitWebDriver begins a drag and never drops',
   files: 'WebKitWebDriver drags no files from the desktop',
   cache: 'under automation MiniBrowser has a private session, which keeps no answers',
 };
