@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import os
 import re
+import shlex
 import shutil
 import subprocess
 import sys
@@ -17,9 +18,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from posecast_edge.settings import parse_settings
+from posecast_edge.settings import Settings, parse_settings
 
-from tests.conftest import until
+from tests.conftest import BIN, until
 from tests.namespaces import Namespace
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -191,14 +192,49 @@ def test_an_arm64_board_finds_every_wheel(wheels: Path, tmp_path: Path) -> None:
     assert [name for name in found if not name.endswith(("aarch64.whl", "-none-any.whl"))] == []
 
 
-def test_the_service_reads_settings_that_exist() -> None:
+@pytest.mark.skipif(shutil.which("openssl") is None, reason="no openssl here")
+def test_a_robot_reaches_a_relay_on_another_machine(stack: Any, tmp_path: Path) -> None:
+    """Word for word, but for names, paths and ports."""
+    keys, serve, publish = (
+        next(b for b in blocks("sh") if words in b)
+        for words in ("openssl", "posecast-relay run", "posecast-edge run")
+    )
+
+    def here(script: str) -> str:
+        return script.replace("/opt/posecast/bin", str(BIN)).replace("RELAY", "localhost")
+
+    def words(script: str) -> list[str]:
+        """With the files that `keys` has made."""
+        return [str(tmp_path / word) if (tmp_path / word).is_file() else word for word in shlex.split(script)]
+
+    sh(here(keys), tmp_path)
+    credential = tmp_path / "hubo.credential"
+    assert credential.stat().st_mode & 0o077 == 0
+    free = here(serve).replace("--port 8080", "--port 0").replace("0.0.0.0:7447", "0.0.0.0:0")
+    relay = stack.start("relay", *words(free))
+    port = relay.line(r"robots on tls/0\.0\.0\.0:(\d+)")[1]
+    edge = stack.start("edge", *words(here(publish).replace("7447", port)))
+    until("hubo is on air", lambda: "hubo | on air" in edge.log)
+
+
+def test_the_service_reads_settings_that_exist(tmp_path: Path) -> None:
     (text,) = blocks("ini")
     given = dict(line.split("=", 1) for line in text.splitlines())
     fixed = dict(re.findall(r"(POSECAST_\w+)=(\S+)", UNIT.read_text(encoding="utf-8")))
     assert fixed == {"POSECAST_ROBOT": "%i"}
-    settings = parse_settings(["run"], {**given, "POSECAST_ROBOT": "hubo"})
-    assert settings.robot == "hubo"
-    known = {f"POSECAST_{name.upper()}" for name in settings.__dataclass_fields__}
+    # the account is made anew at each start: what is not everybody's it reads by its group
+    (group,) = re.findall(r"^SupplementaryGroups=(\w+)$", UNIT.read_text(encoding="utf-8"), re.MULTILINE)
+    (steps,) = (b for b in blocks("sh") if "systemctl" in b)
+    path = given["POSECAST_CREDENTIAL"]
+    assert steps.startswith(
+        f"groupadd --system {group}\ninstall -D -m 640 -g {group} hubo.credential {path}\n"
+    )
+    credential = tmp_path / "hubo.credential"
+    credential.write_text(f"posecast1:hubo:{'s' * 43}\n", encoding="ascii")
+    credential.chmod(0o640)
+    read = {**given, "POSECAST_CREDENTIAL": str(credential), "POSECAST_ROBOT": "hubo"}
+    assert parse_settings(["run"], read).robot == "hubo"
+    known = {f"POSECAST_{name.upper()}" for name in Settings.__dataclass_fields__}
     assert set(given) <= known
 
 
