@@ -5,7 +5,7 @@ import type { Process } from './process.ts';
 import { body, drawsNothing, finest, liveness, renderedFrames } from './robot_page.ts';
 import { choose, DEMO, demoAt, FAULT, labels, shown, signs } from './sign_words.ts';
 import type { Relay, Sample } from './stack.ts';
-import { setStage } from './stage.ts';
+import { FULL, setStage } from './stage.ts';
 
 const stage = setStage();
 
@@ -60,22 +60,25 @@ describe('the lens', () => {
     await until('as many as before', async () => (await calls(page)) === without, 30_000);
   });
 
-  it('names a limb that yields on purpose and draws no ghost of it; "both" shows the whole one', async () => {
-    const yielding = demoAt(29.5);
-    const { page } = await standing(yielding);
-    const now = await until('deviations', async () => {
-      const found = await signs(page);
-      return found.deviations.length > 0 ? found : null;
-    });
-    expect(now.deviations.every(({ compliant }) => compliant)).toBe(true);
-    expect(now.ghostLinks).toEqual([]);
-    expect(await labels(page)).toContain('apart-LSP: LSP compliant');
-    await choose(page, { shown: 'both' });
-    await until('a whole ghost', async () => (await signs(page)).ghostLinks.includes('Body_Torso'));
-    await choose(page, { shown: 'pos', lens: false });
-    await until('wrenches', async () => (await signs(page)).wrenches.length === 4);
-    expect((await signs(page)).deviations).toEqual([]);
-  });
+  it.skipIf(!FULL)(
+    'names a limb that yields on purpose and draws no ghost of it; "both" shows the whole one',
+    async () => {
+      const yielding = demoAt(29.5);
+      const { page } = await standing(yielding);
+      const now = await until('deviations', async () => {
+        const found = await signs(page);
+        return found.deviations.length > 0 ? found : null;
+      });
+      expect(now.deviations.every(({ compliant }) => compliant)).toBe(true);
+      expect(now.ghostLinks).toEqual([]);
+      expect(await labels(page)).toContain('apart-LSP: LSP compliant');
+      await choose(page, { shown: 'both' });
+      await until('a whole ghost', async () => (await signs(page)).ghostLinks.includes('Body_Torso'));
+      await choose(page, { shown: 'pos', lens: false });
+      await until('wrenches', async () => (await signs(page)).wrenches.length === 4);
+      expect((await signs(page)).deviations).toEqual([]);
+    },
+  );
 });
 
 describe('limits', () => {
@@ -197,28 +200,31 @@ describe('what a robot does not say', () => {
 });
 
 describe('load on the body', () => {
-  it('paints links by temperature with a legend, and gives them their own colours back', async () => {
-    const sample = demoAt(30);
-    const { source, page } = await standing({
-      ...sample,
-      temp: { ...sample.temp, RKN: 71, LKN: 45, LHP: null },
-    });
-    await choose(page, { load: 'temp' });
-    const painted = await until('colours', async () => {
-      const { loads } = await signs(page);
-      return FAULT.test(loads.Body_RKN ?? '') ? loads : null; // past its limit
-    });
-    expect(painted.Body_LHP, 'no reading').toBe('#7f8894');
-    expect(painted.Body_LKN).not.toBe(painted.Body_RKN);
-    expect(await page.findByTestId('load-legend').text()).toContain('70 °C');
-    source.write(JSON.stringify(sample));
-    await until('cool', async () => !FAULT.test((await signs(page)).loads.Body_RKN ?? ''));
-    await choose(page, { load: 'off' });
-    await until('own colours', async () => Object.keys((await signs(page)).loads).length === 0);
-  });
+  it.skipIf(!FULL)(
+    'paints links by temperature with a legend, and gives them their own colours back',
+    async () => {
+      const sample = demoAt(30);
+      const { source, page } = await standing({
+        ...sample,
+        temp: { ...sample.temp, RKN: 71, LKN: 45, LHP: null },
+      });
+      await choose(page, { load: 'temp' });
+      const painted = await until('colours', async () => {
+        const { loads } = await signs(page);
+        return FAULT.test(loads.Body_RKN ?? '') ? loads : null; // past its limit
+      });
+      expect(painted.Body_LHP, 'no reading').toBe('#7f8894');
+      expect(painted.Body_LKN).not.toBe(painted.Body_RKN);
+      expect(await page.findByTestId('load-legend').text()).toContain('70 °C');
+      source.write(JSON.stringify(sample));
+      await until('cool', async () => !FAULT.test((await signs(page)).loads.Body_RKN ?? ''));
+      await choose(page, { load: 'off' });
+      await until('own colours', async () => Object.keys((await signs(page)).loads).length === 0);
+    },
+  );
 });
 
-it('all signs of an unchanged robot cost no pictures', async () => {
+it.skipIf(!FULL)('all signs of an unchanged robot cost no pictures', async () => {
   const { page } = await standing(demoAt(42));
   await until('a ghost', async () => (await signs(page)).ghostLinks.length > 0);
   await until('HOLDING', async () => (await liveness(page)) === 'HOLDING', 30_000);
