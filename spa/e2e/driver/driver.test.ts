@@ -68,6 +68,28 @@ describe('the page driver', () => {
     await page.close();
   });
 
+  it('presses only what it aimed at, also where that moves away under its finger', async () => {
+    const page = await opened();
+    // as a page does that something late has pushed down: between aim and press another button comes to lie there
+    await page.evaluate(`(() => {
+      window.heard = [];
+      const [button] = document.getElementsByTagName('button');
+      const other = button.cloneNode(true);
+      other.textContent = 'other';
+      for (const one of [button, other]) one.onclick = () => heard.push(one.textContent);
+      let moved = false;
+      addEventListener('pointermove', () => {
+        if (!moved) button.before(other);
+        moved = true;
+      });
+    })()`);
+    await page.findByRole('button', 'press').click();
+    expect(await page.evaluate<string[]>('window.heard')).toEqual(['press']);
+    await page.findByRole('button', 'other').click();
+    expect(await page.evaluate<string[]>('window.heard')).toEqual(['press', 'other']);
+    await page.close();
+  });
+
   it('loads a page anew', async () => {
     const page = await opened();
     await page.evaluate('window.second = true');

@@ -2,14 +2,25 @@
 
 import type { Json, Role } from './page.ts';
 
+declare global {
+  interface Window {
+    aimed?: { readonly leave: () => void; readonly landed: () => Landed };
+  }
+}
+
 export type Query =
   | { readonly testId: string }
   | { readonly role: Role; readonly name?: string; readonly pattern?: { source: string; flags: string } };
 
 export type Act =
-  | { readonly do: 'count' | 'text' | 'visible' | 'point' }
+  | { readonly do: 'count' | 'text' | 'visible' | 'aim' }
   | { readonly do: 'attribute'; readonly name: string }
   | { readonly do: 'fill'; readonly text: string };
+
+/** What became of the press that the last `aim` was for: it hit, or it missed and was kept from what lay there instead.
+ *  null in a document that came after. */
+export const LANDED = '(() => window.aimed?.landed() ?? null)()';
+export type Landed = 'hit' | 'missed' | 'nothing yet' | null;
 
 /** An expression that does it in the page and gives JSON; `{ not: why }` asks to be tried again. */
 export function inPage(query: Query, act: Act): string {
@@ -66,6 +77,30 @@ function find(query: Query, act: Act): Json {
         element.closest('[aria-hidden=true], [inert]') === null && shown(element) && named(element),
     );
   };
+  /** The page may move between aim and press: what is not meant then is not pressed. */
+  const watch = (meant: (target: Node) => boolean): void => {
+    const kinds = ['pointerdown', 'mousedown', 'pointerup', 'mouseup', 'click'];
+    let landed: Landed = 'nothing yet';
+    const press = (event: Event): void => {
+      if (landed === 'nothing yet')
+        landed = event.target instanceof Node && meant(event.target) ? 'hit' : 'missed';
+      if (landed === 'hit') return;
+      event.stopImmediatePropagation();
+      event.preventDefault();
+    };
+    const leave = (): void => {
+      for (const kind of kinds) window.removeEventListener(kind, press, true);
+    };
+    window.aimed?.leave();
+    for (const kind of kinds) window.addEventListener(kind, press, true);
+    window.aimed = {
+      leave,
+      landed: () => {
+        if (landed !== 'nothing yet') leave();
+        return landed;
+      },
+    };
+  };
 
   const found = matches();
   if (act.do === 'count') return found.length;
@@ -90,7 +125,7 @@ function find(query: Query, act: Act): Json {
       element.dispatchEvent(new Event('change', { bubbles: true }));
       return null;
     }
-    case 'point': {
+    case 'aim': {
       if (!shown(element)) return { not: 'visible' };
       if (element.matches(':disabled')) return { not: 'enabled' };
       element.scrollIntoView({ block: 'nearest', inline: 'nearest' });
@@ -101,6 +136,11 @@ function find(query: Query, act: Act): Json {
       if (hit === null || !(element.contains(hit) || hit.contains(element) || label?.contains(hit))) {
         return { not: `on top: ${hit?.tagName ?? 'nothing'} is` };
       }
+      watch((target) =>
+        element.contains(hit) || label?.contains(hit)
+          ? matches().some((now) => now.contains(target) || now.closest('label')?.contains(target))
+          : target === hit,
+      );
       return point;
     }
   }

@@ -3,10 +3,13 @@
 import { writeFileSync } from 'node:fs';
 import * as actions from './actions.ts';
 import { type Complaints, foreignTo } from './complaints.ts';
-import { type Act, inPage, type Query } from './in_page.ts';
+import { type Act, inPage, LANDED, type Landed, type Query } from './in_page.ts';
 import type { Button, Element, Finger, Json, Page, Point, Role, Viewport } from './page.ts';
 import { until } from './until.ts';
 import type { WatchingProxy } from './watching_proxy.ts';
+
+/** A press that no page has heard of for so long won't come. */
+const PRESS_MS = 1000;
 
 /** One page at the other end of a driver's line. */
 export interface RemoteEnd {
@@ -139,6 +142,16 @@ export class RemotePage implements Page {
     await this.#proxy.close();
   }
 
+  /** Whether the press hit what was aimed at. A document that it has led away from is not asked. */
+  async #hit(): Promise<boolean> {
+    const lateMs = performance.now() + PRESS_MS;
+    for (;;) {
+      const landed = await this.evaluate<Landed>(LANDED).catch(() => null);
+      if (landed !== 'nothing yet') return landed !== 'missed';
+      if (performance.now() > lateMs) return false;
+    }
+  }
+
   #element(query: Query): Element {
     const once = <T extends Json>(act: Act) => this.evaluate<T>(inPage(query, act));
     /** Tried until the element is there and willing. */
@@ -158,15 +171,17 @@ export class RemotePage implements Page {
       text: () => patiently({ do: 'text' }),
       attribute: (name) => patiently({ do: 'attribute', name }),
       type: async (text) => void (await patiently({ do: 'fill', text })),
-      click: async () => {
-        let before: Point | null = null;
-        const at = await until(`${JSON.stringify(query)} stands still`, async () => {
-          const last = before;
-          before = await patiently<Point & Json>({ do: 'point' });
-          return last !== null && last.x === before.x && last.y === before.y ? before : null;
-        });
-        await this.#end.perform(actions.click(at));
-      },
+      click: () =>
+        until(`a click on ${JSON.stringify(query)}`, async () => {
+          let before: Point | null = null;
+          const at = await until(`${JSON.stringify(query)} stands still`, async () => {
+            const last = before;
+            before = await patiently<Point & Json>({ do: 'aim' });
+            return last !== null && last.x === before.x && last.y === before.y ? before : null;
+          });
+          await this.#end.perform(actions.click(at));
+          return this.#hit();
+        }).then(() => undefined),
     };
   }
 }
