@@ -1,6 +1,7 @@
 import { type RefObject, useEffect, useRef, useState } from 'react';
 import type { LineView, Trouble } from '../scene/index.ts';
 import { showScene } from './handle.ts';
+import { say } from './language.ts';
 import { loadScene } from './load_scene.ts';
 import { changeSettings, type Settings, settings, useSettings } from './settings.ts';
 import { type ThemeName, useTheme } from './theme.ts';
@@ -82,10 +83,7 @@ export function useBodyView(
         return;
       }
       const what = error instanceof Error ? error.message : String(error);
-      setShown({
-        ...NOTHING,
-        why: `The body did not load (${what}). The numbers show everything the robot says.`,
-      });
+      setShown({ ...NOTHING, why: say().bodyFailed(what) });
     });
     return () => {
       left = true;
@@ -122,7 +120,7 @@ async function open3d(
   theme: ThemeNow,
   hears: { onTrouble: (trouble: Trouble | null) => void; onDrawn?: () => void },
 ): Promise<LineView | null> {
-  const { RobotScene: Scene } = await loadScene();
+  const Scene = await (await loadScene()).painted();
   if (host.current === null) return null;
   try {
     return new Scene(host.current, { theme: theme.current, ...hears });
