@@ -26,7 +26,7 @@ describe('numbers', () => {
         const text = formatNumber(signed, rad);
         const shownAs = Number(text.replace('\u2212', '-').replace('\u2007', ''));
         expect(Math.abs(shownAs - signed), text).toBeLessThanOrEqual(0.000_500_1 + Math.abs(signed) * 1e-15);
-        expect(stepsText(stepsOf(signed, rad), rad)).toBe(text);
+        expect(stepsText(stepsOf(signed, rad), rad)).toBe(text.replace('\u2007', ''));
       }
     }
     expect(stepsOf(0.3811, rad)).toBe(stepsOf(0.3809, rad));

@@ -135,14 +135,14 @@ describe('a reading that is gone', () => {
     expect(cell('cur', 'RKN').hasAttribute('data-old')).toBe(false);
     const gone = { 'cur.RKN': null, 'pos.RKN': null, 'ref.RKN': 250 };
     say(gone, 100);
-    expect(cell('cur', 'RKN').textContent).toBe('\u20071.50');
+    expect(cell('cur', 'RKN').textContent).toBe('1.50');
     expect(cell('cur', 'RKN').hasAttribute('data-old')).toBe(true);
     expect(cell('error', 'RKN').textContent, 'computed of what is read now').toBe('—');
     expect(cell('flags', 'RKN').textContent, 'too short to speak of').toBe('');
     say(gone, 12_400);
     expect(cell('flags', 'RKN').textContent).toBe('pos, cur 12 s old');
     say({ 'cur.RKN': 160, 'pos.RKN': 250 }, 12_500);
-    expect(cell('cur', 'RKN').textContent).toBe('\u20071.60');
+    expect(cell('cur', 'RKN').textContent).toBe('1.60');
     expect(cell('cur', 'RKN').hasAttribute('data-old')).toBe(false);
     expect(cell('flags', 'RKN').textContent).toBe('');
   });

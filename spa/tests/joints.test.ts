@@ -14,6 +14,13 @@ const row = (changed: Parameters<typeof codesWith>[0], label = 'RKN') => {
   return found;
 };
 
+/** What stands in the columns of the right knee. */
+const numbers = (changed: Parameters<typeof codesWith>[0]) => {
+  const table = new JointTable(SCHEMA);
+  const at = table.read(codesWith(changed)).findIndex((r) => r.label === 'RKN');
+  return Object.fromEntries(Object.entries(table.numbers).map(([name, column]) => [name, column[at]!]));
+};
+
 describe('joint rows', () => {
   it('of a joint that yields on purpose are no caution for it', () => {
     expect(row({ 'ref.RKN': 500, 'flags.RKN': HOMED | ENABLED })).toMatchObject({
@@ -25,20 +32,21 @@ describe('joint rows', () => {
     });
   });
 
-  it('show reference, position, their difference, current, temperature and plain name', () => {
-    const knee = row({ 'ref.RKN': 500, 'pos.RKN': 480, 'cur.RKN': -150 });
+  it('have reference, position, their difference, current, temperature and plain name', () => {
+    const changed = { 'ref.RKN': 500, 'pos.RKN': 480, 'cur.RKN': -150 };
+    const knee = numbers(changed);
     expect(knee.ref).toBeCloseTo(0.5);
     expect(knee.pos).toBeCloseTo(0.48);
     expect(knee.error).toBeCloseTo(0.02);
     expect(knee.cur).toBeCloseTo(-1.5);
-    expect(knee).toMatchObject({ temp: 33, homed: true, enabled: true, plain: 'right knee', level: 'ok' });
+    expect(knee.temp).toBe(33);
+    expect(row(changed)).toMatchObject({ homed: true, enabled: true, plain: 'right knee', level: 'ok' });
   });
 
-  it('have null for no reading, also in what is derived from it', () => {
-    expect(row({ 'pos.RKN': null, 'temp.RKN': null, 'flags.RKN': null })).toMatchObject({
-      pos: null,
-      error: null,
-      temp: null,
+  it('have NaN or null for no reading, also in what is derived from it', () => {
+    const nothing = { 'pos.RKN': null, 'temp.RKN': null, 'flags.RKN': null };
+    expect(numbers(nothing)).toMatchObject({ ref: 0, pos: Number.NaN, error: Number.NaN, temp: Number.NaN });
+    expect(row(nothing)).toMatchObject({
       homed: null,
       enabled: null,
       flags: [],
@@ -75,7 +83,22 @@ describe('joint rows', () => {
     const table = new JointTable(SCHEMA);
     const first = table.read(codesWith());
     expect(table.read(codesWith({ 'pos.LKN': 7 }))).toBe(first);
-    expect(first[0]?.pos).toBeCloseTo(0.007);
+    expect(table.numbers.pos[0]).toBeCloseTo(0.007);
+  });
+
+  it('count their changes, those of numbers apart', () => {
+    const table = new JointTable(SCHEMA);
+    const knee = SCHEMA.field('pos')!.labels.indexOf('RKN');
+    table.read(codesWith());
+    const before = [...table.changes];
+    table.read(codesWith({ 'pos.RKN': 7, 'cur.RKN': 30 }));
+    expect([...table.changes]).toEqual(before);
+    for (const change of [{ 'flags.RKN': JAM }, { 'pos.RKN': 400 }, { 'temp.RKN': 71 }, {}]) {
+      const counted = table.changes[knee]!;
+      table.read(codesWith(change));
+      expect(table.changes[knee], JSON.stringify(change)).toBe(counted + 1);
+    }
+    expect(table.changes[0]).toBe(before[0]);
   });
 
   it('know which columns a robot has', () => {

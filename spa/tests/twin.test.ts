@@ -1,5 +1,6 @@
 import { Schema } from '@posecast/wire';
-import { describe, expect, it } from 'vitest';
+import { describe, expect, it, vi } from 'vitest';
+import { NO_EDITS, withEdit } from '../src/twin/limits.ts';
 import { poseDiffers } from '../src/twin/motion.ts';
 import { Poser } from '../src/twin/pose.ts';
 import { EVENT_LIMIT, type RobotState, RobotTwin } from '../src/twin/robot.ts';
@@ -53,6 +54,24 @@ describe('twin', () => {
     expect(twin.state).toBeNull();
     twin.acceptState(state());
     expect(twin.state).toBeNull();
+  });
+
+  it('reads the joints of a frame once, however many ask, and again by other limits', () => {
+    const twin = new RobotTwin('small', 0);
+    expect(twin.joints()).toBeNull();
+    twin.acceptSchema(SCHEMA);
+    const joints = twin.joints()!;
+    const read = vi.spyOn(joints, 'read');
+    twin.acceptState(state({ codes: codesWith({ 'cur.RKN': 150 }) }));
+    const knee = () => twin.joints()!.rows.find(({ label }) => label === 'RKN');
+    expect(knee()).toMatchObject({ curLevel: 'ok' });
+    expect(twin.joints()).toBe(joints);
+    expect(read).toHaveBeenCalledTimes(1);
+    twin.acceptEdits(withEdit(NO_EDITS, 'cur', 'RKN', { low: null, high: 1, caution: 1 }));
+    expect(knee()).toMatchObject({ curLevel: 'fault' });
+    expect(read).toHaveBeenCalledTimes(2);
+    twin.acceptSchema(OTHER);
+    expect(twin.joints()).not.toBe(joints);
   });
 
   it('tells frame listeners of states only, and the others of what seldom changes', () => {

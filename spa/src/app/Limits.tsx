@@ -3,8 +3,8 @@ import { useEffect, useId, useRef, useState } from 'react';
 import { displayOf } from '../twin/format.ts';
 import { type Limited, limitedChannels } from '../twin/limited.ts';
 import { ANY, type BadThreshold, type Threshold, whyNoThreshold } from '../twin/limits.ts';
+import { dropOwnLimits, setOwnLimit } from './change_limits.ts';
 import { more, useMore } from './more.ts';
-import { dropOwnLimits, setOwnLimit } from './own_limits.ts';
 import { type RobotLink, useVersion } from './robot_link.ts';
 
 const LIVE_EVERY_MS = 250;

@@ -1,17 +1,16 @@
-import { type DragEvent, type KeyboardEvent, Suspense, useEffect, useRef } from 'react';
+import { type KeyboardEvent, Suspense, useEffect, useRef } from 'react';
 import { firstSight } from '../scene/first_sight.ts';
 import { nowMs } from '../stream/clock.ts';
 import { FaultLine } from './FaultLine.tsx';
 import { onLanguage, say, useText } from './language.ts';
 import { late, lateAfterBody } from './late.tsx';
 import { ROOM_FOR_BOTH, useMedia } from './media.ts';
-import { plot, usePlotted } from './plotted.ts';
+import { usePlotted } from './plotted.ts';
 import type { RobotLink } from './robot_link.ts';
 import { onSelection, selection, useSelectedJoint } from './selection.ts';
 import { make } from './table/cells.ts';
 import { JointView, type TableSources } from './table/joint_view.ts';
 import { refreshWith } from './table/refresh.ts';
-import { bringsValue, broughtValue } from './table/value_drag.ts';
 
 // The table is there at once; the rest comes when somebody looks for it.
 const TableTools = lateAfterBody(async () => (await import('./TableTools.tsx')).TableTools);
@@ -36,12 +35,19 @@ export function Panel({
   onTab: (tab: Tab) => void;
 }) {
   const text = useText();
+  const panel = useRef<HTMLDivElement>(null);
   const tabs = useRef<HTMLDivElement>(null);
   const joint = useSelectedJoint();
   const traces = usePlotted().length;
   useEffect(() => {
     // Wherever it was chosen. Not at once: a phone that is turned keeps the tab that it had.
     return onSelection(() => selection() !== null && setTab('Joints'));
+  }, [setTab]);
+  useEffect(() => {
+    // A panel that has gone meanwhile has no use for it; without it a tap still plots.
+    const carry = async () =>
+      (await import('./table/value_drag.ts')).carryValues(panel.current!, () => setTab('Plots'));
+    firstSight.then(carry).catch(() => {});
   }, [setTab]);
 
   const onKeyDown = (event: KeyboardEvent) => {
@@ -51,20 +57,9 @@ export function Panel({
     setTab(TABS[next] ?? tab);
     tabs.current?.querySelectorAll('button')[next]?.focus();
   };
-  const onDrop = (event: DragEvent) => {
-    const value = broughtValue(event);
-    if (value === null) return;
-    event.preventDefault();
-    plot(value);
-    setTab('Plots');
-  };
-  const landing = {
-    onDragOver: (event: DragEvent) => bringsValue(event) && event.preventDefault(),
-    onDrop,
-  };
 
   return (
-    <div className="panel">
+    <div className="panel" ref={panel}>
       <FaultLine link={link} />
       <div className="tabs" role="tablist" aria-label={text.numbers} ref={tabs} onKeyDown={onKeyDown}>
         {TABS.map((name) => (
@@ -77,21 +72,13 @@ export function Panel({
             aria-controls={`panel-${name}`}
             tabIndex={tab === name ? 0 : -1}
             onClick={() => setTab(name)}
-            {...(name === 'Plots' ? landing : {})}
           >
             {text[TAB_WORDS[name]]}
             {name === 'Plots' && traces > 0 && <small className="tab-count">{traces}</small>}
           </button>
         ))}
       </div>
-      <div
-        className="tab-body"
-        role="tabpanel"
-        id={`panel-${tab}`}
-        aria-labelledby={`tab-${tab}`}
-        key={tab}
-        {...(tab === 'Plots' ? landing : {})}
-      >
+      <div className="tab-body" role="tabpanel" id={`panel-${tab}`} aria-labelledby={`tab-${tab}`} key={tab}>
         <Suspense fallback={null}>
           {tab === 'Joints' && <Joints link={link} joint={joint} />}
           {tab === 'Sensors' && <Sensors link={link} />}
@@ -136,7 +123,7 @@ function JointNumbers({ link }: { link: RobotLink }) {
     if (host.current === null) return;
     host.current.replaceChildren(make('p', 'note late', say().noNumbersYet));
     const sources: TableSources = {
-      openFault: (label) => link.faults.book.of(label),
+      faults: link.faults.book,
       readings: link.past.readings,
     };
     const view = new JointView(host.current, link.twin, sources);

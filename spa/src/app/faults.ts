@@ -1,6 +1,5 @@
 import { useSyncExternalStore } from 'react';
 import { acknowledgedText, type Fault, FaultBook, readAcknowledged } from '../twin/fault_book.ts';
-import { JointTable } from '../twin/joints.ts';
 import type { RobotTwin } from '../twin/robot.ts';
 
 /** Keeps one robot's faults while its page is open; what was acknowledged stays in this browser. */
@@ -10,7 +9,6 @@ export class FaultKeeper {
   readonly #key: string;
   readonly #listeners = new Set<() => void>();
   readonly #leave: readonly (() => void)[];
-  #table: { schemaId: number; table: JointTable } | null = null;
   #list: readonly Fault[] | null = null;
 
   constructor(twin: RobotTwin) {
@@ -40,13 +38,10 @@ export class FaultKeeper {
 
   /** Every frame is looked at, also those that no eye could follow. */
   #frame(): void {
-    const { schema, state, limits } = this.#twin;
-    if (schema === null || state === null) return;
-    if (this.#table?.schemaId !== schema.id) {
-      this.#table = { schemaId: schema.id, table: new JointTable(schema) };
-    }
+    const joints = this.#twin.joints();
+    if (joints === null) return;
     const acknowledged = this.book.acknowledged.size;
-    this.book.rows(this.#table.table.read(state.codes, limits ?? undefined), Date.now());
+    this.book.rows(joints.rows, Date.now());
     if (this.book.acknowledged.size !== acknowledged) this.#keep();
     this.#list ??= [];
     this.#tell();

@@ -48,7 +48,9 @@ export function displayOf(unit: string, angle: AngleUnit, scale = 0.001): Displa
 
 /** A number with its sign in a column of its own; `null` and NaN are no reading. */
 export function formatNumber(value: number | null, display: Display): string {
-  return stepsText(stepsOf(value, display), display);
+  const steps = stepsOf(value, display);
+  const text = stepsText(steps, display);
+  return steps >= 0 && text !== NO_READING ? NO_SIGN + text : text;
 }
 
 /** 10⁰ … 10⁶: as many decimals as are ever shown. */
@@ -68,9 +70,11 @@ export function stepsOf(value: number | null, { decimals, factor }: Display): nu
 /** ".000" … ".999", made when they are first wanted. */
 const FRACTIONS: (readonly string[])[] = [];
 
+/** Without room for a sign: where numbers stand right-aligned it has its column anyway, and a text that is all Latin is
+ *  quicker to set. */
 export function stepsText(steps: number, { decimals }: Display): string {
   if (!Number.isFinite(steps)) return NO_READING;
-  const sign = steps < 0 ? MINUS : NO_SIGN;
+  const sign = steps < 0 ? MINUS : '';
   const size = Math.abs(steps);
   const power = POWERS[decimals] ?? 1;
   if (size >= 1e15) return sign + (size / power).toFixed(decimals);

@@ -1,4 +1,4 @@
-import type { Field, Level, Schema, Severity } from '@posecast/wire';
+import { type Field, type Level, MISSING, type Schema, type Severity } from '@posecast/wire';
 import { flagWords } from './format.ts';
 import { LevelLatch } from './level_latch.ts';
 import { Limits, type Threshold } from './limits.ts';
@@ -16,14 +16,6 @@ export interface JointRow {
   readonly label: string;
   /** The plain name ("right knee"), when the profile has one. */
   readonly plain: string | null;
-  ref: number | null;
-  pos: number | null;
-  /** ref − pos. */
-  error: number | null;
-  vel: number | null;
-  effort: number | null;
-  cur: number | null;
-  temp: number | null;
   homed: boolean | null;
   enabled: boolean | null;
   /** What is set and worth saying: faults first, then cautions, then states other than homed and enabled. */
@@ -38,8 +30,10 @@ export interface JointRow {
   apart: boolean;
 }
 
-/** What comes straight from a field. */
-type Measured = 'ref' | 'pos' | 'vel' | 'effort' | 'cur' | 'temp';
+/** Columns of numbers, as the table has them. All but `error`, which is ref − pos, come straight from a field. */
+export const NUMBERS = ['ref', 'pos', 'error', 'vel', 'effort', 'cur', 'temp'] as const;
+export type NumberName = (typeof NUMBERS)[number];
+type Columns = Readonly<Record<NumberName | 'flags', Field | null>>;
 
 const RANK: Readonly<Record<Severity, number>> = { fault: 0, caution: 1, state: 2 };
 /** Of the tolerance: how far ref and pos must come together again before a deviation counts as gone. */
@@ -50,11 +44,15 @@ const NO_FLAGS: readonly Flag[] = [];
 /** The rows of the joint table for one schema. `read` rewrites them in place: no garbage at frame rate. */
 export class JointTable {
   readonly rows: readonly JointRow[];
+  /** Column by column, row by row, side by side in memory; NaN is no reading. */
+  readonly numbers: Readonly<Record<NumberName, Float64Array>>;
+  /** Of each row: counts how often anything but its numbers has changed. */
+  readonly changes: Uint32Array;
   readonly #schema: Schema;
   readonly #profileLimits: Limits;
   readonly #latches: readonly { cur: LevelLatch; temp: LevelLatch }[];
   readonly #flagsOfMask = new Map<number, readonly Flag[]>();
-  readonly #columns: Readonly<Record<Measured | 'flags', Field | null>>;
+  readonly #columns: Columns;
   readonly #tolerances: readonly (number | null)[];
   /** Of each row, while the same limits hold. */
   #thresholds: { of: Limits; cur: (Threshold | null)[]; temp: (Threshold | null)[] } | null = null;
@@ -70,15 +68,9 @@ export class JointTable {
       const field = schema.field(name);
       return main !== null && field !== null && field.labelSet === main.labelSet ? field : null;
     };
-    this.#columns = {
-      ref: column('ref'),
-      pos: column('pos'),
-      vel: column('vel'),
-      effort: column('effort'),
-      cur: column('cur'),
-      temp: column('temp'),
-      flags: column('flags'),
-    };
+    this.#columns = Object.fromEntries(
+      [...NUMBERS, 'flags'].map((name) => [name, name === 'error' ? null : column(name)]),
+    ) as Columns;
     const bits = this.#columns.flags?.bits ?? [];
     this.#homedBit = bits.indexOf('homed');
     this.#enabledBit = bits.indexOf('enabled');
@@ -86,13 +78,6 @@ export class JointTable {
     this.rows = (main?.labels ?? []).map((label) => ({
       label,
       plain: schema.mapping.names.get(label) ?? null,
-      ref: null,
-      pos: null,
-      error: null,
-      vel: null,
-      effort: null,
-      cur: null,
-      temp: null,
       homed: null,
       enabled: null,
       flags: NO_FLAGS,
@@ -102,12 +87,16 @@ export class JointTable {
       compliant: false,
       apart: false,
     }));
+    this.numbers = Object.fromEntries(
+      NUMBERS.map((name) => [name, new Float64Array(this.rows.length).fill(Number.NaN)]),
+    ) as Record<NumberName, Float64Array>;
+    this.changes = new Uint32Array(this.rows.length);
     this.#latches = this.rows.map(() => ({ cur: new LevelLatch(), temp: new LevelLatch() }));
     this.#tolerances = this.rows.map(({ label }) => schema.mapping.tolerance(label));
   }
 
   /** Whether the robot reports this at all: a column that never has a reading is not worth its room. */
-  has(column: Measured | 'error' | 'flags' | 'homed' | 'enabled'): boolean {
+  has(column: NumberName | 'flags' | 'homed' | 'enabled'): boolean {
     switch (column) {
       case 'error':
         return this.#columns.ref !== null && this.#columns.pos !== null;
@@ -120,33 +109,32 @@ export class JointTable {
     }
   }
 
-  /** Where a column of numbers comes from; null when the robot does not report it. */
-  column(name: Measured): Field | null {
+  /** Where a column of numbers comes from; null when the robot does not report it, and of what is computed. */
+  column(name: NumberName): Field | null {
     return this.#columns[name];
   }
 
   read(codes: Int32Array, limits: Limits = this.#profileLimits): readonly JointRow[] {
-    const { ref, pos, vel, effort, cur, temp, flags } = this.#columns;
+    const { ref, pos, error, cur, temp } = this.numbers;
+    for (const name of NUMBERS) readColumn(codes, this.#columns[name], this.numbers[name]);
     const thresholds = this.#thresholdsOf(limits);
     for (let i = 0; i < this.rows.length; i += 1) {
       const row = this.rows[i]!;
-      row.ref = valueAt(codes, ref, i);
-      row.pos = valueAt(codes, pos, i);
-      row.error = row.ref === null || row.pos === null ? null : row.ref - row.pos;
-      row.vel = valueAt(codes, vel, i);
-      row.effort = valueAt(codes, effort, i);
-      row.cur = valueAt(codes, cur, i);
-      row.temp = valueAt(codes, temp, i);
-      const mask = valueAt(codes, flags, i);
+      const { flags, curLevel, tempLevel, apart } = row;
+      error[i] = ref[i]! - pos[i]!;
+      const mask = valueAt(codes, this.#columns.flags, i);
       row.homed = this.#bit(mask, this.#homedBit);
       row.enabled = this.#bit(mask, this.#enabledBit);
       row.flags = mask === null ? NO_FLAGS : this.#named(mask);
       const latches = this.#latches[i]!;
-      row.curLevel = latches.cur.next(thresholds.cur[i]!, row.cur);
-      row.tempLevel = latches.temp.next(thresholds.temp[i]!, row.temp);
+      row.curLevel = latches.cur.next(thresholds.cur[i]!, cur[i]!);
+      row.tempLevel = latches.temp.next(thresholds.temp[i]!, temp[i]!);
       row.compliant = this.#bit(mask, this.#complianceBit) === true;
-      row.apart = !row.compliant && this.#isApart(row, this.#tolerances[i]!);
+      row.apart = !row.compliant && isApart(error[i]!, apart, this.#tolerances[i]!);
       row.level = levelOfRow(row);
+      // Flags, homed and enabled come of one reading: other flags are another list.
+      const same = flags === row.flags && curLevel === row.curLevel && tempLevel === row.tempLevel;
+      if (!same || apart !== row.apart) this.changes[i]! += 1;
     }
     return this.rows;
   }
@@ -158,11 +146,6 @@ export class JointTable {
       this.#thresholds = { of: limits, cur: of('cur'), temp: of('temp') };
     }
     return this.#thresholds;
-  }
-
-  #isApart({ error, apart }: JointRow, tolerated: number | null): boolean {
-    if (tolerated === null || error === null) return false;
-    return Math.abs(error) > tolerated * (apart ? CLOSE_AGAIN : 1);
   }
 
   #bit(mask: number | null, bit: number): boolean | null {
@@ -185,6 +168,19 @@ export class JointTable {
     this.#flagsOfMask.set(mask, flags);
     return flags;
   }
+}
+
+function readColumn(codes: Int32Array, field: Field | null, into: Float64Array): void {
+  if (field === null) return;
+  for (let i = 0; i < into.length; i += 1) {
+    const code = codes[field.start + i]!;
+    into[i] = code === MISSING ? Number.NaN : code * field.scale;
+  }
+}
+
+/** Nothing is apart that has no reading. */
+function isApart(error: number, before: boolean, tolerated: number | null): boolean {
+  return tolerated !== null && Math.abs(error) > tolerated * (before ? CLOSE_AGAIN : 1);
 }
 
 function levelOfRow(row: JointRow): JointRow['level'] {

@@ -64,24 +64,6 @@ export function whyNoThreshold({ low, high, caution }: Threshold): BadThreshold 
   return caution > 0 && caution <= 1 ? null : 'limitCaution';
 }
 
-/** How a range is said. */
-export interface RangeWords {
-  readonly atMost: (value: string) => string;
-  readonly atLeast: (value: string) => string;
-  readonly between: (low: string, high: string) => string;
-}
-
-/** "±5 A", "−30 N to 500 N", "at most 70 °C". `shown`: a value with its unit. */
-export function rangeWords(
-  { low, high }: Threshold,
-  shown: (value: number) => string,
-  words: RangeWords,
-): string {
-  if (low === null) return words.atMost(shown(high ?? 0));
-  if (high === null) return words.atLeast(shown(low));
-  return -low === high ? `±${shown(high)}` : words.between(shown(low), shown(high));
-}
-
 /** JSON for the browser's storage. */
 export function editsText(edits: ThresholdEdits): string {
   return JSON.stringify(Object.fromEntries([...edits].map(([field, of]) => [field, Object.fromEntries(of)])));

@@ -1,4 +1,5 @@
 import type { EventMessage, Schema } from '@posecast/wire';
+import { JointTable } from './joints.ts';
 import type { KinematicTree } from './kinematic_tree.ts';
 import { Limits, NO_EDITS, type ThresholdEdits } from './limits.ts';
 import type { Evidence, Status } from './liveness.ts';
@@ -43,6 +44,9 @@ export class RobotTwin {
   /** Counts changes, so that a listener can tell cheaply whether it is up to date. */
   version = 0;
 
+  #joints: JointTable | null = null;
+  /** Which frame, by which limits, they were read from. */
+  #readFrom: readonly unknown[] = [];
   #watching = true;
   readonly #stateListeners = new Set<() => void>();
   readonly #changeListeners = new Set<() => void>();
@@ -78,7 +82,20 @@ export class RobotTwin {
     this.schema = schema;
     this.limits = new Limits(schema.mapping, this.edits);
     this.state = null;
+    this.#joints = null;
     this.#changed();
+  }
+
+  /** The joints of the newest frame, read once however many ask; null before there is a schema. */
+  joints(): JointTable | null {
+    const { schema, state, limits } = this;
+    if (schema === null || limits === null) return null;
+    this.#joints ??= new JointTable(schema);
+    if (state !== null && (state !== this.#readFrom[0] || limits !== this.#readFrom[1])) {
+      this.#readFrom = [state, limits];
+      this.#joints.read(state.codes, limits);
+    }
+    return this.#joints;
   }
 
   acceptState(state: RobotState): void {

@@ -3,6 +3,7 @@ import uPlot from 'uplot';
 import 'uplot/dist/uPlot.min.css';
 import { type AngleUnit, formatNumber, formatSpan } from '../../twin/format.ts';
 import { HISTORY_S, type History } from '../../twin/history.ts';
+import { NUMBERS } from '../../twin/joints.ts';
 import { csvOf } from '../../twin/plot_csv.ts';
 import {
   type PlotData,
@@ -16,7 +17,6 @@ import type { Plotted } from '../../twin/plotted.ts';
 import type { PowerWords } from '../../twin/sensors.ts';
 import { say } from '../language.ts';
 import { make, TextCell } from '../table/cells.ts';
-import { NUMBERS } from '../table/joint_row.ts';
 import type { More } from '../text/more_en.ts';
 import { traceStyle } from './trace_style.ts';
 

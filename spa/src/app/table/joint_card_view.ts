@@ -1,7 +1,7 @@
 import { type Display, displayOf, formatNumber, formatSpan } from '../../twin/format.ts';
 import { HISTORY_S, type History } from '../../twin/history.ts';
 import type { LastReadings } from '../../twin/last_readings.ts';
-import { rangeWords } from '../../twin/limits.ts';
+import { rangeWords } from '../../twin/range_words.ts';
 import type { RobotTwin } from '../../twin/robot.ts';
 import { strip } from '../../twin/sparkline.ts';
 import { valueAt } from '../../twin/values.ts';

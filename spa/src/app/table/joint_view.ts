@@ -1,7 +1,7 @@
 import { nowMs } from '../../stream/clock.ts';
-import type { Fault } from '../../twin/fault_book.ts';
+import type { FaultBook } from '../../twin/fault_book.ts';
 import { type Display, displayOf } from '../../twin/format.ts';
-import { type JointRow, JointTable } from '../../twin/joints.ts';
+import { type JointTable, NUMBERS, type NumberName } from '../../twin/joints.ts';
 import type { LastReadings } from '../../twin/last_readings.ts';
 import type { Limb } from '../../twin/limbs.ts';
 import type { RobotTwin } from '../../twin/robot.ts';
@@ -12,22 +12,25 @@ import { onSelection, selection, selectJoint } from '../selection.ts';
 import { settings } from '../settings.ts';
 import { make, TextCell } from './cells.ts';
 import { anyFilter, filterText, onFilter, passes, setFilter } from './filter.ts';
-import { type Lost, NUMBERS, type NumberName, oldWords, RowView, STATES } from './joint_row.ts';
+import { type Lost, oldWords, RowView, STATES } from './joint_row.ts';
 import { NumberGrid } from './number_grid.ts';
-import { carryValues } from './value_drag.ts';
+import { Ranks } from './ranks.ts';
 
 /** What the table asks of the page around it. */
 export interface TableSources {
-  /** A joint's fault that nobody has acknowledged yet. */
-  readonly openFault?: (label: string) => Fault | null;
+  readonly faults?: FaultBook;
   readonly readings?: LastReadings;
   /** Puts the joints together limb by limb; null until its code is here. */
   limbs?: typeof titledLimbs | null;
 }
 
+type Schema = NonNullable<RobotTwin['schema']>;
+
 /** A column of numbers. */
 interface Column {
   readonly name: NumberName;
+  /** One a row. */
+  readonly values: Float64Array;
   /** Where it comes from; null of what is computed: ref − pos. */
   readonly field: ReturnType<JointTable['column']>;
   readonly unit: TextCell;
@@ -50,7 +53,6 @@ export class JointView {
   readonly #host: HTMLElement;
   readonly #from: TableSources;
   readonly #leave: readonly (() => void)[];
-  #table: JointTable | null = null;
   #root: HTMLTableElement | null = null;
   #rows: readonly RowView[] = [];
   #grid: NumberGrid | null = null;
@@ -59,11 +61,16 @@ export class JointView {
   #nothing: HTMLElement | null = null;
   #builtFor: readonly unknown[] = [];
   #angle = '';
-  /** Of each row: 2, 1, 0 as `RowView.rank` has it, or HIDDEN; what the page shows. */
-  #ranks = new Int8Array(0);
+  #ranks = new Ranks(0);
+  /** Of each row its rank, or HIDDEN, as the page shows it. */
+  #shownRanks = new Int8Array(0);
+  /** Of each row, which of its changes was said last. */
+  #said = new Uint32Array(0);
+  /** Of the faults: which version was said last; NaN: say all again. */
+  #saidFaults = Number.NaN;
   /** Which rows are on the screen: 1, 0. Writing a number costs more than all else that is done for it. */
   #seen = new Uint8Array(0);
-  readonly #sight: IntersectionObserver | null;
+  readonly #sight = new IntersectionObserver((changes) => this.#look(changes));
   #turn = 0;
   /** One timer for many frames: to set one costs more than to write a row. */
   #settle: ReturnType<typeof setTimeout> | undefined;
@@ -86,39 +93,41 @@ export class JointView {
       this.#mark();
       this.#reveal();
     };
-    this.#sight =
-      typeof IntersectionObserver === 'undefined'
-        ? null
-        : new IntersectionObserver((changes) => this.#look(changes));
     this.#leave = [
       onSelection(chosen),
       onFilter(() => this.#arrange(nowMs(), true)),
       () => shrinks.disconnect(),
-      () => this.#sight?.disconnect(),
+      () => this.#sight.disconnect(),
       () => clearTimeout(this.#settle),
     ];
   }
 
   write(nowMs: number): void {
     const { schema, state, tree } = this.#twin;
-    if (schema === null) return;
+    const table = this.#twin.joints();
+    if (schema === null || table === null) return;
     const { angle, limbs: grouped } = settings();
     const limbsOf = grouped ? (this.#from.limbs ?? null) : null;
     const wanted = [schema, say(), limbsOf, limbsOf === null ? null : tree];
     if (wanted.some((part, i) => part !== this.#builtFor[i])) {
       this.#builtFor = wanted;
-      this.#build(limbsOf?.(schema, tree) ?? null);
+      this.#build(schema, table, limbsOf?.(schema, tree) ?? null);
       this.#angle = '';
     }
-    if (this.#table === null || this.#root === null) return;
+    if (this.#root === null) return;
     const all = angle !== this.#angle;
-    if (all) this.#chooseUnits();
+    if (all) this.#chooseUnits(schema);
     if (state !== null) {
-      const rows = this.#table.read(state.codes, this.#twin.limits ?? undefined);
+      const { faults, readings } = this.#from;
+      const mayBeLost = readings?.anyLost === true;
+      const told = faults?.version ?? 0;
+      const anyRow = mayBeLost || told !== this.#saidFaults;
+      this.#saidFaults = mayBeLost ? Number.NaN : told;
       this.#turn = (this.#turn + 1) % TURNS;
-      for (let i = 0; i < rows.length; i += 1) {
+      for (let i = 0; i < this.#rows.length; i += 1) {
         const due = all || this.#seen[i] === 1 || i % TURNS === this.#turn;
-        this.#writeRow(rows[i]!, i, nowMs, due);
+        const gone = due || mayBeLost ? this.#writeNumbersOf(i, due) : NOTHING_LOST;
+        if (anyRow || table.changes[i] !== this.#said[i]) this.#say(table, i, gone, nowMs);
       }
       this.#settled = false;
       this.#settle ??= setTimeout(this.#settleDown, SETTLED_MS);
@@ -127,11 +136,11 @@ export class JointView {
     this.#arrange(nowMs);
   }
 
-  /** All numbers of the newest frame that is shown. */
+  /** All numbers of the newest frame. */
   #writeNumbers(): void {
     if (this.#twin.state === null) return;
-    this.#table?.rows.forEach((row, i) => {
-      this.#writeNumbersOf(row, i, true);
+    this.#rows.forEach((_, i) => {
+      this.#writeNumbersOf(i, true);
     });
   }
 
@@ -141,7 +150,7 @@ export class JointView {
       const i = this.#rows.findIndex(({ element }) => element === target);
       this.#seen[i] = Number(isIntersecting); // of a row that is gone: nowhere
     }
-    if (changes.some(({ isIntersecting }) => isIntersecting)) this.#writeNumbers();
+    this.#writeNumbers();
   }
 
   dispose(): void {
@@ -150,32 +159,34 @@ export class JointView {
   }
 
   /** What is wrong with a row is said at once; its numbers when they are due. */
-  #writeRow(row: JointRow, i: number, nowMs: number, due: boolean): void {
-    const gone = this.#writeNumbersOf(row, i, due);
-    const { openFault } = this.#from;
-    const old = gone.length === 0 ? '' : oldWords(gone, nowMs);
-    this.#rows[i]?.write(row, openFault?.(row.label) ?? null, old, nowMs);
+  #say(table: JointTable, i: number, gone: readonly Lost[], nowMs: number): void {
+    const row = table.rows[i]!;
+    const fault = this.#from.faults?.of(row.label) ?? null;
+    const anew = table.changes[i] !== this.#said[i];
+    this.#said[i] = table.changes[i]!;
+    this.#rows[i]!.write(row, fault, gone.length === 0 ? '' : oldWords(gone, nowMs), anew);
+    this.#ranks.set(i, row.level, fault !== null);
   }
 
   /** Returns what is not read any more. */
-  #writeNumbersOf(row: JointRow, i: number, due: boolean): readonly Lost[] {
+  #writeNumbersOf(i: number, due: boolean): readonly Lost[] {
     const { readings } = this.#from;
     const mayBeLost = readings?.anyLost === true;
     let gone = NOTHING_LOST;
-    if (!(due || mayBeLost)) return gone;
     const columns = this.#columns;
     for (let c = 0; c < columns.length; c += 1) {
-      const { name, field, display, own } = columns[c]!;
-      let value = row[name];
-      let sinceMs: number | null = null;
-      if (mayBeLost && field !== null && value === null) {
-        sinceMs = readings.lostMs(field, i);
+      const { name, values, field, display, own } = columns[c]!;
+      let value = values[i]!;
+      let old = false;
+      if (mayBeLost && Number.isNaN(value)) {
+        const sinceMs = readings.lostMs(field, i);
         if (sinceMs !== null) {
-          value = valueAt(readings.codes, field, i);
+          old = true;
+          value = valueAt(readings.codes, field, i) ?? Number.NaN;
           gone = [...gone, { name, sinceMs }];
         }
       }
-      if (due) this.#grid?.set(i * columns.length + c, value, own?.[i] ?? display, sinceMs !== null);
+      if (due) this.#grid?.set(i * columns.length + c, value, own?.[i] ?? display, old);
     }
     return gone;
   }
@@ -185,11 +196,11 @@ export class JointView {
   #arrange(nowMs: number, filterChanged = false): void {
     const { faultsFirst } = settings();
     const filtered = anyFilter();
-    const ranks = this.#ranks;
+    const ranks = this.#shownRanks;
     let changed = filterChanged;
     for (let i = 0; i < this.#rows.length; i += 1) {
-      const row = this.#rows[i]!;
-      const rank = filtered && !passes(row.haystack) ? HIDDEN : faultsFirst ? row.rank(nowMs) : 0;
+      const own = this.#ranks.of(i, nowMs);
+      const rank = filtered && !passes(this.#rows[i]!.haystack) ? HIDDEN : faultsFirst ? own : 0;
       if (rank === ranks[i]) continue;
       ranks[i] = rank;
       changed = true;
@@ -198,7 +209,7 @@ export class JointView {
   }
 
   #order(): void {
-    const ranks = this.#ranks;
+    const ranks = this.#shownRanks;
     const limbs = this.#bodies.map(({ element, rows }) => {
       for (const i of rows) this.#rows[i]!.element.hidden = ranks[i] === HIDDEN;
       const sorted = [...rows].sort((a, b) => ranks[b]! - ranks[a]!);
@@ -231,9 +242,7 @@ export class JointView {
     row?.scrollIntoView?.({ block: 'nearest' });
   }
 
-  #chooseUnits(): void {
-    const { schema } = this.#twin;
-    if (schema === null) return;
+  #chooseUnits(schema: Schema): void {
     const { angle } = settings();
     this.#angle = angle;
     this.#grid?.forget();
@@ -250,15 +259,14 @@ export class JointView {
     }
   }
 
-  #build(limbs: readonly Limb[] | null): void {
-    const { schema } = this.#twin;
-    if (schema === null) return;
+  #build(schema: Schema, table: JointTable, limbs: readonly Limb[] | null): void {
     const text = say();
-    const table = new JointTable(schema);
-    this.#table = table;
-    this.#ranks = new Int8Array(table.rows.length);
+    this.#ranks = new Ranks(table.rows.length);
+    this.#shownRanks = new Int8Array(table.rows.length);
+    this.#said = new Uint32Array(table.rows.length).fill(-1);
+    this.#saidFaults = Number.NaN;
     this.#seen = new Uint8Array(table.rows.length).fill(1);
-    this.#sight?.disconnect();
+    this.#sight.disconnect();
     if (table.rows.length === 0) {
       this.#host.replaceChildren(make('p', 'note', text.noJoints));
       this.#root = null;
@@ -279,7 +287,8 @@ export class JointView {
       head.append(cell);
       return {
         name,
-        field: name === 'error' ? null : table.column(name),
+        values: table.numbers[name],
+        field: table.column(name),
         unit: new TextCell(cell.appendChild(make('span', 'unit'))),
         display: displayOf('', 'rad'),
         own: null,
@@ -319,12 +328,11 @@ export class JointView {
       const label = (target as HTMLElement).closest<HTMLElement>('tr[data-label]')?.dataset.label;
       if (label !== undefined) selectJoint(label);
     });
-    carryValues(root);
     this.#root = root;
     this.#nothing = make('p', 'note');
     this.#nothing.hidden = true;
     this.#host.replaceChildren(root, this.#nothing);
-    for (const { element } of this.#rows) this.#sight?.observe(element);
+    for (const { element } of this.#rows) this.#sight.observe(element);
     this.#mark();
     this.#reveal();
   }

@@ -9,11 +9,12 @@ export class NumberGrid {
   /** Steps of the last digit, as shown. */
   readonly #steps: Float64Array;
   /** The last one known, not the present. */
-  readonly #old: boolean[] = [];
+  readonly #old: Uint8Array;
 
   constructor(cells: readonly HTMLElement[]) {
     this.#nodes = cells.map((cell) => cell.appendChild(new Text()));
     this.#steps = new Float64Array(cells.length);
+    this.#old = new Uint8Array(cells.length);
     this.forget();
   }
 
@@ -25,8 +26,8 @@ export class NumberGrid {
   /** `old`: the last one known, not the present. */
   set(at: number, value: number | null, display: Display, old: boolean): void {
     const node = this.#nodes[at]!;
-    if (this.#old[at] !== old) {
-      this.#old[at] = old;
+    if (this.#old[at] !== Number(old)) {
+      this.#old[at] = Number(old);
       node.parentElement?.toggleAttribute('data-old', old);
     }
     const steps = stepsOf(value, display);

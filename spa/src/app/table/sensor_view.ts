@@ -7,7 +7,6 @@ import { isPlotted, togglePlot } from '../plotted.ts';
 import { settings } from '../settings.ts';
 import { DataMark, make, press, TextCell } from './cells.ts';
 import { NumberGrid } from './number_grid.ts';
-import { carryValues } from './value_drag.ts';
 
 /** From here on a reading that is gone says how old it is. */
 const OLD_MS = 1500;
@@ -137,7 +136,6 @@ export class SensorView {
       const { field, label } = row?.querySelector<HTMLElement>('[data-field]')?.dataset ?? {};
       if (field !== undefined && label !== undefined) togglePlot({ field, label });
     });
-    carryValues(root);
     this.#root = root;
     this.#host.replaceChildren(root);
   }

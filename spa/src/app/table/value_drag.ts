@@ -1,28 +1,33 @@
 import type { Plotted } from '../../twin/plotted.ts';
+import { plot } from '../plotted.ts';
 
 const TYPE = 'application/x-posecast-value';
+/** Where values may be dropped: the tab of the plots, and what it shows. */
+const PLOTS = '#tab-Plots, #panel-Plots';
 
-interface Dragged {
-  readonly dataTransfer: DataTransfer | null;
-}
-
-/** Lets cells with a field and a label be dragged. */
-export function carryValues(root: HTMLElement): void {
-  root.addEventListener('dragstart', (event) => {
-    const { field, label } = (event.target as HTMLElement).dataset ?? {};
-    if (field === undefined || label === undefined || event.dataTransfer === null) return;
-    event.dataTransfer.effectAllowed = 'copy';
-    event.dataTransfer.setData(TYPE, JSON.stringify([field, label]));
+/** Lets cells with a field and a label be dragged into the plots of the panel that they stand in. */
+export function carryValues(panel: HTMLElement, dropped: () => void): void {
+  panel.addEventListener('dragstart', ({ target, dataTransfer }) => {
+    const { field, label } = (target as HTMLElement).dataset ?? {};
+    if (field === undefined || label === undefined || dataTransfer === null) return;
+    dataTransfer.effectAllowed = 'copy';
+    dataTransfer.setData(TYPE, JSON.stringify([field, label]));
+  });
+  const overPlots = ({ target }: DragEvent) => (target as Element).closest(PLOTS) !== null;
+  panel.addEventListener('dragover', (event) => {
+    if (overPlots(event) && event.dataTransfer?.types.includes(TYPE)) event.preventDefault();
+  });
+  panel.addEventListener('drop', (event) => {
+    const value = overPlots(event) ? broughtValue(event.dataTransfer) : null;
+    if (value === null) return;
+    event.preventDefault();
+    plot(value);
+    dropped();
   });
 }
 
-/** Whether a drag brings a value. Which one, only a drop tells. */
-export function bringsValue({ dataTransfer }: Dragged): boolean {
-  return dataTransfer?.types.includes(TYPE) ?? false;
-}
-
 /** null for anything else that may be dropped. */
-export function broughtValue({ dataTransfer }: Dragged): Plotted | null {
+function broughtValue(dataTransfer: DataTransfer | null): Plotted | null {
   let carried: unknown = null;
   try {
     carried = JSON.parse(dataTransfer?.getData(TYPE) ?? 'null');
