@@ -81,6 +81,8 @@ describe('the table', () => {
     await until('cells', () => page.evaluate<boolean>('document.querySelector("[data-field=pos]") !== null'));
     const wide = await page.evaluate<number>('document.documentElement.scrollWidth');
     expect(wide).toBeLessThanOrEqual(390);
+    const flagsPx = await page.evaluate<number>('document.querySelector("td[data-field=flags]").clientWidth');
+    expect(flagsPx, 'room for a word such as "compliant"').toBeGreaterThanOrEqual(68);
     await page.open(`${relay.url}/#/`);
     expect(await page.evaluate<number>('document.documentElement.scrollWidth')).toBeLessThanOrEqual(390);
   });
