@@ -61,9 +61,12 @@ it.skipIf(!FULL)('a cell dragged onto their tab becomes a plot', async (context)
       return rows.some((row) => row.dataset.label === 'RKN');
     })()`),
   );
-  const from = await middleOf(page, 'td[data-field="cur"][data-label="RKN"]');
-  await page.drag(from, await middleOf(page, '#tab-Plots'));
-  await until('the plot', async () => (await named(page)).join() === 'RKN cur');
+  const plotted = async () => (await named(page)).join() === 'RKN cur';
+  await until('the plot', async () => {
+    const from = await middleOf(page, 'td[data-field="cur"][data-label="RKN"]');
+    await page.drag(from, await middleOf(page, '#tab-Plots')); // nothing, before the code for it has come
+    return until('it', plotted, 3000).catch(() => false);
+  });
 });
 
 it.skipIf(!FULL)(
