@@ -41,8 +41,8 @@ interface Column {
 
 /** Of a row that the filter does not let through. */
 const HIDDEN = -1;
-/** Rows that nobody sees are written in turns, one in so many at a time: within a second each. */
-const TURNS = 10;
+/** Rows that nobody sees are written in turns, one in so many at a time: within two seconds each. */
+const TURNS = 20;
 /** After the last frame all that was left is written. */
 const SETTLED_MS = 300;
 const NOTHING_LOST: readonly Lost[] = [];
