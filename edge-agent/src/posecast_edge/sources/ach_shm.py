@@ -14,6 +14,7 @@ from posecast_edge.sources.persistent import WAIT_S, PersistentReader
 # been written, and before that keep what the channel is about to forget; if nothing is there yet, look again
 # and again, ever more seldom.
 LOOK_S = (0.0004, 0.005)
+FORGET = 0.99  # of how late looks were, from look to look
 LATE_S = 0.03  # so long after its time a frame is waited for when others are there; then they count
 
 
@@ -30,7 +31,8 @@ class ShmReader(PersistentReader):
         self._path = path
         self._channel: Channel | None = None
         self._beat = Beat()
-        self._most = 1  # frames between two looks
+        self._holds = 1  # frames of the newest's size
+        self._late_s = 0.0  # how late looks are on this machine
 
     def close(self) -> None:
         """Give the file up."""
@@ -48,10 +50,9 @@ class ShmReader(PersistentReader):
         assert channel is not None
         now_s = time.monotonic()
         end_s = now_s + WAIT_S
-        aim = self._beat.aim(wanted_s, end_s - LATE_S, self._most)
+        aim = self._beat.aim(wanted_s, end_s - LATE_S, self._holds, self._late_s)
         for keep_s in aim.keep_s:
-            if keep_s > now_s:
-                time.sleep(keep_s - now_s)
+            self._sleep(now_s, keep_s)
             if stop.is_set():
                 return []
             channel.keep()
@@ -69,16 +70,14 @@ class ShmReader(PersistentReader):
         written = 0
         too_early_s: float | None = None  # the newest look that was
         while True:
-            if look_s > now_s:
-                time.sleep(max(0.0, min(look_s, end_s) - now_s))
+            self._sleep(now_s, min(look_s, end_s))
             before = channel.seq
             new = channel.fresh()
             now_s = time.monotonic()
             if new:
                 frames += new
                 written += channel.seq - before if 0 < before < channel.seq else 1
-                # half of what it keeps; the other half is time to be late in
-                self._most = (channel.holds(len(new[-1])) + 1) // 2
+                self._holds = channel.holds(len(new[-1]))
             if written >= aim.frames:
                 self._beat.came(written, now_s, 0.0 if too_early_s is None else now_s - too_early_s)
                 return frames
@@ -90,3 +89,8 @@ class ShmReader(PersistentReader):
             if now_s >= look_s:
                 too_early_s, look_s = now_s, now_s + pause_s
                 pause_s = min(2 * pause_s, LOOK_S[1])
+
+    def _sleep(self, now_s: float, until_s: float) -> None:
+        if until_s > now_s:
+            time.sleep(until_s - now_s)
+            self._late_s = max(self._late_s * FORGET, time.monotonic() - until_s)

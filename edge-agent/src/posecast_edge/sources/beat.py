@@ -16,6 +16,8 @@ UNMET = 100
 LATER = 3 / 4  # and by so much of the time it was too early the one after it is later,
 LATER_MAX_S = 0.5e-3  # but not by more: a frame that was held up says nothing of the next ones
 JUMPS_MAX = 3  # frames in a row that came a period off: it is another beat
+SPARE_S = 0.006  # so late a look may be before the writer overwrites what nobody has seen,
+SPARE_LATE = 3  # and so many times as late again as the latest look of late
 LOOKS_HZ = 100  # a writer quicker than this and its channel is not followed frame by frame
 
 
@@ -39,15 +41,16 @@ class Beat:
         self._in_time = UNMET  # looks in a row
         self._jumps = 0
 
-    def aim(self, wanted_s: float, latest_s: float, most: int) -> Aim:
-        """For the first frame that is written at `wanted_s` or later, or else for the last before `latest_s`;
-        so that of more than `most` none waits to be overwritten."""
+    def aim(self, wanted_s: float, latest_s: float, holds: int, late_s: float) -> Aim:
+        """For the first frame that is written at `wanted_s` or later, or else for the last before `latest_s`,
+        where so many frames are held and looks come up to `late_s` late."""
         if self._written_s is None:
             return Aim(1, 0.0)
         if not self._learned:
             return Aim(1, self._written_s + LEARNING * self.period_s)
         frames = math.ceil((wanted_s - self._written_s) / self.period_s)
         frames = max(1, min(frames, int((latest_s - self._written_s) / self.period_s)))
+        most = max(1, holds + 1 - math.ceil((SPARE_S + SPARE_LATE * late_s) / self.period_s))
         looks = min(math.ceil(frames / most), int(frames * self.period_s * LOOKS_HZ))
         keep_s = [
             self._written_s + (math.ceil(frames * k / looks) + 0.5) * self.period_s for k in range(1, looks)
