@@ -149,12 +149,24 @@ def test_an_irregular_writer_is_looked_for_often_enough(monkeypatch: pytest.Monk
     assert seen.looks_hz < 300
 
 
+def test_a_writer_that_is_held_up_now_and_then_is_not_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    dice = random.Random(3)
+    times_s = [100.0]
+    while times_s[-1] < 120.0:
+        times_s.append(times_s[-1] + (0.005 if dice.random() > 0.05 else 0.025))
+    seen = Seen(times_s, 101.0, monkeypatch)
+    assert seen.lost <= 4  # of 2,900: nobody can know when he goes on
+    assert seen.hz > 25
+    assert seen.age_s(0.5) < 0.003
+    assert seen.age_s(0.99) < 0.024
+
+
 def test_the_last_before_a_silence_is_not_kept_back(monkeypatch: pytest.MonkeyPatch) -> None:
     """A writer that stops just after a look, or later; nobody looks often at one who is silent."""
     for more in range(8):
         times_s = [*writer(200, 5.0 + more / 200), 110.0]
         seen = Seen(times_s, times_s[-3], monkeypatch)
-        assert seen.ages_s == [] or seen.ages_s[-1] < 0.005 * 6 + 0.036
+        assert seen.ages_s == [] or seen.ages_s[-1] < 0.005 * 6 + 0.021
         assert seen.lost == 0
         assert seen.looks_hz < 1.3 * (1 / 0.005 + 5 / WAIT_S)
 

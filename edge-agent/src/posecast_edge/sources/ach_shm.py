@@ -15,7 +15,7 @@ from posecast_edge.sources.persistent import WAIT_S, PersistentReader
 # and again, ever more seldom.
 LOOK_S = (0.0004, 0.005)
 FORGET = 0.99  # of how late looks were, from look to look
-LATE_S = 0.03  # so long after its time a frame is waited for when others are there; then they count
+LATE_S = 0.015  # so long after its time a frame is waited for when others are there; then they count
 
 
 def channel_path(name: str) -> Path:
@@ -67,7 +67,7 @@ class ShmReader(PersistentReader):
         look_s, pause_s = aim.look_s, LOOK_S[0]
         late_s = max(look_s, now_s) + LATE_S
         frames: list[bytes] = []
-        written = 0
+        written, enough = 0, aim.frames
         too_early_s: float | None = None  # the newest look that was
         while True:
             self._sleep(now_s, min(look_s, end_s))
@@ -78,7 +78,7 @@ class ShmReader(PersistentReader):
                 frames += new
                 written += channel.seq - before if 0 < before < channel.seq else 1
                 self._holds = channel.holds(len(new[-1]))
-            if written >= aim.frames:
+            if written >= enough:
                 self._beat.came(written, now_s, 0.0 if too_early_s is None else now_s - too_early_s)
                 return frames
             if frames and now_s >= late_s:
@@ -87,6 +87,7 @@ class ShmReader(PersistentReader):
             if now_s >= end_s:
                 return frames
             if now_s >= look_s:
+                enough = min(enough, written + 1)  # held up: the next will be late enough
                 too_early_s, look_s = now_s, now_s + pause_s
                 pause_s = min(2 * pause_s, LOOK_S[1])
 
