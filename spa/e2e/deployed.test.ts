@@ -1,20 +1,19 @@
 import { describe, it } from 'vitest';
+import { CLOUD } from './cloud.ts';
 import { engineName } from './driver/engines.ts';
 import { until } from './driver/until.ts';
 import { hasSkin, liveness, RECORD, shownPositions, shownSeq } from './robot_page.ts';
 import { setStage } from './stage.ts';
 
-/** A cloud that somebody else has started, the demo robot in it: `make compose-test` names it. */
-const URL = process.env.POSECAST_URL;
-const stage = setStage({ strangersCertificate: true });
+const stage = setStage();
 
 describe('a deployed cloud', () => {
   it('shows its robot over TLS: in the list, in numbers, in the body', async (context) => {
-    if (URL === undefined) context.skip('make compose-test starts one');
+    if (CLOUD === null) return context.skip('make compose-test starts one');
     if (engineName() !== 'chromium')
       context.skip('only Chromium takes a certificate of an unknown authority');
     const page = await stage.newPage({ preload: RECORD });
-    await page.open(`${URL}/`);
+    await page.open(`${CLOUD.url}/`);
     await page.findByRole('link', /demo/i).click();
     await until('LIVE', async () => ['LIVE', 'HOLDING'].includes(await liveness(page)));
     await until('a body', () => hasSkin(page), 60_000);

@@ -47,8 +47,8 @@ describe('the page on a host of plain files', () => {
     stage.stack.fedEdge(two, SWINGING, { robot: 'other' });
     config({ relay: one.url, relays: [two.url] });
     const page = await stage.newPage();
-    page.allow(`127.0.0.1:${one.port}`);
-    page.allow(`127.0.0.1:${two.port}`);
+    page.allow(one.host);
+    page.allow(two.host);
     page.forgive(/WebSocket|404/); // it tries its own origin while it asks what config.json says
     await page.open(`${host.url}${PREFIX}#/r/demo`);
     await until('LIVE', isLive(page), 30_000);
@@ -59,7 +59,7 @@ describe('the page on a host of plain files', () => {
       async () => (await page.findByTestId('robot-other').count()) === 1,
       30_000,
     );
-    expect(await page.findByTestId('relay-host').text()).toContain(`127.0.0.1:${two.port}`);
+    expect(await page.findByTestId('relay-host').text()).toContain(two.host);
     await page.findByTestId('robot-other').click();
     await until('LIVE', isLive(page), 30_000);
     const allowed = await page.evaluate<string>(
@@ -78,7 +78,7 @@ describe('the page on a host of plain files', () => {
     stage.stack.fedEdge(relay, SWINGING);
     config({ relay: relay.url });
     const page = await stage.newPage();
-    page.allow(`127.0.0.1:${relay.port}`);
+    page.allow(relay.host);
     page.forgive(/WebSocket|404|not-here/);
     page.forgive(/dynamically imported module|Loading module from|Importing a module script failed/); // as each browser has it
     await page.open(`${host.url}${PREFIX}#/r/demo`);

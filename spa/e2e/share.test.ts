@@ -119,7 +119,7 @@ describe('a frame in a page of another origin', () => {
         // as in a frame whose browser keeps nothing for others
         preload: `if (window.parent !== window) Object.defineProperty(window, 'localStorage', { get() { throw new Error('no') } })`,
       });
-      page.allow(`127.0.0.1:${relay.port}`);
+      page.allow(relay.host);
       await page.open(`${course.url}/course.html`);
       const asked = (pattern: RegExp) => page.requested.some((url) => pattern.test(url));
       await until('the frame itself', async () => asked(/EmbedPage/), 30_000);
@@ -157,7 +157,7 @@ describe('a frame in a page of another origin', () => {
         ${['open', 'demo', '#/r/demo'].map(frame).join('')}`,
       );
       const page = await stage.newPage();
-      page.allow(`127.0.0.1:${relay.port}`);
+      page.allow(relay.host);
       page.forgive(/frame/i);
       await page.open(`${other.url}/other.html`);
       await until('all have come or been refused', async () => {
@@ -179,11 +179,11 @@ describe('a frame in a page of another origin', () => {
     try {
       other.instead.set(
         '/other.html',
-        `<!doctype html><title>x</title><link rel="icon" href="data:,"><iframe src="${relay.url}/embed/?origin=https://course.example#/r/demo"></iframe>
+        `<!doctype html><title>x</title><link rel="icon" href="data:,"><iframe src="${relay.url}/embed/demo?origin=https://course.example#/r/demo"></iframe>
         <script>window.told = []; addEventListener('message', (e) => told.push(e.data))</script>`,
       );
       const page = await stage.newPage();
-      page.allow(`127.0.0.1:${relay.port}`);
+      page.allow(relay.host);
       page.forgive(/target origin provided/);
       await page.open(`${other.url}/other.html`);
       await until('someone watches', async () => {

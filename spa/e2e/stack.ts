@@ -7,6 +7,7 @@ import { tmpdir } from 'node:os';
 import path from 'node:path';
 import { fileURLToPath } from 'node:url';
 import { promisify } from 'node:util';
+import { CLOUD } from './cloud.ts';
 import { freePort } from './driver/free_port.ts';
 import { until } from './driver/until.ts';
 import { Process, type ProcessOptions } from './process.ts';
@@ -56,18 +57,28 @@ export interface Sample {
 }
 
 export class Relay {
-  readonly process: Process;
-  readonly port: number;
+  readonly url: string;
   readonly zenoh: string;
+  readonly #running: () => Process;
 
-  constructor(running: Process, port: number, zenoh: string) {
-    this.process = running;
-    this.port = port;
+  constructor(url: string, zenoh: string, running: () => Process) {
+    this.url = url;
     this.zenoh = zenoh;
+    this.#running = running;
   }
 
-  get url(): string {
-    return `http://127.0.0.1:${this.port}`;
+  get process(): Process {
+    return this.#running();
+  }
+
+  get host(): string {
+    return new URL(this.url).host;
+  }
+
+  /** Where it serves over plain HTTP. */
+  get port(): number {
+    this.#running();
+    return Number(new URL(this.url).port);
   }
 
   async json(route: string): Promise<unknown> {
@@ -111,6 +122,17 @@ export class Tap {
 export class Stack {
   readonly #started: Process[] = [];
   readonly #folders: string[] = [];
+  readonly #unfit: (why: string) => never;
+  #inCloud = false;
+
+  /** `unfit`: what the test does needs more than a cloud shows to its outside. */
+  constructor(
+    unfit = (why: string): never => {
+      throw new Error(why);
+    },
+  ) {
+    this.#unfit = unfit;
+  }
 
   start(name: string, command: string, args: readonly string[], options: ProcessOptions = {}): Process {
     const running = new Process(name, command, args, options);
@@ -142,6 +164,13 @@ export class Stack {
   }
 
   async relay(options: RelayOptions = {}): Promise<Relay> {
+    if (CLOUD !== null) {
+      if (Object.keys(options).length > 0) this.#unfit('needs a relay with settings of its own');
+      if (this.#inCloud) this.#unfit('needs two relays');
+      this.#inCloud = true;
+      await CLOUD.forget();
+      return new Relay(CLOUD.url, CLOUD.robotsAt, () => this.#unfit('needs a relay of its own'));
+    }
     if (!existsSync(path.join(DIST, 'index.html'))) throw new Error('spa/dist is missing: run make setup');
     const flags = [
       ...['run', '--dev', '--port', String(options.httpPort ?? 0)],
@@ -160,7 +189,7 @@ export class Stack {
     const found = await running.line(
       /serving http:\/\/127\.0\.0\.1:(\d+), robots (?:on (tcp\/\S+)|from Redis)/,
     );
-    return new Relay(running, Number(found[1]), found[2] ?? '');
+    return new Relay(`http://127.0.0.1:${found[1]}`, found[2] ?? '', () => running);
   }
 
   edge(relay: Relay, options: EdgeOptions = {}, stdin: ProcessOptions['stdin'] = 'ignore'): Process {
@@ -173,6 +202,7 @@ export class Stack {
         ...first,
         ...['run', '--robot', options.robot ?? 'demo', '--source', options.source ?? 'demo'],
         ...['--relay', relay.zenoh],
+        ...this.#credential(options.robot ?? 'demo'),
         ...(options.hz === undefined ? [] : ['--hz', String(options.hz)]),
         ...(options.keyInterval === undefined ? [] : ['--key-interval', String(options.keyInterval)]),
         ...(options.profile === undefined ? [] : ['--profile', options.profile]),
@@ -204,6 +234,7 @@ export class Stack {
 
   /** Listens beside the relay and decodes what the edge published. */
   tap(relay: Relay, robot = 'demo'): Tap {
+    if (CLOUD !== null) this.#unfit('nobody listens in on the robots of a cloud');
     const args = [path.join(REPO, 'spa/e2e/tap.py'), relay.zenoh, robot];
     return new Tap((onLine) => this.start('tap', PYTHON, args, { onLine }));
   }
@@ -216,6 +247,10 @@ export class Stack {
   async down(): Promise<void> {
     for (const running of this.#started.toReversed()) await running.stop(); // kept for `logs`: a failure is told of afterwards
     for (const made of this.#folders.splice(0)) rmSync(made, { recursive: true, force: true });
+  }
+
+  #credential(robot: string): string[] {
+    return CLOUD === null ? [] : ['--credential', path.join(CLOUD.credentials, robot)];
   }
 
   /** A named pipe's two ends; Node's own pipes are read by Node before anyone else can. */

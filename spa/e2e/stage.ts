@@ -1,6 +1,7 @@
 /** What every browser test stands on: one browser a file, one stack and fresh pages a test, and what no page may do. */
 
 import { afterAll, afterEach, beforeAll, beforeEach, expect, type TestContext } from 'vitest';
+import { CLOUD } from './cloud.ts';
 import { openBrowser } from './driver/engines.ts';
 import type { Ability, Browser, BrowserOptions, Page, PageOptions } from './driver/page.ts';
 import { Stack } from './stack.ts';
@@ -31,11 +32,11 @@ export function setStage(options: BrowserOptions = {}): Stage {
   let pages: Page[] = [];
 
   beforeAll(async () => {
-    browser = await openBrowser(options);
+    browser = await openBrowser({ strangersCertificate: CLOUD !== null, ...options });
   });
 
   beforeEach((context) => {
-    stack = new Stack();
+    stack = new Stack((why) => context.skip(why));
     pages = [];
     const ofThisTest = stack;
     // with why, which is not told of a test that is played once more and passes

@@ -10,6 +10,7 @@ import time
 import urllib.request
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -25,6 +26,7 @@ class Cloud:
     """A running project and how its page is reached."""
 
     project: Project
+    authority: Path  # the proxy's own
     trust: ssl.SSLContext
     seconds_to_move: float
 
@@ -78,8 +80,9 @@ def cloud(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cloud]:
         began_s = time.monotonic()
         project.compose("--profile", "demo", "up", "--detach", "--wait", limit_s=START_S)
         (proxy,) = project.containers("proxy")
-        root = docker("exec", proxy, "cat", "/caddy/data/caddy/pki/authorities/local/root.crt")
-        made = Cloud(project, ssl.create_default_context(cadata=root), 0.0)
+        root = folder / "root.crt"
+        root.write_text(docker("exec", proxy, "cat", "/caddy/data/caddy/pki/authorities/local/root.crt"))
+        made = Cloud(project, root, ssl.create_default_context(cafile=str(root)), 0.0)
         made.until_moves()
         made.seconds_to_move = time.monotonic() - began_s
         yield made
