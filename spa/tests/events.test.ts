@@ -50,6 +50,8 @@ describe('an answer of events', () => {
     const told: string[] = [];
     const code = await new Promise<number>((resolve) => {
       openEvents('http://relay/live.sse', undefined, {
+        nowMs: () => 0,
+        wireVersion: 1,
         opened: () => told.push('opened'),
         heard: () => told.push('heard'),
         event: ({ data }) => told.push(data),

@@ -1,4 +1,4 @@
-import { Schema } from '@posecast/wire';
+import { Schema, WIRE_VERSION } from '@posecast/wire';
 import { describe, expect, it } from 'vitest';
 import type { StreamEvent } from '../src/stream/events.ts';
 import { MirrorReader } from '../src/stream/mirror.ts';
@@ -16,7 +16,7 @@ class Rig {
   now = 1_000_000;
   /** The relay's clock is another. */
   at = 77_000;
-  readonly reader = new MirrorReader();
+  readonly reader = new MirrorReader(WIRE_VERSION);
   readonly session = new Session(URL_, 30, true, () => 0.5);
   readonly twin = new RobotTwin('r', this.now);
   readonly actions: Action[] = [];
@@ -195,7 +195,7 @@ describe('a mirror', () => {
   });
 
   it('ends when it may no longer be read', () => {
-    const reader = new MirrorReader();
+    const reader = new MirrorReader(WIRE_VERSION);
     expect(reader.read(0, { name: 'cancel', data: '"Permission denied"' })).toBe(4403);
     expect(reader.read(0, { name: 'auth_revoked', data: '"x"' })).toBe(4403);
     const session = new Session(URL_, 30, true, () => 0.5);
@@ -216,7 +216,7 @@ describe('a mirror', () => {
       { path: '/', data: [1] },
       { path: '/frame', data: {} },
     ];
-    const reader = new MirrorReader();
+    const reader = new MirrorReader(WIRE_VERSION);
     for (const data of odd) {
       for (const name of ['put', 'patch', 'keep-alive', 'x']) {
         expect(Array.isArray(reader.read(0, { name, data: JSON.stringify(data) }))).toBe(true);

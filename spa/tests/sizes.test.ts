@@ -46,6 +46,15 @@ describe.skipIf(!built)('bundle (skipped when spa/dist is not built)', () => {
     for (const file of files) expect(readFileSync(`${dist}${file}`, 'utf8')).not.toContain('WebGLRenderer');
   });
 
+  it('nothing imports from the worker: WebKit would run it a second time, beside the first', () => {
+    const assets = readdirSync(`${dist}assets`).filter((file) => file.endsWith('.js'));
+    expect(
+      assets.filter((file) =>
+        /(from|import)\s*["']\.\/worker-/.test(readFileSync(`${dist}assets/${file}`, 'utf8')),
+      ),
+    ).toEqual([]);
+  });
+
   it('the list comes in less, without worker or scene', () => {
     const all = chunks();
     const files = [...filesOf(all, 'index.html'), ...filesOf(all, 'src/app/RobotList.tsx')];

@@ -70,6 +70,9 @@ export function frameBytes(base64: string): Uint8Array | null {
 }
 
 export interface EventsHandlers {
+  /** The worker's own: WebKit runs a worker's script a second time for a chunk that imports from it. */
+  nowMs(): number;
+  readonly wireVersion: number;
   /** The relay has begun to answer. */
   opened(): void;
   /** Bytes came, of whatever. */

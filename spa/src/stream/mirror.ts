@@ -1,5 +1,3 @@
-import { WIRE_VERSION } from '@posecast/wire';
-import { nowMs } from './clock.ts';
 import { type EventsHandlers, frameBytes, openEvents as openStream, type StreamEvent } from './events.ts';
 
 export { frameBytes };
@@ -32,6 +30,7 @@ interface Written {
  * clock come in. A node outlives its relay, so nothing that stands there counts as a sign of life: only that it changes.
  */
 export class MirrorReader {
+  readonly #wireVersion: number;
   #node: unknown = null;
   #told: Record<string, unknown> = {};
   /** Of the newest word of a relay that lives. */
@@ -41,6 +40,10 @@ export class MirrorReader {
   #saidMs = 0;
   /** A relay's clock that was set back goes on from where it was. */
   #shiftMs = 0;
+
+  constructor(wireVersion: number) {
+    this.#wireVersion = wireVersion;
+  }
 
   /** @returns what a relay would have said; a number is the close code of what is over */
   read(nowMs: number, { name, data }: Pick<StreamEvent, 'name' | 'data'>): StreamEvent[] | number {
@@ -98,7 +101,7 @@ export class MirrorReader {
     const say = (doc: object) => out.push({ name: 'message', data: JSON.stringify(doc), writtenMs });
     if (first) {
       const of = { robot: '', view: '', limits: {}, model: written?.model ?? null };
-      say({ type: 'hello', wire: WIRE_VERSION, server_time: 0, hz: MIRROR_HZ, ...of });
+      say({ type: 'hello', wire: this.#wireVersion, server_time: 0, hz: MIRROR_HZ, ...of });
     } else if (written?.model && written.model !== this.#told.model) {
       say({ type: 'model', hash: written.model });
     }
@@ -149,7 +152,8 @@ export function openEvents(
   _token: string | undefined,
   handlers: EventsHandlers,
 ): { close(): void } {
-  const reader = new MirrorReader();
+  const { nowMs, wireVersion } = handlers;
+  const reader = new MirrorReader(wireVersion);
   let heardMs = nowMs();
   const leave = () => {
     clearInterval(timer);
@@ -165,6 +169,8 @@ export function openEvents(
     else for (const event of reader.tick(now)) handlers.event(event);
   }, TICK_MS);
   const stream = openStream(url, undefined, {
+    nowMs,
+    wireVersion,
     opened: () => handlers.opened(),
     heard: () => {
       heardMs = nowMs();

@@ -1,4 +1,5 @@
 /// <reference lib="webworker" />
+import { WIRE_VERSION } from '@posecast/wire';
 import { nowMs } from './clock.ts';
 import type { StreamEvent } from './events.ts';
 import { Mailbox } from './mailbox.ts';
@@ -111,6 +112,8 @@ function read(url: string, mirrored: boolean): void {
           return frame === null ? to.text(nowMs(), data) : to.binary(nowMs(), frame);
         });
       mine.close = openEvents(url, token, {
+        nowMs,
+        wireVersion: WIRE_VERSION,
         opened: () => unlessLeft((to) => to.opened(nowMs())),
         heard: () => unlessLeft((to) => to.heard(nowMs())),
         event: hear,
