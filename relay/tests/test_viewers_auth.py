@@ -7,7 +7,7 @@ import base64
 import json
 import logging
 import time
-from collections.abc import AsyncIterator, Iterator
+from collections.abc import AsyncIterator, Iterator, Mapping
 from types import SimpleNamespace
 from typing import Any
 
@@ -291,8 +291,31 @@ async def test_fourteen_bad_tokens_get_4401_and_401_and_no_500(doors: Doors, goo
         assert (await doors.get("/shared/state", bad)).status_code == 401
 
 
+class Asked(dict[str, Any]):
+    """Robots, and the names by which somebody looked for one."""
+
+    def __init__(self, robots: Mapping[str, Any]) -> None:
+        super().__init__(robots)
+        self.names: set[str] = set()
+
+    def get(self, name: str, default: Any = None) -> Any:
+        self.names.add(name)
+        return super().get(name, default)
+
+    def __getitem__(self, name: str) -> Any:
+        self.names.add(name)
+        return super().__getitem__(name)
+
+    def __contains__(self, name: object) -> bool:
+        self.names.add(str(name))
+        return super().__contains__(name)
+
+
 async def test_a_robot_that_is_not_for_them_is_as_one_that_is_not(doors: Doors, google: Google) -> None:
     token = google.token()
+    for pump in doors.access.pumps:
+        pump.hub.robots = Asked(pump.hub.robots)
+    assert (await doors.get("/open/state")).status_code == 200
     for who in (None, token, link("open")):
         answers = set()
         for robot in ("shared", "absent"):
@@ -304,6 +327,8 @@ async def test_a_robot_that_is_not_for_them_is_as_one_that_is_not(doors: Doors, 
             answers.add(tuple(texts))
         assert len(answers) == 1
         assert answers.pop()[1] == str(int(Close.ABSENT))
+    looked_for = set().union(*(pump.hub.robots.names for pump in doors.access.pumps))  # type: ignore[attr-defined]
+    assert looked_for == {"open"}, "the rules alone decide, so both answers take the same time"
 
 
 async def test_what_is_not_for_everybody_is_not_for_every_page(doors: Doors, google: Google) -> None:
