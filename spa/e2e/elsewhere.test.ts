@@ -92,8 +92,12 @@ describe('the page on a host of plain files', () => {
     await page.evaluate('window.before = true');
 
     deploy(folder);
+    const begun = () => page.requested.filter((url) => url.endsWith('/config.json')).length;
+    const times = begun();
     await page.findByRole('button', 'Settings').click();
-    await until('loaded anew', async () => !(await page.evaluate<boolean>('window.before === true')), 30_000);
+    await until('loaded anew', async () => begun() > times, 30_000);
+    await page.loaded();
+    expect(await page.evaluate<boolean>('window.before === true')).toBe(false);
     await until('LIVE', isLive(page), 30_000);
     await page.findByRole('button', 'Settings').click();
     await until('it is there', async () => (await page.findByTestId('settings').count()) === 1);

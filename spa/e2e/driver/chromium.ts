@@ -105,6 +105,10 @@ class ChromiumPage implements Page {
     await this.#page.reload({ waitUntil: 'domcontentloaded' });
   }
 
+  async loaded(): Promise<void> {
+    await this.#page.waitForLoadState('domcontentloaded');
+  }
+
   evaluate<T>(script: string | (() => T)): Promise<T> {
     return this.#page.evaluate(script as () => T);
   }

@@ -184,6 +184,10 @@ class FirefoxEnd implements RemoteEnd {
     await this.#send('browsingContext.reload', { wait: 'interactive' });
   }
 
+  async loaded(): Promise<void> {
+    await this.evaluate('document.readyState');
+  }
+
   async evaluate(expression: string): Promise<string | null> {
     const answer = await this.#connection.send<Evaluated>('script.evaluate', {
       expression,

@@ -67,6 +67,8 @@ export interface Page {
   open(url: string): Promise<void>;
   /** Loads the page anew. */
   reload(): Promise<void>;
+  /** Waits until a document that came by itself is there: a driver may never answer for the one before it. */
+  loaded(): Promise<void>;
   /** Runs `script` (a function's source or an expression) in the page; its result comes back as JSON. */
   evaluate<T>(script: string | (() => T)): Promise<T>;
   findByRole(role: Role, name?: string | RegExp): Element;

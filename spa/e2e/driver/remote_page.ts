@@ -15,6 +15,7 @@ const PRESS_MS = 1000;
 export interface RemoteEnd {
   navigate(url: string): Promise<void>;
   reload(): Promise<void>;
+  loaded(): Promise<void>;
   /** Evaluates an expression, waits for it if it is a promise; what it gives is JSON's text. */
   evaluate(expression: string): Promise<string | null>;
   perform(actions: actions.Actions): Promise<void>;
@@ -57,6 +58,10 @@ export class RemotePage implements Page {
 
   reload(): Promise<void> {
     return this.#end.reload();
+  }
+
+  loaded(): Promise<void> {
+    return this.#end.loaded();
   }
 
   async evaluate<T>(script: string | (() => T)): Promise<T> {

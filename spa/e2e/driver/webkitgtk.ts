@@ -178,16 +178,21 @@ class WebKitEnd implements RemoteEnd {
     const stays = `location.href.split('#')[0] === ${to}.split('#')[0] && ${to}.includes('#')`;
     if ((await this.evaluate(`${stays} ? String(location.href = ${to}) : null`)) !== null) return;
     await this.#post('/url', { url });
-    await this.#loaded();
+    await this.#says('document.readyState');
   }
 
   async reload(): Promise<void> {
     await this.#post('/refresh', {});
-    await this.#loaded();
+    await this.#says('document.readyState');
   }
 
-  #loaded(): Promise<string> {
-    return until('the page answers', () => this.#run('document.readyState', HANDSHAKE_MS), ANSWER_MS);
+  async loaded(): Promise<void> {
+    await this.#says('document.readyState === "complete" || null');
+  }
+
+  /** A script for a document that goes meanwhile is never answered. */
+  #says(expression: string): Promise<string> {
+    return until('the page answers', () => this.#run(expression, HANDSHAKE_MS), ANSWER_MS);
   }
 
   evaluate(expression: string): Promise<string | null> {
