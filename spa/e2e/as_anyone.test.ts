@@ -35,6 +35,7 @@ describe.skipIf(!FULL)('who may see more', () => {
     mkdirSync(SHOTS, { recursive: true });
     await page.screenshot(path.join(SHOTS, 'seen-by-anyone-laptop.png'));
     await page.findByTestId('seen-by-anyone').click();
+    await page.loaded();
     await until('what anyone gets', async () => (await granted(page)) === 2, 30_000);
     await until('it says so', async () => (await page.findByTestId('as-anyone').count()) === 1);
     await page.screenshot(path.join(SHOTS, 'as-anyone-laptop.png'));
@@ -42,6 +43,7 @@ describe.skipIf(!FULL)('who may see more', () => {
     await page.screenshot(path.join(SHOTS, 'as-anyone-phone.png'));
 
     await page.findByRole('link', /back to what you see/i).click();
+    await page.loaded();
     await until('all of it again', async () => (await granted(page)) === 30, 30_000);
     expect(await page.findByTestId('as-anyone').count()).toBe(0);
 
