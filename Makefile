@@ -1,6 +1,6 @@
 # Every target sets up what it needs; `make` alone lists them.
 .DEFAULT_GOAL := help
-.PHONY: help setup demo dev test test-full check fix bytes bench peers load faults soak compose-test dist clean unit e2e browsers
+.PHONY: help setup demo dev test test-full check fix fuzz bytes bench peers load attack faults soak compose-test dist clean unit e2e browsers
 SHELL := /bin/bash
 export UV_PYTHON_DOWNLOADS := never
 export PYTHONDONTWRITEBYTECODE := 1
@@ -9,7 +9,7 @@ export UV_COMPILE_BYTECODE := 1
 
 UV    := .tools/bin/uv
 BIN   := .venv/bin
-PYSRC := wire/python edge-agent relay benches loadtests tests tools spa/e2e
+PYSRC := wire/python edge-agent relay benches loadtests fuzz tests tools spa/e2e
 ENGINES   := chromium firefox webkitgtk
 E2E_NEEDS := redis-server chromium firefox-esr webkit2gtk-driver xvfb
 DEMO  := edge-agent/src/posecast_edge/demo_bundle
@@ -78,6 +78,7 @@ check: .venv/.ready node_modules/.ready ## lint, types, import directions, forma
 	npx --no-install biome check
 	npx --no-install tsc -p wire/typescript
 	npx --no-install tsc -p spa
+	npx --no-install tsc -p fuzz/page
 	@UV=$(UV) tools/audit
 
 fix: .venv/.ready node_modules/.ready ## what the linters can mend by themselves
@@ -90,12 +91,16 @@ unit: setup ## Python and TypeScript tests without a browser
 	$(PYTEST) -m "not full"
 	npm test --silent -w wire/typescript
 	npm test --silent -w spa
+	$(BIN)/python -m fuzz
 
 e2e: setup ## the whole path in real browsers: all of it in Chromium, a smoke in Firefox and WebKitGTK
 	@for package in $(E2E_NEEDS); do tools/need $$package || exit; done
 	$(E2E)
 	POSECAST_ENGINE=firefox $(E2E) smoke browsers
 	POSECAST_ENGINE=webkitgtk $(E2E) smoke browsers
+
+fuzz: .venv/.ready node_modules/.ready ## strangers' bytes for every reader on a boundary (SECONDS=3600 for an hour)
+	$(BIN)/python -m fuzz --seconds $(or $(SECONDS),60)
 
 test: unit e2e ## all tests CI runs (≤ 25 min)
 
@@ -104,6 +109,8 @@ test-full: setup ## the long rest as well, and every browser test in each of the
 	$(PYTEST)
 	npm test --silent -w wire/typescript
 	npm test --silent -w spa
+	$(BIN)/python -m fuzz
+	$(BIN)/python -m tests.attack
 	@# every engine is played, also after one has failed
 	failed=; for engine in $(ENGINES); do POSECAST_FULL=1 POSECAST_ENGINE=$$engine $(E2E) || failed+=" $$engine"; done; \
 	  test -z "$$failed" || { echo "failed in:$$failed"; exit 1; }
@@ -136,6 +143,10 @@ faults: setup ## break everything on the way from robot to viewer, and see what 
 	@tools/need redis-server
 	@tools/need nftables
 	$(BIN)/pytest tests/faults
+
+attack: setup ## strangers do their worst to a relay, and an innocent robot and viewer beside don't notice (3 minutes)
+	@tools/need redis-server
+	$(BIN)/python -m tests.attack $(if $(WRITE),--write)
 
 compose-test: setup ## infra/docker-compose.yml on a real Docker engine: built, started, looked at over TLS, taken down
 	$(BIN)/pytest -rs tests/compose

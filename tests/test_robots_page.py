@@ -11,8 +11,9 @@ from posecast_edge.schema_build import profile_of, schema_text
 from posecast_edge.sources import KINDS
 from posecast_edge.sources.hubo_state import LAYOUTS
 from posecast_edge.sources.jsonl import MAX_LINE, parse_line
-from posecast_edge.sources.ros2 import BACKLOG_MAX, PAYLOAD_MAX
+from posecast_edge.sources.ros2 import BACKLOG_MAX
 from posecast_edge.sources.ros_merge import STATE_S, STREAM_S
+from posecast_edge.sources.ros_messages import PAYLOAD_MAX
 from posecast_edge.sources.ros_topics import ROLES, TYPES
 from posecast_edge.sources.rosbridge import LOOK_S, THROTTLE_MS
 from posecast_edge.stream import Stream
@@ -96,7 +97,7 @@ def test_the_lines_of_a_program_on_its_page_make_frames() -> None:
         '[labels]\njoint = ["RKN", "LKN"]\n[[fields]]\nname = "pos"\n'
         '[[fields]]\nname = "flags"\nbits = ["jam"]\n'
     )
-    lines = [parse_line(line.encode(), 0.0) for line in text.splitlines()]
+    lines = [parse_line(line.encode(), 0.0)[0] for line in text.splitlines()]
     for used in (profile, profile_of("r1", lines[0])):
         said: list[str] = []
         stream = Stream(used, 4.0, said.append)
@@ -114,7 +115,7 @@ def test_the_lines_of_a_program_on_its_page_make_frames() -> None:
         )
         assert decoded.t_s == pytest.approx(12.4)
         assert said == []
-    assert MAX_LINE == 64 << 10
+    assert MAX_LINE == 1 << 20
 
 
 def test_the_trajectory_on_its_page_is_a_table_of_a_profile() -> None:

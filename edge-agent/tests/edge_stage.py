@@ -202,6 +202,33 @@ def profile_file(tmp_path: Path) -> Path:
     return path
 
 
+class Feeder:
+    """Writes samples to an agent's stdin at 100 Hz from a thread, pos moving."""
+
+    def __init__(self, edge: Edge) -> None:
+        self._edge = edge
+        self._stop = threading.Event()
+        self.extra: dict[str, object] = {}
+        self.moving = True
+        self.t = 0.0
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
+
+    def _run(self) -> None:
+        pos = 0.0
+        while not self._stop.wait(0.01):
+            self.t += 0.01
+            pos += 0.002 if self.moving else 0.0
+            try:
+                self._edge.send(t=self.t, ref=[pos, 0.0], pos={"RKN": pos, "LKN": None}, **self.extra)
+            except OSError:
+                return
+
+    def stop(self) -> None:
+        self._stop.set()
+        self._thread.join()
+
+
 PROFILE = """
 [robot]
 name = "two-joints"

@@ -53,7 +53,14 @@ def test_environment_stands_in_and_flags_win() -> None:
         ([*GOOD, "--hz", "nan"], {}, "--hz"),
         ([*GOOD, "--key-interval", "0"], {}, "--key-interval"),
         ([*GOOD, "--speed", "1"], {}, "unrecognized arguments: --speed 1"),
-        (GOOD, {"POSECAST_HZ": "fast"}, "--hz: 'fast' is no number"),
+        (GOOD, {"POSECAST_HZ": "fast"}, "--hz: 'fast' is no number from 1 to 60 [POSECAST_HZ]"),
+        ([*GOOD, "--hz", "fast"], {"POSECAST_HZ": "5"}, "--hz: 'fast' is no number from 1 to 60"),
+        ([*GOOD, "--hz", "9" * 5000], {}, "--hz: '9999"),
+        ([*GOOD, "--hz", "1e999"], {}, "--hz: '1e999' is no number"),
+        ([*GOOD, "--relay", "tcp/a:٧٤٤٧"], {}, "--relay"),
+        ([*GOOD, "--relay", "tcp/a:1\u202e"], {}, "--relay: 'tcp/a:1\\u202e' is no endpoint"),
+        ([*GOOD, "--robot", "\udcff"], {}, "--robot"),
+        ([*GOOD, "--credential", "x" * 5000], {}, "too long"),
         (
             ["run"],
             {"POSECAST_ROBOT": "A", "POSECAST_SOURCE": "jsonl", "POSECAST_RELAY": "tcp/a:1"},
@@ -66,6 +73,34 @@ def test_what_is_wrong_is_one_line(argv: list[str], environment: dict[str, str],
         parse_settings(argv, environment)
     assert part in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_a_credential_as_editors_on_windows_write_it(tmp_path: Path) -> None:
+    credential = Credential("r1", "s" * 43)
+    file = tmp_path / "r1.credential"
+    file.write_bytes(b"\xef\xbb\xbf" + credential.line().encode() + b"\r\n")
+    file.chmod(0o600)
+    assert parse_settings([*GOOD, "--credential", str(file)], {}).credential == credential
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        b"",
+        b"\0" * 100,
+        b"\xff" * 100,
+        b"posecast1:" * 10_000,
+        b"posecast1:r1:" + b"s" * 43 + b":~",
+    ],
+    ids=["empty", "zeros", "no text", "long", "no certificate"],
+)
+def test_no_credential_is_one_short_line(tmp_path: Path, content: bytes) -> None:
+    file = tmp_path / "r1.credential"
+    file.write_bytes(content)
+    file.chmod(0o600)
+    with pytest.raises(UsageError, match=r"--credential: .*: no credential: ") as caught:
+        parse_settings([*GOOD, "--credential", str(file)], {})
+    assert len(str(caught.value)) < 300
 
 
 def run(*argv: str) -> subprocess.CompletedProcess[str]:
@@ -97,6 +132,7 @@ def test_wrong_configuration_ends_with_2(tmp_path: Path) -> None:
         (["--robot", "r*"], "robot 'r*'"),
         (["--profile", str(profile)], f"{profile}:5: fields.pos.unit: unknown unit 'furlong'"),
         (["--profile", str(tmp_path / "no.toml")], "no.toml: No such file"),
+        (["--profile", "x" * 5000], "File name too long"),
         (["--urdf", str(urdf)], f"{urdf}: line 1: "),
         (["--source", "jsonl:/nowhere"], "/nowhere: No such file"),
     ):

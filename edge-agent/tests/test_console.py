@@ -37,7 +37,7 @@ def test_a_terminal_keeps_the_line_in_place_below_messages() -> None:
 def test_input_in_a_message_cannot_move_the_cursor() -> None:
     out = io.StringIO()
     Console(out).emit(record("\x1b[2Jboo\nposecast-edge: on air"))
-    assert out.getvalue() == "posecast-edge: �[2Jboo�posecast-edge: on air\n"
+    assert out.getvalue() == "posecast-edge: \\x1b[2Jboo\\nposecast-edge: on air\n"
 
 
 def test_a_closed_stderr_is_no_reason_to_stop() -> None:
@@ -45,3 +45,23 @@ def test_a_closed_stderr_is_no_reason_to_stop() -> None:
     console = Console(out)
     out.close()
     console.progress("x", 0.0)
+
+
+def test_a_flood_of_lines_is_counted() -> None:
+    out, clock = io.StringIO(), [0.0]
+    console = Console(out, lambda: clock[0])
+    for i in range(1000):
+        clock[0] = i / 100
+        console.emit(record(f"attack {i}"))
+    console.emit(logging.LogRecord("x", logging.ERROR, "", 0, "the end", None, None))
+    lines = out.getvalue().splitlines()
+    assert lines[:3] == [f"posecast-edge: attack {i}" for i in range(3)]
+    assert "posecast-edge: 92 more lines left out" in lines
+    assert lines[-1] == "posecast-edge: the end", "what ends the agent is always told"
+    assert len(lines) <= 10 * 10 + 1
+
+
+def test_a_line_has_an_end() -> None:
+    out = io.StringIO()
+    Console(out).emit(record("x" * 1_000_000))
+    assert len(out.getvalue()) < 1000

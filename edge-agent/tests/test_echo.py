@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from posecast_edge.echo import EchoWatch, RateControl
+from posecast_edge.echo import EchoWatch, News, RateControl
 from posecast_wire.keys import Echo
 
 
@@ -112,3 +112,34 @@ def test_rate_halves_settles_and_recovers() -> None:
     assert sorted(set(hz)) == [1.0, 2.0, 4.0, 8.0, 16.0, 30.0]
     assert hz.index(2.0) == 5
     assert hz[-1] == 30.0
+
+
+def test_refused_and_on_air_again_are_told_once() -> None:
+    news = News()
+    words = ["waiting", "on air", "refused", "refused", "no link", "waiting", "refused", "late", "on air"]
+    said = [news.lines(word, "", float(i)) for i, word in enumerate(words)]
+    refused = ["the relay takes nothing: does another edge send this robot too? Sending on"]
+    assert said == [[], [], refused, [], [], [], [], ["on air again"], []]
+
+
+def test_what_is_over_the_share_is_told_when_it_changes() -> None:
+    news = News()
+    over = "120 frames a second a view"
+    told = "the relay drops some of what this robot sends: more than "
+    assert news.lines("on air", over, 0.0) == [told + over]
+    assert news.lines("on air", over, 1.0) == []
+    assert news.lines("on air", "", 2.0) == [], "it comes and goes at the edge of the share"
+    assert news.lines("on air", over, 3.0) == []
+    assert news.lines("no link", "", 20.0) == [], "nothing is known"
+    assert news.lines("on air", "1 MB a second", 21.0) == [told + "1 MB a second"]
+    assert news.lines("on air", "", 26.5) == ["the relay takes all that this robot sends again"]
+    assert news.lines("on air", "", 40.0) == []
+
+
+def test_what_is_over_is_known_by_the_newest_echo() -> None:
+    watch = linked()
+    assert watch.over == ""
+    watch.answered(Echo(7, 0, 0.0, "600 frames a second"), 0.0, 0.01)
+    assert watch.over == "600 frames a second"
+    watch.answered(None, 1.0, 1.01)
+    assert watch.over == ""

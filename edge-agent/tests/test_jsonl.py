@@ -1,37 +1,38 @@
 from __future__ import annotations
 
+import contextlib
 import json
 import logging
 import os
+import select
 import threading
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from cost_stage import best_s, cost, grows_linearly
 from edge_stage import until
-from posecast_edge.sources import KINDS, Sample, SourceError, open_source
-from posecast_edge.sources.jsonl import MAX_LINE, JsonlSource, LineError, parse_line
+from posecast_edge.sources import KINDS, Sample, SourceError, jsonl, open_source
+from posecast_edge.sources.jsonl import MAX_LINE, JsonlSource, LineError, LineSplitter, parse_line
 
 
 def test_a_line_becomes_a_sample() -> None:
     line = b'{"t": 12.5, "pos": {"RKN": 0.5}, "ref": [1, null], "info": {"mode": "walk", "n": 3}}'
-    sample = parse_line(line, 99.0, "line 1")
+    sample, wrong = parse_line(line, 99.0, "line 1")
     assert sample == Sample(
         12.5, {"pos": {"RKN": 0.5}, "ref": [1, None]}, {"mode": "walk", "n": "3"}, "line 1"
     )
+    assert wrong == []
 
 
 def test_without_t_the_arrival_counts() -> None:
-    assert parse_line(b'{"pos": [1]}', 99.5).t_s == 99.5
+    assert parse_line(b'{"pos": [1]}', 99.5)[0].t_s == 99.5
 
 
 def test_nan_and_infinity_are_no_reading() -> None:
-    assert parse_line(b'{"pos": [NaN, Infinity, -Infinity, 1.0]}', 0.0).values["pos"] == [
-        None,
-        None,
-        None,
-        1.0,
-    ]
+    sample, wrong = parse_line(b'{"pos": [NaN, Infinity, -Infinity, 1.0]}', 0.0)
+    assert (sample.values["pos"], wrong) == ([None, None, None, 1.0], [])
 
 
 @pytest.mark.parametrize(
@@ -50,10 +51,14 @@ def test_nan_and_infinity_are_no_reading() -> None:
         (b'{"t": 1' + b"0" * 400 + b', "pos": [1]}', "t is 1000"),
         (b'{"pos": 1}', "pos is 1, not a list or an object"),
         (b'{"pos": "x"}', 'pos is "x", not a list'),
-        (b'{"pos": [1], "info": 3}', "info is not an object"),
-        (b'{"pos": [1], "info": {"a": [1]}}', "info.a is not a text"),
+        (b'{"info": 3}', "info is not an object"),
+        (b'{"info": {"a": [1]}}', "info.a is not a text"),
+        (b'{"t": ' + b"[" * 300 + b"]" * 300 + b', "pos": [1]}', "t is [[["),
         (b"[" * 20000, "nested too deep"),
-        (b" " * (MAX_LINE + 1), "over 65536 bytes"),
+        (b'{"pos": ' + b"[" * 500_000, "nested too deep"),
+        (b'{"pos": [1]}\0', "not JSON: Extra data at character 13"),
+        (b"\xed\xa0\x80", "not UTF-8"),  # half a character, as some encoders write it
+        (b" " * (MAX_LINE + 1), "over 1048576 bytes; it is dropped"),
     ],
 )
 def test_a_bad_line_says_why(line: bytes, reason: str) -> None:
@@ -61,6 +66,49 @@ def test_a_bad_line_says_why(line: bytes, reason: str) -> None:
         parse_line(line, 0.0)
     assert reason in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("line", "values", "info", "wrong"),
+    [
+        (b'{"pos": [1], "ref": 2, "vel": "x"}', {"pos": [1]}, {}, ["ref is 2,", 'vel is "x",']),
+        (b'{"pos": [1], "info": 3}', {"pos": [1]}, {}, ["info is not an object"]),
+        (b'{"pos": [1], "info": {"a": [1], "b": "c"}}', {"pos": [1]}, {"b": "c"}, ["info.a is not a text"]),
+        (b'{"pos": [1], "\\u202ebad": 1}', {"pos": [1]}, {}, ["\\u202ebad is 1,"]),
+        (b'{"pos": [1], "pos": [2]}', {"pos": [2]}, {}, []),  # of a name that stands twice the last counts
+        (b'\xef\xbb\xbf{"pos": [1]}', {"pos": [1]}, {}, []),
+        (b'{"pos": [1e999, ' + b"9" * 5000 + b", 1]}", {"pos": [float("inf"), float("inf"), 1]}, {}, []),
+        (b'{"info": {"n": ' + b"9" * 5000 + b"}}", {}, {"n": "inf"}, []),
+        (b'{"t": -5.5, "pos": [5e-324]}', {"pos": [5e-324]}, {}, []),
+    ],
+)
+def test_what_is_wrong_in_a_line_is_named_and_the_rest_counts(
+    line: bytes, values: dict[str, object], info: dict[str, str], wrong: list[str]
+) -> None:
+    sample, said = parse_line(line, 0.0)
+    assert (sample.values, sample.info) == (values, info)
+    assert len(said) == len(wrong)
+    assert all(text.startswith(start) for text, start in zip(said, wrong, strict=True)), said
+
+
+def test_more_texts_than_a_line_may_have() -> None:
+    sample, wrong = parse_line(json.dumps({"info": {f"k{i}": "v" for i in range(100)}}).encode(), 0.0)
+    assert list(sample.info) == [f"k{i}" for i in range(32)]
+    assert wrong == ["info has 100 entries; at most 32"]
+
+
+def test_a_message_about_a_line_is_one_short_line() -> None:
+    with pytest.raises(LineError) as caught:
+        parse_line(b'{"' + b"\\n" * 300_000 + b'": 1}', 0.0)
+    assert len(str(caught.value)) < 200
+    assert str(caught.value).isprintable()
+
+
+def test_a_line_of_three_hundred_joints_in_full_precision() -> None:
+    joints = {f"left_hand_finger_{i}_joint": 0.1234567890123456 + i for i in range(300)}
+    line = json.dumps(dict.fromkeys(("ref", "pos", "vel", "cur", "temp"), joints)).encode()
+    assert len(line) > 64 * 1024
+    assert parse_line(line, 0.0)[0].values["temp"] == joints
 
 
 class Read:
@@ -93,14 +141,16 @@ def run_bytes(data: bytes) -> list[Sample]:
 
 def test_the_rest_keeps_running_and_lines_are_numbered(caplog: pytest.LogCaptureFixture) -> None:
     with caplog.at_level(logging.WARNING):
-        samples = run_bytes(b'{"pos":[1]}\n\noops\n{"pos":[2]}\n' + b"x" * 300_000 + b'\n{"pos":[3]}')
+        samples = run_bytes(b'{"pos":[1]}\n\noops\n{"pos":[2]}\n' + b"x" * 3_000_000 + b'\n{"pos":[3]}')
     assert [(s.values["pos"], s.where) for s in samples] == [
         ([1], "stdin line 1"),
         ([2], "stdin line 4"),
         ([3], "stdin line 6"),
     ]
     assert caplog.messages[0].startswith("stdin line 3: not JSON")
-    assert caplog.messages[1] == "1 more bad lines, the newest: stdin line 5: over 65536 bytes"
+    assert (
+        caplog.messages[1] == "1 more bad lines, the newest: stdin line 5: over 1048576 bytes; it is dropped"
+    )
 
 
 def test_a_line_without_an_end_holds_little_memory() -> None:
@@ -151,3 +201,121 @@ def test_a_path_that_is_not_there() -> None:
 def test_unknown_kind() -> None:
     with pytest.raises(SourceError, match=f"^unknown source 'ros': one of {', '.join(KINDS)}$"):
         open_source("ros", None)
+
+
+def test_of_lines_that_come_together_the_last_is_the_newest() -> None:
+    lines = b"".join(b'{"pos":[%d]}\n' % n for n in range(5))
+    samples = run_bytes(lines + b"oops\n\n")
+    assert [(s.values["pos"], s.newest) for s in samples] == [
+        ([0], False),
+        ([1], False),
+        ([2], False),
+        ([3], False),
+        ([4], True),
+    ]
+
+
+class Clock:
+    """Runs, and can be put forward."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.ahead_s = 0.0
+        monkeypatch.setattr("posecast_edge.clock.now_s", lambda: time.monotonic() + self.ahead_s)
+
+
+def test_after_a_stall_what_lay_in_the_pipe_is_not_the_newest(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The reader is stopped for 10 s (SIGSTOP), the writer blocks in the full pipe and then goes on."""
+    clock = Clock(monkeypatch)
+    monkeypatch.setattr(jsonl, "QUIET_S", 1.0)  # for a machine that is slow to wake the writer
+    read, write = os.pipe()
+    got: list[Sample] = []
+    stopped, blocked, goes_on, stop = (threading.Event() for _ in range(4))
+
+    def deliver(sample: Sample) -> None:
+        got.append(sample)
+        if len(got) == 3:
+            stopped.set()
+            goes_on.wait()
+
+    written = [0]
+
+    def feed() -> None:
+        while not stop.wait(0.002):
+            written[0] += 1
+            if not select.select([], [write], [], 0)[1]:
+                blocked.set()
+            with contextlib.suppress(OSError):
+                os.write(write, b'{"pos":[%d]}%s\n' % (written[0], b" " * 4000))
+
+    reader = threading.Thread(target=JsonlSource(read, "stdin").run, args=(deliver, stop))
+    writer = threading.Thread(target=feed)
+    reader.start()
+    writer.start()
+    stopped.wait()
+    blocked.wait()
+    clock.ahead_s = 10.0
+    before, old = len(got), written[0]
+    goes_on.set()
+    until(lambda: any(s.newest for s in got[before:]), "the newest")
+    stop.set()
+    os.set_blocking(write, False)
+    reader.join(5)
+    writer.join(5)
+    os.close(read)
+    os.close(write)
+    first = next(s for s in got[before:] if s.newest)
+    [n] = first.values["pos"]
+    assert isinstance(n, int)
+    assert n > old, "what the writer was held up with is old as well"
+    numbers = [s.values["pos"][0] for s in got]  # type: ignore[index]
+    assert numbers == list(range(1, len(numbers) + 1)), "all are looked at for faults"
+
+
+@pytest.mark.parametrize("kind", ["no end", "empty lines", "bad lines", "one long line", "in single bytes"])
+def test_lines_cost_what_they_are_long(kind: str) -> None:
+    """The splitter's steps grow no faster than its input, however it comes."""
+
+    def steps(n: int) -> int:
+        data = {
+            "no end": b"x" * n,
+            "empty lines": b"\n" * n,
+            "bad lines": b"oops\n" * (n // 5),
+            "one long line": b'{"pos":[' + b"1," * (n // 2) + b"1]}\n",
+            "in single bytes": b"x" * (n - 1) + b"\n",
+        }[kind]
+        size = 1 if kind == "in single bytes" else 4096
+        chunks = [data[i : i + size] for i in range(0, len(data), size)]
+        splitter = LineSplitter(MAX_LINE)
+        return cost(lambda: [parsed(line) for chunk in chunks for line in splitter.feed(chunk)])
+
+    def parsed(line: bytes) -> bool:
+        with contextlib.suppress(LineError):
+            return bool(parse_line(line, 0.0))
+        return False
+
+    assert grows_linearly(steps, 4000)
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        lambda n: b'{"pos":[' + b"9" * n + b"]}",
+        lambda n: b'{"pos":[' + b"[" * n,
+        lambda n: b'{"pos":{' + b'"a":1,' * n + b'"b":1}}',
+        lambda n: b'{"info":{' + b",".join(b'"%d":"x"' % i for i in range(n)) + b"}}",
+        lambda n: b"{" + b",".join(b'"%d":1' % i for i in range(n)) + b"}",
+        lambda n: b'{"' + b"\\ud800" * n + b'":1}',
+        lambda n: b'{"t":' + b"[" * 900 + b"]" * 900 + b"}" + b" " * n,
+    ],
+)
+def test_a_line_costs_what_it_is_long(line: Callable[[int], bytes]) -> None:
+    def seconds(n: int) -> float:
+        data = line(n)
+
+        def parse() -> None:
+            with contextlib.suppress(LineError):
+                parse_line(data, 0.0)
+
+        return best_s(parse)
+
+    assert seconds(32_000) < 16 * 4 * seconds(2_000) + 0.02

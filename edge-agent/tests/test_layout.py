@@ -47,9 +47,26 @@ def test_what_is_no_number_is_named_and_has_no_reading() -> None:
     assert flatten({"pos": [10**400, [1]]})[0] == [None] * 4
     assert flatten({"flags": [4, -1]}) == (
         [None] * 4,
-        ["line 7: flags.A is '4', not a list or mask of its bits"],
+        ["line 7: flags.A is 4, not a list or mask of its bits"],
     )
     assert flatten({"flags": [1.5, "jam"]})[0] == [None] * 4
+    assert flatten({"pos": {"A": True}, "flags": [False, 1]}) == (
+        [None, None, None, 1],
+        ["line 7: pos.A is True, not a number"],
+    )
+
+
+def test_what_is_said_of_a_value_is_short_whatever_it_is() -> None:
+    deep: list[object] = []
+    for _ in range(100_000):
+        deep = [deep]
+    for value in (10**5000, deep, "\u202e" * 10_000, ["x"] * 100_000):
+        [line] = flatten({"pos": [value, 1.0]})[1]
+        assert len(line) < 100
+        assert line.isprintable()
+    [line] = flatten({"pos": {"\u202e" * 10_000: 1.0}})[1]
+    assert len(line) < 120
+    assert line.isprintable()
 
 
 def test_unknown_names_are_said_once_and_at_most_so_many() -> None:

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import trimesh
 from model_stage import (
+    CUBE_CORNERS,
     CUBE_FACES,
     SHARED,
     cube_collada,
@@ -102,7 +103,8 @@ def test_collada_strips(tmp_path: Path) -> None:
     start, end = data.index("<p>"), data.index("</triangles>")
     data = (data[:start] + "<p>0 1 2 3 6 7</p>" + data[end:]).replace("triangles", "tristrips")
     [surface] = read(tmp_path, "a.dae", data.encode()).surfaces
-    assert surface.faces.tolist() == [[0, 1, 2], [2, 1, 3], [2, 3, 6], [6, 3, 7]]
+    corners = CUBE_CORNERS[[[0, 1, 2], [2, 1, 3], [2, 3, 6], [6, 3, 7]]] * np.float32(0.2)
+    np.testing.assert_allclose(surface.positions[surface.faces], corners)
 
 
 def test_collada_colours(tmp_path: Path) -> None:

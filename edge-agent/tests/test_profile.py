@@ -66,7 +66,7 @@ def test_a_whole_profile() -> None:
         (BASE + "units={C='mm'}\n", "p.toml:5: fields.pos.units.C: unknown label 'C'"),
         (BASE + "[views.Lab]\n", "p.toml:5: views.Lab: view 'Lab': use 1 to 63 of a-z"),
         (BASE + "[views.lab]\nfields=['pos','cur']\n", "p.toml:6: views.lab.fields[1]: unknown field 'cur'"),
-        (BASE + "[views.lab]\nhz=0\n", "p.toml:6: views.lab.hz: must be above 0, not 0"),
+        (BASE + "[views.lab]\nhz=0\n", "p.toml:6: views.lab.hz: must be at least 0.1, not 0"),
         (
             BASE + "[views.lab]\nrate=5\n",
             "p.toml:6: views.lab.rate: unknown key; known: fields, hz, scales, info",
@@ -97,6 +97,41 @@ def test_a_whole_profile() -> None:
             "p.toml:6: thresholds.pos.A: low 2 is not below high 1",
         ),
         (BASE + "[tolerance]\nC=1\n", "p.toml:6: tolerance.C: unknown joint 'C'"),
+        (BASE + "deadband=1e7\n", "p.toml:5: fields.pos.deadband: must be at most 1e+06, not 1e+07"),
+        (BASE + "scale=1e-13\n", "p.toml:5: fields[0].scale: must lie between 1e-12 and 1e12"),
+        (BASE + "scale=" + "9" * 350 + "\n", "p.toml:5: fields.pos.scale: must be a number, not 99999"),
+        (BASE + "scale=1e999\n", "p.toml:5: fields.pos.scale: must be a number, not inf"),
+        (BASE + "scale=" + "9" * 5000 + "\n", "p.toml:5: a number of more than 400 digits"),
+        (BASE + "x=" + "[" * 20000 + "\n", "p.toml: nested too deep"),
+        (BASE + "x=" + "[" * 200 + "]" * 200 + "\n", "p.toml:5: fields[0].x: unknown key"),
+        (BASE + "a." * 40 + "b=1\n", "p.toml:5: a key of more than 32 parts"),
+        (BASE + "unit=[1]\n", "p.toml:5: fields.pos.unit: unknown unit [1]"),
+        (BASE + "labels=5\n", "p.toml:5: fields.pos.labels: must be a list of texts"),
+        (BASE + "rel=['ref']\n", "p.toml:5: fields.pos.rel: ['ref'] is no earlier field"),
+        (BASE + "scale=1979-05-27\n", "p.toml:5: fields.pos.scale: must be a number, not datetime.date"),
+        (BASE + "x=9999-99-99\n", "p.toml: "),
+        (BASE + f"[names]\nA='{'x' * 300}'\n", "p.toml:6: names.A: must be a text of 1 to 200 characters"),
+        (BASE + "'a\\u202eb'=1\n", "p.toml:5: fields[0].a\\u202eb: unknown key"),
+        (
+            BASE + "".join(f"[views.v{i}]\n" for i in range(9)),
+            "p.toml:13: views.v8: more than 8 views",
+        ),
+        (
+            BASE + "".join(f"[[fields]]\nname='f{i}'\nlabels='joint'\n" for i in range(3000)),
+            "p.toml:6146: fields[2048]: more than 4096 channels in all",
+        ),
+        (
+            BASE
+            + "[joints]\n"
+            + "".join(f"j{i}.terms=[['j{i + 1}',1]]\n" for i in range(5000))
+            + "j5000.terms=[['A',1]]\n",
+            "p.toml:6: joints.j0: more than 32 joints follow one another",
+        ),
+        (
+            BASE + "[trajectory]\ncolumns=['A']\nrate_hz=1\nheader=-1\n",
+            "p.toml:8: trajectory.header: must lie in",
+        ),
+        (BASE + "[ros]\ndomain=true\n", "p.toml:6: ros.domain: must lie in 0…232, not True"),
         (BASE + "[names]\nC='c'\n", "p.toml:6: names.C: unknown channel or site 'C'"),
         (BASE + "[names]\nA=''\n", "p.toml:6: names.A: must be a text"),
         (BASE + "[trajectory]\ncolumns=['A']\n", "p.toml:5: trajectory.rate_hz: must be a number, not None"),
@@ -108,14 +143,28 @@ def test_a_mistake_is_named_with_file_and_place(text: str, message: str) -> None
         parse_profile(text, "p.toml")
     assert str(caught.value).startswith(message)
     assert "\n" not in str(caught.value)
+    assert len(str(caught.value)) < 700
 
 
 def test_a_file_that_is_not_there_or_not_text(tmp_path: Path) -> None:
     with pytest.raises(ProfileError, match="No such file"):
         load_profile(tmp_path / "x.toml")
-    (tmp_path / "y.toml").write_bytes(b"a = '\xff'")
-    with pytest.raises(ProfileError, match="not UTF-8"):
+    (tmp_path / "y.toml").write_bytes(b"# more\na = '\xff'")
+    with pytest.raises(ProfileError, match=r"y.toml:2: byte 12: not UTF-8"):
         load_profile(tmp_path / "y.toml")
+    with pytest.raises(ProfileError, match="Is a directory"):
+        load_profile(tmp_path)
+    (tmp_path / "z.toml").write_bytes(b"#" * 2_000_000)
+    with pytest.raises(ProfileError, match="over 1048576 bytes"):
+        load_profile(tmp_path / "z.toml")
+    long = "x" * 5000
+    with pytest.raises(ProfileError, match="too long"):
+        load_profile(find_profile(long))
+
+
+def test_a_file_as_editors_on_windows_write_it(tmp_path: Path) -> None:
+    (tmp_path / "p.toml").write_bytes(b"\xef\xbb\xbf" + PROFILE.replace("\n", "\r\n").encode())
+    assert load_profile(tmp_path / "p.toml") == parse_profile(PROFILE)
 
 
 def test_every_profile_in_the_package_parses_and_makes_a_schema() -> None:

@@ -27,6 +27,7 @@ from posecast_edge.sources.ros_messages import (
     IMU,
     JOINT_STATE,
     ODOMETRY,
+    PAYLOAD_MAX,
     STRING,
     WRENCH,
 )
@@ -189,7 +190,7 @@ def test_bad_payloads_are_told_and_the_good_ones_go_on(
             graph.publish("/other/joint_states", JOINT_STATE, left.pop())
         graph.publish("/camera", "sensor_msgs/Image", b"\0\1\0\0" + bytes(500_000))
         graph.publish("/camera", "sensor_msgs/Image", b"\0\1\0\0")
-        graph.publish("/big/joint_states", JOINT_STATE, bytes(ros2_module.PAYLOAD_MAX + 1))
+        graph.publish("/big/joint_states", JOINT_STATE, bytes(PAYLOAD_MAX + 1))
         graph.publish("/joint_states", JOINT_STATE, joint_state(1 + t_s, NAMES, [1.0, 2.0]))
 
     moving(100, act)
@@ -231,7 +232,7 @@ def test_of_a_flood_the_newest_arrives(graph: Graph, listen: Listen) -> None:
 
 def test_a_full_inbox_drops_the_oldest() -> None:
     inbox = Inbox()
-    size = ros2_module.BACKLOG_MAX // 4
+    size = ros2_module.BACKLOG_MAX // 4 - ros2_module.WAITING
     for k in range(10):
         inbox.put("/a", JOINT_STATE, bytes([k]) * size)
     taken, lost = inbox.take(0.0)

@@ -1,10 +1,14 @@
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
+
 import pytest
+from cost_stage import cost, grows_linearly
 from edge_stage import PROFILE
 from posecast_edge.profile_reader import parse_profile
 from posecast_edge.schema_build import profile_of, schema_text
 from posecast_edge.sources import Sample, SourceError, Values
+from posecast_edge.stream import Stream
 from posecast_edge.wellknown import FLAG_BITS
 from posecast_wire.schema import Schema
 
@@ -67,10 +71,37 @@ def test_masks_have_bits_without_names() -> None:
         ({"pos": {"A": 1.0}, "cur": [1.0, 2.0]}, "cur has 2 values without labels"),
         ({}, "the first sample names no channel"),
         ({"a b": {"x": 1.0}}, "'a b' is no field name"),
-        ({"x": {str(i): 0.0 for i in range(5000)}}, "the first sample has 5000 channels"),
+        ({"x": {str(i): 0.0 for i in range(5000)}}, "the first sample has over 4096 channels"),
     ],
 )
 def test_what_a_sample_cannot_say(values: dict[str, Values], message: str) -> None:
     with pytest.raises(SourceError) as caught:
         profile_of("r1", Sample(0.0, values))
     assert str(caught.value).startswith(message)
+
+
+FIRST: dict[str, Callable[[int], Mapping[str, Values]]] = {
+    "channels": lambda n: {"pos": {f"j{i}": 0.1 for i in range(n)}},
+    "fields": lambda n: {f"f{i}": {f"c{i}": 0.1} for i in range(n)},
+    "fields of the same channel": lambda n: {f"f{i}": {"c": 0.1} for i in range(n)},
+    "fields without channels": lambda n: {f"f{i}": {} for i in range(n)} | {"pos": {"A": 1.0}},
+    "bits": lambda n: {"flags": {f"j{i}": ["jam", f"b{i}"] for i in range(n)}},
+}
+
+
+@pytest.mark.parametrize("kind", FIRST)
+def test_a_first_sample_costs_what_it_is_long(kind: str) -> None:
+    """All the way to its events and frame."""
+
+    def steps(n: int) -> int:
+        sample = Sample(0.0, FIRST[kind](n))
+
+        def show() -> None:
+            stream = Stream(profile_of("r", sample), 4.0, lambda line: None)
+            stream.deliver(sample, 0.0)
+            assert stream.tick(0.0) is not None
+
+        show()  # codes that are kept count once
+        return cost(show)
+
+    assert grows_linearly(steps, 200)

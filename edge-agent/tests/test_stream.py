@@ -42,12 +42,12 @@ def test_what_is_decoded_is_what_was_sent_to_half_a_step() -> None:
 
 def test_no_snapshot_before_the_first_frame() -> None:
     s = stream()
-    assert s.snapshot("ab") is None
+    assert s.snapshot("ab", 0.0) is None
     s.deliver(Sample(0.0, {"pos": [0.0, 0.0]}, {"mode": "x"}), 0.0)
-    assert s.snapshot(None) is None
+    assert s.snapshot(None, 0.0) is None
     frame = s.tick(0.0)
     assert frame is not None
-    snapshot = s.snapshot(None)
+    snapshot = s.snapshot(None, 0.0)
     assert snapshot is not None
     assert (snapshot.schema, snapshot.key, snapshot.ref, snapshot.info) == (
         s.schema.text,
@@ -66,12 +66,14 @@ def test_a_sample_without_a_time_is_dropped_and_said() -> None:
 
 
 def test_info_stays_bounded() -> None:
-    s = stream()
+    said: list[str] = []
+    s = Stream(parse_profile(PROFILE), 4.0, said.append)
     for i in range(200):
-        s.deliver(Sample(0.0, {}, {f"k{i}": "v"}), 0.0)
+        s.deliver(Sample(0.0, {}, {f"k{i}": "v"}, where=f"line {i}"), 0.0)
+    assert said == ["line 64: info 'k64' is left out: at most 64 texts, 12000 bytes in all"]
     s.deliver(Sample(0.0, {"pos": [0.0, 0.0]}, {"k0": "new"}), 0.0)
     s.tick(0.0)
-    snapshot = s.snapshot(None)
+    snapshot = s.snapshot(None, 0.0)
     assert snapshot is not None
     assert len(snapshot.info) == 64
     assert snapshot.info["k0"] == "new"
@@ -96,3 +98,62 @@ def test_a_sample_that_is_not_the_newest_makes_events_and_no_frame() -> None:
     second = s.tick(0.033)
     assert second is not None
     assert decoder.decode(second.data).values("pos") == [2.0, 2.0]
+
+
+def test_a_frame_is_as_old_as_its_sample() -> None:
+    s = stream()
+    s.deliver(Sample(7.0, {"pos": [0.0, 0.0]}), 100.0)
+    frame = s.tick(100.4)
+    assert frame is not None
+    assert frame.taken_s == 100.0
+
+
+def test_what_was_never_sent_is_a_picture_for_who_asks_and_no_frame() -> None:
+    """The link was away when the source said its last word."""
+    s = stream()
+    s.deliver(Sample(1.0, {"pos": [1.0, 0.0]}), 0.0)
+    first = s.tick(0.0)
+    assert first is not None
+    s.deliver(Sample(9.0, {"pos": [2.0, 0.0]}), 8.0)
+    just = s.snapshot(None, 8.5)
+    assert just is not None
+    assert just.key == first.data, "it may be sent yet"
+    assert s.tick(20.0, oldest_s=19.0) is None
+    asked = [s.snapshot(None, 20.0), s.snapshot(None, 21.0)]
+    assert asked[0] == asked[1], "one picture, however often it is asked for"
+    assert asked[0] is not None
+    decoder = Decoder()
+    decoder.add_schema(s.schema.text)
+    shown = decoder.decode(asked[0].key)
+    assert (shown.seq, shown.t_s, shown.values("pos")[0]) == (1, 9.0, 2.0)
+    s.deliver(Sample(10.0, {"pos": [3.0, 0.0]}), 22.0)
+    after = s.tick(22.0, oldest_s=21.0)
+    assert after is not None
+    assert after.data[0] & 1, "nothing is coded against a picture"
+    assert after.seq == 2
+    then = s.snapshot(None, 30.0)
+    assert then is not None
+    assert then.key == after.data
+
+
+def test_texts_are_bounded_in_bytes() -> None:
+    said: list[str] = []
+    s = Stream(parse_profile(PROFILE), 4.0, said.append)
+    s.deliver(Sample(0.0, {}, {f"k{i}": "é" * 500 for i in range(20)}), 0.0)
+    assert len(s.info) == 11
+    s.deliver(Sample(0.0, {}, {"k0": "short"}), 10.0)
+    s.deliver(Sample(0.0, {}, {"k19": "é" * 500}), 10.0)
+    assert (s.info["k0"], "k19" in s.info) == ("short", True), "what became shorter makes room"
+
+
+def test_after_a_fault_the_next_sample_stands_alone() -> None:
+    s = stream()
+    s.deliver(Sample(0.0, {"pos": [0.0, 0.0]}), 0.0)
+    assert s.tick(0.0)
+    s.deliver(Sample(0.1, {"pos": [1.0, 0.0]}), 0.1)
+    s.recover()
+    assert s.tick(0.1) is None
+    s.deliver(Sample(0.2, {"pos": [1.0, 0.0]}), 0.2)
+    frame = s.tick(0.2)
+    assert frame is not None
+    assert frame.data[0] & 1

@@ -27,6 +27,11 @@ class Redis:
 
     def start(self, tls: Path | None = None) -> None:
         """Until it answers. `tls`: only to those who speak it, with the certificates in that folder."""
+        self.launch(tls)
+        until("redis answers", self._listens if tls else self._answers)
+
+    def launch(self, tls: Path | None = None) -> None:
+        """Without waiting."""
         plain_port = str(0 if tls else self.port)
         command = ["redis-server", "--bind", "127.0.0.1", "--save", "", "--port", plain_port]
         if tls is not None:
@@ -35,7 +40,6 @@ class Redis:
         command.append("--dir")
         command += [str(self._folder), *self._options]
         self.process = subprocess.Popen(command, stdout=subprocess.DEVNULL)
-        until("redis answers", self._listens if tls else self._answers)
 
     def _listens(self) -> bool:
         with socket.socket() as probe:

@@ -6,7 +6,7 @@ import json
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from posecast_relay.core.actions import Action, Ask, Cut, End, Keep, Send
+from posecast_relay.core.actions import Action, Ask, Cut, End, Fault, Keep, Send
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
 from posecast_relay.core.viewer import Viewer
@@ -137,6 +137,8 @@ class World:
                     self.asked.append(robot)
                 case Keep():
                     self.kept += 1
+                case Fault(_, error):
+                    raise error
 
     def pass_time(self, seconds: float) -> None:
         """Let the clock run, with every tick at its moment."""

@@ -62,12 +62,18 @@ class Relay:
     """A relay process on free ports."""
 
     def __init__(
-        self, folder: Path, *flags: str, http: int | None = 0, zenoh_port: int = 0, dev: bool = True
+        self,
+        folder: Path,
+        *flags: str,
+        http: int | None = 0,
+        zenoh_port: int = 0,
+        dev: bool = True,
+        module: str = "posecast_relay.cli",
     ) -> None:
         self._errors = folder / f"relay-{time.monotonic_ns()}.err"
         scheme = "tls" if "--zenoh-tls-cert" in flags else "tcp"
         listen = f"{scheme}/127.0.0.1:{zenoh_port}"
-        command = [sys.executable, "-m", "posecast_relay.cli", "run", *(["--dev"] if dev else [])]
+        command = [sys.executable, "-m", module, "run", *(["--dev"] if dev else [])]
         if http is not None:  # else as the environment says
             command += ["--port", str(http)]
         with self._errors.open("wb") as errors:
@@ -322,10 +328,10 @@ class Watcher:
             assert time.monotonic() < end_s, f"not within {deadline_s:g} s: {what}; closed {self.closed}"
             await asyncio.sleep(0.01)
 
-    def longest_gap_s(self, since_s: float) -> float:
-        """The longest time without a frame, up to the newest one."""
-        times = [since_s, *(at for at, _ in self.frames if at > since_s)]
-        return max((b - a for a, b in pairwise(times)), default=float("inf"))
+    def most_missed(self, since_seq: int) -> int:
+        """The most frames of the robot that went by between two that came: its longest gap, in frames."""
+        seqs = [frame.seq for _, frame in self.frames if frame.seq >= since_seq]
+        return max((b - a - 1 for a, b in pairwise(seqs)), default=1 << 32)
 
 
 @pytest.fixture

@@ -21,3 +21,12 @@ def test_the_earliest_moment_counts_and_each_comes_once() -> None:
     agenda.put("b", 5.0)
     assert agenda.due(5.0) == ["a", "b"]
     assert agenda.next_at == NEVER
+
+
+def test_no_more_come_at_once_than_are_wanted() -> None:
+    agenda = Agenda[int]()
+    for n in range(10):
+        agenda.put(n, float(n))
+    assert agenda.due(20.0, 4) == [0, 1, 2, 3]
+    assert agenda.due(20.0, 4) == [4, 5, 6, 7]
+    assert agenda.due(20.0) == [8, 9]

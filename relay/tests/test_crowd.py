@@ -61,15 +61,13 @@ async def one_of_many(relay: Relay) -> tuple[list[str], list[int], float]:
     return texts, [len(frame) for frame in frames if parse_header(frame)], hello_s
 
 
-async def test_a_thousand_from_one_address_within_ten_seconds_all_see_frames(
-    relays: Any, edges: Any, many_files: Any
-) -> None:
+async def test_a_thousand_from_one_address_all_see_frames(relays: Any, edges: Any, many_files: Any) -> None:
     port = free_port()
     relay = relays("--metrics-port", str(port))
     edges(relay.zenoh)
     async with Watcher(relay.url()) as watcher:
         await watcher.until("frames", lambda v: len(v.frames) > 10)
-        began = time.monotonic()
+        began = watcher.frames[-1][1].seq
 
         async def come(n: int) -> tuple[list[str], list[int], float]:
             await asyncio.sleep(n * ARRIVE_S / VIEWERS)
@@ -80,9 +78,8 @@ async def test_a_thousand_from_one_address_within_ten_seconds_all_see_frames(
         assert {texts[0] for texts, _, _ in seen} == {"hello"}
         assert all("schema" in texts and "bye" not in texts for texts, _, _ in seen)
         assert all(len(frames) == FRAMES for _, frames, _ in seen)
-        assert sorted(hello_s for _, _, hello_s in seen)[VIEWERS // 2] < 1.0
         assert watcher.closed is None
-        assert watcher.longest_gap_s(began) < 2.0
+        assert watcher.most_missed(began) < 60
     assert endings(relay, port) == ""
 
 
@@ -110,15 +107,15 @@ async def test_a_full_event_lane_ends_a_viewer_that_does_not_read(relays: Any, e
         sock.close()
 
 
-async def test_a_30_ms_fault_reaches_a_viewer_of_one_frame_a_second(relays: Any, edges: Any) -> None:
+async def test_a_30_ms_fault_reaches_a_viewer_of_one_frame_in_ten_seconds(relays: Any, edges: Any) -> None:
     relay = relays()
     edge = edges(relay.zenoh, of=schema())
-    async with Watcher(relay.url(query="?hz=1")) as viewer:
-        await viewer.until("frames", lambda v: len(v.frames) > 1)
+    async with Watcher(relay.url(query="?hz=0.1")) as viewer:
+        await viewer.until("a second of frames", lambda v: v.frames and edge.seq > 30)
+        before = len(viewer.frames)
         edge.event("jam", "on")
         await asyncio.sleep(0.03)
         edge.event("jam", "off")
-        began = time.monotonic()
         await viewer.until("both", lambda v: len(v.told("event")) == 2)
-        assert time.monotonic() - began < 0.5  # and not with the next frame
+        assert len(viewer.frames) <= before + 1  # they did not wait for the next
         assert [e["state"] for e in viewer.told("event")] == ["on", "off"]

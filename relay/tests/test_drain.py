@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import signal
-import time
 from itertools import pairwise
 from typing import Any
 
@@ -72,49 +71,50 @@ async def test_a_process_moves_its_viewers_away_refuses_new_ones_and_ends_with_0
     await asyncio.gather(*(v.__aenter__() for v in viewers))
     async with httpx.AsyncClient(base_url=f"http://{relay.address}") as client:
         assert (await client.get("/readyz")).status_code == 200
-        began = time.monotonic()
         relay.process.send_signal(signal.SIGTERM)
-        while (await client.get("/readyz")).status_code == 200:
-            assert time.monotonic() - began < 0.5
+        async with asyncio.timeout(30):
+            while (await client.get("/readyz")).status_code == 200:
+                pass
         assert any(v.closed is None for v in viewers)
         async with Watcher(relay.url()) as late:
             await late.until("its end", lambda v: v.closed is not None)
             assert [doc["type"] for doc in late.texts] == ["bye"]
-    ends: dict[int, float] = {}
-    while len(ends) < len(viewers):
-        for n, viewer in enumerate(viewers):
-            if viewer.closed is not None and n not in ends:
-                ends[n] = time.monotonic() - began
-                assert viewer.closed[0] == Close.DRAIN
-        await asyncio.sleep(0.01)
-        assert time.monotonic() - began < 8
-    assert max(ends.values()) - min(ends.values()) > 1.0  # not all at once
+    ends: dict[int, int] = {}  # by the look at which it had ended
+    looks = 0
+    async with asyncio.timeout(60):
+        while len(ends) < len(viewers):
+            for n, viewer in enumerate(viewers):
+                if viewer.closed is not None and n not in ends:
+                    ends[n] = looks
+                    assert viewer.closed[0] == Close.DRAIN
+            looks += 1
+            await asyncio.sleep(0.01)
+    assert len(set(ends.values())) > 5  # not all at once
     assert list(ends) != sorted(ends)  # shuffled
-    assert await asyncio.to_thread(relay.process.wait, 10) == 0
-    assert time.monotonic() - began < 10
+    assert await asyncio.to_thread(relay.process.wait, 30) == 0
+    assert "not all is closed" not in relay.errors()
 
 
-async def test_a_second_signal_ends_it_at_once(relays: Any) -> None:
+async def test_a_second_signal_ends_it_at_once(relays: Any, edges: Any) -> None:
     relay = relays()
-    viewers = [Watcher(relay.url()) for _ in range(300)]  # three seconds' worth
+    edge = edges(relay.zenoh)
+    viewers = [Watcher(relay.url(query="?hz=1")) for _ in range(300)]  # three seconds' worth
     await asyncio.gather(*(v.__aenter__() for v in viewers))
-    began = time.monotonic()
     relay.process.send_signal(signal.SIGINT)
     await viewers[0].until("the first goes", lambda _: any(v.closed for v in viewers))
+    began = edge.seq
     relay.process.send_signal(signal.SIGINT)
-    assert await asyncio.to_thread(relay.process.wait, 10) == 0
-    assert time.monotonic() - began < 2.5
+    assert await asyncio.to_thread(relay.process.wait, 30) == 0
     for viewer in viewers:
         await viewer.until("its end", lambda v: v.closed is not None)
+    assert edge.seq - began < 75  # frames of 30 a second: it did not wait for all to have gone one by one
 
 
 async def test_connections_of_a_process_are_renewed(relays: Any, edges: Any) -> None:
     relay = relays("--max-connection-age", "2")
     edges(relay.zenoh)
-    began = time.monotonic()
     async with Watcher(relay.url()) as viewer:
         await viewer.until("the end", lambda v: v.closed is not None)
-        assert 1.8 <= time.monotonic() - began <= 4.0
         assert viewer.closed is not None
         assert viewer.closed[0] == Close.AGE_LIMIT
         assert viewer.texts[0]["limits"]["max_age_s"] == 2.0

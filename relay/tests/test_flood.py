@@ -15,7 +15,7 @@ from posecast_relay.adapters.fan_out import FanOut
 from posecast_relay.adapters.pump import Pump
 from posecast_relay.adapters.store_memory import MemoryStore
 from posecast_relay.adapters.tokens import Tokens
-from posecast_relay.adapters.websocket import SLICE_BYTES, LiveSocket, live_protocol
+from posecast_relay.adapters.websocket import AFTER_END_BYTES, SLICE_BYTES, LiveSocket, live_protocol
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
 from posecast_wire import Close
@@ -64,18 +64,22 @@ class Wire:
     def abort(self) -> None: ...
 
 
-@pytest.mark.parametrize("query", ["", "?auth=1"])
-@pytest.mark.parametrize("what", FLOODS)
-async def test_whatever_it_sends_a_few_are_looked_at(
-    what: str, query: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    seen, look = [0], LiveSocket._frame
+@pytest.fixture
+def seen(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """How many WebSocket frames were taken apart and looked at."""
+    counts, look = [0], LiveSocket._frame
 
     def counted(self: LiveSocket, frame: Any) -> None:
-        seen[0] += 1
+        counts[0] += 1
         look(self, frame)
 
     monkeypatch.setattr(LiveSocket, "_frame", counted)
+    return counts
+
+
+@pytest.mark.parametrize("query", ["", "?auth=1"])
+@pytest.mark.parametrize("what", FLOODS)
+async def test_whatever_it_sends_a_few_are_looked_at(what: str, query: str, seen: list[int]) -> None:
     limits = Limits()
     pump, wire = Pump(Hub(limits), MemoryStore(), FanOut(None)), Wire()
     config, server = SimpleNamespace(), SimpleNamespace(connections=set())
@@ -88,6 +92,23 @@ async def test_whatever_it_sends_a_few_are_looked_at(
     assert not wire.reading
     assert seen[0] <= SLICE_BYTES // len(PING) + 2, "of many thousands"
     assert not pump.hub.viewers
+    viewer.connection_lost(None)
+    pump.stop()
+
+
+@pytest.mark.parametrize("what", FLOODS)
+async def test_a_flood_behind_the_end_is_not_read(what: str, seen: list[int]) -> None:
+    pump, wire = Pump(Hub(Limits()), MemoryStore(), FanOut(None)), Wire()
+    made = live_protocol(Access(pump), Decoded())
+    viewer: Any = made(SimpleNamespace(), SimpleNamespace(connections=set()), None)  # type: ignore[arg-type]
+    viewer.connection_made(wire)
+    viewer.data_received(request())
+    viewer.data_received(b"\x81\x82" + MASK + b"{}")
+    assert f'"code":{int(Close.NOT_ALLOWED)}'.encode() in wire.taken
+    for _ in range(10):
+        viewer.data_received(FLOODS[what])
+    assert not wire.reading
+    assert seen[0] <= 2 * AFTER_END_BYTES // len(PING), "of many thousands"
     viewer.connection_lost(None)
     pump.stop()
 

@@ -79,7 +79,7 @@ async def test_one_frozen_for_ten_seconds_sees_two_old_ones_at_most_and_one_for_
         await healthy.until("frames", lambda v: len(v.frames) > 10)
         for page in (resumed, lost):
             await asyncio.to_thread(until, "frames", lambda p=page: len(p.seqs()) > 3 * HZ)
-        frozen, began = healthy.frames[-1][1].seq, time.monotonic()
+        frozen = healthy.frames[-1][1].seq
         for page in (resumed, lost):
             page.process.send_signal(signal.SIGSTOP)
         await healthy.until("ten seconds", lambda _: edge.seq >= frozen + 10 * HZ, 20.0)
@@ -94,7 +94,6 @@ async def test_one_frozen_for_ten_seconds_sees_two_old_ones_at_most_and_one_for_
         # it answers no ping either, which shows sooner than the missing acknowledgements
         cut = f"posecast_endings_total|{int(Close.HALF_OPEN)}"
         await asyncio.to_thread(until, "the other is cut", lambda: figures(port).get(cut) == 1, 20.0)
-        assert time.monotonic() - began < 20.0
         assert healthy.closed is None
-        assert healthy.longest_gap_s(began) < 1.0
+        assert healthy.most_missed(frozen) < HZ
         assert (await asyncio.to_thread(figures, port))["posecast_viewers"] == 2

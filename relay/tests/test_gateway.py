@@ -13,6 +13,7 @@ from typing import Any
 import httpx
 import pytest
 import redis
+from posecast_relay.adapters.redis_link import bundle_key
 
 from .redis_server import Redis
 from .stage import Model, Relay, Watcher, ZenohEdge, until
@@ -287,6 +288,7 @@ async def test_models_reach_gateways_through_redis(relays: Any, edges: Any, redi
     model = Model(
         {"robot.urdf": (b"<robot/>", "application/xml"), "meshes/a.stl": (bytes(600_001), "model/stl")}
     )
+    redis.Redis(port=redis_server.port).set(bundle_key("r", model.digest), "something of another type")
     edges(ingest.zenoh, model=model)
     base = f"/api/v1/robots/r/model/{model.digest}"
     async with watching(gateway) as (viewer,):

@@ -100,10 +100,12 @@ async def test_a_mistake_of_ours_leaves_no_connection_behind(
         await asyncio.sleep(0.01)
     port = server.servers[0].sockets[0].getsockname()[1]
     with await asyncio.to_thread(asked, port, "live?hz=0") as sock:
+        assert await asyncio.to_thread(status, sock) == 500
         assert await asyncio.to_thread(left_alone, sock)
     async with asyncio.timeout(10):
         while server.server_state.connections:  # told of the end at the next turn
             await asyncio.sleep(0.01)
-    assert "LookupError: a mistake" in caplog.text
+    assert access.live.faults == {"LookupError": 1}
+    assert len(caplog.records) == 1
     server.should_exit = True
     await serving

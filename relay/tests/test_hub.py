@@ -343,3 +343,74 @@ def test_a_robot_gone_for_an_hour_is_forgotten_unless_watched() -> None:
         world.pass_time(1.0)
         viewer.heard_at = world.now
     assert set(world.hub.robots) == {"watched"}
+
+
+def test_an_edge_returns_when_the_newer_one_of_its_name_has_ended() -> None:
+    world = World()
+    first = world.on_air()
+    _, screen = world.join()
+    world.run(first, 1.0)
+    second = Edge(0xDEF, schema(), began_s=world.now)
+    for _ in range(30):
+        world.pass_time(1 / 30)
+        world.publish(second)
+        assert world.publish(first) == "retired"
+    world.answer(second)
+    world.pass_time(1.0)
+    seen = len(screen.states)
+    while world.publish(first) == "retired":  # the second is gone
+        world.pass_time(1 / 30)
+        assert world.now < 1010.0
+    asked = len(world.asked)
+    world.pass_time(1.0)
+    assert len(world.asked) > asked  # the first goes on without a KEY of its own
+    world.answer(first)
+    assert world.publish(first) == "taken"
+    assert len(screen.states) > seen
+    assert world.hub.robots["r"].runs.current == first.run_id
+    world.pass_time(4.0)
+    assert not world.hub.robots["r"].in_conflict
+
+
+def test_an_edge_whose_clock_stood_still_is_asked_and_online_again() -> None:
+    world = World()
+    edge = world.on_air()
+    world.run(edge, 1.0)
+    world.pass_time(60.0)
+    _, screen = world.join()
+    edge.began_s += 60.0  # its clock did not run, and goes on where it stopped
+    world.publish(edge)
+    assert world.hub.robots["r"].runs.lateness_s == pytest.approx(60.0, abs=0.1)
+    asked = len(world.asked)
+    world.run(edge, 1.0)
+    assert len(world.asked) == asked + 1
+    world.hub.snapshot("r", "public", edge.snapshot(), edge.stamp(world.now), world.now, waited_s=0.01)
+    world.run(edge, 2.0)
+    assert [s["robot"] for s in screen.told("status")][-2:] == ["online", "online"]
+    assert screen.told("status")[-1]["age_ms"] < 100
+
+
+def test_robots_that_never_answer_are_asked_in_turns_and_more_and_more_seldom() -> None:
+    world = World()
+    for n in range(500):
+        world.do(world.hub.token(f"r{n}", True, world.now))
+    asked_at = []
+    for _ in range(6000):
+        before = len(world.asked)
+        world.pass_time(0.01)
+        assert len(world.asked) - before <= 3 * 8
+        asked_at += [world.now - 1000.0] * world.asked[before:].count("r7")
+    assert len(asked_at) == 8
+    assert asked_at[-1] - asked_at[-2] == pytest.approx(16.0, abs=1.5)
+
+
+def test_a_full_relay_forgets_robots_that_are_gone_for_one_that_comes() -> None:
+    world = World(Limits(robots=3))
+    for name in ("a", "b", "c"):
+        world.on_air(robot=name)
+    newcomer = Edge(0xDEF, schema(), began_s=world.now)
+    assert world.publish(newcomer, robot="d") == "crowded"
+    world.do(world.hub.token("b", False, world.now))
+    world.pass_time(10.0)
+    assert set(world.hub.robots) == {"a", "c"}
+    assert world.publish(newcomer, newcomer.frame(world.now, force_key=True), robot="d") == "no schema"

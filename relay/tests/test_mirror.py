@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import json
 import re
-import time
 from base64 import b64decode
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -262,6 +261,5 @@ def test_it_ends_at_once_while_the_database_hangs(relays: Callable[..., Relay], 
     double.becomes(hang=True)
     relay = relays("--firebase-database", double.url)
     until("it is asked", lambda: double.says()["requests"].get("GET", 0) >= 1)
-    began_s = time.monotonic()
     assert relay.stop() == 0
-    assert time.monotonic() - began_s < 5.0
+    assert "not all is closed" not in relay.errors()

@@ -6,7 +6,9 @@ import itertools
 import random
 
 import pytest
-from posecast_relay.core.pace import Cadence, Pace
+from posecast_relay.core.pace import Cadence, Pace, granted_hz
+
+from .sim import World
 
 
 def due(source_hz: float, hz: float, frames: int, jitter_s: float = 0.0) -> list[int]:
@@ -73,3 +75,45 @@ def test_cadence_does_not_count_the_frames_an_unchanged_robot_skips() -> None:
         stamp_s += 0.5 if n % 4 == 3 else 1 / 30
         cadence.saw(stamp_s)
     assert cadence.interval_s == pytest.approx(1 / 30)
+
+
+@pytest.mark.parametrize(
+    ("asked_hz", "granted"),
+    [
+        (0, 0),
+        (-5, 0),
+        (1e-320, 0.1),
+        (0.0999, 0.1),
+        (0.123, 0.12),
+        (1.26, 1.3),
+        (9.99, 10),
+        (29.97, 30),
+        (7.5, 7.5),
+        (1000, 60),
+    ],
+)
+def test_rates_are_granted_in_steps(asked_hz: float, granted: float) -> None:
+    assert granted_hz(asked_hz, 60.0) == granted
+
+
+def test_no_rate_is_granted_beyond_what_the_policy_allows() -> None:
+    assert granted_hz(60.0, 10.26) == 10.26
+    assert granted_hz(0.001, 0.25) == 0.1
+
+
+def test_however_many_rates_are_asked_for_there_are_few_groups() -> None:
+    assert len({granted_hz(n / 1000, 60.0) for n in range(60_001)}) < 300
+
+
+@pytest.mark.parametrize("hz", [1e-320, 5e-324, 7e-310, 1e-9, 0.1])
+def test_the_slowest_rate_there_is_harms_nobody_elses(hz: float) -> None:
+    world = World()
+    edge = world.on_air()
+    _, screen = world.join()
+    slow, slow_screen = world.join(hz)
+    for n in range(90):
+        world.say(slow, type="rate", hz=hz if n % 2 else 0) if n % 5 == 0 else None
+        world.pass_time(1 / 30)
+        world.publish(edge)
+    assert [frame.seq for frame in screen.states[1:]] == list(range(1, 91))
+    assert slow_screen.ended is None

@@ -6,29 +6,48 @@ import asyncio
 import gzip
 import os
 
-from posecast_relay.adapters.packed import Packed
+from posecast_relay.adapters.model_room import ENTRY_BYTES, ModelRoom
+from posecast_relay.adapters.packed import Packed, packed_name
+
+
+def room_with(**files: bytes) -> ModelRoom:
+    """What is kept of a robot."""
+    room = ModelRoom(1_000_000, lambda: 0.0)
+    for name, data in files.items():
+        claim = room.claim("r", len(data), lambda: None)
+        assert claim is not None
+        room.keep(claim, name, data, len(data))
+        room.release(claim)
+    return room
 
 
 async def test_what_shrinks_is_packed_once_and_unpacks_to_the_same() -> None:
-    packed = Packed(1_000_000)
     text = b"joint " * 1000
-    first, again = await asyncio.gather(packed.pack("a", text), packed.pack("a", text))
-    assert first is not None
-    assert first is again is await packed.pack("a", text)
-    assert gzip.decompress(first) == text
-    assert len(first) < 100
+    room = room_with(a=text)
+    packed = Packed(room)
+    sizes = await asyncio.gather(packed.pack("r", "a"), packed.pack("r", "a"))
+    made = room.get(packed_name("a"))
+    assert isinstance(made, bytes)
+    assert set(sizes) == {len(made)}
+    assert gzip.decompress(made) == text
+    assert await packed.pack("r", "a") == len(made) < 100
+    assert room.get(packed_name("a")) is made
+    assert room.used == len(text) + len(made) + 2 * ENTRY_BYTES
 
 
 async def test_what_does_not_shrink_is_left_alone_and_not_tried_twice() -> None:
-    packed = Packed(1_000_000)
-    noise = os.urandom(10_000)
-    assert await packed.pack("noise", noise) is None
-    assert await packed.pack("noise", b"joint " * 1000) is None  # the name alone decides
+    room = room_with(noise=os.urandom(10_000))
+    packed = Packed(room)
+    assert await packed.pack("r", "noise") == 0
+    assert room.get(packed_name("noise")) == b""
+    assert await packed.pack("r", "noise") == 0
+    assert room.used == 10_000 + 2 * ENTRY_BYTES
 
 
-async def test_when_full_the_oldest_goes() -> None:
-    packed = Packed(400)
-    made = [await packed.pack(str(i), bytes([i]) * 10_000) for i in range(6)]
-    assert all(made)
-    assert await packed.pack("5", b"") is made[5]
-    assert await packed.pack("0", b"other" * 10_000) is not made[0]
+async def test_what_is_not_here_is_not_packed_and_all_stays_within_the_room() -> None:
+    room = room_with(a=b"joint " * 100_000)
+    assert await Packed(room).pack("r", "b") == 0
+    assert room.claim("other", 300_000, lambda: None)
+    assert await Packed(room).pack("r", "a") > 0  # beside the other's there was room for one of the two only
+    assert room.get("a") is None
+    assert room.used < room.most

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import socket
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import pytest
 from posecast_relay.adapters.fan_out import SLICE, FanOut
@@ -12,10 +12,12 @@ from posecast_relay.adapters.pump import Pump
 from posecast_relay.adapters.store_memory import MemoryStore
 from posecast_relay.adapters.uring import Ring
 from posecast_relay.core import messages
-from posecast_relay.core.actions import Send
+from posecast_relay.core.actions import Ask, Fault, Send, Verify, Watch
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
+from posecast_relay.core.stream import Stream
 from posecast_relay.core.viewer import Viewer
+from posecast_wire import Close
 
 from .sim import Edge, Screen, schema
 
@@ -111,4 +113,90 @@ async def test_a_crowd_is_served_in_slices_and_frames_meanwhile_replace_each_oth
             await asyncio.sleep(0)
     assert all([frame.seq for frame in screen.states] == [0, 1, 4] for screen in screens)
     assert screens[0].told("pong")
+    pump.stop()
+
+
+class Broken(Screen):
+    """A connection at which every call fails."""
+
+    def write(self, data: bytes) -> None:
+        """Outlet."""
+        raise ArithmeticError("write")
+
+    def end(self, close: Close, reason: str, retry_s: float | None) -> None:
+        """Outlet."""
+        raise ArithmeticError("end")
+
+    def cut(self, close: Close) -> None:
+        """Outlet."""
+        raise ArithmeticError("cut")
+
+
+class BrokenStore(MemoryStore):
+    """A store that fails."""
+
+    def keep(self, stream: Stream) -> None:
+        """As it says."""
+        raise ArithmeticError("keep")
+
+
+def fail(*_args: object) -> None:
+    """A port that fails."""
+    raise ArithmeticError("port")
+
+
+def serving(store: MemoryStore) -> tuple[Pump, Callable[[], None]]:
+    """A pump with a robot on air, and how to publish a frame of it."""
+    pump = Pump(Hub(Limits()), store, FanOut(None))
+    pump.ask, pump.watch, pump.verify, pump.kept = fail, fail, fail, fail
+    edge = Edge(0xABC, schema(), began_s=pump.now() - 5.0)
+
+    def publish() -> None:
+        now = pump.now()
+        pump.hub.frame("r", "public", edge.frame(now), edge.stamp(now), now)
+        pump.flush()
+
+    publish()
+    pump.hub.snapshot("r", "public", edge.snapshot(), edge.stamp(pump.now()), pump.now())
+    return pump, publish
+
+
+async def test_ports_and_connections_that_fail_are_nobody_elses_trouble(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    clock = iter(range(1_000_000))
+    monkeypatch.setattr(Pump, "now", lambda _self: 1000.0 + next(clock) / 10)  # every frame is due
+    pump, publish = serving(BrokenStore())
+    screens = [Broken() if n % 3 == 1 else Screen() for n in range(30)]
+    viewers = [viewer(screen) for screen in screens]
+    for one in viewers:
+        pump.join(one)
+    pump.carry_out([Verify(viewers[0], "token"), Ask("r", ("public",)), Watch("r")])
+    for _ in range(5):
+        publish()
+    pump.carry_out(pump.hub.refuse(viewers[1], Close.BINARY, "binary"))
+    told = Fault("r/public", ArithmeticError("told by the core"))
+    pump.carry_out([told, Send(messages.pong(7.0), viewers[2:])])
+    sound = [screen for screen in screens[2:] if not isinstance(screen, Broken)]
+    assert all(len(screen.states) == 6 and screen.told("pong") for screen in sound)
+    # the first could not be verified
+    assert set(pump.hub.viewers) == {one for one in viewers[2:] if not isinstance(one.outlet, Broken)}
+    assert pump.faults["ArithmeticError"] > 20
+    pump.stop()
+
+
+async def test_a_core_that_fails_as_a_whole_is_asked_again() -> None:
+    pump, publish = serving(MemoryStore())
+    pump.join(viewer(screen := Screen()))
+    tick, pump.hub.tick = pump.hub.tick, fail  # type: ignore[method-assign, assignment]
+    pump.start()
+    async with asyncio.timeout(20):
+        while pump.faults["ArithmeticError"] < 3:
+            await asyncio.sleep(0)
+    pump.hub.tick = tick  # type: ignore[method-assign]
+    publish()
+    assert len(screen.states) == 2
+    async with asyncio.timeout(20):
+        while len(screen.told("status")) < 3:
+            await asyncio.sleep(0)
     pump.stop()

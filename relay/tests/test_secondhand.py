@@ -6,9 +6,11 @@ import json
 from typing import Any
 
 import pytest
+from posecast_relay.core.actions import Ask
 from posecast_relay.core.secondhand import Secondhand
+from posecast_relay.core.told import Standing, State, Update
 
-from .sim import World
+from .sim import Edge, World, schema
 
 
 def told(n: int, text: str = "jam") -> str:
@@ -82,33 +84,263 @@ def test_degraded_is_told_once_and_taken_back(world: World) -> None:
     assert "degraded" not in screen.told("status")[-1]
 
 
-def test_the_standing_brings_the_token_and_the_age_of_what_was_never_live_here() -> None:
-    world = World()
-    said = Secondhand(world.hub)
-    _, screen = world.join()
-    assert screen.told("status")[-1]["robot"] == "offline"
-    world.do(said.standing("r", True, {"public": None}, world.now))
-    assert screen.told("status")[-1] == {"type": "status", "robot": "silent", "age_ms": None, "seq": None}
-    edge = world.on_air(robot="other")
-    world.hub.snapshot("r", "public", edge.snapshot(), edge.stamp(world.now), world.now)
-    world.flush()
-    world.do(said.standing("r", True, {"public": 7.5, "no such view": 1.0}, world.now))
-    world.pass_time(1.0)
-    status = screen.told("status")[-1]
-    assert (status["robot"], status["seq"]) == ("silent", edge.seq)
-    assert 7500 <= status["age_ms"] <= 8500
-    world.do(said.standing("r", False, {"public": 8.5}, world.now))
-    assert screen.told("status")[-1]["robot"] == "offline"
+def standing(edge: Edge | None, age_s: float | None, token: bool = True) -> Standing:
+    """As a relay that hears this edge tells it."""
+    newest = {} if edge is None else {"public": (edge.run_id, edge.seq)}
+    return Standing(token, {"public": age_s, "no such view": 1.0}, newest)
 
 
-def test_what_is_lacking_is_asked_for_and_only_of_known_robots(world: World) -> None:
-    said = Secondhand(world.hub)
-    world.pass_time(2.0)
-    world.asked.clear()
-    said.lacks("r")
-    said.lacks("nobody")
-    world.pass_time(0.1)
-    assert world.asked == ["r"]
+def state(edge: Edge, generation: int = 1, newest: bytes | None = None, is_heard: bool = True) -> State:
+    """What the store holds of it."""
+    picture = newest or edge.snapshot().key
+    return State(generation, edge.run_id, 0, "p:1", "p:1", edge.snapshot(), picture, (), is_heard)
+
+
+def update(edge: Edge, at_s: float, *frames: bytes, generation: int = 1, late_s: float = 0.0) -> Update:
+    """The last of these frames was made then; so were its bases, for all that the stamps say."""
+    stamped = tuple((edge.stamp(at_s).elapsed_ns, frame) for frame in frames)
+    return Update("public", generation, edge.run_id, "p:1", "p:1", late_s, stamped, ())
+
+
+class Far:
+    """A gateway's hub; edges are heard elsewhere."""
+
+    def __init__(self) -> None:
+        self.world = World()
+        self.said = Secondhand(self.world.hub)
+        self.said.listen("r")
+        self.edge = Edge(0xE, schema(), began_s=self.world.now)
+        self.key = self.edge.frame(self.world.now)
+        _, self.screen = self.world.join()
+
+    @property
+    def now(self) -> float:
+        """The world's."""
+        return self.world.now
+
+    def reads(self, found: State, told: Standing | None = None, under_way_s: float = 0.0) -> None:
+        """What the store holds, and what was told last."""
+        self.said.counted("r", found.generation, self.said.listen("r").generation)
+        self.world.do(self.said.state("r", "public", found, self.now))
+        if told is not None:
+            self.world.do(self.said.standing("r", told, under_way_s, self.now))
+        self.world.flush()
+
+    def hears(self, said: Update | Standing, under_way_s: float | None = 0.0) -> None:
+        """A message of the robot's channel."""
+        if isinstance(said, Standing):
+            self.world.do(self.said.standing("r", said, under_way_s, self.now))
+        else:
+            self.world.do(self.said.update("r", said, under_way_s, self.now))
+        self.world.flush()
+
+    def status(self) -> dict[str, Any]:
+        """As a viewer was told last."""
+        return self.screen.told("status")[-1]
+
+
+def test_the_standing_brings_the_token_and_the_age_of_the_frame_that_it_names() -> None:
+    far = Far()
+    assert far.status()["robot"] == "offline"
+    far.hears(standing(None, None))
+    assert far.status() == {"type": "status", "robot": "silent", "age_ms": None, "seq": None}
+    far.reads(state(far.edge), standing(far.edge, 7.5), under_way_s=0.25)
+    far.world.pass_time(1.0)
+    assert (far.status()["robot"], far.status()["seq"]) == ("silent", far.edge.seq)
+    assert 7750 <= far.status()["age_ms"] <= 8750
+    far.hears(standing(far.edge, 8.5, token=False))
+    assert far.status()["robot"] == "offline"
+
+
+def test_a_standing_that_is_read_again_says_nothing_new() -> None:
+    """Redis keeps it for a while, and for longer when its clock is set back; nobody has told it again."""
+    far = Far()
+    told = standing(far.edge, 0.0)._replace(sent_s=5.0)
+    far.reads(state(far.edge), told)
+    assert far.status()["robot"] == "online"
+    far.world.pass_time(3.0)
+    heard_at = far.said.listen("r").told_at
+    far.reads(state(far.edge), told)
+    assert far.status()["robot"] == "silent"
+    assert far.said.listen("r").told_at == heard_at
+
+
+def test_an_age_says_nothing_of_an_older_frame_than_the_one_it_was_told_of() -> None:
+    """The state was evicted, or is a replica's: the picture here is old, whatever its relay hears by now."""
+    far = Far()
+    far.reads(state(far.edge))
+    far.edge.frame(far.now)
+    far.hears(standing(far.edge, 0.02))
+    assert (far.status()["robot"], far.status()["age_ms"]) == ("silent", None)
+    another = Edge(0xF, schema())
+    another.frame(far.now)
+    far.hears(standing(another, 0.02))
+    assert far.status()["age_ms"] is None
+
+
+def test_a_picture_that_was_read_is_told_as_such_in_the_write_that_brings_it() -> None:
+    """A page takes a frame that is newer than its status for a sign of life."""
+    far = Far()
+    far.reads(state(far.edge), standing(far.edge, 0.0))
+    assert far.status()["robot"] == "online"
+    far.world.pass_time(1.0)
+    newer, writes = far.edge.frame(far.now), far.screen.writes
+    far.reads(state(far.edge, newest=newer))
+    assert far.screen.writes == writes + 1
+    assert (far.status()["seq"], far.status()["age_ms"]) == (1, 1000)
+    assert far.screen.states[-1].seq == 1
+
+
+@pytest.mark.parametrize("late_s", [0.0, 2.0])
+def test_a_message_is_as_old_as_its_frame_and_its_time_under_way(late_s: float) -> None:
+    far = Far()
+    far.reads(state(far.edge), standing(None, None))
+    far.hears(update(far.edge, far.now, far.edge.frame(far.now), late_s=late_s), under_way_s=2.0)
+    assert (far.status()["robot"], far.status()["age_ms"]) == ("silent", 2000 + late_s * 1000)
+    far.hears(update(far.edge, far.now, far.edge.frame(far.now)), under_way_s=0.01)
+    assert (far.status()["robot"], far.status()["age_ms"]) == ("online", 10)
+
+
+def test_a_base_that_comes_along_is_no_sign_of_life() -> None:
+    """The newest frame is refused for once: then its KEY, which may be old, is not shown as live."""
+    far = Far()
+    far.reads(state(far.edge), standing(None, None))
+    far.world.pass_time(3.0)
+    key_at, key = far.now, far.edge.frame(far.now, force_key=True)
+    far.world.pass_time(3.0)
+    said = update(far.edge, far.now, key, b"\x10 no frame")
+    frames = ((far.edge.stamp(key_at).elapsed_ns, key), said.frames[1])
+    far.hears(said._replace(frames=frames))
+    assert (far.status()["robot"], far.status()["age_ms"]) == ("silent", 3000)
+
+
+def test_a_clock_that_stood_still_counts_once_its_relay_has_learned_it() -> None:
+    """The gateway can ask nobody: what the relay tells, and how long that took, is what it knows."""
+    far = Far()
+    far.reads(state(far.edge), standing(None, None))
+    stood_at = far.now
+    far.hears(update(far.edge, stood_at, far.edge.frame(far.now)))
+    far.world.pass_time(8.0)
+    far.hears(update(far.edge, stood_at + 0.1, far.edge.frame(far.now), late_s=7.9))
+    assert far.status()["robot"] == "silent"
+    far.hears(update(far.edge, stood_at + 0.2, far.edge.frame(far.now), late_s=0.01))
+    assert (far.status()["robot"], far.status()["age_ms"]) == ("online", 10)
+
+
+def test_after_an_outage_nothing_from_before_it_is_shown_as_live() -> None:
+    far = Far()
+    far.reads(state(far.edge), standing(far.edge, 0.0))
+    far.hears(update(far.edge, far.now, far.edge.frame(far.now)))
+    assert far.status()["robot"] == "online"
+    far.world.do(far.said.lost(far.now))
+    assert far.status()["degraded"] is True
+    far.world.pass_time(0.4)  # a pose is not stale yet
+    far.world.do(far.said.found(far.now))
+    assert far.status()["degraded"] is True
+    far.hears(standing(far.edge, 0.4))  # of the very frame that stands here
+    assert far.status()["degraded"] is True
+    writes = far.screen.writes
+    far.hears(update(far.edge, far.now, far.edge.frame(far.now)))
+    assert far.screen.writes == writes + 1  # the pose and the word in one
+    assert "degraded" not in far.status()
+    assert (far.status()["robot"], far.screen.states[-1].seq) == ("online", far.edge.seq)
+
+
+@pytest.mark.parametrize("told", ["too old", "never", "gone"])
+def test_after_an_outage_a_robot_that_sends_nothing_is_said_to_be_silent(told: str) -> None:
+    far = Far()
+    far.reads(state(far.edge), standing(far.edge, 0.0))
+    far.world.do(far.said.lost(far.now))
+    far.world.do(far.said.found(far.now))
+    age_s = {"too old": 3.0, "never": None, "gone": 3.0}[told]
+    far.hears(standing(far.edge, age_s, token=told != "gone"))
+    assert "degraded" not in far.status()
+    assert far.status()["robot"] == {"too old": "online", "never": "online", "gone": "offline"}[told]
+
+
+def test_after_an_outage_a_newer_picture_of_which_the_age_is_told_is_news() -> None:
+    far = Far()
+    far.reads(state(far.edge), standing(far.edge, 0.0))
+    far.world.do(far.said.lost(far.now))
+    far.world.pass_time(3.0)
+    far.reads(state(far.edge, newest=far.edge.frame(far.now)), standing(far.edge, 0.1))
+    far.world.do(far.said.found(far.now))
+    assert (far.status()["robot"], far.status()["seq"]) == ("online", far.edge.seq)
+    assert far.screen.states[-1].seq == far.edge.seq
+
+
+def test_the_highest_generation_says_which_run_is_current() -> None:
+    far = Far()
+    other = Edge(0xF, schema(), began_s=far.now)
+    far.hears(update(far.edge, far.now, far.key, generation=5))
+    far.reads(state(far.edge, 5))
+    far.hears(update(other, far.now, other.frame(far.now), generation=6))
+    assert far.world.hub.robots["r"].runs.current == 0xF
+    far.hears(update(far.edge, far.now, far.edge.frame(far.now), generation=5))
+    assert far.world.hub.fates["retired"] == 1
+    # the other has ended, and the ingest has another one by now, which has never heard of it
+    far.hears(update(far.edge, far.now, far.key, far.edge.frame(far.now), generation=7))
+    assert far.world.hub.robots["r"].runs.current == 0xE
+    assert far.screen.states[-1].seq == far.edge.seq
+    assert far.status()["robot"] == "online"
+
+
+def test_a_view_that_the_newest_run_does_not_send_changes_no_run() -> None:
+    """A gateway that starts later reads both; each one in turn would retire the other for good."""
+    far = Far()
+    other = Edge(0xF, schema(), began_s=far.now)
+    other.frame(far.now)
+    far.said.counted("r", 6, 0)
+    far.world.do(far.said.state("r", "public", state(other, 6), far.now))
+    far.world.do(far.said.state("r", "old", state(far.edge, 5), far.now))
+    assert far.world.hub.robots["r"].runs.current == 0xF
+
+
+def test_what_only_an_answer_brought_takes_the_place_of_no_pose() -> None:
+    far = Far()
+    other = Edge(0xF, schema(), began_s=far.now)
+    other.frame(far.now)
+    far.reads(state(far.edge, 5))
+    far.reads(state(other, 6, is_heard=False))
+    assert far.world.hub.robots["r"].runs.current == 0xE
+    far.reads(state(other, 7))
+    assert far.world.hub.robots["r"].runs.current == 0xF
+
+
+def test_a_store_that_has_lost_count_is_believed() -> None:
+    """But not an answer that a message has overtaken."""
+    said = Secondhand(World().hub)
+    said.listen("r").generation = 9
+    said.counted("r", 8, asked=7)
+    assert said.listen("r").generation == 9
+    said.counted("r", 3, asked=9)
+    assert said.listen("r").generation == 3
+
+
+def test_what_is_lacking_is_asked_for_at_once_and_then_not_too_often() -> None:
+    far = Far()
+    assert far.said.lacks("nobody", far.now) == []
+
+    def asks() -> bool:
+        return any(isinstance(action, Ask) for action in far.said.lacks("r", far.now))
+
+    assert asks()
+    assert not asks()
+    far.world.pass_time(0.3)  # nothing came: that was too early
+    assert asks()
+    far.reads(state(far.edge))
+    far.world.pass_time(0.3)
+    assert not asks()
+    far.world.pass_time(0.8)
+    assert asks()
+
+
+def test_nobody_hears_the_robot_any_more() -> None:
+    far = Far()
+    far.reads(state(far.edge), standing(far.edge, 0.0))
+    far.world.do(far.said.degrade(True, far.now, "r"))
+    far.world.do(far.said.gone("r", far.now))
+    assert (far.status()["robot"], far.status().get("degraded")) == ("offline", None)
 
 
 def test_a_watched_robot_is_not_forgotten(world: World) -> None:

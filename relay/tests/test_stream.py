@@ -238,3 +238,19 @@ def test_whoever_kept_no_event_changes_no_number_and_broken_ones_change_nothing(
         with pytest.raises(ValueError, match=r"."):
             stream.resume("q", ['{"n":1,"text":"sound"}', broken])
     assert (told(stream), stream.numbering) == ([(1, "a"), (2, "b")], "p")
+
+
+def test_long_schemas_have_one_bound_over_all_robots() -> None:
+    world = World(Limits(schema_bytes_free=100, schemas_bytes=1000))
+    wide = schema([f"joint {n}" for n in range(20)])
+    assert 300 < len(wide.text) < 500
+    screens = []
+    for n in range(4):
+        edge = Edge(0xABC, wide, began_s=world.now - 5.0)
+        world.do(world.hub.token(f"r{n}", True, world.now))
+        world.publish(edge, robot=f"r{n}")
+        try:
+            world.answer(edge, f"r{n}")
+        except ValueError as e:
+            screens.append(str(e))
+    assert screens == [f"snapshot: no room for another schema of {len(wide.text)} bytes"] * 2

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import socket
-import time
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any, cast
@@ -72,15 +71,13 @@ async def test_six_hundred_half_requests_hurt_nobody(relays: Any, edges: Any) ->
                 sock.sendall(b"GET / HTTP/1.1\r\nHost:" if n % 2 else b"")
                 sock.setblocking(False)
                 slow.append(sock)
-            began = time.monotonic()
-            async with Watcher(relay.url()) as late:
+            async with asyncio.timeout(ASK_S + 60.0), Watcher(relay.url()) as late:
                 await late.until("frames", lambda v: len(v.frames) > 10)
-                while left := sum(is_open(sock) for sock in slow):
+                while any(is_open(sock) for sock in slow):
                     assert (await client.get("/livez")).status_code == 200
                     for sock in slow[1::2]:
                         if is_open(sock):
                             sock.send(b"x")  # a byte now and then is no request either
-                    assert time.monotonic() - began < ASK_S + 10.0, left
                     await asyncio.sleep(0.2)
                 assert late.closed is None
                 seq = late.frames[-1][1].seq

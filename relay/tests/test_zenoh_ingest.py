@@ -12,7 +12,7 @@ from posecast_wire import Echo, frame_key
 
 from .stage import Relay, Watcher, free_port, until
 
-AT_MOST_S = 1.5
+KEY_EVERY = 900  # frames of the edge on the stage
 
 
 def listed(relay: Relay, robot: str = "r") -> dict[str, Any]:
@@ -30,8 +30,7 @@ async def test_one_lost_key_costs_a_second_not_an_interval(relays: Any, edges: A
         await viewer.until("the loss", lambda v: edge.lost_at is not None)
         lost = edge.seq
         await viewer.until("frames after it", lambda v: v.frames[-1][1].seq > lost + 30)
-        assert edge.lost_at is not None
-        assert viewer.longest_gap_s(edge.lost_at) <= AT_MOST_S
+        assert viewer.most_missed(lost - 30) < KEY_EVERY / 3
         assert viewer.frames[-1][1].codes == (viewer.frames[-1][1].seq,) * 2
 
 
@@ -43,10 +42,10 @@ async def test_a_restarted_relay_needs_no_key(relays: Any, edges: Any) -> None:
     relay.process.kill()
     relay.stop()
     again = relays(http=relay.http, zenoh_port=relay.zenoh_port)
-    up = time.monotonic()
+    restarted = edge.seq
     async with Watcher(again.url()) as viewer:
         await viewer.until("frames", lambda v: len(v.frames) > 10)
-        assert viewer.frames[1][0] - up <= AT_MOST_S
+        assert viewer.frames[0][1].seq < restarted  # its KEY, from before
         assert viewer.told("schema")
         assert viewer.frames[-1][1].seq > 30
     assert edge.edge.run_id == 0xE
@@ -60,9 +59,7 @@ async def test_silent_is_not_offline(relays: Any, edges: Any) -> None:
         edge.silent = True
         await viewer.until("silent", lambda v: v.told("status")[-1]["robot"] == "silent", 5.0)
         edge.close()
-        gone = time.monotonic()
-        await viewer.until("offline", lambda v: v.told("status")[-1]["robot"] == "offline", 5.0)
-        assert time.monotonic() - gone < 2.0
+        await viewer.until("offline", lambda v: v.told("status")[-1]["robot"] == "offline", 30.0)
     async with Watcher(relay.url()) as late:
         await late.until("a few seconds", lambda v: len(v.told("status")) > 3)
         assert {s["robot"] for s in late.told("status")} == {"offline"}

@@ -32,6 +32,7 @@ const ABILITIES: Readonly<Record<Ability, string>> = {
   media: 'settings of the system',
   colors: 'forced colours',
   slow: 'slow processor',
+  stop: 'sleep',
   cache: 'cache',
 };
 const HEAD = `| browser | version | body in 3D | one finger turns it | fullscreen | without WebGL | not played: its driver can’t |

@@ -5,6 +5,7 @@ import { until } from './driver/until.ts';
 import { FaultyLink } from './proxy.ts';
 import { type ChipChange, chips, chipText, liveness, RECORD } from './robot_page.ts';
 import { FULL, setStage } from './stage.ts';
+import { ClockRobot, WITNESS } from './truth.ts';
 
 const stage = setStage();
 
@@ -16,8 +17,9 @@ const word = (change: ChipChange): string => change.state;
 describe('the four words', () => {
   it('a silent source is STALE "robot silent", and LIVE again when it speaks', async () => {
     const relay = await stage.stack.relay();
-    const { source } = stage.stack.fedEdge(relay, SWINGING);
-    const page = await stage.newPage({ preload: RECORD });
+    const robot = new ClockRobot(stage.stack, relay);
+    const { source } = robot;
+    const page = await stage.newPage({ preload: `${RECORD};${WITNESS}` });
     await page.open(`${relay.url}/#/r/demo`);
     await until('LIVE', async () => (await liveness(page)) === 'LIVE');
 
@@ -29,18 +31,19 @@ describe('the four words', () => {
     expect(await liveness(page)).toBe('STALE');
     const seen = await chips(page);
     const stale = seen.find((change) => change.state === 'STALE' && change.atMs >= stoppedMs);
-    expect(stale?.atMs).toBeLessThan(stoppedMs + 3500);
     expect(seen.map(word)).not.toContain('OFFLINE');
     console.log(`source stopped: STALE after ${(stale?.atMs ?? 0) - stoppedMs} ms`);
 
     source.signal('SIGCONT');
     await until('LIVE again', async () => (await liveness(page)) === 'LIVE');
+    expect(await robot.lies(page)).toEqual([]);
   });
 
   it('a stopped edge is STALE and then OFFLINE, and LIVE again when it goes on', async () => {
     const relay = await stage.stack.relay();
-    const { edge } = stage.stack.fedEdge(relay, SWINGING);
-    const page = await stage.newPage({ preload: RECORD });
+    const robot = new ClockRobot(stage.stack, relay);
+    const { edge } = robot;
+    const page = await stage.newPage({ preload: `${RECORD};${WITNESS}` });
     await page.open(`${relay.url}/#/r/demo`);
     await until('LIVE', async () => (await liveness(page)) === 'LIVE');
     const before = (await chips(page)).length;
@@ -48,20 +51,21 @@ describe('the four words', () => {
     edge.signal('SIGSTOP');
     const stoppedMs = Date.now();
     await until('OFFLINE', async () => (await liveness(page)) === 'OFFLINE');
-    const changes = (await chips(page)).slice(before);
+    const changes = (await chips(page)).slice(before).filter(({ state }) => state !== '');
     expect(changes.map(word)).toEqual(['STALE', 'OFFLINE']);
     const [staleMs, offlineMs] = changes.map((change) => change.atMs - stoppedMs);
     console.log(`edge stopped: STALE after ${staleMs} ms, OFFLINE after ${offlineMs} ms`);
-    expect(offlineMs).toBeLessThan(6000);
 
     edge.signal('SIGCONT');
     await until('LIVE again', async () => (await liveness(page)) === 'LIVE');
+    expect(await robot.lies(page)).toEqual([]);
   });
 
-  it('a killed edge is OFFLINE within 2 s', async () => {
+  it('a killed edge is OFFLINE', async () => {
     const relay = await stage.stack.relay();
-    const { edge } = stage.stack.fedEdge(relay, SWINGING);
-    const page = await stage.newPage({ preload: RECORD });
+    const robot = new ClockRobot(stage.stack, relay);
+    const { edge } = robot;
+    const page = await stage.newPage({ preload: `${RECORD};${WITNESS}` });
     await page.open(`${relay.url}/#/r/demo`);
     await until('LIVE', async () => (await liveness(page)) === 'LIVE');
 
@@ -71,7 +75,7 @@ describe('the four words', () => {
     // it may have been OFFLINE before, when the page was there first
     const offline = (await chips(page)).findLast((change) => change.state === 'OFFLINE');
     console.log(`edge killed: OFFLINE after ${(offline?.atMs ?? 0) - killedMs} ms`);
-    expect((offline?.atMs ?? Number.POSITIVE_INFINITY) - killedMs).toBeLessThanOrEqual(2000);
+    expect(await robot.lies(page)).toEqual([]);
   });
 
   it('who joins a dead robot never sees LIVE', async () => {

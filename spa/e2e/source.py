@@ -1,8 +1,9 @@
 """A robot's program for tests: reads samples as JSON lines and repeats the newest one at 30 Hz on stdout.
 
-One object a line on stdin. A member `wave: {field: {label: [amplitude, hertz]}}` makes those readings swing;
-all else is delivered as it stands. One with `once: true` is delivered a single time, between two of the one
-before it. SIGSTOP silences it and leaves the edge that it feeds alone.
+One object a line on stdin. A member `wave: {field: {label: [amplitude, hertz, phase]}}` makes those readings
+swing (radians of phase, 0 unless given); with `still_at: seconds` they stay where they were then. All else is
+delivered as it stands. One with `once: true` is delivered a single time, between two of the one before it.
+SIGSTOP silences it and leaves the edge that it feeds alone.
 """
 
 from __future__ import annotations
@@ -19,13 +20,17 @@ PERIOD_S = 1 / 30
 
 def moved(sample: dict[str, Any], t_s: float) -> dict[str, Any]:
     """The sample at `t_s` seconds: its waves applied, the recipe itself left out."""
-    out = {name: value for name, value in sample.items() if name not in ("wave", "once")}
+    out = {name: value for name, value in sample.items() if name not in ("wave", "once", "still_at")}
+    at_s = sample.get("still_at", t_s)
     for field, waves in sample.get("wave", {}).items():
-        swing = {
-            label: amplitude * math.sin(2 * math.pi * hz * t_s) for label, (amplitude, hz) in waves.items()
-        }
-        out[field] = {**out.get(field, {}), **swing}
+        out[field] = {**out.get(field, {}), **{label: swing(wave, at_s) for label, wave in waves.items()}}
     return out
+
+
+def swing(wave: list[float], t_s: float) -> float:
+    """Of amplitude, hertz and perhaps phase."""
+    amplitude, hz, *phase = wave
+    return amplitude * math.sin(2 * math.pi * hz * t_s + sum(phase))
 
 
 def main() -> None:

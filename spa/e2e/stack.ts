@@ -37,6 +37,8 @@ export interface RelayOptions {
   readonly accounts?: { readonly project: string; readonly emulator: string };
   /** Pages elsewhere that may show what is not for everybody. */
   readonly origins?: string;
+  /** One that breaks a promise (`tests/faults/broken_relay.py`). */
+  readonly breaks?: string;
 }
 
 export interface EdgeOptions {
@@ -185,7 +187,11 @@ export class Stack {
     ];
     const { accounts } = options;
     const env = accounts === undefined ? {} : { FIREBASE_AUTH_EMULATOR_HOST: accounts.emulator };
-    const running = this.start('relay', path.join(REPO, '.venv/bin/posecast-relay'), flags, { env });
+    const broken = [path.join(REPO, 'tests/faults/broken_relay.py'), options.breaks ?? '', ...flags];
+    const running =
+      options.breaks === undefined
+        ? this.start('relay', path.join(REPO, '.venv/bin/posecast-relay'), flags, { env })
+        : this.start('relay', PYTHON, broken, { env });
     const found = await running.line(
       /serving http:\/\/127\.0\.0\.1:(\d+), robots (?:on (tcp\/\S+)|from Redis)/,
     );

@@ -1,10 +1,11 @@
+import { parseSchema } from '@posecast/wire';
 import { describe, expect, it } from 'vitest';
 import { HISTORY_S, History } from '../src/twin/history.ts';
 import { strip } from '../src/twin/sparkline.ts';
 import { codesWith, SCHEMA } from './schema.ts';
 
 const state = (atMs: number, changed: Parameters<typeof codesWith>[0]) => ({
-  ...{ schemaId: SCHEMA.id, seq: 1, tS: 0, codes: codesWith(changed), freshMs: 0, changedMs: 0 },
+  ...{ schemaId: SCHEMA.id, seq: 1, tS: 0, codes: codesWith(changed), freshMs: 0, bornMs: 0, changedMs: 0 },
   atMs,
 });
 
@@ -35,8 +36,7 @@ describe('the last minute', () => {
   it('begins anew with another schema', () => {
     const history = new History();
     history.push(SCHEMA, state(0, {}));
-    const Other = SCHEMA.constructor as typeof import('@posecast/wire').Schema;
-    const other = Other.parse(SCHEMA.text.replace('"Small"', '"Other"'));
+    const other = parseSchema(SCHEMA.text.replace('"Small"', '"Other"'));
     history.push(other, { ...state(100, {}), schemaId: other.id });
     expect(history.trace('pos', 'RKN', 200).agoS).toEqual([-0.1]);
   });

@@ -1,4 +1,4 @@
-import { Schema } from '@posecast/wire';
+import { parseSchema, type Schema } from '@posecast/wire';
 import { describe, expect, it } from 'vitest';
 import { ImuTable, leanOf, rootAttitude } from '../src/twin/imus.ts';
 import {
@@ -16,7 +16,7 @@ import { codesWith, SCHEMA } from './schema.ts';
 
 function schemaOf(labels: Record<string, string[]>, sensors: Record<string, unknown> = {}): Schema {
   const fields = Object.keys(labels).map((name) => ({ name, labels: name, scale: 0.0001 }));
-  return Schema.parse(
+  return parseSchema(
     JSON.stringify({ type: 'schema', v: 1, robot: 'r', labels, fields, mapping: { sensors } }),
   );
 }

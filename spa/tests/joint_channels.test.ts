@@ -1,8 +1,8 @@
-import { Schema } from '@posecast/wire';
+import { parseSchema } from '@posecast/wire';
 import { expect, it } from 'vitest';
 import { JointChannels } from '../src/twin/joint_channels.ts';
 
-const schema = Schema.parse(
+const schema = parseSchema(
   JSON.stringify({
     type: 'schema',
     v: 1,

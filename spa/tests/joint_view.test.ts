@@ -1,5 +1,5 @@
 // @vitest-environment happy-dom
-import { Schema } from '@posecast/wire';
+import { parseSchema } from '@posecast/wire';
 import { afterEach, beforeEach, describe, expect, it, vi } from 'vitest';
 import { titledLimbs } from '../src/app/limb_titles.ts';
 import { selection, selectJoint } from '../src/app/selection.ts';
@@ -24,7 +24,16 @@ function table(from: TableSources = {}, schema = SCHEMA) {
   let seq = 0;
   const say = (changed: Parameters<typeof codesWith>[0], atMs: number, codes = codesWith(changed)) => {
     seq += 1;
-    twin.acceptState({ schemaId: schema.id, seq, tS: seq / 30, codes, freshMs: 0, changedMs: 0, atMs });
+    twin.acceptState({
+      schemaId: schema.id,
+      seq,
+      tS: seq / 30,
+      codes,
+      freshMs: 0,
+      bornMs: 0,
+      changedMs: 0,
+      atMs,
+    });
     view.write(atMs);
   };
   const cell = (field: string, label: string) =>
@@ -92,7 +101,7 @@ describe('the filter', () => {
     say({}, 0);
     setFilter('kn');
     expect(shown()).toEqual(['LKN', 'RKN']);
-    const other = Schema.parse(
+    const other = parseSchema(
       SCHEMA.text.replace('"joint":["LKN","RKN","NK1"]', '"joint":["RKN","ELB","REB"]'),
     );
     twin.acceptSchema(other);
@@ -115,7 +124,7 @@ describe('the chosen joint', () => {
     const marked = () =>
       [...host.querySelectorAll<HTMLElement>('[aria-current]')].map((row) => row.dataset.label);
     expect(marked()).toEqual(['RKN']);
-    twin.acceptSchema(Schema.parse(SCHEMA.text.replace('"Small"', '"Other"')));
+    twin.acceptSchema(parseSchema(SCHEMA.text.replace('"Small"', '"Other"')));
     view.write(0);
     expect(marked()).toEqual(['RKN']);
     selectJoint('LKN', 'body');
@@ -211,7 +220,7 @@ describe('rows that nobody sees', () => {
 
 describe('what an update costs', () => {
   const label = Array.from({ length: 60 }, (_, i) => `J${i}`);
-  const wide = Schema.parse(
+  const wide = parseSchema(
     JSON.stringify({
       ...JSON.parse(SCHEMA.text),
       labels: { ...JSON.parse(SCHEMA.text).labels, joint: label },

@@ -1,10 +1,10 @@
-import { MISSING, Schema } from '@posecast/wire';
+import { MISSING, parseSchema } from '@posecast/wire';
 import { describe, expect, it } from 'vitest';
 import { LastReadings } from '../src/twin/last_readings.ts';
 import { codesWith, SCHEMA } from './schema.ts';
 
 const state = (atMs: number, changed: Parameters<typeof codesWith>[0] = {}) => ({
-  ...{ schemaId: SCHEMA.id, seq: 1, tS: 0, codes: codesWith(changed), freshMs: 0, changedMs: 0 },
+  ...{ schemaId: SCHEMA.id, seq: 1, tS: 0, codes: codesWith(changed), freshMs: 0, bornMs: 0, changedMs: 0 },
   atMs,
 });
 const force = SCHEMA.field('ftf')!;
@@ -39,7 +39,7 @@ describe('the last readings', () => {
     const readings = new LastReadings();
     readings.push(SCHEMA, state(100, { 'ftf.RF.fz': 250 }));
     readings.push(SCHEMA, state(200, { 'ftf.RF.fz': null }));
-    const other = Schema.parse(SCHEMA.text.replace('"Small"', '"Other"'));
+    const other = parseSchema(SCHEMA.text.replace('"Small"', '"Other"'));
     readings.push(other, { ...state(300, { 'ftf.RF.fz': null }), schemaId: other.id });
     expect([readings.anyLost, readings.lostMs(force, 0)]).toEqual([false, null]);
     expect(readings.codes[force.start]).toBe(MISSING);

@@ -1,4 +1,4 @@
-import { Schema } from '@posecast/wire';
+import { parseSchema } from '@posecast/wire';
 import { describe, expect, it } from 'vitest';
 import { Lens } from '../src/twin/lens.ts';
 import { codesWith, SCHEMA } from './schema.ts';
@@ -53,7 +53,7 @@ describe('the lens', () => {
 
   it('is blind for a robot without ref, and one without tolerances', () => {
     const bare = (fields: readonly string[]) =>
-      Schema.parse(
+      parseSchema(
         JSON.stringify({
           type: 'schema',
           v: 1,

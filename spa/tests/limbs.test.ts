@@ -1,4 +1,4 @@
-import { Schema } from '@posecast/wire';
+import { parseSchema, type Schema } from '@posecast/wire';
 import { expect, it } from 'vitest';
 import { moreEn } from '../src/app/text/more_en.ts';
 import { KinematicTree, type TreeLink } from '../src/twin/kinematic_tree.ts';
@@ -6,7 +6,7 @@ import { limbsOf } from '../src/twin/limbs.ts';
 
 function schemaOf(joint: readonly string[], names: Readonly<Record<string, string>> = {}): Schema {
   const fields = [{ name: 'pos', unit: 'rad', scale: 0.001, labels: 'joint' }];
-  return Schema.parse(
+  return parseSchema(
     JSON.stringify({ type: 'schema', v: 1, robot: 'Limbs', labels: { joint }, fields, mapping: { names } }),
   );
 }

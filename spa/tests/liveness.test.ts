@@ -19,6 +19,7 @@ function evidence(changed: Partial<Evidence> = {}): Evidence {
     changedMs: NOW - 30,
     watchingMs: NOW - 60_000,
     shownMs: NOW - 30,
+    otherwiseMs: null,
     ...changed,
   };
 }

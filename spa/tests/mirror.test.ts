@@ -1,4 +1,4 @@
-import { Schema, WIRE_VERSION } from '@posecast/wire';
+import { WIRE_VERSION } from '@posecast/wire';
 import { describe, expect, it } from 'vitest';
 import type { StreamEvent } from '../src/stream/events.ts';
 import { MirrorReader } from '../src/stream/mirror.ts';
@@ -35,7 +35,7 @@ class Rig {
       this.actions.push(action);
       if (action.do !== 'post') continue;
       const { message } = action;
-      if (message.kind === 'schema') this.twin.acceptSchema(Schema.parse(message.text));
+      if (message.kind === 'schema') this.twin.acceptSchema(message.schema);
       else if (message.kind === 'status') this.twin.acceptStatus(message.status);
       else if (message.kind === 'link') this.twin.acceptConnection(message.phase === 'open', this.now);
       else if (message.kind === 'state') {

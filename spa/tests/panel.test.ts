@@ -1,5 +1,5 @@
 // @vitest-environment happy-dom
-import { Schema } from '@posecast/wire';
+import { parseSchema } from '@posecast/wire';
 import { createElement, useState } from 'react';
 import { createRoot, type Root } from 'react-dom/client';
 import { afterEach, beforeAll, beforeEach, describe, expect, it, vi } from 'vitest';
@@ -65,7 +65,7 @@ async function panel(twin = new RobotTwin('small', 0)) {
     seq += 1;
     const codes = schema === SCHEMA ? codesWith(changed) : new Int32Array(schema.size);
     twin.acceptState({
-      ...{ schemaId: schema.id, seq, tS: seq / 30, codes, freshMs: 0, changedMs: 0 },
+      ...{ schemaId: schema.id, seq, tS: seq / 30, codes, freshMs: 0, bornMs: 0, changedMs: 0 },
       atMs: Date.now(),
     });
   };
@@ -147,7 +147,7 @@ describe('the numbers', { timeout: 60_000 }, () => {
     await click('tr[data-label="RKN"] button');
     await waitForText('[data-testid=joint-card]', 'right knee');
     const odd = '<img src=x onerror=alert(1)>';
-    const other = Schema.parse(
+    const other = parseSchema(
       SCHEMA.text.replace('"joint":["LKN","RKN","NK1"]', `"joint":[${JSON.stringify(odd)},"__proto__","a"]`),
     );
     twin.acceptSchema(other);

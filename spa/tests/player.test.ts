@@ -1,4 +1,4 @@
-import { Schema } from '@posecast/wire';
+import { parseSchema } from '@posecast/wire';
 import { describe, expect, it } from 'vitest';
 import { ImuTable } from '../src/twin/imus.ts';
 import { Player } from '../src/twin/player.ts';
@@ -7,7 +7,16 @@ import { codesWith, SCHEMA } from './schema.ts';
 
 function state(seq: number, codes: Int32Array, schema = SCHEMA): RobotState {
   const atMs = seq * 100 + 40;
-  return { schemaId: schema.id, seq, tS: seq / 10, codes, freshMs: atMs, changedMs: atMs, atMs };
+  return {
+    schemaId: schema.id,
+    seq,
+    tS: seq / 10,
+    codes,
+    freshMs: atMs,
+    bornMs: atMs,
+    changedMs: atMs,
+    atMs,
+  };
 }
 
 /** A player that has seen ten frames of LKN, RKN moving on by 0.1 rad each time. */
@@ -97,7 +106,7 @@ describe('what is shown of a robot', () => {
 });
 
 describe('a base by odometry', () => {
-  const floating = Schema.parse(
+  const floating = parseSchema(
     JSON.stringify({
       type: 'schema',
       v: 1,

@@ -1,5 +1,5 @@
 // @vitest-environment happy-dom
-import { Schema } from '@posecast/wire';
+import { parseSchema } from '@posecast/wire';
 import { afterAll, beforeAll, beforeEach, describe, expect, it, vi } from 'vitest';
 import type { PlotManner, PlotStack as Stack } from '../src/app/plot/plot_stack.ts';
 import { moreEn } from '../src/app/text/more_en.ts';
@@ -31,7 +31,7 @@ afterAll(() => vi.unstubAllGlobals());
 beforeEach(() => document.body.replaceChildren());
 
 const state = (atMs: number, changed: Parameters<typeof codesWith>[0] = {}) => ({
-  ...{ schemaId: SCHEMA.id, seq: 1, tS: 0, codes: codesWith(changed), freshMs: 0, changedMs: 0 },
+  ...{ schemaId: SCHEMA.id, seq: 1, tS: 0, codes: codesWith(changed), freshMs: 0, bornMs: 0, changedMs: 0 },
   atMs,
 });
 
@@ -94,7 +94,7 @@ describe('plots under one another', () => {
     made.write(past, 100);
     expect(legend()[0]).toBe('RKN pos 0.100rad×');
     const odd = '<img src=x onerror=alert(1)>';
-    const other = Schema.parse(SCHEMA.text.replaceAll('"RKN"', JSON.stringify(odd)));
+    const other = parseSchema(SCHEMA.text.replaceAll('"RKN"', JSON.stringify(odd)));
     past.push(other, { ...state(200), schemaId: other.id });
     made.write(past, 200);
     expect(legend()[0]).toContain('not reported now');

@@ -1,4 +1,4 @@
-import { Schema } from '@posecast/wire';
+import { parseSchema } from '@posecast/wire';
 import { beforeEach, describe, expect, it } from 'vitest';
 import { clearPlots, MOST_TRACES, onPlotted, plot, plotted, togglePlot, unplot } from '../src/app/plotted.ts';
 import { HISTORY_S, History } from '../src/twin/history.ts';
@@ -8,7 +8,7 @@ import { plottedReading } from '../src/twin/plotted.ts';
 import { codesWith, SCHEMA } from './schema.ts';
 
 const state = (atMs: number, changed: Parameters<typeof codesWith>[0] = {}) => ({
-  ...{ schemaId: SCHEMA.id, seq: 1, tS: 0, codes: codesWith(changed), freshMs: 0, changedMs: 0 },
+  ...{ schemaId: SCHEMA.id, seq: 1, tS: 0, codes: codesWith(changed), freshMs: 0, bornMs: 0, changedMs: 0 },
   atMs,
 });
 const read = (field: string, label: string, changed: Parameters<typeof codesWith>[0]) =>
@@ -104,7 +104,7 @@ describe('the picture', () => {
 
   it('is of the schema that its frames have, also while a new one has come without any', () => {
     const past = history();
-    const other = Schema.parse(SCHEMA.text.replace('"joint":["LKN","RKN","NK1"]', '"joint":["A","B","C"]'));
+    const other = parseSchema(SCHEMA.text.replace('"joint":["LKN","RKN","NK1"]', '"joint":["A","B","C"]'));
     const list = [{ field: 'pos', label: 'RKN' }];
     expect(plotGroups(past, list, 'rad')[0]?.traces[0]?.reading).not.toBeNull();
     past.push(other, { ...state(6000), schemaId: other.id });

@@ -27,7 +27,16 @@ function written(leastMs?: number) {
   );
   const frame = () =>
     twin.acceptState({
-      ...{ schemaId: SCHEMA.id, seq: 1, tS: 0, codes: codesWith(), freshMs: 0, changedMs: 0, atMs: 0 },
+      ...{
+        schemaId: SCHEMA.id,
+        seq: 1,
+        tS: 0,
+        codes: codesWith(),
+        freshMs: 0,
+        bornMs: 0,
+        changedMs: 0,
+        atMs: 0,
+      },
     });
   return { frame, end, tell: () => told(), writes: () => writes };
 }

@@ -1,4 +1,4 @@
-import { Encoder, MISSING, Schema } from '@posecast/wire';
+import { Encoder, MISSING, parseSchema } from '@posecast/wire';
 
 /** A small robot with one of everything, for the tests of twin, stream and table. */
 export const SCHEMA_TEXT = JSON.stringify({
@@ -37,7 +37,7 @@ export const SCHEMA_TEXT = JSON.stringify({
   },
 });
 
-export const SCHEMA = Schema.parse(SCHEMA_TEXT);
+export const SCHEMA = parseSchema(SCHEMA_TEXT);
 
 /** Codes of a quiet pose, changed where told: `{ 'pos.RKN': 520 }`. A null is no reading. */
 export function codesWith(changed: Readonly<Record<string, number | null>> = {}): Int32Array {

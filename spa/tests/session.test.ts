@@ -1,123 +1,8 @@
 import { describe, expect, it } from 'vitest';
 import { WITHOUT_MS } from '../src/stream/carrier.ts';
-import type { FromStream } from '../src/stream/messages.ts';
-import { type Action, CONNECT_LIMIT_MS, Session, SILENT_LIMIT_MS } from '../src/stream/session.ts';
-import { Frames, SCHEMA, SCHEMA_TEXT } from './schema.ts';
-
-type Kind = FromStream['kind'];
-
-/** A session with a hand on its clock and a record of all it wanted done. */
-class Rig {
-  now = 1_000_000;
-  readonly session: Session;
-  readonly done: Action[] = [];
-
-  constructor(random = 0.5, visible = true) {
-    this.session = new Session('ws://relay/live', 30, visible, () => random);
-  }
-
-  do(actions: readonly Action[]): void {
-    this.done.push(...actions);
-  }
-
-  /** What it wanted done since the last look. */
-  take(): Action[] {
-    return this.done.splice(0);
-  }
-
-  posts<K extends Kind>(kind: K): Extract<FromStream, { kind: K }>[] {
-    return this.take().flatMap((action) =>
-      action.do === 'post' && action.message.kind === kind
-        ? [action.message as Extract<FromStream, { kind: K }>]
-        : [],
-    );
-  }
-
-  sent(): unknown[] {
-    return this.take().flatMap((action) =>
-      action.do === 'send' ? [JSON.parse(action.text) as unknown] : [],
-    );
-  }
-
-  /** The addresses it wanted since the last look. */
-  asked(): string[] {
-    return this.take().flatMap((action) => (action.do === 'connect' ? [action.url] : []));
-  }
-
-  /** Two openings fail: it stands on events now. */
-  fallBack(): void {
-    this.do(this.session.start(this.now));
-    for (let failure = 0; failure < 2; failure++) {
-      this.do(this.session.closed(this.now, 1006, ''));
-      this.pass(1000);
-    }
-    this.do(this.session.opened(this.now));
-    this.say({
-      type: 'hello',
-      wire: 1,
-      server_time: 0,
-      robot: 'r',
-      view: 'public',
-      hz: 30,
-      limits: {},
-      model: null,
-    });
-  }
-
-  /** A frame that the relay wrote so long ago. */
-  lateFrame(bytes: Uint8Array, lateMs: number): void {
-    this.session.stamped(this.now, this.now - lateMs);
-    this.frame(bytes);
-  }
-
-  open(): void {
-    this.do(this.session.start(this.now));
-    this.do(this.session.opened(this.now));
-  }
-
-  say(message: object): void {
-    this.do(this.session.text(this.now, JSON.stringify(message)));
-  }
-
-  status(changed: object = {}): void {
-    this.say({ type: 'status', robot: 'online', age_ms: 20, seq: 0, ...changed });
-  }
-
-  schema(): void {
-    this.do(this.session.text(this.now, SCHEMA_TEXT));
-  }
-
-  frame(bytes: Uint8Array): void {
-    this.do(this.session.binary(this.now, bytes));
-  }
-
-  /** Lets time pass, ticking as the worker does. */
-  pass(ms: number): void {
-    const until = this.now + ms;
-    while (this.now < until) {
-      this.now = Math.min(until, this.now + 250);
-      this.do(this.session.tick(this.now));
-    }
-  }
-
-  /** Time passes while the relay says what it must: a status a second. */
-  passWithStatus(ms: number): void {
-    const until = this.now + ms;
-    while (this.now < until) {
-      this.pass(Math.min(1000, until - this.now));
-      if (this.session.phase === 'open') this.status();
-    }
-  }
-}
-
-function opened(): Rig {
-  const rig = new Rig();
-  rig.open();
-  rig.status();
-  rig.schema();
-  rig.take();
-  return rig;
-}
+import { CONNECT_LIMIT_MS, SILENT_LIMIT_MS } from '../src/stream/session.ts';
+import { Frames, SCHEMA } from './schema.ts';
+import { opened, Rig } from './session_rig.ts';
 
 describe('connecting', () => {
   it('asks for the rate in the address', () => {
@@ -364,18 +249,20 @@ describe('frames', () => {
     rig.status({ robot: 'silent', age_ms: 60_000, seq: 2 });
     rig.schema();
     const frames = new Frames();
+    rig.frame(frames.next()); // a KEY, for the next to build on
     rig.frame(frames.next());
-    rig.frame(frames.next());
-    expect(states(rig).map((s) => s.freshMs)).toEqual([null, null]);
+    expect(states(rig)).toMatchObject([{ seq: 2, freshMs: null, bornMs: rig.now - 60_000 }]);
     rig.now += 100;
     rig.frame(frames.next());
-    expect(states(rig).map((s) => s.freshMs)).toEqual([rig.now]);
+    expect(states(rig)).toMatchObject([{ seq: 3, freshMs: rig.now, bornMs: rig.now }]);
   });
 
   it('are as old as they have been here, whatever a status says that took its time', () => {
     const rig = opened();
     rig.frame(new Frames(1).next());
-    rig.now += 1700;
+    rig.now += 1000;
+    rig.say({ type: 'info', kv: {} });
+    rig.now += 700;
     rig.take();
     rig.status({ seq: 1, age_ms: 900 });
     rig.status({ seq: 2, age_ms: 900 }); // of one that is not here yet

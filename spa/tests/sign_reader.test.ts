@@ -1,4 +1,4 @@
-import { Schema } from '@posecast/wire';
+import { parseSchema } from '@posecast/wire';
 import { describe, expect, it } from 'vitest';
 import { moreEn } from '../src/app/text/more_en.ts';
 import { limitedChannels } from '../src/twin/limited.ts';
@@ -8,7 +8,7 @@ import { codesWith, SCHEMA } from './schema.ts';
 
 const ALL: SignChoice = { shown: 'pos', lens: true, forces: true, level: true, load: 'temp' };
 const LIMITS = new Limits(SCHEMA.mapping);
-const BARE = Schema.parse(
+const BARE = parseSchema(
   JSON.stringify({
     type: 'schema',
     v: 1,

@@ -1,4 +1,4 @@
-import { Schema } from '@posecast/wire';
+import { parseSchema } from '@posecast/wire';
 import { describe, expect, it } from 'vitest';
 import { spoken } from '../src/app/spoken.ts';
 import type { Fault } from '../src/twin/fault_book.ts';
@@ -9,7 +9,7 @@ import { codesWith, SCHEMA_TEXT } from './schema.ts';
 
 const WITH_IMU = JSON.parse(SCHEMA_TEXT) as { mapping: { sensors: Record<string, unknown> } };
 WITH_IMU.mapping.sensors.torso = { kind: 'imu', name: 'chest', link: 'torso' };
-const SCHEMA = Schema.parse(JSON.stringify(WITH_IMU));
+const SCHEMA = parseSchema(JSON.stringify(WITH_IMU));
 const LIMITS = new Limits(SCHEMA.mapping);
 const CHOICE = { shown: 'pos', lens: false, forces: true, level: true, load: 'off' } as const;
 const LIVE = { word: 'LIVE', cause: null } as const;

@@ -1,4 +1,5 @@
 // @vitest-environment happy-dom
+import { parseSchema } from '@posecast/wire';
 import { beforeEach, describe, expect, it } from 'vitest';
 import { changeSettings } from '../src/app/settings.ts';
 import { JointView } from '../src/app/table/joint_view.ts';
@@ -10,7 +11,16 @@ const JAM = 4;
 
 function show(twin: RobotTwin, seq: number, changed: Parameters<typeof codesWith>[0] = {}): void {
   const codes = codesWith(changed);
-  twin.acceptState({ schemaId: SCHEMA.id, seq, tS: seq / 30, codes, freshMs: 0, changedMs: 0, atMs: 0 });
+  twin.acceptState({
+    schemaId: SCHEMA.id,
+    seq,
+    tS: seq / 30,
+    codes,
+    freshMs: 0,
+    bornMs: 0,
+    changedMs: 0,
+    atMs: 0,
+  });
 }
 
 function twinOf(): RobotTwin {
@@ -112,7 +122,7 @@ describe('joint table', () => {
     const twin = new RobotTwin('small', 0);
     const label = '<img src=x onerror=alert(1)>';
     const text = SCHEMA.text.replaceAll('"RKN"', JSON.stringify(label));
-    twin.acceptSchema((SCHEMA.constructor as typeof import('@posecast/wire').Schema).parse(text));
+    twin.acceptSchema(parseSchema(text));
     new JointView(host, twin).write(0);
     expect(host.querySelector('img')).toBeNull();
     expect(order(host)).toContain(label);
@@ -144,20 +154,28 @@ it('velocity and effort have columns only where a robot reports them', () => {
     const host = document.createElement('div');
     twin.acceptSchema(schema);
     const codes = new Int32Array(schema.size).fill(25);
-    twin.acceptState({ schemaId: schema.id, seq: 1, tS: 0, codes, freshMs: 0, changedMs: 0, atMs: 0 });
+    twin.acceptState({
+      schemaId: schema.id,
+      seq: 1,
+      tS: 0,
+      codes,
+      freshMs: 0,
+      bornMs: 0,
+      changedMs: 0,
+      atMs: 0,
+    });
     new JointView(host, twin).write(0);
     return [...host.querySelectorAll('thead th')].map((head, i) =>
       [head.textContent, host.querySelector('tbody tr')?.children[i]?.textContent].join(' '),
     );
   };
   expect(columns(SCHEMA).join()).not.toMatch(/vel|effort/);
-  const { parse } = SCHEMA.constructor as typeof import('@posecast/wire').Schema;
   const moving = JSON.parse(SCHEMA.text) as { fields: unknown[] };
   moving.fields.push(
     { name: 'vel', unit: 'rad/s', scale: 0.01, labels: 'joint' },
     { name: 'effort', unit: 'Nm', scale: 0.1, labels: 'joint' },
   );
-  expect(columns(parse(JSON.stringify(moving))).slice(1, 8)).toEqual([
+  expect(columns(parseSchema(JSON.stringify(moving))).slice(1, 8)).toEqual([
     'refrad 0.025',
     'posrad 0.025',
     'errorrad 0.000',

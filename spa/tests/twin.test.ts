@@ -1,4 +1,4 @@
-import { Schema } from '@posecast/wire';
+import { parseSchema } from '@posecast/wire';
 import { describe, expect, it, vi } from 'vitest';
 import { NO_EDITS, withEdit } from '../src/twin/limits.ts';
 import { poseDiffers } from '../src/twin/motion.ts';
@@ -6,7 +6,7 @@ import { Poser } from '../src/twin/pose.ts';
 import { EVENT_LIMIT, type RobotState, RobotTwin } from '../src/twin/robot.ts';
 import { codesWith, SCHEMA, SCHEMA_TEXT } from './schema.ts';
 
-const OTHER = Schema.parse(SCHEMA_TEXT.replace('"Small"', '"Other"'));
+const OTHER = parseSchema(SCHEMA_TEXT.replace('"Small"', '"Other"'));
 
 function state(changed: Partial<RobotState> = {}): RobotState {
   return {
@@ -15,6 +15,7 @@ function state(changed: Partial<RobotState> = {}): RobotState {
     tS: 1.5,
     codes: codesWith({ 'pos.RKN': 480, 'cur.RKN': null }),
     freshMs: 900,
+    bornMs: 900,
     changedMs: 800,
     atMs: 1000,
     ...changed,
@@ -104,10 +105,10 @@ describe('twin', () => {
     twin.acceptSchema(SCHEMA);
     twin.acceptConnection(true, 10);
     twin.acceptState(state());
-    expect(twin.evidence).toMatchObject({ watchingMs: 10, shownMs: 1000, changedMs: 800 });
+    expect(twin.evidence).toMatchObject({ watchingMs: 10, shownMs: 900, changedMs: 800 });
     twin.acceptConnection(false, 2000);
     twin.acceptConnection(true, 3000);
-    expect(twin.evidence).toMatchObject({ watchingMs: 3000, shownMs: null, changedMs: null });
+    expect(twin.evidence).toMatchObject({ watchingMs: 3000, shownMs: null, changedMs: null, freshMs: null });
     twin.acceptWatching(false, 4000);
     expect(twin.evidence).toMatchObject({ watchingMs: null });
     twin.acceptWatching(true, 5000);
@@ -150,7 +151,7 @@ describe('pose', () => {
   });
 
   it('has the base that a robot reports, whole or not at all', () => {
-    const floating = Schema.parse(
+    const floating = parseSchema(
       JSON.stringify({
         type: 'schema',
         v: 1,

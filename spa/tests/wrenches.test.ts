@@ -1,4 +1,4 @@
-import { Schema } from '@posecast/wire';
+import { parseSchema } from '@posecast/wire';
 import { describe, expect, it } from 'vitest';
 import { Limits, NO_EDITS, withEdit } from '../src/twin/limits.ts';
 import { WrenchTable } from '../src/twin/wrenches.ts';
@@ -48,7 +48,7 @@ describe('wrenches', () => {
   });
 
   it('of a robot without such sensors, or whose profile says not where they sit, are none', () => {
-    const schema = Schema.parse(
+    const schema = parseSchema(
       JSON.stringify({
         type: 'schema',
         v: 1,

@@ -7,15 +7,24 @@ The product knows none of this; it is patched here, in a process of its own.
 
 from __future__ import annotations
 
+import struct
 import sys
+from collections import deque
 from collections.abc import Callable, Iterable
+from itertools import count
 
 from posecast_relay.cli import main
 from posecast_relay.core.actions import Action
 from posecast_relay.core.room import Group, Room
 from posecast_relay.core.runs import Runs
-from posecast_relay.core.stream import Held
+from posecast_relay.core.stream import Fate, Held, Stream
 from posecast_relay.core.viewer import Viewer
+from posecast_wire import parse_header
+from posecast_wire.frame import TAG_PLAIN, Header
+
+WELL_SEQ = 60  # it breaks after so many frames
+LATE_S = 5.0
+PLAIN = struct.Struct("<BIHH")  # tag, base, distance, ms
 
 
 def without_backpressure() -> None:
@@ -47,10 +56,68 @@ def unchecked_runs() -> None:
     Runs.is_retired = lambda _self, _run_id, _now: False  # type: ignore[method-assign, assignment]
 
 
+def dropped_frames() -> None:
+    """The robot counts as heard, and nothing of what it sends is handed on."""
+    take = Stream.take
+
+    def drop(
+        self: Stream, payload: bytes, header: Header, run_id: int, stamp_s: float, now: float, late_s: float
+    ) -> Fate:
+        if self.newest is None or self.newest.seq < WELL_SEQ:
+            return take(self, payload, header, run_id, stamp_s, now, late_s)
+        self.live_at, self.late_s = now, late_s
+        return Fate.TAKEN
+
+    Stream.take = drop  # type: ignore[method-assign]
+
+
+def an_old_pose_again() -> None:
+    """The same pose for ever, in frames that are new by number and time."""
+    take = Stream.take
+    kept: list[bytes] = []
+    steps = count(1)
+
+    def repeat(
+        self: Stream, payload: bytes, header: Header, run_id: int, stamp_s: float, now: float, late_s: float
+    ) -> Fate:
+        if self.newest is None or self.newest.seq < WELL_SEQ:
+            return take(self, payload, header, run_id, stamp_s, now, late_s)
+        if not kept and payload[0] != TAG_PLAIN:
+            return take(self, payload, header, run_id, stamp_s, now, late_s)
+        if not kept:
+            kept.append(payload)
+        tag, base, distance, ms = PLAIN.unpack_from(kept[0])
+        step = next(steps)
+        again = PLAIN.pack(tag, base, distance + step, ms + 33 * step) + kept[0][PLAIN.size :]
+        return take(self, again, parse_header(again), run_id, stamp_s, now, late_s)
+
+    Stream.take = repeat  # type: ignore[method-assign]
+
+
+def old_frames_as_fresh() -> None:
+    """Every frame some seconds late, and counted as sent just now."""
+    take = Stream.take
+    waiting: deque[tuple[float, bytes, Header, int]] = deque()
+
+    def take_later(
+        self: Stream, payload: bytes, header: Header, run_id: int, stamp_s: float, now: float, late_s: float
+    ) -> Fate:
+        waiting.append((now, payload, header, run_id))
+        while waiting and now - waiting[0][0] >= LATE_S:
+            _, old, its_header, its_run = waiting.popleft()
+            take(self, old, its_header, its_run, stamp_s, now, late_s)
+        return Fate.TAKEN
+
+    Stream.take = take_later  # type: ignore[method-assign]
+
+
 WAYS: dict[str, Callable[[], None]] = {
     "backpressure": without_backpressure,
     "fifo": fifo_instead_of_mailbox,
     "runs": unchecked_runs,
+    "drops": dropped_frames,
+    "repeats": an_old_pose_again,
+    "late": old_frames_as_fresh,
 }
 
 if __name__ == "__main__":

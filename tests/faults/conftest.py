@@ -8,7 +8,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -16,17 +16,20 @@ from typing import Any
 import pytest
 
 from tests.conftest import Part, Stack, until
+from tests.faults.truth import Stand, lies, stands, steps_back
 from tests.namespaces import Namespace
 
 HERE = Path(__file__).parent
 TOLD: list[tuple[str, str]] = []  # (scenario, what was seen)
+SETTLED_S = 0.5  # what a screen said before is written down
 
 
 class Screen:
     """A viewer in a process of its own, and all it has said."""
 
-    def __init__(self, part: Part) -> None:
+    def __init__(self, part: Part, stood: Callable[[], list[Stand]]) -> None:
         self.part = part
+        self._stood = stood
 
     def lines(self, what: str, since_s: float = 0.0) -> list[dict[str, Any]]:
         """Everything with this member, from then (monotonic) on."""
@@ -55,18 +58,16 @@ class Screen:
         """Those that came."""
         return self.lines("seq", since_s)
 
-    def watches(self, count: int = 20, since_s: float = 0.0) -> None:
+    def watches(self, count: int = 20, since_s: float = 0.0, deadline_s: float = 60.0) -> None:
         """Waits until so many frames have come."""
-        until(f"{count} frames", lambda: len(self.frames(since_s)) >= count)
+        until(f"{count} frames", lambda: len(self.frames(since_s)) >= count, deadline_s)
 
-    def never_went_back(self) -> None:
-        """No frame was older than the one before it; every one could be decoded."""
+    def never_lied(self) -> None:
+        """What it claimed was so; no frame was older than the one before it; every one could be decoded."""
+        told = lies(self.lines("at"), self._stood(), time.monotonic() - SETTLED_S)
+        assert not told, "; ".join(told)
         assert self.lines("undecodable") == []
-        newest: dict[int, int] = {}
-        for frame in self.frames():
-            schema = frame["schema"]
-            assert frame["seq"] > newest.get(schema, -1), f"{frame} after seq {newest[schema]}"
-            newest[schema] = frame["seq"]
+        assert steps_back(self.frames()) == []
 
     def signal(self, number: signal.Signals) -> float:
         """Sends it; when."""
@@ -77,8 +78,9 @@ class Screen:
 class Hall:
     """Many viewers in one process, and all they have said."""
 
-    def __init__(self, part: Part, viewers: int) -> None:
+    def __init__(self, part: Part, viewers: int, stood: Callable[[], list[Stand]]) -> None:
         self.viewers = viewers
+        self._stood = stood
         self._part = part
         self._read = 0
         self._said: list[dict[str, Any]] = []
@@ -102,14 +104,17 @@ class Hall:
 
         return until(f"{self.viewers} viewers say LIVE", found, deadline_s)
 
-    def never_went_back(self) -> None:
-        """Nobody saw a frame older than the one before it, or one that could not be decoded."""
-        newest: dict[int, float] = {}
+    def never_lied(self) -> None:
+        """What a screen claimed was so; nobody saw a frame older than the one before it, or a broken one."""
+        by_viewer: dict[int, list[dict[str, Any]]] = {}
         for line in self.said():
             assert "undecodable" not in line, line
-            if "seq" in line:
-                assert line["t"] > newest.get(line["viewer"], -1.0), line
-                newest[line["viewer"]] = line["t"]
+            by_viewer.setdefault(line["viewer"], []).append(line)
+        until_s = time.monotonic() - SETTLED_S
+        for said in by_viewer.values():
+            told = lies(said, self._stood(), until_s)
+            assert not told, "; ".join(told)
+            assert steps_back([line for line in said if "seq" in line]) == []
 
 
 @dataclass
@@ -119,6 +124,15 @@ class Scene:
     stack: Stack
     name: str
     held: list[int] = field(default_factory=list)
+    robots: list[Part] = field(default_factory=list)
+
+    def stood(self) -> list[Stand]:
+        """When its robots stood still, by their own word."""
+        return [
+            stand
+            for robot in self.robots
+            for stand in stands(json.loads(line) for line in robot.out.splitlines())
+        ]
 
     def robot(self, joints: str = "RKN,LKN") -> tuple[Part, Path]:
         """The robot's program and the FIFO it writes into."""
@@ -126,11 +140,19 @@ class Scene:
         os.mkfifo(fifo)
         self.held.append(os.open(fifo, os.O_RDWR))  # so that neither end waits for the other or ends with it
         program = [sys.executable, str(HERE / "robot.py"), str(fifo), joints]
-        return self.stack.start("robot", *program, stdin=subprocess.PIPE), fifo
+        self.robots.append(self.stack.start("robot", *program, stdin=subprocess.PIPE))
+        return self.robots[-1], fifo
 
     def edge(self, zenoh: str, fifo: Path, *arguments: str) -> Part:
         """On air as `demo` with what is written into the FIFO."""
         return self.stack.edge(zenoh, "--source", f"jsonl:{fifo}", *arguments)
+
+    def router(self, listen: str, relay: str) -> Part:
+        """Another Zenoh router on the way to the relay."""
+        command = [sys.executable, str(HERE / "router.py"), listen, relay]
+        part = self.stack.start("router", *command, stdin=subprocess.PIPE)
+        part.line("listening")
+        return part
 
     def screen(self, address: str, hz: int = 10, namespace: Namespace | None = None) -> Screen:
         """A viewer of `demo`."""
@@ -139,19 +161,27 @@ class Scene:
         def start() -> Part:
             return self.stack.start("screen", sys.executable, str(HERE / "screen.py"), url)
 
-        return Screen(namespace.run(start) if namespace else start())
+        return Screen(namespace.run(start) if namespace else start(), self.stood)
 
     def hall(self, address: str, viewers: int) -> Hall:
         """So many viewers of `demo`."""
         url = f"ws://{address}/api/v1/robots/demo/live?hz=1"
-        return Hall(
-            self.stack.start("hall", sys.executable, str(HERE / "screen.py"), url, str(viewers)), viewers
-        )
+        part = self.stack.start("hall", sys.executable, str(HERE / "screen.py"), url, str(viewers))
+        return Hall(part, viewers, self.stood)
 
     def tell(self, *seen: str, **seen_s: float) -> None:
         """What was measured, for the table."""
         times = (f"{k.replace('_', ' ')} {v:.2f} s" for k, v in seen_s.items())
         TOLD.append((self.name, ", ".join((*times, *seen))))
+
+
+def told(robot: Part, order: str) -> float:
+    """Gives a robot's program an order and waits until it has taken it; when it did."""
+    before = len(robot.out.splitlines())
+    assert robot.process.stdin is not None
+    os.write(robot.process.stdin.fileno(), f"{order}\n".encode())
+    taken = until(f"{order} is taken", lambda: robot.out.splitlines()[before:] or None)
+    return float(json.loads(taken[-1])["at"])
 
 
 def signalled(part: Part, number: signal.Signals) -> float:

@@ -1,27 +1,53 @@
-"""A robot's program for the fault suite: swinging joints as JSON lines into a FIFO, 30 a second.
+"""A robot's program for the fault suite: a pose that tells the time, as JSON lines into a FIFO, 30 a second.
 
     robot.py FIFO RKN,LKN
 
-A line `step SECONDS` on stdin moves its clock, as a robot's does when it finds the time.
+The first two joints are the hand of a clock that goes round once an hour, by the machine's monotonic clock:
+whoever sees a pose knows when it was true. Lines on stdin: `step SECONDS` moves the robot's own clock, as
+when it finds the time; `stand` holds the hand where it is; `go` lets it jump to the present and go on.
 """
 
 from __future__ import annotations
 
 import json
+import math
 import sys
 import threading
 import time
 
 HZ = 30
+ROUND_S = 3600.0
+REACH = 100.0  # rad: the hand passes a step of the wire (0.001) in 6 ms
+
+
+def hand(at_s: float) -> tuple[float, float]:
+    """Where the first two joints are at that time."""
+    turned = 2 * math.pi * at_s / ROUND_S
+    return REACH * math.sin(turned), REACH * math.cos(turned)
+
+
+def told_s(sine: float, cosine: float, near_s: float) -> float:
+    """When the joints were there: of all rounds, the moment nearest to `near_s`."""
+    within_s = math.atan2(sine, cosine) / (2 * math.pi) * ROUND_S
+    return within_s + ROUND_S * round((near_s - within_s) / ROUND_S)
 
 
 def main(fifo: str, joints: list[str]) -> None:
+    """Until the FIFO is closed."""
     offset_s = [1000.0]
+    standing_s: list[float] = []  # where the hand is held
 
     def orders() -> None:
         for line in sys.stdin:
-            offset_s[0] += float(line.split()[1])
-            print(f"clock moved by {line.split()[1]}", flush=True)
+            what, *number = line.split()
+            now_s = time.monotonic()
+            if what == "step":
+                offset_s[0] += float(number[0])
+            elif what == "stand":
+                standing_s.append(now_s)
+            else:
+                standing_s.clear()
+            print(json.dumps({"order": what, "at": now_s}), flush=True)
 
     threading.Thread(target=orders, daemon=True).start()
     with open(fifo, "w", buffering=1) as out:
@@ -29,9 +55,10 @@ def main(fifo: str, joints: list[str]) -> None:
         while True:
             due_s = max(due_s + 1 / HZ, time.monotonic())
             time.sleep(max(0.0, due_s - time.monotonic()))
-            t_s = time.monotonic() - began_s
-            pos = {joint: round((t_s + at) % 2 - 1, 3) for at, joint in enumerate(joints)}
-            out.write(json.dumps({"t": t_s + offset_s[0], "pos": pos}) + "\n")
+            now_s = time.monotonic()
+            shown = hand(standing_s[0] if standing_s else now_s)
+            pos = {joint: round(shown[at % 2], 3) for at, joint in enumerate(joints)}
+            out.write(json.dumps({"t": now_s - began_s + offset_s[0], "pos": pos}) + "\n")
 
 
 if __name__ == "__main__":

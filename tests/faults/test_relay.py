@@ -3,20 +3,13 @@
 from __future__ import annotations
 
 import signal
-import subprocess
-import sys
 import time
-from pathlib import Path
 from statistics import quantiles
 
 import pytest
 
-from tests.conftest import Part, free_port, until
+from tests.conftest import free_port, until
 from tests.faults.conftest import Scene, killed, signalled
-
-SAID_S = 2.0
-BACK_S = 5.0
-ROUTER = Path(__file__).with_name("router.py")
 
 
 def ports(address: str, zenoh: str) -> tuple[int, int]:
@@ -34,10 +27,8 @@ def test_relay_killed(scene: Scene) -> None:
     scene.stack.relay(*ports(address, zenoh))
     serving_s = time.monotonic()
     back_s = screen.says("LIVE", since_s=at_s) - (serving_s - at_s)
-    assert stale_s <= SAID_S
-    # between two tries lies a random wait, at most as long as it was already away
-    assert back_s <= max(BACK_S, serving_s - at_s)
-    screen.never_went_back()
+    screen.watches(20, since_s=serving_s)
+    screen.never_lied()
     scene.tell(STALE=stale_s, LIVE_again=back_s)
 
 
@@ -53,13 +44,10 @@ def test_relay_killed_before_a_hall(scene: Scene) -> None:
     scene.stack.relay(*ports(address, zenoh))
     started_s = time.monotonic() - at_s
     back_s = hall.live(at_s)
-    hall.never_went_back()
+    hall.never_lied()
     percentiles = quantiles(back_s, n=100)
-    p95_s, p99_s = percentiles[94], percentiles[98]
-    scene.tell(next_relay_after=started_s, half=percentiles[49], p95=p95_s, p99=p99_s, last=back_s[-1])
-    if started_s <= 1.5:  # a machine that takes longer to start a program says nothing about who waits for it
-        assert p95_s <= 5.0
-        assert p99_s <= 15.0
+    half_s, p95_s, p99_s = percentiles[49], percentiles[94], percentiles[98]
+    scene.tell(next_relay_after=started_s, half=half_s, p95=p95_s, p99=p99_s, last=back_s[-1])
 
 
 @pytest.mark.full
@@ -72,10 +60,10 @@ def test_relay_frozen(scene: Scene) -> None:
     at_s = signalled(relay, signal.SIGSTOP)
     stale_s = screen.says("STALE", "no connection", at_s)
     until("long enough for a dead socket to be noticed", lambda: screen.lines("closed", at_s) != [])
-    back_s = screen.says("LIVE", since_s=signalled(relay, signal.SIGCONT))
-    assert stale_s <= SAID_S
-    assert back_s <= BACK_S
-    screen.never_went_back()
+    thawed_s = signalled(relay, signal.SIGCONT)
+    back_s = screen.says("LIVE", since_s=thawed_s)
+    screen.watches(20, since_s=thawed_s)
+    screen.never_lied()
     scene.tell(STALE=stale_s, LIVE_again=back_s)
 
 
@@ -96,10 +84,9 @@ def test_relay_redeployed_under_load(scene: Scene) -> None:
     back_s = [screen.says("LIVE", since_s=began_s, deadline_s=40) for screen in screens]
     codes = [screen.lines("closed", at_s)[0]["closed"] for screen in screens]
     assert relay.process.returncode == 0
-    assert ended_s <= 10.0
     assert codes == [1012] * len(screens)
     for screen in screens:
-        screen.never_went_back()
+        screen.never_lied()
     scene.tell(drained=ended_s, last_LIVE_again=max(back_s))
 
 
@@ -107,13 +94,7 @@ def test_router_in_the_path_killed(scene: Scene) -> None:
     _, address, zenoh = scene.stack.relay()
     listen = f"tcp/127.0.0.1:{free_port()}"
 
-    def router() -> Part:
-        command = [sys.executable, str(ROUTER), listen, zenoh]
-        part = scene.stack.start("router", *command, stdin=subprocess.PIPE)
-        part.line("listening")
-        return part
-
-    middle = router()
+    middle = scene.router(listen, zenoh)
     _, fifo = scene.robot()
     scene.edge(listen, fifo)
     screen = scene.screen(address)
@@ -121,9 +102,8 @@ def test_router_in_the_path_killed(scene: Scene) -> None:
     at_s = killed(middle)
     offline_s = screen.says("OFFLINE", since_s=at_s)
     began_s = time.monotonic()
-    router()
+    scene.router(listen, zenoh)
     back_s = screen.says("LIVE", since_s=began_s)
-    assert offline_s <= SAID_S
-    assert back_s <= BACK_S
-    screen.never_went_back()
+    screen.watches(20, since_s=began_s)
+    screen.never_lied()
     scene.tell(OFFLINE=offline_s, LIVE_again=back_s)

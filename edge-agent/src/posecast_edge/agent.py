@@ -1,4 +1,8 @@
-"""Source thread, clock and link, wired together."""
+"""Source thread, clock and link, wired together.
+
+Whatever goes wrong in one view ends that view's frame, whatever the source raises ends its turn: it is said,
+counted, and everybody else goes on.
+"""
 
 from __future__ import annotations
 
@@ -10,23 +14,30 @@ import time
 from posecast_wire.keys import Snapshot
 from posecast_wire.schema import SchemaError
 
+from posecast_edge import clock
+from posecast_edge.backlog import Backlog
 from posecast_edge.complaints import Complaints
 from posecast_edge.console import Console
 from posecast_edge.echo import RateControl
 from posecast_edge.events import Event
+from posecast_edge.faults import Faults
 from posecast_edge.model.bundle import Bundle
-from posecast_edge.pace import Pace
 from posecast_edge.profile import PUBLIC, Profile
 from posecast_edge.publisher_zenoh import ZenohPublisher
 from posecast_edge.schema_build import profile_of
 from posecast_edge.settings import Settings
+from posecast_edge.show import Show
 from posecast_edge.sources import Sample, Source, SourceError
 from posecast_edge.stream import Stream
+from posecast_edge.text_guard import TextGuard
+from posecast_edge.visible import visible
 
 log = logging.getLogger("posecast_edge")
 
 NAP_S = 0.2  # the longest sleep: a signal is noticed this soon
 STOP_S = 0.7
+AGAIN_S = (0.5, 10.0)  # a source that raised what it should not is tried again so soon, then more seldom
+WELL_S = 60.0  # a turn of its that lasted so long counts as a good one
 
 
 class Agent:
@@ -44,7 +55,10 @@ class Agent:
         self._source = source
         self._console = console
         self._model: str | None = None
+        self.faults = Faults()
         self._useless = Complaints(log.warning, "useless samples")
+        self._guard = TextGuard(log.warning)
+        self._backlog = Backlog()
         self._shows = self._shows_of(profile)
         self._publisher = ZenohPublisher(
             settings.robot,
@@ -77,20 +91,20 @@ class Agent:
         threading.Thread(target=self._read_source, name="source", daemon=True).start()
         echoes = 0
         while not self._stopping and not self._source_ended:
-            now_s = time.monotonic()
+            now_s = clock.now_s()
             if self._publisher.echoes != echoes:
                 echoes = self._publisher.echoes
                 self._adapt(now_s)
             for show in self._shows:
                 if show.rest_s(now_s) == 0:
-                    self._send(show, now_s)
+                    self._send(show)
             self._chores(now_s)
             if self._bell.wait(min(NAP_S, *(show.rest_s(now_s) for show in self._shows))):
                 self._bell.clear()
         self._source_stop.set()
         if self._source_ended:
             for show in self._shows:
-                self._send(show, time.monotonic())  # the last sample
+                self._send(show)  # the last sample
             log.log(logging.ERROR if self._failure else logging.INFO, "%s", self._failure or "source ended")
         for show in self._shows:
             show.end()  # a source that delivers on must not meet a link that closes
@@ -107,13 +121,21 @@ class Agent:
             log.warning("frames arrive %.1f s late: %g Hz instead of %g", late_s, self._rate.hz, before_hz)
         elif self._rate.hz > before_hz:
             log.info("frames arrive in time: %g Hz again", self._rate.hz)
+        for line in self._publisher.news():
+            log.warning("%s", visible(line))
 
     def _chores(self, now_s: float) -> None:
         for show in self._shows:
-            if show.stream is not None:
-                self._tell(show, show.stream.idle(now_s))
+            self._look_for_silence(show, now_s)
         if self._console.due(now_s):
             self._console.progress(self._progress(now_s), now_s)
+
+    def _look_for_silence(self, show: Show, now_s: float) -> None:
+        try:
+            if show.stream is not None:
+                self._tell(show, show.stream.idle(now_s))
+        except Exception as e:
+            self._failed(show, e)
 
     def _tell(self, show: Show, events: list[Event]) -> None:
         for event in events:
@@ -123,6 +145,8 @@ class Agent:
         link = self._publisher.word()
         if link == "late":
             link = f"late {self._publisher.late_s:.1f} s, asked for {self._rate.hz:g} Hz"
+        if self._publisher.over:
+            link += ", over its share"
         stream = self._shows[0].stream
         source = "no sample yet" if stream is None or not stream.started else "live"
         if stream is not None and stream.silent:
@@ -132,58 +156,92 @@ class Agent:
 
     # --- the source's thread, which also sends: nobody has to be woken up for a frame
 
-    def _send(self, show: Show, now_s: float) -> None:
+    def _send(self, show: Show) -> None:
         """The frame that is due. By the clock's thread when no sample came for it."""
-        with show.lock:
-            if show.ended:
-                return
-            show.left(now_s, self._rate.hz)
-            # without a link, or with a queue in it, nothing is encoded: the newest sample waits, only the
-            # newest
-            frame = show.stream.tick(now_s) if show.stream and self._publisher.open else None
-            if frame is not None:
-                self._publisher.frame(show.view, frame.data, frame.seq)
-                self._meter.frame(len(frame.data))
+        try:
+            with show.lock:
+                now_s = clock.now_s()
+                if show.ended:
+                    return
+                show.left(now_s, self._rate.hz)
+                # without a link, or with a queue in it, nothing is encoded: the newest sample waits, only
+                # the newest, and not for long
+                if show.stream is None or not self._publisher.open:
+                    return
+                frame = show.stream.tick(now_s, show.oldest_s(now_s))
+                if frame is not None:
+                    self._publisher.frame(show.view, frame)
+                    self._meter.frame(len(frame.data))
+        except Exception as e:
+            self._failed(show, e)
+
+    def _failed(self, show: Show, error: Exception) -> None:
+        """What was under way for this view is lost, and it goes on with the next sample."""
+        self.faults.add(f"view {show.view}", error)
+        if show.stream is not None:
+            show.stream.recover()
 
     def _read_source(self) -> None:
-        try:
-            self._source.run(self._deliver, self._source_stop)
-        except SourceError as e:
-            self._failure = f"source: {e}"
-        except Exception as e:  # a source is the part others write: its bug must not look like a silent robot
-            log.debug("source", exc_info=True)
-            self._failure = f"source: {type(e).__name__}: {e}"
+        pause_s = AGAIN_S[0]
+        while not self._source_stop.is_set():
+            began_s = time.monotonic()
+            try:
+                self._source.run(self._deliver, self._source_stop)
+                break
+            except SourceError as e:
+                self._failure = f"source: {e}"
+                break
+            # a source is what others write: its bug is no silent robot, nor the end of the agent
+            except BaseException as e:
+                self.faults.add("the source, which is tried again", e)
+            if time.monotonic() - began_s > WELL_S:
+                pause_s = AGAIN_S[0]
+            self._source_stop.wait(pause_s)
+            pause_s = min(2 * pause_s, AGAIN_S[1])
         self._source_ended = True
+        self._bell.set()
 
     def _deliver(self, sample: Sample) -> float | None:
-        now_s = time.monotonic()
+        now_s = clock.now_s()
+        sample = self._guard.clean(sample, now_s)
+        if self._backlog.is_old(sample.t_s, now_s):
+            sample = sample._replace(newest=False)
         wanted_s = math.inf
         for show in self._shows:
-            stream = show.stream
-            if stream is None:
-                try:
-                    stream = self._new_stream(profile_of(self._settings.robot, sample))
-                except (SourceError, SchemaError) as e:
-                    self._useless.add(f"{sample.where}: {e}" if sample.where else str(e), now_s)
-                    return None
-            info = stream.info
-            events = stream.deliver(sample, now_s)
-            if events:
-                self._tell(show, events)
-            if stream.info is not info:
-                self._publisher.info(show.view, stream.info)
-            show.stream = stream  # seen by the clock only now, with its first sample in it
-            if sample.newest and show.pace.ripe(now_s):
-                self._send(show, now_s)
+            try:
+                self._deliver_to(show, sample, now_s)
+            except Exception as e:
+                self._failed(show, e)
+            if show.stream is None:
+                return None
             wanted_s = min(wanted_s, show.pace.from_s)
-        return wanted_s
+        return wanted_s - clock.now_s() + time.monotonic()  # sources wait by Python's clock
+
+    def _deliver_to(self, show: Show, sample: Sample, now_s: float) -> None:
+        stream = show.stream
+        if stream is None:
+            try:
+                named = self._guard.clean_names(sample, now_s)
+                stream = self._new_stream(profile_of(self._settings.robot, named))
+            except (SourceError, SchemaError) as e:
+                self._useless.add(f"{sample.where}: {e}" if sample.where else str(e), now_s)
+                return
+        info = stream.info
+        events = stream.deliver(sample, now_s)
+        if events:
+            self._tell(show, events)
+        if stream.info is not info:
+            self._publisher.info(show.view, stream.info)
+        show.stream = stream  # seen by the clock only now, with its first sample in it
+        if sample.newest and show.pace.ripe(now_s):
+            self._send(show)
 
     def _new_stream(self, profile: Profile) -> Stream:
         return Stream(profile, self._settings.key_interval_s, log.warning)
 
     def _shows_of(self, profile: Profile | None) -> list[Show]:
         """What is sent, the fastest first: without views everything, without a profile what comes first."""
-        hz, now_s = self._settings.hz, time.monotonic()
+        hz, now_s = self._settings.hz, clock.now_s()
         if profile is None or not profile.views:
             stream = self._new_stream(profile) if profile else None
             return [Show(PUBLIC, hz, stream, now_s)]
@@ -200,7 +258,7 @@ class Agent:
 
     def _snapshot(self, view: str) -> Snapshot | None:
         stream = self._show(view).stream
-        return stream.snapshot(self._model) if stream else None
+        return stream.snapshot(self._model, clock.now_s()) if stream else None
 
     def _force_key(self, view: str) -> None:
         show = self._show(view)
@@ -208,36 +266,6 @@ class Agent:
             show.stream.force_key()
             show.at_once = True  # who has just come does not wait for the pace
             self._bell.set()
-
-
-class Show:
-    """One view as it is sent. `stream` is None until the first sample of a robot without a profile."""
-
-    def __init__(self, view: str, hz: float, stream: Stream | None, now_s: float) -> None:
-        self.view = view
-        self.hz = hz  # at most
-        self.stream = stream
-        self.pace = Pace(hz, now_s)
-        self.at_once = False  # a frame is wanted whatever the pace
-        self.lock = threading.Lock()  # frames leave one after the other, in the order of their numbers
-        self.ended = False
-
-    def rest_s(self, now_s: float) -> float:
-        """How long no frame is due as things are; 0: now."""
-        if self.at_once:
-            return 0.0
-        return self.pace.wait_s(now_s) if self.stream and self.stream.fresh else math.inf
-
-    def end(self) -> None:
-        """No frame leaves any more, nor is one just leaving."""
-        with self.lock:
-            self.ended = True
-
-    def left(self, now_s: float, most_hz: float) -> None:
-        """A frame leaves; not more than `most_hz` of them shall."""
-        self.at_once = False
-        self.pace.hz = min(self.hz, most_hz)
-        self.pace.left(now_s)
 
 
 class Meter:

@@ -1,21 +1,33 @@
-"""The agent's stderr: lines for people, and one progress line that a terminal keeps in place."""
+"""The agent's stderr: lines for people, and one progress line that a terminal keeps in place.
+
+Nobody can make it a flood: a second brings LINES_MAX lines at most, and then one that counts the rest.
+"""
 
 from __future__ import annotations
 
 import logging
 import sys
+import time
+from collections.abc import Callable
 from typing import TextIO
+
+from posecast_edge.visible import visible
 
 TTY_EVERY_S = 0.5
 PLAIN_EVERY_S = 5.0
+LINES_MAX = 8  # a second; an error, which ends the agent, is always told
 CLEAR = "\r\x1b[K"
 
 
 class Console(logging.Handler):
     """A log handler that shares the terminal with the progress line."""
 
-    def __init__(self, out: TextIO | None = None) -> None:
+    def __init__(self, out: TextIO | None = None, now_s: Callable[[], float] = time.monotonic) -> None:
         super().__init__()
+        self._now_s = now_s
+        self._second_s = float("-inf")
+        self._lines = 0  # since then
+        self._left_out = 0
         self._out = out or sys.stderr
         self._in_place = self._out.isatty()
         self._shown = ""
@@ -23,8 +35,25 @@ class Console(logging.Handler):
 
     def emit(self, record: logging.LogRecord) -> None:
         """A line of its own, above the progress line."""
+        self._begin_second(self._now_s())
+        if self._lines >= LINES_MAX and record.levelno < logging.ERROR:
+            self._left_out += 1
+            return
+        self._lines += 1
+        self._line(record.getMessage())
+
+    def _begin_second(self, now_s: float) -> None:
+        if now_s - self._second_s < 1.0:
+            return
+        self._second_s, self._lines = now_s, 0
+        if self._left_out:
+            left_out, self._left_out = self._left_out, 0
+            self._lines = 1
+            self._line(f"{left_out} more lines left out")
+
+    def _line(self, text: str) -> None:
         clear = CLEAR if self._shown else ""
-        self._write(f"{clear}posecast-edge: {_printable(record.getMessage())}\n{self._shown}")
+        self._write(f"{clear}posecast-edge: {visible(text)}\n{self._shown}")
 
     def due(self, now_s: float) -> bool:
         """Whether it is time for the next progress line (monotonic seconds)."""
@@ -32,6 +61,8 @@ class Console(logging.Handler):
 
     def progress(self, text: str, now_s: float) -> None:
         """Show the progress line."""
+        self._begin_second(self._now_s())
+        text = visible(text)
         self._next_s = now_s + (TTY_EVERY_S if self._in_place else PLAIN_EVERY_S)
         if self._in_place:
             self._shown = text
@@ -51,8 +82,3 @@ class Console(logging.Handler):
             self._out.flush()
         except (OSError, ValueError):
             pass  # nobody reads stderr any more; the robot stays on air
-
-
-def _printable(text: str) -> str:
-    """Input quoted in a message must not move the cursor or start a line."""
-    return "".join(c if c.isprintable() else "�" for c in text)

@@ -26,7 +26,7 @@ def ring(relay: str, credential: Credential | Certificate | None) -> str:
                 from posecast_edge.doorbell_tls import shake_hands  # noqa: PLC0415
 
                 wrong, alert = shake_hands(plain, host, credential)
-    except OSError:
+    except (OSError, UnicodeError):  # also of a name that is none
         return "does not answer"
     return wrong or _refusal(credential, alert)
 

@@ -13,6 +13,7 @@ SETTLE_S = (
     2.0  # what was sent needs this long to show whether it is accepted, or whether half the rate helped
 )
 LOWEST_HZ = 1.0
+OVER_S = 5.0  # without a word of it, and the relay takes all of it again
 SENT_MAX = 2048  # frames remembered: half a minute at 60 Hz; older ones are forgotten
 
 
@@ -79,6 +80,11 @@ class EchoWatch:
         """The relay has taken a frame that this run sent since the link came up."""
         return echo.run_id == self._run_id and self._first is not None and echo.seq >= self._first[0]
 
+    @property
+    def over(self) -> str:
+        """Of what the robot sends more than its share, "" for nothing, as far as is known."""
+        return "" if self._echo is None else self._echo.over
+
     def word(self, now_s: float) -> str:
         """One of: no link, no relay, refused, on air, late, waiting."""
         if not self._connected:
@@ -89,6 +95,34 @@ class EchoWatch:
             waited = self._first is not None and now_s - self._first[1] > SETTLE_S
             return "refused" if waited else "waiting"
         return "late" if self.late_s > LATE_S else "on air"
+
+
+class News:
+    """What of all this is worth a line: each change once."""
+
+    def __init__(self) -> None:
+        self._refused = False
+        self._over = ""
+        self._over_s = 0.0  # when that was last so
+
+    def lines(self, word: str, over: str, now_s: float) -> list[str]:
+        """What is new since the last call, as EchoWatch has it at monotonic `now_s`."""
+        lines: list[str] = []
+        if word == "refused" and not self._refused:
+            self._refused = True
+            lines.append("the relay takes nothing: does another edge send this robot too? Sending on")
+        elif word in ("on air", "late") and self._refused:
+            self._refused = False
+            lines.append("on air again")
+        if over:
+            self._over_s = now_s
+            if over != self._over:
+                lines.append(f"the relay drops some of what this robot sends: more than {over}")
+            self._over = over
+        elif self._over and word in ("on air", "late") and now_s - self._over_s > OVER_S:
+            self._over = ""
+            lines.append("the relay takes all that this robot sends again")
+        return lines
 
 
 class RateControl:

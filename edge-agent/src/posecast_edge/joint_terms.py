@@ -11,6 +11,9 @@ from collections.abc import Mapping, Sequence
 
 from posecast_wire.mapping import JointMap
 
+DEPTH_MAX = 32  # joints that follow one another
+TERMS_MAX = 1 << 16  # of all joints, once they stand for channels
+
 
 class TermError(ValueError):
     """An entry that can't be. `joint`: whose; `term`: which of its terms, None for the whole entry."""
@@ -25,14 +28,15 @@ class TermError(ValueError):
 def resolve(entries: Mapping[str, JointMap], channels: Sequence[str]) -> dict[str, JointMap]:
     """Every entry in terms of channels, in the order given.
 
-    TermError: an unknown name, a loop, two joints that claim one channel.
+    TermError: an unknown name, a loop, two joints that claim one channel, more than the bounds above.
     """
+    known = frozenset(channels)
     owners: dict[str, str] = {}
     for joint, entry in entries.items():
         for i, (name, _) in enumerate(entry.terms):
-            if name not in channels and name not in entries:
+            if name not in known and name not in entries:
                 raise TermError(joint, i, f"unknown joint {name!r}")
-        if len(entry.terms) == 1 and entry.terms[0][0] in channels:
+        if len(entry.terms) == 1 and entry.terms[0][0] in known:
             channel = entry.terms[0][0]
             if channel in owners:
                 reason = (
@@ -42,8 +46,13 @@ def resolve(entries: Mapping[str, JointMap], channels: Sequence[str]) -> dict[st
                 raise TermError(joint, 0, reason)
             owners[channel] = joint
     resolved: dict[str, JointMap] = {}
+    terms = 0
     for joint in entries:
-        _resolve(joint, entries, frozenset(channels), resolved, ())
+        terms += len(_resolve(joint, entries, known, resolved, ()).terms)
+        if terms > TERMS_MAX:
+            raise TermError(
+                joint, None, f"more than {TERMS_MAX} channels move joints, counted for each joint"
+            )
     return {joint: resolved[joint] for joint in entries}
 
 
@@ -59,6 +68,8 @@ def _resolve(
     if joint in above:
         loop = " → ".join((*above[above.index(joint) :], joint))
         raise TermError(joint, None, f"a loop: {loop}")
+    if len(above) > DEPTH_MAX:
+        raise TermError(above[0], None, f"more than {DEPTH_MAX} joints follow one another")
     gains: dict[str, float] = {}
     offset = entries[joint].offset
     for name, gain in entries[joint].terms:

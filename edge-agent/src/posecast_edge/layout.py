@@ -11,6 +11,7 @@ from posecast_wire.schema import Field, Schema
 
 from posecast_edge.complaints import Complaints
 from posecast_edge.sources import Reading, Sample
+from posecast_edge.visible import WORD_MAX, quoted, visible
 
 Flat = list[float | None]
 
@@ -81,18 +82,19 @@ class Layout:
     def _number(self, field: Field, value: object, i: int, sample: Sample, now_s: float) -> float | None:
         if value is None:
             return None
-        if field.bits:
+        if isinstance(value, bool):  # to Python a number, to whoever wrote it none
+            pass
+        elif field.bits:
             if isinstance(value, (list, tuple)):
                 return self._mask(field, value, sample)
             if isinstance(value, (int, SupportsIndex)) and 0 <= (mask := index(value)) < 1 << len(field.bits):
                 return mask
-            wanted = "a list or mask of its bits"
-        else:
-            if isinstance(value, (float, int, SupportsFloat)):  # also numpy's scalars, not texts
-                with suppress(OverflowError):
-                    return float(value)
-            wanted = "a number"
-        self._complain(sample, f"{field.name}.{field.labels[i]} is {str(value)[:40]!r}, not {wanted}", now_s)
+        elif isinstance(value, (float, int, SupportsFloat)):  # also numpy's scalars, not texts
+            with suppress(OverflowError):
+                return float(value)
+        wanted = "a list or mask of its bits" if field.bits else "a number"
+        channel = visible(f"{field.name}.{field.labels[i]}", WORD_MAX)
+        self._complain(sample, f"{channel} is {quoted(value, 40)}, not {wanted}", now_s)
         return None
 
     def _mask(self, field: Field, names: Sequence[object], sample: Sample) -> int:
@@ -110,10 +112,12 @@ class Layout:
         self._wrong.add(f"{sample.where}: {text}" if sample.where else text, now_s)
 
     def _unknown_name(self, what: str, name: str, sample: Sample) -> None:
+        if len(self._unknown) >= MAX_NAMED:
+            return
         key = f"{what} {name}"
-        if key in self._unknown or len(self._unknown) >= MAX_NAMED:
+        if key in self._unknown:
             return
         self._unknown.add(key)
         more = "; further unknown names are not said" if len(self._unknown) == MAX_NAMED else ""
         where = f"{sample.where}: " if sample.where else ""
-        self._say(f"{where}unknown {what} {name[:60]!r} is ignored{more}")
+        self._say(f"{where}unknown {what} {quoted(name)} is ignored{more}")

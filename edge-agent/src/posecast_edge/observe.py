@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 import threading
 import time
 from collections.abc import Mapping, Sequence
@@ -16,7 +17,9 @@ from posecast_edge.schema_build import profile_of
 from posecast_edge.sources import Reading, Sample, Source, SourceError
 
 WAIT_S = 5.0  # for the first sample
-MAX_CHANNELS = 4096
+MAX_CHANNELS = 4096  # of a field, and as many fields and texts
+MAX_BITS = 256
+FINITE = sys.float_info.max
 POSITION = ("pos", "ref")  # the body stands where the first of them that there is says
 
 
@@ -33,11 +36,11 @@ class Channel:
     def add(self, value: Reading) -> None:
         """One more sample; None and what is no number are no reading."""
         if isinstance(value, (list, tuple)):
-            self.bits |= {str(name) for name in value}
+            self.bits |= {str(name) for name in value[: MAX_BITS - len(self.bits)]}
             self.readings += 1
-        elif isinstance(value, (int, float)) and math.isfinite(value):
+        elif (number := _number(value)) is not None:
             self.readings += 1
-            self.low, self.high, self.last = min(self.low, value), max(self.high, value), float(value)
+            self.low, self.high, self.last = min(self.low, number), max(self.high, number), number
 
     @property
     def largest(self) -> float:
@@ -96,10 +99,13 @@ class Observation:
         self.arrivals_s = (self.arrivals_s[0], now_s)
         self.times_s = (self.times_s[0], sample.t_s)
         self.samples += 1
-        self.info |= sample.info
+        if len(self.info) < MAX_CHANNELS:
+            self.info |= sample.info
         by_field: dict[str, Mapping[str, Reading]] = {}
         for name, values in sample.values.items():
             labelled = values if isinstance(values, Mapping) else self._named(name, values)
+            if name not in self.fields and len(self.fields) >= MAX_CHANNELS:
+                continue
             by_field[name] = labelled
             channels = self.fields.setdefault(name, {})
             for label, value in labelled.items():
@@ -131,16 +137,23 @@ class Observation:
             parts = by_field.get(name, {})
             for site in {label.partition(".")[0] for label in parts}:
                 found = [parts.get(f"{site}.{c}") for c in "wxyz"]
-                numbers = [v for v in found if isinstance(v, (int, float))]
+                numbers = [number for v in found if (number := _number(v)) is not None]
                 if len(numbers) == 4:
                     self.quaternions.add(math.hypot(*numbers))
+
+
+def _number(value: Reading) -> float | None:
+    """What is one, and finite as a float."""
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not abs(value) <= FINITE:
+        return None
+    return float(value)
 
 
 def _position(how: JointMap, channels: Mapping[str, Reading]) -> float | None:
     total = how.offset
     for channel, gain in how.terms:
-        value = channels.get(channel)
-        if not isinstance(value, (int, float)):
+        value = _number(channels.get(channel))
+        if value is None:
             return None
         total += gain * value
     return total

@@ -24,6 +24,11 @@ class Pace:
         """From when on a sample that arrives makes a frame."""
         return self._next_s - EARLY / self.hz
 
+    @property
+    def longest_s(self) -> float:
+        """How long a sample waits at most."""
+        return (1 + LATE) / self.hz
+
     def ripe(self, now_s: float) -> bool:
         """A sample arrives: whether a frame leaves with it."""
         return now_s >= self.from_s

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import logging
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -13,9 +12,11 @@ from posecast_edge.observe import WAIT_S, Channel, Observation, observe
 from posecast_edge.profile_reader import ProfileError, find_profile, load_profile
 from posecast_edge.sources import KINDS, Discovering, SourceError, defaults_of, open_source
 from posecast_edge.units import suspicion, unit_of
+from posecast_edge.visible import visible
 
 FINE, SILENT, WRONG = 0, 1, 2
 SHOWN = 4  # channels of a field
+SHOWN_MAX = 100_000  # characters of a line: all joints stand in one
 
 
 def run_probe(argv: Sequence[str]) -> int:
@@ -49,7 +50,7 @@ def run_probe(argv: Sequence[str]) -> int:
     if isinstance(source, Discovering):
         lines += ["", "topics:", *(f"  {line}" for line in source.offers or ["none"])]
     for line in lines:
-        print("".join(c if c.isprintable() else "�" for c in line), file=sys.stdout)
+        print(visible(line, SHOWN_MAX))
     return FINE if seen.samples else SILENT
 
 

@@ -84,12 +84,12 @@ class Profile:
 
     def seen_as(self, view: View) -> Profile:
         """What is left of the profile in a view: nothing of a field that is not in it."""
-        fields: list[FieldSpec] = []
+        seen, fields, names = frozenset(view.fields), list[FieldSpec](), set[str]()
         for f in self.fields:
-            if f.name in view.fields:
-                rel = f.rel if any(e.name == f.rel for e in fields) else None
+            if f.name in seen:
+                rel = f.rel if f.rel in names else None
                 fields.append(replace(f, rel=rel, scale=view.scales.get(f.name, f.scale)))
-        names = {f.name for f in fields}
+                names.add(f.name)
         labels = {label for f in fields for label in f.labels}
         sites = {label.split(".")[0] for label in labels}
         moves = any(f.label_set == JOINT for f in fields)

@@ -16,7 +16,7 @@ from posecast_edge.model.finding import ModelRefused
 from posecast_edge.model.tree import build_tree
 from posecast_edge.model.urdf import Joint, Urdf
 from posecast_edge.model.urdf_reader import load_urdf
-from posecast_edge.profile_reader import parse_profile
+from posecast_edge.profile_reader import ProfileError, parse_profile
 
 MOVING = ("revolute", "continuous", "prismatic")
 SENSOR_KINDS = {"imu": "imu", "force_torque": "wrench"}  # of the URDF → of a profile
@@ -47,6 +47,9 @@ def run_profile(argv: Sequence[str]) -> int:
     except ModelRefused as e:
         line = "" if e.line is None else f":{e.line}"
         print(f"posecast-edge: {args.urdf}{line}: {e.reason}", file=sys.stderr)
+        return REFUSED
+    except ProfileError as e:
+        print(f"posecast-edge: {args.urdf}: no profile can be made of it: {e}", file=sys.stderr)
         return REFUSED
     except FileExistsError:
         print(f"posecast-edge: {args.out}: is there already, and stays as it is", file=sys.stderr)

@@ -7,10 +7,11 @@ line and place: a typing mistake must not become a silently missing limb.
 from __future__ import annotations
 
 import math
+import re
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NoReturn, cast
+from typing import Any, cast
 
 from posecast_wire.mapping import (
     ANY,
@@ -21,134 +22,109 @@ from posecast_wire.mapping import (
     SensorMount,
     Severity,
     Threshold,
-    Xyz,
 )
 from posecast_wire.mapping import Mapping as Meaning
-from posecast_wire.schema import BITS_MAX, FIELD_NAME
+from posecast_wire.schema import BITS_MAX, CHANNELS_MAX, FIELD_NAME, SchemaError
 
-from posecast_edge.columns import find_column
+from posecast_edge.columns import Columns
 from posecast_edge.joint_terms import TermError, resolve
 from posecast_edge.profile import FieldSpec, Profile, RosTopics, Trajectory, View
-from posecast_edge.profile_views import read_view
-from posecast_edge.toml_lines import line_of, lines_of
-from posecast_edge.wellknown import PLAIN, UNITS, WELL_KNOWN
+from posecast_edge.profile_values import REASON_MAX, ProfileError, Values
+from posecast_edge.profile_views import VIEWS_MAX, read_view
+from posecast_edge.schema_build import schema_text
+from posecast_edge.visible import quoted, visible
+from posecast_edge.wellknown import PLAIN, WELL_KNOWN
 
 if sys.version_info >= (3, 11):
     import tomllib
 else:
     import tomli as tomllib
 
+__all__ = ["ProfileError", "find_profile", "load_profile", "parse_profile"]
+
 SHIPPED = Path(__file__).with_name("profiles")
 SKIP = "-"  # a trajectory column nobody reads
-
-
-class ProfileError(ValueError):
-    """A profile that cannot be used: `file:line: where: reason`, one line."""
+PROFILE_BYTES_MAX = 1 << 20
+NAME_MAX = 300  # characters of a file's name, in a message
+DEADBAND_MAX = 1e6  # steps
+HEADER_MAX = 1_000_000  # lines of a trajectory
+RATE_HZ_MAX = 100_000.0
+LAG_S_MAX = 60.0
+# What TOML's reader takes the square of to read: an integer's digits, the parts of a dotted key.
+_DIGITS = re.compile(r"[0-9][0-9_]{400}")
+_DOTTED = re.compile(r"""(?<![A-Za-z0-9_-])(?:(?:[A-Za-z0-9_-]+|"[^"\n]*"|'[^'\n]*')[ \t]*\.[ \t]*){32}""")
 
 
 def find_profile(name: str) -> Path:
     """The file of that name, or the profile of that name that comes with the agent (`hubo2plus`)."""
     path, shipped = Path(name), SHIPPED / f"{name}.toml"
-    return shipped if not path.exists() and shipped.parent == SHIPPED and shipped.is_file() else path
+    try:
+        return shipped if not path.exists() and shipped.parent == SHIPPED and shipped.is_file() else path
+    except OSError:  # too long for a name; reading it will say so
+        return path
 
 
 def load_profile(path: Path) -> Profile:
     """Read and parse a profile file. ProfileError when it cannot be read or does not fit."""
+    name = visible(str(path), NAME_MAX)
     try:
-        text = path.read_text(encoding="utf-8")
+        with path.open("rb") as file:
+            content = file.read(PROFILE_BYTES_MAX + 1)
     except OSError as e:
         known = ", ".join(sorted(p.stem for p in SHIPPED.glob("*.toml")))
         hint = "" if path.suffix else f"; profiles that come with the agent: {known}"
-        raise ProfileError(f"{path}: {e.strerror or e}{hint}") from None
+        raise ProfileError(f"{name}: {e.strerror or e}{hint}") from None
+    if len(content) > PROFILE_BYTES_MAX:
+        raise ProfileError(f"{name}: over {PROFILE_BYTES_MAX} bytes")
+    try:
+        text = content.decode("utf-8-sig").replace("\r\n", "\n")
     except UnicodeDecodeError as e:
-        raise ProfileError(f"{path}: byte {e.start}: not UTF-8") from None
-    return parse_profile(text, str(path))
+        line = content.count(b"\n", 0, e.start) + 1
+        raise ProfileError(f"{name}:{line}: byte {e.start}: not UTF-8") from None
+    return parse_profile(text, name)
 
 
 def parse_profile(text: str, file: str = "profile") -> Profile:
-    """TOML text → Profile. ProfileError `file:line: where: reason`."""
+    """TOML text → Profile. ProfileError `file:line: where: reason`, of bounded length, whatever is wrong."""
+    for pattern, what in (
+        (_DIGITS, "a number of more than 400 digits"),
+        (_DOTTED, "a key of more than 32 parts"),
+    ):
+        found = pattern.search(text)
+        if found:
+            line = text.count("\n", 0, found.start()) + 1
+            raise ProfileError(f"{file}:{line}: {what}")
     try:
         document = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as e:
-        raise ProfileError(f"{file}: {e}") from None
-    return Reader(file, text).profile(document)
+    except RecursionError:
+        raise ProfileError(f"{file}: nested too deep") from None
+    except ValueError as e:  # TOMLDecodeError is one; others come of dates and numbers
+        raise ProfileError(f"{file}: {visible(str(e), REASON_MAX)}") from None
+    reader = Reader(file, text)
+    profile = reader.profile(document)
+    reader.check(profile)
+    return profile
 
 
-class Reader:
-    """Takes values out of a TOML document and says where one is wrong."""
+class Reader(Values):
+    """The tables of a profile."""
 
     def __init__(self, file: str, text: str) -> None:
-        self.file = file
-        self._text = text
-        self._field_paths: dict[str, str] = {}
+        super().__init__(file, text)
         self.units: dict[str, dict[str, str]] = {}  # by field and label, where it is not the field's
 
-    def fail(self, where: str, reason: str) -> NoReturn:
-        line = line_of(lines_of(self._text), self._path(where))
-        place = self.file if line is None else f"{self.file}:{line}"
-        raise ProfileError(f"{place}: {where}: {reason}")
+    def check(self, profile: Profile) -> None:
+        """The wire has bounds of its own: what it can't carry is an error in this file too."""
+        self._check(profile, "")
+        for name, view in profile.views.items():
+            self._check(profile.seen_as(view), f"views.{name}")
 
-    def _path(self, where: str) -> str:
-        """`fields.pos.unit`, as a person says it, → `fields[1].unit`, as the file has it."""
-        for said, meant in self._field_paths.items():
-            if where == said or where.startswith((f"{said}.", f"{said}[")):
-                return meant + where[len(said) :]
-        return where
-
-    # --- values
-
-    def table(self, value: object, where: str, keys: Sequence[str] | None = None) -> dict[str, Any]:
-        if not isinstance(value, dict):
-            self.fail(where, "must be a table")
-        if keys is not None:
-            for key in value:
-                if key not in keys:
-                    self.fail(f"{where}.{key}" if where else key, f"unknown key; known: {', '.join(keys)}")
-        return value
-
-    def text(self, value: object, where: str) -> str:
-        if not isinstance(value, str) or not value or not value.isprintable():
-            self.fail(where, f"must be a text, not {value!r}")
-        return value
-
-    def number(self, value: object, where: str, low: float = -math.inf, above: float = -math.inf) -> float:
-        if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
-            self.fail(where, f"must be a number, not {value!r}")
-        if value < low:
-            self.fail(where, f"must be at least {low:g}, not {value:g}")
-        if value <= above:
-            self.fail(where, f"must be above {above:g}, not {value:g}")
-        return float(value)
-
-    def texts(self, value: object, where: str) -> tuple[str, ...]:
-        if not isinstance(value, list) or not value:
-            self.fail(where, "must be a list of texts")
-        return tuple(self.text(v, f"{where}[{i}]") for i, v in enumerate(value))
-
-    def unique(self, value: object, where: str) -> tuple[str, ...]:
-        texts = self.texts(value, where)
-        for i, v in enumerate(texts):
-            if v in texts[:i]:
-                self.fail(f"{where}[{i}]", f"{v!r} stands there twice")
-        return texts
-
-    def xyz(self, value: object, where: str) -> Xyz:
-        if not isinstance(value, list) or len(value) != 3:
-            self.fail(where, "must be three numbers")
-        x, y, z = (self.number(v, f"{where}[{i}]") for i, v in enumerate(value))
-        return (x, y, z)
-
-    def unit(self, value: object, where: str) -> str:
-        if not isinstance(value, str) or value not in UNITS:
-            self.fail(where, f"unknown unit {value!r}; known: {', '.join(u for u in UNITS if u)}")
-        return UNITS[value]
-
-    def known(self, name: str, allowed: Sequence[str], what: str, where: str) -> str:
-        if name not in allowed:
-            self.fail(where, f"unknown {what} {name!r}")
-        return name
-
-    # --- tables
+    def _check(self, profile: Profile, view: str) -> None:
+        try:
+            schema_text(profile)
+        except SchemaError as e:
+            where, _, reason = str(e).partition(": ")
+            self.fail(view or where.removeprefix("mapping."), str(e) if view else reason)
 
     def profile(self, doc: dict[str, Any]) -> Profile:
         keys = (
@@ -169,14 +145,14 @@ class Reader:
             name: self.unique(value, f"labels.{name}")
             for name, value in self.table(doc.get("labels", {}), "labels").items()
         }
-        fields = self.fields(doc.get("fields"), labels)
+        by_name = self.fields(doc.get("fields"), labels)
+        fields = tuple(by_name.values())
         for f in fields:
             labels.setdefault(f.label_set, f.labels)
-        by_name = {f.name: f for f in fields}
         joint = labels.get(JOINT, ())
         everything = tuple(dict.fromkeys(label for f in fields for label in f.labels))
         sensors = self.sensors(doc.get("sensors", {}))
-        sites = (*sensors, *(label.split(".")[0] for label in everything))
+        named = frozenset((*everything, *sensors, *(label.split(".")[0] for label in everything)))
         return Profile(
             name=self.text(robot.get("name", "robot"), "robot.name"),
             root=self.text(robot["root"], "robot.root") if "root" in robot else None,
@@ -185,7 +161,7 @@ class Reader:
             mapping=Meaning(
                 joints=self.joints(doc.get("joints", {}), joint),
                 sensors=sensors,
-                names=self.names(doc.get("names", {}), (*everything, *sites)),
+                names=self.names(doc.get("names", {}), named),
                 thresholds=self.thresholds(doc.get("thresholds", {}), by_name),
                 tolerances=self.tolerances(doc.get("tolerance", {}), joint),
                 severities=self.severities(doc.get("severity", {}), by_name),
@@ -196,40 +172,49 @@ class Reader:
             views=self.views(doc.get("views", {}), by_name),
         )
 
-    def fields(self, value: object, labels: Mapping[str, tuple[str, ...]]) -> tuple[FieldSpec, ...]:
+    def fields(self, value: object, labels: Mapping[str, tuple[str, ...]]) -> dict[str, FieldSpec]:
         if not isinstance(value, list) or not value:
             self.fail("fields", "at least one [[fields]] is needed")
-        fields: list[FieldSpec] = []
+        fields: dict[str, FieldSpec] = {}
+        size = 0
         for i, item in enumerate(value):
-            fields.append(self.field(item, f"fields[{i}]", labels, fields))
-        return tuple(fields)
+            spec = self.field(item, f"fields[{i}]", labels, fields)
+            fields[spec.name] = spec
+            size += len(spec.labels)
+            if size > CHANNELS_MAX:
+                self.fail(f"fields[{i}]", f"more than {CHANNELS_MAX} channels in all")
+        return fields
 
     def field(
-        self, value: object, where: str, labels: Mapping[str, tuple[str, ...]], before: Sequence[FieldSpec]
+        self,
+        value: object,
+        where: str,
+        labels: Mapping[str, tuple[str, ...]],
+        before: Mapping[str, FieldSpec],
     ) -> FieldSpec:
         keys = ("name", "labels", "unit", "units", "scale", "deadband", "rel", "bits", "slow")
         item = self.table(value, where, keys)
         name = self.text(item.get("name"), f"{where}.name")
         if not FIELD_NAME.fullmatch(name):
-            self.fail(f"{where}.name", f"{name!r} must be letters, digits and _, the first no digit")
-        if any(f.name == name for f in before):
+            self.fail(f"{where}.name", f"{quoted(name)} must be letters, digits and _, the first no digit")
+        if name in before:
             self.fail(f"{where}.name", f"{name!r} stands there twice")
-        self._field_paths[f"fields.{name}"] = where
+        self.field_paths[f"fields.{name}"] = where
         where = f"fields.{name}"
         default = WELL_KNOWN.get(name, PLAIN)
         given = item.get("labels", JOINT if default.joints else name)
         if isinstance(given, str):
-            label_set, own = self.known(given, tuple(labels), "label set", f"{where}.labels"), labels[given]
+            label_set, own = self.known(given, labels, "label set", f"{where}.labels"), labels[given]
         else:
             label_set, own = name, self.unique(given, f"{where}.labels")
             if label_set in labels and labels[label_set] != own:
                 self.fail(f"{where}.labels", f"differs from [labels] {label_set}")
         rel = item.get("rel", default.rel if "rel" not in item else None)
         if rel is not None:
-            other = next((f for f in before if f.name == rel), None)
+            other = before.get(rel) if isinstance(rel, str) else None
             if other is None:
                 if "rel" in item:
-                    self.fail(f"{where}.rel", f"{rel!r} is no earlier field")
+                    self.fail(f"{where}.rel", f"{quoted(rel)} is no earlier field")
                 rel = None
             elif len(other.labels) != len(own):
                 self.fail(f"{where}.rel", f"{rel!r} has {len(other.labels)} channels, {name!r} {len(own)}")
@@ -237,22 +222,25 @@ class Reader:
         if len(bits) > BITS_MAX:
             self.fail(f"{where}.bits", f"{len(bits)} bits; at most {BITS_MAX}")
         unit = item.get("unit", default.unit)
+        known = frozenset(own) if "units" in item else ()
         others = {
-            self.known(label, own, "label", f"{where}.units.{label}"): self.unit(u, f"{where}.units.{label}")
+            self.known(label, known, "label", f"{where}.units.{label}"): self.unit(
+                u, f"{where}.units.{label}"
+            )
             for label, u in self.table(item.get("units", {}), f"{where}.units").items()
         }
         if others:
             self.units[name] = others
         slow = item.get("slow", False)
         if not isinstance(slow, bool):
-            self.fail(f"{where}.slow", f"must be true or false, not {slow!r}")
+            self.fail(f"{where}.slow", f"must be true or false, not {quoted(slow)}")
         return FieldSpec(
             name=name,
             label_set=label_set,
             labels=own,
             unit=self.unit(unit, f"{where}.unit"),
             scale=1.0 if bits else self.number(item.get("scale", default.scale), f"{where}.scale", above=0),
-            deadband=self.number(item.get("deadband", 0.3), f"{where}.deadband", low=0),
+            deadband=self.number(item.get("deadband", 0.3), f"{where}.deadband", low=0, most=DEADBAND_MAX),
             rel=rel,
             bits=bits,
             slow=slow,
@@ -304,7 +292,7 @@ class Reader:
         severities: dict[str, dict[str, Severity]] = {}
         for name, entry in self.table(value, "severity").items():
             where = f"severity.{name}"
-            bits = fields[self.known(name, tuple(fields), "field", where)].bits
+            bits = fields[self.known(name, fields, "field", where)].bits
             severities[name] = {
                 self.known(bit, bits, "bit", f"{where}.{bit}"): cast(
                     Severity,
@@ -314,26 +302,28 @@ class Reader:
             }
         return severities
 
-    def names(self, value: object, known: Sequence[str]) -> dict[str, str]:
+    def names(self, value: object, known: Collection[str]) -> dict[str, str]:
         return {
             self.known(k, known, "channel or site", f"names.{k}"): self.text(v, f"names.{k}")
             for k, v in self.table(value, "names").items()
         }
 
     def tolerances(self, value: object, joint: Sequence[str]) -> dict[str, float]:
+        known = frozenset((*joint, ANY))
         return {
-            self.known(k, (*joint, ANY), "joint", f"tolerance.{k}"): self.number(v, f"tolerance.{k}", above=0)
+            self.known(k, known, "joint", f"tolerance.{k}"): self.number(v, f"tolerance.{k}", above=0)
             for k, v in self.table(value, "tolerance").items()
         }
 
     def thresholds(self, value: object, fields: Mapping[str, FieldSpec]) -> dict[str, dict[str, Threshold]]:
         thresholds: dict[str, dict[str, Threshold]] = {}
         for name, entry in self.table(value, "thresholds").items():
-            labels = fields[self.known(name, tuple(fields), "field", f"thresholds.{name}")].labels
+            of_field = fields[self.known(name, fields, "field", f"thresholds.{name}")]
+            labels = frozenset((*of_field.labels, ANY))
             thresholds[name] = {}
             for label, limits in self.table(entry, f"thresholds.{name}").items():
                 where = f"thresholds.{name}.{label}"
-                self.known(label, (*labels, ANY), "label", where)
+                self.known(label, labels, "label", where)
                 item = self.table(limits, where, ("low", "high", "caution"))
                 low, high, caution = (
                     self.number(item[k], f"{where}.{k}") if k in item else None
@@ -351,9 +341,12 @@ class Reader:
         return thresholds
 
     def views(self, value: object, fields: Mapping[str, FieldSpec]) -> dict[str, View]:
-        return {
-            name: read_view(self, name, entry, fields) for name, entry in self.table(value, "views").items()
-        }
+        views: dict[str, View] = {}
+        for name, entry in self.table(value, "views").items():
+            if len(views) == VIEWS_MAX:
+                self.fail(f"views.{name}", f"more than {VIEWS_MAX} views")
+            views[name] = read_view(self, name, entry, fields)
+        return views
 
     def ros(self, value: object) -> RosTopics:
         from posecast_edge.profile_ros import read_ros  # noqa: PLC0415 - few robots have it
@@ -363,23 +356,22 @@ class Reader:
     def trajectory(self, value: object, fields: Sequence[FieldSpec]) -> Trajectory:
         item = self.table(value, "trajectory", ("columns", "fewest", "rate_hz", "unit", "lag_s", "header"))
         columns = self.texts(item.get("columns"), "trajectory.columns")
+        known, seen = Columns(fields), set[str]()
         for i, column in enumerate(columns):
-            if column != SKIP:
-                if find_column(fields, column) is None:
-                    self.fail(f"trajectory.columns[{i}]", f"unknown channel {column!r}")
-                if column in columns[:i]:
-                    self.fail(f"trajectory.columns[{i}]", f"{column!r} stands there twice")
-        header = item.get("header", 0)
-        if isinstance(header, bool) or not isinstance(header, int) or header < 0:
-            self.fail("trajectory.header", f"must be a number of lines, not {header!r}")
-        fewest = item.get("fewest", len(columns))
-        if isinstance(fewest, bool) or not isinstance(fewest, int) or not 1 <= fewest <= len(columns):
-            self.fail("trajectory.fewest", f"must lie in 1…{len(columns)}, not {fewest!r}")
+            if column == SKIP:
+                continue
+            if known.find(column) is None:
+                self.fail(f"trajectory.columns[{i}]", f"unknown channel {quoted(column)}")
+            if column in seen:
+                self.fail(f"trajectory.columns[{i}]", f"{quoted(column)} stands there twice")
+            seen.add(column)
+        header = self.whole(item.get("header", 0), "trajectory.header", 0, HEADER_MAX)
+        fewest = self.whole(item.get("fewest", len(columns)), "trajectory.fewest", 1, len(columns))
         return Trajectory(
             columns=columns,
             fewest=fewest,
-            rate_hz=self.number(item.get("rate_hz"), "trajectory.rate_hz", above=0),
+            rate_hz=self.number(item.get("rate_hz"), "trajectory.rate_hz", above=0, most=RATE_HZ_MAX),
             unit=self.known(item.get("unit", "rad"), ("rad", "deg"), "unit", "trajectory.unit"),
-            lag_s=self.number(item.get("lag_s", 0.0), "trajectory.lag_s", low=0),
+            lag_s=self.number(item.get("lag_s", 0.0), "trajectory.lag_s", low=0, most=LAG_S_MAX),
             header=header,
         )

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from posecast_edge.profile import RosTopics
 from posecast_edge.sources.ros_topics import ENCODINGS, ROLES, SITED
+from posecast_edge.visible import quoted
 
 if TYPE_CHECKING:
     from posecast_edge.profile_reader import Reader
@@ -19,11 +20,7 @@ DOMAIN_MAX = 232  # ROS 2's
 def read_ros(reader: Reader, value: object) -> RosTopics:
     """The table's value → topics. ProfileError names the line."""
     item = reader.table(value, "ros", (*ROLES, "domain", "encoding"))
-    domain = item.get("domain")
-    if domain is not None and (
-        isinstance(domain, bool) or not isinstance(domain, int) or not 0 <= domain <= DOMAIN_MAX
-    ):
-        reader.fail("ros.domain", f"must lie in 0…{DOMAIN_MAX}, not {domain!r}")
+    domain = reader.whole(item["domain"], "ros.domain", 0, DOMAIN_MAX) if "domain" in item else None
     encoding = reader.known(item.get("encoding", "json"), ENCODINGS, "encoding", "ros.encoding")
     topics = {role: _patterns(reader, item[role], role) for role in ROLES if role in item}
     return RosTopics(topics, domain, encoding)
@@ -44,5 +41,5 @@ def _patterns(reader: Reader, value: object, role: str) -> tuple[tuple[str, str]
 def _pattern(reader: Reader, value: object, where: str) -> str:
     text = reader.text(value, where)
     if not PATTERN.fullmatch(text):
-        reader.fail(where, f"{text!r} is no topic; as in /joint_states, /arm/*/state, /**/imu")
+        reader.fail(where, f"{quoted(text)} is no topic; as in /joint_states, /arm/*/state, /**/imu")
     return text

@@ -12,6 +12,9 @@ from posecast_edge.profile import FieldSpec, View
 if TYPE_CHECKING:
     from posecast_edge.profile_reader import Reader
 
+VIEWS_MAX = 8  # a relay takes no more of one robot
+HZ_MIN = 0.1  # as on the wire
+
 
 def read_view(reader: Reader, name: str, value: object, fields: Mapping[str, FieldSpec]) -> View:
     """One table → view. ProfileError names the line."""
@@ -23,9 +26,10 @@ def read_view(reader: Reader, name: str, value: object, fields: Mapping[str, Fie
     item = reader.table(value, where, ("fields", "hz", "scales", "info"))
     seen = reader.unique(item.get("fields", list(fields)), f"{where}.fields")
     for i, field_name in enumerate(seen):
-        reader.known(field_name, tuple(fields), "field", f"{where}.fields[{i}]")
+        reader.known(field_name, fields, "field", f"{where}.fields[{i}]")
+    known = frozenset(seen)
     scales = {
-        reader.known(k, seen, "field of this view", f"{where}.scales.{k}"): reader.number(
+        reader.known(k, known, "field of this view", f"{where}.scales.{k}"): reader.number(
             v, f"{where}.scales.{k}", above=0
         )
         for k, v in reader.table(item.get("scales", {}), f"{where}.scales").items()
@@ -33,7 +37,7 @@ def read_view(reader: Reader, name: str, value: object, fields: Mapping[str, Fie
     for k in scales:
         if fields[k].bits:
             reader.fail(f"{where}.scales.{k}", "a field of bits has no scale")
-    hz = reader.number(item["hz"], f"{where}.hz", above=0) if "hz" in item else None
+    hz = reader.number(item["hz"], f"{where}.hz", low=HZ_MIN) if "hz" in item else None
     return View(seen, hz, scales, _info(reader, item, where))
 
 

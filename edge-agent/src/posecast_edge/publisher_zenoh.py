@@ -13,8 +13,9 @@ import logging
 import threading
 import time
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from functools import partial
+from itertools import islice
+from typing import TYPE_CHECKING
 
 import zenoh
 from posecast_wire.credential import Credential
@@ -27,11 +28,16 @@ from posecast_wire.keys import (
 )
 
 from posecast_edge.certificate import Certificate
-from posecast_edge.echo import LATE_S, EchoWatch
+from posecast_edge.echo import LATE_S, EchoWatch, News
 from posecast_edge.events import Event
+from posecast_edge.faults import Faults
 from posecast_edge.lane import Lane
-from posecast_edge.model.bundle import RANGE_MAX, Bundle
+from posecast_edge.model.bundle import Bundle
+from posecast_edge.model_desk import ModelDesk
 from posecast_edge.run import Run
+
+if TYPE_CHECKING:
+    from posecast_edge.stream import Frame
 
 log = logging.getLogger("posecast_edge.link")
 
@@ -41,16 +47,21 @@ RETRY_MS = (25, 1000)  # at first at once: a relay that enrols a robot opens its
 WHY_S = 3.0  # without a link for so long: find out why
 BATCH_BYTES = 8192  # small batches and a small kernel buffer: on a thin uplink a queue is only delay
 SNDBUF_BYTES = 32768
+LOOK_S = 2.0  # at the session itself, where nothing is to be sent
 ECHO_S = 1.0
 ECHO_AGAIN_S = 0.3  # while frames are late, and
 NEW_LINK_S = 5.0  # so long on a link of which nobody knows what it carries
 ECHO_TIMEOUT_S = 2.0
+ECHO_BYTES_MAX = 4096
+ECHO_REPLIES_MAX = 8  # to one question: there may be several relays
+HEARD_BYTES_MAX = 1 << 18  # of one message towards the edge: it hears questions and echoes only
 
 
 def zenoh_config(relay: str, credential: Credential | Certificate | None = None) -> zenoh.Config:
     """A client of one relay that finds nobody else. `relay`: a Zenoh endpoint, `tcp/host:port`."""
     link: dict[str, object] = {
         "tx": {"lease": LEASE_MS, "keep_alive": 4, "batch_size": BATCH_BYTES},
+        "rx": {"max_message_size": HEARD_BYTES_MAX},
     }
     auth: dict[str, object] = {}
     if isinstance(credential, Certificate):
@@ -94,19 +105,23 @@ class ZenohPublisher:
         self.run = Run()
         self.connected = False
         self.echoes = 0  # questions answered or not: each a new measurement of lateness
+        self.faults = Faults(log.warning)
         self._watch = EchoWatch(self.run.id)
+        self._news = News()
         self._robot, self._relay, self._credential = robot, relay, credential
         self._told = ""  # why there is no link
         self._lanes = {
-            view: Lane(robot, view, self.run, partial(snapshot, view), partial(heard, view)) for view in views
+            view: Lane(robot, view, self.run, partial(snapshot, view), partial(heard, view), self.faults)
+            for view in views
         }
         self._measured = views[0]
-        self._bundle: Bundle | None = None
+        self._desk = ModelDesk(robot, self.run, self.faults)
         self._wake = threading.Condition()  # two threads wait on it, hence notify_all
         self._stopping = False
         self._just_linked = False
         self._linked_s = 0.0
         self._watch_lock = threading.Lock()
+        self._session: zenoh.Session | None = None
         self._declared: list[object] = []  # Zenoh undeclares what nobody holds
         self._thread = threading.Thread(target=self._keep_link, name="link", daemon=True)
 
@@ -116,15 +131,15 @@ class ZenohPublisher:
         """Begin to connect."""
         self._thread.start()
 
-    def frame(self, view: str, data: bytes, seq: int) -> None:
+    def frame(self, view: str, frame: Frame) -> None:
         """Send a frame, or discard it when there is no link."""
         lane = self._lanes[view]
         if not lane.declared:
             return
         if view == self._measured:
             with self._watch_lock:
-                self._watch.sent(seq, time.monotonic())
-        lane.frame(data)
+                self._watch.sent(frame.seq, time.monotonic())
+        lane.frame(frame.data, frame.taken_s)
 
     def event(self, view: str, event: Event) -> None:
         """Send an event as soon as somebody listens."""
@@ -141,7 +156,7 @@ class ZenohPublisher:
     def offer(self, bundle: Bundle) -> None:
         """Answer for this model from now on, and tell its hash as soon as somebody listens."""
         with self._wake:
-            self._bundle = bundle
+            self._desk.bundle = bundle
             for lane in self._lanes.values():
                 lane.model = bundle.hash
             self._wake.notify_all()
@@ -151,6 +166,7 @@ class ZenohPublisher:
         with self._wake:
             self._stopping = True
             self._wake.notify_all()
+        self._desk.close()
         self._thread.join(timeout_s)
 
     @property
@@ -169,25 +185,57 @@ class ZenohPublisher:
         """The state of the link in a word or two."""
         return self._watch.word(time.monotonic())
 
+    @property
+    def over(self) -> str:
+        """Of what the relay drops some, "" for nothing."""
+        return self._watch.over
+
+    def news(self) -> list[str]:
+        """What the newest echo changes, in lines for people."""
+        now_s = time.monotonic()
+        return self._news.lines(self._watch.word(now_s), self._watch.over, now_s)
+
     # --- the link's thread
 
     def _keep_link(self) -> None:
-        session = self._open()
-        if session is None:
-            return
-        with session:
-            self._declare(session)
-            threading.Thread(target=self._ask_echo, args=(session,), name="echo", daemon=True).start()
+        while not self._stopping:
+            session = self._open()
+            if session is None:
+                return
+            try:
+                with session:
+                    self._serve(session)
+            except Exception as e:
+                self.faults.add("the link", e)
+            self.connected = False
+            with self._watch_lock:
+                self._watch.link(False)
+            self._declared.clear()
+            with self._wake:
+                self._wake.wait_for(lambda: self._stopping, RETRY_MS[1] / 1000)
+
+    def _serve(self, session: zenoh.Session) -> None:
+        """Until the agent stops. ZError when the session has ended by itself."""
+        self._declare(session)
+        self._session = session
+        threading.Thread(target=self._ask_echo, args=(session,), name="echo", daemon=True).start()
+        try:
             while self._send_waiting():
-                pass
+                if session.is_closed():
+                    raise zenoh.ZError("the session has ended")
+        finally:
+            self._session = None
             for lane in self._lanes.values():
                 lane.close()
 
     def _open(self) -> zenoh.Session | None:
         while not self._stopping:
-            with suppress(zenoh.ZError):  # which only ever says that time ran out
+            try:
                 return zenoh.open(zenoh_config(self._relay, self._credential))
-            self._tell_why()
+            except zenoh.ZError:  # which only ever says that time ran out
+                self._tell_why()
+            except Exception as e:
+                self.faults.add("opening the link", e)
             with self._wake:
                 self._wake.wait_for(lambda: self._stopping, RETRY_MS[0] / 1000)
         return None
@@ -196,7 +244,10 @@ class ZenohPublisher:
         """Why there is no link, once, and again when it is another reason."""
         from posecast_edge.doorbell import ring  # noqa: PLC0415 - few runs ever need it
 
-        self._tell(ring(self._relay, self._credential))
+        try:
+            self._tell(ring(self._relay, self._credential))
+        except Exception as e:
+            self.faults.add("asking why there is no link", e)
 
     def _tell(self, why: str) -> None:
         if why != self._told:
@@ -206,9 +257,11 @@ class ZenohPublisher:
     def _declare(self, session: zenoh.Session) -> None:
         """All that this agent is on the network. Who sees the token asks for the snapshot, and who has that
         for the model: so they are declared the other way round."""
+        on_transport = self.faults.guarded("the link", self._on_transport)
+        on_model = self.faults.guarded("a question about the model", self._desk.ask)
         self._declared += [
-            session.info.declare_transport_events_listener(self._on_transport, history=True),
-            session.declare_queryable(model_key(self._robot, "**"), self._on_model),
+            session.info.declare_transport_events_listener(on_transport, history=True),
+            session.declare_queryable(model_key(self._robot, "**"), on_model),
         ]
         for lane in self._lanes.values():
             self._declared += lane.declare(session)
@@ -221,10 +274,18 @@ class ZenohPublisher:
             ready = next((lane for lane in waiting if lane.ready), None)
             if ready is None:
                 if not self._stopping:
-                    self._wake.wait(0.1 if waiting else None)
+                    self._wake.wait(0.1 if waiting else LOOK_S)
                 return not self._stopping
-            send = ready.take()
-        send()
+            try:
+                send = ready.take()
+            except Exception as e:
+                self.faults.add(f"what is told of {ready.view}", e)
+                self._wake.wait(0.1)
+                return True
+        try:
+            send()
+        except Exception as e:
+            self.faults.add(f"what is told of {ready.view}", e)
         return True
 
     # --- called by Zenoh's threads
@@ -241,29 +302,10 @@ class ZenohPublisher:
         if not self._stopping:
             log.info("%s %s", "linked to" if self.connected else "lost", self._relay)
 
-    def _on_model(self, query: zenoh.Query) -> None:
-        part = str(query.key_expr).rpartition("/")[2]
-        with query:
-            try:
-                data = self._model_range(part, query.parameters)
-            except (KeyError, ValueError, OSError) as e:
-                query.reply_err(f"{part[:64]}: {e}".encode())
-                return
-            query.reply(model_key(self._robot, part), data, attachment=self.run.stamp().pack())
-
-    def _model_range(self, part: str, parameters: zenoh.Parameters) -> bytes:
-        """KeyError, ValueError, OSError: there is no such file or range."""
-        bundle = self._bundle
-        if bundle is None:
-            raise KeyError("no model")
-        offset = int(parameters.get("off") or 0)
-        length = int(parameters.get("len") or RANGE_MAX)
-        return bundle.read(part, offset, length)
-
     # --- the echo's thread
 
     def _ask_echo(self, session: zenoh.Session) -> None:
-        while not self._stopping:
+        while not self._stopping and self._session is session:
             with self._wake:
                 new = time.monotonic() - self._linked_s < NEW_LINK_S
                 pause_s = ECHO_AGAIN_S if new or self._watch.late_s > LATE_S else ECHO_S
@@ -289,6 +331,7 @@ class ZenohPublisher:
                 self._tell(f"does not know {self._robot!r}, or the certificate does not bear that name")
 
     def _echo_of(self, session: zenoh.Session) -> Echo | None:
+        """The newest of the relays' answers that is one. Whatever else comes is counted."""
         echo: Echo | None = None
         try:
             replies = session.get(
@@ -297,9 +340,13 @@ class ZenohPublisher:
                 priority=zenoh.Priority.REAL_TIME,
                 congestion_control=zenoh.CongestionControl.DROP,
             )
-            for reply in replies:
-                if reply.ok is not None:
-                    echo = Echo.unpack(reply.ok.payload.to_bytes())
-        except (zenoh.ZError, ValueError) as e:
-            log.debug("echo: %s", e)
+            for reply in islice(replies, ECHO_REPLIES_MAX):
+                if reply.ok is None:
+                    continue
+                if len(reply.ok.payload) > ECHO_BYTES_MAX:
+                    raise ValueError(f"{len(reply.ok.payload)} bytes")
+                echo = Echo.unpack(reply.ok.payload.to_bytes())
+        except Exception as e:
+            if self._session is session and not self._stopping:
+                self.faults.add("the relay's echo", e)
         return echo

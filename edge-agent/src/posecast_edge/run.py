@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import os
-import time
 
 from posecast_wire.keys import Stamp
+
+from posecast_edge import clock
 
 
 class Run:
@@ -13,8 +14,9 @@ class Run:
 
     def __init__(self) -> None:
         self.id = int.from_bytes(os.urandom(8), "big") or 1
-        self._start_ns = time.monotonic_ns()
+        self._start_ns = clock.now_ns()
 
-    def stamp(self) -> Stamp:
-        """The attachment of what is sent now."""
-        return Stamp(self.id, time.monotonic_ns() - self._start_ns)
+    def stamp(self, at_s: float | None = None) -> Stamp:
+        """The attachment of what became true at `at_s` (clock.now_s()), or of what is said now."""
+        at_ns = clock.now_ns() if at_s is None else round(at_s * 1e9)
+        return Stamp(self.id, max(0, at_ns - self._start_ns))

@@ -10,6 +10,7 @@ from posecast_wire.schema import BITS_MAX, CHANNELS_MAX, FIELD_NAME, build_schem
 
 from posecast_edge.profile import FieldSpec, Profile
 from posecast_edge.sources import Reading, Sample, SourceError, Values
+from posecast_edge.visible import quoted
 from posecast_edge.wellknown import (
     DIAG_BITS,
     FLAG_BITS,
@@ -77,42 +78,46 @@ def profile_of(robot: str, sample: Sample) -> Profile:
     """
     joints = _joint_labels(sample)
     labels: dict[str, tuple[str, ...]] = {}
-    fields: list[FieldSpec] = []
+    sets: dict[tuple[str, ...], str] = {}  # those of `labels`, by what is in them
+    fields: dict[str, FieldSpec] = {}
+    channels = 0
     # in the well-known order, so that ref stands before the pos that is relative to it
     names = [n for n in WELL_KNOWN if n in sample.values] + [n for n in sample.values if n not in WELL_KNOWN]
     for name in names:
         values = sample.values[name]
         default = WELL_KNOWN.get(name, PLAIN)
         if not FIELD_NAME.fullmatch(name):
-            raise SourceError(f"{name[:60]!r} is no field name: letters, digits and _, the first no digit")
+            raise SourceError(f"{quoted(name)} is no field name: letters, digits and _, the first no digit")
         if default.joints:
             label_set, own = JOINT, joints
         elif isinstance(values, Mapping):
             own = tuple(values)
-            label_set = next((s for s, known in labels.items() if known == own), name)
+            label_set = sets.get(own, name)
         else:
             raise SourceError(_unlabelled(name, values))
         if not own:
             continue
         if not isinstance(values, Mapping) and len(values) != len(own):
             raise SourceError(_unlabelled(name, values))
+        channels += len(own)
+        if channels > CHANNELS_MAX:
+            raise SourceError(f"the first sample has over {CHANNELS_MAX} channels")
         labels[label_set] = own
+        sets.setdefault(own, label_set)
         bits = _flag_bits(values) if name == FLAGS else DIAG_BITS if name == DIAG else ()
-        rel = default.rel if any(f.name == default.rel for f in fields) else None
-        fields.append(
-            FieldSpec(name, label_set, own, default.unit, 1.0 if bits else default.scale, rel=rel, bits=bits)
-        )
+        rel = default.rel if default.rel in fields else None
+        scale = 1.0 if bits else default.scale
+        fields[name] = FieldSpec(name, label_set, own, default.unit, scale, rel=rel, bits=bits)
     if not fields:
         raise SourceError("the first sample names no channel")
-    channels = sum(len(f.labels) for f in fields)
-    if channels > CHANNELS_MAX:
-        raise SourceError(f"the first sample has {channels} channels; at most {CHANNELS_MAX}")
     severities = {
         f.name: states
-        for f in fields
+        for f in fields.values()
         if (states := {bit: STATE_BITS[bit] for bit in f.bits if bit in STATE_BITS})
     }
-    return Profile(robot, tuple(fields), labels, Meaning(sensors=_mounts(sample), severities=severities))
+    return Profile(
+        robot, tuple(fields.values()), labels, Meaning(sensors=_mounts(sample), severities=severities)
+    )
 
 
 def _mounts(sample: Sample) -> dict[str, SensorMount]:

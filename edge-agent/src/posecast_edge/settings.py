@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 import re
 import stat
-from collections.abc import Mapping, Sequence
+from codecs import BOM_UTF8
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NoReturn
@@ -16,8 +17,9 @@ from posecast_wire.keys import check_name
 from posecast_edge.certificate import Certificate
 from posecast_edge.profile_reader import find_profile
 from posecast_edge.sources import KINDS, SourceError, split_spec
+from posecast_edge.visible import quoted
 
-ENDPOINT = re.compile(r"(tcp|tls|quic)/(\[[0-9a-fA-F:.]+\]|[A-Za-z0-9._-]+):(\d{1,5})")
+ENDPOINT = re.compile(r"(tcp|tls|quic)/(\[[0-9a-fA-F:.]+\]|[A-Za-z0-9._-]+):([0-9]{1,5})")
 
 
 class UsageError(Exception):
@@ -62,7 +64,7 @@ def _source(text: str) -> str:
 def _relay(text: str) -> str:
     match = ENDPOINT.fullmatch(text)
     if not match or not 0 < int(match[3]) < 65536:
-        raise argparse.ArgumentTypeError(f"{text!r} is no endpoint like tcp/127.0.0.1:7447")
+        raise argparse.ArgumentTypeError(f"{quoted(text)} is no endpoint like tcp/127.0.0.1:7447")
     return text
 
 
@@ -72,7 +74,8 @@ def _credential(text: str) -> Credential:
         with Path(text).open("rb") as file:
             if stat.S_IMODE(Path(text).stat().st_mode) & 0o007:
                 raise ValueError("everybody on this machine may read it: chmod 600")
-            return Credential.parse(file.read(LINE_MAX + 1).decode("ascii", "replace"))
+            content = file.read(LINE_MAX + len(BOM_UTF8) + 1).removeprefix(BOM_UTF8)
+            return Credential.parse(content.decode("ascii", "replace"))
     except OSError as e:
         raise argparse.ArgumentTypeError(f"{text}: {(e.strerror or str(e)).lower()}") from None
     except ValueError as e:
@@ -108,7 +111,19 @@ def _named(robot: str | None, credential: Credential | Certificate | None) -> st
     return credential.robot
 
 
-def _number(low: float, high: float) -> type:
+def _told_by(variable: str, given: str, parse: Callable[[str], object]) -> Callable[[str], object]:
+    """`parse`, which says where a wrong text comes from when that is the environment."""
+
+    def parsed(text: str) -> object:
+        try:
+            return parse(text)
+        except argparse.ArgumentTypeError as e:
+            raise argparse.ArgumentTypeError(f"{e} [{variable}]" if text is given else str(e)) from None
+
+    return parsed
+
+
+def _number(low: float, high: float) -> Callable[[str], float]:
     """A float type for argparse within [low, high]."""
 
     def parse(text: str) -> float:
@@ -117,10 +132,10 @@ def _number(low: float, high: float) -> type:
         except ValueError:
             value = float("nan")
         if not low <= value <= high:
-            raise argparse.ArgumentTypeError(f"{text!r} is no number from {low:g} to {high:g}")
+            raise argparse.ArgumentTypeError(f"{quoted(text)} is no number from {low:g} to {high:g}")
         return value
 
-    return parse  # type: ignore[return-value]
+    return parse
 
 
 def parse_settings(argv: Sequence[str], environment: Mapping[str, str]) -> Settings:
@@ -137,12 +152,12 @@ def parse_settings(argv: Sequence[str], environment: Mapping[str, str]) -> Setti
         description="Read a source and send it to a relay. Every flag may also stand in the environment.",
     )
 
-    def flag(name: str, parse: object, text: str, default: object = None) -> None:
+    def flag(name: str, parse: Callable[[str], object], text: str, default: object = None) -> None:
         variable = "POSECAST_" + name.upper().replace("-", "_")
         given = environment.get(variable)
         run.add_argument(
             f"--{name}",
-            type=parse,  # type: ignore[arg-type]
+            type=_told_by(variable, given, parse) if given else parse,
             default=given if given else default,
             required=not given and name in ("source", "relay"),
             metavar=name.upper().replace("-", "_"),

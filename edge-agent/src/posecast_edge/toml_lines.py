@@ -6,6 +6,7 @@ The text has been parsed already, so it is valid TOML; this walks over it and re
 from __future__ import annotations
 
 import re
+from bisect import bisect_left
 
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
 _BLANK = re.compile(r"(?:[ \t\r\n]|#[^\n]*)*")
@@ -34,6 +35,7 @@ def line_of(lines: dict[str, int], path: str) -> int | None:
 class _Walk:
     def __init__(self, text: str) -> None:
         self._text = text
+        self._ends = [found.start() for found in re.finditer("\n", text)]
         self._at = 0
         self._counts: dict[str, int] = {}  # of each array of tables
         self.lines: dict[str, int] = {}
@@ -53,7 +55,7 @@ class _Walk:
         return self._at
 
     def _mark(self, path: str, at: int) -> None:
-        self.lines.setdefault(path, self._text.count("\n", 0, at) + 1)
+        self.lines.setdefault(path, bisect_left(self._ends, at) + 1)
 
     def _header(self) -> str:
         start = self._at

@@ -3,62 +3,36 @@
 from __future__ import annotations
 
 import hashlib
-import html
-import json
-import os
-import re
-from collections.abc import Callable, Sequence
-from functools import lru_cache, partial
-from http import HTTPStatus
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
-from typing import Any
 
 from fastapi import FastAPI, HTTPException, Request, Response
 from fastapi.responses import JSONResponse, PlainTextResponse
-from fastapi.staticfiles import StaticFiles
-from starlette.datastructures import Headers
 from starlette.exceptions import HTTPException as StarletteHTTPException
-from starlette.types import Scope
 
 from posecast_relay.adapters.access import HIDDEN, Access
 from posecast_relay.adapters.decoded import Decoded
-from posecast_relay.adapters.models import Absent, ModelFile, Models, Unavailable
+from posecast_relay.adapters.models import Absent, Models, Unavailable
 from posecast_relay.adapters.packed import Packed
 from posecast_relay.adapters.pump import Pump
 from posecast_relay.asker import OPEN, asker, granted, shown_to
 from posecast_relay.core.policy import ANYONE
 from posecast_relay.listing import robot_document, robots_document
+from posecast_relay.model_answer import model_answer
+from posecast_relay.page import Page
 from posecast_relay.state_json import StateReader
 
 PACKED_PAGE = Path(__file__).parent / "page"  # the built page, where the wheel carries it
 API = "/api/v1/robots"
 FRESH_S = 1.0  # answers are this old at most
 ANSWERS_MAX = 256
+ANSWERS_BYTES = 8 << 20
 PREFLIGHT = OPEN | {
     "access-control-allow-methods": "GET, OPTIONS",
     "access-control-allow-headers": "authorization, if-none-match, last-event-id",
     "access-control-max-age": "86400",
 }
-# A model comes from a robot. Opened as a page of its own, nothing in it may run or load anything.
-MODEL_HEADERS = OPEN | {
-    "cache-control": "public, max-age=31536000, immutable",
-    "content-security-policy": "default-src 'none'; sandbox",
-    "x-content-type-options": "nosniff",
-}
-FRAMES = "frame-ancestors 'none'"  # only a header may say so, not the page
-# the page's entry for frames: /embed/ROBOT, or /embed/, where only the fragment names the robot
-EMBED = re.compile(r"/embed/(?:index\.html)?(?P<robot>[a-z0-9][a-z0-9-]{0,62})?")
-# of such an answer: the policy may change and the file not, so nothing of it may be kept
-NOT_FRAMED = ("x-frame-options", "etag", "last-modified")
-PAGE_HEADERS = {
-    "x-frame-options": "DENY",
-    "referrer-policy": "no-referrer",
-    "cross-origin-opener-policy": "same-origin",
-    "permissions-policy": "camera=(), geolocation=(), microphone=(), payment=(), usb=()",
-}
-POLICY = re.compile(r'(?i)<meta\s+http-equiv="content-security-policy"\s+content="([^"]*)"')
-PACKED_BYTES_MAX = 32_000_000  # kept in memory, over all models
-PACK_UP_TO_BYTES = 4_000_000  # a finest level; packing more would keep its first viewer waiting
 
 
 class Answers:
@@ -67,100 +41,31 @@ class Answers:
     def __init__(self, now: Callable[[], float]) -> None:
         self._now = now
         self._made: dict[str, tuple[float, bytes, str]] = {}
+        self._bytes = 0
 
     def answer(
-        self, request: Request, name: str, make: Callable[[], dict[str, Any]], more: dict[str, str]
+        self, request: Request, name: str, make: Callable[[], bytes], more: dict[str, str]
     ) -> Response:
         """The answer called `name`, or 304 when the asker has it. `more`: headers."""
         now = self._now()
         made = self._made.get(name)
         if made is None or now - made[0] >= FRESH_S:
-            body = json.dumps(make(), separators=(",", ":"), ensure_ascii=False).encode()
+            body = make()
             made = (now, body, f'"{hashlib.sha256(body).hexdigest()[:16]}"')
-            if len(self._made) >= ANSWERS_MAX:
-                self._made.clear()
-            self._made[name] = made
+            self._keep(name, made)
         _, body, etag = made
         headers = {"etag": etag, "cache-control": "public, max-age=1"} | more
         if etag in request.headers.get("if-none-match", ""):
             return Response(status_code=304, headers=headers)
         return Response(body, media_type="application/json", headers=headers)
 
-
-def content_policy(page: Path) -> str | None:
-    """What a page says it may load; None: nothing. As a header it binds the page's workers as well."""
-    try:
-        return _policy_in(page, page.stat().st_mtime_ns)
-    except OSError:  # it is just being built anew
-        return None
-
-
-@lru_cache(maxsize=16)
-def _policy_in(page: Path, _mtime_ns: int) -> str | None:
-    found = POLICY.search(page.read_text(encoding="utf-8"))
-    return None if found is None else " ".join(html.unescape(found[1]).split())
-
-
-class Page(StaticFiles):
-    """The built page. Its index is asked for anew each time; files with a hash in their name never are."""
-
-    def __init__(self, folder: Path, frame_ancestors: Callable[[str], Sequence[str]]) -> None:
-        """`frame_ancestors` of a robot, "" for any: see Policy."""
-        super().__init__(directory=folder, html=True)
-        self._index = folder / "index.html"
-        self._frame_ancestors = frame_ancestors
-
-    async def get_response(self, path: str, scope: Scope) -> Response:
-        """A frame's page is the same file for every robot, with the robot's own header."""
-        framed = EMBED.fullmatch(scope["path"])
-        if framed is None:
-            return await super().get_response(path, scope)
-        kept = [(k, v) for k, v in scope["headers"] if k not in (b"if-none-match", b"if-modified-since")]
-        response = await super().get_response("embed/index.html", {**scope, "headers": kept})
-        if response.status_code == HTTPStatus.OK:
-            frames = "frame-ancestors " + " ".join(self._frame_ancestors(framed["robot"] or ""))
-            policy = response.headers.get("content-security-policy", FRAMES)
-            response.headers["content-security-policy"] = policy.replace(FRAMES, frames)
-            for name in NOT_FRAMED:
-                del response.headers[name]
-        return response
-
-    def file_response(
-        self, full_path: Any, stat_result: os.stat_result, scope: Scope, status_code: int = 200
-    ) -> Response:
-        """With the right cache header; packed where the build packed it and the browser can unpack."""
-        packed = f"{full_path}.gz"
-        unpacks = "gzip" in Headers(scope=scope).get("accept-encoding", "") and os.path.isfile(packed)
-        served, stat = (packed, os.stat(packed)) if unpacks else (full_path, stat_result)
-        response = super().file_response(served, stat, scope, status_code)
-        response.headers["vary"] = "accept-encoding"
-        if unpacks:
-            response.headers["content-encoding"] = "gzip"
-        hashed = "/assets/" in scope["path"]
-        response.headers["cache-control"] = "public, max-age=31536000, immutable" if hashed else "no-cache"
-        response.headers["x-content-type-options"] = "nosniff"
-        page = Path(full_path) if str(full_path).endswith(".html") else self._index if hashed else None
-        policy = None if page is None else content_policy(page)
-        if policy is not None:
-            response.headers["content-security-policy"] = policy if hashed else f"{policy}; {FRAMES}"
-        if page is not None and not hashed:
-            response.headers.update(PAGE_HEADERS)
-        return response
-
-
-async def model_answer(request: Request, found: ModelFile, packed: Packed) -> Response:
-    """A model's file, for ever: packed where that helps and the asker can unpack; 304 if it has it."""
-    headers = MODEL_HEADERS | {"etag": f'"{found.sha256}"', "vary": "accept-encoding"}
-    if headers["etag"] in request.headers.get("if-none-match", ""):
-        return Response(status_code=304, headers=headers)
-    data, small = found.data, len(found.data) <= PACK_UP_TO_BYTES
-    if small and not found.type.startswith("image/") and "gzip" in request.headers.get("accept-encoding", ""):
-        gzipped = await packed.pack(found.sha256, found.data)
-        if gzipped is not None:
-            data = gzipped
-            headers["content-encoding"] = "gzip"
-            headers["etag"] = f'W/"{found.sha256}"'
-    return Response(data, media_type=found.type, headers=headers)
+    def _keep(self, name: str, made: tuple[float, bytes, str]) -> None:
+        before = self._made.pop(name, None)
+        self._bytes += len(made[1]) - (len(before[1]) if before is not None else 0)
+        if self._bytes > ANSWERS_BYTES or len(self._made) >= ANSWERS_MAX:
+            self._made.clear()
+            self._bytes = len(made[1])
+        self._made[name] = made
 
 
 def make_app(access: Access, models: Models, decoded: Decoded, static: Path | None) -> FastAPI:
@@ -175,8 +80,8 @@ def make_app(access: Access, models: Models, decoded: Decoded, static: Path | No
     _add_robots(app, access, decoded)
 
     @app.get(API + "/{robot}/live.sse", summary="The stream as server-sent events: hz, view, format=json")
-    async def events(robot: str) -> Response:  # served below ASGI; here are only those it can't serve
-        raise HTTPException(400, f"events of {robot!r} on a connection that is still answering")
+    async def events(robot: str) -> Response:  # noqa: ARG001 — served below ASGI, but for those it can't
+        raise HTTPException(400, "events on a connection that is still answering")
 
     @app.options("/api/{_rest:path}", include_in_schema=False)
     async def preflight(_rest: str) -> Response:
@@ -250,21 +155,21 @@ def _add_robots(app: FastAPI, access: Access, decoded: Decoded) -> None:
 
 
 def _add_models(app: FastAPI, access: Access, models: Models) -> None:
-    packed = Packed(PACKED_BYTES_MAX)
+    packed = Packed(models.room)
 
     @app.get(API + "/{robot}/model/{digest}/{path:path}", summary="A model's manifest.json and files")
     async def model(request: Request, robot: str, digest: str, path: str) -> Response:
         grant = await granted(access, request, robot)
         try:
             if path == "manifest.json":
-                found = ModelFile(await models.manifest(robot, digest), "application/json", digest)
+                found = await models.manifest(robot, digest)
             else:
                 found = await models.file(robot, digest, path)
         except Absent as e:
             raise HTTPException(404, str(e)) from None
         except Unavailable as e:
             raise HTTPException(503, str(e), {"retry-after": "5"}) from None
-        answer = await model_answer(request, found, packed)
+        answer = await model_answer(request, models, packed, robot, found)
         if not grant.open:
             del answer.headers["access-control-allow-origin"]
             answer.headers.update(shown_to(request, False))

@@ -48,6 +48,9 @@ class Settings:
     max_viewers: int
     max_per_address: int
     max_robots: int
+    max_view_frames: int
+    max_robot_messages: int
+    max_robot_bytes: int
     max_connection_age: float | None
     model_cache_mb: int
     log_level: str
@@ -70,6 +73,12 @@ def _port(text: str) -> int:
 def _count(text: str) -> int:
     if not text.isascii() or not text.isdigit() or not 1 <= int(text) <= 1_000_000:
         raise ValueError("use a number from 1 to 1000000")
+    return int(text)
+
+
+def _bytes(text: str) -> int:
+    if not text.isascii() or not text.isdigit() or not 10_000 <= int(text[:13]) <= 1_000_000_000:
+        raise ValueError("use a number of bytes from 10000 to 1000000000")
     return int(text)
 
 
@@ -198,6 +207,9 @@ FLAGS = (
     _Flag("max_per_address", _count, "2000", "streams; a lecture hall may stand behind one", "N"),
     _Flag("max_connection_age", _seconds, None, "viewers connect anew after this, give or take a tenth", "S"),
     _Flag("max_robots", _count, "1000", "frames of further ones are dropped", "N"),
+    _Flag("max_view_frames", _count, "120", "a second, of one view of a robot; it loses the rest", "N"),
+    _Flag("max_robot_messages", _count, "600", "a second, of one robot; likewise", "N"),
+    _Flag("max_robot_bytes", _bytes, "1000000", "a second, of one robot; likewise", "BYTES"),
     _Flag("model_cache_mb", _count, "256", "memory for robots' models", "MB"),
     _Flag("log_level", _level, "warning", "debug, info, warning or error; JSON but on a terminal", "LEVEL"),
 )  # fmt: skip

@@ -1,13 +1,61 @@
-"""The log on stderr: lines for people on a terminal, JSON lines for whatever collects them elsewhere."""
+"""The log on stderr: lines for people on a terminal, JSON lines for whatever collects them elsewhere.
+
+A stranger can make a line be written, so lines are bounded: in number (`repeats.py`), in length, and to what
+can be seen of a text. A traceback is written at level debug only; else what failed and where.
+"""
 
 from __future__ import annotations
 
 import json
 import logging
 import sys
+import threading
+import time
+import traceback
 from datetime import UTC, datetime
+from types import TracebackType
+from typing import Any
+
+from posecast_wire.checked import UNSEEN
+
+from posecast_relay.repeats import WINDOW_S, Repeats
 
 MEMBERS = ("conn", "robot", "code", "reason")  # beside ts, level and event; nothing else a viewer sent
+LINE_MAX = 1000  # characters of an event
+NAME_MAX = 80  # characters of a name from outside
+OURS = "posecast_"
+
+
+def visible(text: str, most: int = NAME_MAX) -> str:
+    """A text from outside as one line of at most `most` characters. What would not be seen in it, or would
+    turn the direction of what follows, is escaped."""
+    shown = text if len(text) <= most else text[: most - 1] + "…"
+    if shown.isprintable() and UNSEEN.isdisjoint(shown):
+        return shown
+    escaped = "".join(c if c.isprintable() and c not in UNSEEN else f"\\u{{{ord(c):x}}}" for c in shown)
+    return escaped if len(escaped) <= most else escaped[: most - 1] + "…"
+
+
+def told(error: BaseException) -> str:
+    """An error in one line: its type, its message, and the place of ours that it went through last."""
+    places = [(f.f_code.co_filename, line) for f, line in traceback.walk_tb(error.__traceback__)]
+    ours = [place for place in places if OURS in place[0]]
+    where = "".join(f" ({path.rpartition('/')[2]}:{line})" for path, line in (ours or places)[-1:])
+    message = str(error)
+    return visible(type(error).__name__ + (f": {message}" if message else ""), 300) + where
+
+
+def _event(record: logging.LogRecord) -> str:
+    """What a record says, in one line."""
+    said = record.getMessage()
+    error = record.exc_info[1] if record.exc_info else None
+    if error is not None:
+        said = f"{said.rstrip()}: {told(error)}"
+    return visible(said, LINE_MAX)
+
+
+def _shows_tracebacks() -> bool:
+    return logging.getLogger().level <= logging.DEBUG
 
 
 class JsonLines(logging.Formatter):
@@ -18,23 +66,85 @@ class JsonLines(logging.Formatter):
         doc: dict[str, object] = {
             "ts": datetime.fromtimestamp(record.created, UTC).isoformat(timespec="milliseconds"),
             "level": record.levelname.lower(),
-            "event": record.getMessage(),
+            "event": _event(record),
         }
-        doc |= {name: getattr(record, name) for name in MEMBERS if hasattr(record, name)}
-        if record.exc_info:
+        for name in MEMBERS:
+            if hasattr(record, name):
+                value = getattr(record, name)
+                doc[name] = visible(value) if isinstance(value, str) else value
+        if record.exc_info and _shows_tracebacks():
             doc["exception"] = self.formatException(record.exc_info)
-        return json.dumps(doc, ensure_ascii=False)
+        return json.dumps(doc, ensure_ascii=False).encode(errors="backslashreplace").decode()
 
 
 class _Plain(logging.Formatter):
     def format(self, record: logging.LogRecord) -> str:
-        known = " ".join(f"{name}={getattr(record, name)}" for name in MEMBERS if hasattr(record, name))
-        return f"{super().format(record)} {known}".rstrip()
+        at = self.formatTime(record)
+        known = " ".join(f"{m}={visible(str(getattr(record, m)))}" for m in MEMBERS if hasattr(record, m))
+        line = f"{at} {record.levelname} {record.name}: {_event(record)} {known}".rstrip()
+        if record.exc_info and _shows_tracebacks():
+            line += "\n" + self.formatException(record.exc_info)
+        return line
+
+
+class _Stderr(logging.StreamHandler[Any]):
+    """What repeats is said once in a while, and counted."""
+
+    def __init__(self) -> None:
+        super().__init__(sys.stderr)
+        self._repeats = Repeats(_event)
+        self._timer: threading.Timer | None = None
+
+    def handle(self, record: logging.LogRecord) -> bool:
+        """Also from other threads."""
+        self.acquire()
+        try:
+            now_s = time.monotonic()
+            self._sum_up(now_s)
+            said = self._repeats.says(record, now_s)
+            if said:
+                self.emit(record)
+            elif self._timer is None:
+                self._look_again()
+            return said
+        finally:
+            self.release()
+
+    def _sum_up(self, now_s: float) -> None:
+        for record in self._repeats.sums(now_s):
+            self.emit(record)
+
+    def _look_again(self) -> None:
+        """What was left out last is told also when nothing follows it."""
+        self._timer = threading.Timer(WINDOW_S, self._later)
+        self._timer.daemon = True
+        self._timer.start()
+
+    def _later(self) -> None:
+        self.acquire()
+        try:
+            self._timer = None
+            self._sum_up(time.monotonic())
+            if self._repeats.owes:
+                self._look_again()
+        finally:
+            self.release()
 
 
 def start_logging(level: str) -> None:
-    """To stderr, from `level` on."""
-    handler = logging.StreamHandler(sys.stderr)
-    plain = _Plain("%(asctime)s %(levelname)s %(name)s: %(message)s")
-    handler.setFormatter(plain if sys.stderr.isatty() else JsonLines())
+    """To stderr, from `level` on; what fails in threads and callbacks of libraries goes there, too."""
+    handler = _Stderr()
+    handler.setFormatter(_Plain() if sys.stderr.isatty() else JsonLines())
     logging.basicConfig(level=level.upper(), handlers=[handler])
+    logging.captureWarnings(True)
+    log = logging.getLogger("posecast_relay")
+
+    def uncaught(kind: type[BaseException], error: BaseException | None, trace: TracebackType | None) -> None:
+        if error is not None and isinstance(error, Exception):
+            log.error("not caught", exc_info=(kind, error, trace))
+        elif not issubclass(kind, (KeyboardInterrupt, SystemExit)):
+            sys.__excepthook__(kind, error or kind(), trace)
+
+    sys.excepthook = uncaught
+    threading.excepthook = lambda about: uncaught(about.exc_type, about.exc_value, about.exc_traceback)
+    sys.unraisablehook = lambda about: uncaught(about.exc_type, about.exc_value, about.exc_traceback)

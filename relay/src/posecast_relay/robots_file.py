@@ -31,6 +31,10 @@ BYTES_MAX = 4_000_000
 ROBOT_FIELDS = ("secret", "expires", "link_key", *(str(audience.value) for audience in Audience))
 RULE_FIELDS = ("view", "hz", "delay_s", "viewers", "blackout", "frames")
 FRAMES_MAX = 100  # origins; they stand in a header
+# What TOML's reader takes the square of to read: an integer's digits, the parts of a dotted key.
+ENDLESS = re.compile(
+    r"""[0-9][0-9_]{400}|(?<![\w-])(?:(?:[\w-]+|"[^"\n]*"|'[^'\n]*')[ \t]*\.[ \t]*){32}""", re.ASCII
+)
 
 
 class RobotsError(ValueError):
@@ -84,14 +88,21 @@ def read_robots(path: Path) -> Robots:
     if len(raw) > BYTES_MAX:
         raise RobotsError(f"{path}: over {BYTES_MAX} bytes")
     try:
-        return _robots(tomllib.loads(raw.decode()))
+        text = raw.decode("utf-8-sig")
+        endless = ENDLESS.search(text)
+        if endless is not None:
+            line = text.count("\n", 0, endless.start()) + 1
+            raise RobotsError(f"a number of over 400 digits, or a key of over 32 parts (at line {line})")
+        return _robots(tomllib.loads(text))
     except UnicodeDecodeError:
         raise RobotsError(f"{path}: not UTF-8") from None
-    except tomllib.TOMLDecodeError as e:
-        # its message may quote a letter, never a value
-        raise RobotsError(f"{path}: {str(e)[:120]}") from None
     except RobotsError as e:
         raise RobotsError(f"{path}: {e}") from None
+    except RecursionError:
+        raise RobotsError(f"{path}: nested too deeply") from None
+    except ValueError as e:
+        # TOML's own: its message may quote a letter, never a value
+        raise RobotsError(f"{path}: {str(e)[:120]}") from None
 
 
 def _robots(doc: Mapping[str, Any]) -> Robots:

@@ -34,7 +34,10 @@ class RobotsWatch:
         """Until cancelled."""
         while True:
             await asyncio.sleep(LOOK_S)
-            await self.look(time.time())
+            try:
+                await self.look(time.time())
+            except Exception as e:  # a mistake of ours: the next change is followed again
+                log.error("%s can't be followed", self._path, exc_info=e)
 
     async def look(self, unix_s: float) -> None:
         """Once."""

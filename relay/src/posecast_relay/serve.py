@@ -10,6 +10,7 @@ import os
 import resource
 import signal
 import socket
+import sys
 import threading
 import time
 from collections.abc import Callable, Coroutine, Iterator, Sequence
@@ -18,12 +19,12 @@ from typing import TYPE_CHECKING, Any
 import uvicorn
 import uvloop
 import zenoh
-from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
 
 from posecast_relay.adapters.access import Access
 from posecast_relay.adapters.addresses import Addresses
 from posecast_relay.adapters.decoded import Decoded
 from posecast_relay.adapters.fan_out import FanOut
+from posecast_relay.adapters.http_connection import plain_http
 from posecast_relay.adapters.metrics import start_metrics
 from posecast_relay.adapters.pump import Pump
 from posecast_relay.adapters.sse import http_protocol
@@ -52,6 +53,7 @@ if TYPE_CHECKING:
 
 log = logging.getLogger("posecast_relay")
 
+SWITCH_S = 0.0005  # the loop waits no longer for Zenoh's threads to let go of the interpreter (Python: 5 ms)
 SPARE_FILES = 1000  # beside the viewers' sockets
 GRACE_S = 2  # for requests under way when the relay stops
 CLOSE_ZENOH_S = 1.0
@@ -94,6 +96,7 @@ class _Server(uvicorn.Server):
 
 def run(settings: Settings) -> None:
     """Serve until SIGTERM or SIGINT. StartError when a port is in use."""
+    sys.setswitchinterval(SWITCH_S)
     start_logging(settings.log_level)
     logging.getLogger("websockets").setLevel(logging.WARNING)  # else two lines for every viewer
     robots = _robots(settings)
@@ -149,7 +152,7 @@ async def _serve(settings: Settings, robots: Robots | None, refusals: Refusals |
     config = uvicorn.Config(
         make_app(access, part.models, decoded, settings.static),
         ws=live_protocol(access, decoded) if streams else "none",
-        http=guarded(http_protocol(access, decoded) if streams else HttpToolsProtocol, unasked),
+        http=guarded(http_protocol(access, decoded) if streams else plain_http(access), unasked),
         lifespan="off",
         log_config=None,
         access_log=False,
@@ -191,6 +194,9 @@ def _access(settings: Settings, robots: Robots | None) -> Access:
         viewers=settings.max_viewers,
         per_address=settings.max_per_address,
         robots=settings.max_robots,
+        view_frames_per_s=settings.max_view_frames,
+        robot_messages_per_s=settings.max_robot_messages,
+        robot_bytes_per_s=settings.max_robot_bytes,
         max_age_s=settings.max_connection_age or float("inf"),
     )
     fan_out = FanOut(_ring())

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary
 
 from posecast_wire import MISSING, Frame
@@ -13,8 +12,17 @@ from posecast_relay.adapters.decoded import Decoded, field_values
 from posecast_relay.core.robot import Robot
 from posecast_relay.core.room import Room
 from posecast_relay.core.stream import Stream
+from posecast_relay.plain_json import json_bytes
 
 DECODE_S = 0.1  # at most ten times a second, however many ask
+
+
+class _Known(NamedTuple):
+    """A frame as it was when it was decoded."""
+
+    at: float
+    age_s: float
+    text: bytes  # what is said of it, as members of the document
 
 
 class StateReader:
@@ -23,29 +31,34 @@ class StateReader:
     def __init__(self, now: Callable[[], float], decoded: Decoded) -> None:
         self._now = now
         self._newest = decoded
-        self._decoded: WeakKeyDictionary[Stream, dict[float, tuple[float, Frame]]] = WeakKeyDictionary()
+        self._known: WeakKeyDictionary[Stream, dict[float, _Known]] = WeakKeyDictionary()
 
     def read(self, robot: Robot, room: Room, hz: float) -> bytes:
         """The JSON text. The stream has a newest frame."""
         now, stream = self._now(), room.stream
         every_s = max(DECODE_S, 1 / hz)
-        of_stream = self._decoded.setdefault(stream, {})  # by rate: as many as a policy names
+        of_stream = self._known.setdefault(stream, {})  # by rate: as many as a policy names
         known = of_stream.get(every_s)
-        if known is None or now - known[0] >= every_s:
+        age_s = stream.age_s(now)
+        if known is None or now - known.at >= every_s:
             frame = self._newest.frame(stream)
             if frame is not None:
-                known = of_stream[every_s] = (now, frame)
-        age_s = stream.age_s(now)
-        document: dict[str, Any] = {
+                known = of_stream[every_s] = _Known(now, age_s or 0.0, _told(frame))
+        if known is not None:  # of what is shown: a newer frame may not have been decoded yet
+            age_s = known.age_s + now - known.at
+        document = {
             "robot": stream.robot,
             "view": stream.view,
             "status": robot.word(room, now),
             "age_ms": None if age_s is None else max(0, round(age_s * 1000)),
             "info": stream.info,
         }
-        if known is not None:
-            document |= {"seq": known[1].seq, "t": round(known[1].t_s, 6), "fields": _fields(known[1])}
-        return json.dumps(document, separators=(",", ":"), ensure_ascii=False).encode()
+        return json_bytes(document)[:-1] + (b"" if known is None else known.text) + b"}"
+
+
+def _told(frame: Frame) -> bytes:
+    """Of a frame, after the document's other members: made once, however many ask."""
+    return b"," + json_bytes({"seq": frame.seq, "t": round(frame.t_s, 6), "fields": _fields(frame)})[1:-1]
 
 
 def _fields(frame: Frame) -> dict[str, Any]:

@@ -190,6 +190,19 @@ class ChromiumPage implements Page {
     await (await this.#cdp()).send('Emulation.setCPUThrottlingRate', { rate: times });
   }
 
+  async stop(): Promise<() => void> {
+    const browser = await this.#context.browser()?.newBrowserCDPSession();
+    const found = await browser?.send('SystemInfo.getProcessInfo');
+    const renderers = (found?.processInfo ?? [])
+      .filter(({ type }) => type === 'renderer')
+      .map(({ id }) => id);
+    const all = (signal: NodeJS.Signals) => {
+      for (const pid of renderers) process.kill(pid, signal);
+    };
+    all('SIGSTOP');
+    return () => all('SIGCONT');
+  }
+
   viewport(size: Viewport): Promise<void> {
     return this.#page.setViewportSize(size);
   }

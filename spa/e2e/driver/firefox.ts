@@ -50,6 +50,7 @@ const NETWORK_LOG = [
 
 const LACKS = {
   slow: 'WebDriver BiDi has no word for a slow processor',
+  stop: 'WebDriver BiDi does not tell what a page runs in',
   drops: 'WebDriver BiDi in this Firefox begins a drag and never drops',
   files: 'WebDriver BiDi drags no files from the desktop',
 };

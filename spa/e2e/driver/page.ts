@@ -91,6 +91,8 @@ export interface Page {
   dropFiles(at: Point, paths: readonly string[]): Promise<void>;
   /** Lets the page have one part in so many of the processor; 1 undoes it. Needs `slow`. */
   slow(times: number): Promise<void>;
+  /** Stops the programs that pages run in, as a device does that sleeps, until what it returns is called. Needs `stop`. */
+  stop(): Promise<() => void>;
   viewport(size: Viewport): Promise<void>;
   /** Writes a PNG; `path` ends in .png. */
   screenshot(path: string): Promise<void>;
@@ -118,6 +120,7 @@ export type Ability =
   | 'media'
   | 'colors'
   | 'slow'
+  | 'stop'
   | 'buttons'
   | 'wheel'
   | 'drops'

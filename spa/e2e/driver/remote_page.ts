@@ -124,6 +124,10 @@ export class RemotePage implements Page {
     throw new Error('this driver has no word for a slow processor');
   }
 
+  stop(): Promise<() => void> {
+    throw new Error('this driver does not know what a page runs in');
+  }
+
   viewport(size: Viewport): Promise<void> {
     return this.#end.resize(size);
   }

@@ -25,6 +25,7 @@ const LACKS = {
   wheel: 'WebKitWebDriver turns a wheel back when it lets go of it',
   colors: 'WebKitGTK knows no forced colours',
   slow: 'WebKitWebDriver has no word for a slow processor',
+  stop: 'WebKitWebDriver does not tell what a page runs in',
   drops: 'WebKitWebDriver begins a drag and never drops',
   files: 'WebKitWebDriver drags no files from the desktop',
   cache: 'under automation MiniBrowser has a private session, which keeps no answers',

@@ -26,10 +26,11 @@ export function useRobotLink(robot: string): RobotLink | null {
   useEffect(() => {
     const twin = new RobotTwin(robot, nowMs());
     loadOwnLimits(twin);
+    const client = new StreamClient(twin, streamUrl(robot), WANTED_HZ);
     const opened: RobotLink = {
       twin,
-      client: new StreamClient(twin, streamUrl(robot), WANTED_HZ),
-      watch: new LivenessWatch(twin),
+      client,
+      watch: new LivenessWatch(twin, () => client.wake()),
       faults: new FaultKeeper(twin),
       past: new HistoryKeeper(twin),
     };

@@ -22,7 +22,9 @@ const FARTHEST_M = 1000;
 /** Whatever the address holds: what is odd is left out. */
 export function readShared(query: URLSearchParams): SharedView {
   const joint = query.get('joint');
-  return { joint: joint === null || joint === '' ? null : joint.slice(0, 200), eye: eyeOf(query.get('eye')) };
+  // letters, not halves of them: half a pair can't stand in an address
+  const named = joint ? [...joint].slice(0, 200).join('') : null;
+  return { joint: named, eye: eyeOf(query.get('eye')) };
 }
 
 /** In the order in which people read it; nothing where all is as usual. */

@@ -1,5 +1,5 @@
-import { nowMs } from '../stream/clock.ts';
-import { judge, newestAgeMs, STALE_AFTER_MS, type Verdict, type Word } from '../twin/liveness.ts';
+import { countSleep, nowMs } from '../stream/clock.ts';
+import { isClaim, judge, newestAgeMs, STALE_AFTER_MS, type Verdict, type Word } from '../twin/liveness.ts';
 import type { RobotTwin } from '../twin/robot.ts';
 
 const EVERY_MS = 100;
@@ -13,21 +13,28 @@ const CATCH_UP_MS = 50;
 export class LivenessWatch {
   word: Word | null = null;
   readonly #twin: RobotTwin;
+  readonly #onSlept: () => void;
   readonly #listeners = new Set<() => void>();
   readonly #leave: () => void;
   #timer: ReturnType<typeof setTimeout>;
   #lookedMs = nowMs();
   #caughtUp = true;
+  /** Held up for so long that what is on the screen is old, whatever the word there says. */
+  #lost = false;
+  #sleptMs = countSleep();
 
-  constructor(twin: RobotTwin) {
+  /** @param onSlept hears when the device has slept */
+  constructor(twin: RobotTwin, onSlept: () => void) {
     this.#twin = twin;
+    this.#onSlept = onSlept;
     this.#timer = setTimeout(this.#look, EVERY_MS);
     this.#leave = twin.onChange(() => this.#tell());
   }
 
   /** As of the last look, so that a page that was busy blames nobody else for its own delay. */
   verdict(): Verdict {
-    return judge(this.#twin.evidence, this.#lookedMs);
+    const verdict = judge(this.#twin.evidence, this.#lookedMs);
+    return this.#lost ? { ...verdict, word: null, cause: null } : verdict;
   }
 
   readonly onWord = (listener: () => void): (() => void) => {
@@ -41,21 +48,30 @@ export class LivenessWatch {
   }
 
   readonly #look = (): void => {
+    const slept = countSleep();
+    if (slept !== this.#sleptMs) {
+      this.#sleptMs = slept;
+      this.#onSlept();
+    }
     const now = nowMs();
-    const heldUp = this.#caughtUp && now - this.#lookedMs > HELD_UP_MS;
+    const heldUpMs = now - this.#lookedMs;
+    const heldUp = this.#caughtUp && heldUpMs > HELD_UP_MS;
     this.#caughtUp = !heldUp;
+    this.#lost = heldUp && heldUpMs > STALE_AFTER_MS;
     // The moment in which the pose gets too old is not waited past.
     const leftMs = STALE_AFTER_MS - (newestAgeMs(this.#twin.evidence, now) ?? 0);
     const nextMs = leftMs > 0 ? Math.min(EVERY_MS, leftMs) : EVERY_MS;
     this.#timer = setTimeout(this.#look, heldUp ? CATCH_UP_MS : nextMs);
-    if (heldUp) return;
-    this.#lookedMs = now;
+    if (!heldUp) this.#lookedMs = now;
+    else if (!this.#lost) return;
     this.#tell();
   };
 
   #tell(): void {
     const { word } = this.verdict();
     if (word === this.word) return;
+    if (isClaim(this.word) && word !== null && !isClaim(word))
+      this.#twin.evidence.otherwiseMs = this.#lookedMs;
     this.word = word;
     for (const listener of this.#listeners) listener();
   }

@@ -203,7 +203,7 @@ class Reader implements Urdf {
     if (shape === undefined) return null;
     const { tag, line } = shape;
     if (tag === 'mesh') {
-      const uri = (shape.get('filename') ?? '').trim();
+      const uri = trimmed(shape.get('filename') ?? '');
       if (uri === '') {
         this.#say('error', 'mesh-unnamed', `${what}: a mesh without a filename`, shape);
         return null;
@@ -254,7 +254,7 @@ class Reader implements Urdf {
     const kind = element.get('type') || (element.children.find(({ tag }) => SENSOR_TAGS.has(tag))?.tag ?? '');
     if (element.first('pose') === null) this.#origin(element, 'sensor');
     const name = element.get('name') || kind || 'sensor';
-    this.sensors.push({ name: name.slice(0, MAX_NAME), link, line: element.line });
+    this.sensors.push({ name: [...name].slice(0, MAX_NAME).join(''), link, line: element.line });
   }
 
   #gazebo(element: XmlElement): void {
@@ -282,7 +282,7 @@ class Reader implements Urdf {
       this.#say('error', 'name-unusable', text, element);
       return null;
     }
-    if (name !== name.trim()) {
+    if (name !== trimmed(name)) {
       this.#say('warning', 'name-odd', `${what} ${quoted(name)}: spaces around the name`, element);
     } else if (['__proto__', 'constructor', 'prototype'].includes(name) || /[<>&"'`]/.test(name)) {
       this.#say('warning', 'name-odd', `${what} ${quoted(name)}: a name that trips other programs`, element);
@@ -342,16 +342,26 @@ class Reader implements Urdf {
 }
 
 const NUMBER = /^[+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?$/i;
+/** As Python has them: a byte order mark is none, a next line is one. */
+const SPACES = /(?:(?!\ufeff)[\s\u0085])+/;
 const NO_NUMBER = /^[+-]?(?:nan|inf(?:inity)?)$/i;
 
 /** The numbers of a text, NaN for those that are not finite; null when something else stands among them. */
 function floats(text: string): number[] | null {
-  const words = text.slice(0, 1000).split(/\s+/).filter(Boolean);
+  const words = text.slice(0, 1000).split(SPACES).filter(Boolean);
   if (!words.every((word) => NUMBER.test(word) || NO_NUMBER.test(word))) return null;
   return words.map((word) => (NUMBER.test(word) ? Number(word) : Number.NaN));
 }
 
 /** Commas between numbers gone; a comma that may be a decimal one stays. */
 function withoutCommas(text: string): string {
-  return /\s/.test(text.trim()) ? text.replaceAll(', ', ' ') : text.replaceAll(',', ' ');
+  return SPACES.test(trimmed(text)) ? text.replaceAll(', ', ' ') : text.replaceAll(',', ' ');
+}
+
+/** Without spaces around it. */
+function trimmed(text: string): string {
+  let [from, to] = [0, text.length];
+  while (from < to && SPACES.test(text[from]!)) from += 1;
+  while (to > from && SPACES.test(text[to - 1]!)) to -= 1;
+  return text.slice(from, to);
 }

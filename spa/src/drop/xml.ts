@@ -43,7 +43,7 @@ export class XmlElement {
 /** Throws XmlRefused; a hostile text is refused before the browser builds anything of it. */
 export function readXml(text: string): XmlElement {
   if (text.length > MAX_BYTES) throw new XmlRefused('larger than 8 MiB', null);
-  const { lines, declared } = scan(text);
+  const { lines, declared } = scan(withoutLateDeclaration(text));
   const xml = new DOMParser().parseFromString(declared, 'text/xml');
   const complaint = xml.querySelector('parsererror')?.textContent;
   if (complaint != null) {
@@ -69,26 +69,48 @@ const ASIDES = [
   ['<?', '?>'],
 ] as const;
 
+const BLANKS = /[ \t\n\v\f\r]*/y;
+const DECLARATION_MAX = 200; // letters
+
+/** A declaration behind blanks and comments is blanked out: the edge takes it, as ROS does, a browser does not. */
+function withoutLateDeclaration(text: string): string {
+  let at = 0;
+  for (;;) {
+    BLANKS.lastIndex = at;
+    BLANKS.test(text);
+    at = BLANKS.lastIndex;
+    const end = text.startsWith('<!--', at) ? text.indexOf('-->', at + 4) : -1;
+    if (end < 0) break;
+    at = end + 3;
+  }
+  const end = text.slice(at, at + DECLARATION_MAX).indexOf('?>');
+  if (at === 0 || end < 0 || !text.startsWith('<?xml', at)) return text;
+  return text.slice(0, at + end + 2).replace(/[^\n]/g, ' ') + text.slice(at + end + 2);
+}
+
 /**
- * The line of each start tag, in the document's order; and the text with every prefix declared that it uses: the edge
- * reads `xacro:` without its namespace, a browser does not. Throws XmlRefused beyond the bounds.
+ * The line of each start tag, in the document's order; and the text as a browser takes it too: with every prefix declared
+ * that it uses (the edge reads `xacro:` without its namespace), and without what follows the root's end. Throws
+ * XmlRefused beyond the bounds.
  */
 function scan(text: string): { lines: number[]; declared: string } {
   const lines: number[] = [];
   const prefixes = new Set<string>();
+  const newlines = text.matchAll(/\r\n?|\n/g);
   let line = 1;
-  let newline = text.indexOf('\n');
+  let newline = newlines.next().value?.index ?? text.length;
   let depth = 0;
   let root: number | null = null;
+  let end = text.length;
   for (let at = text.indexOf('<'); at >= 0; ) {
-    for (; newline >= 0 && newline < at; newline = text.indexOf('\n', newline + 1)) line += 1;
+    for (; newline < at; newline = newlines.next().value?.index ?? text.length) line += 1;
     if (/^<!(DOCTYPE|ENTITY)/i.test(text.slice(at, at + 10)))
       throw new XmlRefused('a document type (DTD) is not accepted', line);
     const aside = ASIDES.find(([begin]) => text.startsWith(begin, at));
     if (aside !== undefined) {
-      const end = text.indexOf(aside[1], at + aside[0].length);
-      if (end < 0) break; // it never ends: the browser says so
-      at = text.indexOf('<', end + aside[1].length);
+      const over = text.indexOf(aside[1], at + aside[0].length);
+      if (over < 0) break; // it never ends: the browser says so
+      at = text.indexOf('<', over + aside[1].length);
       continue;
     }
     TAG.lastIndex = at;
@@ -98,7 +120,9 @@ function scan(text: string): { lines: number[]; declared: string } {
     const [, closing, name = '', attributes = '', empty] = tag;
     if (closing === '/') {
       depth -= 1;
-      continue;
+      if (depth > 0 || root === null) continue;
+      end = TAG.lastIndex;
+      break;
     }
     root ??= tag.index + 1 + name.length;
     for (const [, prefix] of `${name} ${attributes}`.matchAll(/(?:^|\s)([\w.-]+):[\w.-]+/g))
@@ -107,10 +131,14 @@ function scan(text: string): { lines: number[]; declared: string } {
     if (lines.length > MAX_ELEMENTS) throw new XmlRefused(`more than ${MAX_ELEMENTS} elements`, line);
     if (depth >= MAX_DEPTH) throw new XmlRefused(`nested more than ${MAX_DEPTH} deep`, line);
     if (empty !== '/') depth += 1;
+    else if (depth === 0) {
+      end = TAG.lastIndex;
+      break;
+    }
   }
   const missing = [...prefixes].filter(
     (prefix) => !/^xml(ns)?$/.test(prefix) && !text.includes(`xmlns:${prefix}=`),
   );
   const more = missing.map((prefix) => ` xmlns:${prefix}="${prefix}"`).join('');
-  return { lines, declared: root === null ? text : text.slice(0, root) + more + text.slice(root) };
+  return { lines, declared: root === null ? text : text.slice(0, root) + more + text.slice(root, end) };
 }

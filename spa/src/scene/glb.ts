@@ -15,6 +15,8 @@ const JSON_CHUNK = 0x4e4f534a;
 const BINARY_CHUNK = 0x004e4942;
 /** What a level may unpack to, all views together. */
 const MAX_UNPACKED_BYTES = 512_000_000;
+/** Meshopt puts sixteen equal bytes into two bits, at best: what claims to grow more is not unpacked at all. */
+const MAX_GROWTH = 64;
 const STRIDES: Readonly<Record<string, (stride: number) => boolean>> = {
   ATTRIBUTES: (stride) => stride > 0 && stride <= 256 && stride % 4 === 0,
   TRIANGLES: (stride) => stride === 2 || stride === 4,
@@ -117,9 +119,11 @@ export class Glb {
     }
     this.#unpacked += count * stride;
     if (this.#unpacked > MAX_UNPACKED_BYTES) throw new GlbError('unpacks to too many bytes');
+    const slice = this.#slice(packed);
+    if (count * stride > MAX_GROWTH * slice.length) throw new GlbError('its packing is damaged');
     const bytes = new Uint8Array(count * stride);
     try {
-      MeshoptDecoder.decodeGltfBuffer(bytes, count, stride, this.#slice(packed), mode as string, 'NONE');
+      MeshoptDecoder.decodeGltfBuffer(bytes, count, stride, slice, mode as string, 'NONE');
     } catch (cause) {
       throw new GlbError('its packing is damaged', { cause });
     }

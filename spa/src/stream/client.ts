@@ -1,8 +1,8 @@
-import { Schema } from '@posecast/wire';
+import { revived } from '@posecast/wire';
 import type { RobotTwin } from '../twin/robot.ts';
 import { onAccount, tokenFor } from '../twin/share_token.ts';
 import type { Carrier } from './carrier.ts';
-import { nowMs } from './clock.ts';
+import { countSleep, nowMs } from './clock.ts';
 import type { Ending, FromStream, Phase, Problem, ToStream } from './messages.ts';
 import { Sight } from './sight.ts';
 import { takeStream } from './start.ts';
@@ -79,7 +79,7 @@ export class StreamClient {
 
   /** Try now rather than later. */
   wake(): void {
-    this.#tell({ kind: 'wake' });
+    this.#tell({ kind: 'wake', sleptMs: countSleep() });
   }
 
   /** Every pose again, though the rate was lowered. */
@@ -108,7 +108,7 @@ export class StreamClient {
         twin.acceptStatus(message.status);
         return;
       case 'schema':
-        twin.acceptSchema(Schema.parse(message.text)); // the worker has parsed the same text before
+        twin.acceptSchema(revived(message.schema));
         if (this.link.problem?.what === 'schema') this.#set({ problem: null });
         return;
       case 'event':

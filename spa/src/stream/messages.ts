@@ -1,4 +1,4 @@
-import type { EventMessage } from '@posecast/wire';
+import type { EventMessage, Schema } from '@posecast/wire';
 import type { Status } from '../twin/liveness.ts';
 import type { RobotState } from '../twin/robot.ts';
 import type { Carrier } from './carrier.ts';
@@ -14,7 +14,7 @@ export type Phase = 'connecting' | 'open' | 'waiting' | 'ended';
 /** Worker → page. Control messages are few (status once a second, events 20 a second at most); states pass a mailbox. */
 export type FromStream =
   | { kind: 'link'; by: Carrier; phase: Phase; retryAtMs: number | null; ending: Ending | null }
-  | { kind: 'schema'; text: string }
+  | { kind: 'schema'; schema: Schema }
   | { kind: 'state'; state: RobotState }
   | { kind: 'status'; status: Status }
   | { kind: 'event'; event: EventMessage }
@@ -35,13 +35,21 @@ export interface Problem {
 
 /** Page → worker. */
 export type ToStream =
-  | { kind: 'open'; url: string; hz: number; visible: boolean; token: string | undefined }
+  | {
+      kind: 'open';
+      url: string;
+      hz: number;
+      visible: boolean;
+      token: string | undefined;
+      /** What the page's clock counts of sleep (`clock.ts`). */
+      sleptMs: number;
+    }
   | { kind: 'taken' }
   /** A newer token, another one, or none any more. */
   | { kind: 'token'; token: string | undefined }
   | { kind: 'visible'; visible: boolean }
   /** Something changed outside (back online, back from sleep, the person asks): try now rather than later. */
-  | { kind: 'wake' }
+  | { kind: 'wake'; sleptMs: number }
   /** A rate that was lowered is asked for in full again. */
   | { kind: 'wish-all' }
   | { kind: 'close' };

@@ -6,6 +6,9 @@ import { Pace } from './pace.ts';
 /** After a longer pause between frames nobody knows whether the pose moved meanwhile. */
 const GAP_MS = 2500;
 
+/** Of a frame's first byte: later frames may build on this one. */
+const BASE = 0x02;
+
 type Told = Extract<RelayMessage, { type: 'status' | 'schema' | 'info' | 'event' | 'model' }>;
 
 /**
@@ -17,8 +20,11 @@ export class Reading {
   readonly #decoder = new Decoder();
   readonly #pace = new Pace();
   #shownSchemaId: number | null = null;
-  #statusSeq: number | null = null;
+  /** The newest frame that the relay has told of, and when it was new: null when the relay does not know. */
+  #told: { seq: number; bornMs: number | null } | null = null;
   #freshMs: number | null = null;
+  /** Poses are asked for: what comes is new, not what the relay had for a while. */
+  #flows = true;
   #changedMs = 0;
   #newest: { schemaId: number; seq: number; codes: Int32Array; leftMs: number } | null = null;
 
@@ -29,6 +35,11 @@ export class Reading {
   /** Frames a second of late. */
   hz(nowMs: number): number {
     return this.#pace.hz(nowMs);
+  }
+
+  /** Poses were not asked for until now: the next may be of any moment since the newest status. */
+  resumed(): void {
+    this.#flows = false;
   }
 
   /** `lateMs`: how long it had waited on its way, as far as that is known. */
@@ -62,12 +73,17 @@ export class Reading {
       throw error;
     }
     const { schema, seq, codes } = frame;
+    // A KEY or REF that the relay had something newer than is there to be built upon: no news of the robot.
+    if (bytes[0]! & BASE && seq < (this.#told?.seq ?? 0)) return;
     const leftMs = nowMs - lateMs;
     const before = this.#newest;
     const sameSchema = before !== null && before.schemaId === schema.id;
     const unsure = !sameSchema || leftMs - before.leftMs > GAP_MS;
     if (unsure || poseDiffers(schema, before.codes, codes)) this.#changedMs = nowMs;
-    if (this.#statusSeq !== null && seq > this.#statusSeq) this.#freshMs = leftMs;
+    const told = this.#told;
+    const fresh = this.#flows && told !== null && seq > told.seq;
+    this.#flows = true;
+    if (fresh) this.#freshMs = leftMs;
     this.#show(schema); // it may be one that was shown before the last
     this.#newest = { schemaId: schema.id, seq, codes, leftMs };
     this.#pace.came(nowMs);
@@ -79,6 +95,7 @@ export class Reading {
         tS: frame.tS,
         codes: codes.slice(),
         freshMs: this.#freshMs,
+        bornMs: fresh ? leftMs : told?.seq === seq ? told.bornMs : null,
         changedMs: this.#changedMs,
         atMs: nowMs,
         lateMs,
@@ -87,8 +104,9 @@ export class Reading {
   }
 
   #status(nowMs: number, lateMs: number, status: Extract<Told, { type: 'status' }>): void {
-    this.#statusSeq = status.seq;
     const leftMs = nowMs - lateMs;
+    const { seq, age_ms } = status;
+    this.#told = seq === null ? null : { seq, bornMs: age_ms === null ? null : leftMs - age_ms };
     // Its age is of when it left the relay. Of a frame that is here we know more: it is at least as old as it has been here.
     const heldMs = this.#newest?.seq === status.seq ? leftMs - this.#newest.leftMs : 0;
     this.#post({
@@ -118,6 +136,6 @@ export class Reading {
   #show(schema: Schema): void {
     if (schema.id === this.#shownSchemaId) return;
     this.#shownSchemaId = schema.id;
-    this.#post({ kind: 'schema', text: schema.text });
+    this.#post({ kind: 'schema', schema });
   }
 }

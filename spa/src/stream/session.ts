@@ -5,6 +5,7 @@ import {
   type ViewerMessage,
   WIRE_VERSION,
 } from '@posecast/wire';
+import { QUIET_AFTER_MS, STALE_AFTER_MS } from '../twin/liveness.ts';
 import { retryDelayMs } from './backoff.ts';
 import { type Carrier, CarrierChoice } from './carrier.ts';
 import { Lateness, lowerHz } from './lateness.ts';
@@ -58,6 +59,10 @@ export class Session {
   #phase: Phase = 'ended';
   #sinceMs = 0;
   #heardMs = 0;
+  /** When this thread last did anything. */
+  #aliveMs = 0;
+  /** What comes may have been on its way since then; null: it comes at once. */
+  #silentMs: number | null = null;
   #retryAtMs: number | null = null;
   #failures = 0;
   #bye: (Ending & { retryS: number | null }) | null = null;
@@ -103,9 +108,14 @@ export class Session {
   }
 
   opened(nowMs: number): Action[] {
+    const stoodMs = nowMs - this.#aliveMs;
+    if (stoodMs > STALE_AFTER_MS && this.#onEvents) {
+      this.#connect(nowMs); // of what has come meanwhile nobody can tell how old it is
+      return this.#take();
+    }
     this.#phase = 'open';
     this.#sinceMs = nowMs;
-    this.#heardMs = nowMs;
+    this.#heardMs = nowMs - (stoodMs > STALE_AFTER_MS ? stoodMs : 0);
     this.#pingMs = Number.NEGATIVE_INFINITY; // at once: the age on the chip needs it
     this.#paceMs = nowMs;
     this.#link(null);
@@ -124,17 +134,19 @@ export class Session {
 
   /** Bytes came on events: a long message on a slow line is no silence. */
   heard(nowMs: number): Action[] {
-    this.#heardMs = nowMs;
+    this.#hear(nowMs);
     return this.#take();
   }
 
   /** What comes next on events was written at this time of the relay's own clock. */
   stamped(nowMs: number, writtenMs: number): void {
     this.#lateness.stamped(nowMs, writtenMs);
+    const since = this.#silentMs;
+    if (since !== null && nowMs - this.#lateness.ms > since + this.#oldAfterMs) this.#silentMs = null;
   }
 
   text(nowMs: number, text: string): Action[] {
-    this.#heardMs = nowMs;
+    this.#hear(nowMs);
     if (!this.#greeted) this.#choice.worked();
     this.#greeted = true;
     const message = parseRelayMessage(text);
@@ -144,9 +156,9 @@ export class Session {
   }
 
   binary(nowMs: number, frame: Uint8Array): Action[] {
-    this.#heardMs = nowMs;
+    this.#hear(nowMs);
     this.#received += 1;
-    this.#reading.frame(nowMs, this.#lateMs, frame);
+    this.#reading.frame(nowMs, this.#lateMs(nowMs), frame);
     this.#acknowledge(nowMs);
     return this.#take();
   }
@@ -159,6 +171,7 @@ export class Session {
   }
 
   tick(nowMs: number): Action[] {
+    this.#aliveMs = nowMs;
     if (this.#phase === 'open') {
       if (nowMs - this.#heardMs > SILENT_LIMIT_MS) {
         this.#actions.push({ do: 'drop' });
@@ -190,6 +203,7 @@ export class Session {
   /** A hidden page asks for no poses at all; status and events keep coming. */
   visibility(nowMs: number, visible: boolean): Action[] {
     this.#visible = visible;
+    if (visible) this.#reading.resumed();
     this.#wishRate(nowMs);
     return this.#take();
   }
@@ -293,6 +307,8 @@ export class Session {
 
   #begin(nowMs: number, askedHz: number): void {
     this.#sinceMs = nowMs;
+    this.#aliveMs = nowMs;
+    this.#silentMs = null;
     this.#bye = null;
     this.#greeted = false;
     this.#lateness.begin(nowMs);
@@ -333,19 +349,46 @@ export class Session {
         return;
       case 'pong':
         this.#roundTripMs = Math.max(0, nowMs - message.t);
+        if (message.t >= this.#pingMs) this.#silentMs = null; // it came behind all that was on its way
         return;
       case 'bye':
         this.#bye = { code: message.code, reason: message.reason, retryS: message.retry_s };
         return;
       default:
-        this.#reading.message(nowMs, this.#lateMs, message);
+        this.#reading.message(nowMs, this.#lateMs(nowMs), message);
         return;
     }
   }
 
-  /** A WebSocket is held up by what it owes in acknowledgements long before it is late. */
-  get #lateMs(): number {
-    return this.#onEvents ? this.#lateness.ms : 0;
+  /**
+   * After a silence that the page had to call its pose old in, or that this thread itself slept through, what comes first has
+   * been on its way, or lain here, nobody knows for how long. It counts as of before the silence, until the relay has answered
+   * a ping, or, on events, until one comes that was written after the page had called its pose old. In a mirror silence is usual,
+   * and what is no news there counts as nothing anyway.
+   */
+  #hear(nowMs: number): void {
+    this.#aliveMs = nowMs;
+    if (nowMs - this.#heardMs > this.#oldAfterMs && this.#choice.now !== 'mirror') {
+      this.#silentMs ??= this.#heardMs;
+      if (!this.#onEvents) this.#ping(nowMs);
+    }
+    this.#heardMs = nowMs;
+  }
+
+  get #oldAfterMs(): number {
+    return this.#visible ? STALE_AFTER_MS : QUIET_AFTER_MS;
+  }
+
+  /** How long what comes now has been on its way. A WebSocket is held up by what it owes in acknowledgements long before it
+   *  is late. */
+  #lateMs(nowMs: number): number {
+    const late = this.#onEvents ? this.#lateness.ms : 0;
+    return this.#silentMs === null ? late : Math.max(late, nowMs - this.#silentMs);
+  }
+
+  #ping(nowMs: number): void {
+    this.#pingMs = nowMs;
+    this.#send({ type: 'ping', t: nowMs });
   }
 
   /** `n` counts the binary messages of this connection; at most once a second (twice, from afar), and never left owing. */
@@ -373,10 +416,7 @@ export class Session {
   }
 
   #measure(nowMs: number): void {
-    if (!this.#onEvents && nowMs - this.#pingMs >= PING_EVERY_MS) {
-      this.#pingMs = nowMs;
-      this.#send({ type: 'ping', t: nowMs });
-    }
+    if (!this.#onEvents && nowMs - this.#pingMs >= PING_EVERY_MS) this.#ping(nowMs);
     if (nowMs - this.#paceMs < PACE_EVERY_MS) return;
     this.#paceMs = nowMs;
     this.#post({ kind: 'pace', hz: this.#reading.hz(nowMs), roundTripMs: this.#roundTripMs });

@@ -1,4 +1,5 @@
 import { tokenFor } from '../twin/share_token.ts';
+import { countSleep } from './clock.ts';
 import type { FromStream, ToStream } from './messages.ts';
 
 /**
@@ -44,7 +45,8 @@ export function takeStream(url: string, hz: number): StartedStream {
 function start(url: string, hz: number): Worker {
   const worker = new Worker(new URL('./worker.ts', import.meta.url), { type: 'module', name: 'stream' });
   const token = tokenFor(url);
-  worker.postMessage({ kind: 'open', url, hz, visible: !document.hidden, token } satisfies ToStream);
+  const visible = !document.hidden;
+  worker.postMessage({ kind: 'open', url, hz, visible, token, sleptMs: countSleep() } satisfies ToStream);
   return worker;
 }
 

@@ -1,6 +1,6 @@
 /// <reference lib="webworker" />
 import { WIRE_VERSION } from '@posecast/wire';
-import { nowMs } from './clock.ts';
+import { nowMs, setSlept } from './clock.ts';
 import type { StreamEvent } from './events.ts';
 import { Mailbox } from './mailbox.ts';
 import type { FromStream, ToStream } from './messages.ts';
@@ -9,8 +9,6 @@ import { type Action, Session } from './session.ts';
 /** The thread that owns the socket: it does what the session says, and tells the session what happened. */
 
 const TICK_MS = 250;
-/** The clock of the wall running ahead of ours by this much means that the machine slept. */
-const SLEPT_MS = 2000;
 
 declare const self: DedicatedWorkerGlobalScope;
 
@@ -23,7 +21,6 @@ let socket: WebSocket | null = null;
 let trial: WebSocket | null = null;
 let events: { close(): void } | null = null;
 let token: string | undefined;
-let wallMinusClock = Date.now() - nowMs();
 
 function post(message: FromStream): void {
   if (message.kind === 'state') {
@@ -152,6 +149,7 @@ self.onmessage = (event: MessageEvent<ToStream>) => {
   const message = event.data;
   switch (message.kind) {
     case 'open':
+      setSlept(message.sleptMs);
       token = message.token;
       session = new Session(message.url, message.hz, message.visible, Math.random, message.token);
       perform(session.start(nowMs()));
@@ -169,6 +167,7 @@ self.onmessage = (event: MessageEvent<ToStream>) => {
       perform(session?.visibility(nowMs(), message.visible) ?? []);
       break;
     case 'wake':
+      setSlept(message.sleptMs);
       perform(session?.wake(nowMs()) ?? []);
       break;
     case 'wish-all':
@@ -181,9 +180,4 @@ self.onmessage = (event: MessageEvent<ToStream>) => {
   }
 };
 
-setInterval(() => {
-  const ahead = Date.now() - nowMs() - wallMinusClock;
-  wallMinusClock += ahead;
-  if (ahead > SLEPT_MS) perform(session?.wake(nowMs()) ?? []);
-  perform(session?.tick(nowMs()) ?? []);
-}, TICK_MS);
+setInterval(() => perform(session?.tick(nowMs()) ?? []), TICK_MS);

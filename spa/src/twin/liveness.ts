@@ -42,8 +42,10 @@ export interface Evidence {
   changedMs: number | null;
   /** Since when poses are asked for on this connection; null while the page is hidden and asks for none. */
   watchingMs: number | null;
-  /** Arrival of the newest pose since then: what the picture shows. */
+  /** When the pose that the picture shows was the robot's newest; null while no such pose has come since then. */
   shownMs: number | null;
+  /** When the page last ceased to call that pose live, on this connection. */
+  otherwiseMs: number | null;
 }
 
 export interface Verdict {
@@ -64,6 +66,15 @@ export function newestAgeMs(evidence: Evidence, nowMs: number): number | null {
   const byFrame = freshMs === null ? null : nowMs - freshMs;
   if (byStatus === null) return byFrame;
   return byFrame === null ? byStatus : Math.min(byStatus, byFrame);
+}
+
+/** When the picture was new. One from before an outage is none after it, however short that was. */
+function pictureMs({ shownMs, otherwiseMs }: Evidence): number | null {
+  return shownMs !== null && shownMs < (otherwiseMs ?? shownMs) ? null : shownMs;
+}
+
+export function isClaim(word: Word | null): word is 'LIVE' | 'HOLDING' {
+  return word === 'LIVE' || word === 'HOLDING';
 }
 
 export function judge(evidence: Evidence, nowMs: number): Verdict {
@@ -88,7 +99,8 @@ export function judge(evidence: Evidence, nowMs: number): Verdict {
   if (status.robot === 'offline') return verdict('OFFLINE');
   const spokeSince = evidence.freshMs !== null && evidence.freshMs > status.atMs;
   if (status.robot === 'silent' && !spokeSince) return verdict('STALE', 'robot silent');
-  const { watchingMs, shownMs } = evidence;
+  const { watchingMs } = evidence;
+  const shownMs = pictureMs(evidence);
   const staleMs = watchingMs === null ? QUIET_AFTER_MS : STALE_AFTER_MS; // who asks for no poses hears by status alone
   if (linkMs >= staleMs) return verdict('STALE', 'no connection');
   if (ageMs === null || ageMs >= staleMs) return verdict('STALE', 'robot silent');

@@ -16,6 +16,8 @@ export interface RobotState {
   tS: number;
   codes: Int32Array;
   freshMs: number | null;
+  /** When this was the newest that the robot had; null: it may be of any age. */
+  bornMs: number | null;
   changedMs: number;
   /** When it arrived. */
   atMs: number;
@@ -63,6 +65,7 @@ export class RobotTwin {
       changedMs: null,
       watchingMs: null,
       shownMs: null,
+      otherwiseMs: null,
     };
   }
 
@@ -103,15 +106,21 @@ export class RobotTwin {
     this.state = state;
     if (state.freshMs !== null) this.evidence.freshMs = state.freshMs;
     this.evidence.changedMs = state.changedMs;
-    const leftMs = state.atMs - (state.lateMs ?? 0); // what has lain on its way tells of then
-    this.evidence.shownMs = leftMs;
-    this.heard(leftMs);
+    this.#shows(state.bornMs);
+    this.heard(state.atMs - (state.lateMs ?? 0)); // what has lain on its way tells of then
     for (const listener of this.#stateListeners) listener();
   }
 
   acceptStatus(status: Status): void {
     this.evidence.status = status;
     this.heard(status.atMs);
+    const { seq, ageMs } = status;
+    if (seq !== null && seq === this.state?.seq && ageMs !== null) this.#shows(status.atMs - ageMs);
+  }
+
+  /** What the picture shows was new then. A frame that nobody vouches for makes it no younger. */
+  #shows(bornMs: number | null): void {
+    if (bornMs !== null) this.evidence.shownMs = Math.max(bornMs, this.evidence.shownMs ?? bornMs);
   }
 
   heard(nowMs: number): void {
@@ -125,6 +134,8 @@ export class RobotTwin {
       // What an old connection knew of the robot is not what this one knows.
       this.evidence.lostMs = null;
       this.evidence.status = null;
+      this.evidence.freshMs = null;
+      this.evidence.otherwiseMs = null;
       this.#forgetPicture(nowMs);
     } else {
       this.evidence.lostMs = nowMs;

@@ -30,6 +30,7 @@ def test_what_is_printed_is_read_back() -> None:
         ("posecast2:r:" + "C" * 43, "posecast1:ROBOT:SECRET"),
         ("posecast1:r:CANARY", "cut short"),
         ("posecast1:R*:" + "C" * 43, "robot 'R*'"),
+        (f"posecast1:CANARY{'C' * 37}:r", "perhaps the secret"),
         (f"posecast1:r:{'C' * 43}:!!", "its certificate"),
         (f"posecast1:r:{'C' * 43}:{base64.b64encode(DER).decode()}:x", "posecast1:ROBOT:SECRET"),
     ],

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+import struct
 
 import pytest
 from hypothesis import given
@@ -17,6 +18,7 @@ from posecast_wire import (
     FrameError,
     Schema,
     build_schema_text,
+    frame_id,
     parse_header,
 )
 
@@ -164,6 +166,19 @@ def test_values_by_field() -> None:
     assert flags.bits_set(1 << 27) == ["bit 27"]
     with pytest.raises(KeyError):
         frame.values("cur")
+
+
+def test_a_frame_longer_than_its_schema_can_fill_is_bad_before_its_body_is_read() -> None:
+    schema = one_channel()
+    decoder = decoder_of(schema)
+    key = Encoder(schema).encode([1], 1, 0.0, 0.0)
+    with pytest.raises(BadFrame, match="frame of 27 bytes, 26 allowed by its schema"):
+        decoder.decode(key[:17].ljust(27, b"\0"))
+    decoder.decode(key)
+    for tag in (0x10, 0x12):
+        header = struct.pack("<BIHH", tag, frame_id(key), 1, 33)
+        with pytest.raises(BadFrame, match="frame of 65536 bytes, 18 allowed by its schema"):
+            decoder.decode(header.ljust(65_536, b"\0"))
 
 
 def test_a_megabyte_is_refused_at_once() -> None:

@@ -2,8 +2,16 @@
 
 from __future__ import annotations
 
+import importlib
+
 import pytest
 from posecast_wire import BadFrame, Header, fnv1a32, frame_id, parse_header
+
+
+def test_hashing_is_done_in_c() -> None:
+    compiled = importlib.import_module("fnv_hash_fast._fnv_impl")
+
+    assert str(compiled.__file__).endswith(".so")  # Python takes 11 ms for a KEY of 60 kB
 
 
 def test_fnv_as_its_authors_publish_it() -> None:

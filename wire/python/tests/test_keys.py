@@ -39,12 +39,14 @@ def test_keys() -> None:
 
 
 @pytest.mark.parametrize(
-    "name", ["", "*", "a*", "**", "a/b", "-a", "A", "a_b", "é", "a" * 64, "a\n", "a b", "$*"]
+    "name",
+    ["", "*", "a*", "**", "a/b", "-a", "A", "a_b", "é", "a" * 64, "a\n", "a b", "$*", "\u202e" * 9_000],
 )
 def test_names_that_zenoh_would_take_and_we_do_not(name: str) -> None:
     with pytest.raises(ValueError, match="use 1 to 63 of") as caught:
         frame_key(name, "public")
-    assert "\n" not in str(caught.value)
+    assert str(caught.value).isprintable()
+    assert len(str(caught.value)) < 2_000
     with pytest.raises(ValueError, match=r"^view "):
         frame_key("r", name)
 
@@ -99,16 +101,50 @@ def test_echo() -> None:
     assert json.loads(echo.pack()) == {"run": "fedcba9876543210", "seq": 7, "time": 1763706000.25}
     assert Echo.unpack(echo.pack()) == echo
     assert Echo.unpack(Echo(0, 0, 0.0).pack()).run_id == 0
+    over = Echo(1, 2, 3.0, "120 frames a second a view")
+    assert Echo.unpack(over.pack()) == over
 
 
 @pytest.mark.parametrize(
     ("member", "value"),
-    [("run", 1), ("run", "xyz"), ("seq", -1), ("seq", True), ("seq", 1 << 32), ("time", None), ("time", -1)],
+    [
+        ("run", 1),
+        ("run", "xyz"),
+        ("seq", -1),
+        ("seq", True),
+        ("seq", 1 << 32),
+        ("time", None),
+        ("time", -1),
+        ("time", 1e13),
+        ("time", True),
+        ("over", 5),
+        ("over", None),
+        ("over", "two\nlines"),
+        ("over", "x" * 201),
+    ],
 )
 def test_an_echo_with_a_wrong_member(member: str, value: object) -> None:
     doc = json.loads(Echo(1, 2, 3.0).pack())
     with pytest.raises(ValueError, match=f"echo: {member} must be"):
         Echo.unpack(json.dumps(doc | {member: value}).encode())
+
+
+@pytest.mark.parametrize(
+    "wrong", ["\ufeff{}", '{"\\ud800":0}', '["\\udfff"]', "[1e999]", "9" * 5000, "[" * 65 + "]" * 65]
+)
+def test_what_is_no_json_is_one_short_line(wrong: str) -> None:
+    for kind in (Snapshot, Echo):
+        with pytest.raises(ValueError, match=r"^(snapshot|echo): not JSON: ") as caught:
+            kind.unpack(wrong.encode())
+        assert str(caught.value).isprintable()
+        assert len(str(caught.value)) < 300
+
+
+def test_info_that_is_not_unicode_is_refused_with_its_snapshot() -> None:
+    doc = json.loads(Snapshot("s", {}, b"k", None, None).pack())
+    for info in ({"mode": "\ud800"}, {"\ud800": "walking"}):
+        with pytest.raises(ValueError, match="snapshot: not JSON: a text that is not Unicode"):
+            Snapshot.unpack(json.dumps(doc | {"info": info}).encode())
 
 
 @SLOW

@@ -54,6 +54,22 @@ def test_too_long() -> None:
         Schema.parse(" " * 262_145)
 
 
+def test_a_label_set_has_no_more_names_than_channels() -> None:
+    labels = {"j": ["x"], "k": [str(i) for i in range(4097)]}
+    with pytest.raises(SchemaError, match=r"labels\.k: more than 4096 names"):
+        build_schema_text("r", labels, [{"name": "a", "labels": "j"}])
+
+
+def test_names_are_quoted_in_one_short_line_with_nothing_unseen() -> None:
+    labels = {"j": ["\u202e\u200b" * 100] * 2}
+    with pytest.raises(SchemaError) as caught:
+        build_schema_text("r", labels, [{"name": "a", "labels": "j"}])
+    assert str(caught.value).startswith(r"labels.j: '\u{202e}\u{200b}")
+    assert str(caught.value).endswith("stands there twice")
+    assert str(caught.value).isprintable()
+    assert len(str(caught.value)) < 2_000
+
+
 def test_half_a_surrogate_is_no_text() -> None:
     with pytest.raises(SchemaError, match="not JSON"):
         Schema.parse('{"type":"\ud800"}')

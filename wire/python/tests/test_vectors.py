@@ -84,7 +84,14 @@ def test_bad_schemas_are_refused_by_place(bad: dict[str, str]) -> None:
     with pytest.raises(SchemaError) as caught:
         Schema.parse(bad["text"])
     assert str(caught.value).startswith(f"{bad['where']}: ")
-    assert "\n" not in str(caught.value)
+    assert str(caught.value).isprintable()
+    assert len(str(caught.value)) < 400
+
+
+@pytest.mark.parametrize("good", load("schemas.json")["good"], ids=lambda g: str(g["why"]))
+def test_good_schemas_are_read_alike(good: dict[str, Any]) -> None:
+    found = Schema.parse(good["text"]).fields
+    assert [{"name": f.name, "labels": list(f.labels), "scale": f.scale} for f in found] == good["fields"]
 
 
 def test_schema_id() -> None:

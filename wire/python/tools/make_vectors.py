@@ -8,12 +8,13 @@ a fresh start, step by step: learn a schema, or decode a frame and get `state` (
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 
 from posecast_wire import CODE_MAX, MISSING, frame_id
 
 from wire.python.tools.hand_made import key_frame, packed, plain_frame, ref_frame
-from wire.python.tools.vector_script import ONE, SCHEMAS, Case, Dice, Script, Stream
+from wire.python.tools.vector_script import CHAIN, ONE, SCHEMAS, Case, Dice, Script, Stream
 
 FOLDER = Path(__file__).resolve().parents[2] / "vectors"
 
@@ -117,7 +118,23 @@ def other_senders() -> list[Case]:
     other.frame(key)
     for n, code in ((0, 4), (14, 4), (5, 1000), (0, CODE_MAX), (14, MISSING), (15, 4)):
         other.frame(plain_frame(frame_id(key), 2, 40, [(n, [code - 4])], [4]), f"n = {n}")
-    return [other.done()]
+
+    longest = Script(
+        "longest", "codes of up to 61 bits: no step is larger, and no order makes it longer", "chain"
+    )
+    ends = [CODE_MAX, CODE_MAX, MISSING, MISSING, CODE_MAX, CODE_MAX]
+    key = key_frame(CHAIN, 1, 2.5, longest_body([0] * 6, ends), [4] * 6)
+    longest.frame(key)
+    swapped = [MISSING, MISSING, CODE_MAX, CODE_MAX, MISSING, MISSING]
+    longest.frame(plain_frame(frame_id(key), 1, 33, longest_body(ends, swapped), [4] * 6))
+    return [other.done(), longest.done()]
+
+
+def longest_body(base: Sequence[int], codes: Sequence[int]) -> list[tuple[int, list[int]]]:
+    """Fields of two channels, each relative to the one before, every code of order 0."""
+    moved = [c - b for c, b in zip(codes, base, strict=True)]
+    partners = [0, 0, *moved]
+    return [(0, [moved[i] - partners[i], moved[i + 1] - partners[i + 1]]) for i in range(0, len(moved), 2)]
 
 
 def valid() -> list[Case]:
@@ -164,6 +181,10 @@ def bad_bodies(good: bytes) -> Case:
     s.frame(packed(plain[:9], "0000" + "0" * 32 + "1" * 33), "a residual of 33 bits")
     s.frame(packed(plain[:9], "1110" + "0" * 18 + "1" * 33), "a residual of 33 bits, order 14")
     s.frame(packed(plain[:9], "0100" + "0" * 28 + "1" * 33), "a residual of 33 bits, order 4")
+    s.frame(plain[:9] + b"\0" * 9, "as long as its schema can fill")
+    s.frame(plain[:9] + b"\0" * 10, "longer")
+    s.frame(good[:17] + b"\0" * 9, "a KEY as long as its schema can fill")
+    s.frame(good[:17] + b"\0" * 10, "longer")
     s.frame(bytes([0x10]) + plain[1:9] + b"\0" * 65528, "65,537 bytes")
     s.frame(plain, "good still")
     return s.done()

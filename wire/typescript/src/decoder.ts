@@ -1,7 +1,7 @@
 /** Frames to codes. Atomic: a frame that does not decode leaves the decoder as it was. */
 
 import { BadFrame, BaseUnknown, frameId, HEADER_BYTES, KEY_HEADER_BYTES, parseHeader } from './frame.ts';
-import { CODE_MAX, MISSING, Schema } from './schema.ts';
+import { CODE_MAX, MISSING, parseSchema, type Schema } from './schema.ts';
 
 const KEY_ORDER = 4;
 const ALL_ZERO = 15;
@@ -44,7 +44,7 @@ export class Decoder {
 
   /** Learn a schema from its exact text. SchemaError when it is none. */
   addSchema(text: string): Schema {
-    const schema = Schema.parse(text);
+    const schema = parseSchema(text);
     this.schemas.delete(schema.id);
     this.schemas.set(schema.id, schema);
     if (this.schemas.size > this.maxSchemas) dropOldest(this.schemas);
@@ -57,6 +57,7 @@ export class Decoder {
     if (header.isKey) {
       const schema = this.schemas.get(header.schemaId);
       if (!schema) throw new BaseUnknown(`schema ${hex(header.schemaId)} is not here`);
+      checkSize(frame, schema.keyBytesMax);
       this.body.open(frame, KEY_HEADER_BYTES);
       const keyOrders = new Uint8Array(schema.size).fill(KEY_ORDER);
       const codes = this.body.codes(schema, new Int32Array(schema.size), keyOrders);
@@ -75,6 +76,7 @@ export class Decoder {
     const base = header.baseId === this.keyId ? this.key : this.refs.get(header.baseId);
     if (!base) throw new BaseUnknown(`base ${hex(header.baseId)} is not here`);
     if (header.isRef && base !== this.key) throw new BadFrame('a REF coded against a REF');
+    checkSize(frame, base.schema.frameBytesMax);
     this.body.open(frame, HEADER_BYTES);
     const codes = this.body.codes(base.schema, base.codes, base.orders);
     this.body.close();
@@ -86,6 +88,11 @@ export class Decoder {
     }
     return new Frame(base.schema, seq, tS, codes);
   }
+}
+
+function checkSize(frame: Uint8Array, bytesMax: number): void {
+  if (frame.length > bytesMax)
+    throw new BadFrame(`frame of ${frame.length} bytes, ${bytesMax} allowed by its schema`);
 }
 
 /** Reads a body bit by bit, highest bit first, out of a buffer that ends in zeros so that it may look ahead. */

@@ -42,4 +42,4 @@ export {
   type Status,
   type ViewerMessage,
 } from './messages.ts';
-export { CODE_MAX, Field, MISSING, Schema } from './schema.ts';
+export { CODE_MAX, Field, MISSING, parseSchema, revived, Schema } from './schema.ts';

@@ -1,6 +1,6 @@
 /** What channels mean for the model: joints, mounts, names, limits. The schema's `mapping` member. */
 
-import { fail, items, number, table, text } from './checked.ts';
+import { entries, fail, items, member, number, table, text } from './checked.ts';
 import { MISSING, type Schema } from './schema.ts';
 
 const ANY = '*';
@@ -85,15 +85,15 @@ export class Mapping {
 export function parseMapping(value: unknown): Mapping {
   const doc = table(value, 'mapping');
   const part = <T>(name: string, read: (v: unknown, at: string, key: string) => T): Map<string, T> =>
-    each(doc.get(name), `mapping.${name}`, read);
+    entries(doc.get(name), `mapping.${name}`, read);
   return new Mapping(
     part('joints', joint),
     part('sensors', sensor),
     part('names', text),
-    part('thresholds', (v, at) => each(v, at, threshold)),
+    part('thresholds', (v, at) => entries(v, at, threshold)),
     part('tolerance', atLeastZero),
-    part('severity', (v, at) => each(v, at, severity)),
-    part('units', (v, at) => each(v, at, text)),
+    part('severity', (v, at) => entries(v, at, severity)),
+    part('units', (v, at) => entries(v, at, text)),
   );
 }
 
@@ -146,15 +146,6 @@ export class JointMapping {
   }
 }
 
-function each<T>(
-  value: unknown,
-  where: string,
-  read: (v: unknown, at: string, key: string) => T,
-): Map<string, T> {
-  const found = [...table(value, where)];
-  return new Map(found.map(([k, v]) => [text(k, `${where} key`), read(v, `${where}.${k}`, k)]));
-}
-
 function joint(value: unknown, where: string): JointMap {
   const doc = table(value, where);
   const terms = items(doc.get('terms'), `${where}.terms`).map((item, i): readonly [string, number] => {
@@ -163,7 +154,7 @@ function joint(value: unknown, where: string): JointMap {
     if (pair.length !== 2) fail(at, 'must be [channel, gain]');
     return [text(pair[0], `${at}[0]`), number(pair[1], `${at}[1]`)];
   });
-  return { terms, offset: number(doc.get('offset') ?? 0, `${where}.offset`) };
+  return { terms, offset: number(member(doc, 'offset', 0), `${where}.offset`) };
 }
 
 function sensor(value: unknown, where: string, site: string): SensorMount {
@@ -174,18 +165,18 @@ function sensor(value: unknown, where: string, site: string): SensorMount {
   const link = doc.get('link') ?? null;
   return {
     kind: known,
-    name: text(doc.get('name') ?? site, `${where}.name`),
+    name: text(member(doc, 'name', site), `${where}.name`),
     link: link === null ? null : text(link, `${where}.link`),
-    xyz: xyz(doc.get('xyz') ?? [0, 0, 0], `${where}.xyz`),
-    rpy: xyz(doc.get('rpy') ?? [0, 0, 0], `${where}.rpy`),
+    xyz: xyz(member(doc, 'xyz', [0, 0, 0]), `${where}.xyz`),
+    rpy: xyz(member(doc, 'rpy', [0, 0, 0]), `${where}.rpy`),
   };
 }
 
 function xyz(value: unknown, where: string): Xyz {
-  const [x, y, z, ...more] = items(value, where).map((v, i) => number(v, `${where}[${i}]`));
-  if (x === undefined || y === undefined || z === undefined || more.length)
-    fail(where, 'must be three numbers');
-  return [x, y, z];
+  const found = items(value, where);
+  if (found.length !== 3) fail(where, 'must be three numbers');
+  const [x, y, z] = found.map((v, i) => number(v, `${where}[${i}]`));
+  return [x!, y!, z!];
 }
 
 function threshold(value: unknown, where: string): Threshold {
@@ -195,7 +186,7 @@ function threshold(value: unknown, where: string): Threshold {
     return found === null ? null : number(found, `${where}.${name}`);
   };
   const [low, high] = [limit('low'), limit('high')];
-  const caution = number(doc.get('caution') ?? 1, `${where}.caution`);
+  const caution = number(member(doc, 'caution', 1), `${where}.caution`);
   if (!(caution > 0 && caution <= 1)) fail(`${where}.caution`, 'must lie above 0 and not above 1');
   if (low !== null && high !== null && low >= high) fail(where, 'low must lie below high');
   return { low, high, caution };

@@ -1,5 +1,10 @@
 /** The JSON messages of the stream (SPEC "Messages"). */
 
+import { isObject, parseJson } from './checked.ts';
+
+/** Of any clock, either way: 31,700 years, and milliseconds still fit a double. */
+const TIME_MAX_S = 1e12;
+
 export type RobotWord = 'online' | 'silent' | 'offline';
 export type EventLevel = 'fault' | 'caution' | 'info';
 
@@ -19,7 +24,8 @@ export interface Hello {
 
 /**
  * After hello, then at least once a second. `age_ms`, `seq`: of the newest frame; null before any. `degraded`: the
- * relay does not hear of robots just now, for a reason of its own (a gateway without Redis).
+ * relay does not hear of robots just now, for a reason of its own (a gateway without Redis). `over_share`: the robot
+ * sends more than its share of the relay, so some of its frames are dropped.
  */
 export interface Status {
   readonly type: 'status';
@@ -27,6 +33,7 @@ export interface Status {
   readonly age_ms: number | null;
   readonly seq: number | null;
   readonly degraded: boolean;
+  readonly over_share: boolean;
 }
 
 /** `text` is what arrived, to the byte: its hash is the schema's id. */
@@ -97,12 +104,12 @@ export type ViewerMessage =
 
 /**
  * One text message of the relay. Null when this viewer does not know it or it is not well formed: skip it,
- * a newer relay may say more. A schema is handed on as text for `Schema.parse` to judge.
+ * a newer relay may say more. A schema is handed on as text for `parseSchema` to judge.
  */
 export function parseRelayMessage(text: string): RelayMessage | null {
   let value: unknown;
   try {
-    value = JSON.parse(text);
+    value = parseJson(text);
   } catch {
     return null;
   }
@@ -129,13 +136,18 @@ const READERS = new Map<string, (r: Reader) => RelayMessage | null>([
 class Reader {
   constructor(private readonly doc: ReadonlyMap<string, unknown>) {}
 
-  number(name: string): number | undefined {
+  number(name: string, most = Number.MAX_SAFE_INTEGER): number | undefined {
     const v = this.doc.get(name);
-    return typeof v === 'number' && Number.isFinite(v) ? v : undefined;
+    return typeof v === 'number' && Math.abs(v) <= most ? v : undefined;
   }
 
   numberOrNull(name: string): number | null | undefined {
     return this.isNull(name) ? null : this.number(name);
+  }
+
+  /** Seconds of some clock. */
+  time(name: string): number | undefined {
+    return this.number(name, TIME_MAX_S);
   }
 
   text(name: string): string | undefined {
@@ -174,7 +186,7 @@ class Reader {
 }
 
 function hello(r: Reader): Hello | null {
-  const [wire, server_time, hz] = [r.number('wire'), r.number('server_time'), r.number('hz')];
+  const [wire, server_time, hz] = [r.number('wire'), r.time('server_time'), r.number('hz')];
   const [robot, view, model] = [r.text('robot'), r.text('view'), r.hashOrNull('model')];
   const limits = r.entries('limits', (v): v is number => typeof v === 'number') ?? new Map<string, number>();
   if (wire === undefined || server_time === undefined || hz === undefined) return null;
@@ -186,7 +198,7 @@ function status(r: Reader): Status | null {
   const robot = r.word('robot', ['online', 'silent', 'offline']);
   const [age_ms, seq] = [r.numberOrNull('age_ms'), r.numberOrNull('seq')];
   if (robot === undefined || age_ms === undefined || seq === undefined) return null;
-  return { type: 'status', robot, age_ms, seq, degraded: r.is('degraded') };
+  return { type: 'status', robot, age_ms, seq, degraded: r.is('degraded'), over_share: r.is('over_share') };
 }
 
 function info(r: Reader): Info | null {
@@ -195,7 +207,7 @@ function info(r: Reader): Info | null {
 }
 
 function event(r: Reader): EventMessage | null {
-  const [n, t, at] = [r.number('n'), r.number('t'), r.number('at') ?? null];
+  const [n, t, at] = [r.number('n'), r.time('t'), r.time('at') ?? null];
   const level = r.word('level', ['fault', 'caution', 'info']);
   const [source, text, state] = [r.text('source'), r.text('text'), r.word('state', ['on', 'off'])];
   if (n === undefined || t === undefined || level === undefined) return null;
@@ -222,8 +234,4 @@ function bye(r: Reader): Bye | null {
   const code = r.number('code');
   const retry_s = r.number('retry_s') ?? null;
   return code === undefined ? null : { type: 'bye', code, reason: r.text('reason') ?? '', retry_s };
-}
-
-function isObject(value: unknown): value is object {
-  return typeof value === 'object' && value !== null && !Array.isArray(value);
 }

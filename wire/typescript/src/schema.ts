@@ -1,8 +1,8 @@
 /** The schema: which channels a stream has, in which order, and what a code of each is worth. */
 
-import { fail, items, number, SchemaError, table, text, texts } from './checked.ts';
+import { entries, fail, items, member, number, parseJson, table, text, texts } from './checked.ts';
 import { fnv1a32 } from './fnv.ts';
-import { type Mapping, parseMapping } from './mapping.ts';
+import { Mapping, parseMapping } from './mapping.ts';
 
 /** The code of "no reading". */
 export const MISSING = -(2 ** 28);
@@ -48,11 +48,11 @@ export class Field {
   }
 }
 
-/** A parsed schema. `text` is the exact text received; `id` its FNV-1a-32, which KEY frames name. */
+/** A schema as `parseSchema` reads it. `text` is the exact text received; `id` its FNV-1a-32, which KEY frames name. */
 export class Schema {
   private readonly byName: ReadonlyMap<string, Field>;
 
-  private constructor(
+  constructor(
     readonly text: string,
     readonly id: number,
     readonly robot: string,
@@ -63,39 +63,57 @@ export class Schema {
     this.byName = new Map(fields.map((f) => [f.name, f]));
   }
 
+  /** No KEY of this schema is longer (SPEC §4): a code takes 63 bits at most, its order 4. */
+  get keyBytesMax(): number {
+    return 17 + Math.ceil((4 * this.fields.length + 67 * this.size) / 8);
+  }
+
+  /** Likewise of a REF or plain frame. */
+  get frameBytesMax(): number {
+    return 9 + Math.ceil((4 * this.fields.length + 63 * this.size) / 8);
+  }
+
   field(name: string): Field | null {
     return this.byName.get(name) ?? null;
   }
+}
 
-  /** Read a schema's JSON text, ignoring unknown members. SchemaError names what is wrong and where. */
-  static parse(source: string): Schema {
-    if (/\p{Cs}/u.test(source)) fail('schema', 'not Unicode');
-    const raw = new TextEncoder().encode(source);
-    if (raw.length > TEXT_BYTES_MAX) fail('schema', `longer than ${TEXT_BYTES_MAX} bytes`);
-    let doc: Map<string, unknown>;
-    try {
-      doc = table(JSON.parse(source), 'schema');
-    } catch (e) {
-      throw e instanceof SchemaError ? e : new SchemaError(`schema: not JSON: ${String(e)}`);
-    }
-    if (doc.get('type') !== 'schema') fail('type', 'must be "schema"');
-    if (doc.get('v') !== 1) fail('v', 'this reader knows version 1 only');
-    const sets = new Map(
-      [...table(doc.get('labels'), 'labels')].map(([k, v]) => [k, texts(v, `labels.${k}`)]),
-    );
-    const fields = new Map<string, Field>();
-    let size = 0;
-    items(doc.get('fields'), 'fields').forEach((item, i) => {
-      const where = `fields[${i}]`;
-      const field = parseField(table(item, where), where, sets, fields, size);
-      fields.set(field.name, field);
-      size += field.size;
-      if (size > CHANNELS_MAX) fail(where, `more than ${CHANNELS_MAX} channels in all`);
-    });
-    if (size === 0) fail('fields', 'must name at least one field');
-    const mapping = parseMapping(doc.get('mapping'));
-    const robot = text(doc.get('robot'), 'robot');
-    return new Schema(source, fnv1a32(raw), robot, [...fields.values()], size, mapping);
+/** Read a schema's JSON text, ignoring unknown members. SchemaError names what is wrong and where. */
+export function parseSchema(source: string): Schema {
+  if (source.length > TEXT_BYTES_MAX) fail('schema', `longer than ${TEXT_BYTES_MAX} bytes`);
+  const raw = new TextEncoder().encode(source);
+  if (raw.length > TEXT_BYTES_MAX) fail('schema', `longer than ${TEXT_BYTES_MAX} bytes`);
+  const doc = table(document(source), 'schema');
+  if (doc.get('type') !== 'schema') fail('type', 'must be "schema"');
+  if (doc.get('v') !== 1) fail('v', 'this reader knows version 1 only');
+  const sets = entries(doc.get('labels'), 'labels', (v, at) => texts(v, at, CHANNELS_MAX));
+  const fields = new Map<string, Field>();
+  let size = 0;
+  items(doc.get('fields'), 'fields').forEach((item, i) => {
+    const where = `fields[${i}]`;
+    const field = parseField(table(item, where), where, sets, fields, size);
+    fields.set(field.name, field);
+    size += field.size;
+    if (size > CHANNELS_MAX) fail(where, `more than ${CHANNELS_MAX} channels in all`);
+  });
+  if (size === 0) fail('fields', 'must name at least one field');
+  const mapping = parseMapping(doc.get('mapping'));
+  const robot = text(doc.get('robot'), 'robot');
+  return new Schema(source, fnv1a32(raw), robot, [...fields.values()], size, mapping);
+}
+
+/** A schema that has come through `postMessage`, which takes the classes off: gives them back, in place. */
+export function revived(schema: Schema): Schema {
+  for (const field of schema.fields) Object.setPrototypeOf(field, Field.prototype);
+  Object.setPrototypeOf(schema.mapping, Mapping.prototype);
+  return Object.setPrototypeOf(schema, Schema.prototype) as Schema;
+}
+
+function document(source: string): unknown {
+  try {
+    return parseJson(source);
+  } catch (e) {
+    return fail('schema', `not JSON: ${(e as Error).message}`);
   }
 }
 
@@ -106,7 +124,6 @@ function parseField(
   earlier: ReadonlyMap<string, Field>,
   start: number,
 ): Field {
-  const or = <T>(name: string, silent: T): unknown => (doc.has(name) ? doc.get(name) : silent);
   const name = text(doc.get('name'), `${where}.name`);
   if (!FIELD_NAME.test(name))
     fail(`${where}.name`, `'${name}' must be a letter or _ and then letters, digits or _, 63 at most`);
@@ -114,11 +131,10 @@ function parseField(
   const labelSet = text(doc.get('labels'), `${where}.labels`);
   const labels = sets.get(labelSet);
   if (!labels?.length) fail(`${where}.labels`, `no such label set, or an empty one: '${labelSet}'`);
-  const scale = number(or('scale', 1), `${where}.scale`);
+  const scale = number(member(doc, 'scale', 1), `${where}.scale`);
   if (!(scale >= 1e-12 && scale <= 1e12)) fail(`${where}.scale`, 'must lie between 1e-12 and 1e12');
-  const unit = or('unit', '');
-  const bits = texts(or('bits', []), `${where}.bits`);
-  if (bits.length > BITS_MAX) fail(`${where}.bits`, `more than ${BITS_MAX} bits`);
+  const unit = member(doc, 'unit', '');
+  const bits = texts(member(doc, 'bits', []), `${where}.bits`, BITS_MAX);
   if (bits.length && scale !== 1) fail(`${where}.scale`, 'a field of bits has scale 1');
   const rel = doc.get('rel') ?? null;
   if (rel !== null) {
@@ -127,7 +143,7 @@ function parseField(
     if (partner.size !== labels.length)
       fail(`${where}.rel`, `'${partner.name}' has ${partner.size} channels, not ${labels.length}`);
   }
-  const slow = or('slow', false);
+  const slow = member(doc, 'slow', false);
   if (typeof slow !== 'boolean') fail(`${where}.slow`, 'must be true or false');
   return new Field(
     name,

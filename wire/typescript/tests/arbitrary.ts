@@ -1,7 +1,7 @@
 /** Schemas, codes and streams for property tests. */
 
 import fc from 'fast-check';
-import { CODE_MAX, MISSING, Schema } from '../src/index.ts';
+import { CODE_MAX, MISSING, parseSchema, type Schema } from '../src/index.ts';
 
 interface Draft {
   readonly set: number;
@@ -19,7 +19,7 @@ export function someSchema(): fc.Arbitrary<Schema> {
     scale: fc.constantFrom(0.001, 0.05, 1, 2.5),
   });
   return fc.array(draft, { minLength: 1, maxLength: 5 }).map((drafts) =>
-    Schema.parse(
+    parseSchema(
       JSON.stringify({
         type: 'schema',
         v: 1,

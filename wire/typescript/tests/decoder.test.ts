@@ -1,6 +1,15 @@
 import fc from 'fast-check';
 import { describe, expect, test } from 'vitest';
-import { BadFrame, BaseUnknown, Decoder, Encoder, FrameError, MISSING, Schema } from '../src/index.ts';
+import {
+  BadFrame,
+  BaseUnknown,
+  Decoder,
+  Encoder,
+  FrameError,
+  MISSING,
+  parseSchema,
+  type Schema,
+} from '../src/index.ts';
 import { aStream, someCodes, someSchema } from './arbitrary.ts';
 import { bytes, FRAME_FILES, type Step } from './vectors.ts';
 
@@ -100,8 +109,29 @@ test('damaged bytes are refused or read, and what is refused changes nothing', (
   );
 });
 
+test('a frame longer than its schema can fill is bad before its body is read', () => {
+  const schema = parseSchema(FRAME_FILES[0]!.schemas.one!);
+  const decoder = decoderOf(schema);
+  const key = new Encoder(schema).encode([1], 1, 0, 0);
+  const padded = (frame: Uint8Array, size: number): Uint8Array => {
+    const longer = new Uint8Array(size);
+    longer.set(frame);
+    return longer;
+  };
+  expect(() => decoder.decode(padded(key, 27))).toThrow('frame of 27 bytes, 26 allowed by its schema');
+  decoder.decode(key);
+  const plain = new Encoder(schema);
+  plain.encode([1], 1, 0, 0);
+  const next = plain.encode([2], 2, 0, 0);
+  for (const tag of [0x10, 0x12]) {
+    const long = padded(next, 65_536);
+    long[0] = tag;
+    expect(() => decoder.decode(long)).toThrow('frame of 65536 bytes, 18 allowed by its schema');
+  }
+});
+
 test('the codes handed out are the caller’s: writing into them spoils no base', () => {
-  const schema = Schema.parse(FRAME_FILES[0]!.schemas.one!);
+  const schema = parseSchema(FRAME_FILES[0]!.schemas.one!);
   const encoder = new Encoder(schema, 4, 2);
   const decoder = decoderOf(schema);
   for (let i = 0; i < 9; i++) {
@@ -113,7 +143,7 @@ test('the codes handed out are the caller’s: writing into them spoils no base'
 
 test('a fifth schema pushes out the oldest, and the base in use stays', () => {
   const schemas = ['a', 'b', 'c', 'd', 'e'].map((robot) =>
-    Schema.parse(
+    parseSchema(
       JSON.stringify({
         type: 'schema',
         v: 1,

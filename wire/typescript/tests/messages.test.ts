@@ -5,8 +5,8 @@ import { parseRelayMessage } from '../src/index.ts';
 const HASH = 'a'.repeat(64);
 
 test.each([
-  { type: 'status', robot: 'silent', age_ms: 1700, seq: 12, degraded: true },
-  { type: 'status', robot: 'offline', age_ms: null, seq: null, degraded: false },
+  { type: 'status', robot: 'silent', age_ms: 1700, seq: 12, degraded: true, over_share: false },
+  { type: 'status', robot: 'offline', age_ms: null, seq: null, degraded: false, over_share: true },
   { type: 'event', n: 3, t: 1.5, at: 1e9, level: 'fault', source: 'RKN', text: 'jam', state: 'on' },
   { type: 'rate', hz: 10, reason: 'busy' },
   { type: 'model', hash: HASH },
@@ -55,8 +55,32 @@ test.each([
   '{"type":"event","n":1,"t":1,"level":"fault","source":"RKN","text":"jam"}',
   '{"type":"model","hash":"../../etc"}',
   '{"type":"bye"}',
+  '{"type":"pong","t":1e999}',
+  '{"type":"pong","t":1e300}',
+  '{"type":"pong","t":true}',
+  `{"type":"pong","t":${'9'.repeat(5000)}}`,
+  '{"type":"pong","t":1,"more":1e999}',
+  '{"type":"event","n":1,"t":1e13,"level":"fault","source":"RKN","text":"jam","state":"on"}',
+  '{"type":"event","n":1,"t":true,"level":"fault","source":"RKN","text":"jam","state":"on"}',
+  '{"type":"event","n":1e999,"t":1,"level":"fault","source":"RKN","text":"jam","state":"on"}',
+  '{"type":"event","n":1,"t":1,"level":"fault","source":"\\ud800","text":"jam","state":"on"}',
+  '{"type":"info","kv":{"mode":"\\udc00"}}',
+  '{"type":"info","kv":{"\\ud83d":"walking"}}',
+  '\ufeff{"type":"pong","t":1}',
+  `{"type":"pong","t":1,"more":${'['.repeat(63)}0${']'.repeat(63)}}`,
+  `{"type":"pong","t":1,"more":${'['.repeat(100_000)}`,
 ])('skips %s', (text) => {
   expect(parseRelayMessage(text)).toBeNull();
+});
+
+test('a time that no calendar knows is none', () => {
+  const text =
+    '{"type":"event","n":1,"t":1,"at":1e13,"level":"fault","source":"RKN","text":"jam","state":"on"}';
+  expect(parseRelayMessage(text)).toMatchObject({ n: 1, at: null });
+});
+
+test('of a member named twice the last counts', () => {
+  expect(parseRelayMessage('{"type":"bye","t":"x","type":"pong","t":-0.0}')).toEqual({ type: 'pong', t: -0 });
 });
 
 test('never throws', () => {

@@ -1,5 +1,5 @@
 import { expect, test } from 'vitest';
-import { MISSING, Schema, SchemaError } from '../src/index.ts';
+import { MISSING, parseSchema, revived, SchemaError } from '../src/index.ts';
 import { load, type Schemas } from './vectors.ts';
 
 const vectors = load<Schemas>('vectors/schemas.json');
@@ -7,7 +7,7 @@ const vectors = load<Schemas>('vectors/schemas.json');
 test.each(vectors.bad)('refuses by place: $where', ({ where, text }) => {
   let said = '';
   try {
-    Schema.parse(text);
+    parseSchema(text);
   } catch (e) {
     expect(e).toBeInstanceOf(SchemaError);
     said = (e as Error).message;
@@ -15,14 +15,58 @@ test.each(vectors.bad)('refuses by place: $where', ({ where, text }) => {
   expect(said.startsWith(`${where}: `), said).toBe(true);
 });
 
+test.each(vectors.good)('reads alike: $why', ({ text, fields }) => {
+  const found = parseSchema(text).fields;
+  expect(found.map(({ name, labels, scale }) => ({ name, labels, scale }))).toEqual(fields);
+});
+
+const FIELD = { name: 'a', labels: 'j' };
+const DOC = { type: 'schema', v: 1, robot: 'r', labels: { j: ['x'] }, fields: [FIELD] };
+
+test('a label set has no more names than a schema has channels', () => {
+  const k = Array.from({ length: 4097 }, (_, i) => String(i));
+  const text = JSON.stringify({ ...DOC, labels: { j: ['x'], k } });
+  expect(() => parseSchema(text)).toThrow('labels.k: more than 4096 names');
+});
+
+test('a text past 256 KiB is refused before it is read, also where its characters take more bytes', () => {
+  for (const text of [' '.repeat(262_145), 'é'.repeat(131_073), `"${'🦾'.repeat(65_536)}"`])
+    expect(() => parseSchema(text)).toThrow('schema: longer than 262144 bytes');
+  expect(parseSchema(JSON.stringify(DOC).padEnd(262_144)).size).toBe(1);
+});
+
+test('a text that is not Unicode is refused', () => {
+  expect(() => parseSchema('{"a":"\ud800","a":1}')).toThrow('schema: not JSON: not Unicode');
+});
+
+test.each([
+  { ...DOC, labels: { j: ['\u202e\u200b'.repeat(100), '\u202e\u200b'.repeat(100)] } },
+  { ...DOC, labels: { ['\u2028'.repeat(100_000)]: [] } },
+  { ...DOC, labels: { j: ['k'.repeat(200_000)] } },
+  { ...DOC, labels: { ['\u202e'.repeat(200)]: [''] } },
+  { ...DOC, fields: [{ ...FIELD, labels: '\u3164\u2800\ufe0f\u00a0' }] },
+  { ...DOC, mapping: { units: { ['u'.repeat(200)]: { ['\n'.repeat(50_000)]: 'mm' } } } },
+  '{"a":\n\u202e}',
+])('quotes in one short line with nothing unseen', (document) => {
+  let said = '';
+  try {
+    parseSchema(typeof document === 'string' ? document : JSON.stringify(document));
+  } catch (e) {
+    said = (e as Error).message;
+  }
+  expect(said).not.toMatch(/\p{C}|\p{Zl}|\p{Zp}|\u00a0|\u2800|\u3164|\ufe0f/u);
+  expect(said).not.toBe('');
+  expect(said.length).toBeLessThan(1_500);
+});
+
 test('id and text are of the exact text', () => {
-  const schema = Schema.parse(vectors.mapping.text);
+  const schema = parseSchema(vectors.mapping.text);
   expect(schema.id).toBe(vectors.id);
   expect(schema.text).toBe(vectors.mapping.text);
 });
 
 test('hostile names are names', () => {
-  const schema = Schema.parse(
+  const schema = parseSchema(
     '{"type":"schema","v":1,"robot":"__proto__","labels":{"__proto__":["constructor","__proto__"]},' +
       '"fields":[{"name":"__proto__","labels":"__proto__"},{"name":"constructor","labels":"__proto__"}],' +
       '"mapping":{"names":{"__proto__":"a"},"severity":{"__proto__":{"constructor":"state"}}}}',
@@ -37,7 +81,7 @@ test('hostile names are names', () => {
 });
 
 test('bits have names', () => {
-  const schema = Schema.parse(
+  const schema = parseSchema(
     '{"type":"schema","v":1,"robot":"r","labels":{"x":["x"]},"fields":[{"name":"f","labels":"x","bits":["homed","jam"]}]}',
   );
   const flags = schema.field('f')!;
@@ -45,4 +89,17 @@ test('bits have names', () => {
   expect(flags.bitsSet(2)).toEqual(['jam']);
   expect(flags.bitsSet(1 + (1 << 27))).toEqual(['homed', 'bit 27']);
   expect(flags.bitsSet(MISSING)).toEqual([]);
+});
+
+test('a schema that has come through postMessage gets its classes back', () => {
+  for (const { text } of vectors.good) {
+    const read = parseSchema(text);
+    const back = revived(structuredClone(read));
+    expect(back).toEqual(read);
+    expect([back.size, back.keyBytesMax]).toEqual([read.size, read.keyBytesMax]);
+    const [field] = back.fields;
+    expect(back.field(field?.name ?? '')).toBe(field);
+    expect(field?.bitsSet(0)).toEqual([]);
+    expect(back.mapping.tolerance('nobody')).toBeNull();
+  }
 });

@@ -33,6 +33,11 @@ export interface Frames {
 
 export interface Schemas {
   readonly bad: readonly { readonly where: string; readonly text: string }[];
+  readonly good: readonly {
+    readonly why: string;
+    readonly text: string;
+    readonly fields: readonly { name: string; labels: readonly string[]; scale: number }[];
+  }[];
   readonly id: number;
   readonly mapping: {
     readonly text: string;

@@ -15,23 +15,34 @@ from numpy.typing import NDArray
 from posecast_edge.model.doctor import examine
 from posecast_edge.model.figure import Figure, Looks, Visual, build_figure
 from posecast_edge.model.files import Progress, facts_of, read_visual_files
-from posecast_edge.model.finding import Finding, ModelRefused
+from posecast_edge.model.finding import Finding, ModelRefused, quoted
 from posecast_edge.model.kinematics import from_quaternion, link_poses, quaternion_from_rpy
 from posecast_edge.model.level import Body, Fineness, Level, Placed, Skin, make_level
-from posecast_edge.model.manifest import VERSION, encode, file_entry, finding_entries, home, short, skeleton
+from posecast_edge.model.manifest import (
+    VERSION,
+    encode,
+    file_entry,
+    finding_entries,
+    home,
+    near,
+    short,
+    skeleton,
+)
 from posecast_edge.model.mesh import Paint
-from posecast_edge.model.resolve import Resolver
+from posecast_edge.model.resolve import URI_MAX, Resolver
 from posecast_edge.model.simplify import Ladder, rungs_in_all
 from posecast_edge.model.texture import mean_colour
 from posecast_edge.model.thumbnail import picture, png
 from posecast_edge.model.tree import build_tree
-from posecast_edge.model.urdf_reader import load_urdf
+from posecast_edge.model.urdf_reader import NAME_MAX, load_urdf
 
 Vectors = NDArray[np.float64]
 Triangles = tuple[Vectors, Vectors, Vectors]  # corners and normals (m, 3, 3), display colours (m, 3)
 
 ROUGH = 15  # a rung: 0.2 % of the robot's size. Beyond, gaps open between shells that touch, for few bytes
 PATIENCE = 1.5  # a level may be so much larger than it should to spare that
+
+THUMBNAIL_MAX = 300_000  # triangles in the small picture; only a heap that nothing makes smaller has more
 
 NEAR = 1.25  # a level that is that near to the next coarser one spares it
 
@@ -79,14 +90,17 @@ def build(urdf_path: Path, resolver: Resolver, progress: Progress) -> Built:
         unexpanded = (f for f in urdf.findings if f.code == "xacro")
         reason = next(unexpanded, tree.findings[-1])
         raise ModelRefused(reason.text, reason.line)
+    for joint in tree.joints:
+        if not near(joint.pose):
+            raise ModelRefused(f"joint {quoted(joint.name)}: an origin more than 10,000 km away", joint.line)
     files = read_visual_files(urdf, resolver, progress)
     figure = build_figure(urdf, tree, files)
-    document: dict[str, Any] = {"v": VERSION, "robot": urdf.name, **skeleton(urdf, tree)}
+    document: dict[str, Any] = {"v": VERSION, "robot": urdf.name[:NAME_MAX], **skeleton(urdf, tree)}
     poses = [np.array(p) for p in link_poses(document, home(document)).values()]
     box = _robot_box(figure, poses)
     size = float(np.linalg.norm(box[1] - box[0])) if box is not None else 0.0
     levels = _levels(figure, size, progress)
-    drawn = triangles_of(next(iter(levels.values())), figure, poses)
+    drawn = triangles_of(next(iter(levels.values())), figure, poses, THUMBNAIL_MAX)
     thumbnail = png(picture(*drawn))
     findings = examine(urdf, tree, facts_of(files))
     contents = {f"{name}.glb": level.data for name, level in levels.items()}
@@ -110,7 +124,7 @@ def build(urdf_path: Path, resolver: Resolver, progress: Progress) -> Built:
         "visuals": [_visual(i, v, figure.looks[v.looks]) for i, v in enumerate(figure.visuals)],
     }
     document |= {"box": _corners(*box)} if box is not None else {}
-    missing = [{"uri": uri, "reason": reason} for uri, reason in files.missing().items()]
+    missing = [{"uri": uri[:URI_MAX], "reason": reason} for uri, reason in files.missing().items()]
     document |= {"missing": missing} if missing else {}
     document |= {"findings": finding_entries(findings)} if findings else {}
     contents["thumbnail.png"] = thumbnail
@@ -223,16 +237,21 @@ def display_colour(paint: Paint) -> tuple[float, float, float]:
     return (r * x, g * y, b * z)
 
 
-def triangles_of(level: Level, figure: Figure, poses: Sequence[Vectors]) -> Triangles:
-    """What a level shows with the links at these poses (root_from_link)."""
+def triangles_of(
+    level: Level, figure: Figure, poses: Sequence[Vectors], most: int | None = None
+) -> Triangles:
+    """What a level shows with the links at these poses (root_from_link); of more than `most` triangles every
+    second, every third, …"""
+    step = 1 if most is None else -(-level.triangles // most) or 1
     corners, normals, colours = [np.zeros((0, 3, 3))], [np.zeros((0, 3, 3))], [np.zeros((0, 3))]
     for visual in figure.visuals:
         at = poses[visual.link] @ _matrix(visual)
         drawn = level.drawn[visual.looks]
         for skin, part in drawn.parts:
             points = drawn.grid.metres(part.positions) @ at[:3, :3].T + at[:3, 3]
-            corners.append(points[part.faces])
-            normals.append(((part.normals[:, :3] / 127.0) @ at[:3, :3].T)[part.faces])
+            faces = part.faces[::step]
+            corners.append(points[faces])
+            normals.append(((part.normals[:, :3] / 127.0) @ at[:3, :3].T)[faces])
             colour = display_colour(figure.looks[visual.looks].skins[skin][1])
-            colours.append(np.tile(colour, (len(part.faces), 1)))
+            colours.append(np.tile(colour, (len(faces), 1)))
     return np.concatenate(corners), np.concatenate(normals), np.concatenate(colours)

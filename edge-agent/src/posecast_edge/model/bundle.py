@@ -10,14 +10,15 @@ from __future__ import annotations
 import hashlib
 import json
 import logging
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from urllib.parse import unquote, urlsplit
 
-from posecast_edge.model.finding import ModelRefused
+from posecast_edge.model.finding import ModelRefused, printable
 from posecast_edge.model.folder import check_folder
-from posecast_edge.model.resolve import Resolver
+from posecast_edge.model.resolve import URI_MAX, Resolver
 from posecast_edge.model.urdf import Urdf
 from posecast_edge.model.urdf_reader import load_urdf
 
@@ -96,7 +97,8 @@ def load_bundle(urdf: Path, packages: Sequence[Path] = ()) -> Bundle:
     found, or lies outside the model's folders (resolve.py), stands in `missing`."""
     try:
         uris = list(dict.fromkeys(_uris(load_urdf(urdf))))
-        files = [_file(urdf.resolve(), urdf.name, urdf.name)]
+        name = printable(urdf.name)
+        files = [_file(urdf.resolve(), name, name)]
     except ModelRefused as e:
         raise ModelError(
             f"{urdf}: {e.reason}" if e.line is None else f"{urdf}: line {e.line}: {e.reason}"
@@ -105,17 +107,17 @@ def load_bundle(urdf: Path, packages: Sequence[Path] = ()) -> Bundle:
         raise ModelError(f"{urdf}: {e.strerror or e}") from None
     resolver = Resolver(urdf, packages)
     missing: list[str] = []
-    taken = {urdf.name}
+    taken: Counter[str] = Counter()
     for uri in uris:
         file = _found(resolver, uri, taken) if len(files) < FILES_MAX else None
         if file is None:
-            missing.append(uri)
+            missing.append(uri[:URI_MAX])
         else:
             files.append(file)
     return Bundle(_manifest(files, missing), files, missing)
 
 
-def _found(resolver: Resolver, uri: str, taken: set[str]) -> BundleFile | None:
+def _found(resolver: Resolver, uri: str, taken: Counter[str]) -> BundleFile | None:
     try:
         path = resolver.find(uri).path
         return _file(path, _free_path(uri, taken), uri) if path.suffix.lower() in TYPES else None
@@ -176,14 +178,10 @@ def _type(path: str) -> str:
     return TYPES.get(PurePosixPath(path).suffix.lower(), "application/xml")
 
 
-def _free_path(uri: str, taken: set[str]) -> str:
-    """A unique path inside the bundle that still reads like the file's name."""
+def _free_path(uri: str, taken: Counter[str]) -> str:
+    """A unique path inside the bundle that still reads like the file's name. `taken`: how often a name is."""
     parts = [p for p in PurePosixPath(unquote(urlsplit(uri).path)).parts if p not in ("/", "..", ".")]
-    name = "".join(c if c.isascii() and (c.isalnum() or c in "._-") else "_" for c in parts[-1])
-    path = f"meshes/{name}"
-    number = 2
-    while path in taken:
-        path = f"meshes/{number}/{name}"
-        number += 1
-    taken.add(path)
-    return path
+    last = parts[-1] if parts else uri  # of which all stands behind a # or ?
+    name = "".join(c if c.isascii() and (c.isalnum() or c in "._-") else "_" for c in last)
+    taken[name] += 1
+    return f"meshes/{name}" if taken[name] == 1 else f"meshes/{taken[name]}/{name}"

@@ -21,7 +21,7 @@ from posecast_edge.model.resolve import Resolver
 
 ENTRIES = 16
 INPUTS = "inputs.json"
-BUILDER = 4  # goes up when the same input gives another bundle
+BUILDER = 5  # goes up when the same input gives another bundle
 
 
 def cache_folder(environment: Mapping[str, str]) -> Path:
@@ -37,7 +37,7 @@ class Cache:
         self._urdf = urdf.resolve()
         self._packages = packages
         name = "\0".join(map(str, (BUILDER, self._urdf, *(p.resolve() for p in packages))))
-        self._entry = folder / hashlib.sha256(name.encode()).hexdigest()[:32]
+        self._entry = folder / hashlib.sha256(os.fsencode(name)).hexdigest()[:32]
 
     def get(self) -> dict[str, bytes] | None:
         """The bundle's files with `manifest.json`; None when there is none, or an input has changed."""
@@ -47,7 +47,7 @@ class Cache:
                 return None
             files = read_folder(self._entry)
             os.utime(self._entry)
-        except (OSError, ValueError, KeyError, TypeError, ModelRefused):
+        except (OSError, ValueError, KeyError, TypeError, RecursionError, ModelRefused):
             return None
         return files
 

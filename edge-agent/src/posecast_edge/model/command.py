@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from io import BytesIO
 from pathlib import Path
 from typing import Any, NoReturn
@@ -14,6 +14,7 @@ from posecast_edge.model.cache import Cache, cache_folder
 from posecast_edge.model.doctor import examine
 from posecast_edge.model.finding import EXTRA, SEVERITIES, Finding, ModelRefused, quoted
 from posecast_edge.model.folder import MANIFEST, write_folder
+from posecast_edge.model.manifest import FINDINGS_MAX
 from posecast_edge.model.progress import Bar
 from posecast_edge.model.resolve import Resolver, package_folders
 from posecast_edge.model.tree import build_tree
@@ -99,8 +100,7 @@ def _model(path: Path, urdf: Urdf, packages: Sequence[Path], profile: Profile | 
             files = read_visual_files(urdf, Resolver(path, packages), bar.show)
         facts = facts_of(files)
     findings = examine(urdf, build_tree(urdf), facts, profile.mapping if profile else None)
-    for finding in findings:
-        _say(sys.stdout, finding.words(str(path)))
+    _list(findings, lambda finding: finding.words(str(path)))
     counts = f"{_many(len(urdf.links), 'link')}, {_many(len(urdf.joints), 'joint')}"
     _say(sys.stdout, f"{path}: robot {quoted(urdf.name)}, {counts}: {_counted(findings)}")
     return findings
@@ -118,12 +118,19 @@ def _source(args: argparse.Namespace, profile: Profile | None, urdf: Urdf | None
     if described:
         urdf = read_urdf(BytesIO(described[-1].encode()))
     findings = examine_source(seen, urdf, args.hz, given=profile is not None)
-    for finding in findings:
-        # a line is the URDF's
-        _say(sys.stdout, finding.words(str(args.urdf or DESCRIPTION) if finding.line else args.source))
+    # a line is the URDF's
+    _list(findings, lambda f: f.words(str(args.urdf or DESCRIPTION) if f.line else args.source))
     rate = f"{_many(seen.samples, 'sample')}, {seen.rate_hz:.1f} a second"
     _say(sys.stdout, f"{args.source}: {rate}: {_counted(findings)}")
     return findings
+
+
+def _list(findings: Sequence[Finding], words: Callable[[Finding], str]) -> None:
+    """The worst FINDINGS_MAX of them; a hostile file has tens of thousands."""
+    for finding in findings[:FINDINGS_MAX]:
+        _say(sys.stdout, words(finding))
+    if len(findings) > FINDINGS_MAX:
+        _say(sys.stdout, f"and {len(findings) - FINDINGS_MAX} more")
 
 
 def _counted(findings: Sequence[Finding]) -> str:

@@ -7,6 +7,7 @@ shown by stand-ins. A new description replaces the old one.
 from __future__ import annotations
 
 import logging
+import shutil
 import tempfile
 import threading
 from collections.abc import Callable, Sequence
@@ -71,11 +72,16 @@ class DescribedModel:
                 self._build = self._begin(urdf, Path(self._folder.name, str(number), DEPTH))
             except (ModelError, OSError) as e:
                 log.warning("robot_description: %s", e)
+            # the one before is still served until this one is ready
+            shutil.rmtree(Path(self._folder.name, str(number - 2)), ignore_errors=True)
 
     def _begin(self, urdf: str, folder: Path) -> BackgroundBuild:
         folder.mkdir(parents=True)
         path = folder / "robot.urdf"
-        path.write_text(urdf, encoding="utf-8")
+        try:
+            path.write_text(urdf, encoding="utf-8")
+        except UnicodeEncodeError:
+            raise ModelError("it is not text: half a character stands in it") from None
         try:
             raw = load_bundle(path, self._packages)
         except ModelError as e:

@@ -7,13 +7,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from posecast_edge.model.files import Files
+from posecast_edge.model.files import TRIANGLES_MAX, Files
 from posecast_edge.model.finding import ModelRefused
-from posecast_edge.model.mesh import Mesh, Paint, Surface
+from posecast_edge.model.manifest import near
+from posecast_edge.model.mesh import SHOWN_AGAIN_MAX, Mesh, Paint, Surface, checked
 from posecast_edge.model.primitives import box, tessellate
 from posecast_edge.model.texture import mean_colour
 from posecast_edge.model.tree import Tree
-from posecast_edge.model.urdf import SHAPES_MAX, Geometry, Pose, Shape, Urdf, Vector, material_of
+from posecast_edge.model.urdf import SHAPES_MAX, ZERO, Geometry, Pose, Shape, Urdf, Vector, material_of
 from posecast_edge.model.weld import weld
 
 GREY = Paint((0.72, 0.74, 0.77, 1.0))
@@ -66,7 +67,11 @@ class _Maker:
         self._files = files
         self._numbers: dict[object, int] = {}
         self._left = SHAPES_MAX
+        self._drawn = self._made = 0  # triangles: of all visuals, of all looks
         self._stood_in: set[int] = set()
+        self._joints: dict[str, list[Vector]] = {}  # where each link's own joints are
+        for joint in tree.joints:
+            self._joints.setdefault(joint.parent, []).append(joint.pose.xyz)
         self.looks: list[Looks] = []
 
     def visuals(self, link: int) -> Iterator[Visual]:
@@ -77,18 +82,34 @@ class _Maker:
             fallback = self._paint(shape)
             source = shape.geometry.uri or shape.geometry.kind
             try:
-                yield Visual(link, shape.pose, self._number(shape.geometry, fallback, None), source, None)
+                if not near(shape.pose):
+                    raise ModelRefused("its origin is more than 10,000 km away")
+                number = self._drawn_as(shape.geometry, fallback, None)
+                yield Visual(link, shape.pose, number, source, None)
             except ModelRefused as e:
                 yield from self._stand_ins(link, shape, source, e.reason)
 
+    def _drawn_as(self, geometry: Geometry, paint: Paint | None, mark: str | None) -> int:
+        """The looks of a geometry that is drawn once more. ModelRefused when its mesh can't be used, or too
+        much is drawn already."""
+        number = self._number(geometry, paint, mark)
+        drawn = self._drawn + sum(len(s.faces) for s, _, _ in self.looks[number].skins)
+        if drawn > TRIANGLES_MAX:
+            raise ModelRefused(f"left out: the robot shows more than {TRIANGLES_MAX:,} triangles already")
+        self._drawn = drawn
+        return number
+
     def _number(self, geometry: Geometry, paint: Paint | None, mark: str | None) -> int:
-        """The looks of a geometry. ModelRefused when its mesh can't be used."""
         file = self._files[geometry.uri] if geometry.kind == "mesh" else None
         if file is not None and file.mesh is None:
             raise ModelRefused(file.reason or "can't be read")
         key = (file.path if file else geometry.kind, geometry.dims, geometry.scale, paint, mark)
         if key not in self._numbers:
-            mesh = file.mesh if file and file.mesh else tessellate(geometry.kind, geometry.dims)
+            made = file.mesh if file else None
+            mesh = made or checked(tessellate(geometry.kind, geometry.dims))
+            self._made += mesh.triangles
+            if self._made > SHOWN_AGAIN_MAX + self._files.triangles:  # another scale or paint is another body
+                raise ModelRefused("left out: large meshes are shown in too many sizes and colours")
             self._numbers[key] = self._add(_scaled(mesh, geometry.scale), paint, mark)
         return self._numbers[key]
 
@@ -121,17 +142,20 @@ class _Maker:
             if other.geometry is None or other.geometry.uri == source:
                 continue
             try:
-                number = self._number(other.geometry, None, "placeholder")
+                if not near(other.pose):
+                    continue
+                number = self._drawn_as(other.geometry, None, "placeholder")
             except ModelRefused:
                 continue
             found = True
             yield Visual(link, other.pose, number, source, reason)
         if not found:
-            looks = self._add(self._box(link, shape.pose.xyz), None, "placeholder")
+            at = shape.pose.xyz if near(shape.pose) else ZERO
+            looks = self._add(self._box(link, at), None, "placeholder")
             yield Visual(link, Pose(), looks, source, reason)
 
     def _box(self, link: int, xyz: Vector) -> Mesh:
-        points = [xyz, *(j.pose.xyz for j in self._tree.joints if j.parent == self._tree.links[link].name)]
+        points = [xyz, *self._joints.get(self._tree.links[link].name, [])]
         low, high = np.min(points, axis=0) - LITTLE, np.max(points, axis=0) + LITTLE
         return box((low + high) / 2, high - low)
 
@@ -159,13 +183,13 @@ def _scaled(mesh: Mesh, scale: Vector) -> Mesh:
     if scale == (1.0, 1.0, 1.0):
         return mesh
     mirrored = scale[0] * scale[1] * scale[2] < 0
-    factor = np.array(scale, np.float32)
-    return Mesh(
-        tuple(
+    with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is refused below
+        factor = np.array(scale, np.float32)
+        scaled = tuple(
             replace(s, positions=s.positions * factor, faces=s.faces[:, ::-1] if mirrored else s.faces)
             for s in mesh.surfaces
         )
-    )
+    return checked(Mesh(scaled))
 
 
 def _joined(surfaces: Sequence[Surface], keep_uv: bool) -> Surface:

@@ -6,12 +6,12 @@ from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from posecast_edge.model.beside import Shelf
 from posecast_edge.model.doctor_meshes import MeshFacts
 from posecast_edge.model.finding import ModelRefused
 from posecast_edge.model.mesh import Mesh
-from posecast_edge.model.mesh_reader import TEXTURE_MAX, read_bounded, read_mesh
+from posecast_edge.model.mesh_reader import read_mesh
 from posecast_edge.model.resolve import Resolver
-from posecast_edge.model.texture import checked_picture
 from posecast_edge.model.urdf import Urdf, material_of
 
 TRIANGLES_MAX = 10_000_000  # of all meshes
@@ -41,7 +41,8 @@ class Files:
         self._by_uri: dict[str, MeshFile] = {}
         self._by_path: dict[tuple[Path, bool], Mesh | str] = {}
         self._pictures: dict[str, bytes | str] = {}
-        self._triangles = 0
+        self._shelf = Shelf()
+        self.triangles = 0  # of all meshes read so far
 
     def __getitem__(self, uri: str) -> MeshFile:
         if uri not in self._by_uri:
@@ -69,8 +70,7 @@ class Files:
         """The picture behind a URI; None when there is none, and `missing` says why."""
         if uri not in self._pictures:
             try:
-                path = self._resolver.find(uri).path
-                self._pictures[uri] = checked_picture(read_bounded(path, TEXTURE_MAX))
+                self._pictures[uri] = self._shelf.picture(self._resolver.find(uri).path)
             except ModelRefused as e:
                 self._pictures[uri] = e.reason
         found = self._pictures[uri]
@@ -82,15 +82,15 @@ class Files:
         return reasons | {uri: why for uri, why in self._pictures.items() if isinstance(why, str)}
 
     def _load(self, path: Path, keep_uv: bool) -> Mesh | str:
-        if self._triangles > TRIANGLES_MAX:
+        if self.triangles > TRIANGLES_MAX:
             return f"left out: the robot has more than {TRIANGLES_MAX:,} triangles already"
         try:
-            mesh = read_mesh(path, self._resolver, keep_uv)
+            mesh = read_mesh(path, self._resolver, keep_uv, self._shelf)
         except ModelRefused as e:
             return e.reason if e.line is None else f"line {e.line}: {e.reason}"
         except MemoryError:
             return "takes more memory than there is"
-        self._triangles += mesh.triangles
+        self.triangles += mesh.triangles
         return mesh
 
 

@@ -41,5 +41,10 @@ def worst_first(findings: list[Finding]) -> list[Finding]:
 
 def quoted(name: str, longest: int = 80) -> str:
     """A name from a stranger's file, safe to print: no control characters, not endless."""
-    shown = "".join(c if c.isprintable() else "�" for c in name[: longest + 1])
+    shown = printable(name[: longest + 1])
     return f"'{shown}'" if len(shown) <= longest else f"'{shown[:longest]}…'"
+
+
+def printable(text: str) -> str:
+    """The same with a sign of its own for what moves the cursor, ends a line or turns the writing round."""
+    return "".join(c if c.isprintable() else "�" for c in text)

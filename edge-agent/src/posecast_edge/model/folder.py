@@ -77,6 +77,8 @@ def entries_of(manifest: bytes) -> list[Entry]:
         raise ModelRefused("its manifest is none") from None
     if len(entries) > FILES_MAX or not all(map(_fits, entries)):
         raise ModelRefused("its manifest names impossible files")
+    if len({entry.path for entry in entries}) < len(entries):
+        raise ModelRefused("its manifest names a file twice")
     return entries
 
 

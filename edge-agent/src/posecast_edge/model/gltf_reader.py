@@ -10,11 +10,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from posecast_edge.model.finding import ModelRefused, quoted
+from posecast_edge.model.finding import ModelRefused, printable, quoted
 from posecast_edge.model.kinematics import from_quaternion
-from posecast_edge.model.mesh import TRIANGLES_MAX, Floats, Mesh, Paint, Surface
-from posecast_edge.model.obj import Load
-from posecast_edge.model.texture import checked_picture
+from posecast_edge.model.mesh import (
+    Expansion,
+    Floats,
+    Load,
+    Mesh,
+    Notes,
+    Paint,
+    Surface,
+    share,
+    used_vertices,
+)
+from posecast_edge.model.texture import Pictures
 
 JSON_MAX = 16 << 20
 NODES_MAX = 10_000
@@ -24,14 +33,15 @@ COMPONENTS = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 512
 WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 
 
-def read_gltf(data: bytes, load: Load) -> Mesh:
+def read_gltf(data: bytes, load: Load, pictures: Pictures | None = None) -> Mesh:
     """ModelRefused when it is none, or is compressed."""
     document, binary = _chunks(data) if data[:4] == b"glTF" else (_json(data), None)
     try:
-        reader = _Reader(document, binary, load)
-        return Mesh(tuple(reader.surfaces()), tuple(reader.notes))
-    except (KeyError, IndexError, TypeError, AttributeError, ValueError, OverflowError) as e:
-        raise ModelRefused(f"its glTF is broken: {type(e).__name__} {str(e)[:60]}") from None
+        reader = _Reader(document, binary, load, pictures or Pictures(), len(data))
+        return Mesh(tuple(reader.surfaces()), reader.notes.told())
+    except (LookupError, TypeError, AttributeError, ValueError, ArithmeticError, RecursionError) as e:
+        said = printable(f"{type(e).__name__} {str(e)[:60]}")
+        raise ModelRefused(f"its glTF is broken: {said}") from None
 
 
 def _json(text: bytes) -> dict[str, Any]:
@@ -61,16 +71,24 @@ def _chunks(data: bytes) -> tuple[dict[str, Any], bytes]:
 
 
 class _Reader:
-    def __init__(self, document: dict[str, Any], binary: bytes | None, load: Load) -> None:
+    def __init__(
+        self, document: dict[str, Any], binary: bytes | None, load: Load, pictures: Pictures, size: int
+    ) -> None:
+        """`size`: bytes of the file."""
         self._document = document
         self._load = load
-        self._buffers: dict[int, bytes] = {} if binary is None else {0: binary}
+        self._buffers: dict[int, bytes] = {}
+        self._binary = binary
+        self._pictures = pictures
+        self._picture_bytes = size  # that pictures inside it may have together: they do not overlap
+        self._paints: dict[int, Paint] = {}
+        self._images: dict[int, bytes | None] = {}
+        self._expansion = Expansion(size)
         self._visited = 0
-        self.notes: list[tuple[str, str]] = []
-        self._triangles = 0
-        unknown = sorted(set(map(str, document.get("extensionsRequired", []))) - KNOWN)
+        self.notes = Notes()
+        unknown = sorted({name for name in document.get("extensionsRequired", []) if name not in KNOWN})
         if unknown:
-            raise ModelRefused(f"it needs {unknown[0][:60]}; export it without compression")
+            raise ModelRefused(f"it needs {printable(unknown[0][:60])}; export it without compression")
 
     def surfaces(self) -> Iterator[Surface]:
         document = self._document
@@ -99,43 +117,53 @@ class _Reader:
     def _primitive(self, primitive: dict[str, Any], at: NDArray[np.float64]) -> Surface | None:
         mode = primitive.get("mode", 4)
         if mode not in (4, 5, 6):
+            self._expansion.place(0)
             return None  # points and lines
         attributes = primitive["attributes"]
-        positions = self._accessor(attributes["POSITION"], 3).astype(np.float64)
-        if "indices" in primitive:
-            indices = self._accessor(primitive["indices"], 1).reshape(-1).astype(np.int64)
-        else:
-            indices = np.arange(len(positions))
-        faces = _faces(indices, mode)
-        self._triangles += len(faces)
-        if self._triangles > TRIANGLES_MAX:
-            raise ModelRefused(f"more than {TRIANGLES_MAX:,} triangles")
-        paint = self._paint(primitive.get("material"))
+        count = len(self._accessor(attributes["POSITION"], 3)[0])
+        indices = self._accessor(primitive["indices"], 1)[0] if "indices" in primitive else None
+        corners = count if indices is None else len(indices)
+        triangles = corners // 3 if mode == 4 else max(corners - 2, 0)
+        self._expansion.place(triangles)
+        if not triangles:
+            return None
+        corners = 3 * triangles if mode == 4 else corners
+        numbers = np.arange(corners) if indices is None else indices[:corners, 0].astype(np.int64)
+        kept, place = used_vertices(numbers, count)
         uv = None
         if "TEXCOORD_0" in attributes:
-            uv = self._accessor(attributes["TEXCOORD_0"], 2).astype(np.float32)
-            if len(uv) != len(positions):
-                raise ModelRefused("vertices and texture coordinates of different numbers")
-        colours = self._colours(attributes, len(positions))
+            uv = self._values(attributes["TEXCOORD_0"], 2, kept, count).astype(np.float32)
+        paint = self._paint(primitive.get("material"))
+        colours = self._colours(attributes, kept, count)
+        faces = _faces(place, mode)
         if np.linalg.det(at[:3, :3]) < 0:
             faces = faces[:, ::-1]
-        placed = positions @ at[:3, :3].T + at[:3, 3]
-        return Surface(placed.astype(np.float32), faces.astype(np.int32), uv, paint, colours)
+        placed = self._values(attributes["POSITION"], 3, kept, count) @ at[:3, :3].T + at[:3, 3]
+        with np.errstate(over="ignore"):  # beyond single precision: infinite, which is refused later
+            return Surface(placed.astype(np.float32), faces.astype(np.int32), uv, paint, colours)
 
-    def _colours(self, attributes: dict[str, Any], count: int) -> Floats | None:
+    def _colours(self, attributes: dict[str, Any], kept: NDArray[np.int64], count: int) -> Floats | None:
         """Display values (n, 3) of vertices that have colours of their own."""
         if "COLOR_0" not in attributes:
             return None
         number = attributes["COLOR_0"]
         width = WIDTHS[_at(self._document["accessors"], number)["type"]]
-        linear = np.clip(self._accessor(number, width)[:, :3].astype(np.float64), 0, 1)
-        if len(linear) != count or width < 3:
-            raise ModelRefused("vertices and colours of different numbers")
+        if width < 3:
+            raise ModelRefused("colours of fewer than three parts")
+        linear = np.clip(self._values(number, width, kept, count)[:, :3], 0, 1)
         low = linear * 12.92
         return np.where(linear <= 0.0031308, low, 1.055 * linear ** (1 / 2.4) - 0.055).astype(np.float32)
 
-    def _accessor(self, index: int, width: int) -> NDArray[Any]:
-        """(n, width) values; normalised ones as floats."""
+    def _values(self, index: int, width: int, kept: NDArray[np.int64], count: int) -> NDArray[np.float64]:
+        """(n, width) values of the kept vertices, of which there are `count` in all."""
+        values, normalised = self._accessor(index, width)
+        if len(values) != count:
+            raise ModelRefused("vertices and what belongs to them of different numbers")
+        found = values[kept].astype(np.float64)
+        return np.maximum(found / np.iinfo(values.dtype).max, -1.0) if normalised else found
+
+    def _accessor(self, index: int, width: int) -> tuple[NDArray[Any], bool]:
+        """(n, width) values as they lie there, uncopied; whether they are to be normalised."""
         accessor = _at(self._document["accessors"], index)
         if "sparse" in accessor or "bufferView" not in accessor:
             raise ModelRefused("sparse vertices are not read")
@@ -148,22 +176,24 @@ class _Reader:
         stride = _whole(view.get("byteStride", 0)) or width * kind.itemsize
         if count and offset + (count - 1) * stride + width * kind.itemsize > len(whole):
             raise ModelRefused(f"it claims {count:,} vertices, its data has fewer")
-        values = np.ndarray((count, width), kind, whole, offset, (stride, kind.itemsize))
-        if not accessor.get("normalized"):
-            return values
-        return np.maximum(values.astype(np.float64) / np.iinfo(kind).max, -1.0)
+        values = np.ndarray((count, width), kind, whole, offset if count else 0, (stride, kind.itemsize))
+        return values, bool(accessor.get("normalized"))
 
-    def _view(self, view: dict[str, Any]) -> bytes:
+    def _view(self, view: dict[str, Any]) -> memoryview:
         data = self._buffer(_whole(view.get("buffer", 0)))
         offset, length = _whole(view.get("byteOffset", 0)), _whole(view["byteLength"])
         if offset + length > len(data):
             raise ModelRefused("it claims more data than it has")
-        return data[offset : offset + length]
+        return memoryview(data)[offset : offset + length]
 
     def _buffer(self, number: int) -> bytes:
-        uri = _at(self._document["buffers"], number).get("uri")
-        if number not in self._buffers or uri is not None:
-            self._buffers[number] = self._resource(uri)
+        if number not in self._buffers:
+            uri = _at(self._document["buffers"], number).get("uri")
+            if uri is None and number == 0 and self._binary is not None:
+                self._buffers[number] = self._binary
+            else:
+                self._buffers[number] = data = self._resource(uri)
+                self._expansion.hold(len(data))
         return self._buffers[number]
 
     def _resource(self, uri: Any) -> bytes:
@@ -186,24 +216,39 @@ class _Reader:
     def _paint(self, index: int | None) -> Paint | None:
         if index is None:
             return None
-        material = _at(self._document["materials"], index)
+        number = _whole(index)
+        if number not in self._paints:
+            self._paints[number] = self._read_paint(_at(self._document["materials"], number))
+        return self._paints[number]
+
+    def _read_paint(self, material: dict[str, Any]) -> Paint:
         pbr = material.get("pbrMetallicRoughness", {})
-        r, g, b, a = (min(max(float(x), 0.0), 1.0) for x in pbr.get("baseColorFactor", (1, 1, 1, 1)))
+        r, g, b, a = (share(float(x)) for x in pbr.get("baseColorFactor", (1, 1, 1, 1)))
         alpha = a if material.get("alphaMode") == "BLEND" and a >= 0.02 else 1.0
         rgba = (_display(r), _display(g), _display(b), alpha)
-        picture = pbr.get("baseColorTexture")
-        if picture is None:
+        texture = pbr.get("baseColorTexture")
+        if texture is None:
             return Paint(rgba)
-        image = _at(self._document["images"], _at(self._document["textures"], picture["index"])["source"])
-        try:
-            if "bufferView" in image:
-                data = self._view(_at(self._document["bufferViews"], image["bufferView"]))
-            else:
-                data = self._resource(image.get("uri"))
-            return Paint(rgba, checked_picture(data))
-        except ModelRefused as e:
-            self.notes.append(("texture", f"a texture in it: {e.reason}"))
-            return Paint(rgba)
+        return Paint(rgba, self._picture(_whole(_at(self._document["textures"], texture["index"])["source"])))
+
+    def _picture(self, number: int) -> bytes | None:
+        if number not in self._images:
+            try:
+                data = self._image(_at(self._document["images"], number))
+                self._images[number] = self._pictures.checked(data)
+            except ModelRefused as e:
+                self.notes.add("texture", f"a texture in it: {e.reason}")
+                self._images[number] = None
+        return self._images[number]
+
+    def _image(self, image: dict[str, Any]) -> bytes:
+        if "bufferView" not in image:
+            return self._resource(image.get("uri"))
+        inside = self._view(_at(self._document["bufferViews"], image["bufferView"]))
+        self._picture_bytes -= len(inside)
+        if self._picture_bytes < 0:
+            raise ModelRefused("its pictures are larger together than the file")
+        return bytes(inside)
 
 
 def _at(items: list[Any], index: Any) -> Any:

@@ -11,7 +11,7 @@ from typing import Any
 from posecast_edge.model.finding import Finding
 from posecast_edge.model.kinematics import plane_of, quaternion_from_rpy
 from posecast_edge.model.tree import Tree
-from posecast_edge.model.urdf import SCALAR_TYPES, UNBOUNDED, Pose, Sensor, Urdf, Vector
+from posecast_edge.model.urdf import FAR_M, SCALAR_TYPES, UNBOUNDED, Pose, Sensor, Urdf, Vector
 
 VERSION = 2
 FINDINGS_MAX = 200
@@ -19,7 +19,7 @@ FINDINGS_MAX = 200
 
 def skeleton(urdf: Urdf, tree: Tree) -> dict[str, Any]:
     """`links`, `joints` and `sensors`."""
-    sensors = [_sensor(s, tree) for s in urdf.sensors if s.link in tree.index]
+    sensors = [_sensor(s, tree) for s in urdf.sensors if s.link in tree.index and near(s.pose)]
     return {
         "links": [link.name for link in tree.links],
         "joints": [_joint(tree, i) for i in range(len(tree.joints))],
@@ -57,6 +57,11 @@ def finding_entries(findings: Sequence[Finding]) -> list[dict[str, Any]]:
     ]
 
 
+def near(pose: Pose) -> bool:
+    """Whether it is no further away than anything of a robot can be."""
+    return max(map(abs, pose.xyz)) <= FAR_M
+
+
 def short(value: float) -> float:
     """Nine digits; no negative zero."""
     return float(f"{value:.9g}") + 0.0
@@ -64,10 +69,11 @@ def short(value: float) -> float:
 
 def unit(axis: Vector | None) -> Vector:
     """The axis at length 1; x where there is none."""
-    length = math.hypot(*axis) if axis is not None else 0.0
-    if axis is None or length < 1e-9:
+    longest = max(map(abs, axis)) if axis is not None else 0.0
+    if axis is None or longest < 1e-9:
         return (1.0, 0.0, 0.0)
-    x, y, z = axis
+    x, y, z = (v / longest for v in axis)  # first, for the square of a large number has no end
+    length = math.hypot(x, y, z)
     return (x / length, y / length, z / length)
 
 

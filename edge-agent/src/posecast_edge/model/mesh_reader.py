@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+from posecast_edge.model.beside import Shelf, read_bounded
 from posecast_edge.model.collada import read_collada
-from posecast_edge.model.finding import ModelRefused
+from posecast_edge.model.finding import ModelRefused, quoted
 from posecast_edge.model.gltf_reader import read_gltf
 from posecast_edge.model.mesh import FILE_MAX, Mesh, checked
 from posecast_edge.model.obj import read_obj
@@ -14,52 +15,32 @@ from posecast_edge.model.resolve import Resolver
 from posecast_edge.model.stl import read_stl
 from posecast_edge.model.vertex_colour import by_colours
 
-TEXTURE_MAX = 64 << 20
 
-
-def read_mesh(path: Path, resolver: Resolver, keep_uv: bool = False) -> Mesh:
+def read_mesh(path: Path, resolver: Resolver, keep_uv: bool = False, shelf: Shelf | None = None) -> Mesh:
     """The checked mesh, one paint a surface. ModelRefused says why it can't be shown.
 
     `keep_uv`: the URDF has a picture for it, so coordinates matter also where the file itself names none.
+    `shelf`: of the robot, where meshes share what they name.
     """
-    mesh = checked(_read(path, resolver, keep_uv))
+    mesh = checked(_read(path, resolver, keep_uv, shelf or Shelf()))
     return replace(mesh, surfaces=tuple(by_colours(mesh.surfaces)))
 
 
-def _read(path: Path, resolver: Resolver, keep_uv: bool) -> Mesh:
+def _read(path: Path, resolver: Resolver, keep_uv: bool, shelf: Shelf) -> Mesh:
     data = read_bounded(path, FILE_MAX)
     _refuse_the_obvious(data)
-    suffix = path.suffix.lower()
-
-    def load(name: str) -> bytes:
-        file = resolver.beside(path, name)
-        return read_bounded(file, FILE_MAX if file.suffix.lower() == ".bin" else TEXTURE_MAX)
-
+    suffix, load = path.suffix.lower(), shelf.of(path, resolver)
     if data[:4] == b"glTF" or suffix == ".gltf":
-        return read_gltf(data, load)
+        return read_gltf(data, load, shelf.pictures)
     if suffix == ".stl":
         return read_stl(data)
     if suffix == ".dae":
-        return read_collada(data, load, keep_uv)
+        return read_collada(data, load, keep_uv, shelf.pictures)
     if suffix == ".obj":
-        return read_obj(data, load, keep_uv)
+        return read_obj(data, load, keep_uv, shelf.pictures)
     if suffix == ".glb":
         raise ModelRefused("no glTF 2.0 binary")
-    raise ModelRefused(f"{suffix} is no kind of mesh that is read")
-
-
-def read_bounded(path: Path, most: int) -> bytes:
-    """A file's bytes. ModelRefused when it is larger than that, or can't be read."""
-    try:
-        if path.stat().st_size > most:
-            raise ModelRefused(f"over {most >> 20} MiB")
-        with path.open("rb") as file:
-            data = file.read(most + 1)
-    except OSError as e:
-        raise ModelRefused(e.strerror or "can't be read") from None
-    if len(data) > most:
-        raise ModelRefused(f"over {most >> 20} MiB")
-    return data
+    raise ModelRefused(f"{quoted(suffix)} is no kind of mesh that is read")
 
 
 def _refuse_the_obvious(data: bytes) -> None:

@@ -62,12 +62,23 @@ def _groups(faces: Faces, normals: Vectors, least_cosine: float) -> NDArray[np.i
     turned = a[one] != a[two]  # neighbours of one orientation run along the edge in opposite ways
     left = np.concatenate([start[one], end[one]])
     right = np.concatenate([np.where(turned, end[two], start[two]), np.where(turned, start[two], end[two])])
-    label = np.arange(faces.size, dtype=np.int64)
+    return np.unique(joined(faces.size, left, right), return_inverse=True)[1].reshape(-1)
+
+
+def joined(count: int, left: NDArray[np.int64], right: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The lowest of the numbers 0 … count - 1 that each hangs together with over the pairs (left, right).
+
+    Each round hangs every set's lowest number below a lower one that a pair leads to, and forgets the pairs
+    within a set: after a logarithm of rounds nothing is left (Liu and Tarjan 2019), in whatever order they
+    come.
+    """
+    lowest = np.arange(count, dtype=np.int64)
     while True:
-        low = np.minimum(label[left], label[right])
-        before = label.copy()
-        np.minimum.at(label, left, low)
-        np.minimum.at(label, right, low)
-        label = label[label]
-        if (label == before).all():
-            return np.unique(label, return_inverse=True)[1].reshape(-1)
+        one, two = lowest[left], lowest[right]
+        apart = one != two
+        if not apart.any():
+            return lowest
+        left, right, one, two = left[apart], right[apart], one[apart], two[apart]
+        np.minimum.at(lowest, np.maximum(one, two), np.minimum(one, two))
+        while (lowest[lowest] != lowest).any():
+            lowest = lowest[lowest]

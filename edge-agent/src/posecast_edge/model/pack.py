@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from posecast_edge.model.mesh import Faces, Floats, Surface
 from posecast_edge.model.normals import crease_normals, face_normals
-from posecast_edge.model.weld import unique_faces, used_only
+from posecast_edge.model.weld import crowded_faces, unique_faces, used_only
 
 CREASE_DEG = 40.0
 
@@ -73,6 +73,9 @@ def pack(surface: Surface, faces: Faces, grid: Grid) -> Part:
 
 
 def _in_cache_order(faces: Faces, vertices: int) -> Faces:
+    crowded = crowded_faces(faces)
+    if crowded.any():
+        return np.concatenate([_in_cache_order(faces[~crowded], vertices), faces[crowded]])
     if not len(faces):
         return faces
     indices = np.ascontiguousarray(faces.reshape(-1), np.uint32)

@@ -75,4 +75,5 @@ def _turned(profile: Sequence[tuple[float, float]]) -> Surface:
 
 
 def _surface(positions: NDArray[np.float64], faces: NDArray[np.int64], uv: NDArray[np.float64]) -> Surface:
-    return Surface(positions.astype(np.float32), faces.astype(np.int32), uv.astype(np.float32))
+    with np.errstate(over="ignore"):  # beyond single precision: infinite, which is refused later
+        return Surface(positions.astype(np.float32), faces.astype(np.int32), uv.astype(np.float32))

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 Vectors = NDArray[np.float64]
 TESTS_MAX = 4_000_000  # pixel tests in one go: bounds the memory
+TESTS_IN_ALL = 1 << 26  # of one picture: a second or two
 
 
 @dataclass(frozen=True)
@@ -60,8 +61,8 @@ def draw(corners: Vectors, camera: Camera) -> tuple[NDArray[np.int64], Vectors]:
     a, b, c = screen[:, 0, :2], screen[:, 1, :2], screen[:, 2, :2]
     sizes = np.ceil(np.maximum(np.maximum(a, b), c)) - np.floor(np.minimum(np.minimum(a, b), c))
     powers = np.ceil(np.log2(np.maximum(sizes, 1))).astype(np.int64)
-    classes = powers[:, 0] * 64 + powers[:, 1]
-    for box in np.unique(classes):
+    classes = np.where(_affordable(powers.sum(axis=1)), powers[:, 0] * 64 + powers[:, 1], -1)
+    for box in np.unique(classes[classes >= 0]):
         width, height = divmod(int(box), 64)
         chosen = np.flatnonzero(classes == box)
         tests = len(chosen) << (width + height)
@@ -70,6 +71,15 @@ def draw(corners: Vectors, camera: Camera) -> tuple[NDArray[np.int64], Vectors]:
     seen = nearest != np.iinfo(np.int64).max
     triangle = np.where(seen, nearest & 0xFFFFFFFF, -1).reshape(side, side)
     return triangle, _weights(screen, triangle, side)
+
+
+def _affordable(powers: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Which triangles are drawn, by the power of two of their pixel tests: the smaller ones first, as many as
+    TESTS_IN_ALL allow. A robot takes a tenth of them; a heap of triangles as large as itself has no end."""
+    order = np.argsort(powers, kind="stable")
+    drawn = np.zeros(len(powers), bool)
+    drawn[order] = np.cumsum(np.exp2(powers[order])) <= TESTS_IN_ALL
+    return drawn
 
 
 def silhouette(corners: Vectors, camera: Camera) -> NDArray[np.bool_]:

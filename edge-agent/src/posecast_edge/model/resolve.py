@@ -18,6 +18,8 @@ from posecast_edge.model.xml_tree import read_xml
 
 MESHES = (".stl", ".dae", ".obj", ".glb", ".gltf", ".ply")
 BESIDE = (".mtl", ".png", ".jpg", ".jpeg", ".bmp", ".tga", ".tif", ".tiff", ".webp", ".gif", ".dds", ".bin")
+URI_MAX = 4096  # characters
+PARTS_MAX = 32  # of a path; each may be tried as the beginning of another
 LEVELS_UP = 4  # parents of the URDF's folder in which a package is looked for
 FOLDERS_MAX = 2000  # looked into for a package.xml
 ENTRIES_MAX = 20_000  # of one folder, looked at for a name in other letters
@@ -51,6 +53,7 @@ class Resolver:
         self._root = package or (folder.parent if beside else folder)
         self._given = [p.resolve() for p in packages if p.is_dir()]
         self._named: dict[str, list[Path]] | None = None
+        self._spellings: dict[Path, dict[str, str]] = {}  # of folders looked into
         self.asked: dict[tuple[str, str], Path | None] = {}  # (URI, "") or (mesh, name): what was found
 
     def find(self, uri: str) -> Resolved:
@@ -67,7 +70,7 @@ class Resolver:
         return found
 
     def _find(self, uri: str) -> Resolved:
-        if "\0" in uri or len(uri) > 4096:
+        if "\0" in uri or len(uri) > URI_MAX:
             raise ModelRefused("no name for a file")
         windows = "\\" in uri
         uri = uri.replace("\\", "/")
@@ -75,6 +78,8 @@ class Resolver:
             parts = urlsplit(uri)
         except ValueError:
             raise ModelRefused("no name for a file") from None
+        if uri.count("/") > PARTS_MAX:
+            raise ModelRefused("no name for a file")
         scheme = parts.scheme if len(parts.scheme) > 1 else ""  # C:/… is a path
         path = unquote(parts.path)
         if scheme == "package":
@@ -133,7 +138,7 @@ class Resolver:
         for folder in [*self._above, *self._given]:
             for root in (folder, folder / package):
                 # a package called like the user would be all that the user has
-                if root.name == package and root.is_dir() and not Path.home().is_relative_to(root):
+                if root.name == package and _is_folder(root) and not Path.home().is_relative_to(root):
                     yield root.resolve()
         if self._named is None:
             self._named = self._read_names()
@@ -168,32 +173,52 @@ class Resolver:
             raise found
         return found
 
-    @staticmethod
-    def _look(path: Path, roots: Sequence[Path], suffixes: Sequence[str]) -> Resolved | ModelRefused:
+    def _look(self, path: Path, roots: Sequence[Path], suffixes: Sequence[str]) -> Resolved | ModelRefused:
         try:
-            found = _inside_of([root.resolve() for root in roots], path)
+            found = self._inside_of([root.resolve() for root in roots], path)
         except (OSError, RuntimeError, ValueError):  # links in a circle, a name too long
             return ModelRefused("no such file")
         if isinstance(found, Resolved) and found.path.suffix.lower() not in suffixes:
             return ModelRefused(f"{quoted(found.path.suffix)} is no kind of mesh or picture that is read")
         return found
 
+    def _inside_of(self, roots: Sequence[Path], path: Path) -> Resolved | ModelRefused:
+        plain = Path(os.path.normpath(path))
+        if not any(plain.is_relative_to(root) for root in roots):
+            return ModelRefused(OUTSIDE)  # without a look whether it exists
+        hint = None
+        if not path.exists():
+            other = self._in_other_letters(plain)
+            if other is None:
+                return ModelRefused("no such file")
+            hint = f"the file is called {quoted(other.name)}, in other letters"
+            path = other
+        real = path.resolve()
+        if not any(real.is_relative_to(root) for root in roots):
+            return ModelRefused(OUTSIDE)
+        return Resolved(real, hint) if real.is_file() else ModelRefused("is no file")
 
-def _inside_of(roots: Sequence[Path], path: Path) -> Resolved | ModelRefused:
-    plain = Path(os.path.normpath(path))
-    if not any(plain.is_relative_to(root) for root in roots):
-        return ModelRefused(OUTSIDE)  # without a look whether it exists
-    hint = None
-    if not path.exists():
-        other = _in_other_letters(plain)
-        if other is None:
-            return ModelRefused("no such file")
-        hint = f"the file is called {quoted(other.name)}, in other letters"
-        path = other
-    real = path.resolve()
-    if not any(real.is_relative_to(root) for root in roots):
-        return ModelRefused(OUTSIDE)
-    return Resolved(real, hint) if real.is_file() else ModelRefused("is no file")
+    def _in_other_letters(self, path: Path) -> Path | None:
+        """The same path in other upper and lower case, for what was made on Windows."""
+        at = Path(path.anchor)
+        for name in path.parts[1:]:
+            if (at / name).exists() or name == "..":
+                at /= name
+                continue
+            if at not in self._spellings:
+                self._spellings[at] = _spellings(at)
+            spelling = self._spellings[at].get(name.casefold())
+            if spelling is None:
+                return None
+            at /= spelling
+        return at
+
+
+def _is_folder(path: Path) -> bool:
+    try:
+        return path.is_dir()
+    except OSError:  # a name too long
+        return False
 
 
 def _subfolders(folder: Path) -> list[Path]:
@@ -214,20 +239,11 @@ def _package_name(file: Path) -> str | None:
     return name.text.strip() if name else None
 
 
-def _in_other_letters(path: Path) -> Path | None:
-    """The same path in other upper and lower case, for what was made on Windows."""
-    at = Path(path.anchor)
-    for name in path.parts[1:]:
-        if (at / name).exists() or name == "..":
-            at /= name
-            continue
-        try:
-            with os.scandir(at) as entries:
-                few = [e.name for _, e in zip(range(ENTRIES_MAX), entries, strict=False)]
-        except OSError:
-            return None
-        same = sorted(n for n in few if n.casefold() == name.casefold())
-        if not same:
-            return None
-        at /= same[0]
-    return at
+def _spellings(folder: Path) -> dict[str, str]:
+    """Names in a folder, by the same without upper case; of several the first in the alphabet."""
+    try:
+        with os.scandir(folder) as entries:
+            few = [e.name for _, e in zip(range(ENTRIES_MAX), entries, strict=False)]
+    except OSError:
+        return {}
+    return {name.casefold(): name for name in sorted(few, reverse=True)}

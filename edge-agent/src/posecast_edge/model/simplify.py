@@ -6,8 +6,10 @@ import math
 
 import meshoptimizer
 import numpy as np
+from numpy.typing import NDArray
 
 from posecast_edge.model.mesh import Faces, Surface
+from posecast_edge.model.weld import crowded_faces
 
 LARGEST = 0.02  # of the mesh's size: no surface moves further, however small the level should be
 FINEST = 1e-5  # of the robot's size: the first rung
@@ -21,6 +23,12 @@ class Ladder:
 
     def __init__(self, surface: Surface, mesh_size: float, robot_size: float) -> None:
         self.surface = surface
+        crowded = _crowded(surface)
+        self._kept = surface.faces[crowded]  # as they are, on every rung
+        self._loose = surface.faces[~crowded]
+        # where some stay, the others keep their border with them
+        border = meshoptimizer.SIMPLIFY_LOCK_BORDER if len(self._kept) else 0
+        self._options = meshoptimizer.SIMPLIFY_ERROR_ABSOLUTE | border
         self._first = robot_size * FINEST
         self._most = mesh_size * LARGEST
         self._rungs: dict[int, tuple[float, Faces]] = {}
@@ -29,9 +37,15 @@ class Ladder:
         """Bound in metres, and the triangles (numbers of the surface's vertices)."""
         if k < 0:
             return 0.0, self.surface.faces
+        bound, faces = self._rung(k)
+        return bound, np.concatenate([faces, self._kept]) if len(self._kept) else faces
+
+    def _rung(self, k: int) -> tuple[float, Faces]:
+        if k < 0:
+            return 0.0, self._loose
         if k not in self._rungs:
             # From a rung far below: fast, and the sum of both errors is still within the bound.
-            below, faces = self.rung(k - BELOW)
+            below, faces = self._rung(k - BELOW)
             bound = min(self._first * STEP**k, self._most)
             self._rungs[k] = (bound, self._simplified(faces, bound - below) if bound > below else faces)
         return self._rungs[k]
@@ -47,9 +61,16 @@ class Ladder:
             np.ascontiguousarray(self.surface.positions, np.float32),
             target_index_count=0,
             target_error=error,
-            options=meshoptimizer.SIMPLIFY_ERROR_ABSOLUTE,
+            options=self._options,
         )
         return result[:count].reshape(-1, 3).astype(np.int32) if count else faces
+
+
+def _crowded(surface: Surface) -> NDArray[np.bool_]:
+    if surface.uv is None:  # welded: one vertex a place
+        return crowded_faces(surface.faces)
+    _, place = np.unique(surface.positions, axis=0, return_inverse=True)
+    return crowded_faces(surface.faces, place.reshape(-1))
 
 
 def rungs_in_all(mesh_sizes: list[float], robot_size: float) -> int:

@@ -43,7 +43,9 @@ def _text(data: bytes) -> Mesh:
     if len(data) > TEXT_MAX:
         raise ModelRefused(f"a text STL over {TEXT_MAX >> 20} MiB")
     try:
-        numbers = np.array([float(word) for match in VERTEX.finditer(data) for word in match.groups()], "<f4")
+        words = (float(word) for match in VERTEX.finditer(data) for word in match.groups())
+        with np.errstate(over="ignore"):  # beyond single precision: infinite, which is refused later
+            numbers = np.fromiter(words, np.float64).astype("<f4")
     except ValueError:
         raise ModelRefused("a vertex of the text STL is no number") from None
     if len(numbers) % 9:

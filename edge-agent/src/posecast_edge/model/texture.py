@@ -4,15 +4,26 @@ from __future__ import annotations
 
 import io
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import lru_cache
 
 from PIL import Image
 
-from posecast_edge.model.finding import ModelRefused
+from posecast_edge.model.finding import ModelRefused, printable
 
 FORMATS = ("PNG", "JPEG", "BMP", "TGA", "TIFF", "WEBP", "GIF")
-PIXELS_MAX = 64_000_000
+PIXELS_MAX = 64_000_000  # of one picture, which a file of 200 kB can unpack to
+PIXELS_IN_ALL = 1 << 30  # of a robot's pictures; further ones are left out
+PIXELS_A_BYTE = 400  # a PNG of one colour has some 340
+PIXELS_CLAIMED = 64_000_000  # of a robot's pictures, beyond what their bytes can stand for
+KEPT_PIXEL = 8  # bytes of a pixel without compression: a file that is larger holds more than a picture
+KEPT_HEAD = 4096
 JPEG_QUALITY = 85
+LOOKS_MAX = (
+    1000  # at one picture in one size that are remembered: as long as a robot is built it is in memory
+)
 
 
 @dataclass(frozen=True)
@@ -23,44 +34,99 @@ class Picture:
     type: str
 
 
+class Pictures:
+    """The pictures of one robot: each is looked at once, however many surfaces name it."""
+
+    def __init__(self) -> None:
+        self._reasons: dict[bytes, str] = {}  # why a picture can't be used, "" where it can
+        self._pixels = self._claimed = 0
+
+    def checked(self, data: bytes) -> bytes:
+        """The same. ModelRefused when it is no picture, a broken one, or too large."""
+        if data not in self._reasons:
+            self._reasons[data] = self._look_at(data)
+        if reason := self._reasons[data]:
+            raise ModelRefused(reason)
+        return data
+
+    def _look_at(self, data: bytes) -> str:
+        try:
+            with _reading():
+                image = _opened(data)
+                pixels = image.width * image.height
+                claimed = max(0, pixels - PIXELS_A_BYTE * len(data))
+                if self._pixels + pixels > PIXELS_IN_ALL:
+                    return f"left out: the robot's pictures have over {PIXELS_IN_ALL >> 20} million pixels"
+                if claimed and self._claimed + claimed > PIXELS_CLAIMED:
+                    return f"left out: {image.width} × {image.height} pixels in {len(data)} bytes"
+                self._pixels += pixels
+                self._claimed += claimed
+                _plain(image)
+        except ModelRefused as e:
+            return e.reason
+        return ""
+
+
+@lru_cache(LOOKS_MAX)
 def fitted(data: bytes, side_max: int) -> Picture:
     """At most `side_max` pixels a side; a PNG or JPEG that fits is kept. ModelRefused when it is none."""
-    image = _opened(data)
-    fits = max(image.size) <= side_max
-    if fits and image.format in ("PNG", "JPEG"):
-        return Picture(data, f"image/{image.format.lower()}")
-    clear = image.mode in ("RGBA", "LA", "PA") or "transparency" in image.info
-    image = image.convert("RGBA" if clear else "RGB")
-    if not fits:
-        image.thumbnail((side_max, side_max), Image.Resampling.LANCZOS)
-    out = io.BytesIO()
-    if clear:
-        image.save(out, "PNG", optimize=True)
-        return Picture(out.getvalue(), "image/png")
-    image.save(out, "JPEG", quality=JPEG_QUALITY)
-    return Picture(out.getvalue(), "image/jpeg")
+    with _reading():
+        image = _opened(data)
+        image.load()
+        fits = max(image.size) <= side_max
+        small = len(data) <= image.width * image.height * KEPT_PIXEL + KEPT_HEAD
+        if fits and small and image.format in ("PNG", "JPEG"):
+            return Picture(data, f"image/{image.format.lower()}")
+        shown = _plain(image)
+        if not fits:
+            shown.thumbnail((side_max, side_max), Image.Resampling.LANCZOS)
+        out = io.BytesIO()
+        if shown.mode == "RGBA":
+            shown.save(out, "PNG", optimize=True)
+            return Picture(out.getvalue(), "image/png")
+        shown.save(out, "JPEG", quality=JPEG_QUALITY)
+        return Picture(out.getvalue(), "image/jpeg")
 
 
 def checked_picture(data: bytes) -> bytes:
     """The same. ModelRefused when it is no picture, a broken one, or far too large."""
-    _opened(data)
-    return data
+    return Pictures().checked(data)
 
 
+@lru_cache(LOOKS_MAX)
 def mean_colour(data: bytes) -> tuple[float, float, float]:
     """Its mean as display values 0 … 1. ModelRefused when it is no picture."""
-    r, g, b = _opened(data).convert("RGB").resize((1, 1), Image.Resampling.BOX).getpixel((0, 0))  # type: ignore[misc]
-    return (r / 255, g / 255, b / 255)
+    with _reading():
+        whole = _opened(data).convert("RGB")
+        r, g, b = whole.resize((1, 1), Image.Resampling.BOX).getpixel((0, 0))  # type: ignore[misc]
+        return (r / 255, g / 255, b / 255)
 
 
 def _opened(data: bytes) -> Image.Image:
+    """Its head is read and its size fits; its pixels are not unpacked yet."""
+    image = Image.open(io.BytesIO(data), formats=FORMATS)
+    if image.width * image.height > PIXELS_MAX:
+        raise ModelRefused(f"a picture of {image.width} × {image.height} pixels")
+    if any(tile[0] == "libtiff" for tile in image.tile):  # which writes to stderr what it thinks of each tag
+        raise ModelRefused("a compressed TIFF")
+    return image
+
+
+def _plain(image: Image.Image) -> Image.Image:
+    """All its pixels, with transparency where it has some."""
+    clear = image.mode in ("RGBA", "LA", "PA") or "transparency" in image.info
+    return image.convert("RGBA" if clear else "RGB")
+
+
+@contextmanager
+def _reading() -> Iterator[None]:
+    """Whatever a broken picture leads Pillow to becomes ModelRefused: seven formats fail in many ways."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error")
-            image = Image.open(io.BytesIO(data), formats=FORMATS)
-            if image.width * image.height > PIXELS_MAX:
-                raise ModelRefused(f"a picture of {image.width} × {image.height} pixels")
-            image.load()
-    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError, Warning) as e:
-        raise ModelRefused(f"no picture that is read: {str(e)[:60]}") from None
-    return image
+            yield
+    except ModelRefused:
+        raise
+    except Exception as e:
+        said = printable(str(e)[:60])
+        raise ModelRefused(f"no picture that is read: {said or type(e).__name__}") from None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from posecast_edge.model.finding import Finding, quoted
@@ -125,37 +126,80 @@ def _name_the_rest(
 
 
 def _follows(urdf: Urdf, order: list[Joint], findings: list[Finding]) -> tuple[Follow | None, ...]:
-    index = {joint.name: i for i, joint in enumerate(order)}
-    known = {joint.name for joint in urdf.joints}
+    leaders = _Leaders(order, {joint.name for joint in urdf.joints})
     follows: list[Follow | None] = []
     for joint in order:
         follow = None
         if joint.mimic is not None and joint.type in SCALAR_TYPES:  # the doctor names the others
-            follow, problem = _resolve(joint, order, index, known)
-            if problem:
-                text = f"joint {quoted(joint.name)} {problem[1]}"
-                findings.append(Finding("error", problem[0], text, joint.mimic.line))
+            found = leaders.of(joint)
+            if isinstance(found, Follow):
+                follow = found
+            else:
+                text = f"joint {quoted(joint.name)} {found.text}"
+                findings.append(Finding("error", found.code, text, joint.mimic.line))
         follows.append(follow)
     return tuple(follows)
 
 
-def _resolve(
-    joint: Joint, order: list[Joint], index: dict[str, int], known: set[str]
-) -> tuple[Follow | None, tuple[str, str] | None]:
-    multiplier, offset, at, seen = 1.0, 0.0, joint, {joint.name}
-    while at.mimic is not None:
-        target = at.mimic.joint
-        if target in seen:
-            return None, ("mimic-loop", f"mimics in a circle, over {quoted(target)}")
-        if target not in index:
-            left_out = ", which is left out" if target in known else ", which there is not"
-            return None, ("mimic-unknown", f"mimics joint {quoted(target)}{left_out}")
-        # at = m · target + o, so joint = multiplier · at + offset = multiplier · m · target + …
-        offset += multiplier * at.mimic.offset
-        multiplier *= at.mimic.multiplier
-        at = order[index[target]]
-        seen.add(target)
-    if at.type not in SCALAR_TYPES:
-        lack = "no value" if at.type == "fixed" else "more than one value"
-        return None, ("mimic-fixed", f"mimics the {at.type} joint {quoted(at.name)}, which has {lack}")
-    return Follow(index[at.name], multiplier, offset), None
+@dataclass(frozen=True)
+class _Problem:
+    """Why a joint follows none."""
+
+    code: str
+    text: str
+
+
+class _Leaders:
+    """Whom each joint follows in the end. A chain is gone along once, however many joints hang on it."""
+
+    def __init__(self, order: list[Joint], known: set[str]) -> None:
+        """`known`: names of all joints, also of those that are left out."""
+        self._order = order
+        self._index = {joint.name: i for i, joint in enumerate(order)}
+        self._known = known
+        self._found: dict[str, Follow | _Problem] = {}
+
+    def of(self, joint: Joint) -> Follow | _Problem:
+        """Of a joint that mimics another."""
+        chain: dict[str, Joint] = {}
+        at, end = joint, self._end(joint)
+        while end is None and at.name not in chain:
+            chain[at.name] = at
+            assert at.mimic is not None
+            target = at.mimic.joint
+            if target not in self._index:
+                left_out = ", which is left out" if target in self._known else ", which there is not"
+                end = _Problem("mimic-unknown", f"mimics joint {quoted(target)}{left_out}")
+            else:
+                at = self._order[self._index[target]]
+                end = self._end(at)
+        in_circle = end is None
+        for one in reversed(chain.values()):
+            if end is None or in_circle:
+                end = _Problem("mimic-loop", f"mimics in a circle, over {quoted(one.name)}")
+                in_circle = one is not at  # it is closed there; those before lead into it
+            else:
+                end = _behind(one, end)
+            self._found[one.name] = end
+        assert end is not None
+        return end
+
+    def _end(self, at: Joint) -> Follow | _Problem | None:
+        """Where a chain ends at this joint; None when it goes on."""
+        if at.mimic is not None:
+            return self._found.get(at.name)
+        if at.type not in SCALAR_TYPES:
+            lack = "no value" if at.type == "fixed" else "more than one value"
+            return _Problem("mimic-fixed", f"mimics the {at.type} joint {quoted(at.name)}, which has {lack}")
+        return Follow(self._index[at.name], 1.0, 0.0)
+
+
+def _behind(joint: Joint, leader: Follow | _Problem) -> Follow | _Problem:
+    """Whom a joint follows that mimics one who follows that leader."""
+    if isinstance(leader, _Problem) or joint.mimic is None:
+        return leader
+    multiplier = joint.mimic.multiplier * leader.multiplier
+    offset = joint.mimic.multiplier * leader.offset + joint.mimic.offset
+    if not math.isfinite(multiplier) or not math.isfinite(offset):
+        return _Problem("mimic-endless", "mimics another by numbers that have no end")
+    return Follow(leader.joint, multiplier, offset)

@@ -9,6 +9,8 @@ from posecast_edge.model.finding import Finding
 
 SHAPES_MAX = 1024  # visuals; as many collisions
 
+FAR_M = 1e7  # 10,000 km: nothing of a robot lies beyond
+
 Vector = tuple[float, float, float]
 ZERO: Vector = (0.0, 0.0, 0.0)
 ONES: Vector = (1.0, 1.0, 1.0)

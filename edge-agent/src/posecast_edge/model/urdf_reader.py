@@ -5,11 +5,12 @@ named in `findings`, so that the rest of the robot can still be shown.
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import BinaryIO
 
-from posecast_edge.model.finding import Finding, ModelRefused, quoted
+from posecast_edge.model.finding import Finding, ModelRefused, printable, quoted
 from posecast_edge.model.urdf import (
     JOINT_TYPES,
     ONES,
@@ -43,6 +44,10 @@ SHAPES = {
     "sphere": ("radius",),
     "capsule": ("radius", "length"),
 }
+# narrower than Python's float(), which takes 1_0 and digits of other scripts too
+NUMBER = re.compile(
+    r"[+-]?(?:(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:e[+-]?[0-9]+)?|nan|inf(?:inity)?)", re.IGNORECASE
+)
 ROOTS_OF_OTHERS = {
     "sdf": "this is SDF, not URDF",
     "mujoco": "this is a MuJoCo model, not URDF",
@@ -65,7 +70,8 @@ def read_urdf(source: BinaryIO) -> Urdf:
     """Read a stream. ModelRefused when it is no URDF at all."""
     root = read_xml(source, bytes_max=BYTES_MAX, elements_max=ELEMENTS_MAX, depth_max=DEPTH_MAX, texts=True)
     if root.tag != "robot":
-        reason = ROOTS_OF_OTHERS.get(root.tag, f"the root element is <{root.tag[:40]}>, not <robot>")
+        other = f"the root element is <{printable(root.tag[:40])}>, not <robot>"
+        reason = ROOTS_OF_OTHERS.get(root.tag, other)
         raise ModelRefused(reason, root.line)
     return _Reader(root).urdf
 
@@ -207,7 +213,7 @@ class _Reader:
     def _geometry(self, holder: Element, what: str) -> Geometry | None:
         known = [e for e in holder.children if e.tag == "mesh" or e.tag in SHAPES]
         for e in holder.children:
-            if e not in known and e.tag != "material":
+            if e.tag not in ("mesh", "material") and e.tag not in SHAPES:
                 self._say("warning", "shape-unknown", f"{what}: unknown shape {quoted(e.tag)}", e)
         if len(known) > 1:
             text = f"{what}: several shapes in one geometry; the first counts"
@@ -265,9 +271,9 @@ class _Reader:
         kind = element.get("type") or next((c.tag for c in element.children if c.tag in _SENSOR_TAGS), "")
         pose_tag = element.first("pose")  # SDF's way, inside <gazebo>
         if pose_tag is not None:
-            numbers = _floats(pose_tag.text)
-            ok = numbers is not None and len(numbers) == 6
-            pose = Pose(_three(numbers[:3]), _three(numbers[3:])) if numbers and ok else Pose()
+            numbers = _floats(pose_tag.text) or []
+            ok = len(numbers) == 6 and all(map(math.isfinite, numbers))
+            pose = Pose(_three(numbers[:3]), _three(numbers[3:])) if ok else Pose()
         else:
             pose = self._pose(element, "sensor")
         kind = (kind or "sensor")[:NAME_MAX]
@@ -354,10 +360,8 @@ _SENSOR_TAGS = {"camera", "ray", "imu", "force_torque", "contact", "gps", "lidar
 
 
 def _floats(text: str) -> list[float] | None:
-    try:
-        return [float(word) for word in text[:1000].split()]
-    except ValueError:
-        return None
+    words = text[:1000].split()
+    return [float(word) for word in words] if all(map(NUMBER.fullmatch, words)) else None
 
 
 def _uncomma(text: str) -> str:

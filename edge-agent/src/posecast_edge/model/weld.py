@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from posecast_edge.model.mesh import Faces, Surface
 
 CELLS = 1 << 20  # along the longest side: what is nearer than this is one vertex
+CROWD_MAX = 1000  # triangles at one vertex; the densest of real robots have some hundred
 
 
 def weld(surface: Surface) -> Surface:
@@ -41,6 +42,16 @@ def unique_faces(faces: NDArray[np.int64], vertices: int) -> Faces:
         _, first = np.unique(turned, axis=0, return_index=True)
     kept: Faces = faces[np.sort(first)].astype(np.int32)
     return kept
+
+
+def crowded_faces(
+    faces: NDArray[np.int64] | Faces, place: NDArray[np.int64] | None = None
+) -> NDArray[np.bool_]:
+    """Which triangles touch a vertex that more than CROWD_MAX of them share: what goes round a vertex again
+    and again takes the square of their number. `place`: of each vertex, where several lie at one."""
+    corners = faces if place is None else place[faces]
+    crowded = np.bincount(corners.reshape(-1))[corners] > CROWD_MAX
+    return np.asarray(crowded.any(axis=1), np.bool_)
 
 
 def used_only(faces: Faces) -> tuple[NDArray[np.int64], Faces]:

@@ -16,7 +16,8 @@ from posecast_edge.model.finding import ModelRefused
 CHUNK = 1 << 20
 TOKEN_MAX = 2 << 20  # bytes of one tag with its attributes: expat starts anew on it with every chunk
 
-LATE_DECLARATION = re.compile(rb"(?:\s|<!--(?:[^-]|-[^-]){0,4000}-->)+<\?xml[^>]{0,200}\?>")
+BLANKS = re.compile(rb"\s+")
+DECLARATION_MAX = 200  # bytes
 
 NO_ATTRIBUTES: Mapping[str, str] = {}
 
@@ -24,7 +25,7 @@ NO_ATTRIBUTES: Mapping[str, str] = {}
 class Element:
     """One element. `text` is the characters directly inside it, "" unless asked for."""
 
-    __slots__ = ("attributes", "children", "line", "tag", "text")
+    __slots__ = ("_firsts", "attributes", "children", "line", "tag", "text")
 
     def __init__(self, tag: str, attributes: Mapping[str, str], line: int) -> None:
         self.tag = tag
@@ -32,6 +33,7 @@ class Element:
         self.children: Sequence[Element] = ()
         self.line = line
         self.text = ""
+        self._firsts: dict[str, Element] | None = None  # by tag, made when first asked for
 
     def add(self, child: Element) -> None:
         """Append a child."""
@@ -48,8 +50,18 @@ class Element:
         """The first child with that tag, its first child with the next tag, and so on."""
         found: Element | None = self
         for tag in path:
-            found = None if found is None else next(found.all(tag), None)
+            if found is None:
+                return None
+            found = found._first(tag)
         return found
+
+    def _first(self, tag: str) -> Element | None:
+        """Without a look at each child: one element may be asked for from thousands of places."""
+        if self._firsts is None:
+            self._firsts = {}
+            for child in self.children:
+                self._firsts.setdefault(child.tag, child)
+        return self._firsts.get(tag)
 
     def get(self, name: str) -> str | None:
         """An attribute."""
@@ -131,5 +143,22 @@ def _chunks(source: BinaryIO, bytes_max: int) -> Iterator[bytes]:
 
 def _without_late_declaration(start: bytes) -> bytes:
     """Blanks out an XML declaration that does not stand at the very beginning, as ROS's reader lets it."""
-    found = LATE_DECLARATION.match(start)
-    return start if found is None else re.sub(rb"[^\n]", b" ", found[0]) + start[found.end() :]
+    at = _behind_comments(start)
+    end = start.find(b"?>", at, at + DECLARATION_MAX)
+    if at == 0 or end < 0 or not start.startswith(b"<?xml", at):
+        return start
+    return re.sub(rb"[^\n]", b" ", start[: end + 2]) + start[end + 2 :]
+
+
+def _behind_comments(start: bytes) -> int:
+    """Where something else begins than blanks and comments."""
+    at = 0
+    while True:
+        blanks = BLANKS.match(start, at)
+        at = at if blanks is None else blanks.end()
+        if not start.startswith(b"<!--", at):
+            return at
+        end = start.find(b"-->", at + 4)
+        if end < 0:
+            return at
+        at = end + 3

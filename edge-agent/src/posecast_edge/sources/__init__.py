@@ -28,6 +28,9 @@ Values = Sequence[Reading] | Mapping[str, Reading]
 KINDS = ("jsonl", "csv", "mcap", "trajectory", "mujoco", "demo", "hubo-ach", "ros2", "rosbridge")
 
 
+TIME_MAX_S = 1e12  # robot time: beyond it milliseconds are lost in a double
+
+
 class SourceError(Exception):
     """A source that cannot open or cannot go on. The text is one line for a person."""
 

@@ -15,7 +15,7 @@ import os
 import struct
 from pathlib import Path
 
-from posecast_edge.sources.persistent import KEPT_MAX, ReaderError
+from posecast_edge.sources.persistent import FRAME_MAX, KEPT_MAX, ReaderError
 
 MAGIC = 0xB07511F3
 # magic, len, name, index_cnt, data_size, data_head, data_free, index_head
@@ -46,7 +46,8 @@ class Channel:
 
     def __init__(self, path: Path) -> None:
         """OSError when the file cannot be read, ChannelError when it is no such channel."""
-        self._fd = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+        # of a pipe nobody would ever hear
+        self._fd = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)
         try:
             self._check()
         except BaseException:
@@ -129,7 +130,7 @@ class Channel:
 
     def _inside(self, entry: Entry) -> bool:
         _, size, offset, _ = entry
-        return offset <= self._data_size - size
+        return size <= FRAME_MAX and offset <= self._data_size - size
 
     def _copy(self, entries: list[Entry]) -> list[bytes]:
         """The frames of these entries as they are now, perhaps half written."""

@@ -47,7 +47,7 @@ class Rhythm:
         """How many frames from now on it takes until the first one that comes at `wanted_s` or later."""
         if not self._period_s or self._seen_s is None:
             return 1
-        return max(1, math.ceil((wanted_s - self._seen_s) / self._period_s))
+        return max(1, math.ceil(min((wanted_s - self._seen_s) / self._period_s, BATCH_BYTES)))
 
     def due_s(self, frames: int) -> float:
         """When the last of so many frames should have come."""

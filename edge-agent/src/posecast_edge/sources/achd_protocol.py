@@ -12,14 +12,14 @@ from __future__ import annotations
 import struct
 from collections import deque
 
-from posecast_edge.sources.persistent import KEPT_MAX, ReaderError
+from posecast_edge.sources.persistent import FRAME_MAX, KEPT_MAX, ReaderError
 
 PORT = 8076
 LINE_MAX = 1024
 LINES_MAX = 64
-FRAME_MAX = 1 << 16  # bytes; a hubo-ach channel is made for 3,000
 HEAD = struct.Struct("<8sQ")
 MAGIC = b"achpipe\0"
+STATUS_DIGITS = 10  # of a 32-bit number
 
 # fmt: off
 STATUS = (
@@ -102,7 +102,7 @@ class Conversation:
 
     def _check(self) -> None:
         status = self._head.get("status", "")
-        if not status.isdecimal():
+        if not status.isdecimal() or len(status) > STATUS_DIGITS:
             raise ProtocolError("a header without a status: this is no achd")
         number = int(status)
         if number:

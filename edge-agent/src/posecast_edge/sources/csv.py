@@ -26,8 +26,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
 from posecast_edge.complaints import Complaints
-from posecast_edge.sources import Reading, Sample, Source, SourceError
+from posecast_edge.sources import TIME_MAX_S, Reading, Sample, Source, SourceError
 from posecast_edge.sources.playback import Player, parse_playback
+from posecast_edge.visible import visible
 from posecast_edge.wellknown import UNITS
 
 if TYPE_CHECKING:
@@ -40,7 +41,7 @@ MAX_TEXT = 200  # of an info
 SEPARATORS = ",;\t"
 CLOCK = re.compile(r"(?:__)?(?:t|time|timestamp|stamp)(?:_(s|ms|us|ns))?", re.IGNORECASE)
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
-UNIT = re.compile(r"(.*?)\s*\[([^\]]*)\]")
+MASK_DIGITS = 18  # of a mask: the widest has 28 bits
 TO_OURS = {"deg": math.pi / 180, "deg/s": math.pi / 180, "mm": 1e-3, "mA": 1e-3, "mV": 1e-3}
 JOINTS = "pos"
 INFO, FLAGS = "info", "flags"
@@ -118,9 +119,9 @@ class Table:
         try:
             while line := file.readline(MAX_LINE + 1):
                 number += 1
-                rest = line
-                while not rest.endswith("\n") and (rest := file.readline(MAX_LINE)):
-                    pass  # the end of an overlong line
+                rest = line if len(line) > MAX_LINE else ""
+                while rest and not rest.endswith(("\n", "\r")):
+                    rest = file.readline(MAX_LINE)  # the end of an overlong line
                 if line.strip():
                     yield number, line
         except OSError as e:
@@ -144,21 +145,21 @@ class Table:
 
     def _find_columns(self) -> list[Column]:
         columns: list[Column] = []
+        taken: set[tuple[str, str]] = set()
         for i, name in enumerate(self._names):
             if not name or CLOCK.fullmatch(name):
                 continue
-            found, gain, said = UNIT.fullmatch(name), 1.0, name
-            if found:
-                said, unit = found[1], found[2].strip()
-                if unit not in TO_OURS and unit not in UNITS:
-                    raise SourceError(f"{self._path}:1: column {i + 1}: unknown unit {unit[:40]!r}")
-                gain = TO_OURS.get(unit, 1.0)
+            said, unit = _parted(name)
+            if unit is not None and unit not in TO_OURS and unit not in UNITS:
+                raise SourceError(f"{self._path}:1: column {i + 1}: unknown unit {unit[:40]!r}")
             field, _, label = said.partition(".")
             if not label:
                 field, label = JOINTS, said
-            if any((c.field, c.label) == (field, label) for c in columns):
-                raise SourceError(f"{self._path}:1: column {i + 1}: {field}.{label} stands there twice")
-            columns.append(Column(i, field, label, gain, field in self._bits))
+            if (field, label) in taken:
+                twice = visible(f"{field}.{label}", 80)
+                raise SourceError(f"{self._path}:1: column {i + 1}: {twice} stands there twice")
+            taken.add((field, label))
+            columns.append(Column(i, field, label, TO_OURS.get(unit or "", 1.0), field in self._bits))
         if not any(c.field != INFO for c in columns):
             raise SourceError(f"{self._path}:1: nothing but a clock")
         return columns
@@ -168,7 +169,7 @@ class Table:
         if len(cells) != len(self._names):
             raise CellError(f"{len(cells)} columns, {len(self._names)} expected")
         t_s = _number(cells, self._clock)
-        if t_s is None:
+        if t_s is None or abs(t_s * self._clock_s) > TIME_MAX_S:
             raise CellError(f"column {self._clock + 1}: no time")
         values: dict[str, dict[str, Reading]] = {}
         info: dict[str, str] = {}
@@ -177,13 +178,21 @@ class Table:
             if column.field == INFO:
                 info[column.label] = cell[:MAX_TEXT]
             elif column.bits:
-                values.setdefault(column.field, {})[column.label] = _bits(cell)
+                values.setdefault(column.field, {})[column.label] = _bits(cells, column.index)
             else:
                 value = _number(cells, column.index)
                 values.setdefault(column.field, {})[column.label] = (
                     None if value is None else value * column.gain
                 )
         return Sample(t_s * self._clock_s, values, info, where)
+
+
+def _parted(name: str) -> tuple[str, str | None]:
+    """`name [unit]` → name and unit; None without one."""
+    at = name.find("[", name.rfind("]", 0, len(name) - 1) + 1)
+    if at < 0 or not name.endswith("]"):
+        return name, None
+    return name[:at].rstrip(), name[at + 1 : -1].strip()
 
 
 def _number(cells: Sequence[str], i: int) -> float | None:
@@ -198,8 +207,13 @@ def _number(cells: Sequence[str], i: int) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def _bits(cell: str) -> Reading:
-    """A mask, names, or None for an empty cell."""
+def _bits(cells: Sequence[str], i: int) -> Reading:
+    """A mask, names, or None for an empty cell. CellError for a mask without end."""
+    cell = cells[i]
     if not cell:
         return None
-    return int(cell) if cell.isascii() and cell.isdigit() else cell.split()
+    if not (cell.isascii() and cell.isdigit()):
+        return cell.split()
+    if len(cell) > MASK_DIGITS:
+        raise CellError(f"column {i + 1}: {cell[:40]!r} is no mask")
+    return int(cell)

@@ -3,9 +3,10 @@
     {"t": 12.3, "pos": {"RKN": 0.5}, "cur": [0.1, 0.2], "flags": {"RKN": ["jam"]}, "info": {"mode": "x"}}
 
 `jsonl` reads stdin, `jsonl:PATH` a file or FIFO. `t` is the robot's clock in seconds; without it the
-arrival on the monotonic clock counts. A line that is wrong is named on stderr and skipped. A regular file
-plays at the pace of its `t`; a pipe is read as fast as it comes, so the newest line is the newest state. A
-FIFO outlives its writer.
+arrival on the monotonic clock counts. A line that is wrong is named on stderr and skipped; where only a value
+or text of it is, the rest counts. Of a name that stands twice in one object the last counts. A regular file
+plays at the pace of its `t`; a pipe is read as fast as it comes, so the newest line is the newest state, and
+the lines before it, which came with it, make events only. A FIFO outlives its writer.
 """
 
 from __future__ import annotations
@@ -17,24 +18,32 @@ import select
 import stat
 import sys
 import threading
-import time
 from collections.abc import Iterator
+from itertools import islice
 from typing import TYPE_CHECKING, Any
 
+from posecast_edge import clock
 from posecast_edge.complaints import Complaints
 from posecast_edge.sources import Deliver, Sample, Source, SourceError
+from posecast_edge.visible import visible
 
 if TYPE_CHECKING:
     from posecast_edge.profile import Profile
 
 log = logging.getLogger("posecast_edge.jsonl")
 
-MAX_LINE = 64 * 1024
+MAX_LINE = 1 << 20  # bytes; 4096 channels in full precision, with their names, are 200 kB
+MAX_READ = 64 * 1024  # a full pipe
+MAX_DIGITS = 500  # of an integer: Python takes the square of their number to read them
 MAX_INFO = 32  # entries of one line
 MAX_INFO_CHARS = 200
 MAX_PAUSE_S = 10.0  # between two lines of a file; a longer gap is skipped
 MAX_T_S = 1e12  # beyond it milliseconds are lost in a double
-POLL_S = 0.2
+NAME_SHOWN = VALUE_SHOWN = 40  # characters, in a message
+POLL_S = 0.1
+QUIET_S = 0.005
+STALL_S = 0.25  # so long without a look, and what is read next has lain there
+BACKLOG_S = 0.5  # a writer who has been ahead of his reader for so long is always ahead
 
 
 class LineError(ValueError):
@@ -63,106 +72,196 @@ class JsonlSource:
         self._name = name
         self._paced = stat.S_ISREG(os.fstat(fd).st_mode)
         self._started = False
-        self._start_s = 0.0  # monotonic time at which the file's clock stood at 0
+        self._start_s = 0.0  # clock.now_s() at which the file's clock stood at 0
         self._bad = Complaints(log.warning, "bad lines")
+        self._lines = LineSplitter(MAX_LINE)
+        self._number = 0  # of the newest line
+        self._waiting: Sample | None = None  # perhaps the newest, perhaps followed by another at once
+        self._looked_s: float | None = None
+        self._behind_s: float | None = None  # since when there has been more to read
+        self._stalled = False  # what is read has lain there for nobody knows how long
 
     def run(self, deliver: Deliver, stop: threading.Event) -> None:
         """Deliver every good line until the end or `stop`. SourceError when reading fails."""
-        for number, line in enumerate(self._lines(stop), start=1):
-            if not line.strip():
-                continue
-            where = f"{self._name} line {number}"
-            try:
-                sample = parse_line(line, time.monotonic(), where)
-            except LineError as e:
-                self._bad.add(f"{where}: {e}", time.monotonic())
-                continue
-            if self._paced:
-                self._wait(sample.t_s, stop)
-            deliver(sample)
-        self._bad.flush(time.monotonic())
-
-    def _lines(self, stop: threading.Event) -> Iterator[bytes]:
-        """Lines without their end. Of an overlong line MAX_LINE + 1 bytes come: enough to be refused."""
-        rest = b""
-        overlong = False
-        while not stop.is_set():
-            self._bad.tick(time.monotonic())
+        chunk: bytes | None = None
+        while not stop.is_set() and chunk != b"":
             chunk = self._read()
-            if chunk is None:
-                continue
-            if not chunk:
-                break
-            *lines, rest = (rest + chunk).split(b"\n")
-            for line in lines:
-                if not overlong:
-                    yield line[: MAX_LINE + 1]
-                overlong = False
-            if overlong:
-                rest = b""
-            elif len(rest) > MAX_LINE:
-                yield rest[: MAX_LINE + 1]
-                rest, overlong = b"", True
-        if rest and not stop.is_set():
-            yield rest
+            self._bad.tick(clock.now_s())
+            for line in self._lines.end() if chunk == b"" else self._lines.feed(chunk or b""):
+                self._number += 1
+                self._take(line, deliver, stop)
+                if stop.is_set():
+                    return
+            if self._waiting is not None and (chunk == b"" or self._is_newest()):
+                self._deliver_waiting(deliver, newest=True)
+        self._bad.flush(clock.now_s())
+
+    def _take(self, line: bytes, deliver: Deliver, stop: threading.Event) -> None:
+        if not line or line.isspace():
+            return
+        where, now_s = f"{self._name} line {self._number}", clock.now_s()
+        try:
+            sample, wrong = parse_line(line, now_s, where)
+        except LineError as e:
+            self._bad.add(f"{where}: {e}", now_s)
+            return
+        for text in wrong:
+            self._bad.add(f"{where}: {text}", now_s)
+        if self._waiting is not None:
+            self._deliver_waiting(deliver, newest=False)
+        if self._paced:
+            self._wait(sample.t_s, stop)
+            deliver(sample)
+        else:
+            self._waiting = sample
+
+    def _deliver_waiting(self, deliver: Deliver, newest: bool) -> None:
+        sample, self._waiting = self._waiting, None
+        if sample is not None:
+            deliver(sample if newest else sample._replace(newest=False))
+
+    def _is_newest(self) -> bool:
+        """Whether what waits is the newest there is. A writer who was held up, because nobody read, goes on
+        with what he had to say then: after a stall a moment of silence must show that he has said it."""
+        now_s = clock.now_s()
+        if not self._readable(QUIET_S if self._stalled else 0.0):
+            self._behind_s, self._stalled = None, False
+            return True
+        if self._behind_s is None:
+            self._behind_s = now_s
+        if now_s - self._behind_s < BACKLOG_S:
+            return False
+        self._stalled = False
+        return True
 
     def _read(self) -> bytes | None:
         """Some bytes, b"" at the end, None when nothing came for a while. Raw reads, because a thread that
         waits inside sys.stdin holds a lock the interpreter wants when it ends."""
+        readable = self._readable(POLL_S)
+        before_s, self._looked_s = self._looked_s, clock.now_s()
+        if before_s is not None and self._looked_s - before_s > STALL_S:
+            self._stalled = True
+        if not readable:
+            self._stalled = False
+            return None
         try:
-            if not select.select([self._fd], [], [], POLL_S)[0]:
-                return None
-            return os.read(self._fd, MAX_LINE)
+            return os.read(self._fd, MAX_READ)
+        except OSError as e:
+            raise SourceError(f"{self._name}: {e.strerror or e}") from None
+
+    def _readable(self, within_s: float) -> bool:
+        try:
+            return bool(select.select([self._fd], [], [], within_s)[0])
         except OSError as e:
             raise SourceError(f"{self._name}: {e.strerror or e}") from None
 
     def _wait(self, t_s: float, stop: threading.Event) -> None:
         """Until the instant of `t_s` on the file's clock. A clock that jumps is followed from there on."""
-        now_s = time.monotonic()
+        now_s = clock.now_s()
         ahead_s = self._start_s + t_s - now_s
         if not self._started or not -MAX_PAUSE_S <= ahead_s <= MAX_PAUSE_S:
             self._started, self._start_s, ahead_s = True, now_s - t_s, 0.0
         stop.wait(max(0.0, ahead_s))
 
 
-def parse_line(line: bytes, arrival_s: float, where: str = "") -> Sample:
-    """One line → Sample. LineError says what is wrong. NaN and Infinity are "no reading"."""
+class LineSplitter:
+    """Bytes in, lines out, without their ends. Of one over `most` bytes most + 1 come: enough to refuse."""
+
+    def __init__(self, most: int) -> None:
+        self._most = most
+        self._rest = bytearray()
+        self._overlong = False  # the rest of a line that was refused
+
+    def feed(self, chunk: bytes) -> Iterator[bytes]:
+        """The lines that end in `chunk`, and one that is too long already."""
+        first, *others = chunk.split(b"\n")
+        self._keep(first)
+        for part in others:
+            yield from self._complete()
+            self._keep(part)
+        if len(self._rest) > self._most:
+            yield from self._complete()
+            self._overlong = True
+
+    def end(self) -> Iterator[bytes]:
+        """What came after the last end of a line."""
+        if self._rest:
+            yield from self._complete()
+
+    def _keep(self, part: bytes) -> None:
+        if not self._overlong:
+            self._rest += part[: self._most + 1 - len(self._rest)]
+
+    def _complete(self) -> Iterator[bytes]:
+        if not self._overlong:
+            yield bytes(self._rest)
+        self._rest.clear()
+        self._overlong = False
+
+
+def parse_line(line: bytes, arrival_s: float, where: str = "") -> tuple[Sample, list[str]]:
+    """One line → Sample, and what is wrong with members of it, which are left out. LineError says why there
+    is no sample at all. NaN and Infinity are "no reading"."""
+    value = _object(line)
+    t_s = value.pop("t", arrival_s)
+    if isinstance(t_s, bool) or not isinstance(t_s, (int, float)) or not abs(t_s) < MAX_T_S:
+        raise LineError(f"t is {_json(t_s)}, not a number of seconds")
+    wrong: list[str] = []
+    info = _info(value.pop("info", {}), wrong)
+    fields = {name: values for name, values in value.items() if isinstance(values, (list, dict))}
+    if len(fields) < len(value):
+        wrong += [
+            f"{visible(name, NAME_SHOWN)} is {_json(values)}, not a list or an object"
+            for name, values in value.items()
+            if name not in fields
+        ]
+    if not fields and not info:
+        raise LineError(wrong[0] if wrong else "no field")
+    return Sample(float(t_s), fields, info, where), wrong
+
+
+def _object(line: bytes) -> dict[str, Any]:
     if len(line) > MAX_LINE:
-        raise LineError(f"over {MAX_LINE} bytes")
+        raise LineError(f"over {MAX_LINE} bytes; it is dropped")
     try:
-        value = json.loads(line, parse_constant=_no_reading)
+        value = json.loads(line.decode("utf-8-sig"), parse_constant=_no_reading, parse_int=_integer)
     except UnicodeDecodeError:
         raise LineError("not UTF-8") from None
     except RecursionError:
         raise LineError("nested too deep") from None
-    except ValueError as e:
-        raise LineError(f"not JSON: {e}") from None
+    except json.JSONDecodeError as e:
+        raise LineError(f"not JSON: {e.msg} at character {e.pos + 1}") from None
     if not isinstance(value, dict):
         raise LineError("not a JSON object")
-    t_s = value.pop("t", arrival_s)
-    if isinstance(t_s, bool) or not isinstance(t_s, (int, float)) or not abs(t_s) < MAX_T_S:
-        raise LineError(f"t is {json.dumps(t_s)[:40]}, not a number of seconds")
-    info = _info(value.pop("info", {}))
-    for name, values in value.items():
-        if not isinstance(values, (list, dict)):
-            raise LineError(f"{name} is {json.dumps(values)[:40]}, not a list or an object")
-    if not value and not info:
-        raise LineError("no field")
-    return Sample(float(t_s), value, info, where)
+    return value
 
 
 def _no_reading(_token: str) -> None:
     return None
 
 
-def _info(value: Any) -> dict[str, str]:
+def _integer(digits: str) -> int | float:
+    return int(digits) if len(digits) <= MAX_DIGITS else float(digits)  # infinite, which is no reading
+
+
+def _json(value: object) -> str:
+    """As it stood in the line, cut."""
+    try:
+        return visible(json.dumps(value), VALUE_SHOWN)
+    except RecursionError:
+        return "nested too deep"
+
+
+def _info(value: object, wrong: list[str]) -> dict[str, str]:
     if not isinstance(value, dict):
-        raise LineError("info is not an object")
+        wrong.append("info is not an object")
+        return {}
     if len(value) > MAX_INFO:
-        raise LineError(f"info has {len(value)} entries; at most {MAX_INFO}")
+        wrong.append(f"info has {len(value)} entries; at most {MAX_INFO}")
     info = {}
-    for key, text in value.items():
-        if not isinstance(text, (str, int, float)):
-            raise LineError(f"info.{key} is not a text")
-        info[str(key)[:MAX_INFO_CHARS]] = str(text)[:MAX_INFO_CHARS]
+    for key, text in islice(value.items(), MAX_INFO):
+        if isinstance(text, (str, int, float)):
+            info[key[:MAX_INFO_CHARS]] = str(text)[:MAX_INFO_CHARS]
+        else:
+            wrong.append(f"info.{visible(key, NAME_SHOWN)} is not a text")
     return info

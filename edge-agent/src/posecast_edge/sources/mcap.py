@@ -7,30 +7,25 @@ chunk or message that cannot be read is named and left out.
 
 from __future__ import annotations
 
-import json
 import logging
-import struct
 import time
-import zlib
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
 from posecast_edge.complaints import Complaints
 from posecast_edge.sources import Sample, Source, SourceError
 from posecast_edge.sources.playback import Playback, Player, parse_playback
+from posecast_edge.sources.ros_intake import TOPICS_MAX
 from posecast_edge.sources.ros_merge import SETTLED_S, Merge
 from posecast_edge.sources.ros_messages import STRING, MessageError, read_message, short_type, text_of
-from posecast_edge.sources.ros_topics import TYPES, Route, Routes
+from posecast_edge.sources.ros_topics import TOPIC_MAX, TYPES, Route, Routes
+from posecast_edge.sources.rosbridge_protocol import MESSAGE_MAX, ProtocolError, parse_json
 
 try:
-    import lz4.frame
-    import zstandard
-    from mcap.exceptions import McapError
-    from mcap.records import Channel, Chunk, McapRecord, Message, Schema
-    from mcap.stream_reader import StreamReader, breakup_chunk
+    from mcap.records import Channel, Message, Schema
 
+    from posecast_edge.sources.mcap_records import MAGIC, Record, read_records
     from posecast_edge.sources.ros_cdr import CdrReader
 except ModuleNotFoundError as e:
     if e.name is None or e.name.startswith("posecast_edge"):
@@ -42,10 +37,8 @@ if TYPE_CHECKING:
 
 log = logging.getLogger("posecast_edge.mcap")
 
-MAGIC = b"\x89MCAP0\r\n"
-RECORD_MAX = 256 << 20  # bytes of one record, also of a chunk unpacked
 ENCODINGS = ("cdr", "json")
-UNREADABLE = (McapError, zstandard.ZstdError, struct.error, RuntimeError, ValueError, EOFError, OSError)
+NAMED_MAX = 8  # topics of no use that are said
 
 
 def open_source(address: str, profile: Profile | None) -> Source:
@@ -99,7 +92,7 @@ class McapFile:
         )
         began_ns: int | None = None
         with self._open() as file:
-            for record in _records(file, one.complain):
+            for record in self._records(file, one.complain):
                 if not isinstance(record, Message):
                     one.learn(record)
                     continue
@@ -116,6 +109,12 @@ class McapFile:
         if last is not None:
             yield last
         self._bad.flush(time.monotonic())
+
+    def _records(self, file: IO[bytes], complain: Callable[[str], None]) -> Iterator[Record]:
+        try:
+            yield from read_records(file, complain)
+        except OSError as e:
+            complain(f"can't be read any more: {e.strerror or e}")
 
     def _open(self) -> IO[bytes]:
         try:
@@ -146,23 +145,26 @@ class _Pass:
         self._descriptions: dict[int, Channel] = {}
         self._topics = topics  # what each is read as
         self._seen: set[int] = set()
+        self._ignored = 0  # topics
         self._count: dict[int, int] = {}  # messages of a channel
         self._now_s = 0.0  # the recorder's clock
         self._delivered = False
 
-    def learn(self, record: McapRecord) -> None:
-        """A schema or channel; other records say nothing of use."""
+    def learn(self, record: Schema | Channel) -> None:
+        """A schema or channel."""
         if isinstance(record, Schema):
-            self._schemas[record.id] = short_type(record.name)
-        elif isinstance(record, Channel) and record.id not in self._seen:
+            self._schemas[record.id] = short_type(record.name[:TOPIC_MAX])
+        elif record.id not in self._seen:
             self._seen.add(record.id)
             type_name = self._schemas.get(record.schema_id, "")
+            topic = record.topic[:TOPIC_MAX]
             route = self._routes.of(record.topic, type_name)
-            self._topics[record.topic] = f"{type_name} → {route.role}" if route else f"{type_name}, not read"
+            if len(self._topics) < TOPICS_MAX:
+                self._topics[topic] = f"{type_name} → {route.role}" if route else f"{type_name}, not read"
             if type_name not in TYPES:
-                self._say(f"{record.topic} is ignored: nothing here reads {type_name or 'it'}")
+                self._ignore(topic, f"nothing here reads {type_name or 'it'}")
             elif record.message_encoding not in ENCODINGS:
-                self._say(f"{record.topic} is ignored: {record.message_encoding!r} is no encoding read here")
+                self._ignore(topic, f"{record.message_encoding[:40]!r} is no encoding read here")
             elif route is not None and type_name == STRING:
                 self._descriptions[record.id] = record
             elif route is not None:
@@ -210,6 +212,12 @@ class _Pass:
         if self._bad is not None:
             self._bad.add(f"{self._name}: {text}", time.monotonic())
 
+    def _ignore(self, topic: str, why: str) -> None:
+        self._ignored += 1
+        if self._ignored <= NAMED_MAX:
+            more = "; further ones are not said" if self._ignored == NAMED_MAX else ""
+            self._say(f"{topic} is ignored: {why}{more}")
+
     def _say(self, text: str) -> None:
         if self._bad is not None:
             log.warning("%s: %s", self._name, text)
@@ -217,48 +225,11 @@ class _Pass:
     def _decode(self, encoding: str, type_name: str, data: bytes) -> Any:
         if encoding == "cdr":
             return self._cdr.read(type_name, data)
+        if len(data) > MESSAGE_MAX:
+            raise MessageError(f"a message of {len(data)} bytes is too large")
         try:
-            return json.loads(data)
-        except (ValueError, RecursionError) as e:
-            raise MessageError(f"not JSON: {e}") from None
-
-
-def _records(file: IO[bytes], complain: Any) -> Iterator[McapRecord]:
-    """Schemas, channels and messages in the order of the file, until its end or where it breaks off."""
-    begins = 0
-    try:
-        for record in StreamReader(file, emit_chunks=True, record_size_limit=RECORD_MAX).records:
-            if isinstance(record, Chunk):
-                try:
-                    yield from breakup_chunk(_unpacked(record))
-                except UNREADABLE as e:
-                    complain(f"the chunk that begins at byte {begins}: {_reason(e)}; left out")
-            else:
-                yield record
-            begins = file.tell()
-    except UNREADABLE as e:
-        complain(f"breaks off in the record at byte {begins}: {_reason(e)}")
-
-
-def _unpacked(chunk: Chunk) -> Chunk:
-    """The same without compression. ValueError and the compressions' own when it is damaged or too large."""
-    size = chunk.uncompressed_size
-    if size > RECORD_MAX:
-        raise ValueError(f"{size} bytes unpacked, at most {RECORD_MAX}")
-    if chunk.compression == "zstd":
-        data = zstandard.ZstdDecompressor().decompress(chunk.data, max_output_size=size)
-    elif chunk.compression == "lz4":
-        data = lz4.frame.LZ4FrameDecompressor().decompress(chunk.data, max_length=size)
-    elif chunk.compression == "":
-        data = chunk.data
-    else:
-        raise ValueError(f"compressed as {chunk.compression[:20]!r}, which is not read here")
-    if len(data) != size:
-        raise ValueError(f"{len(data)} bytes unpacked instead of {size}")
-    if chunk.uncompressed_crc and zlib.crc32(data) != chunk.uncompressed_crc:
-        raise ValueError("its checksum differs")
-    return replace(chunk, compression="", data=data)
-
-
-def _reason(e: Exception) -> str:
-    return " ".join(str(e).split())[:200] or "it is not all there"
+            return parse_json(data.decode())
+        except UnicodeDecodeError:
+            raise MessageError("not JSON: no UTF-8") from None
+        except ProtocolError as e:
+            raise MessageError(str(e)) from None

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from posecast_edge.sources import Defaults, Deliver, Source, SourceError
+from posecast_edge.sources.mujoco_trial import try_out
 
 if TYPE_CHECKING:
     from posecast_edge.profile import Profile
@@ -50,6 +51,8 @@ def open_source(address: str, profile: Profile | None) -> Source:
             raise
         raise SourceError("mujoco: not installed; pip install 'posecast-edge[mujoco]'") from None
     path = Path(address) if address else ARM
+    if address:
+        try_out(path)
     return MujocoSource(load(path), path.name)
 
 

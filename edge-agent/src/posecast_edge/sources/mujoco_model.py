@@ -13,7 +13,6 @@ from typing import Any
 from xml.sax.saxutils import quoteattr
 
 import mujoco
-import numpy as np
 
 from posecast_edge.complaints import Complaints
 from posecast_edge.model.finding import ModelRefused
@@ -27,6 +26,8 @@ log = logging.getLogger("posecast_edge.mujoco")
 mujoco.set_mju_user_warning(lambda text: log.debug("%s", text))
 
 SAY_EVERY_S = 10.0
+FILE_MAX = 64 << 20  # bytes
+STEP_S = (1e-5, 0.1)  # simulated at once, from and to
 ROTOR = 0.5  # of what a joint carries: what the motor's own inertia is felt as behind its gear
 SERVO_HZ = 8.0  # natural frequency of the servos given to a model without any, critically damped
 TURN_S = 3.0  # one joint there and back
@@ -64,9 +65,12 @@ COMPILER = '<mujoco><compiler boundmass="0.001" boundinertia="0.000001" balancei
 def load(path: Path) -> Simulation:
     """Read MJCF or URDF. SourceError, one line, when that fails."""
     try:
-        content = path.read_bytes()
+        with path.open("rb") as file:
+            content = file.read(FILE_MAX + 1)
     except OSError as e:
         raise SourceError(f"{path}: {e.strerror or e}") from None
+    if len(content) > FILE_MAX:
+        raise SourceError(f"{path}: over {FILE_MAX >> 20} MiB")
     try:
         if path.suffix.lower() == ".urdf" or b"<robot" in content:
             urdf = read_urdf(io.BytesIO(content))
@@ -74,14 +78,19 @@ def load(path: Path) -> Simulation:
             _follow(spec, urdf)
         else:
             spec = mujoco.MjSpec.from_file(str(path))
+        if not STEP_S[0] <= spec.option.timestep <= STEP_S[1]:
+            least_s, most_s = STEP_S
+            raise SourceError(
+                f"{path}: a timestep of {spec.option.timestep:g} s; {least_s:g} to {most_s:g} are simulated"
+            )
         if not spec.actuators:
             _add_servos(spec)
         simulation = Simulation(spec.compile())
     except ModelRefused as e:
         line = "" if e.line is None else f":{e.line}"
         raise SourceError(f"{path}{line}: {e.reason}") from None
-    except (ValueError, RuntimeError, mujoco.FatalError) as e:
-        raise SourceError(f"{path}: {' '.join(str(e).split())[:300]}") from None
+    except (ValueError, TypeError, LookupError, RuntimeError, MemoryError, mujoco.FatalError) as e:
+        raise SourceError(f"{path}: {' '.join(str(e).split())[:300] or type(e).__name__}") from None
     if not simulation.joints:
         raise SourceError(f"{path}: no joint turns or slides")
     return simulation
@@ -117,11 +126,10 @@ def _follow(spec: Any, urdf: Urdf) -> None:
 def _add_servos(spec: Any) -> None:
     """A position servo for each joint that follows no other, strong enough for what hangs on it; its
     weight is carried besides."""
+    for number, joint in enumerate(spec.joints):
+        if not joint.name:
+            joint.name = f"unnamed joint {number}"
     model = spec.compile()
-    data = mujoco.MjData(model)
-    mujoco.mj_forward(model, data)
-    mass = np.zeros((model.nv, model.nv))
-    mujoco.mj_fullM(model, data, mass)
     tied = {tie.name1 for tie in spec.equalities if tie.type == mujoco.mjtEq.mjEQ_JOINT}
     omega = 2 * math.pi * SERVO_HZ
     spec.option.integrator = (
@@ -132,9 +140,9 @@ def _add_servos(spec: Any) -> None:
     for joint in spec.joints:
         if int(joint.type) not in SWING_MOST or joint.name in tied:
             continue
-        i = model.joint(joint.name).dofadr[0]
-        joint.armature = float(joint.armature) + ROTOR * mass[i, i]
-        inertia = (1 + ROTOR) * mass[i, i]
+        carried = float(model.dof_M0[model.joint(joint.name).dofadr[0]])
+        joint.armature = float(joint.armature) + ROTOR * carried
+        inertia = (1 + ROTOR) * carried
         stiffness, damping = inertia * omega**2, 2 * inertia * omega
         servo = spec.add_actuator(name=f"servo of {joint.name}", target=joint.name)
         servo.trntype = mujoco.mjtTrn.mjTRN_JOINT
@@ -172,6 +180,7 @@ class Simulation:
         mujoco.mj_resetData(model, self._data)
         if model.nkey:
             mujoco.mj_resetDataKeyframe(model, self._data, 0)
+            self._data.time = 0.0
         self.servos = list(self._find_servos())
         self._programme = self._keyframes if self._has_programme() else self._one_by_one
         self._programme(0.0)

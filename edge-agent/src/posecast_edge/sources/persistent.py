@@ -14,6 +14,7 @@ log = logging.getLogger("posecast_edge.ach")
 
 WAIT_S = 0.2  # the longest stay in one call
 SAY_EVERY_S = 10.0
+FRAME_MAX = 1 << 16  # bytes; a hubo-ach channel is made for 3,000. A longer one ends the connection
 KEPT_MAX = 64  # frames taken at once; of more only the newest so many are looked at for faults
 
 

@@ -21,6 +21,7 @@ from posecast_edge.sources import Deliver, Sample, SourceError
 MAX_PAUSE_S = 10.0
 MAX_BEHIND_S = 1.0  # a machine that slept goes on where it stood
 MIN_WAKE_S = 0.005  # faster recordings come in bursts
+LEAST_STEP_S = 1e-3  # from pass to pass: a loop that takes no time would have no end
 LONE_STEP_S = 0.1  # from pass to pass of a recording with a single instant
 
 
@@ -46,7 +47,7 @@ class Recording(Protocol):
 def parse_playback(kind: str, address: str) -> Playback:
     """What stands after `KIND:`. SourceError with one line when it doesn't fit."""
     name, _, words = address.partition("?")
-    if not name:
+    if not name or "\0" in name:
         raise SourceError(f"{kind}: a path is needed, as in {kind}:walk.{kind}")
     start_s, loop = 0.0, False
     for word in words.split("&") if words else ():
@@ -108,5 +109,8 @@ class Player:
             if not self._playback.loop:
                 return
             first_pass = False
-            due_s += step_s or LONE_STEP_S
-            shift_s += max(0.0, previous_s - began_s) + (step_s or LONE_STEP_S)
+            step_s = (
+                max(step_s, LEAST_STEP_S) if step_s else LONE_STEP_S
+            )  # a pass takes time, or none would end
+            due_s += step_s
+            shift_s += max(0.0, previous_s - began_s) + step_s

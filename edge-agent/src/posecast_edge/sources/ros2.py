@@ -26,9 +26,9 @@ from zenoh.ext import HistoryConfig, declare_advanced_subscriber
 
 from posecast_edge.complaints import Complaints
 from posecast_edge.sources import Deliver, Source, SourceError
-from posecast_edge.sources.ros_intake import EXTRA, SAY_EVERY_S, URDF_BYTES_MAX, Intake
+from posecast_edge.sources.ros_intake import EXTRA, SAY_EVERY_S, Intake
 from posecast_edge.sources.ros_keys import BRIDGE_TOKENS, Found, data_key, token_key, token_of, topic_of
-from posecast_edge.sources.ros_messages import STRING
+from posecast_edge.sources.ros_messages import DESCRIPTION_MAX, PAYLOAD_MAX, STRING
 
 if TYPE_CHECKING:
     from posecast_edge.profile import Profile
@@ -42,8 +42,8 @@ LEASE_MS = 2500
 RETRY_MS = (200, 2000)
 WAIT_S = 0.2
 REST_S = 0.004  # between two looks: what comes meanwhile goes together
-PAYLOAD_MAX = 1 << 18  # bytes of a message that is no robot description
 BACKLOG_MAX = 4 << 20  # bytes that wait; the oldest go first, the newest count
+WAITING = 512  # bytes: what a message that waits takes beside its own
 BRIDGED_MAX = 64  # topics of bridges
 
 
@@ -164,7 +164,7 @@ class Ros2Source:
         if found is None or sample.kind != zenoh.SampleKind.PUT:
             return
         size = len(sample.payload)
-        if size > (URDF_BYTES_MAX if found.type_name == STRING else PAYLOAD_MAX):
+        if size > (DESCRIPTION_MAX if found.type_name == STRING else PAYLOAD_MAX):
             self._intake.bad(found.topic, f"a message of {size} bytes is too large")
             return
         self._inbox.put(found.topic, found.type_name, sample.payload.to_bytes())
@@ -183,9 +183,9 @@ class Inbox:
         """One more. From any thread."""
         with self._some:
             self._waiting.append((topic, type_name, payload))
-            self._bytes += len(payload)
+            self._bytes += len(payload) + WAITING
             while self._bytes > BACKLOG_MAX and len(self._waiting) > 1:
-                self._bytes -= len(self._waiting.popleft()[2])
+                self._bytes -= len(self._waiting.popleft()[2]) + WAITING
                 self._lost += 1
             self._some.notify()
 

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-import struct
-
-from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from posecast_edge.sources.ros_messages import CONTROLLER_STATE, MessageError
+from posecast_edge.sources.ros_messages import (
+    CONTROLLER_STATE,
+    DESCRIPTION_MAX,
+    PAYLOAD_MAX,
+    STRING,
+    MessageError,
+)
 
 # Every ROS 2's definition begins like this, what follows differs; what the controller is told stands first.
 CONTROLLER_HEAD = """
@@ -29,13 +32,19 @@ class CdrReader:
 
     def read(self, type_name: str, payload: bytes) -> object:
         """The message, its members as attributes. `type_name`: short. MessageError."""
+        most = DESCRIPTION_MAX if type_name == STRING else PAYLOAD_MAX
+        if len(payload) > most:
+            raise MessageError(f"a message of {len(payload)} bytes is too large")
         try:
             if type_name == CONTROLLER_STATE:
                 return self._head(payload)
             package, _, name = type_name.partition("/")
             return self._store.deserialize_cdr(payload, f"{package}/msg/{name}")
-        except (SerdeError, ValueError, struct.error) as e:
-            raise MessageError(f"{len(payload)} bytes that are no {type_name}: {e}") from None
+        except MessageError:
+            raise
+        except Exception as e:  # code that is made from definitions: nobody has listed what it raises
+            said = " ".join(str(e).split())[:200] or type(e).__name__
+            raise MessageError(f"{len(payload)} bytes that are no {type_name}: {said}") from None
 
     def _head(self, payload: bytes) -> object:
         """The part of a controller's state that is read; the rest may be anything."""

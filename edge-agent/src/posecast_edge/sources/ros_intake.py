@@ -13,8 +13,14 @@ from typing import TYPE_CHECKING, Any
 from posecast_edge.complaints import Complaints
 from posecast_edge.sources import Sample
 from posecast_edge.sources.ros_merge import STREAM_S, Merge
-from posecast_edge.sources.ros_messages import STRING, MessageError, read_message, text_of
-from posecast_edge.sources.ros_topics import TYPES, Route, Routes
+from posecast_edge.sources.ros_messages import (
+    STRING,
+    MessageError,
+    checked_description,
+    read_message,
+    text_of,
+)
+from posecast_edge.sources.ros_topics import TOPIC_MAX, TYPES, Route, Routes
 
 if TYPE_CHECKING:
     from posecast_edge.profile import Profile
@@ -24,8 +30,7 @@ log = logging.getLogger("posecast_edge.ros")
 EXTRA = 'pip install "posecast-edge[ros]"'
 SAY_EVERY_S = 10.0
 TOPICS_MAX = 2000  # remembered; what a graph has beyond that is neither shown nor read
-NAMED_MAX = 8  # types of no use said aloud; `probe` shows them all
-URDF_BYTES_MAX = 8 << 20
+NAMED_MAX = 8  # types of no use said aloud, topics told of one by one; `probe` shows them all
 
 
 class Intake:
@@ -39,7 +44,7 @@ class Intake:
         self._topics: dict[tuple[str, str], Route | None] = {}
         self._messages: dict[str, int] = {}  # topic → how many
         self._ignored: set[str] = set()  # types told of
-        self._bad: dict[str, Complaints] = {}  # by topic
+        self._bad: dict[str, Complaints] = {}  # by topic, "" for those beyond NAMED_MAX
         self._urdf = ""
         self._told_still = False
 
@@ -49,7 +54,7 @@ class Intake:
         key = (topic, type_name)
         if key in self._topics:
             return self._topics[key]
-        if len(self._topics) >= TOPICS_MAX:
+        if len(self._topics) >= TOPICS_MAX or len(topic) > TOPIC_MAX or len(type_name) > TOPIC_MAX:
             return None
         route = self._topics[key] = self.routes.of(topic, type_name)
         if route is not None and type_name != STRING:
@@ -77,14 +82,20 @@ class Intake:
         except MessageError as e:
             self.bad(topic, str(e))
             return
+        except Exception as e:  # one message, whatever it did, ends nothing but itself
+            log.debug("message of %s", topic, exc_info=True)
+            self.bad(topic, f"{type(e).__name__}: {str(e)[:200]}")
+            return
         self._merge.take(topic, route.role, type_name, report, now_s)
 
     def bad(self, topic: str, text: str) -> None:
-        """Something that came is wrong: the first of a topic is told at once, then they are counted."""
-        if topic not in self._bad and len(self._bad) < TOPICS_MAX:
-            self._bad[topic] = Complaints(log.warning, f"bad messages of {topic}", SAY_EVERY_S)
-        if topic in self._bad:
-            self._bad[topic].add(f"{topic}: {text}", time.monotonic())
+        """Something that came is wrong: the first of a topic is told at once, then they are counted; topics
+        beyond the first NAMED_MAX are counted together."""
+        of = topic if topic in self._bad or len(self._bad) < NAMED_MAX else ""
+        if of not in self._bad:
+            noun = f"bad messages of {of}" if of else "bad messages of further topics"
+            self._bad[of] = Complaints(log.warning, noun, SAY_EVERY_S)
+        self._bad[of].add(f"{topic[:TOPIC_MAX]}: {text}", time.monotonic())
 
     def sample(self) -> Sample | None:
         """What there is to deliver. To be called often: it also says what has been held back."""
@@ -113,10 +124,9 @@ class Intake:
 
     def describe(self, urdf: str) -> None:
         """The robot says what it looks like. MessageError when it says too much."""
+        checked_description(urdf)
         if urdf == self._urdf or not urdf.strip():
             return
-        if len(urdf) > URDF_BYTES_MAX:
-            raise MessageError(f"a robot description of {len(urdf)} characters, at most {URDF_BYTES_MAX}")
         self._urdf = urdf
         if self.on_urdf is not None:
             self.on_urdf(urdf)

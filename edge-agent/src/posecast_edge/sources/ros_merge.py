@@ -20,6 +20,8 @@ HOLD_S = 0.5  # a clock that went on so recently is not moved by another, nor ba
 SETTLE_S = 2.0  # without a profile the first sample says which channels there are: it waits for all of them
 SETTLED_S = 0.5  # the same when everything that was expected has come
 STRANDS_MAX = 256  # publishers told apart; the one silent for longest gives way
+LABELS_MAX = 1 << 14  # of all publishers; the one silent for longest gives way (the wire has 4,096 channels)
+DOUBLES_MAX = 8  # pairs of topics that are said to tell of one channel
 TEXTS_MAX = 256  # about; further names are ignored
 STREAMS = ("pos", "ref", "imu", "wrench", "base")
 
@@ -61,6 +63,7 @@ class Merge:
     def __init__(self, settled: bool, say: Callable[[str], None]) -> None:
         self._say = say
         self._strands: dict[tuple[str, tuple[str, ...]], _Strand] = {}  # by topic and labels
+        self._labels = 0  # of all strands
         self._clock = RobotClock()
         self._joints_s: float | None = None  # when positions last came
         self._began_s: float | None = None
@@ -82,10 +85,15 @@ class Merge:
         if topic in self._expected:
             self._expected[topic] = True
         key = (topic, tuple(label for readings in report.values.values() for label in readings))
-        if self._strands.pop(key, None) is None:
+        if key in self._strands:
+            self._drop(key)
+        else:
             self._look_for_doubles(topic, report.values)
-        while len(self._strands) >= STRANDS_MAX:
-            del self._strands[next(iter(self._strands))]
+        while self._strands and (
+            len(self._strands) >= STRANDS_MAX or self._labels + len(key[1]) > LABELS_MAX
+        ):
+            self._drop(next(iter(self._strands)))
+        self._labels += len(key[1])
         stream = role in STREAMS and not (role == "ref" and type_name == JOINT_STATE)
         # heard last stands last
         self._strands[key] = _Strand(STREAM_S if stream else STATE_S, now_s, report.values)
@@ -108,12 +116,16 @@ class Merge:
         self._news = False
         old = [key for key, strand in self._strands.items() if now_s - strand.heard_s >= strand.life_s]
         for key in old:
-            del self._strands[key]
+            self._drop(key)
         values: dict[str, dict[str, Reading]] = {}
         for _, strand in sorted(self._strands.items(), key=lambda item: item[0][0], reverse=True):
             for name, readings in strand.values.items():
                 values.setdefault(name, {}).update(readings)
         return Sample(self._clock.t_s, values, dict(self._info), links=dict(self._links))
+
+    def _drop(self, key: tuple[str, tuple[str, ...]]) -> None:
+        del self._strands[key]
+        self._labels -= len(key[1])
 
     def _drives(self, role: str, now_s: float) -> bool:
         """Whether the message makes a sample: positions do, and other streams where there are none."""
@@ -132,14 +144,15 @@ class Merge:
     def _look_for_doubles(self, topic: str, values: Mapping[str, Mapping[str, Reading]]) -> None:
         for (other, _), strand in self._strands.items():
             pair = (min(topic, other), max(topic, other))
-            if other == topic or pair in self._doubled or len(self._doubled) >= STRANDS_MAX:
+            if other == topic or pair in self._doubled or len(self._doubled) >= DOUBLES_MAX:
                 continue
             for name, readings in values.items():
                 both = readings.keys() & strand.values.get(name, {}).keys()
                 if both:
                     self._doubled.add(pair)
+                    more = "; further ones are not said" if len(self._doubled) == DOUBLES_MAX else ""
                     self._say(
                         f"{name} of {min(both)!r} is told by {pair[0]} and {pair[1]}: the first counts; "
-                        "a profile's [ros] can say which"
+                        f"a profile's [ros] can say which{more}"
                     )
                     break

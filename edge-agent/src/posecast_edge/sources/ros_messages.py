@@ -22,7 +22,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from posecast_edge.sources import Reading
+from posecast_edge.sources import TIME_MAX_S, Reading
 from posecast_edge.wellknown import DIAG_BITS
 
 JOINT_STATE = "sensor_msgs/JointState"
@@ -35,8 +35,14 @@ DIAGNOSTICS = "diagnostic_msgs/DiagnosticArray"
 STRING = "std_msgs/String"  # robot_description
 
 BATTERY_STATES = ("unknown", "charging", "discharging", "not charging", "full")
-MAX_NAMES = 4096  # joints of one message
+# What is longer is refused, message by message.
+PAYLOAD_MAX = 1 << 18  # bytes of a message that is no robot description
+DESCRIPTION_MAX = 8 << 20  # characters of a robot description
+MAX_NAMES = 4096  # joints of one message; numbers of one list
+NAME_MAX = 200  # characters of a name
+# What is longer is cut.
 MAX_STATUSES = 64  # of one message; further ones are ignored
+TEXT_MAX = 200  # characters of a text that is shown
 
 
 class MessageError(ValueError):
@@ -71,17 +77,26 @@ def read_message(type_name: str, message: Any, site: str = "", field_name: str =
     `site`: what its sensor is called, "" for the frame it names. `field_name`: of a JointState's positions,
     `pos` or `ref`; a `ref` has no velocities. MessageError when the message does not fit its type.
     """
+    reader = READERS[type_name]
     try:
-        return READERS[type_name](message, site, field_name)
-    except (TypeError, ValueError, OverflowError, AttributeError) as e:
-        if isinstance(e, MessageError):
-            raise
-        raise MessageError(f"{type(e).__name__}: {e}") from None
+        return reader(message, site, field_name)
+    except MessageError:
+        raise
+    except (TypeError, ValueError, ArithmeticError, LookupError, AttributeError, RecursionError) as e:
+        raise MessageError(f"{type(e).__name__}: {str(e)[:200]}") from None
 
 
 def text_of(message: Any) -> str:
-    """The text of a std_msgs/String. MessageError."""
-    return _text(_member(message, "data"), "data")
+    """The text of a std_msgs/String. MessageError, also when it is longer than any robot description."""
+    return checked_description(_member(message, "data"))
+
+
+def checked_description(urdf: Any) -> str:
+    """The same. MessageError when it is no text, or longer than any robot description."""
+    text = _text(urdf, "data")
+    if len(text) > DESCRIPTION_MAX:
+        raise MessageError(f"a robot description of {len(text)} characters, at most {DESCRIPTION_MAX}")
+    return text
 
 
 def site_of(name: str) -> str:
@@ -187,11 +202,11 @@ def _diagnostics(message: Any, site: str, field_name: str) -> Report:
     bits: dict[str, Reading] = {}
     info = {}
     for status in statuses[:MAX_STATUSES]:
-        name = _text(_member(status, "name"), "name").strip()
+        name = _text(_member(status, "name"), "name")[:NAME_MAX].strip()
         level = _level(_member(status, "level"))
         if name:
             bits[name] = [DIAG_BITS[level - 1]] if level else []
-            info[name] = _text(_member(status, "message"), "message")
+            info[name] = _text(_member(status, "message"), "message")[:TEXT_MAX]
     return Report(_stamp(message), {"diag": bits} if bits else {}, info)
 
 
@@ -223,14 +238,21 @@ def _member(message: Any, name: str) -> Any:
 def _text(value: Any, what: str) -> str:
     if not isinstance(value, str):
         raise MessageError(f"{what} is {type(value).__name__}, not a text")
+    try:
+        value.encode()
+    except UnicodeEncodeError:  # JSON can write half a character, and nothing else can carry it
+        raise MessageError(f"{what} has half a character in it") from None
     return value
 
 
 def _names(value: Any, what: str) -> list[str]:
-    if not isinstance(value, (list, tuple)) or not all(isinstance(v, str) and v for v in value):
+    if not isinstance(value, (list, tuple)):
         raise MessageError(f"{what} is no list of names")
     if len(value) > MAX_NAMES:
         raise MessageError(f"{what} has {len(value)} names, at most {MAX_NAMES}")
+    if not all(isinstance(v, str) and 0 < len(v) <= NAME_MAX for v in value):
+        raise MessageError(f"{what} is no list of names of 1 to {NAME_MAX} characters")
+    _text("".join(value), what)
     return list(value)
 
 
@@ -238,6 +260,8 @@ def _numbers(value: Any, what: str) -> list[float | None]:
     listed = value.tolist() if hasattr(value, "tolist") else value
     if not isinstance(listed, Sequence) or isinstance(listed, (str, bytes)):
         raise MessageError(f"{what} is {type(value).__name__}, not a list of numbers")
+    if len(listed) > MAX_NAMES:
+        raise MessageError(f"{what} has {len(listed)} numbers, at most {MAX_NAMES}")
     return [v if type(v) is float else _number(v, what) for v in listed]
 
 
@@ -246,8 +270,15 @@ def _number(value: Any, what: str) -> float | None:
     if value is None:
         return None
     if isinstance(value, bool) or not isinstance(value, (int, float)):
-        raise MessageError(f"{what} is {str(value)[:40]!r}, not a number")
+        raise MessageError(f"{what} is {_shown(value)}, not a number")
     return float(value)
+
+
+def _shown(value: Any) -> str:
+    """What stands there instead, in a few letters: it may be endless, or in itself."""
+    if isinstance(value, bool):
+        return repr(str(value))
+    return repr(value[:40]) if isinstance(value, (str, bytes)) else f"a {type(value).__name__}"
 
 
 def _vector(value: Any) -> list[float | None]:
@@ -269,6 +300,8 @@ def _site(message: Any, site: str, otherwise: str) -> tuple[str, dict[str, str]]
     if site:
         return site, {}
     frame = _text(_member(_member(message, "header"), "frame_id"), "frame_id").strip("/")
+    if len(frame) > NAME_MAX:
+        raise MessageError(f"frame_id has {len(frame)} characters, at most {NAME_MAX}")
     return (site_of(frame), {site_of(frame): frame}) if frame else (otherwise, {})
 
 
@@ -280,6 +313,8 @@ def _stamp(message: Any) -> float | None:
     if not isinstance(seconds, int) or not isinstance(nanoseconds, int):
         raise MessageError("a stamp that is no time")
     stamp_s = seconds + nanoseconds * 1e-9
+    if abs(stamp_s) > TIME_MAX_S:
+        raise MessageError("a stamp that is no time")
     return stamp_s or None
 
 
@@ -292,6 +327,8 @@ def _level(value: Any) -> int:
             raise MessageError(f"level is {value[:40]!r}") from None
     if isinstance(value, (bytes, bytearray)):
         value = value[0] if len(value) == 1 else -1
-    if not isinstance(value, int) or not 0 <= value <= len(DIAG_BITS):
-        raise MessageError(f"level is {str(value)[:40]}, not 0 to {len(DIAG_BITS)}")
+    if not isinstance(value, int):
+        raise MessageError(f"level is {_shown(value)}, not 0 to {len(DIAG_BITS)}")
+    if not 0 <= value <= len(DIAG_BITS):
+        raise MessageError(f"level is {value if abs(value) < 1000 else 'huge'}, not 0 to {len(DIAG_BITS)}")
     return int(value)

@@ -35,6 +35,8 @@ SITED = ("imu", "wrench", "battery")  # roles whose topics may be given a site
 ENCODINGS = ("json", "cbor")  # of rosbridge
 TYPES = frozenset(name for names in ROLES.values() for name in names)
 
+TOPIC_MAX = 255  # characters, as in ROS 2; a longer one is not read
+
 COMMAND = re.compile(r"(?:joint_)?(?:command|cmd|desired|goal|target|reference)s?|joint_(?:ref|setpoint)s?")
 STATE = re.compile(r"joint_states?")
 BATTERY_WORDS = re.compile(r"battery(?:_state)?s?|power|state|status")
@@ -57,6 +59,8 @@ class Routes:
 
     def of(self, topic: str, type_name: str) -> Route | None:
         """How this topic is read; None: not at all. `type_name`: short."""
+        if len(topic) > TOPIC_MAX:
+            return None
         for role, types in ROLES.items():
             if type_name in types and role in self._given:
                 for pattern, site in self._given[role]:

@@ -10,7 +10,6 @@ the profile names, and for /joint_states and /robot_description. Nothing is publ
 from __future__ import annotations
 
 import importlib.util
-import json
 import logging
 import re
 import threading
@@ -23,7 +22,7 @@ from posecast_edge.complaints import Complaints
 from posecast_edge.sources import Deliver, Source, SourceError
 from posecast_edge.sources.backoff import Backoff
 from posecast_edge.sources.ros_intake import EXTRA, SAY_EVERY_S, Intake
-from posecast_edge.sources.ros_messages import CONTROLLER_STATE, short_type
+from posecast_edge.sources.ros_messages import CONTROLLER_STATE, MessageError, short_type
 from posecast_edge.sources.ros_topics import ROLES, Route
 from posecast_edge.sources.rosbridge_protocol import (
     MESSAGE_MAX,
@@ -32,6 +31,7 @@ from posecast_edge.sources.rosbridge_protocol import (
     ProtocolError,
     Publish,
     ask,
+    parse_json,
     subscribe,
 )
 
@@ -51,6 +51,8 @@ PING_S = 3.0  # an unanswered ping ends the connection as late again
 WAIT_S = 0.2
 DRAIN_S = 0.05  # so long what has come is taken before any of it is read
 BATCH_MAX = 256  # of which the newest count
+BATCH_CHARS_MAX = 32 << 20  # and of these, so many characters or bytes
+QUEUE_MAX = 8  # frames that wait to be taken: beyond them the server has to wait
 LOOK_S = 10.0  # between two questions which topics there are
 ANSWER_S = 3.0  # without an answer there is no rosapi
 THROTTLE_MS = 15  # twice as often as the fastest stream needs it
@@ -113,6 +115,7 @@ class RosbridgeSource:
                     ping_interval=PING_S,
                     ping_timeout=PING_S,
                     max_size=MESSAGE_MAX,
+                    max_queue=QUEUE_MAX,
                     proxy=None,
                 ) as connection:
                     self._backoff.connected(time.monotonic())
@@ -163,12 +166,17 @@ class Talk:
 
     def _newest(self) -> deque[str | bytes]:
         """What has come. A flood is taken faster than it can be read; then the newest BATCH_MAX count."""
-        taken: deque[str | bytes] = deque(maxlen=BATCH_MAX)
+        taken: deque[str | bytes] = deque()
+        chars = 0
         until_s = time.monotonic() + DRAIN_S
         try:
             taken.append(self._connection.recv(WAIT_S))
+            chars += len(taken[-1])
             while time.monotonic() < until_s:
                 taken.append(self._connection.recv(0))
+                chars += len(taken[-1])
+                while len(taken) > BATCH_MAX or (chars > BATCH_CHARS_MAX and len(taken) > 1):
+                    chars -= len(taken.popleft())
         except TimeoutError:
             pass
         return taken
@@ -199,7 +207,7 @@ class Talk:
                 self._answer(heard)
             elif heard is not None and heard.level in ("error", "warning"):
                 self._words.add(f"rosbridge says: {heard.text[:200]}", time.monotonic())
-        except ProtocolError as e:
+        except (ProtocolError, MessageError) as e:
             self._intake.bad("rosbridge", str(e))
 
     def _type_of(self, heard: Publish) -> str:
@@ -250,26 +258,24 @@ class Talk:
         """Streams are throttled, but a topic of several publishers is not: the newest of one would push out
         the newest of the other before either is sent."""
         if route.role in ("battery", "diagnostics", "description"):
-            self._subscribe(topic, 0)
+            self._subscribe(topic, 0, described=route.role == "description")
             return
         self._counting[topic] = time.monotonic()
         self._connection.send(ask("/rosapi/publishers", f"publishers {topic}", topic=topic))
 
-    def _subscribe(self, topic: str, throttle_ms: int) -> None:
+    def _subscribe(self, topic: str, throttle_ms: int, described: bool = False) -> None:
         self._counting.pop(topic, None)
         self._subscribed.add(topic)
-        self._connection.send(subscribe(topic, self._types.get(topic), self._encoding, throttle_ms))
+        encoding = "json" if described else self._encoding  # a description is longer than CBOR may be
+        self._connection.send(subscribe(topic, self._types.get(topic), encoding, throttle_ms))
 
     def _ask_by_name(self) -> None:
         """Also again: a topic without a publisher has no type, and the server forgets who asked for it."""
-        for topic, _ in self._intake.routes.named():
-            self._subscribe(topic, 0)
+        for topic, route in self._intake.routes.named():
+            self._subscribe(topic, 0, described=route.role == "description")
 
     def _parameter(self, value: object) -> None:
-        """A ROS 1 parameter, which rosapi gives as JSON."""
-        try:
-            text = json.loads(value) if isinstance(value, str) else None
-            if isinstance(text, str):
-                self._intake.describe(text)
-        except ValueError as e:
-            self._intake.bad("/robot_description", str(e))
+        """A ROS 1 parameter, which rosapi gives as JSON. ProtocolError, MessageError."""
+        text = parse_json(value) if isinstance(value, str) else None
+        if isinstance(text, str):
+            self._intake.describe(text)

@@ -12,8 +12,17 @@ from dataclasses import dataclass, field
 from typing import Any
 
 MESSAGE_MAX = 16 << 20  # bytes of one message, put together
+CBOR_MAX = 1 << 20  # bytes; an empty map takes one of them, and seventy here. Descriptions come as JSON
+ITEMS_MAX = 250_000  # values in one message's lists and objects, a robot description has none
+ARRAY_MAX = 1 << 16  # numbers of a typed array
 FRAGMENTS_MAX = 4096  # of one message
 PARTS_MAX = 8  # messages that are put together at a time; the oldest is given up
+PARTS_CHARS_MAX = MESSAGE_MAX  # of all of them
+WORD_MAX = 300  # characters of what a server says, and of an id
+
+# What cbor2 makes of tags by itself: dates, fractions, regular expressions, references. Nothing of it is in a
+# ROS message, and some of it is endless.
+NO_TAGS = (0, 1, 2, 3, 4, 5, 25, 28, 29, 30, 35, 36, 37, 52, 54, 100, 256, 258, 260, 261, 1004, 43000, 55799)
 
 # RFC 8746: tags of typed arrays, as rosbridge writes them → struct's letter; little-endian
 TYPED_ARRAYS = {64: "B", 69: "H", 70: "I", 71: "Q", 72: "b", 77: "h", 78: "i", 79: "q", 85: "f", 86: "d"}
@@ -86,16 +95,17 @@ class Ear:
 
     def __init__(self) -> None:
         self._parts: OrderedDict[str, _Parts] = OrderedDict()
+        self._chars = 0  # of all fragments kept
 
     def feed(self, data: str | bytes) -> Heard | None:
         """A whole WebSocket message: text is JSON, bytes CBOR. None when it is of no interest, or its rest
         has yet to come. ProtocolError; what came before and comes after is good all the same."""
-        document = _json(data) if isinstance(data, str) else _cbor(data)
+        document = parse_json(data) if isinstance(data, str) else _cbor(data)
         if isinstance(document, dict) and document.get("op") == "fragment":
             whole = self._fragment(document)
             if whole is None:
                 return None
-            document = _json(whole)
+            document = parse_json(whole)
         if not isinstance(document, dict) or not isinstance(document.get("op"), str):
             raise ProtocolError("a message without op")
         return _heard(document)
@@ -109,25 +119,31 @@ class Ear:
             or not isinstance(total, int)
             or not 0 < total <= FRAGMENTS_MAX
             or not 0 <= number < total
+            or (len(name) > WORD_MAX if isinstance(name, str) else abs(name) >> 64)
         ):
             raise ProtocolError("a fragment that is none")
         key = str(name)
         parts = self._parts.setdefault(key, _Parts(total))
         if parts.total != total or number in parts.found:
             # its rest never came, and the server counts anew
+            self._give_up(key)
             parts = self._parts[key] = _Parts(total)
         parts.found[number] = data
         parts.size += len(data)
+        self._chars += len(data)
         self._parts.move_to_end(key)
-        while len(self._parts) > PARTS_MAX:
-            self._parts.popitem(last=False)
         if parts.size > MESSAGE_MAX:
-            del self._parts[key]
+            self._give_up(key)
             raise ProtocolError(f"fragments of more than {MESSAGE_MAX >> 20} MiB")
+        while len(self._parts) > PARTS_MAX or self._chars > PARTS_CHARS_MAX:
+            self._give_up(next(iter(self._parts)))
         if len(parts.found) < total:
             return None
-        del self._parts[key]
+        self._give_up(key)
         return "".join(parts.found[i] for i in range(total))
+
+    def _give_up(self, key: str) -> None:
+        self._chars -= self._parts.pop(key).size
 
 
 def _heard(document: dict[str, Any]) -> Heard | None:
@@ -140,21 +156,30 @@ def _heard(document: dict[str, Any]) -> Heard | None:
     if op == "service_response":
         values = document.get("values")
         good = document.get("result", True) is not False and isinstance(values, dict)
-        return Answer(str(document.get("id")), values if good else None)
+        return Answer(_word(document, "id"), values if good else None)
     if op == "status":
-        return Status(str(document.get("level", "")), str(document.get("msg", "")))
+        return Status(_word(document, "level"), _word(document, "msg"))
     if op == "png":
         raise ProtocolError("PNG compression is not read, and was not asked for")
     return None
 
 
-def _json(text: str) -> Any:
+def _word(document: dict[str, Any], name: str) -> str:
+    """A short text; "" where something else stands, which may be endless."""
+    value = document.get(name)
+    return value[:WORD_MAX] if isinstance(value, str) else ""
+
+
+def parse_json(text: str) -> Any:
+    """JSON as servers write it; NaN and Infinity are null. ProtocolError."""
+    if sum(text.count(sign) for sign in ",[{") > ITEMS_MAX:
+        raise ProtocolError(f"JSON of more than {ITEMS_MAX:,} values")
     try:
         return json.loads(text, parse_constant=_no_reading)
     except RecursionError:
         raise ProtocolError("JSON nested too deep") from None
     except ValueError as e:
-        raise ProtocolError(f"not JSON: {e}") from None
+        raise ProtocolError(f"not JSON: {str(e)[:WORD_MAX]}") from None
 
 
 def _no_reading(_token: str) -> None:
@@ -164,10 +189,26 @@ def _no_reading(_token: str) -> None:
 def _cbor(data: bytes) -> Any:
     import cbor2  # noqa: PLC0415 - the extra [ros]; JSON does without
 
+    if len(data) > CBOR_MAX:
+        raise ProtocolError(f"CBOR of {len(data)} bytes, at most {CBOR_MAX}")
     try:
-        return cbor2.loads(data, tag_hook=_typed_array)
-    except (cbor2.CBORDecodeError, RecursionError, struct.error) as e:
-        raise ProtocolError(f"not CBOR: {type(e).__name__}: {e}") from None
+        return cbor2.loads(
+            data,
+            tag_hook=_typed_array,
+            semantic_decoders=dict.fromkeys(NO_TAGS, _no_value),
+            strict_hashable_types=True,
+        )
+    except ProtocolError:
+        raise
+    except Exception as e:  # what it raises has changed from version to version
+        if isinstance(e.__cause__, ProtocolError):
+            raise e.__cause__ from None
+        said = " ".join(str(e).split())[:WORD_MAX]
+        raise ProtocolError(f"not CBOR: {type(e).__name__}: {said}") from None
+
+
+def _no_value(_value: Any, _immutable: bool) -> None:
+    """In the place of a tag that is not read."""
 
 
 def _typed_array(tag: Any, _immutable: bool) -> Any:
@@ -175,6 +216,6 @@ def _typed_array(tag: Any, _immutable: bool) -> Any:
     if letter is None or not isinstance(tag.value, bytes):
         return tag
     count, rest = divmod(len(tag.value), struct.calcsize(f"<{letter}"))
-    if rest:
+    if rest or count > ARRAY_MAX:
         raise ProtocolError(f"a typed array of {len(tag.value)} bytes")
     return list(struct.unpack(f"<{count}{letter}", tag.value))

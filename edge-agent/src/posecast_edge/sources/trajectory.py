@@ -147,10 +147,12 @@ class TrajectorySource:
         raise SourceError(f"no row fits the profile: {first}" if first else f"{self._path}: no rows")
 
     def _play(self) -> Iterator[Row | None]:
-        """Rows for ever; None for a bad one."""
-        first_pass = True
-        while True:
+        """Rows for ever; None for a bad one. SourceError when the file has been emptied."""
+        first_pass = some = True
+        while some:
+            some = False
             for number, line in self._lines():
+                some = True
                 try:
                     row = parse_row(line, self._columns)
                 except RowError as e:
@@ -160,6 +162,7 @@ class TrajectorySource:
                     continue
                 yield row
             first_pass = False
+        raise SourceError(f"{self._path}: no rows any more")
 
 
 class Pose:

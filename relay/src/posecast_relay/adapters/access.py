@@ -10,6 +10,7 @@ from http import HTTPStatus
 from posecast_wire import Close
 
 from posecast_relay.adapters.addresses import Addresses
+from posecast_relay.adapters.boundary import FAULT
 from posecast_relay.adapters.origins import may_show
 from posecast_relay.adapters.pump import Pump
 from posecast_relay.adapters.tokens import Tokens, Unverifiable
@@ -34,6 +35,7 @@ REASONS = {
     Close.ABSENT: HIDDEN,
     Close.FORBIDDEN: OTHER_VIEW,
     Close.FULL: "who you are can't be found out just now",
+    Close.INTERNAL_ERROR: FAULT,
 }
 STATUSES = {
     Close.TOKEN: HTTPStatus.UNAUTHORIZED,
@@ -144,10 +146,18 @@ class Access:
                 self._again(viewer, who)
 
     def _again(self, viewer: Viewer, who: Who | Close) -> None:
-        """A viewer that watches already is judged anew."""
+        """A viewer that watches already is judged anew. One that can't be is let go."""
         pump = next((pump for pump in self.pumps if viewer in pump.hub.viewers), None)
         if pump is None:
             return
+        try:
+            self._judge_again(pump, viewer, who)
+        except Exception as e:
+            pump.report_fault("a viewer's rights", e)
+            close = Close.INTERNAL_ERROR
+            pump.carry_out(pump.hub.refuse(viewer, close, REASONS[close]))
+
+    def _judge_again(self, pump: Pump, viewer: Viewer, who: Who | Close) -> None:
         found = who if isinstance(who, Close) else self.judge(who, viewer.robot, viewer.asked_view)
         if isinstance(found, Close):
             pump.carry_out(pump.hub.refuse(viewer, found, REASONS[found]))
@@ -157,7 +167,12 @@ class Access:
 
     def _renew(self, viewer: Viewer, token: str) -> None:
         async def renew() -> None:
-            self._again(viewer, await self.who(token))
+            try:
+                who = await self.who(token)
+            except Exception as e:
+                self.live.report_fault("a viewer's token", e)
+                who = Close.INTERNAL_ERROR
+            self._again(viewer, who)
 
         if viewer.grant is not None and len(self._renewals) < RENEWALS_MAX:
             task = asyncio.create_task(renew(), name="token")
@@ -168,7 +183,10 @@ class Access:
         """For ever: accounts of those who watch may have been disabled or signed out meanwhile."""
         while True:
             await asyncio.sleep(RECHECK_S)
-            await self.look_again()
+            try:
+                await self.look_again()
+            except Exception as e:
+                self.live.report_fault("looking at accounts again", e)
 
     async def look_again(self) -> None:
         """Once. Where it can't be found out, nothing changes."""

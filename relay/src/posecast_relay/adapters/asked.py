@@ -8,10 +8,11 @@ from dataclasses import dataclass
 from http import HTTPStatus
 from urllib.parse import parse_qs
 
-from posecast_wire import check_name
+from posecast_wire import check_name, clamp_hz
 
 STREAM_PATH = re.compile(r"/api/v1/robots/([^/]{1,200})/live(\.sse)?")
-DEFAULT_HZ = 30.0
+DEFAULT_HZ = "30"
+NUMBER = re.compile(r"[0-9.eE+-]{1,32}")  # what `float` would take beside is no number in an address
 
 
 class BadRequest(ValueError):
@@ -65,9 +66,13 @@ def read_target(target: str, suffix: str = "") -> Asked:
         raise BadRequest(f"no such stream: use /api/v1/robots/ROBOT/live{suffix}", HTTPStatus.NOT_FOUND)
     try:
         asked = parse_qs(query, keep_blank_values=True, max_num_fields=16)
-        hz = float(asked["hz"][0]) if "hz" in asked else DEFAULT_HZ
     except ValueError:
-        raise BadRequest("hz must be a number from 0 to 60") from None
+        raise BadRequest("at most 16 parameters") from None
+    wish = asked.get("hz", [DEFAULT_HZ])[0]
+    try:
+        hz = float(wish) if NUMBER.fullmatch(wish) else -1.0
+    except ValueError:
+        hz = -1.0
     if not 0 <= hz <= 1000:
         raise BadRequest("hz must be a number from 0 to 60")
     form = asked.get("format", ["binary"])[0]
@@ -75,4 +80,6 @@ def read_target(target: str, suffix: str = "") -> Asked:
         raise BadRequest("format must be binary or json")
     if "token" in asked or "access_token" in asked:  # it would stand in logs on the way
         raise BadRequest("a token never stands in an address: send it as Authorization or first message")
-    return Asked(found[1], asked.get("view", [None])[0], hz, form == "json", asked.get("auth") == ["1"])
+    return Asked(
+        found[1], asked.get("view", [None])[0], clamp_hz(hz), form == "json", asked.get("auth") == ["1"]
+    )

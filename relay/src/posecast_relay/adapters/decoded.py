@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
-import json
+import time
+from collections.abc import Callable
 from weakref import WeakKeyDictionary
 
 from posecast_wire import MISSING, DecodedFrame, Decoder, Field, Frame, FrameError, Schema
 
 from posecast_relay.core.stream import Held, Stream
+from posecast_relay.plain_json import json_bytes
+
+# Decoding takes a microsecond a channel, in the turn of the loop in which all viewers are served.
+ROBOT_CHANNELS_PER_S = 40_000  # decoded for one robot's viewers; frames beyond are left out
+CHANNELS_PER_S = 200_000  # of all robots, each the same share
+CREDIT_S = 0.1  # frames come in bunches
 
 
 class _Reader:
@@ -22,10 +29,13 @@ class _Reader:
         self._decoder.add_schema(schema.text)
         self._bases: tuple[Held | None, Held | None] = (None, None)
 
+    def cost(self, newest: Held) -> int:
+        """Channels to decode for this frame, its bases included."""
+        known = (newest.key, newest.ref) == self._bases
+        return self.schema.size if known else 3 * self.schema.size
+
     def read(self, newest: Held) -> None:
-        """Decode this frame unless it is the one read last."""
-        if newest is self.newest:
-            return
+        """Decode this frame."""
         self.newest, self.frame, self.text = newest, None, None
         bases = (newest.key, newest.ref)
         try:
@@ -39,10 +49,33 @@ class _Reader:
             self._bases = (None, None)
 
 
+class _Turns:
+    """How much is decoded for whom: no robot's schema or viewers cost the others their frames."""
+
+    def __init__(self, now: Callable[[], float]) -> None:
+        self._now = now
+        self._next: dict[str, float] = {}  # by robot, not before
+        self._tidied_at = float("-inf")
+
+    def takes(self, robot: str, channels: int) -> bool:
+        """Whether a frame of so many channels may be decoded for this robot now; then it is counted."""
+        now = self._now()
+        if now - self._tidied_at >= 1.0:
+            self._tidied_at = now
+            self._next = {name: at for name, at in self._next.items() if at > now - 1.0}
+        free_at = self._next.get(robot, 0.0)
+        if now < free_at:
+            return False
+        share = min(ROBOT_CHANNELS_PER_S, CHANNELS_PER_S / max(1, len(self._next)))
+        self._next[robot] = max(free_at, now - CREDIT_S) + channels / share
+        return True
+
+
 class Decoded:
     """The newest frame of each stream."""
 
-    def __init__(self) -> None:
+    def __init__(self, now: Callable[[], float] = time.monotonic) -> None:
+        self._turns = _Turns(now)
         self._readers: WeakKeyDictionary[Stream, _Reader] = WeakKeyDictionary()
 
     def frame(self, stream: Stream) -> Frame | None:
@@ -56,7 +89,7 @@ class Decoded:
         if reader is None or reader.frame is None:
             return None
         if reader.text is None:
-            reader.text = json.dumps(_message(reader.frame), separators=(",", ":"), ensure_ascii=False)
+            reader.text = json_bytes(_message(reader.frame)).decode()
         return reader.text
 
     def _read(self, stream: Stream) -> _Reader | None:
@@ -65,7 +98,10 @@ class Decoded:
         reader = self._readers.get(stream)
         if reader is None or reader.schema is not stream.schema:
             reader = self._readers[stream] = _Reader(stream.schema)
-        reader.read(stream.newest)
+        if stream.newest is not reader.newest:
+            if not self._turns.takes(stream.robot, reader.cost(stream.newest)):
+                return None
+            reader.read(stream.newest)
         return reader
 
 

@@ -7,9 +7,12 @@ nobody would be served meanwhile.
 from __future__ import annotations
 
 import asyncio
+import logging
 import time
 from collections import deque
 from collections.abc import Callable
+
+log = logging.getLogger("posecast_relay")
 
 TURN_S = 0.01
 
@@ -30,10 +33,12 @@ class Doorway:
 
     def _work(self) -> None:
         until = time.monotonic() + TURN_S
-        try:
-            while self._waiting and time.monotonic() < until:
-                self._waiting.popleft()()
-        finally:  # an error of one is the loop's to report, and no reason to keep the others waiting
-            self._working = bool(self._waiting)
-            if self._working:
-                asyncio.get_running_loop().call_soon(self._work)
+        while self._waiting and time.monotonic() < until:
+            enter = self._waiting.popleft()
+            try:
+                enter()
+            except Exception as e:  # no reason to keep the others waiting
+                log.error("a handshake", exc_info=e)
+        self._working = bool(self._waiting)
+        if self._working:
+            asyncio.get_running_loop().call_soon(self._work)

@@ -17,16 +17,27 @@ class FanOut:
     def __init__(self, ring: Ring | None) -> None:
         self._ring = ring
 
-    def write(self, data: bytes, viewers: Sequence[Viewer]) -> None:
-        """To at most SLICE viewers. What a socket does not take is its transport's to send."""
-        outlets = [viewer.outlet for viewer in viewers]
-        descriptors = [outlet.descriptor for outlet in outlets]
+    def write(self, data: bytes, viewers: Sequence[Viewer]) -> list[tuple[Viewer, Exception]]:
+        """To at most SLICE viewers; returns at whom that failed.
+
+        What a socket does not take is its transport's to send.
+        """
+        failed: list[tuple[Viewer, Exception]] = []
+        descriptors = [viewer.outlet.descriptor for viewer in viewers]
         if -1 in descriptors:
-            for outlet in outlets:
-                if outlet.descriptor == -1:
-                    outlet.write(data)
-            outlets = [outlet for outlet in outlets if outlet.descriptor != -1]
-            descriptors = [outlet.descriptor for outlet in outlets]
-        batch = self._ring.write_each if self._ring is not None and len(outlets) > FEW else write_each
-        for index, taken in batch(descriptors, data):
-            outlets[index].write(data[max(0, taken) :])  # also after an error: the transport will meet it too
+            for viewer in viewers:
+                if viewer.outlet.descriptor == -1:
+                    _write(viewer, data, failed)
+            viewers = [viewer for viewer in viewers if viewer.outlet.descriptor != -1]
+            descriptors = [viewer.outlet.descriptor for viewer in viewers]
+        batch = self._ring.write_each if self._ring is not None and len(viewers) > FEW else write_each
+        for index, taken in batch(descriptors, data):  # also after an error: the transport will meet it too
+            _write(viewers[index], data[max(0, taken) :], failed)
+        return failed
+
+
+def _write(viewer: Viewer, data: bytes, failed: list[tuple[Viewer, Exception]]) -> None:
+    try:
+        viewer.outlet.write(data)
+    except Exception as error:
+        failed.append((viewer, error))

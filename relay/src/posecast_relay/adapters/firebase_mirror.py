@@ -105,12 +105,22 @@ class FirebaseMirror:
         """What anyone may see now. How many watch a mirror nobody knows, so a robot with a cap has none."""
         live = self._access.live
         for name in [robot.name for robot in live.hub.robots.values() if robot.heard_at is not None]:
-            grant = self._access.judge(ANYONE, name)
-            if not isinstance(grant, Grant) or grant.viewers is not None:
+            try:
+                shown = self._shown_of(name)
+            except Exception as e:
+                live.report_fault("a robot in the mirror", e)
                 continue
-            robot, room = self._access.shown(grant) or (None, None)
-            if robot is not None and room is not None:
-                yield name, Shown(room.stream, robot.word(room, live.now()), grant.hz)
+            if shown is not None:
+                yield name, shown
+
+    def _shown_of(self, name: str) -> Shown | None:
+        grant = self._access.judge(ANYONE, name)
+        if not isinstance(grant, Grant) or grant.viewers is not None:
+            return None
+        robot, room = self._access.shown(grant) or (None, None)
+        if robot is None or room is None:
+            return None
+        return Shown(room.stream, robot.word(room, self._access.live.now()), grant.hz)
 
     async def _ask(
         self, client: httpx.AsyncClient, method: str, parameters: dict[str, str], body: bytes | None = None

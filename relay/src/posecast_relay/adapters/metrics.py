@@ -32,6 +32,7 @@ class Figures(Collector):
     def __init__(self, pumps: Sequence[Pump], mirror: Mirroring | None = None) -> None:
         """`pumps`: the live one first, then that of the viewers to whom all is shown with a delay."""
         self._pump = pumps[0]
+        self._pumps = list(pumps)
         self._hubs = [pump.hub for pump in pumps]
         self._mirror = mirror
 
@@ -54,6 +55,10 @@ class Figures(Collector):
             hub.fates,
             CounterMetricFamily,
         )
+        over = sum(1 for robot in list(hub.robots.values()) if robot.share.over(now))
+        yield GaugeMetricFamily("posecast_robots_over_share", "Robots that send more than their share", over)
+        faults: Counter[str] = sum((Counter(pump.faults) for pump in self._pumps), Counter())
+        yield _by("posecast_faults", "Faults of the relay's own code", "error", faults, CounterMetricFamily)
         refused = self._pump.publishers_refused()
         yield CounterMetricFamily("posecast_publishers_refused", "Edges that were not let in", refused)
         delivered = sum(each.delivered for each in self._hubs) + sum(room.delivered for room in rooms)

@@ -1,7 +1,8 @@
 """Robots' models, fetched from their edges when somebody asks, verified, kept in bounded memory.
 
 A model is named by the SHA-256 of its manifest, each file by its own; so what is here never changes. Files
-come in small ranges one by one at low priority: one large reply would cut a thin uplink's connection.
+come in small ranges one by one at low priority: one large reply would cut a thin uplink's connection. What
+nobody waits for any more is not fetched to its end.
 """
 
 from __future__ import annotations
@@ -9,18 +10,27 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import hashlib
-import json
-import re
-from collections import OrderedDict
-from collections.abc import Callable, Coroutine
+import time
+import weakref
+from collections.abc import AsyncIterator, Callable, Coroutine
+from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol, TypeVar, cast
+
+from posecast_relay.adapters.model_manifest import (
+    BYTES_MAX,
+    SHA256,
+    Entry,
+    ManifestError,
+    read_manifest,
+)
+from posecast_relay.adapters.model_room import ENTRY_BYTES, Claim, ModelRoom
+from posecast_relay.logs import visible
 
 RANGE_BYTES = 250_000
 TRIES = 3  # of a range
-MANIFEST_BYTES_MAX = 1 << 20
-FILES_MAX = 4096
-MANIFESTS_MAX = 32
-SHA256 = re.compile("[0-9a-f]{64}")
+AT_ONCE = 4  # files under way from one robot; further ones wait their turn
+WAIT_S = 20.0  # for room, while others use all there is
+READ_TIMES = 4  # a manifest takes so many times its bytes once more when it is read
 # What a browser may be told a file is. A model comes from a robot: nothing in it may act as a page.
 TYPES = {
     "application/json",
@@ -63,99 +73,134 @@ class ModelSource(Protocol):
 
 
 class ModelFile(NamedTuple):
-    """A file's bytes, the type to serve them as, and their SHA-256."""
+    """A file whose bytes are here now: under what name (its SHA-256), the type to serve it as, its size."""
 
-    data: bytes
+    name: str
     type: str
-    sha256: str
-
-
-class _Entry(NamedTuple):
-    sha256: str
     size: int
-    type: str
 
 
-class _Manifest(NamedTuple):
-    data: bytes
-    files: dict[str, _Entry]
+@dataclass
+class _Shared:
+    """Work that several wait for."""
+
+    task: asyncio.Task[Any]
+    askers: int = 0
 
 
 class Models:
-    """Fetches and keeps. When memory is full the file asked for longest ago goes."""
+    """Fetches and keeps. All that is here or on its way counts against one bound (see `ModelRoom`)."""
 
-    def __init__(self, source: ModelSource, cache_bytes: int) -> None:
+    def __init__(
+        self, source: ModelSource, cache_bytes: int, now: Callable[[], float] = time.monotonic
+    ) -> None:
         self._source = source
-        self._cache_bytes = cache_bytes
-        self._kept_bytes = 0
-        self._kept: OrderedDict[str, bytes] = OrderedDict()
-        self._manifests: OrderedDict[tuple[str, str], _Manifest] = OrderedDict()
-        self._under_way: dict[tuple[str, str], asyncio.Task[Any]] = {}
+        self.room = ModelRoom(cache_bytes, now)
+        self._under_way: dict[tuple[str, str], _Shared] = {}
+        self._turns: weakref.WeakValueDictionary[str, asyncio.Semaphore] = weakref.WeakValueDictionary()
 
-    async def manifest(self, robot: str, digest: str) -> bytes:
-        """The manifest's exact bytes. Absent, Unavailable."""
-        return (await self._manifest(robot, digest)).data
+    async def manifest(self, robot: str, digest: str) -> ModelFile:
+        """The manifest itself. Absent, Unavailable."""
+        await self._manifest(robot, digest)
+        return ModelFile(digest, "application/json", len(self.data(digest) or b""))
 
     async def file(self, robot: str, digest: str, path: str) -> ModelFile:
         """One file of a model by its path in the manifest. Absent, Unavailable."""
-        entry = (await self._manifest(robot, digest)).files.get(path)
+        entry = (await self._manifest(robot, digest)).get(path)
         if entry is None:
-            raise Absent(f"no file {path!r} in this model")
-        data = self._kept.get(entry.sha256)
-        if data is None:
-            data = await self._once((robot, entry.sha256), lambda: self._fetch_file(robot, digest, entry))
-        else:
-            self._kept.move_to_end(entry.sha256)
+            raise Absent(f"no file '{visible(path)}' in this model")
+        if self.data(entry.sha256) is None:
+            await self._once((robot, entry.sha256), lambda: self._fetch_file(robot, digest, entry))
         kind = entry.type if entry.type in TYPES else "application/octet-stream"
-        return ModelFile(data, kind, entry.sha256)
+        return ModelFile(entry.sha256, kind, entry.size)
 
-    async def _manifest(self, robot: str, digest: str) -> _Manifest:
-        known = self._manifests.get((robot, digest))
-        if known is not None:
+    def data(self, name: str) -> bytes | bytearray | None:
+        """What is kept under a name. Not to be held for longer: what holds it is not counted."""
+        return cast("bytes | bytearray | None", self.room.get(name))
+
+    def piece(self, name: str, off: int, size: int) -> bytes | None:
+        """A copy of a part of what is kept under a name; None when it is no longer kept."""
+        data = self.data(name)
+        return None if data is None else bytes(memoryview(data)[off : off + size])
+
+    async def entries(self, robot: str, digest: str) -> dict[str, Entry]:
+        """The model's files by path. Absent, Unavailable."""
+        return await self._manifest(robot, digest)
+
+    async def _manifest(self, robot: str, digest: str) -> dict[str, Entry]:
+        known = cast("dict[str, Entry] | None", self.room.get(f"{robot}/{digest}"))
+        if known is not None and self.data(digest) is not None:
             return known
         if not SHA256.fullmatch(digest) or not self._source.offers(robot, digest):
             raise Absent("no such model")
         return await self._once((robot, digest), lambda: self._fetch_manifest(robot, digest))
 
     async def _once(self, name: tuple[str, str], fetch: Callable[[], Coroutine[Any, Any, T]]) -> T:
-        """However many ask at once, the edge is asked once; one who goes away does not stop the others."""
-        task = self._under_way.get(name)
-        if task is None:
-            task = self._under_way[name] = asyncio.create_task(fetch())
-            task.add_done_callback(lambda done: self._done(name, done))
-        return cast(T, await asyncio.shield(task))
+        """However many ask at once, the edge is asked once, and no longer than one of them waits."""
+        shared = self._under_way.get(name)
+        if shared is None:
+            shared = self._under_way[name] = _Shared(asyncio.create_task(fetch(), name="model"))
+            shared.task.add_done_callback(lambda done: self._done(name, done))
+        shared.askers += 1
+        try:
+            return cast(T, await asyncio.shield(shared.task))
+        finally:
+            shared.askers -= 1
+            if not shared.askers and not shared.task.done():
+                shared.task.cancel()
+                self._forget(name, shared.task)
 
     def _done(self, name: tuple[str, str], task: asyncio.Task[Any]) -> None:
-        del self._under_way[name]
+        self._forget(name, task)
         if not task.cancelled():
             task.exception()  # seen, also when nobody waits any more
 
-    async def _fetch_manifest(self, robot: str, digest: str) -> _Manifest:
-        data = await self._source.manifest(robot, digest)
-        if len(data) > MANIFEST_BYTES_MAX or hashlib.sha256(data).hexdigest() != digest:
-            raise Unavailable("the edge's manifest is another one by now, or too large")
-        manifest = _Manifest(data, _files(data))
-        self._manifests[robot, digest] = manifest
-        if len(self._manifests) > MANIFESTS_MAX:
-            self._manifests.popitem(last=False)
-        return manifest
+    def _forget(self, name: tuple[str, str], task: asyncio.Task[Any]) -> None:
+        shared = self._under_way.get(name)
+        if shared is not None and shared.task is task:  # not one that has begun anew meanwhile
+            del self._under_way[name]
 
-    async def _fetch_file(self, robot: str, digest: str, entry: _Entry) -> bytes:
-        if entry.size > self._cache_bytes:
+    async def _fetch_manifest(self, robot: str, digest: str) -> dict[str, Entry]:
+        most = min((1 + READ_TIMES) * BYTES_MAX, self.room.most // 2)
+        async with self._room_for(robot, most) as claim:
+            data = await self._source.manifest(robot, digest)
+            taken = (1 + READ_TIMES) * len(data) + ENTRY_BYTES
+            if taken > most or hashlib.sha256(data).hexdigest() != digest:
+                raise Unavailable("the edge's manifest is another one by now, or too large")
+            try:
+                files = read_manifest(data)
+            except ManifestError as e:
+                raise Unavailable(f"the edge's manifest can't be used: {e}") from None
+            self.room.keep(claim, digest, data, len(data))
+            self.room.keep(claim, f"{robot}/{digest}", files, READ_TIMES * len(data))
+        return files
+
+    async def _fetch_file(self, robot: str, digest: str, entry: Entry) -> None:
+        if entry.size + ENTRY_BYTES > self.room.most:
             raise Unavailable(f"a file of {entry.size} bytes, more than this relay keeps")
-        parts, off = [], 0
-        while off < entry.size:
-            size = min(RANGE_BYTES, entry.size - off)
-            part = await self._read(robot, digest, entry.sha256, off, size)
-            if not 0 < len(part) <= RANGE_BYTES:
-                raise Unavailable(f"the edge answered {len(part)} bytes at {off} of {entry.size}")
-            parts.append(part)
-            off += len(part)
-        data = b"".join(parts)
-        if hashlib.sha256(data).hexdigest() != entry.sha256:
-            raise Unavailable("the file is not what its manifest says")
-        self._keep(entry.sha256, data)
-        return data
+        turn = self._turns.setdefault(robot, asyncio.Semaphore(AT_ONCE))
+        async with turn, self._room_for(robot, entry.size) as claim:
+            data = bytearray()  # it grows as ranges come: a size that is only claimed takes no memory
+            await self._fill(data, robot, digest, entry)
+            self.room.keep(claim, entry.sha256, data, len(data))
+
+    async def _fill(self, data: bytearray, robot: str, digest: str, entry: Entry) -> None:
+        digester = hashlib.sha256()
+        try:
+            while len(data) < entry.size:
+                off = len(data)
+                size = min(RANGE_BYTES, entry.size - off)
+                part = await self._read(robot, digest, entry.sha256, off, size)
+                if len(part) != size:
+                    raise Unavailable(f"the edge answered {len(part)} bytes at {off} of {entry.size}")
+                data += part
+                digester.update(part)
+                await asyncio.sleep(0)  # an edge nearby would keep the loop busy
+            if digester.hexdigest() != entry.sha256:
+                raise Unavailable("the file is not what its manifest says")
+        except BaseException:
+            data.clear()  # the error holds it with its traceback
+            raise
 
     async def _read(self, robot: str, digest: str, sha256: str, off: int, size: int) -> bytes:
         """A range: on a bad uplink one that is lost should not cost the whole file."""
@@ -164,29 +209,30 @@ class Models:
                 return await self._source.read(robot, digest, sha256, off, size)
         return await self._source.read(robot, digest, sha256, off, size)
 
-    def _keep(self, sha256: str, data: bytes) -> None:
-        self._kept[sha256] = data
-        self._kept_bytes += len(data)
-        while self._kept_bytes > self._cache_bytes:
-            _, gone = self._kept.popitem(last=False)
-            self._kept_bytes -= len(gone)
+    @contextlib.asynccontextmanager
+    async def _room_for(self, robot: str, size: int) -> AsyncIterator[Claim]:
+        """Room while something is under way. Unavailable when there is none, or others need it more."""
+        # weakly: a task that is held by its own error goes only with a collection, which is rare
+        fetching: weakref.ref[asyncio.Task[Any]] = weakref.ref(cast(Any, asyncio.current_task()))
+        gave_way = False
 
-    async def entries(self, robot: str, digest: str) -> dict[str, tuple[str, int]]:
-        """The model's files by path: SHA-256 and size. Absent, Unavailable."""
-        found = (await self._manifest(robot, digest)).files
-        return {path: (entry.sha256, entry.size) for path, entry in found.items()}
+        def give_up() -> None:
+            nonlocal gave_way
+            gave_way = True
+            if (task := fetching()) is not None:
+                task.cancel()
 
-
-def _files(manifest: bytes) -> dict[str, _Entry]:
-    """The files a manifest names, by path. Unavailable when it is none."""
-    try:
-        doc = json.loads(manifest)
-        found = {
-            str(f["path"]): _Entry(str(f["sha256"]), int(f["size"]), str(f.get("type", "")))
-            for f in doc["files"][: FILES_MAX + 1]
-        }
-    except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
-        raise Unavailable("the edge's manifest is none") from None
-    if len(found) > FILES_MAX or not all(SHA256.fullmatch(e.sha256) and e.size >= 0 for e in found.values()):
-        raise Unavailable("the edge's manifest is none")
-    return found
+        try:
+            async with asyncio.timeout(WAIT_S):
+                while (claim := self.room.claim(robot, size, give_up)) is None:
+                    await self.room.freed()
+        except TimeoutError:
+            raise Unavailable("no room for this model just now") from None
+        try:
+            yield claim
+        except asyncio.CancelledError:
+            if not gave_way:
+                raise
+            raise Unavailable("this model had to give way to other robots'") from None
+        finally:
+            self.room.release(claim)

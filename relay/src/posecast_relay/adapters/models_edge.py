@@ -8,6 +8,7 @@ import contextlib
 import zenoh
 from posecast_wire.keys import model_key
 
+from posecast_relay.adapters.model_manifest import BYTES_MAX
 from posecast_relay.adapters.models import Unavailable
 from posecast_relay.adapters.zenoh_door import Door
 from posecast_relay.core.hub import Hub
@@ -29,21 +30,22 @@ class EdgeModels:
 
     async def manifest(self, robot: str, digest: str) -> bytes:  # noqa: ARG002 — an edge has one
         """Its bytes, whichever the edge has now. Unavailable."""
-        return await self._get(model_key(robot, "manifest"))
+        return await self._get(model_key(robot, "manifest"), BYTES_MAX)
 
     async def read(self, robot: str, digest: str, sha256: str, off: int, size: int) -> bytes:  # noqa: ARG002
         """A range of a file. Unavailable."""
-        return await self._get(f"{model_key(robot, sha256)}?off={off};len={size}")
+        return await self._get(f"{model_key(robot, sha256)}?off={off};len={size}", size)
 
-    async def _get(self, selector: str) -> bytes:
-        """One reply to one question. Unavailable when none comes."""
+    async def _get(self, selector: str, most: int) -> bytes:
+        """The first reply to a question, at most so many bytes. Unavailable when none comes."""
         loop = asyncio.get_running_loop()
         ended: asyncio.Future[None] = loop.create_future()
-        replies: list[bytes] = []
+        replies: list[bytes | None] = []  # of one
 
-        def on_reply(reply: zenoh.Reply) -> None:
-            if reply.ok is not None:
-                replies.append(reply.ok.payload.to_bytes())
+        def on_reply(reply: zenoh.Reply) -> None:  # in a thread of Zenoh's
+            if reply.ok is not None and not replies and not ended.done():
+                payload = reply.ok.payload
+                replies.append(payload.to_bytes() if len(payload) <= most else None)
 
         def end() -> None:
             if not ended.done():
@@ -60,9 +62,15 @@ class EdgeModels:
                 timeout=RANGE_TIMEOUT_S,
                 priority=zenoh.Priority.DATA_LOW,
             )
-            await asyncio.wait_for(ended, RANGE_TIMEOUT_S + 1)
+            async with asyncio.timeout(RANGE_TIMEOUT_S + 1):  # wait_for may swallow a cancellation
+                await ended
         except (zenoh.ZError, TimeoutError) as e:
             raise Unavailable(f"the edge does not answer: {e or 'timeout'}") from None
+        finally:
+            ended.cancel()
         if not replies:
             raise Unavailable("the edge does not answer")
-        return replies[0]
+        reply = replies.pop()  # Zenoh holds the callback for some time yet
+        if reply is None:
+            raise Unavailable(f"the edge answered more than {most} bytes")
+        return reply

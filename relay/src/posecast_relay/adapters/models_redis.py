@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import logging
+from collections.abc import Sequence
+
+from redis.exceptions import ResponseError
 
 from posecast_relay.adapters.models import RANGE_BYTES, Absent, Models, Unavailable
 from posecast_relay.adapters.redis_link import REDIS_ERRORS, TTL_S, Link, bundle_key, end
@@ -50,13 +53,16 @@ class RedisModels:
 
 
 class ModelPorter:
-    """Carries every model that robots announce from their edges to Redis, one after the other."""
+    """Carries every model that robots announce from their edges to Redis: those of one robot one after the
+    other, and no robot waits for another's edge.
+    """
 
     def __init__(self, link: Link, hub: Hub, models: Models) -> None:
         self._link = link
         self._hub = hub
         self._models = models
         self._task: asyncio.Task[None] | None = None
+        self._carrying: dict[str, asyncio.Task[None]] = {}  # by robot
 
     def start(self) -> None:
         """Begin."""
@@ -65,33 +71,57 @@ class ModelPorter:
     async def stop(self) -> None:
         """Leave it as it is."""
         await end(self._task)
+        for task in list(self._carrying.values()):
+            await end(task)
 
     async def _work(self) -> None:
         while True:
             announced = {
-                (robot.name, room.stream.model)
+                robot.name: {room.stream.model for room in robot.rooms.values()} - {None}
                 for robot in self._hub.robots.values()
-                for room in robot.rooms.values()
-                if room.stream.model is not None and robot.liveness.token
+                if robot.liveness.token
             }
-            for robot, digest in sorted(announced):
-                try:
-                    await self._carry(robot, digest)
-                except (*REDIS_ERRORS, Absent, Unavailable) as e:  # the store says so itself; tried again
-                    log.info("model of %s to redis: %s", robot, e)
+            for robot, task in list(self._carrying.items()):
+                if not announced.get(robot):
+                    task.cancel()
+            for robot, digests in announced.items():
+                if digests and robot not in self._carrying:
+                    task = asyncio.create_task(self._carry_all(robot, sorted(filter(None, digests))))
+                    self._carrying[robot] = task
+                    task.add_done_callback(lambda _, robot=robot: self._carrying.pop(robot))  # type: ignore[misc]
             await asyncio.sleep(LOOK_S)
+
+    async def _carry_all(self, robot: str, digests: Sequence[str]) -> None:
+        for digest in digests:
+            try:
+                await self._carry(robot, digest)
+            except (*REDIS_ERRORS, Absent, Unavailable) as e:  # the store says so itself; tried again
+                log.info("model of %s to redis: %s", robot, e)
+            except Exception as e:  # a mistake of ours, at this model
+                log.error("model of %s to redis", robot, exc_info=e)
 
     async def _carry(self, robot: str, digest: str) -> None:
         """The manifest goes last: where it is, the files are."""
         link, key = self._link, bundle_key(robot, digest)
-        if await link.call(link.client.hexists(key, MANIFEST)):
-            await link.call(link.client.expire(key, TTL_S))
-            return
-        for path, (sha256, _) in (await self._models.entries(robot, digest)).items():
-            data = (await self._models.file(robot, digest, path)).data
-            for off in range(0, len(data), RANGE_BYTES):
-                part = data[off : off + RANGE_BYTES]
-                await link.call(link.client.hset(key, f"{sha256}:{off}", part))
-        manifest = await self._models.manifest(robot, digest)
-        await link.call(link.client.hset(key, MANIFEST, manifest))
+        try:
+            if await link.call(link.client.hexists(key, MANIFEST)):
+                await link.call(link.client.expire(key, TTL_S))
+                return
+        except ResponseError as e:
+            if not str(e).startswith("WRONGTYPE"):
+                raise
+            # somebody else put something there
+            await link.call(link.client.delete(key))
+        for path in await self._models.entries(robot, digest):
+            name, _, size = await self._models.file(robot, digest, path)
+            for off in range(0, size, RANGE_BYTES):
+                await link.call(link.client.hset(key, f"{name}:{off}", self._piece(name, off, RANGE_BYTES)))
+        name, _, size = await self._models.manifest(robot, digest)
+        await link.call(link.client.hset(key, MANIFEST, self._piece(name, 0, size)))
         await link.call(link.client.expire(key, TTL_S))
+
+    def _piece(self, name: str, off: int, size: int) -> bytes:
+        piece = self._models.piece(name, off, size)
+        if piece is None:
+            raise Unavailable("this model had to give way to other robots'")
+        return piece

@@ -4,43 +4,51 @@ from __future__ import annotations
 
 import asyncio
 import gzip
-from collections import OrderedDict
+from typing import cast
+
+from posecast_relay.adapters.model_room import ModelRoom
 
 WORTH = 0.95  # what shrinks less travels as it is
 LEVEL = 6
+AT_ONCE = 2  # packed in threads; further ones wait
 
 
 class Packed:
-    """Packs in a thread of its own and keeps. When memory is full what was asked for longest ago goes."""
+    """Packs what a room keeps, in a thread, and keeps it there as well. Without room all travels as it is."""
 
-    def __init__(self, cache_bytes: int) -> None:
-        self._cache_bytes = cache_bytes
-        self._kept_bytes = 0
-        self._kept: OrderedDict[str, bytes | None] = OrderedDict()
-        self._under_way: dict[str, asyncio.Task[bytes | None]] = {}
+    def __init__(self, room: ModelRoom) -> None:
+        self._room = room
+        self._turn = asyncio.Semaphore(AT_ONCE)
+        self._under_way: dict[str, asyncio.Task[int]] = {}
 
-    async def pack(self, name: str, data: bytes) -> bytes | None:
-        """`data` in gzip's format, or None where that is not worth it. The same name means the same data."""
-        if name in self._kept:
-            self._kept.move_to_end(name)
-            return self._kept[name]
+    async def pack(self, robot: str, name: str) -> int:
+        """Bytes of `name` in gzip's format, now kept as `packed_name(name)`; 0 where that is not worth it, or
+        not possible just now. `robot` is whose room it takes."""
+        known = cast("bytes | None", self._room.get(packed_name(name)))
+        if known is not None:
+            return len(known)
         task = self._under_way.get(name)
         if task is None:
-            task = self._under_way[name] = asyncio.create_task(self._pack(name, data))
+            task = self._under_way[name] = asyncio.create_task(self._pack(robot, name), name="pack")
             task.add_done_callback(lambda _: self._under_way.pop(name))
         return await asyncio.shield(task)
 
-    async def _pack(self, name: str, data: bytes) -> bytes | None:
-        packed = await asyncio.to_thread(gzip.compress, data, LEVEL, mtime=0)
-        result = packed if len(packed) <= WORTH * len(data) else None
-        self._kept[name] = result
-        self._kept_bytes += _size(result)
-        while self._kept_bytes > self._cache_bytes:
-            _, gone = self._kept.popitem(last=False)
-            self._kept_bytes -= _size(gone)
-        return result
+    async def _pack(self, robot: str, name: str) -> int:
+        async with self._turn:
+            plain = cast("bytes | bytearray | None", self._room.get(name))
+            claim = self._room.claim(robot, len(plain), lambda: None) if plain is not None else None
+            if plain is None or claim is None:
+                return 0
+            try:
+                packed = await asyncio.to_thread(gzip.compress, plain, LEVEL, mtime=0)
+                if len(packed) > WORTH * len(plain):
+                    packed = b""  # remembered, so that it is not tried again
+                self._room.keep(claim, packed_name(name), packed, len(packed))
+            finally:
+                self._room.release(claim)
+            return len(packed) if self._room.get(packed_name(name)) is not None else 0
 
 
-def _size(packed: bytes | None) -> int:
-    """What it counts for; a "not worth it" is remembered, too, and must not be free."""
-    return 64 + (len(packed) if packed is not None else 0)
+def packed_name(name: str) -> str:
+    """What it is kept as."""
+    return f"{name}.gz"

@@ -13,9 +13,10 @@ from posecast_wire import Close
 
 from posecast_relay.adapters.fan_out import SLICE, FanOut
 from posecast_relay.adapters.store import StateStore
-from posecast_relay.core.actions import Action, Ask, Cut, End, Keep, Send, Verify, Watch
+from posecast_relay.core.actions import Action, Ask, Cut, End, Fault, Keep, Send, Verify, Watch
 from posecast_relay.core.histogram import Histogram
 from posecast_relay.core.hub import Hub
+from posecast_relay.core.load import NO_CEILING
 from posecast_relay.core.stream import Stream
 from posecast_relay.core.viewer import Viewer
 
@@ -23,6 +24,7 @@ log = logging.getLogger("posecast_relay")
 
 WATCH_S = 0.1
 JUDGE_S = 1.0
+AGAIN_S = 0.1  # after the core has failed
 GRAIN_S = 0.002  # a timer this close is left as it is
 
 
@@ -65,6 +67,7 @@ class Pump:
         self.loop_lag = Histogram()
         self.fan_out = Histogram()  # of frames: deciding and writing
         self.handshakes: Counter[str] = Counter()
+        self.faults: Counter[str] = Counter()  # of the relay's own code, by the error's type
         self.publishers_refused: Callable[[], int] = lambda: 0  # at the door that edges come through
 
     @staticmethod
@@ -102,14 +105,12 @@ class Pump:
             busy = (time.thread_time() - self._used_s) / (now - self._judged_at)
             self._judged_at, self._used_s = now, time.thread_time()
             before = self.hub.load.ceiling_hz
-            self.carry_out(self.hub.judge_load(busy, now))
+            self.carry_out(self._decide(lambda: self.hub.judge_load(busy, now)))
             if self.hub.load.ceiling_hz != before:
-                log.warning(
-                    "overload: rates up to %g Hz"
-                    if before > self.hub.load.ceiling_hz
-                    else "less load: rates up to %g Hz",
-                    self.hub.load.ceiling_hz,
-                )
+                ceiling_hz = self.hub.load.ceiling_hz
+                what = "overload" if ceiling_hz < before else "less load"
+                rates = "as asked" if ceiling_hz == NO_CEILING else f"up to {ceiling_hz:g} Hz"
+                log.warning("%s: rates %s", what, rates)
         self._watcher = self._loop.call_later(WATCH_S, self._watch, now + WATCH_S)
 
     def carry_out(self, actions: Iterable[Action]) -> None:
@@ -138,7 +139,8 @@ class Pump:
                     part = viewers[: max(1, left)]
                     self._sending = (data, viewers[len(part) :]) if len(viewers) > len(part) else None
                     left -= len(part)
-                    self._fan_out.write(data, part)
+                    for viewer, error in self._fan_out.write(data, part):
+                        self._drop(viewer, error)
         finally:
             self._walking = bool(self._todo or self._sending is not None)
             if self._walking:
@@ -146,15 +148,54 @@ class Pump:
             else:
                 self._walked()
 
+    def report_fault(self, where: str, error: Exception) -> None:
+        """Count a fault of the relay's own, and log it: one line, its place included."""
+        self.faults[type(error).__name__] += 1
+        log.error("a fault of the relay's own%s", f" at {where}" if where else "", exc_info=error)
+
+    def _decide(self, decide: Callable[[], list[Action]]) -> list[Action]:
+        """What the core decides; should it fail as a whole, nothing, and it is asked again soon."""
+        try:
+            return decide()
+        except Exception as e:
+            self.report_fault("", e)
+            self.hub.wake_at = self.now() + AGAIN_S
+            return []
+
     def _begin(self, action: Action) -> None:
+        """Carry out one action. What that raises ends the viewer it is about, or is counted."""
+        try:
+            self._act(action)
+        except Exception as e:
+            match action:
+                case Send(_, (viewer,)) | End(viewer) | Cut(viewer) | Verify(viewer):
+                    self._drop(viewer, e)
+                case _:
+                    self.report_fault(type(action).__name__, e)
+
+    def _drop(self, viewer: Viewer, error: Exception) -> None:
+        """Let a viewer go to whose connection nothing can be written."""
+        self.report_fault(f"{viewer.robot}/{viewer.view}", error)
+        try:
+            self.hub.endings[Close.INTERNAL_ERROR] += 1
+            self.hub.leave(viewer)
+            viewer.outlet.cut(Close.INTERNAL_ERROR)
+        except Exception as e:
+            self.report_fault(f"{viewer.robot}/{viewer.view}", e)
+
+    def _act(self, action: Action) -> None:
         match action:
             case Send(data, (viewer,)):
                 viewer.outlet.write(data)
+            case Fault(where, error):
+                self.report_fault(where, error)
             case Send(data, viewers):
                 self._sending = data, viewers
             case Keep(stream):
-                self.store.keep(stream)
-                self.kept(stream)
+                try:
+                    self.store.keep(stream)
+                finally:
+                    self.kept(stream)
             case End(viewer, close, reason, retry_s):
                 viewer.outlet.end(close, reason, retry_s)
                 _ended(viewer, close, reason)
@@ -190,7 +231,7 @@ class Pump:
         self._flush_waits = self._walking
         if not self._walking:
             self._flushed_at = self.now()
-            self.carry_out(self.hub.flush(self._flushed_at, self.unix_s()))
+            self.carry_out(self._decide(lambda: self.hub.flush(self.now(), self.unix_s())))
 
     def arm(self) -> None:
         """Set the timer for the core's next moment, unless it stands early enough."""
@@ -206,7 +247,7 @@ class Pump:
         self._armed_at = float("inf")
         self._timer = None
         if not self._walking:  # else it is set again when all is done
-            self.carry_out(self.hub.tick(self.now(), self.unix_s()))
+            self.carry_out(self._decide(lambda: self.hub.tick(self.now(), self.unix_s())))
 
     def drain(self) -> None:
         """Move the viewers away, since this relay goes; harmless when begun already."""

@@ -1,7 +1,7 @@
 """The board in Redis: which robots are on air and how many watch them, over all processes.
 
 Each process writes its part once a second and reads the whole in the same call, by Redis's own clock:
-hosts' clocks differ.
+hosts' clocks differ. What no process of ours writes there is taken away, or left out.
 
     posecast:{-}:robots    hash: robot → time, its document; written by whoever hears it
     posecast:{-}:viewers   hash: process → time, viewers by robot
@@ -13,9 +13,13 @@ from __future__ import annotations
 import contextlib
 import json
 import secrets
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
+from posecast_wire import check_name
+from posecast_wire.checked import loads
+
+from posecast_relay.adapters.redis_clock import RedisClock
 from posecast_relay.adapters.redis_link import Link
 
 KEYS = ("posecast:{-}:robots", "posecast:{-}:viewers", "posecast:{-}:ingests")
@@ -24,10 +28,16 @@ INGEST_S = (
     2.5  # shorter than a robot goes unheard: first its relay is gone, then the robot's state is unknown
 )
 FORGET_S = 3600.0
+ROW_BYTES_MAX = 1 << 19  # 5,000 viewers of as many robots need no more
+VIEWERS_MAX = 1_000_000
 
 BOARD = """
 local t = redis.call('TIME')
 local now = string.format('%d.%06d', t[1], t[2])
+for k = 1, 3 do
+  local kind = redis.call('TYPE', KEYS[k]).ok
+  if kind ~= 'hash' and kind ~= 'none' then redis.call('DEL', KEYS[k]) end
+end
 local function put(key, field, text) redis.call('HSET', key, field, now .. ' ' .. text) end
 put(KEYS[2], ARGV[1], ARGV[3])
 if ARGV[2] == '1' then put(KEYS[3], ARGV[1], '') end
@@ -37,7 +47,8 @@ for k = 1, 3 do
   local kept = {}
   local all = redis.call('HGETALL', KEYS[k])
   for i = 1, #all, 2 do
-    if tonumber(string.match(all[i + 1], '^[%d.]+')) < tonumber(now) - limits[k] then
+    local at = tonumber(string.match(all[i + 1], '^%d+%.?%d*') or '')
+    if not at or at < tonumber(now) - limits[k] or at > tonumber(now) + {fresh} then
       redis.call('HDEL', KEYS[k], all[i])
     else
       kept[#kept + 1] = all[i]
@@ -54,26 +65,28 @@ for name, limit_s in {"{forget}": FORGET_S, "{fresh}": FRESH_S, "{ingest}": INGE
 
 
 class Board:
-    """What stood there at the last exchange, and when (by the process's clock)."""
+    """What stood there at the last exchange, and when. `now` is the process's clock."""
 
-    def __init__(self, link: Link) -> None:
+    def __init__(self, link: Link, now: Callable[[], float]) -> None:
         self.id = secrets.token_hex(6)
         self.robots: dict[str, dict[str, Any]] = {}
         self.ages_s: dict[str, float] = {}  # of each robot's document
         self.ingests = 0  # processes that hear robots
         self.read_at = float("-inf")
+        self.clock = RedisClock()
         self._link = link
+        self._now = now
         self._elsewhere: dict[str, int] = {}
 
     def viewers_elsewhere(self, robot: str) -> int:
         """How many watch it at other processes."""
         return self._elsewhere.get(robot, 0)
 
-    def documents(self, now: float) -> list[dict[str, Any]]:
+    def documents(self) -> list[dict[str, Any]]:
         """The robots on air by name, aged to now; one that nobody hears any more is offline."""
         documents = []
         for robot, doc in sorted(self.robots.items()):
-            age_s = self.ages_s[robot] + max(0.0, now - self.read_at)
+            age_s = self.ages_s[robot] + max(0.0, self._now() - self.read_at)
             aged = dict(doc)
             if doc.get("age_ms") is not None:
                 aged["age_ms"] = doc["age_ms"] + round(age_s * 1000)
@@ -83,23 +96,27 @@ class Board:
         return documents
 
     async def exchange(
-        self, now: float, viewers: Mapping[str, int], heard: Mapping[str, Mapping[str, Any]] | None
+        self, viewers: Mapping[str, int], heard: Mapping[str, Mapping[str, Any]] | None
     ) -> None:
         """Write this process's viewers and the robots it hears (None: it hears none); read the whole."""
         args: list[str] = [self.id, "0" if heard is None else "1", _compact(viewers)]
         for robot, doc in (heard or {}).items():
             args += [robot, _compact(doc)]
+        asked_at = self._now()
         at, robots, counts, ingests = await self._link.run(BOARD, KEYS, *args)
-        self.read_at = now
+        self.read_at = self._now()
+        self.clock.saw(float(at), asked_at, self.read_at)
         self.robots, self.ages_s, self._elsewhere = {}, {}, {}
         self.ingests = len(ingests) // 2
         for robot, written, doc in _rows(robots):
-            self.robots[robot] = doc
-            self.ages_s[robot] = float(at) - written
+            if _is_summary(robot, doc):
+                self.robots[robot] = doc
+                self.ages_s[robot] = max(0.0, float(at) - written)
         for process, _, doc in _rows(counts):
             if process != self.id:
                 for robot, count in doc.items():
-                    self._elsewhere[robot] = self._elsewhere.get(robot, 0) + int(count)
+                    if type(count) is int and 0 <= count <= VIEWERS_MAX:
+                        self._elsewhere[robot] = self._elsewhere.get(robot, 0) + count
 
 
 def _rows(flat: list[bytes]) -> Iterator[tuple[str, float, dict[str, Any]]]:
@@ -107,10 +124,18 @@ def _rows(flat: list[bytes]) -> Iterator[tuple[str, float, dict[str, Any]]]:
     for name, text in zip(flat[::2], flat[1::2], strict=True):
         written, _, said = text.partition(b" ")
         with contextlib.suppress(ValueError, RecursionError):
-            doc = json.loads(said)
+            doc = loads(said) if len(said) <= ROW_BYTES_MAX else None
             if isinstance(doc, dict):
-                yield name.decode(), float(written), doc
+                _compact(doc).encode()  # 1e999 and half a surrogate pair are JSON that nobody can write again
+                yield check_name("row", name.decode()), float(written), doc
+
+
+def _is_summary(robot: str, doc: Mapping[str, Any]) -> bool:
+    """Whether it reads as what `robot_summary` writes."""
+    age_ms = doc.get("age_ms")
+    aged = age_ms is None or (type(age_ms) is int and 0 <= age_ms < 1 << 53)
+    return aged and doc.get("robot") == robot and doc.get("status") in ("online", "silent", "offline")
 
 
 def _compact(doc: Mapping[str, Any]) -> str:
-    return json.dumps(doc, separators=(",", ":"), ensure_ascii=False)
+    return json.dumps(doc, separators=(",", ":"), ensure_ascii=False, allow_nan=False)

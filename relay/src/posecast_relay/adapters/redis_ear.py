@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+from collections import Counter
 from collections.abc import Callable
 from typing import Any
 
@@ -14,26 +15,47 @@ PREFIX, SUFFIX = "posecast:{", "}:live"
 
 class Ear:
     """Calls `heard(robot, message)` in the order of each robot's messages, and `lost(error)` when a
-    connection fails; then `close` it and make a new one.
+    connection fails; then `close` it and make a new one. `failed(robot, error)`: a robot is not listened for,
+    through a fault of our own. None of the three raises.
     """
 
     def __init__(
-        self, link: Link, heard: Callable[[str, bytes], None], lost: Callable[[BaseException], None]
+        self,
+        link: Link,
+        heard: Callable[[str, bytes], None],
+        lost: Callable[[BaseException], None],
+        failed: Callable[[str, Exception], None],
     ) -> None:
         self._link = link
         self._heard = heard
         self._lost = lost
+        self._failed = failed
         self._at: dict[tuple[str, int], tuple[Any, asyncio.Task[None]]] = {}
         self._asking = asyncio.Lock()
         self._confirmed: dict[str, asyncio.Future[None]] = {}
         self._pubsubs: dict[str, Any] = {}
+        self._leaving: Counter[str] = Counter()  # robots whose unsubscription has not been confirmed
 
     async def subscribe(self, *robots: str) -> None:
         """When this returns nothing said from now on is missed. REDIS_ERRORS."""
         async with self._asking:  # who comes first opens a server's one connection
-            for robot in robots:
-                await self._ask(robot)
-        await self._link.call(asyncio.gather(*(self._confirmed[robot] for robot in robots)))
+            asked = [robot for robot in robots if await self._guarded(robot)]
+        await self._link.call(asyncio.gather(*(self._confirmed[robot] for robot in asked)))
+
+    def hears(self, robot: str) -> bool:
+        """Whether this robot was subscribed to."""
+        return robot in self._pubsubs
+
+    async def _guarded(self, robot: str) -> bool:
+        try:
+            await self._ask(robot)
+        except REDIS_ERRORS:
+            raise
+        except Exception as e:
+            self._pubsubs.pop(robot, None)
+            self._failed(robot, e)
+            return False
+        return True
 
     async def _ask(self, robot: str) -> None:
         address, client = self._link.listener(robot)
@@ -46,11 +68,13 @@ class Ear:
             self._at[address] = (pubsub, asyncio.create_task(self._listen(pubsub), name="redis ear"))
 
     async def unsubscribe(self, robot: str) -> None:
-        """No more of this robot."""
-        pubsub = self._pubsubs.pop(robot, None)
-        self._confirmed.pop(robot, None)
-        if pubsub is not None:
-            await self._link.call(pubsub.sunsubscribe(channel(robot)))
+        """No more of this robot. REDIS_ERRORS."""
+        async with self._asking:
+            pubsub = self._pubsubs.pop(robot, None)
+            self._confirmed.pop(robot, None)
+            if pubsub is not None:
+                self._leaving[robot] += 1
+                await self._link.call(pubsub.sunsubscribe(channel(robot)))
 
     async def close(self) -> None:
         """Drop all connections."""
@@ -64,19 +88,24 @@ class Ear:
         try:
             while True:
                 message = await pubsub.get_message(timeout=None)
-                if message is None:
-                    continue
-                robot = _robot(message["channel"])
-                if message["type"] == "ssubscribe":
-                    confirmed = self._confirmed.get(robot)
-                    if confirmed is not None and not confirmed.done():
-                        confirmed.set_result(None)
-                elif message["type"] == "smessage":
-                    self._heard(robot, message["data"])
-                elif message["type"] == "sunsubscribe" and robot in self._pubsubs:
-                    raise ConnectionError("the channel has moved to another node")
-        except (*REDIS_ERRORS, RuntimeError) as e:  # RuntimeError: closed under way
+                if message is not None:
+                    self._take(message["type"], _robot(message["channel"]), message["data"])
+        except Exception as e:  # a connection that is lost, or closed under way; a message that is none
             self._lost(e)
+
+    def _take(self, kind: str, robot: str, data: Any) -> None:
+        if kind == "smessage":
+            self._heard(robot, data)
+        elif kind == "ssubscribe":
+            confirmed = self._confirmed.get(robot)
+            if confirmed is not None and not confirmed.done():
+                confirmed.set_result(None)
+        elif kind == "sunsubscribe" and self._leaving[robot] > 0:
+            self._leaving[robot] -= 1
+            if not self._leaving[robot]:
+                del self._leaving[robot]
+        elif kind == "sunsubscribe" and robot in self._pubsubs:
+            raise ConnectionError("the channel has moved to another node")
 
 
 def _robot(name: bytes) -> str:

@@ -7,12 +7,10 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import json
 import logging
-from collections.abc import Sequence
+from collections.abc import Awaitable, Callable, Sequence
+from functools import partial
 from typing import Any
-
-from posecast_wire import Snapshot, Stamp
 
 from posecast_relay.adapters.pump import Pump
 from posecast_relay.adapters.redis_board import BOARD, FRESH_S, Board
@@ -26,11 +24,13 @@ from posecast_relay.adapters.redis_link import (
     state_key,
     status_key,
 )
-from posecast_relay.adapters.relayed import Standing, Update, unpack
+from posecast_relay.adapters.relayed import unpack, unpack_state
+from posecast_relay.core.actions import Action, Fault
 from posecast_relay.core.histogram import Histogram
 from posecast_relay.core.policy import PUBLIC
 from posecast_relay.core.secondhand import Secondhand
-from posecast_relay.core.stream import Stream
+from posecast_relay.core.stream import Fate, Stream
+from posecast_relay.core.told import Standing, State
 
 log = logging.getLogger("posecast_relay")
 
@@ -47,9 +47,6 @@ class _Watched:
 
     def __init__(self, now: float) -> None:
         self.wanted_at = now  # somebody watched it or asked for it then
-        self.told_at: float | None = None  # its standing was heard then
-        self.generation = 0
-        self.versions: dict[str, str] = {}  # by view, of the schema, info and model that are here
         self.opened = asyncio.Event()  # it is listened for, and was read
 
 
@@ -58,12 +55,12 @@ class RedisGateway:
 
     def __init__(self, url: str, pump: Pump) -> None:
         self.link = Link(url)
-        self.board = Board(self.link)
+        self.board = Board(self.link, pump.now)
         self.failures = 0
         self.losses = 0  # times that Redis, having been there, was not any more
         self._pump = pump
         self._said = Secondhand(pump.hub)
-        self._ear = Ear(self.link, self._heard, self._lost)
+        self._ear = Ear(self.link, self._heard, self._lost, self._fault)
         self._watched: dict[str, _Watched] = {}
         self._unheard: dict[str, None] = {}  # robots to listen for
         self._unread: dict[str, None] = {}  # robots to read
@@ -89,7 +86,7 @@ class RedisGateway:
 
     def robots(self) -> list[dict[str, Any]] | None:
         """As the board says."""
-        return self.board.documents(self._pump.now())
+        return self.board.documents()
 
     def viewers_elsewhere(self, robot: str) -> int:
         """As the board says; none while Redis is gone."""
@@ -99,7 +96,7 @@ class RedisGateway:
         """Begin to listen; Redis may come later."""
         pump = self._pump
         pump.ask, pump.watch, pump.open = self._ask, self._watch, self._open
-        pump.carry_out(self._said.degrade(True, pump.now()))
+        pump.carry_out(self._said.lost(pump.now()))
         self._task = asyncio.create_task(self._work(), name="redis gateway")
 
     async def stop(self) -> None:
@@ -118,7 +115,7 @@ class RedisGateway:
                 if self._trouble is not None:
                     await self._connect()
                 await self._beat()
-            except REDIS_ERRORS as e:
+            except Exception as e:  # whatever it was: all is begun anew
                 await self._failed(e)
                 await asyncio.sleep(RETRY_S)
                 continue
@@ -129,21 +126,19 @@ class RedisGateway:
 
     async def _connect(self) -> None:
         await self.link.connect(BOARD)
+        await self._guarded_part(self._exchange)  # first Redis's clock: it tells how old all the rest is
         self._failure = None
         self._unheard = dict.fromkeys(self._watched)
         self._unread.clear()
-        for watched in self._watched.values():
-            watched.generation = 0  # Redis may have forgotten it
-            if watched.told_at is not None:
-                watched.told_at = self._pump.now()  # judged anew, but not before it can have been heard
         await self._catch_up()
         if self._failure is not None:
             raise self._failure
         self._reader = asyncio.create_task(self._read_on(), name="redis reader")
+        self.link.works()
         if self.failures:
             log.warning("redis is back")
         self._trouble = None
-        self._pump.carry_out(self._said.degrade(False, self._pump.now()))
+        self._pump.carry_out(self._said.found(self._pump.now()))
 
     async def _failed(self, error: BaseException) -> None:
         if why := self.link.news(error):
@@ -152,48 +147,76 @@ class RedisGateway:
         self.losses += self._trouble is None
         self._failure = None
         self._trouble = name_of(error)  # /readyz is public: no addresses
-        self._pump.carry_out(self._said.degrade(True, self._pump.now()))
+        self._pump.carry_out(self._said.lost(self._pump.now()))
         await end(self._reader)
-        ear, self._ear = self._ear, Ear(self.link, self._heard, self._lost)
+        ear, self._ear = self._ear, Ear(self.link, self._heard, self._lost, self._fault)
         await ear.close()
         self._failure = None  # closing an ear may say so
         await self.link.reset()
 
     def _lost(self, error: BaseException) -> None:
-        self._failure = error if isinstance(error, REDIS_ERRORS) else ConnectionError(str(error))
+        self._failure = error if isinstance(error, Exception) else ConnectionError(str(error))
         self._wake.set()
 
+    async def _exchange(self) -> None:
+        robots = self._pump.hub.robots.values()
+        viewers = {robot.name: robot.viewer_count() for robot in robots if robot.has_viewers()}
+        await self.board.exchange(viewers, None)
+
     async def _beat(self) -> None:
-        hub, now = self._pump.hub, self._pump.now()
-        viewers = {r.name: r.viewer_count() for r in hub.robots.values() if r.has_viewers()}
-        await self.board.exchange(now, viewers, None)
+        for part in (self._exchange, self._watch_pinned):
+            await self._guarded_part(part)
+        for robot in tuple(self._watched):
+            await self._guarded_part(partial(self._look_after, robot), robot)
+
+    async def _guarded_part(self, part: Callable[[], Awaitable[None]], robot: str | None = None) -> None:
+        """What Redis does to one part it does to all; what our own code does ends that part."""
+        try:
+            await part()
+        except REDIS_ERRORS:
+            raise
+        except Exception as e:
+            self._fault(robot, e)
+
+    async def _watch_pinned(self) -> None:
         for robot in self._pump.pinned():
             if robot in self.board.robots:
                 self._watch(robot)
-        for robot, watched in tuple(self._watched.items()):
-            of = hub.robots.get(robot)
-            if of is not None and of.has_viewers():
-                watched.wanted_at = now
-            elif now - watched.wanted_at > GRACE_S and watched.opened.is_set():
-                del self._watched[robot]
-                self._said.forget(robot)
-                await self._ear.unsubscribe(robot)
-                continue
-            self._judge(robot, watched, now)
 
-    def _judge(self, robot: str, watched: _Watched, now: float) -> None:
-        """A robot whose relay tells nothing any more: has it left, is that relay gone, or am I deaf?"""
-        if watched.told_at is None or now - watched.told_at <= UNHEARD_S:
+    async def _look_after(self, robot: str) -> None:
+        now, of = self._pump.now(), self._pump.hub.robots.get(robot)
+        watched = self._watched[robot]
+        if of is not None and of.has_viewers():
+            watched.wanted_at = now
+        elif now - watched.wanted_at > GRACE_S and watched.opened.is_set():
+            del self._watched[robot]
+            self._said.forget(robot)
+            await self._ear.unsubscribe(robot)
             return
-        pump = self._pump
+        if not self._ear.hears(robot):
+            self._listen_anew(robot)
+        self._judge(robot, now)
+
+    def _judge(self, robot: str, now: float) -> None:
+        """A robot whose relay tells nothing any more: has it left, is that relay gone, or am I deaf?"""
+        source = self._said.listen(robot)
+        if source.told_at is None or now - source.told_at <= UNHEARD_S:
+            return
         if self.board.ages_s.get(robot, FRESH_S) < FRESH_S / 2:
-            self._lost(ConnectionError("the subscription is dead"))
+            source.told_at = now
+            self._listen_anew(robot)  # which fails, and all is begun anew, if the connection is dead
         elif self.board.ingests:  # a relay is there and does not know this robot
-            watched.told_at = None
-            pump.carry_out(pump.hub.token(robot, False, now))
-            pump.carry_out(self._said.degrade(False, now, robot))
+            source.told_at = None
+            self._pump.carry_out(self._said.gone(robot, now))
         else:
-            pump.carry_out(self._said.degrade(True, now, robot))
+            self._pump.carry_out(self._said.degrade(True, now, robot))
+
+    def _fault(self, robot: str | None, error: Exception) -> None:
+        """Our own code has failed: at this robot, whose state is then read anew, or at none of them."""
+        self._pump.hub.fates[Fate.FAULT.value] += 1
+        self._pump.carry_out([Fault(f"redis: {robot}" if robot else "redis", error)])
+        if robot is not None:
+            self._pump.carry_out(self._said.lacks(robot, self._pump.now()))
 
     # ---- robots wanted ------------------------------------------------------
 
@@ -204,6 +227,9 @@ class RedisGateway:
             watched.wanted_at = self._pump.now()
             return
         self._watched[robot] = _Watched(self._pump.now())
+        self._listen_anew(robot)
+
+    def _listen_anew(self, robot: str) -> None:
         self._unheard[robot] = None
         self._asked.set()
 
@@ -226,7 +252,7 @@ class RedisGateway:
             while True:
                 await self._asked.wait()
                 await self._catch_up()
-        except REDIS_ERRORS as e:
+        except Exception as e:  # Redis is gone; or a fault of ours, by which all is begun anew
             self._lost(e)
 
     async def _catch_up(self) -> None:
@@ -250,94 +276,74 @@ class RedisGateway:
         of = self._pump.hub.robots.get(robot)
         return (*{PUBLIC, *(of.rooms if of else ())},)
 
-    # ---- what comes from Redis ------------------------------------------------
+    # ---- what comes from Redis: a stranger's ----------------------------------
 
     async def _read(self, *robots: str) -> None:
         """The snapshots: states as Redis has them, and the robots' standing, in one exchange."""
-        if not robots:
+        asked = [(robot, self._views(robot), self._said.listen(robot).generation) for robot in robots]
+        if not asked:
             return
-        pipe = self.link.client.pipeline(transaction=False)
-        asked = [(robot, self._views(robot)) for robot in robots]
-        for robot, views in asked:
-            for view in views:
-                pipe.hgetall(state_key(robot, view))
-            pipe.get(status_key(robot)).pttl(status_key(robot))
-        answers = iter(await self.link.call(pipe.execute()))
-        for robot, views in asked:
-            self._taken(robot, {view: next(answers) for view in views}, next(answers), next(answers))
-        self._pump.flush()
 
-    def _taken(
-        self, robot: str, states: dict[str, dict[bytes, bytes]], standing: bytes | None, left_ms: int
-    ) -> None:
-        if robot not in self._watched:
-            return
-        for view, state in states.items():
+        def ask(pipe: Any) -> None:
+            for robot, views, _ in asked:
+                pipe.get(status_key(robot))
+                for view in views:
+                    pipe.hgetall(state_key(robot, view))
+
+        answers = iter(await self.link.read_all(ask))
+        for robot, views, generation in asked:
+            standing, states = next(answers), {view: next(answers) for view in views}
+            if robot not in self._watched:
+                continue
+            self._guarded(robot, partial(self._taken, robot, states, generation))
+            if isinstance(standing, bytes):  # when the picture that it speaks of has gone out
+                self._guarded(robot, partial(self._tell, robot, standing, was_read=True))
+
+    def _taken(self, robot: str, states: dict[str, Any], asked_generation: int) -> list[Action]:
+        found: dict[str, State] = {}
+        for view, fields in states.items():
             try:
-                if state:
-                    self._take(robot, view, state)
-            except (ValueError, KeyError, TypeError) as e:
-                log.info("state of %s/%s in redis: %.200s", robot, view, e)
-        with contextlib.suppress(ValueError):  # as good as none
-            if standing:
-                self._stand(robot, unpack(standing), max(0.0, (STATUS_MS - left_ms) / 1000))
-
-    def _take(self, robot: str, view: str, state: dict[bytes, bytes]) -> None:
-        pump, watched = self._pump, self._watched[robot]
-        generation = int(state[b"generation"])
-        if generation < watched.generation:
-            return
-        watched.generation = generation
-        watched.versions[view] = state[b"version"].decode()
-        snapshot = Snapshot(
-            state[b"schema"].decode(),
-            json.loads(state[b"info"]),
-            state[b"key"],
-            state[b"ref"] or None,
-            state[b"model"].decode() or None,
-        )
-        stamp = Stamp(int(state[b"run"], 16), int(state[b"stamp"]))
-        pump.hub.snapshot(robot, view, snapshot, stamp, pump.now(), state[b"frame"])
-        numbering = state[b"numbering"].decode()
-        for event in json.loads(state[b"events"]):
-            text = json.dumps(event, separators=(",", ":"), ensure_ascii=False)
-            pump.carry_out(self._said.event(robot, view, numbering, text))
+                if isinstance(fields, dict) and fields:  # else there is none, or something of another type
+                    found[view] = unpack_state(fields)
+            except ValueError as e:
+                self._refuse(robot, e)
+        if found:
+            newest = max(state.generation for state in found.values())
+            self._said.counted(robot, newest, asked_generation)
+        now, out = self._pump.now(), []
+        for view, state in found.items():
+            try:
+                out += self._said.state(robot, view, state, now)
+            except ValueError as e:
+                self._refuse(robot, e)
+        return out
 
     def _heard(self, robot: str, data: bytes) -> None:
         """A message of the robot's channel."""
-        watched = self._watched.get(robot)
-        if watched is None:
-            return
+        if robot in self._watched:
+            self._guarded(robot, partial(self._tell, robot, data))
+
+    def _guarded(self, robot: str, take: Callable[[], list[Action]]) -> None:
+        try:
+            self._pump.carry_out(take())
+            self._pump.flush()
+        except Exception as e:
+            self._fault(robot, e)
+
+    def _tell(self, robot: str, data: bytes, was_read: bool = False) -> list[Action]:
+        now = self._pump.now()
         try:
             said = unpack(data)
+            under_way_s = self.board.clock.since(said.sent_s, now)
+            if was_read and under_way_s is None:  # it may have stood there for as long as you like
+                return []
             if isinstance(said, Standing):
-                self._stand(robot, said, 0.0)
-            else:
-                self._update(robot, watched, said)
+                return self._said.standing(robot, said, under_way_s, now)
+            return self._said.update(robot, said, under_way_s, now)
         except ValueError as e:
-            self._pump.hub.fates["bad"] += 1
-            log.info("%s: %s", robot, e)
-        self._pump.flush()
+            self._refuse(robot, e)
+            return []
 
-    def _update(self, robot: str, watched: _Watched, update: Update) -> None:
-        if update.generation < watched.generation:
-            self._pump.hub.fates["retired"] += 1
-            return
-        watched.generation = update.generation
-        pump, hub = self._pump, self._pump.hub
-        now = pump.now()
-        for ns, payload in update.frames:
-            hub.frame(robot, update.view, payload, Stamp(update.run_id, ns), now, update.late_s)
-        for text in update.events:
-            pump.carry_out(self._said.event(robot, update.view, update.numbering, text))
-        if watched.versions.get(update.view) != update.version:
-            self._said.lacks(robot)
-
-    def _stand(self, robot: str, said: Update | Standing, age_s: float) -> None:
-        if not isinstance(said, Standing):
-            return
-        pump, now = self._pump, self._pump.now()
-        self._watched[robot].told_at = now - age_s
-        ages_s = {view: None if a is None else a + age_s for view, a in said.ages_s.items()}
-        pump.carry_out(self._said.standing(robot, said.token, ages_s, now))
-        pump.carry_out(self._said.degrade(False, now, robot))
+    def _refuse(self, robot: str, error: ValueError) -> None:
+        self._pump.hub.fates[Fate.BAD.value] += 1
+        log.info("%s from redis: %.200s", robot, error)

@@ -1,6 +1,7 @@
 """Redis as every role uses it: one server, TLS or a Cluster, by URL; names of keys; every call bounded.
 
-    posecast:{ROBOT}:generation   how many runs were adopted (INCR)
+    posecast:{ROBOT}:generation   the newest that was claimed: see `redis_guard`
+    posecast:{ROBOT}:writer       who writes, by generation; gone in 1.5 s
     posecast:{ROBOT}:status       whether its edge is there and how old its frames are; gone in 3.5 s
     posecast:{ROBOT}:VIEW:state   hash: generation seq run stamp version schema key_id key ref frame info
                                   model events numbering
@@ -16,7 +17,7 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import Awaitable, Sequence
+from collections.abc import Awaitable, Callable, Sequence
 from typing import Any, TypeVar
 from urllib.parse import urlsplit
 
@@ -24,13 +25,14 @@ import redis.asyncio as redis
 from redis.asyncio.cluster import RedisCluster
 from redis.asyncio.retry import Retry
 from redis.backoff import NoBackoff
-from redis.exceptions import RedisClusterException, RedisError
+from redis.exceptions import NoScriptError, RedisClusterException, RedisError, ResponseError
 from redis.maint_notifications import MaintNotificationsConfig
 
 from posecast_relay.adapters.lookup import Lookup
 from posecast_relay.core.histogram import Histogram
 
 T = TypeVar("T")
+Call = tuple[str, Sequence[str], Sequence[Any]]  # a script, its keys and its arguments
 
 TTL_S = 3600  # renewed by every KEY
 TIMEOUT_S = 0.25  # of one exchange with Redis
@@ -48,6 +50,11 @@ def state_key(robot: str, view: str) -> str:
 def generation_key(robot: str) -> str:
     """The counter of a robot's adopted runs."""
     return f"posecast:{{{robot}}}:generation"
+
+
+def writer_key(robot: str) -> str:
+    """The lease of the process that writes this robot."""
+    return f"posecast:{{{robot}}}:writer"
 
 
 def status_key(robot: str) -> str:
@@ -96,8 +103,14 @@ class Link:
         if self.is_cluster:  # several exchanges with several nodes
             async with asyncio.timeout(4 * TIMEOUT_S):
                 await self.client.initialize()
+        await self._load(*scripts)
+
+    async def _load(self, *scripts: str) -> None:
         for text in scripts:
             self._scripts[text] = await self.call(self.client.script_load(text))
+
+    def works(self) -> None:
+        """Redis has been asked something and has answered as it should: failures are news again."""
         self._told.clear()
 
     def news(self, error: BaseException) -> str | None:
@@ -138,21 +151,43 @@ class Link:
 
     async def run(self, script: str, keys: Sequence[str], *args: bytes | str | int | float) -> Any:
         """A script that `connect` was given."""
-        return await self.call(self.client.evalsha(self._scripts[script], len(keys), *keys, *args))
+        try:
+            return await self.call(self.client.evalsha(self._scripts[script], len(keys), *keys, *args))
+        except NoScriptError:  # Redis was restarted, or rid of its scripts
+            await self._load(script)
+            return await self.call(self.client.evalsha(self._scripts[script], len(keys), *keys, *args))
 
-    async def run_all(self, calls: Sequence[tuple[str, Sequence[str], Sequence[Any]]]) -> list[Any]:
-        """Several scripts with their keys and arguments, BATCH to an exchange. The first error is raised."""
+    async def run_all(self, calls: Sequence[Call]) -> list[Any]:
+        """Several scripts with their keys and arguments, BATCH to an exchange, and what each one returned.
+
+        A call that Redis refuses has its ResponseError in its place; what concerns them all is raised.
+        """
         results: list[Any] = []
         for at in range(0, len(calls), BATCH):
             batch = calls[at : at + BATCH]
             if self.is_cluster:  # its pipelines take no scripts
-                results += await asyncio.gather(*(self.run(s, k, *a) for s, k, a in batch))
+                asked = (self.run(script, keys, *args) for script, keys, args in batch)
+                results += await asyncio.gather(*asked, return_exceptions=True)
                 continue
-            pipe = self.client.pipeline(transaction=False)
-            for script, keys, args in batch:
-                pipe.evalsha(self._scripts[script], len(keys), *keys, *args)
-            results += await self.call(pipe.execute())
-        return results
+            answers = await self._exchange(batch)
+            if any(isinstance(answer, NoScriptError) for answer in answers):
+                await self._load(*{script for script, _, _ in batch})
+                answers = await self._exchange(batch)  # carried out twice, a call does no harm
+            results += answers
+        return _each(results)
+
+    async def _exchange(self, batch: Sequence[Call]) -> list[Any]:
+        pipe = self.client.pipeline(transaction=False)
+        for script, keys, args in batch:
+            pipe.evalsha(self._scripts[script], len(keys), *keys, *args)
+        answers: list[Any] = await self.call(pipe.execute(raise_on_error=False))
+        return answers
+
+    async def read_all(self, ask: Callable[[Any], None]) -> list[Any]:
+        """What Redis answers to the commands that `ask` gives a pipeline, in one exchange; errors too."""
+        pipe = self.client.pipeline(transaction=False)
+        ask(pipe)
+        return _each(await self.call(pipe.execute(raise_on_error=False)))
 
     def listener(self, robot: str) -> tuple[tuple[str, int], Any]:
         """Where this robot's channel lives, and a client for that server alone. Cluster: `connect` first."""
@@ -162,6 +197,16 @@ class Link:
         kwargs = dict(node.connection_kwargs)
         pool = redis.ConnectionPool(connection_class=node.connection_class, **kwargs)
         return (str(node.host), int(node.port)), redis.Redis(connection_pool=pool)
+
+
+def _each(results: list[Any]) -> list[Any]:
+    """As they are, unless an error says more of Redis than of the one call: then that is raised."""
+    errors = [result for result in results if isinstance(result, BaseException)]
+    for error in errors:
+        of_one = type(error) is ResponseError and len(errors) < len(results)
+        if not of_one and not str(error).startswith("WRONGTYPE"):
+            raise error
+    return results
 
 
 async def end(*tasks: asyncio.Task[None] | None) -> None:

@@ -1,88 +1,242 @@
-"""What one relay tells others about a robot through Redis: frames, events, and how it is."""
+"""How relays write to each other through Redis: messages of a robot's channel, and the hash of a stream.
+
+Whatever is read there is a stranger's: it is refused with a ValueError of one line, whatever it holds.
+"""
 
 from __future__ import annotations
 
 import json
-from typing import NamedTuple
+import math
+import re
+from collections.abc import Mapping
+from typing import Any
+
+from posecast_wire import Snapshot, check_name
+from posecast_wire.checked import loads
+
+from posecast_relay.core.told import Standing, State, Update
 
 UPDATE, STANDING = b"U", b"S"
 HEADER_END = b"\n"
 
-
-class Update(NamedTuple):
-    """A stream has changed. `version` names schema, info and model: another one means that they changed.
-    `numbering` names the count of the events: another one began at 1.
-    """
-
-    view: str
-    generation: int
-    run_id: int
-    version: str
-    numbering: str
-    late_s: float  # age of the newest frame when this was sent
-    frames: tuple[tuple[int, bytes], ...]  # edge's ns since its run began, and the frame; bases come first
-    events: tuple[str, ...]  # numbered, as viewers get them
-
-    def pack(self) -> bytes:
-        """One line of JSON, then the frames."""
-        doc = {
-            "view": self.view,
-            "generation": self.generation,
-            "run": f"{self.run_id:016x}",
-            "version": self.version,
-            "numbering": self.numbering,
-            "late": round(self.late_s, 4),
-            "frames": [(ns, len(frame)) for ns, frame in self.frames],
-            "events": self.events,
-        }
-        head = json.dumps(doc, separators=(",", ":"), ensure_ascii=False).encode()
-        return UPDATE + head + HEADER_END + b"".join(frame for _, frame in self.frames)
+BYTES_MAX = 1 << 21  # of one message: a hundred events of 4 kB and three frames take a third of it
+FRAMES_MAX = 3  # a KEY, a REF and the newest
+EVENTS_MAX = 100
+EVENT_BYTES_MAX = 1 << 14  # an edge's 2 kB may take four times as many when they are written anew
+VIEWS_MAX = 64
+NAME_MAX = 64  # characters of a version or numbering
+SCHEMA_BYTES_MAX = 1 << 18
+INFO_BYTES_MAX = 1 << 17
+FRAME_BYTES_MAX = 1 << 16
+WHOLE_MAX = (1 << 53) - 1
+SECONDS_MAX = 1e10  # three centuries; also a clock's
+HEX = re.compile("[0-9a-f]{1,16}")
+SHA256 = re.compile("[0-9a-f]{64}")
 
 
-class Standing(NamedTuple):
-    """How a robot is. `ages_s`: of the newest frame by view, None before any live one."""
-
-    token: bool
-    ages_s: dict[str, float | None]
-
-    def pack(self) -> bytes:
-        """JSON."""
-        ages = {view: None if age_s is None else round(age_s, 3) for view, age_s in self.ages_s.items()}
-        return STANDING + json.dumps({"token": self.token, "ages": ages}, separators=(",", ":")).encode()
+def pack(said: Update | Standing) -> bytes:
+    """One line of JSON; of an update, the frames after it."""
+    if isinstance(said, Standing):
+        return STANDING + dump(
+            {
+                "token": said.token,
+                "ages": {view: None if age is None else round(age, 3) for view, age in said.ages_s.items()},
+                "newest": {view: [f"{run_id:016x}", seq] for view, (run_id, seq) in said.newest.items()},
+                "sent": _rounded(said.sent_s),
+            }
+        )
+    head = {
+        "view": said.view,
+        "generation": said.generation,
+        "run": f"{said.run_id:016x}",
+        "version": said.version,
+        "numbering": said.numbering,
+        "late": round(said.late_s, 4),
+        "frames": [(ns, len(frame)) for ns, frame in said.frames],
+        "events": said.events,
+        "sent": _rounded(said.sent_s),
+    }
+    return UPDATE + dump(head) + HEADER_END + b"".join(frame for _, frame in said.frames)
 
 
 def unpack(data: bytes) -> Update | Standing:
-    """ValueError when `data` is neither."""
-    try:
-        if data[:1] == STANDING:
-            doc = json.loads(data[1:])
-            ages = {str(view): None if age is None else float(age) for view, age in doc["ages"].items()}
-            return Standing(bool(doc["token"]), ages)
-        if data[:1] == UPDATE:
-            head, _, rest = data[1:].partition(HEADER_END)
-            return _update(json.loads(head), rest)
-    except (KeyError, TypeError, AttributeError, RecursionError) as e:
-        raise ValueError(f"relayed message: {type(e).__name__}") from None
+    """Read a message of a robot's channel. Raises ValueError when it is none."""
+    if len(data) > BYTES_MAX:
+        raise ValueError("relayed message: too long")
+    if data[:1] == STANDING:
+        return _standing(_object(data[1:], "standing"))
+    if data[:1] == UPDATE:
+        head, _, rest = data[1:].partition(HEADER_END)
+        return _update(_object(head, "update"), rest)
     raise ValueError("relayed message: of an unknown kind")
 
 
-def _update(doc: dict[str, object], rest: bytes) -> Update:
+def unpack_state(fields: Mapping[bytes, bytes]) -> State:
+    """Read the hash of a stream. Raises ValueError when it is none."""
+    ref = _bytes(fields, b"ref", FRAME_BYTES_MAX)
+    model = _bytes(fields, b"model", 64).decode() or None
+    if model is not None and not SHA256.fullmatch(model):
+        raise ValueError("state: model is none")
+    info = _object(_bytes(fields, b"info", INFO_BYTES_MAX), "info")
+    if not all(isinstance(text, str) for text in info.values()):
+        raise ValueError("state: info is none")
+    dump(info)  # what cannot be told is refused here
+    events = _bytes(fields, b"events", EVENTS_MAX * EVENT_BYTES_MAX)
+    return State(
+        generation=_digits(fields, b"generation"),
+        run_id=_run(_bytes(fields, b"run", 16).decode()),
+        stamp_ns=_digits(fields, b"stamp"),
+        version=_name(_bytes(fields, b"version", NAME_MAX).decode()),
+        numbering=_name(_bytes(fields, b"numbering", NAME_MAX).decode()),
+        snapshot=Snapshot(
+            _bytes(fields, b"schema", SCHEMA_BYTES_MAX).decode(),
+            info,
+            _bytes(fields, b"key", FRAME_BYTES_MAX),
+            ref or None,
+            model,
+        ),
+        newest=_bytes(fields, b"frame", FRAME_BYTES_MAX),
+        events=unpack_events(events),
+        is_heard=fields.get(b"heard") != b"0",
+    )
+
+
+def unpack_events(data: bytes) -> tuple[str, ...]:
+    """Read the numbered events of a stream. Raises ValueError when they are none."""
+    return tuple(_event(doc) for doc in _list(_loads(data), EVENTS_MAX))
+
+
+def dump(doc: object) -> bytes:
+    """As JSON. Raises ValueError for what is JSON in Python only: 1e999, half a surrogate pair."""
+    try:
+        return json.dumps(doc, separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode()
+    except RecursionError:
+        raise ValueError("relayed message: nested too deeply") from None
+
+
+def _standing(doc: dict[str, Any]) -> Standing:
+    ages_s = {_view(view): None if age is None else _seconds(age) for view, age in _views(doc, "ages")}
+    newest = {}
+    for view, named in _views(doc, "newest"):
+        run, seq = _list(named, 2, 2)
+        newest[_view(view)] = _run(run), _whole(seq)
+    if not isinstance(doc.get("token"), bool):
+        raise ValueError("relayed message: token is none")
+    return Standing(doc["token"], ages_s, newest, _sent(doc))
+
+
+def _update(doc: dict[str, Any], rest: bytes) -> Update:
     frames, at = [], 0
-    for ns, size in doc["frames"]:  # type: ignore[attr-defined]
-        frames.append((int(ns), rest[at : at + int(size)]))
-        at += int(size)
+    for named in _list(doc.get("frames"), FRAMES_MAX):
+        ns, size = _list(named, 2, 2)
+        end = at + _whole(size)
+        frames.append((_whole(ns, 1 << 63), rest[at:end]))
+        at = end
     if at != len(rest):
         raise ValueError("relayed message: of another length than it says")
-    run_id = int(str(doc["run"]), 16)
-    if not 0 < run_id < 1 << 64:
-        raise ValueError("relayed message: no run")
+    events = []
+    for text in _list(doc.get("events"), EVENTS_MAX):
+        if not isinstance(text, str):
+            raise ValueError("relayed message: an event is no text")
+        events.append(_event(_loads(text)))
     return Update(
-        str(doc["view"]),
-        int(doc["generation"]),  # type: ignore[call-overload]
-        run_id,
-        str(doc["version"]),
-        str(doc["numbering"]),
-        float(doc["late"]),  # type: ignore[arg-type]
-        tuple(frames),
-        tuple(str(text) for text in doc["events"]),  # type: ignore[attr-defined]
+        view=_view(doc.get("view")),
+        generation=_whole(doc.get("generation")),
+        run_id=_run(doc.get("run")),
+        version=_name(doc.get("version")),
+        numbering=_name(doc.get("numbering")),
+        late_s=_seconds(doc.get("late")),
+        frames=tuple(frames),
+        events=tuple(events),
+        sent_s=_sent(doc),
     )
+
+
+def _loads(data: bytes | str) -> object:
+    try:
+        return loads(data)
+    except ValueError as e:  # of a number as well that has too many digits
+        raise ValueError(f"relayed message: {str(e)[:200]}") from None
+
+
+def _object(data: bytes, what: str) -> dict[str, Any]:
+    doc = _loads(data)
+    if not isinstance(doc, dict):
+        raise ValueError(f"relayed message: {what} is no object")
+    return doc
+
+
+def _event(doc: object) -> str:
+    """As its bytes go to viewers."""
+    if not isinstance(doc, dict) or doc.get("type") != "event":
+        raise ValueError("relayed message: an event is none")
+    _whole(doc.get("n"))
+    text = dump(doc).decode()
+    if len(text) > EVENT_BYTES_MAX:
+        raise ValueError("relayed message: an event is too long")
+    return text
+
+
+def _list(value: object, most: int, least: int = 0) -> list[Any]:
+    if not isinstance(value, list) or not least <= len(value) <= most:
+        raise ValueError(f"relayed message: no list of {least} to {most}")
+    return value
+
+
+def _views(doc: dict[str, Any], name: str) -> list[tuple[object, Any]]:
+    value = doc.get(name, {})  # an older relay says less
+    if not isinstance(value, dict) or len(value) > VIEWS_MAX:
+        raise ValueError(f"relayed message: {name} is no object of views")
+    return list(value.items())
+
+
+def _view(value: object) -> str:
+    if not isinstance(value, str):
+        raise ValueError("relayed message: a view is no text")
+    return check_name("view", value)
+
+
+def _name(value: object) -> str:
+    if not isinstance(value, str) or len(value) > NAME_MAX:
+        raise ValueError(f"relayed message: no text of up to {NAME_MAX} characters")
+    return value
+
+
+def _whole(value: object, most: int = WHOLE_MAX) -> int:
+    if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= most:
+        raise ValueError("relayed message: no whole number in range")
+    return value
+
+
+def _seconds(value: object) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value <= SECONDS_MAX:
+        raise ValueError("relayed message: no time in range")
+    return float(value)
+
+
+def _sent(doc: dict[str, Any]) -> float | None:
+    return None if doc.get("sent") is None else _seconds(doc["sent"])
+
+
+def _run(value: object) -> int:
+    if not isinstance(value, str) or not HEX.fullmatch(value) or int(value, 16) == 0:
+        raise ValueError("relayed message: no run")
+    return int(value, 16)
+
+
+def _bytes(fields: Mapping[bytes, bytes], name: bytes, most: int) -> bytes:
+    value = fields.get(name)
+    if value is None or len(value) > most:
+        raise ValueError(f"state: {name.decode()} is missing or too long")
+    return value
+
+
+def _digits(fields: Mapping[bytes, bytes], name: bytes) -> int:
+    text = _bytes(fields, name, 20)
+    if not text.isdigit():
+        raise ValueError(f"state: {name.decode()} is no number")
+    return _whole(int(text), 1 << 63)
+
+
+def _rounded(seconds: float | None) -> float | None:
+    return None if seconds is None or not math.isfinite(seconds) else round(seconds, 4)

@@ -9,6 +9,9 @@ import socket
 # takes twice the figure); large enough for a join in one go.
 SEND_BUFFER_BYTES = 16384
 
+# What the kernel takes of an answer beyond what is on its way: a quick reader gets more at once.
+UNSENT_BYTES = 65536
+
 
 def use_small_buffers(transport: asyncio.Transport) -> None:
     """So that the core hears of a slow viewer soon."""
@@ -16,6 +19,14 @@ def use_small_buffers(transport: asyncio.Transport) -> None:
     if sock is not None:
         sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
     # at 0 the transport tells at once when a socket has not taken everything
+    transport.set_write_buffer_limits(high=0)
+
+
+def leave_unsent(transport: asyncio.Transport) -> None:
+    """What the peer does not take waits in the transport: a kernel would swallow megabytes of it."""
+    sock = transport.get_extra_info("socket")
+    if sock is not None and hasattr(socket, "TCP_NOTSENT_LOWAT"):
+        sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NOTSENT_LOWAT, UNSENT_BYTES)
     transport.set_write_buffer_limits(high=0)
 
 

@@ -7,15 +7,14 @@ response that goes through ASGI would fill buffers that nobody can look into.
 from __future__ import annotations
 
 import asyncio
-import json
 import random
 from collections.abc import Callable
+from contextlib import ExitStack
 from functools import partial
 from http import HTTPStatus
-from typing import Any, ClassVar
+from typing import Any, ClassVar, cast
 
 from posecast_wire import Close, Retry, retry_of
-from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
 
 from posecast_relay.adapters.access import CROWDED, FOREIGN, REASONS, STATUSES, Access
 from posecast_relay.adapters.asked import (
@@ -27,11 +26,14 @@ from posecast_relay.adapters.asked import (
     joined,
     read_target,
 )
+from posecast_relay.adapters.boundary import FAULT, isolated, isolated_task
 from posecast_relay.adapters.decoded import Decoded
 from posecast_relay.adapters.doorway import Doorway
 from posecast_relay.adapters.forms import EventForm, Form, JsonForm
+from posecast_relay.adapters.http_connection import HttpConnection
 from posecast_relay.adapters.pump import Pump
 from posecast_relay.adapters.socket_buffers import cut_unread, use_small_buffers
+from posecast_relay.adapters.under_way import UnderWay
 from posecast_relay.adapters.websocket import CLOSING_S
 from posecast_relay.core import messages
 from posecast_relay.core.hub import DRAIN_RETRY_S, GOING
@@ -69,6 +71,7 @@ class EventStream(asyncio.Protocol):
         self._pump = pump
         self._form = form
         self._closing: asyncio.TimerHandle | None = None
+        self._failed = False
         limits = pump.hub.limits
         lives_s = limits.max_age_s * random.uniform(0.9, 1.1)
         self._viewer = Viewer(
@@ -79,10 +82,11 @@ class EventStream(asyncio.Protocol):
         )
         self._viewer.expires_at = pump.now() + grant.who.until_s - pump.unix_s()
 
+    @isolated
     def start(self, pages: str | None) -> None:
         """Join; the first write brings everything. `pages`: origin of those that may read it."""
-        self._connections.add(self)
         self._transport.set_protocol(self)
+        self._connections.add(self)
         use_small_buffers(self._transport)
         sock = self._transport.get_extra_info("socket")
         if sock is not None:
@@ -92,25 +96,30 @@ class EventStream(asyncio.Protocol):
 
     # ---- asyncio ----------------------------------------------------------
 
+    @isolated
     def connection_lost(self, _exc: Exception | None) -> None:
         """The connection is gone, by whichever side."""
-        self._connections.discard(self)
-        if self._closing is not None:
-            self._closing.cancel()
-        self._pump.hub.leave(self._viewer)
-        self._left()
+        with ExitStack() as each:  # all of it, whatever one of them raises
+            each.callback(self._left)
+            each.callback(self._pump.hub.leave, self._viewer)
+            each.callback(self._connections.discard, self)
+            if self._closing is not None:
+                each.callback(self._closing.cancel)
 
     def data_received(self, _data: bytes) -> None:
         """There is nothing to say on this connection."""
 
+    @isolated
     def pause_writing(self) -> None:
         """The socket did not take everything."""
         self._viewer.paused(self._pump.now())
 
+    @isolated
     def resume_writing(self) -> None:
         """The socket has taken everything."""
         self._pump.carry_out(self._pump.hub.drained(self._viewer))
 
+    @isolated
     def shutdown(self) -> None:
         """uvicorn stops."""
         self.end(Close.DRAIN, GOING, DRAIN_RETRY_S)
@@ -119,11 +128,14 @@ class EventStream(asyncio.Protocol):
 
     def write(self, data: bytes) -> None:
         """Messages, as events."""
-        room = self._pump.hub.viewers.get(self._viewer)
-        events = self._form.of(data, room.stream) if room is not None else b""
-        if events:
-            # When it was written, so that a reader, which can't acknowledge, sees how late it is.
-            self._transport.write(b"id: %d\n" % int(1000 * self._pump.now()) + events)
+        try:
+            room = self._pump.hub.viewers.get(self._viewer)
+            events = self._form.of(data, room.stream) if room is not None else b""
+            if events:
+                # When it was written, so that a reader, which can't acknowledge, sees how late it is.
+                self._transport.write(b"id: %d\n" % int(1000 * self._pump.now()) + events)
+        except Exception as e:
+            self.failed(e)
 
     def end(self, close: Close, reason: str, retry_s: float | None) -> None:
         """Say why and when to come again, then close."""
@@ -139,6 +151,22 @@ class EventStream(asyncio.Protocol):
         """Abort."""
         self._transport.abort()
 
+    def failed(self, error: Exception) -> None:
+        """A fault of ours in one of these calls: the viewer is told, and no other notices."""
+        viewer, pump = self._viewer, self._pump
+        pump.report_fault("a viewer's connection", error)
+        first, self._failed = not self._failed, True
+        try:
+            if not first:
+                self._transport.abort()
+            elif viewer in pump.hub.viewers:
+                pump.carry_out(pump.hub.refuse(viewer, Close.INTERNAL_ERROR, FAULT))
+            else:
+                pump.hub.endings[Close.INTERNAL_ERROR] += 1
+                self.end(Close.INTERNAL_ERROR, FAULT, None)
+        except Exception:
+            self._transport.abort()
+
 
 def _wait_ms(close: Close, retry_s: float | None) -> int:
     """A browser comes again by itself after exactly what it is told, so the dice are thrown here."""
@@ -147,10 +175,9 @@ def _wait_ms(close: Close, retry_s: float | None) -> int:
     return round(1000 * random.uniform(0.1, retry_s or 10.0))
 
 
-class _Http(HttpToolsProtocol):
-    """uvicorn's HTTP, less the requests for event streams."""
+class _Http(HttpConnection):
+    """HTTP, less the requests for event streams."""
 
-    access: ClassVar[Access]
     forms: ClassVar[dict[bool, Form]]
     doorway: ClassVar[Doorway]
 
@@ -166,20 +193,17 @@ class _Http(HttpToolsProtocol):
         idle = self.cycle is None or self.cycle.response_complete
         plain = self.parser.get_method() == b"GET" and not self.parser.should_upgrade()
         self._wanted = bool(found and found[2]) and idle and plain
-        if not self._wanted:
+        if self._wanted:
+            self._ends_head()
+        else:
             super().on_headers_complete()
-
-    def on_body(self, body: bytes) -> None:
-        """A request for events has none."""
-        if not self._wanted:
-            super().on_body(body)
 
     def on_message_complete(self) -> None:
         """Take the connection over; whatever else it brings is of no interest."""
         if not self._wanted:
             super().on_message_complete()
         elif not self._taken:
-            self._taken = True
+            self._taken = self._deaf = True
             self._take_over()
 
     def handle_websocket_upgrade(self) -> None:
@@ -187,32 +211,35 @@ class _Http(HttpToolsProtocol):
         self.transport.pause_reading()
         self.doorway.admit(self._upgrade)
 
+    @isolated
     def _upgrade(self) -> None:
         if not self.transport.is_closing():
             self.transport.resume_reading()
             super().handle_websocket_upgrade()
+            self.parser = cast(Any, None)  # the two hold each other, until a rare collection
 
     def _take_over(self) -> None:
         try:
             asked = read_target(self.url.decode("latin-1"), ".sse")
             asked.check()
         except BadRequest as e:
-            self._refuse(e.status, str(e))
+            self.refuse(e.status, str(e))
             return
         except NoSuchStream as e:
-            self._refuse(HTTPStatus.NOT_FOUND, str(e))
+            self.refuse(HTTPStatus.NOT_FOUND, str(e))
             return
         token = bearer(self._header(b"authorization"))
         if token is None or self.access.tokens is None:
             self._enter(asked, ANYONE)
         elif not self.access.may_show(self._header(b"origin"), self._header(b"host")):
-            self._refuse(HTTPStatus.FORBIDDEN, FOREIGN)
+            self.refuse(HTTPStatus.FORBIDDEN, FOREIGN)
         else:
             self._entering = asyncio.create_task(self._enter_by(asked, token), name="token")
 
     def _header(self, name: bytes) -> str | None:
         return joined(value.decode("latin-1") for each, value in self.headers if each == name)
 
+    @isolated_task
     async def _enter_by(self, asked: Asked, token: str) -> None:
         who = await self.access.who(token)
         if not self.transport.is_closing():
@@ -221,29 +248,24 @@ class _Http(HttpToolsProtocol):
     def _enter(self, asked: Asked, who: Who | Close) -> None:
         grant = who if isinstance(who, Close) else self.access.judge(who, asked.robot, asked.view)
         if isinstance(grant, Close):
-            self._refuse(STATUSES[grant], REASONS[grant])
+            self.refuse(STATUSES[grant], REASONS[grant])
             return
         addresses = self.access.addresses
         peer = (self.transport.get_extra_info("peername") or ("",))[0]
         address = addresses.enter(peer, self._header(b"x-forwarded-for"))
         if address is None:
-            self._refuse(HTTPStatus.SERVICE_UNAVAILABLE, CROWDED)
+            self.refuse(HTTPStatus.SERVICE_UNAVAILABLE, CROWDED)
             return
         self.connections.discard(self)
         form, pump = self.forms[asked.decoded], self.access.pump(grant)
         pages = "*" if grant.open else self._header(b"origin")  # that one was let in
         left = partial(addresses.leave, address)
-        EventStream(self.transport, self.connections, pump, form, asked, grant, left).start(pages)
-
-    def _refuse(self, status: HTTPStatus, reason: str) -> None:
-        self.access.live.handshakes["refused"] += 1
-        body = json.dumps({"error": reason}).encode()
-        head = (
-            f"HTTP/1.1 {status.value} {status.phrase}\r\ncontent-type: application/json\r\n"
-            f"content-length: {len(body)}\r\naccess-control-allow-origin: *\r\nconnection: close\r\n\r\n"
-        )
-        self.transport.write(head.encode() + body)
-        self.transport.close()
+        try:
+            stream = EventStream(self.transport, self.connections, pump, form, asked, grant, left)
+        except Exception:
+            left()
+            raise
+        stream.start(pages)
 
 
 def http_protocol(of: Access, decoded: Decoded) -> type[_Http]:
@@ -251,6 +273,7 @@ def http_protocol(of: Access, decoded: Decoded) -> type[_Http]:
 
     class Bound(_Http):
         access = of
+        under_way = UnderWay()
         doorway = Doorway()
         forms: ClassVar[dict[bool, Form]] = {False: EventForm(), True: EventForm(JsonForm(decoded))}
 

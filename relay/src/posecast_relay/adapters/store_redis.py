@@ -9,76 +9,59 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import json
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from functools import partial
 from itertools import count
-from typing import Any, NamedTuple
-
-from redis.exceptions import NoScriptError
+from typing import Any, NamedTuple, TypeVar
 
 from posecast_relay.adapters.redis_board import BOARD, Board
+from posecast_relay.adapters.redis_guard import (
+    CLAIM,
+    GUARD,
+    INCOMPLETE,
+    LEASE_MS,
+    OUTRUN,
+    REFUSED,
+    STATUS,
+    STORED,
+)
 from posecast_relay.adapters.redis_link import (
     REDIS_ERRORS,
-    STATUS_MS,
-    TTL_S,
+    Call,
     Link,
-    channel,
     end,
     generation_key,
     name_of,
     state_key,
     status_key,
+    writer_key,
 )
-from posecast_relay.adapters.relayed import Standing, Update
+from posecast_relay.adapters.redis_writing import Written, is_silent, standing_call, state_call
+from posecast_relay.adapters.relayed import unpack_events
 from posecast_relay.core.histogram import Histogram
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.robot import Robot
-from posecast_relay.core.stream import Held, Stream
+from posecast_relay.core.stream import Fate, Stream
+
+T = TypeVar("T")
 
 log = logging.getLogger("posecast_relay")
 
 ROUND_S = 0.005  # between two rounds, so that many robots share one
 BEAT_S = 1.0  # between two signs of life
+LOOK_S = 0.25  # between two looks whether the robots that others write are still written
+SETTLE_S = 1.0  # after a writer has changed, or Redis is back: it may still be on its way to Redis
 BACKOFF_S = (0.1, 0.4)  # first and longest wait after a failure
 STOP_S = 1.0
-
-# An older (generation, seq) never replaces a newer one: 0. A light write (frame only) that finds another KEY
-# or nothing there is refused with 2: the whole state is written next.
-GUARD = """
-local state, counter = KEYS[1], KEYS[2]
-local generation, seq, full = tonumber(ARGV[1]), tonumber(ARGV[2]), ARGV[3] == '1'
-local has = redis.call('HMGET', state, 'generation', 'seq', 'key_id')
-local has_generation, has_seq = tonumber(has[1] or '-1'), tonumber(has[2] or '-1')
-if generation < has_generation or (generation == has_generation and seq < has_seq) then return 0 end
-if not full and (generation ~= has_generation or has[3] ~= ARGV[4]) then return 2 end
-redis.call('HSET', state, 'generation', ARGV[1], 'seq', ARGV[2], 'key_id', ARGV[4], unpack(ARGV, 6))
-if full then
-  if tonumber(redis.call('GET', counter) or '0') < generation then redis.call('SET', counter, generation) end
-  redis.call('EXPIRE', state, {ttl})
-  redis.call('EXPIRE', counter, 2 * {ttl})
-end
-redis.call('SPUBLISH', KEYS[3], ARGV[5])
-return 1
-""".replace("{ttl}", str(TTL_S))
-
-# A process whose run was replaced by another process's says nothing about the robot: 0
-STATUS = """
-if tonumber(redis.call('GET', KEYS[2]) or '0') > tonumber(ARGV[1]) then return 0 end
-redis.call('SET', KEYS[1], ARGV[2], 'PX', {ms})
-redis.call('SPUBLISH', KEYS[3], ARGV[2])
-return 1
-""".replace("{ms}", str(STATUS_MS))
+UNCLAIMED = REFUSED  # in the place of a generation
 
 
-class _Written(NamedTuple):
-    """What of a stream stands in Redis."""
+class _Turn(NamedTuple):
+    """This process's claim to write a robot."""
 
+    run_id: int
     generation: int
-    key: Held
-    ref: Held | None
-    version: int
-    event_n: int
 
 
 class RedisStore:
@@ -90,16 +73,16 @@ class RedisStore:
         self.failures = 0
         self.losses = 0  # times that Redis, having been there, was not any more
         self.link = Link(url)
-        self.board = Board(self.link)
+        self.board = Board(self.link, now)
         self._hub = hub
         self._now = now
         self._describe = describe
         self._dirty: dict[Stream, None] = {}
-        self._written: dict[Stream, _Written] = {}
-        self._generations: dict[str, tuple[int, int]] = {}  # robot → run, generation
+        self._written: dict[Stream, Written] = {}
+        self._turns: dict[str, _Turn] = {}  # by robot
         self._tokens: dict[str, bool] = {}  # as told last
-        self._superseded: set[str] = set()  # robots that another process writes
-        self._take_over_at = 0.0  # not before: who writes them may still be on the way to Redis
+        self._superseded: dict[str, float] = {}  # robots that another process writes; when it last did
+        self._look_at = 0.0  # whether it still does
         self._resumed: set[Stream] = set()
         self._told_n: dict[Stream, int] = {}  # its newest event that reached Redis
         self._counts = count(1)
@@ -136,7 +119,7 @@ class RedisStore:
     async def stop(self) -> None:
         """One last round, then let go."""
         await end(self._task)
-        with contextlib.suppress(*REDIS_ERRORS):
+        with contextlib.suppress(Exception):  # it was worth a try
             async with asyncio.timeout(STOP_S):
                 if self._trouble is None:
                     await self._round()
@@ -149,28 +132,34 @@ class RedisStore:
                 if self._trouble is not None:
                     await self._connect()
                 await self._round()
+                if self._superseded and self._now() >= self._look_at:
+                    self._look_at = self._now() + LOOK_S
+                    await self._look()
                 if self._now() >= self._beat_at:
                     self._beat_at = self._now() + BEAT_S
                     await self._beat()
                 wait_s = BACKOFF_S[0]
-            except REDIS_ERRORS as e:
+            except Exception as e:  # whatever it was: all is written anew
                 await self._failed(e)
                 await asyncio.sleep(wait_s)
                 wait_s = min(2 * wait_s, BACKOFF_S[1])
                 continue
             await asyncio.sleep(ROUND_S)
+            next_at = min(self._beat_at, self._look_at) if self._superseded else self._beat_at
             with contextlib.suppress(TimeoutError):
-                async with asyncio.timeout(max(0.0, self._beat_at - self._now())):
+                async with asyncio.timeout(max(0.0, next_at - self._now())):
                     await self._wake.wait()
             self._wake.clear()
 
     async def _connect(self) -> None:
-        await self.link.connect(GUARD, STATUS, BOARD)
+        await self.link.connect(CLAIM, GUARD, STATUS, BOARD)
+        await self._exchange([])  # first of all Redis's clock: by it gateways judge the age of what we tell
         self._written.clear()  # whatever stands there, write it whole
-        self._take_over_at = self._now() + STATUS_MS / 1000
+        self._look_at = self._now() + SETTLE_S
         for robot in self._hub.robots.values():
             self._dirty |= {room.stream: None for room in robot.rooms.values()}
         self._beat_at = 0.0
+        self.link.works()
         if self.failures:
             log.warning("redis is back")
         self._trouble = None
@@ -183,111 +172,169 @@ class RedisStore:
         self._trouble = name_of(error)  # /readyz is public: no addresses
         await self.link.reset()
 
+    def _fault(self, robot: str, error: Exception) -> None:
+        """What this robot brought with it can't be written: it is counted, and the others are."""
+        self._hub.fates[Fate.FAULT.value] += 1
+        log.error("redis: %s", robot, exc_info=error)
+
+    def _guarded(self, robot: str, make: Callable[[], T]) -> T | None:
+        """What our own code makes of this robot; None where it fails at it."""
+        try:
+            return make()
+        except Exception as e:
+            self._fault(robot, e)
+            return None
+
+    # ---- what changed ------------------------------------------------------
+
     async def _round(self) -> None:
         """Write every stream that changed."""
         batch, self._dirty = self._dirty, {}
         try:
             await self._write(batch)
-        except NoScriptError:  # Redis was restarted between two rounds
-            self._dirty = batch | self._dirty
-            await self._connect()
-            self._wake.set()
         except BaseException:
             self._dirty = batch | self._dirty
             self._written.clear()
             raise
 
-    async def _write(self, batch: dict[Stream, None]) -> None:
-        ready = [s for s in batch if s.newest is not None and s.key is not None]
-        for stream in ready:
-            await self._generation(stream)
-        ready = [s for s in ready if s.robot not in self._superseded]
-        results = await self.link.run_all([self._call(stream) for stream in ready])
-        for stream, result in zip(ready, results, strict=True):
-            if result == 1:
-                self._told_n[stream] = self._written[stream].event_n
-                continue
-            self._written.pop(stream, None)
-            if result == 2:
-                self.keep(stream)
-            else:
-                self._superseded.add(stream.robot)
-                self._take_over_at = self._now() + STATUS_MS / 1000  # who replaced it has hardly begun
-        told = {s.robot: self._hub.robots.get(s.robot) for s in batch}
+    async def _write(self, batch: Iterable[Stream]) -> None:
+        current = [
+            stream for stream in batch if self._guarded(stream.robot, partial(self._is_current, stream))
+        ]
+        await self._claim(current)
+        mine = [s for s in current if s.robot in self._turns and s.robot not in self._superseded]
+        await self._resume(mine)
+        calls = {stream: self._guarded(stream.robot, partial(self._call, stream)) for stream in mine}
+        made = {stream: call for stream, call in calls.items() if call is not None}
+        for stream, result in zip(made, await self.link.run_all(list(made.values())), strict=True):
+            self._answered(stream, result)
+        told = {stream.robot: self._hub.robots.get(stream.robot) for stream in batch}
         await self._tell([r for r in told.values() if r and self._tokens.get(r.name) != r.liveness.token])
 
-    async def _generation(self, stream: Stream) -> None:
-        """Adopt its run; its events go on counting where an earlier process stopped."""
-        known = self._generations.get(stream.robot)
-        if known is None or known[0] != stream.run_id:
-            client = self.link.client
-            generation = await self.link.call(client.incr(generation_key(stream.robot)))
-            self._generations[stream.robot] = (stream.run_id, int(generation))
-            self._superseded.discard(stream.robot)
-            self._tokens.pop(stream.robot, None)  # told with this write: until then nobody seems to write it
-        if stream not in self._resumed:
-            client = self.link.client
-            names = ["events", "numbering"]
-            texts, numbering = await self.link.call(client.hmget(state_key(stream.robot, stream.view), names))
-            stream.numbering = f"{self.board.id}:{next(self._counts)}"  # unless somebody's count is there
-            if texts and numbering:
-                try:
-                    told = [_text(event) for event in json.loads(texts)]
-                    stream.resume(numbering.decode(), told, self._told_n.get(stream, 0))
-                except (ValueError, TypeError) as e:
-                    log.warning("events of %s/%s in redis: %.200s", stream.robot, stream.view, e)
+    def _is_current(self, stream: Stream) -> bool:
+        """Whether there is something to write. What a view holds of an earlier run stays as it is there."""
+        robot = self._hub.robots.get(stream.robot)
+        there = stream.newest is not None and stream.key is not None
+        return there and robot is not None and stream.run_id == robot.runs.current
+
+    def _answered(self, stream: Stream, result: object) -> None:
+        if result == STORED:
+            self._told_n[stream] = self._written[stream].event_n
+            return
+        self._written.pop(stream, None)
+        if isinstance(result, Exception):
+            self._fault(stream.robot, result)  # it is tried again with the next frame
+        elif result == REFUSED:
+            self._supersede(stream.robot)
+        else:
+            if result == OUTRUN:
+                self._turns.pop(stream.robot, None)
+            self.keep(stream)
+
+    async def _claim(self, streams: Iterable[Stream]) -> None:
+        """Claim every robot that has another run than it had, or none of its own in Redis yet."""
+        claimed: dict[str, tuple[int, list[str]]] = {}
+        hears: dict[str, bool] = {}
+        for stream in streams:
+            robot, turn = stream.robot, self._turns.get(stream.robot)
+            if robot not in hears:
+                hears[robot] = bool(self._guarded(robot, partial(self._hears, self._hub.robots[robot])))
+            waits = turn is not None and turn.generation == UNCLAIMED and hears[robot]
+            if turn is None or turn.run_id != stream.run_id or waits:
+                _, states = claimed.setdefault(robot, (stream.run_id, []))
+                states.append(state_key(robot, stream.view))
+        calls: list[Call] = []
+        for robot, (_, states) in claimed.items():
+            keys = [generation_key(robot), writer_key(robot), *states]
+            calls.append((CLAIM, keys, ["1" if hears[robot] else "0"]))
+        for robot, generation in zip(claimed, await self.link.run_all(calls), strict=True):
+            if isinstance(generation, Exception):
+                self._fault(robot, generation)
+                continue
+            self._turns[robot] = _Turn(claimed[robot][0], int(generation))
+            if generation == UNCLAIMED:  # another process writes it, and this one hears no frames
+                self._supersede(robot)
+            else:
+                self._superseded.pop(robot, None)
+                self._tokens.pop(robot, None)  # told with this write
+
+    def _supersede(self, robot: str) -> None:
+        self._superseded[robot] = self._now()
+        self._look_at = self._now() + SETTLE_S
+
+    async def _resume(self, streams: Iterable[Stream]) -> None:
+        """Their events go on counting where an earlier process stopped."""
+        new = [stream for stream in streams if stream not in self._resumed]
+        if not new:
+            return
+
+        def ask(pipe: Any) -> None:
+            for stream in new:
+                pipe.hmget(state_key(stream.robot, stream.view), ["events", "numbering"])
+
+        for stream, found in zip(new, await self.link.read_all(ask), strict=True):
+            self._guarded(stream.robot, partial(self._resume_from, stream, found))
             self._resumed.add(stream)
 
-    def _call(self, stream: Stream) -> tuple[str, list[str], list[Any]]:
-        key, newest, ref = stream.key, stream.newest, stream.ref
-        assert key is not None
-        assert newest is not None
-        generation = self._generations[stream.robot][1]
-        state = _Written(generation, key, ref, stream.version, stream.event_n)
-        before = self._written.get(stream)
-        light = before is not None and before == state._replace(ref=before.ref)
-        version = f"{self.board.id}:{stream.version}"
-        values: list[bytes | str | int] = ["frame", newest.payload, "stamp", round(newest.stamp_s * 1e9)]
-        if before is None or ref is not before.ref or not light:
-            values += ["ref", ref.payload if ref else b""]
-        if not light:
-            values += ["run", f"{stream.run_id:016x}", "schema", stream.schema.text if stream.schema else ""]
-            values += ["key", key.payload, "info", json.dumps(stream.info), "model", stream.model or ""]
-            values += ["events", "[" + ",".join(event.text for event in stream.events) + "]"]
-            values += ["version", version, "numbering", stream.numbering]
-        # what others lack, bases first; frames that were never live here come by the snapshot alone
-        age_s = stream.age_s(self._now())
-        lacking: list[Held] = []
-        if age_s is not None:
-            bases = [key if before is None or key is not before.key else None]
-            bases.append(ref if ref is not None and (before is None or ref is not before.ref) else None)
-            lacking = [base for base in bases if base is not None and base is not newest] + [newest]
-        told_n = before.event_n if before is not None else 0
-        update = Update(
-            stream.view,
-            generation,
-            stream.run_id,
-            version,
-            stream.numbering,
-            age_s or 0.0,
-            tuple((round(held.stamp_s * 1e9), held.payload) for held in lacking),
-            tuple(event.text for event in stream.events if event.n > told_n),
+    def _resume_from(self, stream: Stream, found: Any) -> None:
+        stream.numbering = f"{self.board.id}:{next(self._counts)}"  # unless somebody's count is there
+        texts, numbering = found if isinstance(found, list) else (None, None)  # else it is no hash
+        if not texts or not numbering:
+            return
+        try:
+            stream.resume(numbering.decode(), unpack_events(texts), self._told_n.get(stream, 0))
+        except ValueError as e:
+            log.warning("events of %s/%s in redis: %.200s", stream.robot, stream.view, e)
+
+    def _call(self, stream: Stream) -> Call:
+        now, generation = self._now(), self._turns[stream.robot].generation
+        state, call = state_call(
+            stream, self._written.get(stream), generation, self.board.id, now, self.board.clock.at(now)
         )
         self._written[stream] = state
-        names = [state_key(stream.robot, stream.view), generation_key(stream.robot), channel(stream.robot)]
-        args = [generation, newest.seq, "0" if light else "1", key.id, update.pack(), *values]
-        return GUARD, names, args
+        return call
+
+    # ---- signs of life -----------------------------------------------------
+
+    async def _look(self) -> None:
+        """Take over the robots that another process has ceased to write, or does not hear any more."""
+        for robot in self._superseded.keys() - self._hub.robots.keys():
+            del self._superseded[robot]
+        robots = list(self._superseded)
+        if not robots:
+            return
+
+        def ask(pipe: Any) -> None:
+            for robot in robots:
+                pipe.pttl(writer_key(robot)).get(status_key(robot))
+
+        answers = iter(await self.link.read_all(ask))
+        for robot in robots:
+            lease_ms, told = next(answers), next(answers)
+            self._guarded(robot, partial(self._judge, robot, 0 < lease_ms <= LEASE_MS, told))
+
+    def _judge(self, robot: str, is_written: bool, told: object) -> None:
+        of, now = self._hub.robots.get(robot), self._now()
+        if of is None:
+            return
+        if is_written:
+            self._superseded[robot] = now
+        if is_written and not is_silent(told):
+            return
+        if self._hears(of) or now - self._superseded[robot] > SETTLE_S:  # who hears its frames comes first
+            self._turns.pop(robot, None)
+            del self._superseded[robot]
+            for room in of.rooms.values():
+                self._resumed.discard(room.stream)
+                self.keep(room.stream)
+
+    def _hears(self, robot: Robot) -> bool:
+        """Whether frames of it come just now."""
+        ages_s = [room.stream.age_s(self._now()) for room in robot.rooms.values()]
+        return any(age_s is not None and age_s <= robot.limits.silent_s for age_s in ages_s)
 
     async def _beat(self) -> None:
-        """Say of every robot how it is; take over those that another process has ceased to write."""
-        for robot in tuple(self._superseded) if self._now() >= self._take_over_at else ():
-            if not await self.link.call(self.link.client.exists(status_key(robot))):
-                self._superseded.discard(robot)
-                self._generations.pop(robot, None)
-                of = self._hub.robots.get(robot)
-                for room in of.rooms.values() if of else ():
-                    self._resumed.discard(room.stream)
-                    self.keep(room.stream)
+        """Say of every robot how it is."""
         heard = [robot for robot in self._hub.robots.values() if robot.heard_at is not None]
         mine = await self._tell(heard)
         known = {robot.name for robot in heard}
@@ -295,26 +342,48 @@ class RedisStore:
             self._written.pop(stream, None)
             self._told_n.pop(stream, None)
             self._resumed.discard(stream)
-            self._generations.pop(stream.robot, None)
-        viewers = {r.name: r.viewer_count() for r in self._hub.robots.values() if r.has_viewers()}
-        told = {robot.name: self._describe(robot) for robot in mine}
-        await self.board.exchange(self._now(), viewers, told)
+            self._turns.pop(stream.robot, None)
+        for name in self._tokens.keys() - known:
+            del self._tokens[name]
+        await self._exchange(mine)
         for of_mine in heard:
             of_mine.followed = self.board.viewers_elsewhere(of_mine.name) > 0
 
-    async def _tell(self, robots: list[Robot]) -> list[Robot]:
+    async def _exchange(self, mine: Iterable[Robot]) -> None:
+        viewers = {r.name: r.viewer_count() for r in self._hub.robots.values() if r.has_viewers()}
+        found = {robot.name: self._guarded(robot.name, partial(self._describe, robot)) for robot in mine}
+        told = {name: document for name, document in found.items() if document is not None}
+        try:
+            await self.board.exchange(viewers, told)
+        except REDIS_ERRORS:
+            raise
+        except Exception as e:
+            self._fault("the board", e)
+
+    async def _tell(self, robots: Iterable[Robot]) -> list[Robot]:
         """Returns those of which nobody else tells."""
-        now = self._now()
-        calls: list[tuple[str, list[str], list[Any]]] = []
+        told: dict[Robot, Call] = {}
         for robot in robots:
-            ages_s = {view: room.stream.age_s(now) for view, room in robot.rooms.items()}
-            standing = Standing(robot.liveness.token, ages_s).pack()
-            names = [status_key(robot.name), generation_key(robot.name), channel(robot.name)]
-            calls.append((STATUS, names, [self._generations.get(robot.name, (0, 0))[1], standing]))
-        results = await self.link.run_all(calls)
-        self._tokens |= {robot.name: robot.liveness.token for robot in robots}
-        return [robot for robot, result in zip(robots, results, strict=True) if result == 1]
+            if robot.name not in self._superseded:
+                call = self._guarded(robot.name, partial(self._standing, robot))
+                if call is not None:
+                    told[robot] = call
+        mine = []
+        for robot, result in zip(told, await self.link.run_all(list(told.values())), strict=True):
+            if isinstance(result, Exception):
+                self._fault(robot.name, result)
+                continue
+            self._tokens[robot.name] = robot.liveness.token
+            if result == INCOMPLETE:  # something of it was lost
+                for room in robot.rooms.values():
+                    self._written.pop(room.stream, None)
+                    self.keep(room.stream)
+            if result != REFUSED:
+                mine.append(robot)
+        return mine
 
-
-def _text(event: dict[str, Any]) -> str:
-    return json.dumps(event, separators=(",", ":"), ensure_ascii=False)
+    def _standing(self, robot: Robot) -> Call:
+        now, turn = self._now(), self._turns.get(robot.name)
+        written = [view for view, room in robot.rooms.items() if room.stream in self._written]
+        generation = turn.generation if turn else 0
+        return standing_call(robot, generation, written, now, self.board.clock.at(now))

@@ -9,12 +9,14 @@ import asyncio
 from collections.abc import Callable
 from typing import Any
 
-from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
+from posecast_relay.adapters.boundary import isolated
+from posecast_relay.adapters.http_connection import HttpConnection
 
 ASK_S = 5.0  # from connecting, or from a request's first byte, to its end
 CROWD = 500  # beyond so many at once, those over HURRIED_S old go: half of the sockets kept beside viewers'
 HURRIED_S = 1.0
 SWEEP_S = 0.5
+HEADS_BYTES = 8 << 20  # of unfinished requests over all connections; beyond, the oldest go at once
 
 
 class Unasked:
@@ -24,6 +26,8 @@ class Unasked:
         self._now = now
         self._cut = cut
         self._since: dict[asyncio.Transport, float] = {}  # the oldest first
+        self._heard: dict[asyncio.Transport, int] = {}  # bytes of their requests so far
+        self._heard_bytes = 0
         self._timer: asyncio.TimerHandle | None = None
 
     def came(self, transport: asyncio.Transport) -> None:
@@ -32,9 +36,22 @@ class Unasked:
         if self._timer is None:
             self._timer = asyncio.get_running_loop().call_later(SWEEP_S, self._sweep)
 
+    def heard(self, transport: asyncio.Transport, size: int) -> None:
+        """So many bytes of its request have come, and it is not whole."""
+        if transport not in self._since:
+            return
+        self._heard_bytes += size - self._heard.get(transport, 0)
+        self._heard[transport] = size
+        while self._heard_bytes > HEADS_BYTES:
+            oldest = next(iter(self._heard))
+            self.asked(oldest)
+            oldest.abort()
+            self._cut(1)
+
     def asked(self, transport: asyncio.Transport) -> None:
         """Its request is here, or it is gone."""
         self._since.pop(transport, None)
+        self._heard_bytes -= self._heard.pop(transport, 0)
 
     def _sweep(self) -> None:
         self._timer = None
@@ -45,7 +62,7 @@ class Unasked:
                 break
             late.append(transport)
         for transport in late:
-            del self._since[transport]
+            self.asked(transport)
             transport.abort()
         if late:
             self._cut(len(late))
@@ -53,31 +70,25 @@ class Unasked:
             self._timer = asyncio.get_running_loop().call_later(SWEEP_S, self._sweep)
 
 
-def guarded(base: type[HttpToolsProtocol], unasked: Unasked) -> type[HttpToolsProtocol]:
+def guarded(base: type[HttpConnection], unasked: Unasked) -> type[HttpConnection]:
     """The same HTTP, which does not wait for ever."""
 
     class Guarded(base):  # type: ignore[misc, valid-type]
-        answering: Any = None
-
+        @isolated
         def connection_made(self, transport: Any) -> None:
             super().connection_made(transport)
             unasked.came(transport)
 
+        @isolated
         def connection_lost(self, exc: Exception | None) -> None:
             unasked.asked(self.transport)
-            if self.answering is not None:
-                self.answering.disconnected = True  # else it goes on, and fails with a traceback
             super().connection_lost(exc)
 
-        def _start_asgi_task(self, cycle: Any, app: Any) -> None:
-            # uvicorn tells only the newest request that its asker has left, which is another one when several
-            # were sent at once
-            self.answering = cycle
-            super()._start_asgi_task(cycle, app)
-
-        def handle_websocket_upgrade(self) -> None:
-            super().handle_websocket_upgrade()
-            self.parser = None  # as uvicorn does at an end: the two hold each other, until a rare collection
+        @isolated
+        def data_received(self, data: bytes) -> None:
+            super().data_received(data)
+            if self._in_message:
+                unasked.heard(self.transport, self.request_bytes)
 
         def on_message_begin(self) -> None:
             unasked.came(self.transport)

@@ -7,8 +7,8 @@ A viewer is sent messages that the core has made ready, straight to the transpor
 from __future__ import annotations
 
 import asyncio
-import logging
 import random
+from contextlib import ExitStack
 from http import HTTPStatus
 from typing import TYPE_CHECKING, Any, ClassVar, cast
 
@@ -16,11 +16,12 @@ from posecast_wire import Auth, Close, MessageError, parse_viewer_message
 from websockets.frames import Frame as WebSocketFrame
 from websockets.frames import Opcode
 from websockets.http11 import Request
-from websockets.protocol import OPEN
+from websockets.protocol import CONNECTING, OPEN
 from websockets.server import ServerProtocol
 
 from posecast_relay.adapters.access import CROWDED, FOREIGN, REASONS, Access
 from posecast_relay.adapters.asked import Asked, BadRequest, NoSuchStream, bearer, joined, read_target
+from posecast_relay.adapters.boundary import FAULT, isolated, isolated_task
 from posecast_relay.adapters.decoded import Decoded
 from posecast_relay.adapters.forms import Form, JsonForm
 from posecast_relay.adapters.socket_buffers import descriptor_of, use_small_buffers
@@ -33,12 +34,12 @@ if TYPE_CHECKING:
     from uvicorn.config import Config
     from uvicorn.server import ServerState
 
-log = logging.getLogger("posecast_relay")
-
 TOKEN_S = 5.0  # until the token is there; else closed 4401
-SLICE_BYTES = 4096  # of what comes at once: judged before more of it is taken apart
+SLICE_BYTES = 512  # of what comes at once: judged before more of it is taken apart
+AFTER_END_BYTES = 1024  # are read of a viewer that was told the end: its answer, and what was on its way
 CLOSING_S = 2.0  # a viewer that does not answer a close in this time is cut off
 HEADERS = ("Origin", "Host", "Authorization", "X-Forwarded-For")
+FAILED = b"HTTP/1.1 500 Internal Server Error\r\ncontent-length: 0\r\nconnection: close\r\n\r\n"
 SHORT = 125  # bytes of a message whose size stands in the frame's second byte
 
 
@@ -74,8 +75,10 @@ class LiveSocket(asyncio.Protocol):
         self._own_descriptor = -1
         self.descriptor = -1  # to be written to directly: never while anything waits in the transport
         self._over = False  # nothing may be written any more
+        self._failed = False
         self._fragments: list[bytes] | None = None
         self._flooded = False  # by its viewer: nothing more is read
+        self._after_end = 0  # bytes that came since it was told the end
         self._early = 0  # frames that came before it was a viewer
         self._unread = 0  # bytes in the library that may be the beginning of a message
         self._closing: asyncio.TimerHandle | None = None
@@ -86,35 +89,39 @@ class LiveSocket(asyncio.Protocol):
 
     # ---- asyncio ----------------------------------------------------------
 
+    @isolated
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """uvicorn hands its transport over."""
         self._transport = cast(asyncio.Transport, transport)
         self._connections.add(self)
         use_small_buffers(self._transport)
 
+    @isolated
     def connection_lost(self, _exc: Exception | None) -> None:
         """The connection is gone, by whichever side."""
-        self._connections.discard(self)
-        self._write_no_more()
-        self._waits_no_more()
-        if self._address is not None:
-            self.access.addresses.leave(self._address)
-            self._address = None
-        if self._closing is not None:
-            self._closing.cancel()
-        if self._viewer is not None:
-            self.pump.hub.leave(self._viewer)
-        # nothing that is left may hold itself in a circle: a collection comes after 50,000 objects only
-        self._viewer = None
-        self._ws.parser.close()
-        self._ws.parser_exc = None
+        viewer, address = self._viewer, self._address
+        with ExitStack() as each:  # all of it, whatever one of them raises
+            # nothing that is left may hold itself in a circle: a collection comes after 50,000 objects only
+            each.callback(self._ws.parser.close)
+            self._viewer = self._address = self._ws.parser_exc = None
+            each.callback(self._connections.discard, self)
+            if address is not None:
+                each.callback(self.access.addresses.leave, address)
+            if viewer is not None:
+                each.callback(self.pump.hub.leave, viewer)
+            if self._closing is not None:
+                each.callback(self._closing.cancel)
+            each.callback(self._waits_no_more)
+            each.callback(self._write_no_more)
 
+    @isolated
     def pause_writing(self) -> None:
         """The socket did not take everything."""
         self.descriptor = -1
         if self._viewer is not None:
             self._viewer.paused(self.pump.now())
 
+    @isolated
     def resume_writing(self) -> None:
         """The socket has taken everything."""
         if not self._over:
@@ -122,6 +129,7 @@ class LiveSocket(asyncio.Protocol):
         if self._viewer is not None:
             self.pump.carry_out(self.pump.hub.drained(self._viewer))
 
+    @isolated
     def data_received(self, data: bytes) -> None:
         """Bytes from the viewer (first of all its HTTP request, as uvicorn read it)."""
         if self._viewer is not None:
@@ -132,6 +140,10 @@ class LiveSocket(asyncio.Protocol):
                 self._text(text)
                 return
         for at in range(0, len(data), SLICE_BYTES):
+            if self._ws.state not in (CONNECTING, OPEN):
+                self._after_end += min(SLICE_BYTES, len(data) - at)
+                if self._after_end > AFTER_END_BYTES:
+                    self._read_no_more()
             if not self._flooded:
                 self._read(data[at : at + SLICE_BYTES])
 
@@ -142,11 +154,7 @@ class LiveSocket(asyncio.Protocol):
         self._send_own()  # a ping between two parts of a message is answered before the message is
         for event in ws.events_received():
             if isinstance(event, Request):
-                try:
-                    self._handshake(event)
-                except Exception:  # a mistake of ours: uvicorn would leave the connection open for ever
-                    log.exception("handshake")
-                    self._transport.abort()
+                self._handshake(event)
                 if data.endswith(b"\r\n\r\n"):  # else what it read of a message is not known, nor will be
                     self._unread = 0
             elif isinstance(event, WebSocketFrame):
@@ -155,11 +163,13 @@ class LiveSocket(asyncio.Protocol):
                 self._frame(event)
         self._send_own()
 
+    @isolated
     def eof_received(self) -> None:
         """The viewer will send no more: there is no half-open stream here."""
         self._ws.receive_eof()
         self._send_own()
 
+    @isolated
     def shutdown(self) -> None:
         """uvicorn stops. Viewers were moved away before, unless somebody was in a hurry."""
         if self._viewer is None:
@@ -219,6 +229,7 @@ class LiveSocket(asyncio.Protocol):
         if self._entering is None:
             self._entering = asyncio.create_task(self._enter_by(token), name="token")
 
+    @isolated_task
     async def _enter_by(self, token: str) -> None:
         asked, who = self._asked, await self.access.who(token)
         if asked is None or self._over:
@@ -234,6 +245,7 @@ class LiveSocket(asyncio.Protocol):
         if self._no_token is not None:
             self._no_token.cancel()
 
+    @isolated
     def _refuse_entry(self, close: Close) -> None:
         self._waits_no_more()
         self.pump.hub.endings[close] += 1
@@ -320,18 +332,42 @@ class LiveSocket(asyncio.Protocol):
         if self._ws.state is not OPEN:
             return
         if close is Close.TOO_MANY:
-            self._flooded = True
-            self._transport.pause_reading()
+            self._read_no_more()
         self._transport.write(messages.bye(close, reason, retry_s))
         self._write_no_more()
         self._ws.send_close(close, reason[:100])
         self._send_own()
         self._hurry()
 
+    def _read_no_more(self) -> None:
+        self._flooded = True
+        self._transport.pause_reading()
+
     def cut(self, _close: Close) -> None:
         """Abort: nothing gets through to a viewer that does not read."""
-        self._write_no_more()
         self._transport.abort()
+        self._write_no_more()
+
+    def failed(self, error: Exception) -> None:
+        """A fault of ours in one of these calls: the viewer is told, and no other notices."""
+        viewer = self._viewer
+        self.pump.report_fault("a viewer's connection", error)
+        first, self._failed = not self._failed, True
+        try:
+            if not first:
+                self._transport.abort()
+            elif self._ws.state is CONNECTING:
+                self._transport.write(FAILED)
+                self._transport.close()
+            elif viewer is not None and viewer in self.pump.hub.viewers:
+                self._hurry()
+                self.pump.carry_out(self.pump.hub.refuse(viewer, Close.INTERNAL_ERROR, FAULT))
+            else:
+                self._hurry()
+                self.pump.hub.endings[Close.INTERNAL_ERROR] += 1
+                self.end(Close.INTERNAL_ERROR, FAULT, None)
+        except Exception:
+            self._transport.abort()
 
     def _hurry(self) -> None:
         if self._closing is None:
@@ -363,6 +399,7 @@ class LiveSocket(asyncio.Protocol):
         if self._ws.parser_exc is not None and sent is not None:
             hub.endings[sent.code] += 1
 
+    @isolated
     def write_as(self, form: Form, data: bytes) -> None:
         """The same in another form."""
         room = self.pump.hub.viewers.get(self._viewer) if self._viewer else None

@@ -1,33 +1,55 @@
 """Edges in: frames, events, tokens and snapshots from Zenoh's threads to the event loop.
 
-Zenoh calls back in a thread per subscriber. Those threads only take the bytes out and put them into bounded
-inboxes; one wake-up of the loop is pending at most, and works off all that has come meanwhile.
+Zenoh calls back in a thread per subscriber. Those threads only take the bytes out and put them into the
+robot's inbox; one wake-up of the loop is pending at most. It takes from the inboxes in turns, so much in one
+turn of its own, and lets viewers have theirs in between.
 """
 
 from __future__ import annotations
 
 import asyncio
 import logging
-from collections import deque
 from collections.abc import Callable, Sequence
 from functools import partial
 
 import zenoh
 from posecast_wire import Echo, Snapshot, Stamp, check_name
-from posecast_wire.keys import PREFIX, snapshot_key
+from posecast_wire.keys import PREFIX, STAMP, snapshot_key
 
+from posecast_relay.adapters.inboxes import OTHERS, Inboxes, Message
 from posecast_relay.adapters.pump import Pump
 from posecast_relay.adapters.zenoh_door import Door
+from posecast_relay.core.stream import Fate
 
 log = logging.getLogger("posecast_relay")
 
-FRAMES_MAX = 8192  # waiting for a stalled loop; the oldest go, the newest state is what counts
-OTHERS_MAX = 8192  # events, tokens, answers: likewise
+TURN = 256  # frames, or what takes as long, in one turn of the loop: some 3 ms
+PARSED_BYTES = 1 << 10  # of a snapshot: parsed in the time of a frame
+CLOSED_S = 0.01  # a robot beyond its share is looked at again after this long
+TOKENS_S = 0.1  # between two changes of one robot's token that are told
 SNAPSHOT_TIMEOUT_S = 2.0
 RETURN_S = (
     3.0  # after the door was opened anew a robot has so long to come back; edges try at least once a second
 )
 COMPLAIN_S = 10.0  # between two log lines about bad messages
+LOST = "messages than there is room for"
+
+
+class _Token:
+    """A robot's token as it was heard of last, and as it was told."""
+
+    def __init__(self) -> None:
+        self.present = False
+        self.told_at = float("-inf")
+        self.timer: asyncio.TimerHandle | None = None
+
+
+class _Question:
+    """One view's snapshot was asked for; the first answer counts."""
+
+    def __init__(self, asked_at: float) -> None:
+        self.asked_at = asked_at
+        self.answered = False
 
 
 class ZenohIngest:
@@ -37,12 +59,12 @@ class ZenohIngest:
         self._door = door
         self._pump = pump
         self._loop = asyncio.get_running_loop()
-        self._frames: deque[tuple[str, str, bytes, bytes]] = deque(maxlen=FRAMES_MAX)
-        self._others: deque[Callable[[], None]] = deque(maxlen=OTHERS_MAX)
+        self._inboxes = Inboxes()
         self._woken = False
         self._complained_at = float("-inf")
         self._declared: list[object] = []
         self._opening = 0  # which session it is; tokens of one that is gone mean nothing
+        self._tokens: dict[str, _Token] = {}
         self._missing: set[str] = set()  # were here before the door was opened anew
         self._given_up: asyncio.TimerHandle | None = None
 
@@ -86,45 +108,49 @@ class ZenohIngest:
     # ---- in Zenoh's threads ---------------------------------------------------
 
     def _on_frame(self, sample: zenoh.Sample) -> None:
-        chunks = str(sample.key_expr).split("/")
-        stamp = sample.attachment.to_bytes() if sample.attachment is not None else b""
-        self._frames.append((chunks[2], chunks[3], sample.payload.to_bytes(), stamp))
-        self._wake()
+        self._put(sample, self._frame, self._pump.hub.limits.frame_bytes, is_frame=True)
 
     def _on_event(self, sample: zenoh.Sample) -> None:
-        chunks = str(sample.key_expr).split("/")
-        stamp = sample.attachment.to_bytes() if sample.attachment is not None else b""
-        payload = sample.payload.to_bytes()
-        self._later(lambda: self._event(chunks[2], chunks[3], payload, stamp))
+        limits = self._pump.hub.limits
+        self._put(sample, self._event, max(limits.event_bytes, limits.info_bytes))
+
+    def _on_snapshot(self, question: _Question, reply: zenoh.Reply) -> None:
+        sample = reply.ok
+        if sample is None or question.answered:
+            return
+        question.answered = True
+        cost = 1 + len(sample.payload) // PARSED_BYTES
+        take_in = partial(self._snapshot, question.asked_at)
+        self._put(sample, take_in, self._pump.hub.limits.snapshot_bytes, cost=cost)
+
+    def _put(
+        self,
+        sample: zenoh.Sample,
+        take_in: Callable[[str, str, bytes, bytes], None],
+        bytes_max: int,
+        is_frame: bool = False,
+        cost: int = 1,
+    ) -> None:
+        _, _, robot, view, *_ = str(sample.key_expr).split("/")
+        size = len(sample.payload)
+        # what is too large is cut short here, and refused for its length where it is counted
+        payload = sample.payload.to_bytes() if size <= bytes_max else bytes(bytes_max + 1)
+        attached = sample.attachment
+        stamp = attached.to_bytes() if attached is not None and len(attached) == STAMP.size else b""
+        take_in = partial(take_in, robot, view, payload, stamp)
+        self._later(robot, Message(take_in, len(payload), is_frame, cost))
 
     def _on_token(self, opening: int, sample: zenoh.Sample) -> None:
         robot = str(sample.key_expr).split("/")[2]
         present = sample.kind == zenoh.SampleKind.PUT
-
-        def told() -> None:
-            if opening == self._opening:
-                self._missing.discard(robot)
-                self._token(robot, present)
-
-        self._later(told)
+        self._later(robot, Message(partial(self._heard_token, opening, robot, present), 0))
 
     def _on_echo(self, query: zenoh.Query) -> None:
-        self._later(lambda: self._echo(query))
+        robot = str(query.key_expr).split("/")[2]
+        self._later(robot, Message(partial(self._echo, robot, query), 0))
 
-    def _on_snapshot(self, reply: zenoh.Reply) -> None:
-        sample = reply.ok
-        if sample is None:
-            return
-        chunks = str(sample.key_expr).split("/")
-        stamp = sample.attachment.to_bytes() if sample.attachment is not None else b""
-        payload = sample.payload.to_bytes()
-        self._later(lambda: self._snapshot(chunks[2], chunks[3], payload, stamp))
-
-    def _later(self, call: Callable[[], None]) -> None:
-        self._others.append(call)
-        self._wake()
-
-    def _wake(self) -> None:
+    def _later(self, robot: str, message: Message) -> None:
+        self._inboxes.put(robot, message, self._pump.now())
         if not self._woken:
             self._woken = True
             try:
@@ -136,18 +162,39 @@ class ZenohIngest:
 
     def _work_off(self) -> None:
         self._woken = False  # before looking: what comes from now on wakes again
-        hub, now = self._pump.hub, self._pump.now()
-        for _ in range(len(self._frames)):
-            robot, view, payload, stamp = self._frames.popleft()
+        left = TURN
+        while left > 0 and (message := self._inboxes.pop()) is not None:
+            left -= message.cost
             try:
-                check_name("robot", robot)
-                check_name("view", view)
-                hub.frame(robot, view, payload, Stamp.unpack(stamp), now)
-            except ValueError as e:
-                self._complain(f"{robot}/{view}/frame", e)
-        for _ in range(len(self._others)):
-            self._others.popleft()()
+                message.take_in()
+            except Exception as e:
+                self._pump.hub.fates[Fate.FAULT.value] += 1
+                self._pump.report_fault("ingest", e)
+        self._count_lost()
         self._pump.flush()
+        if self._inboxes and not self._woken:
+            self._woken = True
+            self._loop.call_soon(self._work_off)
+
+    def _count_lost(self) -> None:
+        hub, now = self._pump.hub, self._pump.now()
+        for robot, count in self._inboxes.take_lost().items():
+            hub.fates[(Fate.CROWDED if robot == OTHERS else Fate.OVER_SHARE).value] += count
+            of = hub.robots.get(robot)
+            if of is not None:
+                of.share.lose(count, of.share.limit or LOST, now)
+
+    def _frame(self, robot: str, view: str, payload: bytes, stamp: bytes) -> None:
+        now = self._pump.now()
+        try:
+            check_name("robot", robot)
+            check_name("view", view)
+            fate = self._pump.hub.edge_frame(robot, view, payload, Stamp.unpack(stamp), now)
+        except ValueError as e:
+            self._complain(f"{robot}/{view}/frame", e)
+            return
+        if fate is Fate.OVER_SHARE:
+            self._inboxes.close(robot, now + CLOSED_S)
 
     def _event(self, robot: str, view: str, payload: bytes, stamp: bytes) -> None:
         pump = self._pump
@@ -160,42 +207,76 @@ class ZenohIngest:
             return
         pump.carry_out(pump.hub.event(robot, view, payload, at, pump.now(), pump.unix_s()))
 
-    def _token(self, robot: str, present: bool) -> None:
+    def _heard_token(self, opening: int, robot: str, present: bool) -> None:
+        """A token that comes and goes all the time is told of ten times a second at most: as it is then."""
+        if opening != self._opening:
+            return
+        self._missing.discard(robot)
         try:
             check_name("robot", robot)
         except ValueError as e:
             self._complain(f"{robot}/alive", e)
             return
+        token = self._tokens.get(robot)
+        if token is None:
+            if not present and robot not in self._pump.hub.robots:
+                return
+            token = self._tokens[robot] = _Token()
+        token.present = present
+        if token.timer is not None:
+            return
+        wait_s = token.told_at + TOKENS_S - self._pump.now()
+        if wait_s <= 0:
+            self._tell_token(robot, token)
+        else:
+            token.timer = self._loop.call_later(wait_s, self._tell_token, robot, token)
+
+    def _tell_token(self, robot: str, token: _Token) -> None:
+        token.timer = None
+        token.told_at = self._pump.now()
+        if not token.present:
+            self._tokens.pop(robot, None)
+        self._token(robot, token.present)
+
+    def _token(self, robot: str, present: bool) -> None:
         log.info("robot %s %s", robot, "on air" if present else "gone")
         self._pump.carry_out(self._pump.hub.token(robot, present, self._pump.now()))
 
-    def _snapshot(self, robot: str, view: str, payload: bytes, stamp: bytes) -> None:
+    def _snapshot(self, asked_at: float, robot: str, view: str, payload: bytes, stamp: bytes) -> None:
+        hub, now = self._pump.hub, self._pump.now()
         try:
             check_name("robot", robot)
             check_name("view", view)
-            snapshot, at = Snapshot.unpack(payload), Stamp.unpack(stamp)
-            self._pump.hub.snapshot(robot, view, snapshot, at, self._pump.now())
+            if len(payload) > hub.limits.snapshot_bytes:
+                raise ValueError(f"snapshot: over {hub.limits.snapshot_bytes} bytes")
+            at = Stamp.unpack(stamp)
+            hub.check_snapshot(robot, len(payload), now)
+            hub.snapshot(robot, view, Snapshot.unpack(payload), at, now, waited_s=now - asked_at)
         except ValueError as e:
             self._complain(f"{robot}/{view}/snapshot", e)
 
-    def _echo(self, query: zenoh.Query) -> None:
-        key = str(query.key_expr)
-        robot = self._pump.hub.robots.get(key.split("/")[2])
-        run_id = robot.runs.current if robot else 0
-        of_run = [r.stream.newest for r in robot.rooms.values() if r.stream.newest] if robot else []
+    def _echo(self, robot: str, query: zenoh.Query) -> None:
+        now = self._pump.now()
+        of = self._pump.hub.robots.get(robot)
+        if of is not None and not of.share.takes_message(0, now):
+            self._pump.hub.fates[Fate.OVER_SHARE.value] += 1
+            return  # unanswered
+        run_id = of.runs.current if of else 0
+        of_run = [r.stream.newest for r in of.rooms.values() if r.stream.newest] if of else []
         seq = max((held.seq for held in of_run if held.run_id == run_id), default=0)
+        over = of.share.over(now) if of else ""
+        key = str(query.key_expr)
         try:
-            query.reply(key, Echo(run_id, seq, self._pump.unix_s()).pack())
+            query.reply(key, Echo(run_id, seq, self._pump.unix_s(), over).pack())
         except zenoh.ZError as e:
             log.debug("echo to %s: %s", key, e)
         query.drop()  # type: ignore[no-untyped-call]
 
     def _ask(self, robot: str, views: Sequence[str]) -> None:
         for view in views:  # not `*`: the edge's `model/**` would match it too
+            on_snapshot = partial(self._on_snapshot, _Question(self._pump.now()))
             try:
-                self._door.session.get(
-                    snapshot_key(robot, view), self._on_snapshot, timeout=SNAPSHOT_TIMEOUT_S
-                )
+                self._door.session.get(snapshot_key(robot, view), on_snapshot, timeout=SNAPSHOT_TIMEOUT_S)
             except zenoh.ZError as e:
                 log.warning("snapshot of %s/%s: %s", robot, view, e)
 

@@ -20,6 +20,9 @@ from posecast_wire.keys import PREFIX
 LEASE_MS = 2500  # an edge whose link is cut is gone after this long
 PORT_TRIES = 5
 REOPEN_S = 5.0  # the port we have just let go of is tried again for so long
+MESSAGE_BYTES_MAX = 1 << 21  # an answer with the largest schema, and some room
+PENDING_MAX = 64  # links that have not said who they are; with more, Zenoh holds up the others while they end
+ACCEPT_MS = 2000  # and so long: silent ones make room for who comes
 SESSIONS_MAX = 4000  # edges; Zenoh's own figure is 1,000
 
 
@@ -98,6 +101,9 @@ def _config(endpoints: Sequence[str], gate: Gate | None, passwords: str | None) 
         "scouting/delay": 0,  # else opening takes half a second
         "transport/link/tx/lease": LEASE_MS,
         "transport/unicast/max_sessions": SESSIONS_MAX,
+        "transport/unicast/accept_pending": PENDING_MAX,
+        "transport/unicast/accept_timeout": ACCEPT_MS,
+        "transport/link/rx/max_message_size": MESSAGE_BYTES_MAX,  # else a gigabyte: a larger one is dropped
         "transport/shared_memory/enabled": False,  # drops messages silently under load
         "adminspace/enabled": False,
     }

@@ -67,4 +67,12 @@ class Verify:
     token: str
 
 
-Action = Send | End | Cut | Ask | Keep | Watch | Verify
+@dataclass(slots=True)
+class Fault:
+    """The relay's own code failed. What it was about is ended or dropped already; nobody else is touched."""
+
+    where: str
+    error: Exception
+
+
+Action = Send | End | Cut | Ask | Keep | Watch | Verify | Fault

@@ -24,10 +24,10 @@ class Agenda(Generic[T]):
             self._count += 1
             heappush(self._heap, (at, self._count, who))
 
-    def due(self, now: float) -> list[T]:
-        """Those whose moment has come; they leave the agenda."""
+    def due(self, now: float, most: int | None = None) -> list[T]:
+        """Those whose moment has come, `most` of them; they leave the agenda."""
         found: list[T] = []
-        while self._heap and self._heap[0][0] <= now:
+        while self._heap and self._heap[0][0] <= now and len(found) != most:
             at, _, who = heappop(self._heap)
             if self._at.get(who) == at:
                 del self._at[who]

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 
 from posecast_wire import Schema, Snapshot, Stamp
 
@@ -17,7 +18,7 @@ from posecast_relay.core.actions import Action
 from posecast_relay.core.agenda import NEVER
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
-from posecast_relay.core.secondhand import Secondhand
+from posecast_relay.core.secondhand import Secondhand, follow
 from posecast_relay.core.stream import Event, Held, Stream
 
 ENTRIES_MAX = 4000  # a minute at 60 Hz, and its events
@@ -78,7 +79,7 @@ class _Ring:
             ref=stream.ref,
             newest=stream.newest,
             live=stream.newest is not self._newest and stream.live_at is not None,
-            late_s=stream.late_s,
+            late_s=stream.age_s(now) or 0.0,
             numbering=stream.numbering,
             events=[event for event in stream.events if event.n > self._event_n],
         )
@@ -146,7 +147,7 @@ class DelayedHub(Hub):
         out: list[Action] = []
         for (robot, view), ring in self._rings.items():
             while (moment := ring.take(now)) is not None:
-                out += self._relive(robot, view, ring, moment, now, unix_s)
+                out += self.guard(None, partial(self._relive, robot, view, ring, moment, now, unix_s))
         if self.changed:
             out += self.flush(now, unix_s)
         out += super().tick(now, unix_s)
@@ -176,14 +177,20 @@ class DelayedHub(Hub):
         assert moment.schema is not None
         told = before is not None and before.schema is moment.schema
         told = told and before is not None and (before.info, before.model) == (moment.info, moment.model)
-        bases_here = key in (ring.fed_key, newest) and ref in (None, ring.fed_ref, newest)
+        coming = newest if moment.live else None  # a picture is not handed on by itself
+        bases_here = key in (ring.fed_key, coming) and ref in (None, ring.fed_ref, coming)
         stamp = Stamp(newest.run_id, round(newest.stamp_s * 1e9))
+        of = self.admit(robot)
+        if of is not None:  # else nothing of it is taken
+            follow(of, newest.run_id, now)  # which run is current was decided then
+            if moment.live:  # and how late its frame was: nobody can be asked now
+                of.runs.answered(stamp, moment.late_s, now)
         if not told or not bases_here:
             ref_bytes = None if ref is None else ref.payload
             snapshot = Snapshot(moment.schema.text, moment.info, key.payload, ref_bytes, moment.model)
             try:
                 self.snapshot(robot, view, snapshot, stamp, now)
-            except ValueError:  # the stream itself has taken it: of a run that is retired here by now
+            except ValueError:  # the stream itself has taken it
                 self.fates["bad"] += 1
                 return
         if moment.live:

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Sequence
-from typing import cast
+from functools import partial
 
 from posecast_wire import (
     Ack,
@@ -13,8 +12,6 @@ from posecast_wire import (
     MessageError,
     Ping,
     Rate,
-    Snapshot,
-    Stamp,
     ViewerMessage,
     parse_viewer_message,
 )
@@ -22,15 +19,14 @@ from posecast_wire import (
 from posecast_relay.core import messages
 from posecast_relay.core.actions import Action, Ask, Cut, End, Keep, Send, Verify, Watch
 from posecast_relay.core.drain import Drain
-from posecast_relay.core.histogram import Histogram
 from posecast_relay.core.limits import Limits
 from posecast_relay.core.load import Load
+from posecast_relay.core.pace import granted_hz
 from posecast_relay.core.policy import PUBLIC, Grant
 from posecast_relay.core.robot import Robot
 from posecast_relay.core.room import Room
-from posecast_relay.core.roster import Roster
-from posecast_relay.core.said import conflict_event, edge_said
-from posecast_relay.core.stream import Fate
+from posecast_relay.core.said import conflict_event
+from posecast_relay.core.uplink import Uplink
 from posecast_relay.core.viewer import Viewer
 
 FULL_RETRY_S = 30.0
@@ -39,17 +35,18 @@ RENEW_RETRY_S = 1.0  # these come one by one already
 EXPIRED = "the link or sign-in has expired"
 GOING = "the relay is being replaced"
 FORGET_EVERY = 20  # sweeps
+FORGET_FULL_S = 5.0  # with as many robots as the limits allow: those that are gone make room for others
+QUESTIONS_MAX = 8  # robots asked in one tick, some 3 ms; the others in the next ones,
+QUESTIONS_S = 0.005  # so much later
 HELD_UP_S = 0.1  # a tick that comes later than this shows that the process stood still
 
 
-class Hub(Roster):
+class Hub(Uplink):
     """What happens to the robots and viewers of one process."""
 
     def __init__(self, limits: Limits) -> None:
         super().__init__(limits)
-        self.fates: Counter[str] = Counter()  # of messages from edges
         self.load = Load()
-        self.lateness = Histogram()  # of frames from edges, as they came in
         self.joins = 0
         self.draining: Drain | None = None  # nobody is taken any more
         self._status_at = 0.0
@@ -57,110 +54,44 @@ class Hub(Roster):
         self._sweep_at = 0.0
         self._sweeps = 0
 
-    # ---- from the edges ---------------------------------------------------
-
-    def frame(
-        self, robot: str, view: str, payload: bytes, stamp: Stamp, now: float, late_s: float = 0.0
-    ) -> Fate:
-        """Take a frame in; `flush` then hands out the newest. `late_s`: as late as another relay found it."""
-        found = self.publisher(robot, view)
-        if found is None:
-            fate = Fate.CROWDED
-        else:
-            of, room = found
-            fate = of.frame(room, payload, stamp, now, late_s)
-            if fate is Fate.TAKEN:
-                self.changed[room] = None
-                self.lateness.add(of.runs.lateness_s)
-            if of.lacking:
-                self.ask_about(of)
-        self.fates[fate.value] += 1
-        return fate
-
-    def snapshot(
-        self,
-        robot: str,
-        view: str,
-        snapshot: Snapshot,
-        stamp: Stamp,
-        now: float,
-        newest: bytes | None = None,
-    ) -> None:
-        """Take in what an edge, or another relay with its `newest` frame, answered. ValueError, one line,
-        when it is of no use."""
-        found = self.publisher(robot, view)
-        if found is None:
-            raise ValueError("snapshot: more robots or views than the relay takes")
-        of, room = found
-        of.snapshot(room, snapshot, stamp, now, newest)
-        self.changed[room] = None
-
-    def event(
-        self, robot: str, view: str, payload: bytes, stamp: Stamp, now: float, unix_s: float
-    ) -> list[Action]:
-        """An event from an edge: number it, keep it, hand it to everybody. Or the robot's info or model."""
-        found = self.publisher(robot, view)
-        doc = edge_said(payload, self.limits)
-        if found is None or doc is None:
-            self.fates[(Fate.CROWDED if found is None else Fate.BAD).value] += 1
-            return []
-        of, room = found
-        if of.runs.is_retired(stamp.run_id, now):
-            self.fates[Fate.RETIRED.value] += 1
-            return []
-        of.heard_at = now
-        if doc["type"] in ("info", "model"):
-            return self._informed(of, room, doc, stamp)
-        return [*self.told(room.announce(room.stream.number(doc, unix_s))), Keep(room.stream)]
-
-    def _informed(self, of: Robot, room: Room, doc: dict[str, object], stamp: Stamp) -> list[Action]:
-        if stamp.run_id != of.runs.current:  # its first KEY will bring the snapshot, and that all of it
-            return []
-        try:
-            if doc["type"] == "model":
-                room.stream.show(cast(str, doc["hash"]))
-            else:
-                room.stream.inform(cast("dict[str, str]", doc["kv"]))
-        except ValueError:
-            self.fates[Fate.BAD.value] += 1
-            return []
-        return [*room.describe(), Keep(room.stream)]
-
-    def token(self, robot: str, present: bool, now: float) -> list[Action]:
-        """An edge's liveliness token came or went."""
-        if present:
-            found = self.admit(robot)
-            if found is None:
-                self.fates[Fate.CROWDED.value] += 1
-                return []
-            found.came(now)
-            self.ask_about(found)
-            return self.kept(found) + self.words_changed(found, now)
-        gone = self.robots.get(robot)
-        if gone is None:
-            return []
-        gone.liveness.left(now)
-        return self.kept(gone) + self.words_changed(gone, now)
+    # ---- from the edges to the viewers ---------------------------------------
 
     def flush(self, now: float, unix_s: float) -> list[Action]:
         """Hand out what has changed since the last flush, each stream's newest frame only."""
         out: list[Action] = []
         changed, self.changed = self.changed, {}
         for room in changed:
-            robot = self.robots[room.stream.robot]
-            out += room.describe()
-            out += room.offer(now)
-            out.append(Keep(room.stream))
-            if room.viewers:
-                out += self.word_changed(robot, room, now)
-                self.plan(room)
-            out += self._conflict(robot, now, unix_s)
+            try:
+                self._hand_out(room, now, unix_s, out)
+            except Exception as error:
+                out += self.fail(room, error)
         return out
+
+    def _hand_out(self, room: Room, now: float, unix_s: float, out: list[Action]) -> None:
+        robot = self.robots[room.stream.robot]
+        out += room.describe()
+        age_s = room.stream.age_s(now)
+        is_old = not room.stream.is_live or age_s is None or age_s > self.limits.silent_s
+        is_news = bool(room.viewers) and (self.has_news(robot, room, now) or is_old)
+        if (
+            is_news
+        ):  # goes with the frame: nobody takes an old one for a sign of life, or the one before for new
+            room.owe_status(robot.word(room, now))
+        out += self.told(room.offer(now))
+        out.append(Keep(room.stream))
+        if is_news:
+            out += room.settle_status(now)
+        if room.viewers:
+            self.plan(room)
+        out += self._conflict(robot, now, unix_s)
 
     # ---- from the viewers ---------------------------------------------------
 
     def join(self, viewer: Viewer, now: float, unix_s: float) -> list[Action]:
         """A viewer came; it gets all it needs in one write, or is told that the relay goes or is full."""
+        return self.guard(viewer, partial(self._join, viewer, now, unix_s))
+
+    def _join(self, viewer: Viewer, now: float, unix_s: float) -> list[Action]:
         self.joins += 1
         viewer.number = self.joins
         if self.draining is not None:
@@ -198,6 +129,8 @@ class Hub(Roster):
             return self._answer(viewer, room, parse_viewer_message(payload), now)
         except MessageError as e:
             return self.end(viewer, e.close, str(e), None)
+        except Exception as error:
+            return self.fail(viewer, error)
 
     def _answer(self, viewer: Viewer, room: Room, said: ViewerMessage, now: float) -> list[Action]:
         match said:
@@ -206,11 +139,12 @@ class Hub(Roster):
                 viewer.acked(n, now)
                 return room.drained(viewer) if was_blocked else []
             case Rate(hz):
-                viewer.asked_hz = min(hz, viewer.max_hz)
+                viewer.asked_hz = granted_hz(hz, viewer.max_hz)
                 granted = min(viewer.asked_hz, self.load.ceiling_hz)
                 room.set_rate(viewer, granted, now)
                 self.plan(room)
-                reason = "asked" if granted == hz else "limit" if granted == viewer.asked_hz else "overload"
+                limited = "limit" if hz > viewer.max_hz else "asked"
+                reason = limited if granted == viewer.asked_hz else "overload"
                 return self.told(room.tell(viewer, messages.rate(granted, reason)))
             case Ping(t):
                 return self.told(room.tell(viewer, messages.pong(t)))
@@ -232,7 +166,7 @@ class Hub(Roster):
         viewer.max_hz = min(self.limits.max_hz, grant.hz)
         if viewer.asked_hz <= viewer.max_hz:
             return []
-        viewer.asked_hz = viewer.max_hz
+        viewer.asked_hz = granted_hz(viewer.max_hz, viewer.max_hz)
         granted = min(viewer.asked_hz, self.load.ceiling_hz)
         room.set_rate(viewer, granted, now)
         self.plan(room)
@@ -242,7 +176,7 @@ class Hub(Roster):
         """A viewer's socket has taken everything."""
         viewer.paused_at = None
         room = self.viewers.get(viewer)
-        return room.drained(viewer) if room else []
+        return self.guard(viewer, partial(room.drained, viewer)) if room else []
 
     def drain(self, order: Sequence[Viewer], now: float) -> list[Action]:
         """The relay goes: all viewers are told and let go in this order, over some seconds."""
@@ -271,15 +205,22 @@ class Hub(Roster):
             granted = min(viewer.asked_hz, self.load.ceiling_hz)
             if granted == viewer.hz:
                 continue
-            room.set_rate(viewer, granted, now)
-            if viewer.blocked:
-                out += self.told(room.tell(viewer, messages.rate(granted, reason)))
-            else:
-                told.setdefault(granted, []).append(viewer)
+            try:
+                room.set_rate(viewer, granted, now)
+                if viewer.blocked:
+                    out += self.told(room.tell(viewer, messages.rate(granted, reason)))
+                else:
+                    told.setdefault(granted, []).append(viewer)
+            except Exception as error:
+                out += self.fail(viewer, error)
         out += [Send(messages.rate(hz, reason), viewers) for hz, viewers in told.items()]
         for room in set(self.viewers.values()):
-            self.plan(room)
+            out += self.guard(room, partial(self._planned, room))
         return out
+
+    def _planned(self, room: Room) -> list[Action]:
+        self.plan(room)
+        return []
 
     # ---- time ---------------------------------------------------------------
 
@@ -288,29 +229,40 @@ class Hub(Roster):
         out: list[Action] = []
         held_up_s = now - self._sweep_at  # a tick is due by then at the latest
         if held_up_s > HELD_UP_S and self._sweeps:
-            for viewer in self.viewers:
-                viewer.forgive(held_up_s, now)
+            for viewer in tuple(self.viewers):
+                try:
+                    viewer.forgive(held_up_s, now)
+                except Exception as error:
+                    out += self.fail(viewer, error)
         for room in self.flushes.due(now):
-            out += room.flush(now)
-            self.plan(room)
-        for robot in self.questions.due(now):
-            out += self._ask(robot, now)
+            out += self.guard(room, partial(self._flush, room, now))
+        for robot in self.questions.due(now, QUESTIONS_MAX):
+            out += self.guard(None, partial(self._ask, robot, now))
         if now >= self._status_at:
             out += self._report(now)
         if now >= self._sweep_at:
-            for robot in self.robots.values():
-                out += self._ask(robot, now)
-                out += self.words_changed(robot, now)
-                out += self._conflict(robot, now, unix_s)
-            out += self._sweep(now)
             self._sweep_at = now + self.limits.sweep_s
-        self.wake_at = min(self.flushes.next_at, self.questions.next_at, self._sweep_at, self._status_at)
+            for robot in tuple(self.robots.values()):
+                if robot.is_to_be_asked(now):
+                    self.questions.put(robot, now + QUESTIONS_S)
+                out += self.words_changed(robot, now)
+                out += self.guard(None, partial(self._conflict, robot, now, unix_s))
+            out += self._sweep(now)
+        questions_at = max(self.questions.next_at, now + QUESTIONS_S)
+        self.wake_at = min(self.flushes.next_at, questions_at, self._sweep_at, self._status_at)
         if self.draining is not None:
             out += self._move_away(self.draining, now)
         return out
 
+    def _flush(self, room: Room, now: float) -> list[Action]:
+        out = self.told(room.flush(now))
+        self.plan(room)
+        return out
+
     def _ask(self, robot: Robot, now: float) -> list[Action]:
-        asks = robot.asks(now) and self.robots.get(robot.name) is robot
+        asks = robot.is_to_be_asked(now) and self.robots.get(robot.name) is robot
+        if asks:
+            robot.asked(now)
         if robot.lacking and robot.ask_at > now:
             self.ask_about(robot)
         return [Ask(robot.name, (*{PUBLIC, *robot.rooms},))] if asks else []
@@ -323,36 +275,45 @@ class Hub(Roster):
             for room in robot.rooms.values():
                 if not room.viewers:
                     continue
-                if self._status_goes:
-                    room.owe_status(robot.word(room, now))
-                else:
-                    out += room.settle_status(now)
+                out += self.guard(room, partial(self._status, robot, room, now))
         alone_s = self.limits.status_alone_s
         self._status_at = now + (alone_s if self._status_goes else self.limits.status_s - alone_s)
         return out
+
+    def _status(self, robot: Robot, room: Room, now: float) -> list[Action]:
+        if not self._status_goes:
+            return room.settle_status(now)
+        room.owe_status(robot.word(room, now))
+        return []
+
+    def _overdue(self, viewer: Viewer, now: float, pings: list[Viewer]) -> list[Action]:
+        close = viewer.overdue(now)
+        if close is not None:
+            self.leave(viewer)
+            self.endings[close] += 1
+            return [Cut(viewer, close)]
+        if now >= viewer.expires_at:
+            return self.end(viewer, Close.TOKEN, EXPIRED, None)
+        if now >= viewer.until:
+            return self.end(viewer, Close.AGE_LIMIT, "time for a new connection", RENEW_RETRY_S)
+        if viewer.speaks and now - max(viewer.heard_at, viewer.ping_at) >= self.limits.ping_s:
+            viewer.ping_at = now
+            pings.append(viewer)
+        return []
 
     def _sweep(self, now: float) -> list[Action]:
         out: list[Action] = []
         pings: list[Viewer] = []
         for viewer in tuple(self.viewers):
-            close = viewer.overdue(now)
-            if close is not None:
-                self.leave(viewer)
-                self.endings[close] += 1
-                out.append(Cut(viewer, close))
-            elif now >= viewer.expires_at:
-                out += self.end(viewer, Close.TOKEN, EXPIRED, None)
-            elif now >= viewer.until:
-                out += self.end(viewer, Close.AGE_LIMIT, "time for a new connection", RENEW_RETRY_S)
-            elif viewer.speaks and now - max(viewer.heard_at, viewer.ping_at) >= self.limits.ping_s:
-                viewer.ping_at = now
-                pings.append(viewer)
+            out += self.guard(viewer, partial(self._overdue, viewer, now, pings))
         if pings:
             out.append(Send(messages.PING, pings))
         self._sweeps += 1
-        if self._sweeps % FORGET_EVERY == 0:
+        is_full = self.publishers >= self.limits.robots
+        if is_full or self._sweeps % FORGET_EVERY == 0:
+            forget_s = FORGET_FULL_S if is_full else self.limits.forget_s
             for robot in tuple(self.robots.values()):
-                gone = robot.heard_at is None or now - robot.heard_at > self.limits.forget_s
+                gone = robot.heard_at is None or now - robot.heard_at > forget_s
                 if gone and not robot.liveness.token and not robot.has_viewers():
                     self.drop(robot)
         return out
@@ -369,5 +330,5 @@ class Hub(Roster):
         for room in robot.rooms.values():
             newest = room.stream.newest
             doc = conflict_event(newest.t_s if newest else 0.0, conflict)
-            out += self.told(room.announce(room.stream.number(doc, unix_s)))
-        return out + self.kept(robot)
+            out += self.tell_all(room, doc, unix_s)
+        return out

@@ -15,6 +15,17 @@ class Limits:
     per_address: int = 2000  # streams; a lecture hall may stand behind one. The next one gets HTTP 503
     robots: int = 1000  # publishers; frames of further ones are dropped and counted
     views: int = 8  # per robot; likewise
+    # A robot's share of the relay; beyond it, its own oldest messages go, and it is told (`core/share.py`).
+    view_frames_per_s: float = 120.0
+    robot_messages_per_s: float = 600.0  # frames, events and questions together
+    robot_bytes_per_s: float = 1e6  # a byte that is hashed counts twice
+    robot_events_per_s: float = 200.0  # an edge sends 20 at most; every viewer is told of each
+    robot_events_burst: float = 600.0  # every bit of every joint, as when the power goes
+    snapshot_bytes_per_s: float = 1 << 19
+    snapshot_bytes_burst: float = 1 << 22  # all views of a robot that comes on air
+    snapshot_bytes: int = 1 << 20  # one answer; a larger one is refused
+    schema_bytes_free: int = 1 << 15  # a schema that is longer counts among those of all robots
+    schemas_bytes: int = 1 << 23  # of those; one that finds no room is refused with its snapshot
     frame_bytes: int = 1 << 16  # a larger frame is dropped and counted
     event_bytes: int = 2048  # a larger event is dropped and counted
     info_bytes: int = 16384  # all of a stream's info; a larger one is refused with its snapshot

@@ -83,11 +83,22 @@ def hello(
     return document(doc)
 
 
-def status(word: RobotWord, age_ms: int | None, seq: int | None, degraded: bool = False) -> bytes:
-    """How the robot is, and how old its newest frame. `degraded`: this relay does not hear of robots now."""
+def status(
+    word: RobotWord,
+    age_ms: int | None,
+    seq: int | None,
+    degraded: bool = False,
+    over_share: bool = False,
+) -> bytes:
+    """How the robot is, and how old its newest frame. `degraded`: this relay does not hear of robots now.
+
+    `over_share`: the robot sends more than its share, so some of its frames are dropped.
+    """
     doc: Status = {"type": "status", "robot": word, "age_ms": age_ms, "seq": seq}
     if degraded:
         doc["degraded"] = True
+    if over_share:
+        doc["over_share"] = True
     return document(doc)
 
 

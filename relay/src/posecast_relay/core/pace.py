@@ -9,9 +9,21 @@ from __future__ import annotations
 
 from collections import deque
 
+from posecast_wire import clamp_hz
+
 SAMPLES = 16
 WHOLE = 0.05  # how far, as a part of it, a ratio of rates may lie from a whole number to count as one
 BURST = 0.5  # frames held up under way and let go at once are passed on at no less than this part of a period
+
+
+def granted_hz(asked_hz: float, most_hz: float) -> float:
+    """The rate that a viewer gets: in steps, so that however many ask, there are some 300 groups at most.
+
+    The steps are 0.01 Hz up to 1, 0.1 Hz up to 10, then 0.5 Hz. 0 stays 0; nothing else is below 0.1 Hz.
+    """
+    hz = clamp_hz(max(0.0, min(asked_hz, most_hz)))
+    steps_per_hz = 100 if hz < 1 else 10 if hz < 10 else 2
+    return min(round(hz * steps_per_hz) / steps_per_hz, clamp_hz(most_hz))
 
 
 class Cadence:

@@ -9,10 +9,12 @@ from posecast_relay.core.limits import Limits
 from posecast_relay.core.liveness import Liveness
 from posecast_relay.core.room import Room
 from posecast_relay.core.runs import Runs
+from posecast_relay.core.share import Share
 from posecast_relay.core.stream import Fate
 
 SETTLE_S = 0.05  # between a token and the first question: what the edge declares comes one by one
 HEARD_S = 10.0  # an edge without a token that was heard within this may still answer
+UNANSWERED_S_MAX = 30.0  # between questions to an edge that never answers and sends no frame
 REFRESH_S = 10.0  # a watched robot is asked again, since a model changes without a frame
 
 
@@ -23,11 +25,14 @@ class Robot:
         self.name = name
         self.limits = limits
         self.runs = Runs()
+        self.share = Share(limits)
+        self.counted = False  # among those that publish
         self.liveness = Liveness()
         self.rooms: dict[str, Room] = {}
         self.heard_at: float | None = None
         self.lacking = False  # something that only a snapshot brings
         self.ask_at = float("-inf")  # not before
+        self._unanswered = 0  # questions since anything came
         self.in_conflict = False
         self.followed = False  # somebody watches it at another relay
         self.degraded = False  # those who hear it do not answer
@@ -44,6 +49,7 @@ class Robot:
         self.heard_at = now
         self.liveness.came()
         self.lacking = True
+        self._unanswered = 0
         self.ask_at = max(self.ask_at, now + SETTLE_S)
 
     def frame(self, room: Room, payload: bytes, stamp: Stamp, now: float, late_s: float = 0.0) -> Fate:
@@ -53,11 +59,13 @@ class Robot:
         if isinstance(header, Fate):
             return header
         self.heard_at = now
+        self._unanswered = 0
         if self.runs.is_retired(stamp.run_id, now):
             return Fate.RETIRED
         if stamp.run_id != self.runs.current:
             if not header.is_key:
                 self.lacking = True
+                stream.hold(payload, stamp.run_id, stamp.elapsed_ns / 1e9, now, late_s)
                 return Fate.NO_BASE
             self._adopt(stamp.run_id, now)
         late_s = max(late_s, self.runs.arrived(stamp, now))
@@ -67,12 +75,26 @@ class Robot:
         return fate
 
     def snapshot(
-        self, room: Room, snapshot: Snapshot, stamp: Stamp, now: float, newest: bytes | None = None
+        self,
+        room: Room,
+        snapshot: Snapshot,
+        stamp: Stamp,
+        now: float,
+        newest: bytes | None = None,
+        waited_s: float | None = None,
     ) -> None:
-        """What the edge answered. ValueError when it does not hold together or its run is retired."""
+        """Take in what the edge answered, `waited_s` after it was asked (None: another relay tells it).
+
+        Raises ValueError when it does not hold together, its run is retired, or another run sends instead.
+        """
         self.heard_at = now
+        self._unanswered = 0
         if self.runs.is_retired(stamp.run_id, now):
             raise ValueError("snapshot: of a retired run")
+        if waited_s is not None:
+            if not room.stream.awaits(stamp.run_id) and not self.runs.may_follow(stamp.run_id, now):
+                raise ValueError("snapshot: of a run that sends nothing")
+            self.runs.answered(stamp, waited_s, now)
         room.stream.absorb(snapshot, stamp.run_id, stamp.elapsed_ns / 1e9, newest)
         if stamp.run_id != self.runs.current:
             self._adopt(stamp.run_id, now)
@@ -82,13 +104,19 @@ class Robot:
         self.runs.adopt(run_id, now)
         self.lacking = True  # its info and model may be others, even when its schema is not
 
-    def asks(self, now: float) -> bool:
-        """Whether to ask for the snapshots now; the caller does so."""
+    def is_to_be_asked(self, now: float) -> bool:
+        """Whether its snapshots are to be asked for now."""
         there = self.liveness.token or (self.heard_at is not None and now - self.heard_at < HEARD_S)
-        if now < self.ask_at or not there or not (self.lacking or self._stale(now)):
+        if now < self.ask_at or not there:
             return False
-        self.ask_at = now + self.limits.ask_s
-        return True
+        return self.lacking or self._stale(now) or self.runs.lateness.doubts(now)
+
+    def asked(self, now: float) -> None:
+        """They were asked for. An edge that neither answers nor sends is asked more and more seldom."""
+        if self.runs.lateness.doubts(now):
+            self.runs.lateness.asked(now)
+        self.ask_at = now + min(self.limits.ask_s * 2 ** max(0, self._unanswered - 2), UNANSWERED_S_MAX)
+        self._unanswered = min(self._unanswered + 1, 16)
 
     def _stale(self, now: float) -> bool:
         watched = self.followed or self.has_viewers()

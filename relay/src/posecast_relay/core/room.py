@@ -6,13 +6,13 @@ the newest frame, in that order, in one write. Joining, rates and slow viewers a
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 
 from posecast_wire import Close
 from posecast_wire.messages import RobotWord
 
 from posecast_relay.core import messages
-from posecast_relay.core.actions import Action, End, Send
+from posecast_relay.core.actions import Action, End, Fault, Send
 from posecast_relay.core.agenda import NEVER
 from posecast_relay.core.limits import Limits
 from posecast_relay.core.pace import Pace
@@ -36,6 +36,8 @@ class Room:
     """A stream, its viewers grouped by rate, and the delivery of everything to them."""
 
     def __init__(self, robot: str, view: str, limits: Limits) -> None:
+        self.robot = robot
+        self.view = view
         self.stream = Stream(robot, view, limits)
         self.limits = limits
         self.viewers: dict[Viewer, None] = {}
@@ -43,6 +45,7 @@ class Room:
         self.delivered = 0  # frames times viewers
         self.skipped = 0  # likewise: due, but the viewer could not take it
         self.degraded = False  # this relay does not hear of the robot just now, for a reason of its own
+        self.over_share = False  # the robot sends more than its share of this relay
         self._owed: RobotWord | None = None  # the status that goes with the next frame
         self._told: set[Group] = set()  # who has it
 
@@ -89,6 +92,13 @@ class Room:
         self.viewers.pop(viewer, None)
         self._exit(viewer)
 
+    def evict(self, viewer: Viewer) -> None:
+        """Forget a viewer wherever it stands, when `leave` has failed."""
+        self.viewers.pop(viewer, None)
+        for group in self.groups.values():
+            group.viewers.pop(viewer, None)
+            group.behind.discard(viewer)
+
     def set_rate(self, viewer: Viewer, hz: float, now: float) -> None:
         """Move a viewer to another rate; what it is due comes with the next frame, or within a period."""
         self._exit(viewer)
@@ -126,27 +136,41 @@ class Room:
         out: list[Action] = []
         newest = self.stream.newest
         interval_s = self.stream.cadence.interval_s
-        for group in self.groups.values():
+        for group in tuple(self.groups.values()):
             if newest is None or group.frame is newest:
                 continue
-            if group.pace.is_due(newest.run_id, newest.stamp_s, interval_s, now):
-                self._pass(group, group.viewers, newest, now, out)
-            elif group.flush_at == NEVER:
-                group.flush_at = now + group.pace.period_s
+            try:
+                if group.pace.is_due(newest.run_id, newest.stamp_s, interval_s, now):
+                    self._pass(group, group.viewers, newest, now, out)
+                elif group.flush_at == NEVER:
+                    group.flush_at = now + group.pace.period_s
+            except Exception as error:
+                out += self._fail(group.viewers, error)
         return out
 
     def flush(self, now: float) -> list[Action]:
         """Hand the newest frame to whoever has waited for a period."""
         out: list[Action] = []
         newest = self.stream.newest
-        for group in self.groups.values():
-            if newest is not None and group.frame is not newest:
-                if now >= group.flush_at:
-                    self._pass(group, group.viewers, newest, now, out)
-                elif now >= group.retry_at:
-                    group.retry_at = NEVER  # the frame that waits will come to those behind as well
-            elif newest is not None and now >= group.retry_at:
-                self._pass(group, tuple(group.behind), newest, now, out)
+        for group in tuple(self.groups.values()):
+            try:
+                if newest is not None and group.frame is not newest:
+                    if now >= group.flush_at:
+                        self._pass(group, group.viewers, newest, now, out)
+                    elif now >= group.retry_at:
+                        group.retry_at = NEVER  # the frame that waits will come to those behind as well
+                elif newest is not None and now >= group.retry_at:
+                    self._pass(group, tuple(group.behind), newest, now, out)
+            except Exception as error:
+                out += self._fail(group.viewers, error)
+        return out
+
+    def _fail(self, viewers: Iterable[Viewer], error: Exception) -> list[Action]:
+        """Let those go at whom the relay's own code has failed; the others of this room stay."""
+        out: list[Action] = [Fault(f"{self.robot}/{self.view}", error)]
+        for viewer in tuple(viewers):
+            self.leave(viewer)
+            out.append(End(viewer, Close.INTERNAL_ERROR, "a fault of the relay's own", None))
         return out
 
     def wake_at(self) -> float:
@@ -159,28 +183,11 @@ class Room:
         """One walk over viewers that are due. Nearly all hold the bases and share the frame's bytes."""
         ready: list[Viewer] = []
         behind: set[Viewer] = set()
-        version = self.stream.version
-        key = frame if frame.is_key else frame.key
-        ref, is_key = frame.ref, frame.is_key
         status = b""
         if self._owed is not None and group not in self._told:
             status = self._status(self._owed, now)
             self._told.add(group)
-        for viewer in viewers:
-            if viewer.frame is frame:
-                continue
-            if viewer.blocked or (now >= viewer.check_at and not viewer.may_send(now)):
-                behind.add(viewer)
-            elif viewer.version == version and (
-                is_key or (viewer.key is key and (ref is None or viewer.ref is ref))
-            ):
-                ready.append(viewer)
-                viewer.sent += 1
-                viewer.frame = frame
-                viewer.key = key
-            else:
-                out.append(Send(status + self._lacking(viewer, frame), (viewer,)))
-                self._hand(viewer, frame)
+        failed = self._walk(iter(viewers), frame, now, status, ready, behind, out)
         if frame.is_ref:
             for viewer in ready:
                 viewer.ref = frame
@@ -193,6 +200,46 @@ class Room:
         self.skipped += len(behind)
         group.flush_at = NEVER
         group.retry_at = now + group.pace.period_s if behind else NEVER
+        for viewer, error in failed:
+            out += self._fail((viewer,), error)
+
+    def _walk(
+        self,
+        viewers: Iterator[Viewer],
+        frame: Held,
+        now: float,
+        status: bytes,
+        ready: list[Viewer],
+        behind: set[Viewer],
+        out: list[Action],
+    ) -> list[tuple[Viewer, Exception]]:
+        """Find who is `ready` to share the frame's bytes and who is `behind`; return at whom that failed."""
+        failed: list[tuple[Viewer, Exception]] = []
+        version = self.stream.version
+        key = frame if frame.is_key else frame.key
+        ref, is_key = frame.ref, frame.is_key
+        while True:  # once, and once more behind each viewer at whom it fails
+            try:
+                for viewer in viewers:
+                    if viewer.frame is frame:
+                        continue
+                    if viewer.blocked or (now >= viewer.check_at and not viewer.may_send(now)):
+                        behind.add(viewer)
+                    elif viewer.version == version and (
+                        is_key or (viewer.key is key and (ref is None or viewer.ref is ref))
+                    ):
+                        ready.append(viewer)
+                        viewer.sent += 1
+                        viewer.frame = frame
+                        viewer.key = key
+                    else:
+                        out.append(Send(status + self._lacking(viewer, frame), (viewer,)))
+                        self._hand(viewer, frame)
+                return failed
+            except Exception as error:
+                if failed and failed[-1][0] is viewer:
+                    raise  # not at a viewer, but at the walk
+                failed.append((viewer, error))
 
     def _handed_out(self, group: Group, frame: Held, now: float) -> None:
         group.frame = frame
@@ -297,4 +344,5 @@ class Room:
         age_s = self.stream.age_s(now)
         newest = self.stream.newest
         age_ms = None if age_s is None else max(0, round(age_s * 1000))
-        return messages.status(word, age_ms, newest.seq if newest else None, self.degraded)
+        seq = newest.seq if newest else None
+        return messages.status(word, age_ms, seq, self.degraded, self.over_share)

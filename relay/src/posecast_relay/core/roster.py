@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
+from functools import partial
 
 from posecast_wire import Close
 
-from posecast_relay.core.actions import Action, End, Keep
+from posecast_relay.core.actions import Action, End, Fault, Keep
 from posecast_relay.core.agenda import Agenda
 from posecast_relay.core.limits import Limits
 from posecast_relay.core.robot import Robot
@@ -21,6 +22,7 @@ class Roster:
     def __init__(self, limits: Limits) -> None:
         self.limits = limits
         self.robots: dict[str, Robot] = {}
+        self.publishers = 0  # of the robots, those that were heard of
         self.viewers: dict[Viewer, Room] = {}
         self.admitted: Counter[tuple[str, str]] = Counter()  # viewers by robot and audience
         self.elsewhere: Callable[[], int] = lambda: 0  # viewers that another hub of this process has
@@ -37,11 +39,14 @@ class Roster:
     def admit(self, name: str) -> Robot | None:
         """A robot that was heard of, made when it is new; None when there are as many as the limits allow."""
         robot = self.robots.get(name)
+        if robot is not None and robot.counted:
+            return robot
+        if self.publishers >= self.limits.robots:
+            return None
         if robot is None:
-            known = sum(1 for r in self.robots.values() if r.heard_at is not None)
-            if known >= self.limits.robots:
-                return None
             robot = self.robots[name] = Robot(name, self.limits)
+        robot.counted = True
+        self.publishers += 1
         return robot
 
     def publisher(self, name: str, view: str) -> tuple[Robot, Room] | None:
@@ -64,6 +69,7 @@ class Roster:
     def drop(self, robot: Robot) -> None:
         """Know nothing of this robot any more. Nobody may watch it."""
         del self.robots[robot.name]
+        self.publishers -= robot.counted
         for room in robot.rooms.values():
             self.delivered += room.delivered
             self.skipped += room.skipped
@@ -81,6 +87,32 @@ class Roster:
         robot = self.robots.get(viewer.robot)
         if robot is not None and robot.heard_at is None and not robot.has_viewers():
             self.drop(robot)
+
+    # ---- boundaries -------------------------------------------------------
+
+    def guard(self, of: Viewer | Room | None, call: Callable[[], list[Action]]) -> list[Action]:
+        """What `call` returns. What it raises ends this viewer, or all of this room, and nothing else."""
+        try:
+            return call()
+        except Exception as error:
+            return self.fail(of, error)
+
+    def fail(self, of: Viewer | Room | None, error: Exception) -> list[Action]:
+        """End those at whom the relay's own code has failed."""
+        viewers = [of] if isinstance(of, Viewer) else list(of.viewers) if of is not None else []
+        where = "" if of is None else f"{of.robot}/{of.view}"
+        out: list[Action] = [Fault(where, error)]
+        for viewer in viewers:
+            room = self.viewers.get(viewer)
+            try:
+                self.leave(viewer)
+            except Exception as e:
+                out.append(Fault(where, e))
+                if room is not None:
+                    room.evict(viewer)
+            self.endings[Close.INTERNAL_ERROR] += 1
+            out.append(End(viewer, Close.INTERNAL_ERROR, "a fault of the relay's own", None))
+        return out
 
     def end(self, viewer: Viewer, close: Close, reason: str, retry_s: float | None) -> list[Action]:
         """Let a viewer go, and count it."""
@@ -106,13 +138,18 @@ class Roster:
         out: list[Action] = []
         for room in robot.rooms.values():
             if room.viewers:
-                out += self.word_changed(robot, room, now)
+                out += self.guard(room, partial(self.word_changed, robot, room, now))
         return out
 
     def word_changed(self, robot: Robot, room: Room, now: float) -> list[Action]:
         """The same for one of its rooms."""
-        word = robot.word(room, now)
-        if self.words.get(room) == word:
-            return []
+        return room.report(robot.word(room, now), now) if self.has_news(robot, room, now) else []
+
+    def has_news(self, robot: Robot, room: Room, now: float) -> bool:
+        """Whether it is otherwise than its viewers were told last; the caller tells them."""
+        word, over_share = robot.word(room, now), bool(robot.share.over(now))
+        if self.words.get(room) == word and room.over_share == over_share:
+            return False
         self.words[room] = word
-        return room.report(word, now)
+        room.over_share = over_share
+        return True

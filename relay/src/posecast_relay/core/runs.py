@@ -1,8 +1,9 @@
 """Runs of one robot: which life of its edge counts, and how late its messages are.
 
 A run is a random number, so neither its value nor a clock orders runs: who speaks first is older. A run never
-seen becomes current with its first KEY and retires the one before for good, so that two edges that claim one
-robot do not take turns: the newest wins, and the other's frames show as a conflict.
+seen becomes current with its first KEY and retires the one before, so that two edges that claim one robot do
+not take turns: the newest wins, and the other's frames show as a conflict. When the newest has fallen silent
+and the other still sends, that one is current again.
 """
 
 from __future__ import annotations
@@ -11,10 +12,12 @@ from collections import OrderedDict
 
 from posecast_wire import Stamp
 
+from posecast_relay.core.lateness import Lateness
+
 RETIRED_MAX = 64  # remembered; an older one could return as new, which takes 64 restarts within its life
 CONFLICT_AFTER_S = 1.0  # frames of a retired run that were still on their way are no conflict
 CONFLICT_FOR_S = 3.0  # after the last of them
-DRIFT = 1e-4  # two clocks part by up to 100 ppm; without allowing for it, lateness would grow all day
+RETURN_AFTER_S = 3.0  # without a frame of the current run: longer than a link's lease, so it has ended
 
 
 class Runs:
@@ -22,41 +25,63 @@ class Runs:
 
     def __init__(self) -> None:
         self.current = 0
-        self.adopted = 0  # how many runs this robot has had
-        self.lateness_s = 0.0  # of the newest stamped message
+        self.adopted = 0  # how many times a run of this robot became current
+        self.lateness = Lateness()
+        self._heard_at = float("-inf")  # the current run's newest frame
         self._retired: OrderedDict[int, float] = OrderedDict()  # run → when it was retired
         self._conflict_until = float("-inf")
-        self._least_s = float("inf")
-        self._least_at = 0.0
+
+    @property
+    def lateness_s(self) -> float:
+        """Of the newest frame."""
+        return self.lateness.seconds
 
     def is_retired(self, run_id: int, now: float) -> bool:
-        """Whether messages of this run are to be dropped; one that goes on regardless is a conflict."""
+        """Whether messages of this run are to be dropped; one that goes on regardless is a conflict.
+
+        No longer when the run that retired it has sent no frame for RETURN_AFTER_S.
+        """
         retired_at = self._retired.get(run_id)
         if retired_at is None:
+            return False
+        if now - max(self._heard_at, retired_at) > RETURN_AFTER_S:
             return False
         if now - retired_at > CONFLICT_AFTER_S:
             self._conflict_until = now + CONFLICT_FOR_S
         return True
 
+    def may_follow(self, run_id: int, now: float) -> bool:
+        """Whether an answer makes this run current although no frame of it has come.
+
+        Not while the current one sends, and not if it was current before: what it answers may be older than
+        what was shown of it.
+        """
+        if self.current in (0, run_id):
+            return True
+        return run_id not in self._retired and now - self._heard_at > RETURN_AFTER_S
+
     def adopt(self, run_id: int, now: float) -> None:
-        """Make a run current; the caller has seen its first KEY."""
+        """Make a run current; the caller has seen a KEY of it."""
         if self.current:
             self._retired[self.current] = now
             if len(self._retired) > RETIRED_MAX:
                 self._retired.popitem(last=False)
+        self._retired.pop(run_id, None)
         self.current = run_id
         self.adopted += 1
-        self._least_s = float("inf")
-        self.lateness_s = 0.0
+        self._heard_at = now
+        self.lateness = Lateness()
 
     def conflict(self, now: float) -> bool:
         """Whether another edge claims this robot at present."""
         return now < self._conflict_until
 
     def arrived(self, stamp: Stamp, now: float) -> float:
-        """Lateness, s: (arrival − stamp) above this run's running minimum of it."""
-        offset = now - stamp.elapsed_ns / 1e9
-        least = self._least_s + DRIFT * (now - self._least_at)
-        self._least_s, self._least_at = min(least, offset), now
-        self.lateness_s = offset - self._least_s
-        return self.lateness_s
+        """Note a frame of the current run; its lateness, s."""
+        self._heard_at = now
+        return self.lateness.arrived(stamp.elapsed_ns / 1e9, now)
+
+    def answered(self, stamp: Stamp, waited_s: float, now: float) -> None:
+        """Note an answer, which came `waited_s` after its question, when it is the current run's."""
+        if stamp.run_id == self.current:
+            self.lateness.answered(stamp.elapsed_ns / 1e9, waited_s, now)

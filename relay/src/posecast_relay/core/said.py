@@ -2,42 +2,67 @@
 
 from __future__ import annotations
 
-import json
 import re
+from collections.abc import Callable
 
-from posecast_wire.checked import loads
+from posecast_wire.checked import is_number, loads
+from posecast_wire.messages import TIME_MAX_S
 
 from posecast_relay.core.limits import Limits
 
 SHA256 = re.compile("[0-9a-f]{64}")
+LEVELS = ("fault", "caution", "info")
+STATES = ("on", "off")
 
 
 def edge_said(payload: bytes, limits: Limits) -> dict[str, object] | None:
-    """An event, info or model (by its `type`), or None when it is none of them."""
+    """An event, info or model (by its `type`), with the members that viewers know; None when it is none.
+
+    What passes here can be written as JSON and as UTF-8 again, and is read by every viewer.
+    """
     if len(payload) > max(limits.event_bytes, limits.info_bytes):
         return None
     try:
-        doc = loads(payload.decode())
-        json.dumps(doc, allow_nan=False)  # 1e999 is JSON, but what it reads as cannot be written again
-    except (ValueError, RecursionError):
+        doc = loads(payload)
+    except ValueError:
         return None
-    return doc if isinstance(doc, dict) and _is_sound(doc, len(payload), limits) else None
+    kind = doc.get("type") if isinstance(doc, dict) else None
+    members = MEMBERS.get(kind) if isinstance(kind, str) else None
+    if (
+        not isinstance(doc, dict)
+        or members is None
+        or (kind == "event" and len(payload) > limits.event_bytes)
+    ):
+        return None
+    if not all(is_sound(doc.get(name)) for name, is_sound in members.items()):
+        return None
+    return {"type": kind} | {name: doc[name] for name in members}
 
 
-def _is_sound(doc: dict[str, object], size: int, limits: Limits) -> bool:
-    kind = doc.get("type")
-    if kind == "info":
-        kv = doc.get("kv")
-        return isinstance(kv, dict) and all(isinstance(text, str) for text in kv.values())
-    if kind == "model":
-        digest = doc.get("hash")
-        return isinstance(digest, str) and SHA256.fullmatch(digest) is not None
-    texts = all(isinstance(doc.get(name), str) for name in ("level", "source", "text", "state"))
-    return kind == "event" and size <= limits.event_bytes and texts and isinstance(doc.get("t"), (int, float))
+def _is_text(value: object) -> bool:
+    return isinstance(value, str)
+
+
+def _is_texts(value: object) -> bool:
+    return isinstance(value, dict) and all(isinstance(text, str) for text in value.values())
+
+
+MEMBERS: dict[str, dict[str, Callable[[object], bool]]] = {
+    "event": {
+        "t": lambda value: is_number(value, -TIME_MAX_S, TIME_MAX_S),
+        "level": lambda value: value in LEVELS,
+        "source": _is_text,
+        "text": _is_text,
+        "state": lambda value: value in STATES,
+    },
+    "info": {"kv": _is_texts},
+    "model": {"hash": lambda value: isinstance(value, str) and SHA256.fullmatch(value) is not None},
+}
 
 
 def conflict_event(t_s: float, present: bool) -> dict[str, object]:
     """The relay's own event: a second edge claims this robot, or no longer does. `t_s`: robot clock."""
+    t_s = max(-TIME_MAX_S, min(t_s, TIME_MAX_S))
     return {
         "type": "event",
         "t": t_s,

@@ -1,18 +1,152 @@
-"""What a gateway learns of robots: not from edges, but from relays that hear them, and numbered already."""
+"""What a gateway learns of robots: not from edges, but from relays that hear them, and numbered already.
+
+Two things are decided here. *Who is right*: a robot's messages carry the generation of the process that
+writes it; the highest one says which run is current, whatever this hub would have made of the frames. *What
+is a sign of life*: a frame that was read, or was long under way, is a picture; only an age that the relay
+which hears the robot has told makes it more, and what stood here before the path was lost is never that.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from posecast_wire import Stamp
 
-from posecast_relay.core.actions import Action
+from posecast_relay.core.actions import Action, Ask
 from posecast_relay.core.hub import Hub
+from posecast_relay.core.policy import PUBLIC
+from posecast_relay.core.robot import Robot
+from posecast_relay.core.stream import Fate, Held, Stream
+from posecast_relay.core.told import Standing, State, Update
+
+ASK_S = 1.0  # between two questions for one robot's state
+AGAIN_S = 0.2  # where the answer brought none: it may have been read a moment too early
+
+
+class Source:
+    """One robot, as others tell of it. Times are this process's clock."""
+
+    def __init__(self) -> None:
+        self.generation = 0  # of the newest process that was heard
+        self.versions: dict[str, str] = {}  # by view: names the schema, info and model that are here
+        self.told_at: float | None = None  # its standing was told then
+        self.sent_s: float | None = None  # by the store's clock, which may be set at any time
+        self.asked_at = float("-inf")  # for what the store holds
+        self.was_fed = False  # by the answer
+        self.before: dict[str, Held | None] | None = None  # by view: what stood here when the path was lost
 
 
 class Secondhand:
-    """Brings into a hub what other relays tell. Frames and snapshots come in as an edge's own do."""
+    """Brings into a hub what other relays tell. Frames and snapshots come in as an edge's own do.
+
+    `under_way_s` is how long ago that was sent; None when nobody knows.
+    """
 
     def __init__(self, hub: Hub) -> None:
         self._hub = hub
+        self.sources: dict[str, Source] = {}
+
+    def listen(self, robot: str) -> Source:
+        """From now on others tell of this robot."""
+        return self.sources.setdefault(robot, Source())
+
+    # ---- what is told -----------------------------------------------------
+
+    def update(self, robot: str, said: Update, under_way_s: float | None, now: float) -> list[Action]:
+        """A stream has changed. ValueError when an event in it is none."""
+        hub, source = self._hub, self.listen(robot)
+        if said.generation < source.generation:
+            hub.fates[Fate.RETIRED.value] += 1
+            return self.lacks(robot, now)  # if the store has lost count, what it holds will say so
+        found = hub.publisher(robot, said.view)
+        if found is None:
+            hub.fates[Fate.CROWDED.value] += 1
+            return []
+        of, room = found
+        if said.frames:
+            follow(of, said.run_id, now)
+        source.generation = said.generation
+        late_s = said.late_s + (under_way_s or 0.0)
+        for ns, payload in said.frames:
+            stamp = Stamp(said.run_id, ns)
+            age_s = late_s + max(0, said.frames[-1][0] - ns) / 1e9  # bases may be much older than the newest
+            if under_way_s is not None:  # then this is known, and not only above the least that came here
+                of.runs.answered(stamp, age_s, now)
+            hub.frame(robot, said.view, payload, stamp, now, age_s)
+        out: list[Action] = []
+        if source.before is not None and room.stream.newest is not source.before.get(said.view):
+            source.before = None
+            of.degraded = room.degraded = False
+            room.owe_status(of.word(room, now))  # with the frame that shows it, in one write
+            out = self.degrade(False, now, robot)
+        for text in said.events:
+            out += self.event(robot, said.view, said.numbering, text)
+        if of.lacking or source.versions.get(said.view) != said.version:
+            out += self.lacks(robot, now)
+        return out
+
+    def counted(self, robot: str, generation: int, asked: int) -> None:
+        """The store's newest state of a robot is of this generation. `asked`: the source's, when it was read.
+
+        A lower one than the source's now was overtaken by a message on its way here; one that is lower than
+        `asked` shows that the store has lost count, and what it holds counts.
+        """
+        source = self.listen(robot)
+        if generation > source.generation or generation < asked:
+            source.generation = generation
+
+    def state(self, robot: str, view: str, said: State, now: float) -> list[Action]:
+        """All that the store holds of a stream. ValueError when it is of no use."""
+        hub, source = self._hub, self.listen(robot)
+        found = hub.publisher(robot, view)
+        if found is None:
+            hub.fates[Fate.CROWDED.value] += 1
+            return []
+        of, room = found
+        if said.run_id != of.runs.current:
+            if said.generation != source.generation:  # nobody writes this view any more
+                return []
+            if not said.is_heard and room.stream.newest is not None:  # what stands here is no older
+                return []
+            follow(of, said.run_id, now)
+        stamp = Stamp(said.run_id, said.stamp_ns)
+        hub.snapshot(robot, view, said.snapshot, stamp, now, said.newest)
+        source.versions[view] = said.version
+        source.was_fed = True
+        out: list[Action] = []
+        for text in said.events:
+            out += self.event(robot, view, said.numbering, text)
+        return out
+
+    def standing(self, robot: str, said: Standing, under_way_s: float | None, now: float) -> list[Action]:
+        """How a robot is."""
+        found = self._hub.admit(robot)
+        if found is None:
+            return []
+        source, late_s = self.listen(robot), under_way_s or 0.0
+        if (
+            said.sent_s is not None and said.sent_s == source.sent_s
+        ):  # it has come before, and is as old as then
+            return []
+        source.sent_s = said.sent_s
+        found.heard_at = now
+        source.told_at = now - late_s
+        for view, age_s in said.ages_s.items():
+            room = found.rooms.get(view)
+            if room is not None and age_s is not None and under_way_s is not None:
+                _vouch(room.stream, said.newest.get(view), age_s + late_s, now)
+        if found.liveness.token != said.token:
+            out = self._hub.token(robot, said.token, now)
+        else:
+            out = self._hub.words_changed(found, now)
+        if source.before is None or not self._awaits(found, source, said, late_s):
+            source.before = None
+            out += self.degrade(False, now, robot)
+        return out
+
+    def gone(self, robot: str, now: float) -> list[Action]:
+        """No relay hears this robot any more."""
+        source = self.listen(robot)
+        source.before = None
+        return self._hub.token(robot, False, now) + self.degrade(False, now, robot)
 
     def event(self, robot: str, view: str, numbering: str, text: str) -> list[Action]:
         """An event that another relay has numbered. One that came before is left out. ValueError."""
@@ -23,38 +157,56 @@ class Secondhand:
         event = room.stream.heard_of(numbering, text)
         return [] if event is None else self._hub.told(room.announce(event))
 
-    def standing(
-        self, robot: str, token: bool, ages_s: Mapping[str, float | None], now: float
-    ) -> list[Action]:
-        """How a robot is, told by a relay that hears it; `ages_s` by view."""
-        found = self._hub.admit(robot)
-        if found is None:
-            return []
-        found.heard_at = now
-        for view, age_s in ages_s.items():
-            room = found.rooms.get(view)
-            if room is not None and age_s is not None:
-                room.stream.aged(age_s, now)
-        if found.liveness.token != token:
-            return self._hub.token(robot, token, now)
-        return self._hub.words_changed(found, now)
+    # ---- what is lacking ----------------------------------------------------
 
-    def lacks(self, robot: str) -> None:
-        """Something of this robot changed that only a snapshot brings: ask, at most once a second."""
-        of = self._hub.robots.get(robot)
-        if of is not None:
-            of.lacking = True
+    def lacks(self, robot: str, now: float) -> list[Action]:
+        """Something of this robot changed that only a snapshot brings: ask for it, but not too often."""
+        of, source = self._hub.robots.get(robot), self.sources.get(robot)
+        if of is None or source is None:
+            return []
+        of.lacking = True
+        if now - source.asked_at < (ASK_S if source.was_fed else AGAIN_S):
             self._hub.ask_about(of)
+            return []
+        source.asked_at, source.was_fed = now, False
+        return [Ask(robot, (*{PUBLIC, *of.rooms},))]
+
+    def lost(self, now: float) -> list[Action]:
+        """The path to those who hear robots is gone. What stands here is from before it."""
+        for name, source in self.sources.items():
+            of = self._hub.robots.get(name)
+            if of is not None:
+                source.before = {view: room.stream.newest for view, room in of.rooms.items()}
+        return self.degrade(True, now)
+
+    def found(self, now: float) -> list[Action]:
+        """It is there again. Each robot is degraded on until there is news of it."""
+        for name, source in self.sources.items():
+            of = self._hub.robots.get(name)
+            source.told_at = now  # judged anew, but not before it can have been heard
+            if of is not None and source.before is not None:
+                of.degraded = True
+        return self.degrade(False, now)
+
+    def _awaits(self, of: Robot, source: Source, said: Standing, late_s: float) -> bool:
+        """Whether its frames come, so that a newer one than what stands here will be here in a moment."""
+        before = source.before or {}
+        limit_s = self._hub.limits.silent_s
+        ages_s = [said.ages_s.get(view) for view in of.rooms]
+        come = any(age_s is not None and age_s + late_s <= limit_s for age_s in ages_s)
+        return come and all(room.stream.newest is before.get(view) for view, room in of.rooms.items())
 
     def degrade(self, degraded: bool, now: float, robot: str | None = None) -> list[Action]:
         """This relay ceases, or begins again, to hear of one robot or of all of them. Viewers are told."""
         hub = self._hub
         if robot is None:
-            hub.degraded = degraded
-        elif robot in hub.robots:
-            hub.robots[robot].degraded = degraded
+            hub.degraded, concerned = degraded, list(hub.robots.values())
+        else:
+            concerned = [hub.robots[robot]] if robot in hub.robots else []
+            for of in concerned:
+                of.degraded = degraded
         out: list[Action] = []
-        for of in hub.robots.values():
+        for of in concerned:
             for room in of.rooms.values():
                 if room.degraded != (hub.degraded or of.degraded):
                     room.degraded = not room.degraded
@@ -63,6 +215,24 @@ class Secondhand:
 
     def forget(self, robot: str) -> None:
         """Nobody here watches it, and this relay stops listening for it."""
+        self.sources.pop(robot, None)
         of = self._hub.robots.get(robot)
         if of is not None and not of.has_viewers():
             self._hub.drop(of)
+
+
+def follow(of: Robot, run_id: int, now: float) -> None:
+    """Make the run current that is current where the robot is heard."""
+    if of.runs.current != run_id:
+        of.runs.adopt(run_id, now)
+        of.lacking = True  # its info and model may be others
+
+
+def _vouch(stream: Stream, named: tuple[int, int] | None, age_s: float, now: float) -> None:
+    """The frame of this run and seq is so old: so is what stands here, if it is that one or a later one."""
+    newest = stream.newest
+    if newest is None or named is None or newest.run_id != named[0] or newest.seq < named[1]:
+        return
+    known_s = stream.age_s(now)
+    if known_s is None or age_s < known_s:
+        stream.live_at, stream.late_s = now - age_s, 0.0

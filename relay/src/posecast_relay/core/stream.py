@@ -32,6 +32,8 @@ class Fate(StrEnum):
     NO_BASE = "no base"  # coded against a frame that is not here: the snapshot is asked for
     NO_SCHEMA = "no schema"  # a KEY whose schema is not here: likewise
     CROWDED = "crowded"  # one robot or view more than the limits allow
+    OVER_SHARE = "over share"  # its robot sends more than it may
+    FAULT = "fault"  # the relay's own code failed at it
 
 
 class Held:
@@ -98,7 +100,8 @@ class Stream:
         self.key: Held | None = None
         self.ref: Held | None = None
         self.newest: Held | None = None
-        self.live_at: float | None = None  # arrival of the newest frame that the edge sent just now
+        self.is_live = False  # the newest frame came from the edge just then, and not with a snapshot
+        self.live_at: float | None = None  # arrival of the newest one that did
         self.late_s = 0.0  # how long that one was under way
         self.info: dict[str, str] = {}
         self.model: str | None = None
@@ -132,12 +135,21 @@ class Stream:
         """A frame that the edge sent just now, of a run that is not retired."""
         fate = self._place(payload, header, run_id, stamp_s)
         if fate is Fate.TAKEN:
+            self.is_live = True
             self.live_at = now
             self.late_s = late_s
             self.cadence.saw(stamp_s)
         elif fate in (Fate.NO_BASE, Fate.NO_SCHEMA):
-            self._waiting = (payload, run_id, stamp_s, now, late_s)
+            self.hold(payload, run_id, stamp_s, now, late_s)
         return fate
+
+    def hold(self, payload: bytes, run_id: int, stamp_s: float, now: float, late_s: float) -> None:
+        """Keep a frame that the edge sent just now until a snapshot, which is older, brings its base."""
+        self._waiting = (payload, run_id, stamp_s, now, late_s)
+
+    def awaits(self, run_id: int) -> bool:
+        """Whether a frame of this run waits for its base."""
+        return self._waiting is not None and self._waiting[1] == run_id
 
     def _place(self, payload: bytes, header: Header, run_id: int, stamp_s: float) -> Fate:
         base: Held | None = None
@@ -149,16 +161,25 @@ class Stream:
                 return Fate.BAD  # a REF coded against a REF
         elif self.schema is None or header.schema_id != self.schema.id:
             return Fate.NO_SCHEMA
+        if self.schema is not None and self._is_too_long(payload, header):
+            return Fate.OVERSIZED  # before any of it is hashed
         held = Held(payload, run_id, stamp_s, header, base)
         if self.newest is not None and self._is_old(run_id, held.seq):
             return Fate.REPEATED if payload == self.newest.payload or held.id == self._key_id() else Fate.LATE
         if held.is_key:
+            if run_id != self.run_id:
+                self.live_at = None  # of the run before
             self._old_key_id = self._key_id() if run_id == self.run_id else None
             self.key, self.ref, self.run_id = held, None, run_id
         elif held.is_ref:
             self.ref = held
         self.newest = held
+        self.is_live = False
         return Fate.TAKEN
+
+    def _is_too_long(self, payload: bytes, header: Header) -> bool:
+        assert self.schema is not None
+        return len(payload) > (self.schema.key_bytes_max if header.is_key else self.schema.frame_bytes_max)
 
     def _base(self, base_id: int | None) -> Held | None:
         for base in (self.key, self.ref):
@@ -205,6 +226,7 @@ class Stream:
             if waiting_run == run_id:
                 self._place(payload, parse_header(payload), run_id, waiting_stamp_s)
                 if self.newest is not None and self.newest.payload == payload:  # now, or by the snapshot
+                    self.is_live = True
                     self.live_at = arrived
                     self.late_s = late_s
 

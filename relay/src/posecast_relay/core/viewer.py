@@ -7,6 +7,7 @@ from typing import Protocol
 from posecast_wire import Close
 
 from posecast_relay.core.limits import Limits
+from posecast_relay.core.pace import granted_hz
 from posecast_relay.core.policy import Grant
 from posecast_relay.core.stream import Held
 
@@ -93,7 +94,7 @@ class Viewer:
         self.grant = grant  # None: nobody asked for one
         self.asked_view = asked_view  # None: whichever the grant is for
         self.max_hz = min(limits.max_hz, grant.hz) if grant else limits.max_hz
-        self.hz = min(max(hz, 0.0), self.max_hz)
+        self.hz = granted_hz(hz, self.max_hz)
         self.asked_hz = self.hz  # served less often while the process is overloaded
         self.limits = limits
         self.until = now + lives_s

@@ -39,6 +39,7 @@ from posecast_wire.messages import (
     RelayMessage,
     Status,
     ViewerMessage,
+    clamp_hz,
     parse_viewer_message,
 )
 from posecast_wire.quantiser import Quantiser
@@ -95,6 +96,7 @@ __all__ = [
     "alive_key",
     "build_schema_text",
     "check_name",
+    "clamp_hz",
     "echo_key",
     "event_key",
     "fnv1a32",

@@ -1,14 +1,21 @@
-"""Typed values out of JSON that strangers wrote: every failure says where it stands and why."""
+"""Typed values out of JSON that strangers wrote: a failure is one short line that says where and why."""
 
 from __future__ import annotations
 
 import json
 import math
 import re
-from typing import NoReturn, cast
+from collections.abc import Iterator
+from typing import NoReturn, TypeGuard, cast
 
 TEXT_MAX = 200  # characters in any one name
+DEPTH_MAX = 64  # levels of a document, itself the first
+SHOWN_MAX = 160  # characters of a place or a reason in a line
+SURROGATE = re.compile("[\ud800-\udfff]")
 UNFIT = re.compile("[\x00-\x1f\x7f-\x9f\ud800-\udfff]")
+# Python counts these as printable, and nobody sees them: joiners, fillers, variation selectors
+UNSEEN = frozenset("\u034f\u115f\u1160\u17b4\u17b5\u180b\u180c\u180d\u180f\u2800\u3164\uffa0")
+UNSEEN |= frozenset(map(chr, (*range(0xFE00, 0xFE10), *range(0xE0100, 0xE01F0))))
 
 
 class SchemaError(ValueError):
@@ -17,7 +24,16 @@ class SchemaError(ValueError):
 
 def fail(where: str, reason: str) -> NoReturn:
     """Raise SchemaError `where: reason`."""
-    raise SchemaError(f"{where}: {reason}")
+    raise SchemaError(f"{visible(where)}: {visible(reason)}")
+
+
+def visible(text: str) -> str:
+    """A stranger's text in a line of ours: 160 characters; what is unseen or turns direction is escaped."""
+    if len(text) > SHOWN_MAX:
+        text = f"{text[: SHOWN_MAX - 60]}…{text[-59:]}"
+    if text.isprintable() and UNSEEN.isdisjoint(text):
+        return text
+    return "".join(c if c.isprintable() and c not in UNSEEN else f"\\u{{{ord(c):x}}}" for c in text)
 
 
 def _refuse_constant(name: str) -> NoReturn:
@@ -25,11 +41,66 @@ def _refuse_constant(name: str) -> NoReturn:
 
 
 def loads(text: str | bytes) -> object:
-    """Parse JSON as browsers do: no NaN, no Infinity. ValueError on anything else, also on absurd depth."""
+    """Parse JSON as browsers do, as far as `check_document` lets it pass (SPEC §1); else ValueError."""
+    if isinstance(text, bytes):
+        text = text.decode()  # json would guess at UTF-16, and take half a surrogate pair
+    if not is_unicode(text):
+        raise ValueError("not Unicode")
     try:
-        return cast(object, json.loads(text, parse_constant=_refuse_constant))
+        document = cast(object, json.loads(text, parse_constant=_refuse_constant))
     except RecursionError:
         raise ValueError("nested too deeply") from None
+    check_document(document)
+    return document
+
+
+def check_document(document: object) -> None:
+    """ValueError where parsed JSON holds what not everybody can read, or write again.
+
+    That is a text that is not Unicode, a number that is not finite as a double, and more than 64 levels. It
+    takes time in proportion to the document, and no recursion.
+    """
+    level = [document]
+    for _ in range(DEPTH_MAX):
+        try:
+            level = _checked(level)
+        except OverflowError:  # a whole number past every double
+            raise ValueError("a number that is not finite") from None
+        if not level:
+            return
+    raise ValueError(f"more than {DEPTH_MAX} levels")
+
+
+def _checked(level: list[object]) -> list[object]:
+    """What stands inside the values of a level, which are found sound themselves."""
+    inside: list[object] = []
+    for value in level:
+        if isinstance(value, str):
+            if not is_unicode(value):
+                raise ValueError("a text that is not Unicode")
+        elif isinstance(value, dict):
+            inside += value
+            inside += value.values()
+        elif isinstance(value, list):
+            inside += value
+        elif isinstance(value, (int, float)) and not math.isfinite(value):
+            raise ValueError("a number that is not finite")
+    return inside
+
+
+def is_unicode(text: str) -> bool:
+    """Whether every character of `text` is one: no half of a surrogate pair, which UTF-8 cannot say."""
+    return text.isascii() or SURROGATE.search(text) is None
+
+
+def is_text(value: object) -> TypeGuard[str]:
+    """Whether it is a text of 1 to 200 characters, none a control character or half a surrogate pair."""
+    return isinstance(value, str) and 0 < len(value) <= TEXT_MAX and UNFIT.search(value) is None
+
+
+def is_number(value: object, low: float, high: float) -> TypeGuard[float]:
+    """Whether it is a number (True and False are none) from `low` to `high`."""
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and low <= value <= high
 
 
 def table(value: object, where: str) -> dict[str, object]:
@@ -41,6 +112,12 @@ def table(value: object, where: str) -> dict[str, object]:
     return value
 
 
+def entries(value: object, where: str) -> Iterator[tuple[str, object, str]]:
+    """An object's names, values, and where those stand; every name is a text. Absent reads as empty."""
+    for name, found in table(value, where).items():
+        yield text(name, f"{where} key"), found, f"{where}.{name}"
+
+
 def items(value: object, where: str) -> list[object]:
     """A list."""
     if not isinstance(value, list):
@@ -50,7 +127,7 @@ def items(value: object, where: str) -> list[object]:
 
 def text(value: object, where: str) -> str:
     """A text of 1 to 200 characters, none of them a control character or half a surrogate pair."""
-    if not isinstance(value, str) or not 0 < len(value) <= TEXT_MAX or UNFIT.search(value):
+    if not is_text(value):
         fail(where, f"must be a text of 1 to {TEXT_MAX} characters without control characters")
     return value
 
@@ -68,10 +145,15 @@ def number(value: object, where: str) -> float:
     return result
 
 
-def texts(value: object, where: str) -> tuple[str, ...]:
-    """A list of texts, none twice."""
-    found = tuple(text(item, f"{where}[{i}]") for i, item in enumerate(items(value, where)))
-    if len(set(found)) != len(found):
-        twice = next(t for i, t in enumerate(found) if t in found[:i])
-        fail(where, f"{twice!r} stands there twice")
-    return found
+def texts(value: object, where: str, most: int) -> tuple[str, ...]:
+    """A list of texts, `most` of them, none twice."""
+    listed = items(value, where)
+    if len(listed) > most:
+        fail(where, f"more than {most} names")
+    found: dict[str, None] = {}
+    for i, item in enumerate(listed):
+        name = text(item, f"{where}[{i}]")
+        if name in found:
+            fail(where, f"'{name}' stands there twice")
+        found[name] = None
+    return tuple(found)

@@ -14,6 +14,7 @@ class Close(IntEnum):
     NOT_UTF8 = 1007
     NOT_ALLOWED = 1008
     TOO_LONG = 1009
+    INTERNAL_ERROR = 1011
     DRAIN = 1012
     FULL = 1013
     AGE_LIMIT = 4000
@@ -49,6 +50,9 @@ ENDINGS: dict[Close, Ending] = {
     Close.NOT_UTF8: Ending("not UTF-8", "a viewer sent text that is not UTF-8", Retry.NEVER),
     Close.NOT_ALLOWED: Ending("not allowed", "a viewer sent a message the relay does not know", Retry.NEVER),
     Close.TOO_LONG: Ending("too long", "a viewer sent a message over 4 KiB", Retry.NEVER),
+    Close.INTERNAL_ERROR: Ending(
+        "internal error", "the relay met a fault of its own at this connection", Retry.BACKOFF
+    ),
     Close.DRAIN: Ending("drain", "the relay is being replaced", Retry.SPREAD),
     Close.FULL: Ending("full", "the relay has as many viewers as it takes", Retry.WAIT),
     Close.AGE_LIMIT: Ending("age limit", "connections are renewed from time to time", Retry.SPREAD),

@@ -7,9 +7,10 @@ import binascii
 import re
 from dataclasses import dataclass, field
 
-from posecast_wire.keys import check_name
+from posecast_wire.keys import ROBOT_ID, check_name
 
-SECRET = re.compile(r"[A-Za-z0-9_-]{43}")  # 256 random bits
+SECRET_LETTERS = 43  # 256 random bits
+SECRET = re.compile(rf"[A-Za-z0-9_-]{{{SECRET_LETTERS}}}")
 KIND = "posecast1"
 LINE_MAX = 20_000
 
@@ -39,6 +40,8 @@ class Credential:
         kind, *rest = lines[0].split(":")
         if kind != KIND or not 2 <= len(rest) <= 3:
             raise ValueError(f"no credential: want {KIND}:ROBOT:SECRET")
+        if len(rest[0]) >= SECRET_LETTERS and not ROBOT_ID.fullmatch(rest[0]):  # not to be quoted
+            raise ValueError("no credential: its robot is none; perhaps the secret stands there")
         check_name("robot", rest[0])
         if not SECRET.fullmatch(rest[1]):
             raise ValueError("no credential: its secret is cut short or mistyped")

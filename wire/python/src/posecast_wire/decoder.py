@@ -63,6 +63,7 @@ class Decoder:
         schema = self._schemas.get(header.schema_id or 0)
         if schema is None:
             raise BaseUnknown(f"schema {header.schema_id:08x} is not here")
+        _check_size(frame, schema.key_bytes_max)
         bits = _Bits(frame, KEY_HEADER.size)
         codes = _read_codes(bits, schema, (0,) * schema.size, (KEY_ORDER,) * schema.size)
         orders = [bits.take(4) for _ in range(schema.size)]
@@ -83,6 +84,7 @@ class Decoder:
         if header.is_ref and base is not key:
             raise BadFrame("a REF coded against a REF")
         of = base.frame
+        _check_size(frame, of.schema.frame_bytes_max)
         bits = _Bits(frame, HEADER.size)
         codes = _read_codes(bits, of.schema, of.codes, key.orders)
         bits.end()
@@ -92,6 +94,11 @@ class Decoder:
             if len(self._refs) > REFS_MAX:
                 del self._refs[next(iter(self._refs))]
         return result
+
+
+def _check_size(frame: bytes, bytes_max: int) -> None:
+    if len(frame) > bytes_max:
+        raise BadFrame(f"frame of {len(frame)} bytes, {bytes_max} allowed by its schema")
 
 
 class _Bits:

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-OFFSET_BASIS = 0x811C9DC5
-PRIME = 0x01000193
+import fnv_hash_fast
 
 
 def fnv1a32(data: bytes) -> int:
     """Hash of `data`, 0 … 2^32-1. A name and a checksum against accidents, not against forgers.
 
+    In C: a relay hashes what strangers send, and Python takes 150 times as long for it.
     Source: Fowler, Noll, Vo, `FNV-1a` (RFC 9923).
     """
-    h = OFFSET_BASIS
-    for byte in data:
-        h = (h ^ byte) * PRIME & 0xFFFFFFFF
-    return h
+    return fnv_hash_fast.fnv1a_32(data)

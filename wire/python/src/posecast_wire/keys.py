@@ -9,17 +9,19 @@ import re
 import struct
 from typing import NamedTuple
 
-from posecast_wire.checked import loads
+from posecast_wire.checked import TEXT_MAX, is_number, is_text, loads, visible
+from posecast_wire.messages import TIME_MAX_S
 
 ROBOT_ID = re.compile(r"[a-z0-9][a-z0-9-]{0,62}")
 PREFIX = "posecast/v1"
 STAMP = struct.Struct("<QQ")
+REPLY_BYTES_MAX = 1 << 20  # a schema of 256 KiB as JSON in JSON, two frames in base64, and the info
 
 
 def check_name(kind: str, name: str) -> str:
     """`name` when it may name a robot or view, else ValueError: Zenoh itself would allow wildcards."""
     if not ROBOT_ID.fullmatch(name):
-        raise ValueError(f"{kind} {name!r}: use 1 to 63 of a-z, 0-9 and -, not starting with -")
+        raise ValueError(f"{kind} '{visible(name)}': use 1 to 63 of a-z, 0-9 and -, not starting with -")
     return name
 
 
@@ -50,7 +52,7 @@ def snapshot_key(robot: str, view: str) -> str:
 def model_key(robot: str, part: str) -> str:
     """Queryable of the edge: `manifest`, or a file by its SHA-256, or `**` for all of them."""
     if not re.fullmatch(r"manifest|[0-9a-f]{64}|\*\*", part):
-        raise ValueError(f"model part {part!r}: use manifest, ** or a SHA-256")
+        raise ValueError(f"model part '{visible(part)}': use manifest, ** or a SHA-256")
     return _key(robot, "model", part)
 
 
@@ -114,15 +116,21 @@ class Snapshot(NamedTuple):
 
 
 class Echo(NamedTuple):
-    """What the relay has of a robot. `run_id` 0 = nothing; `relay_time_s`: unix, s."""
+    """What the relay has of a robot. `run_id` 0 = nothing; `relay_time_s`: unix, s.
+
+    `over`: of what the robot sends more than its share, and how much is allowed; "" = of nothing.
+    """
 
     run_id: int
     seq: int
     relay_time_s: float
+    over: str = ""
 
     def pack(self) -> bytes:
         """JSON; the run id as 16 hexadecimal digits, since a browser's numbers end at 2^53."""
-        doc = {"run": f"{self.run_id:016x}", "seq": self.seq, "time": self.relay_time_s}
+        doc: dict[str, object] = {"run": f"{self.run_id:016x}", "seq": self.seq, "time": self.relay_time_s}
+        if self.over:
+            doc["over"] = self.over
         return json.dumps(doc, separators=(",", ":")).encode()
 
     @classmethod
@@ -134,16 +142,21 @@ class Echo(NamedTuple):
             raise ValueError("echo: run must be 16 hexadecimal digits")
         if isinstance(seq, bool) or not isinstance(seq, int) or not 0 <= seq < 1 << 32:
             raise ValueError("echo: seq must be a u32")
-        if isinstance(time_s, bool) or not isinstance(time_s, (int, float)) or not 0 <= time_s < 1e12:
+        if not is_number(time_s, 0, TIME_MAX_S):
             raise ValueError("echo: time must be seconds")
-        return cls(int(run, 16), seq, float(time_s))
+        over = doc.get("over", "")
+        if over != "" and not is_text(over):
+            raise ValueError(f"echo: over must be a text of at most {TEXT_MAX} characters on one line")
+        return cls(int(run, 16), seq, float(time_s), over)
 
 
 def _document(data: bytes, what: str) -> dict[str, object]:
+    if len(data) > REPLY_BYTES_MAX:
+        raise ValueError(f"{what}: longer than {REPLY_BYTES_MAX} bytes")
     try:
-        doc = loads(data.decode())
-    except ValueError:
-        raise ValueError(f"{what}: not JSON") from None
+        doc = loads(data)
+    except ValueError as e:
+        raise ValueError(f"{what}: not JSON: {e}") from None
     if not isinstance(doc, dict):
         raise ValueError(f"{what}: not an object")
     return doc

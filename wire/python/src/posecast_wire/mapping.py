@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterator, Sequence
 from collections.abc import Mapping as ReadOnly
-from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Literal, cast
+from typing import TYPE_CHECKING, Literal, TypeVar, cast
 
-from posecast_wire.checked import fail, items, number, table, text
+from posecast_wire.checked import entries, fail, items, number, table, text
 
 if TYPE_CHECKING:
     from posecast_wire.schema import Schema
@@ -21,6 +21,7 @@ SEVERITIES = ("fault", "caution", "state")
 Severity = Literal["fault", "caution", "state"]
 Level = Literal["ok", "caution", "fault"]
 Xyz = tuple[float, float, float]
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -99,31 +100,24 @@ class Mapping:
 
 def parse_mapping(value: object) -> Mapping:
     """The `mapping` member of a schema, parsed from JSON. SchemaError names what and where."""
-    where = "mapping"
-    doc = table(value, where)
+    doc = table(value, "mapping")
 
-    def part(name: str) -> list[tuple[str, object, str]]:
-        found = table(doc.get(name), f"{where}.{name}")
-        return [(text(k, f"{where}.{name} key"), v, f"{where}.{name}.{k}") for k, v in found.items()]
+    def part(name: str) -> Iterator[tuple[str, object, str]]:
+        return entries(doc.get(name), f"mapping.{name}")
 
     return Mapping(
         joints={k: _joint(v, at) for k, v, at in part("joints")},
         sensors={k: _sensor(v, at, k) for k, v, at in part("sensors")},
         names={k: text(v, at) for k, v, at in part("names")},
-        thresholds={
-            k: {label: _threshold(t, f"{at}.{label}") for label, t in table(v, at).items()}
-            for k, v, at in part("thresholds")
-        },
+        thresholds={k: _each(v, at, _threshold) for k, v, at in part("thresholds")},
         tolerances={k: _at_least_zero(v, at) for k, v, at in part("tolerance")},
-        severities={
-            k: {bit: _severity(s, f"{at}.{bit}") for bit, s in table(v, at).items()}
-            for k, v, at in part("severity")
-        },
-        units={
-            k: {label: text(unit, f"{at}.{label}") for label, unit in table(v, at).items()}
-            for k, v, at in part("units")
-        },
+        severities={k: _each(v, at, _severity) for k, v, at in part("severity")},
+        units={k: _each(v, at, text) for k, v, at in part("units")},
     )
+
+
+def _each(value: object, where: str, read: Callable[[object, str], T]) -> dict[str, T]:
+    return {name: read(found, at) for name, found, at in entries(value, where)}
 
 
 def joint_values(schema: Schema, codes: Sequence[int], field_name: str) -> dict[str, float]:
@@ -164,7 +158,7 @@ def _sensor(value: object, where: str, site: str) -> SensorMount:
     doc = table(value, where)
     kind = text(doc.get("kind"), f"{where}.kind")
     if kind not in SENSOR_KINDS:
-        fail(f"{where}.kind", f"{kind!r} is none of {', '.join(SENSOR_KINDS)}")
+        fail(f"{where}.kind", f"'{kind}' is none of {', '.join(SENSOR_KINDS)}")
     link = doc.get("link")
     return SensorMount(
         kind=kind,
@@ -176,10 +170,11 @@ def _sensor(value: object, where: str, site: str) -> SensorMount:
 
 
 def _xyz(value: object, where: str) -> Xyz:
-    found = [number(v, f"{where}[{i}]") for i, v in enumerate(items(value, where))]
+    found = items(value, where)
     if len(found) != 3:
         fail(where, "must be three numbers")
-    return (found[0], found[1], found[2])
+    x, y, z = (number(v, f"{where}[{i}]") for i, v in enumerate(found))
+    return (x, y, z)
 
 
 def _threshold(value: object, where: str) -> Threshold:

@@ -6,11 +6,14 @@ import re
 from dataclasses import dataclass
 from typing import Literal, TypedDict
 
-from posecast_wire.checked import loads
+from posecast_wire.checked import is_number, loads
 from posecast_wire.closes import Close
 
 MESSAGE_BYTES_MAX = 4096  # of one viewer's message
 COUNT_MAX = (1 << 53) - 1  # the largest whole number a browser counts to
+HZ_MIN = 0.1  # the lowest rate that still shows a robot move
+HZ_MAX = 1000
+TIME_MAX_S = 1e12  # of any clock, either way: 31,700 years, and milliseconds still fit a double
 
 RobotWord = Literal["online", "silent", "offline"]
 
@@ -48,9 +51,11 @@ class Status(_StatusBase, total=False):
     """After hello, then at least once a second. `age_ms`, `seq`: of the newest frame; None before any.
 
     `degraded`: the relay does not hear of robots just now, for a reason of its own (a gateway without Redis).
+    `over_share`: the robot sends more than its share of the relay, so some of its frames are dropped.
     """
 
     degraded: bool
+    over_share: bool
 
 
 class Info(TypedDict):
@@ -121,7 +126,7 @@ RelayMessage = Hello | Status | Info | Event | RateGranted | Model | Pong | Bye 
 
 @dataclass(frozen=True)
 class Rate:
-    """The viewer asks for `hz` frames a second; 0 = status and events only."""
+    """The viewer asks for `hz` frames a second: 0, for status and events only, or 0.1 … 1000."""
 
     hz: float
 
@@ -167,7 +172,7 @@ def parse_viewer_message(text: str | bytes) -> ViewerMessage:
     doc = _document(text)
     kind = doc.get("type")
     if kind == "rate":
-        return Rate(_number(doc, "hz", 0, 1000))
+        return Rate(clamp_hz(_number(doc, "hz", 0, HZ_MAX)))
     if kind == "ack":
         n = _number(doc, "n", 0, COUNT_MAX)
         if n != int(n):
@@ -183,6 +188,11 @@ def parse_viewer_message(text: str | bytes) -> ViewerMessage:
     raise MessageError(Close.NOT_ALLOWED, "type must be rate, ack, auth or ping")
 
 
+def clamp_hz(hz: float) -> float:
+    """The rate that a viewer's wish `hz`, 0 … 1000, stands for: below 0.1 only 0 itself is less (SPEC §6)."""
+    return max(hz, HZ_MIN) if hz > 0 else 0
+
+
 def _document(text: str | bytes) -> dict[str, object]:
     if len(text) > MESSAGE_BYTES_MAX:
         raise MessageError(Close.TOO_LONG, f"over {MESSAGE_BYTES_MAX} bytes")
@@ -190,7 +200,7 @@ def _document(text: str | bytes) -> dict[str, object]:
         raw = text if isinstance(text, bytes) else text.encode()
         if len(raw) > MESSAGE_BYTES_MAX:
             raise MessageError(Close.TOO_LONG, f"over {MESSAGE_BYTES_MAX} bytes")
-        doc = loads(raw.decode())
+        doc = loads(raw)
     except UnicodeError:
         raise MessageError(Close.NOT_UTF8, "not UTF-8") from None
     except MessageError:
@@ -204,6 +214,6 @@ def _document(text: str | bytes) -> dict[str, object]:
 
 def _number(doc: dict[str, object], name: str, low: float, high: float) -> float:
     value = doc.get(name)
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not low <= value <= high:
+    if not is_number(value, low, high):
         raise MessageError(Close.NOT_ALLOWED, f"{name} must be a number from {low:g} to {high:g}")
     return value

@@ -7,9 +7,10 @@ import re
 from collections.abc import Mapping as ReadOnly
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import cast
 
-from posecast_wire.checked import SchemaError, fail, items, loads, number, table, text, texts
+from posecast_wire.checked import SchemaError, entries, fail, items, loads, number, table, text, texts
 from posecast_wire.fnv import fnv1a32
 from posecast_wire.mapping import Mapping, parse_mapping
 
@@ -66,9 +67,23 @@ class Schema:
     size: int
     mapping: Mapping
 
+    @property
+    def key_bytes_max(self) -> int:
+        """No KEY of this schema is longer (SPEC §4): a code takes 63 bits at most, its order 4."""
+        return 17 + (4 * len(self.fields) + 67 * self.size + 7) // 8
+
+    @property
+    def frame_bytes_max(self) -> int:
+        """Likewise of a REF or plain frame."""
+        return 9 + (4 * len(self.fields) + 63 * self.size + 7) // 8
+
     def field(self, name: str) -> Field | None:
         """The field of that name, or None."""
-        return next((f for f in self.fields if f.name == name), None)
+        return self._by_name.get(name)
+
+    @cached_property
+    def _by_name(self) -> dict[str, Field]:
+        return {f.name: f for f in self.fields}
 
     @classmethod
     def parse(cls, text: str) -> Schema:
@@ -91,7 +106,7 @@ def _parse(whole: str, schema_id: int, document: object) -> Schema:
         fail("type", 'must be "schema"')
     if doc.get("v") != 1 or isinstance(doc.get("v"), bool):
         fail("v", "this reader knows version 1 only")
-    sets = {k: texts(v, f"labels.{k}") for k, v in table(doc.get("labels"), "labels").items()}
+    sets = {k: texts(v, at, CHANNELS_MAX) for k, v, at in entries(doc.get("labels"), "labels")}
     fields: dict[str, Field] = {}
     size = 0
     for i, item in enumerate(items(doc.get("fields"), "fields")):
@@ -115,29 +130,27 @@ def _field(
 ) -> Field:
     name = text(doc.get("name"), f"{where}.name")
     if not FIELD_NAME.fullmatch(name):
-        fail(f"{where}.name", f"{name!r} must be a letter or _ and then letters, digits or _, 63 at most")
+        fail(f"{where}.name", f"'{name}' must be a letter or _ and then letters, digits or _, 63 at most")
     if name in earlier:
-        fail(f"{where}.name", f"{name!r} stands there twice")
+        fail(f"{where}.name", f"'{name}' stands there twice")
     label_set = text(doc.get("labels"), f"{where}.labels")
     labels = sets.get(label_set)
     if not labels:
-        fail(f"{where}.labels", f"no such label set, or an empty one: {label_set!r}")
+        fail(f"{where}.labels", f"no such label set, or an empty one: '{label_set}'")
     scale = number(doc.get("scale", 1), f"{where}.scale")
     if not 1e-12 <= scale <= 1e12:
         fail(f"{where}.scale", "must lie between 1e-12 and 1e12")
     unit = doc.get("unit", "")
-    bits = texts(doc.get("bits", []), f"{where}.bits")
-    if len(bits) > BITS_MAX:
-        fail(f"{where}.bits", f"more than {BITS_MAX} bits")
+    bits = texts(doc.get("bits", []), f"{where}.bits", BITS_MAX)
     if bits and scale != 1:
         fail(f"{where}.scale", "a field of bits has scale 1")
     rel = doc.get("rel")
     if rel is not None:
         partner = earlier.get(text(rel, f"{where}.rel"))
         if partner is None:
-            fail(f"{where}.rel", f"no earlier field {rel!r}")
+            fail(f"{where}.rel", f"no earlier field '{rel}'")
         if partner.size != len(labels):
-            fail(f"{where}.rel", f"{partner.name!r} has {partner.size} channels, not {len(labels)}")
+            fail(f"{where}.rel", f"'{partner.name}' has {partner.size} channels, not {len(labels)}")
     slow = doc.get("slow", False)
     if not isinstance(slow, bool):
         fail(f"{where}.slow", "must be true or false")

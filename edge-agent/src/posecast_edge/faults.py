@@ -1,0 +1,49 @@
+"""Where a mistake ends: whatever is raised in one call is counted and said, and nobody else notices."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Callable
+from typing import TypeVar
+
+from posecast_edge.complaints import Complaints
+from posecast_edge.visible import visible
+
+log = logging.getLogger("posecast_edge")
+
+SAY_EVERY_S = 10.0
+T = TypeVar("T")
+
+
+class Faults:
+    """Counts exceptions by where they were raised. From any thread."""
+
+    def __init__(self, say: Callable[[str], None] = log.warning) -> None:
+        self._say = say
+        self._by_place: dict[str, Complaints] = {}
+
+    def add(self, place: str, error: BaseException) -> None:
+        """`error` was raised in `place`, one of a few fixed words."""
+        log.debug("%s", place, exc_info=error)
+        text = f"{place}: {type(error).__name__}: {visible(str(error), 200)}"
+        self.of(place).add(text, time.monotonic())
+
+    def count(self, place: str) -> int:
+        """How many so far."""
+        return self.of(place).total
+
+    def of(self, place: str) -> Complaints:
+        """What is told of one place."""
+        return self._by_place.setdefault(place, Complaints(self._say, f"faults in {place}", SAY_EVERY_S))
+
+    def guarded(self, place: str, call: Callable[[T], None]) -> Callable[[T], None]:
+        """`call` as a callback of a library, into which it raises nothing."""
+
+        def guarded_call(argument: T) -> None:
+            try:
+                call(argument)
+            except Exception as e:
+                self.add(place, e)
+
+        return guarded_call

@@ -1,0 +1,105 @@
+"""The records of an MCAP file that matter for playing it: schemas, channels, messages, one after the other.
+
+A record is read only when all of it is there and it is of use, so what a file claims costs nothing; beside a
+chunk that is unpacked, one record at a time is in memory. (The extra `mcap`.)
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from collections.abc import Callable, Iterator
+from io import BytesIO
+from typing import IO
+
+import lz4.frame
+import zstandard
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
+from mcap.opcode import Opcode
+from mcap.records import Channel, Chunk, Message, Schema
+
+MAGIC = b"\x89MCAP0\r\n"
+HEAD = struct.Struct("<BQ")  # opcode, length
+RECORD_MAX = 256 << 20  # bytes; a longer one is left out
+UNPACKED_MAX = 64 << 20  # bytes of a chunk; recorders make chunks of one to sixteen
+TOO_LONG = (MemoryError, OverflowError)  # what a record only claims to hold
+UNREADABLE = (McapError, zstandard.ZstdError, struct.error, RuntimeError, ValueError, EOFError, *TOO_LONG)
+
+Record = Schema | Channel | Message
+Complain = Callable[[str], None]
+
+
+def read_records(file: IO[bytes], complain: Complain) -> Iterator[Record]:
+    """In the order of the file, until its end or where it breaks off. `complain` takes a line about each
+    record or chunk that is left out. OSError when the file can't be read any more."""
+    size = file.seek(0, 2)
+    begins = file.seek(len(MAGIC))
+    while True:
+        head = file.read(HEAD.size)
+        opcode, length = HEAD.unpack(head) if len(head) == HEAD.size else (0, size)
+        if opcode == Opcode.FOOTER:
+            return
+        if length > size - begins - HEAD.size:
+            complain(f"breaks off in the record at byte {begins}: it is not all there")
+            return
+        if opcode in (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE, Opcode.CHUNK):
+            what = "chunk that begins" if opcode == Opcode.CHUNK else "record"
+            try:
+                if length > RECORD_MAX:
+                    raise ValueError(f"{length} bytes, at most {RECORD_MAX}")
+                data = file.read(length)
+                yield from _of_chunk(data) if opcode == Opcode.CHUNK else [_record(opcode, data)]
+            except UNREADABLE as e:
+                complain(f"the {what} at byte {begins}: {_reason(e)}; left out")
+        begins = file.seek(begins + HEAD.size + length)
+
+
+def _of_chunk(data: bytes) -> Iterator[Record]:
+    """Those of one chunk. What `unpacked` raises, and ValueError where they break off."""
+    content = unpacked(Chunk.read(ReadDataStream(BytesIO(data))))
+    begins = 0
+    while begins < len(content):
+        opcode, length = HEAD.unpack_from(content, begins)
+        begins += HEAD.size
+        if not opcode or length > len(content) - begins:
+            raise ValueError("a record in it is not all there")
+        if opcode in (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE):
+            yield _record(opcode, content[begins : begins + length])
+        begins += length
+
+
+def _record(opcode: int, data: bytes) -> Record:
+    stream = ReadDataStream(BytesIO(data))
+    if opcode == Opcode.MESSAGE:
+        record: Record = Message.read(stream, len(data))
+    else:
+        record = Schema.read(stream) if opcode == Opcode.SCHEMA else Channel.read(stream)
+    return record
+
+
+def unpacked(chunk: Chunk) -> bytes:
+    """What is in it. ValueError and the compressions' own when it is damaged or too large."""
+    size = chunk.uncompressed_size
+    if size > UNPACKED_MAX:
+        raise ValueError(f"{size} bytes unpacked, at most {UNPACKED_MAX}")
+    if chunk.compression == "zstd":
+        # a frame's own word of its size counts more than ours
+        if zstandard.frame_content_size(chunk.data) > size:
+            raise ValueError(f"more than {size} bytes unpacked")
+        data = zstandard.ZstdDecompressor().decompress(chunk.data, max_output_size=size)
+    elif chunk.compression == "lz4":
+        data = lz4.frame.LZ4FrameDecompressor().decompress(chunk.data, max_length=size)
+    elif chunk.compression == "":
+        data = chunk.data
+    else:
+        raise ValueError(f"compressed as {chunk.compression[:20]!r}, which is not read here")
+    if len(data) != size:
+        raise ValueError(f"{len(data)} bytes unpacked instead of {size}")
+    if chunk.uncompressed_crc and zlib.crc32(data) != chunk.uncompressed_crc:
+        raise ValueError("its checksum differs")
+    return bytes(data)
+
+
+def _reason(e: Exception) -> str:
+    return " ".join(str(e).split())[:200] or "it is not all there"

@@ -1,0 +1,136 @@
+"""Parsers of a robot's description, its bundle and its pictures, with the worst input that is known."""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+from mesh_parsers import png
+from model_stage import PICTURE, cube_stl, joint, link, mesh, robot
+from parser_stage import Input, Parser, Work, Worst, written
+from posecast_edge.model.bundle import ModelError, load_bundle
+from posecast_edge.model.doctor import examine
+from posecast_edge.model.finding import ModelRefused
+from posecast_edge.model.folder import entries_of
+from posecast_edge.model.texture import checked_picture, fitted, mean_colour
+from posecast_edge.model.tree import build_tree
+from posecast_edge.model.urdf_reader import read_urdf
+
+
+def urdf_work(given: Input, folder: Path) -> Work:
+    """Read, hung together, examined."""
+
+    def work() -> None:
+        urdf = read_urdf(io.BytesIO(given.data))
+        examine(urdf, build_tree(urdf), {})
+
+    return work
+
+
+def bundle_work(given: Input, folder: Path) -> Work:
+    """The files it names, found."""
+    path = written(given, folder, "robot.urdf")
+    return lambda: load_bundle(path)
+
+
+def picture_work(given: Input, folder: Path) -> Work:
+    """As a texture."""
+
+    def work() -> None:
+        checked_picture(given.data)
+        fitted(given.data, 128)
+        mean_colour(given.data)
+
+    return work
+
+
+def links(n: int, joints: Callable[[int], str]) -> bytes:
+    """Links in a chain; LINKS_MAX of them."""
+    return robot(link("l0"), *(link(f"l{i}") + joints(i) for i in range(1, n))).encode()
+
+
+def urdf_mimics(n: int) -> bytes:
+    """Each joint mimics the next one."""
+    inside = '<axis xyz="0 0 1"/><mimic joint="j{}"/>'
+    return links(n, lambda i: joint(f"j{i}", f"l{i - 1}", f"l{i}", inside=inside.format(i + 1)))
+
+
+WHOLE = robot(
+    '<material name="m"><color rgba="1 0 0 1"/></material>',
+    link("a", mesh("a.stl", ' scale="1 1 1"') + '<inertial><mass value="1"/><inertia ixx="1"/></inertial>'),
+    link("b"),
+    link("c"),
+    joint("j", "a", "b", inside='<axis xyz="0 0 1"/><origin xyz="1 2 3" rpy="0 0 1"/>'),
+    joint("k", "b", "c", inside='<axis xyz="0 0 1"/><mimic joint="j" multiplier="2"/>'),
+    '<gazebo reference="a"><sensor name="s" type="imu"><pose>0 0 0 0 0 0</pose></sensor></gazebo>',
+).encode()
+
+
+def urdf_one_name(n: int) -> Input:
+    """One file under ever new addresses."""
+    parts = [mesh(f"package://p/a.stl?{i}") for i in range(n)]
+    return Input(robot(link("a", "".join(parts))).encode(), {"a.stl": cube_stl()})
+
+
+ENTRY = {"path": "high.glb", "size": 12, "sha256": "a" * 64, "type": "model/gltf-binary"}
+
+
+def manifest(files: list[dict[str, object]]) -> bytes:
+    return json.dumps({"v": 2, "files": files}).encode()
+
+
+REFUSED = (ModelRefused,)
+PARSERS = (
+    Parser(
+        "urdf",
+        ("model.urdf_reader.read_urdf", "model.urdf_reader.load_urdf"),
+        urdf_work,
+        REFUSED,
+        (WHOLE,),
+        {
+            "shapes in one geometry": Worst(
+                lambda n: robot(link("a", f"<visual><geometry>{'<x/>' * n}</geometry></visual>")).encode(),
+                500,
+            ),
+            "mimics in a chain": Worst(urdf_mimics, 62),
+            "links in a chain": Worst(lambda n: links(n, lambda i: joint(f"j{i}", f"l{i - 1}", f"l{i}")), 62),
+            "joints of one name": Worst(
+                lambda n: robot(*(joint("j", "a", "b") for _ in range(n))).encode(), 100
+            ),
+            "blanks": Worst(lambda n: b" " * n + WHOLE, 60_000),
+            "comments": Worst(lambda n: b"<!---->" * n + WHOLE, 5000),
+            "a comment": Worst(lambda n: b"<!--" + b"-x" * n + b"-->" + WHOLE, 30_000),
+            "one attribute": Worst(lambda n: robot(link("x" * n)).encode(), 50_000),
+            "texts": Worst(lambda n: robot("<a>x</a>" * n).encode(), 1000),
+        },
+    ),
+    Parser(
+        "bundle",
+        ("model.bundle.load_bundle",),
+        bundle_work,
+        (ModelError,),
+        (WHOLE,),
+        {"files of one name": Worst(urdf_one_name, 60)},
+    ),
+    Parser(
+        "manifest",
+        ("model.bundle.load_built", "model.bundle.Bundle.read", "model.folder.read_folder"),
+        lambda given, folder: lambda: entries_of(given.data),
+        REFUSED,
+        (manifest([ENTRY]),),
+        {
+            "entries": Worst(lambda n: manifest([ENTRY] * n), 500),
+            "brackets": Worst(lambda n: b"[" * n, 5000),
+        },
+    ),
+    Parser(
+        "picture",
+        ("model.texture.checked_picture", "model.texture.Pictures.checked", "model.texture.fitted"),
+        picture_work,
+        REFUSED,
+        (PICTURE, png(3)),
+        {"one colour": Worst(lambda n: png(round(n**0.5)), 200_000)},
+    ),
+)

@@ -1,0 +1,210 @@
+"""Parsers of recordings and lines, with the worst input that is known. (The extras mcap and mujoco.)"""
+
+from __future__ import annotations
+
+import json
+import struct
+from pathlib import Path
+
+import mcap_stage
+import ros_stage
+import rosbridge_stage
+from mcap.writer import CompressionType
+from parser_stage import Input, Parser, Work, Worst, written
+from posecast_edge.model.finding import ModelRefused
+from posecast_edge.profile_reader import parse_profile
+from posecast_edge.sources import SourceError
+from posecast_edge.sources.csv import Table
+from posecast_edge.sources.jsonl import LineError, parse_line
+from posecast_edge.sources.mcap import McapFile
+from posecast_edge.sources.mujoco import ARM
+from posecast_edge.sources.mujoco_model import moving_parts
+from posecast_edge.sources.playback import parse_playback
+from posecast_edge.sources.trajectory import TrajectorySource
+
+PROFILE = """
+[labels]
+joint = ["A", "B", "C"]
+[[fields]]
+name = "ref"
+[[fields]]
+name = "pos"
+[trajectory]
+columns = ["A", "-", "B"]
+rate_hz = 10
+"""
+WALKER = parse_profile(PROFILE)
+
+
+def csv_work(given: Input, folder: Path) -> Work:
+    """One pass."""
+    path = written(given, folder, "a.csv")
+    return lambda: sum(1 for _ in Table(path, None).samples(0.0, True))
+
+
+def trajectory_work(given: Input, folder: Path) -> Work:
+    """As many instants as it may have rows."""
+    path = written(given, folder, "a.traj")
+    rows = given.data.count(b"\n") + 3
+    assert WALKER.trajectory is not None
+    trajectory = WALKER.trajectory
+
+    def work() -> None:
+        source = TrajectorySource(path, WALKER, trajectory)
+        try:
+            source.advance(rows / 10)
+        finally:
+            source._file.close()
+
+    return work
+
+
+def mcap_work(given: Input, folder: Path) -> Work:
+    """One pass."""
+    path = written(given, folder, "a.mcap")
+
+    def work() -> None:
+        file = McapFile(path, WALKER)
+        file.on_urdf = lambda urdf: None
+        for _ in file.samples(0.0, True):
+            pass
+
+    return work
+
+
+def jsonl_work(given: Input, folder: Path) -> Work:
+    return lambda: parse_line(given.data, 0.0)
+
+
+def mujoco_work(given: Input, folder: Path) -> Work:
+    """What MuJoCo is given of a URDF. How MuJoCo itself reads is bounded by a trial (mujoco_trial.py)."""
+    return lambda: moving_parts(given.data)
+
+
+def bag(compression: CompressionType = CompressionType.NONE, encoding: str = "cdr", count: int = 5) -> bytes:
+    made = mcap_stage.Bag(compression, 400)
+    for k in range(count):
+        t_ns = mcap_stage.BEGAN_NS + k * mcap_stage.STEP_NS
+        data = mcap_stage.joint_state(t_ns, A=k / 10, B=0.2)
+        if encoding == "json":
+            data = json.dumps(rosbridge_stage.joint_state(t_ns * 1e-9, ["A"], [1.0])).encode()
+        made.add("/joint_states", "sensor_msgs/msg/JointState", t_ns, data, encoding)
+        made.add("/foot", "geometry_msgs/msg/WrenchStamped", t_ns, mcap_stage.wrench(t_ns, "f", *range(6)))
+    made.add("/robot_description", "std_msgs/msg/String", t_ns, ros_stage.text_message("<robot/>"))
+    return made.finish()
+
+
+MAGIC = b"\x89MCAP0\r\n"
+
+
+def record(opcode: int, data: bytes) -> bytes:
+    return struct.pack("<BQ", opcode, len(data)) + data
+
+
+def text(value: str) -> bytes:
+    return struct.pack("<I", len(value)) + value.encode()
+
+
+def schema(number: int, name: str = "sensor_msgs/msg/Image") -> bytes:
+    return record(3, struct.pack("<H", number) + text(name) + text("ros2msg") + struct.pack("<I", 1) + b"x")
+
+
+def channel(number: int, topic: str, metadata: str = "") -> bytes:
+    head = struct.pack("<HH", number, 1) + text(topic) + text("cdr")
+    return record(4, head + struct.pack("<I", len(metadata)) + metadata.encode())
+
+
+def message(channel_number: int, data: bytes = b"") -> bytes:
+    return record(5, struct.pack("<HIQQ", channel_number, 0, 1, 1) + data)
+
+
+def chunk(data: bytes) -> bytes:
+    """Stored as it is."""
+    head = struct.pack("<QQQI", 0, 0, len(data), 0) + text("")
+    return record(6, head + struct.pack("<Q", len(data)) + data)
+
+
+def topics(n: int) -> bytes:
+    return MAGIC + schema(1) + b"".join(channel(i, f"/topic{i}") for i in range(n))
+
+
+ROWS = b"t,A,ref.B [deg],flags.A,info.mode,\n1.5,0.1,0.2,jam hot,walk,x\n2,1,2,3,,\n"
+PARSERS = (
+    Parser(
+        "csv",
+        ("sources.csv.Table.samples",),
+        csv_work,
+        (SourceError,),
+        (ROWS, b"\xef\xbb\xbftime_ms;A;B\r\n1;2;3\r\n4;5;6\r\n"),
+        {
+            "columns": Worst(lambda n: ("t," + ",".join(f"c{i}" for i in range(n)) + "\n").encode(), 500),
+            "a name of blanks": Worst(lambda n: b"t,a" + b" " * n + b"b\n0,1\n", 2000),
+            "a name of brackets": Worst(lambda n: b"t,a" + b"[" * n + b"\n0,1\n", 2000),
+            "rows": Worst(lambda n: b"t,A\n" + b"1,2\n" * n, 400),
+            "bad rows": Worst(lambda n: b"t,A\n" + b"x\n" * n, 400),
+            "a long row": Worst(lambda n: b"t,A\n0," + b"1" * n + b"\n", 100_000),
+            "quotes": Worst(lambda n: b"t,A\n0," + b'"' * n + b"\n", 5000),
+            "names of bits": Worst(lambda n: b"t,flags.A\n0," + b"x " * n + b"\n", 3000),
+            "old ends of lines": Worst(lambda n: b"t,A\r" + b"1,2\r" * n, 400),
+        },
+    ),
+    Parser(
+        "trajectory",
+        ("sources.trajectory.parse_row",),
+        trajectory_work,
+        (SourceError,),
+        (b"1 2 3\n4 5 6\n1,2,3\n",),
+        {
+            "rows": Worst(lambda n: b"1 2 3\n" * n, 300),
+            "bad rows": Worst(lambda n: b"1 2 3\n" + b"x\n" * n, 300),
+            "a long row": Worst(lambda n: b"1 2 3\n" + b"1 " * n + b"\n", 30_000),
+        },
+    ),
+    Parser(
+        "playback",
+        ("sources.playback.parse_playback", "sources.playback.Recording.samples"),
+        lambda given, folder: lambda: parse_playback("csv", given.data.decode("utf-8", "replace")),
+        (SourceError,),
+        (b"walk.csv?start=1.5&loop",),
+        {"words": Worst(lambda n: b"a?" + b"loop&" * n + b"loop", 3000)},
+    ),
+    Parser(
+        "mcap",
+        (
+            "sources.mcap.McapFile.samples",
+            "sources.mcap_records.read_records",
+            "sources.mcap_records.unpacked",
+        ),
+        mcap_work,
+        (SourceError,),
+        (*(bag(c) for c in CompressionType), bag(encoding="json")),
+        {
+            "messages": Worst(lambda n: bag(count=n), 60),
+            "topics": Worst(topics, 300),
+            "chunks": Worst(lambda n: MAGIC + chunk(message(1)) * n, 300),
+            "a chunk": Worst(lambda n: MAGIC + chunk(message(1) * n), 500),
+            "empty records": Worst(lambda n: MAGIC + record(0x80, b"") * n, 2000),
+            "metadata": Worst(lambda n: MAGIC + schema(1) + channel(1, "/x", "\0" * 8 * n), 1000),
+            "an attachment": Worst(lambda n: MAGIC + record(9, bytes(n)), 1_000_000),
+        },
+    ),
+    Parser(
+        "jsonl",
+        ("sources.jsonl.parse_line", "sources.jsonl.LineSplitter.feed"),
+        jsonl_work,
+        (LineError,),
+        (b'{"t": 12.3, "pos": {"RKN": 0.5}, "cur": [0.1, 0.2], "info": {"mode": "x"}}',),
+        {
+            "fields": Worst(lambda n: json.dumps({f"f{i}": [0] for i in range(n)}).encode(), 100),
+            "brackets": Worst(lambda n: b"[" * n, 1000),
+        },
+    ),
+    Parser(
+        "mujoco",
+        ("sources.mujoco_model.load",),
+        mujoco_work,
+        (ModelRefused,),
+        (ARM.read_bytes(),),
+        {"links": Worst(lambda n: b"<robot>" + b"<link name='a'><inertial/></link>" * n + b"</robot>", 300)},
+    ),
+)

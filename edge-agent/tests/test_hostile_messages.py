@@ -1,0 +1,326 @@
+"""Messages that once ended an agent, held it up, or filled its memory: counted and dropped."""
+
+from __future__ import annotations
+
+import json
+import logging
+import os
+import struct
+import threading
+from pathlib import Path
+from typing import Any
+
+import ach_stage
+import cbor2
+import pytest
+import ros_stage
+from message_parsers import MESSAGE, as_cbor, doubling, publish
+from parser_stage import held_bytes
+from posecast_edge.complaints import Complaints
+from posecast_edge.sources.ach_channel import Channel, ChannelError
+from posecast_edge.sources.achd import Rhythm
+from posecast_edge.sources.ros2 import BACKLOG_MAX, Inbox
+from posecast_edge.sources.ros_cdr import CdrReader
+from posecast_edge.sources.ros_intake import Intake
+from posecast_edge.sources.ros_merge import Merge
+from posecast_edge.sources.ros_messages import (
+    DIAGNOSTICS,
+    JOINT_STATE,
+    STRING,
+    MessageError,
+    Report,
+    read_message,
+    text_of,
+)
+from posecast_edge.sources.rosbridge import Talk
+from posecast_edge.sources.rosbridge_protocol import MESSAGE_MAX, Ear, ProtocolError, Publish
+from recording_parsers import WALKER
+
+
+def joint_states(**members: object) -> dict[str, object]:
+    return {**MESSAGE, **members}
+
+
+def nested(depth: int) -> object:
+    inner: object = []
+    for _ in range(depth):
+        inner = [inner]
+    return inner
+
+
+BAD: dict[str, dict[str, object]] = {
+    "half a character in a name": {"name": ["A", "\ud800"]},
+    "a name without end": {"name": ["A", "x" * 201]},
+    "a number without end": {"position": [10**400, 1.0]},
+    "a list in a list": {"position": [nested(5000), 1.0]},
+    "numbers without end": {"position": [0.0] * 5000},
+    "a stamp beyond all time": {"header": {"stamp": {"sec": 10**300, "nanosec": 0}, "frame_id": ""}},
+    "a stamp of 5,000 digits": {"header": {"stamp": {"sec": 10**4999, "nanosec": 0}, "frame_id": ""}},
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_messages_that_are_dropped(case: str) -> None:
+    with pytest.raises(MessageError) as refused:
+        read_message(JOINT_STATE, joint_states(**BAD[case]))
+    assert len(str(refused.value)) < 200
+    assert str(refused.value).isprintable()
+
+
+def test_texts_are_cut() -> None:
+    status = {"name": "n" * 1000, "level": 1, "message": "m" * 100_000}
+    report = read_message("diagnostic_msgs/DiagnosticArray", joint_states(status=[status]))
+    assert report.info == {"n" * 200: "m" * 200}
+    assert list(report.values["diag"]) == ["n" * 200]
+
+
+def test_half_a_character_is_no_description() -> None:
+    with pytest.raises(MessageError, match="half a character"):
+        text_of({"data": "<robot name='\ud800'/>"})
+    intake = Intake("robot", None)
+    with pytest.raises(MessageError, match="half a character"):
+        intake.describe("<robot name='\ud800'/>")
+
+
+def test_a_payload_too_large_is_not_decoded() -> None:
+    cdr = CdrReader()
+    with pytest.raises(MessageError, match="too large"):
+        cdr.read(JOINT_STATE, b"\0\1\0\0" + bytes(1 << 19))
+    assert text_of(cdr.read(STRING, ros_stage.text_message("x" * (1 << 19)))) == "x" * (1 << 19)
+
+
+@pytest.mark.parametrize("count", [1 << 20, (1 << 31) - 1, (1 << 32) - 1])
+def test_a_sequence_that_claims(count: int) -> None:
+    payload = ros_stage.Cdr().header(5.0).put("I", count).done() + bytes(1000)
+    cdr = CdrReader()
+
+    def read() -> None:
+        with pytest.raises(MessageError):
+            cdr.read(JOINT_STATE, payload)
+
+    assert held_bytes(read) < 1 << 20
+
+
+def test_publishers_that_are_ever_new_push_each_other_out() -> None:
+    merge = Merge(True, lambda line: None)
+    for k in range(300):
+        names = {f"{k}.{i}": 1.0 for i in range(4000)}
+        merge.take(f"/t{k}", "pos", JOINT_STATE, Report(k + 1.0, {"pos": names}), k / 1000)
+    sample = merge.sample(0.3)
+    assert sample is not None
+    assert 4000 <= len(sample.values["pos"]) <= 16384
+
+
+def test_channels_told_twice_are_a_few_lines() -> None:
+    said: list[str] = []
+    merge = Merge(True, said.append)
+    for k in range(100):
+        merge.take(f"/t{k}", "pos", JOINT_STATE, Report(k + 1.0, {"pos": {"A": 1.0}}), k / 1000)
+    assert len(said) == 8
+    assert said[-1].endswith("further ones are not said")
+
+
+def test_bad_messages_of_a_thousand_topics_are_a_few_lines(caplog: pytest.LogCaptureFixture) -> None:
+    intake = Intake("robot", None)
+    for k in range(1000):
+        intake.take(f"/t{k}/joint_states", JOINT_STATE, lambda: {"name": 5})
+    assert len(caplog.messages) == 9
+
+
+def test_a_decoder_that_raises_costs_its_message(caplog: pytest.LogCaptureFixture) -> None:
+    intake = Intake("robot", WALKER)
+
+    def decode() -> object:
+        raise ZeroDivisionError("of the decoder's own")
+
+    intake.take("/joint_states", JOINT_STATE, decode)
+    assert "of the decoder's own" in caplog.text
+    intake.take("/joint_states", JOINT_STATE, joint_states)
+    assert intake.sample() is not None
+
+
+def test_messages_without_content_take_room_too() -> None:
+    inbox = Inbox()
+    for _ in range(BACKLOG_MAX // 400):
+        inbox.put("/x", JOINT_STATE, b"")
+    taken, lost = inbox.take(0.0)
+    assert len(taken) + lost == BACKLOG_MAX // 400
+    assert lost > 0
+
+
+# --- rosbridge
+
+
+def fragment(name: object, data: str, number: int = 0, total: int = 4000) -> str:
+    return json.dumps({"op": "fragment", "id": name, "data": data, "num": number, "total": total})
+
+
+def test_fragments_are_bounded_together() -> None:
+    ear = Ear()
+    piece = fragment("x", "y" * (MESSAGE_MAX // 2)).replace('"x"', '"{}"', 1)
+
+    def feed() -> None:
+        for k in range(12):
+            ear.feed(piece.replace("{}", str(k)))
+
+    assert held_bytes(feed) < 4 * MESSAGE_MAX
+    whole = json.dumps({"op": "status", "level": "error", "msg": "good"})
+    assert ear.feed(fragment("good", whole[:9], 0, 2)) is None
+    assert ear.feed(fragment("good", whole[9:], 1, 2)) is not None
+
+
+@pytest.mark.parametrize("name", ["x" * 5000, 10**30, None, ["a"], 1.5])
+def test_a_fragment_of_a_strange_name(name: object) -> None:
+    with pytest.raises(ProtocolError, match="a fragment that is none"):
+        Ear().feed(fragment(name, "x"))
+
+
+def test_a_number_of_thousands_of_digits_is_no_name() -> None:
+    """CBOR has such numbers, and Python can't write them."""
+    number = b"\xc2\x59\x20\x00" + b"\xff" * 8192
+    for key in ("id", "level", "msg"):
+        said = b"\xa4" + cbor2.dumps("op") + cbor2.dumps("service_response" if key == "id" else "status")
+        said += cbor2.dumps(key) + number + cbor2.dumps("a") + b"\0" + cbor2.dumps("b") + b"\0"
+        Ear().feed(said)
+    whole = {"op": "fragment", "data": "x", "num": 0, "total": 2}
+    said = cbor2.dumps(whole)
+    with pytest.raises(ProtocolError):
+        Ear().feed(b"\xa5" + said[1:] + cbor2.dumps("id") + number)
+
+
+def test_lists_that_hold_a_list_twice_are_not_written_out() -> None:
+    heard = Ear().feed(doubling(150))
+    assert isinstance(heard, Publish)
+    with pytest.raises(MessageError):
+        read_message(JOINT_STATE, heard.message)
+
+
+@pytest.mark.parametrize(
+    "value",
+    [
+        "c1fb7e37e43c8800759c",  # a date in the year 1e292
+        "d81e820100",  # 1/0
+        "c5821b7fffffffffffffff03",  # 3 · 2^(2^63)
+        "c4821b7fffffffffffffff03",
+        "d8236a28617b302c39397d292a",  # a regular expression
+        "d82461783a",
+        "d81c81d81d00",  # a list in itself
+        "d9010481a0",
+    ],
+)
+def test_tags_that_are_not_read(value: str) -> None:
+    try:
+        heard = Ear().feed(as_cbor(bytes.fromhex(value)))
+    except ProtocolError as e:
+        assert str(e).isprintable()  # noqa: PT017
+        return
+    assert isinstance(heard, Publish)
+    with pytest.raises(MessageError):
+        read_message(JOINT_STATE, heard.message)
+
+
+@pytest.mark.parametrize(
+    ("data", "reason"),
+    [
+        (publish([[]] * 300_000), "JSON of more than 250,000 values"),
+        (b"\x9a\x00\x20\x00\x00" + b"\xa0" * (2 << 20), "CBOR of"),
+        (as_cbor(b"\xd8\x40\x5a\x00\x02\x00\x00" + bytes(2 << 16)), "typed array"),
+        ("[" * 1_000_00, "nested too deep"),
+        ('{"op": ' + "9" * 5000 + "}", "not JSON"),
+    ],
+)
+def test_messages_that_would_grow(data: str | bytes, reason: str) -> None:
+    def feed() -> None:
+        with pytest.raises(ProtocolError, match=reason):
+            Ear().feed(data)
+
+    assert held_bytes(feed) < 8 << 20
+
+
+class Connection:
+    """A server's messages, as many as it is asked for."""
+
+    def __init__(self, data: list[str]) -> None:
+        self.data = data
+        self.sent: list[dict[str, Any]] = []
+
+    def recv(self, _timeout: float) -> str:
+        if not self.data:
+            raise TimeoutError
+        return self.data.pop(0)
+
+    def send(self, said: str) -> None:
+        self.sent.append(json.loads(said))
+
+
+def talk(connection: Connection, encoding: str = "json") -> Talk:
+    words = Complaints(logging.getLogger("words").warning, "words")
+    return Talk(connection, Intake("robot", None), encoding, True, words)  # type: ignore[arg-type]
+
+
+def test_a_batch_is_bounded_in_characters() -> None:
+    told = talk(Connection(["x" * (8 << 20)] * 8))
+    assert sum(map(len, told._newest())) <= 32 << 20
+    assert len(talk(Connection(["x"] * 1000))._newest()) == 256
+
+
+@pytest.mark.parametrize("value", ["[" * 100_000, '"\\ud800"', "9" * 5000, json.dumps("x" * (9 << 20))])
+def test_a_parameter_that_is_no_description_is_told(value: str, caplog: pytest.LogCaptureFixture) -> None:
+    answer = {"op": "service_response", "id": "description", "values": {"value": value}, "result": True}
+    talk(Connection([]))._hear(json.dumps(answer))
+    assert len(caplog.messages) == 1
+    assert len(caplog.messages[0]) < 500
+
+
+def test_a_description_is_asked_for_as_json() -> None:
+    """It may be larger than CBOR is read."""
+    connection = Connection([])
+    told = talk(connection, "cbor")
+    values = {"topics": ["/robot_description", "/diagnostics"], "types": [STRING, DIAGNOSTICS]}
+    told._hear(json.dumps({"op": "service_response", "id": "topics", "values": values, "result": True}))
+    wishes = {s["topic"]: s.get("compression") for s in connection.sent if s["op"] == "subscribe"}
+    assert wishes == {"/robot_description": None, "/diagnostics": "cbor"}
+
+
+# --- ACH
+
+
+def test_frames_that_claim_the_channel(tmp_path: Path) -> None:
+    """A channel of 60 MB, of which each of 60 entries claims all."""
+    path = tmp_path / "channel"
+    writer = ach_stage.Writer(path, frames=60, frame_size=1 << 20)
+    channel = Channel(path)
+    writer.put(bytes(100))
+    assert len(channel.fresh()) == 1
+    for i in range(60):
+        struct.pack_into("<QQQ", writer.map, writer.index + 24 * i, 60 << 20, 0, 100 + i)
+    struct.pack_into("<Q", writer.map, 120, 0)
+
+    def look() -> None:
+        with pytest.raises(ChannelError, match="its index points at byte 0"):
+            channel.fresh()
+
+    assert held_bytes(look) < 1 << 20
+
+
+def test_a_pipe_is_no_channel(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    failed = threading.Event()
+
+    def look() -> None:
+        with pytest.raises(OSError, match="seek"):
+            Channel(tmp_path / "pipe")
+        failed.set()
+
+    thread = threading.Thread(target=look, daemon=True)
+    thread.start()
+    thread.join(10)
+    assert failed.is_set()
+
+
+@pytest.mark.parametrize("wanted_s", [1e308, float("inf"), 1e-300])
+def test_a_batch_that_has_no_end(wanted_s: float) -> None:
+    rhythm = Rhythm()
+    rhythm.came(1, 0.0)
+    rhythm.came(1, 5e-324)
+    assert 1 <= rhythm.batch(wanted_s) <= 1 << 16

@@ -1,0 +1,25 @@
+from __future__ import annotations
+
+from posecast_edge.observe import MAX_BITS, MAX_CHANNELS, Observation
+from posecast_edge.probe import report
+from posecast_edge.sources import Sample, Values
+
+
+def test_a_source_that_invents_names_does_not_fill_the_memory() -> None:
+    seen = Observation()
+    for i in range(5000):
+        values: dict[str, Values] = {f"f{i}": [1.0], "pos": {f"j{i}": 1.0}, "flags": {"A": [f"b{i}"]}}
+        seen.add(Sample(float(i), values, {f"k{i}": "x"}), float(i))
+    assert seen.samples == 5000
+    assert len(seen.fields) == MAX_CHANNELS
+    assert len(seen.fields["pos"]) == MAX_CHANNELS
+    assert len(seen.fields["flags"]["A"].bits) == MAX_BITS
+    assert len(seen.info) == MAX_CHANNELS
+
+
+def test_what_is_no_number_is_no_reading() -> None:
+    seen = Observation()
+    seen.add(Sample(0.0, {"pos": {"A": 10**400, "B": float("inf"), "C": float("nan"), "D": -2}}), 0.0)
+    assert [c.readings for c in seen.fields["pos"].values()] == [0, 0, 0, 1]
+    assert seen.fields["pos"]["D"].last == -2.0
+    assert report("a test", seen)

@@ -1,0 +1,54 @@
+"""Time and memory of every parser grow no faster than its input, of the worst kind that is known."""
+
+from __future__ import annotations
+
+import importlib
+from pathlib import Path
+
+import pytest
+from cost_stage import SPAN, best_s
+from every_parser import PARSERS
+from parser_stage import Parser, Work, held_bytes, in_one_line
+
+KINDS = [(name, kind) for name, parser in PARSERS.items() for kind in parser.worst]
+STEPS = (1, 4, SPAN)
+SLACK = 3  # sorting, caches, a busy machine; what grows with the square takes 16 times as much
+SECONDS, BYTES = 0.02, 1 << 20  # what may be spent whatever the input
+
+
+def prepared(parser: Parser, kind: str, n: int, folder: Path) -> Work:
+    """One run; what it may refuse it may."""
+    folder.mkdir()
+    work = parser.work(parser.worst[kind].input(n), folder)
+
+    def run() -> None:
+        with in_one_line(*parser.refuses):
+            work()
+
+    return run
+
+
+def lower_bounds(parser: Parser, kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    for place, value in parser.worst[kind].bounds.items():
+        module, _, name = place.rpartition(".")
+        monkeypatch.setattr(importlib.import_module(module), name, value, raising=False)
+
+
+@pytest.mark.parametrize(("name", "kind"), KINDS)
+def test_time(name: str, kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    parser = PARSERS[name]
+    lower_bounds(parser, kind, monkeypatch)
+    n = parser.worst[kind].n
+    small, middle, large = (best_s(prepared(parser, kind, n * k, tmp_path / str(k)), 3) for k in STEPS)
+    assert middle < 4 * SLACK * small + SECONDS, (small, middle, large)
+    assert large < SPAN * SLACK * small + SECONDS, (small, middle, large)
+
+
+@pytest.mark.parametrize(("name", "kind"), KINDS)
+def test_memory(name: str, kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    parser = PARSERS[name]
+    lower_bounds(parser, kind, monkeypatch)
+    n = parser.worst[kind].n
+    small, middle, large = (held_bytes(prepared(parser, kind, n * k, tmp_path / str(k))) for k in STEPS)
+    assert middle < 4 * SLACK * small + BYTES, (small, middle, large)
+    assert large < SPAN * SLACK * small + BYTES, (small, middle, large)

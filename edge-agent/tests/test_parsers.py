@@ -1,0 +1,117 @@
+"""Every parser is in the table, and whatever it is given it answers or refuses in one line."""
+
+from __future__ import annotations
+
+import ast
+import random
+import re
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
+
+import posecast_edge
+import pytest
+from every_parser import PARSERS
+from model_stage import PICTURE
+from parser_stage import Input, in_one_line
+from posecast_edge.sources import KINDS
+
+PACKAGE = Path(posecast_edge.__file__).parent
+READS = re.compile(r"(?:checked|decode|feed|fitted|fresh|load|parse|read|samples|unpacked)(?:_|$)")
+# what is called so and reads nothing that a stranger wrote, or is measured elsewhere
+ELSEWHERE = {
+    "sources.demo.read_motion": "a file of our own",
+    "sources.mujoco_model.load": "test_hostile_mujoco.py: MuJoCo reads",
+}
+# the kinds of sources, and which parsers read for each
+BY_KIND = {
+    "jsonl": {"jsonl"},
+    "csv": {"csv", "playback"},
+    "mcap": {"mcap", "playback", "cdr"},
+    "trajectory": {"trajectory"},
+    "mujoco": {"mujoco"},
+    "demo": set[str](),  # made by itself
+    "hubo-ach": {"ach", "achd", "hubo_state"},
+    "ros2": {"cdr"},
+    "rosbridge": {"rosbridge", "cbor"},
+}
+CASES = 150
+STRANGE = [
+    *(b"1e999 -1e999 nan Infinity 1e-320 1e308 -0 99999999999 1_0 0x10 null true {} [] .. %00 &#0;".split()),
+    *(b"-9223372036854775809", b"9223372036854775807", b"9" * 5000, b"9" * 30, b"-1", b"", b"\0", b"\xff"),
+    *(b"[" * 985, b"[" * 5000, b'{"a":' * 300, b"<a>" * 60, b"\\ud800", b"&#xD800;", "١".encode()),
+    *(b"\xef\xbb\xbf", b"\xed\xa0\x80", "\u202e".encode(), b"\r", b"\n", b"\t", b" ", b"\\", b"'", b'"'),
+    *(b"\xff" * 4, b"\xff\xff\xff\x7f", b"\0\0\0\x80", b"\xff" * 8, b"\0" * 8, b","),
+]
+WORD = re.compile(rb"-?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?|[A-Za-z_#.:/-]{2,}")
+
+
+def readers(part: str) -> Iterator[str]:
+    """The public functions and methods of a part that read something."""
+    for file in sorted((PACKAGE / part).glob("*.py")):
+        for node in ast.parse(file.read_text(encoding="utf-8")).body:
+            if isinstance(node, ast.FunctionDef) and READS.match(node.name):
+                yield f"{part}.{file.stem}.{node.name}"
+            elif isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+                for inner in node.body:
+                    if isinstance(inner, ast.FunctionDef) and READS.match(inner.name):
+                        yield f"{part}.{file.stem}.{node.name}.{inner.name}"
+
+
+def test_every_reader_is_in_the_table() -> None:
+    known = {name for parser in PARSERS.values() for name in parser.reads} | set(ELSEWHERE)
+    assert set(readers("model")) | set(readers("sources")) == known
+
+
+def test_every_kind_of_source_is_in_the_table() -> None:
+    assert set(BY_KIND) == set(KINDS)
+    assert set().union(*BY_KIND.values()) <= set(PARSERS)
+
+
+@pytest.mark.parametrize("name", PARSERS)
+def test_good_input_is_read(name: str, tmp_path: Path) -> None:
+    parser = PARSERS[name]
+    assert parser.good
+    for number, data in enumerate(parser.good):
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        parser.work(Input(data, BESIDE), folder)()
+
+
+BESIDE = {"a.mtl": b"newmtl m\nKd 1 0 0\nmap_Kd a.png\nnewmtl k\nd 0.5\n", "a.png": PICTURE}
+
+
+@pytest.mark.parametrize("name", PARSERS)
+def test_spoiled_input_is_read_or_refused(name: str, tmp_path: Path) -> None:
+    parser = PARSERS[name]
+    dice = random.Random(name)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")  # nor may it write to stderr
+        for _ in range(CASES):
+            data = spoiled(dice, dice.choice(parser.good), parser.good)
+            with in_one_line(*parser.refuses):
+                parser.work(Input(data, BESIDE), tmp_path)()
+
+
+def spoiled(dice: random.Random, data: bytes, others: tuple[bytes, ...]) -> bytes:
+    """One to four changes: words replaced, cut, doubled, put in, taken from another place."""
+    for _ in range(dice.choice((1, 1, 1, 2, 4))):
+        words = list(WORD.finditer(data[:50_000]))
+        at, size = dice.randrange(len(data) + 1), dice.choice((0, 1, 4, 8, 40))
+        kind = dice.randrange(8)
+        if kind < 3 and words:
+            word, new = dice.choice(words), dice.choice(STRANGE)
+            new = new if kind else dice.choice(words)[0]
+            data = data[: word.start()] + new + data[word.end() :]
+        elif kind == 3:
+            data = data[:at]
+        elif kind == 4:
+            data = data[:at] + data[at : at + size] * dice.choice((0, 2, 30)) + data[at + size :]
+        elif kind == 5:
+            other = dice.choice(others)
+            data = data[:at] + other[dice.randrange(len(other) + 1) :]
+        elif kind == 6:
+            data = data[:at] + dice.randbytes(min(size, 8)) + data[at + min(size, 8) :]
+        else:
+            data = data[:at] + dice.choice(STRANGE) + data[at + size :]
+    return data

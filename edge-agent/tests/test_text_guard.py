@@ -1,0 +1,64 @@
+"""The first door for text, and that every source goes through it."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+from posecast_edge.schema_build import profile_of, schema_text
+from posecast_edge.sources import Sample, Values
+from posecast_edge.text_guard import TextGuard
+from posecast_wire.schema import Schema
+
+HALF = "\ud800"
+
+
+def guarded(sample: Sample) -> tuple[Sample, list[str]]:
+    said: list[str] = []
+    return TextGuard(said.append).clean(sample, 0.0), said
+
+
+def test_a_text_that_is_none_is_named_and_the_others_stay() -> None:
+    sample, said = guarded(
+        Sample(
+            1.0,
+            {"pos": [1.0]},
+            {"mode": HALF, HALF: "x", "ok": "é😀"},
+            "line 7",
+            links={"imu": "torso" + HALF},
+        )
+    )
+    assert sample == Sample(1.0, {"pos": [1.0]}, {"ok": "é😀"}, "line 7")
+    assert said == ["line 7: info 'mode' is left out: it holds half a character, no text"]
+
+
+def test_it_is_said_once_and_counted() -> None:
+    said: list[str] = []
+    guard = TextGuard(said.append)
+    for i in range(600):
+        guard.clean(Sample(0.0, {}, {"mode": f"{HALF}{i}"}, f"line {i}"), i / 500)
+    assert len(said) == 2
+    assert " more names and texts that are none, the newest: line " in said[1]
+
+
+@pytest.mark.parametrize("text", [b"bytes", 5, None])
+def test_what_is_not_even_a_string(text: object) -> None:
+    sample, said = guarded(Sample(0.0, {}, {"mode": text}))  # type: ignore[dict-item]
+    assert (sample.info, len(said)) == ({}, 1)
+
+
+def test_a_schema_is_made_of_the_names_that_are_texts() -> None:
+    said: list[str] = []
+    values: dict[str, Values] = {
+        "pos": {"A": 1.0, HALF: 2.0},
+        f"po{HALF}": {"A": 1.0},
+        "flags": {"A": ["jam", HALF]},
+        "order": [1.0, 2.0],
+    }
+    named = TextGuard(said.append).clean_names(Sample(0.0, values, where="line 1"), 0.0)
+    assert named.values == {"pos": {"A": 1.0}, "flags": {"A": ["jam"]}, "order": [1.0, 2.0]}
+    assert said == ["line 1: pos.'\\ud800' is left out: it holds half a character, no text"]
+    del named.values["order"]  # type: ignore[attr-defined]
+    schema = Schema.parse(schema_text(profile_of("r", named)))
+    json.loads(schema.text.encode())
+    assert [(f.name, f.labels) for f in schema.fields] == [("pos", ("A",)), ("flags", ("A",))]

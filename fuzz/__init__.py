@@ -1,0 +1,1 @@
+"""Strangers' bytes for every reader on a boundary, led by coverage: `make fuzz`."""

@@ -1,0 +1,197 @@
+/** What the page reads of strangers. Each says what it made of the bytes, or throws Refused. */
+
+import {
+  Decoder,
+  FrameError,
+  frameId,
+  JointMapping,
+  type Mapping,
+  parseRelayMessage,
+  parseSchema,
+  type Schema,
+  SchemaError,
+} from '@posecast/wire';
+import { parentOrigin, readWish } from '../../spa/src/app/embed_messages.ts';
+import { chooseRelay, readConfig } from '../../spa/src/app/relay_config.ts';
+import { parseRoute, robotHref } from '../../spa/src/app/route.ts';
+import { queryOf, readSettings } from '../../spa/src/app/settings.ts';
+import { readShared, sharedQuery } from '../../spa/src/app/shared_view.ts';
+import { DropError } from '../../spa/src/drop/files.ts';
+import { unzip } from '../../spa/src/drop/unzip.ts';
+import { readUrdf } from '../../spa/src/drop/urdf_reader.ts';
+import { readXml, XmlRefused } from '../../spa/src/drop/xml.ts';
+import { BundleError, parseManifest, readRawManifest } from '../../spa/src/scene/bundle.ts';
+import { GlbError } from '../../spa/src/scene/glb.ts';
+import { Kinematics } from '../../spa/src/scene/kinematics.ts';
+import { readLevel } from '../../spa/src/scene/level.ts';
+import { boxesOfLinks, readManifest } from '../../spa/src/scene/manifest.ts';
+import { MeshError, parseStl } from '../../spa/src/scene/stl.ts';
+import { weld } from '../../spa/src/scene/weld.ts';
+import { EventReader, frameBytes } from '../../spa/src/stream/events.ts';
+import { MirrorReader } from '../../spa/src/stream/mirror.ts';
+
+/** As its reader promises: one line that says why. */
+export class Refused extends Error {}
+
+type Reader = (bytes: Uint8Array) => unknown;
+type ErrorClass = new (...args: never[]) => Error;
+
+const VISUALS = 2; // of the levels that are read
+
+export const TARGETS: ReadonlyMap<string, (bytes: Uint8Array) => Promise<unknown>> = new Map(
+  Object.entries({
+    schema: refusing([SchemaError], (bytes) => shownSchema(parseSchema(textOf(bytes)))),
+    mapping: refusing([SchemaError], jointValues),
+    frames: refusing([], decoded),
+    message: refusing([], (bytes) => parseRelayMessage(textOf(bytes))),
+    manifest: refusing([BundleError], manifest),
+    glb: refusing([GlbError], (bytes) => readLevel(bytes, VISUALS).then(() => null)),
+    urdf: refusing([XmlRefused], (bytes) => readUrdf(readXml(new TextDecoder().decode(bytes)))),
+    zip: refusing([DropError], members),
+    stl: refusing([MeshError], (bytes) => weld(parseStl(bytes)).index.length),
+    address: refusing([], (bytes) => address(textOf(bytes))),
+    embed: refusing([], (bytes) => embedded(textOf(bytes))),
+    events: refusing([RangeError], events),
+    mirror: refusing([RangeError], mirror),
+  } satisfies Record<string, Reader>),
+);
+
+function refusing(by: readonly ErrorClass[], read: Reader): (bytes: Uint8Array) => Promise<unknown> {
+  return async (bytes) => {
+    try {
+      return await read(bytes);
+    } catch (error) {
+      const known = by.some((kind) => error instanceof kind);
+      // A stack that is full is a RangeError as well, and nobody's promise.
+      if (!known || (error instanceof RangeError && /call stack/.test(error.message))) throw error;
+      throw new Refused((error as Error).message);
+    }
+  };
+}
+
+/** As a WebSocket hands it over. */
+function textOf(bytes: Uint8Array): string {
+  return new TextDecoder('utf-8', { ignoreBOM: true }).decode(bytes);
+}
+
+function jsonOf(text: string): unknown {
+  try {
+    return JSON.parse(text);
+  } catch {
+    return null;
+  }
+}
+
+function shownSchema({ id, robot, fields, size, mapping }: Schema): object {
+  return { id, robot, fields, size, mapping: shownMapping(mapping) };
+}
+
+/** Its parts are private to TypeScript, not to JavaScript. */
+function shownMapping(mapping: Mapping): object {
+  return Object.fromEntries(Object.entries(mapping).map(([part, entries]) => [part, plain(entries)]));
+}
+
+function plain(value: unknown): unknown {
+  return value instanceof Map ? Object.fromEntries([...value].map(([k, v]) => [k, plain(v)])) : value;
+}
+
+/** A schema, a line end, and codes for its channels as 32-bit numbers: where the joints of the model stand. */
+function jointValues(bytes: Uint8Array): unknown {
+  const end = bytes.indexOf(0x0a) < 0 ? bytes.length : bytes.indexOf(0x0a);
+  const schema = parseSchema(textOf(bytes.subarray(0, end)));
+  const codes = codesIn(bytes.subarray(end + 1), schema.size);
+  const found = ['pos', 'ref'].map((field) => {
+    const joints = new JointMapping(schema, field);
+    const values = joints.evaluate(codes);
+    return [field, Object.fromEntries(joints.joints.map((joint, i) => [joint, values[i]]))];
+  });
+  return Object.fromEntries(found);
+}
+
+function codesIn(bytes: Uint8Array, size: number): Int32Array {
+  const view = new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength);
+  return Int32Array.from({ length: size }, (_, i) =>
+    4 * i + 4 <= bytes.length ? view.getInt32(4 * i, true) >> 3 : 0,
+  );
+}
+
+/** A schema, a line end, and frames, each after its length in two bytes: what a decoder says of each. */
+function decoded(bytes: Uint8Array): unknown {
+  const end = bytes.indexOf(0x0a) < 0 ? bytes.length : bytes.indexOf(0x0a);
+  const decoder = new Decoder();
+  const said: unknown[] = [];
+  try {
+    decoder.addSchema(textOf(bytes.subarray(0, end)));
+  } catch (error) {
+    if (!(error instanceof SchemaError)) throw error;
+    return said;
+  }
+  for (let at = end + 1; at + 2 <= bytes.length; ) {
+    const size = bytes[at]! | (bytes[at + 1]! << 8);
+    const frame = bytes.subarray(at + 2, at + 2 + size);
+    at += 2 + size;
+    try {
+      const { seq, tS, codes } = decoder.decode(frame);
+      said.push([seq, tS, [...codes], frameId(frame)]);
+    } catch (error) {
+      if (!(error instanceof FrameError)) throw error;
+      said.push(error.name);
+    }
+  }
+  return said;
+}
+
+function manifest(bytes: Uint8Array): unknown {
+  const raw = parseManifest(new TextDecoder().decode(bytes));
+  if (raw.v !== 2) return readRawManifest(raw).files.size;
+  const found = readManifest(raw);
+  new Kinematics(found.joints);
+  return boxesOfLinks(found).size;
+}
+
+async function members(bytes: Uint8Array): Promise<unknown> {
+  const found = await unzip(new Blob([bytes.slice()]));
+  return Promise.all([...found].map(async ([path, file]) => [path, (await file.bytes()).length]));
+}
+
+/** All that the page reads out of its own address. What it writes back must read the same. */
+function address(text: string): unknown {
+  const [search = '', hash = ''] = text.split('#', 2);
+  const route = parseRoute(`#${hash}`);
+  if (
+    route.page === 'robots' &&
+    JSON.stringify(parseRoute(robotHref(...route.robots))) !== JSON.stringify(route)
+  )
+    throw new Error('a link to these robots leads elsewhere');
+  const query = queryOf(`#${hash}`);
+  const shared = readShared(query);
+  const again = readShared(queryOf(`#/${sharedQuery(readSettings(null), shared)}`));
+  if (again.joint !== shared.joint) throw new Error('a link to this joint names another');
+  readSettings(JSON.stringify(Object.fromEntries(query)));
+  chooseRelay('https://here.example/page/', search, readConfig(jsonOf(search)));
+  return parentOrigin(search);
+}
+
+function embedded(text: string): unknown {
+  readConfig(jsonOf(text));
+  readSettings(text);
+  return readWish(jsonOf(text));
+}
+
+function events(bytes: Uint8Array): unknown {
+  const reader = new EventReader();
+  const half = bytes.length >> 1;
+  const found = [...reader.read(bytes.subarray(0, half)), ...reader.read(bytes.subarray(half))];
+  const whole = new EventReader().read(bytes);
+  if (JSON.stringify(found) !== JSON.stringify(whole)) throw new Error('in two pieces it reads otherwise');
+  return found.map(({ name, data }) => (name === 'frame' ? frameBytes(data) : parseRelayMessage(data)));
+}
+
+/** What a database streams of a robot, read a tenth of a second apart. */
+function mirror(bytes: Uint8Array): unknown {
+  const reader = new MirrorReader(1);
+  return new EventReader().read(bytes).map((event, i) => {
+    reader.tick(100 * i);
+    return reader.read(100 * i, event);
+  });
+}

@@ -1,0 +1,1 @@
+"""Readers of strangers' bytes, by who reads them."""

@@ -1,0 +1,175 @@
+"""Robots' bodies as an edge reads them: URDF (as the page does), and meshes."""
+
+from __future__ import annotations
+
+import io
+import re
+import struct
+from collections.abc import Callable
+from typing import Any
+
+from posecast_edge.model.collada import read_collada
+from posecast_edge.model.doctor import examine
+from posecast_edge.model.finding import Finding, ModelRefused
+from posecast_edge.model.gltf_reader import read_gltf
+from posecast_edge.model.mesh import Mesh, checked
+from posecast_edge.model.obj import read_obj
+from posecast_edge.model.stl import read_stl
+from posecast_edge.model.tree import build_tree
+from posecast_edge.model.urdf import Geometry, Material, Pose, Shape, Urdf
+from posecast_edge.model.urdf_reader import read_urdf
+from posecast_edge.model.vertex_colour import by_colours
+from posecast_edge.profile_new import profile_text
+from posecast_edge.profile_reader import ProfileError, parse_profile
+
+from fuzz.differ import agree
+from fuzz.page_reader import ask
+from fuzz.target import Differs, Target
+
+ENCODING = re.compile(rb"<\?xml[^>]*encoding\s*=\s*[\"'](?!utf-8)", re.IGNORECASE)
+
+
+def urdf(data: bytes) -> None:
+    """The same verdict, and the same robot. Only what is UTF-8: the page reads nothing else."""
+    try:
+        data.decode()
+    except UnicodeDecodeError:
+        read_urdf(io.BytesIO(data))
+        return
+    if ENCODING.search(data) or b"\0" in data:
+        read_urdf(io.BytesIO(data))
+        return
+    agree(lambda: read_urdf(io.BytesIO(data)), lambda: ask("urdf", data), (ModelRefused,), shown_urdf)
+
+
+def body(data: bytes) -> None:
+    """What is made of a URDF: its tree, what the doctor says, a profile that can be read."""
+    found = read_urdf(io.BytesIO(data))
+    tree = build_tree(found)
+    for finding in examine(found, tree, {}):
+        said = finding.words("robot.urdf")
+        if not said.isprintable() or len(said) > 600:
+            raise Differs(f"the doctor says {said[:100].encode('ascii', 'backslashreplace').decode()}")
+    try:
+        text = profile_text(found, "robot.urdf")
+    except (ModelRefused, ProfileError):
+        return
+    parse_profile(text)
+
+
+def mesh_of(read: Callable[[bytes], Mesh]) -> Callable[[bytes], None]:
+    """A case of a mesh, looked at as a build does."""
+
+    def call(data: bytes) -> None:
+        by_colours(checked(read(data)).surfaces)
+
+    return call
+
+
+def nothing(name: str) -> bytes:
+    """The files beside a mesh: there is a material library, else none."""
+    if name.endswith(".mtl"):
+        return b"newmtl m\nKd 1 0.5 0\nd 0.5\nmap_Kd -s 1 1 1 a.png\n"
+    raise ModelRefused("no such file")
+
+
+def as_glb(data: bytes) -> bytes:
+    """JSON, a zero byte and the data it names, put into one file with the right lengths."""
+    text, zero, binary = data.partition(b"\0")
+    if not zero or data[:4] == b"glTF":
+        return data
+    text += b" " * (-len(text) % 4)
+    binary += b"\0" * (-len(binary) % 4)
+    chunks = (
+        struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(binary), b"BIN\0") + binary
+    )
+    return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
+
+
+def library(data: bytes) -> Mesh:
+    """A material library."""
+    cube = b"mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl m\nf 1 2 3\n"
+    return read_obj(cube, lambda _: data)
+
+
+def shown_urdf(found: Urdf) -> dict[str, Any]:
+    """As the page's reader has it."""
+    return {
+        "name": found.name,
+        "links": [
+            {
+                "name": link.name,
+                "visuals": [_shape(shape) for shape in link.visuals],
+                "inertial": link.inertial
+                and {
+                    "mass": link.inertial.mass,
+                    "moments": link.inertial.inertia,
+                    "line": link.inertial.line,
+                },
+                "line": link.line,
+            }
+            for link in found.links
+        ],
+        "joints": [
+            {
+                "name": joint.name,
+                "type": joint.type,
+                "parent": joint.parent,
+                "child": joint.child,
+                **_pose(joint.pose),
+                "axis": joint.axis,
+                "limit": joint.limit and dict(vars(joint.limit)),
+                "mimic": joint.mimic and {"joint": joint.mimic.joint, "line": joint.mimic.line},
+                "line": joint.line,
+            }
+            for joint in found.joints
+        ],
+        "materials": {name: _material(material) for name, material in found.materials.items()},
+        "sensors": [{"name": one.name, "link": one.link, "line": one.line} for one in found.sensors],
+        "references": [dict(vars(reference)) for reference in found.references],
+        "findings": [_finding(finding) for finding in found.findings],
+    }
+
+
+def _shape(shape: Shape) -> dict[str, Any]:
+    return {
+        **_pose(shape.pose),
+        "shape": shape.geometry and _geometry(shape.geometry),
+        "material": shape.material and _material(shape.material),
+        "line": shape.line,
+    }
+
+
+def _geometry(geometry: Geometry) -> dict[str, Any]:
+    return {
+        "kind": geometry.kind,
+        "uri": geometry.uri,
+        "scale": geometry.scale,
+        "dims": geometry.dims,
+        "line": geometry.line,
+    }
+
+
+def _material(material: Material) -> dict[str, Any]:
+    return {"name": material.name, "rgba": material.rgba, "texture": material.texture, "line": material.line}
+
+
+def _pose(pose: Pose) -> dict[str, Any]:
+    return {"xyz": pose.xyz, "rpy": pose.rpy}
+
+
+def _finding(finding: Finding) -> dict[str, Any]:
+    return {"severity": finding.severity, "code": finding.code, "text": finding.text, "line": finding.line}
+
+
+REFUSES = (ModelRefused,)
+
+TARGETS = (
+    Target("urdf", urdf, REFUSES, stretched=1 << 17, page=True),
+    Target("body", body, REFUSES, corpus="urdf"),
+    Target("stl", mesh_of(read_stl), REFUSES),
+    Target("obj", mesh_of(lambda data: read_obj(data, nothing, True)), REFUSES),
+    Target("mtl", mesh_of(library), REFUSES),
+    Target("gltf", mesh_of(lambda data: read_gltf(as_glb(data), nothing)), REFUSES),
+    Target("collada", mesh_of(lambda data: read_collada(data, nothing)), REFUSES),
+)

@@ -1,0 +1,165 @@
+"""What a relay reads: of edges, of viewers' requests, of other relays, of its own file."""
+
+from __future__ import annotations
+
+import asyncio
+import functools
+import hashlib
+import json
+
+from posecast_relay.adapters.addresses import networks, real_address
+from posecast_relay.adapters.asked import BadRequest, NoSuchStream, bearer, read_target
+from posecast_relay.adapters.models import Absent, Models, Unavailable
+from posecast_relay.adapters.origins import may_show
+from posecast_relay.adapters.relayed import pack, unpack, unpack_state
+from posecast_relay.core.limits import Limits
+from posecast_relay.core.said import edge_said
+from posecast_relay.core.share_link import make_link, read_link
+from posecast_relay.core.stream import Stream
+from posecast_relay.robots_file import RobotsError, read_robots
+from posecast_wire import Snapshot
+
+from fuzz.differ import difference
+from fuzz.page_reader import ask
+from fuzz.scratch import file_of
+from fuzz.target import Differs, Target
+
+LIMITS = Limits()
+PROXIES = networks("10.0.0.0/8, ::1")
+ORIGINS = ("https://course.example",)
+KEY = "k" * 43
+NOW_S = 1_800_000_000.25
+
+
+def said(data: bytes) -> None:
+    """What a relay takes of an edge reaches the page as it was said."""
+    doc = edge_said(data, LIMITS)
+    if doc is None:
+        return
+    if doc["type"] == "event":
+        stream = Stream("demo", "public", LIMITS)
+        text = stream.number(doc, NOW_S).text
+        seen = ask("message", text.encode())
+        wanted = {name: doc[name] for name in ("type", "t", "level", "source", "text", "state")}
+        apart = difference(wanted | {"n": 1, "at": NOW_S}, seen)
+    else:
+        seen = ask("message", json.dumps(doc).encode())
+        apart = difference({name: doc[name] for name in ("type", "kv", "hash") if name in doc}, seen)
+        if doc["type"] == "model":
+            apart = difference(doc["hash"], seen and seen.get("hash"))
+    if apart is not None:
+        raise Differs(f"the page sees another {doc['type']}: {apart}")
+
+
+def absorbed(data: bytes) -> None:
+    """A snapshot is taken as a whole or changes nothing; what is taken can be told to viewers."""
+    snapshot = Snapshot.unpack(data)
+    stream = Stream("demo", "public", LIMITS)
+    try:
+        stream.absorb(snapshot, 1, 0.0)
+    except ValueError:
+        if (stream.version, stream.schema, stream.key, stream.info) != (0, None, None, {}):
+            raise Differs("refused, and yet something changed") from None
+        raise
+    stream.described(0)
+    json.dumps(stream.info, ensure_ascii=False).encode()
+
+
+def relayed(data: bytes) -> None:
+    """What is taken can be packed, and is then the same."""
+    packed = pack(unpack(data))
+    if pack(unpack(packed)) != packed:
+        raise Differs("packed it is another")
+
+
+def state(data: bytes) -> None:
+    """A hash of Redis: lines `name=value`, each ended by a zero byte."""
+    entries = [entry.partition(b"=") for entry in data.split(b"\0")]
+    found = unpack_state({name: value for name, _, value in entries})
+    found.snapshot.pack()
+
+
+def request(data: bytes) -> None:
+    """A request's target, as latin-1, as HTTP has it."""
+    found = read_target(data.decode("latin-1"))
+    found.check()
+    if not 0 <= found.hz <= 1000:
+        raise Differs(f"{found.hz} Hz")
+
+
+def headers(data: bytes) -> None:
+    """Lines: X-Forwarded-For, Authorization, Origin, Host."""
+    lines = [*data.decode("latin-1").split("\n"), "", "", "", ""]
+    if "," in real_address("10.1.2.3", lines[0], PROXIES):
+        raise Differs("a list as an address")
+    real_address(lines[0], lines[1], PROXIES)
+    token = bearer(lines[1])
+    if token is not None:
+        read_link(token, {"demo": KEY}, NOW_S)
+    if may_show(lines[2], lines[3], ORIGINS) and lines[2] not in ORIGINS:
+        origin, _, host = lines[2].partition("://")
+        if origin not in ("http", "https") or host != lines[3]:
+            raise Differs("another page may show it")
+
+
+def link(data: bytes) -> None:
+    """A share link: only the one that was signed is good."""
+    good = make_link(KEY, "demo", int(NOW_S) + 10, "abcdefgh")
+    text = data.decode("utf-8", "replace")
+    if read_link(text, {"demo": KEY}, NOW_S) is not None and text != good:
+        raise Differs("a forged link")
+
+
+def robots(data: bytes) -> None:
+    """The file of `--robots`."""
+    found = read_robots(file_of(data, "robots.toml"))
+    found.secrets(NOW_S)
+    found.link_keys()
+    found.policy()
+
+
+class _OneManifest:
+    """A ModelSource that has this manifest and no file."""
+
+    def __init__(self, data: bytes) -> None:
+        self._data = data
+
+    def offers(self, robot: str, digest: str) -> bool:  # noqa: ARG002
+        return True
+
+    async def manifest(self, robot: str, digest: str) -> bytes:  # noqa: ARG002
+        return self._data
+
+    async def read(self, robot: str, digest: str, sha256: str, off: int, size: int) -> bytes:  # noqa: ARG002
+        return b""
+
+
+@functools.cache
+def loop() -> asyncio.Runner:
+    """One for all cases: to make one takes longer than a case."""
+    return asyncio.Runner()
+
+
+def manifest(data: bytes) -> None:
+    """A model's manifest, and a file that it names."""
+    digest = hashlib.sha256(data).hexdigest()
+
+    async def read() -> None:
+        models = Models(_OneManifest(data), 1 << 20)
+        for path in [*await models.entries("demo", digest)][:3]:
+            await models.file("demo", digest, path)
+
+    loop().run(read())
+
+
+TARGETS = (
+    Target("edge-said", said, stretched=1 << 15, page=True),
+    Target("absorbed", absorbed, (ValueError,), stretched=1 << 18, corpus="snapshot"),
+    Target("relayed", relayed, (ValueError,), stretched=1 << 18),
+    Target("relayed-state", state, (ValueError,), stretched=1 << 18),
+    Target("request", request, (BadRequest, NoSuchStream)),
+    Target("headers", headers),
+    Target("link", link),
+    Target("robots-file", robots, (RobotsError,), stretched=1 << 17),
+    Target("model-manifest", manifest, (Unavailable, Absent), stretched=1 << 18, corpus="manifest"),
+)

@@ -1,0 +1,222 @@
+"""What an edge reads of robots: lines, tables, recordings, messages; and its profile.
+
+Good samples go all the way to frames and a snapshot.
+"""
+
+from __future__ import annotations
+
+import functools
+import itertools
+import json
+from collections.abc import Iterable
+
+from posecast_edge.profile import Profile
+from posecast_edge.profile_reader import ProfileError, load_profile, parse_profile
+from posecast_edge.schema_build import profile_of, schema_text
+from posecast_edge.sources import Sample, SourceError
+from posecast_edge.sources.ach_channel import Channel, ChannelError
+from posecast_edge.sources.achd_protocol import Conversation, ProtocolError
+from posecast_edge.sources.csv import Table
+from posecast_edge.sources.hubo_state import Decoder as HuboDecoder
+from posecast_edge.sources.hubo_state import UnknownFrame
+from posecast_edge.sources.jsonl import LineError, parse_line
+from posecast_edge.sources.mcap import McapFile
+from posecast_edge.sources.ros_cdr import CdrReader
+from posecast_edge.sources.ros_merge import Merge
+from posecast_edge.sources.ros_messages import STRING, MessageError, read_message, text_of
+from posecast_edge.sources.ros_topics import TYPES, Routes
+from posecast_edge.sources.rosbridge_protocol import Ear, Publish
+from posecast_edge.sources.rosbridge_protocol import ProtocolError as RosbridgeError
+from posecast_edge.sources.trajectory import open_source as open_trajectory
+from posecast_edge.stream import Stream
+from posecast_edge.text_guard import TextGuard
+from posecast_wire import Decoder, SchemaError, Snapshot
+
+from fuzz.scratch import file_of
+from fuzz.target import SAID_MAX, Differs, Target
+
+SAMPLES_MAX = 200  # of one case
+ROS_TYPES = sorted(TYPES)
+WALK = """
+[robot]
+name = "walker"
+[labels]
+joint = ["a", "b", "c"]
+[[fields]]
+name = "ref"
+[[fields]]
+name = "pos"
+[trajectory]
+columns = ["a", "b", "-", "c"]
+rate_hz = 100
+unit = "deg"
+lag_s = 0.01
+"""
+
+
+def hear(line: str) -> None:
+    """What is said about bad input: a line that can be shown."""
+    if len(line) > SAID_MAX or not line.isprintable():
+        raise Differs(f"it says {line[:100]!a}")
+
+
+def drop(_text: str) -> None:
+    """A robot_description that nobody wants."""
+
+
+def shown(samples: Iterable[Sample], profile: Profile | None = None) -> None:
+    """Samples as an agent treats them: the schema of the first, then frames that a decoder reads."""
+    stream: Stream | None = None
+    guard = TextGuard(hear)
+    decoder = Decoder()
+    for i, sample in enumerate(itertools.islice(samples, SAMPLES_MAX)):
+        now_s = i / 30
+        sample = guard.clean(sample, now_s)  # noqa: PLW2901 - as an agent does
+        if stream is None:
+            made = profile or profile_of("demo", guard.clean_names(sample, now_s))
+            stream = Stream(made, 4.0, hear)
+            decoder.add_schema(stream.schema.text)
+        events = stream.deliver(sample, now_s)
+        json.dumps([[e.level, e.source, e.text, e.on] for e in events], ensure_ascii=False).encode()
+        frame = stream.tick(now_s)
+        if frame is not None and decoder.decode(frame.data).seq != frame.seq:
+            raise Differs("a frame reads as another")
+    snapshot = stream.snapshot(None, SAMPLES_MAX) if stream else None
+    if snapshot is not None and Snapshot.unpack(snapshot.pack()) != snapshot:
+        raise Differs("a snapshot reads as another")
+
+
+def jsonl(data: bytes) -> None:
+    """Lines."""
+    found = []
+    refused: LineError | None = None
+    for line in data.split(b"\n")[:SAMPLES_MAX]:
+        try:
+            sample, wrong = parse_line(line, 12.5, "line")
+            found.append(sample)
+            for text in wrong:
+                hear(text)
+        except LineError as e:
+            refused = e
+    shown(found)
+    if refused is not None:
+        raise refused
+
+
+def csv(data: bytes) -> None:
+    """A table."""
+    shown(Table(file_of(data, "table.csv"), None).samples(0.0, True))
+
+
+def mcap(data: bytes) -> None:
+    """A recording."""
+    recording = McapFile(file_of(data, "recording.mcap"), None)
+    recording.on_urdf = drop
+    shown(recording.samples(0.0, True))
+
+
+@functools.cache
+def walker() -> Profile:
+    """A profile for trajectories."""
+    return parse_profile(WALK)
+
+
+def trajectory(data: bytes) -> None:
+    """Rows of angles."""
+    source = open_trajectory(str(file_of(data, "walk.traj")), walker())
+    advance = getattr(source, "advance")  # noqa: B009 - Source promises less
+    samples = [advance(i / 100) for i in range(8)]
+    getattr(source, "_file").close()  # noqa: B009
+    shown([sample for sample in samples if sample is not None], walker())
+
+
+def profile(data: bytes) -> None:
+    """A profile; what is taken makes a schema that says as much."""
+    file = file_of(data, "robot.toml")
+    found = load_profile(file)
+    Stream(found, 4.0, hear)
+    schema_text(found)
+
+
+def achd(data: bytes) -> None:
+    """A server's bytes, in pieces of as many as the first byte says."""
+    conversation, step = Conversation(), max(1, data[0]) if data else 1
+    for at in range(1, len(data), step):
+        conversation.feed(data[at : at + step])
+
+
+def ach(data: bytes) -> None:
+    """Shared memory, as a writer that went mad may leave it."""
+    channel = Channel(file_of(data, "channel"))
+    try:
+        channel.keep()
+        for frame in channel.fresh():
+            hubo(frame)
+    finally:
+        channel.close()
+
+
+def hubo(data: bytes) -> None:
+    """A frame of a hubo-ach channel."""
+    t_s, values = HuboDecoder(None).decode(data)
+    shown([Sample(t_s, {name: values[name] for name in values})])
+
+
+@functools.cache
+def cdr_reader() -> CdrReader:
+    """To make one takes a while."""
+    return CdrReader()
+
+
+def cdr(data: bytes) -> None:
+    """The first byte says which type, the rest is the message."""
+    name = ROS_TYPES[data[0] % len(ROS_TYPES)] if data else STRING
+    ros_message(name, cdr_reader().read(name, data[1:]))
+
+
+def ros_message(name: str, message: object) -> None:
+    """A message of any encoding."""
+    if name == STRING:
+        text_of(message)
+        return
+    report = read_message(name, message)
+    merge = Merge(True, hear)
+    merge.take("/topic", "pos", name, report, 1.0)
+    sample = merge.sample(1.0)
+    if sample is not None:
+        shown([sample])
+
+
+def rosbridge(data: bytes) -> None:
+    """Messages, each on a line if it begins with text; CBOR else."""
+    ear, routes = Ear(), Routes(None)
+    text = data[:1] in (b"{", b"[", b'"', b" ", b"\n")
+    parts: list[str | bytes] = [*data.decode("utf-8", "replace").split("\n")] if text else [data]
+    refused: Exception | None = None
+    for part in parts[:SAMPLES_MAX]:
+        try:
+            heard = ear.feed(part)
+            if isinstance(heard, Publish):
+                for name in ROS_TYPES:
+                    if routes.of(heard.topic, name) is not None:
+                        ros_message(name, heard.message)
+        except (RosbridgeError, MessageError, *DOWNSTREAM) as e:
+            refused = e
+    if refused is not None:
+        raise refused
+
+
+DOWNSTREAM = (SourceError, SchemaError)  # a first sample that no schema can be made of
+
+TARGETS = (
+    Target("jsonl", jsonl, (LineError, *DOWNSTREAM), stretched=1 << 16),
+    Target("csv", csv, DOWNSTREAM, stretched=1 << 17),
+    Target("mcap", mcap, DOWNSTREAM),
+    Target("trajectory", trajectory, DOWNSTREAM),
+    Target("profile", profile, (ProfileError, SchemaError)),
+    Target("achd", achd, (ProtocolError,)),
+    Target("ach", ach, (ChannelError, UnknownFrame, *DOWNSTREAM)),
+    Target("hubo", hubo, (UnknownFrame, *DOWNSTREAM)),
+    Target("ros-cdr", cdr, (MessageError, *DOWNSTREAM)),
+    Target("rosbridge", rosbridge, (RosbridgeError, MessageError, *DOWNSTREAM), stretched=1 << 17),
+)

@@ -1,0 +1,206 @@
+"""The wire format: two implementations, which must agree."""
+
+from __future__ import annotations
+
+import struct
+from typing import Any
+
+from posecast_wire import (
+    Ack,
+    Auth,
+    Credential,
+    Decoder,
+    Echo,
+    Frame,
+    FrameError,
+    MessageError,
+    Rate,
+    Schema,
+    SchemaError,
+    Snapshot,
+    frame_id,
+    joint_values,
+    parse_viewer_message,
+)
+from posecast_wire.credential import SECRET
+from posecast_wire.frame import TAG_KEY
+from posecast_wire.mapping import JointMap, Mapping, SensorMount, Threshold
+
+from fuzz.differ import agree, difference
+from fuzz.page_reader import ask
+from fuzz.target import Differs, Target
+
+FRAMES_MAX = 32  # of one case
+# Bounds of Python's JSON. They hold also within a member that a later one of its name replaces: that one
+# JavaScript never sees.
+ALONE = ("Exceeds the limit", "nested too deeply")
+
+
+def schema(data: bytes) -> None:
+    """The same verdict, and the same schema."""
+    text = data.decode("utf-8", "replace")
+    encoded = text.encode()
+    agree(lambda: Schema.parse(text), lambda: ask("schema", encoded), (SchemaError,), shown_schema, ALONE)
+
+
+def mapping(data: bytes) -> None:
+    """A schema, a line end, codes: the joints stand where they stand in the page."""
+    head, _, tail = data.partition(b"\n")
+    text = head.decode("utf-8", "replace")
+
+    def joints() -> dict[str, dict[str, float]]:
+        found = Schema.parse(text)
+        codes = codes_in(tail, found.size)
+        return {name: joint_values(found, codes, name) for name in ("pos", "ref")}
+
+    agree(joints, lambda: ask("mapping", text.encode() + b"\n" + tail), (SchemaError,), dict, ALONE)
+
+
+def codes_in(data: bytes, size: int) -> list[int]:
+    """29 bits of each 32; 0 where the bytes end."""
+    whole = data[: len(data) // 4 * 4][: 4 * size]
+    codes = [code >> 3 for (code,) in struct.iter_unpack("<i", whole)]
+    return codes + [0] * (size - len(codes))
+
+
+def frames(data: bytes) -> None:
+    """A schema, a line end, and frames: both decoders say the same of each.
+
+    Each frame stands after a byte that says whose id it gets (so that changed bases are found again: 1 the
+    schema's or the newest KEY's, 2 the newest REF's, else its own) and its length in two.
+    """
+    head, _, tail = data.partition(b"\n")
+    text = head.decode("utf-8", "replace")
+    decoder = Decoder()
+    try:
+        schema_id = decoder.add_schema(text).id
+    except SchemaError:
+        return
+    key_id = ref_id = 0
+    sent: list[bytes] = []
+    said: list[Any] = []
+    at = 0
+    while at + 3 <= len(tail) and len(sent) < FRAMES_MAX:
+        whose, size = struct.unpack_from("<BH", tail, at)
+        frame = tail[at + 3 : at + 3 + size]
+        at += 3 + size
+        is_key = frame[:1] == bytes((TAG_KEY,))
+        if len(frame) > 5 and whose in (1, 2):
+            known = schema_id if is_key else key_id if whose == 1 else ref_id
+            frame = frame[:1] + known.to_bytes(4, "little") + frame[5:]
+        sent.append(frame)
+        try:
+            said.append(shown_frame(decoder.decode(frame), frame))
+        except FrameError as e:
+            said.append(type(e).__name__)
+            continue
+        key_id = frame_id(frame) if is_key else key_id
+        ref_id = frame_id(frame) if frame[0] & 2 else ref_id
+    script = b"".join(struct.pack("<H", len(frame)) + frame for frame in sent)
+    apart = difference(said, ask("frames", text.encode() + b"\n" + script), "frames")
+    if apart is not None:
+        raise Differs(apart)
+
+
+def viewer_message(data: bytes) -> None:
+    """One of four, its numbers in range; as text and as bytes the same."""
+    try:
+        found = parse_viewer_message(data)
+    except MessageError as e:
+        if not 1000 <= e.close <= 4999:
+            raise Differs("no close code") from e
+        raise
+    if isinstance(found, Rate):
+        fits = found.hz == 0 or 0.1 <= found.hz <= 1000
+    elif isinstance(found, Ack):
+        fits = type(found.n) is int and 0 <= found.n < 1 << 53
+    else:
+        fits = bool(found.token) if isinstance(found, Auth) else abs(found.t) < 1 << 53
+    if not fits:
+        raise Differs(f"out of range: {found}")
+    if parse_viewer_message(data.decode()) != found:
+        raise Differs("as text it is another")
+
+
+def snapshot(data: bytes) -> None:
+    """What is taken can be packed, and is then the same."""
+    found = Snapshot.unpack(data)
+    if Snapshot.unpack(found.pack()) != found:
+        raise Differs("packed it is another")
+
+
+def echo(data: bytes) -> None:
+    """Likewise."""
+    found = Echo.unpack(data)
+    if Echo.unpack(found.pack()) != found:
+        raise Differs("packed it is another")
+
+
+def credential(data: bytes) -> None:
+    """Likewise; the secret is never quoted."""
+    text = data.decode("utf-8", "replace")
+    try:
+        found = Credential.parse(text)
+    except ValueError as e:
+        if any(SECRET.fullmatch(word) and word in str(e) for word in text.split(":")):
+            raise Differs("the refusal quotes what may be the secret") from e
+        raise
+    if found.ca is None and Credential.parse(found.line()) != found:
+        raise Differs("written it is another")
+
+
+def shown_schema(found: Schema) -> dict[str, Any]:
+    """As page/targets.ts shows it."""
+    fields = [
+        {
+            "name": f.name, "labels": f.labels, "labelSet": f.label_set, "unit": f.unit, "scale": f.scale,
+            "rel": f.rel, "bits": f.bits, "slow": f.slow, "start": f.start, "size": f.size,
+        }
+        for f in found.fields
+    ]  # fmt: skip
+    mapping = shown_mapping(found.mapping)
+    return {"id": found.id, "robot": found.robot, "fields": fields, "size": found.size, "mapping": mapping}
+
+
+def shown_mapping(found: Mapping) -> dict[str, Any]:
+    """Likewise."""
+    return {
+        "joints": {name: _joint(joint) for name, joint in found.joints.items()},
+        "sensors": {name: _sensor(sensor) for name, sensor in found.sensors.items()},
+        "names": dict(found.names),
+        "thresholds": {
+            name: {label: _threshold(one) for label, one in of.items()}
+            for name, of in found.thresholds.items()
+        },
+        "tolerances": dict(found.tolerances),
+        "severities": {name: dict(of) for name, of in found.severities.items()},
+        "units": {name: dict(of) for name, of in found.units.items()},
+    }
+
+
+def _joint(joint: JointMap) -> dict[str, Any]:
+    return {"terms": joint.terms, "offset": joint.offset}
+
+
+def _sensor(sensor: SensorMount) -> dict[str, Any]:
+    return {name: getattr(sensor, name) for name in ("kind", "name", "link", "xyz", "rpy")}
+
+
+def _threshold(threshold: Threshold) -> dict[str, Any]:
+    return {"low": threshold.low, "high": threshold.high, "caution": threshold.caution}
+
+
+def shown_frame(found: Frame, frame: bytes) -> list[Any]:
+    """Likewise."""
+    return [found.seq, found.t_s, found.codes, frame_id(frame)]
+
+
+TARGETS = (
+    Target("schema", schema, (SchemaError,), stretched=1 << 18, page=True),
+    Target("mapping", mapping, (SchemaError,), stretched=1 << 17, page=True),
+    Target("frames", frames, stretched=1 << 17, page=True),
+    Target("viewer-message", viewer_message, (MessageError,), stretched=4096),
+    Target("snapshot", snapshot, (ValueError,), stretched=1 << 18),
+    Target("echo", echo, (ValueError,)),
+    Target("credential", credential, (ValueError,), stretched=1 << 15),
+)

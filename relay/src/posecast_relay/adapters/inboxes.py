@@ -1,0 +1,104 @@
+"""What robots have sent and the loop has not taken in yet: an inbox for each, bounded, emptied in turns."""
+
+from __future__ import annotations
+
+import threading
+from collections import Counter, OrderedDict, deque
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+MESSAGES_MAX = 512  # in one inbox; then its oldest go
+BYTES_MAX = 1 << 21  # likewise: room for one of the largest messages that come through the door
+ROBOTS_MAX = 4096  # inboxes at once; messages of further robots are dropped
+OTHERS = ""  # under which the messages of those are counted
+
+
+@dataclass(slots=True)
+class Message:
+    """Something to take in. `take_in` is called on the loop, and takes as long as `cost` frames.
+
+    `is_frame`: a newer one makes up for it.
+    """
+
+    take_in: Callable[[], None]
+    size: int
+    is_frame: bool = False
+    cost: int = 1
+
+
+@dataclass(slots=True)
+class _Inbox:
+    messages: deque[Message] = field(default_factory=deque)
+    size: int = 0
+
+
+class Inboxes:
+    """Filled by Zenoh's threads, emptied by the loop. A robot that floods loses what is its own."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._waiting: OrderedDict[str, _Inbox] = OrderedDict()  # none of them empty; the next one first
+        self._closed_until: dict[str, float] = {}  # to frames
+        self._lost: Counter[str] = Counter()  # by robot
+
+    def put(self, robot: str, message: Message, now: float) -> None:
+        """Keep a message until its robot's turn comes; the oldest go for it where there is no room."""
+        with self._lock:
+            if message.is_frame and robot in self._closed_until:
+                if now < self._closed_until[robot]:
+                    self._lost[robot] += 1
+                    return
+                del self._closed_until[robot]
+            inbox = self._waiting.get(robot)
+            if inbox is None:
+                if len(self._waiting) >= ROBOTS_MAX:
+                    self._lost[OTHERS] += 1
+                    return
+                inbox = self._waiting[robot] = _Inbox()
+            inbox.messages.append(message)
+            inbox.size += message.size
+            while len(inbox.messages) > MESSAGES_MAX or (inbox.size > BYTES_MAX and len(inbox.messages) > 1):
+                inbox.size -= inbox.messages.popleft().size
+                self._lost[robot] += 1
+
+    def pop(self) -> Message | None:
+        """The oldest message of the robot whose turn it is; then it is the next one's."""
+        with self._lock:
+            if not self._waiting:
+                return None
+            robot, inbox = next(iter(self._waiting.items()))
+            message = inbox.messages.popleft()
+            inbox.size -= message.size
+            if inbox.messages:
+                self._waiting.move_to_end(robot)
+            else:
+                del self._waiting[robot]
+            return message
+
+    def close(self, robot: str, until: float) -> None:
+        """Drop the frames of this robot, those that wait and those that come until then."""
+        with self._lock:
+            self._closed_until[robot] = until
+            inbox = self._waiting.get(robot)
+            if inbox is None:
+                return
+            kept = deque(m for m in inbox.messages if not m.is_frame)
+            self._lost[robot] += len(inbox.messages) - len(kept)
+            inbox.messages, inbox.size = kept, sum(m.size for m in kept)
+            if not kept:
+                del self._waiting[robot]
+
+    def open(self, now: float) -> None:
+        """Forget about closed inboxes whose moment has passed."""
+        with self._lock:
+            self._closed_until = {r: until for r, until in self._closed_until.items() if now < until}
+
+    def take_lost(self) -> Counter[str]:
+        """How many messages were dropped since the last call, by robot."""
+        with self._lock:
+            lost, self._lost = self._lost, Counter()
+            return lost
+
+    def __bool__(self) -> bool:
+        """Whether anything waits."""
+        return bool(self._waiting)

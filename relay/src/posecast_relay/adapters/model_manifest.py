@@ -1,0 +1,70 @@
+"""What a model's manifest says of its files. A robot wrote it, so nothing in it is believed unread."""
+
+from __future__ import annotations
+
+import re
+from typing import NamedTuple
+
+from posecast_wire.checked import loads
+
+BYTES_MAX = 1 << 20
+FILES_MAX = 4096
+FILE_BYTES_MAX = 1 << 30  # of one file, as a manifest may say; what a relay keeps is a setting
+MODEL_BYTES_MAX = 1 << 32  # of all files of a model
+PATH_MAX = 200  # characters
+# a path in an address: no way out of the model's own, and nothing that would have to be escaped there
+PATH = re.compile(r"(?!\.{1,2}(/|$))[\w@+=,~.-][\w @+=,~.-]*(/(?!\.{1,2}(/|$))[\w@+=,~.-][\w @+=,~.-]*)*")
+SHA256 = re.compile("[0-9a-f]{64}")
+TYPE = re.compile(r"[a-z]{1,40}/[a-z0-9.+-]{1,60}|")
+
+
+class ManifestError(ValueError):
+    """What is wrong with a manifest: one line that quotes nothing of it."""
+
+
+class Entry(NamedTuple):
+    """A file: its bytes are named by their SHA-256."""
+
+    sha256: str
+    size: int
+    type: str
+
+
+def read_manifest(data: bytes) -> dict[str, Entry]:
+    """The files by path. ManifestError; the cost is in proportion to the bytes."""
+    if len(data) > BYTES_MAX:
+        raise ManifestError(f"over {BYTES_MAX} bytes")
+    try:
+        document = loads(data.decode())
+    except ValueError:
+        raise ManifestError("not JSON") from None
+    listed = document.get("files") if isinstance(document, dict) else None
+    if not isinstance(listed, list) or len(listed) > FILES_MAX:
+        raise ManifestError(f"files: want a list of at most {FILES_MAX}")
+    found: dict[str, Entry] = {}
+    sizes: dict[str, int] = {}
+    for number, each in enumerate(listed):
+        path, entry = _entry(each, f"files[{number}]")
+        if path in found:
+            raise ManifestError(f"files[{number}]: its path stands there twice")
+        if sizes.setdefault(entry.sha256, entry.size) != entry.size:
+            raise ManifestError(f"files[{number}]: another size for the same bytes")
+        found[path] = entry
+    if sum(entry.size for entry in found.values()) > MODEL_BYTES_MAX:
+        raise ManifestError(f"files: over {MODEL_BYTES_MAX} bytes in all")
+    return found
+
+
+def _entry(doc: object, where: str) -> tuple[str, Entry]:
+    if not isinstance(doc, dict):
+        raise ManifestError(f"{where}: want an object")
+    path, size, sha256, kind = doc.get("path"), doc.get("size"), doc.get("sha256"), doc.get("type", "")
+    if not isinstance(path, str) or len(path) > PATH_MAX or PATH.fullmatch(path) is None:
+        raise ManifestError(f"{where}: path: want a relative one of at most {PATH_MAX} plain characters")
+    if type(size) is not int or not 0 <= size <= FILE_BYTES_MAX:
+        raise ManifestError(f"{where}: size: want a whole number from 0 to {FILE_BYTES_MAX}")
+    if not isinstance(sha256, str) or SHA256.fullmatch(sha256) is None:
+        raise ManifestError(f"{where}: sha256: want 64 hex digits")
+    if not isinstance(kind, str) or TYPE.fullmatch(kind) is None:
+        kind = ""
+    return path, Entry(sha256, size, kind)

@@ -1,0 +1,156 @@
+"""Bytes of models in this process, kept and under way: within one bound, and shared among robots.
+
+A robot may use all the room while nobody else needs it. Who needs some takes, in this order, what nobody has
+asked for lately, what is its own, and what robots hold that have more than it has: their kept files, then
+what is under way for them.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections import Counter, OrderedDict, deque
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+
+ENTRY_BYTES = 4096  # what each counts for beside its bytes, so that there are only so many
+IN_USE_S = 60.0  # what was asked for within this is left to robots that have no more than who needs room
+
+
+@dataclass
+class Kept:
+    """Something under a name that never means anything else."""
+
+    robot: str
+    value: object
+    size: int  # counted
+    asked_at: float
+
+
+@dataclass(eq=False)
+class Claim:
+    """Room for bytes that are under way. `give_up` is called when they must give way."""
+
+    robot: str
+    size: int  # counted
+    give_up: Callable[[], None] = field(repr=False)
+
+
+class ModelRoom:
+    """`most` bytes. Times are `now()`'s, in seconds."""
+
+    def __init__(self, most: int, now: Callable[[], float]) -> None:
+        self.most = most
+        self.used = 0
+        self._now = now
+        self._kept: OrderedDict[str, Kept] = OrderedDict()  # asked for longest ago first
+        self._claims: OrderedDict[Claim, None] = OrderedDict()  # the oldest first
+        self._sums: Counter[str] = Counter()  # bytes by robot, kept and under way
+        self._waiting: list[asyncio.Future[None]] = []
+
+    def get(self, name: str) -> object:
+        """What is kept under a name, or None; it was asked for now."""
+        kept = self._kept.get(name)
+        if kept is None:
+            return None
+        kept.asked_at = self._now()
+        self._kept.move_to_end(name)
+        return kept.value
+
+    def claim(self, robot: str, size: int, give_up: Callable[[], None]) -> Claim | None:
+        """Room for `size` more bytes of a robot; None when there is none just now: nothing was taken then."""
+        size += ENTRY_BYTES
+        lacking = self.used + size - self.most
+        if lacking > 0 and not self._take(robot, size, lacking):
+            return None
+        claim = Claim(robot, size, give_up)
+        self._claims[claim] = None
+        self._count(robot, size)
+        return claim
+
+    def release(self, claim: Claim) -> None:
+        """Nothing of it is under way any more; harmless when it has given way."""
+        if claim in self._claims:
+            del self._claims[claim]
+            self._count(claim.robot, -claim.size)
+            self._free()
+
+    def keep(self, claim: Claim, name: str, value: object, size: int) -> None:
+        """It is here, and takes no more than is left of its claim, which goes on for the rest."""
+        if claim not in self._claims:
+            return
+        size += ENTRY_BYTES
+        assert size <= claim.size
+        claim.size -= size
+        self._drop(name)
+        self._kept[name] = Kept(claim.robot, value, size, self._now())
+
+    async def freed(self) -> None:
+        """Return when something has gone."""
+        waiting = asyncio.get_running_loop().create_future()
+        self._waiting.append(waiting)
+        await waiting
+
+    def _take(self, robot: str, size: int, lacking: int) -> bool:
+        """Make room, if as much as is lacking can be taken."""
+        chosen: list[str | Claim] = []
+        for each, of in self._takeable(robot, size):
+            chosen.append(each)
+            lacking -= of
+            if lacking <= 0:
+                break
+        if lacking > 0:
+            return False
+        for each in chosen:
+            if isinstance(each, str):
+                self._drop(each)
+            else:
+                self.release(each)
+                each.give_up()
+        return True
+
+    def _takeable(self, robot: str, size: int) -> Iterator[tuple[str | Claim, int]]:
+        """In the order in which it goes, with its size. Who has most gives first, and while it has more."""
+        now, mine, left = self._now(), self._sums[robot] + size, Counter(self._sums)
+        files: dict[str, deque[str]] = {}
+        for name, kept in self._kept.items():
+            if now - kept.asked_at >= IN_USE_S:
+                left[kept.robot] -= kept.size
+                yield name, kept.size
+            else:
+                files.setdefault(kept.robot, deque()).append(name)
+        for name in files.pop(robot, ()):
+            yield name, self._kept[name].size
+        while files:
+            most = max(files, key=left.__getitem__)
+            if left[most] <= mine:
+                break
+            name = files[most].popleft()
+            left[most] -= self._kept[name].size
+            yield name, self._kept[name].size
+            if not files[most]:
+                del files[most]
+        claims = [claim for claim in reversed(self._claims) if claim.robot != robot]
+        while claims:
+            claim = max(claims, key=lambda claim: left[claim.robot])  # of one robot: its newest
+            if left[claim.robot] <= mine:
+                break
+            claims.remove(claim)
+            left[claim.robot] -= claim.size
+            yield claim, claim.size
+
+    def _drop(self, name: str) -> None:
+        kept = self._kept.pop(name, None)
+        if kept is not None:
+            self._count(kept.robot, -kept.size)
+
+    def _count(self, robot: str, size: int) -> None:
+        self.used += size
+        self._sums[robot] += size
+        if not self._sums[robot]:
+            del self._sums[robot]
+
+    def _free(self) -> None:
+        waiting, self._waiting = self._waiting, []
+        for each in waiting:
+            if not each.done():
+                each.set_result(None)

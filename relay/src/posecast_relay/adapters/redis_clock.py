@@ -1,0 +1,44 @@
+"""Redis's clock by this process's: all that share a Redis can so tell how long ago another wrote something.
+
+Hosts' clocks differ, and each process's own begins anywhere. Every exchange in which Redis says its time
+bounds the difference from both sides; the narrowest bounds hold until an exchange contradicts them, because
+one of the clocks was set or stood still.
+"""
+
+from __future__ import annotations
+
+ERROR_S = 0.05
+DRIFT = 1e-4  # two clocks part by up to 100 ppm
+
+
+class RedisClock:
+    """All times in seconds; `now`, `asked_at` and `answered_at` are this process's clock."""
+
+    def __init__(self) -> None:
+        self._least = float("-inf")  # of Redis's clock less this process's
+        self._most = float("inf")
+        self._seen_at = 0.0
+
+    def saw(self, redis_s: float, asked_at: float, answered_at: float) -> None:
+        """Redis said its time between these two moments."""
+        least, most = redis_s - answered_at, redis_s - asked_at
+        parted = DRIFT * max(0.0, answered_at - self._seen_at)
+        narrow = max(least, self._least - parted), min(most, self._most + parted)
+        self._least, self._most = narrow if narrow[0] <= narrow[1] else (least, most)
+        self._seen_at = answered_at
+
+    def at(self, now: float) -> float | None:
+        """Redis's time; None before it was ever seen."""
+        if self._most == float("inf"):
+            return None
+        return now + (self._least + self._most) / 2
+
+    def since(self, sent_s: float | None, now: float) -> float | None:
+        """How long ago something was written that carries this time; None when nobody knows."""
+        redis_s = self.at(now)
+        if redis_s is None or sent_s is None:
+            return None
+        error_s = self._most - self._least + ERROR_S  # of the writer's reckoning and of this one's
+        return (
+            max(0.0, redis_s - sent_s) if sent_s <= redis_s + error_s else None
+        )  # the clock has been set back

@@ -1,0 +1,101 @@
+"""One robot's share of the relay: how much it may send a second, so that no robot takes what is the others'.
+
+Who sends more loses frames of its own, is told so, and is within its share again as soon as it sends less.
+"""
+
+from __future__ import annotations
+
+from posecast_relay.core.limits import Limits
+
+BURST_S = 1.0  # a relay or link that stood still for so long lets all of it through at once
+OVER_FOR_S = 3.0  # after the last message that was dropped: a flood is one word, not a word per frame
+HASHED = 2  # a KEY or REF costs twice its bytes: it is hashed and kept
+
+
+class TokenBucket:
+    """`rate` a second, and as much as comes in BURST_S at once, but never less than `least`."""
+
+    def __init__(self, rate: float, least: float = 1.0) -> None:
+        self._rate = rate
+        self._burst = max(rate * BURST_S, least)
+        self._tokens = self._burst
+        self._filled_at = float("-inf")
+
+    def has(self, cost: float, now: float) -> bool:
+        """Whether `cost` could be taken now."""
+        if now > self._filled_at:
+            self._tokens = min(self._burst, self._tokens + (now - self._filled_at) * self._rate)
+            self._filled_at = now
+        return self._tokens >= cost
+
+    def take(self, cost: float) -> None:
+        """Take what `has` found there."""
+        self._tokens -= cost
+
+
+class Share:
+    """What one robot may send. `dropped` counts its messages that went beyond."""
+
+    def __init__(self, limits: Limits) -> None:
+        self._limits = limits
+        self._messages = TokenBucket(limits.robot_messages_per_s)
+        self._bytes = TokenBucket(limits.robot_bytes_per_s, least=HASHED * limits.frame_bytes)
+        self._events = TokenBucket(limits.robot_events_per_s, least=limits.robot_events_burst)
+        self._snapshot_bytes = TokenBucket(limits.snapshot_bytes_per_s, least=limits.snapshot_bytes_burst)
+        self._views: dict[str, TokenBucket] = {}
+        self.limit = ""  # that was exceeded last
+        self._over_until = float("-inf")
+        self.dropped = 0
+
+    def takes_frame(self, view: str, size: int, hashed: bool, now: float) -> bool:
+        """Whether a frame of `size` bytes is within the share; then it is counted against it."""
+        frames = self._views.get(view)
+        if frames is None:
+            frames = self._views[view] = TokenBucket(self._limits.view_frames_per_s)
+        cost = HASHED * size if hashed else size
+        if not frames.has(1, now):
+            return self._drop(f"{self._limits.view_frames_per_s:g} frames a second in a view", now)
+        if not self.takes_message(cost, now):
+            return False
+        frames.take(1)
+        return True
+
+    def takes_message(self, size: float, now: float) -> bool:
+        """The same for anything else that it sends by itself."""
+        if not self._messages.has(1, now):
+            return self._drop(f"{self._limits.robot_messages_per_s:g} messages a second", now)
+        if not self._bytes.has(size, now):
+            return self._drop(f"{self._limits.robot_bytes_per_s:,.0f} bytes a second", now)
+        self._messages.take(1)
+        self._bytes.take(size)
+        return True
+
+    def takes_event(self, size: float, now: float) -> bool:
+        """The same for what is told to every viewer at once: an event, its info or model."""
+        if not self._events.has(1, now):
+            return self._drop(f"{self._limits.robot_events_per_s:g} events a second", now)
+        if not self.takes_message(size, now):
+            return False
+        self._events.take(1)
+        return True
+
+    def takes_snapshot(self, size: int, now: float) -> bool:
+        """The same for an answer, which costs more: its schema is parsed."""
+        if not self._snapshot_bytes.has(size, now):
+            return self._drop(f"{self._limits.snapshot_bytes_per_s:,.0f} bytes of snapshots a second", now)
+        self._snapshot_bytes.take(size)
+        return True
+
+    def lose(self, count: int, reason: str, now: float) -> None:
+        """Count messages that were dropped before they came here: more waited than there is room for."""
+        self.dropped += count
+        self.limit = reason
+        self._over_until = now + OVER_FOR_S
+
+    def over(self, now: float) -> str:
+        """Of what it sends more than its share at present, and how much is allowed; "" when of nothing."""
+        return f"more than {self.limit}" if now < self._over_until else ""
+
+    def _drop(self, reason: str, now: float) -> bool:
+        self.lose(1, reason, now)
+        return False

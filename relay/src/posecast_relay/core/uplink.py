@@ -1,0 +1,161 @@
+"""What comes in from edges: frames, snapshots, events, tokens. Each is taken in or counted."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import cast
+
+from posecast_wire import Snapshot, Stamp
+from posecast_wire.frame import REF
+
+from posecast_relay.core.actions import Action, Keep
+from posecast_relay.core.histogram import Histogram
+from posecast_relay.core.limits import Limits
+from posecast_relay.core.robot import Robot
+from posecast_relay.core.room import Room
+from posecast_relay.core.roster import Roster
+from posecast_relay.core.said import edge_said
+from posecast_relay.core.stream import Fate
+
+
+class Uplink(Roster):
+    """The publishers' half of the hub."""
+
+    def __init__(self, limits: Limits) -> None:
+        super().__init__(limits)
+        self.fates: Counter[str] = Counter()  # of messages from edges
+        self.lateness = Histogram()  # of frames from edges, as they came in
+
+    def edge_frame(self, robot: str, view: str, payload: bytes, stamp: Stamp, now: float) -> Fate:
+        """Take a frame in from an edge itself, where that is within its robot's share."""
+        found = self.publisher(robot, view)
+        hashed = len(payload) > 0 and bool(payload[0] & REF)
+        if found is not None and not found[0].share.takes_frame(view, len(payload), hashed, now):
+            self.fates[Fate.OVER_SHARE.value] += 1
+            return Fate.OVER_SHARE
+        return self.frame(robot, view, payload, stamp, now)
+
+    def frame(
+        self, robot: str, view: str, payload: bytes, stamp: Stamp, now: float, late_s: float = 0.0
+    ) -> Fate:
+        """Take a frame in; `flush` then hands out the newest. `late_s`: as late as another relay found it."""
+        found = self.publisher(robot, view)
+        if found is None:
+            fate = Fate.CROWDED
+        else:
+            of, room = found
+            fate = of.frame(room, payload, stamp, now, late_s)
+            if fate is Fate.TAKEN:
+                self.changed[room] = None
+                self.lateness.add(of.runs.lateness_s)
+            if of.lacking:
+                self.ask_about(of)
+        self.fates[fate.value] += 1
+        return fate
+
+    def check_snapshot(self, robot: str, size: int, now: float) -> None:
+        """Before it is parsed. Raises ValueError when an edge's answer is beyond its share of bytes."""
+        of = self.robots.get(robot)
+        if of is None:
+            raise ValueError("snapshot: of a robot that is not here")
+        if not of.share.takes_snapshot(size, now):
+            raise ValueError(f"snapshot: {size} bytes, more than this robot's share")
+
+    def snapshot(
+        self,
+        robot: str,
+        view: str,
+        snapshot: Snapshot,
+        stamp: Stamp,
+        now: float,
+        newest: bytes | None = None,
+        waited_s: float | None = None,
+    ) -> None:
+        """Take in what an edge answered `waited_s` after it was asked, or another relay with its `newest`.
+
+        Raises ValueError, one line, when it is of no use.
+        """
+        found = self.publisher(robot, view)
+        if found is None:
+            raise ValueError("snapshot: more robots or views than the relay takes")
+        of, room = found
+        self._check_room(room, len(snapshot.schema))
+        of.snapshot(room, snapshot, stamp, now, newest, waited_s)
+        self.changed[room] = None
+
+    def _check_room(self, room: Room, size: int) -> None:
+        """Raise ValueError when all long schemas together, this one of `size` included, are too long."""
+        free = self.limits.schema_bytes_free
+        if size <= free:
+            return
+        others = (
+            of.stream.schema
+            for robot in self.robots.values()
+            for of in robot.rooms.values()
+            if of is not room
+        )
+        lengths = (len(schema.text) for schema in others if schema is not None)
+        if size + sum(length for length in lengths if length > free) > self.limits.schemas_bytes:
+            raise ValueError(f"snapshot: no room for another schema of {size} bytes")
+
+    def event(
+        self, robot: str, view: str, payload: bytes, stamp: Stamp, now: float, unix_s: float
+    ) -> list[Action]:
+        """An event from an edge: number it, keep it, hand it to everybody. Or the robot's info or model."""
+        found = self.publisher(robot, view)
+        if found is None:
+            self.fates[Fate.CROWDED.value] += 1
+            return []
+        of, room = found
+        if not of.share.takes_event(len(payload), now):
+            self.fates[Fate.OVER_SHARE.value] += 1
+            return []
+        doc = edge_said(payload, self.limits)
+        if doc is None:
+            self.fates[Fate.BAD.value] += 1
+            return []
+        if of.runs.is_retired(stamp.run_id, now):
+            self.fates[Fate.RETIRED.value] += 1
+            return []
+        of.heard_at = now
+        if doc["type"] in ("info", "model"):
+            return self._informed(of, room, doc, stamp)
+        return self.tell_all(room, doc, unix_s)
+
+    def tell_all(self, room: Room, doc: dict[str, object], unix_s: float) -> list[Action]:
+        """Number an event and hand it to everybody. One that can't be told is dropped, and ends nobody."""
+        try:
+            event = room.stream.number(doc, unix_s)
+        except Exception as error:
+            self.fates[Fate.FAULT.value] += 1
+            return self.fail(None, error)
+        return [*self.guard(room, lambda: self.told(room.announce(event))), Keep(room.stream)]
+
+    def _informed(self, of: Robot, room: Room, doc: dict[str, object], stamp: Stamp) -> list[Action]:
+        if stamp.run_id != of.runs.current:  # its first KEY will bring the snapshot, and that all of it
+            return []
+        try:
+            if doc["type"] == "model":
+                room.stream.show(cast(str, doc["hash"]))
+            else:
+                room.stream.inform(cast("dict[str, str]", doc["kv"]))
+        except ValueError:
+            self.fates[Fate.BAD.value] += 1
+            return []
+        return [*self.guard(room, room.describe), Keep(room.stream)]
+
+    def token(self, robot: str, present: bool, now: float) -> list[Action]:
+        """An edge's liveliness token came or went."""
+        if present:
+            found = self.admit(robot)
+            if found is None:
+                self.fates[Fate.CROWDED.value] += 1
+                return []
+            found.came(now)
+            self.ask_about(found)
+            return self.kept(found) + self.words_changed(found, now)
+        gone = self.robots.get(robot)
+        if gone is None:
+            return []
+        gone.liveness.left(now)
+        return self.kept(gone) + self.words_changed(gone, now)

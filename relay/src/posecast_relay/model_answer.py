@@ -1,0 +1,71 @@
+"""A model's file as an HTTP answer: for ever, packed where that helps, and in pieces.
+
+A piece is copied from what is kept when it is its turn. So an answer that nobody reads holds one piece of a
+file, and what is kept can go at any time: then the answer breaks off, and its asker asks anew.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Mapping
+from http import HTTPStatus
+
+from fastapi import Request, Response
+from starlette.types import Receive, Scope, Send
+
+from posecast_relay.adapters.http_connection import BrokenOff
+from posecast_relay.adapters.models import ModelFile, Models
+from posecast_relay.adapters.packed import Packed, packed_name
+from posecast_relay.asker import OPEN
+
+PIECE_BYTES = 16 << 10
+PIECES_PER_TURN = 16  # of the event loop
+# A model comes from a robot. Opened as a page of its own, nothing in it may run or load anything.
+MODEL_HEADERS = OPEN | {
+    "cache-control": "public, max-age=31536000, immutable",
+    "content-security-policy": "default-src 'none'; sandbox",
+    "x-content-type-options": "nosniff",
+}
+PACK_UP_TO_BYTES = 4_000_000  # a finest level; packing more would keep its first viewer waiting
+
+
+class InPieces(Response):
+    """What `models` keep under a name."""
+
+    def __init__(self, models: Models, name: str, size: int, type_: str, headers: Mapping[str, str]) -> None:
+        super().__init__(None, HTTPStatus.OK, {**headers, "content-length": str(size)}, type_)
+        self._piece: Callable[[str, int, int], bytes | None] = models.piece
+        self._name = name
+        self._size = size
+
+    async def __call__(self, scope: Scope, _receive: Receive, send: Send) -> None:
+        """As ASGI has it. BrokenOff when it is no longer kept."""
+        await send({"type": "http.response.start", "status": self.status_code, "headers": self.raw_headers})
+        if scope["method"] == "HEAD" or not self._size:
+            await send({"type": "http.response.body", "body": b""})
+            return
+        for number, off in enumerate(range(0, self._size, PIECE_BYTES)):
+            piece = self._piece(self._name, off, PIECE_BYTES)
+            if piece is None:
+                raise BrokenOff
+            more = off + len(piece) < self._size
+            await send({"type": "http.response.body", "body": piece, "more_body": more})
+            if number % PIECES_PER_TURN == PIECES_PER_TURN - 1:
+                await asyncio.sleep(0)
+
+
+async def model_answer(
+    request: Request, models: Models, packed: Packed, robot: str, found: ModelFile
+) -> Response:
+    """304 if the asker has it."""
+    name, type_, size = found
+    headers = MODEL_HEADERS | {"etag": f'"{name}"', "vary": "accept-encoding"}
+    if headers["etag"] in request.headers.get("if-none-match", ""):
+        return Response(status_code=HTTPStatus.NOT_MODIFIED, headers=headers)
+    shrinks = size <= PACK_UP_TO_BYTES and not type_.startswith("image/")
+    if shrinks and "gzip" in request.headers.get("accept-encoding", ""):
+        packed_size = await packed.pack(robot, name)
+        if packed_size:
+            headers |= {"content-encoding": "gzip", "etag": f'W/"{name}"'}
+            name, size = packed_name(name), packed_size
+    return InPieces(models, name, size, type_, headers)

@@ -1,0 +1,148 @@
+"""The built page, served from memory: a thousand who open it at once wait for no disk and no thread."""
+
+from __future__ import annotations
+
+import html
+import os
+import re
+import stat
+from collections.abc import Callable, Sequence
+from functools import lru_cache
+from http import HTTPStatus
+from pathlib import Path
+from typing import Any
+
+from fastapi import HTTPException, Response
+from fastapi.responses import FileResponse, RedirectResponse
+from fastapi.staticfiles import StaticFiles
+from starlette.datastructures import Headers
+from starlette.types import Receive, Scope, Send
+
+OF_A_DISK = ("accept-ranges", "content-length")  # headers of an answer that is read in parts
+KEPT_BYTES = 64_000_000  # of all files; beyond, all are read anew
+KEEP_UP_TO_BYTES = 8_000_000  # of one; a larger one is read from the disk for each who asks
+FRAMES = "frame-ancestors 'none'"  # only a header may say so, not the page
+# the page's entry for frames: /embed/ROBOT, or /embed/, where only the fragment names the robot
+EMBED = re.compile(r"/embed/(?:index\.html)?(?P<robot>[a-z0-9][a-z0-9-]{0,62})?")
+# of such an answer: the policy may change and the file not, so nothing of it may be kept
+NOT_FRAMED = ("x-frame-options", "etag", "last-modified")
+PAGE_HEADERS = {
+    "x-frame-options": "DENY",
+    "referrer-policy": "no-referrer",
+    "cross-origin-opener-policy": "same-origin",
+    "permissions-policy": "camera=(), geolocation=(), microphone=(), payment=(), usb=()",
+}
+POLICY = re.compile(r'(?i)<meta\s+http-equiv="content-security-policy"\s+content="([^"]*)"')
+
+
+class _Kept:
+    """Files' bytes, as long as the disk says that they are the same."""
+
+    def __init__(self) -> None:
+        self._files: dict[str, tuple[int, int, bytes]] = {}
+        self._bytes = 0
+
+    def read(self, path: str, found: os.stat_result) -> bytes:
+        """Its bytes now. OSError."""
+        known = self._files.get(path)
+        if known is not None and known[:2] == (found.st_mtime_ns, found.st_size):
+            return known[2]
+        data = Path(path).read_bytes()
+        if known is not None:
+            self._bytes -= len(known[2])
+        elif self._bytes + len(data) > KEPT_BYTES:
+            self._files.clear()
+            self._bytes = 0
+        self._files[path] = found.st_mtime_ns, found.st_size, data
+        self._bytes += len(data)
+        return data
+
+
+def content_policy(page: Path) -> str | None:
+    """What a page says it may load; None: nothing. As a header it binds the page's workers as well."""
+    try:
+        return _policy_in(page, page.stat().st_mtime_ns)
+    except OSError:  # it is just being built anew
+        return None
+
+
+@lru_cache(maxsize=16)
+def _policy_in(page: Path, _mtime_ns: int) -> str | None:
+    found = POLICY.search(page.read_text(encoding="utf-8"))
+    return None if found is None else " ".join(html.unescape(found[1]).split())
+
+
+class _Shared(Response):
+    """The same bytes for all who ask: one that is not read holds nothing of its own."""
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """As ASGI has it."""
+        scope["shared"] = True
+        await super().__call__(scope, receive, send)
+
+
+class Page(StaticFiles):
+    """The built page. Its index is asked for anew each time; files with a hash in their name never are."""
+
+    def __init__(self, folder: Path, frame_ancestors: Callable[[str], Sequence[str]]) -> None:
+        """`frame_ancestors` of a robot, "" for any: see Policy."""
+        super().__init__(directory=folder, html=True)
+        self._index = folder / "index.html"
+        self._frame_ancestors = frame_ancestors
+        self._kept = _Kept()
+
+    async def get_response(self, path: str, scope: Scope) -> Response:
+        """A frame's page is the same file for every robot, with the robot's own header."""
+        framed = EMBED.fullmatch(scope["path"])
+        if framed is None:
+            return self._answer(path, scope)
+        kept = [(k, v) for k, v in scope["headers"] if k not in (b"if-none-match", b"if-modified-since")]
+        response = self._answer("embed/index.html", {**scope, "headers": kept})
+        if response.status_code == HTTPStatus.OK:
+            frames = "frame-ancestors " + " ".join(self._frame_ancestors(framed["robot"] or ""))
+            policy = response.headers.get("content-security-policy", FRAMES)
+            response.headers["content-security-policy"] = policy.replace(FRAMES, frames)
+            for name in NOT_FRAMED:
+                del response.headers[name]
+        return response
+
+    def _answer(self, path: str, scope: Scope) -> Response:
+        """A file, a folder's index, or where that is. HTTPException."""
+        if scope["method"] not in ("GET", "HEAD"):
+            raise HTTPException(HTTPStatus.METHOD_NOT_ALLOWED, headers={"allow": "GET, HEAD"})
+        try:
+            full_path, found = self.lookup_path(path)
+            if found is not None and stat.S_ISDIR(found.st_mode):
+                if not scope["path"].endswith("/"):
+                    return RedirectResponse(f"/{path}/")
+                full_path, found = self.lookup_path(os.path.join(path, "index.html"))
+            if found is not None and stat.S_ISREG(found.st_mode):
+                return self.file_response(full_path, found, scope)
+        except (OSError, ValueError):  # no name of a file, or not to be read
+            pass
+        raise HTTPException(HTTPStatus.NOT_FOUND)
+
+    def file_response(
+        self, full_path: Any, stat_result: os.stat_result, scope: Scope, status_code: int = 200
+    ) -> Response:
+        """With the right cache header; packed where the build packed it and the browser can unpack."""
+        packed = f"{full_path}.gz"
+        unpacks = "gzip" in Headers(scope=scope).get("accept-encoding", "") and os.path.isfile(packed)
+        served, found = (packed, os.stat(packed)) if unpacks else (full_path, stat_result)
+        response = super().file_response(served, found, scope, status_code)
+        if isinstance(response, FileResponse) and found.st_size <= KEEP_UP_TO_BYTES:
+            headers = {k: v for k, v in response.headers.items() if k not in OF_A_DISK}
+            response = _Shared(self._kept.read(served, found), status_code, headers)
+        response.headers["vary"] = "accept-encoding"
+        if unpacks:
+            response.headers["content-encoding"] = "gzip"
+        hashed = "/assets/" in scope["path"]
+        response.headers["cache-control"] = "public, max-age=31536000, immutable" if hashed else "no-cache"
+        response.headers["x-content-type-options"] = "nosniff"
+        page = Path(full_path) if str(full_path).endswith(".html") else self._index if hashed else None
+        policy = None if page is None else content_policy(page)
+        if policy is not None:
+            response.headers["content-security-policy"] = policy if hashed else f"{policy}; {FRAMES}"
+        if page is not None and not hashed:
+            response.headers.update(PAGE_HEADERS)
+        return response

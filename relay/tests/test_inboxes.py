@@ -1,0 +1,75 @@
+"""Inboxes of robots: bounded, emptied in turns."""
+
+from __future__ import annotations
+
+from posecast_relay.adapters.inboxes import BYTES_MAX, MESSAGES_MAX, OTHERS, ROBOTS_MAX, Inboxes, Message
+
+
+def put(
+    inboxes: Inboxes, robot: str, said: list[str], what: str, size: int = 10, frame: bool = False
+) -> None:
+    """A message that says its name when it is taken in."""
+    inboxes.put(robot, Message(lambda: said.append(what), size, frame), 0.0)
+
+
+def empty(inboxes: Inboxes) -> None:
+    """Take all in."""
+    while (message := inboxes.pop()) is not None:
+        message.take_in()
+
+
+def test_robots_take_turns() -> None:
+    inboxes, said = Inboxes(), list[str]()
+    for n in range(100):
+        put(inboxes, "flood", said, f"f{n}")
+    put(inboxes, "a", said, "a0")
+    put(inboxes, "b", said, "b0")
+    put(inboxes, "a", said, "a1")
+    empty(inboxes)
+    assert said[:7] == ["f0", "a0", "b0", "f1", "a1", "f2", "f3"]
+    assert len(said) == 103
+    assert not inboxes
+
+
+def test_a_full_inbox_loses_its_own_oldest() -> None:
+    inboxes, said = Inboxes(), list[str]()
+    put(inboxes, "a", said, "a0")
+    for n in range(MESSAGES_MAX + 10):
+        put(inboxes, "flood", said, f"f{n}")
+    empty(inboxes)
+    assert said[:2] == ["a0", "f10"]
+    assert inboxes.take_lost() == {"flood": 10}
+    assert inboxes.take_lost() == {}
+
+
+def test_an_inbox_is_bounded_in_bytes() -> None:
+    inboxes, said = Inboxes(), list[str]()
+    for n in range(40):
+        put(inboxes, "flood", said, f"f{n}", size=BYTES_MAX // 4)
+    empty(inboxes)
+    assert said == ["f36", "f37", "f38", "f39"]
+    put(inboxes, "big", said, "the largest", size=BYTES_MAX + 1)
+    empty(inboxes)
+    assert said[-1] == "the largest"
+
+
+def test_a_closed_inbox_takes_no_frames_but_all_else() -> None:
+    inboxes, said = Inboxes(), list[str]()
+    put(inboxes, "r", said, "frame", frame=True)
+    put(inboxes, "r", said, "event")
+    inboxes.close("r", until=1.0)
+    put(inboxes, "r", said, "late frame", frame=True)
+    put(inboxes, "r", said, "token")
+    inboxes.put("r", Message(lambda: said.append("frame again"), 1, True), 1.0)
+    empty(inboxes)
+    assert said == ["event", "token", "frame again"]
+    assert inboxes.take_lost() == {"r": 2}
+
+
+def test_the_number_of_inboxes_is_bounded() -> None:
+    inboxes, said = Inboxes(), list[str]()
+    for n in range(ROBOTS_MAX + 5):
+        put(inboxes, f"r{n}", said, "x")
+    assert inboxes.take_lost() == {OTHERS: 5}
+    empty(inboxes)
+    assert len(said) == ROBOTS_MAX

@@ -1,0 +1,144 @@
+"""A model's file on its way out: in pieces, as long as it is kept, and as long as its asker is there."""
+
+from __future__ import annotations
+
+import asyncio
+import gzip
+import socket
+import threading
+from types import SimpleNamespace
+from typing import Any
+
+import httpx
+import pytest
+from fastapi import Request
+from posecast_relay.adapters.http_connection import BrokenOff
+from posecast_relay.adapters.model_room import IN_USE_S
+from posecast_relay.adapters.models import RANGE_BYTES, Models
+from posecast_relay.adapters.packed import Packed
+from posecast_relay.model_answer import PIECE_BYTES, model_answer
+
+from .stage import Model, Relay, until
+from .test_models import Edge, bytes_of
+from .test_under_way import asking
+
+MB = 1_000_000
+
+
+def request(**headers: str) -> Request:
+    """With these headers."""
+    raw = [(name.replace("_", "-").encode(), value.encode()) for name, value in headers.items()]
+    return Request({"type": "http", "method": "GET", "headers": raw})
+
+
+class Reader:
+    """Takes an answer's messages."""
+
+    def __init__(self) -> None:
+        self.body = b""
+        self.sizes: list[int] = []
+        self.start: dict[str, Any] = {}
+
+    async def send(self, message: Any) -> None:
+        """As ASGI has it."""
+        if message["type"] == "http.response.start":
+            self.start = {k.decode(): v.decode() for k, v in message["headers"]}
+        else:
+            self.body += message["body"]
+            self.sizes.append(len(message["body"]))
+
+
+async def never() -> Any:
+    """Nothing is received."""
+    raise AssertionError
+
+
+async def answered(models: Models, edge: Edge, path: str, **headers: str) -> Reader:
+    """The whole answer."""
+    found = await models.file("r", edge.digest, path)
+    response = await model_answer(request(**headers), models, Packed(models.room), "r", found)
+    reader = Reader()
+    await response({"type": "http", "method": "GET"}, never, reader.send)
+    return reader
+
+
+async def test_it_travels_in_small_pieces() -> None:
+    data = bytes_of(1, MB)
+    edge = Edge({"a.stl": data})
+    reader = await answered(Models(edge, 3 * MB), edge, "a.stl")
+    assert reader.body == data
+    assert max(reader.sizes) == PIECE_BYTES
+    assert reader.start["content-length"] == str(MB)
+
+
+async def test_packed_likewise() -> None:
+    data = b"joint " * 100_000
+    edge = Edge({"a.stl": data})
+    models = Models(edge, 3 * MB)
+    reader = await answered(models, edge, "a.stl", accept_encoding="gzip")
+    assert gzip.decompress(reader.body) == data
+    assert reader.start["content-encoding"] == "gzip"
+    assert (await answered(models, edge, "a.stl")).body == data
+
+
+async def test_an_empty_file_is_an_answer() -> None:
+    edge = Edge({"a.stl": b""})
+    assert (await answered(Models(edge, MB), edge, "a.stl")).sizes == [0]
+
+
+async def test_what_has_to_go_meanwhile_breaks_off() -> None:
+    clock = SimpleNamespace(now=0.0)
+    edge = Edge({"a.stl": bytes_of(1, 600_000), "b.stl": bytes_of(2, 600_000)})
+    models = Models(edge, MB, lambda: clock.now)
+    found = await models.file("r", edge.digest, "a.stl")
+    response = await model_answer(request(), models, Packed(models.room), "r", found)
+    taken = 0
+
+    async def send(message: Any) -> None:
+        nonlocal taken
+        taken += len(message.get("body", b""))
+        if taken >= 5 * PIECE_BYTES:
+            clock.now += IN_USE_S
+            await models.file("r", edge.digest, "b.stl")
+
+    with pytest.raises(BrokenOff):
+        await response({"type": "http", "method": "GET"}, never, send)
+    assert taken == 5 * PIECE_BYTES
+
+
+class Gated(Model):
+    """Answers for the first range only when it is let."""
+
+    def __init__(self, size: int) -> None:
+        super().__init__({"a.glb": (bytes_of(1, size), "model/gltf-binary")})
+        self.begun, self.let = threading.Event(), threading.Event()
+        self.offsets: list[int] = []
+
+    def answer(self, key: str, parameters: dict[str, str]) -> bytes | None:
+        """As an edge does."""
+        if not key.endswith("manifest"):
+            self.offsets.append(int(parameters["off"]))
+            self.begun.set()
+            assert self.let.wait(20)
+        return super().answer(key, parameters)
+
+
+async def test_a_real_edge_is_asked_no_longer_than_somebody_waits(relays: Any, edges: Any) -> None:
+    model = Gated(4 * RANGE_BYTES)
+    relay: Relay = relays()
+    edges(relay.zenoh, model=model)
+    listed = f"http://{relay.address}/api/v1/robots"
+    path = f"/api/v1/robots/r/model/{model.digest}/a.glb"
+
+    def ask_and_leave() -> None:
+        until("it is announced", lambda: httpx.get(listed).json()["robots"][0]["model"])
+        with asking(relay, path) as sock:
+            assert model.begun.wait(20)
+            sock.shutdown(socket.SHUT_WR)
+            assert sock.recv(1) == b""  # the relay knows
+        model.let.set()
+
+    await asyncio.to_thread(ask_and_leave)
+    answer = await asyncio.to_thread(httpx.get, f"http://{relay.address}{path}")
+    assert answer.content == bytes_of(1, 4 * RANGE_BYTES)
+    assert model.offsets == [0, 0, RANGE_BYTES, 2 * RANGE_BYTES, 3 * RANGE_BYTES]

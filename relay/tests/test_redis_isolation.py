@@ -1,0 +1,166 @@
+"""Each call on the way through Redis fails at one robot: the viewers of the other one don't notice."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+from posecast_relay.adapters import store_redis
+from posecast_relay.adapters.redis_board import Board
+from posecast_relay.adapters.redis_ear import Ear
+from posecast_relay.adapters.redis_gateway import RedisGateway
+from posecast_relay.adapters.store_redis import RedisStore
+from posecast_relay.core.hub import Hub
+from posecast_relay.core.robot import Robot
+from posecast_relay.core.secondhand import Secondhand
+from posecast_relay.core.stream import Stream
+
+from .fleet import HZ
+from .histories import History
+
+FAULTY_S = 6.0
+HURT, INNOCENT = "a", "b"
+
+
+class Fault(Exception):
+    """Of the relay's own code."""
+
+
+def of_robot(*args: Any, **_: Any) -> bool:
+    """Whether a call is about the robot that is to be hurt."""
+    return any(_names(arg) for arg in args)
+
+
+def _names(arg: Any) -> bool:
+    if isinstance(arg, Robot):
+        return arg.name == HURT
+    if isinstance(arg, Stream):
+        return arg.robot == HURT
+    return bool(arg == HURT)
+
+
+def always(*_args: Any, **_: Any) -> bool:
+    """Any call."""
+    return True
+
+
+Place = tuple[Any, str, Callable[..., bool]]
+AT_THE_GATEWAY: list[Place] = [
+    (RedisGateway, "_tell", of_robot),
+    (RedisGateway, "_taken", of_robot),
+    (RedisGateway, "_judge", of_robot),
+    (RedisGateway, "_look_after", of_robot),
+    (RedisGateway, "_watch_pinned", always),
+    (RedisGateway, "_exchange", always),
+    (Ear, "_ask", of_robot),
+    (Secondhand, "update", of_robot),
+    (Secondhand, "state", of_robot),
+    (Secondhand, "standing", of_robot),
+    (Secondhand, "counted", of_robot),
+    (Secondhand, "event", of_robot),
+    (Hub, "frame", of_robot),
+    (Hub, "snapshot", of_robot),
+    (Stream, "heard_of", of_robot),
+]
+AT_THE_INGEST: list[Place] = [
+    (store_redis, "state_call", of_robot),
+    (store_redis, "standing_call", of_robot),
+    (store_redis, "unpack_events", always),
+    (RedisStore, "_is_current", of_robot),
+    (RedisStore, "_hears", of_robot),
+    (RedisStore, "_resume_from", of_robot),
+    (RedisStore, "_judge", of_robot),
+    (Board, "exchange", always),
+    (Stream, "resume", of_robot),
+]
+
+
+@pytest.fixture
+def history() -> Iterator[History]:
+    """Two robots on air, each with a page at a gateway."""
+    history = History()
+    history.play(("ingest",), ("gateway",), ("edge", HURT, 0), ("edge", INNOCENT, 0), ("wait", 2.0))
+    yield history
+    history.end()
+
+
+def raising(owner: Any, name: str, where: Callable[..., bool], hits: list[str]) -> Any:
+    """As before, but not about the robot that is to be hurt."""
+    whole = getattr(owner, name)
+
+    def call(*args: Any, **kwargs: Any) -> Any:
+        if where(*args, **kwargs):
+            hits.append(name)
+            raise Fault(name)
+        return whole(*args, **kwargs)
+
+    return call
+
+
+@pytest.mark.parametrize(
+    ("owner", "name", "where"),
+    AT_THE_GATEWAY + AT_THE_INGEST,
+    ids=lambda about: getattr(about, "__name__", str(about)),
+)
+def test_a_fault_at_one_robot_is_no_other_robots(
+    history: History, monkeypatch: pytest.MonkeyPatch, owner: Any, name: str, where: Callable[..., bool]
+) -> None:
+    (gateway,), (ingest,) = history.fleet.gateways, history.fleet.ingests
+    page = gateway.pages[INNOCENT]
+    said, shown = len(page.shown), len(page.poses)
+    hits: list[str] = []
+    with monkeypatch.context() as patch:
+        of = gateway.hub if owner is Hub else owner  # the ingest's is not what is to fail
+        patch.setattr(of, name, raising(of, name, where, hits))
+        for room in ingest.hub.robots[HURT].rooms.values():
+            doc: dict[str, object] = {"type": "event", "text": "jam"}
+            ingest.pump.carry_out(ingest.hub.tell_all(room, doc, 1.0))
+        history.wait(1.0)
+        # what is done only now and then is done now
+        for room in ingest.hub.robots[HURT].rooms.values():
+            ingest.store._resumed.discard(room.stream)
+            room.stream.version += 1
+        history.redis.lose(f"posecast:{{{HURT}}}:writer")
+        ingest.store._superseded[HURT] = 0.0
+        gateway.store._listen_anew(HURT)
+        history.wait(FAULTY_S)
+    assert hits, "it was never called"
+    assert {shown.word for shown in page.shown[said:]} == {"LIVE"}
+    assert len(page.poses) - shown >= 0.95 * (1.0 + FAULTY_S) * HZ
+    assert ingest.hub.fates["fault"] + gateway.hub.fates["fault"] > 0
+    assert not history.loop.faults
+    history.wait(2.0)  # once the fault has passed it is as if it had never been
+    assert gateway.pages[HURT].look().word == "LIVE"
+    for task in (ingest.store._task, gateway.store._task, gateway.store._reader):
+        assert task is not None
+        assert not task.done()
+
+
+@pytest.mark.parametrize("owner", [RedisGateway, RedisStore])
+def test_a_task_that_fails_begins_anew(
+    history: History, monkeypatch: pytest.MonkeyPatch, owner: type[Any]
+) -> None:
+    """Where the fault is at no robot: the others' viewers are told, and it heals by itself."""
+    hits: list[str] = []
+    with monkeypatch.context() as patch:
+        for name in ("_beat", "_connect"):
+            patch.setattr(owner, name, raising(owner, name, always, hits))
+        history.wait(3.0)
+    assert hits
+    history.wait(2.0)
+    for robot in (HURT, INNOCENT):
+        assert history.fleet.gateways[0].pages[robot].look().word == "LIVE"
+    assert not history.loop.faults
+
+
+def test_a_reader_that_fails_begins_anew(history: History, monkeypatch: pytest.MonkeyPatch) -> None:
+    store = history.fleet.gateways[0].store
+    hits: list[str] = []
+    with monkeypatch.context() as patch:
+        patch.setattr(RedisGateway, "_next", raising(RedisGateway, "_next", always, hits))
+        store._listen_anew(HURT)
+        history.wait(1.0)
+    assert hits
+    history.wait(2.0)
+    assert history.fleet.gateways[0].pages[INNOCENT].look().word == "LIVE"

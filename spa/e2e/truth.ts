@@ -1,0 +1,181 @@
+/** Whether a page tells the truth: what its chip claims, beside what the robot's pose was when it claimed it. */
+
+import { writeFileSync } from 'node:fs';
+import path from 'node:path';
+import type { Page } from './driver/page.ts';
+import type { Process } from './process.ts';
+import type { Relay, Sample, Stack } from './stack.ts';
+
+/** Two joints are the hand of a clock, so a pose tells when it was true: once round in so long, by the machine's clock. */
+const ROUND_S = 60;
+const REACH_RAD = 3;
+const HANDS: Sample = {
+  pos: { RKN: 0, LKN: 0 },
+  wave: { pos: { RKN: [REACH_RAD, 1 / ROUND_S, 0], LKN: [REACH_RAD, 1 / ROUND_S, Math.PI / 2] } },
+};
+/** A pose on its way from one place to another lies off the circle. */
+const OFF_THE_CIRCLE = 0.03;
+
+const STALE_AFTER_MS = 1500;
+const HOLDING_AFTER_MS = 3000;
+/** From the joint to the screen, played and drawn by software on a machine that does much else. */
+const ON_ITS_WAY_MS = 1000;
+const ROUNDING_MS = 100;
+/** From picture to picture, at most; what the page's machine took longer is no fault of the page's, for so long. */
+const PICTURE_MS = 100;
+const CATCHING_UP_MS = 5000;
+
+const joint = (name: string) => `
+  <link name="${name}"><visual><geometry><box size="0.1 0.1 0.5"/></geometry></visual></link>
+  <joint name="${name}" type="continuous">
+    <parent link="post"/><child link="${name}"/><axis xyz="0 0 1"/>
+  </joint>`;
+const URDF = `<robot name="clock">
+  <link name="post"><visual><geometry><box size="0.2 0.2 0.2"/></geometry></visual></link>
+  ${joint('RKN')}${joint('LKN')}
+</robot>`;
+
+/** What was to be seen after a picture: the chip's word, and the two joints by body and by table. */
+type Seen = readonly [atMs: number, word: string, ...joints: (number | null)[]];
+
+/** Runs before the page's own scripts: notes what is to be seen after each picture. */
+export const WITNESS = `(() => {
+  const seen = (window.witnessed = []);
+  const angle = (matrix) => (matrix ? Math.atan2(matrix[4], matrix[0]) : null);
+  const cell = (label) => {
+    const text = document.querySelector('td[data-field="pos"][data-label="' + label + '"]')?.textContent;
+    const number = text?.replace('\\u2212', '-').match(/-?\\d+(\\.\\d+)?/);
+    return number ? Number(number[0]) : null;
+  };
+  const note = () => {
+    const links = window.posecast?.scene?.linkPoses?.() ?? {};
+    const word = document.querySelector('[data-testid="liveness"]')?.dataset.state ?? '';
+    seen.push([Date.now(), word, angle(links.RKN), angle(links.LKN), cell('RKN'), cell('LKN')]);
+  };
+  const look = () => {
+    setTimeout(note); // when all that this picture changes is changed
+    requestAnimationFrame(look);
+  };
+  look();
+})()`;
+
+/** A robot whose pose tells the time, and when it stood. */
+export class ClockRobot {
+  readonly source: Process;
+  readonly edge: Process;
+  readonly #stands: { fromMs: number; toMs: number }[] = [];
+
+  constructor(stack: Stack, relay: Relay, robot = 'demo') {
+    const urdf = path.join(stack.folder(), 'clock.urdf');
+    writeFileSync(urdf, URDF);
+    ({ source: this.source, edge: this.edge } = stack.fedEdge(relay, HANDS, { urdf, robot }));
+  }
+
+  /** Holds its hand where it is now. */
+  stand(): void {
+    const fromMs = Date.now();
+    this.#stands.push({ fromMs, toMs: Number.POSITIVE_INFINITY });
+    this.source.write(JSON.stringify({ ...HANDS, still_at: fromMs / 1000 }));
+  }
+
+  /** Lets it jump to the present and go on. */
+  go(): void {
+    this.#stands.at(-1)!.toMs = Date.now();
+    this.source.write(JSON.stringify(HANDS));
+  }
+
+  /** What the page has claimed and was not so: each kind once, with the oldest pose of it. */
+  async lies(page: Page): Promise<string[]> {
+    const seen = await page.evaluate<Seen[]>('window.witnessed');
+    const worst = new Map<string, number>();
+    let otherwiseMs = Number.NEGATIVE_INFINITY;
+    let before = '';
+    const heldUp = new HeldUp();
+    for (const [atMs, word, ...joints] of seen) {
+      heldUp.look(atMs);
+      if (!isClaim(word) && word !== '' && isClaim(before)) otherwiseMs = atMs;
+      before = word;
+      if (!isClaim(word)) continue;
+      for (const [where, sine, cosine] of [
+        ['body', joints[0], joints[1]],
+        ['table', joints[2], joints[3]],
+      ] as const) {
+        const lie = this.#lie(atMs, word, otherwiseMs, toldMs(sine ?? null, cosine ?? null, atMs), heldUp.ms);
+        if (lie === null) continue;
+        const what = `${where}: ${word} ${lie[0]}`;
+        worst.set(what, Math.max(lie[1], worst.get(what) ?? lie[1]));
+      }
+    }
+    return [...worst].map(([what, oldMs]) => `${what}, ${(oldMs / 1000).toFixed(1)} s`);
+  }
+
+  /** Whether it had stood for so long that it may be called that, as far as can be known by now. */
+  #stood(atMs: number): boolean {
+    return this.#stands.some(
+      ({ fromMs, toMs }) =>
+        atMs - fromMs > HOLDING_AFTER_MS - ROUNDING_MS && atMs < toMs + STALE_AFTER_MS + ON_ITS_WAY_MS,
+    );
+  }
+
+  #lie(
+    atMs: number,
+    word: string,
+    otherwiseMs: number,
+    poseMs: number | null,
+    heldUpMs: number,
+  ): [string, number] | null {
+    if (poseMs === null) return null; // not there yet, or between two poses
+    const stand = this.#stands.find(({ fromMs }) => Math.abs(fromMs - poseMs) < ROUNDING_MS);
+    const between = this.#stands.some(({ fromMs, toMs }) => poseMs > fromMs && poseMs < toMs);
+    if (between && stand === undefined) return null; // it never was there: on its way from where it stood
+    const trueUntilMs = stand?.toMs ?? poseMs;
+    const oldMs = atMs - trueUntilMs;
+    if (oldMs > STALE_AFTER_MS + ON_ITS_WAY_MS + heldUpMs) return ['with an old pose', oldMs];
+    if (trueUntilMs < otherwiseMs - ON_ITS_WAY_MS - heldUpMs) return ['again with a pose from before', oldMs];
+    if (word === 'HOLDING' && !this.#stood(atMs)) return ['while it moved', oldMs];
+    return null;
+  }
+}
+
+/** How long the page's machine has lately let it show nothing. */
+class HeldUp {
+  #gaps: [atMs: number, longMs: number][] = [];
+  #lastMs = Number.POSITIVE_INFINITY;
+
+  look(atMs: number): void {
+    const longMs = atMs - this.#lastMs - PICTURE_MS;
+    this.#lastMs = atMs;
+    if (longMs > 0) this.#gaps.push([atMs, longMs]);
+    this.#gaps = this.#gaps.filter(([endMs]) => atMs - endMs < CATCHING_UP_MS);
+  }
+
+  get ms(): number {
+    return this.#gaps.reduce((sum, [, longMs]) => sum + longMs, 0);
+  }
+}
+
+function isClaim(word: string): boolean {
+  return word === 'LIVE' || word === 'HOLDING';
+}
+
+/** When the hand was there: of all rounds, the moment nearest to now. */
+function toldMs(sine: number | null, cosine: number | null, nowMs: number): number | null {
+  if (sine === null || cosine === null) return null;
+  if (Math.abs(Math.hypot(sine, cosine) / REACH_RAD - 1) > OFF_THE_CIRCLE) return null;
+  const roundMs = ROUND_S * 1000;
+  const withinMs = (Math.atan2(sine, cosine) / (2 * Math.PI)) * roundMs;
+  return withinMs + roundMs * Math.round((nowMs - withinMs) / roundMs);
+}
+
+/** How old the body's pose was while it was LIVE, of half and of nearly all pictures, ms. */
+export async function ageOfLive(page: Page): Promise<{ p50: number; p99: number }> {
+  const seen = await page.evaluate<Seen[]>('window.witnessed');
+  const ages = seen
+    .flatMap(([atMs, word, sine, cosine]) => {
+      const poseMs = toldMs(sine ?? null, cosine ?? null, atMs);
+      return word === 'LIVE' && poseMs !== null ? [atMs - poseMs] : [];
+    })
+    .sort((a, b) => a - b);
+  const part = (of: number) => Math.round(ages[Math.floor(of * ages.length)] ?? Number.NaN);
+  return { p50: part(0.5), p99: part(0.99) };
+}

@@ -1,0 +1,119 @@
+import type { FromStream } from '../src/stream/messages.ts';
+import { type Action, Session } from '../src/stream/session.ts';
+import { SCHEMA_TEXT } from './schema.ts';
+
+type Kind = FromStream['kind'];
+
+/** A session with a hand on its clock and a record of all it wanted done. */
+export class Rig {
+  now = 1_000_000;
+  readonly session: Session;
+  readonly done: Action[] = [];
+
+  constructor(random = 0.5, visible = true) {
+    this.session = new Session('ws://relay/live', 30, visible, () => random);
+  }
+
+  do(actions: readonly Action[]): void {
+    this.done.push(...actions);
+  }
+
+  /** What it wanted done since the last look. */
+  take(): Action[] {
+    return this.done.splice(0);
+  }
+
+  posts<K extends Kind>(kind: K): Extract<FromStream, { kind: K }>[] {
+    return this.take().flatMap((action) =>
+      action.do === 'post' && action.message.kind === kind
+        ? [action.message as Extract<FromStream, { kind: K }>]
+        : [],
+    );
+  }
+
+  sent(): unknown[] {
+    return this.take().flatMap((action) =>
+      action.do === 'send' ? [JSON.parse(action.text) as unknown] : [],
+    );
+  }
+
+  /** The addresses it wanted since the last look. */
+  asked(): string[] {
+    return this.take().flatMap((action) => (action.do === 'connect' ? [action.url] : []));
+  }
+
+  /** Two openings fail: it stands on events now. */
+  fallBack(): void {
+    this.do(this.session.start(this.now));
+    for (let failure = 0; failure < 2; failure++) {
+      this.do(this.session.closed(this.now, 1006, ''));
+      this.pass(1000);
+    }
+    this.do(this.session.opened(this.now));
+    this.say({
+      type: 'hello',
+      wire: 1,
+      server_time: 0,
+      robot: 'r',
+      view: 'public',
+      hz: 30,
+      limits: {},
+      model: null,
+    });
+  }
+
+  /** A frame that the relay wrote so long ago. */
+  lateFrame(bytes: Uint8Array, lateMs: number): void {
+    this.session.stamped(this.now, this.now - lateMs);
+    this.frame(bytes);
+  }
+
+  open(): void {
+    this.do(this.session.start(this.now));
+    this.do(this.session.opened(this.now));
+  }
+
+  say(message: object): void {
+    this.do(this.session.text(this.now, JSON.stringify(message)));
+  }
+
+  status(changed: object = {}): void {
+    this.say({ type: 'status', robot: 'online', age_ms: 20, seq: 0, ...changed });
+  }
+
+  schema(): void {
+    this.do(this.session.text(this.now, SCHEMA_TEXT));
+  }
+
+  frame(bytes: Uint8Array): void {
+    this.do(this.session.binary(this.now, bytes));
+  }
+
+  /** Lets time pass, ticking as the worker does. */
+  pass(ms: number): void {
+    const until = this.now + ms;
+    while (this.now < until) {
+      this.now = Math.min(until, this.now + 250);
+      this.do(this.session.tick(this.now));
+    }
+  }
+
+  /** Time passes while the relay says what it must: a status a second. */
+  passWithStatus(ms: number): void {
+    const until = this.now + ms;
+    while (this.now < until) {
+      this.pass(Math.min(1000, until - this.now));
+      if (this.session.phase === 'open') this.status();
+    }
+  }
+}
+
+/** It stands, and is told of a robot without a frame so far. */
+export function opened(): Rig {
+  const rig = new Rig();
+  rig.open();
+  rig.status();
+  rig.schema();
+  rig.take();
+  return rig;
+}
