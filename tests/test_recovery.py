@@ -26,6 +26,7 @@ from tests.faults.robot import hand, told_s
 KEYS = ("--key-interval", "60")
 MISSED_MAX = 90  # frames without which a viewer may be, of the 1800 from KEY to KEY
 ON_ITS_WAY_S = 1.0  # from the joint to the viewer, on a machine that does much else
+SILENT_S = 2.0  # as old as nothing is that a relay calls online
 BRIDGE = Path(__file__).with_name("bridge.py")
 
 
@@ -196,6 +197,7 @@ async def test_what_the_robot_said_while_nobody_listened_is_a_picture(stack: Any
     await asyncio.to_thread(until, "lines that nobody sees", lambda: robot.lines > written + 60)
     robot.pause()
     last_s = robot.newest_s
+    await asyncio.to_thread(until, "it is past", lambda: time.monotonic() > last_s + SILENT_S)
     await asyncio.to_thread(stack.relay, port, zenoh_port)
 
     heard: list[str] = []
@@ -212,7 +214,7 @@ async def test_what_the_robot_said_while_nobody_listened_is_a_picture(stack: Any
     assert "online" not in heard
     robot.go_on()
     await asyncio.to_thread(until, "it speaks again", lambda: state_of(address)["status"] == "online")
-    assert true_s(viewer.frames[-1][1]) > last_s
+    await viewer.until("what it says then", lambda v: true_s(v.frames[-1][1]) > last_s)
     task.cancel()
 
 

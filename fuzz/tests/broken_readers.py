@@ -62,7 +62,7 @@ TARGETS = (
     Target("square", square, (ValueError,), seeds=(b"a b c\n",)),
     Target("greedy", greedy),
     Target("deadly", deadly),
-    Target("talkative", talkative, (ValueError,), seeds=(b"abc" * 500,)),
+    Target("talkative", talkative, (ValueError,), seeds=(b"abc" * 1000,)),
     Target("unlike", unlike, seeds=(b"1e5",)),
     Target("sound", sound, (ValueError,), seeds=(b"abc",)),
 )

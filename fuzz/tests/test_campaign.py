@@ -18,7 +18,7 @@ BROKEN = {
     "square": "bytes",
     "greedy": "MB for ",
     "deadly": "its process died",
-    "talkative": "ValueError of 1519 letters",
+    "talkative": "ValueError of 3019 letters",
     "unlike": "value: 1 here, 2 there",
 }
 WITHOUT_ATHERIS = """
