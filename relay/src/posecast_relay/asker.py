@@ -8,14 +8,18 @@ from fastapi import HTTPException, Request
 from posecast_wire import Close
 
 from posecast_relay.adapters.access import FOREIGN, REASONS, STATUSES, Access
-from posecast_relay.adapters.asked import bearer
+from posecast_relay.adapters.asked import BadRequest, bearer, refuse_tokens
 from posecast_relay.core.policy import ANYONE, Grant, Who
 
 OPEN = {"access-control-allow-origin": "*"}  # public views: any page may read them
 
 
 async def asker(access: Access, request: Request) -> Who:
-    """By the `Authorization` header; anyone without one. HTTPException 401, 403, 503."""
+    """By the `Authorization` header; anyone without one. HTTPException 400, 401, 403, 503."""
+    try:
+        refuse_tokens(request.query_params)
+    except BadRequest as e:
+        raise HTTPException(e.status, str(e)) from None
     token = bearer(request.headers.get("authorization"))
     if token is None or access.tokens is None:
         return ANYONE

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Container, Iterable
 from dataclasses import dataclass
 from http import HTTPStatus
 from urllib.parse import parse_qs
@@ -58,6 +58,12 @@ def bearer(header: str | None) -> str | None:
     return token.strip() or None if kind.lower() == "bearer" else None
 
 
+def refuse_tokens(names: Container[str]) -> None:
+    """BadRequest where one of these parameters is a token's: it would stand in logs on the way."""
+    if "token" in names or "access_token" in names:
+        raise BadRequest("a token never stands in an address: send it as Authorization or first message")
+
+
 def read_target(target: str, suffix: str = "") -> Asked:
     """Of `/api/v1/robots/ROBOT/live?…`, or `…/live.sse?…` with that suffix. BadRequest says what is wrong."""
     path, _, query = target.partition("?")
@@ -74,12 +80,11 @@ def read_target(target: str, suffix: str = "") -> Asked:
     except ValueError:
         hz = -1.0
     if not 0 <= hz <= 1000:
-        raise BadRequest("hz must be a number from 0 to 60")
+        raise BadRequest("hz must be a number from 0 to 1000")
     form = asked.get("format", ["binary"])[0]
     if form not in ("binary", "json"):
         raise BadRequest("format must be binary or json")
-    if "token" in asked or "access_token" in asked:  # it would stand in logs on the way
-        raise BadRequest("a token never stands in an address: send it as Authorization or first message")
+    refuse_tokens(asked)
     return Asked(
         found[1], asked.get("view", [None])[0], clamp_hz(hz), form == "json", asked.get("auth") == ["1"]
     )
