@@ -1,9 +1,12 @@
+import { mkdirSync } from 'node:fs';
+import path from 'node:path';
 import { setTimeout as pause } from 'node:timers/promises';
 import { describe, expect, it } from 'vitest';
 import type { Page } from './driver/page.ts';
 import { until } from './driver/until.ts';
 import { FaultyLink } from './proxy.ts';
 import { type ChipChange, chips, chipText, liveness, RECORD } from './robot_page.ts';
+import { REPO } from './stack.ts';
 import { FULL, setStage } from './stage.ts';
 import { ClockRobot, WITNESS } from './truth.ts';
 
@@ -11,6 +14,9 @@ const stage = setStage();
 
 /** A knee that swings: unchanged poses would be HOLDING. */
 const SWINGING = { pos: { RKN: 0, LKN: 0.2 }, wave: { pos: { RKN: [0.4, 0.5] } } };
+
+const SHOTS = path.join(REPO, 'spa/e2e/shots');
+const PHONE = { width: 390, height: 844 };
 
 const word = (change: ChipChange): string => change.state;
 
@@ -76,6 +82,28 @@ describe('the four words', () => {
     const offline = (await chips(page)).findLast((change) => change.state === 'OFFLINE');
     console.log(`edge killed: OFFLINE after ${(offline?.atMs ?? 0) - killedMs} ms`);
     expect(await robot.lies(page)).toEqual([]);
+  });
+
+  it('a robot that sends too much is LIVE and is said to, until it no longer does', async () => {
+    const relay = await stage.stack.relay({ viewFrames: 15 });
+    const { source } = stage.stack.fedEdge(relay, SWINGING);
+    const page = await stage.newPage({ preload: RECORD, viewport: PHONE });
+    await page.open(`${relay.url}/#/r/demo`);
+    const says = (what: string, word: RegExp) =>
+      until(what, async () => word.test(await chipText(page)), 30_000);
+    await says('that it sends too much', /^LIVE.*robot sends too much$/);
+    mkdirSync(SHOTS, { recursive: true });
+    await page.screenshot(path.join(SHOTS, 'over-share-phone.png'));
+    expect(
+      await page.evaluate<boolean>(
+        `[...document.querySelectorAll('.chip-warning')].every((words) => words.scrollWidth <= words.clientWidth)`,
+      ),
+      'all of it is to be seen',
+    ).toBe(true);
+
+    source.write(JSON.stringify({ ...SWINGING, hz: 5 }));
+    await says('nothing more of it', /^LIVE(?!.*too much)/);
+    expect((await chips(page)).map(word)).not.toContain('OFFLINE');
   });
 
   it('who joins a dead robot never sees LIVE', async () => {

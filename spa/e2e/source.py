@@ -2,7 +2,8 @@
 
 One object a line on stdin. A member `wave: {field: {label: [amplitude, hertz, phase]}}` makes those readings
 swing (radians of phase, 0 unless given); with `still_at: seconds` they stay where they were then. All else is
-delivered as it stands. One with `once: true` is delivered a single time, between two of the one before it.
+delivered as it stands. One with `once: true` is delivered a single time, between two of the one before it;
+one with `hz` is repeated so often instead.
 SIGSTOP silences it and leaves the edge that it feeds alone.
 """
 
@@ -15,12 +16,13 @@ import threading
 import time
 from typing import Any
 
-PERIOD_S = 1 / 30
+HZ = 30.0
+RECIPE = ("wave", "once", "still_at", "hz")
 
 
 def moved(sample: dict[str, Any], t_s: float) -> dict[str, Any]:
     """The sample at `t_s` seconds: its waves applied, the recipe itself left out."""
-    out = {name: value for name, value in sample.items() if name not in ("wave", "once", "still_at")}
+    out = {name: value for name, value in sample.items() if name not in RECIPE}
     at_s = sample.get("still_at", t_s)
     for field, waves in sample.get("wave", {}).items():
         out[field] = {**out.get(field, {}), **{label: swing(wave, at_s) for label, wave in waves.items()}}
@@ -52,7 +54,7 @@ def main() -> None:
         while True:
             t_s = time.time()  # the machine's clock as the robot's: what arrives can be dated
             print(json.dumps({"t": round(t_s, 4), **moved(once.pop() if once else newest, t_s)}), flush=True)
-            time.sleep(PERIOD_S)
+            time.sleep(1 / newest.get("hz", HZ))
     except BrokenPipeError:
         sys.stderr.close()  # the edge has left; nothing to say
 

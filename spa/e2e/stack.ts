@@ -37,6 +37,8 @@ export interface RelayOptions {
   readonly accounts?: { readonly project: string; readonly emulator: string };
   /** Pages elsewhere that may show what is not for everybody. */
   readonly origins?: string;
+  /** A robot's share of it: frames a second in a view. */
+  readonly viewFrames?: number;
   /** One that breaks a promise (`tests/faults/broken_relay.py`). */
   readonly breaks?: string;
 }
@@ -184,6 +186,7 @@ export class Stack {
       ...(options.mirror === undefined ? [] : ['--firebase-database', options.mirror]),
       ...(options.accounts === undefined ? [] : ['--firebase-project', options.accounts.project]),
       ...(options.origins === undefined ? [] : ['--origins', options.origins]),
+      ...(options.viewFrames === undefined ? [] : ['--max-view-frames', String(options.viewFrames)]),
     ];
     const { accounts } = options;
     const env = accounts === undefined ? {} : { FIREBASE_AUTH_EMULATOR_HOST: accounts.emulator };

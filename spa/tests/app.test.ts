@@ -4,6 +4,8 @@ import { readRobots } from '../src/app/robots.ts';
 import { parseRoute } from '../src/app/route.ts';
 import { readSettings } from '../src/app/settings.ts';
 import { heightPx, nextHeight, PEEK_PX, restingHeight } from '../src/app/sheet_heights.ts';
+import { spoken } from '../src/app/spoken.ts';
+import { ko } from '../src/app/text/ko.ts';
 import { truthWords } from '../src/app/truth_words.ts';
 import { chipWords, stageWords, waitingWords } from '../src/app/words.ts';
 import type { Link } from '../src/stream/client.ts';
@@ -97,14 +99,15 @@ describe('words', () => {
   const verdict = (changed: Partial<Verdict>): Verdict => ({
     word: 'LIVE',
     cause: null,
+    overShare: false,
     ageMs: 3200,
     linkMs: 400,
     unchangedMs: 12_000,
     ...changed,
   });
   const chip = (changed: Partial<Verdict>, now = 0) => {
-    const { word, detail, more } = chipWords(verdict(changed), link, now);
-    return `${word} ${detail}${more}`.trim();
+    const { word, detail, more, warning } = chipWords(verdict(changed), link, now);
+    return `${word} ${detail}${more} ${warning}`.trim();
   };
 
   it('of the chip', () => {
@@ -116,6 +119,19 @@ describe('words', () => {
     expect(chip({ word: 'OFFLINE' }, at + 3200)).toBe('OFFLINE since 14:02');
     expect(chip({ word: 'OFFLINE', ageMs: null })).toBe('OFFLINE');
     expect(chip({ word: null })).toBe('Connecting');
+  });
+
+  it('of a robot that sends too much, whatever its word, behind the chip, and spoken', () => {
+    expect(chip({ overShare: true })).toBe('LIVE 30 Hz · 38 ms robot sends too much');
+    expect(chip({ overShare: true, word: 'HOLDING' })).toBe('HOLDING 12 s robot sends too much');
+    expect(ko.overShare).toBe('로봇이 너무 많이 보냄');
+    const why = /more than its share of the relay/;
+    expect(truthWords(verdict({ overShare: true }), link).join(' ')).toMatch(why);
+    expect(truthWords(verdict({}), link).join(' ')).not.toMatch(why);
+    const said = (overShare: boolean) =>
+      spoken({ name: 'demo', verdict: verdict({ overShare }), readings: null, faults: [] });
+    expect(said(true).text).toBe('demo: live, robot sends too much');
+    expect(said(false).gist, 'worth saying that it is over').not.toBe(said(true).gist);
   });
 
   it('over the body, only when the picture is not the present', () => {

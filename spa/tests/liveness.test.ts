@@ -4,7 +4,15 @@ import { type Evidence, HOLDING_AFTER_MS, JOINING_MS, judge, type Status } from 
 const NOW = 1_000_000;
 
 function status(changed: Partial<Status> = {}): Status {
-  return { robot: 'online', ageMs: 20, seq: 100, degraded: false, atMs: NOW - 300, ...changed };
+  return {
+    robot: 'online',
+    ageMs: 20,
+    seq: 100,
+    degraded: false,
+    overShare: false,
+    atMs: NOW - 300,
+    ...changed,
+  };
 }
 
 /** A robot that is fine, seen by a viewer who is fine. */
@@ -50,6 +58,20 @@ describe('the table of causes', () => {
   it('edge or uplink gone', () => {
     const gone = evidence({ status: status({ robot: 'offline', ageMs: 2000 }) });
     expect(judge(gone, NOW)).toMatchObject({ word: 'OFFLINE', cause: null });
+  });
+
+  it('robot sends too much: told beside the word while the relay that says so is heard', () => {
+    const over = status({ overShare: true });
+    expect(judge(evidence({ status: over }), NOW)).toMatchObject({ word: 'LIVE', overShare: true });
+    expect(judge(evidence(), NOW).overShare).toBe(false);
+    const still = evidence({ status: over, changedMs: NOW - 12_000 });
+    expect(judge(still, NOW)).toMatchObject({ word: 'HOLDING', overShare: true });
+    const silent = evidence({ status: { ...over, robot: 'silent' }, freshMs: null });
+    expect(judge(silent, NOW)).toMatchObject({ word: 'STALE', overShare: true });
+    const lost = evidence({ status: over, heardMs: NOW - 2000 });
+    expect(judge(lost, NOW)).toMatchObject({ cause: 'no connection', overShare: false });
+    const gone = evidence({ status: { ...over, robot: 'offline' } });
+    expect(judge(gone, NOW)).toMatchObject({ word: 'OFFLINE', overShare: false });
   });
 
   it('a frame that was under way when the robot left does not bring it back', () => {

@@ -69,37 +69,6 @@ describe('connecting', () => {
   });
 });
 
-describe('endings', () => {
-  it('waits as long as a full hall asks', () => {
-    const rig = opened();
-    rig.say({ type: 'bye', code: 1013, reason: 'full', retry_s: 12 });
-    rig.do(rig.session.closed(rig.now, 1013, ''));
-    const [link] = rig.posts('link');
-    expect(link).toMatchObject({ phase: 'waiting', ending: { code: 1013 } });
-    expect((link?.retryAtMs ?? 0) - rig.now).toBe(12_000 + 250);
-  });
-
-  it('believes the bye and not the code that a proxy made of the ending', () => {
-    const rig = opened();
-    rig.say({ type: 'bye', code: 4403, reason: 'not shared', retry_s: null });
-    rig.do(rig.session.closed(rig.now, 1006, ''));
-    expect(rig.posts('link')).toMatchObject([
-      { phase: 'ended', ending: { code: 4403, reason: 'not shared' } },
-    ]);
-    rig.pass(120_000);
-    expect(rig.session.phase).toBe('ended');
-  });
-
-  it('comes back after an ending for good only when a person asks', () => {
-    const rig = opened();
-    rig.do(rig.session.closed(rig.now, 4404, ''));
-    rig.pass(60_000);
-    expect(rig.session.phase).toBe('ended');
-    rig.do(rig.session.wake(rig.now));
-    expect(rig.session.phase).toBe('connecting');
-  });
-});
-
 describe('a socket that died without saying so', () => {
   it('is dropped after three silent seconds', () => {
     const rig = opened();
@@ -255,6 +224,13 @@ describe('frames', () => {
     rig.now += 100;
     rig.frame(frames.next());
     expect(states(rig)).toMatchObject([{ seq: 3, freshMs: rig.now, bornMs: rig.now }]);
+  });
+
+  it('come with what the relay says of their sender: that it sends too much, and that it no longer does', () => {
+    const rig = opened();
+    rig.status({ over_share: true });
+    rig.status();
+    expect(rig.posts('status').map(({ status }) => status.overShare)).toEqual([true, false]);
   });
 
   it('are as old as they have been here, whatever a status says that took its time', () => {

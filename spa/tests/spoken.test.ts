@@ -12,7 +12,7 @@ WITH_IMU.mapping.sensors.torso = { kind: 'imu', name: 'chest', link: 'torso' };
 const SCHEMA = parseSchema(JSON.stringify(WITH_IMU));
 const LIMITS = new Limits(SCHEMA.mapping);
 const CHOICE = { shown: 'pos', lens: false, forces: true, level: true, load: 'off' } as const;
-const LIVE = { word: 'LIVE', cause: null } as const;
+const LIVE = { word: 'LIVE', cause: null, overShare: false } as const;
 
 /** A body that leans so, degrees. */
 function lean(roll: number, pitch: number): Record<string, number> {
@@ -69,12 +69,17 @@ describe('a robot in words', () => {
     expect(say({ 'quat.torso.w': null }).text).toBe('Small: live');
     expect(spoken({ name: 'Small', verdict: LIVE, readings: null, faults: [] }).text).toBe('Small: live');
     expect(
-      spoken({ name: 'Small', verdict: { word: null, cause: null }, readings: null, faults: [] }).text,
+      spoken({
+        name: 'Small',
+        verdict: { word: null, cause: null, overShare: false },
+        readings: null,
+        faults: [],
+      }).text,
     ).toBe('');
   });
 
   it('never tells an old state as the present one', () => {
-    const verdict = { word: 'STALE', cause: 'robot silent' } as const;
+    const verdict = { word: 'STALE', cause: 'robot silent', overShare: false } as const;
     const told = spoken({ name: 'Small', verdict, readings: read(lean(30, 0)), faults: [fault('RKN')] });
     expect(told.text).toBe('Small: stale, robot silent');
   });

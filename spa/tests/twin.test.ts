@@ -93,7 +93,7 @@ describe('twin', () => {
   it('a new connection starts without the old one’s status', () => {
     const twin = new RobotTwin('small', 0);
     twin.acceptConnection(true, 10);
-    twin.acceptStatus({ robot: 'online', ageMs: 1, seq: 1, degraded: false, atMs: 20 });
+    twin.acceptStatus({ robot: 'online', ageMs: 1, seq: 1, degraded: false, overShare: false, atMs: 20 });
     twin.acceptConnection(false, 30);
     expect(twin.evidence).toMatchObject({ connected: false, lostMs: 30 });
     twin.acceptConnection(true, 40);

@@ -19,14 +19,14 @@ it('says STALE in the very moment in which the pose gets too old', () => {
   twin.acceptWatching(true, nowMs());
   vi.advanceTimersByTime(137); // not a round number of looks
   const shownMs = nowMs();
-  twin.acceptStatus({ robot: 'online', ageMs: 20, seq: 7, degraded: false, atMs: shownMs });
+  twin.acceptStatus({ robot: 'online', ageMs: 20, seq: 7, degraded: false, overShare: false, atMs: shownMs });
   Object.assign(twin.evidence, { freshMs: shownMs, shownMs });
   const said: [string | null, number][] = [];
   watch.onWord(() => said.push([watch.word, nowMs() - shownMs]));
   for (const atMs of [600, 1200]) {
     vi.advanceTimersByTime(shownMs + atMs - nowMs());
     const ageMs = nowMs() - shownMs;
-    twin.acceptStatus({ robot: 'online', ageMs, seq: 7, degraded: false, atMs: nowMs() });
+    twin.acceptStatus({ robot: 'online', ageMs, seq: 7, degraded: false, overShare: false, atMs: nowMs() });
   }
   vi.advanceTimersByTime(shownMs + 2 * STALE_AFTER_MS - nowMs());
   watch.close();
@@ -58,7 +58,7 @@ function watched(): { twin: RobotTwin; watch: LivenessWatch; said: (string | nul
 }
 
 function fresh(twin: RobotTwin): void {
-  twin.acceptStatus({ robot: 'online', ageMs: 20, seq: 7, degraded: false, atMs: nowMs() });
+  twin.acceptStatus({ robot: 'online', ageMs: 20, seq: 7, degraded: false, overShare: false, atMs: nowMs() });
   Object.assign(twin.evidence, { freshMs: nowMs(), shownMs: nowMs() });
 }
 

@@ -26,7 +26,7 @@ export function Chip({ link }: { link: RobotLink }) {
   }, []);
 
   const verdict = link.watch.verdict();
-  const { word, detail, more } = chipWords(verdict, connection, nowMs());
+  const { word, detail, more, warning } = chipWords(verdict, connection, nowMs());
   return (
     <div className="chip-around" ref={around}>
       <button
@@ -47,6 +47,7 @@ export function Chip({ link }: { link: RobotLink }) {
             <span className="chip-more">{more}</span>
           </span>
         )}
+        {warning !== '' && <span className="chip-warning">{warning}</span>}
       </button>
       {open && (
         <div className="popover" id={explanation} data-testid="liveness-explained">

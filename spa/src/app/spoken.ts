@@ -6,7 +6,7 @@ import type { SignReadings } from '../twin/sign_reader.ts';
 import type { Arrow, Wrench } from '../twin/wrenches.ts';
 import { faultWords } from './fault_words.ts';
 import { more } from './more.ts';
-import { causeWords } from './words.ts';
+import { causeWords, warningWords } from './words.ts';
 
 /** What those who listen are told of a robot, and when that is worth saying. */
 export interface Spoken {
@@ -17,7 +17,7 @@ export interface Spoken {
 
 export interface Heard {
   name: string;
-  verdict: Pick<Verdict, 'word' | 'cause'>;
+  verdict: Pick<Verdict, 'word' | 'cause' | 'overShare'>;
   /** Of the newest frame; null before any. */
   readings: Pick<SignReadings, 'wrenches' | 'body'> | null;
   faults: readonly Fault[];
@@ -35,9 +35,10 @@ const ZERO_WIDTH = /^\u2007/;
 
 /** "demo: live; upright, leaning 3° left; right hand 28 N, caution; 2 joints faulted" */
 export function spoken({ name, verdict, readings, faults }: Heard): Spoken {
-  const { word, cause } = verdict;
+  const { word } = verdict;
   if (word === null) return { text: '', gist: '' };
-  const state = more().spokenState(word, cause === null ? null : causeWords(cause));
+  const reasons = [causeWords(verdict.cause), warningWords(verdict)].filter((reason) => reason !== '');
+  const state = more().spokenState(word, reasons.length === 0 ? null : reasons.join(', '));
   // Of a robot that is not here its last state would sound like its present one.
   const present = word === 'LIVE' || word === 'HOLDING';
   const parts = present ? [posture(readings), ...forces(readings), ...faulted(faults)] : [];

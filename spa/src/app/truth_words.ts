@@ -8,6 +8,7 @@ export function truthWords(verdict: Verdict, link: Link): string[] {
   const text = more();
   const unwritten = link.by === 'mirror' && verdict.cause === 'relay degraded';
   const lines = [unwritten ? text.explainUnwritten : stateWords(verdict)];
+  if (verdict.overShare) lines.push(text.explainOverShare);
   lines.push(verdict.linkMs === null ? text.notHeardYet : text.lastHeard(formatSpan(verdict.linkMs)));
   if (link.by === 'events' && link.phase === 'open') lines.push(text.explainEvents);
   if (link.by === 'mirror') lines.push(text.explainMirror);

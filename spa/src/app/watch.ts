@@ -34,7 +34,7 @@ export class LivenessWatch {
   /** As of the last look, so that a page that was busy blames nobody else for its own delay. */
   verdict(): Verdict {
     const verdict = judge(this.#twin.evidence, this.#lookedMs);
-    return this.#lost ? { ...verdict, word: null, cause: null } : verdict;
+    return this.#lost ? { ...verdict, word: null, cause: null, overShare: false } : verdict;
   }
 
   readonly onWord = (listener: () => void): (() => void) => {

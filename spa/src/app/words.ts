@@ -12,9 +12,20 @@ export interface ChipWords {
   detail: string;
   /** What a narrow screen leaves out. */
   more: string;
+  /** What is wrong though the word may be LIVE: every screen shows it. */
+  warning: string;
 }
 
 export function chipWords(verdict: Verdict, link: Link, nowMs: number): ChipWords {
+  return { ...stateWords(verdict, link, nowMs), warning: warningWords(verdict) };
+}
+
+/** Beside any word of the chip, and told to those who listen. */
+export function warningWords({ overShare }: Pick<Verdict, 'overShare'>): string {
+  return overShare ? say().overShare : '';
+}
+
+function stateWords(verdict: Verdict, link: Link, nowMs: number): Omit<ChipWords, 'warning'> {
   const { ageMs, unchangedMs } = verdict;
   switch (verdict.word) {
     case null:
@@ -92,6 +103,13 @@ export function endingWords(ending: Ending | null): string {
     case 1001:
     case 1012:
       return say().endedRestarting;
+    case 1003:
+    case 1007:
+    case 1008:
+    case 1009:
+      return say().endedUnlike;
+    case 1011:
+      return say().endedFailed;
     case 1013:
       return say().endedFull;
     case 4401:

@@ -116,6 +116,7 @@ export class Reading {
         ageMs: status.age_ms === null ? null : Math.max(status.age_ms, heldMs),
         seq: status.seq,
         degraded: status.degraded,
+        overShare: status.over_share,
         atMs: leftMs,
       },
     });

@@ -22,6 +22,8 @@ export interface Status {
   seq: number | null;
   /** The relay cannot vouch for what it serves (a gateway without its store). */
   degraded: boolean;
+  /** The robot sends more than its share of the relay, so some of its frames are dropped. */
+  overShare: boolean;
   /** When it arrived, viewer's clock. */
   atMs: number;
 }
@@ -52,6 +54,8 @@ export interface Verdict {
   /** null only in the first moments, before anything can be known: on opening, and until a pose has come. */
   word: Word | null;
   cause: Cause | null;
+  /** The robot sends too much, and the relay that says so is heard. */
+  overShare: boolean;
   /** Age of the newest pose; null when none is known. */
   ageMs: number | null;
   /** Since the relay was last heard. */
@@ -77,6 +81,11 @@ export function isClaim(word: Word | null): word is 'LIVE' | 'HOLDING' {
   return word === 'LIVE' || word === 'HOLDING';
 }
 
+/** What the relay says of the robot's sending holds now. */
+function isHeard(word: Word | null, cause: Cause | null): boolean {
+  return word !== null && word !== 'OFFLINE' && cause !== 'no connection';
+}
+
 export function judge(evidence: Evidence, nowMs: number): Verdict {
   const { status } = evidence;
   const ageMs = newestAgeMs(evidence, nowMs);
@@ -85,6 +94,7 @@ export function judge(evidence: Evidence, nowMs: number): Verdict {
   const verdict = (word: Word | null, cause: Cause | null = null): Verdict => ({
     word,
     cause,
+    overShare: status?.overShare === true && isHeard(word, cause),
     ageMs,
     linkMs,
     unchangedMs,

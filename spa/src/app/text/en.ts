@@ -9,6 +9,7 @@ export const en = {
   robotSilent: 'robot silent',
   noConnection: 'no connection',
   relayDegraded: 'relay degraded',
+  overShare: 'robot sends too much',
   notOnAir: 'This robot is not on air. The page goes on by itself when it comes.',
   offlineSince: (clock: string) =>
     `Offline since ${clock}. The page goes on by itself when the robot is back.`,
@@ -18,11 +19,13 @@ export const en = {
   tryingAgainIn: (what: string, seconds: number) => `${what} Trying again in ${seconds} s.`,
   tryNow: 'Try now',
   endedRestarting: 'The relay is restarting.',
+  endedFailed: 'The relay met a fault of its own.',
   endedFull: 'The hall is full.',
   endedToken: 'This robot needs a sign-in or a share link.',
   endedForbidden: 'This robot is not shared with you.',
   endedAbsent: 'There is no robot of this name here, or it is not shared with you.',
   endedTooMany: 'The relay asked this page to slow down.',
+  endedUnlike: 'The relay does not understand this page. Reload it.',
   endedLost: 'No connection.',
 
   problemNewer: 'The relay speaks a newer language than this page. Reload it.',

@@ -1,6 +1,7 @@
-import type { AccountText } from './account_en.ts';
 import type { Text } from './en.ts';
 import type { More } from './more_en.ts';
+
+export { accountKo } from './account_ko.ts';
 
 /** 한국어. */
 export const ko: Text = {
@@ -11,6 +12,7 @@ export const ko: Text = {
   robotSilent: '로봇 응답 없음',
   noConnection: '연결 없음',
   relayDegraded: '릴레이 장애',
+  overShare: '로봇이 너무 많이 보냄',
   notOnAir: '이 로봇은 지금 나와 있지 않습니다. 나타나면 페이지가 스스로 이어집니다.',
   offlineSince: (clock) => `${clock}부터 오프라인입니다. 로봇이 돌아오면 페이지가 스스로 이어집니다.`,
   noPoseYet: '아직 자세 없음',
@@ -19,11 +21,13 @@ export const ko: Text = {
   tryingAgainIn: (what, seconds) => `${what} ${seconds}초 뒤 다시 시도합니다.`,
   tryNow: '지금 시도',
   endedRestarting: '릴레이가 다시 시작하고 있습니다.',
+  endedFailed: '릴레이에 문제가 생겼습니다.',
   endedFull: '정원이 찼습니다.',
   endedToken: '이 로봇을 보려면 로그인이나 공유 링크가 필요합니다.',
   endedForbidden: '이 로봇은 공유되지 않았습니다.',
   endedAbsent: '이 이름의 로봇이 없거나 공유되지 않았습니다.',
   endedTooMany: '릴레이가 속도를 늦추라고 했습니다.',
+  endedUnlike: '릴레이가 이 페이지를 이해하지 못합니다. 페이지를 새로 고치세요.',
   endedLost: '연결이 없습니다.',
   problemNewer: '릴레이가 이 페이지보다 새로운 형식을 씁니다. 페이지를 새로 고치세요.',
   problemSchema: (why) => `로봇의 설명을 읽을 수 없습니다: ${why}`,
@@ -129,6 +133,7 @@ export const moreKo: More = {
     `로봇이 멈춰 있습니다. ${span} 동안 위치, 기준값, 플래그가 그대로입니다. 연결은 정상입니다.`,
   explainSilent: '릴레이는 있지만 로봇이 새 데이터를 보내지 않습니다. 지금 보이는 것은 마지막 자세입니다.',
   explainDegraded: '릴레이는 있지만 로봇의 현재 상태를 전달하지 못합니다.',
+  explainOverShare: '로봇이 릴레이에서 제 몫보다 많이 보내어 일부 프레임이 버려집니다.',
   explainLost: '릴레이와 연결이 끊겼습니다. 지금 보이는 것은 마지막으로 받은 자세입니다.',
   explainOffline: '로봇이 나갔습니다. 돌아오면 페이지가 스스로 이어집니다.',
   explainEvents: '이곳에서는 WebSocket이 통하지 않아 일반 HTTP로 받고 있습니다.',
@@ -379,19 +384,4 @@ export const moreKo: More = {
   keyViews: '앞, 옆, 위',
   keyFirst: '처음 시점',
   keyClose: '가운데 있는 것에 다가가기',
-};
-
-/** 로그인. */
-export const accountKo: AccountText = {
-  signIn: '로그인',
-  signOut: '로그아웃',
-  account: '계정',
-  whySignIn: '이곳의 계정이 있는 사람에게만 공유된 로봇이 있습니다.',
-  email: '이메일',
-  password: '비밀번호',
-  signedInAs: (name) => `${name}(으)로 로그인했습니다.`,
-  signInNotGood: '이메일과 비밀번호가 맞지 않습니다.',
-  signInDisabled: '이 계정은 닫혔습니다.',
-  signInTooMany: '시도가 너무 많습니다. 몇 분 뒤 다시 시도하세요.',
-  signInNoAnswer: '로그인을 처리할 서버가 응답하지 않습니다. 연결을 확인하고 다시 시도하세요.',
 };

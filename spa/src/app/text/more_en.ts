@@ -13,6 +13,7 @@ export const moreEn = {
     `The robot holds still: position, reference and flags have not changed for ${span}. The link is fine.`,
   explainSilent: 'The relay is there, but the robot sends nothing new. What you see is its last pose.',
   explainDegraded: 'The relay is there, but it cannot pass on what the robot does now.',
+  explainOverShare: 'The robot sends more than its share of the relay, so some of its frames are dropped.',
   explainLost: 'This page has lost the relay. What you see is the last pose that came through.',
   explainOffline: 'The robot has left the air. The page goes on by itself when it comes back.',
   explainEvents: 'No WebSocket gets through here: the stream comes over plain HTTP.',
