@@ -138,7 +138,10 @@ def test_cbor_with_typed_arrays() -> None:
         (b"\x9b\xff\xff\xff\xff\xff\xff\xff\xff", "not CBOR"),
         (b"\x81" * 100_000, "not CBOR"),
         (cbor2.dumps(5), "a message without op"),
-        (cbor2.dumps({"op": "publish", "topic": "/a", "msg": cbor2.CBORTag(86, b"123")}), "not CBOR"),
+        (
+            cbor2.dumps({"op": "publish", "topic": "/a", "msg": cbor2.CBORTag(86, b"123")}),
+            "CBOR: a typed array of 3 bytes, 8 a number expected",
+        ),
     ],
 )
 def test_what_is_not_rosbridge_is_named_and_the_next_message_counts(data: str | bytes, words: str) -> None:

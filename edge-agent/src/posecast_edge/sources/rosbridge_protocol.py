@@ -215,7 +215,10 @@ def _typed_array(tag: Any, _immutable: bool) -> Any:
     letter = TYPED_ARRAYS.get(tag.tag)
     if letter is None or not isinstance(tag.value, bytes):
         return tag
-    count, rest = divmod(len(tag.value), struct.calcsize(f"<{letter}"))
-    if rest or count > ARRAY_MAX:
-        raise ProtocolError(f"a typed array of {len(tag.value)} bytes")
+    size = struct.calcsize(f"<{letter}")
+    count, rest = divmod(len(tag.value), size)
+    if rest:
+        raise ProtocolError(f"CBOR: a typed array of {len(tag.value)} bytes, {size} a number expected")
+    if count > ARRAY_MAX:
+        raise ProtocolError(f"CBOR: a typed array of {count} numbers, at most {ARRAY_MAX}")
     return list(struct.unpack(f"<{count}{letter}", tag.value))
