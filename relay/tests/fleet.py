@@ -210,6 +210,7 @@ class FleetEdge:
         self.life = Edge(next(self._runs), schema(), began_s=0.0)
         self.ingests: dict[Ingest, None] = {}
         self.sends = True
+        self.was_killed = False
         self.rate = 1.0
         self.clock_s = 0.0
         self._clock_at = loop.time()
@@ -248,6 +249,7 @@ class FleetEdge:
         if self._timer is not None:
             self._timer.cancel()
         self.sends = False
+        self.was_killed = killed
         for ingest in tuple(self.ingests):
             self.loop.call_later(LEASE_S if killed else LINK_S, self.disconnect, ingest)
 

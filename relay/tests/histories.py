@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Coroutine
 from typing import Any, TypeVar
 
-from .fleet import DELAY_S, Fleet, FleetEdge
+from .fleet import DELAY_S, Fleet, FleetEdge, Ingest
 from .page import STALE_S, Page
 from .sim_loop import SimLoop
 from .sim_redis import SimLink, SimRedis
@@ -58,10 +58,10 @@ class History:
     def edge(self, robot: str, *ingests: int) -> None:
         """An edge starts, and finds these ingests."""
         if len(self.fleet.edges) < 4:
-            if any(edge.robot == robot for edge in self.fleet.edges):
+            known = [ingest for i, ingest in enumerate(self.fleet.ingests) if i in ingests]
+            if any(edge.robot == robot for edge in (*self.fleet.edges, *self._leased(known))):
                 self.back_s = max(self.back_s, RETURN_S)
-            known = self.fleet.ingests
-            self.fleet.edge(robot, *(known[i] for i in ingests if i < len(known)))
+            self.fleet.edge(robot, *known)
 
     def stop(self, n: int, killed: bool) -> None:
         """An edge ends."""
@@ -192,6 +192,11 @@ class History:
         """Let go of everything."""
         self._run(self.fleet.end())
         self.loop.end()
+
+    def _leased(self, known: list[Ingest]) -> list[FleetEdge]:
+        """Edges that were killed, and that an ingest not among these believes to be there."""
+        others = [ingest for ingest in self.fleet.ingests if ingest not in known]
+        return [edge for ingest in others for edge in ingest.edges if edge.was_killed]
 
     def _edge(self, n: int) -> FleetEdge | None:
         return self.fleet.edges[n] if n < len(self.fleet.edges) else None

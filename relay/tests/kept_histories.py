@@ -69,4 +69,11 @@ KEPT: dict[str, list[Step]] = {
         ("redis_clock", -3600.0), ("wait", 0.7), ("kill_ingest", 1), ("wait", 0.3), ("kill_ingest", 0),
         ("wait", 1.2), ("redis_does", "spoil", "*"), ("wait", 0.3),
     ],
+    "restarts within a moment, the last at the other ingest": [
+        ("ingest",), ("ingest",), ("gateway",), ("edge", "a", 0, 1), ("wait", 1.0),
+        *[("stop", 0, False), ("edge", "a", 0)] * 13, ("stop", 0, False), ("edge", "a", 1),
+    ],
+    "killed as it starts, and started anew at one of its ingests": [
+        ("ingest",), ("ingest",), ("edge", "a", 0, 1), ("stop", 0, True), ("edge", "a", 0),
+    ],
 }  # fmt: skip

@@ -49,7 +49,7 @@ class SimRedis:
             STATUS: self.data.status,
             BOARD: self.data.board,
         }
-        self._connections: set[Connection] = set()
+        self._connections: dict[Connection, None] = {}  # not a set, whose order would differ from run to run
         self._subscribers: dict[bytes, dict[PubSub, None]] = {}
         self._inbox: list[Callable[[], None]] = []
 
@@ -122,11 +122,11 @@ class SimRedis:
             raise ConnectionError("Error 111 connecting")
         if self.locked:
             raise AuthenticationError("invalid username-password pair or user is disabled.")
-        self._connections.add(connection)
+        self._connections[connection] = None
 
     def closed(self, connection: Connection) -> None:
         """By whichever side."""
-        self._connections.discard(connection)
+        self._connections.pop(connection, None)
         for subscribers in self._subscribers.values():
             if isinstance(connection, PubSub):
                 subscribers.pop(connection, None)
@@ -185,12 +185,12 @@ class Connection:
 
     def __init__(self, server: SimRedis) -> None:
         self.server = server
-        self._waiting: set[asyncio.Future[Any]] = set()
+        self._waiting: dict[asyncio.Future[Any], None] = {}
 
     def drop(self) -> None:
         """By the server, or on the way."""
         self.server.closed(self)
-        waiting, self._waiting = self._waiting, set()
+        waiting, self._waiting = self._waiting, {}
         for future in waiting:
             if not future.done():
                 future.set_exception(ConnectionError("Connection closed by server."))
@@ -200,7 +200,7 @@ class Connection:
         server = self.server
         await server.open(self)
         future = server.loop.create_future()
-        self._waiting.add(future)
+        self._waiting[future] = None
 
         def carry_out() -> None:
             answers: list[Any] = []
@@ -215,7 +215,7 @@ class Connection:
         try:
             answers: list[Any] = await future
         finally:
-            self._waiting.discard(future)
+            self._waiting.pop(future, None)
         for answer in answers:
             if isinstance(answer, ConnectionError):
                 raise answer

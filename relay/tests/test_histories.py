@@ -9,7 +9,7 @@ from __future__ import annotations
 from itertools import groupby
 
 import pytest
-from hypothesis import settings
+from hypothesis import Phase, note, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, rule
 
@@ -112,6 +112,7 @@ class Histories(RuleBasedStateMachine):
 
     def teardown(self) -> None:
         """Every history ends in quiet."""
+        note(f"as it may be kept: {self.history.steps}")
         try:
             self.history.quiet()
         finally:
@@ -205,10 +206,18 @@ class Histories(RuleBasedStateMachine):
 
 
 class Test(Histories.TestCase):  # type: ignore[valid-type, misc]
-    """The same each time: what fails here is what was changed."""
+    """The same each time: what fails here is what was changed.
+
+    Nothing is cut down, which takes minutes: the steps that are printed can be kept and cut by hand.
+    """
 
     settings = settings(
-        max_examples=30, stateful_step_count=25, deadline=None, derandomize=True, database=None
+        max_examples=30,
+        stateful_step_count=25,
+        deadline=None,
+        derandomize=True,
+        database=None,
+        phases=[Phase.generate],
     )
 
 

@@ -97,14 +97,19 @@ def standing_call(
     return STATUS, [*names, *(state_key(name, view) for view in written)], [generation, said]
 
 
-def is_silent(told: object) -> bool:
-    """Whether this standing says that its relay has heard no frame for so long that another's counts."""
+def gives_way(told: object, has_token: bool) -> bool:
+    """Whether this standing is of a relay that hears so little of the robot that another one comes first.
+
+    It has heard no frame for long, or sees no edge of the robot while the other one does (`has_token`).
+    """
     try:
         said = unpack(told) if isinstance(told, bytes) else None
     except ValueError:
         return False
     if not isinstance(said, Standing):
         return False
+    if has_token and not said.token:
+        return True
     return all(age_s is None or age_s > RETURN_AFTER_S for age_s in said.ages_s.values())
 
 

@@ -37,7 +37,7 @@ from posecast_relay.adapters.redis_link import (
     status_key,
     writer_key,
 )
-from posecast_relay.adapters.redis_writing import Written, is_silent, standing_call, state_call
+from posecast_relay.adapters.redis_writing import Written, gives_way, standing_call, state_call
 from posecast_relay.adapters.relayed import unpack_events
 from posecast_relay.core.histogram import Histogram
 from posecast_relay.core.hub import Hub
@@ -319,7 +319,7 @@ class RedisStore:
             return
         if is_written:
             self._superseded[robot] = now
-        if is_written and not is_silent(told):
+        if is_written and not gives_way(told, of.liveness.token):
             return
         if self._hears(of) or now - self._superseded[robot] > SETTLE_S:  # who hears its frames comes first
             self._turns.pop(robot, None)
