@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import gc
 import sys
 import time
 from collections.abc import Callable
 from types import FrameType
 from typing import Any
 
+Work = Callable[[], object]
 SPAN = 16  # from the smallest input to the largest
+SLACK = 3  # sorting and caches; what grows with the square takes 16 times as much
+SECONDS = 0.01  # whatever the input
+TRIES = 8  # one of them is calm
 
 
-def cost(work: Callable[[], object]) -> int:
+def cost(work: Work) -> int:
     """How many lines of Python run, and how many calls into C are made."""
     steps = 0
 
@@ -35,17 +40,33 @@ def cost(work: Callable[[], object]) -> int:
     return steps
 
 
-def best_s(work: Callable[[], object], runs: int = 5) -> float:
-    """The least of several runs, in seconds of this process: what C does is not counted in steps."""
-    times = []
-    for _ in range(runs):
-        began_s = time.process_time()
-        work()
-        times.append(time.process_time() - began_s)
-    return min(times)
-
-
 def grows_linearly(steps: Callable[[int], int], n: int) -> bool:
     """Whether n, 4n and 16n take steps in proportion, within a quarter and a constant."""
     small, middle, large = (steps(n * k) for k in (1, 4, SPAN))
     return middle <= 4 * small * 1.25 + 500 and large <= SPAN * small * 1.25 + 500
+
+
+def took_s(work: Work) -> float:
+    """Seconds of this thread: what C does is not counted in steps. Without the garbage collector, which looks
+    at what other tests have left."""
+    gc.disable()
+    try:
+        began_s = time.thread_time()
+        work()
+        return time.thread_time() - began_s
+    finally:
+        gc.enable()
+
+
+def assert_time_in_proportion(work_of: Callable[[int], Work], n: int) -> None:
+    """4n and 16n take no longer than n in proportion. The best of some runs of n is taken for it; of the
+    others one that is fast enough will do."""
+    small = work_of(n)
+    small()  # so that what is made once is there
+    small_s = min(took_s(small) for _ in range(4))
+    for times in (4, SPAN):
+        work, enough_s = work_of(n * times), times * SLACK * small_s + SECONDS
+        runs_s: list[float] = []
+        while not any(s < enough_s for s in runs_s):
+            assert len(runs_s) < TRIES, f"{small_s:.4f} s for {n}, {min(runs_s):.4f} s for {n * times}"
+            runs_s.append(took_s(work))

@@ -9,6 +9,7 @@ import message_parsers
 import model_parsers
 import recording_parsers
 import scene_parsers
+import settings_parsers
 
 PARSERS = {
     parser.name: parser
@@ -18,5 +19,6 @@ PARSERS = {
         model_parsers.PARSERS,
         recording_parsers.PARSERS,
         message_parsers.PARSERS,
+        settings_parsers.PARSERS,
     )
 }

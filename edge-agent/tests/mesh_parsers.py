@@ -114,7 +114,19 @@ PARSERS = (
             "slashes": Worst(lambda n: (VERTICES + "f 1" + "/1" * n + " 2 3\n").encode(), 20_000),
         },
     ),
-    Parser("mtl", ("model.beside.read_bounded",), mtl_work, REFUSED, (MTL,), {}),
+    Parser(
+        "mtl",
+        ("model.beside.read_bounded",),
+        mtl_work,
+        REFUSED,
+        (MTL,),
+        {
+            "materials": Worst(lambda n: b"newmtl m\nKd 1 0 0\n" * n, 500),
+            "one picture many times": Worst(lambda n: b"newmtl m\n" + b"map_Kd a.png\n" * n, 200),
+            "options": Worst(lambda n: b"newmtl m\nmap_Kd" + b" -s 1 1 1" * n + b" a.png\n", 1000),
+            "blanks": Worst(lambda n: b"newmtl m\nmap_Kd" + b" " * n + b"a.png\n", 20_000),
+        },
+    ),
     Parser(
         "stl",
         ("model.stl.read_stl",),

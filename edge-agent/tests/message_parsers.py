@@ -225,7 +225,7 @@ PARSERS = (
         lambda given, folder: lambda: Decoder(None).decode(given.data),
         (UnknownFrame,),
         (bytes(state()),),
-        {},
+        {"a foreign frame": Worst(lambda n: bytes(state()) * n, 100)},
     ),
     Parser(
         "rosbridge",

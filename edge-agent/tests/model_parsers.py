@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import io
 import json
+import struct
+import zlib
 from collections.abc import Callable
 from pathlib import Path
 
 from mesh_parsers import png
 from model_stage import PICTURE, cube_stl, joint, link, mesh, robot
 from parser_stage import Input, Parser, Work, Worst, written
+from PIL import Image
 from posecast_edge.model.bundle import ModelError, load_bundle
 from posecast_edge.model.doctor import examine
 from posecast_edge.model.finding import ModelRefused
@@ -39,11 +42,47 @@ def picture_work(given: Input, folder: Path) -> Work:
     """As a texture."""
 
     def work() -> None:
+        fitted.cache_clear()
+        mean_colour.cache_clear()
         checked_picture(given.data)
         fitted(given.data, 128)
         mean_colour(given.data)
 
     return work
+
+
+def saved(kind: str, side: int = 8, frames: int = 1, **more: object) -> bytes:
+    """Pictures that differ, in one file."""
+    out = io.BytesIO()
+    first, *others = (Image.new("L", (side, side), i % 256) for i in range(frames))
+    if others:
+        more |= {"save_all": True, "append_images": others}
+    first.save(out, kind, **more)
+    return out.getvalue()
+
+
+def jpeg_scans(n: int) -> bytes:
+    """A progressive picture that grows, and scans which change none of its pixels."""
+    scan = b"\xff\xda\x00\x08\x01\x01\x00\x01\x3f\x00"
+    return saved("JPEG", 40 * round(n**0.5), progressive=True)[:-2] + scan * n + b"\xff\xd9"
+
+
+def png_chunks(n: int) -> bytes:
+    said = b"tEXta\0b"
+    chunk = struct.pack(">I", len(said) - 4) + said + struct.pack(">I", zlib.crc32(said))
+    whole = png(8)
+    return whole[:33] + chunk * n + whole[33:]  # behind its head
+
+
+def tiff_tags(n: int) -> bytes:
+    """Its directory with tags that nobody knows, before and behind the known ones."""
+    whole = saved("TIFF")
+    at = int.from_bytes(whole[4:8], "little")
+    count = int.from_bytes(whole[at : at + 2], "little")
+    known = whole[at + 2 : at + 2 + 12 * count]
+    own = b"".join(struct.pack("<HHII", 60_000 + i % 5000, 4, 1, i) for i in range(n))
+    end = len(whole).to_bytes(4, "little")
+    return whole[:4] + end + whole[8:] + struct.pack("<H", count + n) + known + own + bytes(4)
 
 
 def links(n: int, joints: Callable[[int], str]) -> bytes:
@@ -55,6 +94,11 @@ def urdf_mimics(n: int) -> bytes:
     """Each joint mimics the next one."""
     inside = '<axis xyz="0 0 1"/><mimic joint="j{}"/>'
     return links(n, lambda i: joint(f"j{i}", f"l{i - 1}", f"l{i}", inside=inside.format(i + 1)))
+
+
+def urdf_expressions(n: int, value: str = "${x}") -> bytes:
+    """Where xacro should have put numbers."""
+    return robot(*(link(f"l{i}", f'<inertial><mass value="{value}"/></inertial>') for i in range(n))).encode()
 
 
 WHOLE = robot(
@@ -104,6 +148,9 @@ PARSERS = (
             "a comment": Worst(lambda n: b"<!--" + b"-x" * n + b"-->" + WHOLE, 30_000),
             "one attribute": Worst(lambda n: robot(link("x" * n)).encode(), 50_000),
             "texts": Worst(lambda n: robot("<a>x</a>" * n).encode(), 1000),
+            "macros of xacro": Worst(lambda n: robot("<xacro:a/>" * n).encode(), 500),
+            "expressions of xacro": Worst(urdf_expressions, 60),
+            "a long expression": Worst(lambda n: urdf_expressions(1, "${" * n), 20_000),
         },
     ),
     Parser(
@@ -131,6 +178,12 @@ PARSERS = (
         picture_work,
         REFUSED,
         (PICTURE, png(3)),
-        {"one colour": Worst(lambda n: png(round(n**0.5)), 200_000)},
+        {
+            "one colour": Worst(lambda n: png(round(n**0.5)), 200_000),
+            "empty scans": Worst(jpeg_scans, 90),
+            "chunks": Worst(png_chunks, 1000),
+            "frames": Worst(lambda n: saved("GIF", frames=n), 20),
+            "tags": Worst(tiff_tags, 1000),
+        },
     ),
 )

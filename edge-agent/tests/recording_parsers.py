@@ -195,7 +195,8 @@ PARSERS = (
         (LineError,),
         (b'{"t": 12.3, "pos": {"RKN": 0.5}, "cur": [0.1, 0.2], "info": {"mode": "x"}}',),
         {
-            "fields": Worst(lambda n: json.dumps({f"f{i}": [0] for i in range(n)}).encode(), 100),
+            "fields": Worst(lambda n: json.dumps({f"f{i}": [0] for i in range(n)}).encode(), 400),
+            "labels": Worst(lambda n: json.dumps({"pos": {f"j{i}": 0 for i in range(n)}}).encode(), 400),
             "brackets": Worst(lambda n: b"[" * n, 1000),
         },
     ),

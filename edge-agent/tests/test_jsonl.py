@@ -11,7 +11,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from cost_stage import best_s, cost, grows_linearly
+from cost_stage import assert_time_in_proportion, cost, grows_linearly
 from edge_stage import until
 from posecast_edge.sources import KINDS, Sample, SourceError, jsonl, open_source
 from posecast_edge.sources.jsonl import MAX_LINE, JsonlSource, LineError, LineSplitter, parse_line
@@ -309,13 +309,13 @@ def test_lines_cost_what_they_are_long(kind: str) -> None:
     ],
 )
 def test_a_line_costs_what_it_is_long(line: Callable[[int], bytes]) -> None:
-    def seconds(n: int) -> float:
+    def work(n: int) -> Callable[[], None]:
         data = line(n)
 
         def parse() -> None:
             with contextlib.suppress(LineError):
                 parse_line(data, 0.0)
 
-        return best_s(parse)
+        return parse
 
-    assert seconds(32_000) < 16 * 4 * seconds(2_000) + 0.02
+    assert_time_in_proportion(work, 2000)

@@ -6,14 +6,13 @@ import importlib
 from pathlib import Path
 
 import pytest
-from cost_stage import SPAN, best_s
+from cost_stage import SLACK, SPAN, assert_time_in_proportion
 from every_parser import PARSERS
 from parser_stage import Parser, Work, held_bytes, in_one_line
 
 KINDS = [(name, kind) for name, parser in PARSERS.items() for kind in parser.worst]
 STEPS = (1, 4, SPAN)
-SLACK = 3  # sorting, caches, a busy machine; what grows with the square takes 16 times as much
-SECONDS, BYTES = 0.02, 1 << 20  # what may be spent whatever the input
+BYTES = 1 << 20  # whatever the input
 
 
 def prepared(parser: Parser, kind: str, n: int, folder: Path) -> Work:
@@ -38,10 +37,7 @@ def lower_bounds(parser: Parser, kind: str, monkeypatch: pytest.MonkeyPatch) -> 
 def test_time(name: str, kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     parser = PARSERS[name]
     lower_bounds(parser, kind, monkeypatch)
-    n = parser.worst[kind].n
-    small, middle, large = (best_s(prepared(parser, kind, n * k, tmp_path / str(k)), 3) for k in STEPS)
-    assert middle < 4 * SLACK * small + SECONDS, (small, middle, large)
-    assert large < SPAN * SLACK * small + SECONDS, (small, middle, large)
+    assert_time_in_proportion(lambda n: prepared(parser, kind, n, tmp_path / str(n)), parser.worst[kind].n)
 
 
 @pytest.mark.parametrize(("name", "kind"), KINDS)

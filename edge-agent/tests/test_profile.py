@@ -9,8 +9,7 @@ from posecast_edge.profile_reader import ProfileError, find_profile, load_profil
 from posecast_edge.schema_build import schema_text
 from posecast_wire.mapping import JointMap, SensorMount, Threshold
 from posecast_wire.schema import Schema
-
-BASE = '[labels]\njoint=["A","B"]\n[[fields]]\nname="pos"\n'
+from settings_parsers import BASE, VIEWS
 
 
 def test_a_whole_profile() -> None:
@@ -182,15 +181,6 @@ def test_a_joint_may_follow_a_joint_and_a_channel_have_a_unit_of_its_own() -> No
     assert p.mapping.unit("pos", "B") == "mm"
     assert p.mapping.unit("pos", "A") is None
     assert Schema.parse(schema_text(p)).mapping.unit("pos", "B") == "mm"
-
-
-VIEWS = """
-[views.public]
-fields = ["pos", "flags"]
-hz = 10
-scales = { pos = 0.01 }
-[views.lab]
-"""
 
 
 def test_a_view_holds_nothing_of_what_is_not_in_it() -> None:

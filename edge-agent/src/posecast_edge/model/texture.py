@@ -17,9 +17,11 @@ FORMATS = ("PNG", "JPEG", "BMP", "TGA", "TIFF", "WEBP", "GIF")
 PIXELS_MAX = 64_000_000  # of one picture, which a file of 200 kB can unpack to
 PIXELS_IN_ALL = 1 << 30  # of a robot's pictures; further ones are left out
 PIXELS_A_BYTE = 400  # a PNG of one colour has some 340
+SCANS_MAX = 100  # of a JPEG, which has one or some ten; each goes over all pixels, and ten bytes are one
 PIXELS_CLAIMED = 64_000_000  # of a robot's pictures, beyond what their bytes can stand for
 KEPT_PIXEL = 8  # bytes of a pixel without compression: a file that is larger holds more than a picture
 KEPT_HEAD = 4096
+START_OF_SCAN = b"\xff\xda"  # stands nowhere in a scan itself
 JPEG_QUALITY = 85
 LOOKS_MAX = (
     1000  # at one picture in one size that are remembered: as long as a robot is built it is in memory
@@ -109,6 +111,8 @@ def _opened(data: bytes) -> Image.Image:
         raise ModelRefused(f"a picture of {image.width} × {image.height} pixels")
     if any(tile[0] == "libtiff" for tile in image.tile):  # which writes to stderr what it thinks of each tag
         raise ModelRefused("a compressed TIFF")
+    if any(tile[0] == "jpeg" for tile in image.tile) and data.count(START_OF_SCAN) > SCANS_MAX:
+        raise ModelRefused(f"a JPEG of more than {SCANS_MAX} scans")
     return image
 
 
