@@ -86,6 +86,20 @@ async function panel(twin = new RobotTwin('small', 0)) {
   return { twin, host, say, find, click, waitForText };
 }
 
+/** Texts that hold what nobody sees, or letters from right to left outside an isolate of the page's. */
+function shownRaw(host: HTMLElement): string[] {
+  const texts = [...host.querySelectorAll('*')].flatMap((element) => [
+    ...['title', 'aria-label', 'data-unit'].map((name) => element.getAttribute(name) ?? ''),
+    ...[...element.childNodes].flatMap((node) => (node instanceof Text ? [node.data] : [])),
+  ]);
+  const raw = (text: string) => {
+    const outside = text.replace(/\u2068[^\u2068\u2069]*\u2069/g, '');
+    // the page's own: a figure space for a sign that is not there
+    return /(?![ \u2007])[\p{C}\p{Z}]/u.test(outside) || /[\u0590-\u08ff]/.test(outside);
+  };
+  return texts.filter(raw).map((text) => JSON.stringify(text));
+}
+
 describe('the numbers', { timeout: 60_000 }, () => {
   it('open the card of a joint, whose values go into plots, and close it again', async () => {
     const { say, click, find, host, waitForText } = await panel();
@@ -139,6 +153,54 @@ describe('the numbers', { timeout: 60_000 }, () => {
       /\d\d:\d\d:\d\dright foot Fz above 100 Nyour limit cleared.*right foot Fz above 100 Nyour limit/,
     );
     setOwnLimit(twin, 'ftf', 'RF.fz', null);
+  });
+
+  it('show names that hide, or turn their neighbours, harmless in every tab', async () => {
+    const { twin, say, click, find, host } = await panel();
+    const [turning, hidden, hebrew] = ['RKN\u202e', 'RKN\u200b', '\u05d0\u05d1\u05d2'];
+    const odd = JSON.parse(SCHEMA.text);
+    odd.labels.joint = [turning, hidden, hebrew];
+    odd.labels.sonar = [hebrew];
+    odd.fields[1].unit = hebrew;
+    odd.fields.at(-1).bits[2] = turning;
+    odd.mapping.names = { [turning]: `${hebrew} 7`, [hidden]: hidden };
+    odd.mapping.sensors.RF.name = `${hebrew}\u2069\u2069`;
+    odd.mapping.units = { pos: { [hidden]: turning } };
+    const schema = parseSchema(JSON.stringify(odd));
+    const event = { type: 'event', n: 1, t: 0, at: 0, level: 'fault', state: 'on' } as const;
+    twin.acceptSchema(schema);
+    twin.acceptEvent({ ...event, source: turning, text: `jam ${hidden}` });
+    twin.acceptEvent({ ...event, n: 2, source: hebrew, text: turning });
+    await say({}, schema);
+
+    const raw = document.createElement('div');
+    raw.innerHTML = `<p title="${hebrew}">${turning}</p>`;
+    expect(shownRaw(raw)).toHaveLength(2);
+    const harmless = (what: string) => expect(shownRaw(host), what).toEqual([]);
+    await find('tr[data-label] button');
+    const names = [...host.querySelectorAll('tbody th button')].map(({ textContent }) => textContent);
+    const shown = ['RKN\\u{202e}', 'RKN\\u{200b}', `\u2068${hebrew}\u2069`];
+    expect(names.sort()).toEqual(shown.sort());
+    harmless('table');
+    changeSettings({ limbs: true });
+    await find('tr.limb');
+    harmless('limbs');
+    for (const joint of [turning, hidden, hebrew]) {
+      selectJoint(joint);
+      await find('[data-testid=joint-card] dl');
+      await find('.card-room :is(ol, dl)');
+      harmless('card');
+      await click('[data-testid=plot-pos]');
+    }
+    for (const [tab, part] of [
+      ['Sensors', '.sensor td'],
+      ['Plots', '.plot-name'],
+      ['Alarms', '[data-testid=alarms] li'],
+    ] as const) {
+      await click(`#tab-${tab}`);
+      await find(part);
+      harmless(tab);
+    }
   });
 
   it('stand when the robot comes back with other joints and names that bite', async () => {

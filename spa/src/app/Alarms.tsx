@@ -1,6 +1,7 @@
 import './styles/alarms.css';
 import { useCallback, useSyncExternalStore } from 'react';
 import { flagWords, formatClockSeconds } from '../twin/format.ts';
+import { isolated, plainName } from '../twin/names.ts';
 import { useFaults } from './faults.ts';
 import { useMore } from './more.ts';
 import { OpenFaults } from './OpenFaults.tsx';
@@ -33,10 +34,11 @@ export function Alarms({ link }: { link: RobotLink }) {
   const told: Happened[] = events.map(({ n, at, level, state, source, text: said }) => ({
     key: `event ${n}`,
     atMs: at === null ? null : at * 1000,
-    title: schema?.mapping.names.get(source),
+    source: isolated(source),
+    title: plainName(schema, source),
     words: flagWords(said),
     own: false,
-    ...{ level, state, source },
+    ...{ level, state },
   }));
   const seen: Happened[] = crossings.map(({ n, atMs, source, state, side, limit }) => ({
     key: `own ${n}`,

@@ -18,11 +18,11 @@ export function Announcer({ link }: { link: RobotLink }) {
     let gist = '';
     let saidMs = Number.NEGATIVE_INFINITY;
     const look = () => {
-      const { schema, state, limits, robot } = link.twin;
+      const { schema, state, limits, name } = link.twin;
       if (schema !== null && reader?.schema !== schema) reader = new SignReader(schema);
       const known = schema !== null && state !== null && limits !== null;
       const now = spoken({
-        name: schema?.robot ?? robot,
+        name,
         verdict: link.watch.verdict(),
         readings: known ? (reader?.read(state.codes, limits, ALL) ?? null) : null,
         faults: link.faults.faults() ?? [],

@@ -1,5 +1,6 @@
 import { Suspense, useCallback, useEffect, useRef, useState } from 'react';
 import type { BodyView, LineView, ModelReport } from '../scene/index.ts';
+import { isolated } from '../twin/names.ts';
 import { manifestUrl } from './addresses.ts';
 import { FirstSketch } from './FirstSketch.tsx';
 import { follow } from './follow.ts';
@@ -145,7 +146,7 @@ function useModel(scene: BodyView | null, link: RobotLink): Model {
     scene.load(manifestUrl(robot, modelHash), progress).then((report) => {
       if (left) return;
       if (report.error !== undefined) {
-        setModel({ phase: 'failed', why: say().bodyFailed(report.error) });
+        setModel({ phase: 'failed', why: say().bodyFailed(isolated(report.error)) });
         return;
       }
       link.twin.acceptTree(scene.tree());

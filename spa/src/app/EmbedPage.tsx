@@ -12,6 +12,7 @@ import { home, relayChoice } from './relay.ts';
 import { type RobotLink, useRobotLink, useVersion } from './robot_link.ts';
 import { useThemeOnRoot } from './theme.ts';
 import './styles/embed.css';
+import { isolated } from '../twin/names.ts';
 
 /** One robot in a page of somebody else's: the body, its truth and where it comes from. Nothing is asked for until it
  *  is on the screen. */
@@ -22,7 +23,7 @@ export function EmbedPage() {
   const robot = framedRobot(window.location.pathname, hash);
   const reached = useReached();
   const { refused } = relayChoice();
-  if (refused !== null) return <Note text={rest.relayRefused(refused)} />;
+  if (refused !== null) return <Note text={rest.relayRefused(isolated(refused))} />;
   if (robot === null) return <Note text={rest.frameWithoutRobot} />;
   if (!reached) return <Poster />;
   return <Robot key={robot} robot={robot} />;
@@ -41,7 +42,7 @@ function Shown({ link }: { link: RobotLink }) {
   useVersion(link);
   const rest = useMore();
   useEffect(() => connectParent(link), [link]);
-  const name = link.twin.schema?.robot ?? link.twin.robot;
+  const { name } = link.twin;
   const { base } = relayChoice();
   const from = new URL(base ?? home()).host;
   const { search, hash } = window.location;

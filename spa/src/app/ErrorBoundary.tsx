@@ -1,4 +1,5 @@
 import { Component, type ReactNode } from 'react';
+import { isolated } from '../twin/names.ts';
 import { say } from './language.ts';
 
 /** When the page itself breaks it says so, instead of turning white. */
@@ -6,7 +7,7 @@ export class ErrorBoundary extends Component<{ children: ReactNode }, { what: st
   override state: { what: string | null } = { what: null };
 
   static getDerivedStateFromError(error: unknown): { what: string } {
-    return { what: error instanceof Error ? error.message : String(error) };
+    return { what: isolated(error instanceof Error ? error.message : String(error)) };
   }
 
   override render(): ReactNode {

@@ -1,5 +1,6 @@
 import type { Fault } from '../twin/fault_book.ts';
 import { displayOf, formatNumber, formatSpan } from '../twin/format.ts';
+import { isolated, plainName } from '../twin/names.ts';
 import { faultWords } from './fault_words.ts';
 import { useFaults } from './faults.ts';
 import { say, useText } from './language.ts';
@@ -31,10 +32,10 @@ export function FaultLine({ link }: { link: RobotLink }) {
           <button
             type="button"
             className="fault-what"
-            title={link.twin.schema?.mapping.names.get(first.source)}
+            title={plainName(link.twin.schema, first.source)}
             onClick={() => selectJoint(first.source)}
           >
-            <b>{first.source}</b> {faultWords(first, offBy(link, first))}
+            <b>{isolated(first.source)}</b> {faultWords(first, offBy(link, first))}
           </button>
           <span className="quiet">· {whenWords(first)}</span>
           {open.length > 1 && <span className="quiet more">+{open.length - 1}</span>}

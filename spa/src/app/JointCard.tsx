@@ -2,6 +2,7 @@ import './styles/joint_card.css';
 import { useEffect, useRef } from 'react';
 import { nowMs } from '../stream/clock.ts';
 import { flagWords, formatClockSeconds } from '../twin/format.ts';
+import { isolated, plainName } from '../twin/names.ts';
 import { useFaults } from './faults.ts';
 import { BackIcon } from './icons.tsx';
 import { onLanguage } from './language.ts';
@@ -45,9 +46,10 @@ export function JointCard({ link, joint }: { link: RobotLink; joint: string }) {
     window.addEventListener('keydown', onKey);
     return () => window.removeEventListener('keydown', onKey);
   }, [joint]);
-  const plain = link.twin.schema?.mapping.names.get(joint);
+  const name = isolated(joint);
+  const plain = plainName(link.twin.schema, joint);
   return (
-    <section className="joint-card" data-testid="joint-card" aria-label={joint}>
+    <section className="joint-card" data-testid="joint-card" aria-label={name}>
       <header>
         <button
           type="button"
@@ -59,7 +61,7 @@ export function JointCard({ link, joint }: { link: RobotLink; joint: string }) {
         >
           <BackIcon />
         </button>
-        <h2 title={joint}>{joint}</h2>
+        <h2 title={name}>{name}</h2>
         {plain !== undefined && <span className="quiet">{plain}</span>}
       </header>
       <div className="card-room">

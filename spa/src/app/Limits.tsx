@@ -21,7 +21,7 @@ export function Limits({ link }: { link: RobotLink }) {
   return (
     <section className="limits" data-testid="limits">
       <header>
-        <h3>{text.limitsOf(schema.robot)}</h3>
+        <h3>{text.limitsOf(twin.name)}</h3>
         {twin.edits.size > 0 && (
           <button type="button" className="text-button" onClick={() => dropOwnLimits(twin)}>
             {text.allAsProfile}

@@ -1,6 +1,7 @@
 import './styles/line.css';
 import { type RefObject, useCallback, useEffect, useRef, useState } from 'react';
 import type { LineMember, LineView } from '../scene/index.ts';
+import { isolated } from '../twin/names.ts';
 import { manifestUrl } from './addresses.ts';
 import { bodyFollows } from './body_link.ts';
 import { Chip } from './Chip.tsx';
@@ -146,7 +147,7 @@ function Member(props: MemberProps) {
 function Linked({ robot, scene, body, label, link, onLink, onSigns }: MemberProps & { link: RobotLink }) {
   useVersion(link);
   const rest = useMore();
-  const { modelHash, schema } = link.twin;
+  const { modelHash } = link.twin;
   const [why, setWhy] = useState<string | null>(null);
 
   useEffect(() => onLink(link), [onLink, link]);
@@ -196,10 +197,10 @@ function Linked({ robot, scene, body, label, link, onLink, onSigns }: MemberProp
   return (
     <div className="line-label" ref={label} data-testid={`line-${robot}`}>
       <a href={robotHref(robot)} className="line-name">
-        {schema?.robot ?? robot}
+        {link.twin.name}
       </a>
       <Chip link={link} />
-      {why !== null && <span className="quiet">{rest.noBody(why)}</span>}
+      {why !== null && <span className="quiet">{rest.noBody(isolated(why))}</span>}
     </div>
   );
 }

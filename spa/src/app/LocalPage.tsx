@@ -12,6 +12,7 @@ import { useSettings } from './settings.ts';
 import { useTheme } from './theme.ts';
 import { useCameraHands } from './use_camera_hands.ts';
 import './styles/local.css';
+import { isolated } from '../twin/names.ts';
 
 /** A robot that somebody dropped on the page: its body, a slider for each joint, and what is wrong with it. */
 export function LocalPage({ robot, urdfs }: { robot: LocalRobot; urdfs: readonly string[] }) {
@@ -21,7 +22,7 @@ export function LocalPage({ robot, urdfs }: { robot: LocalRobot; urdfs: readonly
   const rest = useMore();
   useCameraHands(host, scene);
   useEffect(() => {
-    document.title = `${robot.name} · Posecast`;
+    document.title = `${isolated(robot.name)} · Posecast`;
   }, [robot]);
   return (
     <div className="robot-page" data-testid="local-page">
@@ -29,7 +30,7 @@ export function LocalPage({ robot, urdfs }: { robot: LocalRobot; urdfs: readonly
         <button type="button" className="icon-button" onClick={closeLocal} aria-label={rest.closeRobot}>
           <BackIcon />
         </button>
-        <h1 className="robot-name">{robot.name}</h1>
+        <h1 className="robot-name">{isolated(robot.name)}</h1>
         <span className="quiet">{rest.onlyHere}</span>
       </header>
       <main className="split local">
@@ -77,11 +78,11 @@ function useLocalScene(host: React.RefObject<HTMLDivElement | null>, robot: Loca
         setScene(made);
         made.setPose({ joints: new Map(), base: null }, true);
         const report = await made.loadLocal(robot.manifest, robot);
-        const note = report.error === undefined ? null : say().bodyFailed(report.error);
+        const note = report.error === undefined ? null : say().bodyFailed(isolated(report.error));
         if (!left) setLoaded({ robot, report: { note, meshes: report.meshes } });
       })
       .catch((error: unknown) => {
-        const note = error instanceof Error ? error.message : String(error);
+        const note = isolated(error instanceof Error ? error.message : String(error));
         if (!left) setLoaded({ robot, report: { note, meshes: undefined } });
       });
     return () => {
@@ -107,7 +108,9 @@ function Choice({ chosen, urdfs }: { chosen: string; urdfs: readonly string[] })
         onChange={({ target }) => void chooseUrdf(target.value)}
       >
         {urdfs.map((path) => (
-          <option key={path}>{path}</option>
+          <option key={path} value={path}>
+            {isolated(path)}
+          </option>
         ))}
       </select>
     </label>
@@ -128,7 +131,7 @@ function Findings({ robot, report }: { robot: LocalRobot; report: LocalReport | 
       <ul>
         {findings.map(({ severity, code, text: said, line }) => (
           <li key={`${line} ${said}`} data-severity={severity} title={code}>
-            <b>{text[SEVERITIES[severity]]}</b> {said}
+            <b>{text[SEVERITIES[severity]]}</b> {isolated(said)}
             {line !== null && <span className="quiet"> · {text.line(line)}</span>}
           </li>
         ))}
@@ -157,7 +160,7 @@ function Sliders({ robot, scene }: { robot: LocalRobot; scene: RobotScene | null
       </button>
       {robot.joints.map(({ name, unit, lower, upper }) => (
         <label key={name} className="local-slider">
-          <span>{name}</span>
+          <span>{isolated(name)}</span>
           <output>{words(values.get(name) ?? 0, unit)}</output>
           <input
             type="range"

@@ -1,4 +1,5 @@
 import type { ModelReport } from '../scene/index.ts';
+import { isolated } from '../twin/names.ts';
 import { remarksWords } from './body_words.ts';
 import { useMore } from './more.ts';
 
@@ -13,7 +14,7 @@ export function ModelFindings({ findings = [] }: { findings: ModelReport['findin
       <ul>
         {shown.map(({ severity, line, text }) => (
           <li key={`${line} ${text}`} data-severity={severity}>
-            {text}
+            {isolated(text)}
             {line !== null && <span className="quiet"> · {said.line(line)}</span>}
           </li>
         ))}

@@ -1,3 +1,4 @@
+import { isolated } from '../twin/names.ts';
 import { useMore } from './more.ts';
 
 /** An address that names nothing that the page knows, or a relay that it may not read. */
@@ -7,7 +8,7 @@ export function NothingHere({ hash, refused }: { hash: string; refused: string |
     return (
       <main className="broken" data-testid="relay-refused">
         <h1>{text.notFromThere}</h1>
-        <p>{text.relayRefused(refused)}</p>
+        <p>{text.relayRefused(isolated(refused))}</p>
         <a className="text-button" href={`${window.location.pathname}${hash}`}>
           {text.ownRelay}
         </a>
@@ -17,7 +18,7 @@ export function NothingHere({ hash, refused }: { hash: string; refused: string |
   return (
     <main className="broken">
       <h1>{text.nothingHere}</h1>
-      <p>{text.namesNothing(hash)}</p>
+      <p>{text.namesNothing(isolated(hash))}</p>
       <a className="text-button" href="#/">
         {text.backToAll}
       </a>

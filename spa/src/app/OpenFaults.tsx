@@ -1,6 +1,7 @@
 import './styles/alarms.css';
 import type { Fault } from '../twin/fault_book.ts';
 import { formatClockSeconds } from '../twin/format.ts';
+import { isolated, plainName } from '../twin/names.ts';
 import { faultWords } from './fault_words.ts';
 import { useText } from './language.ts';
 import { more, useMore } from './more.ts';
@@ -32,7 +33,7 @@ export function OpenFaults({
           <time>{formatClockSeconds(fault.firstMs)}</time>
           <span className="alarm-mark" aria-hidden="true" />
           <span className="alarm-words">
-            {named && <b title={link.twin.schema?.mapping.names.get(fault.source)}>{fault.source} </b>}
+            {named && <b title={plainName(link.twin.schema, fault.source)}>{isolated(fault.source)} </b>}
             {faultWords(fault)}
           </span>
           <span className="quiet">{stateWords(fault)}</span>

@@ -42,7 +42,7 @@ function Loaded({ link, onSettings }: { link: RobotLink; onSettings: () => void 
   const { panelOpen } = useSettings();
   const page = useRef<HTMLDivElement>(null);
   useVersion(link);
-  const name = link.twin.schema?.robot ?? link.twin.robot;
+  const { name } = link.twin;
 
   const { fullscreen, toggle } = useFullscreen(page);
   const [sheet, setSheet] = useState<'share' | 'keys' | null>(null);

@@ -1,9 +1,10 @@
 import { DropError } from '../drop/files.ts';
+import { isolated } from '../twin/names.ts';
 import { more } from './more.ts';
 
 /** Why what was dropped is not shown, in one line. */
 export function refusalWords(cause: unknown): string {
-  if (!(cause instanceof DropError)) return cause instanceof Error ? cause.message : String(cause);
+  if (!(cause instanceof DropError)) return isolated(cause instanceof Error ? cause.message : String(cause));
   const text = more();
   const { refusal } = cause;
   switch (refusal.why) {
@@ -12,9 +13,9 @@ export function refusalWords(cause: unknown): string {
     case 'dropBomb':
     case 'dropTemplate':
     case 'dropTooLarge':
-      return text[refusal.why](refusal.path);
+      return text[refusal.why](isolated(refusal.path));
     case 'dropUnreadable':
-      return text.dropUnreadable(refusal.path, refusal.what);
+      return text.dropUnreadable(isolated(refusal.path), isolated(refusal.what));
     default:
       return text[refusal.why];
   }

@@ -1,4 +1,5 @@
 import { useEffect, useState } from 'react';
+import { isolated } from '../twin/names.ts';
 import { onAccount, tokenFor } from '../twin/share_token.ts';
 import { apiUrl } from './addresses.ts';
 
@@ -31,7 +32,7 @@ export function readRobots(body: unknown): ListedRobot[] {
     return [
       {
         robot,
-        name: typeof entry.name === 'string' && entry.name !== '' ? entry.name : robot,
+        name: isolated(typeof entry.name === 'string' && entry.name !== '' ? entry.name : robot),
         state: status === 'online' || status === 'silent' ? status : 'offline',
         ageMs: typeof entry.age_ms === 'number' ? entry.age_ms : null,
         viewers: typeof entry.viewers === 'number' ? entry.viewers : null,

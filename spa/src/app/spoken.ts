@@ -2,6 +2,7 @@ import type { Fault } from '../twin/fault_book.ts';
 import { displayOf, formatNumber } from '../twin/format.ts';
 import { leanOf } from '../twin/imus.ts';
 import type { Verdict } from '../twin/liveness.ts';
+import { isolated } from '../twin/names.ts';
 import type { SignReadings } from '../twin/sign_reader.ts';
 import type { Arrow, Wrench } from '../twin/wrenches.ts';
 import { faultWords } from './fault_words.ts';
@@ -107,5 +108,5 @@ function counted(of: ReadonlyMap<string, Fault>, many: (count: number) => string
   const [first] = of.values();
   if (first === undefined) return [];
   const gist = [...of.keys()].join(' ');
-  return [{ text: of.size === 1 ? `${first.source}: ${faultWords(first)}` : many(of.size), gist }];
+  return [{ text: of.size === 1 ? `${isolated(first.source)}: ${faultWords(first)}` : many(of.size), gist }];
 }

@@ -1,6 +1,7 @@
 import type { Link } from '../stream/client.ts';
 import { formatSpan } from '../twin/format.ts';
 import type { Verdict } from '../twin/liveness.ts';
+import { isolated } from '../twin/names.ts';
 import { more } from './more.ts';
 
 /** The explanation behind the chip. */
@@ -38,5 +39,5 @@ function stateWords({ word, cause, unchangedMs }: Verdict): string {
 
 function rateWords(reason: string): string {
   if (reason === 'slow network') return more().slowNetwork;
-  return reason === 'overload' ? more().overload : reason;
+  return reason === 'overload' ? more().overload : isolated(reason);
 }

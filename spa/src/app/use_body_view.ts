@@ -1,5 +1,6 @@
 import { type RefObject, useEffect, useRef, useState } from 'react';
 import type { LineView, Trouble } from '../scene/index.ts';
+import { isolated } from '../twin/names.ts';
 import { showScene } from './handle.ts';
 import { say } from './language.ts';
 import { loadScene } from './load_scene.ts';
@@ -83,7 +84,7 @@ export function useBodyView(
         return;
       }
       const what = error instanceof Error ? error.message : String(error);
-      setShown({ ...NOTHING, why: say().bodyFailed(what) });
+      setShown({ ...NOTHING, why: say().bodyFailed(isolated(what)) });
     });
     return () => {
       left = true;

@@ -2,6 +2,7 @@ import type { Link } from '../stream/client.ts';
 import type { Ending } from '../stream/messages.ts';
 import { formatClock, formatSpan } from '../twin/format.ts';
 import type { Cause, Verdict } from '../twin/liveness.ts';
+import { isolated } from '../twin/names.ts';
 import { say } from './language.ts';
 
 /** Every sentence that depends on the state of things: what happened, what the page does about it, what you can do. */
@@ -128,7 +129,7 @@ export function endingWords(ending: Ending | null): string {
 /** What keeps the stream from being understood. */
 export function problemWords({ what, detail }: NonNullable<Link['problem']>): string {
   if (what === 'newer') return say().problemNewer;
-  return what === 'schema' ? say().problemSchema(detail) : say().problemWorker(detail);
+  return what === 'schema' ? say().problemSchema(isolated(detail)) : say().problemWorker(isolated(detail));
 }
 
 /** What the page is waiting for, once waiting has become noticeable; empty while it gets the body ready itself. */

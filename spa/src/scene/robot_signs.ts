@@ -1,5 +1,6 @@
 import type { Level } from '@posecast/wire';
 import { type AngleUnit, displayOf, formatNumber } from '../twin/format.ts';
+import { isolated } from '../twin/names.ts';
 import type { SignReadings } from '../twin/sign_reader.ts';
 import type { PosedBody } from './figure.ts';
 import { extentOf } from './framing.ts';
@@ -137,7 +138,9 @@ export class RobotSigns {
         decimals: Math.min(display.decimals, 2),
       }).trim();
       const { words } = this.#manner;
-      const text = compliant ? words.compliant(channel) : words.offBy(channel, `${off} ${display.unit}`);
+      const text = compliant
+        ? words.compliant(isolated(channel))
+        : words.offBy(isolated(channel), `${off} ${display.unit}`);
       labels.push({
         key: `apart-${channel}`,
         text,

@@ -1,5 +1,7 @@
 /** Numbers and units as a person reads them. Values arrive in the schema's units; degrees exist only here. */
 
+import { isolated } from './names.ts';
+
 export type AngleUnit = 'rad' | 'deg';
 
 /** U+2212, as wide as a plus sign, so that the sign has a column of its own. */
@@ -43,7 +45,7 @@ export function displayOf(unit: string, angle: AngleUnit, scale = 0.001): Displa
   const known = DISPLAYS[unit];
   if (known !== undefined) return { ...known, factor: 1 };
   const decimals = scale > 0 && scale < 1 ? Math.min(6, Math.ceil(-Math.log10(scale) - 1e-9)) : 0;
-  return { unit, decimals, factor: 1 };
+  return { unit: isolated(unit), decimals, factor: 1 };
 }
 
 /** A number with its sign in a column of its own; `null` and NaN are no reading. */
@@ -111,11 +113,11 @@ export function formatClockSeconds(epochMs: number): string {
 
 /** "pwmSaturated" → "PWM saturated"; "motorFail0" → "motor fail 0". Unknown words stay as the robot says them. */
 export function flagWords(name: string): string {
-  if (name.includes(' ')) return name; // words already
+  if (name.includes(' ')) return isolated(name); // words already
   const words = name
     .replace(/([a-z])([A-Z])/g, '$1 $2')
     .replace(/([A-Za-z])(\d)/g, '$1 $2')
     .replace(/_/g, ' ')
     .toLowerCase();
-  return words.replace(/\b(pwm|imu|can|ft|cpu)\b/g, (short) => short.toUpperCase());
+  return isolated(words).replace(/\b(pwm|imu|can|ft|cpu)\b/g, (short) => short.toUpperCase());
 }

@@ -1,4 +1,5 @@
 import { type Field, JOINT, type Schema } from '@posecast/wire';
+import { isolated } from './names.ts';
 import { inverse, ofRpy, type Quat, rpyOf, times, unit, type Vec3, withoutHeading } from './rotation.ts';
 import { valueAt } from './values.ts';
 
@@ -34,7 +35,7 @@ export class ImuTable {
       const mount = schema.mapping.sensors.get(site);
       const imu: Imu = {
         site,
-        name: mount?.name ?? site,
+        name: isolated(mount?.name ?? site),
         link: mount?.link ?? null,
         linkFromSensor: ofRpy(mount?.rpy ?? [0, 0, 0]),
         xyz: mount?.xyz ?? [0, 0, 0],

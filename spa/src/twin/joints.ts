@@ -2,6 +2,7 @@ import { type Field, type Level, MISSING, type Schema, type Severity } from '@po
 import { flagWords } from './format.ts';
 import { LevelLatch } from './level_latch.ts';
 import { Limits, type Threshold } from './limits.ts';
+import { plainName } from './names.ts';
 import { valueAt } from './values.ts';
 
 export interface Flag {
@@ -77,7 +78,7 @@ export class JointTable {
     this.#complianceBit = bits.indexOf('comply');
     this.rows = (main?.labels ?? []).map((label) => ({
       label,
-      plain: schema.mapping.names.get(label) ?? null,
+      plain: plainName(schema, label) ?? null,
       homed: null,
       enabled: null,
       flags: NO_FLAGS,

@@ -1,6 +1,7 @@
 import { JOINT, JointMapping, type Schema } from '@posecast/wire';
 import { JointChannels } from './joint_channels.ts';
 import { CLOSE_AGAIN } from './joints.ts';
+import { plainName } from './names.ts';
 import { valueAt } from './values.ts';
 
 /** The bit of `flags` that says: this joint yields on purpose. */
@@ -57,7 +58,7 @@ export class Lens {
           apart: false,
           deviation: {
             channel,
-            name: schema.mapping.names.get(channel) ?? null,
+            name: plainName(schema, channel) ?? null,
             error: 0,
             unit: schema.mapping.unit('pos', channel) ?? pos!.unit,
             compliant: false,

@@ -1,6 +1,7 @@
 import type { Schema } from '@posecast/wire';
 import { JointChannels } from './joint_channels.ts';
 import type { KinematicTree } from './kinematic_tree.ts';
+import { isolated } from './names.ts';
 
 /** Joints that belong together, as the robot names them. */
 export interface Limb {
@@ -135,7 +136,7 @@ function most<T extends string>(said: readonly (T | null)[]): T | null {
 
 function spanOf(labels: readonly string[]): string {
   const [first = '', last = first] = [labels[0], labels.at(-1)];
-  return first === last ? first : `${first} to ${last}`;
+  return first === last ? isolated(first) : `${isolated(first)} to ${isolated(last)}`;
 }
 
 function capital(word: string): string {

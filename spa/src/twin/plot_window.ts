@@ -1,5 +1,6 @@
 import { type AngleUnit, type Display, displayOf } from './format.ts';
 import type { History } from './history.ts';
+import { isolated } from './names.ts';
 import type { Sheet } from './plot_csv.ts';
 import { type Plotted, type PlottedReading, plottedReading } from './plotted.ts';
 import type { PowerWords } from './sensors.ts';
@@ -79,7 +80,7 @@ export function sheetOf(
     atMs: inside.map((i) => first!.data.atMs[i]!),
     columns: plots.flatMap(({ group, data }) =>
       group.traces.map(({ of, reading }, c) => ({
-        title: reading?.title ?? `${of.label} ${of.field}`,
+        title: reading?.title ?? `${isolated(of.label)} ${of.field}`,
         unit: group.display.unit,
         values: inside.map((i) => data.columns[c]![i]!),
       })),

@@ -1,5 +1,6 @@
 import type { Schema } from '@posecast/wire';
 import type { Reader } from './history.ts';
+import { isolated } from './names.ts';
 import { type PowerWords, SensorTable } from './sensors.ts';
 import { valueAt } from './values.ts';
 
@@ -28,7 +29,7 @@ export function plottedReading(
   power?: PowerWords,
 ): PlottedReading | null {
   const main = schema.field('pos') ?? schema.field('ref');
-  const title = `${label} ${name}`;
+  const title = `${isolated(label)} ${name}`;
   if (name === 'error') {
     const [ref, pos] = [schema.field('ref'), schema.field('pos')];
     const index = pos?.labels.indexOf(label) ?? -1;

@@ -3,6 +3,7 @@ import { JointTable } from './joints.ts';
 import type { KinematicTree } from './kinematic_tree.ts';
 import { Limits, NO_EDITS, type ThresholdEdits } from './limits.ts';
 import type { Evidence, Status } from './liveness.ts';
+import { isolated } from './names.ts';
 import { valueAt } from './values.ts';
 
 /** As many as the relay keeps; the oldest go first. */
@@ -67,6 +68,11 @@ export class RobotTwin {
       shownMs: null,
       otherwiseMs: null,
     };
+  }
+
+  /** What it is called on the page. */
+  get name(): string {
+    return this.schema === null ? this.robot : isolated(this.schema.robot);
   }
 
   onState(listener: () => void): () => void {

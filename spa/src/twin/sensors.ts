@@ -2,6 +2,7 @@ import type { Field, Level, Schema } from '@posecast/wire';
 import type { Reader } from './history.ts';
 import { LevelLatch } from './level_latch.ts';
 import { Limits } from './limits.ts';
+import { isolated } from './names.ts';
 import { rpyOf, unit as unitQuat } from './rotation.ts';
 import { valueAt } from './values.ts';
 
@@ -107,7 +108,7 @@ export class SensorTable {
           {
             field: field.name,
             label,
-            name: NAMES[field.name]?.[component] ?? name,
+            name: NAMES[field.name]?.[component] ?? isolated(name),
             unit,
             scale: field.scale,
           },
@@ -144,8 +145,9 @@ export class SensorTable {
   }
 
   #title(kind: SensorGroup['kind'], site: string): string {
-    if (kind === 'power') return site === 'main' ? this.#power.power : `${this.#power.power}, ${site}`;
-    return this.#schema.mapping.sensors.get(site)?.name ?? site;
+    if (kind === 'power')
+      return site === 'main' ? this.#power.power : `${this.#power.power}, ${isolated(site)}`;
+    return isolated(this.#schema.mapping.sensors.get(site)?.name ?? site);
   }
 
   #addAngles(readings: Reading[], field: Field, site: string): void {

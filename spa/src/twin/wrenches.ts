@@ -1,6 +1,7 @@
 import type { Field, Level, Schema, SensorMount, Threshold } from '@posecast/wire';
 import { LevelLatch, worse } from './level_latch.ts';
 import type { Limits } from './limits.ts';
+import { isolated } from './names.ts';
 import type { Vec3 } from './rotation.ts';
 import { valueAt } from './values.ts';
 
@@ -46,7 +47,7 @@ export class WrenchTable {
       const force = this.#arrow(schema, 'ftf', site, ['fx', 'fy', 'fz'], MUCH.force);
       const moment = this.#arrow(schema, 'ftm', site, ['mx', 'my', 'mz'], MUCH.moment);
       if (force.axes.length === 0 && moment.axes.length === 0) return [];
-      return [{ site, name: mount.name, mount, force, moment }];
+      return [{ site, name: isolated(mount.name), mount, force, moment }];
     });
   }
 

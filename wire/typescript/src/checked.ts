@@ -1,11 +1,12 @@
 /** Typed values out of JSON that strangers wrote: a failure is one short line that says where and why. */
 
+import { visible } from './visible.ts';
+
 const TEXT_MAX = 200; // characters in any one name
 const DEPTH_MAX = 64; // levels of a document, itself the first
 const SHOWN_MAX = 160; // characters of a place or a reason in a line
 const SURROGATE = /\p{Cs}/u; // half a pair; a whole one is a character
 const UNFIT = /[\p{Cc}\p{Cs}]/u;
-const UNSEEN = /(?! )[\p{C}\p{Z}\p{Default_Ignorable_Code_Point}\u2800]/gu;
 
 /** A schema that cannot be used: one line, `where: reason`. */
 export class SchemaError extends Error {
@@ -13,13 +14,12 @@ export class SchemaError extends Error {
 }
 
 export function fail(where: string, reason: string): never {
-  throw new SchemaError(`${visible(where)}: ${visible(reason)}`);
+  throw new SchemaError(`${line(where)}: ${line(reason)}`);
 }
 
 /** A stranger's text in a line of ours: 160 characters; what is unseen or turns direction is escaped. */
-function visible(text: string): string {
-  const shown = text.length > SHOWN_MAX ? `${text.slice(0, SHOWN_MAX - 60)}…${text.slice(-59)}` : text;
-  return shown.replace(UNSEEN, (c) => `\\u{${c.codePointAt(0)!.toString(16)}}`);
+function line(text: string): string {
+  return visible(text.length > SHOWN_MAX ? `${text.slice(0, SHOWN_MAX - 60)}…${text.slice(-59)}` : text);
 }
 
 /**

@@ -43,3 +43,4 @@ export {
   type ViewerMessage,
 } from './messages.ts';
 export { CODE_MAX, Field, MISSING, parseSchema, revived, Schema } from './schema.ts';
+export { visible } from './visible.ts';

@@ -4,6 +4,7 @@ import 'uplot/dist/uPlot.min.css';
 import { type AngleUnit, formatNumber, formatSpan } from '../../twin/format.ts';
 import { HISTORY_S, type History } from '../../twin/history.ts';
 import { NUMBERS } from '../../twin/joints.ts';
+import { isolated } from '../../twin/names.ts';
 import { csvOf } from '../../twin/plot_csv.ts';
 import {
   type PlotData,
@@ -212,7 +213,7 @@ function titleOf({ of, reading }: PlotTrace): string {
   const { field, label } = of;
   const ofTable = NUMBERS.find((name) => name === field);
   if (reading !== null && !reading.ofJoint) return reading.title;
-  return `${label} ${ofTable === undefined ? field : say()[ofTable]}`;
+  return `${isolated(label)} ${ofTable === undefined ? field : say()[ofTable]}`;
 }
 
 function aligned({ s, columns }: PlotData): uPlot.AlignedData {

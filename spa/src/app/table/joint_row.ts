@@ -1,6 +1,7 @@
 import type { Fault } from '../../twin/fault_book.ts';
 import { formatSpan } from '../../twin/format.ts';
 import type { JointRow, NumberName } from '../../twin/joints.ts';
+import { isolated } from '../../twin/names.ts';
 import { faultWords } from '../fault_words.ts';
 import { say } from '../language.ts';
 import { DataMark, make, TextCell } from './cells.ts';
@@ -53,10 +54,10 @@ export class RowView {
     element.dataset.label = row.label;
     const name = make('th', 'c-joint');
     name.scope = 'row';
-    const open = make('button', '', row.label);
+    const open = make('button', '', isolated(row.label));
     open.type = 'button';
     name.append(open);
-    name.title = row.plain ?? row.label;
+    name.title = row.plain ?? isolated(row.label);
     element.append(name);
     const marks: Partial<Record<NumberName, DataMark>> = {};
     const cell = (field: string, className: string) => {
@@ -69,7 +70,7 @@ export class RowView {
     this.numbers = numbers.map((field) => {
       const td = cell(field, `c-num c-${field}`);
       td.draggable = true; // into a plot
-      if (ownUnit !== null && POSITIONS.has(field)) td.dataset.unit = ownUnit;
+      if (ownUnit !== null && POSITIONS.has(field)) td.dataset.unit = isolated(ownUnit);
       marks[field] = new DataMark(td, 'level');
       return td;
     });
