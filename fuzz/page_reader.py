@@ -21,7 +21,7 @@ HEAP_MB = 512
 UNBOUND_PREFIX = expat.errors.codes[expat.errors.XML_ERROR_UNBOUND_PREFIX]
 LENGTH = struct.Struct("<I")
 HEAD = struct.Struct("<IIH")  # CPU time, µs; growth of its memory, KiB; counters hit
-MS, MS_PER_KB = 60.0, 4.0  # CPU time that a case may take; its compiler and collector count too
+MS, MS_PER_KB = 150.0, 8.0  # CPU time that a case may take; its compiler and collector count too
 MB, MB_PER_KB = 64.0, 2.0
 
 try:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import html
 import io
 import re
 import struct
+import unicodedata
 from collections.abc import Callable
 from typing import Any
 
@@ -39,7 +41,16 @@ def urdf(data: bytes) -> None:
     if ENCODING.search(data) or b"\0" in data:
         read_urdf(io.BytesIO(data))
         return
-    agree(lambda: read_urdf(io.BytesIO(data)), lambda: ask("urdf", data), (ModelRefused,), shown_urdf)
+    try:
+        agree(lambda: read_urdf(io.BytesIO(data)), lambda: ask("urdf", data), (ModelRefused,), shown_urdf)
+    except Differs:
+        if not _is_new(html.unescape(data.decode())):
+            raise
+
+
+def _is_new(text: str) -> bool:
+    """Whether it has characters that this Python's Unicode does not know yet: Node's may, and shows them."""
+    return any(unicodedata.category(letter) == "Cn" for letter in text)
 
 
 def body(data: bytes) -> None:

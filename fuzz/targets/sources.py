@@ -212,7 +212,7 @@ TARGETS = (
     Target("jsonl", jsonl, (LineError, *DOWNSTREAM), stretched=1 << 16),
     Target("csv", csv, DOWNSTREAM, stretched=1 << 17),
     Target("mcap", mcap, DOWNSTREAM),
-    Target("trajectory", trajectory, DOWNSTREAM),
+    Target("trajectory", trajectory, DOWNSTREAM, ms_per_kb=20),
     Target("profile", profile, (ProfileError, SchemaError)),
     Target("achd", achd, (ProtocolError,)),
     Target("ach", ach, (ChannelError, UnknownFrame, *DOWNSTREAM)),

@@ -80,6 +80,31 @@ def joins_and_leaves(at: Target) -> Steps:
     return f"{crowd.opened / at.seconds:,.0f}/s"
 
 
+@attack()
+def asks_and_resets(at: Target) -> Steps:
+    """50 at a time ask for JSON at 60 Hz and reset before they are answered, as fast as it goes"""
+    crowd = Crowd(at, lambda _n: stream(query="hz=60&format=json"))
+    yield
+
+    def turn() -> None:
+        crowd.open(range(50))
+        for number in list(crowd.sockets):
+            crowd.drop(number, reset=True)
+
+    at.paced(AS_FAST_AS_IT_GOES, turn)
+    return f"{crowd.opened / at.seconds:,.0f}/s"
+
+
+@attack(seconds=2.4)
+def json_for_nobody(at: Target) -> Steps:
+    """1,900 viewers that want JSON at 60 Hz and read nothing"""
+    crowd = Crowd(at, lambda _n: stream(query="hz=60&format=json"), small=True)
+    yield
+    crowd.open(range(1900))
+    at.paced(1, lambda: None)
+    return f"{crowd.opened:,} streams"
+
+
 def asked_for_nobody(at: Target) -> Steps:
     """Each asker for another name, a hundred at a time."""
     n = itertools.count()
