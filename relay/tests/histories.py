@@ -14,7 +14,7 @@ from .sim_loop import SimLoop
 from .sim_redis import SimLink, SimRedis
 
 ROBOTS = ("a", "b")
-SLACK_S = 0.3  # of an age that was measured through a Redis with a tenth of a second each way
+SLACK_S = 0.5  # of the age of a frame that came through a Redis with a fifth of a second each way
 LOOK_S = 0.05
 BACK_S = 2.0  # everything is LIVE so long after quiet returned
 RETURN_S = 3.0 + BACK_S + 1.0  # where one edge takes another's place, or an ingest lost its link to one

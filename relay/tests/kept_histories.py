@@ -76,4 +76,8 @@ KEPT: dict[str, list[Step]] = {
     "killed as it starts, and started anew at one of its ingests": [
         ("ingest",), ("ingest",), ("edge", "a", 0, 1), ("stop", 0, True), ("edge", "a", 0),
     ],
+    "the last frame before Redis became slow was late itself, seen with a delay": [
+        ("gateway",), ("edge", "a", 0), ("ingest",), ("wait", 4.05), ("redis_is", "delay_s", 0.2),
+        ("wait", 2.5),
+    ],
 }  # fmt: skip
