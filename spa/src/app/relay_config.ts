@@ -74,7 +74,7 @@ function addressOf(text: string | null, home: string): string | null {
   }
   const near = url.origin === new URL(home).origin || /^(localhost|127\.0\.0\.1|\[::1\])$/.test(url.hostname);
   if (url.protocol !== 'https:' && !(url.protocol === 'http:' && near)) return null;
-  return `${url.origin}${url.pathname.replace(/\/*$/, '/')}`;
+  return `${url.origin}${url.pathname.replace(/(?<!\/)\/*$/, '/')}`;
 }
 
 const GOOGLE = 'https://identitytoolkit.googleapis.com https://securetoken.googleapis.com';

@@ -67,7 +67,10 @@ function files(shapes: readonly Named[], facts: Facts, say: Say): void {
   const users = new Map<string, Named[]>();
   for (const named of shapes) {
     const { uri } = named[1];
-    if (uri !== '') users.set(uri, [...(users.get(uri) ?? []), named]);
+    if (uri === '') continue;
+    const by = users.get(uri) ?? [];
+    by.push(named);
+    users.set(uri, by);
   }
   const lenient = new Map<string, { code: string; text: string; uris: string[] }>();
   for (const [uri, by] of users) {

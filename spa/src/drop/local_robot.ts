@@ -147,10 +147,19 @@ function slidersOf({ joints }: Urdf): SliderJoint[] {
 /** Finds what a URDF names, whatever its package is called: by the longest end of the path that exists. */
 class Finder {
   readonly #byLowerCase = new Map<string, string>();
+  /** A file's own name → the paths of all that are called so, part by part. */
+  readonly #byName = new Map<string, { readonly parts: readonly string[]; readonly path: string }[]>();
   readonly #folder: string;
 
   constructor(files: LocalFiles, urdf: string) {
     for (const path of files.keys()) this.#byLowerCase.set(path.toLowerCase(), path);
+    for (const [lower, path] of this.#byLowerCase) {
+      const parts = lower.split('/');
+      const name = parts.at(-1)!;
+      const namesakes = this.#byName.get(name) ?? [];
+      namesakes.push({ parts, path });
+      this.#byName.set(name, namesakes);
+    }
     this.#folder = urdf.includes('/') ? urdf.slice(0, urdf.lastIndexOf('/')) : '';
   }
 
@@ -160,14 +169,20 @@ class Finder {
     const exact = relative === null ? undefined : this.#byLowerCase.get(relative.toLowerCase());
     if (exact !== undefined) return exact;
     const parts = (tidyPath(bare) ?? '').toLowerCase().split('/');
-    for (let skip = 0; skip < parts.length; skip += 1) {
-      const end = parts.slice(skip).join('/');
-      for (const [lower, path] of this.#byLowerCase) {
-        if (lower === end || lower.endsWith(`/${end}`)) return path;
-      }
+    let best: string | null = null;
+    let most = 0;
+    for (const { parts: own, path } of this.#byName.get(parts.at(-1)!) ?? []) {
+      const same = sameAtEnd(own, parts);
+      if (same > most) [best, most] = [path, same];
     }
-    return null;
+    return best;
   }
+}
+
+function sameAtEnd(a: readonly string[], b: readonly string[]): number {
+  let same = 0;
+  while (same < a.length && same < b.length && a.at(-1 - same) === b.at(-1 - same)) same += 1;
+  return same;
 }
 
 function decoded(text: string): string {

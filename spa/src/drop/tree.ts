@@ -85,7 +85,9 @@ function jointsByParent(urdf: Urdf, links: ReadonlyMap<string, Link>, say: Say):
       say(problem[0]!, `${problem[1]}; this joint is left out`, joint.line);
     } else if (parent !== '' && child !== '') {
       held.set(child, joint); // the reader has named a joint without ends
-      below.set(parent, [...(below.get(parent) ?? []), joint]);
+      const siblings = below.get(parent) ?? [];
+      siblings.push(joint);
+      below.set(parent, siblings);
     }
   }
   return below;

@@ -341,7 +341,7 @@ class Reader implements Urdf {
   }
 }
 
-const NUMBER = /^[+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?$/i;
+const NUMBER = /^[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:e[+-]?\d+)?$/i;
 /** As Python has them: a byte order mark is none, a next line is one. */
 const SPACES = /(?:(?!\ufeff)[\s\u0085])+/;
 const NO_NUMBER = /^[+-]?(?:nan|inf(?:inity)?)$/i;

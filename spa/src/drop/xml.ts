@@ -3,6 +3,8 @@
 const MAX_BYTES = 8 << 20;
 const MAX_ELEMENTS = 50_000;
 const MAX_DEPTH = 64;
+/** A browser looks through all that are declared for each name. */
+const MAX_PREFIXES = 1000;
 
 /** No XML that is accepted: one line, and where. */
 export class XmlRefused extends Error {
@@ -60,8 +62,8 @@ export function readXml(text: string): XmlElement {
   return new XmlElement(xml.documentElement, (count === lines.length ? lines : []).values());
 }
 
-/** What stands between `<` and `>` of a tag. Nothing in it backtracks far: no tag holds another `<`. */
-const TAG = /<(\/?)([^\s/>!?<][^\s/><]*)((?:"[^"<]*"|'[^'<]*'|[^<>"'])*?)(\/?)>/y;
+/** What stands between `<` and `>` of a tag. Nothing in it backtracks far: no tag holds another `<`, and a name is taken whole. */
+const TAG = /<(\/?)([^\s/>!?<][^\s/><]*)(?![^\s/><])((?:"[^"<]*"|'[^'<]*'|[^<>"'])*?)(\/?)>/y;
 /** What holds no tags, and how it ends. */
 const ASIDES = [
   ['<!--', '-->'],
@@ -127,6 +129,7 @@ function scan(text: string): { lines: number[]; declared: string } {
     root ??= tag.index + 1 + name.length;
     for (const [, prefix] of `${name} ${attributes}`.matchAll(/(?:^|\s)([\w.-]+):[\w.-]+/g))
       prefixes.add(prefix!);
+    if (prefixes.size > MAX_PREFIXES) throw new XmlRefused(`more than ${MAX_PREFIXES} prefixes`, line);
     lines.push(line);
     if (lines.length > MAX_ELEMENTS) throw new XmlRefused(`more than ${MAX_ELEMENTS} elements`, line);
     if (depth >= MAX_DEPTH) throw new XmlRefused(`nested more than ${MAX_DEPTH} deep`, line);
@@ -136,9 +139,9 @@ function scan(text: string): { lines: number[]; declared: string } {
       break;
     }
   }
-  const missing = [...prefixes].filter(
-    (prefix) => !/^xml(ns)?$/.test(prefix) && !text.includes(`xmlns:${prefix}=`),
-  );
+  const declared = new Set(['xml', 'xmlns']);
+  for (const [, prefix] of text.matchAll(/xmlns:([\w.-]+)=/g)) declared.add(prefix!);
+  const missing = [...prefixes].filter((prefix) => !declared.has(prefix));
   const more = missing.map((prefix) => ` xmlns:${prefix}="${prefix}"`).join('');
   return { lines, declared: root === null ? text : text.slice(0, root) + more + text.slice(root, end) };
 }

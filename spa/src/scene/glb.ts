@@ -14,7 +14,7 @@ const GLTF = 0x46546c67;
 const JSON_CHUNK = 0x4e4f534a;
 const BINARY_CHUNK = 0x004e4942;
 /** What a level may unpack to, all views together. */
-const MAX_UNPACKED_BYTES = 512_000_000;
+export const MAX_UNPACKED_BYTES = 512_000_000;
 /** Meshopt puts sixteen equal bytes into two bits, at best: what claims to grow more is not unpacked at all. */
 const MAX_GROWTH = 64;
 const STRIDES: Readonly<Record<string, (stride: number) => boolean>> = {
@@ -36,6 +36,7 @@ export class Glb {
   readonly #json: Raw;
   readonly #binary: Uint8Array;
   readonly #views = new Map<number, Uint8Array>();
+  readonly #lists = new Map<string, readonly Raw[]>();
   #unpacked = 0;
 
   private constructor(json: Raw, binary: Uint8Array) {
@@ -66,8 +67,11 @@ export class Glb {
 
   /** The entries of one of the document's lists: nodes, meshes, materials, … */
   list(name: string): readonly Raw[] {
+    const known = this.#lists.get(name);
+    if (known !== undefined) return known;
     const value = this.#json[name] ?? [];
     if (!Array.isArray(value) || !value.every(isRecord)) throw new GlbError(`${name} is no list of objects`);
+    this.#lists.set(name, value);
     return value;
   }
 

@@ -1,5 +1,5 @@
 import { isRecord } from './bundle.ts';
-import { type Accessor, Glb, GlbError, isSize } from './glb.ts';
+import { type Accessor, Glb, GlbError, isSize, MAX_UNPACKED_BYTES } from './glb.ts';
 import { transform } from './kinematics.ts';
 
 /**
@@ -47,6 +47,11 @@ interface Primitive {
   readonly paint: number;
 }
 
+/** Of what is drawn for each vertex: place, normal, bone and paint, u and v. */
+const VERTEX_BYTES = 24;
+const PRIMITIVE_BYTES = 100;
+/** A robot has some dozens; each is drawn apart. */
+const MAX_PICTURES = 256;
 const BYTE = 5120;
 const SHORT = 5122;
 const UNSIGNED_INT = 5125;
@@ -58,7 +63,13 @@ export async function readLevel(bytes: Uint8Array, visuals: number): Promise<Lev
   const nodes = glb.list('nodes');
   if (nodes.length !== visuals) throw new GlbError(`${nodes.length} nodes for ${visuals} visuals`);
   const source = new Source(glb);
-  const shown = nodes.map(({ mesh }) => (mesh === undefined ? [] : source.primitives(mesh)));
+  let room = MAX_UNPACKED_BYTES; // many nodes may show one mesh
+  const shown = nodes.map(({ mesh }) => {
+    const parts = mesh === undefined ? [] : source.primitives(mesh);
+    for (const { count, index } of parts) room -= PRIMITIVE_BYTES + count * VERTEX_BYTES + index.byteLength;
+    if (room < 0) throw new GlbError('unpacks to too many bytes');
+    return parts;
+  });
   const all = shown.flat();
   const vertices = all.reduce((sum, part) => sum + part.count, 0);
   const corners = all.reduce((sum, part) => sum + part.index.length, 0);
@@ -76,7 +87,8 @@ export async function readLevel(bytes: Uint8Array, visuals: number): Promise<Lev
     paints: source.paints,
     pictures: source.pictures,
   };
-  const placed: { bone: number; part: Primitive; base: number }[] = [];
+  const placed = new Map<number | null, { bone: number; part: Primitive; base: number }[]>();
+  for (const picture of [null, ...source.pictures.keys()]) placed.set(picture, []);
   let base = 0;
   for (const [bone, parts] of shown.entries()) {
     level.boxes.set([32767, 32767, 32767, -32768, -32768, -32768], bone * 6);
@@ -94,15 +106,14 @@ export async function readLevel(bytes: Uint8Array, visuals: number): Promise<Lev
           if (at > level.boxes[bone * 6 + 3 + axis]!) level.boxes[bone * 6 + 3 + axis] = at;
         }
       }
-      placed.push({ bone, part, base });
+      placed.get(source.pictureOf(part.paint))!.push({ bone, part, base });
       base += part.count;
     }
   }
   let at = 0;
-  for (const picture of [null, ...source.pictures.keys()]) {
+  for (const [picture, parts] of placed) {
     const start = at;
-    for (const { bone, part, base: first } of placed) {
-      if (source.pictureOf(part.paint) !== picture) continue;
+    for (const { bone, part, base: first } of parts) {
       const shift = first - part.first;
       for (let i = 0; i < part.index.length; i += 1) {
         const vertex = part.index[i]! - part.first;
@@ -127,15 +138,22 @@ class Source {
   readonly #glb: Glb;
   readonly #pictureOf: readonly (number | null)[];
   readonly #meshes = new Map<unknown, readonly Primitive[]>();
+  readonly #indices = new Map<number, Uint32Array>();
   #shared: string | null = null;
   #laid: unknown = null;
 
   constructor(glb: Glb) {
     this.#glb = glb;
-    this.pictures = glb.list('images').map(({ bufferView, mimeType }) => {
+    const images = glb.list('images');
+    if (images.length > MAX_PICTURES) throw new GlbError(`more than ${MAX_PICTURES} pictures`);
+    let room = MAX_UNPACKED_BYTES; // many may lie in one view
+    this.pictures = images.map(({ bufferView, mimeType }) => {
       if (mimeType !== 'image/png' && mimeType !== 'image/jpeg')
         throw new GlbError('a picture of unknown kind');
-      return new Blob([glb.view(bufferView).slice()], { type: mimeType });
+      const bytes = glb.view(bufferView);
+      room -= bytes.length;
+      if (room < 0) throw new GlbError('unpacks to too many bytes');
+      return new Blob([bytes.slice()], { type: mimeType });
     });
     const textures = glb.list('textures');
     // One more for a primitive without a material.
@@ -180,10 +198,17 @@ class Source {
     const accessor = this.#glb.accessor(raw.indices);
     if (accessor.componentType !== UNSIGNED_INT || accessor.count % 3 !== 0)
       throw new GlbError('no triangles');
-    const index = numbers(this.#glb, accessor, Uint32Array, 1);
+    const index = this.#index(raw.indices as number, accessor);
     const last = this.#pictureOf.length - 1;
     const paint = isSize(raw.material) && raw.material < last ? raw.material : last;
     return { first, count, index, paint };
+  }
+
+  /** Read once, however many name it. */
+  #index(at: number, accessor: Accessor): Uint32Array {
+    const index = this.#indices.get(at) ?? numbers(this.#glb, accessor, Uint32Array, 1);
+    this.#indices.set(at, index);
+    return index;
   }
 
   /** All primitives of a level name the same arrays; those with a picture also say where it lies. */

@@ -70,6 +70,11 @@ export function readManifest(raw: Raw): Manifest {
   );
   if (joints.length !== links.length - 1)
     throw wrong(`${links.length} links need ${links.length - 1} joints`);
+  unique(links, 'links');
+  unique(
+    joints.map(({ name }) => name),
+    'joints',
+  );
   for (const [i, { mimic }] of joints.entries()) {
     if (mimic !== null && joints[mimic.joint] === undefined)
       throw wrong(`joints[${i}] mimics a joint that is not there`);
@@ -197,6 +202,11 @@ function optionalList(value: unknown): Raw[] {
 function text(value: unknown, where: string): string {
   if (typeof value !== 'string') throw wrong(`${where} is no name`);
   return value;
+}
+
+/** Who is found by name must be alone with it. */
+function unique(names: readonly string[], where: string): void {
+  if (new Set(names).size < names.length) throw wrong(`${where}: a name stands there twice`);
 }
 
 /** For what is only ever shown. */

@@ -15,7 +15,7 @@ export interface Welded {
 }
 
 const CREASE_RAD = (40 * Math.PI) / 180;
-/** Around one vertex every face is compared with every other; a fan beyond this keeps its flat normals. */
+/** Around one vertex every face is compared with every other, but not with more of them: a larger fan keeps its flat normals. */
 const MAX_FACES_AT_VERTEX = 256;
 const SAME_NORMAL = 0.9998;
 /** CAD exports have a few slivers whose edges don't meet; nobody sees those. */
@@ -59,7 +59,7 @@ export function weld(soup: Float32Array, creaseRad = CREASE_RAD): Welded {
         y = sy / length;
         z = sz / length;
       }
-      let output = first;
+      let output = Math.max(first, count - MAX_FACES_AT_VERTEX);
       while (
         output < count &&
         normals[output * 3]! * x + normals[output * 3 + 1]! * y + normals[output * 3 + 2]! * z < SAME_NORMAL
@@ -112,18 +112,20 @@ function sound(soup: Float32Array): { corners: Float32Array; flat: Float32Array;
   return { corners: corners.subarray(0, faces * 9), flat, faces };
 }
 
-/** Corner → number of its vertex; equal coordinates, equal vertex. An open-addressing table on the floats' bits. */
+/** Corner → number of its vertex; equal coordinates, equal vertex. An open-addressing table on the floats' bits, whose hash
+ *  nobody can foresee: a file could be made to fall into one place of it. */
 function sharedVertices(corners: Float32Array, count: number): Uint32Array {
   const bits = new Uint32Array(corners.buffer, corners.byteOffset, corners.length);
   const mask = 2 ** Math.ceil(Math.log2(Math.max(2, count * 2))) - 1;
   const table = new Int32Array(mask + 1).fill(-1); // slot → first corner seen there
   const vertexOf = new Uint32Array(count);
+  const [ka = 0, kb = 0, kc = 0] = crypto.getRandomValues(new Uint32Array(3)).map((key) => key | 1);
   let vertices = 0;
   for (let corner = 0; corner < count; corner += 1) {
     const a = bits[corner * 3]!;
     const b = bits[corner * 3 + 1]!;
     const c = bits[corner * 3 + 2]!;
-    let hash = Math.imul(a, 0x9e3779b1) ^ Math.imul(b, 0x85ebca6b) ^ Math.imul(c, 0xc2b2ae35);
+    let hash = Math.imul(a, ka) ^ Math.imul(b, kb) ^ Math.imul(c, kc);
     hash = Math.imul(hash ^ (hash >>> 15), 0x2c1b3c6d);
     let slot = (hash ^ (hash >>> 13)) & mask;
     for (;;) {

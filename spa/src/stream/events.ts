@@ -11,7 +11,9 @@ export interface StreamEvent {
 
 /** Reads `text/event-stream` as it comes (WHATWG HTML §9.2.6), as far as a relay speaks it. */
 export class EventReader {
-  #text = '';
+  /** Of a line whose end is still to come. */
+  #pieces: string[] = [];
+  #length = 0;
   #name = '';
   #data: string[] = [];
   #kept = 0;
@@ -21,18 +23,23 @@ export class EventReader {
   /** Events that are whole now. Throws RangeError on one without end. */
   read(bytes: Uint8Array): StreamEvent[] {
     const found: StreamEvent[] = [];
-    this.#text += this.#utf8.decode(bytes, { stream: true });
-    let from = 0;
-    for (;;) {
-      const end = this.#text.indexOf('\n', from);
-      if (end < 0) break;
-      const line = this.#text.slice(from, this.#text[end - 1] === '\r' && end > from ? end - 1 : end);
-      from = end + 1;
-      this.#line(line, found);
+    const [first = '', ...lines] = this.#utf8.decode(bytes, { stream: true }).split('\n');
+    this.#keep(first);
+    for (const begun of lines) {
+      const line = this.#pieces.join('');
+      this.#line(line.endsWith('\r') ? line.slice(0, -1) : line, found);
+      this.#pieces = [];
+      this.#length = 0;
+      this.#keep(begun);
     }
-    this.#text = this.#text.slice(from);
-    if (this.#text.length + this.#kept > LONGEST) throw new RangeError('an event without end');
+    if (this.#length + this.#kept > LONGEST) throw new RangeError('an event without end');
     return found;
+  }
+
+  #keep(piece: string): void {
+    if (piece === '') return;
+    this.#pieces.push(piece);
+    this.#length += piece.length;
   }
 
   #line(line: string, found: StreamEvent[]): void {

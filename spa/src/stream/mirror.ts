@@ -51,9 +51,11 @@ export class MirrorReader {
     if (name !== 'put' && name !== 'patch') return [];
     const said: unknown = parse(data);
     if (!isRecord(said) || typeof said.path !== 'string') return [];
-    if (name === 'put') this.#put(said.path, said.data);
+    const own = new Set<unknown>();
+    if (name === 'put') this.#put(said.path, said.data, own);
     else
-      for (const [below, value] of Object.entries(said.data ?? {})) this.#put(`${said.path}/${below}`, value);
+      for (const [below, value] of Object.entries(said.data ?? {}))
+        this.#put(`${said.path}/${below}`, value, own);
     const first = this.#begunMs === null;
     this.#begunMs ??= nowMs;
     return this.#news(nowMs, first);
@@ -79,15 +81,22 @@ export class MirrorReader {
     return nowMs - this.#writtenMs;
   }
 
-  #put(path: string, value: unknown): void {
+  /** `own`: objects that this event has made, and may change. */
+  #put(path: string, value: unknown, own: Set<unknown>): void {
     const [child, ...deeper] = path.split('/').filter((part) => part !== '');
     if (child === undefined) {
       this.#node = isRecord(value) ? value : null;
       return;
     }
-    const node = isRecord(this.#node) ? this.#node : {};
-    const inside = isRecord(node[child]) ? node[child] : {};
-    this.#node = { ...node, [child]: deeper.length === 0 ? value : { ...inside, [deeper.join('/')]: value } };
+    const node = ownOf(this.#node, own);
+    this.#node = node;
+    const at = deeper.join('/');
+    if (at === '') define(node, child, value);
+    else {
+      const inside = ownOf(node[child], own);
+      define(inside, at, value);
+      define(node, child, inside);
+    }
   }
 
   #news(nowMs: number, first: boolean): StreamEvent[] {
@@ -185,6 +194,19 @@ export function openEvents(
     closed: (code, reason) => end(code === 4401 ? 4403 : code, reason),
   });
   return { close: leave };
+}
+
+/** The object itself where this event has made it, else a copy of it. */
+function ownOf(value: unknown, own: Set<unknown>): Record<string, unknown> {
+  if (own.has(value)) return value as Record<string, unknown>;
+  const copy = isRecord(value) ? { ...value } : {};
+  own.add(copy);
+  return copy;
+}
+
+/** A member of its own, whatever it is called. */
+function define(object: object, name: string, value: unknown): void {
+  Object.defineProperty(object, name, { value, writable: true, enumerable: true, configurable: true });
 }
 
 function parse(text: string): unknown {

@@ -1,5 +1,5 @@
 import { type Field, JOINT, type Schema } from '@posecast/wire';
-import { isolated } from './names.ts';
+import { isolated, placeOf } from './names.ts';
 import { inverse, ofRpy, type Quat, rpyOf, times, unit, type Vec3, withoutHeading } from './rotation.ts';
 import { valueAt } from './values.ts';
 
@@ -46,13 +46,13 @@ export class ImuTable {
     };
     const quat = orientation(schema, 'quat');
     for (const site of sitesOf(quat, 'w')) {
-      const parts = ['w', 'x', 'y', 'z'].map((part) => quat!.labels.indexOf(`${site}.${part}`));
+      const parts = ['w', 'x', 'y', 'z'].map((part) => placeOf(quat!.labels, `${site}.${part}`));
       if (!parts.includes(-1)) add(site, { field: quat!, quat: parts }, true);
     }
     const tilt = orientation(schema, 'tilt');
     for (const site of sitesOf(tilt, 'roll')) {
-      const roll = tilt!.labels.indexOf(`${site}.roll`);
-      const pitch = tilt!.labels.indexOf(`${site}.pitch`);
+      const roll = placeOf(tilt!.labels, `${site}.roll`);
+      const pitch = placeOf(tilt!.labels, `${site}.pitch`);
       if (pitch >= 0) add(site, { field: tilt!, roll, pitch }, false);
     }
     this.imus = [...found.values()].map(({ imu }) => imu);

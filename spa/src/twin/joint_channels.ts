@@ -26,7 +26,9 @@ export class JointChannels {
 
   #add(joint: string, channel: string, gain: number): void {
     if (gain === 0) return;
-    this.#jointsOf.set(channel, [...(this.#jointsOf.get(channel) ?? []), joint]);
+    const joints = this.#jointsOf.get(channel) ?? [];
+    joints.push(joint);
+    this.#jointsOf.set(channel, joints);
     if (gain > (this.#channelOf.get(joint)?.gain ?? 0)) this.#channelOf.set(joint, { channel, gain });
   }
 }

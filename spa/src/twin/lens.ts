@@ -1,7 +1,7 @@
 import { JOINT, JointMapping, type Schema } from '@posecast/wire';
 import { JointChannels } from './joint_channels.ts';
 import { CLOSE_AGAIN } from './joints.ts';
-import { plainName } from './names.ts';
+import { placeOf, plainName } from './names.ts';
 import { valueAt } from './values.ts';
 
 /** The bit of `flags` that says: this joint yields on purpose. */
@@ -65,8 +65,8 @@ export class Lens {
             joints: joints.map((joint) => ({ joint, pos: 0, ref: 0 })),
           },
           at: joints.map((joint) => ({
-            pos: this.#pos.joints.indexOf(joint),
-            ref: this.#ref.joints.indexOf(joint),
+            pos: placeOf(this.#pos.joints, joint),
+            ref: placeOf(this.#ref.joints, joint),
           })),
         },
       ];

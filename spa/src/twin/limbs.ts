@@ -50,7 +50,7 @@ export function limbsOf(schema: Schema, tree: KinematicTree | null, called: Limb
   const groups = new Map<string, string[]>();
   for (const label of labels) {
     const key = branch?.get(label) ?? UNNAMED + (nameOf([label], words, sideOf, called) ?? '');
-    groups.set(key, [...(groups.get(key) ?? []), label]);
+    put(groups, key, label);
   }
   return [...groups].map(([key, members]) => ({
     title: nameOf(members, words, sideOf, called) ?? (key === UNNAMED ? called.otherJoints : spanOf(members)),
@@ -63,26 +63,36 @@ function branchesOf(schema: Schema, labels: readonly string[], tree: KinematicTr
   const mapping = new JointChannels(schema);
   const moving = new Map<string, string[]>(); // joint → channels
   for (const label of labels) {
-    for (const joint of mapping.jointsOf(label)) moving.set(joint, [...(moving.get(joint) ?? []), label]);
+    for (const joint of mapping.jointsOf(label)) put(moving, joint, label);
   }
   const after = new Map<string | null, string[]>();
   for (const joint of tree.joints) {
-    const before = tree.before(joint);
-    after.set(before, [...(after.get(before) ?? []), joint]);
+    put(after, tree.before(joint), joint);
   }
-  const beyond = (joint: string): string[] => [
-    ...(moving.get(joint) ?? []),
-    ...(after.get(joint) ?? []).flatMap(beyond),
-  ];
+  // Whether many channels move a joint and what follows it: some of them tell, from the tips inwards.
+  const beyond = new Map<string, ReadonlySet<string>>();
+  for (const joint of tree.joints.toReversed()) {
+    const some = new Set<string>();
+    for (const label of moving.get(joint) ?? []) if (some.size < LEAST_CHANNELS) some.add(label);
+    for (const child of after.get(joint) ?? [])
+      for (const label of beyond.get(child) ?? []) if (some.size < LEAST_CHANNELS) some.add(label);
+    beyond.set(joint, some);
+  }
   const found = new Map<string, string>();
   const walk = (joint: string, start: string) => {
     for (const label of moving.get(joint) ?? []) if (!found.has(label)) found.set(label, start);
     const next = after.get(joint) ?? [];
-    const parts = next.filter((child) => new Set(beyond(child)).size >= LEAST_CHANNELS).length > 1;
+    const parts = next.filter((child) => beyond.get(child)!.size >= LEAST_CHANNELS).length > 1;
     for (const child of next) walk(child, parts ? child : start);
   };
   for (const joint of after.get(null) ?? []) walk(joint, joint);
   return found;
+}
+
+function put<K>(into: Map<K, string[]>, key: K, value: string): void {
+  const values = into.get(key) ?? [];
+  values.push(value);
+  into.set(key, values);
 }
 
 /** "left_hip_pitch_joint" → "left hip pitch joint"; with the plain name, which says more. */

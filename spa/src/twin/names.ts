@@ -20,3 +20,15 @@ export function plainName(schema: Schema | null, label: string): string | undefi
   const name = schema?.mapping.names.get(label);
   return name === undefined ? undefined : isolated(name);
 }
+
+const placesOf = new WeakMap<readonly string[], ReadonlyMap<string, number>>();
+
+/** Where a name stands in a list that does not change; -1: nowhere. Like `indexOf`, of which a loop over all names would be slow. */
+export function placeOf(names: readonly string[], name: string): number {
+  let places = placesOf.get(names);
+  if (places === undefined) {
+    places = new Map(names.map((one, i) => [one, i]));
+    placesOf.set(names, places);
+  }
+  return places.get(name) ?? -1;
+}

@@ -1,5 +1,6 @@
 import type { Schema } from '@posecast/wire';
 import { type Imu, ImuTable } from './imus.ts';
+import { placeOf } from './names.ts';
 import { Playout } from './playout.ts';
 import { type Base, baseOf, type Pose, Poser } from './pose.ts';
 import type { RobotState } from './robot.ts';
@@ -56,8 +57,8 @@ export class Player {
   setContinuous(joints: readonly string[]): void {
     this.#wraps.clear();
     for (const joint of joints) {
-      const pos = this.#pos.joints.indexOf(joint);
-      const ref = this.#ref?.joints.indexOf(joint) ?? -1;
+      const pos = placeOf(this.#pos.joints, joint);
+      const ref = this.#ref === null ? -1 : placeOf(this.#ref.joints, joint);
       if (pos >= 0) this.#wraps.add(pos);
       if (ref >= 0) this.#wraps.add(this.#refAt + ref);
     }

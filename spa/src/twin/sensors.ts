@@ -2,7 +2,7 @@ import type { Field, Level, Schema } from '@posecast/wire';
 import type { Reader } from './history.ts';
 import { LevelLatch } from './level_latch.ts';
 import { Limits } from './limits.ts';
-import { isolated } from './names.ts';
+import { isolated, placeOf } from './names.ts';
 import { rpyOf, unit as unitQuat } from './rotation.ts';
 import { valueAt } from './values.ts';
 
@@ -151,7 +151,7 @@ export class SensorTable {
   }
 
   #addAngles(readings: Reading[], field: Field, site: string): void {
-    const quat = ['w', 'x', 'y', 'z'].map((c) => field.labels.indexOf(`${site}.${c}`));
+    const quat = ['w', 'x', 'y', 'z'].map((c) => placeOf(field.labels, `${site}.${c}`));
     if (quat.includes(-1)) return;
     EULER.forEach((name, angle) => {
       this.#add(

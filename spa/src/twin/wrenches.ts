@@ -1,7 +1,7 @@
 import type { Field, Level, Schema, SensorMount, Threshold } from '@posecast/wire';
 import { LevelLatch, worse } from './level_latch.ts';
 import type { Limits } from './limits.ts';
-import { isolated } from './names.ts';
+import { isolated, placeOf } from './names.ts';
 import type { Vec3 } from './rotation.ts';
 import { valueAt } from './values.ts';
 
@@ -71,7 +71,7 @@ export class WrenchTable {
     const field = schema.field(name);
     const parts = components
       .map((component, axis) => ({ axis, label: `${site}.${component}`, latch: new LevelLatch() }))
-      .map((part) => ({ ...part, index: field?.labels.indexOf(part.label) ?? -1 }))
+      .map((part) => ({ ...part, index: field === null ? -1 : placeOf(field.labels, part.label) }))
       .filter(({ index }) => index >= 0);
     const limits = parts.map(({ label }) => schema.mapping.threshold(name, label));
     const farthest = Math.max(0, ...limits.map(reach));

@@ -12,6 +12,7 @@ import {
   parseSchema,
   type Schema,
 } from '../src/index.ts';
+import { expectNoFasterThanInput } from './cost.ts';
 
 vi.setConfig({ testTimeout: 60_000 });
 
@@ -81,29 +82,6 @@ const SCHEMAS: Record<string, (n: number) => string> = {
   'halves of pairs': (n) => withMore(`"${'\\udc00'.repeat(n >> 3)}"`),
   'no end': (n) => '{"a":'.repeat(n >> 3),
 };
-
-function quickestMs(work: () => void): number {
-  let best = Number.POSITIVE_INFINITY;
-  for (let i = 0; i < 5; i++) {
-    const start = process.cpuUsage();
-    try {
-      work();
-    } catch {
-      // what is refused counts like what is read
-    }
-    const { user, system } = process.cpuUsage(start);
-    best = Math.min(best, (user + system) / 1000);
-  }
-  return best;
-}
-
-/** Of inputs n, 4n and 16n, as far as a busy machine can tell: quadratic work would be 256 times as much. */
-function expectNoFasterThanInput<T>(make: (n: number) => T, read: (input: T) => void, n: number): void {
-  const [small, middle, large] = [make(n), make(4 * n), make(16 * n)];
-  const ofSmall = quickestMs(() => read(small));
-  expect(quickestMs(() => read(middle))).toBeLessThan(4 * 4 * ofSmall + 3);
-  expect(quickestMs(() => read(large))).toBeLessThan(16 * 4 * ofSmall + 12);
-}
 
 describe.each(Object.entries(SCHEMAS))('%s', (_, make) => {
   test('schema', () => expectNoFasterThanInput(make, (text) => parseSchema(text), 15_000));
