@@ -279,7 +279,7 @@ PARSERS = (
             ros_stage.text_message("<robot/>"),
         ),
         {
-            "names": Worst(many_names, 50),
+            "names": Worst(many_names, 200),
             "statuses": Worst(lambda n: ros_stage.diagnostics(5, *[(1, "n", "m")] * n), 50),
             "a text": Worst(lambda n: ros_stage.text_message("x" * n), 50_000),
         },

@@ -180,7 +180,7 @@ PARSERS = (
         (*(bag(c) for c in CompressionType), bag(encoding="json")),
         {
             "messages": Worst(lambda n: bag(count=n), 60),
-            "topics": Worst(topics, 300),
+            "topics": Worst(topics, 1000),
             "chunks": Worst(lambda n: MAGIC + chunk(message(1)) * n, 300),
             "a chunk": Worst(lambda n: MAGIC + chunk(message(1) * n), 500),
             "empty records": Worst(lambda n: MAGIC + record(0x80, b"") * n, 2000),

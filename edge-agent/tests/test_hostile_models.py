@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 from mesh_parsers import VERTICES, obj_polygon, png
+from model_parsers import jpeg_scans
 from model_stage import (
     cube_collada,
     cube_glb,
@@ -222,6 +223,12 @@ def test_pixels_are_paid_for_with_bytes() -> None:
     with pytest.raises(ModelRefused, match="left out"):
         pictures.checked(claims[3])
     assert pictures.checked(png(3000)) == png(3000)
+
+
+def test_a_picture_of_more_scans_than_pixels_are_worth() -> None:
+    assert checked_picture(jpeg_scans(50)) == jpeg_scans(50)
+    with pytest.raises(ModelRefused, match="a JPEG of more than 100 scans"):
+        checked_picture(jpeg_scans(200))
 
 
 def test_a_picture_is_looked_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
