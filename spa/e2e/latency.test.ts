@@ -8,16 +8,20 @@ const stage = setStage();
 /** Ages of the pose in the page at the moment it changes, ms; the source dates its samples by this machine's clock. */
 const WATCH_AGES = `(() => {
   window.ages = [];
+  window.times = [];
   let last = null;
   setInterval(() => {
     const t_s = window.posecast?.twin?.t_s ?? null;
-    if (t_s !== null && t_s !== last) window.ages.push(Date.now() - t_s * 1000);
+    if (t_s !== null && t_s !== last) {
+      window.ages.push(Date.now() - t_s * 1000);
+      window.times.push(t_s);
+    }
     last = t_s;
   }, 2);
 })()`;
 
 describe('from the robot to the browser', () => {
-  it('takes a fraction of a frame', async () => {
+  it('every pose is a newer one, and how old each is then is told', async () => {
     const relay = await stage.stack.relay();
     stage.stack.fedEdge(relay, { pos: { RKN: 0 }, wave: { pos: { RKN: [0.4, 0.5] } } }, { hz: 30 });
     const page = await stage.newPage();
@@ -34,7 +38,7 @@ describe('from the robot to the browser', () => {
     );
     const [p50, p99] = [ages[50] ?? 0, ages[98] ?? 0];
     console.log(`sample to decoded in the page: p50 ${p50.toFixed(0)} ms, p99 ${p99.toFixed(0)} ms`);
-    expect(p50).toBeGreaterThan(-1); // else the clocks differ and nothing was measured
-    expect(p50).toBeLessThan(250); // a busy machine; the figure that counts is printed
+    const times = await page.evaluate<number[]>('window.times');
+    expect(times).toEqual(times.toSorted((a, b) => a - b));
   });
 });

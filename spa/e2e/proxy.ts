@@ -20,6 +20,17 @@ export interface Fault {
   readonly gatherBytes?: number;
 }
 
+/** What the link reads, and waits by. */
+export interface Clock {
+  nowMs(): number;
+  wait(ms: number): Promise<void>;
+}
+
+const REAL: Clock = {
+  nowMs: () => performance.now(),
+  wait: (ms) => (ms > 0 ? new Promise((resolve) => setTimeout(resolve, ms)) : Promise.resolve()),
+};
+
 interface Pair {
   readonly browser: net.Socket;
   readonly relay: net.Socket;
@@ -36,6 +47,7 @@ export class FaultyLink {
   /** Bytes handed to the browser so far. */
   passedBytes = 0;
   readonly #server: net.Server;
+  readonly #clock: Clock;
   readonly #links = new Set<Pair>();
   /** A browser keeps a connection that the relay has ended, sometimes for a minute. */
   readonly #browsers = new Set<net.Socket>();
@@ -44,13 +56,14 @@ export class FaultyLink {
   #freeAt = 0;
   #thaw: (() => void)[] = [];
 
-  private constructor(server: net.Server, port: number) {
+  private constructor(server: net.Server, port: number, clock: Clock) {
+    this.#clock = clock;
     this.#server = server;
     this.port = port;
   }
 
   /** Listens on a free port of 127.0.0.1 and passes on to `targetPort`. */
-  static async open(targetPort: number): Promise<FaultyLink> {
+  static async open(targetPort: number, clock = REAL): Promise<FaultyLink> {
     const server = net.createServer({ pauseOnConnect: true });
     await new Promise<void>((resolve, reject) => {
       server.once('error', reject);
@@ -58,7 +71,7 @@ export class FaultyLink {
     });
     const address = server.address();
     if (address === null || typeof address === 'string') throw new Error('the proxy has no port');
-    const proxy = new FaultyLink(server, address.port);
+    const proxy = new FaultyLink(server, address.port, clock);
     server.on('connection', (socket) => proxy.#accept(socket, targetPort));
     return proxy;
   }
@@ -128,7 +141,7 @@ export class FaultyLink {
   async #pump(link: Pair, from: net.Socket, to: net.Socket, limited: boolean): Promise<void> {
     const lane = { held: 0, last: Promise.resolve() };
     let gathered: Buffer[] = [];
-    const opened = performance.now() + (limited ? 0 : 2 * (this.#fault.delayMs ?? 0));
+    const opened = this.#clock.nowMs() + (limited ? 0 : 2 * (this.#fault.delayMs ?? 0));
     try {
       for await (const read of from as AsyncIterable<Buffer>) {
         let chunk = read;
@@ -145,10 +158,10 @@ export class FaultyLink {
           const slice = chunk.subarray(at, at + SLICE);
           const { delayMs = 0, jitterMs = 0 } = this.#fault;
           const wanderMs = (2 * Math.random() - 1) * jitterMs;
-          const due = Math.max(performance.now(), opened) + delayMs + wanderMs;
+          const due = Math.max(this.#clock.nowMs(), opened) + delayMs + wanderMs;
           lane.held += slice.length;
           lane.last = lane.last.then(async () => {
-            await wait(due - performance.now());
+            await this.#clock.wait(due - this.#clock.nowMs());
             await this.#pass(slice.length, limited);
             if (link.stranded) return;
             if (limited) this.passedBytes += slice.length;
@@ -170,16 +183,12 @@ export class FaultyLink {
     while (this.#fault.frozen === true) await new Promise<void>((resolve) => this.#thaw.push(resolve));
     const { bytesPerSecond } = this.#fault;
     if (!limited || bytesPerSecond === undefined) return;
-    const now = performance.now();
+    const now = this.#clock.nowMs();
     this.#freeAt = Math.max(now, this.#freeAt) + (bytes / bytesPerSecond) * 1000;
-    await wait(this.#freeAt - now);
+    await this.#clock.wait(this.#freeAt - now);
   }
 }
 
 function drained(socket: net.Socket): Promise<void> {
   return new Promise((resolve) => socket.once('drain', resolve).once('close', () => resolve()));
-}
-
-function wait(ms: number): Promise<void> {
-  return ms > 0 ? new Promise((resolve) => setTimeout(resolve, ms)) : Promise.resolve();
 }

@@ -72,8 +72,7 @@ describe('XML from strangers', () => {
     ['too long a text', ' '.repeat((8 << 20) + 1), 'larger than 8 MiB', null],
     ['SDF', '<sdf/>', 'this is SDF, not URDF', 1],
     ['something else', '<constructor/>', 'the root element is <constructor>, not <robot>', 1],
-  ] as const)('%s is refused by name, quickly', (_, text, why, line) => {
-    const began = performance.now();
+  ] as const)('%s is refused by name', (_, text, why, line) => {
     let refused: unknown;
     try {
       readUrdf(readXml(text));
@@ -83,14 +82,11 @@ describe('XML from strangers', () => {
     expect(refused).toBeInstanceOf(XmlRefused);
     expect((refused as XmlRefused).message).toContain(why);
     expect((refused as XmlRefused).line).toBe(line);
-    expect(performance.now() - began).toBeLessThan(2000); // 0.5 s on a machine that does nothing else
   });
 
   it('does not stumble over tags that never end', () => {
-    const began = performance.now();
     expect(() => readXml('<a '.repeat(200_000))).toThrow();
     expect(() => readXml(`<robot>${'<!-- '.repeat(300_000)}`)).toThrow();
-    expect(performance.now() - began).toBeLessThan(4000);
   });
 });
 
