@@ -80,4 +80,12 @@ KEPT: dict[str, list[Step]] = {
         ("gateway",), ("edge", "a", 0), ("ingest",), ("wait", 4.05), ("redis_is", "delay_s", 0.2),
         ("wait", 2.5),
     ],
+    "the first frame of a run and then its token within a moment, seen with a delay": [
+        ("edge", "a", 0), ("quiet",), ("stop", 0, False), ("edge", "a", 1), ("quiet",), ("kill_ingest", 0),
+        ("redis_is", "locked", True),
+    ],
+    "a run that comes back as a picture, seen with a delay": [
+        ("edge", "a", 0), ("quiet",), ("edge", "a", 0), ("wait", 1.2), ("redis_is", "locked", True),
+        ("stop", 1, False), ("wait", 3.5), ("stop", 0, False),
+    ],
 }  # fmt: skip

@@ -188,8 +188,9 @@ class DelayedHub(Hub):
         if not told or not bases_here:
             ref_bytes = None if ref is None else ref.payload
             snapshot = Snapshot(moment.schema.text, moment.info, key.payload, ref_bytes, moment.model)
+            picture = None if moment.live else newest.payload  # else its KEY would stand for it, however old
             try:
-                self.snapshot(robot, view, snapshot, stamp, now)
+                self.snapshot(robot, view, snapshot, stamp, now, picture)
             except ValueError:  # the stream itself has taken it
                 self.fates["bad"] += 1
                 return

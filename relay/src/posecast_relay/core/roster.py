@@ -143,6 +143,8 @@ class Roster:
 
     def word_changed(self, robot: Robot, room: Room, now: float) -> list[Action]:
         """The same for one of its rooms."""
+        if room in self.changed:
+            return []  # the frame that it speaks of has not been handed out: `flush` tells both together
         return room.report(robot.word(room, now), now) if self.has_news(robot, room, now) else []
 
     def has_news(self, robot: Robot, room: Room, now: float) -> bool:
