@@ -127,3 +127,28 @@ async def test_what_is_no_frame_of_ours_is_counted_and_leaves_no_trace(relays: A
     await asyncio.to_thread(until, "all are counted", counted)
     assert listed(relay).get("status") == "online"
     assert relay.errors().count('"level": "warning"') == 1  # all counted, one told
+
+
+async def test_keys_that_leave_the_robot_open_are_counted_and_answered_by_nobody(
+    relays: Any, edges: Any
+) -> None:
+    port = free_port()
+    relay = relays("--metrics-port", str(port))
+    edge = edges(relay.zenoh)
+    await asyncio.to_thread(until, "on air", lambda: listed(relay).get("status") == "online")
+    stamp = edge.edge.stamp(time.monotonic()).pack()
+    opened = ("**", "posecast/**", "posecast/v1/**", "posecast/v1/*/public/frame", "posecast/v1/*/*/event")
+    for key in opened:
+        edge.session.put(key, b"x", attachment=stamp, congestion_control=zenoh.CongestionControl.BLOCK)
+    for key in ("posecast/**", "posecast/v1/*/echo"):
+        answered = [str(reply.ok.key_expr) for reply in edge.session.get(key, timeout=2.0) if reply.ok]
+        assert not [key for key in answered if key.endswith("echo")]  # the edge answers for itself
+
+    def counted() -> bool:
+        text = httpx.get(f"http://127.0.0.1:{port}/metrics").text
+        bad = next(line for line in text.splitlines() if 'edge_frames_total{fate="bad"}' in line)
+        return float(bad.rsplit(" ", 1)[1]) >= len(opened) + 2
+
+    await asyncio.to_thread(until, "all are counted", counted)
+    assert '"level": "error"' not in relay.errors()
+    assert listed(relay).get("status") == "online"

@@ -131,7 +131,7 @@ class ZenohIngest:
         is_frame: bool = False,
         cost: int = 1,
     ) -> None:
-        _, _, robot, view, *_ = str(sample.key_expr).split("/")
+        robot, view = _names(sample.key_expr)
         size = len(sample.payload)
         # what is too large is cut short here, and refused for its length where it is counted
         payload = sample.payload.to_bytes() if size <= bytes_max else bytes(bytes_max + 1)
@@ -141,12 +141,12 @@ class ZenohIngest:
         self._later(robot, Message(take_in, len(payload), is_frame, cost))
 
     def _on_token(self, opening: int, sample: zenoh.Sample) -> None:
-        robot = str(sample.key_expr).split("/")[2]
+        robot, _ = _names(sample.key_expr)
         present = sample.kind == zenoh.SampleKind.PUT
         self._later(robot, Message(partial(self._heard_token, opening, robot, present), 0))
 
     def _on_echo(self, query: zenoh.Query) -> None:
-        robot = str(query.key_expr).split("/")[2]
+        robot, _ = _names(query.key_expr)
         self._later(robot, Message(partial(self._echo, robot, query), 0))
 
     def _later(self, robot: str, message: Message) -> None:
@@ -257,6 +257,11 @@ class ZenohIngest:
 
     def _echo(self, robot: str, query: zenoh.Query) -> None:
         now = self._pump.now()
+        try:
+            check_name("robot", robot)
+        except ValueError as e:
+            self._complain(f"{robot}/echo", e)
+            return  # unanswered
         of = self._pump.hub.robots.get(robot)
         if of is not None and not of.share.takes_message(0, now):
             self._pump.hub.fates[Fate.OVER_SHARE.value] += 1
@@ -287,3 +292,10 @@ class ZenohIngest:
         if now - self._complained_at >= COMPLAIN_S:
             self._complained_at = now
             log.warning("%.120s: %.200s", where, error)
+
+
+def _names(key: zenoh.KeyExpr) -> tuple[str, str]:
+    """The robot and the view of a key. A publisher may have left them open (`posecast/**`): then they are no
+    names, as whoever checks them says."""
+    _, _, robot, view, *_ = *str(key).split("/"), "", "", "", ""
+    return robot, view
