@@ -129,6 +129,20 @@ async def test_what_is_no_frame_of_ours_is_counted_and_leaves_no_trace(relays: A
     assert relay.errors().count('"level": "warning"') == 1  # all counted, one told
 
 
+async def test_a_robot_that_found_no_place_has_one_when_another_has_gone(relays: Any, edges: Any) -> None:
+    relay = relays("--max-robots", "1", "--log-level", "info")
+    first = edges(relay.zenoh)
+    await asyncio.to_thread(until, "the first is on air", lambda: listed(relay).get("status") == "online")
+    edges(relay.zenoh, robot="second")
+    await asyncio.to_thread(
+        until, "it is said", lambda: "second/alive: the relay has as many" in relay.errors()
+    )
+    first.close()
+    await asyncio.to_thread(
+        until, "the second is on air", lambda: listed(relay, "second").get("status") == "online", 30.0
+    )
+
+
 async def test_keys_that_leave_the_robot_open_are_counted_and_answered_by_nobody(
     relays: Any, edges: Any
 ) -> None:

@@ -44,6 +44,16 @@ def tokens(at: Target) -> Steps:
     return at.paced(1000, declare)
 
 
+@attack(seconds=3.0)
+def tokens_that_stay(at: Target) -> Steps:
+    """900 liveliness tokens at once, each of another robot that never sends"""
+    session = open_session(at)
+    yield
+    kept = [session.liveliness().declare_token(alive_key(f"silent-{n}")) for n in range(900)]
+    at.paced(1, lambda: None)
+    return f"{len(kept):,} robots"
+
+
 @attack()
 def declarations(at: Target) -> Steps:
     """subscribers for everything and 2,000 keys more a second; false answers for the innocent robot"""

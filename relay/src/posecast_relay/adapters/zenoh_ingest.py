@@ -66,6 +66,7 @@ class ZenohIngest:
         self._opening = 0  # which session it is; tokens of one that is gone mean nothing
         self._tokens: dict[str, _Token] = {}
         self._missing: set[str] = set()  # were here before the door was opened anew
+        self._waiting: set[str] = set()  # are here, and the relay had no place for them
         self._given_up: asyncio.TimerHandle | None = None
 
     def start(self) -> None:
@@ -82,6 +83,7 @@ class ZenohIngest:
     def _leave_off(self) -> None:
         self._opening += 1
         self._declared = []
+        self._waiting.clear()
 
     def _go_on(self) -> None:
         robots = self._pump.hub.robots.values()
@@ -195,6 +197,8 @@ class ZenohIngest:
             return
         if fate is Fate.OVER_SHARE:
             self._inboxes.close(robot, now + CLOSED_S)
+        elif robot in self._waiting and fate is not Fate.CROWDED:
+            self._token(robot, True)
 
     def _event(self, robot: str, view: str, payload: bytes, stamp: bytes) -> None:
         pump = self._pump
@@ -239,8 +243,14 @@ class ZenohIngest:
         self._token(robot, token.present)
 
     def _token(self, robot: str, present: bool) -> None:
+        hub = self._pump.hub
+        self._pump.carry_out(hub.token(robot, present, self._pump.now()))
+        if present and robot not in hub.robots:
+            self._waiting.add(robot)
+            self._say(f"{robot}/alive", "the relay has as many robots as it takes (--max-robots)")
+            return
+        self._waiting.discard(robot)
         log.info("robot %s %s", robot, "on air" if present else "gone")
-        self._pump.carry_out(self._pump.hub.token(robot, present, self._pump.now()))
 
     def _snapshot(self, asked_at: float, robot: str, view: str, payload: bytes, stamp: bytes) -> None:
         hub, now = self._pump.hub, self._pump.now()
@@ -288,6 +298,9 @@ class ZenohIngest:
     def _complain(self, where: str, error: Exception) -> None:
         """Count every bad message, log one now and then."""
         self._pump.hub.fates["bad"] += 1
+        self._say(where, error)
+
+    def _say(self, where: str, error: Exception | str) -> None:
         now = self._pump.now()
         if now - self._complained_at >= COMPLAIN_S:
             self._complained_at = now
