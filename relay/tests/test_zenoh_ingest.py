@@ -134,9 +134,7 @@ async def test_a_robot_that_found_no_place_has_one_when_another_has_gone(relays:
     first = edges(relay.zenoh)
     await asyncio.to_thread(until, "the first is on air", lambda: listed(relay).get("status") == "online")
     edges(relay.zenoh, robot="second")
-    await asyncio.to_thread(
-        until, "it is said", lambda: "second/alive: the relay has as many" in relay.errors()
-    )
+    await asyncio.to_thread(until, "it is said", lambda: "second/alive: the relay has" in relay.errors())
     first.close()
     await asyncio.to_thread(
         until, "the second is on air", lambda: listed(relay, "second").get("status") == "online", 30.0
