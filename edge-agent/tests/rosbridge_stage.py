@@ -90,6 +90,11 @@ class Rosbridge:
             with suppress(ConnectionClosed):
                 connection.send(data)
 
+    def part(self, code: int, reason: str) -> None:
+        """Take leave of everybody."""
+        for connection in list(self._connections):
+            connection.close(code, reason)
+
     @property
     def connected(self) -> int:
         return len(self._connections)

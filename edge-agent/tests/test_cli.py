@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import shutil
 import subprocess
 import sys
@@ -142,6 +143,34 @@ def test_wrong_configuration_ends_with_2(tmp_path: Path) -> None:
         assert done.stderr.count("\n") == 1, done.stderr
         assert done.stderr.startswith("posecast-edge: ")
         assert part in done.stderr
+
+
+STREAMS = {
+    "doctor --urdf no.urdf >&-": 2,
+    "probe demo --seconds 0.1 >/dev/full": 1,
+    "probe demo --seconds 0.1 | head -c 1": 1,
+    "probe jsonl <&-": 1,
+    "run --robot a --source jsonl --relay tcp/127.0.0.1:1 <&-": 0,
+    "run --robot a --source jsonl --relay tcp/127.0.0.1:1 2>&-": 0,
+}
+
+
+@pytest.mark.parametrize("arguments", STREAMS)
+def test_a_stream_that_is_closed_or_full_is_no_traceback(arguments: str) -> None:
+    script = f"set -o pipefail; {shlex.quote(sys.executable)} -m posecast_edge {arguments}"
+    done = subprocess.run(
+        ["bash", "-c", script],
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        timeout=30,
+        check=False,
+    )
+    assert done.stderr.count("\n") <= 1, done.stderr
+    assert "Traceback" not in done.stderr
+    if "head" not in arguments:  # which may have read it all in time
+        assert done.returncode == STREAMS[arguments]
 
 
 def test_a_credential_names_the_robot(tmp_path: Path) -> None:

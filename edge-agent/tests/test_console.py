@@ -2,8 +2,9 @@ from __future__ import annotations
 
 import io
 import logging
+import sys
 
-from posecast_edge.console import CLEAR, Console
+from posecast_edge.console import CLEAR, LINES_MAX, Console
 
 
 class Terminal(io.StringIO):
@@ -12,7 +13,7 @@ class Terminal(io.StringIO):
 
 
 def record(text: str) -> logging.LogRecord:
-    return logging.LogRecord("x", logging.INFO, "", 0, text, None, None)
+    return logging.LogRecord("posecast_edge.x", logging.INFO, "", 0, text, None, None)
 
 
 def test_a_log_file_gets_a_line_every_five_seconds() -> None:
@@ -53,7 +54,7 @@ def test_a_flood_of_lines_is_counted() -> None:
     for i in range(1000):
         clock[0] = i / 100
         console.emit(record(f"attack {i}"))
-    console.emit(logging.LogRecord("x", logging.ERROR, "", 0, "the end", None, None))
+    console.emit(logging.LogRecord("posecast_edge", logging.ERROR, "", 0, "the end", None, None))
     lines = out.getvalue().splitlines()
     assert lines[:3] == [f"posecast-edge: attack {i}" for i in range(3)]
     assert "posecast-edge: 92 more lines left out" in lines
@@ -65,3 +66,23 @@ def test_a_line_has_an_end() -> None:
     out = io.StringIO()
     Console(out).emit(record("x" * 1_000_000))
     assert len(out.getvalue()) < 1000
+
+
+def test_what_a_library_says_is_a_line_without_its_traceback() -> None:
+    out = io.StringIO()
+    console = Console(out, lambda: 0.0)
+    try:
+        raise OSError("gone\naway")
+    except OSError:
+        failed = sys.exc_info()
+    for i in range(100):
+        console.emit(logging.LogRecord("lib", logging.ERROR, "", 0, "ping %d failed", (i,), failed))
+    lines = out.getvalue().splitlines()
+    assert lines[0] == "posecast-edge: lib: ping 0 failed: OSError: gone\\naway"
+    assert len(lines) == LINES_MAX, "its errors end nothing"
+
+
+def test_words_that_do_not_fit_their_arguments() -> None:
+    out = io.StringIO()
+    Console(out).emit(logging.LogRecord("lib", logging.ERROR, "", 0, "%d", ("x",), None))
+    assert out.getvalue() == "posecast-edge: lib: %d\n"

@@ -5,6 +5,8 @@ from __future__ import annotations
 import importlib.util
 import json
 import logging
+import re
+import socket
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -18,6 +20,7 @@ from posecast_edge.sources import rosbridge as rosbridge_module
 from posecast_edge.sources.ros_messages import DIAGNOSTICS, JOINT_STATE
 from rosbridge_stage import Rosbridge, joint_state, ros_1, ros_2
 from source_stage import Listen, Move, Mover
+from websockets.utils import accept_key
 
 NAMES = ["hip", "knee"]
 PROFILE = """
@@ -127,6 +130,39 @@ def test_a_server_that_dies_and_comes_back(
     live(2.0)
     told = [r.getMessage() for r in caplog.records if "trying on" in r.getMessage()]
     assert len(told) <= 4, told
+
+
+def test_a_server_that_hangs_is_told_once_without_a_traceback(
+    listen: Listen, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(rosbridge_module, "PING_S", 0.2)
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        server.settimeout(10)
+        listen(f"rosbridge://127.0.0.1:{server.getsockname()[1]}", PROFILE)
+        link, _ = server.accept()
+        with link:
+            key = re.search(rb"Sec-WebSocket-Key: (\S+)", link.recv(4096))
+            assert key is not None
+            upgrade = "HTTP/1.1 101 Switching Protocols\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+            link.sendall(f"{upgrade}Sec-WebSocket-Accept: {accept_key(key[1].decode())}\r\n\r\n".encode())
+            until(lambda: any("trying on" in r.getMessage() for r in caplog.records), "a word")
+    told = [r.getMessage() for r in caplog.records if r.levelno >= logging.WARNING]
+    assert [text.partition("; ")[0].partition(": ")[2] for text in told] == [
+        "the server does not answer any more"
+    ]
+    assert not any(r.exc_info for r in caplog.records)
+
+
+def test_what_the_server_says_on_parting_is_told_once(
+    bridge: Callable[..., Rosbridge], listen: Listen, caplog: pytest.LogCaptureFixture
+) -> None:
+    server = bridge()
+    listen(server.source, PROFILE)
+    until(lambda: server.subscribed == {"/joint_states"}, "a subscription")
+    server.part(1001, "for lunch")
+    until(lambda: "trying on" in caplog.text, "a word")
+    url = f"ws://127.0.0.1:{server.port}"
+    assert f"{url}: the server ended the connection: 1001 (going away) for lunch; trying on" in caplog.text
 
 
 def test_nonsense_is_told_and_the_rest_goes_on(

@@ -6,6 +6,7 @@ import logging
 import os
 import signal
 import sys
+import threading
 from contextlib import suppress
 from typing import TYPE_CHECKING, NoReturn
 
@@ -17,49 +18,86 @@ from posecast_edge.model.resolve import package_folders
 from posecast_edge.profile_reader import ProfileError, load_profile
 from posecast_edge.settings import Settings, UsageError, parse_settings
 from posecast_edge.sources import Discovering, SourceError, defaults_of, open_source
+from posecast_edge.visible import visible
 
 if TYPE_CHECKING:
     from posecast_edge.model.background import BackgroundBuild
     from posecast_edge.model.described import DescribedModel
 
+log = logging.getLogger("posecast_edge")
+
 WRONG_CONFIGURATION = 2
+NOT_TOLD = 1  # what was found could not be written
+INTERRUPTED = 130  # as shells have it
 
 
 def main() -> NoReturn:
     """Entry point; ends the process."""
-    if sys.argv[1:2] in (["model"], ["doctor"]):
+    _open_closed_streams()
+    console = Console()
+    # on all loggers: by logging's last resort what a library says comes with its traceback
+    logging.getLogger().addHandler(console)
+    threading.excepthook = _tell_of_thread
+    try:
+        status = _command(sys.argv[1:], console)
+        sys.stdout.flush()
+    except KeyboardInterrupt:
+        status = INTERRUPTED
+    except BrokenPipeError:  # who read has heard enough
+        status = NOT_TOLD
+    except OSError as e:
+        log.error("%s: %s", e.filename or "stdout", e.strerror or e)
+        status = NOT_TOLD
+    _leave(status)
+
+
+def _open_closed_streams() -> None:
+    """A service may start us without them; then a socket would become our stderr."""
+    for number in range(3):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)  # the lowest free number, hence this one
+    sys.stdin = sys.stdin or open(0, closefd=False)
+    sys.stdout = sys.stdout or open(1, "w", closefd=False)
+    sys.stderr = sys.stderr or open(2, "w", closefd=False)
+
+
+def _tell_of_thread(ended: threading.ExceptHookArgs) -> None:
+    name = ended.thread.name if ended.thread else "?"
+    log.warning("thread %s ended: %s: %s", name, ended.exc_type.__name__, visible(str(ended.exc_value), 200))
+
+
+def _command(argv: list[str], console: Console) -> int:
+    """The exit status."""
+    if argv[:1] in (["model"], ["doctor"]):
         from posecast_edge.model.command import run_command  # noqa: PLC0415 - `run` stays small without it
 
-        _leave(run_command(sys.argv[1:], os.environ))
-    if sys.argv[1:2] == ["probe"]:
+        return run_command(argv, os.environ)
+    if argv[:1] == ["probe"]:
         from posecast_edge.probe import run_probe  # noqa: PLC0415
 
-        _leave(run_probe(sys.argv[2:]))
-    if sys.argv[1:2] == ["profile"]:
+        return run_probe(argv[1:])
+    if argv[:1] == ["profile"]:
         from posecast_edge.profile_new import run_profile  # noqa: PLC0415
 
-        _leave(run_profile(sys.argv[2:]))
-    console = Console()
-    log = logging.getLogger("posecast_edge")
-    log.addHandler(console)
+        return run_profile(argv[1:])
     log.setLevel(logging.INFO)
     try:
-        settings = parse_settings(sys.argv[1:], os.environ)
-        status = _run(settings, console)
+        return _run(parse_settings(argv, os.environ), console)
     except (UsageError, ProfileError, ModelError, SourceError, SchemaError) as e:
         log.error("%s", e)
-        status = WRONG_CONFIGURATION
+        return WRONG_CONFIGURATION
     except KeyboardInterrupt:  # before the handlers stand
-        status = 0
-    _leave(status)
+        return 0
 
 
 def _leave(status: int) -> NoReturn:
     """Ends the process as it is: the interpreter's own farewell waits for a thread that sits in an open() of
     the link, and one of Zenoh's threads that calls into it meanwhile aborts the process."""
-    with suppress(BrokenPipeError):
-        sys.stdout.flush()
-        sys.stderr.flush()
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(OSError, ValueError):
+            stream.flush()
     os._exit(status)
 
 

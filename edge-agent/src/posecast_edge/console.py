@@ -16,6 +16,7 @@ from posecast_edge.visible import visible
 TTY_EVERY_S = 0.5
 PLAIN_EVERY_S = 5.0
 LINES_MAX = 8  # a second; an error, which ends the agent, is always told
+OURS = "posecast_edge"  # loggers
 CLEAR = "\r\x1b[K"
 
 
@@ -36,11 +37,12 @@ class Console(logging.Handler):
     def emit(self, record: logging.LogRecord) -> None:
         """A line of its own, above the progress line."""
         self._begin_second(self._now_s())
-        if self._lines >= LINES_MAX and record.levelno < logging.ERROR:
+        ours = record.name.partition(".")[0] == OURS
+        if self._lines >= LINES_MAX and not (ours and record.levelno >= logging.ERROR):
             self._left_out += 1
             return
         self._lines += 1
-        self._line(record.getMessage())
+        self._line(record.getMessage() if ours else _of_library(record))
 
     def _begin_second(self, now_s: float) -> None:
         if now_s - self._second_s < 1.0:
@@ -82,3 +84,13 @@ class Console(logging.Handler):
             self._out.flush()
         except (OSError, ValueError):
             pass  # nobody reads stderr any more; the robot stays on air
+
+
+def _of_library(record: logging.LogRecord) -> str:
+    """In one line, without the traceback."""
+    try:
+        text = f"{record.name}: {record.getMessage()}"
+    except Exception:  # its words don't fit its arguments
+        text = f"{record.name}: {record.msg}"
+    error = record.exc_info[1] if record.exc_info else None
+    return text if error is None else f"{text}: {type(error).__name__}: {error}"

@@ -7,12 +7,13 @@ import logging
 from collections.abc import Sequence
 from pathlib import Path
 
-from posecast_edge.console import Console
 from posecast_edge.observe import WAIT_S, Channel, Observation, observe
 from posecast_edge.profile_reader import ProfileError, find_profile, load_profile
 from posecast_edge.sources import KINDS, Discovering, SourceError, defaults_of, open_source
 from posecast_edge.units import suspicion, unit_of
 from posecast_edge.visible import visible
+
+log = logging.getLogger("posecast_edge")
 
 FINE, SILENT, WRONG = 0, 1, 2
 SHOWN = 4  # channels of a field
@@ -30,8 +31,6 @@ def run_probe(argv: Sequence[str]) -> int:
         "--profile", type=find_profile, help="for a source that needs one, as trajectory does"
     )
     args = parser.parse_args(argv)
-    log = logging.getLogger("posecast_edge")
-    log.addHandler(Console())
     try:
         path: Path | None = args.profile or defaults_of(args.source).profile
         profile = load_profile(path) if path else None

@@ -69,6 +69,8 @@ def run_command(argv: Sequence[str], environment: Mapping[str, str]) -> int:
         _say(sys.stderr, f"posecast-edge: {where}{e.reason}")
     except (ProfileError, SourceError) as e:
         _say(sys.stderr, f"posecast-edge: {e}")
+    except BrokenPipeError:
+        raise
     except OSError as e:
         _say(sys.stderr, f"posecast-edge: {e.filename or file}: {e.strerror or e}")
     return UNUSABLE

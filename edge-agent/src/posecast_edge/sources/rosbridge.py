@@ -42,6 +42,10 @@ if TYPE_CHECKING:
 
 log = logging.getLogger("posecast_edge.rosbridge")
 
+# What the library says is of connections that end, which is told here.
+SILENT = logging.getLogger("posecast_edge.rosbridge.websockets")
+SILENT.setLevel(logging.CRITICAL + 1)
+
 PORT = 9090
 ADDRESS = re.compile(
     r"(?:(ws|wss)://|//)?(\[[0-9a-fA-F:.]+\]|[A-Za-z0-9._-]+)(?::(\d{1,5}))?((?:/[A-Za-z0-9_.~%-]*)*)"
@@ -117,6 +121,7 @@ class RosbridgeSource:
                     max_size=MESSAGE_MAX,
                     max_queue=QUEUE_MAX,
                     proxy=None,
+                    logger=SILENT,
                 ) as connection:
                     self._backoff.connected(time.monotonic())
                     log.info("robot's rosbridge linked: %s", self._url)
@@ -125,7 +130,7 @@ class RosbridgeSource:
                 now_s = time.monotonic()
                 self._backoff.failed(now_s)
                 if not stop.is_set():
-                    self._trouble.add(f"{self._url}: {str(e) or type(e).__name__}; trying on", now_s)
+                    self._trouble.add(f"{self._url}: {_reason(e)}; trying on", now_s)
 
     def _talk(self, connection: ClientConnection) -> Talk:
         return Talk(connection, self._intake, self._encoding, self._wants_urdf, self._words)
@@ -279,3 +284,16 @@ class Talk:
         text = parse_json(value) if isinstance(value, str) else None
         if isinstance(text, str):
             self._intake.describe(text)
+
+
+def _reason(e: Exception) -> str:
+    """Why there is no connection any more, or none yet. The library repeats what was said on parting."""
+    from websockets.exceptions import ConnectionClosed  # noqa: PLC0415 - an extra
+
+    if not isinstance(e, ConnectionClosed):
+        return str(e) or type(e).__name__
+    if e.rcvd is not None and (e.rcvd_then_sent or e.sent is None):
+        return f"the server ended the connection: {e.rcvd}"
+    if e.sent is not None and "ping timeout" in e.sent.reason:
+        return "the server does not answer any more"
+    return f"the connection ended: {e.sent}" if e.sent is not None else "the connection broke off"
