@@ -161,8 +161,7 @@ def test_a_stream_that_is_closed_or_full_is_no_traceback(arguments: str) -> None
     done = subprocess.run(
         ["bash", "-c", script],
         stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
+        capture_output=True,
         text=True,
         timeout=30,
         check=False,

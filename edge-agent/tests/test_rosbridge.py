@@ -146,6 +146,7 @@ def test_a_server_that_hangs_is_told_once_without_a_traceback(
             upgrade = "HTTP/1.1 101 Switching Protocols\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
             link.sendall(f"{upgrade}Sec-WebSocket-Accept: {accept_key(key[1].decode())}\r\n\r\n".encode())
             until(lambda: any("trying on" in r.getMessage() for r in caplog.records), "a word")
+            until(lambda: not any("(keepalive)" in t.name for t in threading.enumerate()), "its end")
     told = [r.getMessage() for r in caplog.records if r.levelno >= logging.WARNING]
     assert [text.partition("; ")[0].partition(": ")[2] for text in told] == [
         "the server does not answer any more"
