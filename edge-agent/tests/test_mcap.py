@@ -182,3 +182,9 @@ def test_what_is_no_such_file_is_refused(tmp_path: Path, content: bytes) -> None
     assert str(e.value) == f"{tmp_path}/a.mcap: no MCAP file"
     with pytest.raises(SourceError, match=r"none\.mcap: No such file"):
         open_source(f"mcap:{tmp_path}/none.mcap", None)
+
+
+@pytest.mark.skipif(not Path("/proc/self/mem").exists(), reason="no /proc here")
+def test_a_file_that_opens_and_does_not_read() -> None:
+    with pytest.raises(SourceError, match="/proc/self/mem: Input/output error"):
+        open_source("mcap:/proc/self/mem", None)

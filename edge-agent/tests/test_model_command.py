@@ -102,6 +102,26 @@ def test_cache_that_cannot_be_written(tmp_path: Path) -> None:
     )
 
 
+@pytest.mark.parametrize("command", ["doctor --urdf {}", "model build {} -o out"])
+def test_links_in_a_circle_are_one_line(
+    command: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    circle = tmp_path / "a.urdf"
+    circle.symlink_to(circle)
+    assert run_command(command.format(circle).split(), environment(tmp_path)) == UNUSABLE
+    assert capsys.readouterr().err == f"posecast-edge: {circle}: Too many levels of symbolic links\n"
+
+
+def test_a_user_without_a_home(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.delenv("HOME", raising=False)
+    monkeypatch.setattr("pwd.getpwuid", {}.__getitem__)
+    path = written(tmp_path / "model", robot(link("a", mesh("package://model/gone.stl"))))
+    assert run_command(["model", "build", str(path), "-o", str(tmp_path / "out")], {}) == CLEAN
+    assert "no such file" in capsys.readouterr().err
+
+
 def test_a_folder_of_something_else_is_not_touched(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

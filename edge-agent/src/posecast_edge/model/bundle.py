@@ -18,7 +18,7 @@ from urllib.parse import unquote, urlsplit
 
 from posecast_edge.model.finding import ModelRefused, printable
 from posecast_edge.model.folder import check_folder
-from posecast_edge.model.resolve import URI_MAX, Resolver
+from posecast_edge.model.resolve import URI_MAX, Resolver, real_path
 from posecast_edge.model.urdf import Urdf
 from posecast_edge.model.urdf_reader import load_urdf
 
@@ -98,7 +98,7 @@ def load_bundle(urdf: Path, packages: Sequence[Path] = ()) -> Bundle:
     try:
         uris = list(dict.fromkeys(_uris(load_urdf(urdf))))
         name = printable(urdf.name)
-        files = [_file(urdf.resolve(), name, name)]
+        files = [_file(real_path(urdf), name, name)]
     except ModelRefused as e:
         raise ModelError(
             f"{urdf}: {e.reason}" if e.line is None else f"{urdf}: line {e.line}: {e.reason}"

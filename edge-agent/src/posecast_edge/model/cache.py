@@ -17,26 +17,26 @@ from pathlib import Path
 
 from posecast_edge.model.finding import ModelRefused
 from posecast_edge.model.folder import read_folder, write_folder
-from posecast_edge.model.resolve import Resolver
+from posecast_edge.model.resolve import Resolver, real_path
 
 ENTRIES = 16
 INPUTS = "inputs.json"
 BUILDER = 5  # goes up when the same input gives another bundle
 
 
-def cache_folder(environment: Mapping[str, str]) -> Path:
-    """Where the entries lie (XDG base directories)."""
-    base = environment.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
-    return Path(base, "posecast", "models")
+def cache_folder(environment: Mapping[str, str]) -> Path | None:
+    """Where the entries lie (XDG base directories); None for a user without a home."""
+    base = environment.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
+    return Path(base, "posecast", "models") if os.path.isabs(base) else None
 
 
 class Cache:
     """Entries for one URDF and its package folders."""
 
     def __init__(self, folder: Path, urdf: Path, packages: Sequence[Path]) -> None:
-        self._urdf = urdf.resolve()
+        self._urdf = real_path(urdf)
         self._packages = packages
-        name = "\0".join(map(str, (BUILDER, self._urdf, *(p.resolve() for p in packages))))
+        name = "\0".join(map(str, (BUILDER, self._urdf, *map(real_path, packages))))
         self._entry = folder / hashlib.sha256(os.fsencode(name)).hexdigest()[:32]
 
     def get(self) -> dict[str, bytes] | None:

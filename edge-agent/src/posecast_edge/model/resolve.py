@@ -41,17 +41,22 @@ def package_folders(environment: Mapping[str, str]) -> list[Path]:
     return ament + [Path(p) for p in environment.get("ROS_PACKAGE_PATH", "").split(os.pathsep) if p]
 
 
+def real_path(path: Path) -> Path:
+    """Without links; those in a circle stay, as an OSError for whoever opens them."""
+    return Path(os.path.realpath(path))
+
+
 class Resolver:
     """For one URDF."""
 
     def __init__(self, urdf: Path, packages: Sequence[Path] = ()) -> None:
-        real = urdf.resolve()
+        real = real_path(urdf)
         self._folder = folder = real.parent
         self._above = list(real.parents)[: LEVELS_UP + 1]
         package = next((p for p in self._above if (p / "package.xml").is_file()), None)
         beside = (folder.parent / "meshes").is_dir() and not (folder / "meshes").is_dir()
         self._root = package or (folder.parent if beside else folder)
-        self._given = [p.resolve() for p in packages if p.is_dir()]
+        self._given = [real_path(p) for p in packages if p.is_dir()]
         self._named: dict[str, list[Path]] | None = None
         self._spellings: dict[Path, dict[str, str]] = {}  # of folders looked into
         self.asked: dict[tuple[str, str], Path | None] = {}  # (URI, "") or (mesh, name): what was found
@@ -135,11 +140,12 @@ class Resolver:
 
     def _roots_of(self, package: str) -> Iterator[Path]:
         """Folders of that package, the likeliest first."""
+        home = Path(os.path.expanduser("~"))
         for folder in [*self._above, *self._given]:
             for root in (folder, folder / package):
                 # a package called like the user would be all that the user has
-                if root.name == package and _is_folder(root) and not Path.home().is_relative_to(root):
-                    yield root.resolve()
+                if root.name == package and _is_folder(root) and not home.is_relative_to(root):
+                    yield real_path(root)
         if self._named is None:
             self._named = self._read_names()
         yield from self._named.get(package, ())
@@ -158,7 +164,7 @@ class Resolver:
                 candidates += level
         for folder in candidates:
             if name := _package_name(folder / "package.xml"):
-                named.setdefault(name, []).append(folder.resolve())
+                named.setdefault(name, []).append(real_path(folder))
         return named
 
     def _packages_of(self, mesh: Path) -> list[Path]:
@@ -175,8 +181,8 @@ class Resolver:
 
     def _look(self, path: Path, roots: Sequence[Path], suffixes: Sequence[str]) -> Resolved | ModelRefused:
         try:
-            found = self._inside_of([root.resolve() for root in roots], path)
-        except (OSError, RuntimeError, ValueError):  # links in a circle, a name too long
+            found = self._inside_of([real_path(root) for root in roots], path)
+        except (OSError, ValueError):  # a name too long
             return ModelRefused("no such file")
         if isinstance(found, Resolved) and found.path.suffix.lower() not in suffixes:
             return ModelRefused(f"{quoted(found.path.suffix)} is no kind of mesh or picture that is read")
@@ -193,7 +199,7 @@ class Resolver:
                 return ModelRefused("no such file")
             hint = f"the file is called {quoted(other.name)}, in other letters"
             path = other
-        real = path.resolve()
+        real = real_path(path)
         if not any(real.is_relative_to(root) for root in roots):
             return ModelRefused(OUTSIDE)
         return Resolved(real, hint) if real.is_file() else ModelRefused("is no file")

@@ -76,9 +76,13 @@ class McapFile:
         self._bad = Complaints(log.warning, "bad records")
         self.topics: dict[str, str] = {}  # what each is read as
         self.on_urdf: Callable[[str], None] | None = None
-        with self._open() as file:
-            if file.read(len(MAGIC)) != MAGIC:
-                raise SourceError(f"{path}: no MCAP file")
+        try:
+            with self._open() as file:
+                is_mcap = file.read(len(MAGIC)) == MAGIC
+        except OSError as e:
+            raise SourceError(f"{path}: {e.strerror or e}") from None
+        if not is_mcap:
+            raise SourceError(f"{path}: no MCAP file")
 
     def samples(self, start_s: float, first_pass: bool) -> Iterator[Sample]:
         """One pass; see Recording."""
