@@ -79,6 +79,26 @@ def test_info_stays_bounded() -> None:
     assert snapshot.info["k0"] == "new"
 
 
+def test_texts_left_out_are_told_when_they_change_and_not_for_each_sample() -> None:
+    said: list[str] = []
+    s = Stream(parse_profile(PROFILE), 4.0, said.append)
+    texts = {f"k{i}": "v" for i in range(66)}
+    for second in range(10):
+        s.deliver(Sample(second, {}, {**texts, "k0": str(second)}), second)
+    left_out = "is left out: at most 64 texts, 12000 bytes in all"
+    assert said == [f"info 'k64' {left_out}", f"1 more texts too many, the newest: info 'k65' {left_out}"]
+    s.deliver(Sample(10.0, {}, {**texts, "k65": "w"}), 10.0)
+    assert said[2:] == [f"info 'k65' {left_out}"]
+
+
+def test_a_text_that_found_no_room_is_taken_once_there_is_some() -> None:
+    s = Stream(parse_profile(PROFILE), 4.0, lambda line: None)
+    s.deliver(Sample(0.0, {}, {"long": "x" * 11_000, "other": "y" * 2000}), 0.0)
+    assert set(s.info) == {"long"}
+    s.deliver(Sample(1.0, {}, {"long": "x", "other": "y" * 2000}), 1.0)
+    assert set(s.info) == {"long", "other"}
+
+
 def test_a_sample_that_is_not_the_newest_makes_events_and_no_frame() -> None:
     s = stream()
     s.deliver(Sample(0.0, {"pos": [0.0, 0.0], "flags": [0, 0]}), 0.0)

@@ -59,6 +59,7 @@ class Stream:
         self._picture: tuple[int, bytes] | None = None  # of which sample, its KEY
         self._info: dict[str, str] = {}
         self._info_bytes = 0
+        self._said: Mapping[str, str] = {}  # texts of the newest sample that had some
         self._too_much = Complaints(say, "texts too many")
         self._texts = profile.info  # None: all
         self._seq = -1  # of the newest frame
@@ -104,6 +105,10 @@ class Stream:
             return self._limit.admit(events, now_s) if events else events
 
     def _take_info(self, sample: Sample, now_s: float) -> None:
+        self._too_much.tick(now_s)
+        said, self._said = self._said, sample.info
+        if sample.info == said:  # as nearly always
+            return
         for name, text in sample.info.items():
             before = self._info.get(name)
             if (self._texts is not None and name not in self._texts) or before == text:
@@ -112,6 +117,8 @@ class Stream:
             size += len(name.encode()) if before is None else -len(before.encode())
             if size <= INFO_BYTES and (before is not None or len(self._info) < INFO_MAX):
                 self._info, self._info_bytes = {**self._info, name: text}, size
+                continue
+            if said.get(name) == text:  # left out before
                 continue
             where = f"{sample.where}: " if sample.where else ""
             most = f"{INFO_MAX} texts, {INFO_BYTES} bytes in all"
