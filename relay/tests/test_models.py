@@ -364,6 +364,19 @@ async def test_the_same_bytes_of_two_robots_are_kept_and_counted_once() -> None:
     assert MB < models.room.used < 1.1 * MB
 
 
+@pytest.mark.parametrize("size", [1, 1999, 2001, 300_000_000])
+async def test_a_manifest_that_gives_a_file_another_size_is_not_believed(size: int) -> None:
+    """Also where the file is here already, from a robot whose manifest tells the truth."""
+    data = bytes_of(1, 2000)
+    honest = Edge({"a.stl": data})
+    false = {"path": "b.stl", "size": size, "sha256": sha256(data), "type": "model/stl"}
+    liar = Edge({"b.stl": data}, {"v": 2, "files": [false]})
+    models = Models(Several(one=honest, two=liar), 10 * MB)
+    assert await read(models, honest, "a.stl", "one") == data
+    with pytest.raises(Unavailable, match="not of the size"):
+        await models.file("two", liar.digest, "b.stl")
+
+
 async def test_a_short_range_is_no_range() -> None:
     edge = Edge({"a.stl": bytes_of(1, 2000)})
     models = Models(edge, MB)

@@ -126,7 +126,10 @@ async def test_what_is_no_frame_of_ours_is_counted_and_leaves_no_trace(relays: A
 
     await asyncio.to_thread(until, "all are counted", counted)
     assert listed(relay).get("status") == "online"
-    assert relay.errors().count('"level": "warning"') == 1  # all counted, one told
+    told = [line for line in relay.errors().splitlines() if '"level": "warning"' in line]
+    assert len(told) == 2  # all counted, one told of each robot that is here, and one of all others
+    assert "r/public/frame: a frame of a wire format not known here" in told[0]
+    assert "R2D2/public/frame: robot 'R2D2'" in told[1]
 
 
 async def test_a_robot_that_found_no_place_has_one_when_another_has_gone(relays: Any, edges: Any) -> None:

@@ -63,7 +63,7 @@ def robot_summary(robot: Robot, room: Room | None, now: float) -> dict[str, Any]
     return {
         "robot": robot.name,
         "name": stream.schema.robot if stream and stream.schema else robot.name,
-        "status": robot.word(room, now) if room else "silent" if robot.liveness.token else "offline",
+        "status": robot.word(room, now),
         "age_ms": None if age_s is None else max(0, round(age_s * 1000)),
         "seq": stream.newest.seq if stream and stream.newest else None,
         "hz": round(1 / interval_s, 1) if interval_s else None,

@@ -106,8 +106,8 @@ def _times(name: str, text: str, times: Histogram) -> Metric:
 def _words(pump: Pump, now: float) -> dict[str, int]:
     found = {"online": 0, "silent": 0, "offline": 0}
     for robot in list(pump.hub.robots.values()):
-        for room in list(robot.rooms.values())[:1]:
-            found[robot.word(room, now)] += 1
+        if robot.heard_at is not None:
+            found[robot.word(next(iter(list(robot.rooms.values())), None), now)] += 1
     return found
 
 

@@ -111,6 +111,8 @@ class Models:
             raise Absent(f"no file '{visible(path)}' in this model")
         if self.data(entry.sha256) is None:
             await self._once((robot, entry.sha256), lambda: self._fetch_file(robot, digest, entry))
+        elif len(self.data(entry.sha256) or b"") != entry.size:  # another manifest has told the truth
+            raise Unavailable(f"'{visible(path)}' is not of the size that the manifest says")
         kind = entry.type if entry.type in TYPES else "application/octet-stream"
         return ModelFile(entry.sha256, kind, entry.size)
 

@@ -31,7 +31,12 @@ SNAPSHOT_TIMEOUT_S = 2.0
 RETURN_S = (
     3.0  # after the door was opened anew a robot has so long to come back; edges try at least once a second
 )
-COMPLAIN_S = 10.0  # between two log lines about bad messages
+COMPLAIN_S = 10.0  # between two log lines about bad messages of a robot
+WHY = {  # a frame is dropped, as its robot's developer is told
+    Fate.BAD: "no frame of its schema",
+    Fate.VERSION: "a frame of a wire format not known here",
+    Fate.OVERSIZED: "a frame that is too large",
+}
 LOST = "messages than there is room for"
 
 
@@ -61,7 +66,7 @@ class ZenohIngest:
         self._loop = asyncio.get_running_loop()
         self._inboxes = Inboxes()
         self._woken = False
-        self._complained_at = float("-inf")
+        self._complained_at: dict[str, float] = {}  # by robot, those that are here; the others are one
         self._declared: list[object] = []
         self._opening = 0  # which session it is; tokens of one that is gone mean nothing
         self._tokens: dict[str, _Token] = {}
@@ -193,10 +198,12 @@ class ZenohIngest:
             check_name("view", view)
             fate = self._pump.hub.edge_frame(robot, view, payload, Stamp.unpack(stamp), now)
         except ValueError as e:
-            self._complain(f"{robot}/{view}/frame", e)
+            self._complain(robot, f"{view}/frame", e)
             return
         if fate is Fate.OVER_SHARE:
             self._inboxes.close(robot, now + CLOSED_S)
+        elif fate in WHY:
+            self._say(robot, f"{view}/frame", WHY[fate])
         elif robot in self._waiting and fate is not Fate.CROWDED:
             self._token(robot, True)
 
@@ -207,9 +214,12 @@ class ZenohIngest:
             check_name("view", view)
             at = Stamp.unpack(stamp)
         except ValueError as e:
-            self._complain(f"{robot}/{view}/event", e)
+            self._complain(robot, f"{view}/event", e)
             return
+        bad = pump.hub.fates[Fate.BAD.value]
         pump.carry_out(pump.hub.event(robot, view, payload, at, pump.now(), pump.unix_s()))
+        if pump.hub.fates[Fate.BAD.value] > bad:
+            self._say(robot, f"{view}/event", "no event, info or model as the wire format has them")
 
     def _heard_token(self, opening: int, robot: str, present: bool) -> None:
         """A token that comes and goes all the time is told of ten times a second at most: as it is then."""
@@ -219,7 +229,7 @@ class ZenohIngest:
         try:
             check_name("robot", robot)
         except ValueError as e:
-            self._complain(f"{robot}/alive", e)
+            self._complain(robot, "alive", e)
             return
         token = self._tokens.get(robot)
         if token is None:
@@ -247,7 +257,7 @@ class ZenohIngest:
         self._pump.carry_out(hub.token(robot, present, self._pump.now()))
         if present and robot not in hub.robots:
             self._waiting.add(robot)
-            self._say(f"{robot}/alive", "the relay has as many robots as it takes (--max-robots)")
+            self._say(robot, "alive", "the relay has as many robots as it takes (--max-robots)")
             return
         self._waiting.discard(robot)
         log.info("robot %s %s", robot, "on air" if present else "gone")
@@ -263,14 +273,14 @@ class ZenohIngest:
             hub.check_snapshot(robot, len(payload), now)
             hub.snapshot(robot, view, Snapshot.unpack(payload), at, now, waited_s=now - asked_at)
         except ValueError as e:
-            self._complain(f"{robot}/{view}/snapshot", e)
+            self._complain(robot, f"{view}/snapshot", e)
 
     def _echo(self, robot: str, query: zenoh.Query) -> None:
         now = self._pump.now()
         try:
             check_name("robot", robot)
         except ValueError as e:
-            self._complain(f"{robot}/echo", e)
+            self._complain(robot, "echo", e)
             return  # unanswered
         of = self._pump.hub.robots.get(robot)
         if of is not None and not of.share.takes_message(0, now):
@@ -295,16 +305,20 @@ class ZenohIngest:
             except zenoh.ZError as e:
                 log.warning("snapshot of %s/%s: %s", robot, view, e)
 
-    def _complain(self, where: str, error: Exception) -> None:
+    def _complain(self, robot: str, what: str, error: Exception) -> None:
         """Count every bad message, log one now and then."""
-        self._pump.hub.fates["bad"] += 1
-        self._say(where, error)
+        self._pump.hub.fates[Fate.BAD.value] += 1
+        self._say(robot, what, error)
 
-    def _say(self, where: str, error: Exception | str) -> None:
-        now = self._pump.now()
-        if now - self._complained_at >= COMPLAIN_S:
-            self._complained_at = now
-            log.warning("%.120s: %.200s", where, error)
+    def _say(self, robot: str, what: str, why: Exception | str) -> None:
+        """Log it, unless something was said of this robot lately: no robot keeps a line from another one."""
+        now, known = self._pump.now(), robot if robot in self._pump.hub.robots else ""
+        if now - self._complained_at.get(known, float("-inf")) < COMPLAIN_S:
+            return
+        if len(self._complained_at) > 2 * self._pump.hub.limits.robots:
+            self._complained_at.clear()  # most of them have gone
+        self._complained_at[known] = now
+        log.warning("%.120s: %.200s", f"{robot}/{what}", why)
 
 
 def _names(key: zenoh.KeyExpr) -> tuple[str, str]:

@@ -122,8 +122,10 @@ class Robot:
         watched = self.followed or self.has_viewers()
         return watched and self.liveness.token and now >= self.ask_at + REFRESH_S
 
-    def word(self, room: Room, now: float) -> RobotWord:
-        """How the robot is, as far as this view shows."""
+    def word(self, room: Room | None, now: float) -> RobotWord:
+        """How the robot is, as far as this view shows; None: it has sent nothing of it yet."""
+        if room is None:
+            return "silent" if self.liveness.token else "offline"
         stream = room.stream
         return self.liveness.word(stream.live_at, stream.age_s(now), self.limits.silent_s)
 
