@@ -12,6 +12,8 @@ from contextlib import suppress
 from pathlib import Path
 
 import pytest
+from edge_stage import Router
+from posecast_edge import doorbell
 from posecast_edge.certificate import Certificate
 from posecast_edge.doorbell import ring
 from posecast_wire import Credential
@@ -31,10 +33,18 @@ def test_nobody_there() -> None:
     assert ring("tcp/no.such.host.invalid:1", None) == "does not answer"
 
 
-def test_somebody_who_does_not_let_it_in(listener: socket.socket) -> None:
-    relay = f"tcp/127.0.0.1:{listener.getsockname()[1]}"
-    assert "does it want a --credential?" in ring(relay, None)
-    says = ring(relay, Credential("hubo", "x" * 43))
+@pytest.mark.parametrize("proof", [None, Credential("hubo", "x" * 43)])
+def test_somebody_who_hangs(
+    listener: socket.socket, proof: Credential | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(doorbell, "PATIENCE_S", 0.1)
+    says = ring(f"tcp/127.0.0.1:{listener.getsockname()[1]}", proof)
+    assert says == "takes connections and says nothing: does it hang, or is it just starting?"
+
+
+def test_somebody_who_does_not_let_it_in(router: Router) -> None:
+    assert "does it want a --credential?" in ring(router.endpoint, None)
+    says = ring(router.endpoint, Credential("hubo", "x" * 43))
     assert says == "does not let 'hubo' in: its credential is wrong, expired or revoked"
 
 

@@ -9,6 +9,7 @@ from posecast_wire.credential import Credential
 from posecast_edge.certificate import Certificate
 
 PATIENCE_S = 2.0
+KNOCK = bytes(2)  # an empty batch: Zenoh says goodbye to it, and the relay counts nobody as refused
 
 
 def ring(relay: str, credential: Credential | Certificate | None) -> str:
@@ -26,9 +27,23 @@ def ring(relay: str, credential: Credential | Certificate | None) -> str:
                 from posecast_edge.doorbell_tls import shake_hands  # noqa: PLC0415
 
                 wrong, alert = shake_hands(plain, host, credential)
+            elif not _speaks(plain):
+                return "takes connections and says nothing: does it hang, or is it just starting?"
     except (OSError, UnicodeError):  # also of a name that is none
         return "does not answer"
     return wrong or _refusal(credential, alert)
+
+
+def _speaks(link: socket.socket) -> bool:
+    """Whether somebody is behind it: a system takes connections also for a process that stands still."""
+    try:
+        link.sendall(KNOCK)
+        link.recv(1)
+    except TimeoutError:
+        return False
+    except OSError:  # it hangs up: a word, too
+        pass
+    return True
 
 
 def _refusal(credential: Credential | Certificate | None, alert: str | None) -> str:
