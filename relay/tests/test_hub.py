@@ -345,6 +345,14 @@ def test_a_robot_gone_for_an_hour_is_forgotten_unless_watched() -> None:
     assert set(world.hub.robots) == {"watched"}
 
 
+def test_a_robot_that_came_sent_nothing_and_went_is_soon_forgotten() -> None:
+    world = World()
+    world.do(world.hub.token("name", True, world.now))
+    world.do(world.hub.token("name", False, world.now))
+    world.pass_time(20.0)
+    assert world.hub.robots == {}
+
+
 def test_an_edge_returns_when_the_newer_one_of_its_name_has_ended() -> None:
     world = World()
     first = world.on_air()

@@ -297,16 +297,16 @@ class Several:
     """Robots with a model each, by name."""
 
     def __init__(self, **edges: Edge) -> None:
-        self._edges = edges
+        self.edges = edges
 
     def offers(self, robot: str, digest: str) -> bool:
-        return self._edges[robot].offers(robot, digest)
+        return self.edges[robot].offers(robot, digest)
 
     async def manifest(self, robot: str, digest: str) -> bytes:
-        return await self._edges[robot].manifest(robot, digest)
+        return await self.edges[robot].manifest(robot, digest)
 
     async def read(self, robot: str, digest: str, wanted: str, off: int, size: int) -> bytes:
-        return await self._edges[robot].read(robot, digest, wanted, off, size)
+        return await self.edges[robot].read(robot, digest, wanted, off, size)
 
 
 async def test_a_robot_whose_edge_does_not_answer_keeps_no_other_waiting() -> None:
@@ -364,17 +364,34 @@ async def test_the_same_bytes_of_two_robots_are_kept_and_counted_once() -> None:
     assert MB < models.room.used < 1.1 * MB
 
 
+async def test_who_knows_the_hash_of_anothers_file_does_not_have_it() -> None:
+    """A robot that not everybody may see has been asked for it. Another one's manifest names it, no more."""
+    data = bytes_of(1, 2000)
+    hidden, thief = Edge({"a.stl": data}), Edge({"a.stl": data})
+    thief.spoil = lambda answer: answer if answer == thief.bytes else b""
+    models = Models(Several(hidden=hidden, thief=thief), 10 * MB)
+    assert await read(models, hidden, "a.stl", "hidden") == data
+    with pytest.raises(Unavailable, match="0 bytes at 0 of 2000"):
+        await models.file("thief", thief.digest, "a.stl")
+    thief.spoil = lambda answer: answer
+    assert await read(models, thief, "a.stl", "thief") == data
+    asked = len(thief.asked)
+    assert await read(models, thief, "a.stl", "thief") == data
+    assert len(thief.asked) == asked, "once delivered is enough"
+
+
 @pytest.mark.parametrize("size", [1, 1999, 2001, 300_000_000])
 async def test_a_manifest_that_gives_a_file_another_size_is_not_believed(size: int) -> None:
-    """Also where the file is here already, from a robot whose manifest tells the truth."""
+    """Also where the file is here already: the robot's earlier model told the truth."""
     data = bytes_of(1, 2000)
-    honest = Edge({"a.stl": data})
+    edge = Edge({"a.stl": data})
+    source = Several(r=edge)
+    models = Models(source, 10 * MB)
+    assert await read(models, edge, "a.stl") == data
     false = {"path": "b.stl", "size": size, "sha256": sha256(data), "type": "model/stl"}
-    liar = Edge({"b.stl": data}, {"v": 2, "files": [false]})
-    models = Models(Several(one=honest, two=liar), 10 * MB)
-    assert await read(models, honest, "a.stl", "one") == data
+    source.edges["r"] = later = Edge({"b.stl": data}, {"v": 2, "files": [false]})
     with pytest.raises(Unavailable, match="not of the size"):
-        await models.file("two", liar.digest, "b.stl")
+        await models.file("r", later.digest, "b.stl")
 
 
 async def test_a_short_range_is_no_range() -> None:

@@ -1,6 +1,8 @@
 """Robots' models, fetched from their edges when somebody asks, verified, kept in bounded memory.
 
-A model is named by the SHA-256 of its manifest, each file by its own; so what is here never changes. Files
+A model is named by the SHA-256 of its manifest, each file by its own; so what is here never changes, and the
+same bytes of several robots are kept once. But who knows a hash need not have the file: what a robot names in
+its manifest it has to deliver itself, before anybody gets it in its name. Files
 come in small ranges one by one at low priority: one large reply would cut a thin uplink's connection. What
 nobody waits for any more is not fetched to its end.
 """
@@ -109,7 +111,7 @@ class Models:
         entry = (await self._manifest(robot, digest)).get(path)
         if entry is None:
             raise Absent(f"no file '{visible(path)}' in this model")
-        if self.data(entry.sha256) is None:
+        if self.data(entry.sha256) is None or self.room.get(_delivered(robot, entry.sha256)) is None:
             await self._once((robot, entry.sha256), lambda: self._fetch_file(robot, digest, entry))
         elif len(self.data(entry.sha256) or b"") != entry.size:  # another manifest has told the truth
             raise Unavailable(f"'{visible(path)}' is not of the size that the manifest says")
@@ -178,13 +180,14 @@ class Models:
         return files
 
     async def _fetch_file(self, robot: str, digest: str, entry: Entry) -> None:
-        if entry.size + ENTRY_BYTES > self.room.most:
+        if entry.size + 2 * ENTRY_BYTES > self.room.most:
             raise Unavailable(f"a file of {entry.size} bytes, more than this relay keeps")
         turn = self._turns.setdefault(robot, asyncio.Semaphore(AT_ONCE))
-        async with turn, self._room_for(robot, entry.size) as claim:
+        async with turn, self._room_for(robot, entry.size + ENTRY_BYTES) as claim:
             data = bytearray()  # it grows as ranges come: a size that is only claimed takes no memory
             await self._fill(data, robot, digest, entry)
             self.room.keep(claim, entry.sha256, data, len(data))
+            self.room.keep(claim, _delivered(robot, entry.sha256), True, 0)
 
     async def _fill(self, data: bytearray, robot: str, digest: str, entry: Entry) -> None:
         digester = hashlib.sha256()
@@ -238,3 +241,8 @@ class Models:
             raise Unavailable("this model had to give way to other robots'") from None
         finally:
             self.room.release(claim)
+
+
+def _delivered(robot: str, sha256: str) -> str:
+    """Under what is kept that this robot's edge has delivered this file."""
+    return f"{robot}+{sha256}"

@@ -35,7 +35,9 @@ RENEW_RETRY_S = 1.0  # these come one by one already
 EXPIRED = "the link or sign-in has expired"
 GOING = "the relay is being replaced"
 FORGET_EVERY = 20  # sweeps
-FORGET_FULL_S = 5.0  # with as many robots as the limits allow: those that are gone make room for others
+# With as many robots as the limits allow those that are gone make room for others. Those that have never sent
+# anything are forgotten as soon.
+FORGET_FULL_S = 5.0
 QUESTIONS_MAX = 8  # robots asked in one tick, some 3 ms; the others in the next ones,
 QUESTIONS_S = 0.005  # so much later
 HELD_UP_S = 0.1  # a tick that comes later than this shows that the process stood still
@@ -313,7 +315,8 @@ class Hub(Uplink):
         if is_full or self._sweeps % FORGET_EVERY == 0:
             forget_s = FORGET_FULL_S if is_full else self.limits.forget_s
             for robot in tuple(self.robots.values()):
-                gone = robot.heard_at is None or now - robot.heard_at > forget_s
+                kept_s = forget_s if robot.rooms else FORGET_FULL_S
+                gone = robot.heard_at is None or now - robot.heard_at > kept_s
                 if gone and not robot.liveness.token and not robot.has_viewers():
                     self.drop(robot)
         return out
