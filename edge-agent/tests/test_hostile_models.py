@@ -5,15 +5,13 @@ from __future__ import annotations
 
 import io
 import json
-import struct
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from mesh_parsers import VERTICES, obj_polygon, png
-from model_parsers import jpeg_scans
+from mesh_parsers import VERTICES, obj_polygon
 from model_stage import (
     cube_collada,
     cube_glb,
@@ -27,7 +25,6 @@ from model_stage import (
     robot,
     written,
 )
-from PIL import Image
 from posecast_edge.model import command, described, figure, raster
 from posecast_edge.model.build import Built, build
 from posecast_edge.model.bundle import ModelError, load_bundle
@@ -39,7 +36,6 @@ from posecast_edge.model.mesh_reader import read_mesh
 from posecast_edge.model.normals import crease_normals
 from posecast_edge.model.resolve import Resolver
 from posecast_edge.model.simplify import Ladder
-from posecast_edge.model.texture import PIXELS_CLAIMED, Pictures, checked_picture, fitted, mean_colour
 from posecast_edge.model.tree import Follow, build_tree
 from posecast_edge.model.urdf_reader import load_urdf, read_urdf
 from posecast_edge.model.weld import CROWD_MAX, weld
@@ -168,89 +164,6 @@ def test_a_heap_as_large_as_the_robot_is_drawn_in_part(monkeypatch: pytest.Monke
     assert tests <= 1 << 22
     assert (triangle >= 0).all()
     assert (triangle == 1000).any()
-
-
-# --- pictures
-
-
-def encoded(image: Image.Image, kind: str, **more: object) -> bytes:
-    out = io.BytesIO()
-    image.save(out, kind, **more)
-    return out.getvalue()
-
-
-def tiff_claiming(width: int, height: int) -> bytes:
-    """A picture of so many pixels in some 200 bytes."""
-    data = encoded(Image.new("LAB", (5, 3)), "TIFF")
-    return data.replace(struct.pack("<HHII", 256, 4, 1, 5), struct.pack("<HHII", 256, 4, 1, width)).replace(
-        struct.pack("<HHII", 257, 4, 1, 3), struct.pack("<HHII", 257, 4, 1, height)
-    )
-
-
-@pytest.mark.parametrize(
-    "picture",
-    [
-        encoded(Image.new("LAB", (5, 3)), "TIFF"),
-        encoded(Image.new("F", (5, 3)), "TIFF"),
-        encoded(Image.new("I;16", (5, 3)), "PNG"),
-        encoded(Image.new("CMYK", (5, 3)), "JPEG"),
-        encoded(Image.new("P", (5, 3)), "GIF", transparency=0),
-    ],
-)
-def test_a_picture_that_is_taken_can_be_shown(picture: bytes) -> None:
-    try:
-        checked_picture(picture)
-    except ModelRefused:
-        return
-    assert fitted(picture, 128).type in ("image/png", "image/jpeg")
-    assert all(0 <= part <= 1 for part in mean_colour(picture))
-
-
-def test_compressed_tiff_is_refused_in_one_line(capfd: pytest.CaptureFixture[str]) -> None:
-    """Its decoder writes to stderr what it thinks of each of 65,535 tags."""
-    with pytest.raises(ModelRefused, match="compressed TIFF"):
-        checked_picture(encoded(Image.new("RGB", (9, 9)), "TIFF", compression="tiff_lzw"))
-    assert capfd.readouterr().err == ""
-
-
-def test_pixels_are_paid_for_with_bytes() -> None:
-    pictures = Pictures()
-    side = round((PIXELS_CLAIMED * 0.3) ** 0.5)
-    claims = [tiff_claiming(side, side + i) for i in range(4)]
-    for data in claims[:3]:
-        with pytest.raises(ModelRefused, match="no picture that is read"):
-            pictures.checked(data)  # its pixels are not there; but they have been asked for
-    with pytest.raises(ModelRefused, match="left out"):
-        pictures.checked(claims[3])
-    assert pictures.checked(png(3000)) == png(3000)
-
-
-def test_a_picture_of_more_scans_than_pixels_are_worth() -> None:
-    assert checked_picture(jpeg_scans(50)) == jpeg_scans(50)
-    with pytest.raises(ModelRefused, match="a JPEG of more than 100 scans"):
-        checked_picture(jpeg_scans(200))
-
-
-def test_a_picture_is_looked_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    looks = 0
-    load = Image.Image.load
-
-    def counted(image: Image.Image) -> object:
-        nonlocal looks
-        looks += 1
-        return load(image)
-
-    parts = []
-    for i in range(6):
-        (tmp_path / f"a{i}.obj").write_bytes(cube_obj(f"mtllib a.mtl\nusemtl m{i}\n"))
-        parts.append(mesh(f"a{i}.obj") + mesh(f"a{i}.obj"))
-    (tmp_path / "a.mtl").write_text("".join(f"newmtl m{i}\nmap_Kd a.png\n" for i in range(6)))
-    (tmp_path / "a.png").write_bytes(png(200))
-    path = written(tmp_path, robot(link("a", "".join(parts))))
-    monkeypatch.setattr("PIL.PngImagePlugin.PngImageFile.load", counted)
-    built = made(path)
-    assert len(built.document["visuals"]) == 12
-    assert looks < 12
 
 
 # --- URDF and what is built of it

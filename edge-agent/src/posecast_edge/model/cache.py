@@ -21,7 +21,7 @@ from posecast_edge.model.resolve import Resolver, real_path
 
 ENTRIES = 16
 INPUTS = "inputs.json"
-BUILDER = 5  # goes up when the same input gives another bundle
+BUILDER = 6  # goes up when the same input gives another bundle
 
 
 def cache_folder(environment: Mapping[str, str]) -> Path | None:

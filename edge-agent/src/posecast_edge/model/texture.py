@@ -14,7 +14,10 @@ from PIL import Image
 from posecast_edge.model.finding import ModelRefused, printable
 
 FORMATS = ("PNG", "JPEG", "BMP", "TGA", "TIFF", "WEBP", "GIF")
-PIXELS_MAX = 64_000_000  # of one picture, which a file of 200 kB can unpack to
+PIXELS_MAX = 4096 * 4096  # of one picture, which a file of 50 kB can unpack to; they take four bytes each
+JPEG_PIXELS_MAX = 64_000_000  # of a JPEG, unpacked at an eighth of its size unless it is progressive
+BAND = 256  # rows of a large picture that are made smaller at once
+LOOK = 128  # pixels a side: enough to see that a picture can be read, and its mean
 PIXELS_IN_ALL = 1 << 30  # of a robot's pictures; further ones are left out
 PIXELS_A_BYTE = 400  # a PNG of one colour has some 340
 SCANS_MAX = 100  # of a JPEG, which has one or some ten; each goes over all pixels, and ten bytes are one
@@ -63,7 +66,7 @@ class Pictures:
                     return f"left out: {image.width} × {image.height} pixels in {len(data)} bytes"
                 self._pixels += pixels
                 self._claimed += claimed
-                _plain(image)
+                _plain(image, LOOK)
         except ModelRefused as e:
             return e.reason
         return ""
@@ -74,12 +77,13 @@ def fitted(data: bytes, side_max: int) -> Picture:
     """At most `side_max` pixels a side; a PNG or JPEG that fits is kept. ModelRefused when it is none."""
     with _reading():
         image = _opened(data)
-        image.load()
         fits = max(image.size) <= side_max
+        if fits:
+            image.load()
         small = len(data) <= image.width * image.height * KEPT_PIXEL + KEPT_HEAD
         if fits and small and image.format in ("PNG", "JPEG"):
             return Picture(data, f"image/{image.format.lower()}")
-        shown = _plain(image)
+        shown = _plain(image, side_max)
         if not fits:
             shown.thumbnail((side_max, side_max), Image.Resampling.LANCZOS)
         out = io.BytesIO()
@@ -99,16 +103,21 @@ def checked_picture(data: bytes) -> bytes:
 def mean_colour(data: bytes) -> tuple[float, float, float]:
     """Its mean as display values 0 … 1. ModelRefused when it is no picture."""
     with _reading():
-        whole = _opened(data).convert("RGB")
-        r, g, b = whole.resize((1, 1), Image.Resampling.BOX).getpixel((0, 0))  # type: ignore[misc]
+        shown = _plain(_opened(data), LOOK).convert("RGB")
+        r, g, b = shown.resize((1, 1), Image.Resampling.BOX).getpixel((0, 0))  # type: ignore[misc]
         return (r / 255, g / 255, b / 255)
 
 
 def _opened(data: bytes) -> Image.Image:
     """Its head is read and its size fits; its pixels are not unpacked yet."""
     image = Image.open(io.BytesIO(data), formats=FORMATS)
-    if image.width * image.height > PIXELS_MAX:
-        raise ModelRefused(f"a picture of {image.width} × {image.height} pixels")
+    by_parts = image.format == "JPEG" and not image.info.get("progressive")
+    most = JPEG_PIXELS_MAX if by_parts else PIXELS_MAX
+    if image.width * image.height > most:
+        side = int(most**0.5)
+        raise ModelRefused(
+            f"a picture of {image.width} × {image.height} pixels; at most {side} × {side} are read"
+        )
     if any(tile[0] == "libtiff" for tile in image.tile):  # which writes to stderr what it thinks of each tag
         raise ModelRefused("a compressed TIFF")
     if any(tile[0] == "jpeg" for tile in image.tile) and data.count(START_OF_SCAN) > SCANS_MAX:
@@ -116,10 +125,23 @@ def _opened(data: bytes) -> Image.Image:
     return image
 
 
-def _plain(image: Image.Image) -> Image.Image:
-    """All its pixels, with transparency where it has some."""
-    clear = image.mode in ("RGBA", "LA", "PA") or "transparency" in image.info
-    return image.convert("RGBA" if clear else "RGB")
+def _plain(image: Image.Image, side: int) -> Image.Image:
+    """Its pixels, with transparency where it has some: of a large one as many as a good picture of `side` is
+    made of. All of them are never there twice."""
+    image.draft("RGB", (side, side))
+    mode = "RGBA" if image.mode in ("RGBA", "LA", "PA") or "transparency" in image.info else "RGB"
+    less = max(image.size) // (2 * side)
+    if less < 2:
+        if image.mode != mode:
+            return image.convert(mode)
+        image.load()
+        return image
+    shown = Image.new(mode, (-(-image.width // less), -(-image.height // less)))
+    rows = max(1, BAND // less)
+    for row in range(0, shown.height, rows):
+        band = image.crop((0, row * less, image.width, min(image.height, (row + rows) * less)))
+        shown.paste(band.convert(mode).reduce(less), (0, row))
+    return shown
 
 
 @contextmanager
