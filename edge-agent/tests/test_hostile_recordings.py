@@ -9,7 +9,7 @@ import pytest
 from mcap.writer import CompressionType
 from mcap_stage import BEGAN_NS, Bag, joint_state
 from parser_stage import held_bytes
-from posecast_edge.sources import Sample, SourceError
+from posecast_edge.sources import Sample, SourceError, open_source
 from posecast_edge.sources.csv import MAX_LINE, Table
 from posecast_edge.sources.mcap import McapFile
 from posecast_edge.sources.playback import Playback, Player, parse_playback
@@ -42,6 +42,13 @@ def test_lines_end_as_they_may(end: str, tmp_path: Path) -> None:
     long = "0," + "1" * MAX_LINE
     found = rows(tmp_path, end.join(["t,A", "0,1", long, "1,2", ""]).encode())
     assert [s.t_s for s in found] == [0.0, 1.0]
+
+
+@pytest.mark.skipif(not Path("/dev/zero").exists(), reason="no /dev/zero here")
+@pytest.mark.parametrize("kind", ["csv", "trajectory"])
+def test_a_line_without_end_is_given_up(kind: str) -> None:
+    with pytest.raises(SourceError, match=r"^/dev/zero:1: no end of line within 64 MiB$"):
+        open_source(f"{kind}:/dev/zero", WALKER)
 
 
 def test_a_column_twice_is_named_in_one_line(tmp_path: Path) -> None:

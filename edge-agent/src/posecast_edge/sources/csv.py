@@ -27,7 +27,7 @@ from typing import TYPE_CHECKING, TextIO
 
 from posecast_edge.complaints import Complaints
 from posecast_edge.sources import TIME_MAX_S, Reading, Sample, Source, SourceError
-from posecast_edge.sources.playback import Player, parse_playback
+from posecast_edge.sources.playback import EndlessLine, Player, parse_playback, skip_line
 from posecast_edge.visible import visible
 from posecast_edge.wellknown import UNITS
 
@@ -119,13 +119,14 @@ class Table:
         try:
             while line := file.readline(MAX_LINE + 1):
                 number += 1
-                rest = line if len(line) > MAX_LINE else ""
-                while rest and not rest.endswith(("\n", "\r")):
-                    rest = file.readline(MAX_LINE)  # the end of an overlong line
+                if len(line) > MAX_LINE and not line.endswith(("\n", "\r")):
+                    skip_line(file, MAX_LINE)
                 if line.strip():
                     yield number, line
         except OSError as e:
             raise SourceError(f"{self._path}:{number + 1}: {e.strerror or e}") from None
+        except EndlessLine as e:
+            raise SourceError(f"{self._path}:{number}: {e}") from None
 
     def _cells(self, line: str) -> list[str]:
         if len(line) > MAX_LINE:

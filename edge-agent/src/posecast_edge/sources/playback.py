@@ -14,15 +14,20 @@ import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
+from typing import Protocol, TextIO
 
 from posecast_edge.sources import Deliver, Sample, SourceError
 
+ENDLESS_LINE = 64 << 20  # characters: what goes on for so long is no text
 MAX_PAUSE_S = 10.0
 MAX_BEHIND_S = 1.0  # a machine that slept goes on where it stood
 MIN_WAKE_S = 0.005  # faster recordings come in bursts
 LEAST_STEP_S = 1e-3  # from pass to pass: a loop that takes no time would have no end
 LONE_STEP_S = 0.1  # from pass to pass of a recording with a single instant
+
+
+class EndlessLine(ValueError):
+    """A file that is no lines of text; the text says why."""
 
 
 @dataclass(frozen=True)
@@ -42,6 +47,17 @@ class Recording(Protocol):
     def samples(self, start_s: float, first_pass: bool) -> Iterator[Sample]:
         """In the order of the file, from `start_s` after its first. What is wrong is said in the first pass
         only. SourceError, one line that names file and record, when there is no going on."""
+
+
+def skip_line(file: TextIO, step: int) -> None:
+    """The rest of an overlong line. EndlessLine when it has no end."""
+    skipped = 0
+    while rest := file.readline(step):
+        if rest.endswith(("\n", "\r")):
+            return
+        skipped += len(rest)
+        if skipped > ENDLESS_LINE:
+            raise EndlessLine(f"no end of line within {ENDLESS_LINE >> 20} MiB")
 
 
 def parse_playback(kind: str, address: str) -> Playback:

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, TextIO
 from posecast_edge.columns import find_column
 from posecast_edge.complaints import Complaints
 from posecast_edge.sources import Deliver, Sample, Source, SourceError
+from posecast_edge.sources.playback import EndlessLine, skip_line
 
 if TYPE_CHECKING:
     from posecast_edge.profile import Profile, Trajectory
@@ -124,13 +125,14 @@ class TrajectorySource:
             number = 0
             while line := self._file.readline(MAX_LINE + 1):
                 number += 1
-                rest = line
-                while not rest.endswith("\n") and (rest := self._file.readline(MAX_LINE)):
-                    pass  # the end of an overlong line
+                if not line.endswith("\n"):
+                    skip_line(self._file, MAX_LINE)
                 if number > self._trajectory.header and line.strip():
                     yield number, line
         except OSError as e:
             raise SourceError(f"{self._path}: {e.strerror or e}") from None
+        except EndlessLine as e:
+            raise SourceError(f"{self._path}:{number}: {e}") from None
 
     def _count_columns(self) -> int:
         """The count of the first row that fits; the whole file keeps to it."""
