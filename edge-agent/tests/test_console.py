@@ -2,7 +2,9 @@ from __future__ import annotations
 
 import io
 import logging
+import os
 import sys
+from contextlib import suppress
 
 from posecast_edge.console import CLEAR, LINES_MAX, Console
 
@@ -86,3 +88,26 @@ def test_words_that_do_not_fit_their_arguments() -> None:
     out = io.StringIO()
     Console(out).emit(logging.LogRecord("lib", logging.ERROR, "", 0, "%d", ("x",), None))
     assert out.getvalue() == "posecast-edge: lib: %d\n"
+
+
+def test_a_pipe_that_nobody_reads_holds_nobody_up() -> None:
+    clock = [0.0]
+    read, write = os.pipe()
+    os.set_blocking(write, False)
+    with open(read, "rb", buffering=0) as reader, open(write, "w") as out:
+        console = Console(out, lambda: clock[0])
+        console.emit(record("first"))
+        with suppress(BlockingIOError):
+            while True:
+                os.write(write, b"x" * 4096)
+        os.set_blocking(write, True)
+        for i in range(3):
+            console.emit(record(f"lost {i}"))
+            console.progress("lost", clock[0])
+        console.finish()
+        os.set_blocking(read, False)
+        while reader.read(1 << 16):
+            pass
+        clock[0] = 1.0
+        console.emit(record("again"))
+        assert reader.read(4096) == b"posecast-edge: 3 more lines left out\nposecast-edge: again\n"

@@ -1,11 +1,13 @@
 """The agent's stderr: lines for people, and one progress line that a terminal keeps in place.
 
-Nobody can make it a flood: a second brings LINES_MAX lines at most, and then one that counts the rest.
+Nobody can make it a flood: a second brings LINES_MAX lines at most, and then one that counts the rest. Nor
+does it wait for whoever reads it: what finds no room is left out and counted.
 """
 
 from __future__ import annotations
 
 import logging
+import select
 import sys
 import time
 from collections.abc import Callable
@@ -48,12 +50,15 @@ class Console(logging.Handler):
         if now_s - self._second_s < 1.0:
             return
         self._second_s, self._lines = now_s, 0
-        if self._left_out:
+        if self._left_out and self._has_room():
             left_out, self._left_out = self._left_out, 0
             self._lines = 1
             self._line(f"{left_out} more lines left out")
 
     def _line(self, text: str) -> None:
+        if not self._has_room():
+            self._left_out += 1
+            return
         clear = CLEAR if self._shown else ""
         self._write(f"{clear}posecast-edge: {visible(text)}\n{self._shown}")
 
@@ -66,6 +71,8 @@ class Console(logging.Handler):
         self._begin_second(self._now_s())
         text = visible(text)
         self._next_s = now_s + (TTY_EVERY_S if self._in_place else PLAIN_EVERY_S)
+        if not self._has_room():
+            return
         if self._in_place:
             self._shown = text
             self._write(f"{CLEAR}{text}")
@@ -74,9 +81,17 @@ class Console(logging.Handler):
 
     def finish(self) -> None:
         """Leave the last progress line standing."""
-        if self._shown:
+        if self._shown and self._has_room():
             self._shown = ""
             self._write("\n")
+
+    def _has_room(self) -> bool:
+        """Whether a line can be written at once: of a pipe that nobody reads it can't, nor of a stopped
+        terminal."""
+        try:
+            return bool(select.select([], [self._out], [], 0)[1])
+        except (OSError, ValueError, TypeError):  # nothing that can be full
+            return True
 
     def _write(self, text: str) -> None:
         try:
