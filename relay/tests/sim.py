@@ -40,8 +40,8 @@ class Edge:
 
     def frame(self, now: float, codes: Sequence[int] | None = None, force_key: bool = False) -> bytes:
         """The next frame."""
-        self.seq += 1
-        self.codes = list(codes) if codes is not None else [self.seq] * self.schema.size
+        self.seq = (self.seq + 1) % (1 << 32)
+        self.codes = list(codes) if codes is not None else [self.seq % 1000] * self.schema.size
         return self._encoder.encode(self.codes, self.seq, now, now, force_key)
 
     def snapshot(self) -> Snapshot:

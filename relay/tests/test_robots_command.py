@@ -41,6 +41,13 @@ def refused(path: Path, *words: str) -> str:
     return done.stderr
 
 
+def test_the_last_robot_is_removed_from_a_file_that_has_nothing_else(tmp_path: Path) -> None:
+    path = tmp_path / "robots.toml"
+    path.write_text(f"[robots.hubo]\nsecret = '{'x' * 32}'\n")
+    robots(path, "remove", "hubo")
+    assert path.read_text().startswith("# ")  # a running relay takes an empty file for one half written
+
+
 def test_a_robot_is_added_rotated_listed_and_removed(tmp_path: Path) -> None:
     path = tmp_path / "robots.toml"
     done = robots(path, "add", "hubo")

@@ -41,6 +41,19 @@ def test_late_and_repeated_frames_change_nothing() -> None:
     assert newest.seq == 2
 
 
+def test_numbers_go_round() -> None:
+    world = World()
+    edge = world.on_air()
+    for edge.seq in (1 << 31) - 5, (1 << 32) - 5:  # a skip of less than half the circle is a skip
+        assert world.publish(edge, edge.frame(world.now, force_key=True)) == "taken"
+    before = edge.frame(world.now + 0.1, force_key=True)
+    for _ in range(5):
+        world.pass_time(0.03)
+        assert world.publish(edge, edge.frame(world.now, force_key=True)) == "taken"
+    assert edge.seq == 2
+    assert world.publish(edge, before) == "late"
+
+
 @pytest.mark.parametrize(
     ("payload", "fate"),
     [

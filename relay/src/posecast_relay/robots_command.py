@@ -43,7 +43,7 @@ def run_robots(argv: Sequence[str], environ: Mapping[str, str]) -> None:
         with _locked(path):
             doc = _document(path)
             line = _changed(doc, asked, ca)
-            _write(path, tomlkit.dumps(doc))
+            _write(path, tomlkit.dumps(doc) or f"# {HEAD}\n")  # an empty file would be no order
     except RobotsError as e:
         raise SettingsError(str(e)) from None
     except OSError as e:

@@ -19,7 +19,8 @@ LOOK_S = 0.5
 class RobotsWatch:
     """`changed` is called with what the file says now, and whenever a credential has expired.
 
-    A file that is wrong or gone changes nothing: what was read last holds on, and one line says so.
+    A file that is wrong, gone or empty (an editor has just begun to write it, or the disk is full) changes
+    nothing: what was read last holds on, and one line says so.
     """
 
     def __init__(self, path: Path, robots: Robots, changed: Callable[[Robots], Awaitable[None]]) -> None:
@@ -47,6 +48,8 @@ class RobotsWatch:
         if seen != self._seen:
             self._seen = seen
             try:
+                if seen is not None and seen[1] == 0:
+                    raise RobotsError(f"{self._path}: is empty; for no robots at all, leave a comment in it")
                 self.robots = await asyncio.to_thread(read_robots, self._path)
             except RobotsError as e:
                 self.refused += 1

@@ -18,6 +18,8 @@ from posecast_relay.core import messages
 from posecast_relay.core.limits import Limits
 from posecast_relay.core.pace import Cadence
 
+SEQS = 1 << 32  # a frame's number goes round
+
 
 class Fate(StrEnum):
     """What became of a message from an edge."""
@@ -188,7 +190,9 @@ class Stream:
         return None
 
     def _is_old(self, run_id: int, seq: int) -> bool:
-        return self.newest is not None and run_id == self.run_id and seq <= self.newest.seq
+        if self.newest is None or run_id != self.run_id:
+            return False
+        return (seq - self.newest.seq - 1) % SEQS >= SEQS // 2  # 0 comes after the last one
 
     def _key_id(self) -> int | None:
         return self.key.id if self.key else None
