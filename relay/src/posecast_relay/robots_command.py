@@ -43,7 +43,8 @@ def run_robots(argv: Sequence[str], environ: Mapping[str, str]) -> None:
         with _locked(path):
             doc = _document(path)
             line = _changed(doc, asked, ca)
-            _write(path, tomlkit.dumps(doc) or f"# {HEAD}\n")  # an empty file would be no order
+            text = tomlkit.dumps(doc)
+            _write(path, text if text.strip() else f"# {HEAD}\n")  # a relay takes no empty file for an order
     except RobotsError as e:
         raise SettingsError(str(e)) from None
     except OSError as e:
