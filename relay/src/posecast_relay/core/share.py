@@ -94,7 +94,7 @@ class Share:
 
     def over(self, now: float) -> str:
         """Of what it sends more than its share at present, and how much is allowed; "" when of nothing."""
-        return f"more than {self.limit}" if now < self._over_until else ""
+        return self.limit if now < self._over_until else ""
 
     def _drop(self, reason: str, now: float) -> bool:
         self.lose(1, reason, now)
