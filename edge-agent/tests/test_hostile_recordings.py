@@ -37,6 +37,12 @@ def test_a_time_that_no_frame_can_carry_is_a_bad_row(time: str, tmp_path: Path) 
     assert [s.t_s for s in rows(tmp_path, f"t,A\n{time},1\n5,2\n".encode())] == [5.0]
 
 
+def test_a_clock_that_runs_backwards_leaves_nothing_out(tmp_path: Path) -> None:
+    file = table(tmp_path, b"t,A\n3,1\n2,2\n5,3\n1,4\n")
+    assert [s.t_s for s in file.samples(0.0, True)] == [3.0, 2.0, 5.0, 1.0]
+    assert [s.t_s for s in file.samples(2.0, True)] == [5.0, 1.0]
+
+
 @pytest.mark.parametrize("end", ["\n", "\r", "\r\n"])
 def test_lines_end_as_they_may(end: str, tmp_path: Path) -> None:
     long = "0," + "1" * MAX_LINE

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import json
 import os
+import resource
 import subprocess
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -14,6 +17,7 @@ from posecast_edge.model.cache import ENTRIES, Cache
 from posecast_edge.model.command import CLEAN, PROBLEMS, UNUSABLE, run_command
 from posecast_edge.model.folder import read_folder
 from posecast_edge.model.resolve import Resolver
+from posecast_edge.profile_new import run_profile
 
 HEALTHY = robot(link("a"), link("b", mesh("meshes/b.stl")), joint("ab", "a", "b"))
 
@@ -120,6 +124,44 @@ def test_a_user_without_a_home(
     path = written(tmp_path / "model", robot(link("a", mesh("package://model/gone.stl"))))
     assert run_command(["model", "build", str(path), "-o", str(tmp_path / "out")], {}) == CLEAN
     assert "no such file" in capsys.readouterr().err
+
+
+@contextmanager
+def full_disk() -> Iterator[None]:
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (500, limits[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+
+
+def test_a_disk_that_is_full_leaves_the_old_bundle(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = written(tmp_path / "model", HEALTHY, b_stl=cube_stl())
+    out = tmp_path / "out"
+    build = ["model", "build", "--no-cache", str(path), "-o", str(out)]
+    with full_disk():
+        assert run_command(build, {}) == UNUSABLE
+    assert capsys.readouterr().err == f"posecast-edge: {out}: File too large\n"
+    assert list(out.iterdir()) == []
+    assert run_command(build, {}) == CLEAN
+    whole = read_folder(out)
+    path.write_text(HEALTHY.replace('name="r"', 'name="s"'))
+    with full_disk():
+        assert run_command(build, {}) == UNUSABLE
+    assert read_folder(out) == whole
+    assert not list(out.glob("*.part"))
+
+
+def test_a_profile_is_written_whole_or_not_at_all(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = written(tmp_path, HEALTHY.replace("fixed", "continuous"), b_stl=cube_stl())
+    out = tmp_path / "p.toml"
+    with full_disk():
+        assert run_profile(["new", "--urdf", str(path), "-o", str(out)]) == UNUSABLE
+    assert capsys.readouterr().err == f"posecast-edge: {out}: File too large\n"
+    assert not out.exists()
 
 
 def test_a_folder_of_something_else_is_not_touched(

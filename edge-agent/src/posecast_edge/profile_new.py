@@ -10,6 +10,7 @@ import argparse
 import re
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 
 from posecast_edge.model.finding import ModelRefused
@@ -42,8 +43,7 @@ def run_profile(argv: Sequence[str]) -> int:
         if args.out is None:
             sys.stdout.write(text)
         else:
-            with args.out.open("x", encoding="utf-8") as f:
-                f.write(text)
+            _write(args.out, text)
     except ModelRefused as e:
         line = "" if e.line is None else f":{e.line}"
         print(f"posecast-edge: {args.urdf}{line}: {e.reason}", file=sys.stderr)
@@ -51,6 +51,8 @@ def run_profile(argv: Sequence[str]) -> int:
     except ProfileError as e:
         print(f"posecast-edge: {args.urdf}: no profile can be made of it: {e}", file=sys.stderr)
         return REFUSED
+    except BrokenPipeError:  # who reads has heard enough
+        raise
     except FileExistsError:
         print(f"posecast-edge: {args.out}: is there already, and stays as it is", file=sys.stderr)
         return REFUSED
@@ -58,6 +60,19 @@ def run_profile(argv: Sequence[str]) -> int:
         print(f"posecast-edge: {e.filename or args.urdf}: {e.strerror or e}", file=sys.stderr)
         return REFUSED
     return DONE
+
+
+def _write(path: Path, text: str) -> None:
+    """A new file, or none."""
+    file = path.open("x", encoding="utf-8")
+    try:
+        with file:
+            file.write(text)
+    except OSError as e:
+        with suppress(OSError):
+            path.unlink()
+        e.filename = str(path)  # a full disk names none
+        raise
 
 
 def profile_text(urdf: Urdf, file: str) -> str:

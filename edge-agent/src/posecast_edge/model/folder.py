@@ -23,19 +23,32 @@ SHA256 = re.compile(r"[0-9a-f]{64}")
 
 
 def write_folder(folder: Path, files: Mapping[str, bytes]) -> None:
-    """Write a bundle's files, the manifest last, each in one move. What an older bundle left there goes.
+    """Write a bundle's files, the manifest last, each in one move once there was room for all. What an older
+    bundle left there goes.
 
-    ModelRefused when the folder holds something else than a bundle.
+    ModelRefused when the folder holds something else than a bundle; OSError. Then it stays as it was.
     """
     folder.mkdir(parents=True, exist_ok=True)
     old = _names_in(folder)
-    for name in sorted(files, key=lambda n: n == MANIFEST):
-        part = folder / f"{name}.part"
-        part.write_bytes(files[name])
-        os.replace(part, folder / name)
+    names = sorted(files, key=lambda n: n == MANIFEST)
+    parts = {name: folder / f"{name}.part" for name in names}
+    try:
+        for name in names:
+            parts[name].write_bytes(files[name])
+    except OSError as e:
+        for part in parts.values():
+            _remove(part)
+        e.filename = e.filename or str(folder)  # a full disk names none
+        raise
+    for name in names:
+        os.replace(parts[name], folder / name)
     for name in old - set(files):
-        with contextlib.suppress(OSError):
-            (folder / name).unlink()
+        _remove(folder / name)
+
+
+def _remove(path: Path) -> None:
+    with contextlib.suppress(OSError):
+        path.unlink()
 
 
 class Entry(NamedTuple):

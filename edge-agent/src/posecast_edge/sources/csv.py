@@ -91,6 +91,7 @@ class Table:
     def samples(self, start_s: float, first_pass: bool) -> Iterator[Sample]:
         """One pass; see Recording."""
         began_s: float | None = None
+        begun = start_s == 0
         with self._open() as file:
             lines = self._lines(file)
             next(lines, None)
@@ -103,7 +104,8 @@ class Table:
                     continue
                 if began_s is None:
                     began_s = sample.t_s
-                if sample.t_s - began_s >= start_s:
+                begun = begun or sample.t_s - began_s >= start_s
+                if begun:
                     yield sample
         self._bad.flush(time.monotonic())
 

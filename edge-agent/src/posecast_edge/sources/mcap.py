@@ -95,6 +95,7 @@ class McapFile:
             self._bad if first_pass else None,
         )
         began_ns: int | None = None
+        begun = start_s == 0
         with self._open() as file:
             for record in self._records(file, one.complain):
                 if not isinstance(record, Message):
@@ -105,7 +106,8 @@ class McapFile:
                 urdf = one.urdf_in(record)
                 if urdf is not None and first_pass and self.on_urdf is not None:
                     self.on_urdf(urdf)  # said once, at the beginning: also by who starts later
-                if (record.log_time - began_ns) * 1e-9 >= start_s:
+                begun = begun or (record.log_time - began_ns) * 1e-9 >= start_s
+                if begun:
                     sample = one.take(record)
                     if sample is not None:
                         yield sample
