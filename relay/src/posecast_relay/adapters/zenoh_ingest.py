@@ -37,7 +37,7 @@ WHY = {  # a frame is dropped, as its robot's developer is told
     Fate.VERSION: "a frame of a wire format not known here",
     Fate.OVERSIZED: "a frame that is too large",
 }
-LOST = "messages than there is room for"
+LOST = "there is room for"
 
 
 class _Token:
