@@ -174,3 +174,10 @@ def test_a_built_model_is_offered_as_it_is(tmp_path: Path) -> None:
     (tmp_path / "low.glb").unlink()
     with pytest.raises(ModelError, match=r"no built model, low\.glb is missing"):
         load_built(tmp_path)
+
+
+def test_a_file_where_the_folder_should_be_is_named_once(tmp_path: Path) -> None:
+    (tmp_path / "bundle").touch()
+    with pytest.raises(ModelError) as refused:
+        load_built(tmp_path / "bundle")
+    assert str(refused.value) == f"{tmp_path}/bundle/manifest.json: Not a directory"

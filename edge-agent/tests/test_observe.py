@@ -1,8 +1,10 @@
 from __future__ import annotations
 
-from posecast_edge.observe import MAX_BITS, MAX_CHANNELS, Observation
+from pathlib import Path
+
+from posecast_edge.observe import MAX_BITS, MAX_CHANNELS, Observation, observe
 from posecast_edge.probe import report
-from posecast_edge.sources import Sample, Values
+from posecast_edge.sources import Sample, Values, open_source
 
 
 def test_a_source_that_invents_names_does_not_fill_the_memory() -> None:
@@ -23,3 +25,10 @@ def test_what_is_no_number_is_no_reading() -> None:
     assert [c.readings for c in seen.fields["pos"].values()] == [0, 0, 0, 1]
     assert seen.fields["pos"]["D"].last == -2.0
     assert report("a test", seen)
+
+
+def test_a_source_that_ends_without_a_sample_is_not_called_silent(tmp_path: Path) -> None:
+    path = tmp_path / "empty.jsonl"
+    path.touch()
+    seen = observe(open_source(f"jsonl:{path}", None), 1.0)
+    assert report("jsonl", seen) == ["jsonl: ended without a sample"]

@@ -311,5 +311,5 @@ def test_probe_says_what_there_is(files: Callable[[Change], tuple[str, str]]) ->
 def test_probe_of_nothing() -> None:
     done = run("probe", "jsonl", "--seconds", "0.2")  # stdin is empty
     assert done.returncode == 1
-    assert done.stdout == "jsonl stdin: no sample within 5 s\n"
+    assert done.stdout == "jsonl stdin: ended without a sample\n"
     assert run("probe", "what").returncode == 2

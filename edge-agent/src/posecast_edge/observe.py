@@ -61,6 +61,7 @@ class Observation:
 
     def __init__(self, profile: Profile | None = None) -> None:
         self.samples = 0
+        self.ended = False  # by itself
         self.fields: dict[str, dict[str, Channel]] = {}
         self.joints: dict[str, Channel] = {}
         self.info: dict[str, str] = {}
@@ -178,6 +179,7 @@ def observe(source: Source, seconds: float, profile: Profile | None = None) -> O
     def run() -> None:
         try:
             source.run(deliver, stop)
+            seen.ended = not stop.is_set()
         except Exception as e:
             failure.append(e)
         stop.set()

@@ -56,7 +56,8 @@ def run_probe(argv: Sequence[str]) -> int:
 def report(description: str, seen: Observation) -> list[str]:
     """Lines for a person."""
     if not seen.samples:
-        return [f"{description}: no sample within {WAIT_S:g} s"]
+        what = "ended without a sample" if seen.ended else f"no sample within {WAIT_S:g} s"
+        return [f"{description}: {what}"]
     lines = [
         f"{description}: {seen.samples} samples in {seen.duration_s:.1f} s, {seen.rate_hz:.1f} a second, "
         f"the longest gap {seen.longest_gap_s * 1e3:.0f} ms",

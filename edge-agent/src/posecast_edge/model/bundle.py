@@ -144,8 +144,10 @@ def load_built(folder: Path) -> Bundle:
         manifest, entries = check_folder(folder)
     except FileNotFoundError as e:
         raise ModelError(f"{folder}: no built model, {Path(e.filename).name} is missing") from None
-    except (ModelRefused, OSError) as e:
+    except ModelRefused as e:
         raise ModelError(f"{folder}: {e}") from None
+    except OSError as e:
+        raise ModelError(f"{e.filename or folder}: {e.strerror or e}") from None
     return Bundle(manifest, [BundleFile(folder / e.path, e.path, e.path, *e[1:]) for e in entries], [])
 
 
