@@ -95,7 +95,7 @@ def asks_and_resets(at: Target) -> Steps:
     return f"{crowd.opened / at.seconds:,.0f}/s"
 
 
-@attack(seconds=2.4)
+@attack()
 def json_for_nobody(at: Target) -> Steps:
     """1,900 viewers that want JSON at 60 Hz and read nothing"""
     crowd = Crowd(at, lambda _n: stream(query="hz=60&format=json"), small=True)

@@ -44,7 +44,7 @@ def tokens(at: Target) -> Steps:
     return at.paced(1000, declare)
 
 
-@attack(seconds=3.0)
+@attack()
 def tokens_that_stay(at: Target) -> Steps:
     """900 liveliness tokens at once, each of another robot that never sends"""
     session = open_session(at)

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 
 Steps = Generator[None, None, str]
 ATTACKS: dict[str, Attack] = {}
-SECONDS = 1.6
+SECONDS = 1.5
 
 
 @dataclass
