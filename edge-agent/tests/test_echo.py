@@ -143,3 +143,12 @@ def test_what_is_over_is_known_by_the_newest_echo() -> None:
     assert watch.over == "600 frames a second"
     watch.answered(None, 1.0, 1.01)
     assert watch.over == ""
+
+
+def test_an_answer_with_a_number_that_was_never_sent_is_no_sign_of_being_on_air() -> None:
+    watch = linked()
+    watch.sent(0, 0.2)
+    watch.answered(Echo(7, 9, 0.0), 2.4, 2.41)
+    assert watch.word(2.5) == "refused"
+    watch.answered(Echo(7, 0, 0.0), 2.6, 2.61)
+    assert watch.word(2.7) == "on air"

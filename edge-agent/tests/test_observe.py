@@ -32,3 +32,13 @@ def test_a_source_that_ends_without_a_sample_is_not_called_silent(tmp_path: Path
     path.touch()
     seen = observe(open_source(f"jsonl:{path}", None), 1.0)
     assert report("jsonl", seen) == ["jsonl: ended without a sample"]
+
+
+def test_the_names_of_many_joints_stand_in_lines_a_person_can_read() -> None:
+    seen = Observation()
+    names = [f"left_arm_{i}_pitch" for i in range(3000)]
+    seen.add(Sample(0.0, {"pos": dict.fromkeys(names, 0.5)}), 0.0)
+    lines = report("a test", seen)
+    assert max(map(len, lines)) <= 160
+    said = " ".join(lines).partition("joints: ")[2]
+    assert said.split() == names

@@ -24,6 +24,7 @@ class EchoWatch:
         self._run_id = run_id
         self._sent: deque[tuple[int, float]] = deque(maxlen=SENT_MAX)
         self._first: tuple[int, float] | None = None  # seq and time of the first frame since the link came up
+        self._newest: int | None = None  # seq of the newest
         self._quickest_s: float | None = None
         self._connected = False
         self._echo: Echo | None = None
@@ -35,7 +36,7 @@ class EchoWatch:
         self._connected = connected
         self._echo = None
         self._asked_s = None
-        self._first = None
+        self._first = self._newest = None
         self._sent.clear()
         self.late_s = 0.0
 
@@ -43,6 +44,7 @@ class EchoWatch:
         """A frame went out."""
         if self._first is None:
             self._first = (seq, now_s)
+        self._newest = seq
         self._sent.append((seq, now_s))
 
     def asked(self, now_s: float) -> None:
@@ -77,8 +79,11 @@ class EchoWatch:
                 self.late_s = max(self.late_s, asked_s - self._sent[0][1])
 
     def _accepted(self, echo: Echo) -> bool:
-        """The relay has taken a frame that this run sent since the link came up."""
-        return echo.run_id == self._run_id and self._first is not None and echo.seq >= self._first[0]
+        """The relay has taken a frame that this run sent since the link came up. A number that was never sent
+        is no sign of that, whoever answers with it."""
+        if echo.run_id != self._run_id or self._first is None or self._newest is None:
+            return False
+        return self._first[0] <= echo.seq <= self._newest
 
     @property
     def over(self) -> str:

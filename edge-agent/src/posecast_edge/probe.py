@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import logging
+import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -17,7 +18,9 @@ log = logging.getLogger("posecast_edge")
 
 FINE, SILENT, WRONG = 0, 1, 2
 SHOWN = 4  # channels of a field
-SHOWN_MAX = 100_000  # characters of a line: all joints stand in one
+SHOWN_MAX = 2000  # characters of a line: one that a source's words make too long is cut
+NAME_SHOWN = 200  # characters of a joint's name
+WIDTH = 100  # characters of a line of names
 
 
 def run_probe(argv: Sequence[str]) -> int:
@@ -69,7 +72,11 @@ def report(description: str, seen: Observation) -> list[str]:
         lines.append(_field(name, channels))
     joints = next((seen.fields[name] for name in ("pos", "ref") if name in seen.fields), {})
     if joints:
-        lines += ["", "joints: " + " ".join(joints)]
+        names = " ".join(visible(name, NAME_SHOWN) for name in joints)
+        lines += [
+            "",
+            *textwrap.wrap(f"joints: {names}", WIDTH, break_long_words=False, break_on_hyphens=False),
+        ]
     if seen.info:
         lines += ["", *(f"{name}: {text}" for name, text in seen.info.items())]
     return lines
