@@ -25,7 +25,7 @@ const CONTENT_POLICY = [
 
 /** Chunks that the page itself imports. A name that is missing here costs some bytes, nothing else. */
 const IN_THE_PAGE =
-  /\/(as_anyone|clock|early|first_sight|format|grounding|jsx-runtime|language|level_latch|manifest|preload-helper|react|relay|rolldown-runtime|settings|share_token|src|values)-[\w-]{8}\.js$/;
+  /\/(as_anyone|bounds|clock|early|first_paint|format|jsx-runtime|language|level_latch|manifest|preload-helper|react|relay|rolldown-runtime|settings|share_token|src|values)-[\w-]{8}\.js$/;
 
 function contentPolicy(): Plugin {
   return {

@@ -16,19 +16,19 @@ import { chooseRelay, readConfig } from '../../spa/src/app/relay_config.ts';
 import { parseRoute, robotHref } from '../../spa/src/app/route.ts';
 import { queryOf, readSettings } from '../../spa/src/app/settings.ts';
 import { readShared, sharedQuery } from '../../spa/src/app/shared_view.ts';
-import { DropError } from '../../spa/src/drop/files.ts';
-import { unzip } from '../../spa/src/drop/unzip.ts';
-import { readUrdf } from '../../spa/src/drop/urdf_reader.ts';
-import { readXml, XmlRefused } from '../../spa/src/drop/xml.ts';
-import { BundleError, parseManifest, readRawManifest } from '../../spa/src/scene/bundle.ts';
-import { GlbError } from '../../spa/src/scene/glb.ts';
-import { Kinematics } from '../../spa/src/scene/kinematics.ts';
-import { readLevel } from '../../spa/src/scene/level.ts';
-import { boxesOfLinks, readManifest } from '../../spa/src/scene/manifest.ts';
-import { MeshError, parseStl } from '../../spa/src/scene/stl.ts';
-import { weld } from '../../spa/src/scene/weld.ts';
+import { BundleError, parseManifest, readRawManifest } from '../../spa/src/model/bundle.ts';
+import { GlbError } from '../../spa/src/model/glb.ts';
+import { Kinematics } from '../../spa/src/model/kinematics.ts';
+import { readLevel } from '../../spa/src/model/lod.ts';
+import { boxesOfLinks, readManifest } from '../../spa/src/model/manifest.ts';
 import { EventReader, frameBytes } from '../../spa/src/stream/events.ts';
 import { MirrorReader } from '../../spa/src/stream/mirror.ts';
+import { DropError } from '../../spa/src/urdf/dropped_files.ts';
+import { readUrdf } from '../../spa/src/urdf/reader.ts';
+import { MeshError, parseStl } from '../../spa/src/urdf/stl.ts';
+import { unzip } from '../../spa/src/urdf/unzip.ts';
+import { weld } from '../../spa/src/urdf/weld.ts';
+import { readXml, XmlRefused } from '../../spa/src/urdf/xml.ts';
 
 /** As its reader promises: one line that says why. */
 export class Refused extends Error {}

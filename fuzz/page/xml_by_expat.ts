@@ -1,5 +1,5 @@
 /**
- * A `DOMParser` for Node, as far as `drop/xml.ts` uses one. The XML is read by expat, as in Firefox: Python is asked for it.
+ * A `DOMParser` for Node, as far as `urdf/xml.ts` uses one. The XML is read by expat, as in Firefox: Python is asked for it.
  */
 
 /** Tag, attributes, children. */

@@ -3,7 +3,7 @@
 import { createHash } from 'node:crypto';
 import { writeFileSync } from 'node:fs';
 import path from 'node:path';
-import { type SampleModel, sampleGlb, sampleManifest } from '../src/scene/model_samples.ts';
+import { type SampleModel, sampleGlb, sampleManifest } from '../src/model/samples.ts';
 
 export interface BuiltFiles {
   readonly folder: string;

@@ -6,7 +6,7 @@ import { manifestUrl, streamUrl, WANTED_HZ } from './app/addresses.ts';
 import { ELSEWHERE, relaySettled, wasSignedIn } from './app/relay.ts';
 import { parseRoute } from './app/route.ts';
 import { takeToken } from './app/share_link.ts';
-import { builtModelAt } from './scene/model_files.ts';
+import { builtModelAt } from './model/files.ts';
 import { startEarly } from './stream/start.ts';
 
 performance.mark('posecast:early');

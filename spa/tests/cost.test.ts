@@ -11,7 +11,7 @@ import { parseRoute } from '../src/app/route.ts';
 import { queryOf, readSettings } from '../src/app/settings.ts';
 import { readShared } from '../src/app/shared_view.ts';
 import { moreEn } from '../src/app/text/more_en.ts';
-import { parseManifest, readRawManifest } from '../src/scene/bundle.ts';
+import { parseManifest, readRawManifest } from '../src/model/bundle.ts';
 import { EventReader } from '../src/stream/events.ts';
 import { MirrorReader } from '../src/stream/mirror.ts';
 import { ImuTable } from '../src/twin/imus.ts';

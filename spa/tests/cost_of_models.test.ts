@@ -3,17 +3,17 @@
 import { strToU8, zipSync } from 'fflate';
 import { afterAll, beforeAll, describe, expect, test, vi } from 'vitest';
 import { expectNoFasterThanInput, expectTurnsNoFasterThanInput } from '../../wire/typescript/tests/cost.ts';
-import { diagnose } from '../src/drop/doctor.ts';
-import type { openLocal } from '../src/drop/local_robot.ts';
-import { unzip } from '../src/drop/unzip.ts';
-import { readUrdf } from '../src/drop/urdf_reader.ts';
-import { readXml, type XmlElement } from '../src/drop/xml.ts';
-import { parseManifest } from '../src/scene/bundle.ts';
-import { Kinematics } from '../src/scene/kinematics.ts';
-import { readLevel } from '../src/scene/level.ts';
-import { boxesOfLinks, readManifest } from '../src/scene/manifest.ts';
-import { parseStl } from '../src/scene/stl.ts';
-import { weld } from '../src/scene/weld.ts';
+import { parseManifest } from '../src/model/bundle.ts';
+import { Kinematics } from '../src/model/kinematics.ts';
+import { readLevel } from '../src/model/lod.ts';
+import { boxesOfLinks, readManifest } from '../src/model/manifest.ts';
+import { diagnose } from '../src/urdf/doctor.ts';
+import type { openLocal } from '../src/urdf/local_robot.ts';
+import { readUrdf } from '../src/urdf/reader.ts';
+import { parseStl } from '../src/urdf/stl.ts';
+import { unzip } from '../src/urdf/unzip.ts';
+import { weld } from '../src/urdf/weld.ts';
+import { readXml, type XmlElement } from '../src/urdf/xml.ts';
 
 vi.setConfig({ testTimeout: 120_000 });
 
@@ -267,9 +267,9 @@ describe('a dropped folder', () => {
         element('link', { name: 'l' }, [element('visual', {}, [element('geometry', {}, [mesh(n)])])]),
       ]);
     let root = shown(1);
-    vi.doMock('../src/drop/xml.ts', async (original) => ({ ...(await original()), readXml: () => root }));
+    vi.doMock('../src/urdf/xml.ts', async (original) => ({ ...(await original()), readXml: () => root }));
     vi.resetModules();
-    const { openLocal: open } = (await import('../src/drop/local_robot.ts')) as {
+    const { openLocal: open } = (await import('../src/urdf/local_robot.ts')) as {
       openLocal: typeof openLocal;
     };
     const files = folder([...many(200, (i) => `f${i}/a`), 'r.urdf'], '');
@@ -279,7 +279,7 @@ describe('a dropped folder', () => {
     };
     await expect(read(shown(100))).resolves.toBeDefined();
     await expectTurnsNoFasterThanInput(shown, read, 4000);
-    vi.doUnmock('../src/drop/xml.ts');
+    vi.doUnmock('../src/urdf/xml.ts');
   });
 
   test.each<[string, Make<Uint8Array>, number]>([

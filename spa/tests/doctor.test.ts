@@ -2,11 +2,11 @@
 import { readFileSync } from 'node:fs';
 import path from 'node:path';
 import { describe, expect, it } from 'vitest';
-import { diagnose } from '../src/drop/doctor.ts';
-import { general, quoted } from '../src/drop/finding.ts';
-import { readUrdf } from '../src/drop/urdf_reader.ts';
-import { readXml, XmlRefused } from '../src/drop/xml.ts';
-import type { MeshFacts } from '../src/scene/mesh_facts.ts';
+import type { MeshFacts } from '../src/model/mesh_facts.ts';
+import { diagnose } from '../src/urdf/doctor.ts';
+import { general, quoted } from '../src/urdf/finding.ts';
+import { readUrdf } from '../src/urdf/reader.ts';
+import { readXml, XmlRefused } from '../src/urdf/xml.ts';
 
 type Row = [severity: string, code: string, text: string, line: number | null];
 const CORPUS = JSON.parse(
@@ -37,8 +37,8 @@ describe("the page's doctor", () => {
   );
 
   it('has no rule that the corpus does not hold to the other', () => {
-    const folder = path.resolve(import.meta.dirname, '../src/drop');
-    const rules = ['doctor.ts', 'doctor_meshes.ts', 'urdf_reader.ts', 'tree.ts']
+    const folder = path.resolve(import.meta.dirname, '../src/urdf');
+    const rules = ['doctor.ts', 'doctor_meshes.ts', 'reader.ts', 'tree.ts']
       .map((name) => readFileSync(path.join(folder, name), 'utf8'))
       .flatMap((source) => [...source.matchAll(/'(?:error|warning|hint)',\s*'([a-z-]+)'/g)])
       .map((match) => match[1]);

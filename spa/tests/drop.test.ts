@@ -1,9 +1,9 @@
 // @vitest-environment happy-dom
 import { strToU8, zipSync } from 'fflate';
 import { describe, expect, it } from 'vitest';
-import { filesOf, type LocalFile, localFiles, MAX_FILES, tidyPath } from '../src/drop/files.ts';
-import { type LocalRobot, openLocal, urdfsIn } from '../src/drop/local_robot.ts';
-import { unzip } from '../src/drop/unzip.ts';
+import { filesOf, type LocalFile, localFiles, MAX_FILES, tidyPath } from '../src/urdf/dropped_files.ts';
+import { type LocalRobot, openLocal, urdfsIn } from '../src/urdf/local_robot.ts';
+import { unzip } from '../src/urdf/unzip.ts';
 
 const file = (content: string | Uint8Array): LocalFile => {
   const bytes = typeof content === 'string' ? strToU8(content) : content;

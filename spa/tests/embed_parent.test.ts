@@ -4,7 +4,7 @@ import { showScene } from '../src/app/handle.ts';
 import type { RobotLink } from '../src/app/robot_link.ts';
 import { selection, selectJoint } from '../src/app/selection.ts';
 import { settings } from '../src/app/settings.ts';
-import type { BodyView } from '../src/scene/index.ts';
+import type { BodyView } from '../src/three/index.ts';
 
 const COURSE = 'https://course.example';
 const parent = { postMessage: vi.fn() };

@@ -66,7 +66,7 @@ describe.skipIf(!built)('bundle (skipped when spa/dist is not built)', () => {
 
   it('the scene is asked for on demand, in 190 kB', () => {
     const all = chunks();
-    const scene = Object.keys(all).find((name) => name.endsWith('src/scene/index.ts'));
+    const scene = Object.keys(all).find((name) => name.endsWith('src/three/index.ts'));
     const entry = Object.keys(all).find((name) => all[name]?.isEntry);
     expect(all[entry ?? '']?.dynamicImports).toContain(scene);
     const shared = filesOf(all, entry ?? '');
@@ -78,7 +78,7 @@ describe.skipIf(!built)('bundle (skipped when spa/dist is not built)', () => {
 
   it('the light view comes alone, in 40 kB and without any three.js', () => {
     const all = chunks();
-    const light = Object.keys(all).find((name) => name.endsWith('src/scene2d/index.ts'));
+    const light = Object.keys(all).find((name) => name.endsWith('src/canvas2d/index.ts'));
     const entry = Object.keys(all).find((name) => all[name]?.isEntry);
     expect(all[entry ?? '']?.dynamicImports).toContain(light);
     const shared = filesOf(all, entry ?? '');

@@ -1,7 +1,7 @@
 // @vitest-environment happy-dom
 import { afterEach, expect, it } from 'vitest';
 import { coverFollows } from '../src/app/stage_cover.ts';
-import type { Cover } from '../src/scene/free_area.ts';
+import type { Cover } from '../src/view/insets.ts';
 
 /** A stage of 300 px; what stands over it by class, from so far to so far below its upper edge. */
 function stage(parts: Readonly<Record<string, readonly [number, number]>>): HTMLElement {

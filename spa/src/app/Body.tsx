@@ -1,5 +1,5 @@
 import { Suspense, useCallback, useEffect, useRef, useState } from 'react';
-import type { BodyView, LineView, ModelReport } from '../scene/index.ts';
+import type { BodyView, LineView, ModelReport } from '../three/index.ts';
 import { isolated } from '../twin/names.ts';
 import { manifestUrl } from './addresses.ts';
 import { FirstSketch } from './FirstSketch.tsx';

@@ -1,5 +1,5 @@
 import { useMemo } from 'react';
-import type { ModelReport } from '../scene/index.ts';
+import type { ModelReport } from '../three/index.ts';
 import { LostReadings } from '../twin/unread.ts';
 import { bareWords, missingWords, unreadWords } from './body_words.ts';
 import { ModelFindings } from './ModelFindings.tsx';

@@ -1,5 +1,5 @@
 import { type ReactNode, Suspense, useRef, useState } from 'react';
-import type { BodyView } from '../scene/index.ts';
+import type { BodyView } from '../three/index.ts';
 import { late } from './late.tsx';
 import { useMore } from './more.ts';
 import { type RobotLink, useVersion } from './robot_link.ts';

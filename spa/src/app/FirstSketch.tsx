@@ -1,7 +1,7 @@
 import { useEffect, useRef } from 'react';
-import { builtModelAt } from '../scene/model_files.ts';
-import { Sketch } from '../scene/sketch.ts';
+import { builtModelAt } from '../model/files.ts';
 import { Poser } from '../twin/pose.ts';
+import { Sketch } from '../view/stick_figure.ts';
 import { manifestUrl } from './addresses.ts';
 import { type RobotLink, useVersion } from './robot_link.ts';
 import { settings } from './settings.ts';

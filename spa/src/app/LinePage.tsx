@@ -1,6 +1,6 @@
 import './styles/line.css';
 import { type RefObject, useCallback, useEffect, useRef, useState } from 'react';
-import type { LineMember, LineView } from '../scene/index.ts';
+import type { LineMember, LineView } from '../three/index.ts';
 import { isolated } from '../twin/names.ts';
 import { manifestUrl } from './addresses.ts';
 import { bodyFollows } from './body_link.ts';

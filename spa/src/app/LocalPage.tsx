@@ -1,7 +1,7 @@
 import { useEffect, useMemo, useRef, useState } from 'react';
-import type { LocalRobot } from '../drop/local_robot.ts';
-import type { ModelReport, RobotScene } from '../scene/index.ts';
+import type { ModelReport, RobotScene } from '../three/index.ts';
 import { displayOf, formatNumber } from '../twin/format.ts';
+import type { LocalRobot } from '../urdf/local_robot.ts';
 import { showScene } from './handle.ts';
 import { BackIcon } from './icons.tsx';
 import { say, useText } from './language.ts';

@@ -1,4 +1,4 @@
-import type { ModelReport } from '../scene/index.ts';
+import type { ModelReport } from '../three/index.ts';
 import { isolated } from '../twin/names.ts';
 import { remarksWords } from './body_words.ts';
 import { useMore } from './more.ts';

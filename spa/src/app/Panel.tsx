@@ -1,5 +1,5 @@
 import { type KeyboardEvent, Suspense, useEffect, useRef } from 'react';
-import { firstSight } from '../scene/first_sight.ts';
+import { firstSight } from '../browser/first_paint.ts';
 import { nowMs } from '../stream/clock.ts';
 import { FaultLine } from './FaultLine.tsx';
 import { onLanguage, say, useText } from './language.ts';

@@ -1,6 +1,6 @@
 import { useEffect, useState } from 'react';
-import { fetchBytes, fetchManifest, fileUrl } from '../scene/bundle.ts';
-import { thumbnailOf } from '../scene/manifest.ts';
+import { fetchBytes, fetchManifest, fileUrl } from '../model/bundle.ts';
+import { thumbnailOf } from '../model/manifest.ts';
 import { tokenFor } from '../twin/share_token.ts';
 import { manifestUrl } from './addresses.ts';
 import { RobotFigure } from './icons.tsx';

@@ -1,4 +1,4 @@
-import type { BodyView } from '../scene/index.ts';
+import type { BodyView } from '../three/index.ts';
 import { Player } from '../twin/player.ts';
 import type { RobotLink } from './robot_link.ts';
 import { onSettings, settings } from './settings.ts';

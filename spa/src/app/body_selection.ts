@@ -1,8 +1,8 @@
-import type { BodyView } from '../scene/index.ts';
-import { onTaps } from '../scene/taps.ts';
+import type { BodyView } from '../three/index.ts';
 import { JointChannels } from '../twin/joint_channels.ts';
 import type { KinematicTree } from '../twin/kinematic_tree.ts';
 import type { RobotTwin } from '../twin/robot.ts';
+import { onTaps } from '../view/taps.ts';
 import { onSelection, selection, selectJoint } from './selection.ts';
 
 type Eye = Pick<BodyView, 'pick' | 'focus' | 'setLinkLook'>;

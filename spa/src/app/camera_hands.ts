@@ -1,5 +1,5 @@
-import type { BodyView } from '../scene/index.ts';
-import { onTaps } from '../scene/taps.ts';
+import type { BodyView } from '../three/index.ts';
+import { onTaps } from '../view/taps.ts';
 import { onLanguage } from './language.ts';
 import { more } from './more.ts';
 import { onSettings, settings } from './settings.ts';

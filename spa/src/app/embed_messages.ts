@@ -1,4 +1,4 @@
-import type { ViewName } from '../scene/index.ts';
+import type { ViewName } from '../three/index.ts';
 import type { Settings } from './settings.ts';
 
 /** What the page around a frame may ask: `{posecast: 'look', view: 'side'}`. */

@@ -1,4 +1,4 @@
-import type { BodyView, RobotScene } from '../scene/index.ts';
+import type { BodyView, RobotScene } from '../three/index.ts';
 import type { RobotLink } from './robot_link.ts';
 import type { Settings } from './settings.ts';
 import { settings } from './settings.ts';

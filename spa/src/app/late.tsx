@@ -1,5 +1,5 @@
 import { type ComponentType, type LazyExoticComponent, lazy } from 'react';
-import { firstSight } from '../scene/first_sight.ts';
+import { firstSight } from '../browser/first_paint.ts';
 import { useText } from './language.ts';
 
 /** A part of the page that comes when it is wanted. If it does not come, the rest of the page stands. */

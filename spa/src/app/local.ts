@@ -1,6 +1,6 @@
 import { useSyncExternalStore } from 'react';
-import type { LocalFiles } from '../drop/files.ts';
-import type { LocalRobot } from '../drop/local_robot.ts';
+import type { LocalFiles } from '../urdf/dropped_files.ts';
+import type { LocalRobot } from '../urdf/local_robot.ts';
 
 /** What was dropped on the page last. It lives as long as the page and is never sent. */
 export type Local =
@@ -69,7 +69,7 @@ export function listenForDrops(): () => void {
     const things = dropped.filter((thing) => thing !== null);
     if (things.length === 0) return;
     event.preventDefault();
-    void openFiles(async () => (await import('../drop/files.ts')).filesOf(things));
+    void openFiles(async () => (await import('../urdf/dropped_files.ts')).filesOf(things));
   };
   window.addEventListener('dragover', over);
   window.addEventListener('drop', drop);

@@ -1,5 +1,5 @@
-import { localFiles } from '../drop/files.ts';
-import { openLocal, urdfsIn } from '../drop/local_robot.ts';
+import { localFiles } from '../urdf/dropped_files.ts';
+import { openLocal, urdfsIn } from '../urdf/local_robot.ts';
 import type { Local } from './local.ts';
 import { refusalWords } from './refusals.ts';
 

@@ -1,5 +1,5 @@
 import { useSyncExternalStore } from 'react';
-import type { FollowMode, MouseStyle } from '../scene/index.ts';
+import type { FollowMode, MouseStyle } from '../three/index.ts';
 import type { AngleUnit } from '../twin/format.ts';
 import type { LoadField } from '../twin/load.ts';
 

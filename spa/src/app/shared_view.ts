@@ -1,4 +1,4 @@
-import type { EyePlace } from '../scene/index.ts';
+import type { EyePlace } from '../three/index.ts';
 import type { Settings } from './settings.ts';
 
 /** What a link says beside the robot: `#/r/demo?shown=both&angle=deg&joint=RKN&eye=2.1,0.4,1.2,0,0,0.6`. */

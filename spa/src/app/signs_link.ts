@@ -1,5 +1,5 @@
 import './styles/signs.css';
-import type { SignedBody } from '../scene/index.ts';
+import type { SignedBody } from '../three/index.ts';
 import type { LoadScale } from '../twin/load.ts';
 import { SignReader } from '../twin/sign_reader.ts';
 import { onLanguage } from './language.ts';

@@ -1,4 +1,4 @@
-import type { BodyView } from '../scene/index.ts';
+import type { BodyView } from '../three/index.ts';
 
 const NOTES = '.stage-note, .stage-views';
 const BUTTONS = '.stage-tools';

@@ -1,5 +1,5 @@
 import { type RefObject, useEffect, useRef, useState } from 'react';
-import type { LineView, Trouble } from '../scene/index.ts';
+import type { LineView, Trouble } from '../three/index.ts';
 import { isolated } from '../twin/names.ts';
 import { showScene } from './handle.ts';
 import { say } from './language.ts';
@@ -135,7 +135,7 @@ async function openLight(
   theme: ThemeNow,
   hears: { onSlow: (slow: boolean) => void; onDrawn?: () => void },
 ): Promise<LineView | null> {
-  const { LightView } = await import('../scene2d/index.ts');
+  const { LightView } = await import('../canvas2d/index.ts');
   return host.current === null ? null : new LightView(host.current, { theme: theme.current, ...hears });
 }
 

@@ -1,5 +1,5 @@
 import { type RefObject, useEffect } from 'react';
-import type { BodyView } from '../scene/index.ts';
+import type { BodyView } from '../three/index.ts';
 import type { RobotTwin } from '../twin/robot.ts';
 import { follow } from './follow.ts';
 

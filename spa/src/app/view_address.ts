@@ -1,4 +1,4 @@
-import type { BodyView } from '../scene/index.ts';
+import type { BodyView } from '../three/index.ts';
 import type { RobotLink } from './robot_link.ts';
 import { selection, selectJoint } from './selection.ts';
 import { queryOf, settings } from './settings.ts';

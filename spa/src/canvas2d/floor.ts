@@ -1,0 +1,228 @@
+import type { LinkBox } from '../model/bounds.ts';
+import { css, type Rgb, type Tones } from './colors.ts';
+import { KEY } from './lighting.ts';
+
+/** Lines fade out over so many reaches of the robot. */
+const MINOR_REACHES = 3.2;
+const MAJOR_REACHES = 9;
+const POOL_REACHES = 7;
+/** Pieces of a line, each with a faintness of its own. */
+const PIECES = 10;
+const FAINTNESSES = 6;
+/** The largest links cast shadows; more would not be seen and cost. */
+const MOST_SHADOWS = 24;
+const AXES: readonly Rgb[] = [
+  [0xe5, 0x48, 0x4d],
+  [0x2f, 0xa8, 0x66],
+  [0x3b, 0x82, 0xf6],
+];
+
+/** A look at the floor: rows X, Y, W of `Eye.screenFromWorld`, and the size of the picture. */
+export interface Sight {
+  readonly view: Float64Array;
+  readonly width: number;
+  readonly height: number;
+  readonly reach: number;
+  /** The middle of the light, metres. */
+  readonly x: number;
+  readonly y: number;
+}
+
+/** Paints the ground: a pool of light that fades to the page, a grid of 1 m and 0.1 m, the axes at the robot's base. */
+export function paintFloor(context: CanvasRenderingContext2D, sight: Sight, tones: Tones): void {
+  const { width, height, reach } = sight;
+  context.setTransform(1, 0, 0, 1, 0, 0);
+  context.fillStyle = css(tones.page);
+  context.fillRect(0, 0, width, height);
+  const disc = discOnScreen(sight, sight.x, sight.y, reach * POOL_REACHES, 0, 0, reach * POOL_REACHES);
+  if (disc !== null) {
+    const pool = context.createRadialGradient(0, 0, 0, 0, 0, 1);
+    for (let i = 0; i <= 8; i += 1) {
+      const s = 1 - smooth(i / 8);
+      pool.addColorStop(i / 8, css(tones.floor, s * s));
+    }
+    context.setTransform(...disc);
+    context.fillStyle = pool;
+    context.beginPath();
+    context.arc(0, 0, 1, 0, 2 * Math.PI);
+    context.fill();
+    context.setTransform(1, 0, 0, 1, 0, 0);
+  }
+  lines(context, sight, 0.1, MINOR_REACHES, 0.5, tones.minorLine);
+  lines(context, sight, 1, MAJOR_REACHES, 1, tones.majorLine);
+}
+
+/** The small axes at the robot's base: x red, y green, z blue. */
+export function paintAxes(context: CanvasRenderingContext2D, sight: Sight): void {
+  const from = project(sight, sight.x, sight.y, 0);
+  if (from === null) return;
+  context.lineWidth = Math.max(1.5, (sight.reach * 0.01 * sight.height) / 2);
+  context.lineWidth = Math.min(4, context.lineWidth);
+  context.lineCap = 'round';
+  const length = sight.reach * 0.28;
+  for (const [axis, color] of AXES.entries()) {
+    const end = project(
+      sight,
+      sight.x + (axis === 0 ? length : 0),
+      sight.y + (axis === 1 ? length : 0),
+      axis === 2 ? length : 0,
+    );
+    if (end === null) continue;
+    context.strokeStyle = css(color);
+    context.beginPath();
+    context.moveTo(...from);
+    context.lineTo(...end);
+    context.stroke();
+  }
+}
+
+/** Soft shadows of the links' boxes, thrown by the key lamp: the softer, the higher a link hangs. */
+export function paintShadows(
+  context: CanvasRenderingContext2D,
+  sight: Sight,
+  boxes: ReadonlyMap<number, LinkBox>,
+  worldFromLink: Float64Array,
+  tones: Tones,
+): void {
+  const sized = [...boxes].map(([link, box]) => ({
+    link,
+    box,
+    size: Math.hypot(...box.max.map((m, i) => m - box.min[i]!)),
+  }));
+  if (sized.length > MOST_SHADOWS) sized.sort((a, b) => b.size - a.size).length = MOST_SHADOWS;
+  for (const { link, box, size } of sized) {
+    const m = worldFromLink.subarray(link * 16, link * 16 + 16);
+    const centre = [0, 1, 2].map((i) => (box.min[i]! + box.max[i]!) / 2);
+    const at = [0, 1, 2].map(
+      (r) => m[r]! * centre[0]! + m[4 + r]! * centre[1]! + m[8 + r]! * centre[2]! + m[12 + r]!,
+    );
+    const height = Math.max(0, at[2]!);
+    // The box's spread over the floor, as an ellipse: the sum of its half edges' squares, thrown along the light.
+    let xx = 0;
+    let xy = 0;
+    let yy = 0;
+    for (let axis = 0; axis < 3; axis += 1) {
+      const half = (box.max[axis]! - box.min[axis]!) / 2;
+      const drop = (m[axis * 4 + 2]! * half) / KEY[2];
+      const vx = m[axis * 4]! * half - KEY[0] * drop;
+      const vy = m[axis * 4 + 1]! * half - KEY[1] * drop;
+      xx += vx * vx;
+      xy += vx * vy;
+      yy += vy * vy;
+    }
+    const blur = (0.06 * sight.reach + 0.22 * height) ** 2;
+    xx += blur;
+    yy += blur;
+    const middle = (xx + yy) / 2;
+    const apart = Math.hypot((xx - yy) / 2, xy);
+    const angle = 0.5 * Math.atan2(2 * xy, xx - yy);
+    const long = Math.sqrt(middle + apart);
+    const short = Math.sqrt(Math.max(middle - apart, blur));
+    const [c, s] = [Math.cos(angle), Math.sin(angle)];
+    const throwX = at[0]! - (KEY[0] / KEY[2]) * height;
+    const throwY = at[1]! - (KEY[1] / KEY[2]) * height;
+    const disc = discOnScreen(
+      sight,
+      throwX,
+      throwY,
+      c * long * 1.25,
+      s * long * 1.25,
+      -s * short * 1.25,
+      c * short * 1.25,
+    );
+    if (disc === null) continue;
+    const strength = Math.min(0.5, (tones.shadow * 0.75 * (size * size)) / (long * short * 8));
+    const soft = context.createRadialGradient(0, 0, 0, 0, 0, 1);
+    soft.addColorStop(0, `rgb(0 0 0 / ${strength})`);
+    soft.addColorStop(0.5, `rgb(0 0 0 / ${strength * 0.55})`);
+    soft.addColorStop(1, 'rgb(0 0 0 / 0)');
+    context.setTransform(...disc);
+    context.fillStyle = soft;
+    context.beginPath();
+    context.arc(0, 0, 1, 0, 2 * Math.PI);
+    context.fill();
+  }
+  context.setTransform(1, 0, 0, 1, 0, 0);
+}
+
+/** Where a point of the world is in the picture; null when it lies behind the eye. */
+export function project({ view, reach }: Sight, x: number, y: number, z: number): [number, number] | null {
+  const w = view[8]! * x + view[9]! * y + view[10]! * z + view[11]!;
+  if (w < reach * 0.05) return null;
+  return [
+    (view[0]! * x + view[1]! * y + view[2]! * z + view[3]!) / w,
+    (view[4]! * x + view[5]! * y + view[6]! * z + view[7]!) / w,
+  ];
+}
+
+/** screen_from_disc of an ellipse on the floor with these half axes, as a canvas takes it: flat, so right near its middle. */
+function discOnScreen(
+  sight: Sight,
+  x: number,
+  y: number,
+  ax: number,
+  ay: number,
+  bx: number,
+  by: number,
+): [number, number, number, number, number, number] | null {
+  const at = project(sight, x, y, 0);
+  // Small steps: far ends may lie behind the eye.
+  const step = 0.05;
+  const a = project(sight, x + ax * step, y + ay * step, 0);
+  const b = project(sight, x + bx * step, y + by * step, 0);
+  if (at === null || a === null || b === null) return null;
+  return [
+    (a[0] - at[0]) / step,
+    (a[1] - at[1]) / step,
+    (b[0] - at[0]) / step,
+    (b[1] - at[1]) / step,
+    at[0],
+    at[1],
+  ];
+}
+
+function lines(
+  context: CanvasRenderingContext2D,
+  sight: Sight,
+  pitch: number,
+  reaches: number,
+  fromReaches: number,
+  color: Rgb,
+): void {
+  const far = reaches * sight.reach;
+  const count = Math.min(80, Math.ceil(far / pitch));
+  const paths = Array.from({ length: FAINTNESSES }, () => new Path2D());
+  const used = new Set<number>();
+  for (const along of [0, 1]) {
+    const middle = Math.round((along === 0 ? sight.y : sight.x) / pitch);
+    for (let line = middle - count; line <= middle + count; line += 1) {
+      const across = line * pitch - (along === 0 ? sight.y : sight.x);
+      if (Math.abs(across) >= far) continue;
+      const half = Math.sqrt(far * far - across * across);
+      for (let piece = 0; piece < PIECES; piece += 1) {
+        const from = -half + (2 * half * piece) / PIECES;
+        const to = from + (2 * half) / PIECES;
+        const away = Math.hypot((from + to) / 2, across) / sight.reach;
+        const seen = 1 - smooth((away - fromReaches) / (reaches - fromReaches));
+        const faintness = Math.min(FAINTNESSES - 1, Math.floor(seen * FAINTNESSES));
+        const at = line * pitch;
+        const a = along === 0 ? project(sight, sight.x + from, at, 0) : project(sight, at, sight.y + from, 0);
+        const b = along === 0 ? project(sight, sight.x + to, at, 0) : project(sight, at, sight.y + to, 0);
+        if (a === null || b === null) continue;
+        paths[faintness]!.moveTo(...a);
+        paths[faintness]!.lineTo(...b);
+        used.add(faintness);
+      }
+    }
+  }
+  context.lineWidth = 1;
+  for (const faintness of used) {
+    context.strokeStyle = css(color, (faintness + 0.5) / FAINTNESSES);
+    context.stroke(paths[faintness]!);
+  }
+}
+
+function smooth(part: number): number {
+  const t = Math.min(1, Math.max(0, part));
+  return t * t * (3 - 2 * t);
+}

@@ -1,0 +1,138 @@
+import { STAND_IN } from '../model/lod.ts';
+import type { LinkLook, LinkTint } from '../model/posed_body.ts';
+import { encoded, linear, pixel, rgbOf, type Tones } from './colors.ts';
+import { SHADES } from './rasterizer.ts';
+
+/** Towards the lamps, in the world: the same places as the 3D view's. */
+export const KEY = unit(2, 0.7, 4.1);
+export const FILL = unit(-0.5, -3, 0.7);
+/** Light at which a surface shows its full colour and the table ends. */
+const BRIGHTEST = 1.15;
+/** Opacity of glass where it is neither clear nor dense. */
+const GLASS = 0.35;
+/** Colours of load come in as many steps as there may be tables. */
+const FEWER_COLORS = 0xfcfcfc;
+/** Tables are made as they are needed; beyond so many, all begin anew. */
+const MOST_TABLES = 512;
+
+/** Shades for each unit of light: what falls on a matt surface leaves it by 1/π. */
+export const SHADES_PER_LIGHT = (SHADES - 1) / (Math.PI * BRIGHTEST);
+
+/** From paints and shades to pixels. Each look of a link has two rows a paint: as it is, and what its hatching shows. */
+export class Tables {
+  /** SHADES pixels a row. */
+  colors = new Uint32Array();
+  #tones: Tones;
+  #paints: Float32Array;
+  #rows = new Map<string, number>();
+
+  /** `paints`: linear red, green, blue and opacity of each, as a level has them. */
+  constructor(paints: Float32Array, tones: Tones) {
+    this.#paints = paints;
+    this.#tones = tones;
+  }
+
+  setTones(tones: Tones): void {
+    this.#tones = tones;
+    this.#forget();
+  }
+
+  /** Where the rows of this look begin; that of paint p is `2 · p` further. */
+  firstRow({ highlight = 0 }: LinkLook): number {
+    const glow = glowOf(highlight);
+    return this.#made(`${glow}`, this.#paints.length / 4, (into, at, paint) => {
+      const color = [...this.#paints.subarray(paint * 4, paint * 4 + 3)];
+      if (this.isStandIn(paint)) this.#fillStandIn(into, at, glow);
+      else this.#fill(into, at, color, glow, 0.66);
+    });
+  }
+
+  /** The row of all that is painted over in one colour, whatever its own paints. */
+  tintRow({ color }: LinkTint, { highlight = 0 }: LinkLook): number {
+    const glow = glowOf(highlight);
+    const shown = color & FEWER_COLORS;
+    return this.#made(`${glow} ${shown}`, 1, (into, at) => {
+      this.#fill(
+        into,
+        at,
+        rgbOf(shown).map((part) => linear(part / 255)),
+        glow,
+        0.35,
+      );
+    });
+  }
+
+  /** The row of glass: its shade is how straight one looks at it. Clear there, dense at its edge. */
+  glassRow(): number {
+    return this.#made('glass', 1, (into, at) => {
+      const [r, g, b] = this.#tones.accent;
+      for (let i = 0; i < SHADES; i += 1) {
+        const edge = 1 - i / (SHADES - 1);
+        const layer = GLASS * (0.4 + 2 * edge * edge);
+        const opacity = Math.round(255 * Math.min(1, 1 - (1 - layer) ** 2)); // front and back of a shell
+        const light = Math.min(1, 0.82 + 0.25 * edge);
+        into[at + i] = ((opacity << 24) | (pixel(r * light, g * light, b * light) & 0xffffff)) >>> 0;
+      }
+    });
+  }
+
+  isStandIn(paint: number): boolean {
+    return this.#paints[paint * 4 + 3] === STAND_IN;
+  }
+
+  #forget(): void {
+    this.#rows.clear();
+    this.colors = new Uint32Array();
+  }
+
+  /** Rows by name: each of `count` paints has two, as it is and what its hatching shows. */
+  #made(name: string, count: number, fill: (into: Uint32Array, at: number, paint: number) => void): number {
+    let first = this.#rows.get(name);
+    if (first !== undefined) return first;
+    if (this.colors.length / SHADES + 2 * count > Math.max(MOST_TABLES, 2 * count)) this.#forget();
+    first = this.colors.length / SHADES;
+    const grown = new Uint32Array(this.colors.length + 2 * count * SHADES);
+    grown.set(this.colors);
+    for (let paint = 0; paint < count; paint += 1) fill(grown, (first + 2 * paint) * SHADES, paint);
+    this.colors = grown;
+    this.#rows.set(name, first);
+    return first;
+  }
+
+  /** `color`: linear, 0…1. `stripe`: how dark its hatching is. */
+  #fill(into: Uint32Array, at: number, color: readonly number[], glow: number, stripe: number): void {
+    const accent = this.#tones.accent.map((part) => linear(part / 255));
+    for (let i = 0; i < SHADES; i += 1) {
+      const light = (i / (SHADES - 1)) * BRIGHTEST;
+      const rgb = color.map((part, c) => {
+        const lit = part * light;
+        return encoded(lit + (accent[c]! * (0.55 + 0.35 * light) - lit * 0.35) * glow);
+      });
+      into[at + i] = packed(rgb);
+      into[at + SHADES + i] = packed(rgb.map((part) => part * stripe));
+    }
+  }
+
+  /** A mark for what could not be had: dark, with stripes of caution. */
+  #fillStandIn(into: Uint32Array, at: number, glow: number): void {
+    this.#fill(into, at, [0.25, 0.25, 0.25], glow, 1);
+    for (let i = 0; i < SHADES; i += 1) {
+      const light = Math.sqrt((i / (SHADES - 1)) * BRIGHTEST);
+      into[at + SHADES + i] = packed(this.#tones.caution.map((part) => (part / 255) * light));
+    }
+  }
+}
+
+function glowOf(highlight: number): number {
+  return Math.round(highlight * 8) / 8;
+}
+
+function packed([r, g, b]: readonly number[]): number {
+  const byte = (part: number | undefined) => Math.round(Math.min(1, Math.max(0, part ?? 0)) * 255);
+  return pixel(byte(r), byte(g), byte(b));
+}
+
+function unit(x: number, y: number, z: number): readonly [number, number, number] {
+  const length = Math.hypot(x, y, z);
+  return [x / length, y / length, z / length];
+}

@@ -1,0 +1,206 @@
+import type { Place } from '../overlays/labels.ts';
+import type { Strokes } from '../overlays/strokes.ts';
+import type { Eye } from './camera.ts';
+import { css, type Tones } from './colors.ts';
+import { paintAxes, paintFloor, paintShadows, project, type Sight } from './floor.ts';
+import { paintStrokes } from './overlay_painter.ts';
+import { Raster } from './rasterizer.ts';
+import type { LightRobot } from './robot.ts';
+import { drain } from './stale_effect.ts';
+
+const SHADOW_PART = 4;
+
+/** One of those that a picture is of. */
+export interface PaintedRobot {
+  readonly figure: LightRobot | null;
+  /** How far its colours have drained, 0…1. */
+  readonly grey: number;
+}
+
+/** All that one picture is of. */
+export interface Picture {
+  readonly robots: readonly PaintedRobot[];
+  readonly strokes: Strokes;
+  readonly tones: Tones;
+  /** Pixels of the shells for each of CSS. */
+  readonly ratio: number;
+  /** With smooth edges, however long it takes. */
+  readonly fine: boolean;
+}
+
+/** A canvas and all that is put on it, layer by layer: floor, shadows, what lies on the floor, shells, signs. */
+export class LightPainter {
+  readonly canvas = document.createElement('canvas');
+  readonly #eye: Eye;
+  readonly #context: CanvasRenderingContext2D;
+  readonly #floor = document.createElement('canvas');
+  readonly #shadows = document.createElement('canvas');
+  readonly #shells = document.createElement('canvas');
+  readonly #raster = new Raster();
+  readonly #glass = new Raster();
+  readonly #aside = new Raster();
+  /** What the kept floor was painted for. */
+  #floorFor = '';
+  #width = 0;
+  #height = 0;
+
+  /** Throws an Error with a sentence for people when the browser has no canvas. */
+  constructor(eye: Eye) {
+    this.#eye = eye;
+    const context = this.canvas.getContext('2d', { alpha: false });
+    if (context === null)
+      throw new Error('This browser draws no pictures. The numbers show everything the robot says.');
+    this.#context = context;
+    this.canvas.setAttribute('role', 'img');
+    this.canvas.setAttribute('aria-label', 'View of the robot');
+    this.canvas.style.cssText = 'display: block; width: 100%; height: 100%; touch-action: none';
+  }
+
+  /** Pixels of the newest picture's shells, for each of CSS. */
+  get pixelRatio(): number {
+    return this.#raster.width / Math.max(1, this.#width);
+  }
+
+  /** CSS px. */
+  resize(width: number, height: number): void {
+    this.#width = width;
+    this.#height = height;
+    const ratio = Math.min(2, Math.max(1, window.devicePixelRatio));
+    this.canvas.width = this.#floor.width = Math.round(width * ratio);
+    this.canvas.height = this.#floor.height = Math.round(height * ratio);
+    this.#floorFor = '';
+  }
+
+  /** Draws a picture; returns how many triangles met the screen. */
+  paint(picture: Picture): number {
+    const { robots, strokes, tones } = picture;
+    const context = this.#context;
+    const { width, height } = this.canvas;
+    const sight = this.#sight(width, height);
+    context.setTransform(1, 0, 0, 1, 0, 0);
+    this.#paintFloor(sight, tones);
+    const figures = robots.flatMap(({ figure }) => figure ?? []);
+    if (figures.length === 0) return 0;
+    const ratio = width / this.#width;
+    this.#paintShadows(figures, tones);
+    paintStrokes(context, sight, ratio, strokes, false);
+    paintAxes(context, sight);
+    const triangles = this.#paintShells(picture);
+    for (const figure of figures) if (!figure.dressed) this.#paintBones(figure, sight, tones);
+    paintStrokes(context, sight, ratio, strokes, true);
+    return triangles;
+  }
+
+  /** Where points of the world are in the picture that comes next, CSS px; null behind the eye. */
+  get place(): Place {
+    const sight = this.#sight(this.#width, this.#height);
+    return (at) => {
+      const point = project(sight, ...at);
+      return point === null ? null : { x: point[0], y: point[1] };
+    };
+  }
+
+  /** The link under a point of the canvas, CSS px, or null. */
+  pick(robot: LightRobot, x: number, y: number): string | null {
+    return robot.pick(x, y, this.#sight(this.#width, this.#height).view);
+  }
+
+  #sight(width: number, height: number): Sight {
+    const view = this.#eye.screenFromWorld();
+    for (let i = 0; i < 4; i += 1) {
+      view[i]! *= width / this.#width;
+      view[4 + i]! *= height / this.#height;
+    }
+    const { x, y } = this.#eye.middle;
+    return { view, width, height, reach: this.#eye.reach, x, y };
+  }
+
+  #paintFloor(sight: Sight, tones: Tones): void {
+    const seen = [...sight.view].map((value) => value.toPrecision(7)).join(' ');
+    const wanted = `${seen} ${sight.width} ${sight.height} ${tones.page.join()}`;
+    const floor = this.#floor.getContext('2d', { alpha: false });
+    if (floor === null) return;
+    if (wanted !== this.#floorFor) {
+      paintFloor(floor, sight, tones);
+      this.#floorFor = wanted;
+    }
+    this.#context.drawImage(this.#floor, 0, 0);
+  }
+
+  /** Shadows are soft: a quarter of the pixels along each side shows no difference, and costs a sixteenth. */
+  #paintShadows(figures: readonly LightRobot[], tones: Tones): void {
+    const { width, height } = this.canvas;
+    const [w, h] = [Math.ceil(width / SHADOW_PART), Math.ceil(height / SHADOW_PART)];
+    sizeTo(this.#shadows, w, h);
+    const shadows = this.#shadows.getContext('2d');
+    if (shadows === null) return;
+    shadows.clearRect(0, 0, w, h);
+    const sight = this.#sight(w, h);
+    for (const { boxOfLink, worldFromLink } of figures)
+      paintShadows(shadows, sight, boxOfLink, worldFromLink, tones);
+    this.#context.drawImage(this.#shadows, 0, 0, width, height);
+  }
+
+  /** Robots from the farthest on; one whose colours have drained on a raster of its own, which is then laid over. */
+  #paintShells({ robots, tones, ratio, fine }: Picture): number {
+    const width = Math.max(1, Math.round(this.#width * ratio));
+    const height = Math.max(1, Math.round(this.#height * ratio));
+    const { view } = this.#sight(width, height);
+    this.#raster.resize(width, height);
+    this.#raster.clear();
+    let triangles = 0;
+    for (const { figure, grey } of this.#farthestFirst(robots)) {
+      const alone = grey === 0 || robots.length === 1;
+      const raster = alone ? this.#raster : this.#aside;
+      if (!alone) raster.clearBefore(this.#raster);
+      triangles += figure.draw(raster, view);
+      if (figure.ghostLinks.length > 0) {
+        this.#glass.clearBefore(raster);
+        triangles += figure.drawGhost(this.#glass, view, this.#eye.position);
+        raster.overlay(this.#glass);
+      }
+      if (grey > 0) drain(raster.pixels, width, grey, tones.stale, ratio);
+      if (!alone) this.#raster.overlay(raster);
+    }
+    sizeTo(this.#shells, width, height);
+    const shells = this.#shells.getContext('2d');
+    shells?.putImageData(new ImageData(this.#raster.bytes, width, height), 0, 0);
+    this.#context.imageSmoothingQuality = fine ? 'high' : 'low';
+    this.#context.drawImage(this.#shells, 0, 0, this.canvas.width, this.canvas.height);
+    return triangles;
+  }
+
+  #farthestFirst(robots: readonly PaintedRobot[]): { figure: LightRobot; grey: number }[] {
+    const [ex, ey] = this.#eye.position;
+    const away = ({ place: { x, y } }: LightRobot) => Math.hypot(x - ex, y - ey);
+    return robots
+      .flatMap(({ figure, grey }) => (figure?.dressed === true ? [{ figure, grey }] : []))
+      .sort((a, b) => away(b.figure) - away(a.figure));
+  }
+
+  /** Lines from link to link, until there are shells. */
+  #paintBones(robot: LightRobot, sight: Sight, tones: Tones): void {
+    const context = this.#context;
+    const at = (link: number) => {
+      const [x, y, z] = robot.worldFromLink.subarray(link * 16 + 12, link * 16 + 15);
+      return project(sight, x!, y!, z!);
+    };
+    context.strokeStyle = css(tones.muted);
+    context.lineWidth = (2 * sight.width) / this.#width;
+    context.lineCap = 'round';
+    context.beginPath();
+    for (const [joint, { parent }] of robot.manifest.joints.entries()) {
+      const [from, to] = [at(parent), at(joint + 1)];
+      if (from === null || to === null) continue;
+      context.moveTo(...from);
+      context.lineTo(...to);
+    }
+    context.stroke();
+  }
+}
+
+function sizeTo(canvas: HTMLCanvasElement, width: number, height: number): void {
+  if (canvas.width === width && canvas.height === height) return;
+  canvas.width = width;
+  canvas.height = height;
+}

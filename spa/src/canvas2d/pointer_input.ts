@@ -1,0 +1,67 @@
+import type { MouseStyle } from '../view/body_view.ts';
+import type { Eye } from './camera.ts';
+
+/** Of the distance, for each pixel of a wheel. */
+const ZOOM_PER_PIXEL = 0.0012;
+
+/** Hands on the canvas: one finger or the left button turns, two fingers or any other button pan (`foxglove`: the
+ *  buttons the other way round), pinch and wheel zoom
+ *  about what they point at. Returns the end of it. */
+export function listenToHands(
+  canvas: HTMLCanvasElement,
+  eye: Eye,
+  { mouse, changed }: { mouse: () => MouseStyle; changed: () => void },
+): () => void {
+  const fingers = new Map<number, { x: number; y: number }>();
+  const leave = new AbortController();
+  const { signal } = leave;
+  const place = (event: MouseEvent) => {
+    const { left, top } = canvas.getBoundingClientRect();
+    return { x: event.clientX - left, y: event.clientY - top };
+  };
+  const lift = (event: PointerEvent) => fingers.delete(event.pointerId);
+
+  canvas.addEventListener(
+    'pointerdown',
+    (event) => {
+      canvas.setPointerCapture(event.pointerId);
+      if (fingers.size < 2) fingers.set(event.pointerId, place(event));
+    },
+    { signal },
+  );
+  canvas.addEventListener(
+    'pointermove',
+    (event) => {
+      const before = fingers.get(event.pointerId);
+      if (before === undefined) return;
+      const now = place(event);
+      const [dx, dy] = [now.x - before.x, now.y - before.y];
+      const other = [...fingers].find(([id]) => id !== event.pointerId)?.[1];
+      fingers.set(event.pointerId, now);
+      if (other !== undefined) {
+        const gap = (p: { x: number; y: number }) => Math.max(1, Math.hypot(p.x - other.x, p.y - other.y));
+        eye.pan(dx / 2, dy / 2);
+        eye.zoom(gap(before) / gap(now), (now.x + other.x) / 2, (now.y + other.y) / 2);
+      } else if (event.pointerType !== 'mouse') eye.orbit(dx, dy);
+      else if (((event.buttons & 1) === 0 || event.shiftKey) !== (mouse() === 'foxglove')) eye.pan(dx, dy);
+      else eye.orbit(dx, dy);
+      changed();
+    },
+    { signal },
+  );
+  canvas.addEventListener('pointerup', lift, { signal });
+  canvas.addEventListener('pointercancel', lift, { signal });
+  canvas.addEventListener('contextmenu', (event) => event.preventDefault(), { signal });
+  canvas.addEventListener(
+    'wheel',
+    (event) => {
+      event.preventDefault();
+      const pixels = event.deltaY * (event.deltaMode === WheelEvent.DOM_DELTA_PIXEL ? 1 : 32);
+      const { x, y } = place(event);
+      eye.zoom(Math.exp(pixels * ZOOM_PER_PIXEL), x, y);
+      changed();
+    },
+    { signal, passive: false },
+  );
+  return () => leave.abort();
+}

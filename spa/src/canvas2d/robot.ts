@@ -1,0 +1,311 @@
+import { expandByBox, type LinkBox, lowestOf } from '../model/bounds.ts';
+import { Kinematics, multiply, transform } from '../model/kinematics.ts';
+import { movedBy } from '../model/link_tree.ts';
+import type { Level } from '../model/lod.ts';
+import { boxesOfLinks, type Manifest } from '../model/manifest.ts';
+import type { FigureJoint, LinkLook, LinkTint, PosedBody } from '../model/posed_body.ts';
+import { Stance } from '../model/root_pose.ts';
+import { turnOf } from '../model/vectors.ts';
+import { UNREAD } from '../overlays/colors.ts';
+import type { Pose } from '../twin/pose.ts';
+import type { Quat, Vec3 } from '../twin/rotation.ts';
+import { type GhostWish, ghostOf } from '../view/ghost_pose.ts';
+import type { Tones } from './colors.ts';
+import type { Raster } from './rasterizer.ts';
+import { type LinkPaint, Shells, type Shot } from './shells.ts';
+
+/** Nearer than this part of the robot's size nothing is drawn: it would be behind the eye. */
+const NEAR = 0.02;
+const MOVES: ReadonlySet<string> = new Set(['revolute', 'continuous', 'prismatic']);
+
+/** A transform among others in one array. */
+interface Placed {
+  readonly matrixWorld: { readonly elements: Float64Array };
+}
+
+/** A second body: the same robot in another pose. */
+interface Second {
+  readonly kinematics: Kinematics;
+  readonly worldFromLink: Float64Array;
+  links: ReadonlySet<number>;
+}
+
+/** A built robot without a graphics card: the same manifest, kinematics, signs and lowest level as in 3D. */
+export class LightRobot implements PosedBody {
+  readonly manifest: Manifest;
+  readonly boxOfLink: ReadonlyMap<number, LinkBox>;
+  readonly boxes: readonly (readonly [Placed, LinkBox])[];
+  /** Link 0 is the root. */
+  readonly root: Placed;
+  /** 16 numbers a link, column after column, metres. */
+  readonly worldFromLink: Float64Array;
+  readonly #placed: readonly Placed[];
+  readonly #kinematics: Kinematics;
+  readonly #linkOf: ReadonlyMap<string, number>;
+  readonly #jointOf: ReadonlyMap<string, number>;
+  readonly #looks = new Map<number, LinkLook>();
+  readonly #tints = new Map<number, LinkTint>();
+  /** Joints without a reading, and the links that nobody knows the place of because of that. */
+  #unread: ReadonlySet<string> = NONE;
+  #unreadLinks: ReadonlySet<number> = new Set();
+  readonly #stance = new Stance();
+  #pose: Pose | null = null;
+  #ghostWish: GhostWish | null = null;
+  #ghost: Second | null = null;
+  #shells: Shells | null = null;
+  #tones: Tones;
+  #near = 0.01;
+  #worldFromRoot: readonly number[] = [];
+  /** How far its whole world lies to the side, metres. */
+  #aside = 0;
+
+  constructor(manifest: Manifest, tones: Tones) {
+    const { links, joints } = manifest;
+    this.manifest = manifest;
+    this.#tones = tones;
+    this.#kinematics = new Kinematics(joints);
+    this.worldFromLink = new Float64Array(links.length * 16);
+    this.#placed = links.map((_, i) => ({
+      matrixWorld: { elements: this.worldFromLink.subarray(i * 16, i * 16 + 16) },
+    }));
+    this.root = this.#placed[0]!;
+    this.boxOfLink = boxesOfLinks(manifest);
+    this.boxes = [...this.boxOfLink].map(([link, box]) => [this.#placed[link]!, box] as const);
+    this.#linkOf = new Map(links.map((name, i) => [name, i]));
+    this.#jointOf = new Map(joints.flatMap(({ name, type }, i) => (MOVES.has(type) ? [[name, i]] : [])));
+    this.#spread();
+  }
+
+  get linkNames(): readonly string[] {
+    return this.manifest.links;
+  }
+
+  get jointNames(): string[] {
+    return this.#kinematics.jointNames;
+  }
+
+  get continuousNames(): string[] {
+    return this.manifest.joints.filter(({ type }) => type === 'continuous').map(({ name }) => name);
+  }
+
+  /** Whether there are shells to be drawn. */
+  get dressed(): boolean {
+    return this.#shells !== null;
+  }
+
+  /** Links of the ghost that are shown. */
+  get ghostLinks(): string[] {
+    return [...(this.#ghost?.links ?? [])].map((link) => this.linkNames[link]!);
+  }
+
+  /** Where the root is, metres. */
+  get place(): { x: number; y: number } {
+    return { x: this.worldFromLink[12]!, y: this.worldFromLink[13]! };
+  }
+
+  /** Where it looks, rad from the world's x. */
+  get heading(): number {
+    return Math.atan2(this.worldFromLink[1]!, this.worldFromLink[0]!);
+  }
+
+  linkMatrix(name: string): { readonly elements: Float64Array } | undefined {
+    return this.#placed[this.#linkOf.get(name) ?? -1]?.matrixWorld;
+  }
+
+  rootTurn(name: string): Quat | null {
+    const link = this.#linkOf.get(name);
+    if (link === undefined) return null;
+    return turnOf(this.#kinematics.rootFromLink.subarray(link * 16, link * 16 + 16));
+  }
+
+  joint(name: string): FigureJoint | undefined {
+    const found = this.#jointOf.get(name);
+    if (found === undefined) return undefined;
+    const { axis, type } = this.manifest.joints[found]!;
+    return { link: this.linkNames[found + 1]!, axis, slides: type === 'prismatic' };
+  }
+
+  linkBox(name: string): LinkBox | undefined {
+    return this.boxOfLink.get(this.#linkOf.get(name) ?? -1);
+  }
+
+  *bones(): Generator<[parent: string, child: string]> {
+    for (const [i, { parent }] of this.manifest.joints.entries()) {
+      yield [this.linkNames[parent]!, this.linkNames[i + 1]!];
+    }
+  }
+
+  /** True when it looks different now. */
+  setPose(pose: Pose): boolean {
+    this.#pose = pose;
+    const unread = pose.unread ?? NONE;
+    const marked = !sameSet(unread, this.#unread);
+    if (marked) this.markUnread(movedBy(this, unread));
+    this.#unread = unread;
+    const stepped = this.#stance.take(pose);
+    const turned = this.#kinematics.set(pose.joints);
+    if (turned) this.#kinematics.compute();
+    if (turned || stepped) this.#spread();
+    return this.#poseGhost() || turned || stepped || marked;
+  }
+
+  /** True when it stands differently now. */
+  lockHeading(locked: boolean): boolean {
+    if (!this.#stance.lockHeading(locked)) return false;
+    this.#spread();
+    this.#poseGhost();
+    return true;
+  }
+
+  /** Moves its whole world along y, metres. True when it stands elsewhere now. */
+  standAside(y: number): boolean {
+    if (y === this.#aside) return false;
+    this.#aside = y;
+    this.#spread();
+    this.#poseGhost();
+    return true;
+  }
+
+  /** True when there is another ghost than before. */
+  showGhost(wish: GhostWish | null): boolean {
+    this.#ghostWish = wish;
+    return this.#poseGhost();
+  }
+
+  /** True when it looks different now. */
+  setLook(link: string, look: LinkLook): boolean {
+    const i = this.#linkOf.get(link);
+    if (i === undefined) return false;
+    this.#looks.set(i, look);
+    return true;
+  }
+
+  setTint(link: string, tint: LinkTint | null): void {
+    const i = this.#linkOf.get(link);
+    if (i === undefined) return;
+    if (tint === null) this.#tints.delete(i);
+    else this.#tints.set(i, tint);
+  }
+
+  markUnread(links: ReadonlySet<string>): void {
+    this.#unreadLinks = new Set([...links].map((name) => this.#linkOf.get(name) ?? -1));
+  }
+
+  setTones(tones: Tones): void {
+    this.#tones = tones;
+    this.#shells?.setTones(tones);
+  }
+
+  /** Puts on shells. `pictures` as the level numbers them: the mean colour (linear) of each, where it could be read. */
+  wear(level: Level, pictures: readonly (readonly [number, number, number] | null)[]): void {
+    this.#shells = new Shells(level, pictures, this.manifest.visuals, this.#tones);
+  }
+
+  /** The world's box around it. */
+  bounds(): { min: [number, number, number]; max: [number, number, number] } {
+    const min: [number, number, number] = [Infinity, Infinity, Infinity];
+    const max: [number, number, number] = [-Infinity, -Infinity, -Infinity];
+    const world = this.worldFromLink;
+    for (const [link, box] of this.boxOfLink) expandByBox(min, max, box, world, link * 16);
+    for (let at = 12; at < world.length; at += 16) {
+      for (let axis = 0; axis < 3; axis += 1) {
+        min[axis] = Math.min(min[axis]!, world[at + axis]!);
+        max[axis] = Math.max(max[axis]!, world[at + axis]!);
+      }
+    }
+    this.#near = Math.hypot(max[0] - min[0], max[1] - min[1], max[2] - min[2]) * NEAR;
+    return { min, max };
+  }
+
+  /** Draws its shells; returns how many triangles met the screen. `screenFromWorld` as `Eye` gives it. */
+  draw(raster: Raster, screenFromWorld: Float64Array): number {
+    const shot = this.#shot(screenFromWorld, NOWHERE);
+    return this.#shells?.draw(raster, shot, (link) => this.#paintOf(link)) ?? 0;
+  }
+
+  /** Draws the ghost over them, the eye at a place in the world. Nothing and 0 without one. */
+  drawGhost(raster: Raster, screenFromWorld: Float64Array, eye: Readonly<Vec3>): number {
+    if (this.#ghost === null) return 0;
+    const { worldFromLink, links } = this.#ghost;
+    const shot = { ...this.#shot(screenFromWorld, eye), worldFromLink };
+    return this.#shells?.drawGlass(raster, shot, links) ?? 0;
+  }
+
+  /** The link under a pixel, or null. */
+  pick(x: number, y: number, screenFromWorld: Float64Array): string | null {
+    const shot = this.#shot(screenFromWorld, NOWHERE);
+    const hidden = (link: number) => this.#looks.get(link)?.hide === true;
+    const found = this.#shells?.pick(x, y, shot, hidden) ?? -1;
+    return found < 0 ? null : this.linkNames[this.manifest.visuals[found]!.link]!;
+  }
+
+  /** world_from_link for every link: 4×4, row after row. */
+  linkPoses(): Record<string, number[]> {
+    const world = this.worldFromLink;
+    return Object.fromEntries(
+      this.linkNames.map((name, link) => [
+        name,
+        Array.from({ length: 16 }, (_, i) => world[link * 16 + (i % 4) * 4 + Math.floor(i / 4)]!),
+      ]),
+    );
+  }
+
+  #shot(screenFromWorld: Float64Array, eye: Readonly<Vec3>): Shot {
+    return { screenFromWorld, eye, worldFromLink: this.worldFromLink, near: this.#near };
+  }
+
+  #paintOf(link: number): LinkPaint {
+    const tint = this.#unreadLinks.has(link) ? UNREAD : (this.#tints.get(link) ?? null);
+    return { look: this.#looks.get(link) ?? {}, tint };
+  }
+
+  /** True when there is another ghost than before. */
+  #poseGhost(): boolean {
+    const wanted = ghostOf(this, this.#pose, this.#ghostWish);
+    if (wanted === null) {
+      const had = this.#ghost !== null;
+      this.#ghost = null;
+      return had;
+    }
+    const made = this.#ghost === null;
+    this.#ghost ??= {
+      kinematics: new Kinematics(this.manifest.joints),
+      worldFromLink: new Float64Array(this.worldFromLink.length),
+      links: new Set(),
+    };
+    const ghost = this.#ghost;
+    const links = new Set(wanted.links.map((name) => this.#linkOf.get(name)!));
+    const others = !sameSet(links, ghost.links);
+    ghost.links = links;
+    const turned = ghost.kinematics.set(wanted.joints);
+    if (turned) ghost.kinematics.compute();
+    this.#place(ghost.kinematics.rootFromLink, ghost.worldFromLink);
+    return made || others || turned;
+  }
+
+  /** Computes where every link is in the world. */
+  #spread(): void {
+    const { rootFromLink } = this.#kinematics;
+    const { xyz, quat_wxyz } = this.#stance.root((link) => this.rootTurn(link));
+    const [x, y, z] = xyz ?? [0, 0, 0];
+    this.#worldFromRoot = transform([x, y + this.#aside, z], quat_wxyz);
+    this.#place(rootFromLink, this.worldFromLink);
+    if (xyz !== null) return;
+    const low = lowestOf(this.worldFromLink, this.boxOfLink);
+    this.#worldFromRoot = transform([0, this.#aside, -low], quat_wxyz);
+    this.#place(rootFromLink, this.worldFromLink);
+  }
+
+  #place(rootFromLink: Float64Array, into: Float64Array): void {
+    for (let at = 0; at < rootFromLink.length; at += 16) {
+      multiply(into, at, this.#worldFromRoot, 0, rootFromLink, at);
+    }
+  }
+}
+
+const NONE: ReadonlySet<string> = new Set();
+const NOWHERE: Vec3 = [0, 0, 0];
+
+function sameSet<T>(a: ReadonlySet<T>, b: ReadonlySet<T>): boolean {
+  return a.size === b.size && [...a].every((item) => b.has(item));
+}

@@ -1,0 +1,109 @@
+// @vitest-environment happy-dom
+import { createHash } from 'node:crypto';
+import { beforeEach, expect, it, vi } from 'vitest';
+import { type SampleModel, sampleGlb, sampleManifest } from '../model/samples.ts';
+import type { Pose } from '../twin/pose.ts';
+import type { PoseSource } from '../view/body_view.ts';
+import { TONES } from './colors.ts';
+import { StagedLight } from './robot_node.ts';
+
+const ARM: SampleModel = {
+  joints: [{ type: 'revolute', parent: 0, xyz: [0, 0.5, 0], axis: [0, 0, 1] }],
+  visuals: [{ link: 0, at: [0, 0, 0.2], size: [0.3, 0.4, 0.4], material: 0 }],
+  materials: [{ color: [0.8, 0.8, 0.8, 1] }],
+};
+const STANDING: Pose = { joints: new Map([['joint1', 0.3]]), base: null };
+
+let turn = 0;
+/** Another address each time: what was fetched once stays known to the page. */
+let url = '';
+
+beforeEach(async () => {
+  turn += 1;
+  url = `http://relay/${turn}/manifest.json`;
+  const glb = await sampleGlb(ARM);
+  const level = {
+    name: 'low',
+    path: 'low.glb',
+    bytes: glb.length,
+    sha256: createHash('sha256').update(glb).digest('hex'),
+    triangles: 12,
+  };
+  vi.stubGlobal('fetch', async (at: string) => {
+    if (at.includes('/lost/')) return new Response('', { status: 404 });
+    return at.endsWith('.json') ? Response.json(sampleManifest(ARM, [level])) : new Response(glb.slice());
+  });
+});
+
+function staged() {
+  const heard: string[] = [];
+  const robot = new StagedLight({
+    tones: () => TONES.dark,
+    placed: () => heard.push('placed'),
+    framed: (eased) => heard.push(eased ? 'framed, eased' : 'framed'),
+    changed: () => heard.push('changed'),
+  });
+  return { robot, heard };
+}
+
+it('is looked at once as lines and once in its shells', async () => {
+  const { robot, heard } = staged();
+  expect(robot.size).toBeNull();
+  const report = await robot.load(url, () => {});
+  expect(report.error).toBeUndefined();
+  expect(robot.figure?.dressed).toBe(true);
+  expect(heard.filter((word) => word.startsWith('framed'))).toEqual(['framed', 'framed, eased']);
+  expect(robot.size?.[2]).toBeGreaterThanOrEqual(0.4);
+});
+
+it('a model that does not come stands in the report; a newer one takes the place of an older', async () => {
+  const { robot } = staged();
+  expect((await robot.load('http://relay/lost/manifest.json', () => {})).error).toMatch(/404|manifest/);
+  expect(robot.figure).toBeNull();
+  const [older, newer] = await Promise.all([robot.load(url, () => {}), robot.load(url, () => {})]);
+  expect([older.error, newer.error]).toEqual(['superseded by a newer model', undefined]);
+});
+
+it('stands aside with its whole world, also with a model that comes later', async () => {
+  const { robot } = staged();
+  robot.standAside(2);
+  await robot.load(url, () => {});
+  expect(robot.figure?.place.y).toBeCloseTo(2, 9);
+  robot.standAside(-1);
+  robot.setPose({ ...STANDING, base: { xyz: [0.5, 0.25, 0], quat_wxyz: [1, 0, 0, 0] } }, true);
+  expect(robot.figure?.place).toMatchObject({ x: expect.closeTo(0.5, 9), y: expect.closeTo(-0.75, 9) });
+});
+
+it('is grey until there is a pose, and drains again when it is told to, in steps', async () => {
+  const { robot, heard } = staged();
+  await robot.load(url, () => {});
+  expect(robot.grey).toBe(1);
+  robot.setPose(STANDING, true);
+  expect(robot.advance(0.1, 0), 'more to come').toBe(true);
+  expect(robot.grey).toBeCloseTo(0.6, 6);
+  expect(robot.advance(1, 0)).toBe(false);
+  expect(robot.grey).toBe(0);
+  heard.length = 0;
+  robot.advance(1, 0);
+  expect(heard, 'nothing changes by itself').toEqual([]);
+  robot.setGrey(true);
+  robot.advance(1, 0);
+  expect(robot.grey).toBe(1);
+});
+
+it('follows a source, and says when it has moved', async () => {
+  const { robot, heard } = staged();
+  await robot.load(url, () => {});
+  let angle = 0.1;
+  const source: PoseSource = {
+    sample: () => angle < 0.3,
+    pose: () => ({ ...STANDING, joints: new Map([['joint1', angle]]) }),
+    setContinuous: () => {},
+  };
+  robot.play(source);
+  expect(robot.advance(1, 0)).toBe(true);
+  angle = 0.3;
+  heard.length = 0;
+  expect(robot.advance(1, 0)).toBe(false);
+  expect(heard).toEqual(['placed']);
+});

@@ -1,0 +1,338 @@
+import { Later } from '../browser/debounce.ts';
+import { wantsStillness } from '../browser/reduced_motion.ts';
+import type { LinkLook } from '../model/posed_body.ts';
+import type { ModelReport } from '../model/report.ts';
+import { SignBoard } from '../overlays/overlay.ts';
+import type { SignManner } from '../overlays/robot_overlay.ts';
+import type { KinematicTree } from '../twin/kinematic_tree.ts';
+import type { Pose } from '../twin/pose.ts';
+import type { SignReadings } from '../twin/sign_reader.ts';
+import type { EyePlace, FollowMode, LineView, MouseStyle, PoseSource, SeenSigns } from '../view/body_view.ts';
+import type { ViewName } from '../view/framing.ts';
+import type { Cover } from '../view/insets.ts';
+import { RenderLoop } from '../view/render_loop.ts';
+import { standInLine } from '../view/row_layout.ts';
+import { Eye } from './camera.ts';
+import { TONES, type Tones } from './colors.ts';
+import { LightPainter } from './painter.ts';
+import { listenToHands } from './pointer_input.ts';
+import { Sharpness } from './resolution.ts';
+import { StagedLight } from './robot_node.ts';
+
+/** After so long without motion the picture is drawn once more, finely. */
+const REST_MS = 150;
+
+export interface LightOptions {
+  readonly theme: 'dark' | 'light';
+  /** Hears when motion begins or ceases to be shown with fewer pixels, because this device is slow. */
+  readonly onSlow?: (slow: boolean) => void;
+  /** Hears of every picture: for what stands over it. */
+  readonly onDrawn?: () => void;
+}
+
+type Corner = [number, number, number];
+type OnProgress = (receivedBytes: number, totalBytes: number) => void;
+
+/**
+ * The body, or some side by side, for a browser without 3D: the lowest level of detail, every pixel made by hand on a plain
+ * canvas. The same robots, colours, signs, toggles and camera words as `RobotScene`, without a line of three.js.
+ */
+export class LightView implements LineView {
+  readonly #host: HTMLElement;
+  readonly #eye = new Eye();
+  readonly #painter = new LightPainter(this.#eye);
+  readonly #sharpness = new Sharpness();
+  readonly #loop = new RenderLoop(() => this.#draw());
+  readonly #signs: SignBoard;
+  readonly #resizes: ResizeObserver;
+  readonly #letGo: () => void;
+  readonly #onSlow: (slow: boolean) => void;
+  readonly #onDrawn: () => void;
+  #mouse: MouseStyle = 'orbit';
+  #tones: Tones;
+  readonly #robots: StagedLight[] = [];
+  /** The first: the one that the view is of. */
+  readonly #robot: StagedLight;
+  #triangles = 0;
+  #pictureMs = 0;
+  /** Once nothing moves any more, one last picture with smooth edges. */
+  readonly #finely = new Later(REST_MS, () => {
+    this.#fine = true;
+    this.#loop.drawNow();
+  });
+  #fine = false;
+  #width = 0;
+
+  constructor(host: HTMLElement, options: LightOptions) {
+    this.#onSlow = options.onSlow ?? (() => {});
+    this.#onDrawn = options.onDrawn ?? (() => {});
+    this.#host = host;
+    this.#tones = TONES[options.theme];
+    const { canvas } = this.#painter;
+    host.append(canvas);
+    this.#signs = new SignBoard(host, this.#tones.signs);
+    this.#letGo = listenToHands(canvas, this.#eye, {
+      mouse: () => this.#mouse,
+      changed: () => this.#loop.request(),
+    });
+    this.#robot = this.addRobot();
+    this.#loop.add({ advance: (seconds) => this.#advance(seconds) });
+    this.#resizes = new ResizeObserver(() => this.#resize());
+    this.#resizes.observe(host);
+    this.#resize();
+  }
+
+  get renderedFrames(): number {
+    return this.#loop.renderedFrames;
+  }
+
+  get resting(): boolean {
+    return this.#loop.resting && !this.#finely.due;
+  }
+
+  get drawCalls(): number {
+    return this.#robots.filter(({ figure }) => figure?.dressed === true).length;
+  }
+
+  get triangles(): number {
+    return this.#triangles;
+  }
+
+  get signs(): SeenSigns {
+    return this.signsOf(this.#robot);
+  }
+
+  signsOf(robot: StagedLight): SeenSigns {
+    if (this.#signs.make()) this.#loop.request();
+    return { ...this.#signs.shown(robot), ghostLinks: robot.figure?.ghostLinks ?? [] };
+  }
+
+  /** How long the newest picture in motion took to draw. */
+  get pictureMs(): number {
+    return this.#pictureMs;
+  }
+
+  /** Pixels of the newest picture's shells, for each of CSS. */
+  get pixelRatio(): number {
+    return this.#painter.pixelRatio;
+  }
+
+  readonly finerBytes = null;
+
+  async refine(): Promise<void> {}
+
+  load(manifestUrl: string, onProgress: OnProgress): Promise<ModelReport> {
+    return this.#robot.load(manifestUrl, onProgress);
+  }
+
+  play(source: PoseSource | null): void {
+    this.#robot.play(source);
+    this.#loop.wake();
+  }
+
+  wake(): void {
+    this.#loop.wake();
+  }
+
+  setPose(pose: Pose, live: boolean): void {
+    this.#robot.setPose(pose, live);
+    this.#loop.wake();
+  }
+
+  setGrey(grey: boolean): void {
+    this.#robot.setGrey(grey);
+    this.#loop.wake();
+  }
+
+  get robots(): readonly StagedLight[] {
+    return this.#robots;
+  }
+
+  addRobot(): StagedLight {
+    const robot = new StagedLight({
+      tones: () => this.#tones,
+      placed: () => this.#placed(),
+      framed: (eased) => this.#framed(eased),
+      changed: () => this.#loop.request(),
+    });
+    this.#robots.push(robot);
+    if (this.#robots.length > 1) this.#eye.home = 'front'; // from anywhere else they would hide each other
+    this.#loop.add(robot);
+    return robot;
+  }
+
+  topOf({ figure }: StagedLight): { x: number; y: number } | null {
+    if (figure === null || this.#width === 0) return null;
+    const { min, max } = figure.bounds();
+    return this.#painter.place([(min[0] + max[0]) / 2, (min[1] + max[1]) / 2, max[2]]);
+  }
+
+  setTheme(name: 'dark' | 'light'): void {
+    this.#tones = TONES[name];
+    for (const robot of this.#robots) robot.setTones(this.#tones);
+    this.#signs.setTones(this.#tones.signs);
+    this.#loop.request();
+  }
+
+  setCover(cover: Cover): void {
+    if (this.#eye.cover(cover, !wantsStillness())) this.#loop.request();
+  }
+
+  showSigns(readings: SignReadings | null, manner?: SignManner, of = this.#robot): void {
+    this.#signs.show(of, readings, manner);
+    this.#loop.wake();
+  }
+
+  showGhost(joints: ReadonlyMap<string, number> | null, limbs: readonly string[] | null = null): void {
+    this.#robot.showGhost(joints, limbs);
+  }
+
+  lockHeading(locked: boolean): void {
+    this.#robot.lockHeading(locked);
+  }
+
+  look(view: ViewName): void {
+    this.#eye.look(view, !wantsStillness());
+    this.#loop.request();
+  }
+
+  get stand(): EyePlace | null {
+    return this.#eye.stand;
+  }
+
+  standAt(place: EyePlace): void {
+    this.#eye.standAt(place);
+    this.#loop.request();
+  }
+
+  get eye(): EyePlace {
+    return { position: this.#eye.position, target: this.#eye.target };
+  }
+
+  focus(link: string): void {
+    const pose = this.linkPoses()[link];
+    if (pose === undefined) return;
+    this.#eye.focus([pose[3]!, pose[7]!, pose[11]!], !wantsStillness());
+    this.#loop.request();
+  }
+
+  orbit(left: number, up: number): void {
+    this.#eye.turn(left, up);
+    this.#loop.request();
+  }
+
+  pan(dx: number, dy: number): void {
+    this.#eye.pan(dx, dy);
+    this.#loop.request();
+  }
+
+  zoom(factor: number): void {
+    this.#eye.zoom(factor);
+    this.#loop.request();
+  }
+
+  setMouse(style: MouseStyle): void {
+    this.#mouse = style;
+  }
+
+  setFollow(mode: FollowMode): void {
+    this.#eye.followMode = mode;
+  }
+
+  pick(clientX: number, clientY: number): string | null {
+    const { figure } = this.#robot;
+    if (figure === null) return null;
+    const { left, top } = this.#painter.canvas.getBoundingClientRect();
+    return this.#painter.pick(figure, clientX - left, clientY - top);
+  }
+
+  tree(): KinematicTree | null {
+    return this.#robot.tree();
+  }
+
+  setLinkLook(link: string, look: LinkLook): void {
+    this.#robot.setLinkLook(link, look);
+  }
+
+  linkPoses(): Record<string, number[]> {
+    return this.#robot.figure?.linkPoses() ?? {};
+  }
+
+  dispose(): void {
+    for (const robot of this.#robots) robot.dispose();
+    this.#finely.callOff();
+    this.#loop.stop();
+    this.#resizes.disconnect();
+    this.#letGo();
+    this.#signs.dispose();
+    this.#painter.canvas.remove();
+  }
+
+  #placed(): void {
+    const figures = this.#robots.flatMap(({ figure }) => figure ?? []);
+    if (figures.length > 0) {
+      const mean = (axis: 'x' | 'y') =>
+        figures.reduce((sum, { place }) => sum + place[axis], 0) / figures.length;
+      const heading = this.#robots.length === 1 ? figures[0]!.heading : 0; // several look nowhere together
+      this.#eye.follow(mean('x'), mean('y'), heading);
+    }
+    this.#signs.moved();
+    this.#loop.request();
+  }
+
+  #framed(eased: boolean): void {
+    if (this.#robots.length > 1) standInLine(this.#robots);
+    const boxes = this.#robots.flatMap(({ figure }) => figure?.bounds() ?? []);
+    if (boxes.length === 0) return;
+    const far = (corner: 'min' | 'max') =>
+      [0, 1, 2].map((axis) => Math[corner](...boxes.map((box) => box[corner][axis]!))) as Corner;
+    this.#eye.frame(far('min'), far('max'), eased && !wantsStillness());
+    this.#signs.measure();
+    this.#loop.request();
+  }
+
+  #advance(seconds: number): boolean {
+    const gliding = this.#signs.advance(seconds);
+    if (this.#signs.make()) this.#loop.request();
+    if (this.#eye.moving) {
+      this.#eye.advance(seconds);
+      this.#loop.request();
+    }
+    if (this.#width > 0) this.#signs.placeLabels(this.#painter.place, this.#width);
+    return gliding || this.#eye.moving;
+  }
+
+  #resize(): void {
+    const { clientWidth, clientHeight } = this.#host;
+    if (clientWidth === 0 || clientHeight === 0) return;
+    this.#width = clientWidth;
+    this.#painter.resize(clientWidth, clientHeight);
+    this.#eye.resize(clientWidth, clientHeight);
+    this.#signs.placeLabels(this.#painter.place, this.#width);
+    this.#loop.drawNow();
+  }
+
+  #draw(): boolean {
+    if (this.#width === 0) return false;
+    const begunMs = performance.now();
+    if (this.#signs.make()) this.#signs.placeLabels(this.#painter.place, this.#width); // robots may have moved since the last tick
+    const fine = this.#fine;
+    this.#fine = false;
+    this.#triangles = this.#painter.paint({
+      robots: this.#robots,
+      strokes: this.#signs.strokes,
+      tones: this.#tones,
+      ratio: this.#sharpness.ratio(Math.max(1, window.devicePixelRatio), fine),
+      fine,
+    });
+    this.#onDrawn();
+    if (!fine) {
+      this.#pictureMs = performance.now() - begunMs;
+      const { reduced } = this.#sharpness;
+      this.#sharpness.took(this.#pictureMs);
+      if (reduced !== this.#sharpness.reduced) this.#onSlow(!reduced);
+      this.#finely.putOff();
+    }
+    return true;
+  }
+}

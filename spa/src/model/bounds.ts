@@ -1,0 +1,91 @@
+/**
+ * How low a robot reaches: the bottom of its links' bounding boxes in the world, without allocating.
+ *
+ * A box with centre c and half sizes h, seen through the transform M, has its lowest point at
+ * (M·c).z − Σᵢ |M[z,i]|·hᵢ. Exact for boxes, at most a little low for round links; feet are flat.
+ */
+
+/** Axis-aligned in the link's own frame, metres. */
+export interface LinkBox {
+  min: [number, number, number];
+  max: [number, number, number];
+}
+
+/** A column-major 4×4 transform, as three.js keeps it: world_from_link. */
+export type Elements = ArrayLike<number>;
+
+export function emptyBox(): LinkBox {
+  return {
+    min: [Number.POSITIVE_INFINITY, Number.POSITIVE_INFINITY, Number.POSITIVE_INFINITY],
+    max: [Number.NEGATIVE_INFINITY, Number.NEGATIVE_INFINITY, Number.NEGATIVE_INFINITY],
+  };
+}
+
+/** Grows the box by points (x, y, z after one another) that lie in a frame seen from the link through `m`. */
+export function growBox(box: LinkBox, points: ArrayLike<number>, m: Elements): void {
+  for (let i = 0; i + 2 < points.length; i += 3) {
+    const x = points[i]!;
+    const y = points[i + 1]!;
+    const z = points[i + 2]!;
+    for (let row = 0; row < 3; row += 1) {
+      const value = m[row]! * x + m[row + 4]! * y + m[row + 8]! * z + m[row + 12]!;
+      if (value < box.min[row]!) box.min[row] = value;
+      if (value > box.max[row]!) box.max[row] = value;
+    }
+  }
+}
+
+/** `at`: where the transform begins in `m`. */
+export function lowestZ(box: LinkBox, m: Elements, at = 0): number {
+  let z = m[at + 14]!;
+  for (let i = 0; i < 3; i += 1) {
+    const along = m[at + i * 4 + 2]!;
+    const centre = (box.min[i]! + box.max[i]!) / 2;
+    const half = (box.max[i]! - box.min[i]!) / 2;
+    z += along * centre - Math.abs(along) * half;
+  }
+  return z;
+}
+
+/** The lowest point of a robot in the frame that `fromLink` leads to, metres: of its links' boxes, or of link origins where
+ *  there are none. 16 numbers a link. */
+export function lowestOf(fromLink: Float64Array, boxes: ReadonlyMap<number, LinkBox>): number {
+  let low = Number.POSITIVE_INFINITY;
+  for (const [link, box] of boxes) low = Math.min(low, lowestZ(box, fromLink, link * 16));
+  if (boxes.size === 0) for (let i = 14; i < fromLink.length; i += 16) low = Math.min(low, fromLink[i]!);
+  return low;
+}
+
+/** Grows `min` and `max` by a box's corners, seen through the transform that begins at `at` in `m`. */
+export function expandByBox(min: number[], max: number[], box: LinkBox, m: Elements, at: number): void {
+  for (let corner = 0; corner < 8; corner += 1) {
+    const x = (corner & 1 ? box.max : box.min)[0];
+    const y = (corner & 2 ? box.max : box.min)[1];
+    const z = (corner & 4 ? box.max : box.min)[2];
+    for (let row = 0; row < 3; row += 1) {
+      const value = m[at + row]! * x + m[at + row + 4]! * y + m[at + row + 8]! * z + m[at + row + 12]!;
+      min[row] = Math.min(min[row]!, value);
+      max[row] = Math.max(max[row]!, value);
+    }
+  }
+}
+
+/** What is looked at, metres: half its height, half its width seen from any side, and its radius. */
+export interface Extent {
+  readonly tall: number;
+  readonly wide: number;
+  readonly radius: number;
+}
+
+/** Of a box with these corners. */
+export function extentOf(
+  min: readonly [number, number, number],
+  max: readonly [number, number, number],
+): Extent {
+  const [x, y, z] = [max[0] - min[0], max[1] - min[1], max[2] - min[2]];
+  return {
+    tall: z / 2,
+    wide: Math.hypot(x, y) / 2,
+    radius: Math.min(Math.max(Math.hypot(x, y, z) / 2, 0.02), 200),
+  };
+}

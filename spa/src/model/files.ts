@@ -1,0 +1,120 @@
+import { BundleError, fetchBytes, fetchManifest, fileUrl } from './bundle.ts';
+import { cachedLevel, isGenuine, keepLevel } from './lod_cache.ts';
+import { type LevelFile, type Manifest, readManifest } from './manifest.ts';
+
+/**
+ * A built model's files, each fetched once however many wait for it. The page asks for them as soon as it knows their
+ * names; the code that draws them comes over the same slow line and finds them here.
+ */
+
+type RawManifest = Readonly<Record<string, unknown>>;
+
+/** A page shows one robot; a newer model may already be on its way. */
+const KEPT = 2;
+const manifests = new Map<string, Promise<RawManifest>>();
+const levels = new Map<string, ComingLevel>();
+/** Hashes that were asked for once: whoever took the bytes has them. */
+const asked = new Set<string>();
+
+/** Rejects with a BundleError of one line; then the next call asks again. */
+export function manifestAt(url: string): Promise<RawManifest> {
+  let coming = manifests.get(url);
+  if (coming === undefined) {
+    coming = fetchManifest(url, new AbortController().signal);
+    coming.catch(() => manifests.delete(url));
+    keep(manifests, url, coming);
+  }
+  return coming;
+}
+
+/** A model's manifest when it is a built one, else null; its coarsest level is asked for as well. Rejects as `manifestAt`. */
+export async function builtModelAt(url: string): Promise<Manifest | null> {
+  const raw = await manifestAt(url);
+  if (raw.v !== 2) return null;
+  const manifest = readManifest(raw);
+  const [coarsest] = manifest.levels;
+  if (coarsest !== undefined && !asked.has(coarsest.sha256)) {
+    asked.add(coarsest.sha256);
+    fetchAhead(coarsest, url);
+  }
+  return manifest;
+}
+
+/** Starts to fetch a level that will be wanted. What goes wrong is told to whoever then asks for it. */
+function fetchAhead(file: LevelFile, manifestUrl: string): void {
+  if (levels.has(file.sha256)) return;
+  const coming = new ComingLevel(file, manifestUrl);
+  coming.bytes.catch(() => {});
+  keep(levels, file.sha256, coming)?.abort();
+}
+
+/**
+ * A level's bytes, of the right size and, where the browser can tell, of the right hash: from this browser's cache or
+ * from the network. `onBytes` hears how many are here. Rejects with a BundleError of one line that names the file.
+ */
+export async function levelBytes(
+  file: LevelFile,
+  manifestUrl: string,
+  signal: AbortSignal,
+  onBytes: (received: number) => void,
+): Promise<Uint8Array> {
+  const coming = levels.get(file.sha256) ?? new ComingLevel(file, manifestUrl);
+  levels.delete(file.sha256); // whoever takes it keeps it
+  asked.add(file.sha256);
+  coming.onBytes = onBytes;
+  onBytes(coming.received);
+  const leave = () => coming.abort();
+  if (signal.aborted) leave();
+  signal.addEventListener('abort', leave, { once: true });
+  try {
+    return await coming.bytes;
+  } finally {
+    signal.removeEventListener('abort', leave);
+  }
+}
+
+class ComingLevel {
+  readonly bytes: Promise<Uint8Array>;
+  received = 0;
+  onBytes: (received: number) => void = () => {};
+  readonly #leave = new AbortController();
+
+  constructor(file: LevelFile, manifestUrl: string) {
+    this.bytes = this.#get(file, manifestUrl);
+  }
+
+  abort(): void {
+    this.#leave.abort();
+  }
+
+  async #get({ path, bytes: size, sha256 }: LevelFile, manifestUrl: string): Promise<Uint8Array> {
+    const known = await cachedLevel(sha256);
+    if (known?.length === size) {
+      this.#hear(size);
+      return known;
+    }
+    const url = fileUrl(manifestUrl, { path });
+    const bytes = await fetchBytes(url, size, this.#leave.signal, (more) => this.#hear(more));
+    if (bytes.length !== size) throw new BundleError(`${path}: ${bytes.length} bytes instead of ${size}`);
+    if ((await isGenuine(sha256, bytes)) === false) {
+      throw new BundleError(`${path}: not the bytes that were announced (SHA-256)`);
+    }
+    void keepLevel(sha256, bytes);
+    return bytes;
+  }
+
+  #hear(more: number): void {
+    this.received += more;
+    this.onBytes(this.received);
+  }
+}
+
+/** Puts it in; what had to go for it comes back. */
+function keep<T>(map: Map<string, T>, name: string, value: T): T | undefined {
+  map.set(name, value);
+  const [oldest] = map.keys();
+  if (map.size <= KEPT || oldest === undefined) return undefined;
+  const gone = map.get(oldest);
+  map.delete(oldest);
+  return gone;
+}

@@ -1,0 +1,46 @@
+type Triple = readonly [number, number, number];
+
+/** What reading a mesh file has told, for those who look for what is wrong with a robot. */
+export interface MeshFacts {
+  /** Why there is no mesh; null when there is one. */
+  readonly reason: string | null;
+  /** Of the file. */
+  readonly bytes: number;
+  readonly triangles: number;
+  /** Its box in the file's axes, metres, before the URDF's scale. */
+  readonly low: Triple;
+  readonly high: Triple;
+  /** What its reader had to be lenient about. */
+  readonly notes: readonly MeshNote[];
+}
+
+export type MeshNote = readonly [code: string, text: string];
+
+/** A mesh that can't be shown. */
+export function lostMesh(reason: string, bytes = 0): MeshFacts {
+  return { reason, bytes, triangles: 0, low: [0, 0, 0], high: [0, 0, 0], notes: [] };
+}
+
+/** A mesh as it was read: the corners of its parts, metres, and what its reader had to be lenient about. */
+interface ReadMesh {
+  readonly parts: readonly {
+    readonly surface: { readonly positions: ArrayLike<number>; readonly index: ArrayLike<number> };
+  }[];
+  readonly notes: readonly MeshNote[];
+}
+
+/** The facts of a mesh that was read from a file of so many bytes. */
+export function factsOf({ parts, notes }: ReadMesh, bytes: number): MeshFacts {
+  const low: [number, number, number] = [Infinity, Infinity, Infinity];
+  const high: [number, number, number] = [-Infinity, -Infinity, -Infinity];
+  let triangles = 0;
+  for (const { positions, index } of parts.map(({ surface }) => surface)) {
+    triangles += index.length / 3;
+    for (let i = 0; i < positions.length; i += 1) {
+      const axis = i % 3;
+      low[axis] = Math.min(low[axis]!, positions[i]!);
+      high[axis] = Math.max(high[axis]!, positions[i]!);
+    }
+  }
+  return { reason: null, bytes, triangles, low, high, notes };
+}

@@ -1,0 +1,73 @@
+import type { Level } from '@posecast/wire';
+import type { LinkTint } from '../model/posed_body.ts';
+
+/** `safe` for people who tell red from green badly: Okabe and Ito's colours. */
+export type PaletteName = 'standard' | 'safe';
+
+/** The colours of what is drawn about a robot, sRGB 0xrrggbb. The page's own tokens are repeated here because a canvas
+ *  can't inherit CSS. */
+export interface SignTones {
+  /** All well, caution, fault. */
+  readonly live: number;
+  readonly caution: number;
+  readonly fault: number;
+  /** The same for colour-blind eyes. */
+  readonly safe: Readonly<Record<Level, number>>;
+  /** What is level, and the plumb line. */
+  readonly level: number;
+  /** What is said without alarm. */
+  readonly muted: number;
+  /** What is old. */
+  readonly stale: number;
+  /** Selection, highlight and the ghost. */
+  readonly accent: number;
+}
+
+export const SIGN_TONES: Readonly<Record<'dark' | 'light', SignTones>> = {
+  dark: {
+    live: 0x2fbf71,
+    caution: 0xf5b83d,
+    fault: 0xff5d5d,
+    safe: { ok: 0x009e73, caution: 0xf0e442, fault: 0xd55e00 },
+    level: 0x7fb7c9,
+    muted: 0x9aa6b6,
+    stale: 0x98a2b3,
+    accent: 0x5aa9ff,
+  },
+  light: {
+    live: 0x15803d,
+    caution: 0xd97706,
+    fault: 0xc81e1e,
+    safe: { ok: 0x009e73, caution: 0xe69f00, fault: 0xd55e00 }, // yellow on white is hard to see
+    level: 0x2f7f99,
+    muted: 0x5b6675,
+    stale: 0xb4bcc8,
+    accent: 0x1d6fd1,
+  },
+};
+
+/** What a sign of a level is painted with; grey when it is not the robot's present. */
+export function levelColor(tones: SignTones, palette: PaletteName, level: Level, live: boolean): number {
+  if (!live) return tones.stale;
+  if (palette === 'safe') return tones.safe[level];
+  return { ok: tones.live, caution: tones.caution, fault: tones.fault }[level];
+}
+
+/** Colours of load from rest to limit, sRGB: cool to warm and bright to dark, so that every eye sees the order. */
+const RAMP = [0xcfd8e6, 0xd9cfa8, 0xe8bf57, 0xdd8b26, 0xb4531a] as const;
+/** No reading, or nothing to read. */
+export const NO_LOAD = 0x7f8894;
+
+/** A part (0 at rest … 1 at the limit) as sRGB 0xrrggbb. */
+export function loadColor(part: number): number {
+  const at = Math.min(1, Math.max(0, part)) * (RAMP.length - 1);
+  const low = Math.min(RAMP.length - 2, Math.floor(at));
+  const mix = (shift: number) => {
+    const [a, b] = [(RAMP[low]! >> shift) & 255, (RAMP[low + 1]! >> shift) & 255];
+    return Math.round(a + (b - a) * (at - low)) << shift;
+  };
+  return mix(16) | mix(8) | mix(0);
+}
+
+/** Of a link whose joint has no reading: as grey, and as hatched, as all that is old. */
+export const UNREAD: LinkTint = { color: 0x8f99a8, hatched: true };

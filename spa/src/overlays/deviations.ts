@@ -1,0 +1,95 @@
+import type { PosedBody } from '../model/posed_body.ts';
+import { about, across, directionThrough, dot, originOf, plus, times, unit } from '../model/vectors.ts';
+import type { Deviation } from '../twin/lens.ts';
+import type { Vec3 } from '../twin/rotation.ts';
+import type { Paint, Strokes } from './strokes.ts';
+
+/** In reaches of the robot. */
+const LEAST_RADIUS = 0.07;
+const MOST_RADIUS = 0.2;
+const THICK = 0.006;
+const SPOKE = 0.004;
+/** Smaller than this there is no arc to see; rad or m. */
+const LEAST = 1e-3;
+/** A limb nearer to its axis than this (squared, of 1) has no side to speak of. */
+const ALONG_AXIS = 0.02;
+
+export interface ShownDeviation {
+  readonly channel: string;
+  readonly name: string | null;
+  readonly error: number;
+  readonly unit: string;
+  readonly compliant: boolean;
+  /** Where its label points to, world; null when none of its joints is in the model. */
+  readonly at: Vec3 | null;
+}
+
+/** Arcs at the joints that are not where they were told to be: from where the limb is to where it should be. */
+export class LensSigns {
+  readonly shown: ShownDeviation[] = [];
+
+  /** `from`: what the body shows. `body`: null while there is none. */
+  draw(
+    strokes: Strokes,
+    body: PosedBody | null,
+    deviations: readonly Deviation[],
+    from: 'pos' | 'ref',
+    reach: number,
+    paint: (deviation: Deviation) => { line: Paint; fill: Paint },
+  ): void {
+    this.shown.length = 0;
+    if (body === null) return;
+    for (const deviation of deviations) {
+      const { line, fill } = paint(deviation);
+      let at: Vec3 | null = null;
+      for (const { joint, pos, ref } of deviation.joints) {
+        const way = from === 'pos' ? ref - pos : pos - ref;
+        const spot = drawArc(strokes, body, joint, way, reach, line, fill);
+        at ??= spot;
+      }
+      const { channel, name, error, unit: unitName, compliant } = deviation;
+      this.shown.push({ channel, name, error, unit: unitName, compliant, at });
+    }
+  }
+}
+
+/** Returns the middle of the arc; null when this model has no such joint. */
+function drawArc(
+  strokes: Strokes,
+  body: PosedBody,
+  name: string,
+  way: number,
+  reach: number,
+  line: Paint,
+  fill: Paint,
+): Vec3 | null {
+  const joint = body.joint(name);
+  const worldFromLink = joint === undefined ? undefined : body.linkMatrix(joint.link)?.elements;
+  if (joint === undefined || worldFromLink === undefined || !Number.isFinite(way)) return null;
+  const at = originOf(worldFromLink);
+  if (Math.abs(way) < LEAST) return at;
+  const axis = directionThrough(worldFromLink, joint.axis);
+  if (joint.slides) {
+    const along = times(axis, Math.sign(way));
+    strokes.shaft(at, along, Math.abs(way), THICK * reach, THICK * reach, line);
+    return plus(at, along, Math.abs(way));
+  }
+  const box = body.linkBox(joint.link);
+  const middle: Vec3 | undefined = box && times(plus(box.min, box.max), 0.5);
+  const limb = limbAcross(axis, middle && directionThrough(worldFromLink, middle));
+  const size = box === undefined ? 0 : 0.7 * Math.hypot(...plus(box.max, box.min, -1));
+  const radius = Math.min(MOST_RADIUS * reach, Math.max(LEAST_RADIUS * reach, size));
+  strokes.arc(at, axis, limb, way, radius, THICK * reach, line);
+  strokes.fan(at, axis, limb, way, 0, radius, fill);
+  for (const spoke of [limb, about(axis, way, limb)]) {
+    strokes.shaft(at, spoke, radius, SPOKE * reach, SPOKE * reach, line);
+  }
+  return plus(at, about(axis, way / 2, limb), radius);
+}
+
+/** Along the limb: towards the middle of what the joint moves, as far as it lies across the axis; else down, else ahead. */
+function limbAcross(axis: Vec3, limb: Vec3 = [0, 0, -1]): Vec3 {
+  const ways: readonly Vec3[] = [limb, [0, 0, -1], [1, 0, 0]];
+  const found = ways.map((way) => across(way, axis)).find((way) => dot(way, way) >= ALONG_AXIS);
+  return unit(found ?? [0, 1, 0]);
+}

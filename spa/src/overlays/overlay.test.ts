@@ -1,0 +1,93 @@
+// @vitest-environment happy-dom
+import { expect, it } from 'vitest';
+import { sampleLeg } from '../three/robot/leg_sample.ts';
+import type { Wrench } from '../twin/wrenches.ts';
+import { SIGN_TONES } from './colors.ts';
+import { SignBoard } from './overlay.ts';
+import type { SignManner } from './robot_overlay.ts';
+
+const MANNER: SignManner = {
+  live: true,
+  from: 'pos',
+  arrowScale: 1,
+  palette: 'standard',
+  angle: 'rad',
+  words: {
+    offBy: (channel, by) => `${channel} ${by} off`,
+    compliant: (channel) => `${channel} compliant`,
+    withoutReading: (name) => `${name}: no reading`,
+  },
+};
+
+function standing(force: number, level: 'ok' | 'fault') {
+  const mount = { kind: 'wrench', name: 'foot', link: 'foot', xyz: [0, 0, 0], rpy: [0, 0, 0] } as const;
+  const wrench: Wrench = {
+    ...{ site: 'F', name: 'foot', mount },
+    force: { vector: [0, 0, force], level, axes: [2], much: 500 },
+    moment: { vector: [0, 0, 0], level: 'ok', axes: [], much: 10 },
+  };
+  return { wrenches: [wrench], deviations: [], imus: [], body: null, based: true, loads: null };
+}
+
+function board() {
+  const host = document.createElement('div');
+  const made = new SignBoard(host, SIGN_TONES.dark);
+  const words = () => [...host.querySelectorAll<HTMLElement>('.sign-label')];
+  return { made, words, level: () => host.querySelector<HTMLElement>('.stage-level')! };
+}
+
+/** Lets arrows grow to their length. */
+function settle(made: SignBoard): void {
+  while (made.advance(1 / 30)) made.make();
+  made.make();
+}
+
+it('makes a picture when there is news, and only then', () => {
+  const { made } = board();
+  const bearer = { figure: sampleLeg() };
+  expect(made.make()).toBe(false);
+  made.show(bearer, standing(300, 'ok'), MANNER);
+  expect(made.make(), 'a flange, a plane').toBe(true);
+  settle(made);
+  expect(made.make()).toBe(false);
+  made.show(bearer, standing(300, 'ok'), MANNER);
+  expect(made.make(), 'the same again').toBe(false);
+  made.show(bearer, standing(300, 'ok'), { ...MANNER, live: false });
+  expect(made.make(), 'grey now').toBe(true);
+  made.show(bearer, null);
+  expect(made.make()).toBe(true);
+  expect(made.strokes.count).toBe(0);
+});
+
+it('of several robots: strokes of all, words of the worst first, nobody’s lean', () => {
+  const { made, words, level } = board();
+  const [well, badly] = [{ figure: sampleLeg() }, { figure: sampleLeg() }];
+  made.show(well, standing(200, 'ok'), MANNER);
+  settle(made);
+  const alone = made.strokes.count;
+  expect(words().map(({ dataset }) => dataset.sign)).toEqual(['wrench-F']);
+  made.show(badly, standing(450, 'fault'), MANNER);
+  settle(made);
+  expect(made.strokes.count).toBe(2 * alone + 2); // two more heads
+  expect(words().find(({ dataset }) => dataset.level === 'fault')?.textContent).toBe('450 N');
+  expect(new Set(words().map(({ dataset }) => dataset.sign))).toEqual(new Set(['0-wrench-F', '1-wrench-F']));
+  expect(level().hidden).toBe(true);
+});
+
+it('a robot without a body yet has no strokes, and words nowhere', () => {
+  const { made, words } = board();
+  made.show({ figure: null }, standing(450, 'fault'), MANNER);
+  expect(made.make()).toBe(false);
+  expect(words()).toEqual([]);
+});
+
+it('words go where their points are; behind the eye they are hidden', () => {
+  const { made, words } = board();
+  made.show({ figure: sampleLeg() }, standing(450, 'fault'), MANNER);
+  settle(made);
+  made.placeLabels(() => ({ x: 100, y: 50 }), 400);
+  expect(words()[0]!.hidden).toBe(false);
+  expect(words()[0]!.style.transform).toContain('110px');
+  made.placeLabels(() => null, 400);
+  expect(words()[0]!.hidden).toBe(true);
+});

@@ -1,0 +1,196 @@
+import type { Level } from '@posecast/wire';
+import { wantsStillness } from '../browser/reduced_motion.ts';
+import { expandByBox, extentOf } from '../model/bounds.ts';
+import type { PosedBody } from '../model/posed_body.ts';
+import { type AngleUnit, displayOf, formatNumber } from '../twin/format.ts';
+import { isolated } from '../twin/names.ts';
+import type { SignReadings } from '../twin/sign_reader.ts';
+import { LevelSigns, type ShownLevel } from './attitude.ts';
+import { levelColor, type PaletteName, type SignTones } from './colors.ts';
+import { LensSigns, type ShownDeviation } from './deviations.ts';
+import { LoadPaint } from './joint_load.ts';
+import type { SignLabel } from './labels.ts';
+import type { Paint, Strokes } from './strokes.ts';
+import { type ShownWrench, WrenchSigns } from './wrenches.ts';
+
+/** What is said beside the signs. */
+export interface SignWords {
+  readonly offBy: (channel: string, by: string) => string;
+  readonly compliant: (channel: string) => string;
+  readonly withoutReading: (name: string) => string;
+}
+
+export interface SignManner {
+  /** false: an old picture, all signs are grey. */
+  readonly live: boolean;
+  /** What the body shows: arcs lead from there to the other. */
+  readonly from: 'pos' | 'ref';
+  /** How much longer than usual arrows are. */
+  readonly arrowScale: number;
+  readonly palette: PaletteName;
+  readonly angle: AngleUnit;
+  readonly words: SignWords;
+}
+
+/** What is to be seen, for tests and curious people. */
+export interface ShownSigns {
+  readonly wrenches: readonly ShownWrench[];
+  readonly deviations: readonly ShownDeviation[];
+  readonly level: ShownLevel;
+  /** Link → #rrggbb while the body is painted by load. */
+  readonly loads: Readonly<Record<string, string>>;
+}
+
+const NOTHING: SignReadings = {
+  ...{ wrenches: [], deviations: [], imus: [], body: null, based: false, loads: null },
+};
+const UNSAID: SignWords = {
+  offBy: (channel, by) => `${channel} ${by}`,
+  compliant: (channel) => channel,
+  withoutReading: (name) => name,
+};
+const USUAL: SignManner = {
+  ...{ live: false, from: 'pos', arrowScale: 1, palette: 'standard', angle: 'rad' },
+  words: UNSAID,
+};
+/** What matters most comes first. */
+export const RANK: Readonly<Record<Level, number>> = { fault: 0, caution: 1, ok: 2 };
+
+/** All that is drawn about one robot: forces, deviations, what is level, load. Strokes and words come out. */
+export class RobotSigns {
+  readonly #wrenches = new WrenchSigns();
+  readonly #lens = new LensSigns();
+  readonly #level = new LevelSigns();
+  readonly #loads = new LoadPaint();
+  #readings = NOTHING;
+  #manner = USUAL;
+  #body: PosedBody | null = null;
+  /** The robot's radius, m; by its first whole pose, so that arrows do not breathe with it. */
+  #reach: number | null = null;
+
+  get shown(): ShownSigns {
+    const css = (color: number) => `#${color.toString(16).padStart(6, '0')}`;
+    return {
+      wrenches: [...this.#wrenches.shown],
+      deviations: [...this.#lens.shown],
+      level: this.#level.shown,
+      loads: Object.fromEntries([...this.#loads.shown].map(([link, color]) => [link, css(color)])),
+    };
+  }
+
+  /** How the body leans and in what that is said; null for a robot without a sensor that can say. */
+  get lean(): (ShownLevel & { readonly angle: AngleUnit }) | null {
+    return this.#readings.body === null ? null : { ...this.#level.shown, angle: this.#manner.angle };
+  }
+
+  /** The newest readings and how they are wanted. */
+  take(readings: SignReadings | null, manner: SignManner = this.#manner): void {
+    this.#readings = readings ?? NOTHING;
+    this.#manner = manner;
+    this.#wrenches.take(this.#readings.wrenches, wantsStillness());
+  }
+
+  /** The robot's size may be another one: it wears more than before. */
+  measure(): void {
+    this.#reach = null;
+  }
+
+  /** Lets arrows glide. True while they do. */
+  advance(seconds: number): boolean {
+    return this.#wrenches.advance(seconds);
+  }
+
+  /** Adds what there is to a picture. True when the body's own colours have changed, too. */
+  draw(strokes: Strokes, body: PosedBody | null, tones: SignTones): boolean {
+    if (body !== this.#body) this.#reach = null;
+    this.#body = body;
+    this.#reach ??= body === null ? null : reachOf(body);
+    const reach = this.#reach ?? 0;
+    const { deviations, imus, body: lean, based, loads } = this.#readings;
+    const { arrowScale, palette, from, live } = this.#manner;
+    const color = (level: Level) => levelColor(tones, palette, level, live);
+    const solid = (level: Level): Paint => ({ color: color(level), through: true });
+    this.#wrenches.draw(strokes, body, reach, arrowScale, solid, { color: tones.stale, through: true });
+    this.#lens.draw(strokes, body, deviations, from, reach, ({ compliant }) => {
+      const tone = compliant || !live ? tones.muted : color('caution');
+      return { line: { color: tone, through: true }, fill: { color: tone, opacity: 0.34, through: true } };
+    });
+    const line: Paint = { color: live ? tones.level : tones.stale, through: true };
+    this.#level.draw(strokes, body, imus, lean, based, reach, {
+      plane: { color: line.color, opacity: 0.07 },
+      rim: { color: line.color, opacity: 0.8 },
+      gravity: line,
+      faint: { color: line.color, opacity: 0.55, through: true },
+      lean: { color: line.color, opacity: 0.3, through: true },
+    });
+    return this.#loads.paint(body, loads, color('fault'));
+  }
+
+  /** The words at the strokes of the newest `draw`. */
+  labels(): SignLabel[] {
+    const labels = [...this.#wrenches.shown.flatMap((wrench) => wrenchLabel(wrench, this.#manner.words))];
+    for (const { channel, error, unit, compliant, at } of this.#lens.shown) {
+      if (at === null) continue;
+      const display = displayOf(unit, this.#manner.angle);
+      const off = formatNumber(Math.abs(error), {
+        ...display,
+        decimals: Math.min(display.decimals, 2),
+      }).trim();
+      const { words } = this.#manner;
+      const text = compliant
+        ? words.compliant(isolated(channel))
+        : words.offBy(isolated(channel), `${off} ${display.unit}`);
+      labels.push({
+        key: `apart-${channel}`,
+        text,
+        level: compliant ? 'ok' : 'caution',
+        quiet: compliant,
+        at,
+      });
+    }
+    return labels;
+  }
+}
+
+/** A moment of less than this sweep (rad) needs no number while it is well. */
+const QUIET_SWEEP = 0.35;
+
+function wrenchLabel({ site, name, force, moment, tip }: ShownWrench, words: SignWords): SignLabel[] {
+  const parts: string[] = [];
+  if (force !== null) parts.push(said(force.value, 'N', 0));
+  if (moment !== null && (moment.size > QUIET_SWEEP || moment.level !== 'ok' || moment.value === null))
+    parts.push(said(moment.value, 'N·m', 1));
+  if (parts.length === 0) return [];
+  const [f, m] = [force?.level ?? 'ok', moment?.level ?? 'ok'];
+  const unread = force?.value === null || moment?.value === null;
+  return [
+    {
+      key: `wrench-${site}`,
+      text: unread ? words.withoutReading(name) : parts.join(' · '),
+      level: RANK[f] < RANK[m] ? f : m,
+      quiet: unread,
+      at: tip,
+    },
+  ];
+}
+
+function said(value: number | null, unit: string, decimals: number): string {
+  if (value === null) return '—';
+  const display = displayOf(unit, 'rad');
+  return `${formatNumber(value, { ...display, decimals: Math.min(display.decimals, decimals) }).trim()} ${display.unit}`;
+}
+
+/** The radius of what a robot fills, m. */
+function reachOf(body: PosedBody): number {
+  const min: [number, number, number] = [Infinity, Infinity, Infinity];
+  const max: [number, number, number] = [-Infinity, -Infinity, -Infinity];
+  for (const [link, box] of body.boxes) expandByBox(min, max, box, link.matrixWorld.elements, 0);
+  for (const name of body.linkNames) {
+    const { elements } = body.linkMatrix(name)!;
+    for (let axis = 0; axis < 3; axis += 1) {
+      min[axis] = Math.min(min[axis]!, elements[12 + axis]!);
+      max[axis] = Math.max(max[axis]!, elements[12 + axis]!);
+    }
+  }
+  return extentOf(min, max).radius;
+}

@@ -1,0 +1,217 @@
+import type { Level } from '@posecast/wire';
+import type { PosedBody } from '../model/posed_body.ts';
+import { about, across, cross, directionThrough, dot, plus, pointThrough, unit } from '../model/vectors.ts';
+import { ofRpy, turn, type Vec3 } from '../twin/rotation.ts';
+import type { Arrow, Wrench } from '../twin/wrenches.ts';
+import type { Paint, Strokes } from './strokes.ts';
+
+/** Lengths in reaches of the robot (its radius). */
+const AT_LIMIT = 0.5;
+const SHAFT = 0.012;
+const HEAD = 0.066;
+const HEAD_WIDE = 0.033;
+const FLANGE = 0.045;
+const ARC = 0.15;
+const ARC_THICK = 0.008;
+/** An arrow of more than this much of its limit ends here: it is red by then, and the number says the rest. */
+const MOST = 1.6;
+/** A moment at its limit goes this far round. */
+const SWEEP_AT_LIMIT = 1.5 * Math.PI;
+const MOST_SWEEP = 1.85 * Math.PI;
+/** Below this part of the limit there is nothing to see. */
+const LEAST = 0.015;
+/** Colour is never the only sign: the worse, the more heads. */
+const HEADS: Readonly<Record<Level, number>> = { ok: 1, caution: 2, fault: 3 };
+const SMOOTH_SECONDS = 0.08;
+const SETTLED = 0.002;
+
+/** How long a force and a moment are shown, in parts of what is much. They go to the newest value in a moment: numbers
+ *  of a sensor jump, and an eye follows what glides. Colours never wait. */
+class Glide {
+  shown = 0;
+  goal = 0;
+
+  advance(seconds: number): boolean {
+    if (this.shown === this.goal) return false;
+    this.shown += (this.goal - this.shown) * -Math.expm1(-seconds / SMOOTH_SECONDS);
+    if (Math.abs(this.goal - this.shown) < SETTLED) this.shown = this.goal;
+    return true;
+  }
+}
+
+/** What a test or a label wants to know of one arrow that is shown. */
+export interface ShownArrow {
+  readonly level: Level;
+  /** N or N·m; signed where the robot measures one axis only; null is no reading. */
+  readonly value: number | null;
+  /** Metres from the sensor to the tip; for a moment the angle swept, rad. */
+  readonly size: number;
+}
+
+export interface ShownWrench {
+  readonly site: string;
+  readonly name: string;
+  /** null where the robot measures none. */
+  readonly force: ShownArrow | null;
+  readonly moment: ShownArrow | null;
+  /** Where its label points to, world. */
+  readonly tip: Vec3;
+}
+
+/** Where a sensor is in the world. */
+interface Sensor {
+  readonly at: Vec3;
+  /** A direction in its axes as one of the world; zero stays zero. */
+  inWorld(direction: Vec3): Vec3;
+}
+
+/** Forces as arrows and moments as arcs at the sensors that measured them. */
+export class WrenchSigns {
+  readonly shown: ShownWrench[] = [];
+  readonly #glides = new Map<string, { force: Glide; moment: Glide }>();
+  #wrenches: readonly Wrench[] = [];
+
+  /** The newest readings. True when lengths have to move. */
+  take(wrenches: readonly Wrench[], atOnce: boolean): boolean {
+    this.#wrenches = wrenches;
+    let moving = false;
+    for (const { site, force, moment } of wrenches) {
+      const glides = this.#glides.get(site) ?? { force: new Glide(), moment: new Glide() };
+      this.#glides.set(site, glides);
+      for (const [glide, arrow] of [
+        [glides.force, force],
+        [glides.moment, moment],
+      ] as const) {
+        glide.goal = arrow.vector === null ? 0 : Math.hypot(...arrow.vector) / arrow.much;
+        if (atOnce) glide.shown = glide.goal;
+        moving ||= glide.shown !== glide.goal;
+      }
+    }
+    return moving;
+  }
+
+  advance(seconds: number): boolean {
+    let moved = false;
+    for (const { force, moment } of this.#glides.values()) {
+      moved = force.advance(seconds) || moved;
+      moved = moment.advance(seconds) || moved;
+    }
+    return moved;
+  }
+
+  /** `body`: null while there is none. `reach`: the robot's radius, m; `scale`: how much longer than usual arrows are;
+   *  `unread`: the paint of a sensor that says nothing. */
+  draw(
+    strokes: Strokes,
+    body: PosedBody | null,
+    reach: number,
+    scale: number,
+    paint: (level: Level) => Paint,
+    unread: Paint,
+  ): void {
+    this.shown.length = 0;
+    if (body === null) return;
+    for (const { site, name, mount, force, moment } of this.#wrenches) {
+      const worldFromLink = body.linkMatrix(mount.link ?? '')?.elements;
+      if (worldFromLink === undefined) continue; // a link that this model does not have
+      const linkFromSensor = ofRpy(mount.rpy);
+      const sensor: Sensor = {
+        at: pointThrough(worldFromLink, mount.xyz),
+        inWorld: (direction) => directionThrough(worldFromLink, turn(linkFromSensor, direction)),
+      };
+      const silent = force.level === 'ok' && (lacks(force) || lacks(moment));
+      drawFlange(strokes, sensor, reach, silent ? unread : paint(force.level));
+      const glides = this.#glides.get(site)!;
+      const arrow = drawForce(strokes, sensor, force, glides.force.shown, reach, scale, paint(force.level));
+      const sweep = drawMoment(
+        strokes,
+        sensor,
+        moment,
+        glides.moment.shown,
+        reach,
+        scale,
+        paint(moment.level),
+      );
+      this.shown.push({
+        site,
+        name,
+        force: shownOf(force, arrow.size),
+        moment: shownOf(moment, sweep),
+        tip: arrow.tip,
+      });
+    }
+  }
+}
+
+function shownOf(arrow: Arrow, size: number): ShownArrow | null {
+  return arrow.axes.length === 0 ? null : { level: arrow.level, value: amountOf(arrow), size };
+}
+
+function lacks(arrow: Arrow): boolean {
+  return arrow.axes.length > 0 && arrow.vector === null;
+}
+
+/** A small ring where the sensor sits: so its place is known while it measures nothing. */
+function drawFlange(strokes: Strokes, { at, inWorld }: Sensor, reach: number, paint: Paint): void {
+  strokes.arc(at, inWorld([0, 0, 1]), inWorld([1, 0, 0]), 2 * Math.PI, reach * FLANGE, reach * 0.005, paint);
+}
+
+function drawForce(
+  strokes: Strokes,
+  { at, inWorld }: Sensor,
+  arrow: Arrow,
+  part: number,
+  reach: number,
+  scale: number,
+  paint: Paint,
+): { size: number; tip: Vec3 } {
+  const along = arrow.vector === null ? NOWHERE : inWorld(arrow.vector);
+  if (part < LEAST || dot(along, along) < 0.5) return { size: 0, tip: at };
+  const length = Math.min(part, MOST) * AT_LIMIT * reach * scale;
+  const heads = HEADS[arrow.level];
+  const head = Math.min(HEAD * reach, length / (1 + 0.6 * (heads - 1)));
+  const wide = HEAD_WIDE * reach * Math.sqrt(head / (HEAD * reach));
+  const bare = length - head * (1 + 0.6 * (heads - 1));
+  const radius = SHAFT * reach * Math.min(1, head / (HEAD * reach));
+  if (bare > 0) strokes.shaft(at, along, bare + head * 0.2, radius, radius, paint);
+  for (let i = 0; i < heads; i += 1) {
+    strokes.shaft(plus(at, along, bare + head * 0.6 * i), along, head, wide, 0, paint);
+  }
+  return { size: length, tip: plus(at, along, length) };
+}
+
+/** Returns the angle swept, rad. */
+function drawMoment(
+  strokes: Strokes,
+  { at, inWorld }: Sensor,
+  arrow: Arrow,
+  part: number,
+  reach: number,
+  scale: number,
+  paint: Paint,
+): number {
+  const axis = arrow.vector === null ? NOWHERE : inWorld(arrow.vector);
+  if (part < LEAST || dot(axis, axis) < 0.5) return 0;
+  const sweep = Math.min(part * SWEEP_AT_LIMIT, MOST_SWEEP);
+  const radius = ARC * reach * Math.min(scale, 1.6);
+  // Half to either side of the top, where it is seen best.
+  const top = across([0, 0, 1], axis);
+  const start = about(axis, -sweep / 2, unit(dot(top, top) < 0.01 ? across([1, 0, 0], axis) : top));
+  strokes.arc(at, axis, start, sweep, radius, ARC_THICK * reach, paint);
+  const heads = HEADS[arrow.level];
+  const head = HEAD * reach * 0.8 * Math.min(1, 0.4 + part * 2);
+  for (let i = 0; i < heads; i += 1) {
+    const away = about(axis, sweep - (i * 0.55 * head) / radius, start);
+    const along = cross(axis, away);
+    strokes.shaft(plus(plus(at, away, radius), along, -head * 0.1), along, head, head * 0.45, 0, paint);
+  }
+  return sweep;
+}
+
+/** Signed where only one axis is measured: a foot that is pulled is another thing than one that stands. */
+function amountOf({ vector, axes }: Arrow): number | null {
+  if (vector === null) return null;
+  return axes.length === 1 ? vector[axes[0]!]! : Math.hypot(...vector);
+}
+
+const NOWHERE: Vec3 = [0, 0, 0];

@@ -1,2 +1,0 @@
-/** The body without WebGL: a canvas, a depth buffer and no three.js. Loaded on demand, where the 3D view can't be. */
-export { LightView } from './light_view.ts';

@@ -1,0 +1,153 @@
+import {
+  DynamicDrawUsage,
+  Float32BufferAttribute,
+  Group,
+  InstancedBufferGeometry,
+  InstancedInterleavedBuffer,
+  InterleavedBufferAttribute,
+  Mesh,
+  ShaderMaterial,
+} from 'three';
+import { AT, STRIDE, type Strokes } from '../overlays/strokes.ts';
+
+/** Steps along a stroke and around it: round at arm's length, cheap by the dozen. */
+const ALONG = 40;
+const AROUND = 8;
+/** After robot and ghost. */
+const RENDER_ORDER = 3;
+/** How much shows through what stands before it. */
+const THROUGH = 0.72;
+
+const SIZES: Readonly<Record<keyof typeof AT, number>> = {
+  ...{ spot: 3, start: 3, axis: 3, shape: 4, manner: 2, tint: 4 },
+};
+
+/**
+ * Strokes on the graphics card, in two draw calls for all of them. The first draws what is seen, the second lets it show
+ * faintly through whatever stands before it: a force on a sole would else be lost in the leg.
+ */
+export class SignBatch {
+  readonly object = new Group();
+  readonly #strokes: Strokes;
+  readonly #buffer: InstancedInterleavedBuffer;
+  readonly #geometry = strokeGeometry();
+  readonly #materials = [strokeMaterial(false), strokeMaterial(true)] as const;
+
+  constructor(strokes: Strokes) {
+    this.#strokes = strokes;
+    this.#buffer = new InstancedInterleavedBuffer(strokes.numbers, STRIDE);
+    this.#buffer.setUsage(DynamicDrawUsage);
+    for (const [name, at] of Object.entries(AT)) {
+      const size = SIZES[name as keyof typeof AT];
+      this.#geometry.setAttribute(name, new InterleavedBufferAttribute(this.#buffer, size, at));
+    }
+    this.#materials.forEach((material, i) => {
+      const mesh = new Mesh(this.#geometry, material);
+      mesh.frustumCulled = false;
+      mesh.renderOrder = RENDER_ORDER + i;
+      this.object.add(mesh);
+    });
+    this.update();
+  }
+
+  /** The strokes make another picture now. */
+  update(): void {
+    const { count } = this.#strokes;
+    if (count > 0) {
+      this.#buffer.clearUpdateRanges();
+      this.#buffer.addUpdateRange(0, count * STRIDE);
+      this.#buffer.needsUpdate = true;
+    }
+    this.#geometry.instanceCount = count;
+    this.object.visible = count > 0;
+  }
+
+  dispose(): void {
+    this.object.removeFromParent();
+    this.#geometry.dispose();
+    for (const material of this.#materials) material.dispose();
+  }
+}
+
+/** Rings along a stroke: (how far along, angle around, whether on the hull, which cap it belongs to). */
+function strokeGeometry(): InstancedBufferGeometry {
+  const rings: [along: number, hull: number, cap: number][] = [
+    [0, 0, -1],
+    [0, 1, -1],
+  ];
+  for (let i = 0; i <= ALONG; i += 1) rings.push([i / ALONG, 1, 0]);
+  rings.push([1, 1, 1], [1, 0, 1]);
+  const points = rings.flatMap(([along, hull, cap]) =>
+    Array.from({ length: AROUND + 1 }, (_, i) => [along, (i / AROUND) * 2 * Math.PI, hull, cap]).flat(),
+  );
+  const index: number[] = [];
+  for (let ring = 0; ring + 1 < rings.length; ring += 1) {
+    if (rings[ring]![2] !== rings[ring + 1]![2]) continue; // between cap and hull there is nothing
+    for (let i = 0; i < AROUND; i += 1) {
+      const a = ring * (AROUND + 1) + i;
+      const b = a + AROUND + 1;
+      index.push(a, a + 1, b, b, a + 1, b + 1);
+    }
+  }
+  const geometry = new InstancedBufferGeometry();
+  geometry.setAttribute('place', new Float32BufferAttribute(points, 4));
+  geometry.setIndex(index);
+  return geometry;
+}
+
+/** Colours go through as the screen shows them: a sign has the colour that the page's own words for it have. */
+function strokeMaterial(through: boolean): ShaderMaterial {
+  return new ShaderMaterial({
+    transparent: true,
+    toneMapped: false,
+    defines: through ? { THROUGH: THROUGH.toFixed(2) } : {},
+    vertexShader: `
+      attribute vec4 place;
+      attribute vec3 spot;
+      attribute vec3 start;
+      attribute vec3 axis;
+      attribute vec4 shape;
+      attribute vec4 tint;
+      attribute vec2 manner;
+      varying vec4 paint;
+      varying vec3 facing;
+      void main() {
+        vec3 side = cross(axis, start);
+        float radius = mix(shape.z, shape.w, place.x) * place.z;
+        float c = cos(place.y);
+        float s = sin(place.y);
+        vec3 at;
+        vec3 outward;
+        vec3 onward;
+        if (shape.x == 0.0) {
+          vec3 around = start * c + side * s;
+          at = spot + axis * (place.x * shape.y) + around * radius;
+          outward = around * shape.y + axis * (shape.z - shape.w);
+          onward = axis;
+        } else {
+          float angle = place.x * shape.x;
+          vec3 away = start * cos(angle) + side * sin(angle);
+          at = spot + away * (shape.y + radius * c) + axis * (radius * s * manner.x);
+          outward = away * (c * manner.x) + axis * s;
+          onward = (side * cos(angle) - start * sin(angle)) * sign(shape.x);
+        }
+        facing = normalMatrix * (place.w == 0.0 ? outward : onward * place.w);
+        paint = tint;
+        gl_Position = projectionMatrix * modelViewMatrix * vec4(at, 1.0);
+        #ifdef THROUGH
+          paint.a *= THROUGH;
+          // Before everything else, and in order among themselves.
+          gl_Position.z = -gl_Position.w + (gl_Position.z + gl_Position.w) * 0.01;
+          if (manner.y == 0.0) gl_Position = vec4(2.0, 2.0, 2.0, 1.0);
+        #endif
+      }`,
+    fragmentShader: `
+      varying vec4 paint;
+      varying vec3 facing;
+      void main() {
+        float lit = dot(normalize(facing), normalize(vec3(-0.35, 0.65, 0.7)));
+        float light = paint.a < 1.0 && !gl_FrontFacing ? 1.0 : 0.9 + 0.12 * lit;
+        gl_FragColor = vec4(min(paint.rgb * light, 1.0), paint.a);
+      }`,
+  });
+}

@@ -1,0 +1,154 @@
+import { BundleError } from '../../model/bundle.ts';
+import { levelBytes } from '../../model/files.ts';
+import { type Level, readLevel } from '../../model/lod.ts';
+import type { LevelFile, Manifest } from '../../model/manifest.ts';
+import type { ModelReport } from '../../model/report.ts';
+import type { Stage } from './figure.ts';
+import type { SkinTones } from './skin.ts';
+import { SkinnedRobot } from './skinned_robot.ts';
+import type { Drain } from './stale_effect.ts';
+
+type OnProgress = (receivedBytes: number, totalBytes: number) => void;
+
+/**
+ * A built model on its way into the scene: a skeleton at once, then the coarsest level, then a finer one when the
+ * browser has nothing else to do, and the finest when a person asks for it.
+ */
+export class BuiltRobot {
+  readonly #manifest: Manifest;
+  readonly #url: string;
+  readonly #stage: Stage;
+  readonly #robot: SkinnedRobot;
+  /** Index of the level that is shown; -1 while it is a skeleton. */
+  #shown = -1;
+  #refining: Promise<void> | null = null;
+  #coarse = false;
+
+  constructor(manifest: Manifest, manifestUrl: string, stage: Stage, drain: Drain, tones: SkinTones) {
+    this.#manifest = manifest;
+    this.#url = manifestUrl;
+    this.#stage = stage;
+    this.#robot = new SkinnedRobot(manifest, drain, tones);
+    stage.show(this.#robot);
+  }
+
+  /** Dresses it in its coarsest level. What is wrong stands in the report; the skeleton moves in any case. */
+  async dress(report: ModelReport, onProgress: OnProgress): Promise<void> {
+    report.joints = [...this.#robot.jointNames];
+    report.findings = this.#manifest.findings;
+    report.missing = this.#manifest.missing.map(({ uri }) => uri);
+    report.problems.push(...this.#manifest.missing.map(({ uri, reason }) => `${uri}: ${reason}`));
+    if (this.#manifest.levels.length === 0) return;
+    try {
+      await this.#wear(0, onProgress);
+    } catch (cause) {
+      this.#stage.signal.throwIfAborted();
+      report.bare = cause instanceof Error ? cause.message : String(cause);
+      report.problems.push(report.bare);
+      return;
+    }
+    const next = nextWhenIdle(this.#manifest.levels.length);
+    if (next > 0) {
+      whenIdle(() => {
+        // Nobody asked for it, so a finer level that does not come is nobody's trouble.
+        if (!this.#stage.signal.aborted && this.#shown < next)
+          void this.#refine(next, () => {}).catch(() => {});
+      });
+    }
+  }
+
+  /** Bytes of the finest level, when it is not shown yet and this device can carry it. */
+  get finestBytes(): number | null {
+    const finest = this.#manifest.levels.length - 1;
+    if (this.#shown < 0 || this.#shown >= finest || isSmallDevice()) return null;
+    return this.#manifest.levels[finest]!.bytes;
+  }
+
+  /** Shows the finest level; rejects with one line when it can't be had. The level before stays until it is ready. */
+  refine(onProgress: OnProgress): Promise<void> {
+    return this.#refine(this.#manifest.levels.length - 1, onProgress);
+  }
+
+  /** Whether there is a coarser level than the finest. */
+  get hasLevels(): boolean {
+    return this.#manifest.levels.length > 1;
+  }
+
+  /** Keeps to the coarsest level, or may show a finer one again. What does not come is nobody's trouble: the level before
+   *  stays. */
+  async keepCoarse(coarse: boolean): Promise<void> {
+    if (coarse === this.#coarse) return;
+    this.#coarse = coarse;
+    await this.#refining?.catch(() => {});
+    if (this.#shown < 0 || coarse !== this.#coarse) return;
+    const next = nextWhenIdle(this.#manifest.levels.length);
+    if (!coarse) await this.#refine(next, () => {}).catch(() => {});
+    else if (this.#shown > 0) {
+      this.#refining = this.#wear(0, () => {});
+      await this.#refining.catch(() => {});
+    }
+  }
+
+  async #refine(level: number, onProgress: OnProgress): Promise<void> {
+    await this.#refining?.catch(() => {}); // one at a time: the finer must not be replaced by the coarser
+    if (this.#shown >= level || this.#coarse) return;
+    this.#refining = this.#wear(level, onProgress);
+    await this.#refining;
+  }
+
+  async #wear(index: number, onProgress: OnProgress): Promise<void> {
+    const file = this.#manifest.levels[index]!;
+    const { signal } = this.#stage;
+    const level = await fetchLevel(file, this.#url, this.#manifest.visuals.length, signal, (received) =>
+      onProgress(received, file.bytes),
+    );
+    const pictures = await Promise.all(
+      level.pictures.map((picture) =>
+        // A picture that can't be read must not undress the robot.
+        createImageBitmap(picture, { premultiplyAlpha: 'none' }).catch(() => null),
+      ),
+    );
+    signal.throwIfAborted();
+    this.#robot.wear(level, pictures);
+    this.#shown = index;
+    this.#stage.skinned();
+  }
+}
+
+/** Rejects with a BundleError of one line that names the file. */
+async function fetchLevel(
+  file: LevelFile,
+  manifestUrl: string,
+  visuals: number,
+  signal: AbortSignal,
+  onBytes: (received: number) => void,
+): Promise<Level> {
+  const bytes = await levelBytes(file, manifestUrl, signal, onBytes);
+  onBytes(file.bytes);
+  try {
+    return await readLevel(bytes, visuals);
+  } catch (cause) {
+    throw new BundleError(`${file.path}: ${cause instanceof Error ? cause.message : String(cause)}`, {
+      cause,
+    });
+  }
+}
+
+/** The level to go to unasked: the one after the coarsest, unless the person saves data. */
+function nextWhenIdle(levels: number): number {
+  const connection = (navigator as { connection?: { saveData?: boolean; effectiveType?: string } })
+    .connection;
+  if (connection?.saveData === true || /2g/.test(connection?.effectiveType ?? '')) return 0;
+  return Math.min(1, levels - 1);
+}
+
+/** A phone: its memory and its battery have better uses than the finest shells. */
+function isSmallDevice(): boolean {
+  return window.matchMedia('(pointer: coarse)').matches && Math.min(screen.width, screen.height) < 700;
+}
+
+function whenIdle(task: () => void): void {
+  // WebKit has no idle callback; a pause after the first picture is near enough.
+  if ('requestIdleCallback' in window) window.requestIdleCallback(task, { timeout: 3000 });
+  else setTimeout(task, 500);
+}

@@ -1,0 +1,71 @@
+import {
+  type Color,
+  type DataTexture,
+  DoubleSide,
+  MeshLambertMaterial,
+  type WebGLProgramParametersWithUniforms,
+} from 'three';
+import { after, bend } from './skin.ts';
+import type { Drain } from './stale_effect.ts';
+
+const OPACITY = 0.35;
+/** After the robot, so that it shows through. */
+export const GLASS_ORDER = 2;
+
+/** What a ghost is made of: every link in the accent, clear where one looks straight at it, dense at its edge. With
+ *  `bones` it bends as a skin does, and each link may fade by itself. */
+export function glass(
+  drain: Drain,
+  accent: { value: Color },
+  bones: { value: DataTexture } | null = null,
+): MeshLambertMaterial {
+  const material = new MeshLambertMaterial({
+    transparent: true,
+    opacity: OPACITY,
+    depthWrite: false,
+    side: DoubleSide,
+    polygonOffset: true, // where both stand alike, the body is seen
+    polygonOffsetFactor: 2,
+    polygonOffsetUnits: 24,
+    forceSinglePass: true, // else three draws its back and its front apart
+  });
+  material.onBeforeCompile = (shader) => {
+    drain.patch(shader);
+    shader.uniforms.accent = accent;
+    tint(shader, bones !== null);
+    if (bones === null) return;
+    shader.uniforms.bones = bones;
+    bend(shader, BONES);
+  };
+  material.customProgramCacheKey = () => (bones === null ? 'glass' : 'glass with bones');
+  return material;
+}
+
+const BONES = `
+attribute vec2 part;
+uniform highp sampler2D bones;
+flat varying vec2 look;
+`;
+
+const COLOR = `
+diffuseColor.rgb = accent;
+`;
+
+const FADE = `
+diffuseColor.a *= 1.0 - look.y;
+if (diffuseColor.a <= 0.0) discard;
+`;
+
+const EDGE = `
+float edge = 1.0 - abs(dot(normal, normalize(vViewPosition)));
+diffuseColor.a *= 0.4 + 2.0 * edge * edge;
+totalEmissiveRadiance += accent * (0.3 + 0.5 * edge);
+`;
+
+function tint(shader: WebGLProgramParametersWithUniforms, fades: boolean): void {
+  const head = `uniform vec3 accent;\n${fades ? 'flat varying vec2 look;\n' : ''}void main() {`;
+  shader.fragmentShader = [
+    after('color_fragment', COLOR + (fades ? FADE : '')),
+    after('emissivemap_fragment', EDGE),
+  ].reduce((text, change) => change(text), shader.fragmentShader.replace('void main() {', head));
+}

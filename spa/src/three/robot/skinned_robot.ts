@@ -1,0 +1,239 @@
+import { type Box3, Matrix4, Object3D, Quaternion, Ray, Vector3 } from 'three';
+import { type LinkBox, lowestZ } from '../../model/bounds.ts';
+import { Kinematics } from '../../model/kinematics.ts';
+import type { Level } from '../../model/lod.ts';
+import { boxesOfLinks, type Manifest } from '../../model/manifest.ts';
+import type { FigureJoint, LinkLook, LinkTint } from '../../model/posed_body.ts';
+import { UNREAD } from '../../overlays/colors.ts';
+import type { Quat } from '../../twin/rotation.ts';
+import type { Figure } from './figure.ts';
+import { Ghost } from './ghost.ts';
+import { pickVisual } from './raycast.ts';
+import { Bones, Skin, type SkinTones } from './skin.ts';
+import type { Drain } from './stale_effect.ts';
+
+const MOVES: ReadonlySet<string> = new Set(['revolute', 'continuous', 'prismatic']);
+
+/** A robot from a built model: complete in its motion from the manifest alone, and dressed when a level has come. */
+export class SkinnedRobot implements Figure {
+  readonly root = new Object3D();
+  readonly linkNames: readonly string[];
+  readonly jointNames: readonly string[];
+  readonly continuousNames: readonly string[];
+  readonly boxes: readonly (readonly [link: { readonly matrixWorld: Matrix4 }, box: LinkBox])[];
+  readonly #manifest: Manifest;
+  readonly #kinematics: Kinematics;
+  readonly #links: readonly { readonly matrixWorld: Matrix4 }[];
+  readonly #linkOf: ReadonlyMap<string, number>;
+  /** Those that turn or slide, by their place in the manifest. */
+  readonly #jointOf: ReadonlyMap<string, number>;
+  readonly #boxOfLink: ReadonlyMap<number, LinkBox>;
+  readonly #linkOfVisual: Int32Array;
+  readonly #bones: Bones;
+  readonly #drain: Drain;
+  readonly #tones: SkinTones;
+  #level: Level | null = null;
+  #skin: Skin | null = null;
+  #fading = false;
+  readonly #tints = new Map<string, LinkTint>();
+  #unread: ReadonlySet<string> = new Set();
+  readonly #ghosts = new Set<Ghost>();
+
+  constructor(manifest: Manifest, drain: Drain, tones: SkinTones) {
+    this.#manifest = manifest;
+    this.#drain = drain;
+    this.#tones = tones;
+    this.#kinematics = new Kinematics(manifest.joints);
+    this.#bones = new Bones(manifest.visuals.length);
+    this.#linkOfVisual = Int32Array.from(manifest.visuals, (visual) => visual.link);
+    this.linkNames = manifest.links;
+    this.jointNames = this.#kinematics.jointNames;
+    this.continuousNames = manifest.joints
+      .filter(({ type }) => type === 'continuous')
+      .map(({ name }) => name);
+    this.#linkOf = new Map(manifest.links.map((name, i) => [name, i]));
+    this.#jointOf = new Map(
+      manifest.joints.flatMap(({ name, type }, i) => (MOVES.has(type) ? [[name, i] as const] : [])),
+    );
+    this.#links = manifest.links.map(() => ({ matrixWorld: new Matrix4() }));
+    const boxes = boxesOfLinks(manifest);
+    this.#boxOfLink = boxes;
+    this.boxes = [...boxes].map(([link, box]) => [this.#links[link]!, box] as const);
+    this.root.matrixAutoUpdate = false;
+    this.#spread();
+  }
+
+  linkMatrix(name: string): Matrix4 | undefined {
+    return this.#links[this.#linkOf.get(name) ?? -1]?.matrixWorld;
+  }
+
+  rootTurn(name: string): Quat | null {
+    const link = this.#linkOf.get(name);
+    if (link === undefined) return null;
+    TURN.setFromRotationMatrix(LINK.fromArray(this.#kinematics.rootFromLink, link * 16));
+    return [TURN.w, TURN.x, TURN.y, TURN.z];
+  }
+
+  joint(name: string): FigureJoint | undefined {
+    const found = this.#jointOf.get(name);
+    if (found === undefined) return undefined;
+    const { axis, type } = this.#manifest.joints[found]!;
+    return { link: this.linkNames[found + 1]!, axis, slides: type === 'prismatic' };
+  }
+
+  linkBox(name: string): LinkBox | undefined {
+    return this.#boxOfLink.get(this.#linkOf.get(name) ?? -1);
+  }
+
+  *bones(): Generator<[parent: string, child: string]> {
+    for (const [i, { parent }] of this.#manifest.joints.entries()) {
+      yield [this.linkNames[parent]!, this.linkNames[i + 1]!];
+    }
+  }
+
+  setJoints(joints: ReadonlyMap<string, number>): boolean {
+    if (!this.#kinematics.set(joints)) return false;
+    this.#kinematics.compute();
+    this.#bend();
+    return true;
+  }
+
+  place(xyz: readonly [number, number, number], quat_wxyz: readonly [number, number, number, number]): void {
+    const [w, x, y, z] = quat_wxyz;
+    this.root.position.set(...xyz);
+    this.root.quaternion.set(x, y, z, w).normalize();
+    this.#spread();
+  }
+
+  ground(quat_wxyz: readonly [number, number, number, number] = UPRIGHT): void {
+    const [w, x, y, z] = quat_wxyz;
+    WORLD_FROM_ROOT.makeRotationFromQuaternion(TURN.set(x, y, z, w).normalize());
+    const poses = this.#kinematics.rootFromLink;
+    let low = Number.POSITIVE_INFINITY;
+    for (const [link, box] of this.#boxOfLink) {
+      LINK.fromArray(poses, link * 16).premultiply(WORLD_FROM_ROOT);
+      low = Math.min(low, lowestZ(box, LINK.elements));
+    }
+    if (this.#boxOfLink.size === 0) {
+      for (let i = 0; i < poses.length; i += 16) {
+        low = Math.min(low, LINK.fromArray(poses, i).premultiply(WORLD_FROM_ROOT).elements[14]!);
+      }
+    }
+    this.place([0, 0, -low], quat_wxyz);
+  }
+
+  bounds(into: Box3): Box3 {
+    into.makeEmpty();
+    for (const [{ matrixWorld }, { min, max }] of this.boxes) {
+      for (let corner = 0; corner < 8; corner += 1) {
+        POINT.set(corner & 1 ? max[0] : min[0], corner & 2 ? max[1] : min[1], corner & 4 ? max[2] : min[2]);
+        into.expandByPoint(POINT.applyMatrix4(matrixWorld));
+      }
+    }
+    for (const { matrixWorld } of this.#links) into.expandByPoint(POINT.setFromMatrixPosition(matrixWorld));
+    return into;
+  }
+
+  pick(ray: Ray): string | null {
+    if (this.#level === null) return null;
+    ROOT_RAY.copy(ray).applyMatrix4(ROOT_FROM_WORLD.copy(this.root.matrixWorld).invert());
+    const visual = pickVisual(this.#level, ROOT_RAY, (i, into) => {
+      if (this.#bones.isHidden(i)) return false;
+      into.fromArray(this.#kinematics.rootFromLink, this.#linkOfVisual[i]! * 16);
+      into.multiply(LINK.fromArray(this.#level!.linkFromMesh, i * 16));
+      return true;
+    });
+    return visual < 0 ? null : this.linkNames[this.#linkOfVisual[visual]!]!;
+  }
+
+  setLook(link: string, look: LinkLook): void {
+    const wanted = this.#linkOf.get(link);
+    if (wanted === undefined) return;
+    this.#linkOfVisual.forEach((of, visual) => {
+      if (of === wanted) this.#bones.setLook(visual, look);
+    });
+    if ((look.fade ?? 0) > 0 && !this.#fading) {
+      this.#fading = true;
+      this.#skin?.allowFading();
+    }
+  }
+
+  setTint(link: string, tint: LinkTint | null): void {
+    if (tint === null) this.#tints.delete(link);
+    else this.#tints.set(link, tint);
+    this.#paint(link);
+  }
+
+  markUnread(links: ReadonlySet<string>): void {
+    const before = this.#unread;
+    this.#unread = links;
+    for (const link of new Set([...before, ...links])) this.#paint(link);
+  }
+
+  /** The same robot in another pose: one more draw call. It lives no longer than this robot. */
+  ghost(): Ghost {
+    const ghost = new Ghost(
+      this.#manifest.joints,
+      this.#linkOf,
+      this.#linkOfVisual,
+      this.#drain,
+      this.#tones,
+      (gone) => this.#ghosts.delete(gone),
+    );
+    this.#ghosts.add(ghost);
+    this.root.add(ghost.mesh);
+    if (this.#level !== null && this.#skin !== null) ghost.wear(this.#level, this.#skin.mesh.geometry);
+    return ghost;
+  }
+
+  /** Puts on the shells of a level in place of those of the level before: one picture to the next, nothing jumps. */
+  wear(level: Level, pictures: readonly (ImageBitmap | null)[]): void {
+    const old = this.#skin;
+    this.#level = level;
+    this.#skin = new Skin(level, pictures, this.#bones, this.#drain, this.#tones);
+    if (this.#fading) this.#skin.allowFading();
+    this.#bend();
+    this.root.add(this.#skin.mesh);
+    for (const ghost of this.#ghosts) ghost.wear(level, this.#skin.mesh.geometry);
+    old?.dispose();
+  }
+
+  dispose(): void {
+    this.root.removeFromParent();
+    for (const ghost of [...this.#ghosts]) ghost.dispose();
+    this.#skin?.dispose();
+    this.#bones.dispose();
+  }
+
+  #paint(link: string): void {
+    const wanted = this.#linkOf.get(link);
+    const tint = this.#unread.has(link) ? UNREAD : (this.#tints.get(link) ?? null);
+    this.#linkOfVisual.forEach((of, visual) => {
+      if (of === wanted) this.#bones.setTint(visual, tint);
+    });
+  }
+
+  /** Moves the shells to where the joints are. */
+  #bend(): void {
+    if (this.#level === null) return;
+    this.#bones.follow(this.#kinematics.rootFromLink, this.#linkOfVisual, this.#level.linkFromMesh);
+  }
+
+  /** Computes where every link is in the world. */
+  #spread(): void {
+    this.root.updateMatrix();
+    this.root.updateMatrixWorld(true);
+    const world = this.root.matrixWorld;
+    for (let i = 0; i < this.#links.length; i += 1) {
+      this.#links[i]!.matrixWorld.fromArray(this.#kinematics.rootFromLink, i * 16).premultiply(world);
+    }
+  }
+}
+
+const UPRIGHT = [1, 0, 0, 0] as const;
+const TURN = new Quaternion();
+const WORLD_FROM_ROOT = new Matrix4();
+const LINK = new Matrix4();
+const POINT = new Vector3();
+const ROOT_RAY = new Ray();
+const ROOT_FROM_WORLD = new Matrix4();

@@ -1,0 +1,32 @@
+import { Color, MeshStandardMaterial, ShaderLib, type WebGLRenderer } from 'three';
+import { expect, test } from 'vitest';
+import { Drain } from './stale_effect.ts';
+
+test('it starts grey, drains in a quarter of a second, and then asks for no more ticks', () => {
+  const drain = new Drain(new Color());
+  drain.advance(Number.POSITIVE_INFINITY);
+  expect(drain.grey).toBe(true);
+  drain.grey = false;
+  expect(drain.advance(0.1)).toBe(true);
+  expect(drain.advance(0.1)).toBe(true);
+  expect(drain.advance(0.1)).toBe(false);
+  expect(drain.advance(0.1)).toBe(false);
+});
+
+test('every material shares the same uniforms, and the shader has the places they are put', () => {
+  const drain = new Drain(new Color());
+  const shaders = [new MeshStandardMaterial(), new MeshStandardMaterial()].map((material) => {
+    drain.attach(material);
+    const shader = {
+      uniforms: {} as Record<string, { value: unknown }>,
+      vertexShader: ShaderLib.standard.vertexShader,
+      fragmentShader: ShaderLib.standard.fragmentShader,
+    };
+    const parameters = shader as unknown as Parameters<MeshStandardMaterial['onBeforeCompile']>[0];
+    material.onBeforeCompile(parameters, null as unknown as WebGLRenderer);
+    return shader;
+  });
+  expect(shaders[0]!.uniforms.drainAmount).toBe(shaders[1]!.uniforms.drainAmount);
+  expect(shaders[0]!.fragmentShader).toContain('uniform float drainAmount');
+  expect(shaders[0]!.fragmentShader).toContain('if (drainAmount > 0.0)');
+});

@@ -1,0 +1,401 @@
+import { Color, Scene, Vector3 } from 'three';
+import { Later } from '../browser/debounce.ts';
+import { markOnce } from '../browser/first_paint.ts';
+import type { RawManifest } from '../model/bundle.ts';
+import type { LinkLook } from '../model/posed_body.ts';
+import type { ModelReport } from '../model/report.ts';
+import type { SignManner } from '../overlays/robot_overlay.ts';
+import type { KinematicTree } from '../twin/kinematic_tree.ts';
+import type { Pose } from '../twin/pose.ts';
+import type { SignReadings } from '../twin/sign_reader.ts';
+import { Stamina, type Trouble } from '../view/adaptive_quality.ts';
+import type { EyePlace, FollowMode, LineView, MouseStyle, PoseSource, SeenSigns } from '../view/body_view.ts';
+import type { Cover } from '../view/insets.ts';
+import type { Step } from '../view/quality_steps.ts';
+import { RenderLoop } from '../view/render_loop.ts';
+import { CameraRig, type ViewName } from './camera.ts';
+import { Surface } from './canvas.ts';
+import { Environment, SHADOW_PIXELS } from './environment.ts';
+import { Signs } from './overlay_part.ts';
+import type { SkinTones } from './robot/skin.ts';
+import { StagedRobot } from './robot_node.ts';
+import { RobotLine } from './robot_row.ts';
+import type { ScenePart } from './scene_part.ts';
+import { warmUp } from './shader_warm_up.ts';
+import { type SceneTheme, THEMES, type ThemeName } from './theme.ts';
+import { Placeholders } from './urdf/placeholder.ts';
+import type { RawFiles } from './urdf/raw_robot.ts';
+
+const PLACEHOLDER_REACHES = 0.12;
+/** After so long without motion a picture of fewer pixels is drawn once more with all of them. */
+const REST_MS = 500;
+
+export interface SceneOptions {
+  readonly theme: ThemeName;
+  /** Hears every change; null is all well. */
+  readonly onTrouble?: (trouble: Trouble | null) => void;
+  /** Hears of every picture: for what stands over it. */
+  readonly onDrawn?: () => void;
+}
+
+/**
+ * One robot (or some, side by side) in three dimensions, in a world whose Z is up. It puts together what is drawn (`StagedRobot`,
+ * `Environment`, `ScenePart`s), from where (`CameraRig`), on what (`Surface`) and when (`RenderLoop`).
+ */
+export class RobotScene implements LineView {
+  readonly #scene = new Scene();
+  readonly #loop: RenderLoop;
+  readonly #surface: Surface;
+  readonly #camera: CameraRig;
+  readonly #environment = new Environment();
+  readonly #placeholders = new Placeholders();
+  readonly #line = new RobotLine();
+  readonly #robot: StagedRobot;
+  readonly #signs: Signs;
+  readonly #parts = new Set<ScenePart>();
+  readonly #tones: SkinTones = { accent: { value: new Color() }, caution: { value: new Color() } };
+  readonly #stamina: Stamina;
+  readonly #onDrawn: () => void;
+  #theme: SceneTheme;
+  readonly #sharpen = new Later(REST_MS, () => {
+    // A slow device may need longer than that for the next picture: then it is not at rest.
+    if (!this.#loop.resting) return this.#sharpen.putOff();
+    this.#surface.sharpness = 1;
+    this.#loop.drawNow();
+  });
+  #size = { width: 1, height: 1 };
+  #cool: () => void = () => {};
+
+  /** Throws an Error with a sentence for people when the browser has no WebGL. */
+  constructor(host: HTMLElement, options: SceneOptions) {
+    this.#stamina = new Stamina({
+      keep: (step) => this.#keep(step),
+      coarse: () => this.#line.coarse,
+      replaceable: () => this.#line.built,
+      say: options.onTrouble ?? (() => {}),
+    });
+    this.#onDrawn = options.onDrawn ?? (() => {});
+    this.#theme = THEMES[options.theme];
+    this.#loop = new RenderLoop(() => this.#draw());
+    this.#surface = new Surface(host, {
+      resized: (width, height, pixelRatio) => this.#resized(width, height, pixelRatio),
+      blank: () => this.#loop.drawNow(),
+      lost: () => {
+        this.#surface.forget(this.#scene);
+        this.#environment.forgetShadow();
+        this.#stamina.lost(performance.now());
+      },
+      restored: () => {
+        this.#stamina.restored();
+        this.#drawShadows();
+      },
+    });
+    this.#camera = new CameraRig(this.#surface.canvas, () => this.#loop.request());
+    this.#scene.add(this.#environment.group);
+    this.#robot = this.addRobot();
+    this.#loop.add({
+      advance: (seconds) => {
+        const easing = this.#camera.advance(seconds);
+        if (easing) this.#loop.request();
+        return easing;
+      },
+    });
+    this.#signs = new Signs({
+      host,
+      camera: this.#camera.camera,
+      changed: () => this.#loop.request(),
+      wake: () => this.#loop.wake(),
+    });
+    this.add(this.#signs);
+    this.#loop.onInterval = (ms) => this.#stamina.took(ms);
+    this.setTheme(options.theme);
+    if (this.#surface.fit()) this.#loop.drawNow();
+    const { renderer } = this.#surface;
+    this.#cool = warmUp(renderer, this.#scene, this.#camera.camera, this.#robot.drain, this.#tones);
+  }
+
+  get renderedFrames(): number {
+    return this.#loop.renderedFrames;
+  }
+
+  get resting(): boolean {
+    return this.#loop.resting && !this.#sharpen.due;
+  }
+
+  /** Pixels drawn for each of CSS, along each side. */
+  get pixelRatio(): number {
+    return this.#surface.renderer.getPixelRatio();
+  }
+
+  /** Draw calls of the newest picture, shadows included when they were drawn anew. */
+  get drawCalls(): number {
+    return this.#surface.renderer.info.render.calls;
+  }
+
+  get triangles(): number {
+    return this.#surface.renderer.info.render.triangles;
+  }
+
+  addRobot(): StagedRobot {
+    const robot = new StagedRobot({
+      tones: this.#tones,
+      theme: () => this.#theme,
+      placeholder: () => this.#placeholders.make(this.#camera.reach * PLACEHOLDER_REACHES),
+      placed: () => this.#placed(),
+      framed: (_robot, eased) => this.#framed(eased),
+      changed: () => this.#loop.request(),
+    });
+    robot.drain.setPixelRatio(this.pixelRatio);
+    this.#line.add(robot);
+    if (this.#line.several) this.#camera.home = 'front'; // from anywhere else they would hide each other
+    this.#scene.add(robot.object);
+    this.#loop.add(robot);
+    return robot;
+  }
+
+  get robots(): readonly StagedRobot[] {
+    return this.#line.robots;
+  }
+
+  topOf(robot: StagedRobot): { x: number; y: number } | null {
+    const top = this.#line.topOf(robot, this.#camera.camera);
+    const { width, height } = this.#size;
+    return top === null ? null : { x: ((top.x + 1) / 2) * width, y: ((1 - top.y) / 2) * height };
+  }
+
+  /** Shows something more. Returns the end of it, which also disposes of the part. */
+  add(part: ScenePart): () => void {
+    this.#parts.add(part);
+    this.#scene.add(part.object);
+    part.setTheme?.(this.#theme);
+    part.follow?.();
+    const rest = this.#loop.add({ advance: (seconds, nowMs) => part.advance?.(seconds, nowMs) ?? false });
+    this.#drawShadows();
+    return () => {
+      rest();
+      this.#parts.delete(part);
+      part.object.removeFromParent();
+      part.dispose();
+      this.#drawShadows();
+    };
+  }
+
+  /** A part has changed by itself: a picture of it. */
+  request(): void {
+    this.#loop.request();
+  }
+
+  load(
+    manifestUrl: string,
+    onProgress: (receivedBytes: number, totalBytes: number) => void,
+  ): Promise<ModelReport> {
+    return this.#robot.load(manifestUrl, onProgress);
+  }
+
+  /** The same for raw files that this browser has already, by the URIs of their URDF. */
+  loadLocal(manifest: RawManifest, files: RawFiles): Promise<ModelReport> {
+    return this.#robot.loadLocal(manifest, files);
+  }
+
+  play(source: PoseSource | null): void {
+    this.#robot.play(source);
+    this.#loop.wake();
+  }
+
+  wake(): void {
+    this.#loop.wake();
+  }
+
+  setPose(pose: Pose, live: boolean): void {
+    this.#robot.setPose(pose, live);
+  }
+
+  setGrey(grey: boolean): void {
+    this.#robot.setGrey(grey);
+  }
+
+  setTheme(name: ThemeName): void {
+    const theme = THEMES[name];
+    this.#theme = theme;
+    this.#scene.background = theme.page;
+    this.#surface.renderer.toneMappingExposure = theme.exposure;
+    this.#environment.setTheme(theme);
+    this.#placeholders.setColor(theme.caution);
+    this.#tones.accent.value = theme.accent;
+    this.#tones.caution.value = theme.caution;
+    this.#line.setTheme(theme);
+    for (const part of this.#parts) part.setTheme?.(theme);
+    this.#loop.request();
+  }
+
+  setCover(cover: Cover): void {
+    if (this.#camera.cover(cover)) this.#loop.request();
+  }
+
+  look(view: ViewName): void {
+    this.#camera.look(view);
+    this.#loop.request();
+  }
+
+  get finerBytes(): number | null {
+    return this.#robot.finerBytes;
+  }
+
+  refine(onProgress: (receivedBytes: number, totalBytes: number) => void): Promise<void> {
+    return this.#robot.refine(onProgress);
+  }
+
+  get stand(): EyePlace | null {
+    return this.#camera.stand;
+  }
+
+  standAt(place: EyePlace): void {
+    this.#camera.standAt(place);
+    this.#loop.request();
+  }
+
+  get eye(): EyePlace {
+    return this.#camera.eye;
+  }
+
+  focus(link: string): void {
+    const at = this.#robot.figure?.linkMatrix(link);
+    if (at === undefined) return;
+    this.#camera.focus(new Vector3().setFromMatrixPosition(at));
+    this.#loop.request();
+  }
+
+  orbit(left: number, up: number): void {
+    this.#camera.orbit(left, up);
+  }
+
+  pan(dx: number, dy: number): void {
+    this.#camera.pan(dx, dy);
+  }
+
+  zoom(factor: number): void {
+    this.#camera.zoom(factor);
+  }
+
+  setMouse(style: MouseStyle): void {
+    this.#camera.setMouse(style);
+  }
+
+  setFollow(mode: FollowMode): void {
+    this.#camera.followMode = mode;
+  }
+
+  pick(clientX: number, clientY: number): string | null {
+    return this.#robot.pick(this.#camera.ray(this.#surface.place(clientX, clientY)));
+  }
+
+  tree(): KinematicTree | null {
+    return this.#robot.tree();
+  }
+
+  setLinkLook(link: string, look: LinkLook): void {
+    this.#robot.setLinkLook(link, look);
+  }
+
+  showGhost(joints: ReadonlyMap<string, number> | null, limbs: readonly string[] | null = null): void {
+    this.#robot.showGhost(joints, limbs);
+  }
+
+  showSigns(readings: SignReadings | null, manner?: SignManner, of = this.#robot): void {
+    this.#signs.show(of, readings, manner);
+  }
+
+  get signs(): SeenSigns {
+    return this.signsOf(this.#robot);
+  }
+
+  signsOf(robot: StagedRobot): SeenSigns {
+    return { ...this.#signs.shown(robot), ghostLinks: robot.ghostLinks };
+  }
+
+  lockHeading(locked: boolean): void {
+    this.#robot.lockHeading(locked);
+  }
+
+  linkPoses(): Record<string, number[]> {
+    return this.#robot.linkPoses();
+  }
+
+  /** Never gives up pixels or detail again: for pictures that are kept, where it does not matter how long one takes. */
+  keepSharp(): void {
+    this.#loop.onInterval = null;
+    this.#stamina.forget();
+  }
+
+  dispose(): void {
+    this.#loop.stop();
+    this.#sharpen.callOff();
+    this.#stamina.dispose();
+    this.#camera.dispose();
+    for (const part of this.#parts) part.dispose();
+    this.#line.dispose();
+    this.#placeholders.dispose();
+    this.#environment.dispose();
+    this.#cool();
+    this.#surface.dispose();
+  }
+
+  #placed(): void {
+    const middle = this.#line.middle();
+    if (middle !== null) {
+      const { x, y } = middle;
+      this.#environment.touch(this.#line.boxes);
+      this.#environment.follow(x, y);
+      this.#camera.follow(x, y, this.#line.heading);
+    }
+    for (const part of this.#parts) part.follow?.();
+    this.#drawShadows();
+  }
+
+  #framed(eased: boolean): void {
+    const bounds = this.#line.arrange();
+    if (bounds.isEmpty()) return;
+    this.#camera.frame(bounds, eased);
+    this.#environment.resize(this.#camera.reach);
+    this.#signs.measure();
+    this.#drawShadows();
+  }
+
+  #drawShadows(): void {
+    this.#surface.renderer.shadowMap.needsUpdate = true;
+    this.#loop.request();
+  }
+
+  #resized(width: number, height: number, pixelRatio: number): void {
+    this.#line.setPixelRatio(pixelRatio);
+    if (this.#size.width === width && this.#size.height === height) return;
+    this.#size = { width, height };
+    this.#camera.resize(width, height);
+    this.#signs.setSize(width, height);
+  }
+
+  #draw(): boolean {
+    const { pixels } = this.#stamina;
+    const moving = !this.#loop.resting;
+    if (pixels < 1 && moving) {
+      this.#surface.sharpness = pixels;
+      this.#sharpen.putOff();
+    }
+    this.#signs.prepare();
+    const drawn = this.#surface.render(this.#scene, this.#camera.camera);
+    this.#onDrawn();
+    if (drawn && this.#robot.pose !== null && this.#robot.figure !== null) {
+      markOnce(this.#robot.dressed ? 'posecast:skin' : 'posecast:skeleton');
+      if (this.#robot.dressed) this.#cool();
+    }
+    return drawn;
+  }
+
+  /** This device is slower or faster than it was thought to be. */
+  #keep({ pixels, shadow, lowest }: Step): void {
+    this.#environment.shadowPixels = SHADOW_PIXELS * shadow;
+    if (pixels === 1) this.#surface.sharpness = 1;
+    this.#line.keepCoarse(lowest);
+    this.#drawShadows();
+  }
+}

@@ -1,0 +1,74 @@
+import { Color } from 'three';
+import { SIGN_TONES, type SignTones } from '../overlays/colors.ts';
+
+export type ThemeName = 'dark' | 'light';
+
+/** The colours of the scene. The page's own tokens are repeated here because a canvas can't inherit CSS; the rest are the
+ *  scene's. */
+export interface SceneTheme {
+  /** The page's ground: what the scene fades to. */
+  page: Color;
+  /** The floor where light falls on it, just under the robot. */
+  floor: Color;
+  minorLine: Color;
+  majorLine: Color;
+  /** How dark a full shadow is, 0…1. */
+  shadow: number;
+  /** How dark it is under a sole, 0…1. */
+  contact: number;
+  /** What is drawn about a robot. */
+  signs: SignTones;
+  caution: Color;
+  /** Selection and highlight. */
+  accent: Color;
+  /** Lines of the skeleton. */
+  muted: Color;
+  /** What an old robot's colours drain towards. */
+  stale: Color;
+  sky: Color;
+  bounce: Color;
+  hemisphere: number;
+  key: number;
+  fill: number;
+  exposure: number;
+}
+
+const hex = (value: number) => new Color(value);
+
+function ofSigns(signs: SignTones) {
+  const { caution, accent, muted, stale } = signs;
+  return { signs, caution: hex(caution), accent: hex(accent), muted: hex(muted), stale: hex(stale) };
+}
+
+export const THEMES: Readonly<Record<ThemeName, SceneTheme>> = {
+  dark: {
+    ...ofSigns(SIGN_TONES.dark),
+    page: hex(0x0e1116),
+    floor: hex(0x222a35),
+    minorLine: hex(0x2b3543),
+    majorLine: hex(0x455266),
+    shadow: 0.72,
+    contact: 0.62,
+    sky: hex(0xdfe9f7),
+    bounce: hex(0x39424f),
+    hemisphere: 1.15,
+    key: 2.1,
+    fill: 0.55,
+    exposure: 1,
+  },
+  light: {
+    ...ofSigns(SIGN_TONES.light),
+    page: hex(0xf7f8fa),
+    floor: hex(0xffffff),
+    minorLine: hex(0xe3e7ed),
+    majorLine: hex(0xc3cad4),
+    shadow: 0.3,
+    contact: 0.34,
+    sky: hex(0xffffff),
+    bounce: hex(0xc9ced6),
+    hemisphere: 1.35,
+    key: 1.9,
+    fill: 0.5,
+    exposure: 1,
+  },
+};

@@ -1,0 +1,235 @@
+import {
+  type Color,
+  Loader,
+  LoadingManager,
+  type Material,
+  type Mesh,
+  type MeshStandardMaterial,
+  type Object3D,
+} from 'three';
+import type { BundleFile } from '../../model/bundle.ts';
+import type { MeshNote } from '../../model/mesh_facts.ts';
+import { isAsciiStl, isBinaryStl, MeshError, parseStl, tailBytes } from '../../urdf/stl.ts';
+import { type Welded, weld } from '../../urdf/weld.ts';
+import type { RawFiles } from './raw_robot.ts';
+
+/** One colour of a mesh file, in the file's own frame and in metres. `color` is null where the file names none. */
+export interface MeshPart {
+  surface: Welded;
+  color: Color | null;
+  opacity: number;
+}
+
+export interface LoadedMesh {
+  readonly parts: readonly MeshPart[];
+  /** What had to be read with leniency. */
+  readonly notes: readonly MeshNote[];
+}
+
+export type MeshKind = 'stl' | 'collada' | 'obj' | 'glb';
+
+/** A white pixel: what a Collada texture becomes, as bundles of this version carry none. */
+const WHITE = 'data:image/gif;base64,R0lGODlhAQABAIAAAP///wAAACwAAAAAAQABAAACAkQBADs=';
+
+/** What the bytes are, whatever the file is called. A host that answers an unknown path with its start page would
+ *  otherwise be read as four billion triangles. Throws MeshError. */
+export function meshKind(bytes: Uint8Array): MeshKind {
+  if (new TextDecoder('latin1').decode(bytes.subarray(0, 4)) === 'glTF') return 'glb';
+  if (isBinaryStl(bytes)) return 'stl';
+  const head = new TextDecoder('latin1').decode(bytes.subarray(0, 4096));
+  if (/<COLLADA[\s>]/.test(head)) return 'collada';
+  if (/<!doctype html|<html[\s>]/i.test(head)) throw new MeshError('a web page came instead of a mesh');
+  if (isAsciiStl(bytes)) return 'stl';
+  if (bytes.length === 0) throw new MeshError('empty');
+  if (/^\s*(?:v|mtllib|o|g)\s+\S/m.test(head) && !head.includes('\0')) return 'obj';
+  throw new MeshError('neither STL, Collada, OBJ nor GLB');
+}
+
+/** Mesh files of one bundle, each fetched and read once however many links use it. */
+export class MeshLoader {
+  readonly #files: RawFiles;
+  readonly #meshes = new Map<string, Promise<LoadedMesh>>();
+
+  constructor(files: RawFiles) {
+    this.#files = files;
+  }
+
+  /** Rejects with a one-line Error that names the file. */
+  load(file: BundleFile): Promise<LoadedMesh> {
+    let mesh = this.#meshes.get(file.path);
+    if (mesh === undefined) {
+      mesh = this.#read(file);
+      this.#meshes.set(file.path, mesh);
+    }
+    return mesh;
+  }
+
+  async #parse(bytes: Uint8Array, file: BundleFile): Promise<LoadedMesh> {
+    switch (meshKind(bytes)) {
+      case 'stl':
+        return {
+          parts: [{ surface: weld(parseStl(bytes)), color: null, opacity: 1 }],
+          notes: stlNotes(bytes),
+        };
+      case 'collada':
+        return readCollada(new TextDecoder().decode(bytes));
+      case 'obj':
+        return readObj(
+          new TextDecoder().decode(bytes),
+          async (name) => (await this.#files.beside?.(file, name)) ?? null,
+        );
+      case 'glb':
+        return { parts: await readGlb(bytes), notes: [] };
+    }
+  }
+
+  async #read(file: BundleFile): Promise<LoadedMesh> {
+    const bytes = await this.#files.fetch(file);
+    try {
+      const mesh = await this.#parse(bytes, file);
+      if (mesh.parts.every((part) => part.surface.index.length === 0)) throw new MeshError('no triangles');
+      return mesh;
+    } catch (cause) {
+      const why = cause instanceof Error ? (cause.message.split('\n')[0] ?? '') : String(cause);
+      throw new MeshError(`${file.path}: ${why}`, { cause });
+    }
+  }
+}
+
+/** Nothing that a mesh names is fetched: a picture becomes a white pixel. */
+function offline(): LoadingManager {
+  const manager = new LoadingManager();
+  manager.setURLModifier((url) => (/^(blob|data):/.test(url) ? url : WHITE));
+  return manager;
+}
+
+/** OBJ, in the colours of the MTL that it names where that is there. */
+async function readObj(
+  text: string,
+  beside: (name: string) => Promise<Uint8Array | null>,
+): Promise<LoadedMesh> {
+  const { OBJLoader } = await import('three/addons/loaders/OBJLoader.js');
+  const loader = new OBJLoader(offline());
+  const library = /^\s*mtllib\s+(\S.*?)\s*$/m.exec(text)?.[1];
+  const paints = library === undefined ? null : await beside(library);
+  if (paints !== null) {
+    const { MTLLoader } = await import('three/addons/loaders/MTLLoader.js');
+    loader.setMaterials(new MTLLoader(offline()).parse(new TextDecoder().decode(paints), ''));
+  }
+  const lost = library !== undefined && paints === null;
+  const notes: MeshNote[] = lost
+    ? [['material-file', `its material library '${library.slice(0, 80)}': no such file`]]
+    : [];
+  return { parts: partsOf(loader.parse(text), paints !== null), notes };
+}
+
+/** A GLB that needs no file but itself; its axes are the link's, as with any mesh. */
+async function readGlb(bytes: Uint8Array): Promise<MeshPart[]> {
+  const { GLTFLoader } = await import('three/addons/loaders/GLTFLoader.js');
+  const { MeshoptDecoder } = await import('three/addons/libs/meshopt_decoder.module.js');
+  const loader = new GLTFLoader(offline()).setMeshoptDecoder(MeshoptDecoder);
+  const { scene } = await loader.parseAsync(bytes.slice().buffer, '');
+  return partsOf(scene, true);
+}
+
+/** Collada as RViz reads it: `<unit>` applied, `<up_axis>` ignored (its vertices are in the link's frame already). */
+async function readCollada(text: string): Promise<LoadedMesh> {
+  const { ColladaLoader } = await import('three/addons/loaders/ColladaLoader.js');
+  const scene = new ColladaLoader(offline()).parse(text, '')?.scene;
+  if (scene === undefined) throw new MeshError('no Collada scene');
+  scene.quaternion.identity();
+  scene.position.set(0, 0, 0);
+  return { parts: partsOf(scene, true), notes: colladaNotes(text) };
+}
+
+function stlNotes(bytes: Uint8Array): MeshNote[] {
+  const tail = tailBytes(bytes);
+  return tail === 0 ? [] : [['stl-tail', `${tail} bytes after the last triangle`]];
+}
+
+/** What a Collada file says of itself, and what is made of it. */
+function colladaNotes(text: string): MeshNote[] {
+  const asset = /<asset[\s>].*?<\/asset>/s.exec(text.slice(0, 65_536))?.[0] ?? '';
+  const metre = Number(/<unit\b[^>]*\bmeter\s*=\s*["']([^"']*)["']/.exec(asset)?.[1] ?? 1);
+  const axis = (/<up_axis>([^<]*)</.exec(asset)?.[1] ?? '').trim();
+  const notes: MeshNote[] = [];
+  if (metre !== 1) notes.push(['collada-unit', `its unit is ${metre} m; applied`]);
+  if (axis !== '' && axis !== 'Z_UP')
+    notes.push(['collada-axis', `it says ${axis.slice(0, 10)}; ignored, as RViz does`]);
+  return notes;
+}
+
+/** All meshes of a file in its root's frame, one part for each colour. `colored`: its materials are the file's. */
+function partsOf(scene: Object3D, colored: boolean): MeshPart[] {
+  scene.updateMatrixWorld(true);
+  const groups = new Map<string, { soups: Float32Array[]; color: Color | null; opacity: number }>();
+  scene.traverse((object) => {
+    if (!isMesh(object)) return;
+    const materials = Array.isArray(object.material) ? object.material : [object.material];
+    const whole = { start: 0, count: Number.POSITIVE_INFINITY, materialIndex: 0 };
+    const ranges = materials.length > 1 ? object.geometry.groups : [whole];
+    for (const { start, count, materialIndex } of ranges) {
+      const { color, opacity } = paint(colored ? materials[materialIndex ?? 0] : undefined);
+      const key = color === null ? '' : `${color.getHexString()} ${opacity}`;
+      const group = groups.get(key) ?? { soups: [], color, opacity };
+      group.soups.push(worldSoup(object, start, count));
+      groups.set(key, group);
+    }
+  });
+  return [...groups.values()].map(({ soups, color, opacity }) => ({
+    surface: weld(joined(soups)),
+    color,
+    opacity,
+  }));
+}
+
+function isMesh(object: Object3D): object is Mesh {
+  return (object as Partial<Mesh>).isMesh === true;
+}
+
+function paint(material: Material | undefined): { color: Color | null; opacity: number } {
+  const color =
+    material !== undefined && isFromFile(material) && 'color' in material ? (material.color as Color) : null;
+  // Exporters often write transparency the wrong way round; a body of opacity 0 is never meant.
+  const opacity = color === null || material === undefined || material.opacity <= 0 ? 1 : material.opacity;
+  return { color, opacity };
+}
+
+/** False for what three.js puts where a file names no material: a magenta or a white stand-in. */
+function isFromFile(material: Material): boolean {
+  const { name, type } = material;
+  if (name === Loader.DEFAULT_MATERIAL_NAME) return false;
+  const plain =
+    type === 'MeshStandardMaterial' && (material as MeshStandardMaterial).color.getHex() === 0xffffff;
+  return name !== '' || (type !== 'MeshBasicMaterial' && !plain);
+}
+
+/** Corners of a range of a mesh's triangles, in the frame of the file's root. */
+function worldSoup(mesh: Mesh, start: number, count: number): Float32Array {
+  const position = mesh.geometry.getAttribute('position');
+  const index = mesh.geometry.getIndex();
+  const end = Math.min(start + count, index?.count ?? position.count);
+  const m = mesh.matrixWorld.elements;
+  const soup = new Float32Array(Math.max(0, end - start) * 3);
+  for (let i = start; i < end; i += 1) {
+    const corner = index?.getX(i) ?? i;
+    const x = position.getX(corner);
+    const y = position.getY(corner);
+    const z = position.getZ(corner);
+    const at = (i - start) * 3;
+    soup[at] = m[0]! * x + m[4]! * y + m[8]! * z + m[12]!;
+    soup[at + 1] = m[1]! * x + m[5]! * y + m[9]! * z + m[13]!;
+    soup[at + 2] = m[2]! * x + m[6]! * y + m[10]! * z + m[14]!;
+  }
+  return soup;
+}
+
+function joined(soups: readonly Float32Array[]): Float32Array {
+  const all = new Float32Array(soups.reduce((sum, soup) => sum + soup.length, 0));
+  let at = 0;
+  for (const soup of soups) {
+    all.set(soup, at);
+    at += soup.length;
+  }
+  return all;
+}

@@ -1,0 +1,166 @@
+import type { MeshFacts } from '../model/mesh_facts.ts';
+import { meshFindings } from './doctor_meshes.ts';
+import { type Finding, general, quoted, worstFirst } from './finding.ts';
+import { treeOf } from './tree.ts';
+import { type Joint, type Link, materialOf, SCALAR_TYPES, type Urdf, type Vector } from './types.ts';
+
+/**
+ * What can be read, and is probably not meant: the list and the words of `posecast-edge doctor`
+ * (posecast_edge.model.doctor).
+ */
+
+const TURN = 2 * Math.PI;
+/** m, from one joint to the next: more than that is a unit mistaken. */
+const FAR_M = 10;
+/** rad or m: a limit that large means none. */
+const UNBOUNDED = 1e4;
+/** How far an axis may be from length 1. */
+const UNIT = 1e-3;
+
+type Say = (severity: Finding['severity'], code: string, text: string, line: number | null) => void;
+
+/** Everything, worst first. `missing`: the URIs (meshes, textures) for which there is no file; `meshes`: what the others
+ *  have told by their URIs, null before they are read. */
+export function diagnose(
+  urdf: Urdf,
+  missing: ReadonlySet<string>,
+  meshes: ReadonlyMap<string, MeshFacts> | null,
+): Finding[] {
+  const tree = treeOf(urdf);
+  const found: Finding[] = [...urdf.findings, ...tree.findings];
+  const say: Say = (severity, code, text, line) => found.push({ severity, code, text, line });
+  for (const joint of urdf.joints) examineJoint(joint, say);
+  for (const link of urdf.links) examineLink(link, say);
+  materials(urdf, say);
+  mentions(urdf, say);
+  found.push(...meshFindings(urdf, tree, missing, meshes));
+  return worstFirst(found);
+}
+
+const VARIABLES: Readonly<Record<string, readonly string[]>> = {
+  planar: ['x', 'y', 'theta'],
+  floating: ['trans_x', 'trans_y', 'trans_z', 'rot_x', 'rot_y', 'rot_z', 'rot_w'],
+};
+
+function examineJoint(joint: Joint, say: Say): void {
+  const { type, line, axis } = joint;
+  const what = `joint ${quoted(joint.name)}`;
+  origin(what, joint.xyz, joint.rpy, line, say);
+  const variables = VARIABLES[type];
+  if (variables !== undefined) {
+    const channels = variables.map((variable) => quoted(`${joint.name}/${variable}`)).join(', ');
+    say('hint', 'joint-free', `${what} is ${type}: it moves by channels ${channels}`, line);
+  }
+  if (!SCALAR_TYPES.has(type) && joint.mimic !== null)
+    say('hint', 'mimic-useless', `${what} is ${type} and mimics another`, line);
+  if (type === 'fixed' || type === 'floating') return;
+  if (axis === null) {
+    const more = type === 'planar' ? ': its plane stands upright; a floor is 0 0 1' : '';
+    const severity = type === 'planar' ? 'warning' : 'hint';
+    say(severity, 'axis-missing', `${what} has no axis; the standard says x (1 0 0)${more}`, line);
+  } else {
+    const length = Math.hypot(...axis);
+    if (length < 1e-9) say('error', 'axis-zero', `${what}: its axis is 0 0 0; read as 1 0 0`, line);
+    else if (Math.abs(length - 1) > UNIT) {
+      const text = `${what}: its axis has length ${general(length, 3)}, not 1; other programs scale the motion by it`;
+      say('warning', 'axis-length', text, line);
+    }
+  }
+  if (SCALAR_TYPES.has(type) && type !== 'continuous') limits(joint, what, say);
+}
+
+function limits({ type, limit, line: jointLine }: Joint, what: string, say: Say): void {
+  if (limit === null) {
+    say('warning', 'limit-missing', `${what} is ${type} and has no <limit>`, jointLine);
+    return;
+  }
+  const { line } = limit;
+  if (limit.lower === null && limit.upper === null) {
+    const text = `${what}: a <limit> without lower and upper means 0 to 0: it could not move`;
+    say('warning', 'limit-empty', text, line);
+    return;
+  }
+  const [lower, upper] = [limit.lower ?? 0, limit.upper ?? 0];
+  const shown = `${general(lower)} to ${general(upper)}`;
+  if (lower > upper) say('error', 'limit-reversed', `${what}: lower is above upper: ${shown}`, line);
+  else if (lower === upper)
+    say('warning', 'limit-zero', `${what}: lower and upper are the same: ${shown}`, line);
+  else if (lower > 0 || upper < 0) {
+    const text = `${what}: 0 lies outside its limits, ${shown}: the zero pose can't be taken`;
+    say('hint', 'limit-without-zero', text, line);
+  }
+  const largest = Math.max(Math.abs(lower), Math.abs(upper));
+  if (type === 'revolute' && largest > 2 * TURN && largest < UNBOUNDED)
+    say('warning', 'limit-degrees', `${what}: limits ${shown} rad: are these degrees?`, line);
+  if (type === 'prismatic' && largest > FAR_M && largest < UNBOUNDED)
+    say('warning', 'limit-millimetres', `${what}: limits ${shown} m: are these millimetres?`, line);
+  if ((limit.velocity ?? 0) < 0 || (limit.effort ?? 0) < 0)
+    say('warning', 'limit-negative', `${what}: velocity or effort is below 0`, line);
+}
+
+function origin(what: string, xyz: Vector, rpy: Vector, line: number | null, say: Say): void {
+  const list = (values: Vector) => values.map((value) => general(value)).join(' ');
+  if (Math.max(...rpy.map(Math.abs)) > TURN + 0.01)
+    say('warning', 'origin-degrees', `${what}: rpy ${list(rpy)} rad: are these degrees?`, line);
+  if (Math.max(...xyz.map(Math.abs)) > FAR_M)
+    say('warning', 'origin-far', `${what}: origin ${list(xyz)} m: are these millimetres?`, line);
+}
+
+function examineLink({ name, visuals, inertial }: Link, say: Say): void {
+  for (const { xyz, rpy, line } of visuals) origin(`link ${quoted(name)}, visual`, xyz, rpy, line, say);
+  if (inertial === null) return;
+  const [ixx = 0, ixy = 0, ixz = 0, iyy = 0, iyz = 0, izz = 0] = inertial.moments;
+  if (inertial.mass < 0) {
+    say(
+      'warning',
+      'mass-negative',
+      `link ${quoted(name)}: a mass of ${general(inertial.mass)} kg`,
+      inertial.line,
+    );
+  } else if (
+    Math.min(ixx, iyy, izz) < 0 ||
+    ixx * iyy < ixy * ixy ||
+    ixx * izz < ixz * ixz ||
+    iyy * izz < iyz * iyz
+  ) {
+    say(
+      'hint',
+      'inertia',
+      `link ${quoted(name)}: no body has such an inertia; simulators refuse it`,
+      inertial.line,
+    );
+  }
+}
+
+/** Names that stand for no colour, each once. */
+function materials(urdf: Urdf, say: Say): void {
+  const lines = new Map<string, (number | null)[]>();
+  for (const visual of urdf.links.flatMap((link) => link.visuals)) {
+    const own = visual.material;
+    if (own === null || own.name === '' || own.texture !== null) continue;
+    const found = materialOf(visual, urdf);
+    if (found === null || (found.rgba === null && found.texture === null)) {
+      lines.set(own.name, [...(lines.get(own.name) ?? []), own.line]);
+    }
+  }
+  for (const [name, where] of lines) {
+    const times = where.length > 1 ? `, ${where.length} times` : '';
+    const text = `material ${quoted(name)} has no colour anywhere${times}; grey is shown`;
+    say('hint', 'material-colour', text, where[0] ?? null);
+  }
+}
+
+/** Sensors, transmissions and <gazebo> that speak of what there is not. */
+function mentions({ links: all, joints: moved, sensors, references }: Urdf, say: Say): void {
+  const links = new Set(all.map(({ name }) => name));
+  const joints = new Set(moved.map(({ name }) => name));
+  for (const { name, link, line } of sensors) {
+    if (links.has(link)) continue;
+    const where = link === '' ? 'no link' : `link ${quoted(link)}, which there is not`;
+    say('warning', 'sensor-link', `sensor ${quoted(name)} sits on ${where}`, line);
+  }
+  for (const { what, name, by, line } of references) {
+    if (joints.has(name) || (what !== 'joint' && links.has(name))) continue;
+    say('warning', 'reference', `${by} speaks of ${what} ${quoted(name)}, which there is not`, line);
+  }
+}

@@ -1,0 +1,197 @@
+import { multiply, transform } from '../model/kinematics.ts';
+import { lostMesh, type MeshFacts } from '../model/mesh_facts.ts';
+import { type Finding, general, isPrintable, quoted } from './finding.ts';
+import type { Tree } from './tree.ts';
+import { materialOf, type Shape, type Urdf, type Vector } from './types.ts';
+
+/** What is wrong with a robot's meshes: missing, of another size than meant, or read with leniency
+ *  (posecast_edge.model.doctor_meshes). */
+
+const LARGE_M = 20;
+const SMALL_M = 0.05;
+const SPECK_M = 1e-4;
+const HEAVY_BYTES = 20_000_000;
+
+type Named = readonly [link: string, shape: Shape];
+type Facts = ReadonlyMap<string, MeshFacts>;
+type Say = (severity: Finding['severity'], code: string, text: string, line: number | null) => void;
+type Box = readonly [low: Vector, high: Vector];
+
+/** `missing`: URIs (meshes, pictures) for which there is no file; `read`: what the meshes have told, null before they are. */
+export function meshFindings(
+  urdf: Urdf,
+  tree: Tree,
+  missing: ReadonlySet<string>,
+  read: Facts | null,
+): Finding[] {
+  const found: Finding[] = [];
+  const say: Say = (severity, code, text, line) => found.push({ severity, code, text, line });
+  const shapes = urdf.links.flatMap(({ name, visuals }) =>
+    visuals.flatMap(({ shape }): Named[] => (shape === null ? [] : [[name, shape]])),
+  );
+  if (urdf.links.length > 0 && shapes.length === 0)
+    say('warning', 'nothing-drawn', 'no link has a visual: there is nothing to draw', null);
+  for (const [link, shape] of shapes) scale(link, shape, say);
+  const facts = new Map(read);
+  for (const uri of missing) facts.set(uri, lostMesh('no such file'));
+  files(shapes, facts, say);
+  pictures(urdf, missing, say);
+  if (read === null) return found;
+  for (const [link, shape] of shapes) size(link, shape, facts, say);
+  whole(tree, facts, say);
+  const bytes = [...facts.values()].reduce((sum, fact) => sum + fact.bytes, 0);
+  const triangles = [...facts.values()].reduce((sum, fact) => sum + fact.triangles, 0);
+  if (bytes > HEAVY_BYTES) {
+    const text = `the meshes have ${(bytes / 1e6).toFixed(1)} MB and ${triangles.toLocaleString('en-US')} triangles`;
+    say('hint', 'bundle-size', `${text}; \`posecast-edge model build\` makes them small`, null);
+  }
+  return found;
+}
+
+function scale(link: string, shape: Shape, say: Say): void {
+  if (shape.kind !== 'mesh') return;
+  const [x, y, z] = shape.scale;
+  if (x * y * z < 0) {
+    const text = `link ${quoted(link)}: a mirrored mesh (negative scale); some programs turn it inside out`;
+    say('hint', 'scale-mirrored', text, shape.line);
+  }
+  const sizes = shape.scale.map(Math.abs);
+  if (Math.max(...sizes) > 1.01 * Math.min(...sizes)) {
+    const by = shape.scale.map((value) => general(value)).join(' ');
+    say('hint', 'scale-uneven', `link ${quoted(link)}: a mesh stretched by ${by}`, shape.line);
+  }
+}
+
+/** Once for each file, or for each kind of note. */
+function files(shapes: readonly Named[], facts: Facts, say: Say): void {
+  const users = new Map<string, Named[]>();
+  for (const named of shapes) {
+    const { uri } = named[1];
+    if (uri === '') continue;
+    const by = users.get(uri) ?? [];
+    by.push(named);
+    users.set(uri, by);
+  }
+  const lenient = new Map<string, { code: string; text: string; uris: string[] }>();
+  for (const [uri, by] of users) {
+    const fact = facts.get(uri);
+    if (fact === undefined) continue;
+    const [link, { line }] = by[0]!;
+    if (fact.reason !== null) {
+      const others = by.some(([other]) => other !== link) ? ' and others' : '';
+      const code = fact.reason === 'no such file' ? 'mesh-missing' : 'mesh-broken';
+      say('error', code, `mesh ${quoted(uri)} of link ${quoted(link)}${others}: ${shown(fact.reason)}`, line);
+    }
+    for (const [code, text] of fact.notes) {
+      const key = JSON.stringify([code, text]);
+      const note = lenient.get(key) ?? { code, text, uris: [] };
+      note.uris.push(uri);
+      lenient.set(key, note);
+    }
+  }
+  for (const { code, text, uris } of lenient.values()) {
+    const first = uris[0]!;
+    const more = uris.length > 1 ? ` and ${uris.length - 1} more` : '';
+    say('hint', code, `mesh ${quoted(first)}${more}: ${shown(text)}`, users.get(first)![0]![1].line);
+  }
+}
+
+/** Words that may hold a part of a stranger's file. */
+const shown = (text: string) => [...text].map((c) => (isPrintable(c) ? c : '�')).join('');
+
+/** Pictures that the URDF itself names, and that can't be shown. */
+function pictures(urdf: Urdf, missing: ReadonlySet<string>, say: Say): void {
+  const told = new Set<string>();
+  for (const { name, visuals } of urdf.links) {
+    for (const visual of visuals) {
+      const material = visual.shape === null ? null : materialOf(visual, urdf);
+      if (material?.texture == null || !missing.has(material.texture) || told.has(material.texture)) continue;
+      told.add(material.texture);
+      const text = `texture ${quoted(material.texture)} of link ${quoted(name)}: no such file`;
+      say('error', 'texture-missing', text, material.line);
+    }
+  }
+}
+
+function size(link: string, shape: Shape, facts: Facts, say: Say): void {
+  const box = boxOf(shape, facts);
+  if (box === null) return;
+  const longest = Math.max(...box[1].map((high, i) => high - box[0][i]!));
+  const what = `link ${quoted(link)}: its ${shape.kind}`;
+  if (longest > LARGE_M) {
+    const advice = shape.kind === 'mesh' ? ': millimetres? scale="0.001 0.001 0.001"' : '';
+    say('warning', 'mesh-large', `${what} is ${general(longest, 3)} m long${advice}`, shape.line);
+  } else if (longest < SPECK_M) {
+    say('warning', 'mesh-small', `${what} is only ${general(longest, 3)} m long`, shape.line);
+  }
+}
+
+/** The robot's size with all joints at 0. */
+function whole({ root, joints, links }: Tree, facts: Facts, say: Say): void {
+  if (root === null) return;
+  const poses = new Map([[root.name, poseOf({ xyz: [0, 0, 0], rpy: [0, 0, 0] })]]);
+  for (const joint of joints) poses.set(joint.child, product(poses.get(joint.parent)!, poseOf(joint)));
+  const low = [Infinity, Infinity, Infinity];
+  const high = [-Infinity, -Infinity, -Infinity];
+  for (const [name, pose] of poses) {
+    for (const visual of links.get(name)?.visuals ?? []) {
+      const box = visual.shape === null ? null : boxOf(visual.shape, facts);
+      if (box === null) continue;
+      const at = product(pose, poseOf(visual));
+      for (let corner = 0; corner < 8; corner += 1) {
+        const [x, y, z] = [0, 1, 2].map((i) => box[(corner >> i) & 1]![i]!) as [number, number, number];
+        for (let i = 0; i < 3; i += 1) {
+          const value = at[i]! * x + at[i + 4]! * y + at[i + 8]! * z + at[i + 12]!;
+          low[i] = Math.min(low[i]!, value);
+          high[i] = Math.max(high[i]!, value);
+        }
+      }
+    }
+  }
+  const largest = Math.max(...high.map((value, i) => value - low[i]!));
+  if (largest > LARGE_M) {
+    const text = `the robot is ${general(largest, 3)} m large: are its meshes or origins in millimetres?`;
+    say('warning', 'robot-large', text, null);
+  } else if (largest >= 0 && largest < SMALL_M) {
+    say(
+      'warning',
+      'robot-small',
+      `the robot is only ${general(largest, 3)} m large: is it scaled twice?`,
+      null,
+    );
+  }
+}
+
+/** In the visual's axes, m; null for a mesh that nobody has. */
+function boxOf({ kind, uri, scale: by, dims }: Shape, facts: Facts): Box | null {
+  if (kind === 'mesh') {
+    const fact = facts.get(uri);
+    if (fact === undefined || fact.reason !== null) return null;
+    const ends = by.map((factor, i) => [fact.low[i]! * factor, fact.high[i]! * factor]);
+    const edge = (pick: (...ends: number[]) => number) =>
+      ends.map((both) => pick(...both)) as [number, number, number];
+    return [edge(Math.min), edge(Math.max)];
+  }
+  const [first = 0, second = 0, third = 0] = dims;
+  const upright = { box: third / 2, sphere: first, cylinder: second / 2, capsule: second / 2 + first }[kind];
+  const half = kind === 'box' ? [first / 2, second / 2, upright] : [first, first, upright];
+  return [half.map((value) => -value), half] as unknown as Box;
+}
+
+/** parent_from_this, column after column. */
+function poseOf({ xyz, rpy }: { readonly xyz: Vector; readonly rpy: Vector }): number[] {
+  const [cr, cp, cy] = rpy.map((angle) => Math.cos(angle / 2)) as [number, number, number];
+  const [sr, sp, sy] = rpy.map((angle) => Math.sin(angle / 2)) as [number, number, number];
+  return transform(xyz, [
+    cr * cp * cy + sr * sp * sy,
+    sr * cp * cy - cr * sp * sy,
+    cr * sp * cy + sr * cp * sy,
+    cr * cp * sy - sr * sp * cy,
+  ]);
+}
+
+function product(a: readonly number[], b: readonly number[]): number[] {
+  const out = new Float64Array(16);
+  multiply(out, 0, a, 0, b, 0);
+  return [...out];
+}

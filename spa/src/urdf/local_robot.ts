@@ -1,0 +1,194 @@
+import type { BundleFile, RawManifest } from '../model/bundle.ts';
+import type { MeshFacts } from '../model/mesh_facts.ts';
+import { diagnose } from './doctor.ts';
+import { DropError, type LocalFiles, tidyPath } from './dropped_files.ts';
+import type { Finding } from './finding.ts';
+import { readUrdf } from './reader.ts';
+import { materialOf, SCALAR_TYPES, type Urdf } from './types.ts';
+import { readXml, XmlRefused } from './xml.ts';
+
+/** A robot from dropped files, as the scene takes a raw bundle. */
+export interface LocalRobot {
+  readonly name: string;
+  /** The URDF's path among the files. */
+  readonly path: string;
+  readonly manifest: RawManifest;
+  readonly fetch: (file: BundleFile) => Promise<Uint8Array>;
+  /** What a mesh names, an OBJ's materials; null where it is not among the files. */
+  readonly beside: (file: BundleFile, name: string) => Promise<Uint8Array | null>;
+  readonly joints: readonly SliderJoint[];
+  /** What is wrong with it, worst first. `meshes`: what they have told by their URIs; null before they are read. */
+  findings(meshes: ReadonlyMap<string, MeshFacts> | null): Finding[];
+}
+
+/** A joint that a slider can move. */
+export interface SliderJoint {
+  readonly name: string;
+  readonly unit: 'rad' | 'm';
+  readonly lower: number;
+  readonly upper: number;
+}
+
+const MAX_URDF_BYTES = 8 << 20;
+const MAX_CHOICES = 50;
+
+/** Paths of the URDFs, the likeliest first: nearest to the top, then the largest. Throws a DropError when there is none. */
+export function urdfsIn(files: LocalFiles): string[] {
+  const depth = (path: string) => path.split('/').length;
+  const found = [...files.keys()]
+    .filter((path) => /\.urdf$/i.test(path))
+    .sort((a, b) => depth(a) - depth(b) || files.get(b)!.size - files.get(a)!.size)
+    .slice(0, MAX_CHOICES);
+  if (found.length > 0) return found;
+  const template = [...files.keys()].find((name) => /\.xacro$/i.test(name));
+  if (template !== undefined)
+    throw new DropError(`${template} is a template: run xacro on it first.`, {
+      why: 'dropTemplate',
+      path: template,
+    });
+  throw new DropError('No .urdf among these files.', { why: 'dropNoUrdf' });
+}
+
+/** Reads one URDF and finds what it names. Throws a DropError of one line. */
+export async function openLocal(files: LocalFiles, path: string): Promise<LocalRobot> {
+  const urdf = await readFile(files, path);
+  const own = { path, uri: path, size: files.get(path)!.size };
+  const named = new Map<string, BundleFile>([[path, own]]);
+  const missing = new Set<string>();
+  const finder = new Finder(files, path);
+  for (const uri of urisOf(urdf)) {
+    const found = finder.find(uri);
+    if (found === null) missing.add(uri);
+    else named.set(uri, { path: found, uri, size: files.get(found)!.size });
+  }
+  return {
+    name: urdf.name || path,
+    path,
+    manifest: { urdf: own, files: named, missing },
+    fetch: (file) => files.get(file.path)!.bytes(),
+    beside: async (file, name) => {
+      const found = new Finder(files, file.path).find(name);
+      return found === null ? null : files.get(found)!.bytes();
+    },
+    joints: slidersOf(urdf),
+    findings: (meshes) => diagnose(urdf, missing, meshes),
+  };
+}
+
+async function readFile(files: LocalFiles, path: string): Promise<Urdf> {
+  const file = files.get(path)!;
+  if (file.size > MAX_URDF_BYTES)
+    throw new DropError(`${path}: larger than 8 MiB`, { why: 'dropTooLarge', path });
+  try {
+    return readUrdf(readXml(new TextDecoder().decode(await file.bytes())));
+  } catch (cause) {
+    if (!(cause instanceof XmlRefused)) throw cause;
+    const where = cause.line === null ? path : `${path}, line ${cause.line}`;
+    throw new DropError(
+      `${where}: ${cause.message}`,
+      { why: 'dropUnreadable', path: where, what: cause.message },
+      { cause },
+    );
+  }
+}
+
+/** Meshes that are drawn, and pictures on them. */
+function urisOf(urdf: Urdf): Set<string> {
+  const uris = new Set<string>();
+  for (const visual of urdf.links.flatMap(({ visuals }) => visuals)) {
+    if (visual.shape !== null && visual.shape.uri !== '') uris.add(visual.shape.uri);
+    const texture = materialOf(visual, urdf)?.texture ?? null;
+    if (texture !== null) uris.add(texture);
+  }
+  return uris;
+}
+
+/** What of a joint of several values a slider can move; a rotation in space it can't. */
+const SLIDERS: Readonly<Record<string, readonly (readonly [variable: string, unit: 'rad' | 'm'])[]>> = {
+  planar: [
+    ['x', 'm'],
+    ['y', 'm'],
+    ['theta', 'rad'],
+  ],
+  floating: [
+    ['trans_x', 'm'],
+    ['trans_y', 'm'],
+    ['trans_z', 'm'],
+  ],
+};
+const REACH = { rad: Math.PI, m: 1 } as const;
+
+/** Every joint that moves by itself; limits that make no sense are as good as none. */
+function slidersOf({ joints }: Urdf): SliderJoint[] {
+  return joints.flatMap(({ name, type, limit, mimic }): SliderJoint[] => {
+    const several = SLIDERS[type];
+    if (several !== undefined)
+      return several.map(([variable, unit]) => ({
+        name: `${name}/${variable}`,
+        unit,
+        lower: -REACH[unit],
+        upper: REACH[unit],
+      }));
+    if (mimic !== null || !SCALAR_TYPES.has(type)) return [];
+    const [lower, upper] = [limit?.lower ?? 0, limit?.upper ?? 0];
+    const sound = type !== 'continuous' && lower < upper;
+    const unit = type === 'prismatic' ? 'm' : 'rad';
+    return [
+      {
+        name,
+        unit,
+        lower: sound ? Math.min(lower, 0) : -REACH[unit],
+        upper: sound ? Math.max(upper, 0) : REACH[unit],
+      },
+    ];
+  });
+}
+
+/** Finds what a URDF names, whatever its package is called: by the longest end of the path that exists. */
+class Finder {
+  readonly #byLowerCase = new Map<string, string>();
+  /** A file's own name → the paths of all that are called so, part by part. */
+  readonly #byName = new Map<string, { readonly parts: readonly string[]; readonly path: string }[]>();
+  readonly #folder: string;
+
+  constructor(files: LocalFiles, urdf: string) {
+    for (const path of files.keys()) this.#byLowerCase.set(path.toLowerCase(), path);
+    for (const [lower, path] of this.#byLowerCase) {
+      const parts = lower.split('/');
+      const name = parts.at(-1)!;
+      const namesakes = this.#byName.get(name) ?? [];
+      namesakes.push({ parts, path });
+      this.#byName.set(name, namesakes);
+    }
+    this.#folder = urdf.includes('/') ? urdf.slice(0, urdf.lastIndexOf('/')) : '';
+  }
+
+  find(uri: string): string | null {
+    const bare = decoded(uri.replace(/^(package|file|model):\/*/i, ''));
+    const relative = tidyPath(`${this.#folder}/${bare}`);
+    const exact = relative === null ? undefined : this.#byLowerCase.get(relative.toLowerCase());
+    if (exact !== undefined) return exact;
+    const parts = (tidyPath(bare) ?? '').toLowerCase().split('/');
+    let best: string | null = null;
+    let most = 0;
+    for (const { parts: own, path } of this.#byName.get(parts.at(-1)!) ?? []) {
+      const same = sameAtEnd(own, parts);
+      if (same > most) [best, most] = [path, same];
+    }
+    return best;
+  }
+}
+
+function sameAtEnd(a: readonly string[], b: readonly string[]): number {
+  let same = 0;
+  while (same < a.length && same < b.length && a.at(-1 - same) === b.at(-1 - same)) same += 1;
+  return same;
+}
+
+function decoded(text: string): string {
+  try {
+    return decodeURIComponent(text);
+  } catch {
+    return text;
+  }
+}

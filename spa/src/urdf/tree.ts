@@ -1,0 +1,158 @@
+import { type Finding, quoted } from './finding.ts';
+import { type Joint, type Link, SCALAR_TYPES, type Urdf } from './types.ts';
+
+/** How a URDF's links and joints hang together (posecast_edge.model.tree). */
+export interface Tree {
+  /** null when no link is one. */
+  readonly root: Link | null;
+  /** Those below the root, each parent before its children. */
+  readonly joints: readonly Joint[];
+  /** By name, also those that hang on nothing; of doubles the first. */
+  readonly links: ReadonlyMap<string, Link>;
+  /** What does not hang together. */
+  readonly findings: readonly Finding[];
+}
+
+export function treeOf(urdf: Urdf): Tree {
+  const findings: Finding[] = [];
+  const say = (code: string, text: string, line: number | null) =>
+    findings.push({ severity: 'error', code, text, line });
+  const links = uniqueLinks(urdf, say);
+  const below = jointsByParent(urdf, links, say);
+  const held = new Set([...below.values()].flat().map(({ child }) => child));
+  const trees = new Map(
+    [...links.keys()].filter((name) => !held.has(name)).map((name) => [name, walk(name, below)]),
+  );
+  let root: string | null = null;
+  let order: readonly Joint[] = [];
+  if (links.size === 0) {
+    say('no-links', 'there is no link in it', null);
+  } else if (trees.size === 0) {
+    const [first] = links.values();
+    say('no-root', 'no link is the root: the joints go round in a circle', first?.line ?? null);
+  } else {
+    for (const [name, joints] of trees)
+      if (root === null || joints.length > order.length) [root, order] = [name, joints];
+    nameTheRest(root ?? '', trees, links, say);
+  }
+  mimics(urdf, order, say);
+  return { root: links.get(root ?? '') ?? null, joints: order, links, findings };
+}
+
+type Say = (code: string, text: string, line: number | null) => void;
+
+function uniqueLinks(urdf: Urdf, say: Say): Map<string, Link> {
+  const links = new Map<string, Link>();
+  for (const link of urdf.links) {
+    const first = links.get(link.name);
+    if (first === undefined) links.set(link.name, link);
+    else
+      say(
+        'link-doubled',
+        `link ${quoted(link.name)} stands twice (first in line ${first.line}); the first counts`,
+        link.line,
+      );
+  }
+  return links;
+}
+
+function jointsByParent(urdf: Urdf, links: ReadonlyMap<string, Link>, say: Say): Map<string, Joint[]> {
+  const below = new Map<string, Joint[]>();
+  const names = new Map<string, Joint>();
+  const held = new Map<string, Joint>();
+  for (const joint of urdf.joints) {
+    const what = `joint ${quoted(joint.name)}`;
+    const { parent, child } = joint;
+    const first = names.get(joint.name);
+    const other = held.get(child);
+    const problem =
+      first !== undefined
+        ? ['joint-doubled', `${what} stands twice (first in line ${first.line})`]
+        : parent !== '' && !links.has(parent)
+          ? ['joint-parent', `${what}: there is no parent link ${quoted(parent)}`]
+          : child !== '' && !links.has(child)
+            ? ['joint-child', `${what}: there is no child link ${quoted(child)}`]
+            : parent !== '' && parent === child
+              ? ['loop', `${what} joins link ${quoted(parent)} to itself`]
+              : other !== undefined
+                ? [
+                    'two-parents',
+                    `link ${quoted(child)} is child of two joints, ${quoted(other.name)} and ${quoted(joint.name)}`,
+                  ]
+                : null;
+    if (first === undefined) names.set(joint.name, joint);
+    if (problem !== null) {
+      say(problem[0]!, `${problem[1]}; this joint is left out`, joint.line);
+    } else if (parent !== '' && child !== '') {
+      held.set(child, joint); // the reader has named a joint without ends
+      const siblings = below.get(parent) ?? [];
+      siblings.push(joint);
+      below.set(parent, siblings);
+    }
+  }
+  return below;
+}
+
+/** Depth first, in the file's order; each parent before its children. */
+function walk(root: string, below: ReadonlyMap<string, readonly Joint[]>): Joint[] {
+  const order: Joint[] = [];
+  const waiting = [...(below.get(root) ?? [])].reverse();
+  for (let joint = waiting.pop(); joint !== undefined; joint = waiting.pop()) {
+    order.push(joint);
+    waiting.push(...[...(below.get(joint.child) ?? [])].reverse());
+  }
+  return order;
+}
+
+function nameTheRest(
+  root: string,
+  trees: ReadonlyMap<string, readonly Joint[]>,
+  links: ReadonlyMap<string, Link>,
+  say: Say,
+): void {
+  const reached = new Set(trees.keys());
+  for (const [other, joints] of trees) {
+    for (const { child } of joints) reached.add(child);
+    if (other === root) continue;
+    const size = joints.length > 0 ? ` with the ${joints.length} below it` : '';
+    const text = `link ${quoted(other)}${size} hangs on nothing (the root is ${quoted(root)}); not shown`;
+    say('several-roots', text, links.get(other)?.line ?? null);
+  }
+  const lost = [...links.values()].filter(({ name }) => !reached.has(name));
+  if (lost.length === 0) return;
+  const names = lost.slice(0, 4).map(({ name }) => quoted(name));
+  say('loop', `joints go round in a circle: ${names.join(', ')}; not shown`, lost[0]?.line ?? null);
+}
+
+function mimics(urdf: Urdf, order: readonly Joint[], say: Say): void {
+  const shown = new Map(order.map((joint) => [joint.name, joint]));
+  const known = new Set(urdf.joints.map(({ name }) => name));
+  for (const joint of order) {
+    if (joint.mimic === null || !SCALAR_TYPES.has(joint.type)) continue; // the doctor names the others
+    const problem = whyNoLeader(joint, shown, known);
+    if (problem !== null) say(problem[0], `joint ${quoted(joint.name)} ${problem[1]}`, joint.mimic.line);
+  }
+}
+
+function whyNoLeader(
+  joint: Joint,
+  shown: ReadonlyMap<string, Joint>,
+  known: ReadonlySet<string>,
+): readonly [code: string, text: string] | null {
+  const seen = new Set([joint.name]);
+  let at = joint;
+  while (at.mimic !== null) {
+    const target = at.mimic.joint;
+    if (seen.has(target)) return ['mimic-loop', `mimics in a circle, over ${quoted(target)}`];
+    const next = shown.get(target);
+    if (next === undefined) {
+      const why = known.has(target) ? ', which is left out' : ', which there is not';
+      return ['mimic-unknown', `mimics joint ${quoted(target)}${why}`];
+    }
+    at = next;
+    seen.add(target);
+  }
+  if (SCALAR_TYPES.has(at.type)) return null;
+  const lack = at.type === 'fixed' ? 'no value' : 'more than one value';
+  return ['mimic-fixed', `mimics the ${at.type} joint ${quoted(at.name)}, which has ${lack}`];
+}
