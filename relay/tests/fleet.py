@@ -19,12 +19,12 @@ from posecast_relay.adapters.pump import Pump
 from posecast_relay.adapters.redis_gateway import RedisGateway
 from posecast_relay.adapters.store_memory import MemoryStore
 from posecast_relay.adapters.store_redis import RedisStore
-from posecast_relay.core.delay import DelayedHub
+from posecast_relay.core.delayed_hub import DelayedHub
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
-from posecast_relay.core.policy import PUBLIC
-from posecast_relay.core.stream import Stream
-from posecast_relay.core.viewer import Viewer
+from posecast_relay.core.policy.policy import PUBLIC
+from posecast_relay.core.state.stream import Stream
+from posecast_relay.core.viewer.viewer import Viewer
 from posecast_relay.listing import robot_summary
 
 from .page import Page

@@ -26,10 +26,10 @@ from posecast_relay.adapters.origins import may_show
 from posecast_relay.adapters.pump import Pump
 from posecast_relay.adapters.store_memory import MemoryStore
 from posecast_relay.adapters.websocket import live_protocol, short_text
-from posecast_relay.core import messages
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
-from posecast_relay.core.share_link import read_link
+from posecast_relay.core.policy.share_link import read_link
+from posecast_relay.core.viewer import messages
 from posecast_relay.logs import visible
 from posecast_relay.plain_json import json_bytes
 from posecast_relay.robots_file import read_robots

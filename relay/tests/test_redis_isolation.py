@@ -12,9 +12,9 @@ from posecast_relay.adapters.redis_ear import Ear
 from posecast_relay.adapters.redis_gateway import RedisGateway
 from posecast_relay.adapters.store_redis import RedisStore
 from posecast_relay.core.hub import Hub
-from posecast_relay.core.robot import Robot
-from posecast_relay.core.secondhand import Secondhand
-from posecast_relay.core.stream import Stream
+from posecast_relay.core.replica_feed import Secondhand
+from posecast_relay.core.state.robot import Robot
+from posecast_relay.core.state.stream import Stream
 
 from .fleet import HZ
 from .histories import History

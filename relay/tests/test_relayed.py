@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from posecast_relay.adapters.relayed import BYTES_MAX, pack, unpack, unpack_events, unpack_state
-from posecast_relay.core.told import Standing, Update
+from posecast_relay.core.replica_messages import Standing, Update
 
 EVENT = '{"type":"event","n":1}'
 UPDATE = Update("public", 2, 0xE, "p:1", "p:1", 0.25, ((5, b"abc"), (6, b"")), (EVENT,), 7.5)

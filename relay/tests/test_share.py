@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 from posecast_relay.core.limits import Limits
-from posecast_relay.core.share import OVER_FOR_S, Share, TokenBucket
-from posecast_relay.core.stream import Fate
+from posecast_relay.core.state.share import OVER_FOR_S, Share, TokenBucket
+from posecast_relay.core.state.stream import Fate
 
 from .sim import UNIX_S, World
 

@@ -34,11 +34,11 @@ from posecast_relay.adapters.store_memory import MemoryStore
 from posecast_relay.adapters.tokens import Tokens, Unverifiable
 from posecast_relay.adapters.websocket import live_protocol
 from posecast_relay.app import make_app
-from posecast_relay.core.delay import DelayedHub
+from posecast_relay.core.delayed_hub import DelayedHub
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
-from posecast_relay.core.policy import Audience, Policy, Rule, Who
-from posecast_relay.core.share_link import make_link
+from posecast_relay.core.policy.policy import Audience, Policy, Rule, Who
+from posecast_relay.core.policy.share_link import make_link
 from posecast_wire import Close
 
 from .sim import Edge, schema

@@ -15,10 +15,10 @@ from itertools import count
 
 from posecast_relay.cli import main
 from posecast_relay.core.actions import Action
-from posecast_relay.core.room import Group, Room
-from posecast_relay.core.runs import Runs
-from posecast_relay.core.stream import Fate, Held, Stream
-from posecast_relay.core.viewer import Viewer
+from posecast_relay.core.state.room import Group, Room
+from posecast_relay.core.state.runs import Runs
+from posecast_relay.core.state.stream import Fate, Held, Stream
+from posecast_relay.core.viewer.viewer import Viewer
 from posecast_wire import parse_header
 from posecast_wire.frame import TAG_PLAIN, Header
 

@@ -17,7 +17,7 @@ from posecast_relay.adapters.models import Absent, Models, Unavailable
 from posecast_relay.adapters.packed import Packed
 from posecast_relay.adapters.pump import Pump
 from posecast_relay.asker import OPEN, asker, granted, shown_to
-from posecast_relay.core.policy import ANYONE
+from posecast_relay.core.policy.policy import ANYONE
 from posecast_relay.listing import robot_document, robots_document
 from posecast_relay.model_answer import model_answer
 from posecast_relay.page import Page

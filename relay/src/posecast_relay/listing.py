@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 from posecast_relay.adapters.access import Access
-from posecast_relay.core.policy import PUBLIC, Grant, Who
-from posecast_relay.core.robot import Robot
-from posecast_relay.core.room import Room
+from posecast_relay.core.policy.policy import PUBLIC, Grant, Who
+from posecast_relay.core.state.robot import Robot
+from posecast_relay.core.state.room import Room
 from posecast_relay.plain_json import json_bytes
 
 VEILED = {"age_ms": None, "seq": None, "hz": None, "model": None}

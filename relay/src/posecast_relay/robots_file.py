@@ -25,7 +25,7 @@ from posecast_wire import check_name
 from posecast_wire.credential import SECRET
 
 from posecast_relay.adapters.origins import ORIGIN
-from posecast_relay.core.policy import DELAY_MAX_S, PUBLIC, Audience, Policy, Rule
+from posecast_relay.core.policy.policy import DELAY_MAX_S, PUBLIC, Audience, Policy, Rule
 
 BYTES_MAX = 4_000_000
 ROBOT_FIELDS = ("secret", "expires", "link_key", *(str(audience.value) for audience in Audience))

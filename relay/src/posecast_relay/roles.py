@@ -18,8 +18,8 @@ from posecast_relay.adapters.pump import Pump
 from posecast_relay.adapters.zenoh_door import Door
 from posecast_relay.adapters.zenoh_ingest import ZenohIngest
 from posecast_relay.config import Settings
-from posecast_relay.core.policy import PUBLIC
-from posecast_relay.core.robot import Robot
+from posecast_relay.core.policy.policy import PUBLIC
+from posecast_relay.core.state.robot import Robot
 from posecast_relay.listing import robot_summary
 
 

@@ -38,7 +38,7 @@ from posecast_relay.adapters.zenoh_refusals import Refusals
 from posecast_relay.adapters.zenoh_session import Gate, ListenError
 from posecast_relay.app import make_app
 from posecast_relay.config import Settings, StartError
-from posecast_relay.core.delay import DelayedHub
+from posecast_relay.core.delayed_hub import DelayedHub
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
 from posecast_relay.listener import BACKLOG, listen

@@ -9,9 +9,9 @@ from weakref import WeakKeyDictionary
 from posecast_wire import MISSING, Frame
 
 from posecast_relay.adapters.decoded import Decoded, field_values
-from posecast_relay.core.robot import Robot
-from posecast_relay.core.room import Room
-from posecast_relay.core.stream import Stream
+from posecast_relay.core.state.robot import Robot
+from posecast_relay.core.state.room import Room
+from posecast_relay.core.state.stream import Stream
 from posecast_relay.plain_json import json_bytes
 
 DECODE_S = 0.1  # at most ten times a second, however many ask

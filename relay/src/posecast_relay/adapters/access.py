@@ -14,12 +14,12 @@ from posecast_relay.adapters.boundary import FAULT
 from posecast_relay.adapters.origins import may_show
 from posecast_relay.adapters.pump import Pump
 from posecast_relay.adapters.tokens import Tokens, Unverifiable
-from posecast_relay.core.delay import DelayedHub
-from posecast_relay.core.policy import ANYONE, Audience, Grant, Policy, Who
-from posecast_relay.core.robot import Robot
-from posecast_relay.core.room import Room
-from posecast_relay.core.stream import Stream
-from posecast_relay.core.viewer import Viewer
+from posecast_relay.core.delayed_hub import DelayedHub
+from posecast_relay.core.policy.policy import ANYONE, Audience, Grant, Policy, Who
+from posecast_relay.core.state.robot import Robot
+from posecast_relay.core.state.room import Room
+from posecast_relay.core.state.stream import Stream
+from posecast_relay.core.viewer.viewer import Viewer
 
 log = logging.getLogger("posecast_relay")
 

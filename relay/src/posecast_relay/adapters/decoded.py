@@ -8,7 +8,7 @@ from weakref import WeakKeyDictionary
 
 from posecast_wire import MISSING, DecodedFrame, Decoder, Field, Frame, FrameError, Schema
 
-from posecast_relay.core.stream import Held, Stream
+from posecast_relay.core.state.stream import Held, Stream
 from posecast_relay.plain_json import json_bytes
 
 # Decoding takes a microsecond a channel, in the turn of the loop in which all viewers are served.

@@ -7,7 +7,7 @@ from firebase_admin import auth, credentials, exceptions
 from google.auth.credentials import AnonymousCredentials
 
 from posecast_relay.adapters.tokens import Unverifiable
-from posecast_relay.core.policy import Audience, Who
+from posecast_relay.core.policy.policy import Audience, Who
 
 
 class _Nobody(credentials.Base):  # type: ignore[misc]

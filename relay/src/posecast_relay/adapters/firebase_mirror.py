@@ -24,7 +24,7 @@ from google.auth.credentials import Credentials
 from posecast_relay.adapters.access import Access
 from posecast_relay.core.breaker import Breaker
 from posecast_relay.core.mirror import HZ, Change, Mirror, Shown
-from posecast_relay.core.policy import ANYONE, Grant
+from posecast_relay.core.policy.policy import ANYONE, Grant
 
 log = logging.getLogger("posecast_relay")
 

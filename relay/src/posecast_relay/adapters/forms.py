@@ -12,8 +12,8 @@ import re
 from typing import Protocol
 
 from posecast_relay.adapters.decoded import Decoded
-from posecast_relay.core import messages
-from posecast_relay.core.stream import Stream
+from posecast_relay.core.state.stream import Stream
+from posecast_relay.core.viewer import messages
 
 TEXT, BINARY = 1, 2  # WebSocket opcodes
 LINE_END = re.compile(r"\r\n|\r|\n")

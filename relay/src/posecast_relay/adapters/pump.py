@@ -16,9 +16,9 @@ from posecast_relay.adapters.store import StateStore
 from posecast_relay.core.actions import Action, Ask, Cut, End, Fault, Keep, Send, Verify, Watch
 from posecast_relay.core.histogram import Histogram
 from posecast_relay.core.hub import Hub
-from posecast_relay.core.load import NO_CEILING
-from posecast_relay.core.stream import Stream
-from posecast_relay.core.viewer import Viewer
+from posecast_relay.core.load_shedder import NO_CEILING
+from posecast_relay.core.state.stream import Stream
+from posecast_relay.core.viewer.viewer import Viewer
 
 log = logging.getLogger("posecast_relay")
 

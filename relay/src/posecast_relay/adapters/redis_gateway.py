@@ -27,10 +27,10 @@ from posecast_relay.adapters.redis_link import (
 from posecast_relay.adapters.relayed import unpack, unpack_state
 from posecast_relay.core.actions import Action, Fault
 from posecast_relay.core.histogram import Histogram
-from posecast_relay.core.policy import PUBLIC
-from posecast_relay.core.secondhand import Secondhand
-from posecast_relay.core.stream import Fate, Stream
-from posecast_relay.core.told import Standing, State
+from posecast_relay.core.policy.policy import PUBLIC
+from posecast_relay.core.replica_feed import Secondhand
+from posecast_relay.core.replica_messages import Standing, State
+from posecast_relay.core.state.stream import Fate, Stream
 
 log = logging.getLogger("posecast_relay")
 

@@ -15,10 +15,10 @@ from posecast_relay.adapters.redis_link import (
     writer_key,
 )
 from posecast_relay.adapters.relayed import dump, pack, unpack
-from posecast_relay.core.robot import Robot
-from posecast_relay.core.runs import RETURN_AFTER_S
-from posecast_relay.core.stream import Held, Stream
-from posecast_relay.core.told import Standing, Update
+from posecast_relay.core.replica_messages import Standing, Update
+from posecast_relay.core.state.robot import Robot
+from posecast_relay.core.state.runs import RETURN_AFTER_S
+from posecast_relay.core.state.stream import Held, Stream
 
 
 class Written(NamedTuple):

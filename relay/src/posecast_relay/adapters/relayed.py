@@ -14,7 +14,7 @@ from typing import Any
 from posecast_wire import Snapshot, check_name
 from posecast_wire.checked import loads
 
-from posecast_relay.core.told import Standing, State, Update
+from posecast_relay.core.replica_messages import Standing, State, Update
 
 UPDATE, STANDING = b"U", b"S"
 HEADER_END = b"\n"

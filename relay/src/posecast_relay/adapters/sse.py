@@ -35,10 +35,10 @@ from posecast_relay.adapters.pump import Pump
 from posecast_relay.adapters.socket_buffers import cut_unread, use_small_buffers
 from posecast_relay.adapters.under_way import UnderWay
 from posecast_relay.adapters.websocket import CLOSING_S
-from posecast_relay.core import messages
 from posecast_relay.core.hub import DRAIN_RETRY_S, GOING
-from posecast_relay.core.policy import ANYONE, Grant, Who
-from posecast_relay.core.viewer import Viewer
+from posecast_relay.core.policy.policy import ANYONE, Grant, Who
+from posecast_relay.core.viewer import messages
+from posecast_relay.core.viewer.viewer import Viewer
 
 HEAD = (
     b"HTTP/1.1 200 OK\r\ncontent-type: text/event-stream\r\ncache-control: no-store\r\n%s"

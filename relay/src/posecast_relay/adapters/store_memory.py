@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from posecast_relay.core.histogram import Histogram
-from posecast_relay.core.stream import Stream
+from posecast_relay.core.state.stream import Stream
 
 
 class MemoryStore:

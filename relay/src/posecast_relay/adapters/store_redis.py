@@ -41,8 +41,8 @@ from posecast_relay.adapters.redis_writing import Written, gives_way, standing_c
 from posecast_relay.adapters.relayed import unpack_events
 from posecast_relay.core.histogram import Histogram
 from posecast_relay.core.hub import Hub
-from posecast_relay.core.robot import Robot
-from posecast_relay.core.stream import Fate, Stream
+from posecast_relay.core.state.robot import Robot
+from posecast_relay.core.state.stream import Fate, Stream
 
 T = TypeVar("T")
 

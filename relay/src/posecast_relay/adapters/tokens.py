@@ -7,8 +7,8 @@ import time
 from collections.abc import Mapping
 from typing import Protocol
 
-from posecast_relay.core.policy import Who
-from posecast_relay.core.share_link import is_link, read_link
+from posecast_relay.core.policy.policy import Who
+from posecast_relay.core.policy.share_link import is_link, read_link
 
 TOKEN_MAX = 3000  # letters; what a viewer's message may hold
 AT_ONCE = 4  # verifications of accounts; further ones wait

@@ -25,10 +25,10 @@ from posecast_relay.adapters.boundary import FAULT, isolated, isolated_task
 from posecast_relay.adapters.decoded import Decoded
 from posecast_relay.adapters.forms import Form, JsonForm
 from posecast_relay.adapters.socket_buffers import descriptor_of, use_small_buffers
-from posecast_relay.core import messages
 from posecast_relay.core.hub import DRAIN_RETRY_S, FULL_RETRY_S, GOING
-from posecast_relay.core.policy import ANYONE, Grant
-from posecast_relay.core.viewer import Viewer
+from posecast_relay.core.policy.policy import ANYONE, Grant
+from posecast_relay.core.viewer import messages
+from posecast_relay.core.viewer.viewer import Viewer
 
 if TYPE_CHECKING:
     from uvicorn.config import Config

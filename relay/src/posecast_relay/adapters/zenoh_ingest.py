@@ -19,7 +19,7 @@ from posecast_wire.keys import PREFIX, STAMP, snapshot_key
 from posecast_relay.adapters.inboxes import OTHERS, Inboxes, Message
 from posecast_relay.adapters.pump import Pump
 from posecast_relay.adapters.zenoh_door import Door
-from posecast_relay.core.stream import Fate
+from posecast_relay.core.state.stream import Fate
 
 log = logging.getLogger("posecast_relay")
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from posecast_relay.core.viewer import Viewer
+from posecast_relay.core.viewer.viewer import Viewer
 
 SPREAD_S = 6.5  # platforms kill a process 10 s after SIGTERM; closing politely takes up to 2 s more
 PER_S = 100.0  # few viewers need not take that long

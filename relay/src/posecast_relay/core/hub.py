@@ -16,18 +16,18 @@ from posecast_wire import (
     parse_viewer_message,
 )
 
-from posecast_relay.core import messages
 from posecast_relay.core.actions import Action, Ask, Cut, End, Keep, Send, Verify, Watch
 from posecast_relay.core.drain import Drain
+from posecast_relay.core.edge_messages import conflict_event
 from posecast_relay.core.limits import Limits
-from posecast_relay.core.load import Load
-from posecast_relay.core.pace import granted_hz
-from posecast_relay.core.policy import PUBLIC, Grant
-from posecast_relay.core.robot import Robot
-from posecast_relay.core.room import Room
-from posecast_relay.core.said import conflict_event
+from posecast_relay.core.load_shedder import Load
+from posecast_relay.core.policy.policy import PUBLIC, Grant
+from posecast_relay.core.state.robot import Robot
+from posecast_relay.core.state.room import Room
 from posecast_relay.core.uplink import Uplink
-from posecast_relay.core.viewer import Viewer
+from posecast_relay.core.viewer import messages
+from posecast_relay.core.viewer.cadence import granted_hz
+from posecast_relay.core.viewer.viewer import Viewer
 
 FULL_RETRY_S = 30.0
 DRAIN_RETRY_S = 10.0

@@ -15,7 +15,7 @@ class Limits:
     per_address: int = 2000  # streams; a lecture hall may stand behind one. The next one gets HTTP 503
     robots: int = 1000  # publishers; frames of further ones are dropped and counted
     views: int = 8  # per robot; likewise
-    # A robot's share of the relay; beyond it, its own oldest messages go, and it is told (`core/share.py`).
+    # A robot's share of the relay; beyond it, its own oldest messages go, and it is told (`share.py`).
     view_frames_per_s: float = 120.0
     robot_messages_per_s: float = 600.0  # frames, events and questions together
     robot_bytes_per_s: float = 1e6  # a byte that is hashed counts twice

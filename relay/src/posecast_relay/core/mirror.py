@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 
 from posecast_wire.messages import RobotWord
 
-from posecast_relay.core.stream import Held, Stream
+from posecast_relay.core.state.stream import Held, Stream
 
 HZ = 2.0  # a free project's database would carry more, but each reader pays for every byte
 STATUS_S = 0.9  # at least once a second somebody tells that he is there

@@ -9,11 +9,11 @@ from functools import partial
 from posecast_wire import Close
 
 from posecast_relay.core.actions import Action, End, Fault, Keep
-from posecast_relay.core.agenda import Agenda
 from posecast_relay.core.limits import Limits
-from posecast_relay.core.robot import Robot
-from posecast_relay.core.room import Room
-from posecast_relay.core.viewer import Viewer
+from posecast_relay.core.state.robot import Robot
+from posecast_relay.core.state.room import Room
+from posecast_relay.core.timer_queue import Agenda
+from posecast_relay.core.viewer.viewer import Viewer
 
 
 class Roster:

@@ -9,13 +9,13 @@ from posecast_wire import Snapshot, Stamp
 from posecast_wire.frame import REF
 
 from posecast_relay.core.actions import Action, Keep
+from posecast_relay.core.edge_messages import edge_said
 from posecast_relay.core.histogram import Histogram
 from posecast_relay.core.limits import Limits
-from posecast_relay.core.robot import Robot
-from posecast_relay.core.room import Room
 from posecast_relay.core.roster import Roster
-from posecast_relay.core.said import edge_said
-from posecast_relay.core.stream import Fate
+from posecast_relay.core.state.robot import Robot
+from posecast_relay.core.state.room import Room
+from posecast_relay.core.state.stream import Fate
 
 
 class Uplink(Roster):

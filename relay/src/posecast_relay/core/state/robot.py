@@ -6,11 +6,11 @@ from posecast_wire import Snapshot, Stamp
 from posecast_wire.messages import RobotWord
 
 from posecast_relay.core.limits import Limits
-from posecast_relay.core.liveness import Liveness
-from posecast_relay.core.room import Room
-from posecast_relay.core.runs import Runs
-from posecast_relay.core.share import Share
-from posecast_relay.core.stream import Fate
+from posecast_relay.core.state.liveness import Liveness
+from posecast_relay.core.state.room import Room
+from posecast_relay.core.state.runs import Runs
+from posecast_relay.core.state.share import Share
+from posecast_relay.core.state.stream import Fate
 
 SETTLE_S = 0.05  # between a token and the first question: what the edge declares comes one by one
 HEARD_S = 10.0  # an edge without a token that was heard within this may still answer

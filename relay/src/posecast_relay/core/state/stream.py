@@ -14,9 +14,9 @@ from enum import StrEnum
 from posecast_wire import BadFrame, Schema, SchemaError, Snapshot, fnv1a32, frame_id, parse_header
 from posecast_wire.frame import VERSION, Header
 
-from posecast_relay.core import messages
 from posecast_relay.core.limits import Limits
-from posecast_relay.core.pace import Cadence
+from posecast_relay.core.viewer import messages
+from posecast_relay.core.viewer.cadence import Cadence
 
 SEQS = 1 << 32  # a frame's number goes round
 

@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 from posecast_relay.core.actions import Ask
-from posecast_relay.core.secondhand import Secondhand
-from posecast_relay.core.told import Standing, State, Update
+from posecast_relay.core.replica_feed import Secondhand
+from posecast_relay.core.replica_messages import Standing, State, Update
 
 from .sim import Edge, World, schema
 

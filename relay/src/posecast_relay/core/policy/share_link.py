@@ -8,7 +8,7 @@ import hmac
 import re
 from collections.abc import Mapping
 
-from posecast_relay.core.policy import Audience, Who
+from posecast_relay.core.policy.policy import Audience, Who
 
 KIND = "L1"
 FORM = re.compile(

@@ -6,7 +6,7 @@ import itertools
 import random
 
 import pytest
-from posecast_relay.core.pace import Cadence, Pace, granted_hz
+from posecast_relay.core.viewer.cadence import Cadence, Pace, granted_hz
 
 from .sim import World
 

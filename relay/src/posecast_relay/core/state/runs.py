@@ -12,7 +12,7 @@ from collections import OrderedDict
 
 from posecast_wire import Stamp
 
-from posecast_relay.core.lateness import Lateness
+from posecast_relay.core.state.lateness import Lateness
 
 RETIRED_MAX = 64  # remembered; an older one could return as new, which takes 64 restarts within its life
 CONFLICT_AFTER_S = 1.0  # frames of a retired run that were still on their way are no conflict

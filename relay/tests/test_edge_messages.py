@@ -5,8 +5,8 @@ from __future__ import annotations
 import json
 
 import pytest
+from posecast_relay.core.edge_messages import conflict_event, edge_said
 from posecast_relay.core.limits import Limits
-from posecast_relay.core.said import conflict_event, edge_said
 
 EVENT = {"type": "event", "t": 1.5, "level": "fault", "source": "RKN", "text": "jam", "state": "on"}
 

@@ -11,13 +11,13 @@ from collections.abc import Iterable, Iterator
 from posecast_wire import Close
 from posecast_wire.messages import RobotWord
 
-from posecast_relay.core import messages
 from posecast_relay.core.actions import Action, End, Fault, Send
-from posecast_relay.core.agenda import NEVER
 from posecast_relay.core.limits import Limits
-from posecast_relay.core.pace import Pace
-from posecast_relay.core.stream import Event, Held, Stream
-from posecast_relay.core.viewer import Viewer
+from posecast_relay.core.state.stream import Event, Held, Stream
+from posecast_relay.core.timer_queue import NEVER
+from posecast_relay.core.viewer import messages
+from posecast_relay.core.viewer.cadence import Pace
+from posecast_relay.core.viewer.viewer import Viewer
 
 
 class Group:

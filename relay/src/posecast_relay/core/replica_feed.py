@@ -12,10 +12,10 @@ from posecast_wire import Stamp
 
 from posecast_relay.core.actions import Action, Ask
 from posecast_relay.core.hub import Hub
-from posecast_relay.core.policy import PUBLIC
-from posecast_relay.core.robot import Robot
-from posecast_relay.core.stream import Fate, Held, Stream
-from posecast_relay.core.told import Standing, State, Update
+from posecast_relay.core.policy.policy import PUBLIC
+from posecast_relay.core.replica_messages import Standing, State, Update
+from posecast_relay.core.state.robot import Robot
+from posecast_relay.core.state.stream import Fate, Held, Stream
 
 ASK_S = 1.0  # between two questions for one robot's state
 AGAIN_S = 0.2  # where the answer brought none: it may have been read a moment too early

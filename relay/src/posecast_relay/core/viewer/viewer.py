@@ -7,9 +7,9 @@ from typing import Protocol
 from posecast_wire import Close
 
 from posecast_relay.core.limits import Limits
-from posecast_relay.core.pace import granted_hz
-from posecast_relay.core.policy import Grant
-from posecast_relay.core.stream import Held
+from posecast_relay.core.policy.policy import Grant
+from posecast_relay.core.state.stream import Held
+from posecast_relay.core.viewer.cadence import granted_hz
 
 
 class Outlet(Protocol):

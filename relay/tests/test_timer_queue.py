@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from posecast_relay.core.agenda import NEVER, Agenda
+from posecast_relay.core.timer_queue import NEVER, Agenda
 
 
 def test_the_earliest_moment_counts_and_each_comes_once() -> None:

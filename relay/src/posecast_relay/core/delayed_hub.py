@@ -15,11 +15,11 @@ from functools import partial
 from posecast_wire import Schema, Snapshot, Stamp
 
 from posecast_relay.core.actions import Action
-from posecast_relay.core.agenda import NEVER
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
-from posecast_relay.core.secondhand import Secondhand, follow
-from posecast_relay.core.stream import Event, Held, Stream
+from posecast_relay.core.replica_feed import Secondhand, follow
+from posecast_relay.core.state.stream import Event, Held, Stream
+from posecast_relay.core.timer_queue import NEVER
 
 ENTRIES_MAX = 4000  # a minute at 60 Hz, and its events
 BYTES_MAX = 16_000_000

@@ -1,0 +1,1 @@
+"""Who may see what: rules by robot and audience, and share links."""

@@ -1,0 +1,1 @@
+"""One viewer, when its rate makes it due, and the messages it is sent."""
