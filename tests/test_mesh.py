@@ -17,7 +17,7 @@ from typing import Any
 import httpx
 import pytest
 import zenoh
-from posecast_relay.adapters.zenoh_session import access_control
+from posecast_relay.zenoh.router import access_control
 from posecast_wire import Stamp, alive_key, echo_key, event_key, frame_key
 
 from tests.conftest import BIN, Part, Stack, free_port, until

@@ -14,11 +14,7 @@ from itertools import count
 from typing import Any
 from unittest.mock import patch
 
-from posecast_relay.adapters import redis_gateway, store_redis
 from posecast_relay.adapters.pump import Pump
-from posecast_relay.adapters.redis_gateway import RedisGateway
-from posecast_relay.adapters.store_memory import MemoryStore
-from posecast_relay.adapters.store_redis import RedisStore
 from posecast_relay.core.delayed_hub import DelayedHub
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
@@ -26,6 +22,11 @@ from posecast_relay.core.policy.policy import PUBLIC
 from posecast_relay.core.state.stream import Stream
 from posecast_relay.core.viewer.viewer import Viewer
 from posecast_relay.listing import robot_summary
+from posecast_relay.redis import gateway as redis_gateway
+from posecast_relay.redis import store as redis_store
+from posecast_relay.redis.gateway import RedisGateway
+from posecast_relay.redis.store import RedisStore
+from posecast_relay.store_memory import MemoryStore
 
 from .page import Page
 from .sim import Edge, schema
@@ -273,7 +274,7 @@ def linked(link: Callable[[str], Any] | None) -> Iterator[None]:
     if link is None:
         yield
         return
-    with patch.object(store_redis, "Link", link), patch.object(redis_gateway, "Link", link):
+    with patch.object(redis_store, "Link", link), patch.object(redis_gateway, "Link", link):
         yield
 
 

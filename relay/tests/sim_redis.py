@@ -12,9 +12,9 @@ import hashlib
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from posecast_relay.adapters.redis_board import BOARD
-from posecast_relay.adapters.redis_guard import CLAIM, GUARD, STATUS
-from posecast_relay.adapters.redis_link import Link
+from posecast_relay.redis.client import Link
+from posecast_relay.redis.directory import BOARD
+from posecast_relay.redis.guard import CLAIM, GUARD, STATUS
 from redis.exceptions import (
     AuthenticationError,
     BusyLoadingError,

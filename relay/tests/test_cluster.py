@@ -11,7 +11,7 @@ from typing import Any
 
 import httpx
 import pytest
-from posecast_relay.adapters.redis_link import state_key
+from posecast_relay.redis.client import state_key
 
 from .redis_cluster import Cluster
 from .stage import Watcher, until

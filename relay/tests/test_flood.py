@@ -13,11 +13,11 @@ from posecast_relay.adapters.access import Access
 from posecast_relay.adapters.decoded import Decoded
 from posecast_relay.adapters.fan_out import FanOut
 from posecast_relay.adapters.pump import Pump
-from posecast_relay.adapters.store_memory import MemoryStore
 from posecast_relay.adapters.tokens import Tokens
 from posecast_relay.adapters.websocket import AFTER_END_BYTES, SLICE_BYTES, LiveSocket, live_protocol
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
+from posecast_relay.store_memory import MemoryStore
 from posecast_wire import Close
 
 from .stage import Relay, Watcher

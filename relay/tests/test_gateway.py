@@ -13,7 +13,7 @@ from typing import Any
 import httpx
 import pytest
 import redis
-from posecast_relay.adapters.redis_link import bundle_key
+from posecast_relay.redis.client import bundle_key
 
 from .redis_server import Redis
 from .stage import Model, Relay, Watcher, ZenohEdge, until

@@ -14,10 +14,10 @@ from posecast_relay.adapters.decoded import Decoded
 from posecast_relay.adapters.fan_out import FanOut
 from posecast_relay.adapters.pump import Pump
 from posecast_relay.adapters.sse import http_protocol
-from posecast_relay.adapters.store_memory import MemoryStore
 from posecast_relay.adapters.websocket import LiveSocket, live_protocol
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
+from posecast_relay.store_memory import MemoryStore
 
 from .stage import Relay
 

@@ -28,11 +28,11 @@ from posecast_relay.adapters.http_connection import (
 )
 from posecast_relay.adapters.pump import Pump
 from posecast_relay.adapters.sse import http_protocol
-from posecast_relay.adapters.store_memory import MemoryStore
 from posecast_relay.adapters.unasked import HEADS_BYTES, Unasked, guarded
 from posecast_relay.adapters.websocket import live_protocol
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
+from posecast_relay.store_memory import MemoryStore
 
 from .stage import Relay, Watcher
 

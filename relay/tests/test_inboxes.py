@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from posecast_relay.adapters.inboxes import BYTES_MAX, MESSAGES_MAX, OTHERS, ROBOTS_MAX, Inboxes, Message
+from posecast_relay.zenoh.inboxes import BYTES_MAX, MESSAGES_MAX, OTHERS, ROBOTS_MAX, Inboxes, Message
 
 
 def put(

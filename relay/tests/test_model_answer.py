@@ -13,13 +13,13 @@ import httpx
 import pytest
 from fastapi import Request
 from posecast_relay.adapters.http_connection import BrokenOff
-from posecast_relay.adapters.model_room import IN_USE_S
-from posecast_relay.adapters.models import RANGE_BYTES, Models
 from posecast_relay.adapters.packed import Packed
 from posecast_relay.model_answer import PIECE_BYTES, model_answer
+from posecast_relay.models.cache import RANGE_BYTES, Models
+from posecast_relay.models.memory import IN_USE_S
 
 from .stage import Model, Relay, until
-from .test_models import Edge, bytes_of
+from .test_model_cache import Edge, bytes_of
 from .test_under_way import asking
 
 MB = 1_000_000

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from posecast_relay.adapters.model_manifest import (
+from posecast_relay.models.manifest import (
     BYTES_MAX,
     FILE_BYTES_MAX,
     FILES_MAX,

@@ -6,8 +6,8 @@ import asyncio
 import gzip
 import os
 
-from posecast_relay.adapters.model_room import ENTRY_BYTES, ModelRoom
 from posecast_relay.adapters.packed import Packed, packed_name
+from posecast_relay.models.memory import ENTRY_BYTES, ModelRoom
 
 
 def room_with(**files: bytes) -> ModelRoom:

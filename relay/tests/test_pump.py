@@ -9,7 +9,6 @@ from collections.abc import Callable, Iterator
 import pytest
 from posecast_relay.adapters.fan_out import SLICE, FanOut
 from posecast_relay.adapters.pump import Pump
-from posecast_relay.adapters.store_memory import MemoryStore
 from posecast_relay.adapters.uring import Ring
 from posecast_relay.core.actions import Ask, Fault, Send, Verify, Watch
 from posecast_relay.core.hub import Hub
@@ -17,6 +16,7 @@ from posecast_relay.core.limits import Limits
 from posecast_relay.core.state.stream import Stream
 from posecast_relay.core.viewer import messages
 from posecast_relay.core.viewer.viewer import Viewer
+from posecast_relay.store_memory import MemoryStore
 from posecast_wire import Close
 
 from .sim import Edge, Screen, schema

@@ -10,8 +10,15 @@ import pytest
 import redis
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from posecast_relay.adapters.redis_board import BOARD, KEYS
-from posecast_relay.adapters.redis_guard import (
+from posecast_relay.redis.client import (
+    channel,
+    generation_key,
+    state_key,
+    status_key,
+    writer_key,
+)
+from posecast_relay.redis.directory import BOARD, KEYS
+from posecast_relay.redis.guard import (
     CLAIM,
     GUARD,
     INCOMPLETE,
@@ -20,13 +27,6 @@ from posecast_relay.adapters.redis_guard import (
     REFUSED,
     STATUS,
     STORED,
-)
-from posecast_relay.adapters.redis_link import (
-    channel,
-    generation_key,
-    state_key,
-    status_key,
-    writer_key,
 )
 
 from .redis_server import Redis

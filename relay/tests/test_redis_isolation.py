@@ -6,15 +6,15 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
-from posecast_relay.adapters import store_redis
-from posecast_relay.adapters.redis_board import Board
-from posecast_relay.adapters.redis_ear import Ear
-from posecast_relay.adapters.redis_gateway import RedisGateway
-from posecast_relay.adapters.store_redis import RedisStore
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.replica_feed import Secondhand
 from posecast_relay.core.state.robot import Robot
 from posecast_relay.core.state.stream import Stream
+from posecast_relay.redis import store as redis_store
+from posecast_relay.redis.directory import Board
+from posecast_relay.redis.gateway import RedisGateway
+from posecast_relay.redis.store import RedisStore
+from posecast_relay.redis.subscriber import Ear
 
 from .fleet import HZ
 from .histories import History
@@ -64,9 +64,9 @@ AT_THE_GATEWAY: list[Place] = [
     (Stream, "heard_of", of_robot),
 ]
 AT_THE_INGEST: list[Place] = [
-    (store_redis, "state_call", of_robot),
-    (store_redis, "standing_call", of_robot),
-    (store_redis, "unpack_events", always),
+    (redis_store, "state_call", of_robot),
+    (redis_store, "standing_call", of_robot),
+    (redis_store, "unpack_events", always),
     (RedisStore, "_is_current", of_robot),
     (RedisStore, "_hears", of_robot),
     (RedisStore, "_resume_from", of_robot),

@@ -10,7 +10,7 @@ from typing import Any
 import httpx
 import pytest
 import redis
-from posecast_relay.adapters.redis_link import generation_key, state_key
+from posecast_relay.redis.client import generation_key, state_key
 
 from .redis_server import Redis
 from .stage import Relay, Watcher, ZenohEdge, until

@@ -26,11 +26,8 @@ from posecast_relay.adapters.access import Access
 from posecast_relay.adapters.decoded import Decoded
 from posecast_relay.adapters.fan_out import FanOut
 from posecast_relay.adapters.firebase import Firebase
-from posecast_relay.adapters.models import Models
-from posecast_relay.adapters.models_edge import EdgeModels
 from posecast_relay.adapters.pump import Pump
 from posecast_relay.adapters.sse import http_protocol
-from posecast_relay.adapters.store_memory import MemoryStore
 from posecast_relay.adapters.tokens import Tokens, Unverifiable
 from posecast_relay.adapters.websocket import live_protocol
 from posecast_relay.app import make_app
@@ -39,6 +36,9 @@ from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
 from posecast_relay.core.policy.policy import Audience, Policy, Rule, Who
 from posecast_relay.core.policy.share_link import make_link
+from posecast_relay.models.cache import Models
+from posecast_relay.store_memory import MemoryStore
+from posecast_relay.zenoh.models import EdgeModels
 from posecast_wire import Close
 
 from .sim import Edge, schema

@@ -21,10 +21,10 @@ from posecast_relay.adapters.access import Access
 from posecast_relay.adapters.decoded import Decoded
 from posecast_relay.adapters.fan_out import FanOut
 from posecast_relay.adapters.pump import Pump
-from posecast_relay.adapters.store_memory import MemoryStore
 from posecast_relay.adapters.websocket import live_protocol, short_text
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
+from posecast_relay.store_memory import MemoryStore
 from posecast_wire import Close
 
 from . import autobahn

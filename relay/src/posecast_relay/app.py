@@ -13,13 +13,13 @@ from starlette.exceptions import HTTPException as StarletteHTTPException
 
 from posecast_relay.adapters.access import HIDDEN, Access
 from posecast_relay.adapters.decoded import Decoded
-from posecast_relay.adapters.models import Absent, Models, Unavailable
 from posecast_relay.adapters.packed import Packed
 from posecast_relay.adapters.pump import Pump
 from posecast_relay.asker import OPEN, asker, granted, shown_to
 from posecast_relay.core.policy.policy import ANYONE
 from posecast_relay.listing import robot_document, robots_document
 from posecast_relay.model_answer import model_answer
+from posecast_relay.models.cache import Absent, Models, Unavailable
 from posecast_relay.page import Page
 from posecast_relay.state_json import StateReader
 

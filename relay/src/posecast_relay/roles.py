@@ -12,15 +12,15 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from posecast_relay.adapters.models import Models
-from posecast_relay.adapters.models_edge import EdgeModels
 from posecast_relay.adapters.pump import Pump
-from posecast_relay.adapters.zenoh_door import Door
-from posecast_relay.adapters.zenoh_ingest import ZenohIngest
 from posecast_relay.config import Settings
 from posecast_relay.core.policy.policy import PUBLIC
 from posecast_relay.core.state.robot import Robot
 from posecast_relay.listing import robot_summary
+from posecast_relay.models.cache import Models
+from posecast_relay.zenoh.ingest import ZenohIngest
+from posecast_relay.zenoh.models import EdgeModels
+from posecast_relay.zenoh.router import Door
 
 
 @dataclass(frozen=True)
@@ -52,8 +52,8 @@ def open_part(settings: Settings, door: Door | None, pump: Pump) -> Part:
 
 
 def _with_redis(url: str, pump: Pump, models: Models, ingest: ZenohIngest) -> Part:
-    from posecast_relay.adapters.models_redis import ModelPorter  # noqa: PLC0415 — half of the time to start
-    from posecast_relay.adapters.store_redis import RedisStore  # noqa: PLC0415
+    from posecast_relay.redis.models import ModelPorter  # noqa: PLC0415 — half of the time to start
+    from posecast_relay.redis.store import RedisStore  # noqa: PLC0415
 
     store = RedisStore(url, pump.hub, pump.now, partial(_described, pump))
     porter = ModelPorter(store.link, pump.hub, models)
@@ -77,8 +77,8 @@ def _described(pump: Pump, robot: Robot) -> dict[str, Any]:
 
 
 def _gateway(url: str, pump: Pump, cache_bytes: int) -> Part:
-    from posecast_relay.adapters.models_redis import RedisModels  # noqa: PLC0415 — half of the time to start
-    from posecast_relay.adapters.redis_gateway import RedisGateway  # noqa: PLC0415
+    from posecast_relay.redis.gateway import RedisGateway  # noqa: PLC0415
+    from posecast_relay.redis.models import RedisModels  # noqa: PLC0415 — half of the time to start
 
     gateway = RedisGateway(url, pump)
     pump.store = gateway

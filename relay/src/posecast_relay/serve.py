@@ -28,14 +28,10 @@ from posecast_relay.adapters.http_connection import plain_http
 from posecast_relay.adapters.metrics import start_metrics
 from posecast_relay.adapters.pump import Pump
 from posecast_relay.adapters.sse import http_protocol
-from posecast_relay.adapters.store_memory import MemoryStore
 from posecast_relay.adapters.tokens import Accounts, Tokens
 from posecast_relay.adapters.unasked import Unasked, guarded
 from posecast_relay.adapters.uring import Ring
 from posecast_relay.adapters.websocket import live_protocol
-from posecast_relay.adapters.zenoh_door import Door
-from posecast_relay.adapters.zenoh_refusals import Refusals
-from posecast_relay.adapters.zenoh_session import Gate, ListenError
 from posecast_relay.app import make_app
 from posecast_relay.config import Settings, StartError
 from posecast_relay.core.delayed_hub import DelayedHub
@@ -46,7 +42,10 @@ from posecast_relay.logs import start_logging
 from posecast_relay.robots_file import Robots, RobotsError, read_robots
 from posecast_relay.robots_watch import RobotsWatch
 from posecast_relay.roles import open_part
+from posecast_relay.store_memory import MemoryStore
 from posecast_relay.unheard import Unheard
+from posecast_relay.zenoh.auth_failures import Refusals
+from posecast_relay.zenoh.router import Door, Gate, ListenError
 
 if TYPE_CHECKING:
     from posecast_relay.adapters.firebase_mirror import FirebaseMirror

@@ -6,7 +6,7 @@ import asyncio
 import gzip
 from typing import cast
 
-from posecast_relay.adapters.model_room import ModelRoom
+from posecast_relay.models.memory import ModelRoom
 
 WORTH = 0.95  # what shrinks less travels as it is
 LEVEL = 6

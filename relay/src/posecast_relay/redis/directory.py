@@ -19,8 +19,8 @@ from typing import Any
 from posecast_wire import check_name
 from posecast_wire.checked import loads
 
-from posecast_relay.adapters.redis_clock import RedisClock
-from posecast_relay.adapters.redis_link import Link
+from posecast_relay.redis.client import Link
+from posecast_relay.redis.clock import RedisClock
 
 KEYS = ("posecast:{-}:robots", "posecast:{-}:viewers", "posecast:{-}:ingests")
 FRESH_S = 4.0  # what a process wrote longer ago counts no more

@@ -13,7 +13,7 @@ its end count as none.
 
 from __future__ import annotations
 
-from posecast_relay.adapters.redis_link import STATUS_MS, TTL_S
+from posecast_relay.redis.client import STATUS_MS, TTL_S
 
 LEASE_MS = 1500  # a robot that sends is written at least twice a second, any other told of once a second
 

@@ -15,18 +15,11 @@ from functools import partial
 from itertools import count
 from typing import Any, NamedTuple, TypeVar
 
-from posecast_relay.adapters.redis_board import BOARD, Board
-from posecast_relay.adapters.redis_guard import (
-    CLAIM,
-    GUARD,
-    INCOMPLETE,
-    LEASE_MS,
-    OUTRUN,
-    REFUSED,
-    STATUS,
-    STORED,
-)
-from posecast_relay.adapters.redis_link import (
+from posecast_relay.core.histogram import Histogram
+from posecast_relay.core.hub import Hub
+from posecast_relay.core.state.robot import Robot
+from posecast_relay.core.state.stream import Fate, Stream
+from posecast_relay.redis.client import (
     REDIS_ERRORS,
     Call,
     Link,
@@ -37,12 +30,19 @@ from posecast_relay.adapters.redis_link import (
     status_key,
     writer_key,
 )
-from posecast_relay.adapters.redis_writing import Written, gives_way, standing_call, state_call
-from posecast_relay.adapters.relayed import unpack_events
-from posecast_relay.core.histogram import Histogram
-from posecast_relay.core.hub import Hub
-from posecast_relay.core.state.robot import Robot
-from posecast_relay.core.state.stream import Fate, Stream
+from posecast_relay.redis.directory import BOARD, Board
+from posecast_relay.redis.guard import (
+    CLAIM,
+    GUARD,
+    INCOMPLETE,
+    LEASE_MS,
+    OUTRUN,
+    REFUSED,
+    STATUS,
+    STORED,
+)
+from posecast_relay.redis.messages import unpack_events
+from posecast_relay.redis.write_calls import Written, gives_way, standing_call, state_call
 
 T = TypeVar("T")
 

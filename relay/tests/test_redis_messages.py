@@ -11,8 +11,8 @@ from typing import Any
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from posecast_relay.adapters.relayed import BYTES_MAX, pack, unpack, unpack_events, unpack_state
 from posecast_relay.core.replica_messages import Standing, Update
+from posecast_relay.redis.messages import BYTES_MAX, pack, unpack, unpack_events, unpack_state
 
 EVENT = '{"type":"event","n":1}'
 UPDATE = Update("public", 2, 0xE, "p:1", "p:1", 0.25, ((5, b"abc"), (6, b"")), (EVENT,), 7.5)

@@ -16,10 +16,10 @@ import zenoh
 from posecast_wire import Echo, Snapshot, Stamp, check_name
 from posecast_wire.keys import PREFIX, STAMP, snapshot_key
 
-from posecast_relay.adapters.inboxes import OTHERS, Inboxes, Message
 from posecast_relay.adapters.pump import Pump
-from posecast_relay.adapters.zenoh_door import Door
 from posecast_relay.core.state.stream import Fate
+from posecast_relay.zenoh.inboxes import OTHERS, Inboxes, Message
+from posecast_relay.zenoh.router import Door
 
 log = logging.getLogger("posecast_relay")
 

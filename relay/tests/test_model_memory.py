@@ -7,7 +7,7 @@ from typing import Any
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from posecast_relay.adapters.model_room import ENTRY_BYTES, IN_USE_S, Claim, ModelRoom
+from posecast_relay.models.memory import ENTRY_BYTES, IN_USE_S, Claim, ModelRoom
 
 KB = 1000
 

@@ -8,9 +8,9 @@ from collections.abc import Sequence
 
 from redis.exceptions import ResponseError
 
-from posecast_relay.adapters.models import RANGE_BYTES, Absent, Models, Unavailable
-from posecast_relay.adapters.redis_link import REDIS_ERRORS, TTL_S, Link, bundle_key, end
 from posecast_relay.core.hub import Hub
+from posecast_relay.models.cache import RANGE_BYTES, Absent, Models, Unavailable
+from posecast_relay.redis.client import REDIS_ERRORS, TTL_S, Link, bundle_key, end
 
 log = logging.getLogger("posecast_relay")
 

@@ -5,8 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import NamedTuple
 
-from posecast_relay.adapters.redis_guard import GUARD, STATUS
-from posecast_relay.adapters.redis_link import (
+from posecast_relay.core.replica_messages import Standing, Update
+from posecast_relay.core.state.robot import Robot
+from posecast_relay.core.state.runs import RETURN_AFTER_S
+from posecast_relay.core.state.stream import Held, Stream
+from posecast_relay.redis.client import (
     Call,
     channel,
     generation_key,
@@ -14,11 +17,8 @@ from posecast_relay.adapters.redis_link import (
     status_key,
     writer_key,
 )
-from posecast_relay.adapters.relayed import dump, pack, unpack
-from posecast_relay.core.replica_messages import Standing, Update
-from posecast_relay.core.state.robot import Robot
-from posecast_relay.core.state.runs import RETURN_AFTER_S
-from posecast_relay.core.state.stream import Held, Stream
+from posecast_relay.redis.guard import GUARD, STATUS
+from posecast_relay.redis.messages import dump, pack, unpack
 
 
 class Written(NamedTuple):

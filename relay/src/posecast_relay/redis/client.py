@@ -1,13 +1,13 @@
 """Redis as every role uses it: one server, TLS or a Cluster, by URL; names of keys; every call bounded.
 
-    posecast:{ROBOT}:generation   the newest that was claimed: see `redis_guard`
+    posecast:{ROBOT}:generation   the newest that was claimed: see `guard.py`
     posecast:{ROBOT}:writer       who writes, by generation; gone in 1.5 s
     posecast:{ROBOT}:status       whether its edge is there and how old its frames are; gone in 3.5 s
     posecast:{ROBOT}:VIEW:state   hash: generation seq run stamp version schema key_id key ref frame info
                                   model events numbering
     posecast:{ROBOT}:model:HASH   hash: manifest, and the files' ranges as SHA256:OFFSET
-    posecast:{ROBOT}:live         sharded channel: what changed, as `relayed` packs it
-    posecast:{-}:…                the board: see `redis_board`
+    posecast:{ROBOT}:live         sharded channel: what changed, as `messages.py` packs it
+    posecast:{-}:…                the board: see `directory.py`
 
 The braces are part of the name: they keep one robot's keys on one node of a Redis Cluster. No robot is
 called `-`.
@@ -28,8 +28,8 @@ from redis.backoff import NoBackoff
 from redis.exceptions import NoScriptError, RedisClusterException, RedisError, ResponseError
 from redis.maint_notifications import MaintNotificationsConfig
 
-from posecast_relay.adapters.lookup import Lookup
 from posecast_relay.core.histogram import Histogram
+from posecast_relay.redis.dns import Lookup
 
 T = TypeVar("T")
 Call = tuple[str, Sequence[str], Sequence[Any]]  # a script, its keys and its arguments

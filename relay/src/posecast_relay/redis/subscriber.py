@@ -8,7 +8,7 @@ from collections import Counter
 from collections.abc import Callable
 from typing import Any
 
-from posecast_relay.adapters.redis_link import REDIS_ERRORS, Link, channel, end
+from posecast_relay.redis.client import REDIS_ERRORS, Link, channel, end
 
 PREFIX, SUFFIX = "posecast:{", "}:live"
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import httpx
 import redis
-from posecast_relay.adapters.redis_link import generation_key, state_key
+from posecast_relay.redis.client import generation_key, state_key
 from posecast_wire import Decoder
 
 from .redis_server import Redis

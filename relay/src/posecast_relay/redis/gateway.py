@@ -13,9 +13,13 @@ from functools import partial
 from typing import Any
 
 from posecast_relay.adapters.pump import Pump
-from posecast_relay.adapters.redis_board import BOARD, FRESH_S, Board
-from posecast_relay.adapters.redis_ear import Ear
-from posecast_relay.adapters.redis_link import (
+from posecast_relay.core.actions import Action, Fault
+from posecast_relay.core.histogram import Histogram
+from posecast_relay.core.policy.policy import PUBLIC
+from posecast_relay.core.replica_feed import Secondhand
+from posecast_relay.core.replica_messages import Standing, State
+from posecast_relay.core.state.stream import Fate, Stream
+from posecast_relay.redis.client import (
     REDIS_ERRORS,
     STATUS_MS,
     Link,
@@ -24,13 +28,9 @@ from posecast_relay.adapters.redis_link import (
     state_key,
     status_key,
 )
-from posecast_relay.adapters.relayed import unpack, unpack_state
-from posecast_relay.core.actions import Action, Fault
-from posecast_relay.core.histogram import Histogram
-from posecast_relay.core.policy.policy import PUBLIC
-from posecast_relay.core.replica_feed import Secondhand
-from posecast_relay.core.replica_messages import Standing, State
-from posecast_relay.core.state.stream import Fate, Stream
+from posecast_relay.redis.directory import BOARD, FRESH_S, Board
+from posecast_relay.redis.messages import unpack, unpack_state
+from posecast_relay.redis.subscriber import Ear
 
 log = logging.getLogger("posecast_relay")
 

@@ -11,8 +11,8 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
-from posecast_relay.adapters.model_manifest import BYTES_MAX, FILES_MAX
-from posecast_relay.adapters.models import AT_ONCE, RANGE_BYTES, TRIES, Absent, Models, Unavailable
+from posecast_relay.models.cache import AT_ONCE, RANGE_BYTES, TRIES, Absent, Models, Unavailable
+from posecast_relay.models.manifest import BYTES_MAX, FILES_MAX
 
 MB = 1_000_000
 
@@ -334,7 +334,7 @@ async def test_what_waits_for_room_gets_it_when_there_is_some(monkeypatch: pytes
     first = asyncio.create_task(models.file("stuck", stuck.digest, "0.glb"))
     await turns()
     with monkeypatch.context() as patched:  # the other has as much, and is just being asked for
-        patched.setattr("posecast_relay.adapters.models.WAIT_S", 0.0)
+        patched.setattr("posecast_relay.models.cache.WAIT_S", 0.0)
         with pytest.raises(Unavailable, match="no room"):
             await models.file("good", good.digest, "b")
     second = asyncio.create_task(read(models, good, "b", "good"))

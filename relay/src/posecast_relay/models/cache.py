@@ -18,15 +18,15 @@ from collections.abc import AsyncIterator, Callable, Coroutine
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol, TypeVar, cast
 
-from posecast_relay.adapters.model_manifest import (
+from posecast_relay.logs import visible
+from posecast_relay.models.manifest import (
     BYTES_MAX,
     SHA256,
     Entry,
     ManifestError,
     read_manifest,
 )
-from posecast_relay.adapters.model_room import ENTRY_BYTES, Claim, ModelRoom
-from posecast_relay.logs import visible
+from posecast_relay.models.memory import ENTRY_BYTES, Claim, ModelRoom
 
 RANGE_BYTES = 250_000
 TRIES = 3  # of a range

@@ -8,10 +8,10 @@ import contextlib
 import zenoh
 from posecast_wire.keys import model_key
 
-from posecast_relay.adapters.model_manifest import BYTES_MAX
-from posecast_relay.adapters.models import Unavailable
-from posecast_relay.adapters.zenoh_door import Door
 from posecast_relay.core.hub import Hub
+from posecast_relay.models.cache import Unavailable
+from posecast_relay.models.manifest import BYTES_MAX
+from posecast_relay.zenoh.router import Door
 
 RANGE_TIMEOUT_S = 10.0
 

@@ -1,0 +1,1 @@
+"""Robots' models in this process: fetched, verified and kept in bounded memory."""

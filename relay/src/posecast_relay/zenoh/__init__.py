@@ -1,0 +1,1 @@
+"""Zenoh: the router that edges connect to, and what they send through it."""
