@@ -14,7 +14,7 @@ const RELAYS = 'https: wss: http://localhost:* ws://localhost:* http://127.0.0.1
 const CONTENT_POLICY = [
   "default-src 'self'",
   "script-src 'self' 'wasm-unsafe-eval'",
-  // A relay may be elsewhere: `relay.ts` narrows these to the one it reads as soon as it knows which.
+  // A relay may be elsewhere: `relay/relay.ts` narrows these to the one it reads as soon as it knows which.
   `img-src 'self' data: blob: ${RELAYS}`,
   `connect-src 'self' blob: data: ${RELAYS}`,
   "worker-src 'self' blob:",
@@ -25,7 +25,7 @@ const CONTENT_POLICY = [
 
 /** Chunks that the page itself imports. A name that is missing here costs some bytes, nothing else. */
 const IN_THE_PAGE =
-  /\/(as_anyone|bounds|clock|early|first_paint|format|jsx-runtime|language|level_latch|manifest|preload-helper|react|relay|rolldown-runtime|settings|share_token|src|values)-[\w-]{8}\.js$/;
+  /\/(as_anyone|bounds|clock|early|first_paint|format|jsx-runtime|language|level_latch|manifest|preload-helper|react|relay|rolldown-runtime|settings|src|token|values)-[\w-]{8}\.js$/;
 
 function contentPolicy(): Plugin {
   return {

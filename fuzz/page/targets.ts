@@ -12,7 +12,6 @@ import {
   SchemaError,
 } from '@posecast/wire';
 import { parentOrigin, readWish } from '../../spa/src/app/embed_messages.ts';
-import { chooseRelay, readConfig } from '../../spa/src/app/relay_config.ts';
 import { parseRoute, robotHref } from '../../spa/src/app/route.ts';
 import { queryOf, readSettings } from '../../spa/src/app/settings.ts';
 import { readShared, sharedQuery } from '../../spa/src/app/shared_view.ts';
@@ -21,9 +20,10 @@ import { GlbError } from '../../spa/src/model/glb.ts';
 import { Kinematics } from '../../spa/src/model/kinematics.ts';
 import { readLevel } from '../../spa/src/model/lod.ts';
 import { boxesOfLinks, readManifest } from '../../spa/src/model/manifest.ts';
-import { EventReader, frameBytes } from '../../spa/src/stream/events.ts';
-import { MirrorReader } from '../../spa/src/stream/mirror.ts';
-import { DropError } from '../../spa/src/urdf/dropped_files.ts';
+import { chooseRelay, readConfig } from '../../spa/src/relay/config.ts';
+import { MirrorReader } from '../../spa/src/stream/firebase_mirror.ts';
+import { EventReader, frameBytes } from '../../spa/src/stream/sse.ts';
+import { DropError } from '../../spa/src/urdf/local_files.ts';
 import { readUrdf } from '../../spa/src/urdf/reader.ts';
 import { MeshError, parseStl } from '../../spa/src/urdf/stl.ts';
 import { unzip } from '../../spa/src/urdf/unzip.ts';

@@ -6,7 +6,7 @@ import json
 import math
 import sys
 
-from posecast_edge.profile_reader import load_profile
+from posecast_edge.profile.reader import load_profile
 from posecast_edge.sources.demo import BUNDLE, PROFILE, read_motion
 
 motion = read_motion((BUNDLE / "motion.bin").read_bytes())

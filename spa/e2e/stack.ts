@@ -20,7 +20,7 @@ export const PYTHON = path.join(REPO, '.venv/bin/python');
 const BARE_EDGE: readonly string[] = [
   PYTHON,
   '-c',
-  'import sys; sys.modules["meshoptimizer"] = None; from posecast_edge.cli import main; main()',
+  'import sys; sys.modules["meshoptimizer"] = None; from posecast_edge.cli.main import main; main()',
 ];
 const DIST = path.join(REPO, 'spa/dist');
 

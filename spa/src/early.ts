@@ -2,18 +2,20 @@
  * Runs before the page's own script has come: for a robot's page it starts what takes round trips. The stream connects,
  * the model's manifest and its coarsest level follow as soon as their names are known. The page finds all of it under way.
  */
-import { manifestUrl, streamUrl, WANTED_HZ } from './app/addresses.ts';
-import { ELSEWHERE, relaySettled, wasSignedIn } from './app/relay.ts';
+
 import { parseRoute } from './app/route.ts';
-import { takeToken } from './app/share_link.ts';
+import { takeToken } from './auth/link_token.ts';
+import { accessSettled } from './auth/settled.ts';
 import { builtModelAt } from './model/files.ts';
-import { startEarly } from './stream/start.ts';
+import { manifestUrl, streamUrl, WANTED_HZ } from './relay/addresses.ts';
+import { ELSEWHERE, wasSignedIn } from './relay/relay.ts';
+import { startEarly } from './stream/early_stream.ts';
 
 performance.mark('posecast:early');
 takeToken();
 window.addEventListener('hashchange', takeToken);
 const route = parseRoute(window.location.hash);
-const settled = relaySettled();
+const settled = accessSettled();
 if (route.page === 'robot' && document.documentElement.dataset.page !== 'embed') {
   const { robot } = route;
   const start = () =>

@@ -8,11 +8,11 @@ import { followLanguage } from './app/language.ts';
 import { late } from './app/late.tsx';
 import { loadList } from './app/load_list.ts';
 import { loadScene } from './app/load_scene.ts';
-import { relaySettled } from './app/relay.ts';
 import { reloadAfterDeploy } from './app/reload.ts';
 import { parseRoute } from './app/route.ts';
 import { lendSettings, queryOf } from './app/settings.ts';
 import { hasWebGl } from './app/use_body_view.ts';
+import { accessSettled } from './auth/settled.ts';
 import './app/styles/tokens.css';
 import './app/styles/page.css';
 import './app/styles/robot.css';
@@ -36,7 +36,7 @@ window.addEventListener('hashchange', lend); // another link, not what the page 
 reloadAfterDeploy();
 const root = document.getElementById('root');
 if (root !== null) {
-  Promise.all([relaySettled(), followLanguage()]).then(() =>
+  Promise.all([accessSettled(), followLanguage()]).then(() =>
     createRoot(root).render(
       <StrictMode>
         {embedded ? (

@@ -1,7 +1,8 @@
 // @vitest-environment happy-dom
 import { strToU8, zipSync } from 'fflate';
 import { describe, expect, it } from 'vitest';
-import { filesOf, type LocalFile, localFiles, MAX_FILES, tidyPath } from '../src/urdf/dropped_files.ts';
+import { filesOf, localFiles } from '../src/urdf/dropped_files.ts';
+import { type LocalFile, MAX_FILES, tidyPath } from '../src/urdf/local_files.ts';
 import { type LocalRobot, openLocal, urdfsIn } from '../src/urdf/local_robot.ts';
 import { unzip } from '../src/urdf/unzip.ts';
 

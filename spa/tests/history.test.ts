@@ -1,7 +1,7 @@
 import { parseSchema } from '@posecast/wire';
 import { describe, expect, it } from 'vitest';
-import { HISTORY_S, History } from '../src/twin/history.ts';
-import { strip } from '../src/twin/sparkline.ts';
+import { HISTORY_S, History } from '../src/twin/plots/history.ts';
+import { strip } from '../src/twin/plots/sparkline.ts';
 import { codesWith, SCHEMA } from './schema.ts';
 
 const state = (atMs: number, changed: Parameters<typeof codesWith>[0]) => ({

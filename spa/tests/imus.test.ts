@@ -1,6 +1,5 @@
 import { parseSchema, type Schema } from '@posecast/wire';
 import { describe, expect, it } from 'vitest';
-import { ImuTable, leanOf, rootAttitude } from '../src/twin/imus.ts';
 import {
   inverse,
   NO_TURN,
@@ -12,6 +11,7 @@ import {
   unit,
   withoutHeading,
 } from '../src/twin/rotation.ts';
+import { ImuTable, leanOf, rootAttitude } from '../src/twin/sensors/imus.ts';
 import { codesWith, SCHEMA } from './schema.ts';
 
 function schemaOf(labels: Record<string, string[]>, sensors: Record<string, unknown> = {}): Schema {

@@ -6,8 +6,8 @@ import { selection, selectJoint } from '../src/app/selection.ts';
 import { changeSettings } from '../src/app/settings.ts';
 import { filterText, setFilter } from '../src/app/table/filter.ts';
 import { JointView, type TableSources } from '../src/app/table/joint_view.ts';
-import { LastReadings } from '../src/twin/last_readings.ts';
 import { RobotTwin } from '../src/twin/robot.ts';
+import { LastReadings } from '../src/twin/sensors/last_readings.ts';
 import { codesWith, SCHEMA } from './schema.ts';
 
 const JAM = 4;

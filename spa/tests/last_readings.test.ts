@@ -1,6 +1,6 @@
 import { MISSING, parseSchema } from '@posecast/wire';
 import { describe, expect, it } from 'vitest';
-import { LastReadings } from '../src/twin/last_readings.ts';
+import { LastReadings } from '../src/twin/sensors/last_readings.ts';
 import { codesWith, SCHEMA } from './schema.ts';
 
 const state = (atMs: number, changed: Parameters<typeof codesWith>[0] = {}) => ({

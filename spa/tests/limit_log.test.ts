@@ -1,7 +1,7 @@
 import { describe, expect, it } from 'vitest';
-import { CROSSING_LIMIT, LimitLog } from '../src/twin/limit_log.ts';
-import { Limits, type Threshold, withEdit } from '../src/twin/limits.ts';
-import { SensorTable } from '../src/twin/sensors.ts';
+import { CROSSING_LIMIT, LimitLog } from '../src/twin/alarms/limit_log.ts';
+import { Limits, type Threshold, withEdit } from '../src/twin/limits/limits.ts';
+import { SensorTable } from '../src/twin/sensors/sensors.ts';
 import { codesWith, SCHEMA } from './schema.ts';
 
 const OWN: Threshold = { low: -50, high: 300, caution: 0.8 };

@@ -1,6 +1,6 @@
 import { describe, expect, it } from 'vitest';
-import { Limits, NO_EDITS, withEdit } from '../src/twin/limits.ts';
-import { LoadTable } from '../src/twin/load.ts';
+import { Limits, NO_EDITS, withEdit } from '../src/twin/limits/limits.ts';
+import { LoadTable } from '../src/twin/sensors/load.ts';
 import { codesWith, SCHEMA } from './schema.ts';
 
 const LIMITS = new Limits(SCHEMA.mapping);

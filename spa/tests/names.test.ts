@@ -7,10 +7,10 @@ import { problemWords } from '../src/app/words.ts';
 import { displayOf, flagWords } from '../src/twin/format.ts';
 import { JointTable } from '../src/twin/joints.ts';
 import { isolated, plainName } from '../src/twin/names.ts';
-import { plottedReading } from '../src/twin/plotted.ts';
+import { plottedReading } from '../src/twin/plots/trace.ts';
 import { RobotTwin } from '../src/twin/robot.ts';
-import { SensorTable } from '../src/twin/sensors.ts';
-import { WrenchTable } from '../src/twin/wrenches.ts';
+import { SensorTable } from '../src/twin/sensors/sensors.ts';
+import { WrenchTable } from '../src/twin/sensors/wrenches.ts';
 
 /** Turns what follows; nothing to be seen; left to right again, over and over. */
 const ODD = 'RKN\u202e\u200b\u2069\u2069';

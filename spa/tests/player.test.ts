@@ -1,8 +1,8 @@
 import { parseSchema } from '@posecast/wire';
 import { describe, expect, it } from 'vitest';
-import { ImuTable } from '../src/twin/imus.ts';
-import { Player } from '../src/twin/player.ts';
+import { Player } from '../src/twin/playback/player.ts';
 import type { RobotState } from '../src/twin/robot.ts';
+import { ImuTable } from '../src/twin/sensors/imus.ts';
 import { codesWith, SCHEMA } from './schema.ts';
 
 function state(seq: number, codes: Int32Array, schema = SCHEMA): RobotState {

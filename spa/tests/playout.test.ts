@@ -1,7 +1,7 @@
 import { describe, expect, it } from 'vitest';
-import { MOST_DELAY_MS } from '../src/twin/arrivals.ts';
-import type { Layout } from '../src/twin/blend.ts';
-import { MOST_MOVES, Playout } from '../src/twin/playout.ts';
+import { MOST_DELAY_MS } from '../src/twin/playback/arrivals.ts';
+import type { Layout } from '../src/twin/playback/blend.ts';
+import { MOST_MOVES, Playout } from '../src/twin/playback/playout.ts';
 import { type Arrival, arrivals, type Course, play, seeded, trueJump, worstJump } from './playout_sim.ts';
 
 const ONE: Layout = { size: 1, wraps: new Set(), quats: [] };

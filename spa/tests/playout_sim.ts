@@ -1,6 +1,6 @@
 /** For tests: a robot that swings, a network that is late, and a screen that repaints 60 times a second. */
 
-import type { Stamp } from '../src/twin/arrivals.ts';
+import type { Stamp } from '../src/twin/playback/arrivals.ts';
 
 const TICK_MS = 1000 / 60;
 

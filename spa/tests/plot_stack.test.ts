@@ -3,8 +3,8 @@ import { parseSchema } from '@posecast/wire';
 import { afterAll, beforeAll, beforeEach, describe, expect, it, vi } from 'vitest';
 import type { PlotManner, PlotStack as Stack } from '../src/app/plot/plot_stack.ts';
 import { moreEn } from '../src/app/text/more_en.ts';
-import { History } from '../src/twin/history.ts';
-import type { Plotted } from '../src/twin/plotted.ts';
+import { History } from '../src/twin/plots/history.ts';
+import type { Plotted } from '../src/twin/plots/trace.ts';
 import { codesWith, SCHEMA } from './schema.ts';
 
 /** The pictures themselves are the browser tests' business: here nothing is drawn. */

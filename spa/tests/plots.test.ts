@@ -1,10 +1,10 @@
 import { parseSchema } from '@posecast/wire';
 import { beforeEach, describe, expect, it } from 'vitest';
 import { clearPlots, MOST_TRACES, onPlotted, plot, plotted, togglePlot, unplot } from '../src/app/plotted.ts';
-import { HISTORY_S, History } from '../src/twin/history.ts';
-import { csvOf } from '../src/twin/plot_csv.ts';
-import { plotData, plotGroups, sheetOf } from '../src/twin/plot_window.ts';
-import { plottedReading } from '../src/twin/plotted.ts';
+import { csvOf } from '../src/twin/plots/csv.ts';
+import { HISTORY_S, History } from '../src/twin/plots/history.ts';
+import { plottedReading } from '../src/twin/plots/trace.ts';
+import { plotData, plotGroups, sheetOf } from '../src/twin/plots/window.ts';
 import { codesWith, SCHEMA } from './schema.ts';
 
 const state = (atMs: number, changed: Parameters<typeof codesWith>[0] = {}) => ({

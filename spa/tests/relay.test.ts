@@ -1,5 +1,5 @@
 import { describe, expect, it } from 'vitest';
-import { chooseRelay, readConfig } from '../src/app/relay_config.ts';
+import { chooseRelay, readConfig } from '../src/relay/config.ts';
 
 const HOME = 'https://pages.example/robots/';
 const NOTHING = readConfig(null);

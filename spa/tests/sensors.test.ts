@@ -1,5 +1,5 @@
 import { describe, expect, it } from 'vitest';
-import { SensorTable } from '../src/twin/sensors.ts';
+import { SensorTable } from '../src/twin/sensors/sensors.ts';
 import { codesWith, SCHEMA } from './schema.ts';
 
 const readingsOf = (changed: Parameters<typeof codesWith>[0] = {}) => {

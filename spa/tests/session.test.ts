@@ -1,6 +1,6 @@
 import { describe, expect, it } from 'vitest';
-import { WITHOUT_MS } from '../src/stream/carrier.ts';
 import { CONNECT_LIMIT_MS, SILENT_LIMIT_MS } from '../src/stream/session.ts';
+import { WITHOUT_MS } from '../src/stream/transport.ts';
 import { Frames, SCHEMA } from './schema.ts';
 import { opened, Rig } from './session_rig.ts';
 

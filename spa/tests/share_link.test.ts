@@ -1,7 +1,7 @@
 import { afterEach, beforeEach, expect, it, vi } from 'vitest';
-import { takeToken } from '../src/app/share_link.ts';
+import { takeToken } from '../src/auth/link_token.ts';
+import { holdAccount, holdToken, onAccount, tokenFor } from '../src/auth/token.ts';
 import { Session } from '../src/stream/session.ts';
-import { holdAccount, holdToken, onAccount, tokenFor } from '../src/twin/share_token.ts';
 
 const TOKEN = 'L1.hubo.1900000000.abcdefgh.signature';
 const STATE = 'http://relay/api/v1/robots/hubo/live';

@@ -93,7 +93,7 @@ describe.skipIf(!built)('bundle (skipped when spa/dist is not built)', () => {
   it('signing in comes to nobody who does not sign in, in 40 kB', () => {
     const all = chunks();
     const entry = Object.keys(all).find((name) => all[name]?.isEntry) ?? '';
-    const account = all['src/app/account.ts']?.file ?? 'no such chunk';
+    const account = all['src/auth/account.ts']?.file ?? 'no such chunk';
     const early = [...filesOf(all, entry), ...filesOf(all, 'src/app/RobotList.tsx')];
     expect(early).not.toContain(account);
     expect(readFileSync(`${dist}${account}`, 'utf8')).toContain('identitytoolkit');

@@ -1,10 +1,10 @@
 import { parseSchema } from '@posecast/wire';
 import { describe, expect, it } from 'vitest';
 import { spoken } from '../src/app/spoken.ts';
-import type { Fault } from '../src/twin/fault_book.ts';
-import { Limits } from '../src/twin/limits.ts';
+import type { Fault } from '../src/twin/alarms/fault_log.ts';
+import { Limits } from '../src/twin/limits/limits.ts';
+import { SignReader } from '../src/twin/overlay/reader.ts';
 import { ofRpy } from '../src/twin/rotation.ts';
-import { SignReader } from '../src/twin/sign_reader.ts';
 import { codesWith, SCHEMA_TEXT } from './schema.ts';
 
 const WITH_IMU = JSON.parse(SCHEMA_TEXT) as { mapping: { sensors: Record<string, unknown> } };

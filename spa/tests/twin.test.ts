@@ -1,8 +1,8 @@
 import { parseSchema } from '@posecast/wire';
 import { describe, expect, it, vi } from 'vitest';
-import { NO_EDITS, withEdit } from '../src/twin/limits.ts';
-import { poseDiffers } from '../src/twin/motion.ts';
-import { Poser } from '../src/twin/pose.ts';
+import { NO_EDITS, withEdit } from '../src/twin/limits/limits.ts';
+import { Poser } from '../src/twin/playback/pose.ts';
+import { poseDiffers } from '../src/twin/pose_change.ts';
 import { EVENT_LIMIT, type RobotState, RobotTwin } from '../src/twin/robot.ts';
 import { codesWith, SCHEMA, SCHEMA_TEXT } from './schema.ts';
 

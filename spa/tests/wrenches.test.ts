@@ -1,7 +1,7 @@
 import { parseSchema } from '@posecast/wire';
 import { describe, expect, it } from 'vitest';
-import { Limits, NO_EDITS, withEdit } from '../src/twin/limits.ts';
-import { WrenchTable } from '../src/twin/wrenches.ts';
+import { Limits, NO_EDITS, withEdit } from '../src/twin/limits/limits.ts';
+import { WrenchTable } from '../src/twin/sensors/wrenches.ts';
 import { codesWith, SCHEMA } from './schema.ts';
 
 const LIMITS = new Limits(SCHEMA.mapping);

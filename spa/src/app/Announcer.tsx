@@ -1,5 +1,5 @@
 import { useEffect, useState } from 'react';
-import { SignReader } from '../twin/sign_reader.ts';
+import { SignReader } from '../twin/overlay/reader.ts';
 import { AsAnyone } from './AsAnyone.tsx';
 import type { RobotLink } from './robot_link.ts';
 import { spoken } from './spoken.ts';

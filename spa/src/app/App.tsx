@@ -1,4 +1,5 @@
 import { Suspense, useEffect, useState } from 'react';
+import { relayChoice } from '../relay/relay.ts';
 import { ErrorBoundary } from './ErrorBoundary.tsx';
 import { useHash } from './hash.ts';
 import { useText } from './language.ts';
@@ -6,7 +7,6 @@ import { late } from './late.tsx';
 import { loadList } from './load_list.ts';
 import { closeLocal, listenForDrops, useLocal } from './local.ts';
 import { RobotPage } from './RobotPage.tsx';
-import { relayChoice } from './relay.ts';
 import type { RobotLink } from './robot_link.ts';
 import { parseRoute } from './route.ts';
 import { useThemeOnRoot } from './theme.ts';

@@ -1,4 +1,4 @@
-import { asAnyone } from '../twin/as_anyone.ts';
+import { asAnyone } from '../relay/as_anyone.ts';
 import { useMore } from './more.ts';
 import './styles/as_anyone.css';
 

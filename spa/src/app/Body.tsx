@@ -1,12 +1,12 @@
 import { Suspense, useCallback, useEffect, useRef, useState } from 'react';
+import { manifestUrl } from '../relay/addresses.ts';
+import { accounts } from '../relay/relay.ts';
 import type { BodyView, LineView, ModelReport } from '../three/index.ts';
 import { isolated } from '../twin/names.ts';
-import { manifestUrl } from './addresses.ts';
 import { FirstSketch } from './FirstSketch.tsx';
 import { follow } from './follow.ts';
 import { say, useText } from './language.ts';
 import { late } from './late.tsx';
-import { accounts } from './relay.ts';
 import { type RobotLink, useConnection, useVersion, useWord } from './robot_link.ts';
 import type { SignsLink } from './signs_link.ts';
 import { useNow } from './tick.ts';

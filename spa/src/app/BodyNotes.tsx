@@ -1,6 +1,6 @@
 import { useMemo } from 'react';
 import type { ModelReport } from '../three/index.ts';
-import { LostReadings } from '../twin/unread.ts';
+import { LostReadings } from '../twin/sensors/lost_readings.ts';
 import { bareWords, missingWords, unreadWords } from './body_words.ts';
 import { ModelFindings } from './ModelFindings.tsx';
 import { useMore } from './more.ts';

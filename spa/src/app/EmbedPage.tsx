@@ -1,4 +1,5 @@
 import { useEffect, useState } from 'react';
+import { home, relayChoice } from '../relay/relay.ts';
 import { Announcer } from './Announcer.tsx';
 import { Body } from './Body.tsx';
 import { Chip } from './Chip.tsx';
@@ -8,7 +9,6 @@ import { showLink } from './handle.ts';
 import { useHash } from './hash.ts';
 import { RobotFigure } from './icons.tsx';
 import { useMore } from './more.ts';
-import { home, relayChoice } from './relay.ts';
 import { type RobotLink, useRobotLink, useVersion } from './robot_link.ts';
 import { useThemeOnRoot } from './theme.ts';
 import './styles/embed.css';

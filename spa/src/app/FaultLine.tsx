@@ -1,4 +1,4 @@
-import type { Fault } from '../twin/fault_book.ts';
+import type { Fault } from '../twin/alarms/fault_log.ts';
 import { displayOf, formatNumber, formatSpan } from '../twin/format.ts';
 import { isolated, plainName } from '../twin/names.ts';
 import { faultWords } from './fault_words.ts';

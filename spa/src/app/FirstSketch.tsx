@@ -1,8 +1,8 @@
 import { useEffect, useRef } from 'react';
 import { builtModelAt } from '../model/files.ts';
-import { Poser } from '../twin/pose.ts';
+import { manifestUrl } from '../relay/addresses.ts';
+import { Poser } from '../twin/playback/pose.ts';
 import { Sketch } from '../view/stick_figure.ts';
-import { manifestUrl } from './addresses.ts';
 import { type RobotLink, useVersion } from './robot_link.ts';
 import { settings } from './settings.ts';
 import { useTheme } from './theme.ts';

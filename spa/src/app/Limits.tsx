@@ -1,8 +1,8 @@
 import './styles/signs.css';
 import { useEffect, useId, useRef, useState } from 'react';
+import { type Limited, limitedChannels } from '../twin/alarms/limit_channels.ts';
 import { displayOf } from '../twin/format.ts';
-import { type Limited, limitedChannels } from '../twin/limited.ts';
-import { ANY, type BadThreshold, type Threshold, whyNoThreshold } from '../twin/limits.ts';
+import { ANY, type BadThreshold, type Threshold, whyNoThreshold } from '../twin/limits/limits.ts';
 import { dropOwnLimits, setOwnLimit } from './change_limits.ts';
 import { more, useMore } from './more.ts';
 import { type RobotLink, useVersion } from './robot_link.ts';

@@ -1,8 +1,8 @@
 import './styles/line.css';
 import { type RefObject, useCallback, useEffect, useRef, useState } from 'react';
+import { manifestUrl } from '../relay/addresses.ts';
 import type { LineMember, LineView } from '../three/index.ts';
 import { isolated } from '../twin/names.ts';
-import { manifestUrl } from './addresses.ts';
 import { bodyFollows } from './body_link.ts';
 import { Chip } from './Chip.tsx';
 import { BackIcon, SettingsIcon } from './icons.tsx';

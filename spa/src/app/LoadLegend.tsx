@@ -1,6 +1,6 @@
 import './styles/signs.css';
 import { displayOf, formatNumber } from '../twin/format.ts';
-import type { LoadScale } from '../twin/load.ts';
+import type { LoadScale } from '../twin/sensors/load.ts';
 import { useMore } from './more.ts';
 import { useSettings } from './settings.ts';
 import type { SignsLink } from './signs_link.ts';

@@ -1,5 +1,5 @@
 import './styles/alarms.css';
-import type { Fault } from '../twin/fault_book.ts';
+import type { Fault } from '../twin/alarms/fault_log.ts';
 import { formatClockSeconds } from '../twin/format.ts';
 import { isolated, plainName } from '../twin/names.ts';
 import { faultWords } from './fault_words.ts';

@@ -1,7 +1,7 @@
 import { useEffect, useRef, useState } from 'react';
 import './styles/plots.css';
 import { nowMs } from '../stream/clock.ts';
-import type { History } from '../twin/history.ts';
+import type { History } from '../twin/plots/history.ts';
 import { say } from './language.ts';
 import { useMore } from './more.ts';
 import { PlotStack } from './plot/plot_stack.ts';

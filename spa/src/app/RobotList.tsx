@@ -1,5 +1,6 @@
 import './styles/list.css';
 import { Suspense, useState } from 'react';
+import { accounts, home, relayChoice } from '../relay/relay.ts';
 import { formatSpan } from '../twin/format.ts';
 import { Sign } from './Chip.tsx';
 import { Command } from './Command.tsx';
@@ -8,7 +9,6 @@ import { useText } from './language.ts';
 import { late } from './late.tsx';
 import { useListText } from './list_text.ts';
 import { openChosen } from './local.ts';
-import { accounts, home, relayChoice } from './relay.ts';
 import { type ListedRobot, useRobots } from './robots.ts';
 import { MOST_SIDE_BY_SIDE, robotHref } from './route.ts';
 import { Thumbnail } from './Thumbnail.tsx';

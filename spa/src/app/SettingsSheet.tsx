@@ -1,10 +1,10 @@
 import { Suspense } from 'react';
+import { accounts } from '../relay/relay.ts';
 import { CameraKeys } from './CameraKeys.tsx';
 import { Dialog } from './Dialog.tsx';
 import { useText } from './language.ts';
 import { late } from './late.tsx';
 import { useMore } from './more.ts';
-import { accounts } from './relay.ts';
 import type { RobotLink } from './robot_link.ts';
 import { ARROWS, changeSettings, type Settings, useSettings } from './settings.ts';
 import './styles/choices.css';

@@ -1,9 +1,9 @@
 import encodeQr from 'qr';
 import { useEffect, useMemo, useState } from 'react';
-import { tokenFor } from '../twin/share_token.ts';
+import { tokenFor } from '../auth/token.ts';
+import { home } from '../relay/relay.ts';
 import { Command } from './Command.tsx';
 import { Dialog } from './Dialog.tsx';
-import { home } from './relay.ts';
 import './styles/share.css';
 import { useText } from './language.ts';
 import { useMore } from './more.ts';

@@ -1,5 +1,5 @@
 import { type FormEvent, useEffect, useState } from 'react';
-import { useAccountName } from './account_name.ts';
+import { useAccountName } from '../auth/account_name.ts';
 import { Dialog } from './Dialog.tsx';
 import { korean, useText } from './language.ts';
 import './styles/account.css';
@@ -10,7 +10,8 @@ export function SignIn({ refused = false }: { refused?: boolean }) {
   const text = useAccountText();
   const name = useAccountName();
   useEffect(() => {
-    if (refused && name !== null) import('./account.ts').then(({ doubted }) => doubted()).catch(() => {});
+    if (refused && name !== null)
+      import('../auth/account.ts').then(({ doubted }) => doubted()).catch(() => {});
   }, [refused, name]);
   const [open, setOpen] = useState(false);
   return (
@@ -42,7 +43,7 @@ function AccountDialog({ name, onClose }: { name: string | null; onClose: () => 
     event.preventDefault();
     const said = new FormData(event.currentTarget);
     void during(async () => {
-      const { signIn } = await import('./account.ts');
+      const { signIn } = await import('../auth/account.ts');
       await signIn(String(said.get('email')), String(said.get('password')));
     });
   };
@@ -82,7 +83,7 @@ function AccountDialog({ name, onClose }: { name: string | null; onClose: () => 
             className="account-go"
             disabled={busy}
             data-testid="sign-out"
-            onClick={() => during(async () => (await import('./account.ts')).signOut())}
+            onClick={() => during(async () => (await import('../auth/account.ts')).signOut())}
           >
             {text.signOut}
           </button>

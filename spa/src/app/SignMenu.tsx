@@ -1,7 +1,7 @@
 import './styles/choices.css';
 import './styles/signs.css';
-import type { LoadField } from '../twin/load.ts';
-import { SignReader } from '../twin/sign_reader.ts';
+import { SignReader } from '../twin/overlay/reader.ts';
+import type { LoadField } from '../twin/sensors/load.ts';
 import { SignsIcon } from './icons.tsx';
 import { useMore } from './more.ts';
 import { usePopover } from './popover.ts';

@@ -1,8 +1,8 @@
 import { useEffect, useState } from 'react';
+import { tokenFor } from '../auth/token.ts';
 import { fetchBytes, fetchManifest, fileUrl } from '../model/bundle.ts';
 import { thumbnailOf } from '../model/manifest.ts';
-import { tokenFor } from '../twin/share_token.ts';
-import { manifestUrl } from './addresses.ts';
+import { manifestUrl } from '../relay/addresses.ts';
 import { RobotFigure } from './icons.tsx';
 import type { ListedRobot } from './robots.ts';
 

@@ -1,5 +1,5 @@
 import type { BodyView } from '../three/index.ts';
-import { Player } from '../twin/player.ts';
+import { Player } from '../twin/playback/player.ts';
 import type { RobotLink } from './robot_link.ts';
 import { onSettings, settings } from './settings.ts';
 

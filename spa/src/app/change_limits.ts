@@ -1,4 +1,4 @@
-import { editsText, NO_EDITS, type Threshold, withEdit } from '../twin/limits.ts';
+import { editsText, NO_EDITS, type Threshold, withEdit } from '../twin/limits/limits.ts';
 import type { RobotTwin } from '../twin/robot.ts';
 import { keyOf, watchOwn } from './own_limits.ts';
 

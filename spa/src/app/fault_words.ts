@@ -1,4 +1,4 @@
-import type { Fault } from '../twin/fault_book.ts';
+import type { Fault } from '../twin/alarms/fault_log.ts';
 import { say } from './language.ts';
 
 /** What is wrong: a flag as the robot says it, else in the page's words. `by`: how far off, of a joint off its command. */

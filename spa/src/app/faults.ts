@@ -1,5 +1,5 @@
 import { useSyncExternalStore } from 'react';
-import { acknowledgedText, type Fault, FaultBook, readAcknowledged } from '../twin/fault_book.ts';
+import { acknowledgedText, type Fault, FaultBook, readAcknowledged } from '../twin/alarms/fault_log.ts';
 import type { RobotTwin } from '../twin/robot.ts';
 
 /** Keeps one robot's faults while its page is open; what was acknowledged stays in this browser. */

@@ -1,6 +1,6 @@
-import { History } from '../twin/history.ts';
-import { LastReadings } from '../twin/last_readings.ts';
+import { History } from '../twin/plots/history.ts';
 import type { RobotTwin } from '../twin/robot.ts';
+import { LastReadings } from '../twin/sensors/last_readings.ts';
 
 /** Remembers the last minute and the last readings from the moment the page opens, so that a card that is opened later has
  *  a past. */

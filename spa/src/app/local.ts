@@ -1,13 +1,5 @@
 import { useSyncExternalStore } from 'react';
-import type { LocalFiles } from '../urdf/dropped_files.ts';
-import type { LocalRobot } from '../urdf/local_robot.ts';
-
-/** What was dropped on the page last. It lives as long as the page and is never sent. */
-export type Local =
-  | { phase: 'none' }
-  | { phase: 'reading' }
-  | { phase: 'shown'; robot: LocalRobot; files: LocalFiles; urdfs: readonly string[] }
-  | { phase: 'refused'; why: string };
+import type { Local } from './open_local.ts';
 
 let current: Local = { phase: 'none' };
 let turn = 0;

@@ -1,9 +1,16 @@
 import { localFiles } from '../urdf/dropped_files.ts';
-import { openLocal, urdfsIn } from '../urdf/local_robot.ts';
-import type { Local } from './local.ts';
+import type { LocalFiles } from '../urdf/local_files.ts';
+import { type LocalRobot, openLocal, urdfsIn } from '../urdf/local_robot.ts';
 import { refusalWords } from './refusals.ts';
 
 /** Reading a robot from this computer: all this comes with the first drop. */
+
+/** What was dropped on the page last. It lives as long as the page and is never sent. */
+export type Local =
+  | { phase: 'none' }
+  | { phase: 'reading' }
+  | { phase: 'shown'; robot: LocalRobot; files: LocalFiles; urdfs: readonly string[] }
+  | { phase: 'refused'; why: string };
 
 /** The first URDF of the files, or why there is none. */
 export async function readFiles(gather: () => Promise<ReadonlyMap<string, File>>): Promise<Local> {

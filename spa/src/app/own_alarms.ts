@@ -1,6 +1,6 @@
-import { type Crossing, LimitLog } from '../twin/limit_log.ts';
+import { type Crossing, LimitLog } from '../twin/alarms/limit_log.ts';
 import type { RobotTwin } from '../twin/robot.ts';
-import { SensorTable } from '../twin/sensors.ts';
+import { SensorTable } from '../twin/sensors/sensors.ts';
 
 /** One robot's, as long as its page is open. */
 interface OwnAlarms {

@@ -1,4 +1,4 @@
-import { readEdits } from '../twin/limits.ts';
+import { readEdits } from '../twin/limits/limits.ts';
 import type { RobotTwin } from '../twin/robot.ts';
 
 /** The thresholds that a person has set, robot by robot. Kept in this browser; nothing of it is ever sent. */

@@ -1,5 +1,5 @@
 import { useSyncExternalStore } from 'react';
-import type { Plotted } from '../twin/plotted.ts';
+import type { Plotted } from '../twin/plots/trace.ts';
 
 /** As many traces can be told apart. */
 export const MOST_TRACES = 8;

@@ -1,5 +1,5 @@
 import { isolated } from '../twin/names.ts';
-import { DropError } from '../urdf/dropped_files.ts';
+import { DropError } from '../urdf/local_files.ts';
 import { more } from './more.ts';
 
 /** Why what was dropped is not shown, in one line. */

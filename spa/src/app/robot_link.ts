@@ -1,9 +1,9 @@
 import { useEffect, useState, useSyncExternalStore } from 'react';
+import { streamUrl, WANTED_HZ } from '../relay/addresses.ts';
 import { type Link, StreamClient } from '../stream/client.ts';
 import { nowMs } from '../stream/clock.ts';
 import type { Word } from '../twin/liveness.ts';
 import { RobotTwin } from '../twin/robot.ts';
-import { streamUrl, WANTED_HZ } from './addresses.ts';
 import { FaultKeeper } from './faults.ts';
 import { HistoryKeeper } from './history_keeper.ts';
 import { loadOwnLimits } from './own_limits.ts';

@@ -1,7 +1,7 @@
 import { useEffect, useState } from 'react';
+import { onAccount, tokenFor } from '../auth/token.ts';
+import { apiUrl } from '../relay/addresses.ts';
 import { isolated } from '../twin/names.ts';
-import { onAccount, tokenFor } from '../twin/share_token.ts';
-import { apiUrl } from './addresses.ts';
 
 const EVERY_MS = 2000;
 const LATE_MS = 6000;

@@ -1,7 +1,7 @@
 import { useSyncExternalStore } from 'react';
 import type { FollowMode, MouseStyle } from '../three/index.ts';
 import type { AngleUnit } from '../twin/format.ts';
-import type { LoadField } from '../twin/load.ts';
+import type { LoadField } from '../twin/sensors/load.ts';
 
 /** What a person chose for this browser. Kept locally; nothing of it is ever sent. */
 export interface Settings {

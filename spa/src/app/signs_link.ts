@@ -1,7 +1,7 @@
 import './styles/signs.css';
 import type { SignedBody } from '../three/index.ts';
-import type { LoadScale } from '../twin/load.ts';
-import { SignReader } from '../twin/sign_reader.ts';
+import { SignReader } from '../twin/overlay/reader.ts';
+import type { LoadScale } from '../twin/sensors/load.ts';
 import { onLanguage } from './language.ts';
 import { more } from './more.ts';
 import type { RobotLink } from './robot_link.ts';

@@ -1,10 +1,10 @@
-import type { Fault } from '../twin/fault_book.ts';
+import type { Fault } from '../twin/alarms/fault_log.ts';
 import { displayOf, formatNumber } from '../twin/format.ts';
-import { leanOf } from '../twin/imus.ts';
 import type { Verdict } from '../twin/liveness.ts';
 import { isolated } from '../twin/names.ts';
-import type { SignReadings } from '../twin/sign_reader.ts';
-import type { Arrow, Wrench } from '../twin/wrenches.ts';
+import type { SignReadings } from '../twin/overlay/reader.ts';
+import { leanOf } from '../twin/sensors/imus.ts';
+import type { Arrow, Wrench } from '../twin/sensors/wrenches.ts';
 import { faultWords } from './fault_words.ts';
 import { more } from './more.ts';
 import { causeWords, warningWords } from './words.ts';

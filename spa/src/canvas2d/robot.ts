@@ -7,7 +7,7 @@ import type { FigureJoint, LinkLook, LinkTint, PosedBody } from '../model/posed_
 import { Stance } from '../model/root_pose.ts';
 import { turnOf } from '../model/vectors.ts';
 import { UNREAD } from '../overlays/colors.ts';
-import type { Pose } from '../twin/pose.ts';
+import type { Pose } from '../twin/playback/pose.ts';
 import type { Quat, Vec3 } from '../twin/rotation.ts';
 import { type GhostWish, ghostOf } from '../view/ghost_pose.ts';
 import type { Tones } from './colors.ts';

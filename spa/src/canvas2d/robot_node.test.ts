@@ -2,7 +2,7 @@
 import { createHash } from 'node:crypto';
 import { beforeEach, expect, it, vi } from 'vitest';
 import { type SampleModel, sampleGlb, sampleManifest } from '../model/samples.ts';
-import type { Pose } from '../twin/pose.ts';
+import type { Pose } from '../twin/playback/pose.ts';
 import type { PoseSource } from '../view/body_view.ts';
 import { TONES } from './colors.ts';
 import { StagedLight } from './robot_node.ts';

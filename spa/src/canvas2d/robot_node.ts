@@ -3,7 +3,7 @@ import { treeOf } from '../model/link_tree.ts';
 import type { LinkLook } from '../model/posed_body.ts';
 import type { ModelReport } from '../model/report.ts';
 import type { KinematicTree } from '../twin/kinematic_tree.ts';
-import type { Pose } from '../twin/pose.ts';
+import type { Pose } from '../twin/playback/pose.ts';
 import type { LineMember, PoseSource } from '../view/body_view.ts';
 import type { GhostWish } from '../view/ghost_pose.ts';
 import type { Moving } from '../view/render_loop.ts';

@@ -1,4 +1,4 @@
-import { tokenFor } from '../twin/share_token.ts';
+import { tokenFor } from '../auth/token.ts';
 
 /**
  * A robot's bundle over HTTP: the manifest names every file, the scene fetches those it needs.
@@ -27,6 +27,14 @@ export interface RawManifest {
   files: ReadonlyMap<string, BundleFile>;
   /** URIs of which the edge already knows that it has no file. */
   missing: ReadonlySet<string>;
+}
+
+/** Where a raw bundle's files come from: a relay, or what somebody dropped on the page. */
+export interface RawFiles {
+  /** Rejects with an Error of one line. */
+  fetch(file: BundleFile): Promise<Uint8Array>;
+  /** A file that another one names, by its place beside it; null where there is none. */
+  beside?(file: BundleFile, name: string): Promise<Uint8Array | null>;
 }
 
 /** A manifest of any version. Throws BundleError when the text is not one. */

@@ -1,7 +1,7 @@
 import { expect, it } from 'vitest';
-import type { Imu } from '../twin/imus.ts';
-import type { Pose } from '../twin/pose.ts';
+import type { Pose } from '../twin/playback/pose.ts';
 import { NO_TURN, ofRpy, type Quat, rpyOf, withoutHeading } from '../twin/rotation.ts';
+import type { Imu } from '../twin/sensors/imus.ts';
 import { Stance } from './root_pose.ts';
 
 const unturned = () => NO_TURN;

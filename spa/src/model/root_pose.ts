@@ -1,6 +1,6 @@
-import { type Imu, rootAttitude } from '../twin/imus.ts';
-import type { Base, Pose } from '../twin/pose.ts';
+import type { Base, Pose } from '../twin/playback/pose.ts';
 import { NO_TURN, type Quat, type Vec3, withoutHeading } from '../twin/rotation.ts';
+import { type Imu, rootAttitude } from '../twin/sensors/imus.ts';
 
 /** Where a robot's root is in the world by its newest poses, as far as they made sense. */
 export class Stance {

@@ -12,8 +12,8 @@ import {
   turnOf,
   unit,
 } from '../model/vectors.ts';
-import { type Imu, leanOf } from '../twin/imus.ts';
 import { inverse, turn, times as turned, type Vec3, withoutHeading } from '../twin/rotation.ts';
+import { type Imu, leanOf } from '../twin/sensors/imus.ts';
 import type { Paint, Strokes } from './strokes.ts';
 
 /** In reaches of the robot. */

@@ -1,6 +1,6 @@
 import type { PosedBody } from '../model/posed_body.ts';
 import { about, across, directionThrough, dot, originOf, plus, times, unit } from '../model/vectors.ts';
-import type { Deviation } from '../twin/lens.ts';
+import type { Deviation } from '../twin/overlay/deviations.ts';
 import type { Vec3 } from '../twin/rotation.ts';
 import type { Paint, Strokes } from './strokes.ts';
 

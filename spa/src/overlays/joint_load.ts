@@ -1,6 +1,6 @@
 import { jointOfLinks } from '../model/link_tree.ts';
 import type { PosedBody } from '../model/posed_body.ts';
-import type { Load } from '../twin/load.ts';
+import type { Load } from '../twin/sensors/load.ts';
 import { loadColor, NO_LOAD } from './colors.ts';
 
 /** Paints the links of a robot by how loaded the joint is that moves them; what hangs rigidly on a link goes with it. */

@@ -1,7 +1,7 @@
 // @vitest-environment happy-dom
 import { expect, it } from 'vitest';
 import { sampleLeg } from '../three/robot/leg_sample.ts';
-import type { Wrench } from '../twin/wrenches.ts';
+import type { Wrench } from '../twin/sensors/wrenches.ts';
 import { SIGN_TONES } from './colors.ts';
 import { SignBoard } from './overlay.ts';
 import type { SignManner } from './robot_overlay.ts';

@@ -1,5 +1,5 @@
 import type { PosedBody } from '../model/posed_body.ts';
-import type { SignReadings } from '../twin/sign_reader.ts';
+import type { SignReadings } from '../twin/overlay/reader.ts';
 import { LevelReadout } from './attitude_readout.ts';
 import type { SignTones } from './colors.ts';
 import { type Place, SignLabels } from './labels.ts';

@@ -4,7 +4,7 @@ import { expandByBox, extentOf } from '../model/bounds.ts';
 import type { PosedBody } from '../model/posed_body.ts';
 import { type AngleUnit, displayOf, formatNumber } from '../twin/format.ts';
 import { isolated } from '../twin/names.ts';
-import type { SignReadings } from '../twin/sign_reader.ts';
+import type { SignReadings } from '../twin/overlay/reader.ts';
 import { LevelSigns, type ShownLevel } from './attitude.ts';
 import { levelColor, type PaletteName, type SignTones } from './colors.ts';
 import { LensSigns, type ShownDeviation } from './deviations.ts';

@@ -2,7 +2,7 @@ import type { Level } from '@posecast/wire';
 import type { PosedBody } from '../model/posed_body.ts';
 import { about, across, cross, directionThrough, dot, plus, pointThrough, unit } from '../model/vectors.ts';
 import { ofRpy, turn, type Vec3 } from '../twin/rotation.ts';
-import type { Arrow, Wrench } from '../twin/wrenches.ts';
+import type { Arrow, Wrench } from '../twin/sensors/wrenches.ts';
 import type { Paint, Strokes } from './strokes.ts';
 
 /** Lengths in reaches of the robot (its radius). */

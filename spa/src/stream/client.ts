@@ -1,11 +1,11 @@
 import { revived } from '@posecast/wire';
+import { onAccount, tokenFor } from '../auth/token.ts';
 import type { RobotTwin } from '../twin/robot.ts';
-import { onAccount, tokenFor } from '../twin/share_token.ts';
-import type { Carrier } from './carrier.ts';
 import { countSleep, nowMs } from './clock.ts';
+import { takeStream } from './early_stream.ts';
 import type { Ending, FromStream, Phase, Problem, ToStream } from './messages.ts';
-import { Sight } from './sight.ts';
-import { takeStream } from './start.ts';
+import { Sight } from './page_visibility.ts';
+import type { Carrier } from './transport.ts';
 
 /** The connection as the page tells of it. A new object at every change, so that a listener can compare. */
 export interface Link {

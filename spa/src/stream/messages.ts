@@ -1,7 +1,7 @@
 import type { EventMessage, Schema } from '@posecast/wire';
 import type { Status } from '../twin/liveness.ts';
 import type { RobotState } from '../twin/robot.ts';
-import type { Carrier } from './carrier.ts';
+import type { Carrier } from './transport.ts';
 
 /** Why a connection ended, in the close table's terms. */
 export interface Ending {

@@ -7,10 +7,10 @@ import {
 } from '@posecast/wire';
 import { QUIET_AFTER_MS, STALE_AFTER_MS } from '../twin/liveness.ts';
 import { retryDelayMs } from './backoff.ts';
-import { type Carrier, CarrierChoice } from './carrier.ts';
+import { Reading } from './frame_reader.ts';
 import { Lateness, lowerHz } from './lateness.ts';
 import type { Ending, FromStream, Phase } from './messages.ts';
-import { Reading } from './reading.ts';
+import { type Carrier, CarrierChoice } from './transport.ts';
 
 /** status comes at least once a second: three of them missing is a dead socket that nobody told us about. */
 export const SILENT_LIMIT_MS = 3000;

@@ -1,10 +1,10 @@
 /// <reference lib="webworker" />
 import { WIRE_VERSION } from '@posecast/wire';
 import { nowMs, setSlept } from './clock.ts';
-import type { StreamEvent } from './events.ts';
 import { Mailbox } from './mailbox.ts';
 import type { FromStream, ToStream } from './messages.ts';
 import { type Action, Session } from './session.ts';
+import type { StreamEvent } from './sse.ts';
 
 /** The thread that owns the socket: it does what the session says, and tells the session what happened. */
 
@@ -99,7 +99,7 @@ function read(url: string, mirrored: boolean): void {
   const unlessLeft = (then: (session: Session) => readonly Action[]) => {
     if (events === mine && session !== null) perform(then(session));
   };
-  (mirrored ? import('./mirror.ts') : import('./events.ts')).then(
+  (mirrored ? import('./firebase_mirror.ts') : import('./sse.ts')).then(
     ({ openEvents, frameBytes }) => {
       if (events !== mine) return;
       const hear = ({ name, data, writtenMs }: StreamEvent) =>

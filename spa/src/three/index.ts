@@ -4,7 +4,7 @@ import { RobotScene } from './scene.ts';
 
 export type { LinkLook } from '../model/posed_body.ts';
 export type { ModelReport } from '../model/report.ts';
-export type { Pose } from '../twin/pose.ts';
+export type { Pose } from '../twin/playback/pose.ts';
 export type { Trouble } from '../view/adaptive_quality.ts';
 export type {
   BodyView,

@@ -1,7 +1,7 @@
 import { type Camera, type Group, Vector3 } from 'three';
 import { SignBoard } from '../overlays/overlay.ts';
 import type { ShownSigns, SignManner } from '../overlays/robot_overlay.ts';
-import type { SignReadings } from '../twin/sign_reader.ts';
+import type { SignReadings } from '../twin/overlay/reader.ts';
 import { SignBatch } from './overlay_mesh.ts';
 import type { StagedRobot } from './robot_node.ts';
 import type { ScenePart } from './scene_part.ts';

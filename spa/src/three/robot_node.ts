@@ -1,5 +1,6 @@
 import { Box3, Group, Matrix4, type Object3D, type Ray, Vector3 } from 'three';
 import { wantsStillness } from '../browser/reduced_motion.ts';
+import type { RawFiles } from '../model/bundle.ts';
 import { Download, type RawManifest, readRawManifest } from '../model/bundle.ts';
 import { manifestAt } from '../model/files.ts';
 import { movedBy, treeOf } from '../model/link_tree.ts';
@@ -8,7 +9,7 @@ import type { LinkLook, LinkTint } from '../model/posed_body.ts';
 import type { ModelReport } from '../model/report.ts';
 import { Stance } from '../model/root_pose.ts';
 import type { KinematicTree } from '../twin/kinematic_tree.ts';
-import type { Pose } from '../twin/pose.ts';
+import type { Pose } from '../twin/playback/pose.ts';
 import type { PoseSource } from '../view/body_view.ts';
 import { type GhostWish, ghostOf } from '../view/ghost_pose.ts';
 import type { Moving } from '../view/render_loop.ts';
@@ -20,7 +21,6 @@ import type { SkinTones } from './robot/skin.ts';
 import { Drain } from './robot/stale_effect.ts';
 import { ShadowCaster } from './shadow.ts';
 import type { SceneTheme } from './theme.ts';
-import type { RawFiles } from './urdf/raw_robot.ts';
 
 /** What a robot asks of the scene that it stands in. */
 export interface Place {

@@ -1,13 +1,13 @@
 import { Color, Scene, Vector3 } from 'three';
 import { Later } from '../browser/debounce.ts';
 import { markOnce } from '../browser/first_paint.ts';
-import type { RawManifest } from '../model/bundle.ts';
+import type { RawFiles, RawManifest } from '../model/bundle.ts';
 import type { LinkLook } from '../model/posed_body.ts';
 import type { ModelReport } from '../model/report.ts';
 import type { SignManner } from '../overlays/robot_overlay.ts';
 import type { KinematicTree } from '../twin/kinematic_tree.ts';
-import type { Pose } from '../twin/pose.ts';
-import type { SignReadings } from '../twin/sign_reader.ts';
+import type { SignReadings } from '../twin/overlay/reader.ts';
+import type { Pose } from '../twin/playback/pose.ts';
 import { Stamina, type Trouble } from '../view/adaptive_quality.ts';
 import type { EyePlace, FollowMode, LineView, MouseStyle, PoseSource, SeenSigns } from '../view/body_view.ts';
 import type { Cover } from '../view/insets.ts';
@@ -24,7 +24,6 @@ import type { ScenePart } from './scene_part.ts';
 import { warmUp } from './shader_warm_up.ts';
 import { type SceneTheme, THEMES, type ThemeName } from './theme.ts';
 import { Placeholders } from './urdf/placeholder.ts';
-import type { RawFiles } from './urdf/raw_robot.ts';
 
 const PLACEHOLDER_REACHES = 0.12;
 /** After so long without motion a picture of fewer pixels is drawn once more with all of them. */

@@ -1,7 +1,7 @@
 import { type Field, type Level, MISSING, type Schema, type Severity } from '@posecast/wire';
 import { flagWords } from './format.ts';
-import { LevelLatch } from './level_latch.ts';
-import { Limits, type Threshold } from './limits.ts';
+import { LevelLatch } from './limits/level_latch.ts';
+import { Limits, type Threshold } from './limits/limits.ts';
 import { plainName } from './names.ts';
 import { valueAt } from './values.ts';
 

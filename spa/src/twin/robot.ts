@@ -1,7 +1,7 @@
 import type { EventMessage, Schema } from '@posecast/wire';
 import { JointTable } from './joints.ts';
 import type { KinematicTree } from './kinematic_tree.ts';
-import { Limits, NO_EDITS, type ThresholdEdits } from './limits.ts';
+import { Limits, NO_EDITS, type ThresholdEdits } from './limits/limits.ts';
 import type { Evidence, Status } from './liveness.ts';
 import { isolated } from './names.ts';
 import { valueAt } from './values.ts';

@@ -6,7 +6,7 @@ import { type Joint, type Link, materialOf, SCALAR_TYPES, type Urdf, type Vector
 
 /**
  * What can be read, and is probably not meant: the list and the words of `posecast-edge doctor`
- * (posecast_edge.model.doctor).
+ * (posecast_edge.model.doctor.skeleton).
  */
 
 const TURN = 2 * Math.PI;

@@ -5,7 +5,7 @@ import type { Tree } from './tree.ts';
 import { materialOf, type Shape, type Urdf, type Vector } from './types.ts';
 
 /** What is wrong with a robot's meshes: missing, of another size than meant, or read with leniency
- *  (posecast_edge.model.doctor_meshes). */
+ *  (posecast_edge.model.doctor.meshes). */
 
 const LARGE_M = 20;
 const SMALL_M = 0.05;

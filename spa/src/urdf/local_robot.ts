@@ -1,8 +1,8 @@
 import type { BundleFile, RawManifest } from '../model/bundle.ts';
 import type { MeshFacts } from '../model/mesh_facts.ts';
 import { diagnose } from './doctor.ts';
-import { DropError, type LocalFiles, tidyPath } from './dropped_files.ts';
 import type { Finding } from './finding.ts';
+import { DropError, type LocalFiles, tidyPath } from './local_files.ts';
 import { readUrdf } from './reader.ts';
 import { materialOf, SCALAR_TYPES, type Urdf } from './types.ts';
 import { readXml, XmlRefused } from './xml.ts';

@@ -16,7 +16,7 @@ import {
 import { type XmlElement, XmlRefused } from './xml.ts';
 
 /**
- * Reads a URDF as the edge does (posecast_edge.model.urdf_reader): what can't be read is replaced by what the standard
+ * Reads a URDF as the edge does (posecast_edge.model.urdf.reader): what can't be read is replaced by what the standard
  * says for an absent value, and named.
  */
 

@@ -1,7 +1,7 @@
 import { type Finding, quoted } from './finding.ts';
 import { type Joint, type Link, SCALAR_TYPES, type Urdf } from './types.ts';
 
-/** How a URDF's links and joints hang together (posecast_edge.model.tree). */
+/** How a URDF's links and joints hang together (posecast_edge.model.urdf.tree). */
 export interface Tree {
   /** null when no link is one. */
   readonly root: Link | null;

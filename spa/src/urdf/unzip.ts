@@ -8,7 +8,7 @@ import {
   MAX_FILES,
   type Refusal,
   tidyPath,
-} from './dropped_files.ts';
+} from './local_files.ts';
 
 /** What a model may be made of; other members are not even unpacked. */
 const WANTED = /\.(urdf|xacro|stl|dae|obj|mtl|glb|png|jpe?g)$/i;

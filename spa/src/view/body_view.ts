@@ -2,8 +2,8 @@ import type { LinkLook } from '../model/posed_body.ts';
 import type { ModelReport } from '../model/report.ts';
 import type { ShownSigns, SignManner } from '../overlays/robot_overlay.ts';
 import type { KinematicTree } from '../twin/kinematic_tree.ts';
-import type { Pose } from '../twin/pose.ts';
-import type { SignReadings } from '../twin/sign_reader.ts';
+import type { SignReadings } from '../twin/overlay/reader.ts';
+import type { Pose } from '../twin/playback/pose.ts';
 import type { ViewName } from './framing.ts';
 import type { Cover } from './insets.ts';
 

@@ -1,6 +1,6 @@
 import { beyond } from '../model/link_tree.ts';
 import type { PosedBody } from '../model/posed_body.ts';
-import type { Pose } from '../twin/pose.ts';
+import type { Pose } from '../twin/playback/pose.ts';
 
 /** A second body that somebody wants to see: joints by URDF name, rad or m. With `limbs`, only what lies beyond those
  *  joints, the others as the body has them. */

@@ -2,7 +2,7 @@ import { markOnce } from '../browser/first_paint.ts';
 import { expandByBox, extentOf, type LinkBox, lowestOf } from '../model/bounds.ts';
 import { Kinematics, multiply, transform } from '../model/kinematics.ts';
 import { boxesOfLinks, type Manifest } from '../model/manifest.ts';
-import type { Pose } from '../twin/pose.ts';
+import type { Pose } from '../twin/playback/pose.ts';
 import { FIELD_OF_VIEW, fittingDistance, VIEWS } from './framing.ts';
 
 const LINE_CSS_PIXELS = 2;

@@ -2,10 +2,11 @@ import './number_language.ts';
 import uPlot from 'uplot';
 import 'uplot/dist/uPlot.min.css';
 import { type AngleUnit, formatNumber, formatSpan } from '../../twin/format.ts';
-import { HISTORY_S, type History } from '../../twin/history.ts';
 import { NUMBERS } from '../../twin/joints.ts';
 import { isolated } from '../../twin/names.ts';
-import { csvOf } from '../../twin/plot_csv.ts';
+import { csvOf } from '../../twin/plots/csv.ts';
+import { HISTORY_S, type History } from '../../twin/plots/history.ts';
+import type { Plotted } from '../../twin/plots/trace.ts';
 import {
   type PlotData,
   type PlotGroup,
@@ -13,9 +14,8 @@ import {
   plotData,
   plotGroups,
   sheetOf,
-} from '../../twin/plot_window.ts';
-import type { Plotted } from '../../twin/plotted.ts';
-import type { PowerWords } from '../../twin/sensors.ts';
+} from '../../twin/plots/window.ts';
+import type { PowerWords } from '../../twin/sensors/sensors.ts';
 import { say } from '../language.ts';
 import { make, TextCell } from '../table/cells.ts';
 import type { More } from '../text/more_en.ts';

@@ -1,9 +1,9 @@
 import { type Display, displayOf, formatNumber, formatSpan } from '../../twin/format.ts';
-import { HISTORY_S, type History } from '../../twin/history.ts';
-import type { LastReadings } from '../../twin/last_readings.ts';
-import { rangeWords } from '../../twin/range_words.ts';
+import { rangeWords } from '../../twin/limits/range_words.ts';
+import { HISTORY_S, type History } from '../../twin/plots/history.ts';
+import { strip } from '../../twin/plots/sparkline.ts';
 import type { RobotTwin } from '../../twin/robot.ts';
-import { strip } from '../../twin/sparkline.ts';
+import type { LastReadings } from '../../twin/sensors/last_readings.ts';
 import { valueAt } from '../../twin/values.ts';
 import { more } from '../more.ts';
 import { isPlotted, togglePlot } from '../plotted.ts';

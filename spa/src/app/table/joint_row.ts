@@ -1,4 +1,4 @@
-import type { Fault } from '../../twin/fault_book.ts';
+import type { Fault } from '../../twin/alarms/fault_log.ts';
 import { formatSpan } from '../../twin/format.ts';
 import type { JointRow, NumberName } from '../../twin/joints.ts';
 import { isolated } from '../../twin/names.ts';

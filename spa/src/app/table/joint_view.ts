@@ -1,10 +1,10 @@
 import { nowMs } from '../../stream/clock.ts';
-import type { FaultBook } from '../../twin/fault_book.ts';
+import type { FaultBook } from '../../twin/alarms/fault_log.ts';
 import { type Display, displayOf } from '../../twin/format.ts';
 import { type JointTable, NUMBERS, type NumberName } from '../../twin/joints.ts';
-import type { LastReadings } from '../../twin/last_readings.ts';
 import type { Limb } from '../../twin/limbs.ts';
 import type { RobotTwin } from '../../twin/robot.ts';
+import type { LastReadings } from '../../twin/sensors/last_readings.ts';
 import { valueAt } from '../../twin/values.ts';
 import { say } from '../language.ts';
 import type { titledLimbs } from '../limb_titles.ts';

@@ -1,7 +1,7 @@
 import { type Display, displayOf, formatSpan } from '../../twin/format.ts';
-import type { LastReadings } from '../../twin/last_readings.ts';
 import type { RobotTwin } from '../../twin/robot.ts';
-import { type Reading, type SensorGroup, SensorTable } from '../../twin/sensors.ts';
+import type { LastReadings } from '../../twin/sensors/last_readings.ts';
+import { type Reading, type SensorGroup, SensorTable } from '../../twin/sensors/sensors.ts';
 import { more } from '../more.ts';
 import { isPlotted, togglePlot } from '../plotted.ts';
 import { settings } from '../settings.ts';

@@ -1,4 +1,4 @@
-import type { Plotted } from '../../twin/plotted.ts';
+import type { Plotted } from '../../twin/plots/trace.ts';
 import { plot } from '../plotted.ts';
 
 const TYPE = 'application/x-posecast-value';

@@ -7,11 +7,10 @@ import {
   type MeshStandardMaterial,
   type Object3D,
 } from 'three';
-import type { BundleFile } from '../../model/bundle.ts';
+import type { BundleFile, RawFiles } from '../../model/bundle.ts';
 import type { MeshNote } from '../../model/mesh_facts.ts';
 import { isAsciiStl, isBinaryStl, MeshError, parseStl, tailBytes } from '../../urdf/stl.ts';
 import { type Welded, weld } from '../../urdf/weld.ts';
-import type { RawFiles } from './raw_robot.ts';
 
 /** One colour of a mesh file, in the file's own frame and in metres. `color` is null where the file names none. */
 export interface MeshPart {

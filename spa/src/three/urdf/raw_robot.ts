@@ -1,4 +1,4 @@
-import type { BundleFile, RawManifest } from '../../model/bundle.ts';
+import type { RawFiles, RawManifest } from '../../model/bundle.ts';
 import { factsOf, lostMesh, type MeshFacts } from '../../model/mesh_facts.ts';
 import type { ModelReport } from '../../model/report.ts';
 import type { Stage } from '../robot/figure.ts';
@@ -8,14 +8,6 @@ import { MeshLoader } from './mesh_loader.ts';
 import { Palette } from './palette.ts';
 import { whyAbsent } from './placeholder.ts';
 import { type MeshSlot, RobotModel } from './urdf_robot.ts';
-
-/** Where a raw bundle's files come from: a relay, or what somebody dropped on the page. */
-export interface RawFiles {
-  /** Rejects with an Error of one line. */
-  fetch(file: BundleFile): Promise<Uint8Array>;
-  /** A file that another one names, by its place beside it; null where there is none. */
-  beside?(file: BundleFile, name: string): Promise<Uint8Array | null>;
-}
 
 /** Shows a robot from its raw URDF and meshes, `onTotal` hearing how many bytes it draws: for an edge that serves them as they are, and for a dropped folder.
  *  A chunk of its own, because a built model needs none of it. */

@@ -1,0 +1,28 @@
+import { useSyncExternalStore } from 'react';
+import { ACCOUNT } from '../relay/relay.ts';
+
+/** Who is signed in, by name; null: nobody. Kept in this browser, so that the page knows whom to ask for when it comes again. */
+
+let name: string | null = null;
+const listeners = new Set<() => void>();
+
+export function becomeAccount(next: string | null): void {
+  try {
+    if (next === null) localStorage.removeItem(ACCOUNT);
+    else localStorage.setItem(ACCOUNT, next);
+  } catch {
+    // no storage here: for as long as this page lives
+  }
+  name = next;
+  for (const listener of listeners) listener();
+}
+
+export function useAccountName(): string | null {
+  return useSyncExternalStore(
+    (listener) => {
+      listeners.add(listener);
+      return () => listeners.delete(listener);
+    },
+    () => name,
+  );
+}

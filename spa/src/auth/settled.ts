@@ -1,0 +1,15 @@
+import { accounts, relaySettled, wasSignedIn } from '../relay/relay.ts';
+
+let asking: ReturnType<typeof relaySettled> | null = null;
+
+/** Resolves when it is known which relay this page reads and, where somebody has signed in here before, who is signed in
+ *  now. Asks once. */
+export function accessSettled(): ReturnType<typeof relaySettled> {
+  asking ??= relaySettled().then(async (choice) => {
+    if (accounts !== null && wasSignedIn()) {
+      await import('./account.ts').then(({ resumed }) => resumed()).catch(() => {}); // then without an account
+    }
+    return choice;
+  });
+  return asking;
+}

@@ -1,0 +1,232 @@
+import { type EventsHandlers, frameBytes, openEvents as openStream, type StreamEvent } from './sse.ts';
+
+export { frameBytes };
+
+/** As often as a relay writes. */
+const MIRROR_HZ = 2;
+const TICK_MS = 250;
+/** A relay writes at least once a second. Without that what stands there may be of any age. */
+const UNWRITTEN_MS = 1400;
+/** The first time there is a round trip of somebody else's to wait for. */
+const FIRST_MS = 2500;
+const SAY_EVERY_MS = 1000;
+/** Written until now, and suddenly no more: it may be this connection that is dead. A new one tells. */
+const DOUBT_MS = 8000;
+/** The database says `keep-alive` every 30 s. */
+const DEAD_MS = 45_000;
+
+/** What a relay says of itself and its robot in the mirror. */
+interface Written {
+  readonly robot: string;
+  readonly age_ms: number | null;
+  readonly seq: number | null;
+  readonly model: string | null;
+  /** Its clock, ms. */
+  readonly at: number;
+}
+
+/**
+ * Translates what a Firebase Realtime Database streams of a robot's node into what a relay would say. Pure: events and the
+ * clock come in. A node outlives its relay, so nothing that stands there counts as a sign of life: only that it changes.
+ */
+export class MirrorReader {
+  readonly #wireVersion: number;
+  #node: unknown = null;
+  #told: Record<string, unknown> = {};
+  /** Of the newest word of a relay that lives. */
+  #written: Written | null = null;
+  #writtenMs = 0;
+  #begunMs: number | null = null;
+  #saidMs = 0;
+  /** A relay's clock that was set back goes on from where it was. */
+  #shiftMs = 0;
+
+  constructor(wireVersion: number) {
+    this.#wireVersion = wireVersion;
+  }
+
+  /** @returns what a relay would have said; a number is the close code of what is over */
+  read(nowMs: number, { name, data }: Pick<StreamEvent, 'name' | 'data'>): StreamEvent[] | number {
+    if (name === 'cancel' || name === 'auth_revoked') return 4403;
+    if (name !== 'put' && name !== 'patch') return [];
+    const said: unknown = parse(data);
+    if (!isRecord(said) || typeof said.path !== 'string') return [];
+    const own = new Set<unknown>();
+    if (name === 'put') this.#put(said.path, said.data, own);
+    else
+      for (const [below, value] of Object.entries(said.data ?? {}))
+        this.#put(`${said.path}/${below}`, value, own);
+    const first = this.#begunMs === null;
+    this.#begunMs ??= nowMs;
+    return this.#news(nowMs, first);
+  }
+
+  /** What has to be said though nothing came. */
+  tick(nowMs: number): StreamEvent[] {
+    if (this.#begunMs === null || nowMs - this.#saidMs < SAY_EVERY_MS) return [];
+    if (this.#node === null) return [this.#status(nowMs, 'offline', null, false)];
+    const waited =
+      this.#written === null ? nowMs - this.#begunMs > FIRST_MS : this.#unwrittenMs(nowMs) > UNWRITTEN_MS;
+    if (!waited) return [];
+    const { robot = 'offline', age_ms = null } = this.#written ?? {};
+    return [this.#status(nowMs, robot, age_ms === null ? null : age_ms + this.#unwrittenMs(nowMs), true)];
+  }
+
+  /** Whether another connection might know more. */
+  doubtful(nowMs: number): boolean {
+    return this.#written !== null && this.#node !== null && this.#unwrittenMs(nowMs) > DOUBT_MS;
+  }
+
+  #unwrittenMs(nowMs: number): number {
+    return nowMs - this.#writtenMs;
+  }
+
+  /** `own`: objects that this event has made, and may change. */
+  #put(path: string, value: unknown, own: Set<unknown>): void {
+    const [child, ...deeper] = path.split('/').filter((part) => part !== '');
+    if (child === undefined) {
+      this.#node = isRecord(value) ? value : null;
+      return;
+    }
+    const node = ownOf(this.#node, own);
+    this.#node = node;
+    const at = deeper.join('/');
+    if (at === '') define(node, child, value);
+    else {
+      const inside = ownOf(node[child], own);
+      define(inside, at, value);
+      define(node, child, inside);
+    }
+  }
+
+  #news(nowMs: number, first: boolean): StreamEvent[] {
+    const node = isRecord(this.#node) ? this.#node : {};
+    const out: StreamEvent[] = [];
+    const { status } = node;
+    const written = isWritten(status) ? status : null;
+    const alive = !first && written !== null && written.at !== this.#told.at;
+    if (alive) this.#wrote(nowMs, written);
+    const writtenMs = alive ? written.at + this.#shiftMs : Number.NaN;
+    const say = (doc: object) => out.push({ name: 'message', data: JSON.stringify(doc), writtenMs });
+    if (first) {
+      const of = { robot: '', view: '', limits: {}, model: written?.model ?? null };
+      say({ type: 'hello', wire: this.#wireVersion, server_time: 0, hz: MIRROR_HZ, ...of });
+    } else if (written?.model && written.model !== this.#told.model) {
+      say({ type: 'model', hash: written.model });
+    }
+    const changed = (child: string) => node[child] !== this.#told[child];
+    const schema = changed('schema') ? decoded(node.schema) : null;
+    if (schema !== null) out.push({ name: 'message', data: schema, writtenMs });
+    // Before the frames: how old they are is known from this alone.
+    if (alive) {
+      out.push(this.#status(nowMs, written.robot, written.age_ms, false, writtenMs));
+    } else if (this.#node === null) {
+      this.#written = null;
+      out.push(this.#status(nowMs, 'offline', null, false));
+    }
+    // A KEY that is the newest frame stands there twice.
+    for (const frame of new Set(['key', 'ref', 'frame'].filter(changed).map((child) => node[child]))) {
+      if (typeof frame === 'string') out.push({ name: 'frame', data: frame, writtenMs });
+    }
+    this.#told = { ...node, at: written?.at, model: written?.model };
+    return out;
+  }
+
+  #wrote(nowMs: number, written: Written): void {
+    const last = this.#told.at;
+    if (typeof last === 'number' && written.at < last && this.#written !== null) {
+      this.#shiftMs += last - written.at + this.#unwrittenMs(nowMs);
+    }
+    this.#written = written;
+    this.#writtenMs = nowMs;
+  }
+
+  #status(
+    nowMs: number,
+    robot: string,
+    ageMs: number | null,
+    degraded: boolean,
+    writtenMs = Number.NaN,
+  ): StreamEvent {
+    this.#saidMs = nowMs;
+    const seq = this.#written?.seq ?? null;
+    const doc = { type: 'status', robot, age_ms: ageMs, seq, degraded };
+    return { name: 'message', data: JSON.stringify(doc), writtenMs };
+  }
+}
+
+/** The same as for a relay's events, with a database at the other end. */
+export function openEvents(
+  url: string,
+  _token: string | undefined,
+  handlers: EventsHandlers,
+): { close(): void } {
+  const { nowMs, wireVersion } = handlers;
+  const reader = new MirrorReader(wireVersion);
+  let heardMs = nowMs();
+  const leave = () => {
+    clearInterval(timer);
+    stream.close();
+  };
+  const end = (code: number, reason: string) => {
+    leave();
+    handlers.closed(code, reason);
+  };
+  const timer = setInterval(() => {
+    const now = nowMs();
+    if (now - heardMs > DEAD_MS || reader.doubtful(now)) end(1006, 'silent');
+    else for (const event of reader.tick(now)) handlers.event(event);
+  }, TICK_MS);
+  const stream = openStream(url, undefined, {
+    nowMs,
+    wireVersion,
+    opened: () => handlers.opened(),
+    heard: () => {
+      heardMs = nowMs();
+      handlers.heard();
+    },
+    event: (event) => {
+      const news = reader.read(nowMs(), event);
+      if (typeof news === 'number') end(news, 'the rules of the database have changed');
+      else for (const one of news) handlers.event(one);
+    },
+    // Who may not read it can't sign in either.
+    closed: (code, reason) => end(code === 4401 ? 4403 : code, reason),
+  });
+  return { close: leave };
+}
+
+/** The object itself where this event has made it, else a copy of it. */
+function ownOf(value: unknown, own: Set<unknown>): Record<string, unknown> {
+  if (own.has(value)) return value as Record<string, unknown>;
+  const copy = isRecord(value) ? { ...value } : {};
+  own.add(copy);
+  return copy;
+}
+
+/** A member of its own, whatever it is called. */
+function define(object: object, name: string, value: unknown): void {
+  Object.defineProperty(object, name, { value, writable: true, enumerable: true, configurable: true });
+}
+
+function parse(text: string): unknown {
+  try {
+    return JSON.parse(text);
+  } catch {
+    return null;
+  }
+}
+
+function isRecord(value: unknown): value is Record<string, unknown> {
+  return typeof value === 'object' && value !== null && !Array.isArray(value);
+}
+
+function isWritten(value: unknown): value is Written {
+  return isRecord(value) && typeof value.at === 'number' && typeof value.robot === 'string';
+}
+
+/** UTF-8 text that stands there in base64; null when it is none. */
+function decoded(base64: unknown): string | null {
+  const bytes = typeof base64 === 'string' ? frameBytes(base64) : null;
+  return bytes && new TextDecoder().decode(bytes);
+}

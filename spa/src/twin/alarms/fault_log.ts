@@ -1,0 +1,235 @@
+import type { EventMessage } from '@posecast/wire';
+import { flagWords } from '../format.ts';
+import type { JointRow } from '../joints.ts';
+
+/** What is wrong: a bit of the robot's own, a limit that was passed, or a joint that has long been off its command. */
+type What = 'flag' | 'cur' | 'temp' | 'apart';
+
+/** One thing that went wrong, kept until somebody has acknowledged it and it is over. A caution goes by itself when it is over. */
+export interface Fault {
+  readonly key: string;
+  readonly level: 'fault' | 'caution';
+  readonly what: What;
+  /** Joint or sensor, as the robot names it. */
+  readonly source: string;
+  /** "jam": of a flag; else empty. */
+  readonly words: string;
+  /** Unix, ms: when it rose first since it was last acknowledged; by the relay's clock where an event told it. */
+  firstMs: number;
+  /** When it was over; null while it lasts. */
+  clearedMs: number | null;
+  acknowledged: boolean;
+}
+
+/** What has been acknowledged: key → unix ms of the newest rise that was meant. */
+export type Acknowledged = ReadonlyMap<string, number>;
+
+/** The oldest that are over go first; a robot that has more than this lasting is shown the newest of them. */
+export const FAULT_LIMIT = 500;
+const ACK_LIMIT = 200;
+/** What passes sooner is a joint that lags behind, as they all do now and then. */
+export const STALLED_AFTER_MS = 2000;
+/** After a longer pause between two frames nobody knows where the joints have been meanwhile. */
+const PAUSE_MS = 5000;
+
+interface Entry extends Fault {
+  riseMs: number;
+}
+
+type Named = Pick<Fault, 'key' | 'level' | 'what' | 'source' | 'words'>;
+
+/**
+ * Faults from events and frames alike. An event tells what a 1 Hz viewer's frames never show; a frame tells what lasts
+ * although its event is long forgotten. Either latches.
+ */
+export class FaultBook {
+  readonly #entries = new Map<string, Entry>();
+  #acknowledged = new Map<string, number>();
+  /** What the newest frame showed; null before the first, whose faults may be old ones. */
+  #shown: Set<string> | null = null;
+  /** Joints that are off their command, since when. */
+  readonly #apartMs = new Map<string, number>();
+  #lookedMs = Number.NEGATIVE_INFINITY;
+  /** Counts changes. */
+  version = 0;
+  #sorted: { version: number; faults: readonly Fault[]; worst: ReadonlyMap<string, Fault> } | null = null;
+
+  constructor(acknowledged: Acknowledged = new Map()) {
+    this.#acknowledged = new Map(acknowledged);
+  }
+
+  /** Not yet acknowledged or not yet over: faults before cautions, lasting ones first, each oldest first. */
+  get faults(): readonly Fault[] {
+    return this.#inOrder().faults;
+  }
+
+  get acknowledged(): Acknowledged {
+    return this.#acknowledged;
+  }
+
+  /** Of a joint or sensor, the fault that nobody has acknowledged yet: lasting, or over. */
+  of(source: string): Fault | null {
+    return this.#inOrder().worst.get(source) ?? null;
+  }
+
+  #inOrder() {
+    if (this.#sorted?.version === this.version) return this.#sorted;
+    const faults = [...this.#entries.values()].sort(
+      (a, b) =>
+        Number(a.level === 'caution') - Number(b.level === 'caution') ||
+        Number(b.clearedMs === null) - Number(a.clearedMs === null) ||
+        a.firstMs - b.firstMs,
+    );
+    const worst = new Map<string, Fault>();
+    for (const fault of faults) {
+      if (fault.level === 'fault' && !fault.acknowledged && !worst.has(fault.source))
+        worst.set(fault.source, fault);
+    }
+    this.#sorted = { version: this.version, faults, worst };
+    return this.#sorted;
+  }
+
+  event(event: EventMessage, nowMs: number): void {
+    if (event.level !== 'fault') return;
+    const key = keyOf(event.source, event.text);
+    const atMs = event.at === null ? nowMs : event.at * 1000;
+    const entry = this.#entries.get(key);
+    if (event.state === 'off') {
+      // as long as the frames show it, they say when it ends
+      if (entry === undefined || atMs < entry.riseMs || this.#shown?.has(key)) return;
+      if (entry.clearedMs !== atMs) this.#clear(entry, atMs);
+      return;
+    }
+    if (atMs <= (this.#acknowledged.get(key) ?? Number.NEGATIVE_INFINITY)) return; // told again at a new join
+    if (entry !== undefined && atMs <= entry.riseMs) return;
+    if (entry !== undefined && !entry.acknowledged) {
+      entry.riseMs = atMs; // the same again, or the frame was here before its event
+      return;
+    }
+    const of = {
+      key,
+      level: 'fault',
+      what: 'flag',
+      source: event.source,
+      words: flagWords(event.text),
+    } as const;
+    this.#rise(of, atMs, this.#shown?.has(key) ? null : atMs);
+  }
+
+  /** The rows of a frame that has just come. */
+  rows(rows: readonly JointRow[], nowMs: number): void {
+    const shown = new Set<string>();
+    if (nowMs - this.#lookedMs > PAUSE_MS) this.#apartMs.clear();
+    this.#lookedMs = nowMs;
+    for (const row of rows) {
+      const sinceMs = this.#apartSince(row, nowMs);
+      if (row.level === 'fault') {
+        for (const [what, text, words] of faultsOf(row)) {
+          const key = keyOf(row.label, text);
+          shown.add(key);
+          this.#lasts({ key, level: 'fault', what, source: row.label, words }, nowMs);
+        }
+      } else if (sinceMs !== null && nowMs - sinceMs >= STALLED_AFTER_MS) {
+        const key = keyOf(row.label, 'apart');
+        shown.add(key);
+        this.#lasts({ key, level: 'caution', what: 'apart', source: row.label, words: '' }, sinceMs);
+      }
+    }
+    for (const [key, entry] of this.#entries) {
+      if (entry.clearedMs === null && !shown.has(key)) this.#clear(entry, nowMs);
+    }
+    this.#shown = shown;
+  }
+
+  /** A joint without power goes nowhere, whatever it was told. */
+  #apartSince({ label, apart, enabled }: JointRow, nowMs: number): number | null {
+    if (!apart || enabled === false) {
+      this.#apartMs.delete(label);
+      return null;
+    }
+    const sinceMs = this.#apartMs.get(label) ?? nowMs;
+    this.#apartMs.set(label, sinceMs);
+    return sinceMs;
+  }
+
+  /** Somebody has seen it. What is over goes; what lasts stays, quietly, until it is over. */
+  acknowledge(keys: Iterable<string>): void {
+    for (const key of keys) {
+      const entry = this.#entries.get(key);
+      if (entry === undefined) continue;
+      entry.acknowledged = true;
+      this.#acknowledged.delete(key); // so that the newest stands last
+      this.#acknowledged.set(key, entry.riseMs);
+      if (entry.clearedMs !== null) this.#entries.delete(key);
+    }
+    while (this.#acknowledged.size > ACK_LIMIT) {
+      const [oldest] = this.#acknowledged.keys();
+      this.#acknowledged.delete(oldest as string);
+    }
+    this.version += 1;
+  }
+
+  #lasts(of: Named, nowMs: number): void {
+    const { key, level } = of;
+    const entry = this.#entries.get(key);
+    if (this.#shown?.has(key) && entry !== undefined) return;
+    if (entry !== undefined && !entry.acknowledged) {
+      if (entry.clearedMs === null) return;
+      entry.clearedMs = null;
+      this.version += 1;
+      return;
+    }
+    // Seen in the first frame, it may be the one that was acknowledged before this page was opened; a caution is seen later.
+    const known = (this.#shown === null || level === 'caution') && this.#acknowledged.has(key);
+    this.#rise(of, known ? (this.#acknowledged.get(key) ?? nowMs) : nowMs, null, known);
+  }
+
+  #rise(of: Named, riseMs: number, clearedMs: number | null, acknowledged = false): void {
+    this.#entries.set(of.key, { ...of, firstMs: riseMs, riseMs, clearedMs, acknowledged });
+    if (this.#entries.size > FAULT_LIMIT) {
+      const all = [...this.#entries.values()];
+      const oldest = all.find((entry) => entry.clearedMs !== null) ?? all[0];
+      if (oldest !== undefined) this.#entries.delete(oldest.key);
+    }
+    this.version += 1;
+  }
+
+  #clear(entry: Entry, atMs: number): void {
+    if (entry.level === 'caution') this.#acknowledged.delete(entry.key);
+    if (entry.acknowledged || entry.level === 'caution') this.#entries.delete(entry.key);
+    else entry.clearedMs = Math.max(atMs, entry.riseMs);
+    this.version += 1;
+  }
+}
+
+function keyOf(source: string, text: string): string {
+  return `${source}\n${text}`; // no name holds a control character
+}
+
+function* faultsOf(row: JointRow): Generator<[what: What, text: string, words: string]> {
+  for (const flag of row.flags) if (flag.severity === 'fault') yield ['flag', flag.name, flag.words];
+  if (row.curLevel === 'fault') yield ['cur', 'cur', ''];
+  if (row.tempLevel === 'fault') yield ['temp', 'temp', ''];
+}
+
+/** JSON for the browser's storage. */
+export function acknowledgedText(acknowledged: Acknowledged): string {
+  return JSON.stringify([...acknowledged]);
+}
+
+/** Whatever storage holds: an entry that is odd is left out. */
+export function readAcknowledged(text: string | null): Acknowledged {
+  let stored: unknown = null;
+  try {
+    stored = JSON.parse(text ?? 'null');
+  } catch {
+    // as good as nothing stored
+  }
+  const found = new Map<string, number>();
+  for (const pair of Array.isArray(stored) ? stored.slice(-ACK_LIMIT) : []) {
+    if (Array.isArray(pair) && typeof pair[0] === 'string' && Number.isFinite(pair[1])) {
+      found.set(pair[0], pair[1] as number);
+    }
+  }
+  return found;
+}

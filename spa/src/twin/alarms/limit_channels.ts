@@ -1,0 +1,68 @@
+import { JOINT, type Schema } from '@posecast/wire';
+import { ANY } from '../limits/limits.ts';
+import { type PowerWords, SensorTable } from '../sensors/sensors.ts';
+
+/** A channel that has limits, or may be given some. */
+export interface Limited {
+  readonly field: string;
+  readonly label: string;
+  readonly name: string;
+  readonly unit: string;
+  /** A slider goes from −span to +span. */
+  readonly span: number;
+}
+
+export interface LimitedGroup {
+  readonly title: string;
+  readonly channels: readonly Limited[];
+}
+
+/** Where nobody has said what is much. */
+const SPANS: Readonly<Record<string, number>> = {
+  ftf: 1000,
+  ftm: 100,
+  cur: 20,
+  temp: 120,
+  volt: 60,
+  amp: 50,
+};
+/** What is called otherwise in another language. */
+export interface LimitedWords extends PowerWords {
+  readonly motors: string;
+  readonly currentOfAll: string;
+  readonly heatOfAll: string;
+}
+
+/** What a viewer may set limits for: forces and moments, place by place, power, and load of all joints together. */
+export function limitedChannels(schema: Schema, words: LimitedWords): LimitedGroup[] {
+  const span = (field: string, label: string) => {
+    const { low, high } = schema.mapping.threshold(field, label) ?? { low: null, high: null };
+    const most = 1.5 * Math.max(Math.abs(low ?? 0), Math.abs(high ?? 0));
+    return most > 0 ? most : (SPANS[field] ?? 100);
+  };
+  const groups: LimitedGroup[] = [];
+  for (const group of new SensorTable(schema, words).groups) {
+    if (group.kind !== 'wrench' && group.kind !== 'power') continue;
+    groups.push({
+      title: group.title,
+      channels: group.readings.map(({ field, label, name, unit }) => ({
+        ...{ field, label, name, unit, span: span(field, label) },
+      })),
+    });
+  }
+  const loads = (['cur', 'temp'] as const).flatMap((name) => {
+    const field = schema.field(name);
+    if (field?.labelSet !== JOINT) return [];
+    return [
+      {
+        field: name,
+        label: ANY,
+        name: name === 'cur' ? words.currentOfAll : words.heatOfAll,
+        unit: field.unit,
+        span: span(name, ANY),
+      },
+    ];
+  });
+  if (loads.length > 0) groups.push({ title: words.motors, channels: loads });
+  return groups;
+}

@@ -1,0 +1,68 @@
+import type { Level, Threshold } from '@posecast/wire';
+import { displayOf } from '../format.ts';
+import type { Limits } from '../limits/limits.ts';
+import type { SensorGroup } from '../sensors/sensors.ts';
+
+/** A reading that went past a limit of the viewer's own, or came back. */
+export interface Crossing {
+  readonly n: number;
+  /** Unix, ms, by the viewer's clock. */
+  readonly atMs: number;
+  /** "right foot Fz" */
+  readonly source: string;
+  /** Which side of the limit, and the limit with its unit: above, "300 N". */
+  readonly side: 'above' | 'below';
+  readonly limit: string;
+  readonly state: 'on' | 'off';
+}
+
+type Past = Pick<Crossing, 'side' | 'limit'>;
+
+/** The oldest go first. */
+export const CROSSING_LIMIT = 100;
+
+/** Remembers what the viewer's own limits saw: the edge tells events of the profile's limits only. */
+export class LimitLog {
+  /** Newest last. */
+  crossings: readonly Crossing[] = [];
+  readonly #past = new Map<string, { level: Level; past: Past }>();
+  #next = 1;
+
+  /** The readings of a frame that has just come. True when there is something new to tell. */
+  look(groups: readonly SensorGroup[], limits: Limits, atMs: number): boolean {
+    const { length } = this.crossings;
+    const last = this.crossings.at(-1);
+    for (const { title, readings } of groups) {
+      for (const { field, label, name, unit, value, level } of readings) {
+        const key = `${field}\n${label}`; // no name holds a control character
+        const threshold = limits.edited(field, label) ? limits.threshold(field, label) : null;
+        const before = this.#past.get(key);
+        if (threshold === null) {
+          this.#past.delete(key);
+          continue;
+        }
+        const source = `${title} ${name}`;
+        if (level === 'fault' && before?.level !== 'fault' && value !== null) {
+          const past = pastOf(threshold, value, unit);
+          this.#past.set(key, { level, past });
+          this.#add({ atMs, source, ...past, state: 'on' });
+        } else if (level !== 'fault' && before?.level === 'fault' && value !== null) {
+          this.#past.delete(key);
+          this.#add({ atMs, source, ...before.past, state: 'off' });
+        }
+      }
+    }
+    return this.crossings.length !== length || this.crossings.at(-1) !== last;
+  }
+
+  #add(crossing: Omit<Crossing, 'n'>): void {
+    this.crossings = [...this.crossings, { n: this.#next, ...crossing }].slice(-CROSSING_LIMIT);
+    this.#next += 1;
+  }
+}
+
+function pastOf({ low, high }: Threshold, value: number, unit: string): Past {
+  const below = low !== null && value < low;
+  const limit = `${below ? low : high} ${displayOf(unit, 'rad').unit}`.trim();
+  return { side: below ? 'below' : 'above', limit };
+}

@@ -1,0 +1,109 @@
+import { JOINT, JointMapping, type Schema } from '@posecast/wire';
+import { JointChannels } from '../joint_channels.ts';
+import { CLOSE_AGAIN } from '../joints.ts';
+import { placeOf, plainName } from '../names.ts';
+import { valueAt } from '../values.ts';
+
+/** The bit of `flags` that says: this joint yields on purpose. */
+const COMPLIANT_BIT = 'comply';
+
+/** A channel that is not where it was told to be. */
+export interface Deviation {
+  readonly channel: string;
+  /** The plain name, when the profile has one. */
+  readonly name: string | null;
+  /** ref − pos, in the channel's unit (rad, or m for a sliding joint). */
+  error: number;
+  readonly unit: string;
+  /** It yields on purpose: worth showing, no trouble. */
+  compliant: boolean;
+  /** The URDF joints it moves, with where each is and where it was told to be (rad or m, couplings applied). */
+  readonly joints: readonly { readonly joint: string; pos: number; ref: number }[];
+}
+
+interface Watched {
+  readonly index: number;
+  readonly tolerance: number;
+  readonly deviation: Deviation;
+  /** Indices of its joints in both mappings. */
+  readonly at: readonly { pos: number; ref: number }[];
+  apart: boolean;
+}
+
+/** Finds the limbs that are not where they were told to be. `read` gives the same objects again and again. */
+export class Lens {
+  readonly #schema: Schema;
+  readonly #pos: JointMapping;
+  readonly #ref: JointMapping;
+  readonly #watched: readonly Watched[];
+  readonly #complianceMask: number;
+
+  constructor(schema: Schema) {
+    this.#schema = schema;
+    this.#pos = new JointMapping(schema, 'pos');
+    this.#ref = new JointMapping(schema, 'ref');
+    const bit = schema.field('flags')?.bits.indexOf(COMPLIANT_BIT) ?? -1;
+    this.#complianceMask = bit < 0 ? 0 : 1 << bit;
+    const [pos, ref] = [schema.field('pos'), schema.field('ref')];
+    const both = pos !== null && ref !== null && pos.labelSet === ref.labelSet;
+    const channels = new JointChannels(schema);
+    this.#watched = (both ? pos.labels : []).flatMap((channel, index) => {
+      const tolerance = schema.mapping.tolerance(channel);
+      if (tolerance === null) return [];
+      const joints = channels.jointsOf(channel);
+      return [
+        {
+          index,
+          tolerance,
+          apart: false,
+          deviation: {
+            channel,
+            name: plainName(schema, channel) ?? null,
+            error: 0,
+            unit: schema.mapping.unit('pos', channel) ?? pos!.unit,
+            compliant: false,
+            joints: joints.map((joint) => ({ joint, pos: 0, ref: 0 })),
+          },
+          at: joints.map((joint) => ({
+            pos: placeOf(this.#pos.joints, joint),
+            ref: placeOf(this.#ref.joints, joint),
+          })),
+        },
+      ];
+    });
+  }
+
+  /** The channels that are apart by more than their tolerance now. A channel without a reading is not judged. */
+  read(codes: Int32Array): Deviation[] {
+    const schema = this.#schema;
+    const [pos, ref, flags] = [schema.field('pos'), schema.field('ref'), schema.field('flags')];
+    let jointsRead = false;
+    const apart: Deviation[] = [];
+    for (const watched of this.#watched) {
+      const { index, tolerance, deviation, at } = watched;
+      const is = valueAt(codes, pos, index);
+      const told = valueAt(codes, ref, index);
+      if (is === null || told === null) {
+        watched.apart = false;
+        continue;
+      }
+      deviation.error = told - is;
+      const off = Math.abs(deviation.error);
+      watched.apart = off > tolerance || (watched.apart && off > tolerance * CLOSE_AGAIN);
+      if (!watched.apart) continue;
+      const mask = flags?.labelSet === JOINT ? valueAt(codes, flags, index) : null;
+      deviation.compliant = ((mask ?? 0) & this.#complianceMask) !== 0;
+      if (!jointsRead) {
+        this.#pos.evaluate(codes);
+        this.#ref.evaluate(codes);
+        jointsRead = true;
+      }
+      deviation.joints.forEach((joint, i) => {
+        joint.pos = this.#pos.values[at[i]!.pos] ?? Number.NaN;
+        joint.ref = this.#ref.values[at[i]!.ref] ?? Number.NaN;
+      });
+      apart.push(deviation);
+    }
+    return apart;
+  }
+}

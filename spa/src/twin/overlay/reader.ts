@@ -1,0 +1,93 @@
+import type { Schema } from '@posecast/wire';
+import type { Limits } from '../limits/limits.ts';
+import { type Imu, ImuTable } from '../sensors/imus.ts';
+import { type Load, type LoadField, type LoadScale, LoadTable } from '../sensors/load.ts';
+import { type Wrench, WrenchTable } from '../sensors/wrenches.ts';
+import { type Deviation, Lens } from './deviations.ts';
+
+/** Which signs a viewer wants. */
+export interface SignChoice {
+  readonly shown: 'pos' | 'ref' | 'both';
+  readonly lens: boolean;
+  readonly forces: boolean;
+  readonly level: boolean;
+  readonly load: 'off' | LoadField;
+}
+
+/** What the newest frame says beyond the pose. Kinds that are switched off, or that the robot does not have, are empty. */
+export interface SignReadings {
+  readonly wrenches: readonly Wrench[];
+  readonly deviations: readonly Deviation[];
+  readonly imus: readonly Imu[];
+  /** The one of them that says how the body leans. */
+  readonly body: Imu | null;
+  /** Whether the robot reports where it is. */
+  readonly based: boolean;
+  /** By URDF joint; null while links keep their own colours. */
+  readonly loads: ReadonlyMap<string, Load> | null;
+}
+
+/** All that is drawn beside the body of one robot, read from one frame after the other. It lives as long as its schema. */
+export class SignReader {
+  readonly schema: Schema;
+  readonly #wrenches: WrenchTable;
+  readonly #lens: Lens;
+  readonly #imus: ImuTable;
+  #load: LoadTable | null = null;
+  #loadField: SignChoice['load'] = 'off';
+
+  constructor(schema: Schema) {
+    this.schema = schema;
+    this.#wrenches = new WrenchTable(schema);
+    this.#lens = new Lens(schema);
+    this.#imus = new ImuTable(schema);
+  }
+
+  /** What this robot can show at all. */
+  get can(): { forces: boolean; level: boolean; lens: boolean; loads: LoadField[] } {
+    const { schema } = this;
+    return {
+      forces: this.#wrenches.wrenches.length > 0,
+      level: this.#imus.imus.length > 0 || schema.field('baseq') !== null,
+      lens: schema.field('ref') !== null && schema.field('pos') !== null,
+      loads: (['cur', 'temp'] as const).filter((field) => LoadTable.has(schema, field)),
+    };
+  }
+
+  read(codes: Int32Array, limits: Limits, choice: SignChoice): SignReadings {
+    const { forces, level, lens, shown } = choice;
+    return {
+      wrenches: forces ? this.#wrenches.read(codes, limits) : [],
+      deviations: lens || shown === 'both' ? this.#lens.read(codes) : [],
+      imus: level ? this.#imus.read(codes) : [],
+      body: level ? this.#imus.body : null,
+      based: level && this.schema.field('baseq') !== null,
+      loads: this.#loads(choice.load)?.read(codes, limits) ?? null,
+    };
+  }
+
+  /**
+   * The ghost of the lens: the joints that stand elsewhere than the body's (rad or m by URDF name); null for none, and
+   * when the ghost is shown whole anyway. A limb that yields on purpose is named, but is no ghost's business.
+   */
+  ghost({ deviations }: SignReadings, { shown, lens }: SignChoice): ReadonlyMap<string, number> | null {
+    if (!lens || shown === 'both') return null;
+    const joints = deviations.filter(({ compliant }) => !compliant).flatMap((deviation) => deviation.joints);
+    if (joints.length === 0) return null;
+    return new Map(joints.map(({ joint, pos, ref }) => [joint, shown === 'ref' ? pos : ref]));
+  }
+
+  /** What the colours of load mean; null while there are none. */
+  loadScale(limits: Limits, field: SignChoice['load']): LoadScale | null {
+    return this.#loads(field)?.scale(limits) ?? null;
+  }
+
+  #loads(field: SignChoice['load']): LoadTable | null {
+    if (field !== this.#loadField) {
+      this.#loadField = field;
+      const has = field !== 'off' && LoadTable.has(this.schema, field);
+      this.#load = has ? new LoadTable(this.schema, field) : null;
+    }
+    return this.#load;
+  }
+}

@@ -1,0 +1,131 @@
+import type { Schema } from '@posecast/wire';
+import { placeOf } from '../names.ts';
+import type { RobotState } from '../robot.ts';
+import type { Quat } from '../rotation.ts';
+import { type Imu, ImuTable } from '../sensors/imus.ts';
+import { Playout } from './playout.ts';
+import { type Base, baseOf, type Pose, Poser } from './pose.ts';
+
+/**
+ * One robot's motion as it is shown: where its joints are and where they were told to be, its base, and how its
+ * orientation sensors are turned, all at one moment of the stream. What warns (flags, forces' colours, liveness) is
+ * never played: it is read from the newest frame.
+ *
+ * It lives as long as its schema; a new schema is a new player.
+ */
+export class Player {
+  readonly #schema: Schema;
+  readonly #pos: Poser;
+  readonly #ref: Poser | null;
+  readonly #imus: ImuTable;
+  readonly #playout: Playout;
+  readonly #values: Float64Array;
+  readonly #wraps = new Set<number>();
+  readonly #refAt: number;
+  readonly #baseAt: number;
+  readonly #imusAt: number;
+  #unread: ReadonlySet<string> = new Set();
+
+  constructor(schema: Schema) {
+    this.#schema = schema;
+    this.#pos = new Poser(schema, 'pos');
+    this.#ref = schema.field('ref') === null ? null : new Poser(schema, 'ref');
+    this.#imus = new ImuTable(schema);
+    this.#refAt = this.#pos.joints.length;
+    this.#baseAt = this.#refAt + (this.#ref?.joints.length ?? 0);
+    this.#imusAt = this.#baseAt + 7;
+    const size = this.#imusAt + 4 * this.#imus.imus.length;
+    this.#values = new Float64Array(size);
+    this.#playout = new Playout({
+      size,
+      wraps: this.#wraps,
+      quats: [this.#baseAt + 3, ...this.#imus.imus.map((_, i) => this.#imusAt + 4 * i)],
+    });
+  }
+
+  /** Shows every frame when it comes and nothing between. */
+  set raw(raw: boolean) {
+    this.#playout.raw = raw;
+  }
+
+  /** How far behind the earliest possible moment it shows, as things stand. */
+  get delayMs(): number {
+    return this.#playout.delayMs;
+  }
+
+  /** Which URDF joints turn on and on; only the model knows. */
+  setContinuous(joints: readonly string[]): void {
+    this.#wraps.clear();
+    for (const joint of joints) {
+      const pos = placeOf(this.#pos.joints, joint);
+      const ref = this.#ref === null ? -1 : placeOf(this.#ref.joints, joint);
+      if (pos >= 0) this.#wraps.add(pos);
+      if (ref >= 0) this.#wraps.add(this.#refAt + ref);
+    }
+  }
+
+  /** Takes a state of this schema. True when there is something new to be seen. */
+  push({ seq, tS, atMs, codes }: RobotState): boolean {
+    const values = this.#values;
+    const pos = this.#pos.values(codes);
+    values.set(pos);
+    if (this.#ref !== null) values.set(this.#ref.values(codes), this.#refAt);
+    const base = baseOf(this.#schema, codes);
+    values.set([...(base?.xyz ?? NOWHERE), ...(base?.quat_wxyz ?? UNTURNED)], this.#baseAt);
+    this.#imus.read(codes).forEach((imu, i) => {
+      values.set(imu.worldFromSensor ?? UNTURNED, this.#imusAt + 4 * i);
+    });
+    const unread = this.#pos.joints.filter((_, i) => Number.isNaN(pos[i]));
+    const other = unread.length !== this.#unread.size || unread.some((joint) => !this.#unread.has(joint));
+    if (other) this.#unread = new Set(unread);
+    return this.#playout.push({ seq, tS, atMs }, values) || other;
+  }
+
+  /** Moves on to this moment of the viewer's clock. True while there is more to come. */
+  sample(nowMs: number): boolean {
+    return this.#playout.sample(nowMs);
+  }
+
+  /** The pose to be seen as of the newest `sample`; `ref` is that of `pos` where a robot has none. */
+  pose(shown: 'pos' | 'ref' | 'both'): Pose {
+    const joints = this.#joints(shown === 'ref' ? (this.#ref ?? this.#pos) : this.#pos);
+    const ghost = shown === 'both' && this.#ref !== null ? this.#joints(this.#ref) : null;
+    return { joints, base: this.#base(), unread: this.#unread, lean: this.#lean(), ghost };
+  }
+
+  #joints(poser: Poser): Map<string, number> {
+    const from = poser === this.#ref ? this.#refAt : 0;
+    const joints = new Map<string, number>();
+    poser.joints.forEach((name, i) => {
+      const value = this.#playout.shown[from + i]!;
+      if (!Number.isNaN(value)) joints.set(name, value);
+    });
+    return joints;
+  }
+
+  /** The orientation sensors as they are to be seen; null when the robot has none of this name, or no reading yet. */
+  worldFromSensor(imu: Imu): Quat | null {
+    const i = this.#imus.imus.findIndex(({ site }) => site === imu.site);
+    return i < 0 ? null : this.#quat(this.#imusAt + 4 * i);
+  }
+
+  #lean(): Imu | null {
+    const { body } = this.#imus;
+    return body === null ? null : { ...body, worldFromSensor: this.worldFromSensor(body) };
+  }
+
+  #base(): Base | null {
+    const at = this.#baseAt;
+    const [x, y, z] = this.#playout.shown.subarray(at, at + 3);
+    const quat_wxyz = this.#quat(at + 3);
+    return quat_wxyz === null ? null : { xyz: [x!, y!, z!], quat_wxyz };
+  }
+
+  #quat(at: number): Quat | null {
+    const [w, x, y, z] = this.#playout.shown.subarray(at, at + 4);
+    return Number.isNaN(w) ? null : [w!, x!, y!, z!];
+  }
+}
+
+const NOWHERE = [Number.NaN, Number.NaN, Number.NaN];
+const UNTURNED = [Number.NaN, Number.NaN, Number.NaN, Number.NaN];

@@ -1,0 +1,78 @@
+import { JointMapping, type Schema } from '@posecast/wire';
+import { type Quat, unit, type Vec3 } from '../rotation.ts';
+import type { Imu } from '../sensors/imus.ts';
+import { valueAt } from '../values.ts';
+
+/** What the body looks like at one instant: URDF joints (rad, or m for sliding ones) and where the root link is. */
+export interface Pose {
+  joints: ReadonlyMap<string, number>;
+  /** world_from_root, metres and a unit quaternion; null when the robot reports no base: the scene stands it on the floor. */
+  base: Base | null;
+  /** URDF joints that the robot has but has no reading of now: they stay where they were last known. */
+  unread?: ReadonlySet<string>;
+  /** The sensor that says how the body is turned, with its reading; for a robot without a base. */
+  lean?: Imu | null;
+  /** Where the joints were told to be, for a second body that is shown whole. */
+  ghost?: ReadonlyMap<string, number> | null;
+}
+
+export interface Base {
+  xyz: Vec3;
+  quat_wxyz: Quat;
+}
+
+/** Turns the codes of one schema into bodies: where the joints are (`pos`) or where they were told to be (`ref`). */
+export class Poser {
+  readonly #schema: Schema;
+  readonly #mapping: JointMapping;
+
+  constructor(schema: Schema, shown: 'pos' | 'ref') {
+    this.#schema = schema;
+    this.#mapping = new JointMapping(schema, shown);
+  }
+
+  /** URDF joints in the order of `values`. */
+  get joints(): readonly string[] {
+    return this.#mapping.joints;
+  }
+
+  /** rad or m; NaN where there is no reading. The same array each time. */
+  values(codes: Int32Array): Float64Array {
+    return this.#mapping.evaluate(codes);
+  }
+
+  /** A joint without a reading is left out, so that it stays where it was last known. */
+  pose(codes: Int32Array): Pose {
+    const values = this.values(codes);
+    const joints = new Map<string, number>();
+    const unread = new Set<string>();
+    this.joints.forEach((joint, i) => {
+      if (Number.isFinite(values[i])) joints.set(joint, values[i]!);
+      else unread.add(joint);
+    });
+    return { joints, base: baseOf(this.#schema, codes), unread };
+  }
+}
+
+/** world_from_root by the robot's own odometry; null without one, without a reading, or when it is no rotation. */
+export function baseOf(schema: Schema, codes: Int32Array): Base | null {
+  const [x, y, z] = valuesOf(schema, codes, 'base', ['base.x', 'base.y', 'base.z']);
+  const [qw, qx, qy, qz] = valuesOf(schema, codes, 'baseq', ['base.w', 'base.x', 'base.y', 'base.z']);
+  if (x === undefined || y === undefined || z === undefined) return null;
+  if (qw === undefined || qx === undefined || qy === undefined || qz === undefined) return null;
+  const quat = unit([qw, qx, qy, qz]);
+  return quat === null ? null : { xyz: [x, y, z], quat_wxyz: quat };
+}
+
+/** All of them, or none. */
+function valuesOf(schema: Schema, codes: Int32Array, name: string, labels: readonly string[]): number[] {
+  const field = schema.field(name);
+  if (field === null) return [];
+  const values: number[] = [];
+  for (const label of labels) {
+    const value = valueAt(codes, field, field.labels.indexOf(label));
+    if (value === null) return [];
+    values.push(value);
+  }
+  return values;
+}

@@ -1,0 +1,104 @@
+import { MISSING, type Schema } from '@posecast/wire';
+import type { RobotState } from '../robot.ts';
+import type { Reader } from '../values.ts';
+import { valueAt } from '../values.ts';
+
+/** How far back, and how close together at best: what a strip of 600 pixels can show. */
+export const HISTORY_S = 60;
+const STEP_MS = 100;
+const SAMPLES = (HISTORY_S * 1000) / STEP_MS;
+/** Whatever a robot has of channels; one with very many is remembered less far back. */
+const BYTES_MAX = 4_000_000;
+
+export interface Trace {
+  /** Seconds before `nowMs`, oldest first, all ≤ 0. */
+  readonly agoS: readonly number[];
+  /** In the schema's unit; null where there was no reading. */
+  readonly values: readonly (number | null)[];
+}
+
+export interface Window {
+  /** When each frame came, ms of the viewer's clock. */
+  readonly atMs: readonly number[];
+  /** One for each reader, as long as `atMs`. */
+  readonly columns: readonly (readonly (number | null)[])[];
+}
+
+/** The last minute of every channel, as codes in one ring. It holds one schema: another one begins it anew. */
+export class History {
+  #schema: Schema | null = null;
+  #codes = new Int32Array(0);
+  #atMs = new Float64Array(0);
+  #next = 0;
+  #count = 0;
+  #newestMs = Number.NEGATIVE_INFINITY;
+
+  push(schema: Schema, state: RobotState): void {
+    if (schema !== this.#schema) this.#begin(schema);
+    if (state.atMs - this.#newestMs < STEP_MS) return;
+    this.#newestMs = state.atMs;
+    this.#codes.set(state.codes.subarray(0, schema.size), this.#next * schema.size);
+    this.#atMs[this.#next] = state.atMs;
+    this.#next = (this.#next + 1) % this.#atMs.length;
+    this.#count = Math.min(this.#count + 1, this.#atMs.length);
+  }
+
+  /** One channel's last minute; empty when there is no such channel. */
+  trace(fieldName: string, label: string, nowMs: number): Trace {
+    const field = this.#schema?.field(fieldName) ?? null;
+    const index = field?.labels.indexOf(label) ?? -1;
+    if (field === null || index < 0) return { agoS: [], values: [] };
+    const { atMs, columns } = this.window([(codes) => valueAt(codes, field, index)], nowMs);
+    return { agoS: atMs.map((at) => (at - nowMs) / 1000), values: columns[0] ?? [] };
+  }
+
+  /** The last minute as each of `readers` reads it, oldest first; they are handed codes of the schema that was pushed
+   *  last. */
+  window(readers: readonly Reader[], nowMs: number): Window {
+    const atMs: number[] = [];
+    const columns: (number | null)[][] = readers.map(() => []);
+    const size = this.#schema?.size ?? 0;
+    for (let i = this.#count; i > 0; i -= 1) {
+      const slot = (this.#next - i + this.#atMs.length) % this.#atMs.length;
+      const at = this.#atMs[slot]!;
+      if (at < nowMs - HISTORY_S * 1000 || at > nowMs) continue;
+      atMs.push(at);
+      const codes = this.#codes.subarray(slot * size, (slot + 1) * size);
+      readers.forEach((read, column) => {
+        columns[column]!.push(read(codes));
+      });
+    }
+    return { atMs, columns };
+  }
+
+  /** As it is now, for whoever wants to look at this minute longer than a minute. */
+  copy(): History {
+    const made = new History();
+    made.#schema = this.#schema;
+    made.#codes = this.#codes.slice();
+    made.#atMs = this.#atMs.slice();
+    made.#next = this.#next;
+    made.#count = this.#count;
+    return made;
+  }
+
+  /** Of the frames in it; null before the first. */
+  get schema(): Schema | null {
+    return this.#schema;
+  }
+
+  /** What it takes, bytes: it does not grow after the first frame of a schema. */
+  get bytes(): number {
+    return this.#codes.byteLength + this.#atMs.byteLength;
+  }
+
+  #begin(schema: Schema): void {
+    this.#schema = schema;
+    const samples = Math.max(1, Math.min(SAMPLES, Math.floor(BYTES_MAX / 4 / Math.max(1, schema.size))));
+    this.#codes = new Int32Array(samples * schema.size).fill(MISSING);
+    this.#atMs = new Float64Array(samples);
+    this.#next = 0;
+    this.#count = 0;
+    this.#newestMs = Number.NEGATIVE_INFINITY;
+  }
+}

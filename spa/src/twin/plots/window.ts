@@ -1,0 +1,89 @@
+import { type AngleUnit, type Display, displayOf } from '../format.ts';
+import { isolated } from '../names.ts';
+import type { PowerWords } from '../sensors/sensors.ts';
+import type { Sheet } from './csv.ts';
+import type { History } from './history.ts';
+import { type Plotted, type PlottedReading, plottedReading } from './trace.ts';
+
+/** A longer pause between two frames breaks a line: nobody knows what was meanwhile. */
+const GAP_MS = 1500;
+
+export interface PlotTrace {
+  readonly of: Plotted;
+  /** Its place in the list of all: what it looks like. */
+  readonly index: number;
+  /** null: the robot reports no such value now. */
+  readonly reading: PlottedReading | null;
+}
+
+/** Traces of one unit share a plot. */
+export interface PlotGroup {
+  readonly display: Display;
+  readonly traces: readonly PlotTrace[];
+}
+
+/** Puts what is plotted together unit by unit, in the order of the list. What the robot does not report stands last. */
+export function plotGroups(
+  history: History,
+  list: readonly Plotted[],
+  angle: AngleUnit,
+  power?: PowerWords,
+): PlotGroup[] {
+  const groups = new Map<string, { display: Display; traces: PlotTrace[] }>();
+  list.forEach((of, index) => {
+    const reading = history.schema === null ? null : plottedReading(history.schema, of, power);
+    const display = displayOf(reading?.unit ?? '', angle, reading?.scale);
+    const key = reading === null ? '\n' : display.unit;
+    const group = groups.get(key) ?? { display, traces: [] };
+    groups.set(key, group);
+    group.traces.push({ of, index, reading });
+  });
+  return [...groups].sort(([a], [b]) => Number(a === '\n') - Number(b === '\n')).map(([, group]) => group);
+}
+
+/** The last minute of one group, in the unit that is shown; `s` counts from `nowMs` back, all ≤ 0. */
+export interface PlotData {
+  readonly atMs: readonly number[];
+  readonly s: readonly number[];
+  readonly columns: readonly (readonly (number | null)[])[];
+}
+
+export function plotData(history: History, { display, traces }: PlotGroup, nowMs: number): PlotData {
+  const readers = traces.map(({ reading }) => reading?.read ?? (() => null));
+  const { atMs, columns } = history.window(readers, nowMs);
+  const times: number[] = [];
+  const shown: (number | null)[][] = columns.map(() => []);
+  atMs.forEach((at, i) => {
+    const before = atMs[i - 1];
+    if (before !== undefined && at - before > GAP_MS) {
+      times.push((before + at) / 2);
+      for (const column of shown) column.push(null);
+    }
+    times.push(at);
+    shown.forEach((column, c) => {
+      const value = columns[c]![i]!;
+      column.push(value === null ? null : value * display.factor);
+    });
+  });
+  return { atMs: times, s: times.map((at) => (at - nowMs) / 1000), columns: shown };
+}
+
+/** What stands between two moments (s, as in the data) of all plots, as a table. Data of all groups have the same times. */
+export function sheetOf(
+  plots: readonly { readonly group: PlotGroup; readonly data: PlotData }[],
+  fromS: number,
+  toS: number,
+): Sheet {
+  const [first] = plots;
+  const inside = (first?.data.s ?? []).flatMap((s, i) => (s >= fromS && s <= toS ? [i] : []));
+  return {
+    atMs: inside.map((i) => first!.data.atMs[i]!),
+    columns: plots.flatMap(({ group, data }) =>
+      group.traces.map(({ of, reading }, c) => ({
+        title: reading?.title ?? `${isolated(of.label)} ${of.field}`,
+        unit: group.display.unit,
+        values: inside.map((i) => data.columns[c]![i]!),
+      })),
+    ),
+  };
+}

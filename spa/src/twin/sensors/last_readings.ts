@@ -1,0 +1,61 @@
+import { type Field, MISSING, type Schema } from '@posecast/wire';
+import type { RobotState } from '../robot.ts';
+
+/**
+ * The newest reading of every channel, and how old it is: frames go on while one board of many falls silent, and what
+ * it said last is worth knowing as long as nobody takes it for the present. Another schema begins it anew.
+ */
+export class LastReadings {
+  #schema: Schema | null = null;
+  #codes = new Int32Array(0);
+  /** When each was last read, ms; NaN while it is read, or never was. */
+  #lostMs = new Float64Array(0);
+  #newestMs = Number.NaN;
+  #lost = 0;
+
+  push(schema: Schema, state: RobotState): void {
+    if (schema !== this.#schema) this.#begin(schema);
+    const { codes } = state;
+    for (let i = 0; i < this.#codes.length; i += 1) {
+      const code = codes[i]!;
+      const lost = this.#lostMs[i]!;
+      if (code !== MISSING) {
+        this.#codes[i] = code;
+        if (Number.isNaN(lost)) continue;
+        this.#lostMs[i] = Number.NaN;
+        this.#lost -= 1;
+      } else if (Number.isNaN(lost) && this.#codes[i] !== MISSING) {
+        this.#lostMs[i] = this.#newestMs;
+        this.#lost += 1;
+      }
+    }
+    this.#newestMs = state.atMs;
+  }
+
+  /** As a frame's, with the last reading where the newest frame has none. */
+  get codes(): Int32Array {
+    return this.#codes;
+  }
+
+  /** Whether any channel has lost its reading. */
+  get anyLost(): boolean {
+    return this.#lost > 0;
+  }
+
+  /** When a channel that has no reading now had its last, ms of the viewer's clock; null for one that is read, and for
+   *  one that never was. */
+  lostMs(field: Field | null, index: number): number | null {
+    if (field === null || index < 0 || index >= field.size || this.#schema?.field(field.name) !== field)
+      return null;
+    const at = this.#lostMs[field.start + index]!;
+    return Number.isNaN(at) ? null : at;
+  }
+
+  #begin(schema: Schema): void {
+    this.#schema = schema;
+    this.#codes = new Int32Array(schema.size).fill(MISSING);
+    this.#lostMs = new Float64Array(schema.size).fill(Number.NaN);
+    this.#newestMs = Number.NaN;
+    this.#lost = 0;
+  }
+}

@@ -1,0 +1,195 @@
+import type { Field, Level, Schema } from '@posecast/wire';
+import { LevelLatch } from '../limits/level_latch.ts';
+import { Limits } from '../limits/limits.ts';
+import { isolated, placeOf } from '../names.ts';
+import { rpyOf, unit as unitQuat } from '../rotation.ts';
+import type { Reader } from '../values.ts';
+import { valueAt } from '../values.ts';
+
+export interface Reading {
+  readonly field: string;
+  readonly label: string;
+  /** What stands in front of the number: "Fz", "roll", "ωx". */
+  readonly name: string;
+  readonly unit: string;
+  readonly scale: number;
+  value: number | null;
+  level: Level;
+}
+
+export interface SensorGroup {
+  readonly kind: 'wrench' | 'imu' | 'power' | 'other';
+  readonly site: string;
+  /** The plain name, when the profile has one. */
+  readonly title: string;
+  readonly readings: readonly Reading[];
+}
+
+/** What power is called, and its fields; one that is not named is called as the robot calls it. */
+export interface PowerWords {
+  readonly power: string;
+  readonly volt?: string;
+  readonly amp?: string;
+  readonly watt?: string;
+  readonly charge?: string;
+}
+
+const JOINT_FIELDS = new Set(['ref', 'pos', 'vel', 'effort', 'cur', 'temp']);
+const BASE_FIELDS = new Set(['base', 'baseq']);
+const KIND_OF_FIELD: Readonly<Record<string, 'wrench' | 'imu' | 'power'>> = {
+  ftf: 'wrench',
+  ftm: 'wrench',
+  quat: 'imu',
+  tilt: 'imu',
+  gyro: 'imu',
+  acc: 'imu',
+  volt: 'power',
+  amp: 'power',
+  watt: 'power',
+  charge: 'power',
+};
+const UNIT_OF_FIELD: Readonly<Record<string, string>> = {
+  ftf: 'N',
+  ftm: 'Nm',
+  tilt: 'rad',
+  gyro: 'rad/s',
+  acc: 'm/s2',
+  volt: 'V',
+  amp: 'A',
+  watt: 'W',
+};
+const NAMES: Readonly<Record<string, Readonly<Record<string, string>>>> = {
+  ftf: { fx: 'Fx', fy: 'Fy', fz: 'Fz' },
+  ftm: { mx: 'Mx', my: 'My', mz: 'Mz' },
+  gyro: { x: 'ωx', y: 'ωy', z: 'ωz' },
+  acc: { x: 'ax', y: 'ay', z: 'az' },
+};
+const EULER = ['roll', 'pitch', 'yaw'] as const;
+
+type Source = { from: Field; index: number } | { quat: readonly number[]; field: Field; angle: number };
+
+/** Everything that is not a joint, grouped as people look for it: by the place it is mounted. */
+export class SensorTable {
+  readonly groups: readonly SensorGroup[];
+  readonly #schema: Schema;
+  readonly #power: PowerWords;
+  readonly #profileLimits: Limits;
+  readonly #all: { reading: Reading; source: Source; latch: LevelLatch }[] = [];
+
+  constructor(schema: Schema, power: PowerWords = { power: 'Power' }) {
+    this.#schema = schema;
+    this.#power = power;
+    this.#profileLimits = new Limits(schema.mapping);
+    const groups = new Map<string, { kind: SensorGroup['kind']; site: string; readings: Reading[] }>();
+    const main = schema.field('pos') ?? schema.field('ref');
+    for (const field of schema.fields) {
+      if (BASE_FIELDS.has(field.name) || field.bits.length > 0) continue; // bits are told as alarms
+      const ofJoints = field.labelSet === main?.labelSet;
+      if (ofJoints && JOINT_FIELDS.has(field.name)) continue;
+      const kind = KIND_OF_FIELD[field.name] ?? 'other';
+      field.labels.forEach((label, index) => {
+        const [site, component] = split(label, kind);
+        const key = kind === 'other' ? `other ${field.name}` : `${kind} ${site}`;
+        const group = groups.get(key) ?? { kind, site: kind === 'other' ? field.name : site, readings: [] };
+        groups.set(key, group);
+        if (field.name === 'quat') {
+          if (component === 'w') this.#addAngles(group.readings, field, site);
+          return;
+        }
+        const unit = field.unit || (UNIT_OF_FIELD[field.name] ?? '');
+        const name =
+          kind === 'power'
+            ? label === 'main'
+              ? (this.#powerName(field.name) ?? field.name)
+              : label
+            : component;
+        this.#add(
+          group.readings,
+          {
+            field: field.name,
+            label,
+            name: NAMES[field.name]?.[component] ?? isolated(name),
+            unit,
+            scale: field.scale,
+          },
+          { from: field, index },
+        );
+      });
+    }
+    const order = ['wrench', 'imu', 'power', 'other'];
+    this.groups = [...groups.values()]
+      .sort((a, b) => order.indexOf(a.kind) - order.indexOf(b.kind))
+      .map((group) => ({ ...group, title: this.#title(group.kind, group.site) }));
+  }
+
+  read(codes: Int32Array, limits: Limits = this.#profileLimits): readonly SensorGroup[] {
+    for (const { reading, source, latch } of this.#all) {
+      reading.value = readFrom(codes, source);
+      const threshold = 'from' in source ? limits.threshold(reading.field, reading.label) : null;
+      reading.level = latch.next(threshold, reading.value);
+    }
+    return this.groups;
+  }
+
+  /** Reads one of the readings out of any frame's codes; null when there is none of that name. */
+  reader(field: string, label: string): { readonly reading: Reading; readonly read: Reader } | null {
+    const found = this.#all.find(({ reading }) => reading.field === field && reading.label === label);
+    if (found === undefined) return null;
+    return { reading: found.reading, read: (codes) => readFrom(codes, found.source) };
+  }
+
+  #powerName(field: string): string | undefined {
+    return field === 'volt' || field === 'amp' || field === 'watt' || field === 'charge'
+      ? this.#power[field]
+      : undefined;
+  }
+
+  #title(kind: SensorGroup['kind'], site: string): string {
+    if (kind === 'power')
+      return site === 'main' ? this.#power.power : `${this.#power.power}, ${isolated(site)}`;
+    return isolated(this.#schema.mapping.sensors.get(site)?.name ?? site);
+  }
+
+  #addAngles(readings: Reading[], field: Field, site: string): void {
+    const quat = ['w', 'x', 'y', 'z'].map((c) => placeOf(field.labels, `${site}.${c}`));
+    if (quat.includes(-1)) return;
+    EULER.forEach((name, angle) => {
+      this.#add(
+        readings,
+        { field: 'quat', label: `${site}.${name}`, name, unit: 'rad', scale: field.scale },
+        { quat, field, angle },
+      );
+    });
+  }
+
+  #add(into: Reading[], fixed: Omit<Reading, 'value' | 'level'>, source: Source): void {
+    const reading: Reading = { ...fixed, value: null, level: 'ok' };
+    into.push(reading);
+    this.#all.push({ reading, source, latch: new LevelLatch() });
+  }
+}
+
+function split(label: string, kind: SensorGroup['kind']): [string, string] {
+  const dot = label.lastIndexOf('.');
+  if (dot < 0 || kind === 'power') return [label, label];
+  return [label.slice(0, dot), label.slice(dot + 1)];
+}
+
+function readFrom(codes: Int32Array, source: Source): number | null {
+  return 'from' in source ? valueAt(codes, source.from, source.index) : eulerAngle(codes, source);
+}
+
+function eulerAngle(
+  codes: Int32Array,
+  source: { quat: readonly number[]; field: Field; angle: number },
+): number | null {
+  const parts: number[] = [];
+  for (const index of source.quat) {
+    const value = valueAt(codes, source.field, index);
+    if (value === null) return null;
+    parts.push(value);
+  }
+  const [w = 0, x = 0, y = 0, z = 0] = parts;
+  const turned = unitQuat([w, x, y, z]);
+  return turned === null ? null : (rpyOf(turned)[source.angle] ?? null);
+}

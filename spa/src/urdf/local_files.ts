@@ -1,0 +1,40 @@
+/** What a person dropped, by path: read here, in this browser; nothing of it is ever sent. */
+export interface LocalFile {
+  readonly size: number;
+  bytes(): Promise<Uint8Array>;
+}
+
+export type LocalFiles = ReadonlyMap<string, LocalFile>;
+
+/** Why files are refused; the name of the sentence that says so, and what it speaks of. */
+export type Refusal =
+  | { readonly why: 'dropDamaged' | 'dropNoZip' | 'dropNoUrdf' }
+  | { readonly why: 'dropTooMany'; readonly count: number }
+  | { readonly why: 'dropBomb' | 'dropTemplate' | 'dropTooLarge'; readonly path: string }
+  | { readonly why: 'dropUnreadable'; readonly path: string; readonly what: string };
+
+export class DropError extends Error {
+  readonly refusal: Refusal;
+
+  constructor(message: string, refusal: Refusal, options?: ErrorOptions) {
+    super(message, options);
+    this.refusal = refusal;
+  }
+}
+
+/** More is no robot: somebody dropped a home folder. */
+export const MAX_FILES = 5000;
+export const MAX_FILE_BYTES = 128_000_000;
+export const MAX_ALL_BYTES = 512_000_000;
+
+/** A path as the map keeps it: forward slashes, no `.`; null when it leads out of what was dropped. */
+export function tidyPath(path: string): string | null {
+  const parts: string[] = [];
+  for (const part of path.replaceAll('\\', '/').split('/')) {
+    if (part === '' || part === '.') continue;
+    if (part === '..') {
+      if (parts.pop() === undefined) return null;
+    } else parts.push(part);
+  }
+  return parts.join('/');
+}

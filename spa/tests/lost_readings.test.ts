@@ -1,0 +1,19 @@
+import { expect, it } from 'vitest';
+import { unreadWords } from '../src/app/body_words.ts';
+import { LostReadings } from '../src/twin/sensors/lost_readings.ts';
+import { codesWith, SCHEMA } from './schema.ts';
+
+it('names the joints that have lost their reading, not those that never had one', () => {
+  const lost = new LostReadings(SCHEMA);
+  expect(lost.look(codesWith({ 'pos.NK1': null }))).toEqual([]);
+  expect(lost.look(codesWith({ 'pos.NK1': null, 'pos.RKN': null, 'ref.LKN': null }))).toEqual(['RKN']);
+  expect(lost.look(codesWith())).toEqual([]);
+  expect(lost.look(codesWith({ 'pos.NK1': null }))).toEqual(['NK1']);
+});
+
+it('says so in one short line', () => {
+  expect(unreadWords(['RKN'])).toBe('No reading of RKN: shown where it was last known.');
+  expect(unreadWords(['A', 'B', 'C', 'D', 'E', 'F'])).toBe(
+    'No reading of A, B, C, D and 2 more: shown where they were last known.',
+  );
+});

@@ -1,0 +1,82 @@
+import { afterEach, describe, expect, it, vi } from 'vitest';
+import { EventReader, frameBytes, openEvents, type StreamEvent } from '../src/stream/sse.ts';
+
+const bytes = (text: string) => new TextEncoder().encode(text);
+
+describe('server-sent events', () => {
+  const TEXT =
+    'retry: 2000\n\nid: 120\nevent: status\ndata: {"a":"é"}\n\n: a comment\nevent: frame\ndata: AQI=\n\ndata: x\ndata: y\r\n\r\n';
+  const EVENTS: StreamEvent[] = [
+    { name: 'status', data: '{"a":"é"}', writtenMs: 120 },
+    { name: 'frame', data: 'AQI=', writtenMs: 120 },
+    { name: 'message', data: 'x\ny', writtenMs: 120 },
+  ];
+
+  it('are read whole, however they were cut on their way', () => {
+    const all = bytes(TEXT);
+    expect(new EventReader().read(all)).toEqual(EVENTS);
+    for (let size = 1; size < all.length; size += 3) {
+      const reader = new EventReader();
+      const found: StreamEvent[] = [];
+      for (let at = 0; at < all.length; at += size) found.push(...reader.read(all.subarray(at, at + size)));
+      expect(found).toEqual(EVENTS);
+    }
+  });
+
+  it('without end are refused before they fill the memory', () => {
+    const reader = new EventReader();
+    const more = bytes('x'.repeat(500_000));
+    const line = bytes(`data: ${'x'.repeat(500_000)}\n`);
+    expect(() => {
+      for (let i = 0; i < 10; i++) reader.read(more);
+    }).toThrow(RangeError);
+    const other = new EventReader();
+    expect(() => {
+      for (let i = 0; i < 10; i++) other.read(line);
+    }).toThrow(RangeError);
+  });
+
+  it('bring frames in base64, or nonsense that is none', () => {
+    expect(frameBytes('AQI=')).toEqual(Uint8Array.of(1, 2));
+    expect(frameBytes('*')).toBeNull();
+  });
+});
+
+describe('an answer of events', () => {
+  afterEach(() => vi.unstubAllGlobals());
+
+  async function ending(answer: () => Response): Promise<{ code: number; told: string[] }> {
+    vi.stubGlobal('fetch', async () => answer());
+    const told: string[] = [];
+    const code = await new Promise<number>((resolve) => {
+      openEvents('http://relay/live.sse', undefined, {
+        nowMs: () => 0,
+        wireVersion: 1,
+        opened: () => told.push('opened'),
+        heard: () => told.push('heard'),
+        event: ({ data }) => told.push(data),
+        closed: resolve,
+      });
+    });
+    return { code, told };
+  }
+  const type = { 'content-type': 'text/event-stream' };
+
+  it('is told as it comes, and its end', async () => {
+    const { code, told } = await ending(() => new Response('data: hello\n\n', { headers: type }));
+    expect([code, told]).toEqual([1006, ['opened', 'heard', 'hello']]);
+  });
+
+  it('that is none never opens: a sign-in page of a network, a refusal, no network at all', async () => {
+    const page = () => new Response('<html>', { headers: { 'content-type': 'text/html' } });
+    expect(await ending(page)).toEqual({ code: 1006, told: [] });
+    const codes = [401, 403, 404, 502].map((status) =>
+      ending(() => new Response('{}', { status, headers: type })),
+    );
+    expect((await Promise.all(codes)).map(({ code }) => code)).toEqual([4401, 4403, 1006, 1006]);
+    const none = () => {
+      throw new TypeError('no network');
+    };
+    expect((await ending(none)).code).toBe(1006);
+  });
+});
