@@ -9,8 +9,8 @@ import socket
 import sys
 
 import uvicorn
-from posecast_relay.adapters.uring import Ring
 from posecast_relay.cli import main
+from posecast_relay.runtime.io_uring import Ring
 
 from relay.benches.feed import watch_lag
 

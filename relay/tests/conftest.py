@@ -1,4 +1,4 @@
-"""The fixtures of the adapters' tests."""
+"""The fixtures of the tests."""
 
 from .redis_server import redis_server  # noqa: F401
 from .stage import edges, relays  # noqa: F401

@@ -15,17 +15,17 @@ from inspect import iscoroutinefunction, isfunction
 from typing import Any
 
 from posecast_relay import cli
-from posecast_relay.adapters.access import Access
-from posecast_relay.adapters.addresses import Addresses
-from posecast_relay.adapters.boundary import isolated, isolated_task
-from posecast_relay.adapters.forms import EventForm, JsonForm
-from posecast_relay.adapters.http_connection import HttpConnection
-from posecast_relay.adapters.sse import EventStream, _Http
-from posecast_relay.adapters.unasked import Unasked
-from posecast_relay.adapters.under_way import UnderWay
-from posecast_relay.adapters.websocket import LiveSocket, _JsonOutlet
-from posecast_relay.app import Answers
-from posecast_relay.state_json import StateReader
+from posecast_relay.auth.access import Access
+from posecast_relay.auth.addresses import Addresses
+from posecast_relay.http.app import Answers
+from posecast_relay.http.robot_state import StateReader
+from posecast_relay.runtime.boundary import isolated, isolated_task
+from posecast_relay.streaming.encodings import EventForm, JsonForm
+from posecast_relay.streaming.http_connection import HttpConnection
+from posecast_relay.streaming.pending_requests import UnderWay
+from posecast_relay.streaming.request_timeouts import Unasked
+from posecast_relay.streaming.sse import EventStream, _Http
+from posecast_relay.streaming.websocket import LiveSocket, _JsonOutlet
 
 VICTIM = "127.0.0.2"
 ROBOT = "victim"

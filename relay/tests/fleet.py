@@ -1,7 +1,7 @@
 """Edges, ingests, gateways and screens in one process, on an event loop whose clock may be simulated.
 
 Edges and ingests are joined by plain calls instead of Zenoh; between ingests and gateways stand the real
-adapters and a Redis. Each screen judges as the page does and keeps what it showed.
+Redis code and a Redis. Each screen judges as the page does and keeps what it showed.
 """
 
 from __future__ import annotations
@@ -14,18 +14,18 @@ from itertools import count
 from typing import Any
 from unittest.mock import patch
 
-from posecast_relay.adapters.pump import Pump
 from posecast_relay.core.delayed_hub import DelayedHub
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
 from posecast_relay.core.policy.policy import PUBLIC
 from posecast_relay.core.state.stream import Stream
 from posecast_relay.core.viewer.viewer import Viewer
-from posecast_relay.listing import robot_summary
+from posecast_relay.http.robots import robot_summary
 from posecast_relay.redis import gateway as redis_gateway
 from posecast_relay.redis import store as redis_store
 from posecast_relay.redis.gateway import RedisGateway
 from posecast_relay.redis.store import RedisStore
+from posecast_relay.runtime.dispatcher import Pump
 from posecast_relay.store_memory import MemoryStore
 
 from .page import Page

@@ -8,7 +8,7 @@ from typing import Any
 import httpx
 import pytest
 import websockets
-from posecast_relay.adapters.addresses import Addresses, networks, real_address
+from posecast_relay.auth.addresses import Addresses, networks, real_address
 
 TRUSTED = networks("10.0.0.0/8, 127.0.0.1, fd00::/8")
 

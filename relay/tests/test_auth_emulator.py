@@ -15,7 +15,7 @@ from typing import Any
 import firebase_admin
 import pytest
 import websockets
-from posecast_relay.adapters.firebase import Firebase
+from posecast_relay.auth.firebase import Firebase
 from posecast_wire import Close
 
 from tests.firebase.auth_emulator import PROJECT, AuthEmulator, NotHere

@@ -15,15 +15,9 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from posecast_relay.adapters.access import Access
-from posecast_relay.adapters.addresses import networks, real_address
-from posecast_relay.adapters.asked import bearer, joined, read_target
-from posecast_relay.adapters.decoded import Decoded
-from posecast_relay.adapters.fan_out import FanOut
-from posecast_relay.adapters.forms import EventForm
-from posecast_relay.adapters.origins import may_show
-from posecast_relay.adapters.pump import Pump
-from posecast_relay.adapters.websocket import live_protocol, short_text
+from posecast_relay.auth.access import Access
+from posecast_relay.auth.addresses import networks, real_address
+from posecast_relay.auth.origins import may_show
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
 from posecast_relay.core.policy.share_link import read_link
@@ -32,7 +26,13 @@ from posecast_relay.logs import visible
 from posecast_relay.models.manifest import read_manifest
 from posecast_relay.plain_json import json_bytes
 from posecast_relay.robots_file import read_robots
+from posecast_relay.runtime.dispatcher import Pump
+from posecast_relay.runtime.fan_out import FanOut
 from posecast_relay.store_memory import MemoryStore
+from posecast_relay.streaming.decode_cache import Decoded
+from posecast_relay.streaming.encodings import EventForm
+from posecast_relay.streaming.request import bearer, joined, read_target
+from posecast_relay.streaming.websocket import live_protocol, short_text
 
 from .test_flood import BEGUN, MASK, PIECE, PING, Wire, request
 from .test_http_connection import CHUNKED, GET, POST, Desk

@@ -9,15 +9,15 @@ from typing import Any
 
 import httpx
 import pytest
-from posecast_relay.adapters.access import Access
-from posecast_relay.adapters.decoded import Decoded
-from posecast_relay.adapters.fan_out import FanOut
-from posecast_relay.adapters.pump import Pump
-from posecast_relay.adapters.tokens import Tokens
-from posecast_relay.adapters.websocket import AFTER_END_BYTES, SLICE_BYTES, LiveSocket, live_protocol
+from posecast_relay.auth.access import Access
+from posecast_relay.auth.tokens import Tokens
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
+from posecast_relay.runtime.dispatcher import Pump
+from posecast_relay.runtime.fan_out import FanOut
 from posecast_relay.store_memory import MemoryStore
+from posecast_relay.streaming.decode_cache import Decoded
+from posecast_relay.streaming.websocket import AFTER_END_BYTES, SLICE_BYTES, LiveSocket, live_protocol
 from posecast_wire import Close
 
 from .stage import Relay, Watcher

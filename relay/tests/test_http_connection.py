@@ -15,10 +15,14 @@ from typing import Any
 import httpx
 import pytest
 import uvicorn
-from posecast_relay.adapters.access import Access
-from posecast_relay.adapters.decoded import Decoded
-from posecast_relay.adapters.fan_out import FanOut
-from posecast_relay.adapters.http_connection import (
+from posecast_relay.auth.access import Access
+from posecast_relay.core.hub import Hub
+from posecast_relay.core.limits import Limits
+from posecast_relay.runtime.dispatcher import Pump
+from posecast_relay.runtime.fan_out import FanOut
+from posecast_relay.store_memory import MemoryStore
+from posecast_relay.streaming.decode_cache import Decoded
+from posecast_relay.streaming.http_connection import (
     BODY_BYTES,
     HEAD_BYTES,
     LINES,
@@ -26,13 +30,9 @@ from posecast_relay.adapters.http_connection import (
     TARGET_BYTES,
     HttpConnection,
 )
-from posecast_relay.adapters.pump import Pump
-from posecast_relay.adapters.sse import http_protocol
-from posecast_relay.adapters.unasked import HEADS_BYTES, Unasked, guarded
-from posecast_relay.adapters.websocket import live_protocol
-from posecast_relay.core.hub import Hub
-from posecast_relay.core.limits import Limits
-from posecast_relay.store_memory import MemoryStore
+from posecast_relay.streaming.request_timeouts import HEADS_BYTES, Unasked, guarded
+from posecast_relay.streaming.sse import http_protocol
+from posecast_relay.streaming.websocket import live_protocol
 
 from .stage import Relay, Watcher
 

@@ -12,8 +12,8 @@ from typing import Any
 
 import httpx
 import pytest
-from posecast_relay.adapters.firebase_mirror import BATCH_BYTES, batches
 from posecast_relay.core.mirror import Change, Mirror, Shown, Written
+from posecast_relay.mirror.firebase import BATCH_BYTES, batches
 from posecast_wire import Decoder
 
 from tests.rtdb_double import Double

@@ -8,14 +8,14 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-from posecast_relay.adapters.fan_out import FanOut
-from posecast_relay.adapters.metrics import Figures
-from posecast_relay.adapters.pump import Pump
 from posecast_relay.config import FLAGS
 from posecast_relay.core.breaker import Breaker
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
+from posecast_relay.http.metrics import Figures
 from posecast_relay.redis.store import RedisStore
+from posecast_relay.runtime.dispatcher import Pump
+from posecast_relay.runtime.fan_out import FanOut
 from posecast_relay.store_memory import MemoryStore
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"

@@ -12,9 +12,9 @@ from typing import Any
 import httpx
 import pytest
 import websockets
-from posecast_relay.adapters.decoded import Decoded
-from posecast_relay.adapters.forms import EventForm, JsonForm
 from posecast_relay.core.viewer import messages
+from posecast_relay.streaming.decode_cache import Decoded
+from posecast_relay.streaming.encodings import EventForm, JsonForm
 from posecast_wire import Close, Decoder, Schema, build_schema_text
 
 from .sim import World, schema, split

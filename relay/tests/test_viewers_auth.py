@@ -22,22 +22,22 @@ from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import rsa
 from cryptography.x509.oid import NameOID
 from firebase_admin import auth
-from posecast_relay.adapters.access import Access
-from posecast_relay.adapters.decoded import Decoded
-from posecast_relay.adapters.fan_out import FanOut
-from posecast_relay.adapters.firebase import Firebase
-from posecast_relay.adapters.pump import Pump
-from posecast_relay.adapters.sse import http_protocol
-from posecast_relay.adapters.tokens import Tokens, Unverifiable
-from posecast_relay.adapters.websocket import live_protocol
-from posecast_relay.app import make_app
+from posecast_relay.auth.access import Access
+from posecast_relay.auth.firebase import Firebase
+from posecast_relay.auth.tokens import Tokens, Unverifiable
 from posecast_relay.core.delayed_hub import DelayedHub
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
 from posecast_relay.core.policy.policy import Audience, Policy, Rule, Who
 from posecast_relay.core.policy.share_link import make_link
+from posecast_relay.http.app import make_app
 from posecast_relay.models.cache import Models
+from posecast_relay.runtime.dispatcher import Pump
+from posecast_relay.runtime.fan_out import FanOut
 from posecast_relay.store_memory import MemoryStore
+from posecast_relay.streaming.decode_cache import Decoded
+from posecast_relay.streaming.sse import http_protocol
+from posecast_relay.streaming.websocket import live_protocol
 from posecast_relay.zenoh.models import EdgeModels
 from posecast_wire import Close
 
@@ -416,7 +416,7 @@ async def test_links_and_accounts_that_are_revoked_end_at_once(doors: Doors, goo
 
 
 async def test_a_token_that_does_not_come_ends_it(doors: Doors, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("posecast_relay.adapters.websocket.TOKEN_S", 0.2)
+    monkeypatch.setattr("posecast_relay.streaming.websocket.TOKEN_S", 0.2)
     assert (await doors.watch("lab", None, "?auth=1"))[-1] == Close.TOKEN
 
 

@@ -17,14 +17,14 @@ from typing import Any
 
 import pytest
 import websockets
-from posecast_relay.adapters.access import Access
-from posecast_relay.adapters.decoded import Decoded
-from posecast_relay.adapters.fan_out import FanOut
-from posecast_relay.adapters.pump import Pump
-from posecast_relay.adapters.websocket import live_protocol, short_text
+from posecast_relay.auth.access import Access
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
+from posecast_relay.runtime.dispatcher import Pump
+from posecast_relay.runtime.fan_out import FanOut
 from posecast_relay.store_memory import MemoryStore
+from posecast_relay.streaming.decode_cache import Decoded
+from posecast_relay.streaming.websocket import live_protocol, short_text
 from posecast_wire import Close
 
 from . import autobahn

@@ -10,8 +10,8 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import NoReturn, TypeVar
 
-from posecast_relay.adapters.addresses import Network, networks
-from posecast_relay.adapters.origins import ORIGIN
+from posecast_relay.auth.addresses import Network, networks
+from posecast_relay.auth.origins import ORIGIN
 
 T = TypeVar("T")
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import socket
 
-from posecast_relay.adapters.socket_buffers import cut_unread
 from posecast_relay.config import StartError
+from posecast_relay.runtime.socket_options import cut_unread
 
 BACKLOG = 4096  # a lecture hall opens the link at once
 # An answer (a file of the page, a model) that nobody reads is kept so long; at a kilobyte a second some of it

@@ -24,7 +24,7 @@ from typing import Any
 from posecast_wire import check_name
 from posecast_wire.credential import SECRET
 
-from posecast_relay.adapters.origins import ORIGIN
+from posecast_relay.auth.origins import ORIGIN
 from posecast_relay.core.policy.policy import DELAY_MAX_S, PUBLIC, Audience, Policy, Rule
 
 BYTES_MAX = 4_000_000

@@ -12,12 +12,12 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from posecast_relay.adapters.pump import Pump
 from posecast_relay.config import Settings
 from posecast_relay.core.policy.policy import PUBLIC
 from posecast_relay.core.state.robot import Robot
-from posecast_relay.listing import robot_summary
+from posecast_relay.http.robots import robot_summary
 from posecast_relay.models.cache import Models
+from posecast_relay.runtime.dispatcher import Pump
 from posecast_relay.zenoh.ingest import ZenohIngest
 from posecast_relay.zenoh.models import EdgeModels
 from posecast_relay.zenoh.router import Door

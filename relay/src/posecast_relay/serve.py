@@ -20,35 +20,35 @@ import uvicorn
 import uvloop
 import zenoh
 
-from posecast_relay.adapters.access import Access
-from posecast_relay.adapters.addresses import Addresses
-from posecast_relay.adapters.decoded import Decoded
-from posecast_relay.adapters.fan_out import FanOut
-from posecast_relay.adapters.http_connection import plain_http
-from posecast_relay.adapters.metrics import start_metrics
-from posecast_relay.adapters.pump import Pump
-from posecast_relay.adapters.sse import http_protocol
-from posecast_relay.adapters.tokens import Accounts, Tokens
-from posecast_relay.adapters.unasked import Unasked, guarded
-from posecast_relay.adapters.uring import Ring
-from posecast_relay.adapters.websocket import live_protocol
-from posecast_relay.app import make_app
+from posecast_relay.auth.access import Access
+from posecast_relay.auth.addresses import Addresses
+from posecast_relay.auth.tokens import Accounts, Tokens
 from posecast_relay.config import Settings, StartError
 from posecast_relay.core.delayed_hub import DelayedHub
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
+from posecast_relay.http.app import make_app
+from posecast_relay.http.metrics import start_metrics
 from posecast_relay.listener import BACKLOG, listen
 from posecast_relay.logs import start_logging
 from posecast_relay.robots_file import Robots, RobotsError, read_robots
 from posecast_relay.robots_watch import RobotsWatch
 from posecast_relay.roles import open_part
+from posecast_relay.runtime.dispatcher import Pump
+from posecast_relay.runtime.fan_out import FanOut
+from posecast_relay.runtime.io_uring import Ring
 from posecast_relay.store_memory import MemoryStore
+from posecast_relay.streaming.decode_cache import Decoded
+from posecast_relay.streaming.http_connection import plain_http
+from posecast_relay.streaming.request_timeouts import Unasked, guarded
+from posecast_relay.streaming.sse import http_protocol
+from posecast_relay.streaming.websocket import live_protocol
 from posecast_relay.unheard import Unheard
 from posecast_relay.zenoh.auth_failures import Refusals
 from posecast_relay.zenoh.router import Door, Gate, ListenError
 
 if TYPE_CHECKING:
-    from posecast_relay.adapters.firebase_mirror import FirebaseMirror
+    from posecast_relay.mirror.firebase import FirebaseMirror
 
 log = logging.getLogger("posecast_relay")
 
@@ -213,7 +213,7 @@ def _accounts(settings: Settings) -> Accounts | None:
     if settings.firebase_project is None:
         return None
     try:
-        from posecast_relay.adapters.firebase import Firebase  # noqa: PLC0415 — a second to load
+        from posecast_relay.auth.firebase import Firebase  # noqa: PLC0415 — a second to load
     except ImportError:
         raise StartError("--firebase-project: install posecast-relay[firebase]") from None
     return Firebase(settings.firebase_project, settings.firebase_revoked)
@@ -300,7 +300,7 @@ def _mirror(settings: Settings, access: Access) -> FirebaseMirror | None:
     if credentials and not os.access(credentials, os.R_OK):
         raise StartError(f"GOOGLE_APPLICATION_CREDENTIALS {credentials!r}: can't be read")
     try:
-        from posecast_relay.adapters.firebase_mirror import FirebaseMirror  # noqa: PLC0415 — seldom wanted
+        from posecast_relay.mirror.firebase import FirebaseMirror  # noqa: PLC0415 — seldom wanted
     except ImportError:
         raise StartError("--firebase-database: install posecast-relay[firebase]") from None
     return FirebaseMirror(settings.firebase_database, access)

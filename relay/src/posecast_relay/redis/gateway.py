@@ -12,7 +12,6 @@ from collections.abc import Awaitable, Callable, Sequence
 from functools import partial
 from typing import Any
 
-from posecast_relay.adapters.pump import Pump
 from posecast_relay.core.actions import Action, Fault
 from posecast_relay.core.histogram import Histogram
 from posecast_relay.core.policy.policy import PUBLIC
@@ -31,6 +30,7 @@ from posecast_relay.redis.client import (
 from posecast_relay.redis.directory import BOARD, FRESH_S, Board
 from posecast_relay.redis.messages import unpack, unpack_state
 from posecast_relay.redis.subscriber import Ear
+from posecast_relay.runtime.dispatcher import Pump
 
 log = logging.getLogger("posecast_relay")
 

@@ -16,8 +16,8 @@ import zenoh
 from posecast_wire import Echo, Snapshot, Stamp, check_name
 from posecast_wire.keys import PREFIX, STAMP, snapshot_key
 
-from posecast_relay.adapters.pump import Pump
 from posecast_relay.core.state.stream import Fate
+from posecast_relay.runtime.dispatcher import Pump
 from posecast_relay.zenoh.inboxes import OTHERS, Inboxes, Message
 from posecast_relay.zenoh.router import Door
 

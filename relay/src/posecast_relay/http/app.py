@@ -11,19 +11,19 @@ from fastapi import FastAPI, HTTPException, Request, Response
 from fastapi.responses import JSONResponse, PlainTextResponse
 from starlette.exceptions import HTTPException as StarletteHTTPException
 
-from posecast_relay.adapters.access import HIDDEN, Access
-from posecast_relay.adapters.decoded import Decoded
-from posecast_relay.adapters.packed import Packed
-from posecast_relay.adapters.pump import Pump
-from posecast_relay.asker import OPEN, asker, granted, shown_to
+from posecast_relay.auth.access import HIDDEN, Access
 from posecast_relay.core.policy.policy import ANYONE
-from posecast_relay.listing import robot_document, robots_document
-from posecast_relay.model_answer import model_answer
+from posecast_relay.http.auth import OPEN, asker, granted, shown_to
+from posecast_relay.http.gzip_cache import Packed
+from posecast_relay.http.models import model_answer
+from posecast_relay.http.robot_state import StateReader
+from posecast_relay.http.robots import robot_document, robots_document
+from posecast_relay.http.static_page import Page
 from posecast_relay.models.cache import Absent, Models, Unavailable
-from posecast_relay.page import Page
-from posecast_relay.state_json import StateReader
+from posecast_relay.runtime.dispatcher import Pump
+from posecast_relay.streaming.decode_cache import Decoded
 
-PACKED_PAGE = Path(__file__).parent / "page"  # the built page, where the wheel carries it
+PACKED_PAGE = Path(__file__).parent.parent / "page"  # the built page, where the wheel carries it
 API = "/api/v1/robots"
 FRESH_S = 1.0  # answers are this old at most
 ANSWERS_MAX = 256

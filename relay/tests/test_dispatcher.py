@@ -7,15 +7,15 @@ import socket
 from collections.abc import Callable, Iterator
 
 import pytest
-from posecast_relay.adapters.fan_out import SLICE, FanOut
-from posecast_relay.adapters.pump import Pump
-from posecast_relay.adapters.uring import Ring
 from posecast_relay.core.actions import Ask, Fault, Send, Verify, Watch
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
 from posecast_relay.core.state.stream import Stream
 from posecast_relay.core.viewer import messages
 from posecast_relay.core.viewer.viewer import Viewer
+from posecast_relay.runtime.dispatcher import Pump
+from posecast_relay.runtime.fan_out import SLICE, FanOut
+from posecast_relay.runtime.io_uring import Ring
 from posecast_relay.store_memory import MemoryStore
 from posecast_wire import Close
 

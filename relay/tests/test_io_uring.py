@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 
 import pytest
-from posecast_relay.adapters.uring import BATCH, Ring, Short, write_each
+from posecast_relay.runtime.io_uring import BATCH, Ring, Short, write_each
 
 WriteEach = Callable[[Sequence[int], bytes], Short]
 Pair = Callable[[], tuple[socket.socket, socket.socket]]

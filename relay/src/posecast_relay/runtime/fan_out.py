@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from posecast_relay.adapters.uring import BATCH, Ring, write_each
 from posecast_relay.core.viewer.viewer import Viewer
+from posecast_relay.runtime.io_uring import BATCH, Ring, write_each
 
 SLICE = BATCH  # viewers in one turn of the event loop: some 4 ms
 FEW = 8  # so many are written to one by one: a batch has a price of its own

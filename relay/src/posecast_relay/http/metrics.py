@@ -12,9 +12,9 @@ from prometheus_client import CollectorRegistry, start_http_server
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, HistogramMetricFamily, Metric
 from prometheus_client.registry import Collector
 
-from posecast_relay.adapters.pump import Pump
 from posecast_relay.core.breaker import Breaker
 from posecast_relay.core.histogram import BOUNDS_S, Histogram
+from posecast_relay.runtime.dispatcher import Pump
 
 EVICTIONS = (Close.HALF_OPEN, Close.NO_ACK, Close.EVENTS_FULL)
 

@@ -19,16 +19,16 @@ from websockets.http11 import Request
 from websockets.protocol import CONNECTING, OPEN
 from websockets.server import ServerProtocol
 
-from posecast_relay.adapters.access import CROWDED, FOREIGN, REASONS, Access
-from posecast_relay.adapters.asked import Asked, BadRequest, NoSuchStream, bearer, joined, read_target
-from posecast_relay.adapters.boundary import FAULT, isolated, isolated_task
-from posecast_relay.adapters.decoded import Decoded
-from posecast_relay.adapters.forms import Form, JsonForm
-from posecast_relay.adapters.socket_buffers import descriptor_of, use_small_buffers
+from posecast_relay.auth.access import CROWDED, FOREIGN, REASONS, Access
 from posecast_relay.core.hub import DRAIN_RETRY_S, FULL_RETRY_S, GOING
 from posecast_relay.core.policy.policy import ANYONE, Grant
 from posecast_relay.core.viewer import messages
 from posecast_relay.core.viewer.viewer import Viewer
+from posecast_relay.runtime.boundary import FAULT, isolated, isolated_task
+from posecast_relay.runtime.socket_options import descriptor_of, use_small_buffers
+from posecast_relay.streaming.decode_cache import Decoded
+from posecast_relay.streaming.encodings import Form, JsonForm
+from posecast_relay.streaming.request import Asked, BadRequest, NoSuchStream, bearer, joined, read_target
 
 if TYPE_CHECKING:
     from uvicorn.config import Config

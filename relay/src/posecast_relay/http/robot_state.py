@@ -8,11 +8,11 @@ from weakref import WeakKeyDictionary
 
 from posecast_wire import MISSING, Frame
 
-from posecast_relay.adapters.decoded import Decoded, field_values
 from posecast_relay.core.state.robot import Robot
 from posecast_relay.core.state.room import Room
 from posecast_relay.core.state.stream import Stream
 from posecast_relay.plain_json import json_bytes
+from posecast_relay.streaming.decode_cache import Decoded, field_values
 
 DECODE_S = 0.1  # at most ten times a second, however many ask
 

@@ -16,8 +16,20 @@ from typing import Any, ClassVar, cast
 
 from posecast_wire import Close, Retry, retry_of
 
-from posecast_relay.adapters.access import CROWDED, FOREIGN, REASONS, STATUSES, Access
-from posecast_relay.adapters.asked import (
+from posecast_relay.auth.access import CROWDED, FOREIGN, REASONS, STATUSES, Access
+from posecast_relay.core.hub import DRAIN_RETRY_S, GOING
+from posecast_relay.core.policy.policy import ANYONE, Grant, Who
+from posecast_relay.core.viewer import messages
+from posecast_relay.core.viewer.viewer import Viewer
+from posecast_relay.runtime.boundary import FAULT, isolated, isolated_task
+from posecast_relay.runtime.dispatcher import Pump
+from posecast_relay.runtime.socket_options import cut_unread, use_small_buffers
+from posecast_relay.streaming.decode_cache import Decoded
+from posecast_relay.streaming.encodings import EventForm, Form, JsonForm
+from posecast_relay.streaming.handshake_queue import Doorway
+from posecast_relay.streaming.http_connection import HttpConnection
+from posecast_relay.streaming.pending_requests import UnderWay
+from posecast_relay.streaming.request import (
     STREAM_PATH,
     Asked,
     BadRequest,
@@ -26,19 +38,7 @@ from posecast_relay.adapters.asked import (
     joined,
     read_target,
 )
-from posecast_relay.adapters.boundary import FAULT, isolated, isolated_task
-from posecast_relay.adapters.decoded import Decoded
-from posecast_relay.adapters.doorway import Doorway
-from posecast_relay.adapters.forms import EventForm, Form, JsonForm
-from posecast_relay.adapters.http_connection import HttpConnection
-from posecast_relay.adapters.pump import Pump
-from posecast_relay.adapters.socket_buffers import cut_unread, use_small_buffers
-from posecast_relay.adapters.under_way import UnderWay
-from posecast_relay.adapters.websocket import CLOSING_S
-from posecast_relay.core.hub import DRAIN_RETRY_S, GOING
-from posecast_relay.core.policy.policy import ANYONE, Grant, Who
-from posecast_relay.core.viewer import messages
-from posecast_relay.core.viewer.viewer import Viewer
+from posecast_relay.streaming.websocket import CLOSING_S
 
 HEAD = (
     b"HTTP/1.1 200 OK\r\ncontent-type: text/event-stream\r\ncache-control: no-store\r\n%s"

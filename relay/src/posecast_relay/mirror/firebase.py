@@ -21,7 +21,7 @@ import google.auth.transport.requests
 import httpx
 from google.auth.credentials import Credentials
 
-from posecast_relay.adapters.access import Access
+from posecast_relay.auth.access import Access
 from posecast_relay.core.breaker import Breaker
 from posecast_relay.core.mirror import HZ, Change, Mirror, Shown
 from posecast_relay.core.policy.policy import ANYONE, Grant

@@ -9,8 +9,8 @@ import asyncio
 from collections.abc import Callable
 from typing import Any
 
-from posecast_relay.adapters.boundary import isolated
-from posecast_relay.adapters.http_connection import HttpConnection
+from posecast_relay.runtime.boundary import isolated
+from posecast_relay.streaming.http_connection import HttpConnection
 
 ASK_S = 5.0  # from connecting, or from a request's first byte, to its end
 CROWD = 500  # beyond so many at once, those over HURRIED_S old go: half of the sockets kept beside viewers'

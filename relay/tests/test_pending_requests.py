@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import httpx
-from posecast_relay.adapters.under_way import REQUEST_BYTES, STARTED_PER_TURN, UnderWay
+from posecast_relay.streaming.pending_requests import REQUEST_BYTES, STARTED_PER_TURN, UnderWay
 
 from .stage import Relay, Watcher
 from .test_http_connection import peak_mb

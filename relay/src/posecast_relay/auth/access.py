@@ -9,17 +9,17 @@ from http import HTTPStatus
 
 from posecast_wire import Close
 
-from posecast_relay.adapters.addresses import Addresses
-from posecast_relay.adapters.boundary import FAULT
-from posecast_relay.adapters.origins import may_show
-from posecast_relay.adapters.pump import Pump
-from posecast_relay.adapters.tokens import Tokens, Unverifiable
+from posecast_relay.auth.addresses import Addresses
+from posecast_relay.auth.origins import may_show
+from posecast_relay.auth.tokens import Tokens, Unverifiable
 from posecast_relay.core.delayed_hub import DelayedHub
 from posecast_relay.core.policy.policy import ANYONE, Audience, Grant, Policy, Who
 from posecast_relay.core.state.robot import Robot
 from posecast_relay.core.state.room import Room
 from posecast_relay.core.state.stream import Stream
 from posecast_relay.core.viewer.viewer import Viewer
+from posecast_relay.runtime.boundary import FAULT
+from posecast_relay.runtime.dispatcher import Pump
 
 log = logging.getLogger("posecast_relay")
 

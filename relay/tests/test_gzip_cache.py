@@ -6,7 +6,7 @@ import asyncio
 import gzip
 import os
 
-from posecast_relay.adapters.packed import Packed, packed_name
+from posecast_relay.http.gzip_cache import Packed, packed_name
 from posecast_relay.models.memory import ENTRY_BYTES, ModelRoom
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, cast
 
 import httpx
-from posecast_relay.adapters.unasked import ASK_S, CROWD, HURRIED_S, SWEEP_S, Unasked
+from posecast_relay.streaming.request_timeouts import ASK_S, CROWD, HURRIED_S, SWEEP_S, Unasked
 
 from .stage import Watcher, free_port
 from .test_sight import figures

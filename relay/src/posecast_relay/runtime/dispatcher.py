@@ -11,13 +11,13 @@ from collections.abc import Awaitable, Callable, Iterable, Sequence
 
 from posecast_wire import Close
 
-from posecast_relay.adapters.fan_out import SLICE, FanOut
 from posecast_relay.core.actions import Action, Ask, Cut, End, Fault, Keep, Send, Verify, Watch
 from posecast_relay.core.histogram import Histogram
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.load_shedder import NO_CEILING
 from posecast_relay.core.state.stream import Stream
 from posecast_relay.core.viewer.viewer import Viewer
+from posecast_relay.runtime.fan_out import SLICE, FanOut
 from posecast_relay.store import StateStore
 
 log = logging.getLogger("posecast_relay")

@@ -11,9 +11,9 @@ import json
 import re
 from typing import Protocol
 
-from posecast_relay.adapters.decoded import Decoded
 from posecast_relay.core.state.stream import Stream
 from posecast_relay.core.viewer import messages
+from posecast_relay.streaming.decode_cache import Decoded
 
 TEXT, BINARY = 1, 2  # WebSocket opcodes
 LINE_END = re.compile(r"\r\n|\r|\n")

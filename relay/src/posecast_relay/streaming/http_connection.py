@@ -17,11 +17,11 @@ from typing import Any, ClassVar, cast
 import httptools
 from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol, RequestResponseCycle
 
-from posecast_relay.adapters.access import Access
-from posecast_relay.adapters.addresses import real_address
-from posecast_relay.adapters.boundary import isolated
-from posecast_relay.adapters.socket_buffers import leave_unsent
-from posecast_relay.adapters.under_way import UnderWay
+from posecast_relay.auth.access import Access
+from posecast_relay.auth.addresses import real_address
+from posecast_relay.runtime.boundary import isolated
+from posecast_relay.runtime.socket_options import leave_unsent
+from posecast_relay.streaming.pending_requests import UnderWay
 
 HEAD_BYTES = 16 << 10  # request line and header lines; more: 431
 LINES = 100  # of a head or a trailer; more: 431

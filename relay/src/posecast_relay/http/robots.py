@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from posecast_relay.adapters.access import Access
+from posecast_relay.auth.access import Access
 from posecast_relay.core.policy.policy import PUBLIC, Grant, Who
 from posecast_relay.core.state.robot import Robot
 from posecast_relay.core.state.room import Room

@@ -6,7 +6,7 @@ import firebase_admin
 from firebase_admin import auth, credentials, exceptions
 from google.auth.credentials import AnonymousCredentials
 
-from posecast_relay.adapters.tokens import Unverifiable
+from posecast_relay.auth.tokens import Unverifiable
 from posecast_relay.core.policy.policy import Audience, Who
 
 

@@ -12,15 +12,15 @@ from typing import Any
 import httpx
 import pytest
 from fastapi import Request
-from posecast_relay.adapters.http_connection import BrokenOff
-from posecast_relay.adapters.packed import Packed
-from posecast_relay.model_answer import PIECE_BYTES, model_answer
+from posecast_relay.http.gzip_cache import Packed
+from posecast_relay.http.models import PIECE_BYTES, model_answer
 from posecast_relay.models.cache import RANGE_BYTES, Models
 from posecast_relay.models.memory import IN_USE_S
+from posecast_relay.streaming.http_connection import BrokenOff
 
 from .stage import Model, Relay, until
 from .test_model_cache import Edge, bytes_of
-from .test_under_way import asking
+from .test_pending_requests import asking
 
 MB = 1_000_000
 

@@ -13,10 +13,10 @@ from http import HTTPStatus
 from fastapi import Request, Response
 from starlette.types import Receive, Scope, Send
 
-from posecast_relay.adapters.http_connection import BrokenOff
-from posecast_relay.adapters.packed import Packed, packed_name
-from posecast_relay.asker import OPEN
+from posecast_relay.http.auth import OPEN
+from posecast_relay.http.gzip_cache import Packed, packed_name
 from posecast_relay.models.cache import ModelFile, Models
+from posecast_relay.streaming.http_connection import BrokenOff
 
 PIECE_BYTES = 16 << 10
 PIECES_PER_TURN = 16  # of the event loop

@@ -7,9 +7,9 @@ from http import HTTPStatus
 from fastapi import HTTPException, Request
 from posecast_wire import Close
 
-from posecast_relay.adapters.access import FOREIGN, REASONS, STATUSES, Access
-from posecast_relay.adapters.asked import BadRequest, bearer, refuse_tokens
+from posecast_relay.auth.access import FOREIGN, REASONS, STATUSES, Access
 from posecast_relay.core.policy.policy import ANYONE, Grant, Who
+from posecast_relay.streaming.request import BadRequest, bearer, refuse_tokens
 
 OPEN = {"access-control-allow-origin": "*"}  # public views: any page may read them
 

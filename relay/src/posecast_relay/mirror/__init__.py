@@ -1,0 +1,1 @@
+"""Copies of the public views in other databases."""
