@@ -11,10 +11,10 @@ import {
   type Schema,
   SchemaError,
 } from '@posecast/wire';
-import { parentOrigin, readWish } from '../../spa/src/app/embed_messages.ts';
-import { parseRoute, robotHref } from '../../spa/src/app/route.ts';
-import { queryOf, readSettings } from '../../spa/src/app/settings.ts';
-import { readShared, sharedQuery } from '../../spa/src/app/shared_view.ts';
+import { parentOrigin, readWish } from '../../spa/src/app/pages/embed/messages.ts';
+import { readShared, sharedQuery } from '../../spa/src/app/share/shared_view.ts';
+import { parseRoute, robotHref } from '../../spa/src/app/state/route.ts';
+import { queryOf, readSettings } from '../../spa/src/app/state/settings.ts';
 import { BundleError, parseManifest, readRawManifest } from '../../spa/src/model/bundle.ts';
 import { GlbError } from '../../spa/src/model/glb.ts';
 import { Kinematics } from '../../spa/src/model/kinematics.ts';

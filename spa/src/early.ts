@@ -3,7 +3,7 @@
  * the model's manifest and its coarsest level follow as soon as their names are known. The page finds all of it under way.
  */
 
-import { parseRoute } from './app/route.ts';
+import { parseRoute } from './app/state/route.ts';
 import { takeToken } from './auth/link_token.ts';
 import { accessSettled } from './auth/settled.ts';
 import { builtModelAt } from './model/files.ts';

@@ -2,25 +2,25 @@ import './early.ts';
 import { StrictMode, Suspense } from 'react';
 import { createRoot } from 'react-dom/client';
 import { App } from './app/App.tsx';
-import { ErrorBoundary } from './app/ErrorBoundary.tsx';
-import { installHandle } from './app/handle.ts';
-import { followLanguage } from './app/language.ts';
-import { late } from './app/late.tsx';
-import { loadList } from './app/load_list.ts';
-import { loadScene } from './app/load_scene.ts';
-import { reloadAfterDeploy } from './app/reload.ts';
-import { parseRoute } from './app/route.ts';
-import { lendSettings, queryOf } from './app/settings.ts';
-import { hasWebGl } from './app/use_body_view.ts';
+import { loadScene } from './app/body/load_three.ts';
+import { hasWebGl } from './app/body/use_body_view.ts';
+import { loadList } from './app/pages/list/index.ts';
+import { installHandle } from './app/shell/debug_api.ts';
+import { ErrorBoundary } from './app/shell/ErrorBoundary.tsx';
+import { late } from './app/shell/late.tsx';
+import { reloadAfterDeploy } from './app/shell/reload.ts';
+import { parseRoute } from './app/state/route.ts';
+import { lendSettings, queryOf } from './app/state/settings.ts';
+import { followLanguage } from './app/text/language.ts';
 import { accessSettled } from './auth/settled.ts';
 import './app/styles/tokens.css';
 import './app/styles/page.css';
 import './app/styles/robot.css';
-import './app/styles/numbers.css';
-import './app/styles/joints.css';
+import './app/numbers/numbers.css';
+import './app/numbers/table/joints.css';
 
 /** `embed/index.html` is the same page for an iframe. It asks for nothing before it is on the screen. */
-const EmbedPage = late(async () => (await import('./app/EmbedPage.tsx')).EmbedPage);
+const EmbedPage = late(async () => (await import('./app/pages/embed/EmbedPage.tsx')).EmbedPage);
 const embedded = document.documentElement.dataset.page === 'embed';
 
 performance.mark('posecast:script');

@@ -1,13 +1,13 @@
 import { describe, expect, it } from 'vitest';
-import { missingWords } from '../src/app/body_words.ts';
-import { readRobots } from '../src/app/robots.ts';
-import { parseRoute } from '../src/app/route.ts';
-import { readSettings } from '../src/app/settings.ts';
-import { heightPx, nextHeight, PEEK_PX, restingHeight } from '../src/app/sheet_heights.ts';
-import { spoken } from '../src/app/spoken.ts';
+import { missingWords } from '../src/app/body/words.ts';
+import { readRobots } from '../src/app/pages/list/robots.ts';
+import { heightPx, nextHeight, PEEK_PX, restingHeight } from '../src/app/shell/sheet_heights.ts';
+import { parseRoute } from '../src/app/state/route.ts';
+import { readSettings } from '../src/app/state/settings.ts';
+import { spoken } from '../src/app/status/announcement.ts';
+import { truthWords } from '../src/app/status/explanation_words.ts';
+import { chipWords, stageWords, waitingWords } from '../src/app/status/words.ts';
 import { ko } from '../src/app/text/ko.ts';
-import { truthWords } from '../src/app/truth_words.ts';
-import { chipWords, stageWords, waitingWords } from '../src/app/words.ts';
 import type { Link } from '../src/stream/client.ts';
 import type { Verdict } from '../src/twin/liveness.ts';
 

@@ -1,5 +1,5 @@
 import { afterEach, expect, it, vi } from 'vitest';
-import { seenByAnyone } from '../src/app/ShareSheet.tsx';
+import { seenByAnyone } from '../src/app/share/ShareSheet.tsx';
 import { takeToken } from '../src/auth/link_token.ts';
 import { tokenFor } from '../src/auth/token.ts';
 

@@ -1,7 +1,7 @@
 // @vitest-environment happy-dom
 import { afterEach, describe, expect, it } from 'vitest';
-import { channelOf, selectionFollows } from '../src/app/body_selection.ts';
-import { selection, selectJoint } from '../src/app/selection.ts';
+import { channelOf, selectionFollows } from '../src/app/body/controls/body_selection.ts';
+import { selection, selectJoint } from '../src/app/state/selection.ts';
 import { JointChannels } from '../src/twin/joint_channels.ts';
 import { KinematicTree } from '../src/twin/kinematic_tree.ts';
 import { RobotTwin } from '../src/twin/robot.ts';

@@ -1,5 +1,5 @@
 import { describe, expect, it } from 'vitest';
-import { parentOrigin, readWish } from '../src/app/embed_messages.ts';
+import { parentOrigin, readWish } from '../src/app/pages/embed/messages.ts';
 
 describe('the page around a frame', () => {
   it('may ask for what the frame knows', () => {

@@ -1,10 +1,10 @@
 import { afterEach, beforeEach, expect, it, vi } from 'vitest';
-import { connectParent } from '../src/app/embed_parent.ts';
-import { showScene } from '../src/app/handle.ts';
-import type { RobotLink } from '../src/app/robot_link.ts';
-import { selection, selectJoint } from '../src/app/selection.ts';
-import { settings } from '../src/app/settings.ts';
-import type { BodyView } from '../src/three/index.ts';
+import { connectParent } from '../src/app/pages/embed/parent.ts';
+import { showScene } from '../src/app/shell/debug_api.ts';
+import type { RobotLink } from '../src/app/state/robot_link.ts';
+import { selection, selectJoint } from '../src/app/state/selection.ts';
+import { settings } from '../src/app/state/settings.ts';
+import type { BodyView } from '../src/view/body_view.ts';
 
 const COURSE = 'https://course.example';
 const parent = { postMessage: vi.fn() };

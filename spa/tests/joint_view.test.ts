@@ -1,11 +1,11 @@
 // @vitest-environment happy-dom
 import { parseSchema } from '@posecast/wire';
 import { afterEach, beforeEach, describe, expect, it, vi } from 'vitest';
-import { titledLimbs } from '../src/app/limb_titles.ts';
-import { selection, selectJoint } from '../src/app/selection.ts';
-import { changeSettings } from '../src/app/settings.ts';
-import { filterText, setFilter } from '../src/app/table/filter.ts';
-import { JointView, type TableSources } from '../src/app/table/joint_view.ts';
+import { filterText, setFilter } from '../src/app/numbers/table/filter.ts';
+import { JointView, type TableSources } from '../src/app/numbers/table/joint_view.ts';
+import { titledLimbs } from '../src/app/numbers/table/limb_titles.ts';
+import { selection, selectJoint } from '../src/app/state/selection.ts';
+import { changeSettings } from '../src/app/state/settings.ts';
 import { RobotTwin } from '../src/twin/robot.ts';
 import { LastReadings } from '../src/twin/sensors/last_readings.ts';
 import { codesWith, SCHEMA } from './schema.ts';

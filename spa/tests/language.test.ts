@@ -1,7 +1,7 @@
 import { afterEach, expect, it } from 'vitest';
-import { say, wantedLanguage } from '../src/app/language.ts';
 import { en } from '../src/app/text/en.ts';
 import { ko, moreKo } from '../src/app/text/ko.ts';
+import { say, wantedLanguage } from '../src/app/text/language.ts';
 import { moreEn } from '../src/app/text/more_en.ts';
 
 afterEach(() => {

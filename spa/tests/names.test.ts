@@ -1,9 +1,9 @@
 import { parseSchema } from '@posecast/wire';
 import { describe, expect, it } from 'vitest';
-import { missingWords, unreadWords } from '../src/app/body_words.ts';
-import { readRobots } from '../src/app/robots.ts';
-import { spoken } from '../src/app/spoken.ts';
-import { problemWords } from '../src/app/words.ts';
+import { missingWords, unreadWords } from '../src/app/body/words.ts';
+import { readRobots } from '../src/app/pages/list/robots.ts';
+import { spoken } from '../src/app/status/announcement.ts';
+import { problemWords } from '../src/app/status/words.ts';
 import { displayOf, flagWords } from '../src/twin/format.ts';
 import { JointTable } from '../src/twin/joints.ts';
 import { isolated, plainName } from '../src/twin/names.ts';

@@ -1,7 +1,7 @@
 // @vitest-environment happy-dom
 import { parseSchema } from '@posecast/wire';
 import { afterAll, beforeAll, beforeEach, describe, expect, it, vi } from 'vitest';
-import type { PlotManner, PlotStack as Stack } from '../src/app/plot/plot_stack.ts';
+import type { PlotManner, PlotStack as Stack } from '../src/app/numbers/plots/plot_stack.ts';
 import { moreEn } from '../src/app/text/more_en.ts';
 import { History } from '../src/twin/plots/history.ts';
 import type { Plotted } from '../src/twin/plots/trace.ts';
@@ -25,7 +25,7 @@ beforeAll(async () => {
       closePath() {}
     },
   );
-  ({ PlotStack } = await import('../src/app/plot/plot_stack.ts'));
+  ({ PlotStack } = await import('../src/app/numbers/plots/plot_stack.ts'));
 });
 afterAll(() => vi.unstubAllGlobals());
 beforeEach(() => document.body.replaceChildren());

@@ -1,6 +1,14 @@
 import { parseSchema } from '@posecast/wire';
 import { beforeEach, describe, expect, it } from 'vitest';
-import { clearPlots, MOST_TRACES, onPlotted, plot, plotted, togglePlot, unplot } from '../src/app/plotted.ts';
+import {
+  clearPlots,
+  MOST_TRACES,
+  onPlotted,
+  plot,
+  plotted,
+  togglePlot,
+  unplot,
+} from '../src/app/state/traces.ts';
 import { csvOf } from '../src/twin/plots/csv.ts';
 import { HISTORY_S, History } from '../src/twin/plots/history.ts';
 import { plottedReading } from '../src/twin/plots/trace.ts';

@@ -1,6 +1,6 @@
 import { describe, expect, it } from 'vitest';
-import { queryOf, readSettings } from '../src/app/settings.ts';
-import { readShared, sharedQuery } from '../src/app/shared_view.ts';
+import { readShared, sharedQuery } from '../src/app/share/shared_view.ts';
+import { queryOf, readSettings } from '../src/app/state/settings.ts';
 
 const usual = readSettings(null);
 

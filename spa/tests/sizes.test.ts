@@ -57,10 +57,10 @@ describe.skipIf(!built)('bundle (skipped when spa/dist is not built)', () => {
 
   it('the list comes in less, without worker or scene', () => {
     const all = chunks();
-    const files = [...filesOf(all, 'index.html'), ...filesOf(all, 'src/app/RobotList.tsx')];
+    const files = [...filesOf(all, 'index.html'), ...filesOf(all, 'src/app/pages/list/RobotList.tsx')];
     const sum = [...new Set(files)].reduce((sizes, file) => sizes + kb(file), 0);
     console.info(`the list: ${sum.toFixed(1)} kB`);
-    expect(files).toContain(all['src/app/RobotList.tsx']?.file);
+    expect(files).toContain(all['src/app/pages/list/RobotList.tsx']?.file);
     expect(sum).toBeLessThan(ENTRY_LIMIT_KB);
   });
 
@@ -94,7 +94,7 @@ describe.skipIf(!built)('bundle (skipped when spa/dist is not built)', () => {
     const all = chunks();
     const entry = Object.keys(all).find((name) => all[name]?.isEntry) ?? '';
     const account = all['src/auth/account.ts']?.file ?? 'no such chunk';
-    const early = [...filesOf(all, entry), ...filesOf(all, 'src/app/RobotList.tsx')];
+    const early = [...filesOf(all, entry), ...filesOf(all, 'src/app/pages/list/RobotList.tsx')];
     expect(early).not.toContain(account);
     expect(readFileSync(`${dist}${account}`, 'utf8')).toContain('identitytoolkit');
     for (const file of early)

@@ -1,9 +1,9 @@
 // @vitest-environment happy-dom
 import { parseSchema } from '@posecast/wire';
 import { beforeEach, describe, expect, it } from 'vitest';
-import { changeSettings } from '../src/app/settings.ts';
-import { JointView } from '../src/app/table/joint_view.ts';
-import { SensorView } from '../src/app/table/sensor_view.ts';
+import { SensorView } from '../src/app/numbers/sensors/sensor_view.ts';
+import { JointView } from '../src/app/numbers/table/joint_view.ts';
+import { changeSettings } from '../src/app/state/settings.ts';
 import { RobotTwin } from '../src/twin/robot.ts';
 import { codesWith, SCHEMA } from './schema.ts';
 

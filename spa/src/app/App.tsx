@@ -1,23 +1,23 @@
 import { Suspense, useEffect, useState } from 'react';
 import { relayChoice } from '../relay/relay.ts';
-import { ErrorBoundary } from './ErrorBoundary.tsx';
-import { useHash } from './hash.ts';
-import { useText } from './language.ts';
-import { late } from './late.tsx';
-import { loadList } from './load_list.ts';
-import { closeLocal, listenForDrops, useLocal } from './local.ts';
-import { RobotPage } from './RobotPage.tsx';
-import type { RobotLink } from './robot_link.ts';
-import { parseRoute } from './route.ts';
-import { useThemeOnRoot } from './theme.ts';
+import { loadList } from './pages/list/index.ts';
+import { closeLocal, listenForDrops, useLocal } from './pages/local/local.ts';
+import { RobotPage } from './pages/RobotPage.tsx';
+import { ErrorBoundary } from './shell/ErrorBoundary.tsx';
+import { late } from './shell/late.tsx';
+import { useThemeOnRoot } from './shell/theme.ts';
+import { useHash } from './state/hash.ts';
+import type { RobotLink } from './state/robot_link.ts';
+import { parseRoute } from './state/route.ts';
+import { useText } from './text/language.ts';
 
 // Who opens a robot needs no list.
 const RobotList = late(async () => (await loadList()).RobotList);
 // Few visitors want these: they come when they are opened.
-const NothingHere = late(async () => (await import('./NothingHere.tsx')).NothingHere);
-const LinePage = late(async () => (await import('./LinePage.tsx')).LinePage);
-const SettingsSheet = late(async () => (await import('./SettingsSheet.tsx')).SettingsSheet);
-const LocalPage = late(async () => (await import('./LocalPage.tsx')).LocalPage);
+const NothingHere = late(async () => (await import('./pages/NothingHere.tsx')).NothingHere);
+const LinePage = late(async () => (await import('./pages/RowPage.tsx')).LinePage);
+const SettingsSheet = late(async () => (await import('./settings/SettingsSheet.tsx')).SettingsSheet);
+const LocalPage = late(async () => (await import('./pages/local/LocalPage.tsx')).LocalPage);
 
 export function App() {
   useThemeOnRoot();

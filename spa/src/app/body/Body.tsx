@@ -1,0 +1,229 @@
+import { Suspense, useCallback, useEffect, useRef, useState } from 'react';
+import type { ModelReport } from '../../model/report.ts';
+import { manifestUrl } from '../../relay/addresses.ts';
+import { accounts } from '../../relay/relay.ts';
+import { isolated } from '../../twin/names.ts';
+import type { BodyView, LineView } from '../../view/body_view.ts';
+import { follow } from '../shell/deferred_start.ts';
+import { late } from '../shell/late.tsx';
+import { useNow } from '../shell/now.ts';
+import { type RobotLink, useConnection, useVersion, useWord } from '../state/robot_link.ts';
+import { bytesWords, problemWords, stageWords, waitingWords } from '../status/words.ts';
+import { say, useText } from '../text/language.ts';
+import { useCameraHands } from './controls/use_camera_controls.ts';
+import { FirstSketch } from './FirstStickFigure.tsx';
+import type { SignsLink } from './overlay/overlay_link.ts';
+import { useBodyView } from './use_body_view.ts';
+
+/** They come with the body: the page itself starts without. */
+const BodyNotes = late(async () => (await import('./BodyNotes.tsx')).BodyNotes);
+const BodyTools = late(async () => (await import('./BodyTools.tsx')).BodyTools);
+const SignIn = late(async () => (await import('../account/SignIn.tsx')).SignIn);
+const LoadLegend = late(async () => (await import('./overlay/LoadLegend.tsx')).LoadLegend);
+
+const SAY_WHY_AFTER_MS = 3000;
+type Model =
+  | { phase: 'none' }
+  | { phase: 'loading'; received: number; total: number }
+  | { phase: 'shown'; report: ModelReport }
+  | { phase: 'failed'; why: string };
+
+/** The robot as a body. The drawing itself is a chunk of its own that this component asks for; without it the page says
+ *  so in one line and the numbers stand. */
+export function Body({ link }: { link: RobotLink }) {
+  const host = useRef<HTMLDivElement>(null);
+  const { view, trouble, why, choose } = useBodyView(host, usePlayed(link));
+  useCameraHands(host, view, link.twin);
+  useViewAddress(view, link);
+  const signs = useSigns(view, link);
+  const model = useModel(view, link);
+  const text = useText();
+
+  return (
+    <section className="stage" aria-label={text.body}>
+      {why === null && (model.phase === 'none' || model.phase === 'loading') && <FirstSketch link={link} />}
+      <div className="canvas" ref={host} data-testid="scene" data-shown={model.phase !== 'none'} />
+      {model.phase === 'loading' && <Progress received={model.received} total={model.total} />}
+      <StageNote link={link} />
+      <div className="stage-middle">
+        {why !== null ? (
+          <p className="stage-say" data-testid="no-scene">
+            {why}
+          </p>
+        ) : (
+          model.phase === 'failed' && (
+            <p className="stage-say" data-testid="no-model">
+              {model.why}
+            </p>
+          )
+        )}
+        {why === null && model.phase === 'none' && <Waiting link={link} />}
+      </div>
+      {model.phase === 'loading' && model.total > 0 && (
+        <p className="stage-foot">{text.loadingBody(bytesWords(model.received, model.total))}</p>
+      )}
+      {(trouble !== null || model.phase !== 'none') && (
+        <Suspense fallback={null}>
+          <BodyNotes
+            link={link}
+            trouble={trouble}
+            report={model.phase === 'shown' ? model.report : null}
+            choose={choose}
+          />
+        </Suspense>
+      )}
+      {signs !== null && model.phase !== 'none' && (
+        <Suspense fallback={null}>
+          <LoadLegend signs={[signs]} />
+        </Suspense>
+      )}
+      {view !== null && model.phase !== 'none' && (
+        <Suspense fallback={null}>
+          <BodyTools link={link} view={view} shown={model.phase === 'shown'} />
+        </Suspense>
+      )}
+    </section>
+  );
+}
+
+/** How the body plays what the robot does. */
+function usePlayed(link: RobotLink) {
+  return useCallback(async () => {
+    const { bodyFollows } = await import('./body_link.ts'); // the code of the view is on its way meanwhile
+    return (view: LineView) => bodyFollows(view, link);
+  }, [link]);
+}
+
+/** The address holds what is looked at; the code for it comes with the body. */
+function useViewAddress(view: BodyView | null, link: RobotLink): void {
+  useEffect(() => {
+    if (view === null) return;
+    return follow(
+      import('../share/view_address.ts').then(
+        ({ addressFollows }) =>
+          () =>
+            addressFollows(view, link),
+      ),
+    );
+  }, [view, link]);
+}
+
+/** What is drawn beside the body. */
+function useSigns(scene: BodyView | null, link: RobotLink): SignsLink | null {
+  const [signs, setSigns] = useState<SignsLink | null>(null);
+  useEffect(() => {
+    if (scene === null) return;
+    // A chunk that does not come takes nothing else with it: the body stands without signs.
+    const end = follow(
+      import('./overlay/overlay_link.ts').then(({ signsFollow }) => () => {
+        const drawn = signsFollow(scene, link);
+        setSigns(drawn);
+        return drawn.stop;
+      }),
+    );
+    return () => {
+      end();
+      setSigns(null);
+    };
+  }, [scene, link]);
+  return signs;
+}
+
+function useModel(scene: BodyView | null, link: RobotLink): Model {
+  useVersion(link);
+  const { robot, modelHash } = link.twin;
+  const [model, setModel] = useState<Model>({ phase: 'none' });
+  useEffect(() => {
+    if (scene === null || modelHash === null) {
+      setModel({ phase: 'none' });
+      return;
+    }
+    let left = false;
+    setModel({ phase: 'loading', received: 0, total: 0 });
+    link.twin.acceptTree(null); // of the model before
+    const progress = (received: number, total: number) => {
+      if (!left) setModel({ phase: 'loading', received, total });
+    };
+    scene.load(manifestUrl(robot, modelHash), progress).then((report) => {
+      if (left) return;
+      if (report.error !== undefined) {
+        setModel({ phase: 'failed', why: say().bodyFailed(isolated(report.error)) });
+        return;
+      }
+      link.twin.acceptTree(scene.tree());
+      setModel({ phase: 'shown', report });
+    });
+    return () => {
+      left = true;
+    };
+  }, [scene, robot, modelHash, link]);
+  return model;
+}
+
+/** A thin bar at the top edge that counts real bytes. */
+function Progress({ received, total }: { received: number; total: number }) {
+  const part = total > 0 ? Math.min(1, received / total) : 0;
+  return (
+    <div
+      className="progress"
+      role="progressbar"
+      aria-label={say().loadingBody('')}
+      aria-valuenow={Math.round(part * 100)}
+      data-testid="progress"
+    >
+      <i style={{ transform: `scaleX(${part})` }} />
+    </div>
+  );
+}
+
+/** Stamped over a picture that is not the present. */
+function StageNote({ link }: { link: RobotLink }) {
+  const now = useNow(250);
+  const connection = useConnection(link);
+  const verdict = link.watch.verdict();
+  const words = stageWords(verdict, connection, now);
+  const { problem } = connection;
+  if (words === null && problem === null) return null;
+  const canTry = verdict.cause === 'no connection' && connection.phase !== 'connecting';
+  return (
+    <div className="stage-note" data-word={verdict.word ?? ''} data-testid="stage-note">
+      <span>
+        {problem === null || (words !== null && problem.what === 'newer') ? words : problemWords(problem)}
+      </span>
+      {canTry && (
+        <button type="button" className="text-button" onClick={() => link.client.wake()}>
+          {say().tryNow}
+        </button>
+      )}
+      {accounts !== null && connection.phase === 'ended' && (
+        <Suspense fallback={null}>
+          <SignIn refused />
+        </Suspense>
+      )}
+    </div>
+  );
+}
+
+/** Nothing at first; after three seconds, what is being waited for. */
+function Waiting({ link }: { link: RobotLink }) {
+  const now = useNow(500);
+  const { phase } = useConnection(link);
+  const word = useWord(link);
+  useVersion(link);
+  const { twin } = link;
+  // A line over the body that says so already is enough.
+  if (now - twin.evidence.openedMs < SAY_WHY_AFTER_MS || word === 'STALE' || word === 'OFFLINE') return null;
+  const words = waitingWords({
+    phase,
+    schema: twin.schema !== null,
+    pose: twin.state !== null,
+    model: twin.modelHash !== null,
+  });
+  return (
+    words && (
+      <p className="stage-say" data-testid="waiting">
+        {words}
+      </p>
+    )
+  );
+}

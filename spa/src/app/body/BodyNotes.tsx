@@ -1,0 +1,51 @@
+import { useMemo } from 'react';
+import type { ModelReport } from '../../model/report.ts';
+import { LostReadings } from '../../twin/sensors/lost_readings.ts';
+import { useNow } from '../shell/now.ts';
+import type { RobotLink } from '../state/robot_link.ts';
+import { useMore } from '../text/more.ts';
+import { ModelFindings } from './ModelFindings.tsx';
+import type { ViewTrouble } from './use_body_view.ts';
+import { ViewNote } from './ViewNote.tsx';
+import { bareWords, missingWords, unreadWords } from './words.ts';
+
+/** What is to be known of the picture: how it is drawn, what is missing, where nothing is read. */
+export function BodyNotes(props: {
+  link: RobotLink;
+  trouble: ViewTrouble | null;
+  /** Of the body that is shown; null while there is none. */
+  report: ModelReport | null;
+  choose: (way: '3d' | 'light') => void;
+}) {
+  const { link, trouble, report, choose } = props;
+  useMore();
+  const note = report === null ? null : noteOf(report);
+  return (
+    <>
+      {note !== null && (
+        <p className="stage-foot" data-testid="model-note">
+          {note}
+        </p>
+      )}
+      {report !== null && <ModelFindings findings={report.findings} />}
+      <div className="stage-views">
+        {trouble !== null && <ViewNote trouble={trouble} choose={choose} />}
+        <Unread link={link} />
+      </div>
+    </>
+  );
+}
+
+/** Joints that stand where they were last known, because nothing is known of them now. */
+function Unread({ link }: { link: RobotLink }) {
+  useNow(500);
+  const { schema, state } = link.twin;
+  const lost = useMemo(() => (schema === null ? null : new LostReadings(schema)), [schema]);
+  const joints = state === null ? [] : (lost?.look(state.codes) ?? []);
+  return joints.length === 0 ? null : <p data-testid="unread-note">{unreadWords(joints)}</p>;
+}
+
+function noteOf({ bare, missing }: ModelReport): string | null {
+  if (bare !== undefined) return bareWords(bare);
+  return missing.length > 0 ? missingWords(missing, null) : null;
+}

@@ -1,0 +1,74 @@
+import { type ReactNode, Suspense, useRef, useState } from 'react';
+import type { BodyView } from '../../view/body_view.ts';
+import { late } from '../shell/late.tsx';
+import { type RobotLink, useVersion } from '../state/robot_link.ts';
+import { bytesWords } from '../status/words.ts';
+import { useMore } from '../text/more.ts';
+import { ShownChoice } from './overlay/ShownChoice.tsx';
+
+const SignMenu = late(async () => (await import('./overlay/OverlayMenu.tsx')).SignMenu);
+
+/** What to look at and from where. */
+export function BodyTools({ link, view, shown }: { link: RobotLink; view: BodyView; shown: boolean }) {
+  const text = useMore();
+  useVersion(link);
+  const hasRef = link.twin.schema?.field('ref') != null;
+  return (
+    <div className="stage-tools">
+      {hasRef && <ShownChoice />}
+      <fieldset className="segments">
+        <legend className="unseen">{text.camera}</legend>
+        <Tool onClick={() => view.look('home')} title={text.firstView}>
+          ↺
+        </Tool>
+        <Tool onClick={() => view.look('front')}>{text.front}</Tool>
+        <Tool onClick={() => view.look('side')}>{text.side}</Tool>
+        <Tool onClick={() => view.look('top')}>{text.top}</Tool>
+      </fieldset>
+      <Suspense fallback={null}>
+        <SignMenu links={[link]} />
+      </Suspense>
+      {shown && <Finer scene={view} />}
+    </div>
+  );
+}
+
+function Tool({ onClick, title, children }: { onClick: () => void; title?: string; children: ReactNode }) {
+  return (
+    <button type="button" onClick={onClick} title={title} aria-label={title}>
+      {children}
+    </button>
+  );
+}
+
+/** Asks for the finest shells, where there are finer ones than a page fetches by itself. */
+function Finer({ scene }: { scene: BodyView }) {
+  const text = useMore();
+  const [state, setState] = useState<'offered' | 'coming' | 'done' | 'failed'>('offered');
+  const [received, setReceived] = useState(0);
+  const bytes = useRef(scene.finerBytes);
+  if (bytes.current === null || state === 'done') return null;
+  const size = bytes.current;
+  const ask = () => {
+    setState('coming');
+    scene
+      .refine((now) => setReceived(now))
+      .then(
+        () => setState('done'),
+        () => setState('failed'),
+      );
+  };
+  const words = {
+    offered: text.finer(bytesWords(size, 0)),
+    coming: bytesWords(received, size),
+    failed: text.finerFailed,
+  }[state];
+  return (
+    <fieldset className="segments" disabled={state === 'coming'} data-testid="finer">
+      <legend className="unseen">{text.detail}</legend>
+      <button type="button" onClick={ask} title={text.fullDetail}>
+        {words}
+      </button>
+    </fieldset>
+  );
+}

@@ -1,0 +1,53 @@
+import { useEffect, useRef } from 'react';
+import { builtModelAt } from '../../model/files.ts';
+import { manifestUrl } from '../../relay/addresses.ts';
+import { Poser } from '../../twin/playback/pose.ts';
+import { Sketch } from '../../view/stick_figure.ts';
+import { useTheme } from '../shell/theme.ts';
+import { type RobotLink, useVersion } from '../state/robot_link.ts';
+import { settings } from '../state/settings.ts';
+
+/** The robot in lines, from its first frame until the scene takes over. */
+export function FirstSketch({ link }: { link: RobotLink }) {
+  const canvas = useRef<HTMLCanvasElement>(null);
+  const theme = useTheme();
+  useVersion(link);
+  const { robot, modelHash } = link.twin;
+  // biome-ignore lint/correctness/useExhaustiveDependencies: a theme has another colour for lines
+  useEffect(() => {
+    const { current } = canvas;
+    if (current === null || modelHash === null) return;
+    let leave: (() => void) | null = null;
+    let left = false;
+    builtModelAt(manifestUrl(robot, modelHash))
+      .then((manifest) => {
+        if (left || manifest === null) return; // raw files say nothing of joints before the URDF is here
+        const sketch = new Sketch(current, manifest);
+        sketch.setColor(getComputedStyle(current).color);
+        leave = follow(sketch, link);
+      })
+      .catch(() => {}); // the scene asks for the same, and says what is wrong
+    return () => {
+      left = true;
+      leave?.();
+    };
+  }, [link, robot, modelHash, theme]);
+  return <canvas ref={canvas} className="first-sketch" data-testid="first-sketch" />;
+}
+
+function follow(sketch: Sketch, { twin }: RobotLink): () => void {
+  let poser: Poser | null = null;
+  let of: unknown = null;
+  const pose = () => {
+    const { schema, state } = twin;
+    if (schema === null || state === null) return;
+    if (poser === null || of !== schema) {
+      const told = settings().shown === 'ref' && schema.field('ref') !== null;
+      poser = new Poser(schema, told ? 'ref' : 'pos');
+      of = schema;
+    }
+    sketch.setPose(poser.pose(state.codes));
+  };
+  pose();
+  return twin.onState(pose);
+}

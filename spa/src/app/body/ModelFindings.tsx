@@ -1,0 +1,24 @@
+import type { ModelReport } from '../../model/report.ts';
+import { isolated } from '../../twin/names.ts';
+import { useMore } from '../text/more.ts';
+import { remarksWords } from './words.ts';
+
+/** What the edge's doctor says of the model, behind one quiet line; hints are for who builds the model, not for viewers. */
+export function ModelFindings({ findings = [] }: { findings: ModelReport['findings'] | undefined }) {
+  const said = useMore();
+  const shown = findings.filter(({ severity }) => severity !== 'hint');
+  if (shown.length === 0) return null;
+  return (
+    <details className="model-findings" data-testid="model-findings">
+      <summary>{remarksWords(shown.length)}</summary>
+      <ul>
+        {shown.map(({ severity, line, text }) => (
+          <li key={`${line} ${text}`} data-severity={severity}>
+            {isolated(text)}
+            {line !== null && <span className="quiet"> · {said.line(line)}</span>}
+          </li>
+        ))}
+      </ul>
+    </details>
+  );
+}

@@ -1,0 +1,29 @@
+import { useMore } from '../text/more.ts';
+import type { ViewTrouble } from './use_body_view.ts';
+import { viewWords } from './words.ts';
+
+/** How the body is drawn, where that is worth a word, and the other way to draw it. */
+export function ViewNote({
+  trouble,
+  choose,
+}: {
+  trouble: ViewTrouble;
+  choose: (way: '3d' | 'light') => void;
+}) {
+  const text = useMore();
+  return (
+    <p data-testid="view-note" data-trouble={trouble} role="status">
+      {viewWords(trouble)}
+      {(trouble === 'given-up' || trouble === 'slow' || trouble === 'chosen') && (
+        <button type="button" className="text-button" onClick={() => choose('3d')}>
+          {trouble === 'chosen' ? text.backTo3d : text.try3d}
+        </button>
+      )}
+      {(trouble === 'pixels' || trouble === 'detail') && (
+        <button type="button" className="text-button" onClick={() => choose('light')}>
+          {text.lightView}
+        </button>
+      )}
+    </p>
+  );
+}

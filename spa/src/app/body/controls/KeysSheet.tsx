@@ -1,0 +1,36 @@
+import { Dialog } from '../../shell/Dialog.tsx';
+import { useMore } from '../../text/more.ts';
+import { CameraKeys } from './CameraKeys.tsx';
+
+/** What the keyboard does. */
+export function KeysSheet({ onClose }: { onClose: () => void }) {
+  const rest = useMore();
+  const ofPage = [
+    ['T', rest.keyNumbers],
+    ['F', rest.keyFullscreen],
+    ['S', rest.keyShare],
+    ['?', rest.keyThese],
+    ['Tab, Enter', rest.keyTab],
+    ['← →', rest.keyArrows],
+    ['Escape', rest.keyEscape],
+  ] as const;
+  return (
+    <Dialog title={rest.keys} testId="keys" onClose={onClose}>
+      <section className="keys" aria-label={rest.keysOfPage}>
+        <h3 className="quiet">{rest.keysOfPage}</h3>
+        <dl>
+          {ofPage.map(([key, does]) => (
+            <div key={key}>
+              <dt>{key}</dt>
+              <dd>{does}</dd>
+            </div>
+          ))}
+        </dl>
+      </section>
+      <section className="keys" aria-label={rest.keysOfCamera}>
+        <h3 className="quiet">{rest.keysOfCamera}</h3>
+        <CameraKeys />
+      </section>
+    </Dialog>
+  );
+}

@@ -1,0 +1,69 @@
+import { JointChannels } from '../../../twin/joint_channels.ts';
+import type { KinematicTree } from '../../../twin/kinematic_tree.ts';
+import type { RobotTwin } from '../../../twin/robot.ts';
+import type { BodyView } from '../../../view/body_view.ts';
+import { onTaps } from '../../../view/taps.ts';
+import { onSelection, selection, selectJoint } from '../../state/selection.ts';
+
+type Eye = Pick<BodyView, 'pick' | 'focus' | 'setLinkLook'>;
+
+/**
+ * Body and numbers are one: a tapped link selects its joint, and the selected joint's link is lit. What was chosen among
+ * the numbers is brought before the eye; what was tapped is there already. Returns the end of it.
+ */
+export function selectionFollows(element: HTMLElement, view: Eye, twin: RobotTwin): () => void {
+  let lit: readonly string[] = [];
+  let channels: { schema: RobotTwin['schema']; of: JointChannels } | null = null;
+
+  const channelsNow = (): JointChannels | null => {
+    const { schema } = twin;
+    if (schema === null) return null;
+    if (channels?.schema !== schema) channels = { schema, of: new JointChannels(schema) };
+    return channels.of;
+  };
+  const light = () => {
+    const joint = selection()?.joint ?? null;
+    const { tree } = twin;
+    const moved = joint === null ? [] : (channelsNow()?.jointsOf(joint) ?? []);
+    const links = tree === null ? [] : moved.flatMap((name) => tree.bodyOf(name));
+    if (links.join('\n') === lit.join('\n')) return;
+    for (const link of lit) if (!links.includes(link)) view.setLinkLook(link, {});
+    for (const link of links) if (!lit.includes(link)) view.setLinkLook(link, { highlight: 1 });
+    lit = links;
+  };
+  const bring = () => {
+    light();
+    const chosen = selection();
+    if (chosen?.from !== 'numbers') return;
+    const [joint] = channelsNow()?.jointsOf(chosen.joint) ?? [];
+    const link = joint === undefined ? null : (twin.tree?.linkOf(joint) ?? null);
+    if (link !== null) view.focus(link);
+  };
+  const tap = (x: number, y: number, times: 1 | 2) => {
+    const link = times === 1 ? view.pick(x, y) : null;
+    const channel = link === null ? null : channelOf(link, twin.tree, channelsNow());
+    if (channel !== null) selectJoint(channel, 'body');
+  };
+
+  const leave = [onTaps(element, tap), onSelection(bring), twin.onChange(light)];
+  bring();
+  return () => {
+    for (const off of leave) off();
+    for (const link of lit) view.setLinkLook(link, {});
+  };
+}
+
+/** The channel that moves a link, or the nearest one towards the root. */
+export function channelOf(
+  link: string,
+  tree: KinematicTree | null,
+  channels: JointChannels | null,
+): string | null {
+  let joint = tree?.jointOf(link) ?? null;
+  while (joint !== null) {
+    const channel = channels?.channelOf(joint) ?? null;
+    if (channel !== null) return channel;
+    joint = tree?.before(joint) ?? null;
+  }
+  return null;
+}

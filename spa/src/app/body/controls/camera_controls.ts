@@ -1,0 +1,108 @@
+import type { BodyView } from '../../../view/body_view.ts';
+import { onTaps } from '../../../view/taps.ts';
+import { onSettings, settings } from '../../state/settings.ts';
+import { onLanguage } from '../../text/language.ts';
+import { more } from '../../text/more.ts';
+
+const TURN_RAD = Math.PI / 24;
+const PAN_PX = 40;
+const NEARER = 0.85;
+
+const ARROWS: ReadonlyMap<string, readonly [x: number, y: number]> = new Map([
+  ['ArrowLeft', [1, 0]],
+  ['ArrowRight', [-1, 0]],
+  ['ArrowUp', [0, 1]],
+  ['ArrowDown', [0, -1]],
+]);
+
+type Eye = Pick<BodyView, 'look' | 'focus' | 'orbit' | 'pan' | 'zoom' | 'pick'>;
+
+/** The keys of the camera, as the settings list them: each with the name of the sentence that says what it does. */
+export const CAMERA_KEYS = [
+  ['← → ↑ ↓', 'keyTurn'],
+  ['Shift', 'keyMove'],
+  ['+ −', 'keyNearer'],
+  ['1 2 3', 'keyViews'],
+  ['0', 'keyFirst'],
+  ['C', 'keyClose'],
+] as const;
+
+/** Plays a key; false when it is none of the camera's. `middle` is a point of the window, CSS px. */
+export function playKey(
+  view: Eye,
+  event: Pick<KeyboardEvent, 'key' | 'shiftKey'>,
+  middle: { x: number; y: number },
+): boolean {
+  const arrow = ARROWS.get(event.key);
+  if (arrow !== undefined) {
+    const [x, y] = arrow;
+    if (event.shiftKey) view.pan(x * PAN_PX, y * PAN_PX);
+    else view.orbit(x * TURN_RAD, y * TURN_RAD);
+    return true;
+  }
+  switch (event.key) {
+    case '+':
+    case '=':
+      view.zoom(NEARER);
+      return true;
+    case '-':
+      view.zoom(1 / NEARER);
+      return true;
+    case '0':
+      view.look('home');
+      return true;
+    case '1':
+      view.look('front');
+      return true;
+    case '2':
+      view.look('side');
+      return true;
+    case '3':
+      view.look('top');
+      return true;
+    case 'c':
+    case 'C':
+      closeTo(view, middle);
+      return true;
+    default:
+      return false;
+  }
+}
+
+/** Close to the link at a point of the window; where there is none, back to the first view. */
+export function closeTo(view: Pick<Eye, 'pick' | 'focus' | 'look'>, at: { x: number; y: number }): void {
+  const link = view.pick(at.x, at.y);
+  if (link === null) view.look('home');
+  else view.focus(link);
+}
+
+/** Keys, double taps and what was chosen for the mouse, over a body's element. Keys are the camera's while nothing else
+ *  on the page has the focus. Returns the end of it. */
+export function giveHands(element: HTMLElement, view: BodyView): () => void {
+  const chosen = () => {
+    const { mouse, follow } = settings();
+    view.setMouse(mouse);
+    view.setFollow(follow);
+  };
+  const onKey = (event: KeyboardEvent) => {
+    if (event.ctrlKey || event.metaKey || event.altKey || event.defaultPrevented) return;
+    const { activeElement } = document;
+    if (activeElement !== null && activeElement !== document.body && !element.contains(activeElement)) return;
+    const { left, top, width, height } = element.getBoundingClientRect();
+    if (playKey(view, event, { x: left + width / 2, y: top + height / 2 })) event.preventDefault();
+  };
+  // for who listens: the picture itself says nothing
+  const named = () => element.querySelector('canvas')?.setAttribute('aria-label', more().viewOfRobot);
+  chosen();
+  named();
+  window.addEventListener('keydown', onKey);
+  const leave = [
+    onLanguage(named),
+    onSettings(chosen),
+    onTaps(element, (x, y, times) => times === 2 && closeTo(view, { x, y })),
+  ];
+  return () => {
+    window.removeEventListener('keydown', onKey);
+    for (const off of leave) off();
+  };
+}

@@ -1,0 +1,37 @@
+import type { BodyView } from '../../../view/body_view.ts';
+
+const NOTES = '.stage-note, .stage-views';
+const BUTTONS = '.stage-tools';
+/** Between a note and a head, CSS px. */
+const AIR = 4;
+
+/** Tells a view how much of its picture notes and buttons cover: a robot whose feet nobody sees seems to float. Returns the end
+ *  of it. */
+export function coverFollows(canvas: HTMLElement, view: Pick<BodyView, 'setCover'>): () => void {
+  const stage = canvas.parentElement;
+  if (stage === null) return () => {};
+  const over = (selector: string) =>
+    [...stage.querySelectorAll(`:scope > :is(${selector})`)].map((each) => each.getBoundingClientRect());
+  const measure = () => {
+    const { top, bottom } = stage.getBoundingClientRect();
+    // What is hidden has no size, and covers nothing.
+    const most = (lengths: readonly number[]) => Math.max(0, ...lengths);
+    view.setCover({
+      above: most(over(NOTES).map((at) => (at.height > 0 ? at.bottom - top + AIR : 0))),
+      below: most(over(BUTTONS).map((at) => (at.height > 0 ? bottom - at.top : 0))),
+    });
+  };
+  const sizes = new ResizeObserver(measure);
+  const watch = () => {
+    sizes.disconnect();
+    for (const each of [stage, ...stage.children]) sizes.observe(each);
+    measure();
+  };
+  const changes = new MutationObserver(watch);
+  changes.observe(stage, { childList: true });
+  watch();
+  return () => {
+    sizes.disconnect();
+    changes.disconnect();
+  };
+}

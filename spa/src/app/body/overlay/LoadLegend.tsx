@@ -1,0 +1,53 @@
+import '../../styles/signs.css';
+import { displayOf, formatNumber } from '../../../twin/format.ts';
+import type { LoadScale } from '../../../twin/sensors/load.ts';
+import { useNow } from '../../shell/now.ts';
+import { useSettings } from '../../state/settings.ts';
+import { useMore } from '../../text/more.ts';
+import type { SignsLink } from './overlay_link.ts';
+import '../../styles/signs.css';
+
+/** What the colours of the bodies mean while they are painted by load. */
+export function LoadLegend({ signs }: { signs: readonly SignsLink[] }) {
+  useNow(1000); // without limits the scale grows with what is seen
+  const { load } = useSettings();
+  const text = useMore();
+  const scale = load === 'off' ? null : scaleOf(signs.map((of) => of.loadScale()));
+  if (scale === null) return null;
+  const { field, unit, rest, full, limited, cautionPart } = scale;
+  const display = displayOf(unit, 'rad');
+  const said = (value: number) =>
+    `${formatNumber(value, { ...display, decimals: Math.abs(value) < 10 ? 1 : 0 }).trim()} ${display.unit}`;
+  return (
+    <figure className="load-legend" data-testid="load-legend">
+      <figcaption>{field === 'cur' ? text.motorCurrent : text.temperature}</figcaption>
+      <div className="load-scale">
+        {cautionPart !== null && cautionPart > 0 && cautionPart < 1 && (
+          <i className="load-caution" style={{ left: `${cautionPart * 100}%` }} title={text.cautionStarts} />
+        )}
+      </div>
+      <div className="load-ends">
+        <span>{said(rest)}</span>
+        <span>{full === null ? text.limit : said(full)}</span>
+      </div>
+      <p>
+        <i className="load-over" /> {limited ? text.pastLimit : text.noLimitKnown}
+      </p>
+      <p>
+        <i className="load-none" /> {text.noReading}
+      </p>
+    </figure>
+  );
+}
+
+/** One scale for all: where robots differ in their limits, colours are in parts of each one's own. */
+function scaleOf(scales: readonly (LoadScale | null)[]): LoadScale | null {
+  const [first, ...others] = scales.filter((scale) => scale !== null);
+  if (first === undefined) return null;
+  const alike = others.every(
+    ({ full, limited, cautionPart }) =>
+      full === first.full && limited === first.limited && cautionPart === first.cautionPart,
+  );
+  const limited = [first, ...others].every((scale) => scale.limited);
+  return alike ? first : { ...first, full: null, limited, cautionPart: null };
+}

@@ -1,0 +1,88 @@
+import '../../styles/choices.css';
+import '../../styles/signs.css';
+import { SignReader } from '../../../twin/overlay/reader.ts';
+import type { LoadField } from '../../../twin/sensors/load.ts';
+import { SignsIcon } from '../../shell/icons.tsx';
+import { usePopover } from '../../shell/popover.ts';
+import { type RobotLink, useVersion } from '../../state/robot_link.ts';
+import { changeSettings, type Settings, useSettings } from '../../state/settings.ts';
+import { useMore } from '../../text/more.ts';
+
+/** What is drawn beside the bodies. Only what one of the robots can show is offered. */
+export function SignMenu({ links }: { links: readonly RobotLink[] }) {
+  const { open, setOpen, around } = usePopover<HTMLFieldSetElement>();
+  const { lens, forces, level, load } = useSettings();
+  useVersion(...links);
+  const can = abilities(links);
+  const rest = useMore();
+  const all: readonly (readonly [Settings['load'], string])[] = [
+    ['off', rest.loadOff],
+    ['cur', rest.loadCurrent],
+    ['temp', rest.loadHeat],
+  ];
+  const loads = all.filter(([field]) => field === 'off' || can.loads.includes(field));
+  if (!can.forces && !can.level && !can.lens && loads.length === 1) return null;
+  return (
+    <fieldset className="segments signs" ref={around} data-testid="signs">
+      <legend className="unseen">{rest.signs}</legend>
+      <button
+        type="button"
+        title={rest.signsAtBody}
+        aria-expanded={open}
+        aria-label={rest.signs}
+        onClick={() => setOpen(!open)}
+        data-on={load !== 'off'}
+      >
+        <SignsIcon />
+      </button>
+      {open && (
+        <div className="sign-menu" data-testid="sign-menu">
+          {can.forces && (
+            <Switch on={forces} onChange={(on) => changeSettings({ forces: on })} text={rest.forces} />
+          )}
+          {can.level && (
+            <Switch on={level} onChange={(on) => changeSettings({ level: on })} text={rest.level} />
+          )}
+          {can.lens && <Switch on={lens} onChange={(on) => changeSettings({ lens: on })} text={rest.lens} />}
+          {loads.length > 1 && (
+            <fieldset className="choice">
+              <legend>{rest.coloursOfBody}</legend>
+              <div className="segments">
+                {loads.map(([value, text]) => (
+                  <label key={value}>
+                    <input
+                      type="radio"
+                      name="load"
+                      checked={load === value}
+                      onChange={() => changeSettings({ load: value })}
+                    />
+                    <span>{text}</span>
+                  </label>
+                ))}
+              </div>
+            </fieldset>
+          )}
+        </div>
+      )}
+    </fieldset>
+  );
+}
+
+function abilities(links: readonly RobotLink[]) {
+  const all = links.flatMap(({ twin }) => (twin.schema === null ? [] : [new SignReader(twin.schema).can]));
+  return {
+    forces: all.some(({ forces }) => forces),
+    level: all.some(({ level }) => level),
+    lens: all.some(({ lens }) => lens),
+    loads: all.flatMap<LoadField>(({ loads }) => loads),
+  };
+}
+
+export function Switch(props: { on: boolean; onChange: (on: boolean) => void; text: string }) {
+  return (
+    <label className="switch">
+      <span>{props.text}</span>
+      <input type="checkbox" checked={props.on} onChange={(e) => props.onChange(e.target.checked)} />
+    </label>
+  );
+}

@@ -1,0 +1,60 @@
+import '../../styles/signs.css';
+import { SignReader } from '../../../twin/overlay/reader.ts';
+import type { LoadScale } from '../../../twin/sensors/load.ts';
+import type { SignedBody } from '../../../view/body_view.ts';
+import type { RobotLink } from '../../state/robot_link.ts';
+import { onSettings, settings } from '../../state/settings.ts';
+import { onLanguage } from '../../text/language.ts';
+import { more } from '../../text/more.ts';
+
+export interface SignsLink {
+  /** What the colours of load mean now; null while there are none. */
+  loadScale(): LoadScale | null;
+  stop(): void;
+}
+
+/** Lets what is drawn beside the body follow the twin, outside React. */
+export function signsFollow(scene: SignedBody, { twin, watch }: RobotLink): SignsLink {
+  let reader: SignReader | null = null;
+  let haunted = false;
+
+  const follow = () => {
+    const { schema, state, limits } = twin;
+    if (schema === null || state === null || limits === null) {
+      scene.showSigns(null);
+      if (haunted) scene.showGhost(null);
+      haunted = false;
+      return;
+    }
+    if (reader?.schema !== schema) reader = new SignReader(schema);
+    const choice = settings();
+    const readings = reader.read(state.codes, limits, choice);
+    const ghost = reader.ghost(readings, choice);
+    scene.lockHeading(choice.headingLocked);
+    if (ghost !== null) scene.showGhost(ghost, [...ghost.keys()]);
+    else if (haunted) scene.showGhost(null);
+    haunted = ghost !== null;
+    const { arrowScale, palette, angle, shown } = choice;
+    const from = shown === 'ref' && reader.can.lens ? 'ref' : 'pos';
+    const live = watch.word === 'LIVE' || watch.word === 'HOLDING';
+    scene.showSigns(readings, { from, live, arrowScale, palette, angle, words: more() });
+  };
+
+  const leave = [
+    twin.onState(follow),
+    twin.onChange(follow),
+    onSettings(follow),
+    onLanguage(follow),
+    watch.onWord(follow),
+  ];
+  follow();
+  return {
+    loadScale: () => {
+      const { limits } = twin;
+      return limits === null ? null : (reader?.loadScale(limits, settings().load) ?? null);
+    },
+    stop: () => {
+      for (const off of leave) off();
+    },
+  };
+}

@@ -1,0 +1,151 @@
+import { type RefObject, useEffect, useRef, useState } from 'react';
+import { isolated } from '../../twin/names.ts';
+import type { Trouble } from '../../view/adaptive_quality.ts';
+import type { LineView } from '../../view/body_view.ts';
+import { showScene } from '../shell/debug_api.ts';
+import { type ThemeName, useTheme } from '../shell/theme.ts';
+import { changeSettings, type Settings, settings, useSettings } from '../state/settings.ts';
+import { say } from '../text/language.ts';
+import { loadScene } from './load_three.ts';
+
+/** What the page says of the way in which it draws; `light`: there is no 3D here, `light-pixels`:
+ *  and it is slow, `given-up`: there was 3D, `slow`: there is, but not ten pictures a second,
+ *  `chosen`: there is, and the person wants it so. */
+export type ViewTrouble = Exclude<Trouble, 'failed' | 'hopeless'> | 'light' | 'light-pixels' | HandMade;
+type HandMade = 'given-up' | 'slow' | 'chosen';
+
+export interface ShownBody {
+  /** null until its code is here. */
+  readonly view: LineView | null;
+  readonly trouble: ViewTrouble | null;
+  /** Why there is no picture at all. */
+  readonly why: string | null;
+  /** Goes over to the other way of drawing. */
+  readonly choose: (way: '3d' | 'light') => void;
+}
+
+const NOTHING = { view: null, trouble: null, why: null } as const;
+
+/** What is done with a view as soon as there is one; returns the end of it. */
+export type Begin = (view: LineView) => () => void;
+
+/** The drawing of a robot, or of some side by side: in 3D where the browser has it, else by hand. Each is a chunk of its own.
+ *  A view is opened anew with another `prepare` or `onDrawn`, which hears of every picture. */
+export function useBodyView(
+  host: RefObject<HTMLDivElement | null>,
+  prepare: () => Promise<Begin>,
+  onDrawn?: () => void,
+): ShownBody {
+  const theme = useTheme();
+  const themeNow = useRef(theme);
+  themeNow.current = theme;
+  const [shown, setShown] = useState<Omit<ShownBody, 'choose'>>(NOTHING);
+  const { body } = useSettings();
+  /** In 3D; or by hand, because there is no 3D, or for one of the other reasons. */
+  const [way, setWay] = useState<'3d' | 'light' | HandMade>(() => wayFor(body));
+  const wanted = useRef(body);
+  useEffect(() => {
+    if (wanted.current === body) return;
+    wanted.current = body;
+    setWay(wayFor(body));
+  }, [body]);
+
+  useEffect(() => {
+    let left = false;
+    let stop: (() => void) | null = null;
+    let made: LineView | null = null;
+    const open = async () => {
+      const onTrouble = (trouble: Trouble | null) => {
+        if (trouble === 'failed') setWay('given-up');
+        else if (trouble !== 'hopeless') setShown((before) => ({ ...before, trouble }));
+        else if (settings().body === 'auto') setWay('slow');
+      };
+      const onSlow = (slow: boolean) => {
+        if (way === 'light') setShown((before) => ({ ...before, trouble: slow ? 'light-pixels' : 'light' }));
+      };
+      const begin = await prepare();
+      const heard = onDrawn === undefined ? {} : { onDrawn };
+      const view = await (way === '3d'
+        ? open3d(host, themeNow, { onTrouble, ...heard })
+        : openLight(host, themeNow, { onSlow, ...heard }));
+      if (left || view === null) {
+        view?.dispose();
+        return;
+      }
+      made = view;
+      stop = begin(view);
+      showScene(view);
+      const trouble = way === '3d' ? null : way;
+      setShown({ view, trouble, why: null });
+    };
+    open().catch((error: unknown) => {
+      if (left) return;
+      if (error instanceof NoContext) {
+        setWay('light');
+        return;
+      }
+      const what = error instanceof Error ? error.message : String(error);
+      setShown({ ...NOTHING, why: say().bodyFailed(isolated(what)) });
+    });
+    return () => {
+      left = true;
+      stop?.();
+      showScene(null);
+      setShown(NOTHING);
+      made?.dispose();
+    };
+  }, [host, prepare, onDrawn, way]);
+
+  const { view } = shown;
+  useEffect(() => view?.setTheme(theme), [view, theme]);
+  return {
+    ...shown,
+    choose: (wish) => {
+      changeSettings({ body: wish });
+      setWay(wayFor(wish));
+    },
+  };
+}
+
+function wayFor(body: Settings['body']): '3d' | 'light' | 'chosen' {
+  if (!hasWebGl()) return 'light';
+  return body === 'light' ? 'chosen' : '3d';
+}
+
+type ThemeNow = RefObject<ThemeName>;
+
+/** The probe found a context, but the scene got none. */
+class NoContext extends Error {}
+
+async function open3d(
+  host: RefObject<HTMLDivElement | null>,
+  theme: ThemeNow,
+  hears: { onTrouble: (trouble: Trouble | null) => void; onDrawn?: () => void },
+): Promise<LineView | null> {
+  const Scene = await (await loadScene()).painted();
+  if (host.current === null) return null;
+  try {
+    return new Scene(host.current, { theme: theme.current, ...hears });
+  } catch (cause) {
+    throw new NoContext('no 3D', { cause });
+  }
+}
+
+async function openLight(
+  host: RefObject<HTMLDivElement | null>,
+  theme: ThemeNow,
+  hears: { onSlow: (slow: boolean) => void; onDrawn?: () => void },
+): Promise<LineView | null> {
+  const { LightView } = await import('../../canvas2d/index.ts');
+  return host.current === null ? null : new LightView(host.current, { theme: theme.current, ...hears });
+}
+
+export function hasWebGl(): boolean {
+  try {
+    const context = document.createElement('canvas').getContext('webgl2');
+    context?.getExtension('WEBGL_lose_context')?.loseContext(); // a page may hold few contexts
+    return context !== null;
+  } catch {
+    return false;
+  }
+}

@@ -1,4 +1,0 @@
-/** What comes with a body: hands for its camera, room for it among what stands over it, and its joints to be chosen. */
-export { selectionFollows } from './body_selection.ts';
-export { giveHands } from './camera_hands.ts';
-export { coverFollows } from './stage_cover.ts';

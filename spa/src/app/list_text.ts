@@ -1,8 +1,0 @@
-import { korean, useText } from './language.ts';
-import { listEn } from './text/list_en.ts';
-
-/** The list's own sentences, in the language in force: it needs none of the others. */
-export function useListText(): typeof listEn {
-  useText();
-  return korean()?.moreKo ?? listEn;
-}

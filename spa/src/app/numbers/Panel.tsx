@@ -1,0 +1,149 @@
+import { type KeyboardEvent, Suspense, useEffect, useRef } from 'react';
+import { firstSight } from '../../browser/first_paint.ts';
+import { nowMs } from '../../stream/clock.ts';
+import { late, lateAfterBody } from '../shell/late.tsx';
+import { ROOM_FOR_BOTH, useMedia } from '../shell/media.ts';
+import type { RobotLink } from '../state/robot_link.ts';
+import { onSelection, selection, useSelectedJoint } from '../state/selection.ts';
+import { usePlotted } from '../state/traces.ts';
+import { onLanguage, say, useText } from '../text/language.ts';
+import { FaultLine } from './alarms/FaultLine.tsx';
+import { make } from './grid/cells.ts';
+import { refreshWith } from './grid/refresh.ts';
+import { JointView, type TableSources } from './table/joint_view.ts';
+
+// The table is there at once; the rest comes when somebody looks for it.
+const TableTools = lateAfterBody(async () => (await import('./table/TableTools.tsx')).TableTools);
+const JointCard = late(async () => (await import('./table/JointCard.tsx')).JointCard);
+const Sensors = late(async () => (await import('./sensors/Sensors.tsx')).Sensors);
+const Plots = late(async () => (await import('./plots/Plots.tsx')).Plots);
+const Alarms = late(async () => (await import('./alarms/Alarms.tsx')).Alarms);
+
+const TABS = ['Joints', 'Sensors', 'Plots', 'Alarms'] as const;
+const TAB_WORDS = { Joints: 'joints', Sensors: 'sensors', Plots: 'plots', Alarms: 'alarms' } as const;
+export type Tab = (typeof TABS)[number];
+
+/** The numbers: what is wrong now, and four tabs. Which one is open outlives the panel: a phone that is turned has
+ *  another. */
+export function Panel({
+  link,
+  tab,
+  onTab: setTab,
+}: {
+  link: RobotLink;
+  tab: Tab;
+  onTab: (tab: Tab) => void;
+}) {
+  const text = useText();
+  const panel = useRef<HTMLDivElement>(null);
+  const tabs = useRef<HTMLDivElement>(null);
+  const joint = useSelectedJoint();
+  const traces = usePlotted().length;
+  useEffect(() => {
+    // Wherever it was chosen. Not at once: a phone that is turned keeps the tab that it had.
+    return onSelection(() => selection() !== null && setTab('Joints'));
+  }, [setTab]);
+  useEffect(() => {
+    // A panel that has gone meanwhile has no use for it; without it a tap still plots.
+    const carry = async () =>
+      (await import('./grid/value_drag.ts')).carryValues(panel.current!, () => setTab('Plots'));
+    firstSight.then(carry).catch(() => {});
+  }, [setTab]);
+
+  const onKeyDown = (event: KeyboardEvent) => {
+    const step = event.key === 'ArrowRight' ? 1 : event.key === 'ArrowLeft' ? -1 : 0;
+    if (step === 0) return;
+    const next = (TABS.indexOf(tab) + step + TABS.length) % TABS.length;
+    setTab(TABS[next] ?? tab);
+    tabs.current?.querySelectorAll('button')[next]?.focus();
+  };
+
+  return (
+    <div className="panel" ref={panel}>
+      <FaultLine link={link} />
+      <div className="tabs" role="tablist" aria-label={text.numbers} ref={tabs} onKeyDown={onKeyDown}>
+        {TABS.map((name) => (
+          <button
+            key={name}
+            type="button"
+            role="tab"
+            id={`tab-${name}`}
+            aria-selected={tab === name}
+            aria-controls={`panel-${name}`}
+            tabIndex={tab === name ? 0 : -1}
+            onClick={() => setTab(name)}
+          >
+            {text[TAB_WORDS[name]]}
+            {name === 'Plots' && traces > 0 && <small className="tab-count">{traces}</small>}
+          </button>
+        ))}
+      </div>
+      <div className="tab-body" role="tabpanel" id={`panel-${tab}`} aria-labelledby={`tab-${tab}`} key={tab}>
+        <Suspense fallback={null}>
+          {tab === 'Joints' && <Joints link={link} joint={joint} />}
+          {tab === 'Sensors' && <Sensors link={link} />}
+          {tab === 'Plots' && <Plots link={link} />}
+          {tab === 'Alarms' && <Alarms link={link} />}
+        </Suspense>
+      </div>
+    </div>
+  );
+}
+
+/** The table, and under it the card of the joint that was chosen; where there is little room, in its place. */
+function Joints({ link, joint }: { link: RobotLink; joint: string | null }) {
+  const both = useMedia(ROOM_FOR_BOTH);
+  return (
+    <div className="joints-room">
+      {(joint === null || both) && (
+        <>
+          <div className="table-tools">
+            <Suspense fallback={null}>
+              <TableTools />
+            </Suspense>
+          </div>
+          <div className="table-room">
+            <JointNumbers link={link} />
+          </div>
+        </>
+      )}
+      {joint !== null && (
+        <Suspense fallback={null}>
+          <JointCard link={link} joint={joint} />
+        </Suspense>
+      )}
+    </div>
+  );
+}
+
+/** Only the place for them: the numbers themselves are written past React. */
+function JointNumbers({ link }: { link: RobotLink }) {
+  const host = useRef<HTMLDivElement>(null);
+  useEffect(() => {
+    if (host.current === null) return;
+    host.current.replaceChildren(make('p', 'note late', say().noNumbersYet));
+    const sources: TableSources = {
+      faults: link.faults.book,
+      readings: link.past.readings,
+    };
+    const view = new JointView(host.current, link.twin, sources);
+    const write = () => view.write(nowMs());
+    let left = false;
+    firstSight
+      .then(() => import('./table/limb_titles.ts'))
+      .then(
+        ({ titledLimbs }) => {
+          sources.limbs = titledLimbs;
+          if (!left) write();
+        },
+        () => {}, // they stand in one list
+      );
+    const stop = refreshWith(link.twin, write, [link.faults.onChange, onLanguage]);
+    return () => {
+      left = true;
+      stop();
+      view.dispose();
+    };
+  }, [link]);
+  return <div className="numbers" ref={host} />;
+}

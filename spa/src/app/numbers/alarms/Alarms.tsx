@@ -1,0 +1,72 @@
+import './alarms.css';
+import { useCallback, useSyncExternalStore } from 'react';
+import { flagWords, formatClockSeconds } from '../../../twin/format.ts';
+import { isolated, plainName } from '../../../twin/names.ts';
+import { useFaults } from '../../state/fault_keeper.ts';
+import { onOwnAlarms, ownAlarms } from '../../state/own_alarms.ts';
+import { type RobotLink, useVersion } from '../../state/robot_link.ts';
+import { useMore } from '../../text/more.ts';
+import { OpenFaults } from './OpenFaults.tsx';
+
+/** One line of what happened. */
+interface Happened {
+  readonly key: string;
+  /** Unix, ms; null when the relay did not say. */
+  readonly atMs: number | null;
+  readonly level: string;
+  readonly state: string;
+  readonly source: string;
+  readonly title: string | undefined;
+  readonly words: string;
+  readonly own: boolean;
+}
+
+/** What needs somebody's eye, then what happened, newest first: the last hundred that the relay keeps, and what the
+ *  viewer's own limits saw. */
+export function Alarms({ link }: { link: RobotLink }) {
+  const { twin } = link;
+  useVersion(link);
+  const text = useMore();
+  const faults = useFaults(link.faults) ?? [];
+  const subscribe = useCallback((listener: () => void) => onOwnAlarms(twin, listener), [twin]);
+  const crossings = useSyncExternalStore(subscribe, () => ownAlarms(twin));
+  const { events, schema } = twin;
+  const told: Happened[] = events.map(({ n, at, level, state, source, text: said }) => ({
+    key: `event ${n}`,
+    atMs: at === null ? null : at * 1000,
+    source: isolated(source),
+    title: plainName(schema, source),
+    words: flagWords(said),
+    own: false,
+    ...{ level, state },
+  }));
+  const seen: Happened[] = crossings.map(({ n, atMs, source, state, side, limit }) => ({
+    key: `own ${n}`,
+    words: text[side](limit),
+    level: 'fault',
+    title: undefined,
+    own: true,
+    ...{ atMs, source, state },
+  }));
+  const all = [...told, ...seen].toReversed().sort((a, b) => (b.atMs ?? 0) - (a.atMs ?? 0));
+  if (all.length === 0 && faults.length === 0) return <p className="note">{text.nothingHappened}</p>;
+  return (
+    <>
+      <OpenFaults link={link} faults={faults} named />
+      <ol className="alarms" data-testid="alarms" aria-label={text.whatHappened}>
+        {all.map(({ key, atMs, level, state, source, title, words, own }) => (
+          <li key={key} data-level={level} data-state={state} data-own={own}>
+            <time>{atMs === null ? '—' : formatClockSeconds(atMs)}</time>
+            <span className="alarm-mark" aria-hidden="true" />
+            <span className="alarm-words">
+              <b title={title}>{source}</b> {words}
+            </span>
+            <span className="quiet">
+              {[own ? text.yourLimit : '', state === 'off' ? text.cleared : ''].join(' ')}
+            </span>
+          </li>
+        ))}
+      </ol>
+    </>
+  );
+}

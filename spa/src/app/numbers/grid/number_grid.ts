@@ -1,0 +1,38 @@
+import { type Display, stepsOf, stepsText } from '../../../twin/format.ts';
+
+/**
+ * The numbers of a table, row by row. What they show stands side by side in arrays: an update looks at all of it, and
+ * what lies scattered is slow to look at. The page is touched only where a number will look different.
+ */
+export class NumberGrid {
+  readonly #nodes: readonly Text[];
+  /** Steps of the last digit, as shown. */
+  readonly #steps: Float64Array;
+  /** The last one known, not the present. */
+  readonly #old: Uint8Array;
+
+  constructor(cells: readonly HTMLElement[]) {
+    this.#nodes = cells.map((cell) => cell.appendChild(new Text()));
+    this.#steps = new Float64Array(cells.length);
+    this.#old = new Uint8Array(cells.length);
+    this.forget();
+  }
+
+  /** The same numbers will look different: another unit. */
+  forget(): void {
+    this.#steps.fill(-0); // no number has these steps
+  }
+
+  /** `old`: the last one known, not the present. */
+  set(at: number, value: number | null, display: Display, old: boolean): void {
+    const node = this.#nodes[at]!;
+    if (this.#old[at] !== Number(old)) {
+      this.#old[at] = Number(old);
+      node.parentElement?.toggleAttribute('data-old', old);
+    }
+    const steps = stepsOf(value, display);
+    if (Object.is(steps, this.#steps[at])) return;
+    this.#steps[at] = steps;
+    node.data = stepsText(steps, display);
+  }
+}

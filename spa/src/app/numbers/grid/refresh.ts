@@ -1,0 +1,48 @@
+import type { RobotTwin } from '../../../twin/robot.ts';
+import { onSettings } from '../../state/settings.ts';
+
+/** Ten times a second is what an eye can read. */
+const EVERY_MS = 100;
+
+/** What the numbers of this page have cost so far, all together. */
+export const cost = { writes: 0, scriptMs: 0 };
+
+/** What else may be listened to; returns the end of listening. */
+type Subscribe = (listener: () => void) => () => void;
+
+/** Calls `write` after new states and whatever `also` tells of, at most ten times a second, and once more for the last of
+ *  them; with `leastMs`, also when nothing came for so long. Returns the end. */
+export function refreshWith(
+  twin: RobotTwin,
+  write: () => void,
+  also: readonly Subscribe[] = [],
+  leastMs?: number,
+): () => void {
+  let timer: ReturnType<typeof setTimeout> | null = null;
+  let wroteMs = Number.NEGATIVE_INFINITY;
+
+  const now = () => {
+    timer = null;
+    wroteMs = performance.now();
+    write();
+    cost.writes += 1;
+    cost.scriptMs += performance.now() - wroteMs;
+  };
+  const soon = () => {
+    if (timer !== null) return;
+    timer = setTimeout(now, Math.max(0, wroteMs + EVERY_MS - performance.now()));
+  };
+  const leave = [
+    twin.onState(soon),
+    twin.onChange(soon),
+    onSettings(soon),
+    ...also.map((subscribe) => subscribe(soon)),
+  ];
+  const slow = leastMs === undefined ? null : setInterval(soon, leastMs);
+  soon();
+  return () => {
+    if (timer !== null) clearTimeout(timer);
+    if (slow !== null) clearInterval(slow);
+    for (const off of leave) off();
+  };
+}

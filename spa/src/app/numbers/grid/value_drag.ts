@@ -1,0 +1,40 @@
+import type { Plotted } from '../../../twin/plots/trace.ts';
+import { plot } from '../../state/traces.ts';
+
+const TYPE = 'application/x-posecast-value';
+/** Where values may be dropped: the tab of the plots, and what it shows. */
+const PLOTS = '#tab-Plots, #panel-Plots';
+
+/** Lets cells with a field and a label be dragged into the plots of the panel that they stand in. */
+export function carryValues(panel: HTMLElement, dropped: () => void): void {
+  panel.addEventListener('dragstart', ({ target, dataTransfer }) => {
+    const { field, label } = (target as HTMLElement).dataset ?? {};
+    if (field === undefined || label === undefined || dataTransfer === null) return;
+    dataTransfer.effectAllowed = 'copy';
+    dataTransfer.setData(TYPE, JSON.stringify([field, label]));
+  });
+  const overPlots = ({ target }: DragEvent) => (target as Element).closest(PLOTS) !== null;
+  panel.addEventListener('dragover', (event) => {
+    if (overPlots(event) && event.dataTransfer?.types.includes(TYPE)) event.preventDefault();
+  });
+  panel.addEventListener('drop', (event) => {
+    const value = overPlots(event) ? broughtValue(event.dataTransfer) : null;
+    if (value === null) return;
+    event.preventDefault();
+    plot(value);
+    dropped();
+  });
+}
+
+/** null for anything else that may be dropped. */
+function broughtValue(dataTransfer: DataTransfer | null): Plotted | null {
+  let carried: unknown = null;
+  try {
+    carried = JSON.parse(dataTransfer?.getData(TYPE) ?? 'null');
+  } catch {
+    // not ours
+  }
+  if (!Array.isArray(carried)) return null;
+  const [field, label] = carried as unknown[];
+  return typeof field === 'string' && typeof label === 'string' ? { field, label } : null;
+}

@@ -1,0 +1,103 @@
+import { useEffect, useRef, useState } from 'react';
+import './plots.css';
+import { nowMs } from '../../../stream/clock.ts';
+import type { History } from '../../../twin/plots/history.ts';
+import { useTheme } from '../../shell/theme.ts';
+import type { RobotLink } from '../../state/robot_link.ts';
+import { useSettings } from '../../state/settings.ts';
+import { clearPlots, unplot, usePlotted } from '../../state/traces.ts';
+import { say } from '../../text/language.ts';
+import { useMore } from '../../text/more.ts';
+import { refreshWith } from '../grid/refresh.ts';
+import { PlotStack } from './plot_stack.ts';
+
+/** Also without frames the past goes by. */
+const SLIDES_EVERY_MS = 500;
+
+/** A minute that somebody looks at longer than that. */
+interface Held {
+  readonly past: History;
+  readonly atMs: number;
+}
+
+/** Values over the last minute: as many as can be told apart, paused and read off, and taken home as a table. */
+export function Plots({ link }: { link: RobotLink }) {
+  const host = useRef<HTMLDivElement>(null);
+  const stack = useRef<PlotStack | null>(null);
+  const list = usePlotted();
+  const theme = useTheme();
+  const { angle } = useSettings();
+  const text = useMore();
+  const [held, setHeld] = useState<Held | null>(null);
+  const heldNow = useRef(held);
+  heldNow.current = held;
+  const { history } = link.past;
+
+  useEffect(() => {
+    if (host.current === null || list.length === 0) return;
+    const made = new PlotStack(host.current, list, {
+      theme,
+      angle,
+      words: text,
+      remove: unplot,
+      zoomed: () => setHeld((before) => before ?? hold(history)),
+    });
+    stack.current = made;
+    const write = () => made.write(history, nowMs());
+    if (heldNow.current === null) write();
+    else made.write(heldNow.current.past, heldNow.current.atMs);
+    const stop = refreshWith(link.twin, () => heldNow.current === null && write(), [], SLIDES_EVERY_MS);
+    return () => {
+      stop();
+      stack.current = null;
+      made.dispose();
+    };
+  }, [link, history, list, theme, angle, text]);
+
+  if (list.length === 0) {
+    return (
+      <p className="note" data-testid="no-plots">
+        {text.nothingPlotted}
+      </p>
+    );
+  }
+  const csv = () => {
+    if (stack.current !== null) save(`${link.twin.robot}.csv`, stack.current.csv());
+  };
+  return (
+    <section className="plots" data-testid="plots" data-paused={held !== null} aria-label={say().plots}>
+      <div className="plot-tools">
+        <button
+          type="button"
+          className="text-button"
+          data-testid="plot-pause"
+          onClick={() => setHeld(held === null ? hold(history) : null)}
+        >
+          {held === null ? text.pause : text.goOn}
+        </button>
+        <span className="quiet">{held === null ? '' : text.lookCloser}</span>
+        <span className="grow" />
+        <button type="button" className="text-button" data-testid="plot-csv" onClick={csv}>
+          CSV
+        </button>
+        <button type="button" className="text-button" onClick={clearPlots}>
+          {text.clear}
+        </button>
+      </div>
+      <div className="plot-stack" ref={host} />
+    </section>
+  );
+}
+
+function hold(history: History): Held {
+  return { past: history.copy(), atMs: nowMs() };
+}
+
+function save(name: string, csv: string): void {
+  const url = URL.createObjectURL(new Blob([csv], { type: 'text/csv' }));
+  const link = document.createElement('a');
+  link.href = url;
+  link.download = name;
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(url), 10_000); // the download has begun by then
+}

@@ -1,0 +1,245 @@
+import './number_language.ts';
+import uPlot from 'uplot';
+import 'uplot/dist/uPlot.min.css';
+import { type AngleUnit, formatNumber, formatSpan } from '../../../twin/format.ts';
+import { NUMBERS } from '../../../twin/joints.ts';
+import { isolated } from '../../../twin/names.ts';
+import { csvOf } from '../../../twin/plots/csv.ts';
+import { HISTORY_S, type History } from '../../../twin/plots/history.ts';
+import type { Plotted } from '../../../twin/plots/trace.ts';
+import {
+  type PlotData,
+  type PlotGroup,
+  type PlotTrace,
+  plotData,
+  plotGroups,
+  sheetOf,
+} from '../../../twin/plots/window.ts';
+import type { PowerWords } from '../../../twin/sensors/sensors.ts';
+import { say } from '../../text/language.ts';
+import type { More } from '../../text/more_en.ts';
+import { make, TextCell } from '../grid/cells.ts';
+import { traceStyle } from './trace_style.ts';
+
+const HEIGHT_PX = { least: 130, most: 240 };
+/** So many steps of the last digit fill a plot at least: the noise of a joint at rest must not. */
+const LEAST_STEPS = 20;
+
+interface Shown {
+  readonly group: PlotGroup;
+  readonly plot: uPlot;
+  readonly values: readonly TextCell[];
+  data: PlotData;
+}
+
+/** What is said at the plots. */
+export type PlotWords = Pick<More, 'plotOf' | 'takeAway' | 'notReported' | 'ago' | keyof PowerWords>;
+
+export interface PlotManner {
+  readonly theme: 'dark' | 'light';
+  readonly angle: AngleUnit;
+  readonly words: PlotWords;
+  readonly remove: (trace: Plotted) => void;
+  /** Somebody has chosen a stretch of time: what they look at must not slide away. */
+  readonly zoomed: () => void;
+}
+
+/** The last minute of what is plotted, one plot for each unit under one another, with one cursor over all. */
+export class PlotStack {
+  readonly #host: HTMLElement;
+  readonly #list: readonly Plotted[];
+  readonly #manner: PlotManner;
+  readonly #resizes: ResizeObserver;
+  readonly #timeRoom = make('p', 'plot-time quiet');
+  readonly #time = new TextCell(this.#timeRoom);
+  /** The schema whose values are shown. */
+  #builtFor: History['schema'] | undefined;
+  #shown: Shown[] = [];
+  /** What the cursor of all plots stands at; null: nowhere. */
+  #at: number | null = null;
+
+  constructor(host: HTMLElement, list: readonly Plotted[], manner: PlotManner) {
+    this.#host = host;
+    this.#list = list;
+    this.#manner = manner;
+    this.#resizes = new ResizeObserver(() => this.#fit());
+    this.#resizes.observe(host);
+  }
+
+  /** Shows the minute that ends at `nowMs`. */
+  write(history: History, nowMs: number): void {
+    if (history.schema !== this.#builtFor) this.#build(history, nowMs);
+    for (const shown of this.#shown) {
+      shown.data = plotData(history, shown.group, nowMs);
+      shown.plot.batch(() => {
+        shown.plot.setData(aligned(shown.data), false);
+        shown.plot.setScale('x', { min: -HISTORY_S, max: 0 });
+      });
+    }
+    this.#tell();
+  }
+
+  /** What is to be seen between the edges of the plots. */
+  csv(): string {
+    const { min, max } = this.#shown[0]?.plot.scales.x ?? {};
+    return csvOf(sheetOf(this.#shown, min ?? -HISTORY_S, max ?? 0));
+  }
+
+  dispose(): void {
+    this.#resizes.disconnect();
+    for (const { plot } of this.#shown) plot.destroy();
+    this.#host.replaceChildren();
+  }
+
+  #build(history: History, nowMs: number): void {
+    const { words } = this.#manner;
+    for (const { plot } of this.#shown) plot.destroy();
+    this.#builtFor = history.schema;
+    const parts: HTMLElement[] = [];
+    this.#shown = plotGroups(history, this.#list, this.#manner.angle, words).map((group) => {
+      const figure = make('figure', 'plot');
+      const legend = make('ul', 'plot-legend');
+      const values = group.traces.map((_, i) => this.#entry(legend, group, i));
+      const canvas = make('div', 'plot-canvas');
+      canvas.setAttribute('role', 'img');
+      const titles = group.traces.map(titleOf).join(', ');
+      canvas.setAttribute('aria-label', words.plotOf(titles, HISTORY_S));
+      figure.append(legend, canvas);
+      parts.push(figure);
+      const data = plotData(history, group, nowMs);
+      return { group, values, data, plot: new uPlot(this.#options(group), aligned(data), canvas) };
+    });
+    this.#host.replaceChildren(...parts, this.#timeRoom);
+    this.#fit();
+  }
+
+  /** One line of a legend; returns where its value stands. */
+  #entry(legend: HTMLElement, { display, traces }: PlotGroup, i: number): TextCell {
+    const trace = traces[i]!;
+    const { of, index, reading } = trace;
+    const { words } = this.#manner;
+    const { color, dash } = traceStyle(index, this.#manner.theme);
+    const entry = make('li', '');
+    entry.dataset.testid = 'trace';
+    entry.dataset.field = of.field;
+    entry.dataset.label = of.label;
+    const swatch = make('i', 'plot-swatch');
+    swatch.style.borderTop = `2px ${dash.length > 0 ? 'dashed' : 'solid'} ${color}`;
+    const title = titleOf(trace);
+    const name = make('span', 'plot-name', title);
+    name.title = title;
+    const value = make('span', 'c-num');
+    const unit = make('span', 'unit', reading === null ? words.notReported : display.unit);
+    const remove = make('button', 'icon-button', '×');
+    remove.type = 'button';
+    remove.setAttribute('aria-label', words.takeAway(title));
+    remove.addEventListener('click', () => this.#manner.remove(of));
+    entry.append(swatch, name, value, unit, remove);
+    legend.append(entry);
+    return new TextCell(value);
+  }
+
+  #options({ display, traces }: PlotGroup): uPlot.Options {
+    const style = getComputedStyle(this.#host);
+    const muted = style.getPropertyValue('--muted');
+    const line = style.getPropertyValue('--line');
+    const font = `11px ${style.fontFamily}`;
+    const axis = { stroke: muted, font, grid: { stroke: line, width: 1 }, ticks: { show: false } };
+    const least = LEAST_STEPS * 10 ** -display.decimals;
+    return {
+      ...this.#size(),
+      legend: { show: false },
+      cursor: { sync: { key: 'posecast' }, drag: { x: true, y: false }, y: false, points: { size: 6 } },
+      scales: {
+        x: { time: false },
+        y: { range: (_, low, high) => roomFor(low, high, least) },
+      },
+      axes: [
+        { ...axis, size: 26, values: (_, splits) => splits.map((s) => (s === 0 ? say().now : `${-s} s`)) },
+        { ...axis, size: 54, values: (_, splits) => splits.map((v) => axisNumber(v, display.decimals)) },
+      ],
+      series: [
+        {},
+        ...traces.map(({ index }) => {
+          const { color, dash } = traceStyle(index, this.#manner.theme);
+          return { stroke: color, width: 1.5, dash: [...dash], spanGaps: false, points: { show: false } };
+        }),
+      ],
+      hooks: {
+        setCursor: [
+          ({ cursor }) => {
+            this.#at = cursor.idx ?? null;
+            this.#tell();
+          },
+        ],
+        setSelect: [({ select }) => select.width > 0 && this.#manner.zoomed()],
+        ready: [(plot) => followFinger(plot)],
+      },
+    };
+  }
+
+  /** Values at the cursor, else the newest ones. */
+  #tell(): void {
+    for (const { group, values, data } of this.#shown) {
+      const at = this.#at ?? data.s.length - 1;
+      values.forEach((cell, i) => {
+        const value = data.columns[i]?.[at] ?? null;
+        cell.set(formatNumber(value, { ...group.display, factor: 1 }));
+      });
+    }
+    const s = this.#at === null ? undefined : this.#shown[0]?.data.s[this.#at];
+    this.#time.set(s === undefined ? '' : this.#manner.words.ago(formatSpan(-s * 1000)));
+  }
+
+  #size(): { width: number; height: number } {
+    const plots = Math.max(1, this.#shown.length);
+    const room = (this.#host.clientHeight - 20) / plots - 40;
+    return {
+      width: Math.max(120, this.#host.clientWidth - 16),
+      height: Math.max(HEIGHT_PX.least, Math.min(HEIGHT_PX.most, room)),
+    };
+  }
+
+  #fit(): void {
+    const size = this.#size();
+    for (const { plot } of this.#shown) {
+      if (plot.width !== size.width || plot.height !== size.height) plot.setSize(size);
+    }
+  }
+}
+
+/** "RKN pos", in the page's words for the column; "right foot Fz". */
+function titleOf({ of, reading }: PlotTrace): string {
+  const { field, label } = of;
+  const ofTable = NUMBERS.find((name) => name === field);
+  if (reading !== null && !reading.ofJoint) return reading.title;
+  return `${isolated(label)} ${ofTable === undefined ? field : say()[ofTable]}`;
+}
+
+function aligned({ s, columns }: PlotData): uPlot.AlignedData {
+  return [s as number[], ...(columns as (number | null)[][])];
+}
+
+/** Some room above and below; a line that hardly moves stays a line. */
+function roomFor(low: number | null, high: number | null, least: number): [number, number] {
+  if (low === null || high === null) return [0, 1];
+  const middle = (low + high) / 2;
+  const half = Math.max((high - low) * 0.55, least / 2);
+  return [middle - half, middle + half];
+}
+
+function axisNumber(value: number, decimals: number): string {
+  return String(Number(value.toFixed(decimals))).replace('-', '−');
+}
+
+/** uPlot hears the mouse only: a finger that moves sideways carries the cursor, one that moves up or down scrolls. */
+function followFinger(plot: uPlot): void {
+  plot.over.style.touchAction = 'pan-y';
+  const place = (event: PointerEvent) => {
+    if (event.pointerType === 'mouse') return;
+    const { left, top } = plot.over.getBoundingClientRect();
+    plot.setCursor({ left: event.clientX - left, top: event.clientY - top });
+  };
+  plot.over.addEventListener('pointerdown', place);
+  plot.over.addEventListener('pointermove', place);
+}

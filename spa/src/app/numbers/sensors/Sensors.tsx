@@ -1,0 +1,26 @@
+import './sensors.css';
+import { useEffect, useRef } from 'react';
+import { nowMs } from '../../../stream/clock.ts';
+import type { RobotLink } from '../../state/robot_link.ts';
+import { onPlotted } from '../../state/traces.ts';
+import { onLanguage, say } from '../../text/language.ts';
+import { make } from '../grid/cells.ts';
+import { refreshWith } from '../grid/refresh.ts';
+import { SensorView } from './sensor_view.ts';
+
+/** Only the place for them: the numbers themselves are written past React. */
+export function Sensors({ link }: { link: RobotLink }) {
+  const host = useRef<HTMLDivElement>(null);
+  useEffect(() => {
+    if (host.current === null) return;
+    host.current.replaceChildren(make('p', 'note late', say().noNumbersYet));
+    const view = new SensorView(host.current, link.twin, link.past.readings);
+    const write = () => view.write(nowMs());
+    const stop = refreshWith(link.twin, write, [onPlotted, onLanguage]);
+    return () => {
+      stop();
+      view.dispose();
+    };
+  }, [link]);
+  return <div className="numbers" ref={host} />;
+}

@@ -1,0 +1,92 @@
+import './joint_card.css';
+import { useEffect, useRef } from 'react';
+import { nowMs } from '../../../stream/clock.ts';
+import { flagWords, formatClockSeconds } from '../../../twin/format.ts';
+import { isolated, plainName } from '../../../twin/names.ts';
+import { BackIcon } from '../../shell/icons.tsx';
+import { useFaults } from '../../state/fault_keeper.ts';
+import { type RobotLink, useVersion } from '../../state/robot_link.ts';
+import { selection, selectJoint } from '../../state/selection.ts';
+import { onPlotted } from '../../state/traces.ts';
+import { onLanguage } from '../../text/language.ts';
+import { useMore } from '../../text/more.ts';
+import { OpenFaults } from '../alarms/OpenFaults.tsx';
+import { refreshWith } from '../grid/refresh.ts';
+import { JointCardView } from './joint_card_view.ts';
+
+const EVENTS_SHOWN = 8;
+/** Without frames its last minute goes by all the same. */
+const SLIDES_EVERY_MS = 500;
+
+/** Everything about one joint, until Escape. */
+export function JointCard({ link, joint }: { link: RobotLink; joint: string }) {
+  const host = useRef<HTMLDivElement>(null);
+  const back = useRef<HTMLButtonElement>(null);
+  useVersion(link);
+  const text = useMore();
+  const faults = (useFaults(link.faults) ?? []).filter((fault) => fault.source === joint);
+  const events = link.twin.events.filter((event) => event.source === joint).slice(-EVENTS_SHOWN);
+  useEffect(() => {
+    if (host.current === null) return;
+    const view = new JointCardView(host.current, link.twin, link.past, joint);
+    const write = () => view.write(nowMs());
+    const stop = refreshWith(link.twin, write, [onPlotted, onLanguage], SLIDES_EVERY_MS);
+    // The keys of the camera stay with who has tapped the body.
+    if (selection()?.from === 'numbers') back.current?.focus({ preventScroll: true });
+    return () => {
+      stop();
+      view.dispose();
+    };
+  }, [link, joint]);
+  useEffect(() => {
+    const onKey = (event: KeyboardEvent) => {
+      const elsewhere = event.target instanceof HTMLInputElement || document.querySelector('dialog[open]');
+      if (event.key === 'Escape' && !elsewhere && !event.defaultPrevented) close(joint);
+    };
+    window.addEventListener('keydown', onKey);
+    return () => window.removeEventListener('keydown', onKey);
+  }, [joint]);
+  const name = isolated(joint);
+  const plain = plainName(link.twin.schema, joint);
+  return (
+    <section className="joint-card" data-testid="joint-card" aria-label={name}>
+      <header>
+        <button
+          type="button"
+          className="icon-button"
+          aria-label={text.closeCard}
+          title={text.closeByEscape}
+          ref={back}
+          onClick={() => close(joint)}
+        >
+          <BackIcon />
+        </button>
+        <h2 title={name}>{name}</h2>
+        {plain !== undefined && <span className="quiet">{plain}</span>}
+      </header>
+      <div className="card-room">
+        <OpenFaults link={link} faults={faults} named={false} />
+        <div ref={host} />
+        {events.length > 0 && (
+          <ol className="card-events" aria-label={text.whatHappened}>
+            {events.toReversed().map((event) => (
+              <li key={event.n}>
+                <time>{event.at === null ? '—' : formatClockSeconds(event.at * 1000)}</time>{' '}
+                {flagWords(event.text)}
+                {event.state === 'off' && <span className="quiet"> {text.cleared}</span>}
+              </li>
+            ))}
+          </ol>
+        )}
+      </div>
+    </section>
+  );
+}
+
+/** Back to where one came from, once the table stands again. */
+function close(joint: string): void {
+  selectJoint(null);
+  requestAnimationFrame(() =>
+    document.querySelector<HTMLElement>(`tr[data-label="${CSS.escape(joint)}"] button`)?.focus(),
+  );
+}

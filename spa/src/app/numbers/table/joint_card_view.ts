@@ -1,0 +1,217 @@
+import { type Display, displayOf, formatNumber, formatSpan } from '../../../twin/format.ts';
+import { rangeWords } from '../../../twin/limits/range_words.ts';
+import { HISTORY_S, type History } from '../../../twin/plots/history.ts';
+import { strip } from '../../../twin/plots/sparkline.ts';
+import type { RobotTwin } from '../../../twin/robot.ts';
+import type { LastReadings } from '../../../twin/sensors/last_readings.ts';
+import { valueAt } from '../../../twin/values.ts';
+import { settings } from '../../state/settings.ts';
+import { isPlotted, togglePlot } from '../../state/traces.ts';
+import { more } from '../../text/more.ts';
+import { make, press, TextCell } from '../grid/cells.ts';
+import { NumberGrid } from '../grid/number_grid.ts';
+
+/** What each quantity is called, and what it is, for who sees it for the first time. */
+const QUANTITIES = [
+  { field: 'pos', name: 'position', what: 'positionMeans' },
+  { field: 'ref', name: 'reference', what: 'referenceMeans' },
+  { field: 'error', name: 'deviation', what: 'deviationMeans' },
+  { field: 'vel', name: 'velocity', what: 'velocityMeans' },
+  { field: 'effort', name: 'torque', what: 'torqueMeans' },
+  { field: 'cur', name: 'current', what: 'currentMeans' },
+  { field: 'temp', name: 'heat', what: 'heatMeans' },
+] as const;
+
+/** Below these ranges a strip shows a flat line: an angle at rest is never quite still. In the fields' units. */
+const LEAST_RANGE = { pos: 0.02, cur: 0.5 };
+const STRIP = { width: 300, height: 56 };
+
+interface Line {
+  field: (typeof QUANTITIES)[number]['field'];
+  display: Display;
+  unit: TextCell;
+  limit: TextCell;
+  plot: HTMLElement;
+}
+
+interface StripView {
+  fields: readonly ('pos' | 'ref' | 'cur')[];
+  leastRange: number;
+  paths: SVGPathElement[];
+  low: TextCell;
+  high: TextCell;
+}
+
+/** What is remembered of the robot. */
+export interface Past {
+  readonly history: History;
+  readonly readings: LastReadings;
+}
+
+/** One joint at a glance: its numbers, their limits, and its last minute. Written past React like the table. */
+export class JointCardView {
+  readonly #host: HTMLElement;
+  readonly #twin: RobotTwin;
+  readonly #history: History;
+  readonly #readings: LastReadings;
+  readonly #label: string;
+  #builtFor: readonly unknown[] = [];
+  #lines: Line[] = [];
+  /** Of each line its value. */
+  #values = new NumberGrid([]);
+  #angle = '';
+  #strips: StripView[] = [];
+
+  constructor(host: HTMLElement, twin: RobotTwin, past: Past, label: string) {
+    this.#host = host;
+    this.#twin = twin;
+    this.#history = past.history;
+    this.#readings = past.readings;
+    this.#label = label;
+  }
+
+  write(nowMs: number): void {
+    const { schema, state } = this.#twin;
+    if (schema === null) return;
+    if (schema !== this.#builtFor[0] || more() !== this.#builtFor[1]) this.#build();
+    if (state === null) return;
+    const { angle } = settings();
+    if (angle !== this.#angle) this.#values.forget();
+    for (const [i, line] of this.#lines.entries()) {
+      const { field, unit, limit, plot } = line;
+      if (angle !== this.#angle) line.display = this.#displayOf(field);
+      const lost = this.#lost(field);
+      this.#values.set(i, lost?.value ?? this.#value(field), line.display, lost !== null);
+      unit.set(line.display.unit);
+      const words = [this.#limitWords(line)];
+      if (lost !== null) words.unshift(more().lastRead(formatSpan(nowMs - lost.sinceMs)));
+      limit.set(words.filter(Boolean).join(' · '));
+      press(plot, isPlotted({ field, label: this.#label }));
+    }
+    this.#angle = angle;
+    for (const view of this.#strips) this.#draw(view, nowMs);
+  }
+
+  dispose(): void {
+    this.#host.replaceChildren();
+  }
+
+  #value(field: Line['field']): number | null {
+    const of = (name: string) => this.#twin.value(name, this.#label) ?? null;
+    if (field !== 'error') return of(field);
+    const [ref, pos] = [of('ref'), of('pos')];
+    return ref === null || pos === null ? null : ref - pos;
+  }
+
+  /** What was read last, when nothing is read now. */
+  #lost(name: Line['field']): { value: number | null; sinceMs: number } | null {
+    if (!this.#readings.anyLost) return null;
+    const field = this.#twin.schema?.field(name) ?? null;
+    const index = field?.labels.indexOf(this.#label) ?? -1;
+    const sinceMs = this.#readings.lostMs(field, index);
+    return sinceMs === null ? null : { value: valueAt(this.#readings.codes, field, index), sinceMs };
+  }
+
+  #displayOf(field: Line['field']): Display {
+    const { schema } = this.#twin;
+    const name = field === 'error' ? 'pos' : field;
+    const of = schema?.field(name);
+    const unit = schema?.mapping.unit(name, this.#label) ?? of?.unit ?? '';
+    return displayOf(unit, settings().angle, of?.scale);
+  }
+
+  #limitWords({ field, display }: Line): string {
+    const shown = (value: number) => `${formatNumber(value, display).trim()} ${display.unit}`.trim();
+    if (field === 'error') {
+      const tolerance = this.#twin.schema?.mapping.tolerance(this.#label) ?? null;
+      return tolerance === null ? '' : more().tolerated(shown(tolerance));
+    }
+    const threshold = this.#twin.limits?.threshold(field, this.#label) ?? null;
+    return threshold === null ? '' : more().limitIs(rangeWords(threshold, shown, more()));
+  }
+
+  #draw({ fields, leastRange, paths, low, high }: StripView, nowMs: number): void {
+    const traces = fields.map((field) => this.#history.trace(field, this.#label, nowMs));
+    const found = strip(traces, STRIP.width, STRIP.height, HISTORY_S, leastRange);
+    const display = this.#displayOf(fields[0] ?? 'pos');
+    paths.forEach((path, i) => {
+      path.setAttribute('d', found?.paths[i] ?? '');
+    });
+    low.set(found === null ? '' : formatNumber(found.low, display));
+    high.set(found === null ? '' : formatNumber(found.high, display));
+  }
+
+  #build(): void {
+    const { schema } = this.#twin;
+    if (schema === null) return;
+    const text = more();
+    this.#builtFor = [schema, text];
+    const has = (field: string) => schema.field(field)?.labels.includes(this.#label) ?? false;
+    if (!has('pos') && !has('ref')) {
+      this.#host.replaceChildren(make('p', 'note', text.noSuchJoint));
+      this.#lines = [];
+      this.#strips = [];
+      return;
+    }
+    const shown = QUANTITIES.filter(({ field }) =>
+      field === 'error' ? has('ref') && has('pos') : has(field),
+    );
+    const list = make('dl', 'card-values');
+    const values: HTMLElement[] = [];
+    this.#lines = shown.map(({ field, name, what }) => {
+      const row = make('div', '');
+      const term = make('dt', '', text[name]);
+      term.append(make('small', 'quiet', text[what]));
+      const value = make('dd', 'c-num');
+      value.dataset.field = field;
+      values.push(value);
+      const unit = make('dd', 'unit');
+      const limit = make('dd', 'card-limit');
+      const plot = make('button', 'text-button', text.plotIt);
+      plot.type = 'button';
+      plot.dataset.testid = `plot-${field}`;
+      plot.addEventListener('click', () => togglePlot({ field, label: this.#label }));
+      const plotRoom = make('dd', 'card-plot');
+      plotRoom.append(plot);
+      row.append(term, value, unit, plotRoom, limit);
+      list.append(row);
+      return {
+        field,
+        display: this.#displayOf(field),
+        unit: new TextCell(unit),
+        limit: new TextCell(limit),
+        plot,
+      };
+    });
+    this.#values = new NumberGrid(values);
+    this.#strips = [];
+    const strips = make('div', 'strips');
+    if (has('pos'))
+      strips.append(this.#strip(has('ref') ? ['ref', 'pos'] : ['pos'], text.position, LEAST_RANGE.pos));
+    if (has('cur')) strips.append(this.#strip(['cur'], text.current, LEAST_RANGE.cur));
+    this.#host.replaceChildren(strips, list);
+  }
+
+  #strip(fields: StripView['fields'], name: string, leastRange: number): HTMLElement {
+    const figure = make('figure', 'strip');
+    const caption = make('figcaption', 'quiet', more().lastSeconds(name, HISTORY_S));
+    if (fields.length > 1) caption.append(make('span', 'strip-key', more().reference));
+    const box = document.createElementNS(SVG, 'svg');
+    box.setAttribute('viewBox', `0 0 ${STRIP.width} ${STRIP.height}`);
+    box.setAttribute('preserveAspectRatio', 'none');
+    box.setAttribute('aria-hidden', 'true');
+    const paths = fields.map((field) => {
+      const path = document.createElementNS(SVG, 'path');
+      path.setAttribute('class', `trace trace-${field}`);
+      box.append(path);
+      return path;
+    });
+    const low = make('span', 'strip-low unit');
+    const high = make('span', 'strip-high unit');
+    figure.append(caption, box, high, low);
+    this.#strips.push({ fields, leastRange, paths, low: new TextCell(low), high: new TextCell(high) });
+    return figure;
+  }
+}
+
+const SVG = 'http://www.w3.org/2000/svg';

@@ -1,0 +1,121 @@
+import type { Fault } from '../../../twin/alarms/fault_log.ts';
+import { formatSpan } from '../../../twin/format.ts';
+import type { JointRow, NumberName } from '../../../twin/joints.ts';
+import { isolated } from '../../../twin/names.ts';
+import { faultWords } from '../../status/fault_words.ts';
+import { say } from '../../text/language.ts';
+import { DataMark, make, TextCell } from '../grid/cells.ts';
+
+/** From here on a reading that is gone says how old it is. */
+const OLD_MS = 1500;
+
+export const STATES = ['homed', 'enabled'] as const;
+export type StateName = (typeof STATES)[number];
+const POSITIONS: ReadonlySet<NumberName> = new Set(['ref', 'pos', 'error']);
+
+/** A column of a row that nothing is read of now, and since when. */
+export interface Lost {
+  readonly name: NumberName;
+  readonly sinceMs: number;
+}
+
+/** One joint of the table. It remembers what it shows, and touches the page where that changes. */
+export class RowView {
+  readonly element: HTMLTableRowElement;
+  readonly label: string;
+  /** What a filter looks through, in lower case; flags come and go. */
+  haystack = '';
+  readonly #named: string;
+  /** Where its numbers go, in the order of the columns. */
+  readonly numbers: readonly HTMLElement[];
+  readonly #states: readonly (readonly [name: StateName, cell: TextCell])[];
+  readonly #error: DataMark | null;
+  readonly #cur: DataMark | null;
+  readonly #temp: DataMark | null;
+  readonly #flags: TextCell;
+  readonly #level: DataMark;
+  readonly #latched: DataMark;
+  #fault: Fault | null = null;
+  #clearedMs: number | null = null;
+  #old = '';
+
+  constructor(
+    row: JointRow,
+    limb: string,
+    /** Of its positions, when it is not the column's: it stands behind the number then. */
+    ownUnit: string | null,
+    numbers: readonly NumberName[],
+    states: readonly StateName[],
+  ) {
+    this.label = row.label;
+    this.#named = `${row.label} ${row.plain ?? ''} ${limb}`;
+    this.haystack = this.#named.toLowerCase();
+    const element = make('tr', '');
+    element.dataset.label = row.label;
+    const name = make('th', 'c-joint');
+    name.scope = 'row';
+    const open = make('button', '', isolated(row.label));
+    open.type = 'button';
+    name.append(open);
+    name.title = row.plain ?? isolated(row.label);
+    element.append(name);
+    const marks: Partial<Record<NumberName, DataMark>> = {};
+    const cell = (field: string, className: string) => {
+      const td = make('td', className);
+      td.dataset.field = field;
+      td.dataset.label = row.label;
+      element.append(td);
+      return td;
+    };
+    this.numbers = numbers.map((field) => {
+      const td = cell(field, `c-num c-${field}`);
+      td.draggable = true; // into a plot
+      if (ownUnit !== null && POSITIONS.has(field)) td.dataset.unit = isolated(ownUnit);
+      marks[field] = new DataMark(td, 'level');
+      return td;
+    });
+    this.#error = marks.error ?? null;
+    this.#cur = marks.cur ?? null;
+    this.#temp = marks.temp ?? null;
+    this.#states = states.map((field) => [field, new TextCell(cell(field, 'c-state'))]);
+    this.#flags = new TextCell(cell('flags', 'c-flags'));
+    this.element = element;
+    this.#level = new DataMark(element, 'level');
+    this.#latched = new DataMark(element, 'latched');
+  }
+
+  /** What is wrong with it, and its states. `anew`: the row has changed. */
+  write(row: JointRow, fault: Fault | null, old: string, anew: boolean): void {
+    const clearedMs = fault?.clearedMs ?? null;
+    if (!anew && fault === this.#fault && clearedMs === this.#clearedMs && old === this.#old) return;
+    this.#fault = fault;
+    this.#clearedMs = clearedMs;
+    this.#old = old;
+    const { level } = row;
+    const parts = row.flags.map((flag) => flag.words);
+    if (fault !== null && clearedMs !== null) parts.unshift(say().over(faultWords(fault)));
+    if (old !== '') parts.unshift(old);
+    const words = parts.join(', ');
+    this.#flags.set(words);
+    const rank = level === 'ok' ? '' : `${level} ${say()[level]}`;
+    this.haystack = `${this.#named} ${words} ${rank}`.toLowerCase();
+    this.#level.set(level);
+    this.#latched.set(fault === null ? '' : clearedMs === null ? 'lasts' : 'over');
+    this.#error?.set(row.apart ? 'caution' : 'ok');
+    this.#cur?.set(row.curLevel);
+    this.#temp?.set(row.tempLevel);
+    for (const [name, cell] of this.#states) {
+      const state = row[name];
+      cell.set(state === null ? '—' : state ? '✓' : say().no);
+    }
+  }
+}
+
+/** "pos, cur 12 s old": which readings are gone, and how long ago the first of them was. */
+export function oldWords(lost: readonly Lost[], nowMs: number): string {
+  const told = lost.filter(({ sinceMs }) => nowMs - sinceMs >= OLD_MS);
+  if (told.length === 0) return '';
+  const age = nowMs - Math.min(...told.map(({ sinceMs }) => sinceMs));
+  const names = told.map(({ name }) => say()[name]).join(', ');
+  return say().old(names, formatSpan(Math.floor(age / 1000) * 1000));
+}

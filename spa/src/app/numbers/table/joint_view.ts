@@ -1,0 +1,346 @@
+import { nowMs } from '../../../stream/clock.ts';
+import type { FaultBook } from '../../../twin/alarms/fault_log.ts';
+import { type Display, displayOf } from '../../../twin/format.ts';
+import { type JointTable, NUMBERS, type NumberName } from '../../../twin/joints.ts';
+import type { Limb } from '../../../twin/limbs.ts';
+import type { RobotTwin } from '../../../twin/robot.ts';
+import type { LastReadings } from '../../../twin/sensors/last_readings.ts';
+import { valueAt } from '../../../twin/values.ts';
+import { onSelection, selection, selectJoint } from '../../state/selection.ts';
+import { settings } from '../../state/settings.ts';
+import { say } from '../../text/language.ts';
+import { make, TextCell } from '../grid/cells.ts';
+import { NumberGrid } from '../grid/number_grid.ts';
+import { anyFilter, filterText, onFilter, passes, setFilter } from './filter.ts';
+import { type Lost, oldWords, RowView, STATES } from './joint_row.ts';
+import type { titledLimbs } from './limb_titles.ts';
+import { Ranks } from './ranks.ts';
+
+/** What the table asks of the page around it. */
+export interface TableSources {
+  readonly faults?: FaultBook;
+  readonly readings?: LastReadings;
+  /** Puts the joints together limb by limb; null until its code is here. */
+  limbs?: typeof titledLimbs | null;
+}
+
+type Schema = NonNullable<RobotTwin['schema']>;
+
+/** A column of numbers. */
+interface Column {
+  readonly name: NumberName;
+  /** One a row. */
+  readonly values: Float64Array;
+  /** Where it comes from; null of what is computed: ref − pos. */
+  readonly field: ReturnType<JointTable['column']>;
+  readonly unit: TextCell;
+  display: Display;
+  /** Of single rows, where a channel has a unit of its own; null where there is none such. */
+  own: readonly (Display | null)[] | null;
+}
+
+/** Of a row that the filter does not let through. */
+const HIDDEN = -1;
+/** Rows that nobody sees are written in turns, one in so many at a time: within two seconds each. */
+const TURNS = 20;
+/** After the last frame all that was left is written. */
+const SETTLED_MS = 300;
+const NOTHING_LOST: readonly Lost[] = [];
+
+/** The joint table, written straight into the page: React never sees a frame. */
+export class JointView {
+  readonly #twin: RobotTwin;
+  readonly #host: HTMLElement;
+  readonly #from: TableSources;
+  readonly #leave: readonly (() => void)[];
+  #root: HTMLTableElement | null = null;
+  #rows: readonly RowView[] = [];
+  #grid: NumberGrid | null = null;
+  #columns: readonly Column[] = [];
+  #bodies: { element: HTMLElement; rows: readonly number[] }[] = [];
+  #nothing: HTMLElement | null = null;
+  #builtFor: readonly unknown[] = [];
+  #angle = '';
+  #ranks = new Ranks(0);
+  /** Of each row its rank, or HIDDEN, as the page shows it. */
+  #shownRanks = new Int8Array(0);
+  /** Of each row, which of its changes was said last. */
+  #said = new Uint32Array(0);
+  /** Of the faults: which version was said last; NaN: say all again. */
+  #saidFaults = Number.NaN;
+  /** Which rows are on the screen: 1, 0. Writing a number costs more than all else that is done for it. */
+  #seen = new Uint8Array(0);
+  readonly #sight = new IntersectionObserver((changes) => this.#look(changes));
+  #turn = 0;
+  /** One timer for many frames: to set one costs more than to write a row. */
+  #settle: ReturnType<typeof setTimeout> | undefined;
+  #settled = true;
+  readonly #settleDown = () => {
+    this.#settle = this.#settled ? undefined : setTimeout(this.#settleDown, SETTLED_MS);
+    if (this.#settled) this.#writeNumbers();
+    this.#settled = true;
+  };
+
+  constructor(host: HTMLElement, twin: RobotTwin, from: TableSources = {}) {
+    this.#host = host;
+    this.#twin = twin;
+    this.#from = from;
+    const shrinks = new ResizeObserver(() => this.#reveal()); // a card that opens takes room
+    if (host.parentElement !== null) shrinks.observe(host.parentElement);
+    const chosen = () => {
+      const row = this.#rows.find(({ label }) => label === selection()?.joint);
+      if (row?.element.hidden) setFilter('');
+      this.#mark();
+      this.#reveal();
+    };
+    this.#leave = [
+      onSelection(chosen),
+      onFilter(() => this.#arrange(nowMs(), true)),
+      () => shrinks.disconnect(),
+      () => this.#sight.disconnect(),
+      () => clearTimeout(this.#settle),
+    ];
+  }
+
+  write(nowMs: number): void {
+    const { schema, state, tree } = this.#twin;
+    const table = this.#twin.joints();
+    if (schema === null || table === null) return;
+    const { angle, limbs: grouped } = settings();
+    const limbsOf = grouped ? (this.#from.limbs ?? null) : null;
+    const wanted = [schema, say(), limbsOf, limbsOf === null ? null : tree];
+    if (wanted.some((part, i) => part !== this.#builtFor[i])) {
+      this.#builtFor = wanted;
+      this.#build(schema, table, limbsOf?.(schema, tree) ?? null);
+      this.#angle = '';
+    }
+    if (this.#root === null) return;
+    const all = angle !== this.#angle;
+    if (all) this.#chooseUnits(schema);
+    if (state !== null) {
+      const { faults, readings } = this.#from;
+      const mayBeLost = readings?.anyLost === true;
+      const told = faults?.version ?? 0;
+      const anyRow = mayBeLost || told !== this.#saidFaults;
+      this.#saidFaults = mayBeLost ? Number.NaN : told;
+      this.#turn = (this.#turn + 1) % TURNS;
+      for (let i = 0; i < this.#rows.length; i += 1) {
+        const due = all || this.#seen[i] === 1 || i % TURNS === this.#turn;
+        const gone = due || mayBeLost ? this.#writeNumbersOf(i, due) : NOTHING_LOST;
+        if (anyRow || table.changes[i] !== this.#said[i]) this.#say(table, i, gone, nowMs);
+      }
+      this.#settled = false;
+      this.#settle ??= setTimeout(this.#settleDown, SETTLED_MS);
+      this.#root.dataset.seq = String(state.seq);
+    }
+    this.#arrange(nowMs);
+  }
+
+  /** All numbers of the newest frame. */
+  #writeNumbers(): void {
+    if (this.#twin.state === null) return;
+    this.#rows.forEach((_, i) => {
+      this.#writeNumbersOf(i, true);
+    });
+  }
+
+  /** Rows have come into sight, or gone out of it. */
+  #look(changes: readonly IntersectionObserverEntry[]): void {
+    for (const { target, isIntersecting } of changes) {
+      const i = this.#rows.findIndex(({ element }) => element === target);
+      this.#seen[i] = Number(isIntersecting); // of a row that is gone: nowhere
+    }
+    this.#writeNumbers();
+  }
+
+  dispose(): void {
+    for (const off of this.#leave) off();
+    this.#host.replaceChildren();
+  }
+
+  /** What is wrong with a row is said at once; its numbers when they are due. */
+  #say(table: JointTable, i: number, gone: readonly Lost[], nowMs: number): void {
+    const row = table.rows[i]!;
+    const fault = this.#from.faults?.of(row.label) ?? null;
+    const anew = table.changes[i] !== this.#said[i];
+    this.#said[i] = table.changes[i]!;
+    this.#rows[i]!.write(row, fault, gone.length === 0 ? '' : oldWords(gone, nowMs), anew);
+    this.#ranks.set(i, row.level, fault !== null);
+  }
+
+  /** Returns what is not read any more. */
+  #writeNumbersOf(i: number, due: boolean): readonly Lost[] {
+    const { readings } = this.#from;
+    const mayBeLost = readings?.anyLost === true;
+    let gone = NOTHING_LOST;
+    const columns = this.#columns;
+    for (let c = 0; c < columns.length; c += 1) {
+      const { name, values, field, display, own } = columns[c]!;
+      let value = values[i]!;
+      let old = false;
+      if (mayBeLost && Number.isNaN(value)) {
+        const sinceMs = readings.lostMs(field, i);
+        if (sinceMs !== null) {
+          old = true;
+          value = valueAt(readings.codes, field, i) ?? Number.NaN;
+          gone = [...gone, { name, sinceMs }];
+        }
+      }
+      if (due) this.#grid?.set(i * columns.length + c, value, own?.[i] ?? display, old);
+    }
+    return gone;
+  }
+
+  /** Faults first, then what has been doubtful for a while, else the robot's own order, limb by limb where that is
+   *  wanted. The page is touched only when the order, or what the filter lets through, changes. */
+  #arrange(nowMs: number, filterChanged = false): void {
+    const { faultsFirst } = settings();
+    const filtered = anyFilter();
+    const ranks = this.#shownRanks;
+    let changed = filterChanged;
+    for (let i = 0; i < this.#rows.length; i += 1) {
+      const own = this.#ranks.of(i, nowMs);
+      const rank = filtered && !passes(this.#rows[i]!.haystack) ? HIDDEN : faultsFirst ? own : 0;
+      if (rank === ranks[i]) continue;
+      ranks[i] = rank;
+      changed = true;
+    }
+    if (changed) this.#order();
+  }
+
+  #order(): void {
+    const ranks = this.#shownRanks;
+    const limbs = this.#bodies.map(({ element, rows }) => {
+      for (const i of rows) this.#rows[i]!.element.hidden = ranks[i] === HIDDEN;
+      const sorted = [...rows].sort((a, b) => ranks[b]! - ranks[a]!);
+      element.append(...sorted.map((i) => this.#rows[i]!.element));
+      const rank = Math.max(...sorted.map((i) => ranks[i]!));
+      element.hidden = rank === HIDDEN;
+      return { element, rank };
+    });
+    limbs.sort((a, b) => Number(b.rank === 2) - Number(a.rank === 2));
+    if (limbs.length > 1) this.#root?.append(...limbs.map(({ element }) => element));
+    if (this.#nothing !== null) {
+      const none = limbs.every(({ rank }) => rank === HIDDEN);
+      this.#nothing.textContent = none ? say().noJointMatches(filterText()) : '';
+      this.#nothing.hidden = !none;
+    }
+    this.#writeNumbers(); // what comes up from where nobody saw it
+  }
+
+  #mark(): void {
+    const joint = selection()?.joint ?? null;
+    for (const { element, label } of this.#rows) {
+      if (label === joint) element.setAttribute('aria-current', 'true');
+      else if (element.hasAttribute('aria-current')) element.removeAttribute('aria-current');
+    }
+  }
+
+  /** Brings the chosen joint's row where it can be seen. */
+  #reveal(): void {
+    const row = this.#host.querySelector<HTMLElement>('tr[aria-current]');
+    row?.scrollIntoView?.({ block: 'nearest' });
+  }
+
+  #chooseUnits(schema: Schema): void {
+    const { angle } = settings();
+    this.#angle = angle;
+    this.#grid?.forget();
+    for (const column of this.#columns) {
+      const name = column.name === 'error' ? 'pos' : column.name;
+      const field = schema.field(name);
+      column.display = displayOf(field?.unit ?? '', angle, field?.scale);
+      column.unit.set(column.display.unit);
+      const own = this.#rows.map(({ label }) => {
+        const unit = schema.mapping.unit(name, label);
+        return unit === null ? null : displayOf(unit, angle);
+      });
+      column.own = own.some((display) => display !== null) ? own : null;
+    }
+  }
+
+  #build(schema: Schema, table: JointTable, limbs: readonly Limb[] | null): void {
+    const text = say();
+    this.#ranks = new Ranks(table.rows.length);
+    this.#shownRanks = new Int8Array(table.rows.length);
+    this.#said = new Uint32Array(table.rows.length).fill(-1);
+    this.#saidFaults = Number.NaN;
+    this.#seen = new Uint8Array(table.rows.length).fill(1);
+    this.#sight.disconnect();
+    if (table.rows.length === 0) {
+      this.#host.replaceChildren(make('p', 'note', text.noJoints));
+      this.#root = null;
+      this.#rows = [];
+      this.#columns = [];
+      this.#bodies = [];
+      return;
+    }
+    const numbers = NUMBERS.filter((name) => table.has(name));
+    const states = STATES.filter((name) => table.has(name));
+    const root = make('table', 'joints');
+    root.dataset.testid = 'joint-table';
+    root.append(make('caption', 'unseen', text.joints));
+    const head = make('tr', '');
+    head.append(headCell(text.joint, 'c-joint', text.jointWhat));
+    this.#columns = numbers.map((name) => {
+      const cell = headCell(text[name], `c-num c-${name}`, text[`${name}What`]);
+      head.append(cell);
+      return {
+        name,
+        values: table.numbers[name],
+        field: table.column(name),
+        unit: new TextCell(cell.appendChild(make('span', 'unit'))),
+        display: displayOf('', 'rad'),
+        own: null,
+      };
+    });
+    for (const name of states) head.append(headCell(text[name], 'c-state', text[`${name}What`]));
+    head.append(headCell(table.has('flags') ? text.flags : text.notes, 'c-flags', text.flagsWhat));
+    const thead = make('thead', '');
+    thead.append(head);
+    root.append(thead);
+
+    const limbOf = new Map(limbs?.flatMap(({ title, labels }) => labels.map((label) => [label, title])));
+    this.#rows = table.rows.map((row) => {
+      const unit = schema.mapping.unit('pos', row.label);
+      return new RowView(row, limbOf.get(row.label) ?? '', unit, numbers, states);
+    });
+    this.#grid = new NumberGrid(this.#rows.flatMap((row) => row.numbers));
+    const placeOf = new Map(this.#rows.map((row, i) => [row.label, i]));
+    const all = [{ title: null, labels: [...placeOf.keys()] }];
+    this.#bodies = (limbs ?? all).map(({ title, labels }) => {
+      const rows = labels.flatMap((label) => placeOf.get(label) ?? []);
+      const element = make('tbody', '');
+      if (title !== null) {
+        const name = make('th', '', title);
+        name.scope = 'rowgroup';
+        name.colSpan = head.childElementCount;
+        name.append(make('span', 'quiet', ` ${rows.length}`));
+        const heading = make('tr', 'limb');
+        heading.append(name);
+        element.append(heading);
+      }
+      element.append(...rows.map((i) => this.#rows[i]!.element));
+      return { element, rows };
+    });
+    root.append(...this.#bodies.map(({ element }) => element));
+    root.addEventListener('click', ({ target }) => {
+      const label = (target as HTMLElement).closest<HTMLElement>('tr[data-label]')?.dataset.label;
+      if (label !== undefined) selectJoint(label);
+    });
+    this.#root = root;
+    this.#nothing = make('p', 'note');
+    this.#nothing.hidden = true;
+    this.#host.replaceChildren(root, this.#nothing);
+    for (const { element } of this.#rows) this.#sight.observe(element);
+    this.#mark();
+    this.#reveal();
+  }
+}
+
+function headCell(text: string, className: string, title: string): HTMLTableCellElement {
+  const cell = make('th', className, text);
+  cell.scope = 'col';
+  cell.title = title;
+  return cell;
+}

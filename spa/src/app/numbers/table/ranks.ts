@@ -1,0 +1,45 @@
+import type { JointRow } from '../../../twin/joints.ts';
+
+/** A row that was faulty stays on top this long after, also when acknowledged: rows that hop can't be read. */
+const STAYS_ON_TOP_MS = 5000;
+/** What passes at once brings no row to the top: a walking robot's joints are now and then late. */
+const CAUTION_LASTS_MS = 1000;
+
+/** Somebody has yet to acknowledge a fault of it. */
+const OPEN = 4;
+const LEVELS: readonly JointRow['level'][] = ['ok', 'caution', 'fault'];
+
+/** How far up the rows of a table belong. It is asked for each row at each update, so all stands side by side. */
+export class Ranks {
+  /** 0: all is well, 1: caution, 2: fault; and OPEN. */
+  readonly #levels: Uint8Array;
+  readonly #faultMs: Float64Array;
+  readonly #cautionMs: Float64Array;
+  readonly #cautionSinceMs: Float64Array;
+
+  constructor(rows: number) {
+    const never = () => new Float64Array(rows).fill(Number.NEGATIVE_INFINITY);
+    this.#levels = new Uint8Array(rows);
+    this.#faultMs = never();
+    this.#cautionMs = never();
+    this.#cautionSinceMs = never();
+  }
+
+  set(i: number, level: JointRow['level'], open: boolean): void {
+    this.#levels[i] = LEVELS.indexOf(level) | (open ? OPEN : 0);
+  }
+
+  /** 2: faulty, or was until just now; 1: caution; 0: all well. */
+  of(i: number, nowMs: number): 0 | 1 | 2 {
+    const held = this.#levels[i]!;
+    const level = held & ~OPEN;
+    if (level === 2) this.#faultMs[i] = nowMs;
+    else if (level === 1) {
+      if (nowMs - this.#cautionMs[i]! > STAYS_ON_TOP_MS) this.#cautionSinceMs[i] = nowMs;
+      this.#cautionMs[i] = nowMs;
+    }
+    if (held !== level || nowMs - this.#faultMs[i]! < STAYS_ON_TOP_MS) return 2;
+    const lasted = this.#cautionMs[i]! - this.#cautionSinceMs[i]! >= CAUTION_LASTS_MS;
+    return lasted && nowMs - this.#cautionMs[i]! < STAYS_ON_TOP_MS ? 1 : 0;
+  }
+}

@@ -1,0 +1,204 @@
+import { Suspense, useEffect, useLayoutEffect, useRef, useState } from 'react';
+import { Body } from '../body/Body.tsx';
+import { Panel, type Tab } from '../numbers/Panel.tsx';
+import { showLink } from '../shell/debug_api.ts';
+import { useFullscreen } from '../shell/fullscreen.ts';
+import { BackIcon, FullscreenIcon, PanelIcon, SettingsIcon, ShareIcon } from '../shell/icons.tsx';
+import { late, lateAfterBody } from '../shell/late.tsx';
+import { SIDE_BY_SIDE, useMedia } from '../shell/media.ts';
+import { Sheet } from '../shell/Sheet.tsx';
+import { heightPx, type SheetHeight } from '../shell/sheet_heights.ts';
+import { type RobotLink, useRobotLink, useVersion, useWord } from '../state/robot_link.ts';
+import { onSelection, selection } from '../state/selection.ts';
+import { changeSettings, useSettings } from '../state/settings.ts';
+import { Chip } from '../status/Chip.tsx';
+import { say, useText } from '../text/language.ts';
+
+const Divider = late(async () => (await import('../shell/Divider.tsx')).Divider);
+const Announcer = lateAfterBody(async () => (await import('../status/Announcer.tsx')).Announcer);
+const ShareSheet = late(async () => (await import('../share/ShareSheet.tsx')).ShareSheet);
+const KeysSheet = late(async () => (await import('../body/controls/KeysSheet.tsx')).KeysSheet);
+
+const PANEL_LEAST_PX = 320;
+const BODY_LEAST_PX = 280;
+/** A second tap still finds the body where the first one was. */
+const RAISE_MS = 400;
+
+export function RobotPage({ robot, onSettings }: { robot: string; onSettings: (link: RobotLink) => void }) {
+  const link = useRobotLink(robot);
+  useEffect(() => {
+    showLink(link);
+    return () => showLink(null);
+  }, [link]);
+  useEffect(() => {
+    document.title = `${robot} · Posecast`;
+  }, [robot]);
+  return link === null ? null : <Loaded link={link} onSettings={() => onSettings(link)} />;
+}
+
+function Loaded({ link, onSettings }: { link: RobotLink; onSettings: () => void }) {
+  const text = useText();
+  const word = useWord(link);
+  const { panelOpen } = useSettings();
+  const page = useRef<HTMLDivElement>(null);
+  useVersion(link);
+  const { name } = link.twin;
+
+  const { fullscreen, toggle } = useFullscreen(page);
+  const [sheet, setSheet] = useState<'share' | 'keys' | null>(null);
+  useEffect(() => {
+    const onKey = (event: KeyboardEvent) => {
+      const typing = event.target instanceof HTMLInputElement && event.target.type !== 'radio';
+      if (typing || event.ctrlKey || event.metaKey || event.altKey) return;
+      if (event.key === 't' || event.key === 'T') changeSettings({ panelOpen: !panelOpen });
+      else if (event.key === 'f' || event.key === 'F') toggle();
+      else if (event.key === 's' || event.key === 'S') setSheet('share');
+      else if (event.key === '?') setSheet('keys');
+    };
+    window.addEventListener('keydown', onKey);
+    return () => window.removeEventListener('keydown', onKey);
+  });
+
+  return (
+    <div
+      className="robot-page"
+      ref={page}
+      data-word={word ?? ''}
+      data-fullscreen={fullscreen}
+      data-testid="robot-page"
+    >
+      <header className="top">
+        <a className="icon-button" href="#/" aria-label={text.allRobots}>
+          <BackIcon />
+        </a>
+        <h1 className="robot-name" title={link.twin.robot}>
+          {name}
+        </h1>
+        <Chip link={link} />
+        <span className="grow" />
+        <button
+          type="button"
+          className="icon-button wide-only"
+          aria-label={text.showNumbers}
+          aria-pressed={panelOpen}
+          title={`${text.numbers} (T)`}
+          onClick={() => changeSettings({ panelOpen: !panelOpen })}
+        >
+          <PanelIcon />
+        </button>
+        <button
+          type="button"
+          className="icon-button fullscreen-button"
+          aria-label={text.fullscreen}
+          aria-pressed={fullscreen !== 'off'}
+          title={`${text.fullscreen} (F)`}
+          onClick={toggle}
+        >
+          <FullscreenIcon />
+        </button>
+        <button
+          type="button"
+          className="icon-button"
+          aria-label={text.share}
+          title={`${text.share} (S)`}
+          onClick={() => setSheet('share')}
+        >
+          <ShareIcon />
+        </button>
+        <button
+          type="button"
+          className="icon-button"
+          aria-label={text.settings}
+          title={text.settings}
+          onClick={onSettings}
+        >
+          <SettingsIcon />
+        </button>
+      </header>
+      <Split link={link} alone={fullscreen === 'page'} />
+      <Suspense fallback={null}>
+        <Announcer link={link} />
+      </Suspense>
+      <Suspense fallback={null}>
+        {sheet === 'share' && (
+          <ShareSheet robot={link.twin.robot} name={name} onClose={() => setSheet(null)} />
+        )}
+        {sheet === 'keys' && <KeysSheet onClose={() => setSheet(null)} />}
+      </Suspense>
+    </div>
+  );
+}
+
+/** Body first, numbers beside it; on a phone held upright the numbers are a sheet over the body. `alone`: no numbers. */
+function Split({ link, alone }: { link: RobotLink; alone: boolean }) {
+  const sideBySide = useMedia(SIDE_BY_SIDE);
+  const { panelOpen, panelPx } = useSettings();
+  const room = useRef<HTMLDivElement>(null);
+  const [size, setSize] = useState<{ width: number; height: number } | null>(null);
+  const [draggedPx, setDraggedPx] = useState<number | null>(null);
+  const [height, setHeight] = useState<SheetHeight>('half');
+  const [tab, setTab] = useState<Tab>('Joints');
+
+  useEffect(() => {
+    let raise: ReturnType<typeof setTimeout> | undefined;
+    const leave = onSelection(() => {
+      clearTimeout(raise);
+      if (selection() === null) return;
+      raise = setTimeout(() => setHeight((now) => (now === 'peek' ? 'half' : now)), RAISE_MS);
+    });
+    return () => {
+      leave();
+      clearTimeout(raise);
+    };
+  }, []);
+
+  useLayoutEffect(() => {
+    const element = room.current;
+    if (element === null) return;
+    const measure = () => setSize({ width: element.clientWidth, height: element.clientHeight });
+    measure();
+    const observer = new ResizeObserver(measure);
+    observer.observe(element);
+    return () => observer.disconnect();
+  }, []);
+
+  if (size === null) return <main className="split" ref={room} />;
+  const widthPx = panelWidth(draggedPx ?? panelPx, size.width);
+  // The body keeps the room above a sheet at rest; a full sheet lies over it.
+  const coveredPx = heightPx(height === 'full' ? 'half' : height, size.height);
+  return (
+    <main className={sideBySide ? 'split' : 'split stacked'} ref={room}>
+      <div className="split-body" style={sideBySide || alone ? undefined : { bottom: `${coveredPx - 12}px` }}>
+        <Body link={link} />
+      </div>
+      {sideBySide && panelOpen && !alone && (
+        <>
+          <Suspense fallback={null}>
+            <Divider
+              widthPx={widthPx}
+              onWidth={(px, done) => {
+                const fitting = panelWidth(px, size.width);
+                setDraggedPx(done ? null : fitting);
+                if (done) changeSettings({ panelPx: fitting });
+              }}
+            />
+          </Suspense>
+          <aside className="split-panel" style={{ width: `${widthPx}px` }} aria-label={say().numbers}>
+            <Panel link={link} tab={tab} onTab={setTab} />
+          </aside>
+        </>
+      )}
+      {!sideBySide && !alone && (
+        <Sheet height={height} roomPx={size.height} onHeight={setHeight}>
+          <Panel link={link} tab={tab} onTab={setTab} />
+        </Sheet>
+      )}
+    </main>
+  );
+}
+
+/** What was chosen, as far as it fits; unchosen, wide enough for every column where there is room. */
+function panelWidth(chosenPx: number | null, roomPx: number): number {
+  const wanted = chosenPx ?? (roomPx >= 1200 ? 500 : roomPx >= 1000 ? 440 : 340);
+  return Math.max(PANEL_LEAST_PX, Math.min(wanted, roomPx - BODY_LEAST_PX));
+}

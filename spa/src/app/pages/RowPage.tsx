@@ -1,0 +1,236 @@
+import './row.css';
+import { type RefObject, useCallback, useEffect, useRef, useState } from 'react';
+import { manifestUrl } from '../../relay/addresses.ts';
+import { isolated } from '../../twin/names.ts';
+import type { LineMember, LineView } from '../../view/body_view.ts';
+import { bodyFollows } from '../body/body_link.ts';
+import { useCameraHands } from '../body/controls/use_camera_controls.ts';
+import { LoadLegend } from '../body/overlay/LoadLegend.tsx';
+import { SignMenu } from '../body/overlay/OverlayMenu.tsx';
+import { type SignsLink, signsFollow } from '../body/overlay/overlay_link.ts';
+import { ShownChoice } from '../body/overlay/ShownChoice.tsx';
+import { useBodyView } from '../body/use_body_view.ts';
+import { ViewNote } from '../body/ViewNote.tsx';
+import { BackIcon, SettingsIcon } from '../shell/icons.tsx';
+import { type RobotLink, useRobotLink, useVersion } from '../state/robot_link.ts';
+import { robotHref } from '../state/route.ts';
+import { Chip } from '../status/Chip.tsx';
+import { useText } from '../text/language.ts';
+import { useMore } from '../text/more.ts';
+
+/** Up to six robots side by side in one scene, each with its own truth over its head. */
+export function LinePage({ robots, onSettings }: { robots: readonly string[]; onSettings: () => void }) {
+  const host = useRef<HTMLDivElement>(null);
+  const labels = useRef<(HTMLElement | null)[]>([]);
+  const { view: scene, trouble, why, choose } = useLine(host, robots.length, labels);
+  useCameraHands(host, scene);
+  const [links, setLinks] = useState<readonly RobotLink[]>([]);
+  const [signs, setSigns] = useState<readonly SignsLink[]>([]);
+  const onLink = useMembers(setLinks);
+  const onSigns = useMembers(setSigns);
+  const text = useText();
+  const rest = useMore();
+  useEffect(() => {
+    document.title = `${robots.join(', ')} · Posecast`;
+  }, [robots]);
+  return (
+    <div className="robot-page" data-testid="line-page">
+      <header className="top">
+        <a className="icon-button" href="#/" aria-label={text.allRobots}>
+          <BackIcon />
+        </a>
+        <h1 className="robot-name">{rest.robotsSideBySide(robots.length)}</h1>
+        <span className="grow" />
+        <button
+          type="button"
+          className="icon-button"
+          aria-label={text.settings}
+          title={text.settings}
+          onClick={onSettings}
+        >
+          <SettingsIcon />
+        </button>
+      </header>
+      <main className="split">
+        <div className="split-body">
+          <section className="stage" aria-label={rest.bodies}>
+            <div className="canvas" ref={host} data-testid="scene" data-shown="true" />
+            {why !== null && (
+              <div className="stage-middle">
+                <p className="stage-say" data-testid="no-scene">
+                  {why}
+                </p>
+              </div>
+            )}
+            <div className="stage-views">
+              {trouble !== null && <ViewNote trouble={trouble} choose={choose} />}
+            </div>
+            <div
+              className={why === null ? 'line-labels' : 'line-labels listed'}
+              data-many={robots.length > 3}
+            >
+              {robots.map((robot, i) => (
+                <Member
+                  key={robot}
+                  robot={robot}
+                  scene={scene}
+                  body={scene?.robots[i] ?? null}
+                  onLink={onLink}
+                  onSigns={onSigns}
+                  label={(element) => {
+                    labels.current[i] = element;
+                  }}
+                />
+              ))}
+            </div>
+            {scene !== null && (
+              <div className="stage-tools">
+                <Shown links={links} />
+                <fieldset className="segments">
+                  <legend className="unseen">{rest.camera}</legend>
+                  {(['home', 'front', 'side', 'top'] as const).map((view) => (
+                    <button
+                      key={view}
+                      type="button"
+                      onClick={() => scene.look(view)}
+                      aria-label={view === 'home' ? rest.firstView : undefined}
+                    >
+                      {view === 'home' ? '↺' : rest[view]}
+                    </button>
+                  ))}
+                </fieldset>
+                <SignMenu links={links} />
+              </div>
+            )}
+            {scene !== null && <LoadLegend signs={signs} />}
+          </section>
+        </div>
+      </main>
+    </div>
+  );
+}
+
+/** Only where one of the robots has been told where to be. */
+function Shown({ links }: { links: readonly RobotLink[] }) {
+  useVersion(...links);
+  return links.some(({ twin }) => twin.schema?.field('ref') != null) && <ShownChoice />;
+}
+
+/** Keeps a list of what members of the line have to give: each says so, and takes it back by calling what it is given. */
+function useMembers<T>(
+  set: (change: (now: readonly T[]) => readonly T[]) => void,
+): (member: T) => () => void {
+  return useCallback(
+    (member: T) => {
+      set((now) => [...now, member]);
+      return () => set((now) => now.filter((other) => other !== member));
+    },
+    [set],
+  );
+}
+
+interface MemberProps {
+  readonly robot: string;
+  readonly scene: LineView | null;
+  readonly body: LineMember | null;
+  readonly label: (element: HTMLElement | null) => void;
+  readonly onLink: (link: RobotLink) => () => void;
+  readonly onSigns: (signs: SignsLink) => () => void;
+}
+
+/** One robot of the line: its connection, its body, and what stands over its head. */
+function Member(props: MemberProps) {
+  const link = useRobotLink(props.robot);
+  return link === null ? null : <Linked {...props} link={link} />;
+}
+
+function Linked({ robot, scene, body, label, link, onLink, onSigns }: MemberProps & { link: RobotLink }) {
+  useVersion(link);
+  const rest = useMore();
+  const { modelHash } = link.twin;
+  const [why, setWhy] = useState<string | null>(null);
+
+  useEffect(() => onLink(link), [onLink, link]);
+
+  useEffect(() => {
+    if (scene === null || body === null) return;
+    return bodyFollows(
+      {
+        play: (source) => body.play(source),
+        setGrey: (grey) => body.setGrey(grey),
+        wake: () => scene.wake(),
+      },
+      link,
+    );
+  }, [scene, body, link]);
+
+  useEffect(() => {
+    if (scene === null || body === null) return;
+    const signs = signsFollow(
+      {
+        showSigns: (readings, manner) => scene.showSigns(readings, manner, body),
+        showGhost: (joints, limbs) => body.showGhost(joints, limbs),
+        lockHeading: (locked) => body.lockHeading(locked),
+      },
+      link,
+    );
+    const leave = onSigns(signs);
+    return () => {
+      leave();
+      signs.stop();
+    };
+  }, [scene, body, link, onSigns]);
+
+  useEffect(() => {
+    if (body === null || modelHash === null) return;
+    let left = false;
+    body
+      .load(manifestUrl(robot, modelHash), () => {})
+      .then(({ error }) => {
+        if (!left) setWhy(error ?? null);
+      });
+    return () => {
+      left = true;
+    };
+  }, [body, robot, modelHash]);
+
+  return (
+    <div className="line-label" ref={label} data-testid={`line-${robot}`}>
+      <a href={robotHref(robot)} className="line-name">
+        {link.twin.name}
+      </a>
+      <Chip link={link} />
+      {why !== null && <span className="quiet">{rest.noBody(isolated(why))}</span>}
+    </div>
+  );
+}
+
+/** A view with so many robots in it, whose labels follow their heads. */
+function useLine(
+  host: RefObject<HTMLDivElement | null>,
+  count: number,
+  labels: RefObject<(HTMLElement | null)[]>,
+) {
+  const shown = useRef<LineView | null>(null);
+  const prepare = useCallback(
+    async () => (view: LineView) => {
+      while (view.robots.length < count) view.addRobot();
+      shown.current = view;
+      return () => {
+        shown.current = null;
+      };
+    },
+    [count],
+  );
+  const follow = useCallback(() => {
+    const view = shown.current;
+    for (const [i, robot] of (view?.robots ?? []).entries()) {
+      const label = labels.current[i];
+      const top = view?.topOf(robot) ?? null;
+      if (label == null) continue;
+      label.style.visibility = top === null ? 'hidden' : 'visible';
+      if (top !== null) label.style.transform = `translate(${top.x}px, ${top.y}px) translate(-50%, -100%)`;
+    }
+  }, [labels]);
+  return useBodyView(host, prepare, follow);
+}

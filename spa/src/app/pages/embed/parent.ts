@@ -1,0 +1,43 @@
+import { shownScene } from '../../shell/debug_api.ts';
+import type { RobotLink } from '../../state/robot_link.ts';
+import { selectJoint } from '../../state/selection.ts';
+import { lendSettings } from '../../state/settings.ts';
+import { parentOrigin, readWish, type Told, type Wish } from './messages.ts';
+
+/** Talks with the page around this frame, if the frame's address names it. Returns the end of it. */
+export function connectParent({ twin, watch }: RobotLink): () => void {
+  const origin = parentOrigin(window.location.search);
+  if (origin === null || window.parent === window) return () => {};
+
+  const tell = (posecast: Told['posecast']) => {
+    const { word, cause, ageMs } = watch.verdict();
+    const told: Told = { posecast, robot: twin.robot, word, cause, age_ms: ageMs };
+    window.parent.postMessage(told, origin);
+  };
+  const hear = (event: MessageEvent<unknown>) => {
+    if (event.source !== window.parent || event.origin !== origin) return;
+    const wish = readWish(event.data);
+    if (wish !== null) grant(wish);
+  };
+  window.addEventListener('message', hear);
+  const leave = watch.onWord(() => tell('liveness'));
+  tell('ready');
+  return () => {
+    window.removeEventListener('message', hear);
+    leave();
+  };
+}
+
+function grant(wish: Wish): void {
+  switch (wish.posecast) {
+    case 'look':
+      shownScene()?.look(wish.view);
+      return;
+    case 'select':
+      selectJoint(wish.joint);
+      return;
+    case 'set':
+      lendSettings(new URLSearchParams(wish.changed));
+      return;
+  }
+}

@@ -1,0 +1,201 @@
+import './list.css';
+import { Suspense, useState } from 'react';
+import { accounts, home, relayChoice } from '../../../relay/relay.ts';
+import { formatSpan } from '../../../twin/format.ts';
+import { Command } from '../../shell/Command.tsx';
+import { SettingsIcon } from '../../shell/icons.tsx';
+import { late } from '../../shell/late.tsx';
+import { MOST_SIDE_BY_SIDE, robotHref } from '../../state/route.ts';
+import { Sign } from '../../status/Chip.tsx';
+import { useText } from '../../text/language.ts';
+import { useListText } from '../../text/list.ts';
+import { openChosen } from '../local/local.ts';
+import { type ListedRobot, useRobots } from './robots.ts';
+import { Thumbnail } from './Thumbnail.tsx';
+
+const SignIn = late(async () => (await import('../../account/SignIn.tsx')).SignIn);
+
+/** Who is on air: a grid of cards, or the lines that put a robot there. */
+export function RobotList({ onSettings }: { onSettings: () => void }) {
+  const text = useText();
+  const rest = useListText();
+  const listing = useRobots();
+  const robots = listing.phase === 'waiting' ? [] : listing.robots;
+  const host = new URL(relayChoice().base ?? home()).host;
+  const elsewhere = host === window.location.host ? null : host;
+  /** Robots to be shown side by side, in the order in which they were chosen; null while nobody chooses. */
+  const [chosen, setChosen] = useState<readonly string[] | null>(null);
+  return (
+    <div className="list-page">
+      <header className="top">
+        <a className="brand" href="#/">
+          Posecast
+        </a>
+        {elsewhere !== null && (
+          <span className="quiet" data-testid="relay-host">
+            {elsewhere}
+          </span>
+        )}
+        <span className="grow" />
+        {accounts !== null && (
+          <Suspense fallback={null}>
+            <SignIn />
+          </Suspense>
+        )}
+        <button type="button" className="icon-button" onClick={onSettings} aria-label={text.settings}>
+          <SettingsIcon />
+        </button>
+      </header>
+      <main className="list">
+        <h1>{rest.onAir}</h1>
+        {listing.phase === 'unreachable' && (
+          <p className="list-note" role="status">
+            {rest.noRelay}
+          </p>
+        )}
+        {listing.phase === 'waiting' && <p className="quiet">{rest.askingRelay}</p>}
+        {robots.length > 0 && (
+          <ul className="cards" data-testid="robots" data-old={listing.phase === 'unreachable'}>
+            {robots.map((robot) => (
+              <Card
+                key={robot.robot}
+                robot={robot}
+                old={listing.phase === 'unreachable'}
+                place={chosen === null ? null : chosen.indexOf(robot.robot)}
+                onChoose={() => setChosen((before) => toggled(before ?? [], robot.robot))}
+              />
+            ))}
+          </ul>
+        )}
+        {robots.length > 1 && <SideBySide chosen={chosen} onChosen={setChosen} />}
+        {listing.phase === 'known' && robots.length === 0 && <Empty />}
+        <YourOwn />
+      </main>
+    </div>
+  );
+}
+
+const WORDS = { online: 'LIVE', silent: 'STALE', offline: 'OFFLINE' } as const;
+
+/** Into the choice, or out of it; beyond what fits, nothing. */
+function toggled(chosen: readonly string[], robot: string): readonly string[] {
+  if (chosen.includes(robot)) return chosen.filter((other) => other !== robot);
+  return chosen.length < MOST_SIDE_BY_SIDE ? [...chosen, robot] : chosen;
+}
+
+/** Chooses up to six robots for one scene. */
+function SideBySide(props: {
+  chosen: readonly string[] | null;
+  onChosen: (chosen: readonly string[] | null) => void;
+}) {
+  const { chosen, onChosen } = props;
+  const rest = useListText();
+  if (chosen === null) {
+    return (
+      <button type="button" className="text-button side-by-side" onClick={() => onChosen([])}>
+        {rest.sideBySide}
+      </button>
+    );
+  }
+  return (
+    <div className="side-by-side" data-testid="side-by-side">
+      {chosen.length < 2 ? (
+        <span className="quiet">{rest.chooseSome}</span>
+      ) : (
+        <a className="text-button" href={robotHref(...chosen)}>
+          {rest.showSideBySide(chosen.length)}
+        </a>
+      )}
+      <button type="button" className="text-button" onClick={() => onChosen(null)}>
+        {rest.cancel}
+      </button>
+    </div>
+  );
+}
+
+/** `place`: where it stands in the choice for a line, -1 outside it; null while nobody chooses. */
+function Card(props: { robot: ListedRobot; old: boolean; place: number | null; onChoose: () => void }) {
+  const { robot, old, place, onChoose } = props;
+  const word = old ? 'STALE' : WORDS[robot.state];
+  const age = robot.ageMs !== null && word !== 'LIVE' && !old ? ` ${formatSpan(robot.ageMs)}` : '';
+  const text = useText();
+  const rest = useListText();
+  const cause = old ? `: ${text.noConnection}` : word === 'STALE' ? `: ${text.robotSilent}` : '';
+  return (
+    <li>
+      <a
+        className="card"
+        href={robotHref(robot.robot)}
+        data-testid={`robot-${robot.robot}`}
+        data-chosen={place !== null && place >= 0}
+        onClick={(event) => {
+          if (place === null) return;
+          event.preventDefault();
+          onChoose();
+        }}
+      >
+        {place !== null && <span className="card-place">{place < 0 ? '' : place + 1}</span>}
+        <span className="thumb" data-state={word}>
+          <Thumbnail robot={robot} />
+        </span>
+        <span className="card-name">{robot.name}</span>
+        <span className="card-line">
+          <span className="chip small" data-state={word}>
+            <Sign word={word} />
+            <b>{word}</b>
+            <span className="chip-detail">
+              {age}
+              {cause}
+            </span>
+          </span>
+          {robot.viewers !== null && <span className="quiet">{rest.viewers(robot.viewers)}</span>}
+        </span>
+      </a>
+    </li>
+  );
+}
+
+/** The other way in: a robot from this computer, in this browser only. */
+function YourOwn() {
+  const rest = useListText();
+  return (
+    <section className="your-own" aria-label={rest.yourOwn}>
+      <p className="quiet">{rest.dropHere}</p>
+      <label className="text-button">
+        {rest.chooseFolder}
+        <input
+          type="file"
+          className="unseen"
+          data-testid="choose-folder"
+          ref={(input) => input?.setAttribute('webkitdirectory', '')}
+          onChange={({ target }) => openChosen(target.files)}
+        />
+      </label>
+      <label className="text-button">
+        {rest.chooseZip}
+        <input
+          type="file"
+          accept=".zip"
+          className="unseen"
+          data-testid="choose-zip"
+          onChange={({ target }) => openChosen(target.files)}
+        />
+      </label>
+    </section>
+  );
+}
+
+function Empty() {
+  const rest = useListText();
+  const relay = `tcp/${window.location.hostname || '127.0.0.1'}:7447`;
+  return (
+    <div className="empty" data-testid="no-robots">
+      <p>{rest.nobodyOnAir}</p>
+      <Command what={rest.demoRobot} line={`posecast-edge run --robot demo --source demo --relay ${relay}`} />
+      <Command
+        what={rest.yours}
+        line={`my-robot | posecast-edge run --robot mine --source jsonl --relay ${relay}`}
+      />
+    </div>
+  );
+}

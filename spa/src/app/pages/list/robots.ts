@@ -1,0 +1,93 @@
+import { useEffect, useState } from 'react';
+import { onAccount, tokenFor } from '../../../auth/token.ts';
+import { apiUrl } from '../../../relay/addresses.ts';
+import { isolated } from '../../../twin/names.ts';
+
+const EVERY_MS = 2000;
+const LATE_MS = 6000;
+
+/** A robot as the list knows it. */
+export interface ListedRobot {
+  robot: string;
+  name: string;
+  state: 'online' | 'silent' | 'offline';
+  ageMs: number | null;
+  viewers: number | null;
+  /** SHA-256 of its model's manifest. */
+  model: string | null;
+}
+
+export type RobotListing =
+  | { phase: 'waiting' }
+  | { phase: 'known'; robots: readonly ListedRobot[] }
+  | { phase: 'unreachable'; robots: readonly ListedRobot[] };
+
+export function readRobots(body: unknown): ListedRobot[] {
+  const list = isRecord(body) ? body.robots : body;
+  if (!Array.isArray(list)) return [];
+  return list.filter(isRecord).flatMap((entry) => {
+    const robot = entry.robot;
+    if (typeof robot !== 'string') return [];
+    const { status } = entry;
+    return [
+      {
+        robot,
+        name: isolated(typeof entry.name === 'string' && entry.name !== '' ? entry.name : robot),
+        state: status === 'online' || status === 'silent' ? status : 'offline',
+        ageMs: typeof entry.age_ms === 'number' ? entry.age_ms : null,
+        viewers: typeof entry.viewers === 'number' ? entry.viewers : null,
+        model: typeof entry.model === 'string' && /^[0-9a-f]{64}$/.test(entry.model) ? entry.model : null,
+      },
+    ];
+  });
+}
+
+/** What is on air, asked every two seconds while somebody looks. */
+export function useRobots(): RobotListing {
+  const [listing, setListing] = useState<RobotListing>({ phase: 'waiting' });
+  useEffect(() => {
+    const leave = new AbortController();
+    let asking = false;
+
+    const ask = async () => {
+      if (asking || document.hidden) return;
+      asking = true;
+      try {
+        const signal = AbortSignal.any([leave.signal, AbortSignal.timeout(LATE_MS)]);
+        let answer = await get(signal, tokenFor(apiUrl('robots')));
+        if (answer.status === 401 || answer.status === 403) answer = await get(signal, undefined); // what is for anyone is for them, too
+        if (!answer.ok) throw new Error(answer.statusText);
+        setListing({ phase: 'known', robots: readRobots(await answer.json()) });
+      } catch {
+        if (leave.signal.aborted) return;
+        setListing((before) => ({
+          phase: 'unreachable',
+          robots: before.phase === 'waiting' ? [] : before.robots,
+        }));
+      } finally {
+        asking = false;
+      }
+    };
+    const timer = setInterval(ask, EVERY_MS);
+    document.addEventListener('visibilitychange', ask, { signal: leave.signal });
+    leave.signal.addEventListener(
+      'abort',
+      onAccount(() => void ask()),
+    );
+    void ask();
+    return () => {
+      clearInterval(timer);
+      leave.abort();
+    };
+  }, []);
+  return listing;
+}
+
+function get(signal: AbortSignal, token: string | undefined): Promise<Response> {
+  const headers: HeadersInit = token ? { authorization: `Bearer ${token}` } : {};
+  return fetch(apiUrl('robots'), { signal, cache: 'no-cache', credentials: 'omit', headers });
+}
+
+function isRecord(value: unknown): value is Record<string, unknown> {
+  return typeof value === 'object' && value !== null && !Array.isArray(value);
+}

@@ -1,0 +1,180 @@
+import { useEffect, useMemo, useRef, useState } from 'react';
+import type { ModelReport } from '../../../model/report.ts';
+import type { RobotScene } from '../../../three/index.ts';
+import { displayOf, formatNumber } from '../../../twin/format.ts';
+import type { LocalRobot } from '../../../urdf/local_robot.ts';
+import { useCameraHands } from '../../body/controls/use_camera_controls.ts';
+import { loadScene } from '../../body/load_three.ts';
+import { showScene } from '../../shell/debug_api.ts';
+import { BackIcon } from '../../shell/icons.tsx';
+import { useTheme } from '../../shell/theme.ts';
+import { useSettings } from '../../state/settings.ts';
+import { say, useText } from '../../text/language.ts';
+import { useMore } from '../../text/more.ts';
+import { chooseUrdf, closeLocal } from './local.ts';
+import './local.css';
+import { isolated } from '../../../twin/names.ts';
+
+/** A robot that somebody dropped on the page: its body, a slider for each joint, and what is wrong with it. */
+export function LocalPage({ robot, urdfs }: { robot: LocalRobot; urdfs: readonly string[] }) {
+  const host = useRef<HTMLDivElement>(null);
+  const { scene, report } = useLocalScene(host, robot);
+  const text = useText();
+  const rest = useMore();
+  useCameraHands(host, scene);
+  useEffect(() => {
+    document.title = `${isolated(robot.name)} · Posecast`;
+  }, [robot]);
+  return (
+    <div className="robot-page" data-testid="local-page">
+      <header className="top">
+        <button type="button" className="icon-button" onClick={closeLocal} aria-label={rest.closeRobot}>
+          <BackIcon />
+        </button>
+        <h1 className="robot-name">{isolated(robot.name)}</h1>
+        <span className="quiet">{rest.onlyHere}</span>
+      </header>
+      <main className="split local">
+        <div className="split-body">
+          <section className="stage" aria-label={text.body}>
+            <div className="canvas" ref={host} data-testid="scene" data-shown="true" />
+            {report?.note != null && (
+              <div className="stage-middle">
+                <p className="stage-say">{report.note}</p>
+              </div>
+            )}
+          </section>
+        </div>
+        <aside className="split-panel local-panel" aria-label={text.joints}>
+          {urdfs.length > 1 && <Choice chosen={robot.path} urdfs={urdfs} />}
+          <Findings robot={robot} report={report} />
+          <Sliders robot={robot} scene={scene} />
+        </aside>
+      </main>
+    </div>
+  );
+}
+
+/** What came of loading it. */
+interface LocalReport {
+  /** Why there is no body. */
+  readonly note: string | null;
+  readonly meshes: ModelReport['meshes'];
+}
+
+function useLocalScene(host: React.RefObject<HTMLDivElement | null>, robot: LocalRobot) {
+  const theme = useTheme();
+  const themeNow = useRef(theme);
+  themeNow.current = theme;
+  const [scene, setScene] = useState<RobotScene | null>(null);
+  const [loaded, setLoaded] = useState<{ robot: LocalRobot; report: LocalReport } | null>(null);
+  useEffect(() => {
+    let left = false;
+    let made: RobotScene | null = null;
+    loadScene()
+      .then(async ({ RobotScene: Scene }) => {
+        if (left || host.current === null) return;
+        made = new Scene(host.current, { theme: themeNow.current });
+        showScene(made);
+        setScene(made);
+        made.setPose({ joints: new Map(), base: null }, true);
+        const report = await made.loadLocal(robot.manifest, robot);
+        const note = report.error === undefined ? null : say().bodyFailed(isolated(report.error));
+        if (!left) setLoaded({ robot, report: { note, meshes: report.meshes } });
+      })
+      .catch((error: unknown) => {
+        const note = isolated(error instanceof Error ? error.message : String(error));
+        if (!left) setLoaded({ robot, report: { note, meshes: undefined } });
+      });
+    return () => {
+      left = true;
+      showScene(null);
+      setScene(null);
+      made?.dispose();
+    };
+  }, [host, robot]);
+  useEffect(() => scene?.setTheme(theme), [scene, theme]);
+  return { scene, report: loaded?.robot === robot ? loaded.report : null };
+}
+
+/** Several URDFs lay among the files: the likeliest is shown, any other can be. */
+function Choice({ chosen, urdfs }: { chosen: string; urdfs: readonly string[] }) {
+  const text = useMore();
+  return (
+    <label className="local-choice">
+      <span className="quiet">{text.robotsInFiles(urdfs.length)}</span>
+      <select
+        value={chosen}
+        data-testid="choose-urdf"
+        onChange={({ target }) => void chooseUrdf(target.value)}
+      >
+        {urdfs.map((path) => (
+          <option key={path} value={path}>
+            {isolated(path)}
+          </option>
+        ))}
+      </select>
+    </label>
+  );
+}
+
+const SEVERITIES = { error: 'severityError', warning: 'severityWarning', hint: 'severityHint' } as const;
+
+/** What is wrong with it, worst first: what the URDF tells at once, the rest when the meshes have been read. */
+function Findings({ robot, report }: { robot: LocalRobot; report: LocalReport | null }) {
+  const text = useMore();
+  const findings = useMemo(() => robot.findings(report?.meshes ?? null), [robot, report]);
+  if (findings.length === 0)
+    return report === null ? null : <p className="quiet local-well">{text.nothingWrong}</p>;
+  return (
+    <details className="local-findings" open data-testid="findings">
+      <summary>{text.findings(findings.length)}</summary>
+      <ul>
+        {findings.map(({ severity, code, text: said, line }) => (
+          <li key={`${line} ${said}`} data-severity={severity} title={code}>
+            <b>{text[SEVERITIES[severity]]}</b> {isolated(said)}
+            {line !== null && <span className="quiet"> · {text.line(line)}</span>}
+          </li>
+        ))}
+      </ul>
+    </details>
+  );
+}
+
+function Sliders({ robot, scene }: { robot: LocalRobot; scene: RobotScene | null }) {
+  const text = useMore();
+  const { angle } = useSettings();
+  const [values, setValues] = useState<ReadonlyMap<string, number>>(new Map());
+  useEffect(() => {
+    // Every joint every time: one that nobody has touched stands at 0.
+    const joints = new Map(robot.joints.map(({ name }) => [name, values.get(name) ?? 0]));
+    scene?.setPose({ joints, base: null }, true);
+  }, [scene, robot, values]);
+  const words = (value: number, unit: string) => {
+    const display = displayOf(unit, angle);
+    return `${formatNumber(value, display)} ${display.unit}`;
+  };
+  return (
+    <div className="local-sliders">
+      <button type="button" className="text-button" onClick={() => setValues(new Map())}>
+        {text.allToZero}
+      </button>
+      {robot.joints.map(({ name, unit, lower, upper }) => (
+        <label key={name} className="local-slider">
+          <span>{isolated(name)}</span>
+          <output>{words(values.get(name) ?? 0, unit)}</output>
+          <input
+            type="range"
+            min={lower}
+            max={upper}
+            step={(upper - lower) / 500}
+            value={values.get(name) ?? 0}
+            onChange={({ target }) => setValues(new Map(values).set(name, Number(target.value)))}
+          />
+          <small>{words(lower, unit)}</small>
+          <small>{words(upper, unit)}</small>
+        </label>
+      ))}
+    </div>
+  );
+}

@@ -1,0 +1,22 @@
+import { isolated } from '../../../twin/names.ts';
+import { DropError } from '../../../urdf/local_files.ts';
+import { more } from '../../text/more.ts';
+
+/** Why what was dropped is not shown, in one line. */
+export function refusalWords(cause: unknown): string {
+  if (!(cause instanceof DropError)) return isolated(cause instanceof Error ? cause.message : String(cause));
+  const text = more();
+  const { refusal } = cause;
+  switch (refusal.why) {
+    case 'dropTooMany':
+      return text.dropTooMany(refusal.count);
+    case 'dropBomb':
+    case 'dropTemplate':
+    case 'dropTooLarge':
+      return text[refusal.why](isolated(refusal.path));
+    case 'dropUnreadable':
+      return text.dropUnreadable(isolated(refusal.path), isolated(refusal.what));
+    default:
+      return text[refusal.why];
+  }
+}

@@ -1,0 +1,99 @@
+import encodeQr from 'qr';
+import { useEffect, useMemo, useState } from 'react';
+import { tokenFor } from '../../auth/token.ts';
+import { home } from '../../relay/relay.ts';
+import { Command } from '../shell/Command.tsx';
+import { Dialog } from '../shell/Dialog.tsx';
+import './share.css';
+import { useText } from '../text/language.ts';
+import { useMore } from '../text/more.ts';
+
+/** A moment after the last movement, when the address has it. */
+const SETTLE_MS = 600;
+
+/** The address of this view: as a link, as a picture for the phones in the hall, and as a frame for a page. */
+export function ShareSheet({ robot, name, onClose }: { robot: string; name: string; onClose: () => void }) {
+  const text = useText();
+  const rest = useMore();
+  const [link, setLink] = useState(window.location.href);
+  useEffect(() => {
+    const timer = setInterval(() => setLink(window.location.href), SETTLE_MS);
+    return () => clearInterval(timer);
+  }, []);
+  const { hostname } = window.location;
+  const onlyHere = /^(localhost|127\.|\[::1\])/.test(hostname);
+  return (
+    <Dialog title={text.share} testId="share" onClose={onClose}>
+      <Qr text={link} />
+      {onlyHere && (
+        <p className="share-remark" data-testid="only-here">
+          {rest.onlyThisComputer(hostname)}
+        </p>
+      )}
+      <Command what={rest.asYouSeeIt(name)} line={link} />
+      {'share' in navigator && (
+        <button
+          type="button"
+          className="text-button share-native"
+          onClick={() => void navigator.share({ title: name, url: link }).catch(() => {})}
+        >
+          {rest.anotherApp}
+        </button>
+      )}
+      {seesMore(robot) && (
+        <a className="text-button share-native" href={seenByAnyone(link)} data-testid="seen-by-anyone">
+          {rest.seenByAnyone}
+        </a>
+      )}
+      <Command what={rest.inYourPage} line={frameFor(link, robot, name)} />
+    </Dialog>
+  );
+}
+
+/** Whether anyone else might see less than this page shows. */
+function seesMore(robot: string): boolean {
+  return tokenFor(`/api/v1/robots/${robot}/`) !== undefined;
+}
+
+/** The same view, asked for without any token. */
+export function seenByAnyone(link: string): string {
+  const url = new URL(link);
+  url.searchParams.set('as', 'anyone');
+  return url.href;
+}
+
+/** The line for a course page. The path names the robot, so that its relay can say which pages may frame it. */
+export function frameFor(link: string, robot: string, name: string): string {
+  const { search, hash } = new URL(link);
+  const source = new URL(`embed/${robot}${search}${hash.includes('?') ? hash : ''}`, home()).href;
+  const title = name.replace(/[&"<>]/g, (sign) => `&#${sign.charCodeAt(0)};`);
+  return `<iframe src="${source.replace(/&/g, '&amp;')}" title="${title}" style="width: 100%; aspect-ratio: 16 / 10; border: 0" allow="fullscreen" loading="lazy"></iframe>`;
+}
+
+/** Dark on light in either theme: that is what cameras read. */
+function Qr({ text }: { text: string }) {
+  const words = useMore();
+  const code = useMemo(() => path(text), [text]);
+  if (code === null) return <p className="share-remark">{words.linkTooLong}</p>;
+  return (
+    <svg
+      className="share-code"
+      viewBox={`0 0 ${code.size} ${code.size}`}
+      role="img"
+      aria-label={words.linkAsCode}
+    >
+      <rect width={code.size} height={code.size} fill="#fff" />
+      <path d={code.path} fill="#101828" />
+    </svg>
+  );
+}
+
+function path(text: string): { size: number; path: string } | null {
+  try {
+    const rows = encodeQr(text, 'raw', { ecc: 'medium', border: 3 });
+    const squares = rows.flatMap((row, y) => row.flatMap((dark, x) => (dark ? [`M${x} ${y}h1v1h-1z`] : [])));
+    return { size: rows.length, path: squares.join('') };
+  } catch {
+    return null; // more than a code holds
+  }
+}

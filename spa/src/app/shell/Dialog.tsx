@@ -1,0 +1,42 @@
+import '../styles/dialog.css';
+import { type ReactNode, useEffect, useRef } from 'react';
+import { useText } from '../text/language.ts';
+import { CloseIcon } from './icons.tsx';
+
+/** A sheet over the page. Escape, the cross and a tap beside it close it. */
+export function Dialog(props: { title: string; testId: string; onClose: () => void; children: ReactNode }) {
+  const { title, testId, onClose, children } = props;
+  const text = useText();
+  const dialog = useRef<HTMLDialogElement>(null);
+  useEffect(() => {
+    dialog.current?.showModal();
+    dialog.current?.focus(); // not the first button: nothing is proposed yet
+  }, []);
+  return (
+    // biome-ignore lint/a11y/useKeyWithClickEvents: Escape closes a dialog by itself
+    <dialog
+      className="settings"
+      ref={dialog}
+      tabIndex={-1}
+      onClose={onClose}
+      onClick={(event) => event.target === dialog.current && dialog.current.close()}
+      aria-label={title}
+      data-testid={testId}
+    >
+      <div className="settings-inner">
+        <header>
+          <h2>{title}</h2>
+          <button
+            type="button"
+            className="icon-button"
+            aria-label={text.close}
+            onClick={() => dialog.current?.close()}
+          >
+            <CloseIcon />
+          </button>
+        </header>
+        {children}
+      </div>
+    </dialog>
+  );
+}

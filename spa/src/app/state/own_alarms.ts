@@ -1,0 +1,39 @@
+import { type Crossing, LimitLog } from '../../twin/alarms/limit_log.ts';
+import type { RobotTwin } from '../../twin/robot.ts';
+import { SensorTable } from '../../twin/sensors/sensors.ts';
+
+/** One robot's, as long as its page is open. */
+interface OwnAlarms {
+  readonly log: LimitLog;
+  readonly listeners: Set<() => void>;
+}
+
+const kept = new WeakMap<RobotTwin, OwnAlarms>();
+const NONE: readonly Crossing[] = [];
+
+/** Watches the viewer's own limits from now on, in every frame; calling it again does nothing more. */
+export function watchOwnLimits(twin: RobotTwin): void {
+  if (kept.has(twin)) return;
+  const own: OwnAlarms = { log: new LimitLog(), listeners: new Set() };
+  kept.set(twin, own);
+  let table: { schema: RobotTwin['schema']; of: SensorTable } | null = null;
+  twin.onState(() => {
+    const { schema, state, limits, edits } = twin;
+    if (schema === null || state === null || limits === null || edits.size === 0) return;
+    if (table?.schema !== schema) table = { schema, of: new SensorTable(schema) };
+    if (!own.log.look(table.of.read(state.codes, limits), limits, Date.now())) return;
+    for (const listener of own.listeners) listener();
+  });
+}
+
+/** Newest last; empty while no limit is the viewer's own. */
+export function ownAlarms(twin: RobotTwin): readonly Crossing[] {
+  return kept.get(twin)?.log.crossings ?? NONE;
+}
+
+export function onOwnAlarms(twin: RobotTwin, listener: () => void): () => void {
+  watchOwnLimits(twin);
+  const { listeners } = kept.get(twin)!;
+  listeners.add(listener);
+  return () => listeners.delete(listener);
+}

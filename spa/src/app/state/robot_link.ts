@@ -1,0 +1,73 @@
+import { useEffect, useState, useSyncExternalStore } from 'react';
+import { streamUrl, WANTED_HZ } from '../../relay/addresses.ts';
+import { type Link, StreamClient } from '../../stream/client.ts';
+import { nowMs } from '../../stream/clock.ts';
+import type { Word } from '../../twin/liveness.ts';
+import { RobotTwin } from '../../twin/robot.ts';
+import { FaultKeeper } from './fault_keeper.ts';
+import { HistoryKeeper } from './history_keeper.ts';
+import { LivenessWatch } from './liveness_watch.ts';
+import { loadOwnLimits } from './own_limits.ts';
+import { selectJoint } from './selection.ts';
+import { clearPlots } from './traces.ts';
+
+/** One robot as this page has it: its state, the connection that feeds it, the watch over its truth, its faults, its
+ *  last minute. */
+export interface RobotLink {
+  twin: RobotTwin;
+  client: StreamClient;
+  watch: LivenessWatch;
+  faults: FaultKeeper;
+  past: HistoryKeeper;
+}
+
+export function useRobotLink(robot: string): RobotLink | null {
+  const [link, setLink] = useState<RobotLink | null>(null);
+  useEffect(() => {
+    const twin = new RobotTwin(robot, nowMs());
+    loadOwnLimits(twin);
+    const client = new StreamClient(twin, streamUrl(robot), WANTED_HZ);
+    const opened: RobotLink = {
+      twin,
+      client,
+      watch: new LivenessWatch(twin, () => client.wake()),
+      faults: new FaultKeeper(twin),
+      past: new HistoryKeeper(twin),
+    };
+    setLink(opened);
+    return () => {
+      opened.client.close();
+      opened.watch.close();
+      opened.faults.close();
+      opened.past.close();
+      selectJoint(null);
+      clearPlots();
+      setLink(null);
+    };
+  }, [robot]);
+  return link;
+}
+
+export function useConnection({ client }: RobotLink): Link {
+  return useSyncExternalStore(
+    (listener) => client.onChange(listener),
+    () => client.link,
+  );
+}
+
+export function useWord({ watch }: RobotLink): Word | null {
+  return useSyncExternalStore(watch.onWord, () => watch.word);
+}
+
+/** Changes whenever something slow about a robot did (schema, model, info, events). */
+export function useVersion(...links: readonly RobotLink[]): number {
+  return useSyncExternalStore(
+    (listener) => {
+      const leave = links.map(({ twin }) => twin.onChange(listener));
+      return () => {
+        for (const off of leave) off();
+      };
+    },
+    () => links.reduce((sum, { twin }) => sum + twin.version, 0),
+  );
+}

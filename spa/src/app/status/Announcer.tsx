@@ -1,0 +1,46 @@
+import { useEffect, useState } from 'react';
+import { SignReader } from '../../twin/overlay/reader.ts';
+import type { RobotLink } from '../state/robot_link.ts';
+import { AsAnyone } from './AsAnyone.tsx';
+import { spoken } from './announcement.ts';
+
+/** A listener hears what has changed, and not more often than this. */
+const EVERY_MS = 5000;
+const LOOK_MS = 500;
+/** What those who see choose for themselves takes nothing from those who listen. */
+const ALL = { shown: 'pos', lens: false, forces: true, level: true, load: 'off' } as const;
+
+/** The robot in words, for those who listen to the page. */
+export function Announcer({ link }: { link: RobotLink }) {
+  const [said, setSaid] = useState('');
+  useEffect(() => {
+    let reader: SignReader | null = null;
+    let gist = '';
+    let saidMs = Number.NEGATIVE_INFINITY;
+    const look = () => {
+      const { schema, state, limits, name } = link.twin;
+      if (schema !== null && reader?.schema !== schema) reader = new SignReader(schema);
+      const known = schema !== null && state !== null && limits !== null;
+      const now = spoken({
+        name,
+        verdict: link.watch.verdict(),
+        readings: known ? (reader?.read(state.codes, limits, ALL) ?? null) : null,
+        faults: link.faults.faults() ?? [],
+      });
+      if (now.gist === gist || performance.now() - saidMs < EVERY_MS) return;
+      gist = now.gist;
+      saidMs = performance.now();
+      setSaid(now.text);
+    };
+    const timer = setInterval(look, LOOK_MS);
+    return () => clearInterval(timer);
+  }, [link]);
+  return (
+    <>
+      <AsAnyone />
+      <p className="unseen" role="status" aria-live="polite" data-testid="spoken">
+        {said}
+      </p>
+    </>
+  );
+}

@@ -1,0 +1,96 @@
+import { Suspense, useEffect, useId } from 'react';
+import { nowMs } from '../../stream/clock.ts';
+import { late } from '../shell/late.tsx';
+import { useNow } from '../shell/now.ts';
+import { usePopover } from '../shell/popover.ts';
+import { type RobotLink, useConnection, useWord } from '../state/robot_link.ts';
+import { useText } from '../text/language.ts';
+import { chipWords } from './words.ts';
+
+const loadExplanation = () => import('./Explanation.tsx');
+const Explanation = late(async () => (await loadExplanation()).Explanation);
+/** Who asks why there is no connection could not fetch the answer then. */
+const FETCH_AHEAD_MS = 3000;
+
+/** The truth of the whole page: the word, the rate, the age. Tapping it opens the explanation. */
+export function Chip({ link }: { link: RobotLink }) {
+  useNow(250);
+  useWord(link); // a change of the word is not kept waiting
+  const connection = useConnection(link);
+  useText();
+  const { open, setOpen, around } = usePopover<HTMLDivElement>();
+  const explanation = useId();
+  useEffect(() => {
+    const timer = setTimeout(() => loadExplanation().catch(() => {}), FETCH_AHEAD_MS);
+    return () => clearTimeout(timer);
+  }, []);
+
+  const verdict = link.watch.verdict();
+  const { word, detail, more, warning } = chipWords(verdict, connection, nowMs());
+  return (
+    <div className="chip-around" ref={around}>
+      <button
+        type="button"
+        className="chip"
+        data-testid="liveness"
+        data-state={verdict.word ?? ''}
+        data-cause={verdict.cause ?? ''}
+        aria-expanded={open}
+        aria-controls={explanation}
+        onClick={() => setOpen(!open)}
+      >
+        <Sign word={verdict.word} />
+        <b>{word}</b>
+        {detail + more !== '' && (
+          <span className="chip-detail">
+            {detail}
+            <span className="chip-more">{more}</span>
+          </span>
+        )}
+        {warning !== '' && <span className="chip-warning">{warning}</span>}
+      </button>
+      {open && (
+        <div className="popover" id={explanation} data-testid="liveness-explained">
+          <Suspense fallback={null}>
+            <Explanation link={link} />
+          </Suspense>
+        </div>
+      )}
+    </div>
+  );
+}
+
+/** The shape that goes with the word: colour is never the only sign. */
+export function Sign({ word }: { word: string | null }) {
+  return (
+    <svg className="sign" viewBox="0 0 16 16" aria-hidden="true">
+      {word === 'LIVE' && <circle cx="8" cy="8" r="5" fill="currentColor" />}
+      {word === 'HOLDING' && (
+        <circle cx="8" cy="8" r="4.2" fill="none" stroke="currentColor" strokeWidth="2.2" />
+      )}
+      {word === 'STALE' && (
+        <g fill="none" stroke="currentColor" strokeWidth="1.7" strokeLinecap="round">
+          <circle cx="8" cy="8" r="5.6" />
+          <path d="M8 4.9V8l2.2 1.6" />
+        </g>
+      )}
+      {word === 'OFFLINE' && (
+        <g fill="none" stroke="currentColor" strokeWidth="1.8" strokeLinecap="round">
+          <circle cx="8" cy="8" r="5.2" />
+          <path d="M4.4 11.6l7.2-7.2" />
+        </g>
+      )}
+      {word === null && (
+        <circle
+          cx="8"
+          cy="8"
+          r="4.6"
+          fill="none"
+          stroke="currentColor"
+          strokeWidth="1.6"
+          strokeDasharray="2.4 2.4"
+        />
+      )}
+    </svg>
+  );
+}

@@ -1,0 +1,26 @@
+import { type RobotLink, useConnection } from '../state/robot_link.ts';
+import { useMore } from '../text/more.ts';
+import { truthWords } from './explanation_words.ts';
+
+/** What stands behind the chip: why the word is what it is, and what can be done about a lowered rate. */
+export function Explanation({ link }: { link: RobotLink }) {
+  const connection = useConnection(link);
+  const text = useMore();
+  return (
+    <>
+      {truthWords(link.watch.verdict(), connection).map((line, i) => (
+        <p key={i === 0 ? 'first' : line.split(':')[0]}>{line}</p>
+      ))}
+      {connection.rateReason !== null && connection.phase === 'open' && (
+        <button
+          type="button"
+          className="text-button"
+          data-testid="wish-all"
+          onClick={() => link.client.wishAll()}
+        >
+          {text.askAll}
+        </button>
+      )}
+    </>
+  );
+}

@@ -1,0 +1,112 @@
+import type { Fault } from '../../twin/alarms/fault_log.ts';
+import { displayOf, formatNumber } from '../../twin/format.ts';
+import type { Verdict } from '../../twin/liveness.ts';
+import { isolated } from '../../twin/names.ts';
+import type { SignReadings } from '../../twin/overlay/reader.ts';
+import { leanOf } from '../../twin/sensors/imus.ts';
+import type { Arrow, Wrench } from '../../twin/sensors/wrenches.ts';
+import { more } from '../text/more.ts';
+import { faultWords } from './fault_words.ts';
+import { causeWords, warningWords } from './words.ts';
+
+/** What those who listen are told of a robot, and when that is worth saying. */
+export interface Spoken {
+  text: string;
+  /** Changes when something is worth saying again: a number that trembles is not. */
+  gist: string;
+}
+
+export interface Heard {
+  name: string;
+  verdict: Pick<Verdict, 'word' | 'cause' | 'overShare'>;
+  /** Of the newest frame; null before any. */
+  readings: Pick<SignReadings, 'wrenches' | 'body'> | null;
+  faults: readonly Fault[];
+}
+
+const DEGREES = 180 / Math.PI;
+/** Less than this is upright. */
+const LEAN_DEG = 1.5;
+const FAR_DEG = 30;
+const LYING_DEG = 60;
+/** A lean is told again when it has become another by about this much. */
+const LEAN_STEP_DEG = 5;
+const MOST_NAMED = 3;
+const ZERO_WIDTH = /^\u2007/;
+
+/** "demo: live; upright, leaning 3° left; right hand 28 N, caution; 2 joints faulted" */
+export function spoken({ name, verdict, readings, faults }: Heard): Spoken {
+  const { word } = verdict;
+  if (word === null) return { text: '', gist: '' };
+  const reasons = [causeWords(verdict.cause), warningWords(verdict)].filter((reason) => reason !== '');
+  const state = more().spokenState(word, reasons.length === 0 ? null : reasons.join(', '));
+  // Of a robot that is not here its last state would sound like its present one.
+  const present = word === 'LIVE' || word === 'HOLDING';
+  const parts = present ? [posture(readings), ...forces(readings), ...faulted(faults)] : [];
+  const told = parts.filter((part) => part.text !== '');
+  return {
+    text: [`${name}: ${state}`, ...told.map(({ text }) => text)].join('; '),
+    gist: [state, ...told.map(({ gist }) => gist)].join('; '),
+  };
+}
+
+function posture(readings: Heard['readings']): Spoken {
+  const lean = readings?.body == null ? null : leanOf(readings.body);
+  if (lean === null) return { text: '', gist: '' };
+  const { roll, pitch } = lean;
+  const tilt = Math.acos(Math.max(-1, Math.min(1, Math.cos(roll) * Math.cos(pitch)))) * DEGREES;
+  const stance = tilt >= LYING_DEG ? more().lying : tilt >= FAR_DEG ? more().farOver : more().upright;
+  if (tilt < LEAN_DEG) return { text: stance, gist: stance };
+  // Roll is about the axis ahead: positive, the right side goes down. Pitch: positive, the head goes ahead.
+  const side = roll > 0 ? more().right : more().left;
+  const along = pitch > 0 ? more().forward : more().backward;
+  const where = Math.abs(roll) > Math.abs(pitch) ? side : along;
+  return {
+    text: more().leaning(stance, Math.round(tilt), where),
+    gist: `${stance} ${where} ${Math.round(tilt / LEAN_STEP_DEG)}`,
+  };
+}
+
+function forces(readings: Heard['readings']): Spoken[] {
+  const worrying = (readings?.wrenches ?? []).filter((wrench) => levelOf(wrench) !== 'ok');
+  worrying.sort((a, b) => Number(levelOf(b) === 'fault') - Number(levelOf(a) === 'fault'));
+  const named = worrying.slice(0, MOST_NAMED).map((wrench) => {
+    const level = levelOf(wrench);
+    const ofForce = wrench.force.level === level;
+    const arrow: Arrow = ofForce ? wrench.force : wrench.moment;
+    const size = arrow.vector === null ? null : Math.hypot(...arrow.vector);
+    const shown = { ...displayOf(ofForce ? 'N' : 'Nm', 'rad'), decimals: 0 };
+    const value = size === null ? '' : ` ${formatNumber(size, shown).replace(ZERO_WIDTH, '')} ${shown.unit}`;
+    const word = level === 'fault' ? more().pastLimit : more().caution;
+    return { text: `${wrench.name}${value}, ${word}`, gist: `${wrench.site} ${level}` };
+  });
+  const further = worrying.length - named.length;
+  const rest = further > 0 ? [{ text: more().moreForces(further), gist: `+${further}` }] : [];
+  return [...named, ...rest];
+}
+
+function levelOf({ force, moment }: Wrench): Arrow['level'] {
+  if (force.level === 'fault' || moment.level === 'fault') return 'fault';
+  return force.level === 'caution' || moment.level === 'caution' ? 'caution' : 'ok';
+}
+
+function faulted(faults: readonly Fault[]): Spoken[] {
+  const lasting = (level: Fault['level']) =>
+    new Map(
+      faults
+        .filter((fault) => fault.level === level && fault.clearedMs === null)
+        .map((fault) => [fault.source, fault]),
+    );
+  return [
+    ...counted(lasting('fault'), more().jointsFaulted),
+    ...counted(lasting('caution'), more().jointsOff),
+  ];
+}
+
+/** One by its name, several by their number. */
+function counted(of: ReadonlyMap<string, Fault>, many: (count: number) => string): Spoken[] {
+  const [first] = of.values();
+  if (first === undefined) return [];
+  const gist = [...of.keys()].join(' ');
+  return [{ text: of.size === 1 ? `${isolated(first.source)}: ${faultWords(first)}` : many(of.size), gist }];
+}

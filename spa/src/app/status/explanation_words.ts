@@ -1,0 +1,43 @@
+import type { Link } from '../../stream/client.ts';
+import { formatSpan } from '../../twin/format.ts';
+import type { Verdict } from '../../twin/liveness.ts';
+import { isolated } from '../../twin/names.ts';
+import { more } from '../text/more.ts';
+
+/** The explanation behind the chip. */
+export function truthWords(verdict: Verdict, link: Link): string[] {
+  const text = more();
+  const unwritten = link.by === 'mirror' && verdict.cause === 'relay degraded';
+  const lines = [unwritten ? text.explainUnwritten : stateWords(verdict)];
+  if (verdict.overShare) lines.push(text.explainOverShare);
+  lines.push(verdict.linkMs === null ? text.notHeardYet : text.lastHeard(formatSpan(verdict.linkMs)));
+  if (link.by === 'events' && link.phase === 'open') lines.push(text.explainEvents);
+  if (link.by === 'mirror') lines.push(text.explainMirror);
+  if (link.roundTripMs !== null) lines.push(text.roundTrip(formatSpan(link.roundTripMs)));
+  if (link.rateReason !== null && link.grantedHz !== null) {
+    lines.push(`${Math.round(link.grantedHz)} Hz: ${rateWords(link.rateReason)}.`);
+  }
+  return lines;
+}
+
+function stateWords({ word, cause, unchangedMs }: Verdict): string {
+  const text = more();
+  switch (word) {
+    case null:
+      return text.connectingToRelay;
+    case 'LIVE':
+      return text.posesComing;
+    case 'HOLDING':
+      return text.holdsStill(formatSpan(unchangedMs ?? 0));
+    case 'STALE':
+      if (cause === 'robot silent') return text.explainSilent;
+      return cause === 'relay degraded' ? text.explainDegraded : text.explainLost;
+    case 'OFFLINE':
+      return text.explainOffline;
+  }
+}
+
+function rateWords(reason: string): string {
+  if (reason === 'slow network') return more().slowNetwork;
+  return reason === 'overload' ? more().overload : isolated(reason);
+}

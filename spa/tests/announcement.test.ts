@@ -1,0 +1,95 @@
+import { parseSchema } from '@posecast/wire';
+import { describe, expect, it } from 'vitest';
+import { spoken } from '../src/app/status/announcement.ts';
+import type { Fault } from '../src/twin/alarms/fault_log.ts';
+import { Limits } from '../src/twin/limits/limits.ts';
+import { SignReader } from '../src/twin/overlay/reader.ts';
+import { ofRpy } from '../src/twin/rotation.ts';
+import { codesWith, SCHEMA_TEXT } from './schema.ts';
+
+const WITH_IMU = JSON.parse(SCHEMA_TEXT) as { mapping: { sensors: Record<string, unknown> } };
+WITH_IMU.mapping.sensors.torso = { kind: 'imu', name: 'chest', link: 'torso' };
+const SCHEMA = parseSchema(JSON.stringify(WITH_IMU));
+const LIMITS = new Limits(SCHEMA.mapping);
+const CHOICE = { shown: 'pos', lens: false, forces: true, level: true, load: 'off' } as const;
+const LIVE = { word: 'LIVE', cause: null, overShare: false } as const;
+
+/** A body that leans so, degrees. */
+function lean(roll: number, pitch: number): Record<string, number> {
+  const [w, x, y, z] = ofRpy([(roll * Math.PI) / 180, (pitch * Math.PI) / 180, 0.7]);
+  const code = (part: number) => Math.round(part * 1000);
+  return {
+    'quat.torso.w': code(w),
+    'quat.torso.x': code(x),
+    'quat.torso.y': code(y),
+    'quat.torso.z': code(z),
+  };
+}
+
+const read = (changed: Parameters<typeof codesWith>[0]) =>
+  new SignReader(SCHEMA).read(codesWith(changed), LIMITS, CHOICE);
+const fault = (source: string, clearedMs: number | null = null): Fault => ({
+  key: source,
+  level: 'fault',
+  what: 'flag',
+  source,
+  words: 'jam',
+  firstMs: 0,
+  clearedMs,
+  acknowledged: false,
+});
+const say = (changed: Parameters<typeof codesWith>[0], faults: readonly Fault[] = []) =>
+  spoken({ name: 'Small', verdict: LIVE, readings: read(changed), faults });
+
+describe('a robot in words', () => {
+  it('is how it stands, what presses too hard, and what is faulted', () => {
+    expect(say({}).text).toBe('Small: live; upright');
+    expect(say({ ...lean(-3, 0.5), 'ftf.RF.fz': 280 }, [fault('LKN'), fault('RKN')]).text).toBe(
+      'Small: live; upright, leaning 3° left; right foot 280 N, caution; 2 joints faulted',
+    );
+    expect(say({ 'ftf.RF.fz': -20 }, [fault('RKN'), fault('LKN', 7)]).text).toBe(
+      'Small: live; upright; RKN: jam',
+    );
+  });
+
+  it('leans to four sides, far over, or lies', () => {
+    const postures = [lean(4, 1), lean(1, 8), lean(1, -8), lean(0, 40), lean(85, 0)].map(
+      (changed) => say(changed).text.split('; ')[1],
+    );
+    expect(postures).toEqual([
+      'upright, leaning 4° right',
+      'upright, leaning 8° forward',
+      'upright, leaning 8° backward',
+      'far over, leaning 40° forward',
+      'lying, leaning 85° right',
+    ]);
+  });
+
+  it('says nothing of what it does not know', () => {
+    expect(say({ 'quat.torso.w': null }).text).toBe('Small: live');
+    expect(spoken({ name: 'Small', verdict: LIVE, readings: null, faults: [] }).text).toBe('Small: live');
+    expect(
+      spoken({
+        name: 'Small',
+        verdict: { word: null, cause: null, overShare: false },
+        readings: null,
+        faults: [],
+      }).text,
+    ).toBe('');
+  });
+
+  it('never tells an old state as the present one', () => {
+    const verdict = { word: 'STALE', cause: 'robot silent', overShare: false } as const;
+    const told = spoken({ name: 'Small', verdict, readings: read(lean(30, 0)), faults: [fault('RKN')] });
+    expect(told.text).toBe('Small: stale, robot silent');
+  });
+
+  it('is worth saying again when something has changed, not when a number trembles', () => {
+    const gist = (changed: Parameters<typeof codesWith>[0], faults: readonly Fault[] = []) =>
+      say(changed, faults).gist;
+    expect(gist({ ...lean(3, 0), 'ftf.RF.fz': 280 })).toBe(gist({ ...lean(3.6, 0), 'ftf.RF.fz': 291 }));
+    expect(gist(lean(3, 0))).not.toBe(gist(lean(-3, 0)));
+    expect(gist({ 'ftf.RF.fz': 280 })).not.toBe(gist({ 'ftf.RF.fz': 520 }));
+    expect(gist({}, [fault('RKN')])).not.toBe(gist({}, [fault('LKN')]));
+  });
+});

@@ -1,0 +1,109 @@
+import { afterEach, beforeEach, expect, it, vi } from 'vitest';
+import { LivenessWatch } from '../src/app/state/liveness_watch.ts';
+import { nowMs } from '../src/stream/clock.ts';
+import { STALE_AFTER_MS } from '../src/twin/liveness.ts';
+import { RobotTwin } from '../src/twin/robot.ts';
+
+beforeEach(() => {
+  vi.useFakeTimers();
+});
+afterEach(() => {
+  vi.restoreAllMocks();
+  vi.useRealTimers();
+});
+
+it('says STALE in the very moment in which the pose gets too old', () => {
+  const twin = new RobotTwin('demo', nowMs());
+  const watch = new LivenessWatch(twin, () => {});
+  twin.acceptConnection(true, nowMs());
+  twin.acceptWatching(true, nowMs());
+  vi.advanceTimersByTime(137); // not a round number of looks
+  const shownMs = nowMs();
+  twin.acceptStatus({ robot: 'online', ageMs: 20, seq: 7, degraded: false, overShare: false, atMs: shownMs });
+  Object.assign(twin.evidence, { freshMs: shownMs, shownMs });
+  const said: [string | null, number][] = [];
+  watch.onWord(() => said.push([watch.word, nowMs() - shownMs]));
+  for (const atMs of [600, 1200]) {
+    vi.advanceTimersByTime(shownMs + atMs - nowMs());
+    const ageMs = nowMs() - shownMs;
+    twin.acceptStatus({ robot: 'online', ageMs, seq: 7, degraded: false, overShare: false, atMs: nowMs() });
+  }
+  vi.advanceTimersByTime(shownMs + 2 * STALE_AFTER_MS - nowMs());
+  watch.close();
+  expect(said.map(([word]) => word)).toEqual(['LIVE', 'STALE']);
+  expect(Math.round(said[1]?.[1] ?? Number.NaN)).toBe(STALE_AFTER_MS);
+});
+
+/** Time passes, and the page can do nothing. */
+function holdUp(ms: number): void {
+  vi.setSystemTime(Date.now() + ms);
+  const real = performance.now.bind(performance);
+  vi.spyOn(performance, 'now').mockImplementation(() => real() + ms);
+}
+
+function watched(): { twin: RobotTwin; watch: LivenessWatch; said: (string | null)[]; slept: () => number } {
+  const twin = new RobotTwin('demo', nowMs());
+  let slept = 0;
+  const watch = new LivenessWatch(twin, () => {
+    slept += 1;
+  });
+  twin.acceptConnection(true, nowMs());
+  twin.acceptWatching(true, nowMs());
+  fresh(twin);
+  const said: (string | null)[] = [];
+  watch.onWord(() => said.push(watch.word));
+  vi.advanceTimersByTime(200);
+  expect(watch.word).toBe('LIVE');
+  return { twin, watch, said, slept: () => slept };
+}
+
+function fresh(twin: RobotTwin): void {
+  twin.acceptStatus({ robot: 'online', ageMs: 20, seq: 7, degraded: false, overShare: false, atMs: nowMs() });
+  Object.assign(twin.evidence, { freshMs: nowMs(), shownMs: nowMs() });
+}
+
+it('a page that was held up claims nothing until what has piled up is in', () => {
+  const { twin, watch, said } = watched();
+  holdUp(STALE_AFTER_MS + 1);
+  vi.advanceTimersByTime(100);
+  expect([said, watch.verdict().word]).toEqual([['LIVE', null], null]);
+  fresh(twin);
+  vi.advanceTimersByTime(50);
+  expect(said).toEqual(['LIVE', null, 'LIVE']);
+  watch.close();
+});
+
+it('one that was held up for a moment blames nobody for it', () => {
+  const { twin, watch, said } = watched();
+  holdUp(STALE_AFTER_MS - 200);
+  vi.advanceTimersByTime(100);
+  fresh(twin);
+  vi.advanceTimersByTime(50);
+  expect(said).toEqual(['LIVE']);
+  watch.close();
+});
+
+it('after a sleep that our clock slept through it claims nothing, and has the connection looked after', () => {
+  const { watch, said, slept } = watched();
+  vi.setSystemTime(Date.now() + 60_000);
+  vi.advanceTimersByTime(100);
+  expect([said, slept()]).toEqual([['LIVE', null], 1]);
+  vi.advanceTimersByTime(50);
+  expect(said).toEqual(['LIVE', null, 'STALE']);
+  watch.close();
+});
+
+it('once it has called a pose old it is not LIVE again by that pose', () => {
+  const { twin, watch, said } = watched();
+  const { shownMs } = twin.evidence;
+  vi.advanceTimersByTime(STALE_AFTER_MS);
+  expect(said).toEqual(['LIVE', 'STALE']);
+  fresh(twin);
+  Object.assign(twin.evidence, { shownMs });
+  vi.advanceTimersByTime(100);
+  expect(said).toEqual(['LIVE', 'STALE']);
+  fresh(twin);
+  vi.advanceTimersByTime(100);
+  expect(said).toEqual(['LIVE', 'STALE', 'LIVE']);
+  watch.close();
+});
