@@ -7,9 +7,8 @@ import functools
 import hashlib
 import json
 
-from posecast_relay.adapters.addresses import networks, real_address
-from posecast_relay.adapters.asked import BadRequest, NoSuchStream, bearer, read_target
-from posecast_relay.adapters.origins import may_show
+from posecast_relay.auth.addresses import networks, real_address
+from posecast_relay.auth.origins import may_show
 from posecast_relay.core.edge_messages import edge_said
 from posecast_relay.core.limits import Limits
 from posecast_relay.core.policy.share_link import make_link, read_link
@@ -17,6 +16,7 @@ from posecast_relay.core.state.stream import Stream
 from posecast_relay.models.cache import Absent, Models, Unavailable
 from posecast_relay.redis.messages import pack, unpack, unpack_state
 from posecast_relay.robots_file import RobotsError, read_robots
+from posecast_relay.streaming.request import BadRequest, NoSuchStream, bearer, read_target
 from posecast_wire import Snapshot
 
 from fuzz.differ import difference
