@@ -51,7 +51,7 @@ $(DEMO)/robot.urdf: .venv/.ready $(shell git ls-files --cached --others --exclud
 	$(BIN)/python edge-agent/demo/build.py --out $(DEMO)
 	@touch $@
 
-$(DEMO)/model/manifest.json: $(DEMO)/robot.urdf $(wildcard edge-agent/src/posecast_edge/model/*.py)
+$(DEMO)/model/manifest.json: $(DEMO)/robot.urdf $(wildcard edge-agent/src/posecast_edge/model/*.py edge-agent/src/posecast_edge/model/*/*.py)
 	$(BIN)/posecast-edge model build --no-cache $< -o $(@D)
 	@touch $@
 

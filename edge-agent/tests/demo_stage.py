@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 import pytest
-from posecast_edge.profile import Profile
-from posecast_edge.profile_reader import load_profile
+from posecast_edge.profile.reader import load_profile
+from posecast_edge.profile.types import Profile
 from posecast_edge.sources.demo import PROFILE, Motion, read_motion
 
 Floats = npt.NDArray[np.float64]

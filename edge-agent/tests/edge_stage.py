@@ -22,7 +22,7 @@ from posecast_wire.keys import Echo, Stamp, echo_key, snapshot_key
 ROBOT = "r1"
 LEASE_MS = 2500
 WITHOUT_MESH_TOOLS = (
-    "import sys; sys.modules['meshoptimizer'] = None; from posecast_edge.cli import main; main()"
+    "import sys; sys.modules['meshoptimizer'] = None; from posecast_edge.cli.main import main; main()"
 )
 
 

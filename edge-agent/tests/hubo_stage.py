@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from hubo_structs import SLOT, state
-from posecast_edge.profile import Profile
+from posecast_edge.profile.types import Profile
 
 PERIOD_S = 0.005
 LAG = 0.3  # of the way that pos goes towards ref in a period
@@ -71,7 +71,7 @@ class Walker:
 def main() -> None:
     """`python hubo_stage.py PROFILE FILE`: an achd whose robot walks; prints the source for an agent."""
     from achd_stage import Achd
-    from posecast_edge.profile_reader import find_profile, load_profile
+    from posecast_edge.profile.reader import find_profile, load_profile
 
     server = Achd()
     Walker(load_profile(find_profile(sys.argv[1])), Path(sys.argv[2]), server.publish)

@@ -11,12 +11,12 @@ import numpy as np
 from model_stage import PICTURE, cube_obj, cube_stl, cube_text_stl
 from parser_stage import Input, Parser, Work, Worst, written
 from PIL import Image
+from posecast_edge.model.builder.quantise import grid_of, pack
+from posecast_edge.model.builder.simplify import Ladder
 from posecast_edge.model.finding import ModelRefused
-from posecast_edge.model.mesh_reader import read_mesh
-from posecast_edge.model.pack import grid_of, pack
-from posecast_edge.model.resolve import Resolver
-from posecast_edge.model.simplify import Ladder
-from posecast_edge.model.weld import weld
+from posecast_edge.model.meshes.reader import read_mesh
+from posecast_edge.model.meshes.weld import weld
+from posecast_edge.model.urdf.resolver import Resolver
 
 
 def mesh_work(name: str) -> Callable[[Input, Path], Work]:

@@ -13,14 +13,14 @@ import ros_stage
 import rosbridge_stage
 from hubo_structs import state
 from parser_stage import Input, Parser, Work, Worst, in_one_line, written
-from posecast_edge.sources.ach_channel import Channel, ChannelError
-from posecast_edge.sources.achd_protocol import Conversation
-from posecast_edge.sources.achd_protocol import ProtocolError as AchdError
-from posecast_edge.sources.hubo_state import Decoder, UnknownFrame
-from posecast_edge.sources.ros_cdr import CdrReader
-from posecast_edge.sources.ros_merge import Merge
-from posecast_edge.sources.ros_messages import READERS, STRING, MessageError, read_message, text_of
-from posecast_edge.sources.rosbridge_protocol import Ear, ProtocolError, Publish
+from posecast_edge.sources.hubo.ach_channel import Channel, ChannelError
+from posecast_edge.sources.hubo.achd_protocol import Conversation
+from posecast_edge.sources.hubo.achd_protocol import ProtocolError as AchdError
+from posecast_edge.sources.hubo.state import Decoder, UnknownFrame
+from posecast_edge.sources.ros.cdr import CdrReader
+from posecast_edge.sources.ros.merge import Merge
+from posecast_edge.sources.ros.messages import READERS, STRING, MessageError, read_message, text_of
+from posecast_edge.sources.ros.rosbridge_protocol import Ear, ProtocolError, Publish
 
 
 def pieces(data: bytes, size: int) -> list[bytes]:

@@ -13,13 +13,13 @@ from mesh_parsers import png
 from model_stage import PICTURE, cube_stl, joint, link, mesh, robot
 from parser_stage import Input, Parser, Work, Worst, written
 from PIL import Image
-from posecast_edge.model.bundle import ModelError, load_bundle
-from posecast_edge.model.doctor import examine
+from posecast_edge.model.doctor.skeleton import examine
 from posecast_edge.model.finding import ModelRefused
-from posecast_edge.model.folder import entries_of
-from posecast_edge.model.texture import checked_picture, fitted, mean_colour
-from posecast_edge.model.tree import build_tree
-from posecast_edge.model.urdf_reader import read_urdf
+from posecast_edge.model.meshes.texture import checked_picture, fitted, mean_colour
+from posecast_edge.model.serve.bundle import ModelError, load_bundle
+from posecast_edge.model.serve.bundle_dir import entries_of
+from posecast_edge.model.urdf.reader import read_urdf
+from posecast_edge.model.urdf.tree import build_tree
 
 
 def urdf_work(given: Input, folder: Path) -> Work:

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 from PIL import Image
-from posecast_edge.model.mesh import Mesh
-from posecast_edge.model.resolve import Resolver
+from posecast_edge.model.meshes.mesh import Mesh
+from posecast_edge.model.urdf.resolver import Resolver
 
 SHARED = Path(os.environ.get("POSECAST_SHARED") or Path(__file__).parents[2].parent / "shared")
 ROBOTS = {

@@ -12,15 +12,15 @@ import rosbridge_stage
 from mcap.writer import CompressionType
 from parser_stage import Input, Parser, Work, Worst, written
 from posecast_edge.model.finding import ModelRefused
-from posecast_edge.profile_reader import parse_profile
-from posecast_edge.sources import SourceError
-from posecast_edge.sources.csv import Table
+from posecast_edge.profile.reader import parse_profile
+from posecast_edge.sample import SourceError
+from posecast_edge.sources.files.csv import Table
+from posecast_edge.sources.files.mcap import McapFile
+from posecast_edge.sources.files.playback import parse_playback
+from posecast_edge.sources.files.trajectory import TrajectorySource
 from posecast_edge.sources.jsonl import LineError, parse_line
-from posecast_edge.sources.mcap import McapFile
-from posecast_edge.sources.mujoco import ARM
-from posecast_edge.sources.mujoco_model import moving_parts
-from posecast_edge.sources.playback import parse_playback
-from posecast_edge.sources.trajectory import TrajectorySource
+from posecast_edge.sources.mujoco.model import moving_parts
+from posecast_edge.sources.mujoco.source import ARM
 
 PROFILE = """
 [labels]

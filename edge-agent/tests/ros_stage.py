@@ -14,8 +14,8 @@ from typing import Any
 
 import zenoh
 from edge_stage import free_port
-from posecast_edge.profile_reader import find_profile, load_profile
-from posecast_edge.sources.ros_messages import CONTROLLER_STATE, IMU, JOINT_STATE, ODOMETRY
+from posecast_edge.profile.reader import find_profile, load_profile
+from posecast_edge.sources.ros.messages import CONTROLLER_STATE, IMU, JOINT_STATE, ODOMETRY
 from zenoh.ext import CacheConfig, declare_advanced_publisher
 
 GID = bytes(range(16))

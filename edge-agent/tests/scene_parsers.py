@@ -13,7 +13,7 @@ from model_stage import cube_collada, cube_glb
 from parser_stage import Parser, Worst
 from posecast_edge.model.finding import ModelRefused
 
-SHOWN_AGAIN = {"posecast_edge.model.mesh.SHOWN_AGAIN_MAX": 2000}
+SHOWN_AGAIN = {"posecast_edge.model.meshes.mesh.SHOWN_AGAIN_MAX": 2000}
 
 
 def collada(geometry: str, scene: str = '<instance_geometry url="#g"/>', library: str = "") -> bytes:

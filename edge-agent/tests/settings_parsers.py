@@ -7,9 +7,9 @@ from pathlib import Path
 
 from edge_stage import PROFILE
 from parser_stage import Input, Parser, Work, Worst, written
-from posecast_edge.profile_reader import ProfileError, load_profile
-from posecast_edge.schema_build import schema_text
-from posecast_edge.settings import UsageError, parse_settings
+from posecast_edge.cli.settings import UsageError, parse_settings
+from posecast_edge.profile.reader import ProfileError, load_profile
+from posecast_edge.profile.schema import schema_text
 from posecast_wire.credential import LINE_MAX
 from posecast_wire.schema import Schema
 

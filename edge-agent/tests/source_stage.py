@@ -8,8 +8,10 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
-from posecast_edge.profile_reader import parse_profile
-from posecast_edge.sources import Discovering, Sample, open_source
+from posecast_edge.profile.reader import parse_profile
+from posecast_edge.sample import Sample
+from posecast_edge.sources.base import Discovering
+from posecast_edge.sources.registry import open_source
 
 
 class Listening:

@@ -14,11 +14,11 @@ from contextlib import suppress
 import pytest
 from achd_stage import Achd, framed, refuse
 from edge_stage import free_port, until
-from posecast_edge.sources import achd as achd_module
-from posecast_edge.sources.achd import BATCH_BYTES, AchdReader, Rhythm
-from posecast_edge.sources.achd_protocol import Conversation, ProtocolError, request
 from posecast_edge.sources.backoff import Backoff
-from posecast_edge.sources.persistent import KEPT_MAX
+from posecast_edge.sources.hubo import achd as achd_module
+from posecast_edge.sources.hubo.achd import BATCH_BYTES, AchdReader, Rhythm
+from posecast_edge.sources.hubo.achd_protocol import Conversation, ProtocolError, request
+from posecast_edge.sources.hubo.reconnecting import KEPT_MAX
 
 OK = b"frame-count: 10\nframe-size: 3000\nstatus: 0 # ACH_OK\n.\n"
 
@@ -199,7 +199,7 @@ def test_a_server_that_says_nothing_or_nothing_more_is_left(
 ) -> None:
     monkeypatch.setattr(achd_module, "ANSWER_S", 0.3)
     monkeypatch.setattr(achd_module, "SILENT_S", 0.3)
-    monkeypatch.setattr("posecast_edge.sources.persistent.SAY_EVERY_S", 0.0)
+    monkeypatch.setattr("posecast_edge.sources.hubo.reconnecting.SAY_EVERY_S", 0.0)
     done = threading.Event()
 
     def mute(client: socket.socket, header: dict[str, str]) -> None:

@@ -12,13 +12,14 @@ import pytest
 from edge_stage import PROFILE, ROBOT, Got, Router, until
 from posecast_edge import clock
 from posecast_edge.agent import Agent
-from posecast_edge.console import Console
-from posecast_edge.events import Event
-from posecast_edge.profile_reader import parse_profile
-from posecast_edge.settings import Settings
-from posecast_edge.show import Show
-from posecast_edge.sources import Deliver, Sample, SourceError
-from posecast_edge.stream import Frame
+from posecast_edge.cli.console import Console
+from posecast_edge.cli.settings import Settings
+from posecast_edge.pipeline.events import Event
+from posecast_edge.pipeline.stream import Frame
+from posecast_edge.pipeline.view_pipeline import Show
+from posecast_edge.profile.reader import parse_profile
+from posecast_edge.sample import Sample, SourceError
+from posecast_edge.sources.base import Deliver
 from posecast_wire.decoder import Decoder
 from posecast_wire.frame import parse_header
 from posecast_wire.keys import frame_key, snapshot_key

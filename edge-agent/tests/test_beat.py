@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import cast
 
 import pytest
-from posecast_edge.sources import ach_shm
-from posecast_edge.sources.ach_channel import Channel
-from posecast_edge.sources.ach_shm import ShmReader
-from posecast_edge.sources.beat import LOOKS_HZ
-from posecast_edge.sources.persistent import WAIT_S
+from posecast_edge.sources.hubo import ach_shm
+from posecast_edge.sources.hubo.ach_channel import Channel
+from posecast_edge.sources.hubo.ach_shm import ShmReader
+from posecast_edge.sources.hubo.reconnecting import WAIT_S
+from posecast_edge.sources.hubo.writer_clock import LOOKS_HZ
 
 KEEPS = 7  # frames, as a Hubo's channel does
 WAKING_S = 80e-6  # what it takes to wake up and look

@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 
 import pytest
-from posecast_edge.model.bundle import RANGE_MAX, Bundle, ModelError, load_built, load_bundle
+from posecast_edge.model.serve.bundle import RANGE_MAX, Bundle, ModelError, load_built, load_bundle
 
 SHARED = Path(os.environ.get("POSECAST_SHARED") or Path(__file__).parents[2].parent / "shared")
 

@@ -9,8 +9,8 @@ import sys
 from pathlib import Path
 
 import pytest
-from posecast_edge.certificate import Certificate
-from posecast_edge.settings import Settings, UsageError, parse_settings
+from posecast_edge.cli.settings import Settings, UsageError, parse_settings
+from posecast_edge.uplink.certificate import Certificate
 from posecast_wire import Credential
 
 GOOD = ["run", "--robot", "r1", "--source", "jsonl", "--relay", "tcp/127.0.0.1:7447"]

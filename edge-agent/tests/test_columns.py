@@ -1,8 +1,8 @@
 from __future__ import annotations
 
 import pytest
-from posecast_edge.columns import Columns, find_column
-from posecast_edge.profile import FieldSpec
+from posecast_edge.profile.columns import Columns, find_column
+from posecast_edge.profile.types import FieldSpec
 
 FIELDS = (
     FieldSpec("pos", "joint", ("A", "B")),

@@ -6,7 +6,7 @@ import os
 import sys
 from contextlib import suppress
 
-from posecast_edge.console import CLEAR, LINES_MAX, Console
+from posecast_edge.cli.console import CLEAR, LINES_MAX, Console
 
 
 class Terminal(io.StringIO):

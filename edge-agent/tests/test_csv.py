@@ -9,10 +9,11 @@ import os
 from pathlib import Path
 
 import pytest
-from posecast_edge.profile_reader import parse_profile
-from posecast_edge.sources import Sample, SourceError, open_source
-from posecast_edge.sources.csv import MAX_LINE, Table
-from posecast_edge.sources.playback import Player
+from posecast_edge.profile.reader import parse_profile
+from posecast_edge.sample import Sample, SourceError
+from posecast_edge.sources.files.csv import MAX_LINE, Table
+from posecast_edge.sources.files.playback import Player
+from posecast_edge.sources.registry import open_source
 
 
 def table(tmp_path: Path, text: str, profile: str = "") -> Table:

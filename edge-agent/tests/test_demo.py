@@ -8,7 +8,9 @@ from pathlib import Path
 
 import pytest
 from demo_stage import Minute
-from posecast_edge.sources import Sample, SourceError, defaults_of, demo, open_source
+from posecast_edge.sample import Sample, SourceError
+from posecast_edge.sources import demo
+from posecast_edge.sources.registry import defaults_of, open_source
 
 
 def test_it_brings_profile_and_model(bundle: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,7 +9,7 @@ import pytest
 import trimesh
 import yourdfpy
 from demo_stage import BUILD, Minute, Skeleton, build
-from posecast_edge.profile_reader import load_profile
+from posecast_edge.profile.reader import load_profile
 from posecast_edge.sources.demo import PROFILE
 
 

@@ -20,12 +20,12 @@ from model_stage import (
     shared_robot,
     written,
 )
-from posecast_edge.model.doctor import examine
-from posecast_edge.model.files import facts_of, read_visual_files
+from posecast_edge.model.builder.model_files import facts_of, read_visual_files
+from posecast_edge.model.doctor.skeleton import examine
 from posecast_edge.model.finding import Finding, ModelRefused
-from posecast_edge.model.resolve import Resolver
-from posecast_edge.model.tree import build_tree
-from posecast_edge.model.urdf_reader import read_urdf
+from posecast_edge.model.urdf.reader import read_urdf
+from posecast_edge.model.urdf.resolver import Resolver
+from posecast_edge.model.urdf.tree import build_tree
 from posecast_wire.mapping import JointMap, SensorMount
 from posecast_wire.mapping import Mapping as Meaning
 

@@ -15,12 +15,12 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).parent))  # when run by itself
 
 from model_stage import joint, link, mesh, robot
-from posecast_edge.model import doctor
-from posecast_edge.model.doctor import examine
-from posecast_edge.model.doctor_meshes import MeshFacts
+from posecast_edge.model.doctor import skeleton as doctor
+from posecast_edge.model.doctor.meshes import MeshFacts
+from posecast_edge.model.doctor.skeleton import examine
 from posecast_edge.model.finding import SEVERITIES
-from posecast_edge.model.tree import build_tree
-from posecast_edge.model.urdf_reader import read_urdf
+from posecast_edge.model.urdf.reader import read_urdf
+from posecast_edge.model.urdf.tree import build_tree
 from test_doctor import CORPUS, box
 
 FILE = Path(__file__).parent / "doctor_corpus.json"

@@ -13,9 +13,9 @@ from pathlib import Path
 
 import pytest
 from edge_stage import Router
-from posecast_edge import doorbell
-from posecast_edge.certificate import Certificate
-from posecast_edge.doorbell import ring
+from posecast_edge.uplink import diagnosis as doorbell
+from posecast_edge.uplink.certificate import Certificate
+from posecast_edge.uplink.diagnosis import ring
 from posecast_wire import Credential
 
 

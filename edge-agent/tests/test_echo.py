@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from posecast_edge.echo import EchoWatch, News, RateControl
+from posecast_edge.uplink.lateness import EchoWatch, News, RateControl
 from posecast_wire.keys import Echo
 
 

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import math
 
-from posecast_edge.events import PER_SECOND, Event, EventLimit, EventWatch
+from posecast_edge.pipeline.events import PER_SECOND, Event, EventLimit, EventWatch
 from posecast_wire.schema import Schema, build_schema_text
 
 SCHEMA = Schema.parse(

@@ -25,8 +25,8 @@ from model_stage import (
     robot,
     written,
 )
-from posecast_edge.model.build import Built, build
-from posecast_edge.model.resolve import Resolver
+from posecast_edge.model.builder.build import Built, build
+from posecast_edge.model.urdf.resolver import Resolver
 
 Box = list[list[float]]
 UNIT: Box = [[0, 0, 0], [0.2, 0.2, 0.2]]

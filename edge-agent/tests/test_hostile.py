@@ -17,13 +17,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from model_stage import cube_collada, cube_glb, cube_obj, cube_stl, link, mesh, nothing, robot, written
-from posecast_edge.model.build import build
-from posecast_edge.model.bundle import ModelError, load_bundle
+from posecast_edge.model.builder.build import build
 from posecast_edge.model.finding import ModelRefused
-from posecast_edge.model.folder import read_folder, write_folder
-from posecast_edge.model.mesh_reader import read_mesh
-from posecast_edge.model.resolve import OUTSIDE, Resolver
-from posecast_edge.model.urdf_reader import read_urdf
+from posecast_edge.model.meshes.reader import read_mesh
+from posecast_edge.model.serve.bundle import ModelError, load_bundle
+from posecast_edge.model.serve.bundle_dir import read_folder, write_folder
+from posecast_edge.model.urdf.reader import read_urdf
+from posecast_edge.model.urdf.resolver import OUTSIDE, Resolver
 
 SECONDS = (
     1.0  # of this process. The goal is 0.5, which `pytest -s` shows; a busy machine takes longer for the same

@@ -16,14 +16,13 @@ import pytest
 import ros_stage
 from message_parsers import MESSAGE, as_cbor, doubling, publish
 from parser_stage import held_bytes
-from posecast_edge.complaints import Complaints
-from posecast_edge.sources.ach_channel import Channel, ChannelError
-from posecast_edge.sources.achd import Rhythm
-from posecast_edge.sources.ros2 import BACKLOG_MAX, Inbox
-from posecast_edge.sources.ros_cdr import CdrReader
-from posecast_edge.sources.ros_intake import Intake
-from posecast_edge.sources.ros_merge import Merge
-from posecast_edge.sources.ros_messages import (
+from posecast_edge.rate_limited_log import Complaints
+from posecast_edge.sources.hubo.ach_channel import Channel, ChannelError
+from posecast_edge.sources.hubo.achd import Rhythm
+from posecast_edge.sources.ros.cdr import CdrReader
+from posecast_edge.sources.ros.input import Intake
+from posecast_edge.sources.ros.merge import Merge
+from posecast_edge.sources.ros.messages import (
     DIAGNOSTICS,
     JOINT_STATE,
     STRING,
@@ -32,8 +31,9 @@ from posecast_edge.sources.ros_messages import (
     read_message,
     text_of,
 )
-from posecast_edge.sources.rosbridge import Talk
-from posecast_edge.sources.rosbridge_protocol import MESSAGE_MAX, Ear, ProtocolError, Publish
+from posecast_edge.sources.ros.ros2 import BACKLOG_MAX, Inbox
+from posecast_edge.sources.ros.rosbridge import Talk
+from posecast_edge.sources.ros.rosbridge_protocol import MESSAGE_MAX, Ear, ProtocolError, Publish
 from recording_parsers import WALKER
 
 

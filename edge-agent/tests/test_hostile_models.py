@@ -25,20 +25,23 @@ from model_stage import (
     robot,
     written,
 )
-from posecast_edge.model import command, described, figure, raster
-from posecast_edge.model.build import Built, build
-from posecast_edge.model.bundle import ModelError, load_bundle
-from posecast_edge.model.files import read_visual_files
+from posecast_edge.cli import model_command as command
+from posecast_edge.model.builder import raster
+from posecast_edge.model.builder import visuals as figure
+from posecast_edge.model.builder.build import Built, build
+from posecast_edge.model.builder.model_files import read_visual_files
+from posecast_edge.model.builder.simplify import Ladder
 from posecast_edge.model.finding import ModelRefused
-from posecast_edge.model.folder import entries_of
-from posecast_edge.model.mesh import Mesh
-from posecast_edge.model.mesh_reader import read_mesh
-from posecast_edge.model.normals import crease_normals
-from posecast_edge.model.resolve import Resolver
-from posecast_edge.model.simplify import Ladder
-from posecast_edge.model.tree import Follow, build_tree
-from posecast_edge.model.urdf_reader import load_urdf, read_urdf
-from posecast_edge.model.weld import CROWD_MAX, weld
+from posecast_edge.model.meshes.mesh import Mesh
+from posecast_edge.model.meshes.normals import crease_normals
+from posecast_edge.model.meshes.reader import read_mesh
+from posecast_edge.model.meshes.weld import CROWD_MAX, weld
+from posecast_edge.model.serve import robot_description as described
+from posecast_edge.model.serve.bundle import ModelError, load_bundle
+from posecast_edge.model.serve.bundle_dir import entries_of
+from posecast_edge.model.urdf.reader import load_urdf, read_urdf
+from posecast_edge.model.urdf.resolver import Resolver
+from posecast_edge.model.urdf.tree import Follow, build_tree
 
 
 def made(path: Path) -> Built:

@@ -6,12 +6,13 @@ import threading
 from pathlib import Path
 
 import pytest
-from posecast_edge.sources import Sample, SourceError, open_source
+from posecast_edge.sample import Sample, SourceError
+from posecast_edge.sources.registry import open_source
 
 pytest.importorskip("mujoco", reason="the extra [mujoco] is not installed")
 
-from posecast_edge.sources import mujoco_trial
-from posecast_edge.sources.mujoco_model import load
+from posecast_edge.sources.mujoco import trial as mujoco_trial
+from posecast_edge.sources.mujoco.model import load
 
 BODY = '<body pos="0 0 1"><joint name="j"/><geom size=".1" mass="1"/></body>'
 

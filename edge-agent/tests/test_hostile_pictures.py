@@ -13,10 +13,9 @@ from model_parsers import jpeg_scans
 from model_stage import cube_obj, link, mesh, nothing, robot, written
 from PIL import Image
 from PIL.PngImagePlugin import PngImageFile
-from posecast_edge.model.build import build
+from posecast_edge.model.builder.build import build
 from posecast_edge.model.finding import ModelRefused
-from posecast_edge.model.resolve import Resolver
-from posecast_edge.model.texture import (
+from posecast_edge.model.meshes.texture import (
     BAND,
     PIXELS_CLAIMED,
     Pictures,
@@ -24,6 +23,7 @@ from posecast_edge.model.texture import (
     fitted,
     mean_colour,
 )
+from posecast_edge.model.urdf.resolver import Resolver
 
 
 def encoded(image: Image.Image, kind: str, **more: object) -> bytes:

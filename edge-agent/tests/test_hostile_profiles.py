@@ -6,8 +6,8 @@ import random
 from pathlib import Path
 
 from edge_stage import PROFILE
-from posecast_edge.profile_reader import ProfileError, parse_profile
-from posecast_edge.schema_build import schema_text
+from posecast_edge.profile.reader import ProfileError, parse_profile
+from posecast_edge.profile.schema import schema_text
 from posecast_wire.schema import Schema
 from settings_parsers import VIEWS
 

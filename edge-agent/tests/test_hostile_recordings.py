@@ -9,11 +9,12 @@ import pytest
 from mcap.writer import CompressionType
 from mcap_stage import BEGAN_NS, Bag, joint_state
 from parser_stage import held_bytes
-from posecast_edge.sources import Sample, SourceError, open_source
-from posecast_edge.sources.csv import MAX_LINE, Table
-from posecast_edge.sources.mcap import McapFile
-from posecast_edge.sources.playback import Playback, Player, parse_playback
-from posecast_edge.sources.trajectory import TrajectorySource
+from posecast_edge.sample import Sample, SourceError
+from posecast_edge.sources.files.csv import MAX_LINE, Table
+from posecast_edge.sources.files.mcap import McapFile
+from posecast_edge.sources.files.playback import Playback, Player, parse_playback
+from posecast_edge.sources.files.trajectory import TrajectorySource
+from posecast_edge.sources.registry import open_source
 from recording_parsers import MAGIC, WALKER, channel, chunk, record, schema, text
 
 

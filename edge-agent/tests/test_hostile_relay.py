@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 import zenoh
 from edge_stage import ROBOT, Edge, Feeder, Router, until
-from posecast_edge.lane import SNAPSHOTS_AT_ONCE, SNAPSHOTS_S
-from posecast_edge.model_desk import WAITING_MAX
+from posecast_edge.uplink.model_server import WAITING_MAX
+from posecast_edge.uplink.view_publisher import SNAPSHOTS_AT_ONCE, SNAPSHOTS_S
 from posecast_wire.keys import Echo, echo_key, model_key, snapshot_key
 from test_model_background import RSS_KB_MAX, memory_kb
 

@@ -15,10 +15,11 @@ from ach_stage import Writer
 from achd_stage import Achd, framed
 from edge_stage import ROBOT, Edge, Router, until
 from hubo_structs import SLOT, state
-from posecast_edge.profile_reader import load_profile
-from posecast_edge.sources import SourceError, open_source
-from posecast_edge.sources.hubo_ach import HuboAchSource
-from posecast_edge.sources.persistent import PersistentReader
+from posecast_edge.profile.reader import load_profile
+from posecast_edge.sample import SourceError
+from posecast_edge.sources.hubo.reconnecting import PersistentReader
+from posecast_edge.sources.hubo.source import HuboAchSource
+from posecast_edge.sources.registry import open_source
 from posecast_wire.decoder import Decoder
 from posecast_wire.keys import Snapshot
 

@@ -9,10 +9,10 @@ from typing import Any
 
 import pytest
 from hubo_structs import NAMES, SLOT, STATUS_BYTES, VERSIONS, state
-from posecast_edge.profile_reader import load_profile
-from posecast_edge.sources import Sample
-from posecast_edge.sources.hubo_state import BITS, Decoder, UnknownFrame
-from posecast_edge.stream import Stream
+from posecast_edge.pipeline.stream import Stream
+from posecast_edge.profile.reader import load_profile
+from posecast_edge.sample import Sample
+from posecast_edge.sources.hubo.state import BITS, Decoder, UnknownFrame
 from posecast_wire.decoder import Decoder as WireDecoder
 
 PROFILES = Path(__file__).parents[1] / "src/posecast_edge/profiles"
@@ -164,7 +164,7 @@ def test_the_shipped_profiles_show_all_seventeen_status_bytes() -> None:
 
 
 def test_what_the_profile_asks_in_vain_is_named() -> None:
-    from posecast_edge.profile_reader import parse_profile
+    from posecast_edge.profile.reader import parse_profile
 
     decoder = Decoder(
         parse_profile(

@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 import pytest
-from posecast_edge.joint_terms import TermError, resolve
+from posecast_edge.profile.joint_mapping import TermError, resolve
 from posecast_wire.mapping import JointMap
 
 

@@ -13,8 +13,10 @@ from pathlib import Path
 import pytest
 from cost_stage import assert_time_in_proportion, cost, grows_linearly
 from edge_stage import until
-from posecast_edge.sources import KINDS, Sample, SourceError, jsonl, open_source
+from posecast_edge.sample import Sample, SourceError
+from posecast_edge.sources import jsonl
 from posecast_edge.sources.jsonl import MAX_LINE, JsonlSource, LineError, LineSplitter, parse_line
+from posecast_edge.sources.registry import KINDS, open_source
 
 
 def test_a_line_becomes_a_sample() -> None:

@@ -14,10 +14,10 @@ import numpy as np
 import pytest
 import yourdfpy
 from model_stage import ROBOTS, joint, link, robot, shared_robot, written
+from posecast_edge.model.builder.manifest import encode, home, skeleton
 from posecast_edge.model.kinematics import link_poses, quaternion_from_rpy
-from posecast_edge.model.manifest import encode, home, skeleton
-from posecast_edge.model.tree import build_tree
-from posecast_edge.model.urdf_reader import load_urdf
+from posecast_edge.model.urdf.reader import load_urdf
+from posecast_edge.model.urdf.tree import build_tree
 from trimesh import transformations as untyped
 
 transformations: Any = untyped

@@ -1,7 +1,7 @@
 from __future__ import annotations
 
-from posecast_edge.layout import MAX_NAMED, Layout
-from posecast_edge.sources import Sample
+from posecast_edge.pipeline.flattener import MAX_NAMED, Layout
+from posecast_edge.sample import Sample
 from posecast_wire.schema import Schema, build_schema_text
 
 SCHEMA = Schema.parse(

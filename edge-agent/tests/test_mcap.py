@@ -8,15 +8,17 @@ import logging
 from pathlib import Path
 
 import pytest
-from posecast_edge.profile_reader import parse_profile
-from posecast_edge.sources import Discovering, Sample, SourceError, open_source
-from posecast_edge.sources.playback import Player
+from posecast_edge.profile.reader import parse_profile
+from posecast_edge.sample import Sample, SourceError
+from posecast_edge.sources.base import Discovering
+from posecast_edge.sources.files.playback import Player
+from posecast_edge.sources.registry import open_source
 
 mcap = pytest.importorskip("mcap", reason="the extra [mcap] is not installed")
 
 from mcap.writer import CompressionType  # noqa: E402
 from mcap_stage import BEGAN_NS, STEP_NS, Bag, Cdr, joint_state, wrench  # noqa: E402
-from posecast_edge.sources.mcap import McapFile  # noqa: E402
+from posecast_edge.sources.files.mcap import McapFile  # noqa: E402
 
 PROFILE = '[labels]\njoint = ["A", "B"]\n[[fields]]\nname = "ref"\n[[fields]]\nname = "pos"\n'
 PACKED = [CompressionType.NONE, CompressionType.LZ4, CompressionType.ZSTD]

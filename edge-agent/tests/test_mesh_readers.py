@@ -24,8 +24,8 @@ from model_stage import (
     volume,
 )
 from posecast_edge.model.finding import ModelRefused
-from posecast_edge.model.mesh import Mesh, fans
-from posecast_edge.model.mesh_reader import read_mesh
+from posecast_edge.model.meshes.mesh import Mesh, fans
+from posecast_edge.model.meshes.reader import read_mesh
 
 
 def read(folder: Path, name: str, data: bytes) -> Mesh:

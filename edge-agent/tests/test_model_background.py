@@ -13,8 +13,8 @@ from pathlib import Path
 import pytest
 from edge_stage import ROBOT, Edge, Router, until
 from model_stage import cube_stl, link, mesh, robot, written
-from posecast_edge.model.background import NEEDED, BackgroundBuild
-from posecast_edge.model.bundle import Bundle, load_bundle
+from posecast_edge.model.serve.background import NEEDED, BackgroundBuild
+from posecast_edge.model.serve.bundle import Bundle, load_bundle
 from posecast_wire.keys import Snapshot, model_key
 
 Start = Callable[..., Edge]

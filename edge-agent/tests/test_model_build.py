@@ -30,12 +30,12 @@ from model_stage import (
 )
 from numpy.typing import NDArray
 from PIL import Image
-from posecast_edge.model.build import Built, build, triangles_of
+from posecast_edge.model.builder.build import Built, build, triangles_of
+from posecast_edge.model.builder.manifest import home
+from posecast_edge.model.builder.raster import camera_towards, silhouette
 from posecast_edge.model.finding import ModelRefused
 from posecast_edge.model.kinematics import from_quaternion, link_poses, quaternion_from_rpy
-from posecast_edge.model.manifest import home
-from posecast_edge.model.raster import camera_towards, silhouette
-from posecast_edge.model.resolve import Resolver
+from posecast_edge.model.urdf.resolver import Resolver
 from posecast_edge.sources.demo import BUNDLE
 
 VIEWS = [np.array(v) for v in ((1.0, 0.0, 0.05), (0.0, 1.0, 0.1), (1.0, 0.55, 0.42))]

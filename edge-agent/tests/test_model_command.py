@@ -13,11 +13,11 @@ from pathlib import Path
 
 import pytest
 from model_stage import cube_stl, joint, link, mesh, robot, written
-from posecast_edge.model.cache import ENTRIES, Cache
-from posecast_edge.model.command import CLEAN, PROBLEMS, UNUSABLE, run_command
-from posecast_edge.model.folder import read_folder
-from posecast_edge.model.resolve import Resolver
-from posecast_edge.profile_new import run_profile
+from posecast_edge.cli.model_command import CLEAN, PROBLEMS, UNUSABLE, run_command
+from posecast_edge.cli.profile_new import run_profile
+from posecast_edge.model.serve.bundle_dir import read_folder
+from posecast_edge.model.serve.cache import ENTRIES, Cache
+from posecast_edge.model.urdf.resolver import Resolver
 
 HEALTHY = robot(link("a"), link("b", mesh("meshes/b.stl")), joint("ab", "a", "b"))
 

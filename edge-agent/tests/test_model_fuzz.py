@@ -10,16 +10,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from model_stage import cube_collada, cube_glb, cube_obj, cube_stl, cube_text_stl, joint, link, mesh, robot
-from posecast_edge.model.collada import read_collada
-from posecast_edge.model.doctor import examine
+from posecast_edge.model.doctor.skeleton import examine
 from posecast_edge.model.finding import ModelRefused
-from posecast_edge.model.gltf_reader import read_gltf
-from posecast_edge.model.mesh import Mesh, checked
-from posecast_edge.model.obj import read_obj
-from posecast_edge.model.stl import read_stl
-from posecast_edge.model.tree import build_tree
-from posecast_edge.model.urdf import Urdf
-from posecast_edge.model.urdf_reader import read_urdf
+from posecast_edge.model.meshes.collada import read_collada
+from posecast_edge.model.meshes.gltf import read_gltf
+from posecast_edge.model.meshes.mesh import Mesh, checked
+from posecast_edge.model.meshes.obj import read_obj
+from posecast_edge.model.meshes.stl import read_stl
+from posecast_edge.model.urdf.reader import read_urdf
+from posecast_edge.model.urdf.tree import build_tree
+from posecast_edge.model.urdf.types import Urdf
 
 EFFECT = (
     "<transparent><color>1 1 1 1</color></transparent><transparency><float>0.5</float></transparency>"

@@ -10,13 +10,14 @@ import sys
 from pathlib import Path
 
 import pytest
-from posecast_edge.model.urdf_reader import load_urdf
-from posecast_edge.sources import Sample, SourceError, defaults_of, open_source
+from posecast_edge.model.urdf.reader import load_urdf
+from posecast_edge.sample import Sample, SourceError
+from posecast_edge.sources.registry import defaults_of, open_source
 
 mujoco = pytest.importorskip("mujoco", reason="the extra [mujoco] is not installed")
 
-from posecast_edge.sources.mujoco import ARM  # noqa: E402
-from posecast_edge.sources.mujoco_model import GO_S, STAY_S, TURN_S, Simulation, load, moving_parts  # noqa: E402
+from posecast_edge.sources.mujoco.model import GO_S, STAY_S, TURN_S, Simulation, load, moving_parts  # noqa: E402
+from posecast_edge.sources.mujoco.source import ARM  # noqa: E402
 
 SHARED = Path(os.environ.get("POSECAST_SHARED", Path(__file__).parents[3] / "shared"))
 

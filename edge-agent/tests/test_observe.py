@@ -2,9 +2,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from posecast_edge.observe import MAX_BITS, MAX_CHANNELS, Observation, observe
-from posecast_edge.probe import report
-from posecast_edge.sources import Sample, Values, open_source
+from posecast_edge.cli.probe import report
+from posecast_edge.pipeline.source_stats import MAX_BITS, MAX_CHANNELS, Observation, observe
+from posecast_edge.sample import Sample, Values
+from posecast_edge.sources.registry import open_source
 
 
 def test_a_source_that_invents_names_does_not_fill_the_memory() -> None:

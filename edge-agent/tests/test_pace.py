@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 from edge_stage import PROFILE
-from posecast_edge.pace import Pace
-from posecast_edge.profile_reader import parse_profile
-from posecast_edge.sources import Sample
-from posecast_edge.stream import Stream
+from posecast_edge.pipeline.pacing import Pace
+from posecast_edge.pipeline.stream import Stream
+from posecast_edge.profile.reader import parse_profile
+from posecast_edge.sample import Sample
 from posecast_wire.decoder import Decoder
 
 TICK_S = 1e-4

@@ -24,12 +24,12 @@ from model_stage import (
     written,
 )
 from PIL import Image
-from posecast_edge.model.build import Built, build
-from posecast_edge.model.mesh import Floats, Paint, Surface
-from posecast_edge.model.mesh_reader import read_mesh
-from posecast_edge.model.primitives import tessellate
-from posecast_edge.model.resolve import Resolver
-from posecast_edge.model.vertex_colour import COLOURS_MAX, by_colour
+from posecast_edge.model.builder.build import Built, build
+from posecast_edge.model.meshes.mesh import Floats, Paint, Surface
+from posecast_edge.model.meshes.primitives import tessellate
+from posecast_edge.model.meshes.reader import read_mesh
+from posecast_edge.model.meshes.vertex_colour import COLOURS_MAX, by_colour
+from posecast_edge.model.urdf.resolver import Resolver
 
 RED, GREEN, BLUE = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 

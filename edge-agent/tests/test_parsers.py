@@ -14,7 +14,7 @@ import pytest
 from every_parser import PARSERS
 from model_stage import PICTURE
 from parser_stage import Input, in_one_line
-from posecast_edge.sources import KINDS
+from posecast_edge.sources.registry import KINDS
 
 PACKAGE = Path(posecast_edge.__file__).parent
 READS = re.compile(r"(?:checked|decode|feed|fitted|fresh|load|parse|read|samples|unpacked)(?:_|$)")

@@ -9,8 +9,8 @@ from itertools import islice, pairwise
 from pathlib import Path
 
 import pytest
-from posecast_edge.sources import Sample, SourceError
-from posecast_edge.sources.playback import Playback, Player, parse_playback
+from posecast_edge.sample import Sample, SourceError
+from posecast_edge.sources.files.playback import Playback, Player, parse_playback
 
 
 class Times:

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 from edge_stage import PROFILE
-from posecast_edge.profile_reader import ProfileError, find_profile, load_profile, parse_profile
-from posecast_edge.schema_build import schema_text
+from posecast_edge.profile.reader import ProfileError, find_profile, load_profile, parse_profile
+from posecast_edge.profile.schema import schema_text
 from posecast_wire.mapping import JointMap, SensorMount, Threshold
 from posecast_wire.schema import Schema
 from settings_parsers import BASE, VIEWS

@@ -7,9 +7,9 @@ import sys
 from pathlib import Path
 
 import pytest
-from posecast_edge.model.urdf_reader import load_urdf
-from posecast_edge.profile_new import profile_text, words_of
-from posecast_edge.profile_reader import load_profile, parse_profile
+from posecast_edge.cli.profile_new import profile_text, words_of
+from posecast_edge.model.urdf.reader import load_urdf
+from posecast_edge.profile.reader import load_profile, parse_profile
 from posecast_wire.mapping import SensorMount
 from test_profiles import DRC_URDF, G1_URDF, HUBO_URDF, SHARED
 from test_source_doctor import URDF

@@ -10,9 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from demo_stage import Floats, Skeleton, joint_angles
-from posecast_edge.profile_reader import load_profile
-from posecast_edge.sources import demo, open_source
-from posecast_edge.sources.trajectory import TrajectorySource
+from posecast_edge.profile.reader import load_profile
+from posecast_edge.sources import demo
+from posecast_edge.sources.files.trajectory import TrajectorySource
+from posecast_edge.sources.registry import open_source
 
 PROFILES = demo.PROFILE.parent
 SHARED = Path(os.environ.get("POSECAST_SHARED", Path(__file__).parents[3] / "shared"))

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from model_stage import cube_stl, link, robot, written
 from posecast_edge.model.finding import ModelRefused
-from posecast_edge.model.resolve import Resolver, package_folders
+from posecast_edge.model.urdf.resolver import Resolver, package_folders
 
 
 def placed(path: Path) -> Path:

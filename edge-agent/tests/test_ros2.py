@@ -17,10 +17,10 @@ from collections.abc import Callable, Iterator
 import pytest
 import zenoh
 from edge_stage import ROBOT, Edge, Router, until
-from posecast_edge.sources import SourceError, open_source
-from posecast_edge.sources import ros2 as ros2_module
-from posecast_edge.sources.ros2 import Inbox
-from posecast_edge.sources.ros_messages import (
+from posecast_edge.sample import SourceError
+from posecast_edge.sources.registry import open_source
+from posecast_edge.sources.ros import ros2 as ros2_module
+from posecast_edge.sources.ros.messages import (
     BATTERY,
     CONTROLLER_STATE,
     DIAGNOSTICS,
@@ -31,6 +31,7 @@ from posecast_edge.sources.ros_messages import (
     STRING,
     WRENCH,
 )
+from posecast_edge.sources.ros.ros2 import Inbox
 from ros_stage import (
     Graph,
     battery,

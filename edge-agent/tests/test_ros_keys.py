@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 import zenoh
-from posecast_edge.sources.ros_keys import BRIDGE_TOKENS, Found, data_key, token_key, token_of, topic_of
-from posecast_edge.sources.ros_messages import JOINT_STATE
+from posecast_edge.sources.ros.keys import BRIDGE_TOKENS, Found, data_key, token_key, token_of, topic_of
+from posecast_edge.sources.ros.messages import JOINT_STATE
 
 HASH = "RIHS01_" + "ab" * 32
 DDS = "sensor_msgs::msg::dds_::JointState_"

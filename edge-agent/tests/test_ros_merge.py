@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from posecast_edge.sources.ros_merge import (
+from posecast_edge.sources.ros.merge import (
     HOLD_S,
     SETTLE_S,
     SETTLED_S,
@@ -16,7 +16,7 @@ from posecast_edge.sources.ros_merge import (
     Merge,
     RobotClock,
 )
-from posecast_edge.sources.ros_messages import BATTERY, CONTROLLER_STATE, IMU, JOINT_STATE, Report
+from posecast_edge.sources.ros.messages import BATTERY, CONTROLLER_STATE, IMU, JOINT_STATE, Report
 
 ARM = {"pos": {"arm": 1.0}}
 LEG = {"pos": {"leg": 2.0}}

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from posecast_edge.sources.ros_messages import (
+from posecast_edge.sources.ros.messages import (
     BATTERY,
     CONTROLLER_STATE,
     DIAGNOSTICS,

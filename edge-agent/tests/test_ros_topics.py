@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import pytest
-from posecast_edge.profile_reader import ProfileError, parse_profile
-from posecast_edge.sources.ros_messages import (
+from posecast_edge.profile.reader import ProfileError, parse_profile
+from posecast_edge.sources.ros.messages import (
     BATTERY,
     CONTROLLER_STATE,
     DIAGNOSTICS,
@@ -14,7 +14,7 @@ from posecast_edge.sources.ros_messages import (
     STRING,
     WRENCH,
 )
-from posecast_edge.sources.ros_topics import Route, Routes, matches
+from posecast_edge.sources.ros.topics import Route, Routes, matches
 
 FIELDS = '[[fields]]\nname = "pos"\nlabels = ["a"]\n'
 

@@ -15,9 +15,10 @@ from typing import Any
 import cbor2
 import pytest
 from edge_stage import free_port, until
-from posecast_edge.sources import SourceError, open_source
-from posecast_edge.sources import rosbridge as rosbridge_module
-from posecast_edge.sources.ros_messages import DIAGNOSTICS, JOINT_STATE
+from posecast_edge.sample import SourceError
+from posecast_edge.sources.registry import open_source
+from posecast_edge.sources.ros import rosbridge as rosbridge_module
+from posecast_edge.sources.ros.messages import DIAGNOSTICS, JOINT_STATE
 from rosbridge_stage import Rosbridge, joint_state, ros_1, ros_2
 from source_stage import Listen, Move, Mover
 from websockets.utils import accept_key

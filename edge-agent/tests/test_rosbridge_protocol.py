@@ -10,7 +10,7 @@ from itertools import zip_longest
 
 import cbor2
 import pytest
-from posecast_edge.sources.rosbridge_protocol import (
+from posecast_edge.sources.ros.rosbridge_protocol import (
     FRAGMENTS_MAX,
     MESSAGE_MAX,
     PARTS_MAX,

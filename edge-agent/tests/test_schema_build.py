@@ -5,11 +5,11 @@ from collections.abc import Callable, Mapping
 import pytest
 from cost_stage import cost, grows_linearly
 from edge_stage import PROFILE
-from posecast_edge.profile_reader import parse_profile
-from posecast_edge.schema_build import profile_of, schema_text
-from posecast_edge.sources import Sample, SourceError, Values
-from posecast_edge.stream import Stream
-from posecast_edge.wellknown import FLAG_BITS
+from posecast_edge.pipeline.stream import Stream
+from posecast_edge.profile.field_defaults import FLAG_BITS
+from posecast_edge.profile.reader import parse_profile
+from posecast_edge.profile.schema import profile_of, schema_text
+from posecast_edge.sample import Sample, SourceError, Values
 from posecast_wire.schema import Schema
 
 

@@ -13,11 +13,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from posecast_edge.model.urdf_reader import load_urdf
-from posecast_edge.observe import Observation
-from posecast_edge.profile_reader import parse_profile
-from posecast_edge.source_doctor import examine_source
-from posecast_edge.sources import Sample
+from posecast_edge.cli.doctor import examine_source
+from posecast_edge.model.urdf.reader import load_urdf
+from posecast_edge.pipeline.source_stats import Observation
+from posecast_edge.profile.reader import parse_profile
+from posecast_edge.sample import Sample
 
 URDF = """<robot name="arm">
 <link name="base"><visual><geometry><box size="1 1 1"/></geometry></visual></link>

@@ -5,9 +5,9 @@ from __future__ import annotations
 import random
 
 from edge_stage import PROFILE
-from posecast_edge.profile_reader import parse_profile
-from posecast_edge.sources import Sample
-from posecast_edge.stream import Stream
+from posecast_edge.pipeline.stream import Stream
+from posecast_edge.profile.reader import parse_profile
+from posecast_edge.sample import Sample
 from posecast_wire.decoder import Decoder
 
 

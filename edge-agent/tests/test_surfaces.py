@@ -10,16 +10,16 @@ import numpy as np
 import pytest
 from model_stage import CUBE_CORNERS, CUBE_FACES, cube_stl
 from PIL import Image
-from posecast_edge.model.mesh import Surface
-from posecast_edge.model.normals import crease_normals
-from posecast_edge.model.pack import grid_of, pack
-from posecast_edge.model.primitives import tessellate
-from posecast_edge.model.raster import camera_towards, draw, silhouette
-from posecast_edge.model.simplify import FINEST, LARGEST, STEP, Ladder, rungs_in_all
-from posecast_edge.model.stl import read_stl
-from posecast_edge.model.texture import fitted, mean_colour
-from posecast_edge.model.thumbnail import picture, png
-from posecast_edge.model.weld import unique_faces, used_only, weld
+from posecast_edge.model.builder.quantise import grid_of, pack
+from posecast_edge.model.builder.raster import camera_towards, draw, silhouette
+from posecast_edge.model.builder.simplify import FINEST, LARGEST, STEP, Ladder, rungs_in_all
+from posecast_edge.model.builder.thumbnail import picture, png
+from posecast_edge.model.meshes.mesh import Surface
+from posecast_edge.model.meshes.normals import crease_normals
+from posecast_edge.model.meshes.primitives import tessellate
+from posecast_edge.model.meshes.stl import read_stl
+from posecast_edge.model.meshes.texture import fitted, mean_colour
+from posecast_edge.model.meshes.weld import unique_faces, used_only, weld
 
 CUBE = Surface(CUBE_CORNERS, CUBE_FACES.astype(np.int32))
 

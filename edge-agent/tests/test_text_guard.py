@@ -5,9 +5,9 @@ from __future__ import annotations
 import json
 
 import pytest
-from posecast_edge.schema_build import profile_of, schema_text
-from posecast_edge.sources import Sample, Values
-from posecast_edge.text_guard import TextGuard
+from posecast_edge.pipeline.text_guard import TextGuard
+from posecast_edge.profile.schema import profile_of, schema_text
+from posecast_edge.sample import Sample, Values
 from posecast_wire.schema import Schema
 
 HALF = "\ud800"

@@ -4,8 +4,8 @@ import sys
 from pathlib import Path
 
 import pytest
-from posecast_edge.profile_reader import SHIPPED
-from posecast_edge.toml_lines import line_of, lines_of
+from posecast_edge.profile.reader import SHIPPED
+from posecast_edge.profile.toml_lines import line_of, lines_of
 
 if sys.version_info >= (3, 11):
     import tomllib

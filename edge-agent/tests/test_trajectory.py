@@ -9,10 +9,11 @@ import time
 from pathlib import Path
 
 import pytest
-from posecast_edge.profile import Profile
-from posecast_edge.profile_reader import ProfileError, parse_profile
-from posecast_edge.sources import Sample, SourceError, open_source
-from posecast_edge.sources.trajectory import MAX_LINE, RowError, TrajectorySource, parse_row
+from posecast_edge.profile.reader import ProfileError, parse_profile
+from posecast_edge.profile.types import Profile
+from posecast_edge.sample import Sample, SourceError
+from posecast_edge.sources.files.trajectory import MAX_LINE, RowError, TrajectorySource, parse_row
+from posecast_edge.sources.registry import open_source
 
 PROFILE = """
 [labels]

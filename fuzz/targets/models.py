@@ -10,19 +10,19 @@ import unicodedata
 from collections.abc import Callable
 from typing import Any
 
-from posecast_edge.model.collada import read_collada
-from posecast_edge.model.doctor import examine
+from posecast_edge.cli.profile_new import profile_text
+from posecast_edge.model.doctor.skeleton import examine
 from posecast_edge.model.finding import Finding, ModelRefused
-from posecast_edge.model.gltf_reader import read_gltf
-from posecast_edge.model.mesh import Mesh, checked
-from posecast_edge.model.obj import read_obj
-from posecast_edge.model.stl import read_stl
-from posecast_edge.model.tree import build_tree
-from posecast_edge.model.urdf import Geometry, Material, Pose, Shape, Urdf
-from posecast_edge.model.urdf_reader import read_urdf
-from posecast_edge.model.vertex_colour import by_colours
-from posecast_edge.profile_new import profile_text
-from posecast_edge.profile_reader import ProfileError, parse_profile
+from posecast_edge.model.meshes.collada import read_collada
+from posecast_edge.model.meshes.gltf import read_gltf
+from posecast_edge.model.meshes.mesh import Mesh, checked
+from posecast_edge.model.meshes.obj import read_obj
+from posecast_edge.model.meshes.stl import read_stl
+from posecast_edge.model.meshes.vertex_colour import by_colours
+from posecast_edge.model.urdf.reader import read_urdf
+from posecast_edge.model.urdf.tree import build_tree
+from posecast_edge.model.urdf.types import Geometry, Material, Pose, Shape, Urdf
+from posecast_edge.profile.reader import ProfileError, parse_profile
 
 from fuzz.differ import agree
 from fuzz.page_reader import ask

@@ -10,26 +10,26 @@ import itertools
 import json
 from collections.abc import Iterable
 
-from posecast_edge.profile import Profile
-from posecast_edge.profile_reader import ProfileError, load_profile, parse_profile
-from posecast_edge.schema_build import profile_of, schema_text
-from posecast_edge.sources import Sample, SourceError
-from posecast_edge.sources.ach_channel import Channel, ChannelError
-from posecast_edge.sources.achd_protocol import Conversation, ProtocolError
-from posecast_edge.sources.csv import Table
-from posecast_edge.sources.hubo_state import Decoder as HuboDecoder
-from posecast_edge.sources.hubo_state import UnknownFrame
+from posecast_edge.pipeline.stream import Stream
+from posecast_edge.pipeline.text_guard import TextGuard
+from posecast_edge.profile.reader import ProfileError, load_profile, parse_profile
+from posecast_edge.profile.schema import profile_of, schema_text
+from posecast_edge.profile.types import Profile
+from posecast_edge.sample import Sample, SourceError
+from posecast_edge.sources.files.csv import Table
+from posecast_edge.sources.files.mcap import McapFile
+from posecast_edge.sources.files.trajectory import open_source as open_trajectory
+from posecast_edge.sources.hubo.ach_channel import Channel, ChannelError
+from posecast_edge.sources.hubo.achd_protocol import Conversation, ProtocolError
+from posecast_edge.sources.hubo.state import Decoder as HuboDecoder
+from posecast_edge.sources.hubo.state import UnknownFrame
 from posecast_edge.sources.jsonl import LineError, parse_line
-from posecast_edge.sources.mcap import McapFile
-from posecast_edge.sources.ros_cdr import CdrReader
-from posecast_edge.sources.ros_merge import Merge
-from posecast_edge.sources.ros_messages import STRING, MessageError, read_message, text_of
-from posecast_edge.sources.ros_topics import TYPES, Routes
-from posecast_edge.sources.rosbridge_protocol import Ear, Publish
-from posecast_edge.sources.rosbridge_protocol import ProtocolError as RosbridgeError
-from posecast_edge.sources.trajectory import open_source as open_trajectory
-from posecast_edge.stream import Stream
-from posecast_edge.text_guard import TextGuard
+from posecast_edge.sources.ros.cdr import CdrReader
+from posecast_edge.sources.ros.merge import Merge
+from posecast_edge.sources.ros.messages import STRING, MessageError, read_message, text_of
+from posecast_edge.sources.ros.rosbridge_protocol import Ear, Publish
+from posecast_edge.sources.ros.rosbridge_protocol import ProtocolError as RosbridgeError
+from posecast_edge.sources.ros.topics import TYPES, Routes
 from posecast_wire import Decoder, SchemaError, Snapshot
 
 from fuzz.scratch import file_of

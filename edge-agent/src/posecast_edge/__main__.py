@@ -1,5 +1,5 @@
 """`python -m posecast_edge`."""
 
-from posecast_edge.cli import main
+from posecast_edge.cli.main import main
 
 main()

@@ -15,21 +15,22 @@ from posecast_wire.keys import Snapshot
 from posecast_wire.schema import SchemaError
 
 from posecast_edge import clock
-from posecast_edge.backlog import Backlog
-from posecast_edge.complaints import Complaints
-from posecast_edge.console import Console
-from posecast_edge.echo import RateControl
-from posecast_edge.events import Event
+from posecast_edge.cli.console import Console
+from posecast_edge.cli.settings import Settings
 from posecast_edge.faults import Faults
-from posecast_edge.model.bundle import Bundle
-from posecast_edge.profile import PUBLIC, Profile
-from posecast_edge.publisher_zenoh import ZenohPublisher
-from posecast_edge.schema_build import profile_of
-from posecast_edge.settings import Settings
-from posecast_edge.show import Show
-from posecast_edge.sources import Sample, Source, SourceError
-from posecast_edge.stream import Stream
-from posecast_edge.text_guard import TextGuard
+from posecast_edge.model.serve.bundle import Bundle
+from posecast_edge.pipeline.backlog import Backlog
+from posecast_edge.pipeline.events import Event
+from posecast_edge.pipeline.stream import Stream
+from posecast_edge.pipeline.text_guard import TextGuard
+from posecast_edge.pipeline.view_pipeline import Show
+from posecast_edge.profile.schema import profile_of
+from posecast_edge.profile.types import PUBLIC, Profile
+from posecast_edge.rate_limited_log import Complaints
+from posecast_edge.sample import Sample, SourceError
+from posecast_edge.sources.base import Source
+from posecast_edge.uplink.lateness import RateControl
+from posecast_edge.uplink.publisher import ZenohPublisher
 from posecast_edge.visible import visible
 
 log = logging.getLogger("posecast_edge")

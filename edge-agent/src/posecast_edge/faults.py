@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable
 from typing import TypeVar
 
-from posecast_edge.complaints import Complaints
+from posecast_edge.rate_limited_log import Complaints
 from posecast_edge.visible import visible
 
 log = logging.getLogger("posecast_edge")

@@ -18,10 +18,11 @@ from itertools import accumulate
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from posecast_edge.sources import Defaults, Deliver, Sample, Source, SourceError
+from posecast_edge.sample import Sample, SourceError
+from posecast_edge.sources.base import Defaults, Deliver, Source
 
 if TYPE_CHECKING:
-    from posecast_edge.profile import Profile
+    from posecast_edge.profile.types import Profile
 
 PACKAGE = Path(__file__).resolve().parent.parent
 PROFILE = PACKAGE / "profiles" / "demo.toml"

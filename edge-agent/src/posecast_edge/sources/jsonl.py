@@ -23,12 +23,13 @@ from itertools import islice
 from typing import TYPE_CHECKING, Any
 
 from posecast_edge import clock
-from posecast_edge.complaints import Complaints
-from posecast_edge.sources import Deliver, Sample, Source, SourceError
+from posecast_edge.rate_limited_log import Complaints
+from posecast_edge.sample import Sample, SourceError
+from posecast_edge.sources.base import Deliver, Source
 from posecast_edge.visible import visible
 
 if TYPE_CHECKING:
-    from posecast_edge.profile import Profile
+    from posecast_edge.profile.types import Profile
 
 log = logging.getLogger("posecast_edge.jsonl")
 

@@ -1,0 +1,139 @@
+"""`posecast-edge`: the command beside the robot."""
+
+from __future__ import annotations
+
+import logging
+import os
+import signal
+import sys
+import threading
+from contextlib import suppress
+from typing import TYPE_CHECKING, NoReturn
+
+from posecast_wire.schema import SchemaError
+
+from posecast_edge.cli.console import Console
+from posecast_edge.cli.settings import Settings, UsageError, parse_settings
+from posecast_edge.model.serve.bundle import ModelError, load_built, load_bundle
+from posecast_edge.model.urdf.resolver import package_folders
+from posecast_edge.profile.reader import ProfileError, load_profile
+from posecast_edge.sample import SourceError
+from posecast_edge.sources.base import Discovering
+from posecast_edge.sources.registry import defaults_of, open_source
+from posecast_edge.visible import visible
+
+if TYPE_CHECKING:
+    from posecast_edge.model.serve.background import BackgroundBuild
+    from posecast_edge.model.serve.robot_description import DescribedModel
+
+log = logging.getLogger("posecast_edge")
+
+WRONG_CONFIGURATION = 2
+NOT_TOLD = 1  # what was found could not be written
+INTERRUPTED = 130  # as shells have it
+
+
+def main() -> NoReturn:
+    """Entry point; ends the process."""
+    _open_closed_streams()
+    console = Console()
+    # on all loggers: by logging's last resort what a library says comes with its traceback
+    logging.getLogger().addHandler(console)
+    threading.excepthook = _tell_of_thread
+    try:
+        status = _command(sys.argv[1:], console)
+        sys.stdout.flush()
+    except KeyboardInterrupt:
+        status = INTERRUPTED
+    except BrokenPipeError:  # who read has heard enough
+        status = NOT_TOLD
+    except OSError as e:
+        log.error("%s: %s", e.filename or "stdout", e.strerror or e)
+        status = NOT_TOLD
+    _leave(status)
+
+
+def _open_closed_streams() -> None:
+    """A service may start us without them; then a socket would become our stderr."""
+    while (number := os.open(os.devnull, os.O_RDWR)) < 3:  # the lowest that is free
+        pass
+    os.close(number)
+    sys.stdin = sys.stdin or os.fdopen(0, closefd=False)
+    sys.stdout = sys.stdout or os.fdopen(1, "w", closefd=False)
+    sys.stderr = sys.stderr or os.fdopen(2, "w", closefd=False)
+
+
+def _tell_of_thread(ended: threading.ExceptHookArgs) -> None:
+    name = ended.thread.name if ended.thread else "?"
+    log.warning("thread %s ended: %s: %s", name, ended.exc_type.__name__, visible(str(ended.exc_value), 200))
+
+
+def _command(argv: list[str], console: Console) -> int:
+    """The exit status."""
+    if argv[:1] in (["model"], ["doctor"]):
+        from posecast_edge.cli.model_command import run_command  # noqa: PLC0415 - `run` stays small without it
+
+        return run_command(argv, os.environ)
+    if argv[:1] == ["probe"]:
+        from posecast_edge.cli.probe import run_probe  # noqa: PLC0415
+
+        return run_probe(argv[1:])
+    if argv[:1] == ["profile"]:
+        from posecast_edge.cli.profile_new import run_profile  # noqa: PLC0415
+
+        return run_profile(argv[1:])
+    log.setLevel(logging.INFO)
+    try:
+        return _run(parse_settings(argv, os.environ), console)
+    except (UsageError, ProfileError, ModelError, SourceError, SchemaError) as e:
+        log.error("%s", e)
+        return WRONG_CONFIGURATION
+    except KeyboardInterrupt:  # before the handlers stand
+        return 0
+
+
+def _leave(status: int) -> NoReturn:
+    """Ends the process as it is: the interpreter's own farewell waits for a thread that sits in an open() of
+    the link, and one of Zenoh's threads that calls into it meanwhile aborts the process."""
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(OSError, ValueError):
+            stream.flush()
+    os._exit(status)
+
+
+def _run(settings: Settings, console: Console) -> int:
+    defaults = defaults_of(settings.source)
+    profile_path = settings.profile or defaults.profile
+    urdf = settings.urdf or defaults.urdf
+    model = settings.model or (None if settings.urdf else defaults.model)
+    profile = load_profile(profile_path) if profile_path else None
+    built = load_built(model) if model else None
+    raw = load_bundle(urdf, package_folders(os.environ)) if urdf and not built else None
+    if raw:
+        raw.tell_missing()
+    source = open_source(settings.source, profile)
+
+    from posecast_edge.agent import Agent  # noqa: PLC0415 - Zenoh costs time and memory a wrong flag need not pay
+
+    agent = Agent(settings, source, profile, console)
+    if built:
+        agent.offer(built)
+    build: BackgroundBuild | DescribedModel | None = None
+    if urdf and raw:
+        from posecast_edge.model.serve.background import BackgroundBuild  # noqa: PLC0415 - the same
+
+        build = BackgroundBuild(urdf, raw, agent.offer)
+    elif isinstance(source, Discovering) and not built:
+        from posecast_edge.model.serve.robot_description import DescribedModel  # noqa: PLC0415 - the same
+
+        build = DescribedModel(package_folders(os.environ), agent.offer)
+        source.describe_to(build.take)
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: agent.stop())
+    if build:
+        build.start()
+    try:
+        return agent.run()
+    finally:
+        if build:
+            build.stop()

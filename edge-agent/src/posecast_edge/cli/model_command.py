@@ -1,0 +1,183 @@
+"""`posecast-edge model build` and `posecast-edge doctor`: what they are told, what they say, how they end."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from io import BytesIO
+from pathlib import Path
+from typing import Any, NoReturn
+
+from posecast_edge.cli.doctor import examine_source
+from posecast_edge.cli.progress_bar import Bar
+from posecast_edge.model.builder.manifest import FINDINGS_MAX
+from posecast_edge.model.doctor.skeleton import examine
+from posecast_edge.model.finding import EXTRA, SEVERITIES, Finding, ModelRefused, quoted
+from posecast_edge.model.serve.bundle_dir import MANIFEST, write_folder
+from posecast_edge.model.serve.cache import Cache, cache_folder
+from posecast_edge.model.urdf.reader import load_urdf, read_urdf
+from posecast_edge.model.urdf.resolver import Resolver, package_folders
+from posecast_edge.model.urdf.tree import build_tree
+from posecast_edge.model.urdf.types import Urdf
+from posecast_edge.pipeline.source_stats import observe
+from posecast_edge.profile.reader import ProfileError, find_profile, load_profile
+from posecast_edge.profile.types import Profile
+from posecast_edge.sample import SourceError
+from posecast_edge.sources.base import Discovering
+from posecast_edge.sources.registry import defaults_of, open_source
+
+DESCRIPTION = "robot_description"
+NEEDS_EXTRA = f"needs the mesh tools: {EXTRA}"
+CLEAN, PROBLEMS, UNUSABLE = 0, 1, 2
+
+
+class _Parser(argparse.ArgumentParser):
+    def error(self, message: str) -> NoReturn:
+        raise ModelRefused(message)
+
+
+def run_command(argv: Sequence[str], environment: Mapping[str, str]) -> int:
+    """Run `model build …` or `doctor …`; the exit status."""
+    parser = _Parser(prog="posecast-edge")
+    commands = parser.add_subparsers(dest="command", required=True)
+    model = commands.add_parser("model").add_subparsers(dest="action", required=True)
+    build = model.add_parser("build", help="a URDF and its meshes, made small for phones")
+    build.add_argument("urdf", type=Path)
+    build.add_argument("-o", "--out", type=Path, required=True, help="the bundle's folder")
+    build.add_argument("--no-cache", action="store_true", help="build it anew")
+    doctor = commands.add_parser("doctor", help="what is wrong with a set-up, in plain words")
+    doctor.add_argument("--urdf", type=Path)
+    doctor.add_argument("--profile", type=find_profile, help="also whether the profile fits it")
+    doctor.add_argument("--source", help="also whether what it delivers fits both")
+    doctor.add_argument("--seconds", type=float, default=5.0, help="how long to watch the source (5)")
+    doctor.add_argument("--hz", type=float, default=30.0, help="frames a second that are wanted (30)")
+    for command in (build, doctor):
+        text = "a folder of ROS packages; may be given more than once, as may ROS_PACKAGE_PATH"
+        command.add_argument("--packages", type=Path, action="append", default=[], metavar="DIR", help=text)
+    file = None
+    try:
+        args = parser.parse_args(argv)
+        file = args.urdf
+        if args.command == "doctor" and not (args.urdf or args.profile or args.source):
+            raise ModelRefused("doctor: give --urdf, --profile, --source, or several of them")
+        packages = [*args.packages, *package_folders(environment)]
+        if args.command == "doctor":
+            return _doctor(args, packages)
+        return _build(args.urdf, packages, args.out, None if args.no_cache else cache_folder(environment))
+    except ModelRefused as e:
+        where = "" if file is None else f"{file}: " if e.line is None else f"{file}:{e.line}: "
+        _say(sys.stderr, f"posecast-edge: {where}{e.reason}")
+    except (ProfileError, SourceError) as e:
+        _say(sys.stderr, f"posecast-edge: {e}")
+    except BrokenPipeError:
+        raise
+    except OSError as e:
+        _say(sys.stderr, f"posecast-edge: {e.filename or file}: {e.strerror or e}")
+    return UNUSABLE
+
+
+def _doctor(args: argparse.Namespace, packages: Sequence[Path]) -> int:
+    profile = load_profile(args.profile) if args.profile is not None else None
+    urdf = load_urdf(args.urdf) if args.urdf is not None else None
+    findings: list[Finding] = []
+    if urdf is not None:
+        findings += _model(args.urdf, urdf, packages, profile)
+    if args.source is not None:
+        findings += _source(args, profile, urdf)
+    if profile is not None and urdf is None and args.source is None:
+        channels = sum(len(f.labels) for f in profile.fields)
+        counts = f"{_many(len(profile.fields), 'field')}, {_many(channels, 'channel')}"
+        _say(sys.stdout, f"{args.profile}: {counts}: {_counted(findings)}")
+    return PROBLEMS if any(f.severity != "hint" for f in findings) else CLEAN
+
+
+def _model(path: Path, urdf: Urdf, packages: Sequence[Path], profile: Profile | None) -> list[Finding]:
+    try:
+        from posecast_edge.model.builder.model_files import facts_of, read_visual_files  # noqa: PLC0415 - an extra
+    except ImportError:
+        facts = None
+        _say(sys.stderr, f"posecast-edge: meshes not looked at: {NEEDS_EXTRA}")
+    else:
+        with Bar(sys.stderr) as bar:
+            files = read_visual_files(urdf, Resolver(path, packages), bar.show)
+        facts = facts_of(files)
+    findings = examine(urdf, build_tree(urdf), facts, profile.mapping if profile else None)
+    _list(findings, lambda finding: finding.words(str(path)))
+    counts = f"{_many(len(urdf.links), 'link')}, {_many(len(urdf.joints), 'joint')}"
+    _say(sys.stdout, f"{path}: robot {quoted(urdf.name)}, {counts}: {_counted(findings)}")
+    return findings
+
+
+def _source(args: argparse.Namespace, profile: Profile | None, urdf: Urdf | None) -> list[Finding]:
+    """What shows only while the source speaks."""
+    path = defaults_of(args.source).profile if profile is None else None
+    profile = load_profile(path) if path else profile
+    source = open_source(args.source, profile)
+    described: list[str] = []
+    if urdf is None and isinstance(source, Discovering):
+        source.describe_to(described.append)
+    seen = observe(source, args.seconds, profile)
+    if described:
+        urdf = read_urdf(BytesIO(described[-1].encode()))
+    findings = examine_source(seen, urdf, args.hz, given=profile is not None)
+    # a line is the URDF's
+    _list(findings, lambda f: f.words(str(args.urdf or DESCRIPTION) if f.line else args.source))
+    rate = f"{_many(seen.samples, 'sample')}, {seen.rate_hz:.1f} a second"
+    _say(sys.stdout, f"{args.source}: {rate}: {_counted(findings)}")
+    return findings
+
+
+def _list(findings: Sequence[Finding], words: Callable[[Finding], str]) -> None:
+    """The worst FINDINGS_MAX of them; a hostile file has tens of thousands."""
+    for finding in findings[:FINDINGS_MAX]:
+        _say(sys.stdout, words(finding))
+    if len(findings) > FINDINGS_MAX:
+        _say(sys.stdout, f"and {len(findings) - FINDINGS_MAX} more")
+
+
+def _counted(findings: Sequence[Finding]) -> str:
+    counts = [(sum(f.severity == s for f in findings), s) for s in SEVERITIES]
+    return ", ".join(_many(n, s) for n, s in counts if n) or "nothing wrong"
+
+
+def _many(number: int, what: str) -> str:
+    return f"{number} {what}" if number == 1 else f"{number} {what}s"
+
+
+def _build(path: Path, packages: Sequence[Path], out: Path, cache: Path | None) -> int:
+    try:
+        from posecast_edge.model.builder.build import build  # noqa: PLC0415 - an extra
+    except ImportError:
+        raise ModelRefused(NEEDS_EXTRA) from None
+    kept = Cache(cache, path, packages) if cache is not None else None
+    files = kept.get() if kept is not None else None
+    if files is None:
+        resolver = Resolver(path, packages)
+        with Bar(sys.stderr) as bar:
+            built = build(path, resolver, bar.show)
+        files = {**built.files, MANIFEST: built.manifest}
+        if kept is not None:
+            kept.put(files, resolver)
+    write_folder(out, files)
+    _report(path, out, json.loads(files[MANIFEST]))
+    return CLEAN
+
+
+def _report(path: Path, out: Path, manifest: Mapping[str, Any]) -> None:
+    for finding in manifest.get("findings", []):
+        if finding["severity"] != "hint":
+            said = Finding(finding["severity"], finding["code"], finding["text"], finding.get("line"))
+            _say(sys.stderr, said.words(str(path)))
+    stand_ins = sum("placeholder" in v for v in manifest["visuals"])
+    more = f", {_many(stand_ins, 'stand-in')} among them" if stand_ins else ""
+    links, visuals = _many(len(manifest["links"]), "link"), _many(len(manifest["visuals"]), "visual")
+    _say(sys.stdout, f"{out}: {links}, {visuals}{more}")
+    for level in manifest["levels"]:
+        size, error = f"{level['bytes'] / 1e3:,.0f} kB", f"{level['error_m'] * 1e3:.2g} mm"
+        _say(sys.stdout, f"  {level['name']:7}{size:>10}{level['triangles']:>10,} triangles, within {error}")
+
+
+def _say(out: Any, text: str) -> None:
+    print("".join(c if c.isprintable() else "�" for c in text), file=out)

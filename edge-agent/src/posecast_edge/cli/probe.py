@@ -1,0 +1,113 @@
+"""`posecast-edge probe SOURCE`: what a source offers, before there is any profile."""
+
+from __future__ import annotations
+
+import argparse
+import logging
+import textwrap
+from collections.abc import Sequence
+from pathlib import Path
+
+from posecast_edge.pipeline.source_stats import WAIT_S, Channel, Observation, observe
+from posecast_edge.profile.reader import ProfileError, find_profile, load_profile
+from posecast_edge.profile.unit_hints import suspicion, unit_of
+from posecast_edge.sample import SourceError
+from posecast_edge.sources.base import Discovering
+from posecast_edge.sources.registry import KINDS, defaults_of, open_source
+from posecast_edge.visible import visible
+
+log = logging.getLogger("posecast_edge")
+
+FINE, SILENT, WRONG = 0, 1, 2
+SHOWN = 4  # channels of a field
+SHOWN_MAX = 2000  # characters of a line: one that a source's words make too long is cut
+NAME_SHOWN = 200  # characters of a joint's name
+WIDTH = 100  # characters of a line of names
+
+
+def run_probe(argv: Sequence[str]) -> int:
+    """`probe …` without the word; the exit status: 0 it delivers, 1 it is silent or fails, 2 it cannot be."""
+    parser = argparse.ArgumentParser(
+        prog="posecast-edge probe", description="Watch a source for a while and say what it offers."
+    )
+    parser.add_argument("source", help=f"KIND[:ADDRESS]; kinds: {', '.join(KINDS)}")
+    parser.add_argument("--seconds", type=float, default=3.0, help="how long to watch (3)")
+    parser.add_argument(
+        "--profile", type=find_profile, help="for a source that needs one, as trajectory does"
+    )
+    args = parser.parse_args(argv)
+    try:
+        path: Path | None = args.profile or defaults_of(args.source).profile
+        profile = load_profile(path) if path else None
+        source = open_source(args.source, profile)
+    except (SourceError, ProfileError) as e:
+        log.error("%s", e)
+        return WRONG
+    try:
+        seen = observe(source, args.seconds, profile)
+    except SourceError as e:
+        log.error("%s", e)
+        return SILENT
+    except KeyboardInterrupt:
+        return FINE
+    lines = report(source.description, seen)
+    if isinstance(source, Discovering):
+        lines += ["", "topics:", *(f"  {line}" for line in source.offers or ["none"])]
+    for line in lines:
+        print(visible(line, SHOWN_MAX))
+    return FINE if seen.samples else SILENT
+
+
+def report(description: str, seen: Observation) -> list[str]:
+    """Lines for a person."""
+    if not seen.samples:
+        what = "ended without a sample" if seen.ended else f"no sample within {WAIT_S:g} s"
+        return [f"{description}: {what}"]
+    lines = [
+        f"{description}: {seen.samples} samples in {seen.duration_s:.1f} s, {seen.rate_hz:.1f} a second, "
+        f"the longest gap {seen.longest_gap_s * 1e3:.0f} ms",
+        _clock(seen),
+        "",
+        f"{'field':8}{'channels':>9}  {'unit':18}{'lowest':>10}{'highest':>10}  moving  for instance",
+    ]
+    for name, channels in seen.fields.items():
+        lines.append(_field(name, channels))
+    joints = next((seen.fields[name] for name in ("pos", "ref") if name in seen.fields), {})
+    if joints:
+        names = " ".join(visible(name, NAME_SHOWN) for name in joints)
+        lines += [
+            "",
+            *textwrap.wrap(f"joints: {names}", WIDTH, break_long_words=False, break_on_hyphens=False),
+        ]
+    if seen.info:
+        lines += ["", *(f"{name}: {text}" for name, text in seen.info.items())]
+    return lines
+
+
+def _clock(seen: Observation) -> str:
+    first, last = seen.times_s
+    pace = f", {(last - first) / seen.duration_s:.4g} s a second" if seen.duration_s > 0 else ""
+    back = f", stepped back {seen.steps_back} times" if seen.steps_back else ""
+    return f"robot time {first:.3f} … {last:.3f} s{pace}{back}"
+
+
+def _field(name: str, channels: dict[str, Channel]) -> str:
+    read = {label: c for label, c in channels.items() if c.readings}
+    numbers = [c for c in read.values() if c.last is not None]
+    low = f"{min(c.low for c in numbers):.4g}" if numbers else "—"
+    high = f"{max(c.high for c in numbers):.4g}" if numbers else "—"
+    doubt = next((d for c in numbers if (d := suspicion(name, c))), None)
+    unit = f"{unit_of(name) or '—'}{f' or {doubt}?' if doubt else ''}"
+    bits = sorted(set().union(*(c.bits for c in read.values())))
+    if bits:
+        shown = ", ".join(bits[:8])
+    else:
+        shown = ", ".join(f"{label} {_number(c)}" for label, c in list(channels.items())[:SHOWN])
+    more = ", …" if len(channels) > SHOWN and not bits else ""
+    count = f"{len(read)}/{len(channels)}" if len(read) < len(channels) else str(len(channels))
+    moving = sum(c.moves for c in read.values())
+    return f"{name:8}{count:>9}  {unit:18}{low:>10}{high:>10}  {moving:>6}  {shown}{more}"
+
+
+def _number(channel: Channel) -> str:
+    return "—" if channel.last is None else f"{channel.last:.4g}"

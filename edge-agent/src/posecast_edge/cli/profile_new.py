@@ -1,0 +1,202 @@
+"""`posecast-edge profile new`: a profile to start from, made of a URDF.
+
+Channels are named as the model's joints are. Who reports other names changes them in [labels] and says under
+[joints] which joint each moves; `posecast-edge doctor` tells what is still amiss.
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+import sys
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+
+from posecast_edge.model.finding import ModelRefused
+from posecast_edge.model.urdf.reader import load_urdf
+from posecast_edge.model.urdf.tree import build_tree
+from posecast_edge.model.urdf.types import Joint, Urdf
+from posecast_edge.profile.reader import ProfileError, parse_profile
+
+MOVING = ("revolute", "continuous", "prismatic")
+SENSOR_KINDS = {"imu": "imu", "force_torque": "wrench"}  # of the URDF → of a profile
+SENSOR_FIELDS = {
+    "imu": (("quat", "wxyz"), ("gyro", "xyz"), ("acc", "xyz")),
+    "wrench": (("ftf", "xyz"), ("ftm", "xyz")),
+}
+WIDTH = 100
+DONE, REFUSED = 0, 2
+
+
+def run_profile(argv: Sequence[str]) -> int:
+    """`profile …` without the word; the exit status."""
+    parser = argparse.ArgumentParser(prog="posecast-edge profile")
+    commands = parser.add_subparsers(dest="command", required=True)
+    new = commands.add_parser("new", help="a profile to start from, made of a URDF")
+    new.add_argument("--urdf", type=Path, required=True)
+    new.add_argument("-o", "--out", type=Path, help="the file; without, it is printed")
+    args = parser.parse_args(argv)
+    try:
+        urdf = load_urdf(args.urdf)
+        text = profile_text(urdf, args.urdf.name)
+        if args.out is None:
+            sys.stdout.write(text)
+        else:
+            _write(args.out, text)
+    except ModelRefused as e:
+        line = "" if e.line is None else f":{e.line}"
+        print(f"posecast-edge: {args.urdf}{line}: {e.reason}", file=sys.stderr)
+        return REFUSED
+    except ProfileError as e:
+        print(f"posecast-edge: {args.urdf}: no profile can be made of it: {e}", file=sys.stderr)
+        return REFUSED
+    except BrokenPipeError:  # who reads has heard enough
+        raise
+    except FileExistsError:
+        print(f"posecast-edge: {args.out}: is there already, and stays as it is", file=sys.stderr)
+        return REFUSED
+    except OSError as e:
+        print(f"posecast-edge: {e.filename or args.urdf}: {e.strerror or e}", file=sys.stderr)
+        return REFUSED
+    return DONE
+
+
+def _write(path: Path, text: str) -> None:
+    """A new file, or none."""
+    file = path.open("x", encoding="utf-8")
+    try:
+        with file:
+            file.write(text)
+    except OSError as e:
+        with suppress(OSError):
+            path.unlink()
+        e.filename = str(path)  # a full disk names none
+        raise
+
+
+def profile_text(urdf: Urdf, file: str) -> str:
+    """TOML. ModelRefused when the model has no joint that moves."""
+    tree = build_tree(urdf)
+    joints = [j for j in tree.joints if j.type in MOVING and j.mimic is None]
+    if not joints:
+        raise ModelRefused("no joint moves: there is nothing to show but a statue")
+    sliding = [j.name for j in joints if j.type == "prismatic"]
+    metres = ", ".join(f'{_key(name)} = "m"' for name in sliding)
+    units = [f"units = {{ {metres} }}"] if sliding else []
+    out = [
+        f"# Made of {_text(file)} by `posecast-edge profile new`; docs/ROBOTS.md explains every table.",
+        "",
+        "[robot]",
+        f"name = {_text(urdf.name or 'robot')}",
+        f"root = {_text(tree.links[0].name)}",
+        "",
+        "# channels: what the robot reports, in its own words. A channel moves the joint of its own name.",
+        "[labels]",
+        f"joint = [\n{_list([j.name for j in joints])}]",
+        "",
+        "[[fields]] # where the joints are told to be; delete what your robot does not report",
+        'name = "ref"',
+        *units,
+        "",
+        "[[fields]] # where they are",
+        'name = "pos"',
+        *units,
+        "",
+        "[[fields]]",
+        'name = "vel"',
+        "",
+        "# more that the page knows by name:",
+        *(f'# [[fields]]\n# name = "{name}" # {what}' for name, what in MORE),
+        *_sensors(urdf),
+        "",
+        "# how far pos may be from ref before it shows: rad, or m for a sliding joint",
+        "[tolerance]",
+        '"*" = 0.05',
+        *(f"{_key(name)} = 0.005" for name in sliding),
+        "",
+        "[names]",
+        *(f"{_key(j.name)} = {_text(words_of(j.name))}" for j in joints),
+        *_mimics(tree.joints),
+    ]
+    text = "\n".join(out) + "\n"
+    parse_profile(text, file)  # never hand out what the agent itself would refuse
+    return text
+
+
+MORE = (
+    ("cur", "motor currents, A"),
+    ("temp", "temperatures, °C"),
+    ("flags", 'with bits = ["homed", "enabled", "jam"] and a [severity.flags]'),
+    ("volt", 'with labels = ["main"]'),
+    ("amp", 'with labels = ["main"]'),
+    ("base", 'where the root is, m, with labels = ["base.x", "base.y", "base.z"]'),
+    ("baseq", 'and how it is turned, with labels = ["base.w", "base.x", "base.y", "base.z"]'),
+)
+
+
+def words_of(name: str) -> str:
+    """`left_hip_pitch_joint` → `left hip pitch`, `HeadYaw` → `head yaw`; an abbreviation stays."""
+    words = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name)
+    parts = [w for w in re.split(r"[_\-./\s]+", words) if w]
+    if len(parts) > 1 and parts[-1].lower() in ("joint", "jnt", "j"):
+        parts.pop()
+    return " ".join(w if w.isupper() else w.lower() for w in parts) or name
+
+
+def _sensors(urdf: Urdf) -> list[str]:
+    known = [s for s in urdf.sensors if s.kind in SENSOR_KINDS and any(s.link == x.name for x in urdf.links)]
+    if not known:
+        return [
+            "",
+            "# a sensor: its site is what stands before the dot in its labels",
+            "# [sensors]",
+            '# foot = { kind = "wrench", name = "right foot", link = "…", xyz = [0, 0, 0], rpy = [0, 0, 0] }',
+        ]
+    out: list[str] = []
+    for kind in ("wrench", "imu"):
+        sites = [_site(s.name) for s in known if SENSOR_KINDS[s.kind] == kind]
+        for field, parts in SENSOR_FIELDS[kind] if sites else ():
+            prefix = field[-1] if kind == "wrench" else ""
+            labels = [f"{site}.{prefix}{c}" for site in sites for c in parts]
+            out += ["", "[[fields]]", f'name = "{field}"', f"labels = [\n{_list(labels)}]"]
+    out += ["", "[sensors]"]
+    for s in known:
+        where = f"xyz = {list(s.pose.xyz)}, rpy = {list(s.pose.rpy)}"
+        kind = SENSOR_KINDS[s.kind]
+        out.append(f'{_key(_site(s.name))} = {{ kind = "{kind}", link = {_text(s.link)}, {where} }}')
+    return out
+
+
+def _site(name: str) -> str:
+    return name.replace(".", "_")
+
+
+def _mimics(joints: Sequence[Joint]) -> list[str]:
+    found = [j for j in joints if j.mimic is not None]
+    if not found:
+        return []
+    return [
+        "",
+        f"# the model itself says what these follow: {', '.join(_text(j.name) for j in found)}",
+    ]
+
+
+def _list(items: Sequence[str]) -> str:
+    lines, line = [], " "
+    for item in items:
+        word = f" {_text(item)},"
+        if len(line) + len(word) > WIDTH:
+            lines.append(line)
+            line = " "
+        line += word
+    return "".join(f"{x}\n" for x in [*lines, line])
+
+
+def _text(value: str) -> str:
+    escaped = "".join(c if c.isprintable() else "�" for c in value).replace("\\", "\\\\").replace('"', '\\"')
+    return f'"{escaped}"'
+
+
+def _key(value: str) -> str:
+    return value if re.fullmatch(r"[A-Za-z0-9_-]+", value) else _text(value)

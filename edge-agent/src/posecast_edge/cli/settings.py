@@ -1,0 +1,200 @@
+"""Flags and POSECAST_* variables become one frozen value, or one clear line and exit 2."""
+
+from __future__ import annotations
+
+import argparse
+import re
+import stat
+from codecs import BOM_UTF8
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NoReturn
+
+from posecast_wire.credential import LINE_MAX, Credential
+from posecast_wire.keys import check_name
+
+from posecast_edge.profile.reader import find_profile
+from posecast_edge.sample import SourceError
+from posecast_edge.sources.registry import KINDS, split_spec
+from posecast_edge.uplink.certificate import Certificate
+from posecast_edge.visible import quoted
+
+ENDPOINT = re.compile(r"(tcp|tls|quic)/(\[[0-9a-fA-F:.]+\]|[A-Za-z0-9._-]+):([0-9]{1,5})")
+
+
+class UsageError(Exception):
+    """A wrong flag or variable, in one line."""
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What `posecast-edge run` was told."""
+
+    robot: str
+    source: str
+    relay: str
+    hz: float
+    key_interval_s: float
+    profile: Path | None
+    urdf: Path | None
+    model: Path | None
+    credential: Credential | Certificate | None = None
+
+
+class _Parser(argparse.ArgumentParser):
+    def error(self, message: str) -> NoReturn:
+        raise UsageError(message)
+
+
+def _robot(text: str) -> str:
+    try:
+        return check_name("robot", text)
+    except ValueError as e:
+        raise argparse.ArgumentTypeError(str(e)) from None
+
+
+def _source(text: str) -> str:
+    try:
+        split_spec(text)
+    except SourceError as e:
+        raise argparse.ArgumentTypeError(str(e)) from None
+    return text
+
+
+def _relay(text: str) -> str:
+    match = ENDPOINT.fullmatch(text)
+    if not match or not 0 < int(match[3]) < 65536:
+        raise argparse.ArgumentTypeError(f"{quoted(text)} is no endpoint like tcp/127.0.0.1:7447")
+    return text
+
+
+def _credential(text: str) -> Credential:
+    """A file, since a secret in the command line is read by everybody on the machine."""
+    try:
+        with Path(text).open("rb") as file:
+            if stat.S_IMODE(Path(text).stat().st_mode) & 0o007:
+                raise ValueError("everybody on this machine may read it: chmod 600")
+            content = file.read(LINE_MAX + len(BOM_UTF8) + 1).removeprefix(BOM_UTF8)
+            return Credential.parse(content.decode("ascii", "replace"))
+    except OSError as e:
+        raise argparse.ArgumentTypeError(f"{text}: {(e.strerror or str(e)).lower()}") from None
+    except ValueError as e:
+        raise argparse.ArgumentTypeError(f"{text}: {e}") from None
+
+
+def _proof(args: argparse.Namespace) -> Credential | Certificate | None:
+    """How the robot proves who it is; by nothing, on one machine."""
+    given: Credential | None = args.credential
+    if args.tls_cert is None and args.tls_key is None and args.tls_ca is None:
+        return given
+    if args.tls_cert is None or args.tls_key is None:
+        raise UsageError("--tls-cert and --tls-key go together; --tls-ca only with them")
+    if given is not None:
+        raise UsageError("--credential and --tls-cert: give one of the two")
+    if args.relay.startswith("tcp/"):
+        raise UsageError(f"--relay {args.relay}: a certificate needs tls/… or quic/…")
+    certificate = Certificate(args.tls_cert, args.tls_key, args.tls_ca)
+    try:
+        certificate.check()
+    except ValueError as e:
+        raise UsageError(f"--tls-cert, --tls-key, --tls-ca: {e}") from None
+    return certificate
+
+
+def _named(robot: str | None, credential: Credential | Certificate | None) -> str:
+    if not isinstance(credential, Credential):
+        if robot is None:
+            raise UsageError("the following arguments are required: --robot, or a --credential that names it")
+        return robot
+    if robot not in (None, credential.robot):
+        raise UsageError(f"--credential is of robot {credential.robot!r}, --robot says {robot!r}")
+    return credential.robot
+
+
+def _told_by(variable: str, given: str, parse: Callable[[str], object]) -> Callable[[str], object]:
+    """`parse`, which says where a wrong text comes from when that is the environment."""
+
+    def parsed(text: str) -> object:
+        try:
+            return parse(text)
+        except argparse.ArgumentTypeError as e:
+            raise argparse.ArgumentTypeError(f"{e} [{variable}]" if text is given else str(e)) from None
+
+    return parsed
+
+
+def _number(low: float, high: float) -> Callable[[str], float]:
+    """A float type for argparse within [low, high]."""
+
+    def parse(text: str) -> float:
+        try:
+            value = float(text)
+        except ValueError:
+            value = float("nan")
+        if not low <= value <= high:
+            raise argparse.ArgumentTypeError(f"{quoted(text)} is no number from {low:g} to {high:g}")
+        return value
+
+    return parse
+
+
+def parse_settings(argv: Sequence[str], environment: Mapping[str, str]) -> Settings:
+    """UsageError with one line when something is wrong; SystemExit(0) after --help."""
+    parser = _Parser(prog="posecast-edge", description="Put a robot on a URL: reads it, never commands it.")
+    commands = parser.add_subparsers(dest="command", metavar="run|probe|doctor|model|profile")
+    commands.add_parser("model", help="model build: a URDF and its meshes, made small for phones")
+    commands.add_parser("probe", help="what a source offers")
+    commands.add_parser("doctor", help="what is wrong with a model, a profile, a source, in plain words")
+    commands.add_parser("profile", help="profile new: a profile to start from, made of a URDF")
+    run = commands.add_parser(
+        "run",
+        help="read a source and send it to a relay",
+        description="Read a source and send it to a relay. Every flag may also stand in the environment.",
+    )
+
+    def flag(name: str, parse: Callable[[str], object], text: str, default: object = None) -> None:
+        variable = "POSECAST_" + name.upper().replace("-", "_")
+        given = environment.get(variable)
+        run.add_argument(
+            f"--{name}",
+            type=_told_by(variable, given, parse) if given else parse,
+            default=given if given else default,
+            required=not given and name in ("source", "relay"),
+            metavar=name.upper().replace("-", "_"),
+            help=f"{text} [{variable}]",
+        )
+
+    flag("robot", _robot, "the robot's name in the link: a-z, 0-9 and -; its credential knows it too")
+    flag("source", _source, f"KIND[:ADDRESS]; kinds: {', '.join(KINDS)}")
+    flag("relay", _relay, "where the relay listens: tls/HOST:PORT, or tcp/… on one machine")
+    flag("credential", _credential, "file with the line that `posecast-relay robots add` printed")
+    flag("tls-cert", Path, "instead: the robot's certificate (PEM), where the relay has --zenoh-ca")
+    flag("tls-key", Path, "its private key (PEM)")
+    flag("tls-ca", Path, "what signed the relay's certificate (PEM); without: an authority of the web")
+    flag("hz", _number(1, 60), "frames a second, 1 to 60 (30)", 30.0)
+    flag("key-interval", _number(0.2, 600), "seconds between frames that stand alone (4)", 4.0)
+    flag(
+        "profile",
+        find_profile,
+        "TOML file that says what the channels mean, or the name of one that comes along",
+    )
+    flag("urdf", Path, "the robot's model; it is made small and served, meshes and all")
+    flag("model", Path, "instead of --urdf: the folder that `model build` made")
+    args = parser.parse_args(argv)
+    if args.command is None:
+        raise UsageError("say `posecast-edge run …`, or --help")
+    if args.urdf and args.model:
+        raise UsageError("--urdf and --model: give one of the two")
+    proof = _proof(args)
+    return Settings(
+        _named(args.robot, proof),
+        args.source,
+        args.relay,
+        args.hz,
+        args.key_interval,
+        args.profile,
+        args.urdf,
+        args.model,
+        proof,
+    )

@@ -1,0 +1,1 @@
+"""From a URDF to a bundle: visuals, levels of detail, thumbnail, manifest."""

@@ -1,0 +1,257 @@
+"""From a URDF to a bundle: three levels, a thumbnail and a manifest. Same input, same bytes."""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_left
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from posecast_edge.model.builder.lod import Body, Fineness, Level, Placed, Skin, make_level
+from posecast_edge.model.builder.manifest import (
+    VERSION,
+    encode,
+    file_entry,
+    finding_entries,
+    home,
+    near,
+    short,
+    skeleton,
+)
+from posecast_edge.model.builder.model_files import Progress, facts_of, read_visual_files
+from posecast_edge.model.builder.simplify import Ladder, rungs_in_all
+from posecast_edge.model.builder.thumbnail import picture, png
+from posecast_edge.model.builder.visuals import Figure, Looks, Visual, build_figure
+from posecast_edge.model.doctor.skeleton import examine
+from posecast_edge.model.finding import Finding, ModelRefused, quoted
+from posecast_edge.model.kinematics import from_quaternion, link_poses, quaternion_from_rpy
+from posecast_edge.model.meshes.mesh import Paint
+from posecast_edge.model.meshes.texture import mean_colour
+from posecast_edge.model.urdf.reader import NAME_MAX, load_urdf
+from posecast_edge.model.urdf.resolver import URI_MAX, Resolver
+from posecast_edge.model.urdf.tree import build_tree
+
+Vectors = NDArray[np.float64]
+Triangles = tuple[Vectors, Vectors, Vectors]  # corners and normals (m, 3, 3), display colours (m, 3)
+
+ROUGH = 15  # a rung: 0.2 % of the robot's size. Beyond, gaps open between shells that touch, for few bytes
+PATIENCE = 1.5  # a level may be so much larger than it should to spare that
+
+THUMBNAIL_MAX = 300_000  # triangles in the small picture; only a heap that nothing makes smaller has more
+
+NEAR = 1.25  # a level that is that near to the next coarser one spares it
+
+
+@dataclass(frozen=True)
+class Aim:
+    """What a level should be: bytes and drawn triangles at most, bits of a position's longest side, pixels of
+    a picture's side."""
+
+    name: str
+    size: int
+    triangles: float
+    bits: int
+    pixels: int
+
+    def suits(self, level: Level, slack: float) -> bool:
+        """Whether a level is within that many times of both."""
+        return len(level.data) <= self.size * slack and level.triangles <= self.triangles * slack
+
+
+AIMS = (
+    Aim("high", 3_500_000, math.inf, 14, 2048),
+    Aim("middle", 550_000, math.inf, 13, 512),
+    Aim("low", 190_000, 24_000, 12, 128),  # of what a phone without a graphics card fills 20 times a second
+)
+
+
+@dataclass(frozen=True)
+class Built:
+    """A bundle in memory: the manifest's bytes, files by path, and what was found."""
+
+    manifest: bytes
+    files: dict[str, bytes]
+    findings: tuple[Finding, ...]
+    figure: Figure
+    levels: dict[str, Level]
+    document: dict[str, Any]
+
+
+def build(urdf_path: Path, resolver: Resolver, progress: Progress) -> Built:
+    """Make a bundle. ModelRefused when there is no robot in it at all."""
+    urdf = load_urdf(urdf_path)
+    tree = build_tree(urdf)
+    if not tree.links:
+        unexpanded = (f for f in urdf.findings if f.code == "xacro")
+        reason = next(unexpanded, tree.findings[-1])
+        raise ModelRefused(reason.text, reason.line)
+    for joint in tree.joints:
+        if not near(joint.pose):
+            raise ModelRefused(f"joint {quoted(joint.name)}: an origin more than 10,000 km away", joint.line)
+    files = read_visual_files(urdf, resolver, progress)
+    figure = build_figure(urdf, tree, files)
+    document: dict[str, Any] = {"v": VERSION, "robot": urdf.name[:NAME_MAX], **skeleton(urdf, tree)}
+    poses = [np.array(p) for p in link_poses(document, home(document)).values()]
+    box = _robot_box(figure, poses)
+    size = float(np.linalg.norm(box[1] - box[0])) if box is not None else 0.0
+    levels = _levels(figure, size, progress)
+    drawn = triangles_of(next(iter(levels.values())), figure, poses, THUMBNAIL_MAX)
+    thumbnail = png(picture(*drawn))
+    findings = examine(urdf, tree, facts_of(files))
+    contents = {f"{name}.glb": level.data for name, level in levels.items()}
+    entries = [file_entry(path, data, "model/gltf-binary") for path, data in contents.items()]
+    entries.append(file_entry("thumbnail.png", thumbnail, "image/png"))
+    document |= {
+        "files": entries,
+        "levels": [
+            {
+                "name": name,
+                "path": f"{name}.glb",
+                "bytes": entry["size"],
+                "sha256": entry["sha256"],
+                "triangles": level.triangles,
+                "vertices": level.vertices,
+                "error_m": short(level.error_m),
+            }
+            for (name, level), entry in zip(levels.items(), entries, strict=False)
+        ],
+        "thumbnail": "thumbnail.png",
+        "visuals": [_visual(i, v, figure.looks[v.looks]) for i, v in enumerate(figure.visuals)],
+    }
+    document |= {"box": _corners(*box)} if box is not None else {}
+    missing = [{"uri": uri[:URI_MAX], "reason": reason} for uri, reason in files.missing().items()]
+    document |= {"missing": missing} if missing else {}
+    document |= {"findings": finding_entries(findings)} if findings else {}
+    contents["thumbnail.png"] = thumbnail
+    return Built(encode(document), contents, tuple(findings), figure, levels, document)
+
+
+def _levels(figure: Figure, size: float, progress: Progress) -> dict[str, Level]:
+    """Coarsest first; one that would be no smaller than the next finer one is left out."""
+    bodies, sizes = [], []
+    for looks in figure.looks:
+        low, high = looks.mesh.box()
+        sizes.append(float((high - low).max()))
+        skins = tuple(Skin(Ladder(s, sizes[-1], size), paint, mark) for s, paint, mark in looks.skins)
+        bodies.append(Body(skins, low, high))
+    placed = [Placed(f"v{i}", v.pose, v.looks) for i, v in enumerate(figure.visuals)]
+    rungs = rungs_in_all(sizes, size)
+    made: dict[str, Level] = {}
+    finer = None
+    for number, aim in enumerate(AIMS):
+        if finer is not None and aim.suits(finer, NEAR):
+            continue
+        progress(number, len(AIMS), f"level {aim.name}")
+
+        def at(rung: int, aim: Aim = aim) -> Level:
+            return make_level(bodies, placed, Fineness(rung, aim.bits, aim.pixels))
+
+        level = _fitted(at, bodies, placed, rungs, aim)
+        if finer is None or len(level.data) < len(finer.data):
+            made[aim.name] = finer = level
+    return dict(reversed(made.items()))
+
+
+def _fitted(
+    at: Callable[[int], Level], bodies: Sequence[Body], placed: Sequence[Placed], rungs: int, aim: Aim
+) -> Level:
+    """The finest level that is about what it should be; the coarsest there is where none is that small."""
+
+    def triangles(rung: int) -> int:
+        return sum(len(s.ladder.rung(rung)[1]) for b in bodies for s in b.skins)
+
+    def drawn(rung: int) -> int:
+        return sum(len(s.ladder.rung(rung)[1]) for p in placed for s in bodies[p.body].skins)
+
+    def small(rung: int) -> bool:
+        return triangles(rung) * per_triangle <= aim.size and drawn(rung) <= aim.triangles
+
+    per_triangle, made = 8.0, dict[int, Level]()
+    while True:
+        rung = bisect_left(range(rungs - 1), True, key=small)
+        while rung in made and not aim.suits(made[rung], 1) and rung < rungs - 1:
+            rung += 1
+        if rung in made:
+            break
+        made[rung] = at(rung)
+        per_triangle = len(made[rung].data) / max(triangles(rung), 1)
+    if rung > ROUGH:
+        smoother = at(ROUGH)
+        if aim.suits(smoother, PATIENCE):
+            return smoother
+    return made[rung]
+
+
+def _robot_box(figure: Figure, poses: Sequence[Vectors]) -> tuple[Vectors, Vectors] | None:
+    """Lowest and highest corner of everything, in the root link."""
+    if not figure.visuals:
+        return None
+    boxes = [_box(figure.looks[v.looks], poses[v.link] @ _matrix(v)) for v in figure.visuals]
+    return np.min([b[0] for b in boxes], axis=0), np.max([b[1] for b in boxes], axis=0)
+
+
+def _box(looks: Looks, at: Vectors) -> tuple[Vectors, Vectors]:
+    points = np.concatenate([s.positions for s, _, _ in looks.skins]) @ at[:3, :3].T + at[:3, 3]
+    return points.min(0), points.max(0)
+
+
+def _matrix(visual: Visual) -> Vectors:
+    """link_from_mesh."""
+    return np.array(from_quaternion(visual.pose.xyz, quaternion_from_rpy(visual.pose.rpy)))
+
+
+def _visual(number: int, visual: Visual, looks: Looks) -> dict[str, Any]:
+    entry = {
+        "node": f"v{number}",
+        "link": visual.link,
+        "source": visual.source,
+        "color": _colour(looks),
+        "box": _corners(*_box(looks, _matrix(visual))),
+    }
+    return entry | ({"placeholder": visual.reason} if visual.reason else {})
+
+
+def _corners(low: Vectors, high: Vectors) -> list[list[float]]:
+    return [[round(float(v), 5) + 0.0 for v in corner] for corner in (low, high)]
+
+
+def _colour(looks: Looks) -> str:
+    """The mean of the paints by number of triangles, as #rrggbb."""
+    colours = np.array([display_colour(paint) for _, paint, _ in looks.skins])
+    weights = np.array([len(s.faces) for s, _, _ in looks.skins], np.float64)
+    mean = (colours * weights[:, None]).sum(0) / weights.sum()
+    return "#" + "".join(f"{round(float(v) * 255):02x}" for v in mean)
+
+
+def display_colour(paint: Paint) -> tuple[float, float, float]:
+    """A paint's mean colour as display values."""
+    r, g, b = paint.rgba[:3]
+    if paint.texture is None:
+        return (r, g, b)
+    x, y, z = mean_colour(paint.texture)
+    return (r * x, g * y, b * z)
+
+
+def triangles_of(
+    level: Level, figure: Figure, poses: Sequence[Vectors], most: int | None = None
+) -> Triangles:
+    """What a level shows with the links at these poses (root_from_link); of more than `most` triangles every
+    second, every third, …"""
+    step = 1 if most is None else -(-level.triangles // most) or 1
+    corners, normals, colours = [np.zeros((0, 3, 3))], [np.zeros((0, 3, 3))], [np.zeros((0, 3))]
+    for visual in figure.visuals:
+        at = poses[visual.link] @ _matrix(visual)
+        drawn = level.drawn[visual.looks]
+        for skin, part in drawn.parts:
+            points = drawn.grid.metres(part.positions) @ at[:3, :3].T + at[:3, 3]
+            faces = part.faces[::step]
+            corners.append(points[faces])
+            normals.append(((part.normals[:, :3] / 127.0) @ at[:3, :3].T)[faces])
+            colour = display_colour(figure.looks[visual.looks].skins[skin][1])
+            colours.append(np.tile(colour, (len(faces), 1)))
+    return np.concatenate(corners), np.concatenate(normals), np.concatenate(colours)

@@ -1,0 +1,225 @@
+"""One level of detail: every body at one rung of its ladder, as a GLB. docs/MODEL.md describes the layout."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from posecast_edge.model.builder.glb import BYTE, FLOAT, SHORT, UINT, GlbWriter
+from posecast_edge.model.builder.quantise import Grid, Part, grid_of, pack
+from posecast_edge.model.builder.simplify import Ladder
+from posecast_edge.model.kinematics import quaternion_from_rpy
+from posecast_edge.model.meshes.mesh import Floats, Paint
+from posecast_edge.model.meshes.texture import fitted
+from posecast_edge.model.urdf.types import Pose
+
+ROUGHNESS = 0.7
+
+
+@dataclass(frozen=True)
+class Skin:
+    """A surface's ladder and how it is painted; `mark` goes into the material's extras."""
+
+    ladder: Ladder
+    paint: Paint
+    mark: str | None = None
+
+
+@dataclass(frozen=True)
+class Body:
+    """A mesh that one or more visuals show, in metres, mesh scale baked in. `low`, `high`: its box."""
+
+    skins: tuple[Skin, ...]
+    low: Floats
+    high: Floats
+
+
+@dataclass(frozen=True)
+class Placed:
+    """A visual: its node, link_from_mesh, and which body."""
+
+    node: str
+    pose: Pose
+    body: int
+
+
+@dataclass(frozen=True)
+class Fineness:
+    """How a level is packed: rung, bits of a position's longest side, pixels of a picture's side."""
+
+    rung: int
+    bits: int
+    picture: int
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """A body as a level shows it: its grid, and its parts with the number of their skin."""
+
+    grid: Grid
+    parts: tuple[tuple[int, Part], ...]
+
+
+@dataclass(frozen=True)
+class Level:
+    """The file and what is in it. `triangles` counts what is drawn, so a body shown twice counts twice."""
+
+    data: bytes
+    triangles: int
+    vertices: int
+    error_m: float
+    drawn: tuple[Drawn, ...]
+
+
+def make_level(bodies: Sequence[Body], placed: Sequence[Placed], fineness: Fineness) -> Level:
+    """All bodies at that fineness, and a node for each visual."""
+    drawn = [_draw(body, fineness) for body in bodies]
+    error = max((s.ladder.rung(fineness.rung)[0] for b in bodies for s in b.skins), default=0.0)
+    writer = GlbWriter()
+    mesh_of = _write_meshes(writer, bodies, drawn, fineness.picture)
+    nodes = [_node(p, drawn[p.body].grid, mesh_of.get(p.body)) for p in placed]
+    scene = {"nodes": list(range(len(nodes)))} if nodes else {}
+    writer.document |= {"scene": 0, "scenes": [scene]} | ({"nodes": nodes} if nodes else {})
+    triangles = sum(len(part.faces) for p in placed for _, part in drawn[p.body].parts)
+    vertices = sum(len(part.positions) for d in drawn for _, part in d.parts)
+    return Level(writer.bytes(), triangles, vertices, error, tuple(drawn))
+
+
+def _draw(body: Body, fineness: Fineness) -> Drawn:
+    grid = grid_of(body.low, body.high, fineness.bits)
+    parts = []
+    for number, skin in enumerate(body.skins):
+        part = pack(skin.ladder.surface, skin.ladder.rung(fineness.rung)[1], grid)
+        if len(part.faces):
+            parts.append((number, part))
+    return Drawn(grid, tuple(parts))
+
+
+def _write_meshes(
+    writer: GlbWriter, bodies: Sequence[Body], drawn: Sequence[Drawn], picture: int
+) -> dict[int, int]:
+    """The glTF mesh of each body; a body of which nothing is left has none."""
+    parts = [part for d in drawn for _, part in d.parts]
+    if not parts:
+        return {}
+    vertices = sum(len(p.positions) for p in parts)
+    shared = _shared(writer, parts)
+    starts = np.cumsum([0, *(len(p.positions) for p in parts)]).tolist()
+    indices = [
+        p.faces.reshape(-1).astype(np.uint32) + np.uint32(s) for p, s in zip(parts, starts, strict=False)
+    ]
+    view = writer.triangles(np.concatenate(indices), vertices)
+    materials = _Materials(writer, picture)
+    meshes: list[dict[str, Any]] = []
+    mesh_of: dict[int, int] = {}
+    number = offset = 0
+    for i, (body, d) in enumerate(zip(bodies, drawn, strict=True)):
+        primitives = []
+        for skin, part in d.parts:
+            slot = writer.accessor(view, UINT, "SCALAR", part.faces.size, {"byteOffset": offset})
+            offset += 4 * part.faces.size
+            attributes = {k: v for k, v in shared.items() if k != "TEXCOORD_0" or part.uv is not None}
+            primitives.append(
+                {
+                    "attributes": attributes,
+                    "indices": slot,
+                    "material": materials.number(body.skins[skin]),
+                    "extras": {"first": starts[number], "count": len(part.positions)},
+                }
+            )
+            number += 1
+        if primitives:
+            mesh_of[i] = len(meshes)
+            meshes.append({"primitives": primitives})
+    writer.document |= {"meshes": meshes} | materials.members()
+    return mesh_of
+
+
+def _shared(writer: GlbWriter, parts: Sequence[Part]) -> dict[str, int]:
+    """The accessors of all vertices."""
+    positions = np.concatenate([p.positions for p in parts])
+    count, corners = len(positions), positions[:, :3]
+    box = {"min": corners.min(0).tolist(), "max": corners.max(0).tolist()}
+    normals = np.concatenate([p.normals for p in parts])
+    shared = {
+        "POSITION": writer.accessor(writer.attributes(positions), SHORT, "VEC3", count, box),
+        "NORMAL": writer.accessor(writer.attributes(normals), BYTE, "VEC3", count, {"normalized": True}),
+    }
+    if any(p.uv is not None for p in parts):
+        uv = [np.zeros((len(p.positions), 2), np.float32) if p.uv is None else p.uv for p in parts]
+        shared["TEXCOORD_0"] = writer.accessor(
+            writer.attributes(np.concatenate(uv)), FLOAT, "VEC2", count, {}
+        )
+    return shared
+
+
+def _node(placed: Placed, grid: Grid, mesh: int | None) -> dict[str, Any]:
+    """link_from_mesh and metres from grid, in one."""
+    w, x, y, z = quaternion_from_rpy(placed.pose.rpy)
+    turned = _turned(grid.centre.tolist(), (w, x, y, z))
+    translation = [_short(a + b) for a, b in zip(placed.pose.xyz, turned, strict=True)]
+    node: dict[str, Any] = {"name": placed.node} | ({} if mesh is None else {"mesh": mesh})
+    node |= {"translation": translation} if any(translation) else {}
+    node |= {"rotation": [_short(v) for v in (x, y, z, w)]} if (x, y, z) != (0, 0, 0) else {}
+    return node | {"scale": [_short(grid.step)] * 3}
+
+
+def _turned(v: Sequence[float], q: tuple[float, float, float, float]) -> list[float]:
+    w, u = q[0], np.array(q[1:])
+    twice = 2 * np.cross(u, v)
+    turned: list[float] = (np.array(v) + w * twice + np.cross(u, twice)).tolist()
+    return turned
+
+
+def _short(value: float) -> float:
+    """Nine digits: a tenth of a nanometre on a metre."""
+    return float(f"{value:.9g}")
+
+
+class _Materials:
+    """Each paint once, in the order of use."""
+
+    def __init__(self, writer: GlbWriter, picture: int) -> None:
+        self._writer = writer
+        self._picture = picture
+        self._numbers: dict[tuple[Paint, str | None], int] = {}
+        self._images: dict[bytes, int] = {}
+        self._document: dict[str, list[dict[str, Any]]] = {"materials": [], "textures": [], "images": []}
+
+    def number(self, skin: Skin) -> int:
+        key = (skin.paint, skin.mark)
+        if key not in self._numbers:
+            self._numbers[key] = len(self._numbers)
+            self._document["materials"].append(self._material(skin))
+        return self._numbers[key]
+
+    def members(self) -> dict[str, Any]:
+        """For the document."""
+        return {name: items for name, items in self._document.items() if items}
+
+    def _material(self, skin: Skin) -> dict[str, Any]:
+        r, g, b, a = skin.paint.rgba
+        color = [round(_linear(v), 5) for v in (r, g, b)] + [round(a, 4)]
+        pbr: dict[str, Any] = {"baseColorFactor": color, "metallicFactor": 0, "roughnessFactor": ROUGHNESS}
+        if skin.paint.texture is not None:
+            pbr["baseColorTexture"] = {"index": self._texture(skin.paint.texture)}
+        material: dict[str, Any] = {"pbrMetallicRoughness": pbr, "doubleSided": True}
+        material |= {"alphaMode": "BLEND"} if a < 1 else {}
+        return material | ({"extras": {skin.mark: True}} if skin.mark else {})
+
+    def _texture(self, data: bytes) -> int:
+        if data not in self._images:
+            picture = fitted(data, self._picture)
+            self._images[data] = len(self._document["images"])
+            image = {"bufferView": self._writer.raw(picture.data), "mimeType": picture.type}
+            self._document["images"].append(image)
+            self._document["textures"].append({"source": self._images[data]})
+        return self._images[data]
+
+
+def _linear(display: float) -> float:
+    """Linear light from sRGB, 0 … 1 (IEC 61966-2-1)."""
+    return display / 12.92 if display <= 0.04045 else ((display + 0.055) / 1.055) ** 2.4

@@ -1,0 +1,117 @@
+"""The manifest of a bundle, version 2 (docs/MODEL.md): the skeleton, and what lies where."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from posecast_edge.model.finding import Finding
+from posecast_edge.model.kinematics import plane_of, quaternion_from_rpy
+from posecast_edge.model.urdf.tree import Tree
+from posecast_edge.model.urdf.types import FAR_M, SCALAR_TYPES, UNBOUNDED, Pose, Sensor, Urdf, Vector
+
+VERSION = 2
+FINDINGS_MAX = 200
+
+
+def skeleton(urdf: Urdf, tree: Tree) -> dict[str, Any]:
+    """`links`, `joints` and `sensors`."""
+    sensors = [_sensor(s, tree) for s in urdf.sensors if s.link in tree.index and near(s.pose)]
+    return {
+        "links": [link.name for link in tree.links],
+        "joints": [_joint(tree, i) for i in range(len(tree.joints))],
+        **({"sensors": sensors} if sensors else {}),
+    }
+
+
+def home(manifest: Mapping[str, Any]) -> dict[str, float]:
+    """Every joint at 0, or at the limit nearest to it."""
+    at: dict[str, float] = {}
+    for joint in manifest["joints"]:
+        limits = joint.get("limits", {})
+        low, high = limits.get("lower", -math.inf), limits.get("upper", math.inf)
+        if low <= high and joint["type"] in SCALAR_TYPES and not joint.get("mimic"):
+            at[joint["name"]] = min(max(0.0, low), high)
+    return at
+
+
+def encode(manifest: Mapping[str, Any]) -> bytes:
+    """The exact bytes, whose SHA-256 names the model."""
+    return json.dumps(manifest, separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode()
+
+
+def file_entry(path: str, data: bytes, kind: str) -> dict[str, Any]:
+    """One of `files`."""
+    return {"path": path, "size": len(data), "sha256": hashlib.sha256(data).hexdigest(), "type": kind}
+
+
+def finding_entries(findings: Sequence[Finding]) -> list[dict[str, Any]]:
+    """`findings`, at most FINDINGS_MAX."""
+    return [
+        {"severity": f.severity, "code": f.code, "text": f.text}
+        | ({} if f.line is None else {"line": f.line})
+        for f in findings[:FINDINGS_MAX]
+    ]
+
+
+def near(pose: Pose) -> bool:
+    """Whether it is no further away than anything of a robot can be."""
+    return max(map(abs, pose.xyz)) <= FAR_M
+
+
+def short(value: float) -> float:
+    """Nine digits; no negative zero."""
+    return float(f"{value:.9g}") + 0.0
+
+
+def unit(axis: Vector | None) -> Vector:
+    """The axis at length 1; x where there is none."""
+    longest = max(map(abs, axis)) if axis is not None else 0.0
+    if axis is None or longest < 1e-9:
+        return (1.0, 0.0, 0.0)
+    x, y, z = (v / longest for v in axis)  # first, for the square of a large number has no end
+    length = math.hypot(x, y, z)
+    return (x / length, y / length, z / length)
+
+
+def _joint(tree: Tree, number: int) -> dict[str, Any]:
+    joint, follow, limit = tree.joints[number], tree.follows[number], tree.joints[number].limit
+    entry: dict[str, Any] = {
+        "name": joint.name,
+        "type": joint.type,
+        "parent": tree.index[joint.parent],
+        "child": tree.index[joint.child],
+        **_pose(joint.pose),
+        "axis": [short(v) for v in unit(joint.axis)],
+    }
+    if joint.type == "planar":
+        entry["plane"] = [[short(v) for v in way] for way in plane_of(unit(joint.axis))]
+    if limit is not None and joint.type in SCALAR_TYPES:
+        bounded = joint.type != "continuous"
+        given = {
+            "lower": limit.lower if limit.lower is not None or not bounded else 0.0,
+            "upper": limit.upper if limit.upper is not None or not bounded else 0.0,
+            "velocity": limit.velocity,
+            "effort": limit.effort,
+        }
+        if not bounded or max(abs(limit.lower or 0.0), abs(limit.upper or 0.0)) >= UNBOUNDED:
+            given["lower"] = given["upper"] = None
+        entry["limits"] = {name: short(v) for name, v in given.items() if v is not None}
+    if follow is not None:
+        entry["mimic"] = {
+            "joint": follow.joint,
+            "multiplier": short(follow.multiplier),
+            "offset": short(follow.offset),
+        }
+    return entry
+
+
+def _sensor(sensor: Sensor, tree: Tree) -> dict[str, Any]:
+    return {"name": sensor.name, "kind": sensor.kind, "link": tree.index[sensor.link], **_pose(sensor.pose)}
+
+
+def _pose(pose: Pose) -> dict[str, Any]:
+    return {"xyz": [short(v) for v in pose.xyz], "quat": [short(v) for v in quaternion_from_rpy(pose.rpy)]}

@@ -1,0 +1,137 @@
+"""Every file a URDF names, found and read once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from posecast_edge.model.doctor.meshes import MeshFacts
+from posecast_edge.model.finding import ModelRefused
+from posecast_edge.model.meshes.mesh import Mesh
+from posecast_edge.model.meshes.reader import read_mesh
+from posecast_edge.model.meshes.side_files import Shelf
+from posecast_edge.model.urdf.resolver import Resolver
+from posecast_edge.model.urdf.types import Urdf, material_of
+
+TRIANGLES_MAX = 10_000_000  # of all meshes
+
+Progress = Callable[[int, int, str], None]  # done, of how many, what
+
+
+@dataclass(frozen=True)
+class MeshFile:
+    """What a URI led to: a mesh, or the reason why there is none. `hint`: how it was found all the same."""
+
+    uri: str
+    path: Path | None
+    mesh: Mesh | None
+    reason: str | None
+    hint: str | None
+    size: int  # bytes, 0 when there is none
+
+
+class Files:
+    """The meshes and pictures that one URDF names, read when asked for. Bounded by TRIANGLES_MAX in all."""
+
+    def __init__(self, resolver: Resolver, textured: Collection[str] = ()) -> None:
+        """`textured`: URIs of meshes for which the URDF has a picture."""
+        self._resolver = resolver
+        self._textured = textured
+        self._by_uri: dict[str, MeshFile] = {}
+        self._by_path: dict[tuple[Path, bool], Mesh | str] = {}
+        self._pictures: dict[str, bytes | str] = {}
+        self._shelf = Shelf()
+        self.triangles = 0  # of all meshes read so far
+
+    def __getitem__(self, uri: str) -> MeshFile:
+        if uri not in self._by_uri:
+            self._by_uri[uri] = self._read(uri)
+        return self._by_uri[uri]
+
+    def __iter__(self) -> Iterator[MeshFile]:
+        return iter(self._by_uri.values())
+
+    def _read(self, uri: str) -> MeshFile:
+        try:
+            found = self._resolver.find(uri)
+        except ModelRefused as e:
+            return MeshFile(uri, None, None, e.reason, None, 0)
+        key = (found.path, uri in self._textured)
+        if key not in self._by_path:
+            self._by_path[key] = self._load(*key)
+        loaded = self._by_path[key]
+        size = found.path.stat().st_size
+        if isinstance(loaded, str):
+            return MeshFile(uri, found.path, None, loaded, found.hint, size)
+        return MeshFile(uri, found.path, loaded, None, found.hint, size)
+
+    def picture(self, uri: str) -> bytes | None:
+        """The picture behind a URI; None when there is none, and `missing` says why."""
+        if uri not in self._pictures:
+            try:
+                self._pictures[uri] = self._shelf.picture(self._resolver.find(uri).path)
+            except ModelRefused as e:
+                self._pictures[uri] = e.reason
+        found = self._pictures[uri]
+        return found if isinstance(found, bytes) else None
+
+    def missing(self) -> dict[str, str]:
+        """URI → why it can't be used."""
+        reasons = {file.uri: file.reason for file in self if file.reason}
+        return reasons | {uri: why for uri, why in self._pictures.items() if isinstance(why, str)}
+
+    def _load(self, path: Path, keep_uv: bool) -> Mesh | str:
+        if self.triangles > TRIANGLES_MAX:
+            return f"left out: the robot has more than {TRIANGLES_MAX:,} triangles already"
+        try:
+            mesh = read_mesh(path, self._resolver, keep_uv, self._shelf)
+        except ModelRefused as e:
+            return e.reason if e.line is None else f"line {e.line}: {e.reason}"
+        except MemoryError:
+            return "takes more memory than there is"
+        self.triangles += mesh.triangles
+        return mesh
+
+
+def read_visual_files(urdf: Urdf, resolver: Resolver, progress: Progress) -> Files:
+    """What is drawn, read, with word of how far it is."""
+    pictures: dict[str, None] = {}
+    textured: set[str] = set()
+    for shape in (s for link in urdf.links for s in link.visuals):
+        material = material_of(shape, urdf.materials)
+        if shape.geometry is not None and material is not None and material.texture:
+            pictures[material.texture] = None
+            textured.add(shape.geometry.uri)
+    files = Files(resolver, textured)
+    for uri in pictures:
+        files.picture(uri)
+    shapes = [s.geometry for link in urdf.links for s in link.visuals if s.geometry is not None]
+    uris = list(dict.fromkeys(g.uri for g in shapes if g.kind == "mesh"))
+    for number, uri in enumerate(uris):
+        progress(number, len(uris), uri)
+        files[uri]
+    return files
+
+
+def facts_of(files: Files) -> dict[str, MeshFacts]:
+    """For the doctor."""
+    lost = {uri: MeshFacts(uri, reason) for uri, reason in files.missing().items()}
+    return lost | {file.uri: _facts(file) for file in files}
+
+
+def _facts(file: MeshFile) -> MeshFacts:
+    if file.mesh is None:
+        return MeshFacts(file.uri, file.reason or "can't be read", file.hint, file.size)
+    low, high = (tuple(float(v) for v in corner) for corner in file.mesh.box())
+    return MeshFacts(
+        file.uri,
+        None,
+        file.hint,
+        file.size,
+        file.mesh.triangles,
+        (low[0], low[1], low[2]),
+        (high[0], high[1], high[2]),
+        file.mesh.notes,
+        all(s.uv is not None for s in file.mesh.surfaces),
+    )

@@ -1,0 +1,81 @@
+"""Coarser and coarser versions of a surface, each within a known distance of the original."""
+
+from __future__ import annotations
+
+import math
+
+import meshoptimizer
+import numpy as np
+from numpy.typing import NDArray
+
+from posecast_edge.model.meshes.mesh import Faces, Surface
+from posecast_edge.model.meshes.weld import crowded_faces
+
+LARGEST = 0.02  # of the mesh's size: no surface moves further, however small the level should be
+FINEST = 1e-5  # of the robot's size: the first rung
+STEP = math.sqrt(2)
+BELOW = 6  # rungs: an eighth of the error
+
+
+class Ladder:
+    """Versions of one welded surface. Rung k is within `robot_size · FINEST · STEP**k` of the original, by
+    meshoptimizer's estimate, and within LARGEST of the mesh's own size."""
+
+    def __init__(self, surface: Surface, mesh_size: float, robot_size: float) -> None:
+        self.surface = surface
+        crowded = _crowded(surface)
+        self._kept = surface.faces[crowded]  # as they are, on every rung
+        self._loose = surface.faces[~crowded]
+        # where some stay, the others keep their border with them
+        border = meshoptimizer.SIMPLIFY_LOCK_BORDER if len(self._kept) else 0
+        self._options = meshoptimizer.SIMPLIFY_ERROR_ABSOLUTE | border
+        self._first = robot_size * FINEST
+        self._most = mesh_size * LARGEST
+        self._rungs: dict[int, tuple[float, Faces]] = {}
+
+    def rung(self, k: int) -> tuple[float, Faces]:
+        """Bound in metres, and the triangles (numbers of the surface's vertices)."""
+        if k < 0:
+            return 0.0, self.surface.faces
+        bound, faces = self._rung(k)
+        return bound, np.concatenate([faces, self._kept]) if len(self._kept) else faces
+
+    def _rung(self, k: int) -> tuple[float, Faces]:
+        if k < 0:
+            return 0.0, self._loose
+        if k not in self._rungs:
+            # From a rung far below: fast, and the sum of both errors is still within the bound.
+            below, faces = self._rung(k - BELOW)
+            bound = min(self._first * STEP**k, self._most)
+            self._rungs[k] = (bound, self._simplified(faces, bound - below) if bound > below else faces)
+        return self._rungs[k]
+
+    def _simplified(self, faces: Faces, error: float) -> Faces:
+        if len(faces) <= 4:
+            return faces
+        indices = np.ascontiguousarray(faces.reshape(-1), np.uint32)
+        result = np.empty_like(indices)
+        count = meshoptimizer.simplify(
+            result,
+            indices,
+            np.ascontiguousarray(self.surface.positions, np.float32),
+            target_index_count=0,
+            target_error=error,
+            options=self._options,
+        )
+        return result[:count].reshape(-1, 3).astype(np.int32) if count else faces
+
+
+def _crowded(surface: Surface) -> NDArray[np.bool_]:
+    if surface.uv is None:  # welded: one vertex a place
+        return crowded_faces(surface.faces)
+    _, place = np.unique(surface.positions, axis=0, return_inverse=True)
+    return crowded_faces(surface.faces, place.reshape(-1))
+
+
+def rungs_in_all(mesh_sizes: list[float], robot_size: float) -> int:
+    """From this rung on nothing changes any more."""
+    largest = max(mesh_sizes, default=0.0) * LARGEST
+    if largest <= robot_size * FINEST:
+        return 1
+    return math.ceil(math.log(largest / (robot_size * FINEST), STEP)) + 1

@@ -1,0 +1,204 @@
+"""The robot as it is drawn: each visual with its body, made from meshes, shapes and stand-ins."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from posecast_edge.model.builder.manifest import near
+from posecast_edge.model.builder.model_files import TRIANGLES_MAX, Files
+from posecast_edge.model.finding import ModelRefused
+from posecast_edge.model.meshes.mesh import SHOWN_AGAIN_MAX, Mesh, Paint, Surface, checked
+from posecast_edge.model.meshes.primitives import box, tessellate
+from posecast_edge.model.meshes.texture import mean_colour
+from posecast_edge.model.meshes.weld import weld
+from posecast_edge.model.urdf.tree import Tree
+from posecast_edge.model.urdf.types import SHAPES_MAX, ZERO, Geometry, Pose, Shape, Urdf, Vector, material_of
+
+GREY = Paint((0.72, 0.74, 0.77, 1.0))
+STAND_IN = Paint((0.93, 0.55, 0.14, 1.0))
+LITTLE = 0.02  # m, half a side of a stand-in of which nothing is known
+
+
+@dataclass(frozen=True)
+class Looks:
+    """What a body is made of, before simplification: welded surfaces with their paint and mark."""
+
+    skins: tuple[tuple[Surface, Paint, str | None], ...]
+
+    @property
+    def mesh(self) -> Mesh:
+        """All surfaces."""
+        return Mesh(tuple(s for s, _, _ in self.skins))
+
+
+@dataclass(frozen=True)
+class Visual:
+    """One thing that is drawn. `reason`: why it is a stand-in."""
+
+    link: int
+    pose: Pose
+    looks: int
+    source: str
+    reason: str | None
+
+
+@dataclass(frozen=True)
+class Figure:
+    """All that is drawn; visuals share looks."""
+
+    visuals: tuple[Visual, ...]
+    looks: tuple[Looks, ...]
+
+
+def build_figure(urdf: Urdf, tree: Tree, files: Files) -> Figure:
+    """Every visual of every link in the tree that has a geometry."""
+    maker = _Maker(urdf, tree, files)
+    visuals = tuple(v for i in range(len(tree.links)) for v in maker.visuals(i))
+    return Figure(visuals, tuple(maker.looks))
+
+
+class _Maker:
+    def __init__(self, urdf: Urdf, tree: Tree, files: Files) -> None:
+        self._urdf = urdf
+        self._tree = tree
+        self._files = files
+        self._numbers: dict[object, int] = {}
+        self._left = SHAPES_MAX
+        self._drawn = self._made = 0  # triangles: of all visuals, of all looks
+        self._stood_in: set[int] = set()
+        self._joints: dict[str, list[Vector]] = {}  # where each link's own joints are
+        for joint in tree.joints:
+            self._joints.setdefault(joint.parent, []).append(joint.pose.xyz)
+        self.looks: list[Looks] = []
+
+    def visuals(self, link: int) -> Iterator[Visual]:
+        for shape in self._tree.links[link].visuals:
+            if shape.geometry is None or self._left <= 0:
+                continue
+            self._left -= 1
+            fallback = self._paint(shape)
+            source = shape.geometry.uri or shape.geometry.kind
+            try:
+                if not near(shape.pose):
+                    raise ModelRefused("its origin is more than 10,000 km away")
+                number = self._drawn_as(shape.geometry, fallback, None)
+                yield Visual(link, shape.pose, number, source, None)
+            except ModelRefused as e:
+                yield from self._stand_ins(link, shape, source, e.reason)
+
+    def _drawn_as(self, geometry: Geometry, paint: Paint | None, mark: str | None) -> int:
+        """The looks of a geometry that is drawn once more. ModelRefused when its mesh can't be used, or too
+        much is drawn already."""
+        number = self._number(geometry, paint, mark)
+        drawn = self._drawn + sum(len(s.faces) for s, _, _ in self.looks[number].skins)
+        if drawn > TRIANGLES_MAX:
+            raise ModelRefused(f"left out: the robot shows more than {TRIANGLES_MAX:,} triangles already")
+        self._drawn = drawn
+        return number
+
+    def _number(self, geometry: Geometry, paint: Paint | None, mark: str | None) -> int:
+        file = self._files[geometry.uri] if geometry.kind == "mesh" else None
+        if file is not None and file.mesh is None:
+            raise ModelRefused(file.reason or "can't be read")
+        key = (file.path if file else geometry.kind, geometry.dims, geometry.scale, paint, mark)
+        if key not in self._numbers:
+            made = file.mesh if file else None
+            mesh = made or checked(tessellate(geometry.kind, geometry.dims))
+            self._made += mesh.triangles
+            if self._made > SHOWN_AGAIN_MAX + self._files.triangles:  # another scale or paint is another body
+                raise ModelRefused("left out: large meshes are shown in too many sizes and colours")
+            self._numbers[key] = self._add(_scaled(mesh, geometry.scale), paint, mark)
+        return self._numbers[key]
+
+    def _add(self, mesh: Mesh, fallback: Paint | None, mark: str | None) -> int:
+        """Surfaces of one paint become one, welded."""
+        by_paint: dict[tuple[Paint, str | None], list[Surface]] = {}
+        for surface in mesh.surfaces:
+            own = STAND_IN if mark else surface.paint or fallback or surface.spare
+            painted = (own or GREY, mark or ("default" if own is None else None))
+            if painted[0].texture is not None and surface.uv is None:
+                painted = (_without_picture(painted[0]), painted[1])
+            by_paint.setdefault(painted, []).append(surface)
+        skins = []
+        for (paint, extra), surfaces in by_paint.items():
+            welded = weld(_joined(surfaces, keep_uv=paint.texture is not None))
+            if len(welded.faces):
+                skins.append((welded, paint, extra))
+        if not skins:
+            raise ModelRefused("all its triangles are without area")
+        self.looks.append(Looks(tuple(skins)))
+        return len(self.looks) - 1
+
+    def _stand_ins(self, link: int, shape: Shape, source: str, reason: str) -> Iterator[Visual]:
+        """The link's collision shapes, else a box from the link to its children; once for each link."""
+        if link in self._stood_in:
+            return
+        self._stood_in.add(link)
+        found = False
+        for other in self._tree.links[link].collisions:
+            if other.geometry is None or other.geometry.uri == source:
+                continue
+            try:
+                if not near(other.pose):
+                    continue
+                number = self._drawn_as(other.geometry, None, "placeholder")
+            except ModelRefused:
+                continue
+            found = True
+            yield Visual(link, other.pose, number, source, reason)
+        if not found:
+            at = shape.pose.xyz if near(shape.pose) else ZERO
+            looks = self._add(self._box(link, at), None, "placeholder")
+            yield Visual(link, Pose(), looks, source, reason)
+
+    def _box(self, link: int, xyz: Vector) -> Mesh:
+        points = [xyz, *self._joints.get(self._tree.links[link].name, [])]
+        low, high = np.min(points, axis=0) - LITTLE, np.max(points, axis=0) + LITTLE
+        return box((low + high) / 2, high - low)
+
+    def _paint(self, shape: Shape) -> Paint | None:
+        material = material_of(shape, self._urdf.materials)
+        if material is None:
+            return None
+        picture = self._files.picture(material.texture) if material.texture else None
+        if picture is not None:  # the picture alone, as RViz does
+            return Paint((1.0, 1.0, 1.0, material.rgba[3] if material.rgba else 1.0), picture)
+        return Paint(material.rgba) if material.rgba is not None else None
+
+
+def _without_picture(paint: Paint) -> Paint:
+    if paint.texture is None:
+        return paint
+    try:
+        r, g, b = mean_colour(paint.texture)
+    except ModelRefused:
+        return Paint(paint.rgba)
+    return Paint((r * paint.rgba[0], g * paint.rgba[1], b * paint.rgba[2], paint.rgba[3]))
+
+
+def _scaled(mesh: Mesh, scale: Vector) -> Mesh:
+    if scale == (1.0, 1.0, 1.0):
+        return mesh
+    mirrored = scale[0] * scale[1] * scale[2] < 0
+    with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is refused below
+        factor = np.array(scale, np.float32)
+        scaled = tuple(
+            replace(s, positions=s.positions * factor, faces=s.faces[:, ::-1] if mirrored else s.faces)
+            for s in mesh.surfaces
+        )
+    return checked(Mesh(scaled))
+
+
+def _joined(surfaces: Sequence[Surface], keep_uv: bool) -> Surface:
+    starts = np.cumsum([0, *(len(s.positions) for s in surfaces)])
+    faces = [s.faces + np.int32(start) for s, start in zip(surfaces, starts, strict=False)]
+    uv = [s.uv for s in surfaces if s.uv is not None]
+    whole = keep_uv and len(uv) == len(surfaces)
+    return Surface(
+        np.concatenate([s.positions for s in surfaces]),
+        np.concatenate(faces),
+        np.concatenate(uv) if whole else None,
+    )

@@ -1,0 +1,178 @@
+"""What is wrong with a robot's meshes: missing, of another size than meant, or read with leniency."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from itertools import product as corners_of
+
+from posecast_edge.model.finding import Finding, quoted
+from posecast_edge.model.kinematics import Matrix, from_quaternion, product, quaternion_from_rpy
+from posecast_edge.model.urdf.resolver import OUTSIDE
+from posecast_edge.model.urdf.tree import Tree
+from posecast_edge.model.urdf.types import Geometry, Shape, Urdf, Vector, material_of
+
+LARGE_M = 20.0
+SMALL_M = 0.05
+SPECK_M = 1e-4
+HEAVY_BYTES = 20_000_000
+OUTSIDE_CODES = {OUTSIDE: "mesh-outside", "no such file": "mesh-missing"}
+
+
+@dataclass(frozen=True)
+class MeshFacts:
+    """What is known of one URI. `reason`: why there is no mesh; `hint`: how it was found all the same; `low`,
+    `high`: its box in the file's axes, m, before the URDF's scale; `has_uv`: a picture knows where to lie."""
+
+    uri: str
+    reason: str | None = None
+    hint: str | None = None
+    size: int = 0
+    triangles: int = 0
+    low: Vector = (0.0, 0.0, 0.0)
+    high: Vector = (0.0, 0.0, 0.0)
+    notes: tuple[tuple[str, str], ...] = ()
+    has_uv: bool = False
+
+
+def mesh_findings(urdf: Urdf, tree: Tree, facts: Mapping[str, MeshFacts] | None) -> Iterator[Finding]:
+    """All of them. Without facts only what the URDF itself tells."""
+    shapes = [(link.name, s) for link in urdf.links for s in link.visuals if s.geometry is not None]
+    if urdf.links and not shapes:
+        yield Finding("warning", "nothing-drawn", "no link has a visual: there is nothing to draw", None)
+    for name, shape in shapes:
+        yield from _scale(name, shape)
+    if facts is None:
+        return
+    yield from _files(shapes, facts)
+    yield from _textures(urdf, shapes, facts)
+    for name, shape in shapes:
+        yield from _size(name, shape, facts)
+    yield from _whole(tree, facts)
+    size, triangles = sum(f.size for f in facts.values()), sum(f.triangles for f in facts.values())
+    if size > HEAVY_BYTES:
+        text = f"the meshes have {size / 1e6:.1f} MB and {triangles:,} triangles"
+        yield Finding("hint", "bundle-size", f"{text}; `posecast-edge model build` makes them small", None)
+
+
+def _scale(name: str, shape: Shape) -> Iterator[Finding]:
+    geometry = shape.geometry
+    if geometry is None or geometry.kind != "mesh":
+        return
+    x, y, z = geometry.scale
+    if x * y * z < 0:
+        text = f"link {quoted(name)}: a mirrored mesh (negative scale); some programs turn it inside out"
+        yield Finding("hint", "scale-mirrored", text, geometry.line)
+    if max(abs(x), abs(y), abs(z)) > 1.01 * min(abs(x), abs(y), abs(z)):
+        text = f"link {quoted(name)}: a mesh stretched by {x:g} {y:g} {z:g}"
+        yield Finding("hint", "scale-uneven", text, geometry.line)
+
+
+def _files(shapes: list[tuple[str, Shape]], facts: Mapping[str, MeshFacts]) -> Iterator[Finding]:
+    """Once for each file, or for each kind of note."""
+    first: dict[str, int] = {}
+    links: dict[str, list[str]] = {}
+    for name, shape in shapes:
+        if shape.geometry is not None and shape.geometry.uri:
+            first.setdefault(shape.geometry.uri, shape.geometry.line)
+            links.setdefault(shape.geometry.uri, []).append(name)
+    lenient: dict[tuple[str, str], list[str]] = {}
+    for uri, line in first.items():
+        fact = facts.get(uri)
+        if fact is None:
+            continue
+        if fact.reason is not None:
+            code = OUTSIDE_CODES.get(fact.reason, "mesh-broken")
+            code = "mesh-missing" if fact.reason.startswith("no package") else code
+            of = f" of link {quoted(links[uri][0])}" + (" and others" if len(set(links[uri])) > 1 else "")
+            yield Finding("error", code, f"mesh {quoted(uri)}{of}: {fact.reason}", line)
+        if fact.hint is not None:
+            yield Finding("hint", "mesh-found", f"mesh {quoted(uri)}: {fact.hint}", line)
+        for note in fact.notes:
+            lenient.setdefault(note, []).append(uri)
+    for (code, text), uris in lenient.items():
+        more = f" and {len(uris) - 1} more" if len(uris) > 1 else ""
+        yield Finding("hint", code, f"mesh {quoted(uris[0])}{more}: {text}", first[uris[0]])
+
+
+def _textures(
+    urdf: Urdf, shapes: list[tuple[str, Shape]], facts: Mapping[str, MeshFacts]
+) -> Iterator[Finding]:
+    """Pictures that the URDF itself names, and that can't be shown."""
+    told: set[str] = set()
+    for name, shape in shapes:
+        material = material_of(shape, urdf.materials)
+        if material is None or not material.texture:
+            continue
+        lost = facts.get(material.texture)
+        if lost is not None and lost.reason is not None:
+            if material.texture not in told:
+                text = f"texture {quoted(material.texture)} of link {quoted(name)}: {lost.reason}"
+                yield Finding("error", "texture-missing", text, material.line)
+            told.add(material.texture)
+            continue
+        fact = facts.get(shape.geometry.uri) if shape.geometry is not None else None
+        if fact is not None and fact.reason is None and not fact.has_uv:
+            text = f"link {quoted(name)}: its mesh has no texture coordinates; the mean colour is shown"
+            yield Finding("hint", "texture-coordinates", text, shape.line)
+
+
+def _size(name: str, shape: Shape, facts: Mapping[str, MeshFacts]) -> Iterator[Finding]:
+    box = _box(shape.geometry, facts)
+    if box is None or shape.geometry is None:
+        return
+    longest = max(b - a for a, b in zip(*box, strict=True))
+    what = f"link {quoted(name)}: its {shape.geometry.kind}"
+    if longest > LARGE_M:
+        advice = ': millimetres? scale="0.001 0.001 0.001"' if shape.geometry.kind == "mesh" else ""
+        yield Finding("warning", "mesh-large", f"{what} is {longest:.3g} m long{advice}", shape.geometry.line)
+    elif longest < SPECK_M:
+        yield Finding("warning", "mesh-small", f"{what} is only {longest:.3g} m long", shape.geometry.line)
+
+
+def _whole(tree: Tree, facts: Mapping[str, MeshFacts]) -> Iterator[Finding]:
+    """The robot's size with all joints at 0."""
+    poses: list[Matrix] = []
+    low, high = [math.inf] * 3, [-math.inf] * 3
+    for number, link in enumerate(tree.links):
+        if number == 0:
+            poses.append(from_quaternion((0, 0, 0), (1, 0, 0, 0)))
+        else:
+            joint = tree.joints[number - 1]
+            at = from_quaternion(joint.pose.xyz, quaternion_from_rpy(joint.pose.rpy))
+            poses.append(product(poses[tree.index[joint.parent]], at))
+        for shape in link.visuals:
+            box = _box(shape.geometry, facts)
+            if box is None:
+                continue
+            at = product(poses[number], from_quaternion(shape.pose.xyz, quaternion_from_rpy(shape.pose.rpy)))
+            for corner in corners_of(*zip(*box, strict=True)):
+                point = [sum(at[i][k] * corner[k] for k in range(3)) + at[i][3] for i in range(3)]
+                low, high = [*map(min, low, point)], [*map(max, high, point)]
+    size = max((b - a for a, b in zip(low, high, strict=True)), default=0.0)
+    if size > LARGE_M:
+        text = f"the robot is {size:.3g} m large: are its meshes or origins in millimetres?"
+        yield Finding("warning", "robot-large", text, None)
+    elif 0 <= size < SMALL_M:
+        text = f"the robot is only {size:.3g} m large: is it scaled twice?"
+        yield Finding("warning", "robot-small", text, None)
+
+
+def _box(geometry: Geometry | None, facts: Mapping[str, MeshFacts]) -> tuple[Vector, Vector] | None:
+    """In the visual's axes, m."""
+    if geometry is None:
+        return None
+    if geometry.kind == "mesh":
+        fact = facts.get(geometry.uri)
+        if fact is None or fact.reason is not None:
+            return None
+        ends = [sorted((a * s, b * s)) for a, b, s in zip(fact.low, fact.high, geometry.scale, strict=True)]
+        return (ends[0][0], ends[1][0], ends[2][0]), (ends[0][1], ends[1][1], ends[2][1])
+    if geometry.kind == "box":
+        x, y, z = (d / 2 for d in geometry.dims)
+    else:
+        radius = geometry.dims[0]
+        half = {"cylinder": 0.0, "capsule": radius}.get(geometry.kind)
+        x, y, z = radius, radius, radius if half is None else geometry.dims[1] / 2 + half
+    return (-x, -y, -z), (x, y, z)

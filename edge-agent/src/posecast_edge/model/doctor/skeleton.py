@@ -1,0 +1,190 @@
+"""What is wrong with a robot's description, in plain words. Pure: over parsed values, no files.
+
+The reader (urdf_reader) and the tree have named what could not be read or does not hang together; here is the
+rest: what can be read, and is probably not meant.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+
+from posecast_wire.mapping import Mapping as Meaning
+
+from posecast_edge.model.doctor.meshes import MeshFacts, mesh_findings
+from posecast_edge.model.finding import Finding, quoted, worst_first
+from posecast_edge.model.kinematics import variables_of
+from posecast_edge.model.urdf.tree import Tree
+from posecast_edge.model.urdf.types import SCALAR_TYPES, UNBOUNDED, Joint, Link, Urdf, material_of
+
+TURN = 2 * math.pi
+FAR = 10.0  # m, from one joint to the next: more than that is a unit mistaken
+SHOWN = 6  # names in one line
+UNIT = 1e-3  # how far an axis may be from length 1
+
+
+def examine(
+    urdf: Urdf, tree: Tree, facts: Mapping[str, MeshFacts] | None, meaning: Meaning | None = None
+) -> list[Finding]:
+    """Everything, worst first. `facts`: the meshes by URI, None when they were not looked at; `meaning`: what
+    a profile says of joints and sensors."""
+    found = [*urdf.findings, *tree.findings]
+    for joint in urdf.joints:
+        found += _joint(joint)
+    for link in urdf.links:
+        found += _link(link)
+    found += _materials(urdf)
+    found += _mentions(urdf)
+    found += mesh_findings(urdf, tree, facts)
+    if meaning is not None:
+        found += _profile(urdf, meaning)
+    return worst_first(found)
+
+
+def _joint(joint: Joint) -> Iterator[Finding]:
+    what = f"joint {quoted(joint.name)}"
+    yield from _origin(what, joint.pose.xyz, joint.pose.rpy, joint.line)
+    if joint.type in ("floating", "planar"):
+        channels = ", ".join(map(quoted, _variables(joint)))
+        yield Finding(
+            "hint", "joint-free", f"{what} is {joint.type}: it moves by channels {channels}", joint.line
+        )
+    if joint.type not in SCALAR_TYPES and joint.mimic is not None:
+        yield Finding("hint", "mimic-useless", f"{what} is {joint.type} and mimics another", joint.line)
+    if joint.type in ("fixed", "floating"):
+        return
+    if joint.axis is None:
+        plane = joint.type == "planar"
+        more = ": its plane stands upright; a floor is 0 0 1" if plane else ""
+        text = f"{what} has no axis; the standard says x (1 0 0){more}"
+        yield Finding("warning" if plane else "hint", "axis-missing", text, joint.line)
+    else:
+        length = math.hypot(*joint.axis)
+        if length < 1e-9:
+            yield Finding("error", "axis-zero", f"{what}: its axis is 0 0 0; read as 1 0 0", joint.line)
+        elif abs(length - 1) > UNIT:
+            text = f"{what}: its axis has length {length:.3g}, not 1; other programs scale the motion by it"
+            yield Finding("warning", "axis-length", text, joint.line)
+    if joint.type in SCALAR_TYPES:
+        yield from _limits(joint, what)
+
+
+def _limits(joint: Joint, what: str) -> Iterator[Finding]:
+    limit = joint.limit
+    if joint.type == "continuous":
+        return
+    if limit is None:
+        yield Finding("warning", "limit-missing", f"{what} is {joint.type} and has no <limit>", joint.line)
+        return
+    line = limit.line
+    if limit.lower is None and limit.upper is None:
+        text = f"{what}: a <limit> without lower and upper means 0 to 0: it could not move"
+        yield Finding("warning", "limit-empty", text, line)
+        return
+    lower, upper = limit.lower or 0.0, limit.upper or 0.0
+    shown = f"{lower:g} to {upper:g}"
+    if lower > upper:
+        yield Finding("error", "limit-reversed", f"{what}: lower is above upper: {shown}", line)
+    elif lower == upper:
+        yield Finding("warning", "limit-zero", f"{what}: lower and upper are the same: {shown}", line)
+    elif not lower <= 0 <= upper:
+        text = f"{what}: 0 lies outside its limits, {shown}: the zero pose can't be taken"
+        yield Finding("hint", "limit-without-zero", text, line)
+    largest = max(abs(lower), abs(upper))
+    if joint.type == "revolute" and 2 * TURN < largest < UNBOUNDED:
+        yield Finding("warning", "limit-degrees", f"{what}: limits {shown} rad: are these degrees?", line)
+    if joint.type == "prismatic" and FAR < largest < UNBOUNDED:
+        yield Finding(
+            "warning", "limit-millimetres", f"{what}: limits {shown} m: are these millimetres?", line
+        )
+    if (limit.velocity or 0) < 0 or (limit.effort or 0) < 0:
+        yield Finding("warning", "limit-negative", f"{what}: velocity or effort is below 0", line)
+
+
+def _origin(what: str, xyz: tuple[float, ...], rpy: tuple[float, ...], line: int) -> Iterator[Finding]:
+    if max(map(abs, rpy)) > TURN + 0.01:
+        angles = " ".join(f"{a:g}" for a in rpy)
+        yield Finding("warning", "origin-degrees", f"{what}: rpy {angles} rad: are these degrees?", line)
+    if max(map(abs, xyz)) > FAR:
+        place = " ".join(f"{v:g}" for v in xyz)
+        yield Finding("warning", "origin-far", f"{what}: origin {place} m: are these millimetres?", line)
+
+
+def _link(link: Link) -> Iterator[Finding]:
+    for shape in link.visuals:
+        yield from _origin(f"link {quoted(link.name)}, visual", shape.pose.xyz, shape.pose.rpy, shape.line)
+    inertial = link.inertial
+    if inertial is not None:
+        ixx, ixy, ixz, iyy, iyz, izz = inertial.inertia
+        if inertial.mass < 0:
+            text = f"link {quoted(link.name)}: a mass of {inertial.mass:g} kg"
+            yield Finding("warning", "mass-negative", text, inertial.line)
+        elif (
+            min(ixx, iyy, izz) < 0 or ixx * iyy < ixy * ixy or ixx * izz < ixz * ixz or iyy * izz < iyz * iyz
+        ):
+            text = f"link {quoted(link.name)}: no body has such an inertia; simulators refuse it"
+            yield Finding("hint", "inertia", text, inertial.line)
+
+
+def _materials(urdf: Urdf) -> Iterator[Finding]:
+    """Names that stand for no colour, each once."""
+    lines: dict[str, list[int]] = {}
+    for link in urdf.links:
+        for shape in link.visuals:
+            own = shape.material
+            if own is not None and own.name and not own.texture:
+                found = material_of(shape, urdf.materials)
+                if found is None or (found.rgba is None and not found.texture):
+                    lines.setdefault(own.name, []).append(own.line)
+    for name, where in lines.items():
+        times = f", {len(where)} times" if len(where) > 1 else ""
+        text = f"material {quoted(name)} has no colour anywhere{times}; grey is shown"
+        yield Finding("hint", "material-colour", text, where[0])
+
+
+def _mentions(urdf: Urdf) -> Iterator[Finding]:
+    """Sensors, transmissions and <gazebo> that speak of what there is not."""
+    links, joints = {x.name for x in urdf.links}, {x.name for x in urdf.joints}
+    for sensor in urdf.sensors:
+        if sensor.link not in links:
+            where = f"link {quoted(sensor.link)}, which there is not" if sensor.link else "no link"
+            text = f"sensor {quoted(sensor.name)} sits on {where}"
+            yield Finding("warning", "sensor-link", text, sensor.line)
+    for mention in urdf.references:
+        known = joints if mention.what == "joint" else links | joints
+        if mention.name not in known:
+            text = f"{mention.by} speaks of {mention.what} {quoted(mention.name)}, which there is not"
+            yield Finding("warning", "reference", text, mention.line)
+
+
+def _profile(urdf: Urdf, meaning: Meaning) -> Iterator[Finding]:
+    links, joints = {x.name for x in urdf.links}, {x.name: x for x in urdf.joints}
+    for site, mount in meaning.sensors.items():
+        if mount.link is not None and mount.link not in links:
+            text = (
+                f"the profile mounts sensor {quoted(site)} on link {quoted(mount.link)}, which there is not"
+            )
+            yield Finding("warning", "profile-sensor", text)
+    known = {name for joint in urdf.joints for name in _variables(joint)}
+    gone = [name for name in meaning.joints if name not in known and name not in joints]
+    if gone:  # in one line: with another robot's profile it is all of them
+        many = f" and {len(gone) - SHOWN} more" if len(gone) > SHOWN else ""
+        which = f"joint{'s' if len(gone) > 1 else ''} {', '.join(map(quoted, gone[:SHOWN]))}{many}"
+        text = f"the profile maps {which}, which there {'are' if len(gone) > 1 else 'is'} not"
+        yield Finding("warning", "profile-joint", text)
+    for name in meaning.joints:
+        if name in known:
+            continue
+        joint = joints.get(name)
+        if joint is None:
+            continue
+        if joint.type == "fixed":
+            text = "which is fixed"
+        else:
+            text = f"which is {joint.type}: map {', '.join(map(quoted, _variables(joint)))}"
+        yield Finding("warning", "profile-joint", f"the profile maps joint {quoted(name)}, {text}")
+
+
+def _variables(joint: Joint) -> list[str]:
+    """Names of the readings that move it."""
+    return [name for name, _ in variables_of(joint.name, joint.type)]

@@ -1,0 +1,1 @@
+"""Mesh and texture files of any format as triangles with paints."""

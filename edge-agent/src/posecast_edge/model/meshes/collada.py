@@ -1,0 +1,366 @@
+"""Collada (1.4 and 1.5): triangles and the scene they stand in.
+
+As RViz does: <unit> is applied, <up_axis> ignored (exporters write it and rotate the vertices as well).
+
+Whatever is shown from several places is read once, and what it shows is counted before it is made: a file may
+name its parts far more often than it has room for.
+"""
+
+from __future__ import annotations
+
+import io
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from posecast_edge.model.finding import ModelRefused, printable
+from posecast_edge.model.meshes.collada_materials import Materials, target_of
+from posecast_edge.model.meshes.collada_numbers import float_of, floats_of, integers_of
+from posecast_edge.model.meshes.mesh import (
+    TEXT_MAX,
+    Expansion,
+    Load,
+    Mesh,
+    Notes,
+    Paint,
+    Surface,
+    fans,
+    used_vertices,
+)
+from posecast_edge.model.meshes.texture import Pictures
+from posecast_edge.model.urdf.xml_tree import Element, read_xml
+
+ELEMENTS_MAX = 200_000
+DEPTH_MAX = 64
+INSTANCES_MAX = 10_000
+SEMANTICS = ("POSITION", "TEXCOORD", "COLOR")  # that are read
+
+Transform = NDArray[np.float64]
+Input = tuple[int, Element]  # offset within a corner, source
+
+
+@dataclass(frozen=True)
+class _Piece:
+    """Triangles of one material symbol: (m, 3) corners into positions; uv and colour per corner. `url`: of
+    the material where no binding names one."""
+
+    symbol: str
+    url: str
+    positions: NDArray[np.float64]
+    faces: NDArray[np.int64]
+    uv: NDArray[np.float64] | None  # (m, 3, 2)
+    colours: NDArray[np.float64] | None  # (m, 3, 3)
+
+
+@dataclass(frozen=True)
+class _Shown:
+    """What a node shows: an element of that kind, with the URLs that its symbols are bound to."""
+
+    kind: str
+    element: Element
+    bound: Mapping[str, str]
+
+
+@dataclass(frozen=True)
+class _Node:
+    """Its transform, and all it shows."""
+
+    parent_from_node: Transform
+    shows: tuple[_Shown, ...]
+
+
+def read_collada(data: bytes, load: Load, keep_uv: bool = False, pictures: Pictures | None = None) -> Mesh:
+    """ModelRefused when it is none; a missing texture only costs the texture. `keep_uv`: also without one."""
+    root = read_xml(
+        io.BytesIO(data), bytes_max=TEXT_MAX, elements_max=ELEMENTS_MAX, depth_max=DEPTH_MAX, texts=True
+    )
+    if root.tag.rpartition(":")[2] != "COLLADA":
+        raise ModelRefused(f"its root is <{printable(root.tag[:40])}>, not <COLLADA>", root.line)
+    with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is refused in the end
+        return _Reader(root, load, keep_uv, pictures or Pictures(), len(data)).mesh()
+
+
+class _Reader:
+    def __init__(self, root: Element, load: Load, keep_uv: bool, pictures: Pictures, size: int) -> None:
+        """`size`: bytes of the file."""
+        self._root = root
+        self._keep_uv = keep_uv
+        self._notes = Notes()
+        self._ids: dict[str, Element] = {}
+        self._materials = Materials(self._ids, load, pictures, self._notes)
+        self._expansion = Expansion(size)
+        self._instances = 0
+        # what has been read, by the element's identity
+        self._nodes: dict[int, _Node] = {}
+        self._bases: dict[int, tuple[Transform, Element] | None] = {}  # of controllers
+        self._pieces: dict[int, list[_Piece]] = {}
+        self._vertices: dict[int, dict[str, Element]] = {}
+        self._arrays: dict[int, NDArray[np.float64]] = {}
+        waiting = [root]
+        while waiting:
+            element = waiting.pop()
+            element.tag = element.tag.rpartition(":")[2]
+            if identity := element.get("id"):
+                self._ids.setdefault(identity, element)
+            waiting += reversed(element.children)
+
+    def mesh(self) -> Mesh:
+        unit = self._root.first("asset", "unit")
+        metre = float_of(unit.get("meter") if unit else None, 1.0)
+        if not 1e-9 < metre < 1e9:
+            raise ModelRefused(f"its unit is {metre:g} m")
+        if metre != 1:
+            self._notes.add("collada-unit", f"its unit is {metre:g} m; applied")
+        axis = self._root.first("asset", "up_axis")
+        if axis is not None and axis.text.strip() not in ("", "Z_UP"):
+            self._notes.add("collada-axis", f"it says {axis.text.strip()[:10]}; ignored, as RViz does")
+        scene = self._root.first("scene", "instance_visual_scene")
+        visual = self._target(scene.get("url") if scene else None) or self._root.first(
+            "library_visual_scenes", "visual_scene"
+        )
+        base = np.diag([metre, metre, metre, 1.0])
+        if visual is not None:
+            surfaces = [s for node in visual.all("node") for s in self._node(node, base, 0)]
+        else:
+            library = self._root.first("library_geometries")
+            surfaces = [s for g in (library.children if library else []) for s in self._geometry(g, base, {})]
+        return Mesh(tuple(surfaces), self._notes.told())
+
+    def _target(self, url: str | None) -> Element | None:
+        return target_of(self._ids, url)
+
+    # ---- scene ----
+
+    def _node(self, element: Element, parent: Transform, depth: int) -> Iterator[Surface]:
+        self._count(depth)
+        if id(element) not in self._nodes:
+            self._nodes[id(element)] = self._read_node(element)
+        node = self._nodes[id(element)]
+        at = parent @ node.parent_from_node
+        for shown in node.shows:
+            if shown.kind == "node":
+                yield from self._node(shown.element, at, depth + 1)
+            elif shown.kind == "instance_geometry":
+                yield from self._geometry(shown.element, at, shown.bound)
+            else:
+                yield from self._controlled(shown.element, at, shown.bound, 0)
+
+    def _read_node(self, element: Element) -> _Node:
+        at = np.eye(4)
+        shows = []
+        for child in element.children:
+            if child.tag == "node":
+                shows.append(_Shown("node", child, {}))
+            elif child.tag in TRANSFORMS:
+                at = at @ _transform(child)
+            elif child.tag in INSTANCES and (target := self._target(child.get("url"))) is not None:
+                shows.append(_Shown(INSTANCES[child.tag], target, _bindings(child)))
+        return _Node(at, tuple(shows))
+
+    def _controlled(
+        self, controller: Element, at: Transform, bound: Mapping[str, str], depth: int
+    ) -> Iterator[Surface]:
+        """A skinned or morphed shape as it was bound: URDF moves bodies, not bones."""
+        self._count(depth)
+        if id(controller) not in self._bases:
+            self._bases[id(controller)] = self._read_base(controller)
+        base = self._bases[id(controller)]
+        if base is None:
+            return
+        at, source = at @ base[0], base[1]
+        if source.tag == "controller":
+            yield from self._controlled(source, at, bound, depth + 1)
+        else:
+            yield from self._geometry(source, at, bound)
+
+    def _read_base(self, controller: Element) -> tuple[Transform, Element] | None:
+        """What a controller bends, and where it was bound."""
+        how = controller.first("skin") or controller.first("morph")
+        source = self._target(how.get("source")) if how else None
+        if how is None or source is None:
+            return None
+        bind = how.first("bind_shape_matrix")
+        values = floats_of(bind) if bind else np.zeros(0)
+        known = len(values) == 16 and bool(np.isfinite(values).all())
+        return values.reshape(4, 4) if known else np.eye(4), source
+
+    def _geometry(self, geometry: Element, at: Transform, bound: Mapping[str, str]) -> Iterator[Surface]:
+        self._count(0)
+        if id(geometry) not in self._pieces:
+            self._pieces[id(geometry)] = list(self._read_pieces(geometry))
+        for piece in self._pieces[id(geometry)]:
+            self._expansion.place(len(piece.faces))
+            paint = self._materials.paint(bound.get(piece.symbol) or piece.url)
+            textured = self._keep_uv or (paint is not None and paint.texture is not None)
+            yield _placed(piece, at, paint, textured)
+
+    def _count(self, depth: int) -> None:
+        self._instances += 1
+        if self._instances > INSTANCES_MAX or depth > DEPTH_MAX:
+            raise ModelRefused(f"a scene of more than {INSTANCES_MAX:,} nodes, or more than {DEPTH_MAX} deep")
+
+    # ---- geometry ----
+
+    def _read_pieces(self, geometry: Element) -> Iterator[_Piece]:
+        mesh = geometry.first("mesh")
+        for element in mesh.children if mesh else ():
+            if element.tag not in ("triangles", "polylist", "polygons", "tristrips", "trifans"):
+                continue
+            inputs = self._inputs(element)
+            if "POSITION" not in inputs:
+                continue
+            stride = max(offset for offset, _ in inputs.values()) + 1
+            numbers, corners = _corners(element, stride)
+            if not len(corners):
+                continue
+            offset, source = inputs["POSITION"]
+            positions = self._source(source, 3)
+            kept, faces = used_vertices(numbers[corners, offset].reshape(-1), len(positions))
+            uv, colours = (
+                self._of_corners(inputs, semantic, width, numbers, corners)
+                for semantic, width in (("TEXCOORD", 2), ("COLOR", 3))
+            )
+            symbol = element.get("material") or ""
+            url = f"#{symbol}" if symbol else ""
+            yield _Piece(symbol, url, positions[kept], faces.reshape(-1, 3), uv, colours)
+
+    def _of_corners(
+        self,
+        inputs: dict[str, Input],
+        semantic: str,
+        width: int,
+        numbers: NDArray[np.int64],
+        corners: NDArray[np.int64],
+    ) -> NDArray[np.float64] | None:
+        """(m, 3, width) values; None when there are none, or too few."""
+        if semantic not in inputs:
+            return None
+        offset, source = inputs[semantic]
+        values, at = self._source(source, width), numbers[corners, offset]
+        return values[at] if at.min() >= 0 and at.max() < len(values) else None
+
+    def _inputs(self, element: Element) -> dict[str, Input]:
+        """Offset and source by semantic; the first set of each."""
+        found: dict[str, Input] = {}
+        for entry in element.all("input"):
+            offset = int(float_of(entry.get("offset"), 0))
+            target = self._target(entry.get("source"))
+            if not 0 <= offset < 64 or target is None:
+                continue
+            semantic = entry.get("semantic") or ""
+            if semantic == "VERTEX":
+                for inner, source in self._of_vertices(target).items():
+                    found.setdefault(inner, (offset, source))
+            found.setdefault(semantic, (offset, target))
+        return found
+
+    def _of_vertices(self, vertices: Element) -> dict[str, Element]:
+        """The sources of <vertices> by semantic."""
+        if id(vertices) not in self._vertices:
+            found: dict[str, Element] = {}
+            self._vertices[id(vertices)] = found
+            for entry in vertices.all("input"):
+                semantic, target = entry.get("semantic") or "", self._target(entry.get("source"))
+                if semantic in SEMANTICS and target is not None:
+                    found.setdefault(semantic, target)
+        return self._vertices[id(vertices)]
+
+    def _source(self, source: Element, width: int) -> NDArray[np.float64]:
+        """(n, width) floats; ModelRefused when the array is shorter than it says."""
+        accessor = source.first("technique_common", "accessor")
+        array = self._target(accessor.get("source") if accessor else None) or source.first("float_array")
+        if array is None:
+            raise ModelRefused("vertices without numbers", source.line)
+        if id(array) not in self._arrays:
+            self._arrays[id(array)] = floats_of(array)
+        values = self._arrays[id(array)]
+        stride = int(float_of(accessor.get("stride") if accessor else None, width))
+        offset = int(float_of(accessor.get("offset") if accessor else None, 0))
+        if not width <= stride <= 256 or not 0 <= offset <= len(values):
+            raise ModelRefused("vertices of an impossible stride", source.line)
+        rows = (len(values) - offset) // stride
+        return values[offset : offset + rows * stride].reshape(rows, stride)[:, :width]
+
+
+# which of a node's children move it, and which show something
+TRANSFORMS = ("matrix", "translate", "rotate", "scale")
+INSTANCES = {
+    "instance_node": "node",
+    "instance_geometry": "instance_geometry",
+    "instance_controller": "instance_controller",
+}
+
+
+def _bindings(instance: Element) -> dict[str, str]:
+    common = instance.first("bind_material", "technique_common")
+    return {e.get("symbol") or "": e.get("target") or "" for e in (common.children if common else ())}
+
+
+def _placed(piece: _Piece, at: Transform, paint: Paint | None, textured: bool) -> Surface:
+    positions = piece.positions @ at[:3, :3].T + at[:3, 3]
+    faces, uv, colours = piece.faces, piece.uv if textured else None, piece.colours
+    if np.linalg.det(at[:3, :3]) < 0:
+        faces = faces[:, ::-1]
+        uv, colours = (None if v is None else v[:, ::-1] for v in (uv, colours))
+    if uv is None and colours is None:
+        return Surface(positions.astype(np.float32), faces.astype(np.int32), None, paint)
+    own = np.arange(faces.size, dtype=np.int32).reshape(-1, 3)
+    return Surface(
+        positions[faces.reshape(-1)].astype(np.float32),
+        own,
+        None if uv is None else (uv.reshape(-1, 2) * (1, -1) + (0, 1)).astype(np.float32),  # from below
+        paint,
+        None if colours is None else colours.reshape(-1, 3).astype(np.float32),
+    )
+
+
+def _corners(element: Element, stride: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """All corners' indices (n, stride), and the triangles (m, 3) as numbers of corners."""
+    lists = [integers_of(p) for p in element.all("p")]
+    for hole in element.all("ph"):
+        lists += [integers_of(p) for p in hole.all("p")]
+    numbers = np.concatenate(lists) if lists else np.zeros(0, np.int64)
+    if any(len(x) % stride for x in lists):
+        raise ModelRefused("a list of corners ends within a corner", element.line)
+    numbers = numbers.reshape(-1, stride)
+    lengths = np.array([len(x) // stride for x in lists], np.int64)
+    if element.tag == "triangles":
+        return numbers, np.arange(len(numbers) // 3 * 3).reshape(-1, 3)
+    if element.tag == "polylist":
+        vcount = element.first("vcount")
+        counts = integers_of(vcount) if vcount else np.zeros(0, np.int64)
+        if len(counts) and (counts.min() < 0 or counts.max() > len(numbers) or counts.sum() > len(numbers)):
+            raise ModelRefused("polygons of more corners than there are", element.line)
+        return numbers, fans(counts)
+    if element.tag in ("polygons", "trifans"):
+        return numbers, fans(lengths)
+    strips = []
+    for first, length in zip(np.cumsum(lengths) - lengths, lengths, strict=True):
+        i = np.arange(max(length - 2, 0)) + first
+        odd = (i - first) % 2
+        strips.append(np.stack([i + odd, i + 1 - odd, i + 2], axis=1))
+    return numbers, np.concatenate(strips) if strips else np.zeros((0, 3), np.int64)
+
+
+def _transform(element: Element) -> Transform:
+    matrix = np.eye(4)
+    values = floats_of(element)
+    if len(values) != {"matrix": 16, "rotate": 4}.get(element.tag, 3) or not np.isfinite(values).all():
+        raise ModelRefused(f"a <{element.tag}> of {len(values)} numbers", element.line)
+    if element.tag == "matrix":
+        return values.reshape(4, 4)
+    if element.tag == "translate":
+        matrix[:3, 3] = values
+    elif element.tag == "scale":
+        matrix[:3, :3] = np.diag(values)
+    else:
+        length = float(np.linalg.norm(values[:3]))
+        if length > 0:
+            x, y, z = values[:3] / length
+            s, c = math.sin(math.radians(values[3])), math.cos(math.radians(values[3]))
+            cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+            matrix[:3, :3] = np.eye(3) + s * cross + (1 - c) * cross @ cross
+    return matrix

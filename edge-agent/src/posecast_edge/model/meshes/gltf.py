@@ -1,0 +1,288 @@
+"""glTF 2.0, as GLB or with files beside it: triangles and base colours, in its own axes as in RViz."""
+
+from __future__ import annotations
+
+import binascii
+import json
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from posecast_edge.model.finding import ModelRefused, printable, quoted
+from posecast_edge.model.kinematics import from_quaternion
+from posecast_edge.model.meshes.mesh import (
+    Expansion,
+    Floats,
+    Load,
+    Mesh,
+    Notes,
+    Paint,
+    Surface,
+    share,
+    used_vertices,
+)
+from posecast_edge.model.meshes.texture import Pictures
+
+JSON_MAX = 16 << 20
+NODES_MAX = 10_000
+DEPTH_MAX = 64
+KNOWN = {"KHR_mesh_quantization", "KHR_materials_unlit", "KHR_texture_transform", "KHR_materials_specular"}
+COMPONENTS = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
+WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
+
+
+def read_gltf(data: bytes, load: Load, pictures: Pictures | None = None) -> Mesh:
+    """ModelRefused when it is none, or is compressed."""
+    document, binary = _chunks(data) if data[:4] == b"glTF" else (_json(data), None)
+    try:
+        reader = _Reader(document, binary, load, pictures or Pictures(), len(data))
+        return Mesh(tuple(reader.surfaces()), reader.notes.told())
+    except (LookupError, TypeError, AttributeError, ValueError, ArithmeticError, RecursionError) as e:
+        said = printable(f"{type(e).__name__} {str(e)[:60]}")
+        raise ModelRefused(f"its glTF is broken: {said}") from None
+
+
+def _json(text: bytes) -> dict[str, Any]:
+    if len(text) > JSON_MAX:
+        raise ModelRefused("its JSON is longer than the file, or than 16 MiB")
+    try:
+        document = json.loads(text)
+    except (ValueError, RecursionError):
+        raise ModelRefused("its JSON is none") from None
+    if not isinstance(document, dict):
+        raise ModelRefused("its JSON is none")
+    return document
+
+
+def _chunks(data: bytes) -> tuple[dict[str, Any], bytes]:
+    if len(data) < 20 or data[:4] != b"glTF" or int.from_bytes(data[4:8], "little") != 2:
+        raise ModelRefused("no glTF 2.0 binary")
+    length = int.from_bytes(data[12:16], "little")
+    if data[16:20] != b"JSON" or length > len(data) - 20 or length > JSON_MAX:
+        raise ModelRefused("its JSON is longer than the file, or than 16 MiB")
+    document = _json(data[20 : 20 + length])
+    at = 20 + length
+    binary = b""
+    if at + 8 <= len(data) and data[at + 4 : at + 8] == b"BIN\0":
+        binary = data[at + 8 : at + 8 + int.from_bytes(data[at : at + 4], "little")]
+    return document, binary
+
+
+class _Reader:
+    def __init__(
+        self, document: dict[str, Any], binary: bytes | None, load: Load, pictures: Pictures, size: int
+    ) -> None:
+        """`size`: bytes of the file."""
+        self._document = document
+        self._load = load
+        self._buffers: dict[int, bytes] = {}
+        self._binary = binary
+        self._pictures = pictures
+        self._picture_bytes = size  # that pictures inside it may have together: they do not overlap
+        self._paints: dict[int, Paint] = {}
+        self._images: dict[int, bytes | None] = {}
+        self._expansion = Expansion(size)
+        self._visited = 0
+        self.notes = Notes()
+        unknown = sorted({name for name in document.get("extensionsRequired", []) if name not in KNOWN})
+        if unknown:
+            raise ModelRefused(f"it needs {printable(unknown[0][:60])}; export it without compression")
+
+    def surfaces(self) -> Iterator[Surface]:
+        document = self._document
+        if "scenes" in document:
+            roots = document["scenes"][document.get("scene", 0)].get("nodes", [])
+        else:
+            below = {c for n in document.get("nodes", []) for c in n.get("children", [])}
+            roots = [i for i in range(len(document.get("nodes", []))) if i not in below]
+        for root in roots:
+            yield from self._node(root, np.eye(4), 0)
+
+    def _node(self, index: int, parent: NDArray[np.float64], depth: int) -> Iterator[Surface]:
+        self._visited += 1
+        if self._visited > NODES_MAX or depth > DEPTH_MAX:
+            raise ModelRefused(f"a scene of more than {NODES_MAX:,} nodes, or more than {DEPTH_MAX} deep")
+        node = _at(self._document["nodes"], index)
+        at = parent @ _local(node)
+        if "mesh" in node:
+            for primitive in _at(self._document["meshes"], node["mesh"])["primitives"]:
+                surface = self._primitive(primitive, at)
+                if surface is not None:
+                    yield surface
+        for child in node.get("children", []):
+            yield from self._node(child, at, depth + 1)
+
+    def _primitive(self, primitive: dict[str, Any], at: NDArray[np.float64]) -> Surface | None:
+        mode = primitive.get("mode", 4)
+        if mode not in (4, 5, 6):
+            self._expansion.place(0)
+            return None  # points and lines
+        attributes = primitive["attributes"]
+        count = len(self._accessor(attributes["POSITION"], 3)[0])
+        indices = self._accessor(primitive["indices"], 1)[0] if "indices" in primitive else None
+        corners = count if indices is None else len(indices)
+        triangles = corners // 3 if mode == 4 else max(corners - 2, 0)
+        self._expansion.place(triangles)
+        if not triangles:
+            return None
+        corners = 3 * triangles if mode == 4 else corners
+        numbers = np.arange(corners) if indices is None else indices[:corners, 0].astype(np.int64)
+        kept, place = used_vertices(numbers, count)
+        uv = None
+        if "TEXCOORD_0" in attributes:
+            uv = self._values(attributes["TEXCOORD_0"], 2, kept, count).astype(np.float32)
+        paint = self._paint(primitive.get("material"))
+        colours = self._colours(attributes, kept, count)
+        faces = _faces(place, mode)
+        if np.linalg.det(at[:3, :3]) < 0:
+            faces = faces[:, ::-1]
+        placed = self._values(attributes["POSITION"], 3, kept, count) @ at[:3, :3].T + at[:3, 3]
+        with np.errstate(over="ignore"):  # beyond single precision: infinite, which is refused later
+            return Surface(placed.astype(np.float32), faces.astype(np.int32), uv, paint, colours)
+
+    def _colours(self, attributes: dict[str, Any], kept: NDArray[np.int64], count: int) -> Floats | None:
+        """Display values (n, 3) of vertices that have colours of their own."""
+        if "COLOR_0" not in attributes:
+            return None
+        number = attributes["COLOR_0"]
+        width = WIDTHS[_at(self._document["accessors"], number)["type"]]
+        if width < 3:
+            raise ModelRefused("colours of fewer than three parts")
+        linear = np.clip(self._values(number, width, kept, count)[:, :3], 0, 1)
+        low = linear * 12.92
+        return np.where(linear <= 0.0031308, low, 1.055 * linear ** (1 / 2.4) - 0.055).astype(np.float32)
+
+    def _values(self, index: int, width: int, kept: NDArray[np.int64], count: int) -> NDArray[np.float64]:
+        """(n, width) values of the kept vertices, of which there are `count` in all."""
+        values, normalised = self._accessor(index, width)
+        if len(values) != count:
+            raise ModelRefused("vertices and what belongs to them of different numbers")
+        found = values[kept].astype(np.float64)
+        return np.maximum(found / np.iinfo(values.dtype).max, -1.0) if normalised else found
+
+    def _accessor(self, index: int, width: int) -> tuple[NDArray[Any], bool]:
+        """(n, width) values as they lie there, uncopied; whether they are to be normalised."""
+        accessor = _at(self._document["accessors"], index)
+        if "sparse" in accessor or "bufferView" not in accessor:
+            raise ModelRefused("sparse vertices are not read")
+        if WIDTHS[accessor["type"]] != width:
+            raise ModelRefused("vertices of the wrong width")
+        kind = np.dtype(COMPONENTS[accessor["componentType"]])
+        view = _at(self._document["bufferViews"], accessor["bufferView"])
+        whole = self._view(view)
+        count, offset = _whole(accessor["count"]), _whole(accessor.get("byteOffset", 0))
+        stride = _whole(view.get("byteStride", 0)) or width * kind.itemsize
+        if count and offset + (count - 1) * stride + width * kind.itemsize > len(whole):
+            raise ModelRefused(f"it claims {count:,} vertices, its data has fewer")
+        values = np.ndarray((count, width), kind, whole, offset if count else 0, (stride, kind.itemsize))
+        return values, bool(accessor.get("normalized"))
+
+    def _view(self, view: dict[str, Any]) -> memoryview:
+        data = self._buffer(_whole(view.get("buffer", 0)))
+        offset, length = _whole(view.get("byteOffset", 0)), _whole(view["byteLength"])
+        if offset + length > len(data):
+            raise ModelRefused("it claims more data than it has")
+        return memoryview(data)[offset : offset + length]
+
+    def _buffer(self, number: int) -> bytes:
+        if number not in self._buffers:
+            uri = _at(self._document["buffers"], number).get("uri")
+            if uri is None and number == 0 and self._binary is not None:
+                self._buffers[number] = self._binary
+            else:
+                self._buffers[number] = data = self._resource(uri)
+                self._expansion.hold(len(data))
+        return self._buffers[number]
+
+    def _resource(self, uri: Any) -> bytes:
+        """The bytes behind a URI: inside it, or a file beside this one."""
+        if not isinstance(uri, str):
+            raise ModelRefused("it has no data")
+        if not uri.startswith("data:"):
+            return self._file(uri)
+        head, comma, text = uri.partition(",")
+        if not comma or not head.endswith(";base64"):
+            raise ModelRefused("data inside it are not base64")
+        return binascii.a2b_base64(text)
+
+    def _file(self, uri: str) -> bytes:
+        try:
+            return self._load(uri)
+        except ModelRefused as e:
+            raise ModelRefused(f"its file {quoted(uri, 40)}: {e.reason}") from None
+
+    def _paint(self, index: int | None) -> Paint | None:
+        if index is None:
+            return None
+        number = _whole(index)
+        if number not in self._paints:
+            self._paints[number] = self._read_paint(_at(self._document["materials"], number))
+        return self._paints[number]
+
+    def _read_paint(self, material: dict[str, Any]) -> Paint:
+        pbr = material.get("pbrMetallicRoughness", {})
+        r, g, b, a = (share(float(x)) for x in pbr.get("baseColorFactor", (1, 1, 1, 1)))
+        alpha = a if material.get("alphaMode") == "BLEND" and a >= 0.02 else 1.0
+        rgba = (_display(r), _display(g), _display(b), alpha)
+        texture = pbr.get("baseColorTexture")
+        if texture is None:
+            return Paint(rgba)
+        return Paint(rgba, self._picture(_whole(_at(self._document["textures"], texture["index"])["source"])))
+
+    def _picture(self, number: int) -> bytes | None:
+        if number not in self._images:
+            try:
+                data = self._image(_at(self._document["images"], number))
+                self._images[number] = self._pictures.checked(data)
+            except ModelRefused as e:
+                self.notes.add("texture", f"a texture in it: {e.reason}")
+                self._images[number] = None
+        return self._images[number]
+
+    def _image(self, image: dict[str, Any]) -> bytes:
+        if "bufferView" not in image:
+            return self._resource(image.get("uri"))
+        inside = self._view(_at(self._document["bufferViews"], image["bufferView"]))
+        self._picture_bytes -= len(inside)
+        if self._picture_bytes < 0:
+            raise ModelRefused("its pictures are larger together than the file")
+        return bytes(inside)
+
+
+def _at(items: list[Any], index: Any) -> Any:
+    return items[_whole(index)]
+
+
+def _whole(number: Any) -> int:
+    if isinstance(number, bool) or not isinstance(number, int) or not 0 <= number < 1 << 40:
+        raise ModelRefused("its glTF is broken: an index or a size is no whole number")
+    return number
+
+
+def _display(linear: float) -> float:
+    """sRGB from linear, 0 … 1 (IEC 61966-2-1)."""
+    return 12.92 * linear if linear <= 0.0031308 else 1.055 * linear ** (1 / 2.4) - 0.055
+
+
+def _local(node: dict[str, Any]) -> NDArray[np.float64]:
+    if "matrix" in node:
+        matrix = np.array(node["matrix"], np.float64).reshape(4, 4).T
+    else:
+        x, y, z, w = node.get("rotation", (0, 0, 0, 1))
+        matrix = np.array(from_quaternion(node.get("translation", (0, 0, 0)), (w, x, y, z)), np.float64)
+        matrix[:3, :3] *= np.array(node.get("scale", (1, 1, 1)), np.float64)
+    if not np.isfinite(matrix).all():
+        raise ModelRefused("a node that is not finite")
+    return matrix
+
+
+def _faces(indices: NDArray[np.int64], mode: int) -> NDArray[np.int64]:
+    if mode == 4:
+        return indices[: len(indices) // 3 * 3].reshape(-1, 3)
+    i = np.arange(max(len(indices) - 2, 0))
+    if mode == 5:
+        odd = i % 2
+        return indices[np.stack([i + odd, i + 1 - odd, i + 2], axis=1)]
+    return indices[np.stack([np.zeros_like(i), i + 1, i + 2], axis=1)]

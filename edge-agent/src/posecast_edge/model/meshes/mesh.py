@@ -1,0 +1,163 @@
+"""A mesh as read from any format: surfaces, each with one paint, in metres and in the file's own axes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from posecast_edge.model.finding import ModelRefused, printable
+from posecast_edge.model.urdf.types import FAR_M
+
+FILE_MAX = 256 << 20  # bytes of one mesh file
+TEXT_MAX = 128 << 20  # of one that is text: it takes ten times its size to read
+TRIANGLES_MAX = 5_000_000  # of one mesh
+NOTES_MAX = 20  # of one mesh; further ones are not told
+SHOWN_AGAIN_MAX = 1_000_000  # triangles that showing parts again may add to what the file's bytes can hold
+PLACING = 128  # triangles: what placing a part counts beside its own
+
+Floats = NDArray[np.float32]
+Faces = NDArray[np.int32]
+Rgba = tuple[float, float, float, float]
+Load = Callable[[str], bytes]  # a file named by the mesh; ModelRefused when it can't be had
+
+
+@dataclass(frozen=True)
+class Paint:
+    """`rgba` as display (sRGB) values 0 … 1; `texture` is a picture file's bytes, multiplied with it."""
+
+    rgba: Rgba
+    texture: bytes | None = None
+
+
+@dataclass(frozen=True)
+class Surface:
+    """Triangles of one paint: positions (n, 3), faces (m, 3) counter-clockwise seen from outside, uv (n, 2)
+    with (0, 0) at the picture's upper left, or None. `paint` None: the file names none. `colours` (n, 3): of
+    the vertices, display values multiplied with the paint, or None. `spare`: for where the URDF names no
+    paint either."""
+
+    positions: Floats
+    faces: Faces
+    uv: Floats | None = None
+    paint: Paint | None = None
+    colours: Floats | None = None
+    spare: Paint | None = None
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """`notes`: what a reader had to be lenient about, (code, text)."""
+
+    surfaces: tuple[Surface, ...]
+    notes: tuple[tuple[str, str], ...] = ()
+
+    @property
+    def triangles(self) -> int:
+        """All of them."""
+        return sum(len(s.faces) for s in self.surfaces)
+
+    def box(self) -> tuple[Floats, Floats]:
+        """Lowest and highest corner."""
+        used = [s.positions[np.unique(s.faces)] for s in self.surfaces]
+        return np.min([p.min(0) for p in used], axis=0), np.max([p.max(0) for p in used], axis=0)
+
+
+class Expansion:
+    """What a file's scene grows to. A part may be shown many times, so a small file can stand for a huge
+    scene: it is counted before anything is made."""
+
+    def __init__(self, size: int) -> None:
+        """`size`: bytes of the file; a triangle that stands in it takes one at least."""
+        self._left = SHOWN_AGAIN_MAX + size
+        self._triangles = 0
+
+    def hold(self, size: int) -> None:
+        """So many bytes more belong to the file: they lie beside it."""
+        self._left += size
+
+    def place(self, triangles: int) -> None:
+        """One more part. ModelRefused when the scene becomes larger than its file may make it."""
+        self._triangles += triangles
+        self._left -= triangles + PLACING
+        if self._triangles > TRIANGLES_MAX:
+            raise ModelRefused(f"more than {TRIANGLES_MAX:,} triangles")
+        if self._left < 0:
+            raise ModelRefused(
+                f"shows its parts so often that they are over {SHOWN_AGAIN_MAX:,} triangles more"
+            )
+
+
+class Notes:
+    """What a reader had to be lenient about: each once, at most NOTES_MAX."""
+
+    def __init__(self) -> None:
+        self._found: dict[tuple[str, str], None] = {}
+
+    def add(self, code: str, text: str) -> None:
+        """One more, for a person: one line."""
+        if len(self._found) < NOTES_MAX:
+            self._found[code, printable(text[:200])] = None
+
+    def told(self) -> tuple[tuple[str, str], ...]:
+        """(code, text) in the order they came."""
+        return tuple(self._found)
+
+
+def share(value: float) -> float:
+    """The same within 0 … 1. ValueError for what is not finite."""
+    if not math.isfinite(value):
+        raise ValueError(f"{value} is no share")
+    return min(max(value, 0.0), 1.0)
+
+
+def used_vertices(numbers: NDArray[np.int64], count: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """The used ones of `count` vertices, ascending, and `numbers` in terms of these: a file's vertices may be
+    shared by many surfaces, each of which would else carry all of them.
+
+    ModelRefused when one is named that there is not.
+    """
+    if len(numbers) and (numbers.min() < 0 or numbers.max() >= count):
+        raise ModelRefused("a triangle names a vertex that there is not")
+    if count > 4 * len(numbers):  # few of many: no work that goes with all of them
+        kept, place = np.unique(numbers, return_inverse=True)
+        return kept, place.reshape(-1)
+    used = np.zeros(count, bool)
+    used[numbers] = True
+    return np.flatnonzero(used), (np.cumsum(used) - 1)[numbers]
+
+
+def checked(mesh: Mesh) -> Mesh:
+    """The same without empty surfaces. ModelRefused for what can't be drawn."""
+    surfaces = []
+    for surface in mesh.surfaces:
+        if not len(surface.faces):
+            continue
+        if surface.faces.min() < 0 or surface.faces.max() >= len(surface.positions):
+            raise ModelRefused("a triangle names a vertex that there is not")
+        if not np.isfinite(surface.positions).all():
+            raise ModelRefused("vertices that are not finite (NaN)")
+        if np.abs(surface.positions).max() > FAR_M:
+            raise ModelRefused("vertices more than 10,000 km away")
+        uv, colours = surface.uv, surface.colours
+        if uv is not None and not np.isfinite(uv).all():
+            uv = None
+        if colours is not None:
+            colours = None if not np.isfinite(colours).all() else np.clip(colours, 0, 1)
+        surfaces.append(replace(surface, uv=uv, colours=colours))
+    if not surfaces:
+        raise ModelRefused("no triangles in it")
+    if sum(len(s.faces) for s in surfaces) > TRIANGLES_MAX:
+        raise ModelRefused(f"more than {TRIANGLES_MAX:,} triangles")
+    return replace(mesh, surfaces=tuple(surfaces))
+
+
+def fans(counts: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Corner numbers (m, 3) of triangles that fill polygons of `counts` corners, corners counted through."""
+    triangles = np.maximum(counts - 2, 0)
+    first = np.repeat(np.cumsum(counts) - counts, triangles)
+    step = np.arange(triangles.sum()) - np.repeat(np.cumsum(triangles) - triangles, triangles)
+    return np.stack([first, first + step + 1, first + step + 2], axis=1)

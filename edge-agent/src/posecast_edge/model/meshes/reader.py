@@ -1,0 +1,58 @@
+"""Reads a mesh file of any kind. What it is, is judged by its first bytes, then by its name."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+from posecast_edge.model.finding import ModelRefused, quoted
+from posecast_edge.model.meshes.collada import read_collada
+from posecast_edge.model.meshes.gltf import read_gltf
+from posecast_edge.model.meshes.mesh import FILE_MAX, Mesh, checked
+from posecast_edge.model.meshes.obj import read_obj
+from posecast_edge.model.meshes.side_files import Shelf, read_bounded
+from posecast_edge.model.meshes.stl import read_stl
+from posecast_edge.model.meshes.vertex_colour import by_colours
+from posecast_edge.model.urdf.resolver import Resolver
+
+
+def read_mesh(path: Path, resolver: Resolver, keep_uv: bool = False, shelf: Shelf | None = None) -> Mesh:
+    """The checked mesh, one paint a surface. ModelRefused says why it can't be shown.
+
+    `keep_uv`: the URDF has a picture for it, so coordinates matter also where the file itself names none.
+    `shelf`: of the robot, where meshes share what they name.
+    """
+    mesh = checked(_read(path, resolver, keep_uv, shelf or Shelf()))
+    return replace(mesh, surfaces=tuple(by_colours(mesh.surfaces)))
+
+
+def _read(path: Path, resolver: Resolver, keep_uv: bool, shelf: Shelf) -> Mesh:
+    data = read_bounded(path, FILE_MAX)
+    _refuse_the_obvious(data)
+    suffix, load = path.suffix.lower(), shelf.of(path, resolver)
+    if data[:4] == b"glTF" or suffix == ".gltf":
+        return read_gltf(data, load, shelf.pictures)
+    if suffix == ".stl":
+        return read_stl(data)
+    if suffix == ".dae":
+        return read_collada(data, load, keep_uv, shelf.pictures)
+    if suffix == ".obj":
+        return read_obj(data, load, keep_uv, shelf.pictures)
+    if suffix == ".glb":
+        raise ModelRefused("no glTF 2.0 binary")
+    raise ModelRefused(f"{quoted(suffix)} is no kind of mesh that is read")
+
+
+def _refuse_the_obvious(data: bytes) -> None:
+    """Files that are something else under a mesh's name, as servers and tools leave them."""
+    start = data[:512].lstrip().lower()
+    if not data:
+        raise ModelRefused("the file is empty")
+    if start.startswith((b"<!doctype html", b"<html", b"<head")) or b"<html" in start:
+        raise ModelRefused("an HTML page, not a mesh: a server answered with a page")
+    if start.startswith(b"version https://git-lfs"):
+        raise ModelRefused("a Git LFS pointer, not the mesh: run git lfs pull")
+    if start.startswith(b"pk\x03\x04"):
+        raise ModelRefused("a zip archive, not a mesh")
+    if start.startswith(b"\x1f\x8b"):
+        raise ModelRefused("a gzip file, not a mesh")

@@ -1,0 +1,95 @@
+"""What meshes name beside themselves: buffers, material libraries, pictures. Bounded for each and for all of
+a robot, since a thousand meshes may name the same large file."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from posecast_edge.model.finding import ModelRefused
+from posecast_edge.model.meshes.mesh import FILE_MAX, Load
+from posecast_edge.model.meshes.texture import Pictures
+from posecast_edge.model.urdf.resolver import Resolver
+
+TEXTURE_MAX = 64 << 20  # bytes of one picture
+NAMES_MAX = 1000  # that one mesh names; further ones are not looked for
+
+
+@dataclass(frozen=True)
+class Bound:
+    """Bytes: of one file, and of all that a robot's meshes are given. What is beyond is left out."""
+
+    one: int
+    all: int
+
+
+PICTURE = ".png"  # stands for every kind of picture
+BOUNDS = {
+    ".bin": Bound(FILE_MAX, 1 << 30),  # counts each time that it is read
+    ".mtl": Bound(8 << 20, 64 << 20),  # counts each time
+    PICTURE: Bound(TEXTURE_MAX, 512 << 20),  # counts once: it is kept, and looked at once
+}
+
+
+class Shelf:
+    """The files beside the meshes of one robot."""
+
+    def __init__(self) -> None:
+        self.pictures = Pictures()
+        self._held: dict[Path, bytes] = {}
+        self._left = {kind: bound.all for kind, bound in BOUNDS.items()}
+
+    def of(self, mesh: Path, resolver: Resolver) -> Load:
+        """What gives the files that this mesh names; ModelRefused says why there is none."""
+        told: dict[str, bytes | ModelRefused] = {}
+
+        def load(name: str) -> bytes:
+            if name not in told and len(told) >= NAMES_MAX:
+                raise ModelRefused(f"it names more than {NAMES_MAX} files")
+            if name not in told:
+                try:
+                    told[name] = self._read(resolver.beside(mesh, name))
+                except ModelRefused as e:
+                    told[name] = e
+            found = told[name]
+            if isinstance(found, ModelRefused):
+                raise ModelRefused(found.reason)
+            return found
+
+        return load
+
+    def picture(self, path: Path) -> bytes:
+        """A picture that can be shown. ModelRefused."""
+        return self.pictures.checked(self._read(path))
+
+    def _read(self, path: Path) -> bytes:
+        if path in self._held:
+            return self._held[path]
+        suffix = path.suffix.lower()
+        kind = suffix if suffix in BOUNDS else PICTURE
+        bound, left = BOUNDS[kind], self._left[kind]
+        try:
+            data = read_bounded(path, min(bound.one, left))
+        except ModelRefused:
+            if left == bound.all:
+                raise
+            both = f"over {bound.one >> 20} MiB, or the robot's over {bound.all >> 20} MiB"
+            raise ModelRefused(both) from None
+        self._left[kind] = left - len(data)
+        if kind == PICTURE:
+            self._held[path] = data
+        return data
+
+
+def read_bounded(path: Path, most: int) -> bytes:
+    """A file's bytes. ModelRefused when it is larger than that, or can't be read."""
+    try:
+        if path.stat().st_size > most:
+            raise ModelRefused(f"over {most >> 20} MiB")
+        with path.open("rb") as file:
+            data = file.read(most + 1)
+    except OSError as e:
+        raise ModelRefused(e.strerror or "can't be read") from None
+    if len(data) > most:
+        raise ModelRefused(f"over {most >> 20} MiB")
+    return data

@@ -1,0 +1,123 @@
+"""Builds the model of a robot that is on air already: in a process of its own, so that the agent stays small
+and its clock undisturbed. What was built before comes from the cache within a moment (model/cache.py).
+"""
+
+from __future__ import annotations
+
+import contextlib
+import importlib.util
+import json
+import logging
+import os
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from posecast_edge.model.finding import EXTRA
+from posecast_edge.model.serve.bundle import Bundle, ModelError, load_built
+
+log = logging.getLogger("posecast_edge.model")
+
+NEEDED = ("meshoptimizer", "numpy", "PIL")  # the extra [model]
+BUILD_MAX_S = 900.0
+STOP_S = 2.0
+NICE = 10  # the robot's own programs go first
+
+
+def can_build() -> bool:
+    """Whether the mesh tools are installed."""
+    return all(importlib.util.find_spec(name) is not None for name in NEEDED)
+
+
+class BackgroundBuild:
+    """`ready` gets the built bundle, or the raw one when it can't be built: at once without mesh tools."""
+
+    def __init__(self, urdf: Path, raw: Bundle, ready: Callable[[Bundle], None]) -> None:
+        self._urdf, self._raw, self._ready = urdf, raw, ready
+        self._folder: tempfile.TemporaryDirectory[str] | None = None
+        self._process: subprocess.Popen[str] | None = None
+        self._lock = threading.Lock()
+        self._stopping = False
+        self._thread = threading.Thread(target=self._run, name="model", daemon=True)
+
+    def start(self) -> None:
+        """Begin; `ready` is called by another thread."""
+        if can_build():
+            self._thread.start()
+            return
+        log.warning(
+            "model: meshes go as they are, %.1f MB; to make them small, %s", _megabytes(self._raw), EXTRA
+        )
+        self._ready(self._raw)
+
+    def stop(self) -> None:
+        """End the process if it still runs. The files it made are gone afterwards."""
+        with self._lock:
+            self._stopping = True
+            if self._process is not None:
+                self._process.kill()
+        if self._thread.is_alive():
+            self._thread.join(STOP_S)
+        if self._folder is not None:
+            self._folder.cleanup()
+
+    def _run(self) -> None:
+        began_s = time.monotonic()
+        try:
+            bundle = self._built()
+        except (ModelError, OSError, subprocess.SubprocessError) as e:
+            if not self._stopping:
+                log.warning("model: not built, meshes go as they are: %s", e)
+                self._ready(self._raw)
+            return
+        if self._stopping:
+            return
+        took_s = time.monotonic() - began_s
+        log.info("model: %.1f MB of %.1f MB, after %.1f s", _megabytes(bundle), _megabytes(self._raw), took_s)
+        if problems := _problems(bundle):
+            log.warning("model: %s; posecast-edge doctor --urdf %s names them", problems, self._urdf)
+        self._ready(bundle)
+
+    def _built(self) -> Bundle:
+        """ModelError with the builder's last word."""
+        self._folder = tempfile.TemporaryDirectory(prefix="posecast-model-", ignore_cleanup_errors=True)
+        out = Path(self._folder.name, "bundle")
+        command = [sys.executable, "-m", "posecast_edge", "model", "build", str(self._urdf), "-o", str(out)]
+        with self._lock:
+            if self._stopping:
+                raise ModelError("stopped")
+            self._process = subprocess.Popen(  # Ctrl-C in the terminal is for the agent, which ends this one
+                command,
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.PIPE,
+                text=True,
+                start_new_session=True,
+            )
+        with self._process as process:
+            with contextlib.suppress(OSError):  # it has ended already
+                os.setpriority(os.PRIO_PROCESS, process.pid, NICE)
+            try:
+                _, said = process.communicate(timeout=BUILD_MAX_S)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                raise
+        if process.returncode != 0:
+            last = said.strip().rpartition("\n")[2] or f"exit status {process.returncode}"
+            raise ModelError(last.removeprefix("posecast-edge: "))
+        return load_built(out)
+
+
+def _problems(bundle: Bundle) -> str:
+    """`2 errors, 1 warning` in the URDF, "" when there are none."""
+    severities = [f["severity"] for f in json.loads(bundle.manifest).get("findings", [])]
+    counts = [(severities.count(s), s) for s in ("error", "warning")]
+    return ", ".join(f"{n} {s}{'s' if n > 1 else ''}" for n, s in counts if n)
+
+
+def _megabytes(bundle: Bundle) -> float:
+    return sum(f.size for f in bundle.files) / 1e6

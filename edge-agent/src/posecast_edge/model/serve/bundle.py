@@ -1,0 +1,189 @@
+"""A robot's model as a manifest and ranges of bytes: a URDF with the files it names, or a built folder.
+Only meshes and pictures inside the model's own folders are served: a URDF from a stranger must not publish
+what else lies on this machine.
+
+The manifest keeps every URI exactly as the URDF spells it, so the browser resolves nothing itself.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import logging
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+from urllib.parse import unquote, urlsplit
+
+from posecast_edge.model.finding import ModelRefused, printable
+from posecast_edge.model.serve.bundle_dir import check_folder
+from posecast_edge.model.urdf.reader import load_urdf
+from posecast_edge.model.urdf.resolver import URI_MAX, Resolver, real_path
+from posecast_edge.model.urdf.types import Urdf
+
+log = logging.getLogger("posecast_edge.model")
+
+RANGE_MAX = 250_000  # bytes of one reply: a larger one closes a thin uplink's connection
+FILE_MAX = 256 << 20
+FILES_MAX = 1000
+
+# what is served, by suffix
+TYPES = {
+    ".stl": "model/stl",
+    ".dae": "model/vnd.collada+xml",
+    ".obj": "model/obj",
+    ".mtl": "model/mtl",
+    ".glb": "model/gltf-binary",
+    ".gltf": "model/gltf+json",
+    ".png": "image/png",
+    ".jpg": "image/jpeg",
+    ".jpeg": "image/jpeg",
+}
+
+
+class ModelError(Exception):
+    """A URDF that cannot be served: `file: reason`, one line."""
+
+
+@dataclass(frozen=True)
+class BundleFile:
+    """One file: where it lies, and what the manifest says of it."""
+
+    source: Path
+    path: str
+    uri: str
+    size: int
+    sha256: str
+
+
+class Bundle:
+    """A model as it was when the agent started."""
+
+    def __init__(self, manifest: bytes, files: list[BundleFile], missing: list[str]) -> None:
+        self.manifest = manifest
+        self.files = tuple(files)
+        self.missing = tuple(missing)
+        self.hash = hashlib.sha256(self.manifest).hexdigest()
+        self._by_hash = {f.sha256: f for f in files}
+
+    def tell_missing(self) -> None:
+        """What it lacks, said once."""
+        if self.missing:
+            shown = ", ".join(self.missing[:3]) + (" …" if len(self.missing) > 3 else "")
+            total = len(self.files) + len(self.missing)
+            log.warning("model: %d of %d files missing: %s", len(self.missing), total, shown)
+
+    def read(self, part: str, offset: int, length: int) -> bytes:
+        """A range of `manifest` or of the file with that SHA-256.
+
+        KeyError: no such file. ValueError: no such range. OSError: the file is gone.
+        """
+        file = None if part == "manifest" else self._by_hash.get(part)
+        if file is None and part != "manifest":
+            raise KeyError("no such file")
+        size = len(self.manifest) if file is None else file.size
+        if not (0 <= offset <= size and 0 < length <= RANGE_MAX):
+            raise ValueError(f"no range {offset}+{length} in {size} bytes")
+        if file is None:
+            return self.manifest[offset : offset + length]
+        with file.source.open("rb") as f:
+            f.seek(offset)
+            return f.read(min(length, size - offset))
+
+
+def load_bundle(urdf: Path, packages: Sequence[Path] = ()) -> Bundle:
+    """Read a URDF and find the files it names. ModelError when the URDF cannot be used; a file that cannot be
+    found, or lies outside the model's folders (resolve.py), stands in `missing`."""
+    try:
+        uris = list(dict.fromkeys(_uris(load_urdf(urdf))))
+        name = printable(urdf.name)
+        files = [_file(real_path(urdf), name, name)]
+    except ModelRefused as e:
+        raise ModelError(
+            f"{urdf}: {e.reason}" if e.line is None else f"{urdf}: line {e.line}: {e.reason}"
+        ) from None
+    except OSError as e:
+        raise ModelError(f"{urdf}: {e.strerror or e}") from None
+    resolver = Resolver(urdf, packages)
+    missing: list[str] = []
+    taken: Counter[str] = Counter()
+    for uri in uris:
+        file = _found(resolver, uri, taken) if len(files) < FILES_MAX else None
+        if file is None:
+            missing.append(uri[:URI_MAX])
+        else:
+            files.append(file)
+    return Bundle(_manifest(files, missing), files, missing)
+
+
+def _found(resolver: Resolver, uri: str, taken: Counter[str]) -> BundleFile | None:
+    try:
+        path = resolver.find(uri).path
+        return _file(path, _free_path(uri, taken), uri) if path.suffix.lower() in TYPES else None
+    except (ModelRefused, OSError):
+        return None
+
+
+def _uris(urdf: Urdf) -> Iterator[str]:
+    """Of meshes and pictures, in the file's order of links."""
+    for link in urdf.links:
+        for shape in (*link.visuals, *link.collisions):
+            if shape.geometry is not None and shape.geometry.uri:
+                yield shape.geometry.uri
+            if shape.material is not None and shape.material.texture:
+                yield shape.material.texture
+    for material in urdf.materials.values():
+        if material.texture:
+            yield material.texture
+
+
+def load_built(folder: Path) -> Bundle:
+    """What `posecast-edge model build` made. ModelError unless every file is what its manifest says."""
+    try:
+        manifest, entries = check_folder(folder)
+    except FileNotFoundError as e:
+        raise ModelError(f"{folder}: no built model, {Path(e.filename).name} is missing") from None
+    except ModelRefused as e:
+        raise ModelError(f"{folder}: {e}") from None
+    except OSError as e:
+        raise ModelError(f"{e.filename or folder}: {e.strerror or e}") from None
+    return Bundle(manifest, [BundleFile(folder / e.path, e.path, e.path, *e[1:]) for e in entries], [])
+
+
+def _manifest(files: list[BundleFile], missing: list[str]) -> bytes:
+    document = {
+        "v": 1,
+        "urdf": files[0].path,
+        "files": [
+            {"path": f.path, "uri": f.uri, "size": f.size, "sha256": f.sha256, "type": _type(f.path)}
+            for f in files
+        ],
+        "missing": missing,
+    }
+    return json.dumps(document, separators=(",", ":"), ensure_ascii=False).encode()
+
+
+def _file(source: Path, path: str, uri: str) -> BundleFile:
+    digest = hashlib.sha256()
+    size = 0
+    with source.open("rb") as f:
+        while chunk := f.read(1 << 18):
+            digest.update(chunk)
+            size += len(chunk)
+            if size > FILE_MAX:
+                raise OSError(f"over {FILE_MAX >> 20} MiB")
+    return BundleFile(source, path, uri, size, digest.hexdigest())
+
+
+def _type(path: str) -> str:
+    return TYPES.get(PurePosixPath(path).suffix.lower(), "application/xml")
+
+
+def _free_path(uri: str, taken: Counter[str]) -> str:
+    """A unique path inside the bundle that still reads like the file's name. `taken`: how often a name is."""
+    parts = [p for p in PurePosixPath(unquote(urlsplit(uri).path)).parts if p not in ("/", "..", ".")]
+    last = parts[-1] if parts else uri  # of which all stands behind a # or ?
+    name = "".join(c if c.isascii() and (c.isalnum() or c in "._-") else "_" for c in last)
+    taken[name] += 1
+    return f"meshes/{name}" if taken[name] == 1 else f"meshes/{taken[name]}/{name}"

@@ -1,0 +1,93 @@
+"""Bundles that were built before. One is used again only if every file it was made from is still the same:
+each name is resolved anew, and what it leads to is compared by SHA-256.
+
+An entry is a folder of the bundle's files and `inputs.json`. The newest ENTRIES are kept.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+import os
+import shutil
+import tempfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from posecast_edge.model.finding import ModelRefused
+from posecast_edge.model.serve.bundle_dir import read_folder, write_folder
+from posecast_edge.model.urdf.resolver import Resolver, real_path
+
+ENTRIES = 16
+INPUTS = "inputs.json"
+BUILDER = 6  # goes up when the same input gives another bundle
+
+
+def cache_folder(environment: Mapping[str, str]) -> Path | None:
+    """Where the entries lie (XDG base directories); None for a user without a home."""
+    base = environment.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
+    return Path(base, "posecast", "models") if os.path.isabs(base) else None
+
+
+class Cache:
+    """Entries for one URDF and its package folders."""
+
+    def __init__(self, folder: Path, urdf: Path, packages: Sequence[Path]) -> None:
+        self._urdf = real_path(urdf)
+        self._packages = packages
+        name = "\0".join(map(str, (BUILDER, self._urdf, *map(real_path, packages))))
+        self._entry = folder / hashlib.sha256(os.fsencode(name)).hexdigest()[:32]
+
+    def get(self) -> dict[str, bytes] | None:
+        """The bundle's files with `manifest.json`; None when there is none, or an input has changed."""
+        try:
+            inputs = json.loads((self._entry / INPUTS).read_bytes())
+            if inputs["urdf"] != _digest(self._urdf) or not self._same(inputs["asked"]):
+                return None
+            files = read_folder(self._entry)
+            os.utime(self._entry)
+        except (OSError, ValueError, KeyError, TypeError, RecursionError, ModelRefused):
+            return None
+        return files
+
+    def put(self, files: Mapping[str, bytes], resolver: Resolver) -> None:
+        """Keep a bundle. A cache that can't be written is done without."""
+        asked = [[*name, str(path) if path else None, _digest(path)] for name, path in resolver.asked.items()]
+        inputs = json.dumps({"urdf": _digest(self._urdf), "asked": asked}).encode()
+        with contextlib.suppress(OSError):
+            self._entry.parent.mkdir(parents=True, exist_ok=True)
+            part = Path(tempfile.mkdtemp(prefix="part-", dir=self._entry.parent))
+            write_folder(part, files)
+            (part / INPUTS).write_bytes(inputs)
+            shutil.rmtree(self._entry, ignore_errors=True)
+            part.rename(self._entry)
+            self._prune()
+
+    def _same(self, asked: list[list[str | None]]) -> bool:
+        resolver = Resolver(self._urdf, self._packages)
+        for name, beside, path, digest in asked:
+            try:
+                found = (
+                    resolver.beside(Path(name or ""), beside) if beside else resolver.find(name or "").path
+                )
+            except ModelRefused:
+                found = None
+            if (str(found) if found else None) != path or _digest(found) != digest:
+                return False
+        return True
+
+    def _prune(self) -> None:
+        entries = sorted(self._entry.parent.iterdir(), key=lambda p: p.stat().st_mtime, reverse=True)
+        for old in entries[ENTRIES:]:
+            shutil.rmtree(old, ignore_errors=True)
+
+
+def _digest(path: Path | None) -> str | None:
+    if path is None:
+        return None
+    sha = hashlib.sha256()
+    with path.open("rb") as file:
+        while chunk := file.read(1 << 20):
+            sha.update(chunk)
+    return sha.hexdigest()

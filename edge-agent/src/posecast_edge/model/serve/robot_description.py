@@ -1,0 +1,94 @@
+"""The model of a robot that describes itself: its robot_description, served as if it lay in a file.
+
+Meshes are found where ROS finds them (ROS_PACKAGE_PATH, AMENT_PREFIX_PATH); what is not on this machine is
+shown by stand-ins. A new description replaces the old one.
+"""
+
+from __future__ import annotations
+
+import logging
+import shutil
+import tempfile
+import threading
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from posecast_edge.model.serve.background import BackgroundBuild
+from posecast_edge.model.serve.bundle import Bundle, ModelError, load_bundle
+
+log = logging.getLogger("posecast_edge.model")
+
+STOP_S = 2.0
+# Below the folder of its own: what "near the URDF" means (resolve.py) must not reach what else lies in /tmp.
+DEPTH = "a/robot/that/describes/itself"
+
+
+class DescribedModel:
+    """`ready` gets a bundle for every description that can be used, from another thread."""
+
+    def __init__(self, packages: Sequence[Path], ready: Callable[[Bundle], None]) -> None:
+        self._packages = packages
+        self._ready = ready
+        self._newest: str | None = None  # waits; of several only the newest counts
+        self._stopping = False
+        self._wake = threading.Condition()
+        self._build: BackgroundBuild | None = None
+        self._folder = tempfile.TemporaryDirectory(prefix="posecast-urdf-", ignore_cleanup_errors=True)
+        self._thread = threading.Thread(target=self._run, name="described", daemon=True)
+
+    def start(self) -> None:
+        """Begin to wait for descriptions."""
+        self._thread.start()
+
+    def take(self, urdf: str) -> None:
+        """A description. Returns at once."""
+        with self._wake:
+            self._newest = urdf
+            self._wake.notify()
+
+    def stop(self) -> None:
+        """End. The files made are gone afterwards."""
+        with self._wake:
+            self._stopping = True
+            self._wake.notify()
+        self._thread.join(STOP_S)
+        if self._build is not None:
+            self._build.stop()
+        self._folder.cleanup()
+
+    def _run(self) -> None:
+        number = 0
+        while True:
+            with self._wake:
+                self._wake.wait_for(lambda: self._stopping or self._newest is not None)
+                urdf, self._newest = self._newest, None
+            if self._stopping or urdf is None:
+                return
+            number += 1
+            if self._build is not None:
+                self._build.stop()
+                self._build = None
+            try:
+                self._build = self._begin(urdf, Path(self._folder.name, str(number), DEPTH))
+            except (ModelError, OSError) as e:
+                log.warning("robot_description: %s", e)
+            # the one before is still served until this one is ready
+            shutil.rmtree(Path(self._folder.name, str(number - 2)), ignore_errors=True)
+
+    def _begin(self, urdf: str, folder: Path) -> BackgroundBuild:
+        folder.mkdir(parents=True)
+        path = folder / "robot.urdf"
+        try:
+            path.write_text(urdf, encoding="utf-8")
+        except UnicodeEncodeError:
+            raise ModelError("it is not text: half a character stands in it") from None
+        try:
+            raw = load_bundle(path, self._packages)
+        except ModelError as e:
+            raise ModelError(str(e).removeprefix(f"{path}: ")) from None
+        raw.tell_missing()
+        if raw.missing:
+            log.info("model: packages are looked for where AMENT_PREFIX_PATH and ROS_PACKAGE_PATH say")
+        build = BackgroundBuild(path, raw, self._ready)
+        build.start()
+        return build

@@ -1,0 +1,1 @@
+"""A URDF as typed values, and the files it names."""

@@ -1,0 +1,373 @@
+"""Reads a URDF. Tolerant: what can't be read is replaced by what the standard says for an absent value, and
+named in `findings`, so that the rest of the robot can still be shown.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import replace
+from pathlib import Path
+from typing import BinaryIO
+
+from posecast_edge.model.finding import Finding, ModelRefused, printable, quoted
+from posecast_edge.model.urdf.types import (
+    JOINT_TYPES,
+    ONES,
+    SHAPES_MAX,
+    ZERO,
+    Geometry,
+    Inertial,
+    Joint,
+    Limit,
+    Link,
+    Material,
+    Mimic,
+    Pose,
+    Reference,
+    Sensor,
+    Shape,
+    Urdf,
+    Vector,
+)
+from posecast_edge.model.urdf.xml_tree import Element, read_xml
+
+BYTES_MAX = 8 << 20
+ELEMENTS_MAX = 50_000
+DEPTH_MAX = 64
+LINKS_MAX = 1000
+NAME_MAX = 200
+
+SHAPES = {
+    "box": ("size",),
+    "cylinder": ("radius", "length"),
+    "sphere": ("radius",),
+    "capsule": ("radius", "length"),
+}
+# narrower than Python's float(), which takes 1_0 and digits of other scripts too
+NUMBER = re.compile(
+    r"[+-]?(?:(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:e[+-]?[0-9]+)?|nan|inf(?:inity)?)", re.IGNORECASE
+)
+ROOTS_OF_OTHERS = {
+    "sdf": "this is SDF, not URDF",
+    "mujoco": "this is a MuJoCo model, not URDF",
+    "html": "this is an HTML page, not URDF",
+    "COLLADA": "this is a Collada mesh, not URDF",
+    "package": "this is a ROS package.xml, not URDF",
+}
+
+
+def load_urdf(path: Path) -> Urdf:
+    """Read a file. ModelRefused when it is no URDF at all."""
+    try:
+        with path.open("rb") as source:
+            return read_urdf(source)
+    except OSError as e:
+        raise ModelRefused(e.strerror or str(e)) from None
+
+
+def read_urdf(source: BinaryIO) -> Urdf:
+    """Read a stream. ModelRefused when it is no URDF at all."""
+    root = read_xml(source, bytes_max=BYTES_MAX, elements_max=ELEMENTS_MAX, depth_max=DEPTH_MAX, texts=True)
+    if root.tag != "robot":
+        other = f"the root element is <{printable(root.tag[:40])}>, not <robot>"
+        reason = ROOTS_OF_OTHERS.get(root.tag, other)
+        raise ModelRefused(reason, root.line)
+    return _Reader(root).urdf
+
+
+class _Reader:
+    def __init__(self, root: Element) -> None:
+        self.urdf = Urdf(root.get("name") or "")
+        if not self.urdf.name:
+            self._say("hint", "robot-name", "<robot> has no name", root)
+        self._shapes = 0
+        self._xacro(root)
+        for element in root.all("material"):
+            self._define(self._material(element))
+        readers = {
+            "link": self._link,
+            "joint": self._joint,
+            "sensor": self._sensor,
+            "gazebo": self._gazebo,
+            "transmission": self._transmission,
+        }
+        for element in root.children:
+            if reader := readers.get(element.tag):
+                reader(element)
+        self._show_something(root)
+
+    def _say(self, severity: str, code: str, text: str, element: Element) -> None:
+        self.urdf.findings.append(Finding(severity, code, text, element.line))
+
+    def _xacro(self, root: Element) -> None:
+        if any(c.tag.startswith("xacro:") for c in root.children):
+            text = "xacro macros are left in it; expand them first: xacro robot.xacro > robot.urdf"
+            self._say("error", "xacro", text, next(c for c in root.children if c.tag.startswith("xacro:")))
+
+    def _show_something(self, root: Element) -> None:
+        """A robot made for planning alone has no visuals: its collision shapes are what there is to see."""
+        links = self.urdf.links
+        if any(s.geometry for link in links for s in link.visuals):
+            return
+        if any(s.geometry for link in links for s in link.collisions):
+            self.urdf.links = [replace(link, visuals=link.collisions) for link in links]
+            self._say(
+                "hint", "collisions-shown", "no link has a visual; the collision shapes are shown", root
+            )
+
+    def _define(self, material: Material) -> None:
+        """Keep it under its name: the first definition counts for the whole robot, as in ROS (urdfdom)."""
+        if not material.name or (material.rgba is None and not material.texture):
+            return
+        first = self.urdf.materials.setdefault(material.name, material)
+        if (first.rgba, first.texture) != (material.rgba, material.texture):
+            text = f"material {quoted(material.name)} has two meanings; the first (line {first.line}) counts"
+            self.urdf.findings.append(Finding("hint", "material-doubled", text, material.line))
+
+    def _link(self, element: Element) -> None:
+        name = self._name(element, "link")
+        if name is None:
+            return
+        if len(self.urdf.links) >= LINKS_MAX:
+            raise ModelRefused(f"more than {LINKS_MAX} links", element.line)
+        what = f"link {quoted(name)}"
+        visuals = tuple(self._shape(e, what) for e in element.all("visual"))
+        collisions = tuple(self._shape(e, what) for e in element.all("collision"))
+        inertial = element.first("inertial")
+        mass = self._inertial(inertial, what) if inertial else None
+        self.urdf.links.append(Link(name, visuals, collisions, mass, element.line))
+        for sensor in element.all("sensor"):
+            self._add_sensor(sensor, name)
+
+    def _joint(self, element: Element) -> None:
+        name = self._name(element, "joint")
+        if name is None:
+            return
+        what = f"joint {quoted(name)}"
+        kind = element.get("type") or ""
+        if kind not in JOINT_TYPES:
+            text = f"{what}: unknown type {quoted(kind)}" if kind else f"{what}: no type"
+            self._say("error", "joint-type", f"{text}; shown as fixed", element)
+            kind = "fixed"
+        ends = []
+        for end in ("parent", "child"):
+            found = element.first(end)
+            link = found.get("link") if found else None
+            if not link:
+                self._say("error", "joint-ends", f"{what}: no {end} link", element)
+            ends.append(link or "")
+        axis = element.first("axis")
+        self.urdf.joints.append(
+            Joint(
+                name, kind, ends[0], ends[1], self._pose(element, what),
+                self._vector(axis, "xyz", (1.0, 0.0, 0.0), what) if axis else None,
+                self._limit(element.first("limit"), what), self._mimic(element.first("mimic"), what),
+                element.line,
+            )
+        )  # fmt: skip
+
+    def _limit(self, element: Element | None, what: str) -> Limit | None:
+        if element is None:
+            return None
+        lower, upper, velocity, effort = (
+            self._number(element, name, None, what) for name in ("lower", "upper", "velocity", "effort")
+        )
+        return Limit(lower, upper, velocity, effort, element.line)
+
+    def _mimic(self, element: Element | None, what: str) -> Mimic | None:
+        if element is None:
+            return None
+        multiplier = self._number(element, "multiplier", None, what)
+        offset = self._number(element, "offset", None, what)
+        joint = element.get("joint") or ""
+        return Mimic(joint, 1.0 if multiplier is None else multiplier, offset or 0.0, element.line)
+
+    def _inertial(self, element: Element, what: str) -> Inertial | None:
+        mass, inertia = element.first("mass"), element.first("inertia")
+        value = self._number(mass, "value", None, what) if mass else None
+        if value is None:
+            return None
+        moments = [
+            self._number(inertia, n, 0.0, what) or 0.0 if inertia else 0.0
+            for n in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+        ]
+        return Inertial(value, tuple(moments), element.line)
+
+    def _shape(self, element: Element, what: str) -> Shape:
+        self._shapes += 1
+        if self._shapes > 2 * SHAPES_MAX:
+            raise ModelRefused(f"more than {2 * SHAPES_MAX} visuals and collisions", element.line)
+        pose = self._pose(element, what)
+        material = element.first("material") or element.first("geometry", "material")
+        holder = element.first("geometry")
+        geometry = self._geometry(holder, what) if holder else None
+        if geometry is None:
+            text = f"{what}: a {element.tag} without a geometry"
+            self._say("warning", f"{element.tag}-empty", text, element)
+        paint = self._material(material, what) if material and element.tag == "visual" else None
+        if paint is not None:
+            self._define(paint)
+        return Shape(pose, geometry, paint, element.line)
+
+    def _geometry(self, holder: Element, what: str) -> Geometry | None:
+        known = [e for e in holder.children if e.tag == "mesh" or e.tag in SHAPES]
+        for e in holder.children:
+            if e.tag not in ("mesh", "material") and e.tag not in SHAPES:
+                self._say("warning", "shape-unknown", f"{what}: unknown shape {quoted(e.tag)}", e)
+        if len(known) > 1:
+            text = f"{what}: several shapes in one geometry; the first counts"
+            self._say("warning", "shape-several", text, holder)
+        if not known:
+            return None
+        shape = known[0]
+        if shape.tag == "mesh":
+            uri = (shape.get("filename") or "").strip()
+            if not uri:
+                self._say("error", "mesh-unnamed", f"{what}: a mesh without a filename", shape)
+                return None
+            scale = self._vector(shape, "scale", ONES, what)
+            if 0.0 in scale:
+                self._say("error", "scale-zero", f"{what}: a mesh scaled by 0", shape)
+                scale = ONES
+            return Geometry("mesh", (), uri, scale, shape.line)
+        dims: list[float] = []
+        for name in SHAPES[shape.tag]:
+            if name == "size":
+                dims += self._vector(shape, name, ZERO, what)
+            else:
+                dims.append(self._number(shape, name, 0.0, what) or 0.0)
+        if min(dims) <= 0:
+            self._say("error", "shape-size", f"{what}: a {shape.tag} needs sizes above 0", shape)
+            return None
+        return Geometry(shape.tag, tuple(dims), "", ONES, shape.line)
+
+    def _material(self, element: Element, what: str = "material") -> Material:
+        name = element.get("name") or ""
+        what = f"{what}, material {quoted(name)}" if what != "material" else f"material {quoted(name)}"
+        color, texture = element.first("color"), element.first("texture")
+        rgba = None
+        if color is not None:
+            values = _floats(color.get("rgba") or "")
+            if values is not None and len(values) == 3:
+                values = [*values, 1.0]
+            if values is None or len(values) != 4 or not all(map(math.isfinite, values)):
+                self._say("warning", "color", f"{what}: rgba needs four numbers from 0 to 1", color)
+            else:
+                if max(values) > 1 or min(values) < 0:
+                    scale = 255 if max(values) > 1 and min(values) >= 0 and max(values) <= 255 else 1
+                    hint = "; read as 0 … 255" if scale == 255 else ""
+                    self._say("warning", "color", f"{what}: rgba beyond 0 … 1{hint}", color)
+                    values = [v / scale for v in values[:3]] + [values[3] / (scale if values[3] > 1 else 1)]
+                r, g, b, a = (min(max(v, 0.0), 1.0) for v in values)
+                rgba = (r, g, b, a)
+        return Material(name, rgba, (texture.get("filename") or None) if texture else None, element.line)
+
+    def _sensor(self, element: Element) -> None:
+        parent = element.first("parent")
+        self._add_sensor(element, (parent.get("link") if parent else None) or "")
+
+    def _add_sensor(self, element: Element, link: str) -> None:
+        kind = element.get("type") or next((c.tag for c in element.children if c.tag in _SENSOR_TAGS), "")
+        pose_tag = element.first("pose")  # SDF's way, inside <gazebo>
+        if pose_tag is not None:
+            numbers = _floats(pose_tag.text) or []
+            ok = len(numbers) == 6 and all(map(math.isfinite, numbers))
+            pose = Pose(_three(numbers[:3]), _three(numbers[3:])) if ok else Pose()
+        else:
+            pose = self._pose(element, "sensor")
+        kind = (kind or "sensor")[:NAME_MAX]
+        name = (element.get("name") or kind)[:NAME_MAX]
+        self.urdf.sensors.append(Sensor(name, kind, link, pose, element.line))
+
+    def _gazebo(self, element: Element) -> None:
+        reference = element.get("reference")
+        if reference:
+            self.urdf.references.append(Reference("link or joint", reference, "<gazebo>", element.line))
+        for sensor in element.all("sensor"):
+            self._add_sensor(sensor, reference or "")
+
+    def _transmission(self, element: Element) -> None:
+        for joint in element.all("joint"):
+            if name := joint.get("name"):
+                self.urdf.references.append(Reference("joint", name, "<transmission>", joint.line))
+
+    # ---- values ----
+
+    def _name(self, element: Element, what: str) -> str | None:
+        name = element.get("name")
+        if not name:
+            self._say("error", "name-missing", f"a {what} without a name; left out", element)
+            return None
+        if len(name) > NAME_MAX or not all(c.isprintable() for c in name):
+            text = f"{what} {quoted(name)}: longer than {NAME_MAX} or with control characters; left out"
+            self._say("error", "name-unusable", text, element)
+            return None
+        if name != name.strip():
+            self._say("warning", "name-odd", f"{what} {quoted(name)}: spaces around the name", element)
+        elif name in ("__proto__", "constructor", "prototype") or any(c in "<>&\"'`" for c in name):
+            text = f"{what} {quoted(name)}: a name that trips other programs"
+            self._say("warning", "name-odd", text, element)
+        return name
+
+    def _pose(self, element: Element, what: str) -> Pose:
+        origin = element.first("origin")
+        if origin is None:
+            return Pose()
+        return Pose(self._vector(origin, "xyz", ZERO, what), self._vector(origin, "rpy", ZERO, what))
+
+    def _vector(self, element: Element, name: str, default: Vector, what: str) -> Vector:
+        if element.get(name) is None:
+            return default
+        values = self._numbers(element, name, what)
+        if values is None:
+            return default
+        if len(values) == 1 and name == "scale":  # seen in the wild, meant as uniform
+            return (values[0], values[0], values[0])
+        if len(values) != 3:
+            self._say("error", "number", f"{what}: <{element.tag} {name}> needs three numbers", element)
+            return default
+        return _three(values)
+
+    def _number(self, element: Element, name: str, default: float | None, what: str) -> float | None:
+        if element.get(name) is None:
+            return default
+        values = self._numbers(element, name, what)
+        if values is None:
+            return default
+        if len(values) != 1:
+            self._say("error", "number", f"{what}: <{element.tag} {name}> needs one number", element)
+            return default
+        return values[0]
+
+    def _numbers(self, element: Element, name: str, what: str) -> list[float] | None:
+        text = element.get(name) or ""
+        values = _floats(text)
+        if values is None and "," in text and (values := _floats(_uncomma(text))) is not None:
+            say = f"{what}: <{element.tag} {name}> with commas: {quoted(text, 40)}; other programs refuse it"
+            self._say("warning", "number-commas", say, element)
+        if values is None or not all(map(math.isfinite, values)):
+            wrong = "is no number" if values is None else "is not finite"
+            wrong = "was not expanded by xacro" if "${" in text or "$(" in text else wrong
+            self._say(
+                "error", "number", f"{what}: <{element.tag} {name}> {wrong}: {quoted(text, 40)}", element
+            )
+            return None
+        return values
+
+
+_SENSOR_TAGS = {"camera", "ray", "imu", "force_torque", "contact", "gps", "lidar"}
+
+
+def _floats(text: str) -> list[float] | None:
+    words = text[:1000].split()
+    return [float(word) for word in words] if all(map(NUMBER.fullmatch, words)) else None
+
+
+def _uncomma(text: str) -> str:
+    """Commas between numbers gone; a comma that may be a decimal one stays."""
+    return text.replace(", ", " ") if any(c.isspace() for c in text.strip()) else text.replace(",", " ")
+
+
+def _three(values: list[float]) -> Vector:
+    return (values[0], values[1], values[2])

@@ -1,0 +1,255 @@
+"""Finds the file behind a URI, inside the folders that belong to the model and nowhere else: a URDF from a
+stranger must not publish what else lies on this machine.
+
+Model folders: the ROS package that holds the URDF (or the URDF's own folder), packages of the name asked for
+beside or above it, and what the user has named as package folders. Links are followed first, then judged.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+from urllib.parse import unquote, urlsplit
+
+from posecast_edge.model.finding import ModelRefused, quoted
+from posecast_edge.model.urdf.xml_tree import read_xml
+
+MESHES = (".stl", ".dae", ".obj", ".glb", ".gltf", ".ply")
+BESIDE = (".mtl", ".png", ".jpg", ".jpeg", ".bmp", ".tga", ".tif", ".tiff", ".webp", ".gif", ".dds", ".bin")
+URI_MAX = 4096  # characters
+PARTS_MAX = 32  # of a path; each may be tried as the beginning of another
+LEVELS_UP = 4  # parents of the URDF's folder in which a package is looked for
+FOLDERS_MAX = 2000  # looked into for a package.xml
+ENTRIES_MAX = 20_000  # of one folder, looked at for a name in other letters
+
+OUTSIDE = "lies outside the model's folders; name its folder with --packages or ROS_PACKAGE_PATH"
+
+
+@dataclass(frozen=True)
+class Resolved:
+    """Where it lies; `hint` when it was found only by leniency."""
+
+    path: Path
+    hint: str | None = None
+
+
+def package_folders(environment: Mapping[str, str]) -> list[Path]:
+    """Where ROS looks for packages: AMENT_PREFIX_PATH/share and ROS_PACKAGE_PATH."""
+    ament = [Path(p, "share") for p in environment.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if p]
+    return ament + [Path(p) for p in environment.get("ROS_PACKAGE_PATH", "").split(os.pathsep) if p]
+
+
+def real_path(path: Path) -> Path:
+    """Without links; those in a circle stay, as an OSError for whoever opens them."""
+    return Path(os.path.realpath(path))
+
+
+class Resolver:
+    """For one URDF."""
+
+    def __init__(self, urdf: Path, packages: Sequence[Path] = ()) -> None:
+        real = real_path(urdf)
+        self._folder = folder = real.parent
+        self._above = list(real.parents)[: LEVELS_UP + 1]
+        package = next((p for p in self._above if (p / "package.xml").is_file()), None)
+        beside = (folder.parent / "meshes").is_dir() and not (folder / "meshes").is_dir()
+        self._root = package or (folder.parent if beside else folder)
+        self._given = [real_path(p) for p in packages if p.is_dir()]
+        self._named: dict[str, list[Path]] | None = None
+        self._spellings: dict[Path, dict[str, str]] = {}  # of folders looked into
+        self.asked: dict[tuple[str, str], Path | None] = {}  # (URI, "") or (mesh, name): what was found
+
+    def find(self, uri: str) -> Resolved:
+        """The mesh or picture behind a URDF's URI. ModelRefused says why there is none."""
+        self.asked[uri, ""] = None
+        found = self._find(uri)
+        self.asked[uri, ""] = found.path
+        return found
+
+    def beside(self, mesh: Path, name: str) -> Path:
+        """A texture or material library that a mesh names, relative to it. ModelRefused."""
+        self.asked[str(mesh), name] = None
+        found = self.asked[str(mesh), name] = self._beside(mesh, name)
+        return found
+
+    def _find(self, uri: str) -> Resolved:
+        if "\0" in uri or len(uri) > URI_MAX:
+            raise ModelRefused("no name for a file")
+        windows = "\\" in uri
+        uri = uri.replace("\\", "/")
+        try:
+            parts = urlsplit(uri)
+        except ValueError:
+            raise ModelRefused("no name for a file") from None
+        if uri.count("/") > PARTS_MAX:
+            raise ModelRefused("no name for a file")
+        scheme = parts.scheme if len(parts.scheme) > 1 else ""  # C:/… is a path
+        path = unquote(parts.path)
+        if scheme == "package":
+            found = self._in_package(unquote(parts.netloc), path.strip("/"))
+        elif scheme in ("file", ""):
+            local = Path(path) if scheme else self._folder / unquote(uri)
+            found = self._inside(local, [self._root, *self._given], MESHES + BESIDE)
+        elif scheme == "model":
+            found = self._in_package(unquote(parts.netloc), path.strip("/"))
+        else:
+            raise ModelRefused(f"{scheme}: addresses are not fetched")
+        if windows and found.hint is None:
+            return Resolved(found.path, "written with backslashes")
+        return found
+
+    def _beside(self, mesh: Path, name: str) -> Path:
+        name = unquote(name.replace("\\", "/").removeprefix("file://"))
+        if "\0" in name or not name or "://" in name:
+            raise ModelRefused("no name for a file")
+        roots = [self._root, *self._given, *self._packages_of(mesh)]
+        try:
+            return self._inside(mesh.parent / name, roots, BESIDE).path
+        except ModelRefused:
+            # exporters leave the path of the artist's disk
+            return self._inside(mesh.parent / PurePosixPath(name).name, roots, BESIDE).path
+
+    # ---- packages ----
+
+    def _in_package(self, package: str, rest: str) -> Resolved:
+        if not package:  # package:///name/rest
+            package, _, rest = rest.partition("/")
+        if package in ("", ".", "..") or "/" in package or not rest:
+            raise ModelRefused("no name for a file in a package")
+        refused: ModelRefused | None = None
+        for root in self._roots_of(package):
+            found = self._look(root / rest, [root], MESHES + BESIDE)
+            if isinstance(found, Resolved):
+                return found
+            if found.reason == OUTSIDE:
+                raise found
+            refused = refused or found
+        # A package whose folder was renamed or taken apart: the tail of the path in the model's own folder.
+        names = PurePosixPath(rest).parts
+        for i in range(len(names)):
+            found = self._look(self._root.joinpath(*names[i:]), [self._root], MESHES + BESIDE)
+            if isinstance(found, Resolved):
+                hint = f"package {quoted(package)} not found; taken from the model's own folder"
+                return Resolved(found.path, hint)
+            if found.reason == OUTSIDE:
+                raise found
+        where = "near the URDF; name its folder with --packages or ROS_PACKAGE_PATH"
+        raise refused or ModelRefused(f"no package {quoted(package)} {where}")
+
+    def _roots_of(self, package: str) -> Iterator[Path]:
+        """Folders of that package, the likeliest first."""
+        home = Path(os.path.expanduser("~"))
+        for folder in [*self._above, *self._given]:
+            for root in (folder, folder / package):
+                # a package called like the user would be all that the user has
+                if root.name == package and _is_folder(root) and not home.is_relative_to(root):
+                    yield real_path(root)
+        if self._named is None:
+            self._named = self._read_names()
+        yield from self._named.get(package, ())
+
+    def _read_names(self) -> dict[str, list[Path]]:
+        """Package folders by the name in their package.xml: the ones above, and in the given folders."""
+        named: dict[str, list[Path]] = {}
+        left = FOLDERS_MAX
+        candidates = list(self._above)
+        for given in self._given:
+            candidates.append(given)
+            level = [given]
+            for _ in range(2):
+                level = [d for folder in level for d in _subfolders(folder)][:left]
+                left -= len(level)
+                candidates += level
+        for folder in candidates:
+            if name := _package_name(folder / "package.xml"):
+                named.setdefault(name, []).append(real_path(folder))
+        return named
+
+    def _packages_of(self, mesh: Path) -> list[Path]:
+        """The package a mesh was found in: its textures may lie in it too."""
+        return [p for p in list(mesh.parents)[: LEVELS_UP + 1] if (p / "package.xml").is_file()][:1]
+
+    # ---- files ----
+
+    def _inside(self, path: Path, roots: Sequence[Path], suffixes: Sequence[str]) -> Resolved:
+        found = self._look(path, roots, suffixes)
+        if isinstance(found, ModelRefused):
+            raise found
+        return found
+
+    def _look(self, path: Path, roots: Sequence[Path], suffixes: Sequence[str]) -> Resolved | ModelRefused:
+        try:
+            found = self._inside_of([real_path(root) for root in roots], path)
+        except (OSError, ValueError):  # a name too long
+            return ModelRefused("no such file")
+        if isinstance(found, Resolved) and found.path.suffix.lower() not in suffixes:
+            return ModelRefused(f"{quoted(found.path.suffix)} is no kind of mesh or picture that is read")
+        return found
+
+    def _inside_of(self, roots: Sequence[Path], path: Path) -> Resolved | ModelRefused:
+        plain = Path(os.path.normpath(path))
+        if not any(plain.is_relative_to(root) for root in roots):
+            return ModelRefused(OUTSIDE)  # without a look whether it exists
+        hint = None
+        if not path.exists():
+            other = self._in_other_letters(plain)
+            if other is None:
+                return ModelRefused("no such file")
+            hint = f"the file is called {quoted(other.name)}, in other letters"
+            path = other
+        real = real_path(path)
+        if not any(real.is_relative_to(root) for root in roots):
+            return ModelRefused(OUTSIDE)
+        return Resolved(real, hint) if real.is_file() else ModelRefused("is no file")
+
+    def _in_other_letters(self, path: Path) -> Path | None:
+        """The same path in other upper and lower case, for what was made on Windows."""
+        at = Path(path.anchor)
+        for name in path.parts[1:]:
+            if (at / name).exists() or name == "..":
+                at /= name
+                continue
+            if at not in self._spellings:
+                self._spellings[at] = _spellings(at)
+            spelling = self._spellings[at].get(name.casefold())
+            if spelling is None:
+                return None
+            at /= spelling
+        return at
+
+
+def _is_folder(path: Path) -> bool:
+    try:
+        return path.is_dir()
+    except OSError:  # a name too long
+        return False
+
+
+def _subfolders(folder: Path) -> list[Path]:
+    try:
+        with os.scandir(folder) as entries:
+            return sorted(Path(e.path) for e in entries if e.is_dir() and not e.name.startswith("."))
+    except OSError:
+        return []
+
+
+def _package_name(file: Path) -> str | None:
+    try:
+        with file.open("rb") as source:
+            root = read_xml(source, bytes_max=1 << 16, elements_max=1000, depth_max=16, texts=True)
+    except (OSError, ModelRefused):
+        return None
+    name = root.first("name")
+    return name.text.strip() if name else None
+
+
+def _spellings(folder: Path) -> dict[str, str]:
+    """Names in a folder, by the same without upper case; of several the first in the alphabet."""
+    try:
+        with os.scandir(folder) as entries:
+            few = [e.name for _, e in zip(range(ENTRIES_MAX), entries, strict=False)]
+    except OSError:
+        return {}
+    return {name.casefold(): name for name in sorted(few, reverse=True)}

@@ -1,0 +1,123 @@
+"""Samples of every source meet the schema here: named or ordered values become one flat list."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from operator import index
+from typing import SupportsFloat, SupportsIndex, cast
+
+from posecast_wire.schema import Field, Schema
+
+from posecast_edge.rate_limited_log import Complaints
+from posecast_edge.sample import Reading, Sample
+from posecast_edge.visible import WORD_MAX, quoted, visible
+
+Flat = list[float | None]
+
+MAX_NAMED = 50  # unknown names said aloud; a source that invents names for ever is not followed
+_FLOATS = {float, type(None)}
+_INTS = {int, type(None)}
+
+
+class Layout:
+    """Knows where each label of each field stands. Not thread-safe: one source thread uses it."""
+
+    def __init__(self, schema: Schema, say: Callable[[str], None]) -> None:
+        self._say = say
+        self._size = schema.size
+        self._fields = {f.name: f for f in schema.fields}
+        self._offsets = {f.name: {label: i for i, label in enumerate(f.labels)} for f in schema.fields}
+        self._masks = {f.name: {bit: 1 << i for i, bit in enumerate(f.bits)} for f in schema.fields}
+        self._good_masks: dict[str, Sequence[Reading]] = {}  # the newest of each field of bits
+        self._unknown: set[str] = set()
+        self._wrong = Complaints(say, "wrong values")
+
+    def flatten(self, sample: Sample, now_s: float) -> Flat:
+        """Values in channel order, None where the sample has no (usable) reading. Bits become an int mask.
+
+        What does not fit is said, rate-limited, and becomes "no reading"; nothing is shifted or guessed.
+        """
+        self._wrong.tick(now_s)
+        flat: Flat = [None] * self._size
+        for name, values in sample.values.items():
+            field = self._fields.get(name)
+            if field is None:
+                self._unknown_name("field", name, sample)
+            elif isinstance(values, Mapping):
+                flat[field.start : field.start + field.size] = self._by_label(field, values, sample, now_s)
+            elif len(values) != field.size:
+                self._complain(sample, f"{name} has {len(values)} values, {field.size} expected", now_s)
+            else:
+                flat[field.start : field.start + field.size] = self._in_order(field, values, sample, now_s)
+        return flat
+
+    def _in_order(self, field: Field, values: Sequence[Reading], sample: Sample, now_s: float) -> Flat:
+        if values is self._good_masks.get(field.name):
+            return list(values)  # type: ignore[arg-type]  # most sources hand out the same masks again
+        # the common cases without a look at each value: sources may run at 200 Hz
+        kinds = set(map(type, values))
+        if not field.bits and kinds <= _FLOATS:
+            return cast(Flat, list(values))
+        if field.bits and kinds <= _INTS:
+            masks = [v for v in cast("Sequence[int | None]", values) if v is not None]
+            if not masks or (min(masks) >= 0 and max(masks) < 1 << len(field.bits)):
+                self._good_masks[field.name] = values
+                return cast(Flat, list(values))
+        return [self._number(field, v, i, sample, now_s) for i, v in enumerate(values)]
+
+    def _by_label(self, field: Field, values: Mapping[str, Reading], sample: Sample, now_s: float) -> Flat:
+        offsets, is_number = self._offsets[field.name], not field.bits
+        flat: Flat = [None] * field.size
+        for label, value in values.items():
+            i = offsets.get(label)
+            if i is None:
+                self._unknown_name(f"label of {field.name}", label, sample)
+            elif is_number and type(value) is float:
+                flat[i] = value
+            else:
+                flat[i] = self._number(field, value, i, sample, now_s)
+        return flat
+
+    def _number(self, field: Field, value: object, i: int, sample: Sample, now_s: float) -> float | None:
+        if value is None:
+            return None
+        if isinstance(value, bool):  # to Python a number, to whoever wrote it none
+            pass
+        elif field.bits:
+            if isinstance(value, (list, tuple)):
+                return self._mask(field, value, sample)
+            if isinstance(value, (int, SupportsIndex)) and 0 <= (mask := index(value)) < 1 << len(field.bits):
+                return mask
+        elif isinstance(value, (float, int, SupportsFloat)):  # also numpy's scalars, not texts
+            with suppress(OverflowError):
+                return float(value)
+        wanted = "a list or mask of its bits" if field.bits else "a number"
+        channel = visible(f"{field.name}.{field.labels[i]}", WORD_MAX)
+        self._complain(sample, f"{channel} is {quoted(value, 40)}, not {wanted}", now_s)
+        return None
+
+    def _mask(self, field: Field, names: Sequence[object], sample: Sample) -> int:
+        masks = self._masks[field.name]
+        mask = 0
+        for name in names:
+            bit = masks.get(name) if isinstance(name, str) else None
+            if bit is None:
+                self._unknown_name(f"bit of {field.name}", str(name), sample)
+            else:
+                mask |= bit
+        return mask
+
+    def _complain(self, sample: Sample, text: str, now_s: float) -> None:
+        self._wrong.add(f"{sample.where}: {text}" if sample.where else text, now_s)
+
+    def _unknown_name(self, what: str, name: str, sample: Sample) -> None:
+        if len(self._unknown) >= MAX_NAMED:
+            return
+        key = f"{what} {name}"
+        if key in self._unknown:
+            return
+        self._unknown.add(key)
+        more = "; further unknown names are not said" if len(self._unknown) == MAX_NAMED else ""
+        where = f"{sample.where}: " if sample.where else ""
+        self._say(f"{where}unknown {what} {quoted(name)} is ignored{more}")

@@ -1,0 +1,183 @@
+"""One robot's stream from sample to frame: schema, layout, sampler, events, encoder. No I/O, time comes in.
+
+`deliver` is called by the source's thread, `snapshot` by the network's, `tick` by one thread at a time. Times
+are seconds of clock.now_s(), but for the robot's own.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import cast
+
+from posecast_wire.encoder import Encoder
+from posecast_wire.keys import Snapshot
+from posecast_wire.quantiser import Quantiser
+from posecast_wire.schema import Schema
+
+from posecast_edge.pipeline.events import Event, EventLimit, EventWatch
+from posecast_edge.pipeline.flattener import Layout
+from posecast_edge.pipeline.sampler import NEVER, LeftOver, Sampler
+from posecast_edge.profile.schema import schema_text
+from posecast_edge.profile.types import Profile
+from posecast_edge.rate_limited_log import Complaints
+from posecast_edge.sample import Sample
+from posecast_edge.visible import quoted
+
+INFO_MAX = 64  # texts kept of a robot; further names are ignored
+INFO_BYTES = 12_000  # of all of them together: a relay refuses a robot that says much more
+PICTURE_S = 1.0  # a sample that nobody was sent for so long is shown to who asks, as a picture
+
+
+@dataclass(frozen=True)
+class Frame:
+    """An encoded frame, ready to send. `taken_s`: when its sample came from the source."""
+
+    data: bytes
+    seq: int
+    taken_s: float
+
+
+class Stream:
+    """The public view of one robot."""
+
+    def __init__(self, profile: Profile, key_interval_s: float, say: Callable[[str], None]) -> None:
+        """SchemaError when the wire cannot carry the profile. `say` takes lines about bad input."""
+        self.schema = Schema.parse(schema_text(profile))
+        self._layout = Layout(self.schema, say)
+        self._untimed = Complaints(say, "samples without a time")
+        self._deadbands = {f.name: f.deadband for f in profile.fields}
+        self._sampler = Sampler(Quantiser(self.schema, self._deadbands))
+        self._encoder = Encoder(self.schema, key_interval_s)
+        self._watch = EventWatch(self.schema)
+        self._limit = EventLimit()
+        self._events_lock = threading.Lock()
+        self._frames_lock = threading.Lock()
+        self._picture: tuple[int, bytes] | None = None  # of which sample, its KEY
+        self._info: dict[str, str] = {}
+        self._info_bytes = 0
+        self._said: Mapping[str, str] = {}  # texts of the newest sample that had some
+        self._too_much = Complaints(say, "texts too many")
+        self._texts = profile.info  # None: all
+        self._seq = -1  # of the newest frame
+
+    @property
+    def started(self) -> bool:
+        """The source has delivered at least once."""
+        return self._watch.started
+
+    @property
+    def fresh(self) -> bool:
+        """A sample waits that no frame has carried."""
+        return self._sampler.fresh
+
+    @property
+    def silent(self) -> bool:
+        """The source has stopped delivering."""
+        return self._watch.silent
+
+    @property
+    def info(self) -> dict[str, str]:
+        """The texts of the robot; another object whenever one has changed."""
+        return self._info
+
+    def deliver(self, sample: Sample, now_s: float) -> list[Event]:
+        """Take a sample, which came just now; returns the events it makes."""
+        if not math.isfinite(sample.t_s):
+            self._untimed.add(f"a sample of time {sample.t_s} is dropped", now_s)
+            return []
+        if sample.exact:
+            values = cast("Mapping[str, Sequence[float | None]]", sample.values)
+            if sample.newest:
+                self._sampler.offer(sample.t_s, partial(self._flat, values), now_s)
+        else:
+            flat = self._layout.flatten(sample, now_s)
+            values = {f.name: flat[f.start : f.start + f.size] for f in self.schema.fields}
+            if sample.newest:
+                self._sampler.offer(sample.t_s, flat, now_s)
+        if sample.info:
+            self._take_info(sample, now_s)
+        with self._events_lock:
+            events = self._watch.sample(sample.t_s, values.get, now_s)
+            return self._limit.admit(events, now_s) if events else events
+
+    def _take_info(self, sample: Sample, now_s: float) -> None:
+        self._too_much.tick(now_s)
+        said, self._said = self._said, sample.info
+        if sample.info == said:  # as nearly always
+            return
+        for name, text in sample.info.items():
+            before = self._info.get(name)
+            if (self._texts is not None and name not in self._texts) or before == text:
+                continue
+            size = self._info_bytes + len(text.encode())
+            size += len(name.encode()) if before is None else -len(before.encode())
+            if size <= INFO_BYTES and (before is not None or len(self._info) < INFO_MAX):
+                self._info, self._info_bytes = {**self._info, name: text}, size
+                continue
+            if said.get(name) == text:  # left out before
+                continue
+            where = f"{sample.where}: " if sample.where else ""
+            most = f"{INFO_MAX} texts, {INFO_BYTES} bytes in all"
+            self._too_much.add(f"{where}info {quoted(name)} is left out: at most {most}", now_s)
+
+    def _flat(self, values: Mapping[str, Sequence[float | None]]) -> list[float | None]:
+        """Values in channel order."""
+        flat: list[float | None] = []
+        for f in self.schema.fields:
+            of_field = values.get(f.name)
+            flat += [None] * f.size if of_field is None else of_field
+        return flat
+
+    def idle(self, now_s: float) -> list[Event]:
+        """Events that time alone makes; to be called now and then."""
+        with self._events_lock:
+            return self._limit.admit(self._watch.tick(now_s), now_s)
+
+    def force_key(self) -> None:
+        """Somebody new listens: the next frame stands alone and comes at once."""
+        self._sampler.force_key()
+
+    def tick(self, now_s: float, oldest_s: float = NEVER) -> Frame | None:
+        """The frame that is due, or None. A sample taken before `oldest_s` is not sent any more."""
+        due = self._sampler.tick(now_s, oldest_s)
+        if due is None:
+            return None
+        with self._frames_lock:
+            data = self._encoder.encode(due.codes, self._next_seq(), due.t_s, now_s, due.force_key)
+            return Frame(data, self._seq, due.taken_s)
+
+    def recover(self) -> None:
+        """Something went wrong with a frame: the next sample makes one that stands alone."""
+        self._sampler.skip()
+        self._sampler.force_key()
+
+    def snapshot(self, model: str | None, now_s: float) -> Snapshot | None:
+        """All a late joiner needs, None before the first frame. `model`: the manifest's hash.
+
+        Where the newest sample could not be sent while it was new, its KEY is in it: a picture, which nobody
+        takes for a sign of life.
+        """
+        with self._frames_lock:
+            key, ref = self._encoder.key, self._encoder.ref
+            left = self._sampler.left_over(now_s - PICTURE_S)
+            if left is not None:
+                key, ref = self._picture_of(left, now_s), None
+        if key is None:
+            return None
+        return Snapshot(self.schema.text, self._info, key, ref, model)
+
+    def _picture_of(self, left: LeftOver, now_s: float) -> bytes:
+        if self._picture is None or self._picture[0] != left.number:
+            codes = Quantiser(self.schema, self._deadbands).codes(left.values)
+            key = Encoder(self.schema).encode(codes, self._next_seq(), left.t_s, now_s)
+            self._picture = left.number, key
+            self._sampler.force_key()  # nothing is coded against a picture
+        return self._picture[1]
+
+    def _next_seq(self) -> int:
+        self._seq = (self._seq + 1) & 0xFFFFFFFF
+        return self._seq

@@ -1,0 +1,82 @@
+"""The first door for text: what no message can carry is named and left out, whichever source brings it.
+
+A lone half of a surrogate pair is a Python string and valid JSON, but no text: nothing can write it as UTF-8.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+from posecast_edge.rate_limited_log import Complaints
+from posecast_edge.sample import Reading, Sample, Values
+from posecast_edge.visible import quoted
+
+
+def is_text(value: object) -> bool:
+    """Whether every character is one: a Unicode scalar value."""
+    if not isinstance(value, str):
+        return False
+    if value.isascii():
+        return True
+    try:
+        value.encode()
+    except UnicodeEncodeError:
+        return False
+    return True
+
+
+class TextGuard:
+    """Looks at the texts of every sample. One thread uses it."""
+
+    def __init__(self, say: Callable[[str], None]) -> None:
+        self._bad = Complaints(say, "names and texts that are none")
+        self._good: Mapping[str, str] | None = None  # looked at before: most samples say the same again
+
+    def clean(self, sample: Sample, now_s: float) -> Sample:
+        """The sample without those of its `info` and `links` that are no texts."""
+        self._bad.tick(now_s)
+        info, links = sample.info, sample.links
+        if info and info != self._good:
+            good = self._texts("info", info, sample, now_s)
+            self._good = dict(good)
+            if len(good) < len(info):
+                sample = sample._replace(info=good)
+        if links:
+            good = self._texts("the link of", links, sample, now_s)
+            if len(good) < len(links):
+                sample = sample._replace(links=good)
+        return sample
+
+    def clean_names(self, sample: Sample, now_s: float) -> Sample:
+        """The sample without fields, channels and bits whose names are no texts: one from which a schema is
+        made. Later ones need no such look, since what the schema does not name is left out anyway."""
+        values: dict[str, Values] = {}
+        for name, of_field in sample.values.items():
+            if not is_text(name):
+                self._tell(f"the field {quoted(name)}", sample, now_s)
+            elif isinstance(of_field, Mapping):
+                values[name] = {
+                    label: _bits(reading)
+                    for label, reading in of_field.items()
+                    if is_text(label) or self._tell(f"{name}.{quoted(label)}", sample, now_s)
+                }
+            else:
+                values[name] = [_bits(reading) for reading in of_field]
+        return sample._replace(values=values)
+
+    def _texts(self, what: str, given: Mapping[str, str], sample: Sample, now_s: float) -> Mapping[str, str]:
+        return {
+            name: text
+            for name, text in given.items()
+            if (is_text(name) and is_text(text)) or self._tell(f"{what} {quoted(name)}", sample, now_s)
+        }
+
+    def _tell(self, what: str, sample: Sample, now_s: float) -> bool:
+        """False, so that it can stand in a condition."""
+        where = f"{sample.where}: " if sample.where else ""
+        self._bad.add(f"{where}{what} is left out: it holds half a character, no text", now_s)
+        return False
+
+
+def _bits(reading: Reading) -> Reading:
+    return [bit for bit in reading if is_text(bit)] if isinstance(reading, (list, tuple)) else reading

@@ -1,0 +1,45 @@
+"""The [ros] of a profile: which topics are read as what."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING
+
+from posecast_edge.profile.types import RosTopics
+from posecast_edge.sources.ros.topics import ENCODINGS, ROLES, SITED
+from posecast_edge.visible import quoted
+
+if TYPE_CHECKING:
+    from posecast_edge.profile.reader import Reader
+
+PATTERN = re.compile(r"(?:/(?:\*\*|[A-Za-z0-9_*]+))+")
+SITE = re.compile(r"[^.\s/]+")
+DOMAIN_MAX = 232  # ROS 2's
+
+
+def read_ros(reader: Reader, value: object) -> RosTopics:
+    """The table's value → topics. ProfileError names the line."""
+    item = reader.table(value, "ros", (*ROLES, "domain", "encoding"))
+    domain = reader.whole(item["domain"], "ros.domain", 0, DOMAIN_MAX) if "domain" in item else None
+    encoding = reader.known(item.get("encoding", "json"), ENCODINGS, "encoding", "ros.encoding")
+    topics = {role: _patterns(reader, item[role], role) for role in ROLES if role in item}
+    return RosTopics(topics, domain, encoding)
+
+
+def _patterns(reader: Reader, value: object, role: str) -> tuple[tuple[str, str], ...]:
+    """`"/a"`, `["/a", "/b/*"]`, `[]` for none, or `{ site = "/a" }` of a sensor."""
+    where = f"ros.{role}"
+    if isinstance(value, dict) and role in SITED:
+        for site in value:
+            if not SITE.fullmatch(site):
+                reader.fail(f"{where}.{site}", "a site is one word without a dot")
+        return tuple((_pattern(reader, text, f"{where}.{site}"), site) for site, text in value.items())
+    listed = value if isinstance(value, list) else [value]
+    return tuple((_pattern(reader, text, where), "") for text in listed)
+
+
+def _pattern(reader: Reader, value: object, where: str) -> str:
+    text = reader.text(value, where)
+    if not PATTERN.fullmatch(text):
+        reader.fail(where, f"{quoted(text)} is no topic; as in /joint_states, /arm/*/state, /**/imu")
+    return text

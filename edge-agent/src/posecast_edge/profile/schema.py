@@ -1,0 +1,145 @@
+"""What the edge says its channels are: from the profile, or from the first sample where there is none."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from posecast_wire.mapping import JOINT, SensorMount, Threshold
+from posecast_wire.mapping import Mapping as Meaning
+from posecast_wire.schema import BITS_MAX, CHANNELS_MAX, FIELD_NAME, build_schema_text
+
+from posecast_edge.profile.field_defaults import DIAG_BITS, FLAG_BITS, PLAIN, SITES_OF, STATE_BITS, WELL_KNOWN
+from posecast_edge.profile.types import FieldSpec, Profile
+from posecast_edge.sample import Reading, Sample, SourceError, Values
+from posecast_edge.visible import quoted
+
+FLAGS, DIAG = "flags", "diag"
+
+
+def schema_text(profile: Profile) -> str:
+    """The schema's JSON text. posecast_wire.SchemaError when the wire cannot carry the profile."""
+    used = dict.fromkeys(f.label_set for f in profile.fields)
+    fields = [
+        {
+            "name": f.name,
+            "labels": f.label_set,
+            "unit": f.unit,
+            "scale": f.scale,
+            "rel": f.rel,
+            "bits": f.bits,
+            "slow": f.slow,
+        }
+        for f in profile.fields
+    ]
+    labels = {name: profile.labels[name] for name in used}
+    return build_schema_text(profile.name, labels, fields, _mapping(profile.mapping))
+
+
+def _mapping(meaning: Meaning) -> dict[str, object]:
+    """The `mapping` member; parts that say nothing are left out."""
+    parts: dict[str, object] = {
+        "joints": {
+            name: {"terms": [list(term) for term in joint.terms], "offset": joint.offset}
+            for name, joint in meaning.joints.items()
+        },
+        "sensors": {
+            site: {"kind": s.kind, "name": s.name, "link": s.link, "xyz": list(s.xyz), "rpy": list(s.rpy)}
+            for site, s in meaning.sensors.items()
+        },
+        "names": dict(meaning.names),
+        "thresholds": {
+            field: {label: _threshold(t) for label, t in limits.items()}
+            for field, limits in meaning.thresholds.items()
+        },
+        "tolerance": dict(meaning.tolerances),
+        "severity": {field: dict(bits) for field, bits in meaning.severities.items()},
+        "units": {field: dict(labels) for field, labels in meaning.units.items()},
+    }
+    return {name: part for name, part in parts.items() if part}
+
+
+def _threshold(t: Threshold) -> dict[str, float]:
+    limits = {"low": t.low, "high": t.high, "caution": t.caution}
+    return {k: v for k, v in limits.items() if v is not None}
+
+
+def profile_of(robot: str, sample: Sample) -> Profile:
+    """A profile for a robot that has none: fields and labels as the first sample names them, units and scales
+    by well-known field name. A field or label that appears later is not in it.
+
+    SourceError when the sample cannot say it: values without labels, nothing usable, too many channels.
+    """
+    joints = _joint_labels(sample)
+    labels: dict[str, tuple[str, ...]] = {}
+    sets: dict[tuple[str, ...], str] = {}  # those of `labels`, by what is in them
+    fields: dict[str, FieldSpec] = {}
+    channels = 0
+    # in the well-known order, so that ref stands before the pos that is relative to it
+    names = [n for n in WELL_KNOWN if n in sample.values] + [n for n in sample.values if n not in WELL_KNOWN]
+    for name in names:
+        values = sample.values[name]
+        default = WELL_KNOWN.get(name, PLAIN)
+        if not FIELD_NAME.fullmatch(name):
+            raise SourceError(f"{quoted(name)} is no field name: letters, digits and _, the first no digit")
+        if default.joints:
+            label_set, own = JOINT, joints
+        elif isinstance(values, Mapping):
+            own = tuple(values)
+            label_set = sets.get(own, name)
+        else:
+            raise SourceError(_unlabelled(name, values))
+        if not own:
+            continue
+        if not isinstance(values, Mapping) and len(values) != len(own):
+            raise SourceError(_unlabelled(name, values))
+        channels += len(own)
+        if channels > CHANNELS_MAX:
+            raise SourceError(f"the first sample has over {CHANNELS_MAX} channels")
+        labels[label_set] = own
+        sets.setdefault(own, label_set)
+        bits = _flag_bits(values) if name == FLAGS else DIAG_BITS if name == DIAG else ()
+        rel = default.rel if default.rel in fields else None
+        scale = 1.0 if bits else default.scale
+        fields[name] = FieldSpec(name, label_set, own, default.unit, scale, rel=rel, bits=bits)
+    if not fields:
+        raise SourceError("the first sample names no channel")
+    severities = {
+        f.name: states
+        for f in fields.values()
+        if (states := {bit: STATE_BITS[bit] for bit in f.bits if bit in STATE_BITS})
+    }
+    return Profile(
+        robot, tuple(fields.values()), labels, Meaning(sensors=_mounts(sample), severities=severities)
+    )
+
+
+def _mounts(sample: Sample) -> dict[str, SensorMount]:
+    """The sites whose link the sample names."""
+    kinds = {
+        label.partition(".")[0]: kind
+        for name, kind in SITES_OF.items()
+        if isinstance(values := sample.values.get(name), Mapping)
+        for label in values
+    }
+    return {s: SensorMount(kinds[s], s, link) for s, link in sample.links.items() if s in kinds}
+
+
+def _joint_labels(sample: Sample) -> tuple[str, ...]:
+    """Every joint that any of the joint fields names, in the order of first appearance."""
+    found: dict[str, None] = {}
+    for name, values in sample.values.items():
+        if isinstance(values, Mapping) and name in WELL_KNOWN and WELL_KNOWN[name].joints:
+            found.update(dict.fromkeys(values))
+    return tuple(found)
+
+
+def _flag_bits(values: Values) -> tuple[str, ...]:
+    readings: Sequence[Reading] = list(values.values() if isinstance(values, Mapping) else values)
+    if any(isinstance(r, int) for r in readings):  # a mask whose bits nobody named
+        return tuple(f"bit{i}" for i in range(BITS_MAX))
+    named = [bit for r in readings if isinstance(r, (list, tuple)) for bit in r if isinstance(bit, str)]
+    return tuple(dict.fromkeys((*FLAG_BITS, *named)))[:BITS_MAX]
+
+
+def _unlabelled(name: str, values: Values) -> str:
+    return f"{name} has {len(values)} values without labels: name them, or give --profile"

@@ -1,0 +1,116 @@
+"""Values out of a TOML document, each looked at: what is wrong is one line that names file, line, place."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Sequence
+from contextlib import suppress
+from typing import Any, NoReturn
+
+from posecast_wire.mapping import Xyz
+
+from posecast_edge.profile.field_defaults import UNITS
+from posecast_edge.profile.toml_lines import line_of, lines_of
+from posecast_edge.visible import quoted, visible
+
+WHERE_MAX = 120  # characters
+REASON_MAX = 400
+
+
+class ProfileError(ValueError):
+    """A profile that cannot be used: `file:line: where: reason`, one line."""
+
+
+class Values:
+    """Takes values out of a TOML document and says where one is wrong."""
+
+    def __init__(self, file: str, text: str) -> None:
+        self.file = file
+        self._text = text
+        self.field_paths: dict[str, str] = {}  # `fields.pos` → `fields[1]`
+
+    def fail(self, where: str, reason: str) -> NoReturn:
+        try:
+            line = line_of(lines_of(self._text), self._path(where))
+        except RecursionError:  # nested deeper than can be walked
+            line = None
+        place = self.file if line is None else f"{self.file}:{line}"
+        raise ProfileError(f"{place}: {visible(where, WHERE_MAX)}: {visible(reason, REASON_MAX)}")
+
+    def _path(self, where: str) -> str:
+        """`fields.pos.unit`, as a person says it, → `fields[1].unit`, as the file has it."""
+        for said, meant in self.field_paths.items():
+            if where == said or where.startswith((f"{said}.", f"{said}[")):
+                return meant + where[len(said) :]
+        return where
+
+    def table(self, value: object, where: str, keys: Sequence[str] | None = None) -> dict[str, Any]:
+        if not isinstance(value, dict):
+            self.fail(where, "must be a table")
+        if keys is not None:
+            for key in value:
+                if key not in keys:
+                    self.fail(f"{where}.{key}" if where else key, f"unknown key; known: {', '.join(keys)}")
+        return value
+
+    def text(self, value: object, where: str) -> str:
+        if not isinstance(value, str) or not value or not value.isprintable():
+            self.fail(where, f"must be a text, not {quoted(value)}")
+        return value
+
+    def number(
+        self,
+        value: object,
+        where: str,
+        low: float = -math.inf,
+        above: float = -math.inf,
+        most: float = math.inf,
+    ) -> float:
+        number = math.nan
+        if isinstance(value, (int, float)) and not isinstance(value, bool):
+            with suppress(OverflowError):  # an integer past every float
+                number = float(value)
+        if not math.isfinite(number):
+            self.fail(where, f"must be a number, not {quoted(value)}")
+        if number < low:
+            self.fail(where, f"must be at least {low:g}, not {number:g}")
+        if number <= above:
+            self.fail(where, f"must be above {above:g}, not {number:g}")
+        if number > most:
+            self.fail(where, f"must be at most {most:g}, not {number:g}")
+        return number
+
+    def whole(self, value: object, where: str, low: int, most: int) -> int:
+        if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= most:
+            self.fail(where, f"must lie in {low}…{most}, not {quoted(value)}")
+        return value
+
+    def texts(self, value: object, where: str) -> tuple[str, ...]:
+        if not isinstance(value, list) or not value:
+            self.fail(where, "must be a list of texts")
+        return tuple(self.text(v, f"{where}[{i}]") for i, v in enumerate(value))
+
+    def unique(self, value: object, where: str) -> tuple[str, ...]:
+        texts = self.texts(value, where)
+        seen: set[str] = set()
+        for i, v in enumerate(texts):
+            if v in seen:
+                self.fail(f"{where}[{i}]", f"{quoted(v)} stands there twice")
+            seen.add(v)
+        return texts
+
+    def xyz(self, value: object, where: str) -> Xyz:
+        if not isinstance(value, list) or len(value) != 3:
+            self.fail(where, "must be three numbers")
+        x, y, z = (self.number(v, f"{where}[{i}]") for i, v in enumerate(value))
+        return (x, y, z)
+
+    def unit(self, value: object, where: str) -> str:
+        if not isinstance(value, str) or value not in UNITS:
+            self.fail(where, f"unknown unit {quoted(value)}; known: {', '.join(u for u in UNITS if u)}")
+        return UNITS[value]
+
+    def known(self, name: object, allowed: Collection[str], what: str, where: str) -> str:
+        if not isinstance(name, str) or name not in allowed:
+            self.fail(where, f"unknown {what} {quoted(name)}")
+        return name

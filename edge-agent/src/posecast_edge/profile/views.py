@@ -1,0 +1,50 @@
+"""The [views] of a profile: what of a robot each audience gets."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from posecast_wire.keys import check_name
+
+from posecast_edge.profile.types import FieldSpec, View
+
+if TYPE_CHECKING:
+    from posecast_edge.profile.reader import Reader
+
+VIEWS_MAX = 8  # a relay takes no more of one robot
+HZ_MIN = 0.1  # as on the wire
+
+
+def read_view(reader: Reader, name: str, value: object, fields: Mapping[str, FieldSpec]) -> View:
+    """One table → view. ProfileError names the line."""
+    where = f"views.{name}"
+    try:
+        check_name("view", name)
+    except ValueError as e:
+        reader.fail(where, str(e))
+    item = reader.table(value, where, ("fields", "hz", "scales", "info"))
+    seen = reader.unique(item.get("fields", list(fields)), f"{where}.fields")
+    for i, field_name in enumerate(seen):
+        reader.known(field_name, fields, "field", f"{where}.fields[{i}]")
+    known = frozenset(seen)
+    scales = {
+        reader.known(k, known, "field of this view", f"{where}.scales.{k}"): reader.number(
+            v, f"{where}.scales.{k}", above=0
+        )
+        for k, v in reader.table(item.get("scales", {}), f"{where}.scales").items()
+    }
+    for k in scales:
+        if fields[k].bits:
+            reader.fail(f"{where}.scales.{k}", "a field of bits has no scale")
+    hz = reader.number(item["hz"], f"{where}.hz", low=HZ_MIN) if "hz" in item else None
+    return View(seen, hz, scales, _info(reader, item, where))
+
+
+def _info(reader: Reader, item: Mapping[str, object], where: str) -> tuple[str, ...] | None:
+    """A view that picks fields picks its texts as well: what a source says of a part (its diagnosis, its
+    operator) nobody has chosen to show.
+    """
+    if "info" not in item:
+        return () if "fields" in item else None
+    return () if item["info"] == [] else reader.unique(item["info"], f"{where}.info")

@@ -1,0 +1,46 @@
+"""What a source is. It reads; it never commands."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol, runtime_checkable
+
+from posecast_edge.sample import Sample
+
+# Takes a sample. The answer: from when on (monotonic seconds) the next one would make a frame, None for at
+# once. A source that can wait for several may sleep until then, but delivers them all: each is looked at for
+# faults.
+Deliver = Callable[[Sample], float | None]
+
+
+@dataclass(frozen=True)
+class Defaults:
+    """What a kind of source brings itself."""
+
+    profile: Path | None = None
+    urdf: Path | None = None
+    model: Path | None = None  # the URDF, built; goes before it
+
+
+class Source(Protocol):
+    """Delivers samples from a thread of its own, at its own pace."""
+
+    description: str
+
+    def run(self, deliver: Deliver, stop: threading.Event) -> None:
+        """Deliver every sample until the data ends or `stop` is set. Raises SourceError (one line)."""
+
+
+@runtime_checkable
+class Discovering(Source, Protocol):
+    """A source that finds out by itself what there is."""
+
+    @property
+    def offers(self) -> list[str]:
+        """Lines for `probe`: what was found, and as what it is read."""
+
+    def describe_to(self, take: Callable[[str], None]) -> None:
+        """Hand every new robot_description (URDF) to `take`, which returns at once. Before `run`."""

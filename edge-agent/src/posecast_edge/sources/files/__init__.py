@@ -1,0 +1,1 @@
+"""Recordings: CSV, MCAP and trajectory files, played at the pace of their own clock."""

@@ -1,0 +1,133 @@
+"""A recording, played at the pace of its own clock. `timeline` decides, `run` waits.
+
+    KIND:PATH[?start=SECONDS][&loop]   from so many seconds after its beginning; again and again
+
+A gap of more than MAX_PAUSE_S between two samples, or a step back, is gone over at once. In a loop robot time
+goes on from pass to pass.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol, TextIO
+
+from posecast_edge.sample import Sample, SourceError
+from posecast_edge.sources.base import Deliver
+
+ENDLESS_LINE = 64 << 20  # characters: what goes on for so long is no text
+MAX_PAUSE_S = 10.0
+MAX_BEHIND_S = 1.0  # a machine that slept goes on where it stood
+MIN_WAKE_S = 0.005  # faster recordings come in bursts
+LEAST_STEP_S = 1e-3  # from pass to pass: a loop that takes no time would have no end
+LONE_STEP_S = 0.1  # from pass to pass of a recording with a single instant
+
+
+class EndlessLine(ValueError):
+    """A file that is no lines of text; the text says why."""
+
+
+@dataclass(frozen=True)
+class Playback:
+    """Which file, from where, how often."""
+
+    path: Path
+    start_s: float = 0.0
+    loop: bool = False
+
+
+class Recording(Protocol):
+    """A file of samples. `samples` may be called again and again, each time for one pass."""
+
+    description: str
+
+    def samples(self, start_s: float, first_pass: bool) -> Iterator[Sample]:
+        """In the order of the file, from `start_s` after its first. What is wrong is said in the first pass
+        only. SourceError, one line that names file and record, when there is no going on."""
+
+
+def skip_line(file: TextIO, step: int) -> None:
+    """The rest of an overlong line. EndlessLine when it has no end."""
+    skipped = 0
+    while rest := file.readline(step):
+        if rest.endswith(("\n", "\r")):
+            return
+        skipped += len(rest)
+        if skipped > ENDLESS_LINE:
+            raise EndlessLine(f"no end of line within {ENDLESS_LINE >> 20} MiB")
+
+
+def parse_playback(kind: str, address: str) -> Playback:
+    """What stands after `KIND:`. SourceError with one line when it doesn't fit."""
+    name, _, words = address.partition("?")
+    if not name or "\0" in name:
+        raise SourceError(f"{kind}: a path is needed, as in {kind}:walk.{kind}")
+    start_s, loop = 0.0, False
+    for word in words.split("&") if words else ():
+        key, _, value = word.partition("=")
+        if key == "start":
+            try:
+                start_s = float(value)
+            except ValueError:
+                start_s = math.nan
+            if not 0 <= start_s < math.inf:
+                raise SourceError(f"{kind}: start={value[:40]!r} is no number of seconds")
+        elif word == "loop":
+            loop = True
+        else:
+            raise SourceError(f"{kind}: {word[:40]!r} is unknown; after ? stand start=SECONDS and loop")
+    return Playback(Path(name), start_s, loop)
+
+
+class Player:
+    """Plays one recording."""
+
+    def __init__(self, recording: Recording, playback: Playback) -> None:
+        self.description = recording.description
+        self._recording = recording
+        self._playback = playback
+
+    def run(self, deliver: Deliver, stop: threading.Event) -> None:
+        """Deliver every sample at its instant until the end or `stop`. SourceError when nothing can be read
+        (any more)."""
+        began_s = time.monotonic()
+        for due_s, sample in self.timeline():
+            behind_s = time.monotonic() - began_s - due_s
+            if behind_s > MAX_BEHIND_S:
+                began_s += behind_s
+            elif behind_s < 0:
+                stop.wait(max(MIN_WAKE_S, -behind_s))
+            if stop.is_set():
+                return
+            deliver(sample)
+
+    def timeline(self) -> Iterator[tuple[float, Sample]]:
+        """Every sample, and when it is due: seconds after the first."""
+        due_s = shift_s = step_s = 0.0
+        first_pass = True
+        while True:
+            began_s: float | None = None
+            previous_s = 0.0
+            for sample in self._recording.samples(self._playback.start_s, first_pass):
+                if began_s is None:
+                    began_s = sample.t_s
+                elif 0 <= sample.t_s - previous_s <= MAX_PAUSE_S:
+                    step_s = sample.t_s - previous_s
+                    due_s += step_s
+                previous_s = sample.t_s
+                yield due_s, sample._replace(t_s=sample.t_s + shift_s)
+            if began_s is None:
+                path, start_s = self._playback.path, self._playback.start_s
+                raise SourceError(f"{path}: no samples" + (f" after {start_s:g} s" if start_s else ""))
+            if not self._playback.loop:
+                return
+            first_pass = False
+            step_s = (
+                max(step_s, LEAST_STEP_S) if step_s else LONE_STEP_S
+            )  # a pass takes time, or none would end
+            due_s += step_s
+            shift_s += max(0.0, previous_s - began_s) + step_s

@@ -1,0 +1,205 @@
+"""Source `trajectory:PATH`: a text file of joint angles, one row an instant, played for ever.
+
+The profile's [trajectory] names the columns, the rate, the unit. Separators are blanks, commas, semicolons.
+What the file says becomes `ref`; `pos` follows it as a servo would, with a lag of first order. A row that
+does not fit is named on stderr (on the first pass) and skipped, its instant passes. The file is read as it
+plays and never kept in memory.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, TextIO
+
+from posecast_edge.profile.columns import find_column
+from posecast_edge.rate_limited_log import Complaints
+from posecast_edge.sample import Sample, SourceError
+from posecast_edge.sources.base import Deliver, Source
+from posecast_edge.sources.files.playback import EndlessLine, skip_line
+
+if TYPE_CHECKING:
+    from posecast_edge.profile.types import Profile, Trajectory
+
+log = logging.getLogger("posecast_edge.trajectory")
+
+MAX_LINE = 64 * 1024  # characters
+MAX_BAD_START = 1000  # rows looked at to find one that fits
+MIN_WAKE_S = 0.01  # faster files come in batches, of which the newest row counts
+MAX_BEHIND_S = 1.0  # a machine that slept goes on where it stood
+SKIP = "-"
+
+Row = list[float]
+
+
+class RowError(ValueError):
+    """A line that is no row; the text says why."""
+
+
+def open_source(address: str, profile: Profile | None) -> Source:
+    """Open a file. SourceError without a path, a profile with [trajectory], or a single row that fits."""
+    if not address:
+        raise SourceError("trajectory: a path is needed, as in trajectory:walk.traj")
+    if profile is None or profile.trajectory is None:
+        raise SourceError("trajectory: a profile with a [trajectory] table is needed (--profile)")
+    return TrajectorySource(Path(address), profile, profile.trajectory)
+
+
+def parse_row(line: str, columns: int) -> Row:
+    """One line → numbers. RowError when the count differs or something is not a finite number."""
+    if len(line) > MAX_LINE:
+        raise RowError(f"over {MAX_LINE} characters")
+    words = line.replace(",", " ").replace(";", " ").split()
+    row = []
+    for i, word in enumerate(words[:columns]):
+        try:
+            row.append(float(word))
+        except ValueError:
+            raise RowError(f"column {i + 1}: {word[:40]!r} is not a number") from None
+        if not math.isfinite(row[-1]):
+            raise RowError(f"column {i + 1}: {word[:40]!r} is no angle")
+    if len(words) != columns:
+        raise RowError(f"{len(words)} columns, {columns} expected")
+    return row
+
+
+class TrajectorySource:
+    """Plays one file. `advance` decides, `run` waits."""
+
+    def __init__(self, path: Path, profile: Profile, trajectory: Trajectory) -> None:
+        self.description = f"trajectory {path.name}, {trajectory.rate_hz:g} Hz"
+        self._path = path
+        self._trajectory = trajectory
+        self._bad = Complaints(log.warning, "bad rows")
+        self._file = self._open()
+        self._columns = self._count_columns()
+        self._pose = Pose(profile, trajectory, self._columns)
+        self._rows = self._play()
+        self._index = -1  # of the newest row taken, over all passes
+
+    def run(self, deliver: Deliver, stop: threading.Event) -> None:
+        """Deliver until `stop`. SourceError when the file cannot be read any more."""
+        with self._file:
+            start_s = time.monotonic()
+            while not stop.is_set():
+                elapsed_s = time.monotonic() - start_s
+                behind_s = elapsed_s - self.next_s
+                if behind_s > MAX_BEHIND_S:
+                    start_s += behind_s
+                    elapsed_s -= behind_s
+                sample = self.advance(elapsed_s)
+                if sample is not None:
+                    deliver(sample)
+                self._bad.tick(time.monotonic())
+                stop.wait(max(MIN_WAKE_S, start_s + self.next_s - time.monotonic()))
+
+    @property
+    def next_s(self) -> float:
+        """When the next row is due, seconds after the first."""
+        return (self._index + 1) / self._trajectory.rate_hz
+
+    def advance(self, elapsed_s: float) -> Sample | None:
+        """Take every row due by `elapsed_s`; the newest as a sample, None when none was due."""
+        moved = False
+        while self.next_s <= elapsed_s:
+            self._index += 1
+            row = next(self._rows)
+            if row is not None:
+                self._pose.follow(row)
+                moved = True
+        return Sample(self._index / self._trajectory.rate_hz, self._pose.values()) if moved else None
+
+    def _open(self) -> TextIO:
+        try:
+            return open(self._path, encoding="utf-8", errors="replace")
+        except OSError as e:
+            raise SourceError(f"{self._path}: {e.strerror or e}") from None
+
+    def _lines(self) -> Iterator[tuple[int, str]]:
+        """Lines that should be rows, with their number, from the start of the file to its end."""
+        try:
+            self._file.seek(0)
+            number = 0
+            while line := self._file.readline(MAX_LINE + 1):
+                number += 1
+                if not line.endswith("\n"):
+                    skip_line(self._file, MAX_LINE)
+                if number > self._trajectory.header and line.strip():
+                    yield number, line
+        except OSError as e:
+            raise SourceError(f"{self._path}: {e.strerror or e}") from None
+        except EndlessLine as e:
+            raise SourceError(f"{self._path}:{number}: {e}") from None
+
+    def _count_columns(self) -> int:
+        """The count of the first row that fits; the whole file keeps to it."""
+        most, fewest = len(self._trajectory.columns), self._trajectory.fewest
+        first = ""
+        for _, (number, line) in zip(range(MAX_BAD_START), self._lines(), strict=False):
+            columns = len(line.replace(",", " ").replace(";", " ").split())
+            try:
+                parse_row(line, fewest if columns == fewest else most)
+                return columns
+            except RowError as e:
+                first = first or f"{self._path}:{number}: {e}"
+        self._file.close()
+        raise SourceError(f"no row fits the profile: {first}" if first else f"{self._path}: no rows")
+
+    def _play(self) -> Iterator[Row | None]:
+        """Rows for ever; None for a bad one. SourceError when the file has been emptied."""
+        first_pass = some = True
+        while some:
+            some = False
+            for number, line in self._lines():
+                some = True
+                try:
+                    row = parse_row(line, self._columns)
+                except RowError as e:
+                    if first_pass:
+                        self._bad.add(f"{self._path}:{number}: {e}; row skipped", time.monotonic())
+                    yield None
+                    continue
+                yield row
+            first_pass = False
+        raise SourceError(f"{self._path}: no rows any more")
+
+
+class Pose:
+    """Where the robot stands: rows in, values of the profile's fields out."""
+
+    def __init__(self, profile: Profile, trajectory: Trajectory, columns: int) -> None:
+        self._values: dict[str, list[float | None]] = {}
+        self._targets: list[tuple[int, list[float | None], int, float]] = []  # column, values, channel, gain
+        for i, column in enumerate(trajectory.columns[:columns]):
+            found = None if column == SKIP else find_column(profile.fields, column)
+            if found is None:
+                continue
+            name, channel = found
+            spec = profile.field_named(name)
+            assert spec is not None
+            values = self._values.setdefault(name, [None] * len(spec.labels))
+            degrees = trajectory.unit == "deg" and name in ("ref", "pos")
+            self._targets.append((i, values, channel, math.pi / 180 if degrees else 1.0))
+        self._ref = self._values.get("ref")
+        self._pos: list[float | None] | None = None
+        if self._ref is not None and profile.field_named("pos") is not None:
+            self._pos = self._values["pos"] = [None] * len(self._ref)
+        step_s = 1 / trajectory.rate_hz
+        self._gain = 1.0 if trajectory.lag_s == 0 else -math.expm1(-step_s / trajectory.lag_s)
+
+    def follow(self, row: Row) -> None:
+        """One row later: ref stands there, pos is on its way."""
+        for column, values, channel, gain in self._targets:
+            values[channel] = row[column] * gain
+        if self._ref is not None and self._pos is not None:
+            for i, ref in enumerate(self._ref):
+                pos = self._pos[i]
+                self._pos[i] = ref if ref is None or pos is None else pos + self._gain * (ref - pos)
+
+    def values(self) -> dict[str, list[float | None]]:
+        """A copy: the sample outlives the next row."""
+        return {name: list(values) for name, values in self._values.items()}

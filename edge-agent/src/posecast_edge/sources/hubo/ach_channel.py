@@ -1,0 +1,191 @@
+"""An ACH channel in shared memory, read without disturbing the robot: no lock is taken, nothing is written.
+
+ACH's own readers hold a mutex while they copy, and so delay the real-time loop that writes. The writer clears
+the index entries of the frames it is about to overwrite *before* it copies, so a reader that finds its entry
+unchanged after copying has copied a whole frame. The file is read with pread(2): a mapping would kill this
+process when somebody shrinks the file. Three reads are a look, however many frames it brings: the index, the
+frames, the index again. What was `kept` has been read just so, and is looked into later.
+
+Layout: ach 2.0 on x86-64 with glibc; anything else shows in the guards and is refused.
+"""
+
+from __future__ import annotations
+
+import os
+import struct
+from pathlib import Path
+
+from posecast_edge.sources.hubo.reconnecting import FRAME_MAX, KEPT_MAX, ReaderError
+
+MAGIC = 0xB07511F3
+# magic, len, name, index_cnt, data_size, data_head, data_free, index_head
+HEADER = struct.Struct("<I4xQ65s7xQQQQQ")
+HEADER_SIZE = 320  # with index_free, clock, mutex, condition variable, dirty, last_seq after the above
+INDEX_HEAD = struct.Struct("<Q")
+INDEX_HEAD_AT = 120
+ENTRY = struct.Struct("<QQQ")  # size, offset, seq; all zero: free
+GUARDS = (
+    0x1A2A3A4A5A6A7A8A,
+    0x1B2B3B4B5B6B7B8B,
+    0x1C2C3C4C5C6C7C8C,
+)  # before the index, before and after the data
+GUARD = struct.Struct("<Q")
+FRAMES_MAX = 1 << 12
+DATA_MAX = 1 << 30
+SPAN_MAX = 1 << 18  # frames that lie so close together are read at once, with what is between them
+Entry = tuple[int, int, int, int]  # its place in the index; size, offset and seq of its frame
+TRIES = 8  # looks at one frame; a writer that laps us more often is not followed
+
+
+class ChannelError(ReaderError):
+    """A file that is no channel this reader knows. One line, without the file's name."""
+
+
+class Channel:
+    """One open channel. Not thread-safe."""
+
+    def __init__(self, path: Path) -> None:
+        """OSError when the file cannot be read, ChannelError when it is no such channel."""
+        # of a pipe nobody would ever hear
+        self._fd = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)
+        try:
+            self._check()
+        except BaseException:
+            os.close(self._fd)
+            raise
+        self.torn = 0  # reads that the writer crossed
+        self.seq = 0  # of the newest frame handed out, by the writer's count; 0: none yet
+        self._kept: list[tuple[bytes, bytes, bytes]] = []  # index, all frames, index again
+
+    def close(self) -> None:
+        """Close the file."""
+        os.close(self._fd)
+
+    def replaced(self, path: Path) -> bool:
+        """Another file stands at `path`, or none: the daemon has made its channels anew."""
+        try:
+            there, here = os.stat(path), os.fstat(self._fd)
+        except OSError:
+            return True
+        return (there.st_dev, there.st_ino) != (here.st_dev, here.st_ino)
+
+    def keep(self) -> None:
+        """Save what is there for the next `fresh`, before the writer overwrites it: three reads and no more,
+        for whoever is woken for it finds cold caches. Not of a large channel, which keeps enough itself."""
+        if self._data_size <= SPAN_MAX:
+            head = self._head()
+            self._kept.append((head, os.pread(self._fd, self._data_size, self._data), self._head()))
+
+    def fresh(self) -> list[bytes]:
+        """The frames since the last call that are still there or were kept, oldest first, at most KEPT_MAX;
+        of the first call the newest only. Without those of now when the writer is too quick.
+
+        ChannelError when the channel's own numbers contradict each other and go on doing so.
+        """
+        found: list[bytes] = []
+        kept, self._kept = self._kept, []
+        for head, data, after in kept:
+            entries = self._news(head)
+            if entries and self._inside(entries[0]):
+                found += self._whole(head, entries, _cut(data, entries, 0), after)
+        for _ in range(TRIES):
+            head = self._head()
+            entries = self._news(head)
+            if not entries:
+                return found[-KEPT_MAX:]
+            if self._inside(entries[0]):
+                frames = self._whole(head, entries, self._copy(entries), self._head())
+                if frames:
+                    return (found + frames)[-KEPT_MAX:]
+            else:
+                self.torn += 1
+        if not self._inside(entries[0]):
+            _, size, offset, _ = entries[0]
+            raise ChannelError(f"its index points at byte {offset}, {size} long, of {self._data_size}")
+        return found[-KEPT_MAX:]
+
+    def holds(self, size: int) -> int:
+        """How many frames of that size the channel keeps."""
+        return max(1, min(self._count, self._data_size // size))
+
+    def _news(self, head: bytes) -> list[Entry]:
+        """The newest frame and those before it that have not been handed out, newest first."""
+        last = (INDEX_HEAD.unpack_from(head, INDEX_HEAD_AT)[0] - 1) % self._count
+        place = self._index + last * ENTRY.size
+        size, offset, newest = ENTRY.unpack_from(head, place)
+        # A look across a lap may have met a frame before its publication, whose elder is the newest now.
+        # A sequence that fell further was begun anew.
+        if newest == 0 or size == 0 or self.seq - self._count < newest <= self.seq:
+            return []
+        found = [(place, size, offset, newest)]
+        wanted = min(newest - self.seq, self._count, KEPT_MAX) if 0 < self.seq < newest else 1
+        for seq in range(newest - 1, newest - wanted, -1):
+            last = (last or self._count) - 1
+            place = self._index + last * ENTRY.size
+            entry = (place, *ENTRY.unpack_from(head, place))
+            if entry[3] != seq or entry[1] == 0 or not self._inside(entry):
+                break  # the writer is there by now; what is older went before
+            found.append(entry)
+        return found
+
+    def _inside(self, entry: Entry) -> bool:
+        _, size, offset, _ = entry
+        return size <= FRAME_MAX and offset <= self._data_size - size
+
+    def _copy(self, entries: list[Entry]) -> list[bytes]:
+        """The frames of these entries as they are now, perhaps half written."""
+        low = min([offset for _, _, offset, _ in entries])
+        span = max([offset + size for _, size, offset, _ in entries]) - low
+        if span <= SPAN_MAX:
+            return _cut(os.pread(self._fd, span, self._data + low), entries, low)
+        return [os.pread(self._fd, size, self._data + offset) for _, size, offset, _ in entries]
+
+    def _whole(self, head: bytes, entries: list[Entry], frames: list[bytes], after: bytes) -> list[bytes]:
+        """The frames (newest first) that the writer did not touch between the two looks at the index, oldest
+        first; [] when he touched the newest."""
+        whole = 0
+        for (place, size, _, _), frame in zip(entries, frames, strict=True):
+            end = place + ENTRY.size
+            if after[place:end] != head[place:end] or len(frame) < size:
+                break
+            whole += 1
+        if whole:
+            self.seq = entries[0][3]
+        else:
+            self.torn += 1
+        return frames[:whole][::-1]
+
+    def _check(self) -> None:
+        head = os.pread(self._fd, HEADER_SIZE + GUARD.size, 0)
+        if len(head) < HEADER_SIZE + GUARD.size:
+            raise ChannelError(f"no ACH channel: only {len(head)} bytes")
+        magic, length, _, frames, data_size, *_ = HEADER.unpack_from(head)
+        if magic != MAGIC:
+            raise ChannelError(f"no ACH channel: it begins with {magic:#010x}")
+        if not 0 < frames <= FRAMES_MAX or not 0 < data_size <= DATA_MAX:
+            raise ChannelError("an ACH channel of another layout: its counts make no sense")
+        self._count: int = frames
+        self._data_size: int = data_size
+        self._index = HEADER_SIZE + GUARD.size
+        self._head_size = self._index + frames * ENTRY.size
+        self._data = self._head_size + GUARD.size
+        whole = self._data + data_size + GUARD.size
+        here = os.fstat(self._fd).st_size
+        if length != whole or here < whole:
+            raise ChannelError(f"an ACH channel of another layout: {here} bytes where {whole} are expected")
+        places = (HEADER_SIZE, self._data - GUARD.size, whole - GUARD.size)
+        for place, guard in zip(places, GUARDS, strict=True):
+            if os.pread(self._fd, GUARD.size, place) != GUARD.pack(guard):
+                raise ChannelError(f"an ACH channel of another layout: no guard at byte {place}")
+
+    def _head(self) -> bytes:
+        """Header and index as they are now, perhaps half written."""
+        head = os.pread(self._fd, self._head_size, 0)
+        if len(head) < self._head_size:
+            raise ChannelError("the channel has shrunk")
+        return head
+
+
+def _cut(data: bytes, entries: list[Entry], low: int) -> list[bytes]:
+    """The frames of these entries, where `data` begins at byte `low`."""
+    return [data[offset - low : offset - low + size] for _, size, offset, _ in entries]

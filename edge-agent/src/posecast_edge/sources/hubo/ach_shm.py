@@ -1,0 +1,97 @@
+"""Frames of a channel on this machine, by looking at its file in the writer's rhythm."""
+
+from __future__ import annotations
+
+import threading
+import time
+from pathlib import Path
+
+from posecast_edge.sources.hubo.ach_channel import Channel, ChannelError
+from posecast_edge.sources.hubo.reconnecting import WAIT_S, PersistentReader
+from posecast_edge.sources.hubo.writer_clock import Aim, Beat
+
+# Nobody can be woken by a channel without taking its lock. So: look when the frame that is wanted should have
+# been written, and before that keep what the channel is about to forget; if nothing is there yet, look again
+# and again, ever more seldom.
+LOOK_S = (0.0004, 0.005)
+FORGET = 0.99  # of how late looks were, from look to look
+LATE_S = 0.015  # so long after its time a frame is waited for when others are there; then they count
+
+
+def channel_path(name: str) -> Path:
+    """Where libach keeps the channel of that name."""
+    return Path(f"/dev/shm/achshm-{name}")
+
+
+class ShmReader(PersistentReader):
+    """One channel file."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(str(path))
+        self._path = path
+        self._channel: Channel | None = None
+        self._beat = Beat()
+        self._holds = 1  # frames of the newest's size
+        self._late_s = 0.0  # how late looks are on this machine
+
+    def close(self) -> None:
+        """Give the file up."""
+        super().close()
+        if self._channel is not None:
+            self._channel.close()
+            self._channel = None
+
+    def _open(self) -> None:
+        self._channel = Channel(self._path)
+        self._beat = Beat()
+
+    def _next(self, stop: threading.Event, wanted_s: float) -> list[bytes]:
+        channel = self._channel
+        assert channel is not None
+        now_s = time.monotonic()
+        end_s = now_s + WAIT_S
+        aim = self._beat.aim(wanted_s, end_s - LATE_S, self._holds, self._late_s)
+        for keep_s in aim.keep_s:
+            self._sleep(now_s, keep_s)
+            if stop.is_set():
+                return []
+            channel.keep()
+            now_s = time.monotonic()
+        frames = self._look(channel, aim, now_s, end_s)
+        if not frames and channel.replaced(self._path):
+            raise ChannelError("the channel was made anew")
+        return frames
+
+    def _look(self, channel: Channel, aim: Aim, now_s: float, end_s: float) -> list[bytes]:
+        """What there is when the frame aimed at has come, or does not come; at the latest at `end_s`."""
+        look_s, pause_s = aim.look_s, LOOK_S[0]
+        late_s = max(look_s, now_s) + LATE_S
+        frames: list[bytes] = []
+        written, enough = 0, aim.frames
+        too_early_s: float | None = None  # the newest look that was
+        while True:
+            self._sleep(now_s, min(look_s, end_s))
+            before = channel.seq
+            new = channel.fresh()
+            now_s = time.monotonic()
+            if new:
+                frames += new
+                written += channel.seq - before if 0 < before < channel.seq else 1
+                self._holds = channel.holds(len(new[-1]))
+            if written >= enough:
+                self._beat.came(written, now_s, 0.0 if too_early_s is None else now_s - too_early_s)
+                return frames
+            if frames and now_s >= late_s:
+                self._beat = Beat()
+                return frames
+            if now_s >= end_s:
+                return frames
+            if now_s >= look_s:
+                enough = min(enough, written + 1)  # held up: the next will be late enough
+                too_early_s, look_s = now_s, now_s + pause_s
+                pause_s = min(2 * pause_s, LOOK_S[1])
+
+    def _sleep(self, now_s: float, until_s: float) -> None:
+        if until_s > now_s:
+            time.sleep(until_s - now_s)
+            self._late_s = max(self._late_s * FORGET, time.monotonic() - until_s)

@@ -1,0 +1,159 @@
+"""Frames of a channel through `achd`. What has piled up is taken at once, every frame of it."""
+
+from __future__ import annotations
+
+import math
+import select
+import socket
+import threading
+import time
+from collections import deque
+
+from posecast_edge.sources.hubo.achd_protocol import HEAD, Conversation, ProtocolError, request
+from posecast_edge.sources.hubo.reconnecting import KEPT_MAX, WAIT_S, PersistentReader
+
+ANSWER_S = 3.0  # to connect, and again until the server has answered
+SILENT_S = 5.0  # a daemon that starts anew makes a new channel, and the old connection stays silent for ever
+CHUNK = 1 << 16
+DRAIN_MAX = 1 << 20  # bytes taken at once; beyond it the newest so far counts, whatever still floods in
+BATCH_BYTES = 1 << 16  # the kernel keeps so much while we wait, before the server has to
+BATCH_LATE_S = 0.03  # so long after its time a batch is waited for; then what there is counts
+# achd gathers small writes (Nagle): what is less than a segment leaves when what left before is acknowledged.
+# While nobody reads, the kernel acknowledges at the second full segment. Where a frame is less than one, as
+# over loopback, that takes 40 ms; so segments are as on any other network.
+SEGMENT_BYTES = 1400
+
+
+class Rhythm:
+    """How many frames to wake up for, so that the last of them is the one that is wanted: waking up costs ten
+    times what reading one does, and the last is as fresh as ever when it comes. Pure, monotonic seconds."""
+
+    def __init__(self) -> None:
+        self._seen_s: float | None = None  # when the newest came
+        self._period_s = 0.0  # from frame to frame, smoothed; 0: not known
+
+    def came(self, frames: int, now_s: float) -> None:
+        """So many frames came at once."""
+        if self._seen_s is not None:
+            period_s = (now_s - self._seen_s) / frames
+            self._period_s += (period_s - self._period_s) / 4 if self._period_s else period_s
+        self._seen_s = now_s
+
+    def late(self) -> None:
+        """A batch did not come in time: the source has slowed down, or paused."""
+        self._period_s, self._seen_s = 0.0, None
+
+    def batch(self, wanted_s: float) -> int:
+        """How many frames from now on it takes until the first one that comes at `wanted_s` or later."""
+        if not self._period_s or self._seen_s is None:
+            return 1
+        return max(1, math.ceil(min((wanted_s - self._seen_s) / self._period_s, BATCH_BYTES)))
+
+    def due_s(self, frames: int) -> float:
+        """When the last of so many frames should have come."""
+        return (self._seen_s or 0.0) + frames * self._period_s
+
+
+class AchdReader(PersistentReader):
+    """One channel of one server."""
+
+    def __init__(self, host: str, port: int, channel: str) -> None:
+        super().__init__(f"{host}:{port}")
+        self._address = (host, port)
+        self._channel = channel
+        self._socket: socket.socket | None = None
+        self._poll = select.poll()
+        self._conversation = Conversation()
+        self._heard_s = 0.0  # last bytes
+        self._rhythm = Rhythm()
+        self._size = 0  # of a frame and its head
+        self._low = 1  # bytes that wake us up
+
+    def close(self) -> None:
+        """Give the connection up."""
+        super().close()
+        if self._socket is not None:
+            self._socket.close()
+            self._socket = None
+
+    def _open(self) -> None:
+        self._socket = connection = _connected(*self._address)
+        # a robot that was unplugged sends no farewell
+        connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+        connection.sendall(request(self._channel))
+        connection.setblocking(False)
+        self._poll = select.poll()
+        self._poll.register(connection, select.POLLIN)
+        self._conversation = Conversation()
+        self._heard_s = time.monotonic()
+        self._rhythm, self._size, self._low = Rhythm(), 0, 1  # as a new socket has it
+
+    def _next(self, stop: threading.Event, wanted_s: float) -> list[bytes]:
+        del stop
+        connection = self._socket
+        assert connection is not None
+        batch = min(self._rhythm.batch(wanted_s), BATCH_BYTES // self._size) if self._size else 1
+        self._wake_for(connection, batch)
+        wait_s = WAIT_S if batch <= 1 else self._rhythm.due_s(batch) + BATCH_LATE_S - time.monotonic()
+        if not self._poll.poll(max(0.0, wait_s) * 1e3):
+            if batch > 1:
+                self._rhythm.late()
+            else:
+                self._nothing_came()
+                return []
+        frames = self._drain(connection)
+        if frames:
+            self._size = HEAD.size + len(frames[-1])
+            self._rhythm.came(len(frames), time.monotonic())
+        return frames
+
+    def _drain(self, connection: socket.socket) -> list[bytes]:
+        frames = deque[bytes](maxlen=KEPT_MAX)
+        taken = 0
+        while taken < DRAIN_MAX:
+            try:
+                data = connection.recv(CHUNK)
+            except BlockingIOError:
+                break
+            if not data:
+                raise ProtocolError("the server ended the connection")
+            self._heard_s = time.monotonic()
+            taken += len(data)
+            frames.extend(self._conversation.feed(data))
+            if len(data) < CHUNK:
+                break  # that was all
+        return list(frames)
+
+    def _nothing_came(self) -> None:
+        silent_s = time.monotonic() - self._heard_s
+        if not self._conversation.accepted and silent_s > ANSWER_S:
+            raise ProtocolError(f"no answer within {ANSWER_S:g} s")
+        if silent_s > SILENT_S:
+            raise ProtocolError(f"no frame for {SILENT_S:g} s")
+
+    def _wake_for(self, connection: socket.socket, batch: int) -> None:
+        """From now on poll returns when so many frames are there; of one its first byte is enough."""
+        low = batch * self._size - self._conversation.pending if batch > 1 else 1
+        if low != self._low:
+            self._low = low
+            connection.setsockopt(socket.SOL_SOCKET, socket.SO_RCVLOWAT, low)
+
+    def _reason(self, e: Exception) -> str:
+        return f"no connection within {ANSWER_S:g} s" if isinstance(e, TimeoutError) else super()._reason(e)
+
+
+def _connected(host: str, port: int) -> socket.socket:
+    """To the first of the host's addresses that answers; its segments are at most SEGMENT_BYTES."""
+    failure = OSError(f"{host} has no address")
+    for family, kind, protocol, _, address in socket.getaddrinfo(host, port, type=socket.SOCK_STREAM):
+        connection = socket.socket(family, kind, protocol)
+        try:
+            connection.settimeout(ANSWER_S)
+            connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_MAXSEG, SEGMENT_BYTES)
+            connection.connect(address)
+        except OSError as e:
+            connection.close()
+            failure = e
+        else:
+            return connection
+    raise failure

@@ -1,0 +1,75 @@
+"""What both ways to a channel have in common: they try again, for ever, and say so without a flood."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from abc import ABC, abstractmethod
+
+from posecast_edge.rate_limited_log import Complaints
+from posecast_edge.sources.backoff import Backoff
+
+log = logging.getLogger("posecast_edge.ach")
+
+WAIT_S = 0.2  # the longest stay in one call
+SAY_EVERY_S = 10.0
+FRAME_MAX = 1 << 16  # bytes; a hubo-ach channel is made for 3,000. A longer one ends the connection
+KEPT_MAX = 64  # frames taken at once; of more only the newest so many are looked at for faults
+
+
+class ReaderError(Exception):
+    """What was opened is of no use any more. One line."""
+
+
+class PersistentReader(ABC):
+    """Where frames come from. `frames` is called again and again by one thread."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self._opened = False
+        self._backoff = Backoff()
+        self._in_trouble = False
+        self._trouble = Complaints(log.warning, f"failures of {name}", SAY_EVERY_S)
+
+    def frames(self, stop: threading.Event, wanted_s: float) -> list[bytes]:
+        """What has come since the last call, oldest first, at most KEPT_MAX; [] when nothing comes within
+        WAIT_S. It may wait for the first frame at or after `wanted_s` (monotonic), if that is soon.
+
+        Whatever goes wrong is said (the first at once, then counts) and tried again.
+        """
+        try:
+            if not self._opened:
+                if not self._backoff.due(time.monotonic()):
+                    stop.wait(WAIT_S / 4)
+                    return []
+                self._open()
+                self._opened = True
+                self._backoff.connected(time.monotonic())
+            frames = self._next(stop, wanted_s)
+        except (OSError, ReaderError) as e:
+            self.close()
+            now_s = time.monotonic()
+            self._backoff.failed(now_s)
+            self._in_trouble = True
+            self._trouble.add(f"{self.name}: {self._reason(e)}; trying on", now_s)
+            return []
+        if frames and self._in_trouble:
+            self._in_trouble = False
+            log.info("%s: frames again", self.name)
+        return frames
+
+    def close(self) -> None:
+        """Let go of what is open."""
+        self._opened = False
+
+    @abstractmethod
+    def _open(self) -> None:
+        """OSError or ReaderError when it can't be opened; `close` is called then as well."""
+
+    @abstractmethod
+    def _next(self, stop: threading.Event, wanted_s: float) -> list[bytes]:
+        """As `frames`. OSError or ReaderError: close, and try again later."""
+
+    def _reason(self, e: Exception) -> str:
+        return str((e.strerror if isinstance(e, OSError) else None) or e)

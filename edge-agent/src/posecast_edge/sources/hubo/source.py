@@ -1,0 +1,105 @@
+"""Source `hubo-ach`: a Hubo 2+ or DRC-Hubo through its daemon's channel `hubo-state`.
+
+    hubo-ach:HOST[:PORT]   from another machine, through achd (port 8076)
+    hubo-ach:shm           on the robot's own computer, from shared memory; takes no lock and writes nothing
+    hubo-ach:shm:PATH      the same with the channel's file somewhere else, as in a container
+
+`--profile hubo2plus` or `--profile drchubo` says which robot it is: a frame does not. A daemon whose clock
+stands still is silent, whatever it sends.
+"""
+
+from __future__ import annotations
+
+import logging
+import re
+import threading
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from posecast_edge.rate_limited_log import Complaints
+from posecast_edge.sample import Sample, SourceError
+from posecast_edge.sources.base import Deliver, Source
+from posecast_edge.sources.hubo.ach_shm import ShmReader, channel_path
+from posecast_edge.sources.hubo.achd import AchdReader
+from posecast_edge.sources.hubo.achd_protocol import PORT
+from posecast_edge.sources.hubo.reconnecting import SAY_EVERY_S, PersistentReader
+from posecast_edge.sources.hubo.state import Decoder, UnknownFrame
+
+if TYPE_CHECKING:
+    from posecast_edge.profile.types import Profile
+    from posecast_edge.sample import Values
+
+log = logging.getLogger("posecast_edge.hubo_ach")
+
+CHANNEL = "hubo-state"
+ADDRESS = re.compile(r"(\[[0-9a-fA-F:.]+(?:%\w+)?\]|[A-Za-z0-9._-]+)(?::(\d{1,5}))?")
+STANDSTILL_S = 1.5  # robot time unchanged for so long is worth a word
+
+
+def open_source(address: str, profile: Profile | None) -> Source:
+    """SourceError when the address is none; a robot that is not there yet is waited for."""
+    if address == "shm" or address.startswith("shm:"):
+        path = address.partition(":")[2]
+        reader: PersistentReader = ShmReader(Path(path) if path else channel_path(CHANNEL))
+    else:
+        match = ADDRESS.fullmatch(address)
+        port = int(match[2] or PORT) if match else 0
+        if match is None or not 0 < port < 65536:
+            example = "hubo-ach:192.168.0.5, hubo-ach:HOST:PORT or hubo-ach:shm"
+            raise SourceError(f"hubo-ach: {address!r} is no address; as in {example}")
+        reader = AchdReader(match[1].strip("[]"), port, CHANNEL)
+    return HuboAchSource(reader, profile)
+
+
+class HuboAchSource:
+    """Frames of a reader → samples."""
+
+    def __init__(self, reader: PersistentReader, profile: Profile | None) -> None:
+        self.description = f"hubo-ach {reader.name}"
+        self._reader = reader
+        self._decoder = Decoder(profile)
+        self._foreign = Complaints(log.warning, "foreign frames", SAY_EVERY_S)
+        self._told_unknown = False
+        self._t_s = float("nan")
+        self._moved_s = 0.0  # when robot time last changed
+        self._told_still = False
+
+    def run(self, deliver: Deliver, stop: threading.Event) -> None:
+        """Deliver every frame whose time is new, until `stop`."""
+        self._moved_s = time.monotonic()
+        wanted_s: float | None = None
+        try:
+            while not stop.is_set():
+                samples = self.take(self._reader.frames(stop, wanted_s or 0.0), time.monotonic())
+                for sample in samples:
+                    wanted_s = deliver(sample)
+        finally:
+            self._reader.close()
+
+    def take(self, frames: Sequence[bytes], now_s: float) -> list[Sample]:
+        """What came at once, oldest first, as samples, without those that are no hubo_state or whose time is
+        the one before."""
+        found = [taken for frame in frames if (taken := self._taken(frame, now_s)) is not None]
+        last = len(found) - 1
+        exact = self._decoder.exact
+        return [Sample(t_s, values, exact=exact, newest=i == last) for i, (t_s, values) in enumerate(found)]
+
+    def _taken(self, frame: bytes, now_s: float) -> tuple[float, Mapping[str, Values]] | None:
+        try:
+            t_s, values = self._decoder.decode(frame)
+        except UnknownFrame as e:
+            self._foreign.add(f"{self._reader.name}: {e}", now_s)
+            return None
+        if not self._told_unknown:
+            self._told_unknown = True
+            if self._decoder.unknown:
+                log.warning("hubo-ach has no reading for: %s", ", ".join(self._decoder.unknown))
+        if t_s == self._t_s:
+            if not self._told_still and now_s - self._moved_s > STANDSTILL_S:
+                self._told_still = True
+                log.warning("%s: frames come, but robot time stands at %.3f s", self._reader.name, t_s)
+            return None
+        self._t_s, self._moved_s, self._told_still = t_s, now_s, False
+        return t_s, values

@@ -1,0 +1,314 @@
+"""A MuJoCo model: loaded, given servos where it has none, moved, and read as fields."""
+
+from __future__ import annotations
+
+import io
+import logging
+import math
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from xml.sax.saxutils import quoteattr
+
+import mujoco
+
+from posecast_edge.model.finding import ModelRefused
+from posecast_edge.model.urdf.reader import BYTES_MAX, DEPTH_MAX, ELEMENTS_MAX, read_urdf
+from posecast_edge.model.urdf.types import Urdf
+from posecast_edge.model.urdf.xml_tree import Element, read_xml
+from posecast_edge.rate_limited_log import Complaints
+from posecast_edge.sample import Reading, Sample, SourceError
+
+log = logging.getLogger("posecast_edge.mujoco")
+# else MuJoCo writes a file MUJOCO_LOG.TXT wherever the agent was started
+mujoco.set_mju_user_warning(lambda text: log.debug("%s", text))
+
+SAY_EVERY_S = 10.0
+FILE_MAX = 64 << 20  # bytes
+STEP_S = (1e-5, 0.1)  # simulated at once, from and to
+ROTOR = 0.5  # of what a joint carries: what the motor's own inertia is felt as behind its gear
+SERVO_HZ = 8.0  # natural frequency of the servos given to a model without any, critically damped
+TURN_S = 3.0  # one joint there and back
+GO_S, STAY_S = 1.5, 1.0  # from keyframe to keyframe
+SWING = 0.45  # of a joint's range, at most
+HINGE, SLIDE = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)
+SWING_MOST = {HINGE: 0.5, SLIDE: 0.05}  # rad, m
+
+# kind of sensor → field, and what its values are called
+SENSORS = {
+    int(mujoco.mjtSensor.mjSENS_ACCELEROMETER): ("acc", ("x", "y", "z")),
+    int(mujoco.mjtSensor.mjSENS_GYRO): ("gyro", ("x", "y", "z")),
+    int(mujoco.mjtSensor.mjSENS_FRAMEQUAT): ("quat", ("w", "x", "y", "z")),
+    int(mujoco.mjtSensor.mjSENS_FORCE): ("ftf", ("fx", "fy", "fz")),
+    int(mujoco.mjtSensor.mjSENS_TORQUE): ("ftm", ("mx", "my", "mz")),
+}
+
+# What MuJoCo is given of a URDF: what bears on motion. Meshes come in formats it may not know.
+URDF_KEPT = (
+    "link",
+    "inertial",
+    "mass",
+    "inertia",
+    "joint",
+    "origin",
+    "parent",
+    "child",
+    "axis",
+    "limit",
+    "dynamics",
+)
+COMPILER = '<mujoco><compiler boundmass="0.001" boundinertia="0.000001" balanceinertia="true"/></mujoco>'
+
+
+def load(path: Path) -> Simulation:
+    """Read MJCF or URDF. SourceError, one line, when that fails."""
+    try:
+        with path.open("rb") as file:
+            content = file.read(FILE_MAX + 1)
+    except OSError as e:
+        raise SourceError(f"{path}: {e.strerror or e}") from None
+    if len(content) > FILE_MAX:
+        raise SourceError(f"{path}: over {FILE_MAX >> 20} MiB")
+    try:
+        if path.suffix.lower() == ".urdf" or b"<robot" in content:
+            urdf = read_urdf(io.BytesIO(content))
+            spec = mujoco.MjSpec.from_string(moving_parts(content))
+            _follow(spec, urdf)
+        else:
+            spec = mujoco.MjSpec.from_file(str(path))
+        if not STEP_S[0] <= spec.option.timestep <= STEP_S[1]:
+            least_s, most_s = STEP_S
+            raise SourceError(
+                f"{path}: a timestep of {spec.option.timestep:g} s; {least_s:g} to {most_s:g} are simulated"
+            )
+        if not spec.actuators:
+            _add_servos(spec)
+        simulation = Simulation(spec.compile())
+    except ModelRefused as e:
+        line = "" if e.line is None else f":{e.line}"
+        raise SourceError(f"{path}{line}: {e.reason}") from None
+    except (ValueError, TypeError, LookupError, RuntimeError, MemoryError, mujoco.FatalError) as e:
+        raise SourceError(f"{path}: {' '.join(str(e).split())[:300] or type(e).__name__}") from None
+    if not simulation.joints:
+        raise SourceError(f"{path}: no joint turns or slides")
+    return simulation
+
+
+def moving_parts(urdf: bytes) -> str:
+    """The URDF with nothing but masses and joints. ModelRefused."""
+    root = read_xml(io.BytesIO(urdf), bytes_max=BYTES_MAX, elements_max=ELEMENTS_MAX, depth_max=DEPTH_MAX)
+
+    def text(element: Element) -> Iterator[str]:
+        attributes = "".join(f" {name}={quoteattr(value)}" for name, value in element.attributes.items())
+        yield f"<{element.tag}{attributes}>"
+        for child in element.children:
+            if child.tag in URDF_KEPT:
+                yield from text(child)
+        yield f"</{element.tag}>"
+
+    head, *rest = text(root)
+    return head + COMPILER + "".join(rest)
+
+
+def _follow(spec: Any, urdf: Urdf) -> None:
+    """A joint that mimics another is tied to it."""
+    known = {joint.name for joint in spec.joints}
+    for joint in urdf.joints:
+        if joint.mimic is not None and {joint.name, joint.mimic.joint} <= known:
+            tie = spec.add_equality()
+            tie.type, tie.objtype = mujoco.mjtEq.mjEQ_JOINT, mujoco.mjtObj.mjOBJ_JOINT
+            tie.name1, tie.name2 = joint.name, joint.mimic.joint
+            tie.data[:5] = [joint.mimic.offset, joint.mimic.multiplier, 0, 0, 0]
+
+
+def _add_servos(spec: Any) -> None:
+    """A position servo for each joint that follows no other, strong enough for what hangs on it; its
+    weight is carried besides."""
+    for number, joint in enumerate(spec.joints):
+        if not joint.name:
+            joint.name = f"unnamed joint {number}"
+    model = spec.compile()
+    tied = {tie.name1 for tie in spec.equalities if tie.type == mujoco.mjtEq.mjEQ_JOINT}
+    omega = 2 * math.pi * SERVO_HZ
+    spec.option.integrator = (
+        mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    )  # stiff servos on light fingers stay stable
+    for body in spec.bodies:
+        body.gravcomp = 1.0
+    for joint in spec.joints:
+        if int(joint.type) not in SWING_MOST or joint.name in tied:
+            continue
+        carried = float(model.dof_M0[model.joint(joint.name).dofadr[0]])
+        joint.armature = float(joint.armature) + ROTOR * carried
+        inertia = (1 + ROTOR) * carried
+        stiffness, damping = inertia * omega**2, 2 * inertia * omega
+        servo = spec.add_actuator(name=f"servo of {joint.name}", target=joint.name)
+        servo.trntype = mujoco.mjtTrn.mjTRN_JOINT
+        servo.gaintype, servo.biastype = mujoco.mjtGain.mjGAIN_FIXED, mujoco.mjtBias.mjBIAS_AFFINE
+        servo.gainprm[0] = stiffness
+        servo.biasprm[:3] = [0, -stiffness, -damping]
+
+
+@dataclass(frozen=True)
+class Servo:
+    """What holds a joint where it is told to be. `home`: there it begins; `swing`: so far it may go."""
+
+    actuator: int
+    joint: str
+    gear: float
+    home: float
+    swing: float
+
+
+class Simulation:
+    """One model and where it stands. Not thread-safe."""
+
+    def __init__(self, model: Any) -> None:
+        self._model = model
+        self._data = mujoco.MjData(model)
+        self.joints = {
+            _name(model, "joint", i): i for i in range(model.njnt) if int(model.jnt_type[i]) in SWING_MOST
+        }
+        self._free = next(
+            (i for i in range(model.njnt) if model.jnt_type[i] == mujoco.mjtJoint.mjJNT_FREE), None
+        )
+        self._sensors = list(_sensors(model))
+        self._unstable = Complaints(log.warning, "times", SAY_EVERY_S)
+        self._resets_s = 0.0  # simulated time before a reset
+        mujoco.mj_resetData(model, self._data)
+        if model.nkey:
+            mujoco.mj_resetDataKeyframe(model, self._data, 0)
+            self._data.time = 0.0
+        self.servos = list(self._find_servos())
+        self._programme = self._keyframes if self._has_programme() else self._one_by_one
+        self._programme(0.0)
+        mujoco.mj_forward(model, self._data)
+
+    @property
+    def t_s(self) -> float:
+        """Simulated time; it goes on when a simulation that has blown up begins anew."""
+        return self._resets_s + float(self._data.time)
+
+    def advance(self, seconds: float) -> None:
+        """Simulate on."""
+        steps = max(1, round(seconds / self._model.opt.timestep))
+        for _ in range(steps):
+            before_s = self._data.time
+            self._programme(self.t_s)
+            mujoco.mj_step(self._model, self._data)
+            if self._data.time <= before_s:  # reset: MuJoCo does that where numbers are no numbers any more
+                self._resets_s += before_s
+                text = f"the simulation became unstable at {self.t_s:.2f} s and begins anew"
+                self._unstable.add(text, time.monotonic())
+
+    def sample(self) -> Sample:
+        """All that is known now."""
+        model, data = self._model, self._data
+        position: dict[str, Reading] = {}
+        speed: dict[str, Reading] = {}
+        force: dict[str, Reading] = {}
+        for name, i in self.joints.items():
+            position[name] = float(data.qpos[model.jnt_qposadr[i]])
+            speed[name] = float(data.qvel[model.jnt_dofadr[i]])
+            force[name] = float(data.qfrc_actuator[model.jnt_dofadr[i]])
+        values: dict[str, dict[str, Reading]] = {}
+        if self.servos:
+            values["ref"] = {s.joint: float(data.ctrl[s.actuator]) / s.gear for s in self.servos}
+        values |= {"pos": position, "vel": speed, "effort": force}
+        if self._free is not None:
+            start = model.jnt_qposadr[self._free]
+            values["base"] = _labelled("base", "xyz", data.qpos[start : start + 3])
+            values["baseq"] = _labelled("base", "wxyz", data.qpos[start + 3 : start + 7])
+        for sensor in self._sensors:
+            read = data.sensordata[sensor.start : sensor.start + len(sensor.parts)]
+            values.setdefault(sensor.field, {}).update(_labelled(sensor.site, sensor.parts, read))
+        return Sample(self.t_s, values, links={s.site: s.link for s in self._sensors})
+
+    def _find_servos(self) -> Iterator[Servo]:
+        """Actuators of a joint whose force goes with the distance from what they are told."""
+        model = self._model
+        for k in range(model.nu):
+            i = int(model.actuator_trnid[k, 0])
+            joint = _name(model, "joint", i)
+            gain, bias, gear = (
+                model.actuator_gainprm[k, 0],
+                model.actuator_biasprm[k, 1],
+                model.actuator_gear[k, 0],
+            )
+            if model.actuator_trntype[k] != mujoco.mjtTrn.mjTRN_JOINT or joint not in self.joints:
+                continue
+            if gain <= 0 or not math.isclose(gain, -bias) or gear == 0:
+                continue
+            low, high = model.jnt_range[i] if model.jnt_limited[i] else (-math.inf, math.inf)
+            home = min(max(float(self._data.qpos[model.jnt_qposadr[i]]), low), high)
+            swing = min(SWING_MOST[int(model.jnt_type[i])], SWING * (high - low))
+            if home + swing > high:  # there is more room on the other side
+                swing = -swing
+            yield Servo(k, joint, float(gear), home, float(swing))
+
+    def _has_programme(self) -> bool:
+        keys = self._model.key_ctrl
+        return self._model.nkey > 1 and bool((keys != keys[0]).any())
+
+    def _keyframes(self, t_s: float) -> None:
+        """From key to key, gently, with a rest at each."""
+        keys = self._model.key_ctrl
+        leg, within_s = divmod(t_s, GO_S + STAY_S)
+        start, end = keys[int(leg) % len(keys)], keys[(int(leg) + 1) % len(keys)]
+        share = min(within_s / GO_S, 1.0)
+        self._data.ctrl[:] = start + (end - start) * (1 - math.cos(math.pi * share)) / 2
+
+    def _one_by_one(self, t_s: float) -> None:
+        """One servo after the other: there and back."""
+        turn, within_s = divmod(t_s, TURN_S)
+        for i, servo in enumerate(self.servos):
+            away = (
+                (1 - math.cos(2 * math.pi * within_s / TURN_S)) / 2
+                if i == int(turn) % len(self.servos)
+                else 0.0
+            )
+            self._data.ctrl[servo.actuator] = (servo.home + away * servo.swing) * servo.gear
+
+
+@dataclass(frozen=True)
+class SiteSensor:
+    """Where a sensor's values lie and what they are."""
+
+    field: str
+    site: str
+    parts: tuple[str, ...]
+    start: int
+    link: str
+
+
+def _sensors(model: Any) -> Iterator[SiteSensor]:
+    for i in range(model.nsensor):
+        known = SENSORS.get(int(model.sensor_type[i]))
+        if known is None:
+            continue
+        field, parts = known
+        kind, of = int(model.sensor_objtype[i]), int(model.sensor_objid[i])
+        if kind == mujoco.mjtObj.mjOBJ_SITE:
+            site, body = _name(model, "site", of), int(model.site_bodyid[of])
+        else:
+            site, body = _name(model, "sensor", i), of
+        yield SiteSensor(
+            field, site.replace(".", "_"), parts, int(model.sensor_adr[i]), _name(model, "body", body)
+        )
+
+
+def _name(model: Any, kind: str, i: int) -> str:
+    """Of joint, site, sensor or body `i`."""
+    objects: dict[str, Callable[[int], Any]] = {
+        "joint": model.joint,
+        "site": model.site,
+        "sensor": model.sensor,
+        "body": model.body,
+    }
+    return str(objects[kind](i).name) or f"{kind}{i}"
+
+
+def _labelled(site: str, parts: Any, numbers: Any) -> dict[str, Reading]:
+    return {f"{site}.{part}": float(number) for part, number in zip(parts, numbers, strict=True)}

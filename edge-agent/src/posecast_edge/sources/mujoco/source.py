@@ -1,0 +1,80 @@
+"""Source `mujoco[:MODEL]`: a robot that is simulated (MuJoCo, the extra `mujoco`), for who has none at hand.
+
+MODEL is MJCF (.xml) or URDF; without one an arm that comes along is simulated. What it does:
+
+* a model with keyframes that set controls goes from one to the next;
+* else every joint that a servo holds moves a little and back, one after the other.
+
+`ref` is what position servos are told, `pos`, `vel` and `effort` are the joints', `base` and `baseq` a free
+joint's, `acc`, `gyro`, `quat`, `ftf` and `ftm` those of the model's sensors, by site.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from posecast_edge.sample import SourceError
+from posecast_edge.sources.base import Defaults, Deliver, Source
+from posecast_edge.sources.mujoco.trial import try_out
+
+if TYPE_CHECKING:
+    from posecast_edge.profile.types import Profile
+    from posecast_edge.sources.mujoco.model import Simulation
+
+log = logging.getLogger("posecast_edge.mujoco")
+
+PACKAGE = Path(__file__).resolve().parents[2]
+ARM = PACKAGE / "simulated" / "arm.urdf"
+ARM_PROFILE = PACKAGE / "profiles" / "arm.toml"
+SAMPLE_S = 0.01  # of simulated and of real time
+MAX_BEHIND_S = 0.5  # a model too heavy for this machine runs slower than time, it does not pile up
+
+
+def defaults(address: str) -> Defaults:
+    """The model is what is seen, too, where it is a URDF."""
+    if not address:
+        return Defaults(ARM_PROFILE, ARM)
+    path = Path(address)
+    return Defaults(urdf=path if path.suffix.lower() == ".urdf" else None)
+
+
+def open_source(address: str, profile: Profile | None) -> Source:
+    """Load the model. SourceError, one line, without MuJoCo or when it refuses the model."""
+    del profile  # labels are matched later, where samples of every source meet the schema
+    try:
+        from posecast_edge.sources.mujoco.model import load  # noqa: PLC0415 - an extra
+    except ModuleNotFoundError as e:
+        if e.name != "mujoco":
+            raise
+        raise SourceError("mujoco: not installed; pip install 'posecast-edge[mujoco]'") from None
+    path = Path(address) if address else ARM
+    if address:
+        try_out(path)
+    return MujocoSource(load(path), path.name)
+
+
+class MujocoSource:
+    """A simulation in real time."""
+
+    def __init__(self, simulation: Simulation, name: str) -> None:
+        self.description = f"mujoco {name}"
+        self._simulation = simulation
+
+    def run(self, deliver: Deliver, stop: threading.Event) -> None:
+        """Deliver a sample every SAMPLE_S of simulated time until `stop`."""
+        began_s, told = time.monotonic(), False
+        while not stop.is_set():
+            self._simulation.advance(SAMPLE_S)
+            deliver(self._simulation.sample())
+            ahead_s = began_s + self._simulation.t_s - time.monotonic()
+            if ahead_s > 0:
+                stop.wait(ahead_s)
+            elif -ahead_s > MAX_BEHIND_S:
+                began_s -= ahead_s
+                if not told:
+                    told = True
+                    log.warning("%s: slower than time on this machine", self.description)

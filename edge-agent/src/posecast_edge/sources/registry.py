@@ -1,0 +1,66 @@
+"""The kinds of sources there are, by the name that `--source` gives them.
+
+A kind is a module with two functions:
+
+* `open_source(address, profile) -> Source`: `address` is what stands after `KIND:` ("" when nothing does);
+  raises `SourceError` with one line when the address or the profile does not fit.
+* `defaults(address) -> Defaults` (optional): the profile and URDF the kind brings when the user gives none.
+"""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Mapping
+from types import MappingProxyType, ModuleType
+from typing import TYPE_CHECKING, Protocol, cast
+
+from posecast_edge.sample import SourceError
+from posecast_edge.sources.base import Defaults, Source
+
+if TYPE_CHECKING:
+    from posecast_edge.profile.types import Profile
+
+# kind → its module below posecast_edge.sources
+KINDS: Mapping[str, str] = MappingProxyType(
+    {
+        "jsonl": "jsonl",
+        "csv": "files.csv",
+        "mcap": "files.mcap",
+        "trajectory": "files.trajectory",
+        "mujoco": "mujoco.source",
+        "demo": "demo",
+        "hubo-ach": "hubo.source",
+        "ros2": "ros.ros2",
+        "rosbridge": "ros.rosbridge",
+    }
+)
+
+
+class _Kind(Protocol):
+    def open_source(self, address: str, profile: Profile | None) -> Source: ...
+
+
+def split_spec(spec: str) -> tuple[str, str]:
+    """`KIND[:ADDRESS]` → (kind, address). SourceError names the kinds when the kind is unknown."""
+    kind, _, address = spec.partition(":")
+    if kind not in KINDS:
+        raise SourceError(f"unknown source {kind!r}: one of {', '.join(KINDS)}")
+    return kind, address
+
+
+def _module(kind: str) -> ModuleType:
+    """Loaded only when wanted: a kind may bring what the others do without."""
+    return importlib.import_module(f"posecast_edge.sources.{KINDS[kind]}")
+
+
+def defaults_of(spec: str) -> Defaults:
+    """The profile and URDF that the kind of `spec` brings itself. SourceError when the kind is unknown."""
+    kind, address = split_spec(spec)
+    defaults = getattr(_module(kind), "defaults", None)
+    return Defaults() if defaults is None else cast(Defaults, defaults(address))
+
+
+def open_source(spec: str, profile: Profile | None) -> Source:
+    """Open `KIND[:ADDRESS]`. SourceError (one line) when the kind is unknown or the address does not open."""
+    kind, address = split_spec(spec)
+    return cast(_Kind, _module(kind)).open_source(address, profile)

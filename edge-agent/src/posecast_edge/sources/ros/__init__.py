@@ -1,0 +1,1 @@
+"""ROS robots, over Zenoh (`ros2`) or a rosbridge server (`rosbridge`)."""

@@ -1,0 +1,56 @@
+"""CDR payloads → messages, by rosbags (the extra [ros])."""
+
+from __future__ import annotations
+
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+from posecast_edge.sources.ros.messages import (
+    CONTROLLER_STATE,
+    DESCRIPTION_MAX,
+    PAYLOAD_MAX,
+    STRING,
+    MessageError,
+)
+
+# Every ROS 2's definition begins like this, what follows differs; what the controller is told stands first.
+CONTROLLER_HEAD = """
+std_msgs/Header header
+string[] joint_names
+trajectory_msgs/JointTrajectoryPoint reference
+"""
+HEAD = "posecast/msg/ControllerHead"
+ENCAPSULATION = 4  # bytes before the message, of which the first two are
+LITTLE_OR_BIG = (b"\0\1", b"\0\0")
+
+
+class CdrReader:
+    """Knows the types of ros_messages. One thread uses it."""
+
+    def __init__(self) -> None:
+        self._store = get_typestore(Stores.ROS2_HUMBLE)  # the types read here are the same in every ROS 2
+        self._store.register(get_types_from_msg(CONTROLLER_HEAD, HEAD))
+
+    def read(self, type_name: str, payload: bytes) -> object:
+        """The message, its members as attributes. `type_name`: short. MessageError."""
+        most = DESCRIPTION_MAX if type_name == STRING else PAYLOAD_MAX
+        if len(payload) > most:
+            raise MessageError(f"a message of {len(payload)} bytes is too large")
+        try:
+            if type_name == CONTROLLER_STATE:
+                return self._head(payload)
+            package, _, name = type_name.partition("/")
+            return self._store.deserialize_cdr(payload, f"{package}/msg/{name}")
+        except MessageError:
+            raise
+        except Exception as e:  # code that is made from definitions: nobody has listed what it raises
+            said = " ".join(str(e).split())[:200] or type(e).__name__
+            raise MessageError(f"{len(payload)} bytes that are no {type_name}: {said}") from None
+
+    def _head(self, payload: bytes) -> object:
+        """The part of a controller's state that is read; the rest may be anything."""
+        if payload[:2] not in LITTLE_OR_BIG or len(payload) < ENCAPSULATION:
+            raise MessageError("no CDR")
+        definition = self._store.get_msgdef(HEAD)
+        read = definition.deserialize_cdr_le if payload[1] else definition.deserialize_cdr_be
+        message, _ = read(payload[ENCAPSULATION:], 0, definition.cls, self._store)
+        return message

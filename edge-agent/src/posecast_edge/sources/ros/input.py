@@ -1,0 +1,132 @@
+"""What both ways into a ROS graph have in common: topics are found, their messages become samples.
+
+One thread takes messages and samples; topics may be found by another.
+"""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+from posecast_edge.rate_limited_log import Complaints
+from posecast_edge.sample import Sample
+from posecast_edge.sources.ros.merge import STREAM_S, Merge
+from posecast_edge.sources.ros.messages import (
+    STRING,
+    MessageError,
+    checked_description,
+    read_message,
+    text_of,
+)
+from posecast_edge.sources.ros.topics import TOPIC_MAX, TYPES, Route, Routes
+
+if TYPE_CHECKING:
+    from posecast_edge.profile.types import Profile
+
+log = logging.getLogger("posecast_edge.ros")
+
+EXTRA = 'pip install "posecast-edge[ros]"'
+SAY_EVERY_S = 10.0
+TOPICS_MAX = 2000  # remembered; what a graph has beyond that is neither shown nor read
+NAMED_MAX = 8  # types of no use said aloud, topics told of one by one; `probe` shows them all
+
+
+class Intake:
+    """One robot's topics."""
+
+    def __init__(self, name: str, profile: Profile | None, namespace: str = "") -> None:
+        self.routes = Routes(profile.ros if profile else None, namespace)
+        self.on_urdf: Callable[[str], None] | None = None
+        self._name = name
+        self._merge = Merge(profile is not None, log.warning)
+        self._topics: dict[tuple[str, str], Route | None] = {}
+        self._messages: dict[str, int] = {}  # topic → how many
+        self._ignored: set[str] = set()  # types told of
+        self._bad: dict[str, Complaints] = {}  # by topic, "" for those beyond NAMED_MAX
+        self._urdf = ""
+        self._told_still = False
+
+    def found(self, topic: str, type_name: str) -> Route | None:
+        """There is such a topic, of a short type: how it is read, None for not at all. A type nobody can read
+        is told once."""
+        key = (topic, type_name)
+        if key in self._topics:
+            return self._topics[key]
+        if len(self._topics) >= TOPICS_MAX or len(topic) > TOPIC_MAX or len(type_name) > TOPIC_MAX:
+            return None
+        route = self._topics[key] = self.routes.of(topic, type_name)
+        if route is not None and type_name != STRING:
+            self._merge.expect(topic)
+        elif type_name not in TYPES and type_name not in self._ignored and len(self._ignored) < NAMED_MAX:
+            self._ignored.add(type_name)
+            more = "; further types are not said" if len(self._ignored) == NAMED_MAX else ""
+            log.info("%s: %s is ignored: nothing here reads %s%s", self._name, topic, type_name, more)
+        return route
+
+    def take(self, topic: str, type_name: str, decode: Callable[[], Any]) -> None:
+        """A message came. What is wrong with it is told, and it counts for nothing."""
+        now_s = time.monotonic()
+        route = self.found(topic, type_name)
+        if route is None:
+            return
+        self._messages[topic] = self._messages.get(topic, 0) + 1
+        try:
+            message = decode()
+            if route.role == "description":
+                self.describe(text_of(message))
+                return
+            field_name = "ref" if route.role == "ref" else "pos"
+            report = read_message(type_name, message, route.site, field_name)
+        except MessageError as e:
+            self.bad(topic, str(e))
+            return
+        except Exception as e:  # one message, whatever it did, ends nothing but itself
+            log.debug("message of %s", topic, exc_info=True)
+            self.bad(topic, f"{type(e).__name__}: {str(e)[:200]}")
+            return
+        self._merge.take(topic, route.role, type_name, report, now_s)
+
+    def bad(self, topic: str, text: str) -> None:
+        """Something that came is wrong: the first of a topic is told at once, then they are counted; topics
+        beyond the first NAMED_MAX are counted together."""
+        of = topic if topic in self._bad or len(self._bad) < NAMED_MAX else ""
+        if of not in self._bad:
+            noun = f"bad messages of {of}" if of else "bad messages of further topics"
+            self._bad[of] = Complaints(log.warning, noun, SAY_EVERY_S)
+        self._bad[of].add(f"{topic[:TOPIC_MAX]}: {text}", time.monotonic())
+
+    def sample(self) -> Sample | None:
+        """What there is to deliver. To be called often: it also says what has been held back."""
+        now_s = time.monotonic()
+        for complaints in tuple(self._bad.values()):
+            complaints.tick(now_s)
+        sample = self._merge.sample(now_s)
+        since_s = self._merge.stands_since_s
+        if since_s is None:
+            self._told_still = False
+        elif not self._told_still and now_s - since_s > STREAM_S:
+            self._told_still = True
+            log.warning("%s: messages come, but their stamps stand still", self._name)
+        return sample
+
+    def offers(self) -> list[str]:
+        """Lines for `probe`: every topic, its type, and what it is read as."""
+        rows = []
+        for (topic, type_name), route in sorted(self._topics.copy().items()):
+            use = "not read" if route is None else f"→ {route.role}{f' {route.site}' if route.site else ''}"
+            count = self._messages.get(topic, 0)
+            messages = f"{count} message{'s' if count != 1 else ''}" if route else ""
+            rows.append((topic, type_name, use, messages))
+        widths = [max((len(row[i]) for row in rows), default=0) for i in range(3)] + [0]
+        return ["  ".join(map(str.ljust, row, widths)).rstrip() for row in rows]
+
+    def describe(self, urdf: str) -> None:
+        """The robot says what it looks like. MessageError when it says too much."""
+        checked_description(urdf)
+        if urdf == self._urdf or not urdf.strip():
+            return
+        self._urdf = urdf
+        if self.on_urdf is not None:
+            self.on_urdf(urdf)

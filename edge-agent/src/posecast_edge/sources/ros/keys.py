@@ -1,0 +1,67 @@
+"""ROS 2 names in Zenoh's keys, as rmw_zenoh and zenoh-bridge-ros2dds write them. Pure.
+
+rmw_zenoh  data   DOMAIN/TOPIC/TYPE/HASH                TYPE: sensor_msgs::msg::dds_::JointState_
+           token  @ros2_lv/DOMAIN/ZID/NODE/ID/MP/ENCLAVE/NAMESPACE/NODE NAME/TOPIC/TYPE/HASH/QOS, % for /
+bridge     data   TOPIC                                 no type: the token has it
+           token  @/ZID/@ros2_lv/MP/TOPIC/TYPE/QOS, § for /; TYPE: sensor_msgs/msg/JointState
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from posecast_edge.sources.ros.messages import short_type
+
+ANY_DOMAIN = "*"
+BRIDGE_TOKENS = "@/*/@ros2_lv/MP/**"
+
+
+@dataclass(frozen=True)
+class Found:
+    """A topic that somebody publishes. `type_name`: short. `key`: where a bridge has its data, None of
+    rmw_zenoh, whose keys say it all."""
+
+    topic: str
+    type_name: str
+    key: str | None = None
+
+
+def dds_type(type_name: str) -> str:
+    """`sensor_msgs/JointState` → `sensor_msgs::msg::dds_::JointState_`."""
+    package, _, name = type_name.partition("/")
+    return f"{package}::msg::dds_::{name}_"
+
+
+def data_key(pattern: str, type_name: str, domain: int | None) -> str:
+    """The key expression of rmw_zenoh's data on the topics a pattern (ros_topics.matches) names."""
+    parts = [p if p in ("*", "**") else p.replace("*", "$*") for p in pattern.strip("/").split("/")]
+    where = ANY_DOMAIN if domain is None else domain
+    return f"{where}/{'/'.join(parts)}/{dds_type(type_name)}/*"
+
+
+def token_key(domain: int | None) -> str:
+    """The key expression of rmw_zenoh's publishers."""
+    return f"@ros2_lv/{ANY_DOMAIN if domain is None else domain}/*/*/*/MP/**"
+
+
+def topic_of(key: str) -> Found | None:
+    """What a sample of rmw_zenoh is of; None when the key is none of its."""
+    parts = key.split("/")
+    if len(parts) < 4 or not parts[0].isdigit() or "::" not in parts[-2]:
+        return None
+    return Found("/" + "/".join(parts[1:-2]), short_type(parts[-2]))
+
+
+def token_of(key: str) -> Found | None:
+    """What a publisher's token tells; None when it is none."""
+    parts = key.split("/")
+    if parts[0] == "@ros2_lv" and len(parts) == 13 and parts[5] == "MP":
+        return Found(_slashes(parts[9], "%"), short_type(parts[10]))
+    if parts[0] == "@" and len(parts) == 7 and parts[2:4] == ["@ros2_lv", "MP"]:
+        topic = _slashes(parts[4], "§")
+        return Found(topic, short_type(parts[5].replace("§", "/")), topic.lstrip("/"))
+    return None
+
+
+def _slashes(name: str, stand_in: str) -> str:
+    return "/" + name.replace(stand_in, "/").lstrip("/")

@@ -1,0 +1,334 @@
+"""ROS messages → values of fields. Pure: it knows neither how a message came nor how it was encoded.
+
+A message is anything that has the members of its definition: an object of a CDR decoder, or the mapping that
+JSON or CBOR is. ROS 1 and 2 differ in the names of types and of the two numbers of a stamp; both are read.
+
+| type | field: labels |
+|---|---|
+| sensor_msgs/JointState | `pos` (or `ref`), `vel`, `effort`: joint names |
+| control_msgs/JointTrajectoryControllerState | `ref`: joint names |
+| sensor_msgs/Imu | `quat` SITE.w x y z, `gyro` and `acc` SITE.x y z |
+| geometry_msgs/WrenchStamped | `ftf` SITE.fx fy fz, `ftm` SITE.mx my mz |
+| sensor_msgs/BatteryState | `volt`, `amp`, `charge`: SITE |
+| nav_msgs/Odometry | `base` base.x y z, `baseq` base.w x y z |
+| diagnostic_msgs/DiagnosticArray | `diag`, bits of wellknown.DIAG_BITS: names of the statuses |
+"""
+
+from __future__ import annotations
+
+import base64
+import binascii
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from posecast_edge.profile.field_defaults import DIAG_BITS
+from posecast_edge.sample import TIME_MAX_S, Reading
+
+JOINT_STATE = "sensor_msgs/JointState"
+CONTROLLER_STATE = "control_msgs/JointTrajectoryControllerState"
+IMU = "sensor_msgs/Imu"
+WRENCH = "geometry_msgs/WrenchStamped"
+BATTERY = "sensor_msgs/BatteryState"
+ODOMETRY = "nav_msgs/Odometry"
+DIAGNOSTICS = "diagnostic_msgs/DiagnosticArray"
+STRING = "std_msgs/String"  # robot_description
+
+BATTERY_STATES = ("unknown", "charging", "discharging", "not charging", "full")
+# What is longer is refused, message by message.
+PAYLOAD_MAX = 1 << 18  # bytes of a message that is no robot description
+DESCRIPTION_MAX = 8 << 20  # characters of a robot description
+MAX_NAMES = 4096  # joints of one message; numbers of one list
+NAME_MAX = 200  # characters of a name
+# What is longer is cut.
+MAX_STATUSES = 64  # of one message; further ones are ignored
+TEXT_MAX = 200  # characters of a text that is shown
+
+
+class MessageError(ValueError):
+    """A message that is not what its type says. One line, without the topic."""
+
+
+@dataclass(frozen=True)
+class Report:
+    """What one message says.
+
+    `stamp_s`: its header's time, seconds; None without one (a stamp of zero is none). `values`: field → label
+    → reading, None where the message says that there is none. `info`: texts. `links`: site → link of the
+    model, where the message names it.
+    """
+
+    stamp_s: float | None
+    values: Mapping[str, Mapping[str, Reading]]
+    info: Mapping[str, str] = field(default_factory=dict)
+    links: Mapping[str, str] = field(default_factory=dict)
+
+
+def short_type(name: str) -> str:
+    """`sensor_msgs/msg/JointState`, `sensor_msgs::msg::dds_::JointState_` → `sensor_msgs/JointState`."""
+    parts = name.replace("::", "/").split("/")
+    parts = [p for p in parts if p not in ("msg", "dds_", "")]
+    return "/".join(p.rstrip("_") if i == len(parts) - 1 else p for i, p in enumerate(parts))
+
+
+def read_message(type_name: str, message: Any, site: str = "", field_name: str = "pos") -> Report:
+    """One message of one of READERS (a short type).
+
+    `site`: what its sensor is called, "" for the frame it names. `field_name`: of a JointState's positions,
+    `pos` or `ref`; a `ref` has no velocities. MessageError when the message does not fit its type.
+    """
+    reader = READERS[type_name]
+    try:
+        return reader(message, site, field_name)
+    except MessageError:
+        raise
+    except (TypeError, ValueError, ArithmeticError, LookupError, AttributeError, RecursionError) as e:
+        raise MessageError(f"{type(e).__name__}: {str(e)[:200]}") from None
+
+
+def text_of(message: Any) -> str:
+    """The text of a std_msgs/String. MessageError, also when it is longer than any robot description."""
+    return checked_description(_member(message, "data"))
+
+
+def checked_description(urdf: Any) -> str:
+    """The same. MessageError when it is no text, or longer than any robot description."""
+    text = _text(urdf, "data")
+    if len(text) > DESCRIPTION_MAX:
+        raise MessageError(f"a robot description of {len(text)} characters, at most {DESCRIPTION_MAX}")
+    return text
+
+
+def site_of(name: str) -> str:
+    """A frame's or topic's name as a site: a dot would divide site and component."""
+    return name.strip("/").replace(".", "_").replace("/", "_")
+
+
+# --- types
+
+
+def _joint_state(message: Any, site: str, field_name: str) -> Report:
+    del site
+    names = _names(_member(message, "name"), "name")
+    values: dict[str, Mapping[str, Reading]] = {}
+    members = (("position", field_name), ("velocity", "vel"), ("effort", "effort"))
+    for member, name in members if field_name == "pos" else members[:1]:
+        numbers = _numbers(_member(message, member), member)
+        if not numbers:
+            continue  # "leave it empty" is how a robot says that it does not measure it
+        if len(numbers) != len(names):
+            raise MessageError(f"{member} has {len(numbers)} values, name {len(names)}")
+        values[name] = dict(zip(names, numbers, strict=True))
+    if not values:
+        raise MessageError("a JointState without positions" if names else "a JointState without joints")
+    return Report(_stamp(message), values)
+
+
+def _controller_state(message: Any, site: str, field_name: str) -> Report:
+    """What the controller is told is `reference` or, up to ROS 2 Galactic and in ROS 1, `desired`."""
+    del site, field_name
+    names = _names(_member(message, "joint_names"), "joint_names")
+    points = [_optional(message, member) for member in ("reference", "desired")]
+    for point in points:
+        numbers = [] if point is None else _numbers(_member(point, "positions"), "positions")
+        if numbers:
+            if len(numbers) != len(names):
+                raise MessageError(f"positions has {len(numbers)} values, joint_names {len(names)}")
+            return Report(_stamp(message), {"ref": dict(zip(names, numbers, strict=True))})
+    raise MessageError("a controller state without positions that are asked for")
+
+
+def _imu(message: Any, site: str, field_name: str) -> Report:
+    del field_name
+    site, links = _site(message, site, "imu")
+    values = {
+        "quat": _labelled(site, "wxyz", _quaternion(_member(message, "orientation"))),
+        "gyro": _labelled(site, "xyz", _vector(_member(message, "angular_velocity"))),
+        "acc": _labelled(site, "xyz", _vector(_member(message, "linear_acceleration"))),
+    }
+    covariances = ("orientation_covariance", "angular_velocity_covariance", "linear_acceleration_covariance")
+    for name, covariance in zip(("quat", "gyro", "acc"), covariances, strict=True):
+        numbers = _numbers(_member(message, covariance), covariance)
+        if numbers and numbers[0] == -1:  # REP 145: the sensor has no such part
+            values[name] = dict.fromkeys(values[name])
+    return Report(_stamp(message), values, links=links)
+
+
+def _wrench(message: Any, site: str, field_name: str) -> Report:
+    del field_name
+    site, links = _site(message, site, "wrench")
+    wrench = _member(message, "wrench")
+    values = {
+        "ftf": _labelled(site, ("fx", "fy", "fz"), _vector(_member(wrench, "force"))),
+        "ftm": _labelled(site, ("mx", "my", "mz"), _vector(_member(wrench, "torque"))),
+    }
+    return Report(_stamp(message), values, links=links)
+
+
+def _battery(message: Any, site: str, field_name: str) -> Report:
+    del field_name
+    site = site or "main"
+    present = bool(_member(message, "present"))
+    share = _number(_member(message, "percentage"), "percentage")  # 0 to 1, whatever it is called
+    readings: dict[str, Reading] = {
+        "volt": _number(_member(message, "voltage"), "voltage"),
+        "amp": _number(_member(message, "current"), "current"),
+        "charge": None if share is None else share * 100,
+    }
+    values = {name: {site: reading if present else None} for name, reading in readings.items()}
+    status = _member(message, "power_supply_status")
+    word = (
+        BATTERY_STATES[status] if isinstance(status, int) and 0 <= status < len(BATTERY_STATES) else "unknown"
+    )
+    word = word if present else "not present"
+    return Report(_stamp(message), values, {f"battery {site}" if site != "main" else "battery": word})
+
+
+def _odometry(message: Any, site: str, field_name: str) -> Report:
+    del site, field_name
+    pose = _member(_member(message, "pose"), "pose")
+    values = {
+        "base": _labelled("base", "xyz", _vector(_member(pose, "position"))),
+        "baseq": _labelled("base", "wxyz", _quaternion(_member(pose, "orientation"))),
+    }
+    return Report(_stamp(message), values)
+
+
+def _diagnostics(message: Any, site: str, field_name: str) -> Report:
+    del site, field_name
+    statuses = _member(message, "status")
+    if not isinstance(statuses, (list, tuple)):
+        raise MessageError(f"status is {type(statuses).__name__}, not a list")
+    bits: dict[str, Reading] = {}
+    info = {}
+    for status in statuses[:MAX_STATUSES]:
+        name = _text(_member(status, "name"), "name")[:NAME_MAX].strip()
+        level = _level(_member(status, "level"))
+        if name:
+            bits[name] = [DIAG_BITS[level - 1]] if level else []
+            info[name] = _text(_member(status, "message"), "message")[:TEXT_MAX]
+    return Report(_stamp(message), {"diag": bits} if bits else {}, info)
+
+
+READERS: dict[str, Callable[[Any, str, str], Report]] = {
+    JOINT_STATE: _joint_state,
+    CONTROLLER_STATE: _controller_state,
+    IMU: _imu,
+    WRENCH: _wrench,
+    BATTERY: _battery,
+    ODOMETRY: _odometry,
+    DIAGNOSTICS: _diagnostics,
+}
+
+
+# --- members
+
+
+def _optional(message: Any, name: str) -> Any:
+    return message.get(name) if isinstance(message, Mapping) else getattr(message, name, None)
+
+
+def _member(message: Any, name: str) -> Any:
+    value = _optional(message, name)
+    if value is None and not (isinstance(message, Mapping) and name in message):
+        raise MessageError(f"no member {name!r}")
+    return value
+
+
+def _text(value: Any, what: str) -> str:
+    if not isinstance(value, str):
+        raise MessageError(f"{what} is {type(value).__name__}, not a text")
+    try:
+        value.encode()
+    except UnicodeEncodeError:  # JSON can write half a character, and nothing else can carry it
+        raise MessageError(f"{what} has half a character in it") from None
+    return value
+
+
+def _names(value: Any, what: str) -> list[str]:
+    if not isinstance(value, (list, tuple)):
+        raise MessageError(f"{what} is no list of names")
+    if len(value) > MAX_NAMES:
+        raise MessageError(f"{what} has {len(value)} names, at most {MAX_NAMES}")
+    if not all(isinstance(v, str) and 0 < len(v) <= NAME_MAX for v in value):
+        raise MessageError(f"{what} is no list of names of 1 to {NAME_MAX} characters")
+    _text("".join(value), what)
+    return list(value)
+
+
+def _numbers(value: Any, what: str) -> list[float | None]:
+    listed = value.tolist() if hasattr(value, "tolist") else value
+    if not isinstance(listed, Sequence) or isinstance(listed, (str, bytes)):
+        raise MessageError(f"{what} is {type(value).__name__}, not a list of numbers")
+    if len(listed) > MAX_NAMES:
+        raise MessageError(f"{what} has {len(listed)} numbers, at most {MAX_NAMES}")
+    return [v if type(v) is float else _number(v, what) for v in listed]
+
+
+def _number(value: Any, what: str) -> float | None:
+    """None for what JSON has instead of NaN."""
+    if value is None:
+        return None
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        raise MessageError(f"{what} is {_shown(value)}, not a number")
+    return float(value)
+
+
+def _shown(value: Any) -> str:
+    """What stands there instead, in a few letters: it may be endless, or in itself."""
+    if isinstance(value, bool):
+        return repr(str(value))
+    return repr(value[:40]) if isinstance(value, (str, bytes)) else f"a {type(value).__name__}"
+
+
+def _vector(value: Any) -> list[float | None]:
+    return [_number(_member(value, c), c) for c in "xyz"]
+
+
+def _quaternion(value: Any) -> list[float | None]:
+    """w x y z; no reading of a quaternion nobody has filled in."""
+    parts = [_number(_member(value, c), c) for c in "wxyz"]
+    return parts if any(parts) else [None] * 4
+
+
+def _labelled(site: str, components: Sequence[str], numbers: Sequence[float | None]) -> dict[str, Reading]:
+    return {f"{site}.{c}": number for c, number in zip(components, numbers, strict=True)}
+
+
+def _site(message: Any, site: str, otherwise: str) -> tuple[str, dict[str, str]]:
+    """The site, and the link it sits on where nobody has named the site but the message its frame."""
+    if site:
+        return site, {}
+    frame = _text(_member(_member(message, "header"), "frame_id"), "frame_id").strip("/")
+    if len(frame) > NAME_MAX:
+        raise MessageError(f"frame_id has {len(frame)} characters, at most {NAME_MAX}")
+    return (site_of(frame), {site_of(frame): frame}) if frame else (otherwise, {})
+
+
+def _stamp(message: Any) -> float | None:
+    stamp = _member(_member(message, "header"), "stamp")
+    ros_1 = _optional(stamp, "sec") is None
+    seconds = _member(stamp, "secs" if ros_1 else "sec")
+    nanoseconds = _member(stamp, "nsecs" if ros_1 else "nanosec")
+    if not isinstance(seconds, int) or not isinstance(nanoseconds, int):
+        raise MessageError("a stamp that is no time")
+    stamp_s = seconds + nanoseconds * 1e-9
+    if abs(stamp_s) > TIME_MAX_S:
+        raise MessageError("a stamp that is no time")
+    return stamp_s or None
+
+
+def _level(value: Any) -> int:
+    """A ROS `byte`: a number, one byte, or that byte in base64, as bridges write it."""
+    if isinstance(value, str):
+        try:
+            value = base64.b64decode(value, validate=True)
+        except binascii.Error:
+            raise MessageError(f"level is {value[:40]!r}") from None
+    if isinstance(value, (bytes, bytearray)):
+        value = value[0] if len(value) == 1 else -1
+    if not isinstance(value, int):
+        raise MessageError(f"level is {_shown(value)}, not 0 to {len(DIAG_BITS)}")
+    if not 0 <= value <= len(DIAG_BITS):
+        raise MessageError(f"level is {value if abs(value) < 1000 else 'huge'}, not 0 to {len(DIAG_BITS)}")
+    return int(value)

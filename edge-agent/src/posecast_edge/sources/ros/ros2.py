@@ -1,0 +1,216 @@
+"""Source `ros2`: a ROS 2 robot over Zenoh, without ROS installed (the extra [ros]).
+
+    ros2                          the Zenoh router on this machine, port 7447
+    ros2:HOST[:PORT][/NAMESPACE]  another one; only topics below the namespace. ros2://HOST… is the same
+
+The robot runs rmw_zenoh (and its router), or zenoh-bridge-ros2dds beside a DDS robot. The agent has a Zenoh
+session of its own to that router, apart from the uplink's: there it subscribes, and publishes nothing.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import logging
+import re
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from contextlib import suppress
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import zenoh
+from zenoh.ext import HistoryConfig, declare_advanced_subscriber
+
+from posecast_edge.rate_limited_log import Complaints
+from posecast_edge.sample import SourceError
+from posecast_edge.sources.base import Deliver, Source
+from posecast_edge.sources.ros.input import EXTRA, SAY_EVERY_S, Intake
+from posecast_edge.sources.ros.keys import BRIDGE_TOKENS, Found, data_key, token_key, token_of, topic_of
+from posecast_edge.sources.ros.messages import DESCRIPTION_MAX, PAYLOAD_MAX, STRING
+
+if TYPE_CHECKING:
+    from posecast_edge.profile.types import Profile
+
+log = logging.getLogger("posecast_edge.ros2")
+
+PORT = 7447  # of rmw_zenoh's router
+ADDRESS = re.compile(r"(?://)?(\[[0-9a-fA-F:.]+\]|[A-Za-z0-9._-]+)?(?::(\d{1,5}))?((?:/[A-Za-z0-9_]+)*)/?")
+OPEN_MS = 2000  # one attempt; in between the thread looks whether it is to stop
+LEASE_MS = 2500
+RETRY_MS = (200, 2000)
+WAIT_S = 0.2
+REST_S = 0.004  # between two looks: what comes meanwhile goes together
+BACKLOG_MAX = 4 << 20  # bytes that wait; the oldest go first, the newest count
+WAITING = 512  # bytes: what a message that waits takes beside its own
+BRIDGED_MAX = 64  # topics of bridges
+
+
+def open_source(address: str, profile: Profile | None) -> Source:
+    """SourceError when the address is none or the extra is missing; a robot not there yet is waited for."""
+    match = ADDRESS.fullmatch(address)
+    port = int(match[2] or PORT) if match else 0
+    if match is None or not 0 < port < 65536:
+        raise SourceError(
+            f"ros2: {address!r} is no address; as in ros2, ros2:HOST or ros2://HOST:PORT/NAMESPACE"
+        )
+    if importlib.util.find_spec("rosbags") is None:
+        raise SourceError(f"ros2 needs what decodes ROS messages: {EXTRA}")
+    return Ros2Source(match[1] or "localhost", port, match[3], profile)
+
+
+class Ros2Source:
+    """Messages of a graph → samples."""
+
+    def __init__(self, host: str, port: int, namespace: str, profile: Profile | None) -> None:
+        self.description = f"ros2 {host}:{port}{namespace}"
+        self._endpoint = f"tcp/{host}:{port}"
+        self._intake = Intake(f"{host}:{port}", profile, namespace)
+        self._domain = profile.ros.domain if profile and profile.ros else None
+        self._inbox = Inbox()
+        self._bridged: deque[str] = deque(maxlen=BRIDGED_MAX)  # keys to subscribe to
+        self._of_key: dict[str, Found] = {}  # keys of bridges
+        self._dropped = Complaints(log.warning, "times", SAY_EVERY_S)
+
+    @property
+    def offers(self) -> list[str]:
+        """What there is, for `probe`."""
+        return self._intake.offers()
+
+    def describe_to(self, take: Callable[[str], None]) -> None:
+        """Hand every new robot_description to `take`, in the source's thread."""
+        self._intake.on_urdf = take
+
+    def run(self, deliver: Deliver, stop: threading.Event) -> None:
+        """Deliver what comes, until `stop`."""
+        from posecast_edge.sources.ros.cdr import CdrReader  # noqa: PLC0415 - numpy takes its time
+
+        cdr = CdrReader()
+        session = self._open(stop)
+        if session is None:
+            return
+        with session:
+            held = self._declare(session)
+            while not stop.is_set():
+                while self._bridged:
+                    held.append(self._subscribe(session, self._bridged.popleft()))
+                messages, lost = self._inbox.take(WAIT_S)
+                for topic, type_name, payload in messages:
+                    self._intake.take(topic, type_name, partial(cdr.read, type_name, payload))
+                now_s = time.monotonic()
+                if lost:
+                    self._dropped.add(f"{lost} messages came too fast and were dropped, the oldest", now_s)
+                self._dropped.tick(now_s)
+                sample = self._intake.sample()
+                if sample is not None:
+                    deliver(sample)
+                stop.wait(REST_S)
+
+    # --- the session
+
+    def _open(self, stop: threading.Event) -> zenoh.Session | None:
+        told = False
+        while not stop.is_set():
+            with suppress(zenoh.ZError):  # which only ever says that time ran out
+                return zenoh.open(_config(self._endpoint))
+            if not told:
+                told = True
+                log.warning("%s does not answer, trying on", self._endpoint)
+            stop.wait(RETRY_MS[0] / 1e3)
+        return None
+
+    def _declare(self, session: zenoh.Session) -> list[object]:
+        """Everything this session is; it must be held."""
+        held: list[object] = [
+            session.info.declare_transport_events_listener(self._on_transport, history=True),
+            *(
+                session.liveliness().declare_subscriber(key, self._on_token, history=True)
+                for key in (token_key(self._domain), BRIDGE_TOKENS)
+            ),
+        ]
+        for pattern, type_name in self._intake.routes.wanted():
+            key = data_key(pattern, type_name, self._domain)
+            held.append(self._subscribe(session, key, latched=type_name == STRING))
+        return held
+
+    def _subscribe(self, session: zenoh.Session, key: str, latched: bool | None = None) -> object:
+        """`latched`: what was published before counts too (transient local)."""
+        if latched is None:
+            latched = self._of_key[key].type_name == STRING
+        if not latched:
+            return session.declare_subscriber(key, self._on_data)
+        history = HistoryConfig(detect_late_publishers=True, max_samples=1)
+        return declare_advanced_subscriber(session, key, self._on_data, history=history)
+
+    # --- called by Zenoh's threads
+
+    def _on_transport(self, event: zenoh.TransportEvent) -> None:
+        linked = event.kind == zenoh.SampleKind.PUT
+        log.info("%s %s", "robot's router linked:" if linked else "robot's router lost:", self._endpoint)
+
+    def _on_token(self, sample: zenoh.Sample) -> None:
+        found = token_of(str(sample.key_expr)) if sample.kind == zenoh.SampleKind.PUT else None
+        if found is None:
+            return
+        route = self._intake.found(found.topic, found.type_name)
+        if found.key and route and found.key not in self._of_key and len(self._of_key) < BRIDGED_MAX:
+            self._of_key[found.key] = found
+            self._bridged.append(found.key)
+
+    def _on_data(self, sample: zenoh.Sample) -> None:
+        key = str(sample.key_expr)
+        found = self._of_key.get(key) or topic_of(key)
+        if found is None or sample.kind != zenoh.SampleKind.PUT:
+            return
+        size = len(sample.payload)
+        if size > (DESCRIPTION_MAX if found.type_name == STRING else PAYLOAD_MAX):
+            self._intake.bad(found.topic, f"a message of {size} bytes is too large")
+            return
+        self._inbox.put(found.topic, found.type_name, sample.payload.to_bytes())
+
+
+class Inbox:
+    """Payloads from Zenoh's threads to ours: BACKLOG_MAX bytes; when it is full the oldest go."""
+
+    def __init__(self) -> None:
+        self._waiting: deque[tuple[str, str, bytes]] = deque()
+        self._bytes = 0
+        self._lost = 0
+        self._some = threading.Condition()
+
+    def put(self, topic: str, type_name: str, payload: bytes) -> None:
+        """One more. From any thread."""
+        with self._some:
+            self._waiting.append((topic, type_name, payload))
+            self._bytes += len(payload) + WAITING
+            while self._bytes > BACKLOG_MAX and len(self._waiting) > 1:
+                self._bytes -= len(self._waiting.popleft()[2]) + WAITING
+                self._lost += 1
+            self._some.notify()
+
+    def take(self, wait_s: float) -> tuple[list[tuple[str, str, bytes]], int]:
+        """All that waits, after `wait_s` at most, and how many were lost since."""
+        with self._some:
+            if not self._waiting:
+                self._some.wait(wait_s)
+            taken, lost = list(self._waiting), self._lost
+            self._waiting.clear()
+            self._bytes = self._lost = 0
+        return taken, lost
+
+
+def _config(endpoint: str) -> zenoh.Config:
+    """A client of one router that finds nobody else."""
+    retry = {"period_init_ms": RETRY_MS[0], "period_max_ms": RETRY_MS[1], "period_increase_factor": 2}
+    document: dict[str, Any] = {
+        "mode": "client",
+        "connect": {"endpoints": [endpoint], "timeout_ms": OPEN_MS, "retry": retry},
+        "scouting": {"delay": 0, "multicast": {"enabled": False}, "gossip": {"enabled": False}},
+        "transport": {
+            "link": {"tx": {"lease": LEASE_MS, "keep_alive": 4}},
+            "shared_memory": {"enabled": False},
+        },
+    }
+    return zenoh.Config.from_json5(json.dumps(document))

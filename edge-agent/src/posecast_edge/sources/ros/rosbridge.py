@@ -1,0 +1,300 @@
+"""Source `rosbridge`: a ROS 1 or ROS 2 robot through its rosbridge_server (the extra [ros]).
+
+    rosbridge:HOST[:PORT][/PATH]   port 9090; rosbridge://HOST… is the same
+    rosbridge:wss://HOST…          over TLS
+
+rosapi, which is started with the server, tells which topics there are; without it the agent asks for those
+the profile names, and for /joint_states and /robot_description. Nothing is published.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import logging
+import re
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+from posecast_edge.rate_limited_log import Complaints
+from posecast_edge.sample import SourceError
+from posecast_edge.sources.backoff import Backoff
+from posecast_edge.sources.base import Deliver, Source
+from posecast_edge.sources.ros.input import EXTRA, SAY_EVERY_S, Intake
+from posecast_edge.sources.ros.messages import CONTROLLER_STATE, MessageError, short_type
+from posecast_edge.sources.ros.rosbridge_protocol import (
+    MESSAGE_MAX,
+    Answer,
+    Ear,
+    ProtocolError,
+    Publish,
+    ask,
+    parse_json,
+    subscribe,
+)
+from posecast_edge.sources.ros.topics import ROLES, Route
+
+if TYPE_CHECKING:
+    from websockets.sync.client import ClientConnection
+
+    from posecast_edge.profile.types import Profile
+
+log = logging.getLogger("posecast_edge.rosbridge")
+
+# What the library says is of connections that end, which is told here.
+SILENT = logging.getLogger("posecast_edge.rosbridge.websockets")
+SILENT.setLevel(logging.CRITICAL + 1)
+
+PORT = 9090
+ADDRESS = re.compile(
+    r"(?:(ws|wss)://|//)?(\[[0-9a-fA-F:.]+\]|[A-Za-z0-9._-]+)(?::(\d{1,5}))?((?:/[A-Za-z0-9_.~%-]*)*)"
+)
+OPEN_S = 3.0
+PING_S = 3.0  # an unanswered ping ends the connection as late again
+WAIT_S = 0.2
+DRAIN_S = 0.05  # so long what has come is taken before any of it is read
+BATCH_MAX = 256  # of which the newest count
+BATCH_CHARS_MAX = 32 << 20  # and of these, so many characters or bytes
+QUEUE_MAX = 8  # frames that wait to be taken: beyond them the server has to wait
+LOOK_S = 10.0  # between two questions which topics there are
+ANSWER_S = 3.0  # without an answer there is no rosapi
+THROTTLE_MS = 15  # twice as often as the fastest stream needs it
+
+
+def open_source(address: str, profile: Profile | None) -> Source:
+    """SourceError when the address is none or the extra is missing; a robot not there yet is waited for."""
+    match = ADDRESS.fullmatch(address)
+    port = int(match[3] or PORT) if match else 0
+    if match is None or not 0 < port < 65536:
+        raise SourceError(
+            f"rosbridge: {address!r} is no address; as in rosbridge:HOST or rosbridge:wss://HOST:PORT"
+        )
+    if any(importlib.util.find_spec(name) is None for name in ("websockets", "cbor2")):
+        raise SourceError(f"rosbridge needs a WebSocket client and CBOR: {EXTRA}")
+    if match[1] == "wss" and not match[3]:
+        port = 443
+    return RosbridgeSource(f"{match[1] or 'ws'}://{match[2]}:{port}{match[4]}", profile)
+
+
+class RosbridgeSource:
+    """Messages of a server → samples."""
+
+    def __init__(self, url: str, profile: Profile | None) -> None:
+        self.description = f"rosbridge {url}"
+        self._url = url
+        self._intake = Intake(url, profile)
+        self._encoding = profile.ros.encoding if profile and profile.ros else "json"
+        self._wants_urdf = False
+        self._backoff = Backoff()
+        self._trouble = Complaints(log.warning, f"failures of {url}", SAY_EVERY_S)
+        self._words = Complaints(log.warning, "words of the server", SAY_EVERY_S)
+
+    @property
+    def offers(self) -> list[str]:
+        """What there is, for `probe`."""
+        return self._intake.offers()
+
+    def describe_to(self, take: Callable[[str], None]) -> None:
+        """Hand every new robot_description to `take`, in the source's thread."""
+        self._intake.on_urdf = take
+        self._wants_urdf = True
+
+    def run(self, deliver: Deliver, stop: threading.Event) -> None:
+        """Deliver what comes, until `stop`. A connection that ends is made anew, with all it asked for."""
+        from websockets.exceptions import WebSocketException  # noqa: PLC0415 - an extra
+        from websockets.sync.client import connect  # noqa: PLC0415
+
+        while not stop.is_set():
+            now_s = time.monotonic()
+            self._trouble.tick(now_s)
+            if not self._backoff.due(now_s):
+                stop.wait(WAIT_S / 4)
+                continue
+            try:
+                with connect(
+                    self._url,
+                    open_timeout=OPEN_S,
+                    close_timeout=WAIT_S,
+                    ping_interval=PING_S,
+                    ping_timeout=PING_S,
+                    max_size=MESSAGE_MAX,
+                    max_queue=QUEUE_MAX,
+                    proxy=None,
+                    logger=SILENT,
+                ) as connection:
+                    self._backoff.connected(time.monotonic())
+                    log.info("robot's rosbridge linked: %s", self._url)
+                    self._talk(connection).go_on(deliver, stop)
+            except (OSError, WebSocketException) as e:
+                now_s = time.monotonic()
+                self._backoff.failed(now_s)
+                if not stop.is_set():
+                    self._trouble.add(f"{self._url}: {_reason(e)}; trying on", now_s)
+
+    def _talk(self, connection: ClientConnection) -> Talk:
+        return Talk(connection, self._intake, self._encoding, self._wants_urdf, self._words)
+
+
+class Talk:
+    """One connection: asks which topics there are, subscribes to those of use, hears."""
+
+    def __init__(
+        self,
+        connection: ClientConnection,
+        intake: Intake,
+        encoding: str,
+        wants_urdf: bool,
+        words: Complaints,
+    ) -> None:
+        self._connection = connection
+        self._intake = intake
+        self._encoding = encoding
+        self._wants_urdf = wants_urdf
+        self._words = words
+        self._ear = Ear()
+        self._types: dict[str, str] = {}  # of topics, as the server spells them
+        self._counting: dict[str, float] = {}  # topics whose publishers are being counted, since
+        self._subscribed: set[str] = set()
+        self._looked_s = float("-inf")
+        self._listed: bool | None = None  # rosapi answers; None: nobody knows yet
+
+    def go_on(self, deliver: Deliver, stop: threading.Event) -> None:
+        """Until `stop`. OSError or WebSocketException when the connection ends."""
+        while not stop.is_set():
+            self._chores(time.monotonic())
+            for data in self._newest():
+                self._hear(data)
+            sample = self._intake.sample()
+            if sample is not None:
+                deliver(sample)
+
+    def _newest(self) -> deque[str | bytes]:
+        """What has come. A flood is taken faster than it can be read; then the newest BATCH_MAX count."""
+        taken: deque[str | bytes] = deque()
+        chars = 0
+        until_s = time.monotonic() + DRAIN_S
+        try:
+            taken.append(self._connection.recv(WAIT_S))
+            chars += len(taken[-1])
+            while time.monotonic() < until_s:
+                taken.append(self._connection.recv(0))
+                chars += len(taken[-1])
+                while len(taken) > BATCH_MAX or (chars > BATCH_CHARS_MAX and len(taken) > 1):
+                    chars -= len(taken.popleft())
+        except TimeoutError:
+            pass
+        return taken
+
+    def _chores(self, now_s: float) -> None:
+        self._words.tick(now_s)
+        if self._listed is None and self._looked_s + ANSWER_S < now_s < self._looked_s + LOOK_S:
+            self._listed = False
+            log.warning("no answer from rosapi: topics are asked for by name")
+            self._ask_by_name()
+        if now_s >= self._looked_s + LOOK_S:
+            if self._listed is False:
+                self._ask_by_name()
+            self._looked_s = now_s
+            self._connection.send(ask("/rosapi/topics", "topics"))
+        for topic, since_s in list(self._counting.items()):
+            if now_s - since_s > ANSWER_S:
+                self._subscribe(topic, 0)
+
+    def _hear(self, data: str | bytes) -> None:
+        try:
+            heard = self._ear.feed(data)
+            if isinstance(heard, Publish):
+                type_name = self._type_of(heard)
+                if type_name:
+                    self._intake.take(heard.topic, type_name, lambda: heard.message)
+            elif isinstance(heard, Answer):
+                self._answer(heard)
+            elif heard is not None and heard.level in ("error", "warning"):
+                self._words.add(f"rosbridge says: {heard.text[:200]}", time.monotonic())
+        except (ProtocolError, MessageError) as e:
+            self._intake.bad("rosbridge", str(e))
+
+    def _type_of(self, heard: Publish) -> str:
+        if heard.topic in self._types:
+            return short_type(self._types[heard.topic])
+        route = dict(self._intake.routes.named()).get(heard.topic)
+        if route is None:
+            return ""
+        of_controller = isinstance(heard.message, dict) and "joint_names" in heard.message
+        return CONTROLLER_STATE if of_controller else ROLES[route.role][0]
+
+    # --- topics
+
+    def _answer(self, answer: Answer) -> None:
+        what, _, topic = answer.id.partition(" ")
+        values = answer.values
+        if what == "topics":
+            self._topics(values)
+        elif what == "publishers" and topic in self._counting:
+            publishers = (values or {}).get("publishers")
+            alone = isinstance(publishers, list) and len(publishers) == 1
+            self._subscribe(topic, THROTTLE_MS if alone else 0)
+        elif what == "description" and values is not None:
+            self._parameter(values.get("value"))
+
+    def _topics(self, values: dict[str, Any] | None) -> None:
+        names, types = ((values or {}).get(key) for key in ("topics", "types"))
+        if not isinstance(names, list) or not isinstance(types, list) or len(names) != len(types):
+            if self._listed is None:
+                self._listed = False
+                log.warning("rosapi does not tell its topics: they are asked for by name")
+                self._ask_by_name()
+            return
+        first = self._listed is None
+        self._listed = True
+        for topic, type_name in zip(names, types, strict=True):
+            if isinstance(topic, str) and isinstance(type_name, str):
+                route = self._intake.found(topic, short_type(type_name))
+                if route and topic not in self._subscribed and topic not in self._counting:
+                    self._types[topic] = type_name
+                    self._want(topic, route)
+        ros_1 = any(isinstance(t, str) and t.count("/") == 1 for t in types)
+        if first and ros_1 and self._wants_urdf:  # there it is a parameter, not a topic
+            question = ask("/rosapi/get_param", "description", name="/robot_description", default='""')
+            self._connection.send(question)
+
+    def _want(self, topic: str, route: Route) -> None:
+        """Streams are throttled, but a topic of several publishers is not: the newest of one would push out
+        the newest of the other before either is sent."""
+        if route.role in ("battery", "diagnostics", "description"):
+            self._subscribe(topic, 0, described=route.role == "description")
+            return
+        self._counting[topic] = time.monotonic()
+        self._connection.send(ask("/rosapi/publishers", f"publishers {topic}", topic=topic))
+
+    def _subscribe(self, topic: str, throttle_ms: int, described: bool = False) -> None:
+        self._counting.pop(topic, None)
+        self._subscribed.add(topic)
+        encoding = "json" if described else self._encoding  # a description is longer than CBOR may be
+        self._connection.send(subscribe(topic, self._types.get(topic), encoding, throttle_ms))
+
+    def _ask_by_name(self) -> None:
+        """Also again: a topic without a publisher has no type, and the server forgets who asked for it."""
+        for topic, route in self._intake.routes.named():
+            self._subscribe(topic, 0, described=route.role == "description")
+
+    def _parameter(self, value: object) -> None:
+        """A ROS 1 parameter, which rosapi gives as JSON. ProtocolError, MessageError."""
+        text = parse_json(value) if isinstance(value, str) else None
+        if isinstance(text, str):
+            self._intake.describe(text)
+
+
+def _reason(e: Exception) -> str:
+    """Why there is no connection any more, or none yet. The library repeats what was said on parting."""
+    from websockets.exceptions import ConnectionClosed  # noqa: PLC0415 - an extra
+
+    if not isinstance(e, ConnectionClosed):
+        return str(e) or type(e).__name__
+    if e.rcvd is not None and (e.rcvd_then_sent or e.sent is None):
+        return f"the server ended the connection: {e.rcvd}"
+    if e.sent is not None and "ping timeout" in e.sent.reason:
+        return "the server does not answer any more"
+    return f"the connection ended: {e.sent}" if e.sent is not None else "the connection broke off"

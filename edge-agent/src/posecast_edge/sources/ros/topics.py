@@ -1,0 +1,126 @@
+"""Which topic of a ROS graph means what: by the profile's [ros], else by type and name. Pure."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+
+from posecast_edge.profile.types import RosTopics
+from posecast_edge.sources.ros.messages import (
+    BATTERY,
+    CONTROLLER_STATE,
+    DIAGNOSTICS,
+    IMU,
+    JOINT_STATE,
+    ODOMETRY,
+    STRING,
+    WRENCH,
+    site_of,
+)
+
+# what a profile may name topics for → the types that can serve
+ROLES: Mapping[str, tuple[str, ...]] = {
+    "pos": (JOINT_STATE,),
+    "ref": (JOINT_STATE, CONTROLLER_STATE),
+    "imu": (IMU,),
+    "wrench": (WRENCH,),
+    "battery": (BATTERY,),
+    "diagnostics": (DIAGNOSTICS,),
+    "base": (ODOMETRY,),
+    "description": (STRING,),
+}
+SITED = ("imu", "wrench", "battery")  # roles whose topics may be given a site
+ENCODINGS = ("json", "cbor")  # of rosbridge
+TYPES = frozenset(name for names in ROLES.values() for name in names)
+
+TOPIC_MAX = 255  # characters, as in ROS 2; a longer one is not read
+
+COMMAND = re.compile(r"(?:joint_)?(?:command|cmd|desired|goal|target|reference)s?|joint_(?:ref|setpoint)s?")
+STATE = re.compile(r"joint_states?")
+BATTERY_WORDS = re.compile(r"battery(?:_state)?s?|power|state|status")
+
+
+@dataclass(frozen=True)
+class Route:
+    """What a topic is read as. `site`: "" for the frame its messages name."""
+
+    role: str
+    site: str = ""
+
+
+class Routes:
+    """Topics of one robot. `namespace`: only topics below it count, "" for all."""
+
+    def __init__(self, given: RosTopics | None, namespace: str = "") -> None:
+        self._given = (given or RosTopics()).topics
+        self._namespace = f"/{namespace.strip('/')}" if namespace.strip("/") else ""
+
+    def of(self, topic: str, type_name: str) -> Route | None:
+        """How this topic is read; None: not at all. `type_name`: short."""
+        if len(topic) > TOPIC_MAX:
+            return None
+        for role, types in ROLES.items():
+            if type_name in types and role in self._given:
+                for pattern, site in self._given[role]:
+                    if matches(pattern, topic):
+                        return Route(role, site)
+        if self._namespace and not topic.startswith(f"{self._namespace}/"):
+            return None
+        route = _by_name(topic[len(self._namespace) :], type_name)
+        return route if route is not None and route.role not in self._given else None
+
+    def wanted(self) -> list[tuple[str, str]]:
+        """(pattern, type) of every topic that may be read, for those who can ask by pattern."""
+        everything = f"{self._namespace}/**"
+        usual = {"description": [f"{everything}/robot_description"], "base": []}
+        found: list[tuple[str, str]] = []
+        for type_name in sorted(TYPES):
+            patterns: list[str] = []
+            for role in (role for role, types in ROLES.items() if type_name in types):
+                given = self._given.get(role)
+                patterns += usual.get(role, [everything]) if given is None else [p for p, _ in given]
+            whole = [everything] if everything in patterns else dict.fromkeys(patterns)
+            found += [(pattern, type_name) for pattern in whole]
+        return found
+
+    def named(self) -> list[tuple[str, Route]]:
+        """Topics to ask for where nobody lists those there are: what the profile names without a pattern, and
+        the usual names of what it does not name."""
+        given = [
+            (pattern, Route(role, site))
+            for role, entries in self._given.items()
+            for pattern, site in entries
+            if "*" not in pattern
+        ]
+        usual = (("pos", "joint_states"), ("description", "robot_description"))
+        return given + [(f"{self._namespace}/{name}", Route(r)) for r, name in usual if r not in self._given]
+
+
+def _by_name(topic: str, type_name: str) -> Route | None:
+    last = topic.rpartition("/")[2]
+    if type_name == JOINT_STATE:
+        return Route("ref") if COMMAND.fullmatch(last) else Route("pos") if STATE.fullmatch(last) else None
+    if type_name == BATTERY:
+        words = [w for w in topic.strip("/").split("/") if not BATTERY_WORDS.fullmatch(w)]
+        return Route("battery", site_of("_".join(words)) or "main")
+    if type_name == STRING:
+        return Route("description") if last == "robot_description" else None
+    roles = {CONTROLLER_STATE: "ref", IMU: "imu", WRENCH: "wrench", DIAGNOSTICS: "diagnostics"}
+    role = roles.get(type_name)  # odometry has many authors and no usual name: the profile says which
+    if role == "diagnostics" and last == "diagnostics_agg":
+        return None  # says again what /diagnostics says
+    return Route(role) if role else None
+
+
+def matches(pattern: str, topic: str) -> bool:
+    """`*` stands for anything within one part of a topic's name, `**` for any number of parts."""
+    return _expression(pattern).fullmatch(topic) is not None
+
+
+@lru_cache(maxsize=256)
+def _expression(pattern: str) -> re.Pattern[str]:
+    parts = re.split(r"(/\*\*(?=/|$)|\*)", "/" + pattern.lstrip("/"))
+    meaning = {"/**": "(?:/[^/]+)*", "*": "[^/]*"}
+    return re.compile("".join(meaning.get(part) or re.escape(part) for part in parts))

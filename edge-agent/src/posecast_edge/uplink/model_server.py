@@ -1,0 +1,87 @@
+"""Questions about the model, answered one after the other by a thread of their own: whoever asks too much, or
+asks over a thin uplink, holds up neither Zenoh's threads nor the frames."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import deque
+
+import zenoh
+from posecast_wire.keys import model_key
+
+from posecast_edge.faults import Faults
+from posecast_edge.model.serve.bundle import RANGE_MAX, Bundle
+from posecast_edge.token_bucket import Allowance
+from posecast_edge.uplink.run import Run
+from posecast_edge.visible import visible
+
+WAITING_MAX = 64  # questions; a relay asks for a few at a time
+BYTES_S = 16e6  # a whole model goes at once,
+BYTES_AT_ONCE = 64e6  # whoever asks for it over and over gets it at this pace
+
+
+class ModelDesk:
+    """Answers for one robot. `bundle`: the model it has now."""
+
+    def __init__(self, robot: str, run: Run, faults: Faults) -> None:
+        self.bundle: Bundle | None = None
+        self._robot, self._run, self._faults = robot, run, faults
+        self._waiting: deque[zenoh.Query] = deque()
+        self._allowance = Allowance(BYTES_S, BYTES_AT_ONCE)
+        self._some = threading.Condition()
+        self._begun = self._closed = False
+
+    def close(self) -> None:
+        """Answer no more. From any thread; returns at once."""
+        with self._some:
+            self._closed = True
+            self._some.notify()
+
+    def ask(self, query: zenoh.Query) -> None:
+        """A question has come. By Zenoh's threads; returns at once."""
+        with self._some:
+            if not self._begun:
+                self._begun = True
+                threading.Thread(target=self._answer_all, name="model", daemon=True).start()
+            if len(self._waiting) < WAITING_MAX:
+                self._waiting.append(query)
+                self._some.notify()
+                return
+        with query:
+            query.reply_err(b"too many questions at a time")
+
+    def _answer_all(self) -> None:
+        while True:
+            with self._some:
+                self._some.wait_for(lambda: self._waiting or self._closed)
+                if self._closed:
+                    return
+                wait_s = self._allowance.wait_s(time.monotonic(), RANGE_MAX)
+                if wait_s > 0:
+                    self._some.wait_for(lambda: self._closed, wait_s)
+                    continue
+                query = self._waiting.popleft()
+            try:
+                self._answer(query)
+            except Exception as e:
+                self._faults.add("an answer about the model", e)
+
+    def _answer(self, query: zenoh.Query) -> None:
+        part = str(query.key_expr).rpartition("/")[2]
+        with query:
+            try:
+                data = self._range(part, query.parameters)
+            except (KeyError, ValueError, OSError) as e:
+                query.reply_err(visible(f"{part[:64]}: {e}", 200).encode())
+                return
+            self._allowance.take(time.monotonic(), len(data))
+            query.reply(model_key(self._robot, part), data, attachment=self._run.stamp().pack())
+
+    def _range(self, part: str, parameters: zenoh.Parameters) -> bytes:
+        """KeyError, ValueError, OSError: there is no such file or range."""
+        if self.bundle is None:
+            raise KeyError("no model")
+        offset = int(parameters.get("off") or 0)
+        length = int(parameters.get("len") or RANGE_MAX)
+        return self.bundle.read(part, offset, length)

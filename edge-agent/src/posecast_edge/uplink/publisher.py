@@ -1,0 +1,352 @@
+"""The one outbound link. It publishes frames and events and answers questions about its own state; it
+subscribes to nothing, so nothing can flow towards the robot.
+
+Zenoh reconnects by itself and for ever once a session is open; frames put meanwhile are discarded by it, so
+there is no backlog when the link comes back.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+import logging
+import threading
+import time
+from collections.abc import Callable, Sequence
+from functools import partial
+from itertools import islice
+from typing import TYPE_CHECKING
+
+import zenoh
+from posecast_wire.credential import Credential
+from posecast_wire.keys import (
+    Echo,
+    Snapshot,
+    alive_key,
+    echo_key,
+    model_key,
+)
+
+from posecast_edge.faults import Faults
+from posecast_edge.model.serve.bundle import Bundle
+from posecast_edge.pipeline.events import Event
+from posecast_edge.uplink.certificate import Certificate
+from posecast_edge.uplink.lateness import LATE_S, EchoWatch, News
+from posecast_edge.uplink.model_server import ModelDesk
+from posecast_edge.uplink.run import Run
+from posecast_edge.uplink.view_publisher import Lane
+
+if TYPE_CHECKING:
+    from posecast_edge.pipeline.stream import Frame
+
+log = logging.getLogger("posecast_edge.link")
+
+OPEN_MS = 2000  # one attempt; in between the thread looks whether it is to stop
+LEASE_MS = 2500  # the relay takes an edge for gone after this long without a sign of life
+RETRY_MS = (25, 1000)  # at first at once: a relay that enrols a robot opens its door anew within milliseconds
+WHY_S = 3.0  # without a link for so long: find out why
+BATCH_BYTES = 8192  # small batches and a small kernel buffer: on a thin uplink a queue is only delay
+SNDBUF_BYTES = 32768
+LOOK_S = 2.0  # at the session itself, where nothing is to be sent
+ECHO_S = 1.0
+ECHO_AGAIN_S = 0.3  # while frames are late, and
+NEW_LINK_S = 5.0  # so long on a link of which nobody knows what it carries
+ECHO_TIMEOUT_S = 2.0
+ECHO_BYTES_MAX = 4096
+ECHO_REPLIES_MAX = 8  # to one question: there may be several relays
+HEARD_BYTES_MAX = 1 << 18  # of one message towards the edge: it hears questions and echoes only
+
+
+def zenoh_config(relay: str, credential: Credential | Certificate | None = None) -> zenoh.Config:
+    """A client of one relay that finds nobody else. `relay`: a Zenoh endpoint, `tcp/host:port`."""
+    link: dict[str, object] = {
+        "tx": {"lease": LEASE_MS, "keep_alive": 4, "batch_size": BATCH_BYTES},
+        "rx": {"max_message_size": HEARD_BYTES_MAX},
+    }
+    auth: dict[str, object] = {}
+    if isinstance(credential, Certificate):
+        own = {"connect_certificate": str(credential.chain), "connect_private_key": str(credential.key)}
+        ca_file = {} if credential.ca is None else {"root_ca_certificate": str(credential.ca)}
+        link["tls"] = {"enable_mtls": True, **own, **ca_file}
+    elif credential is not None:
+        auth["usrpwd"] = {"user": credential.robot, "password": credential.secret}
+        if credential.ca is not None:  # else the authorities that the web trusts
+            ca = base64.b64encode(credential.ca.encode()).decode()
+            link["tls"] = {"root_ca_certificate_base64": ca}
+    endpoint = relay if relay.startswith("quic/") else f"{relay}#so_sndbuf={SNDBUF_BYTES}"
+    retry = {"period_init_ms": RETRY_MS[0], "period_max_ms": RETRY_MS[1], "period_increase_factor": 2}
+    return zenoh.Config.from_json5(
+        json.dumps(
+            {
+                "mode": "client",
+                "connect": {"endpoints": [endpoint], "timeout_ms": OPEN_MS, "retry": retry},
+                "scouting": {"delay": 0, "multicast": {"enabled": False}, "gossip": {"enabled": False}},
+                "transport": {"link": link, "auth": auth, "shared_memory": {"enabled": False}},
+            }
+        )
+    )
+
+
+class ZenohPublisher:
+    """Keeps the link in a thread of its own. Every method returns at once."""
+
+    def __init__(
+        self,
+        robot: str,
+        views: Sequence[str],
+        relay: str,
+        *,
+        snapshot: Callable[[str], Snapshot | None],
+        heard: Callable[[str], None],
+        credential: Credential | Certificate | None = None,
+    ) -> None:
+        """`snapshot` and `heard` take a view and are called by Zenoh's threads; `heard` when somebody begins
+        to listen. Lateness is measured on the first of `views`, which must be the fastest."""
+        self.run = Run()
+        self.connected = False
+        self.echoes = 0  # questions answered or not: each a new measurement of lateness
+        self.faults = Faults(log.warning)
+        self._watch = EchoWatch(self.run.id)
+        self._news = News()
+        self._robot, self._relay, self._credential = robot, relay, credential
+        self._told = ""  # why there is no link
+        self._lanes = {
+            view: Lane(robot, view, self.run, partial(snapshot, view), partial(heard, view), self.faults)
+            for view in views
+        }
+        self._measured = views[0]
+        self._desk = ModelDesk(robot, self.run, self.faults)
+        self._wake = threading.Condition()  # two threads wait on it, hence notify_all
+        self._stopping = False
+        self._just_linked = False
+        self._linked_s = 0.0
+        self._watch_lock = threading.Lock()
+        self._session: zenoh.Session | None = None
+        self._declared: list[object] = []  # Zenoh undeclares what nobody holds
+        self._thread = threading.Thread(target=self._keep_link, name="link", daemon=True)
+
+    # --- for the agent
+
+    def start(self) -> None:
+        """Begin to connect."""
+        self._thread.start()
+
+    def frame(self, view: str, frame: Frame) -> None:
+        """Send a frame, or discard it when there is no link."""
+        lane = self._lanes[view]
+        if not lane.declared:
+            return
+        if view == self._measured:
+            with self._watch_lock:
+                self._watch.sent(frame.seq, time.monotonic())
+        lane.frame(frame.data, frame.taken_s)
+
+    def event(self, view: str, event: Event) -> None:
+        """Send an event as soon as somebody listens."""
+        with self._wake:
+            self._lanes[view].events.append(event)
+            self._wake.notify_all()
+
+    def info(self, view: str, texts: dict[str, str]) -> None:
+        """Send what the robot says of itself, all of it, as soon as somebody listens."""
+        with self._wake:
+            self._lanes[view].info = texts
+            self._wake.notify_all()
+
+    def offer(self, bundle: Bundle) -> None:
+        """Answer for this model from now on, and tell its hash as soon as somebody listens."""
+        with self._wake:
+            self._desk.bundle = bundle
+            for lane in self._lanes.values():
+                lane.model = bundle.hash
+            self._wake.notify_all()
+
+    def stop(self, timeout_s: float) -> None:
+        """Send what waits, close. A link's thread that is not done by then is left where it sits."""
+        with self._wake:
+            self._stopping = True
+            self._wake.notify_all()
+        self._desk.close()
+        self._thread.join(timeout_s)
+
+    @property
+    def late_s(self) -> float:
+        """How late frames arrive, s, by the newest echo."""
+        return self._watch.late_s
+
+    @property
+    def open(self) -> bool:
+        """Whether a frame is worth sending: there is a link, somebody listens, and no queue is before it."""
+        if not self.connected or self._watch.full(time.monotonic()):
+            return False
+        return self._lanes[self._measured].heard
+
+    def word(self) -> str:
+        """The state of the link in a word or two."""
+        return self._watch.word(time.monotonic())
+
+    @property
+    def over(self) -> str:
+        """Of what the relay drops some, "" for nothing."""
+        return self._watch.over
+
+    def news(self) -> list[str]:
+        """What the newest echo changes, in lines for people."""
+        now_s = time.monotonic()
+        return self._news.lines(self._watch.word(now_s), self._watch.over, now_s)
+
+    # --- the link's thread
+
+    def _keep_link(self) -> None:
+        while not self._stopping:
+            session = self._open()
+            if session is None:
+                return
+            try:
+                with session:
+                    self._serve(session)
+            except Exception as e:
+                self.faults.add("the link", e)
+            self.connected = False
+            with self._watch_lock:
+                self._watch.link(False)
+            self._declared.clear()
+            with self._wake:
+                self._wake.wait_for(lambda: self._stopping, RETRY_MS[1] / 1000)
+
+    def _serve(self, session: zenoh.Session) -> None:
+        """Until the agent stops. ZError when the session has ended by itself."""
+        self._declare(session)
+        self._session = session
+        threading.Thread(target=self._ask_echo, args=(session,), name="echo", daemon=True).start()
+        try:
+            while self._send_waiting():
+                if session.is_closed():
+                    raise zenoh.ZError("the session has ended")
+        finally:
+            self._session = None
+            for lane in self._lanes.values():
+                lane.close()
+
+    def _open(self) -> zenoh.Session | None:
+        while not self._stopping:
+            try:
+                return zenoh.open(zenoh_config(self._relay, self._credential))
+            except zenoh.ZError:  # which only ever says that time ran out
+                self._tell_why()
+            except Exception as e:
+                self.faults.add("opening the link", e)
+            with self._wake:
+                self._wake.wait_for(lambda: self._stopping, RETRY_MS[0] / 1000)
+        return None
+
+    def _tell_why(self) -> None:
+        """Why there is no link, once, and again when it is another reason."""
+        from posecast_edge.uplink.diagnosis import ring  # noqa: PLC0415 - few runs ever need it
+
+        try:
+            self._tell(ring(self._relay, self._credential))
+        except Exception as e:
+            self.faults.add("asking why there is no link", e)
+
+    def _tell(self, why: str) -> None:
+        if why != self._told:
+            self._told = why
+            log.warning("%s %s; trying on", self._relay, why)
+
+    def _declare(self, session: zenoh.Session) -> None:
+        """All that this agent is on the network. Who sees the token asks for the snapshot, and who has that
+        for the model: so they are declared the other way round."""
+        on_transport = self.faults.guarded("the link", self._on_transport)
+        on_model = self.faults.guarded("a question about the model", self._desk.ask)
+        self._declared += [
+            session.info.declare_transport_events_listener(on_transport, history=True),
+            session.declare_queryable(model_key(self._robot, "**"), on_model),
+        ]
+        for lane in self._lanes.values():
+            self._declared += lane.declare(session)
+        self._declared.append(session.liveliness().declare_token(alive_key(self._robot)))
+
+    def _send_waiting(self) -> bool:
+        """Send what waits, or wait for something. False when the agent stops and no more can be sent."""
+        with self._wake:
+            waiting = [lane for lane in self._lanes.values() if lane.waiting]
+            ready = next((lane for lane in waiting if lane.ready), None)
+            if ready is None:
+                if not self._stopping:
+                    self._wake.wait(0.1 if waiting else LOOK_S)
+                return not self._stopping
+            try:
+                send = ready.take()
+            except Exception as e:
+                self.faults.add(f"what is told of {ready.view}", e)
+                self._wake.wait(0.1)
+                return True
+        try:
+            send()
+        except Exception as e:
+            self.faults.add(f"what is told of {ready.view}", e)
+        return True
+
+    # --- called by Zenoh's threads
+
+    def _on_transport(self, event: zenoh.TransportEvent) -> None:
+        self.connected = event.kind == zenoh.SampleKind.PUT
+        with self._watch_lock:
+            self._watch.link(self.connected)
+        with self._wake:
+            self._just_linked = self.connected  # ask before a queue can build up: how quick is an answer?
+            self._linked_s = time.monotonic()
+            self._wake.notify_all()
+        self._told = ""
+        if not self._stopping:
+            log.info("%s %s", "linked to" if self.connected else "lost", self._relay)
+
+    # --- the echo's thread
+
+    def _ask_echo(self, session: zenoh.Session) -> None:
+        while not self._stopping and self._session is session:
+            with self._wake:
+                new = time.monotonic() - self._linked_s < NEW_LINK_S
+                pause_s = ECHO_AGAIN_S if new or self._watch.late_s > LATE_S else ECHO_S
+                self._wake.wait_for(lambda: self._stopping or self._just_linked, pause_s)
+                self._just_linked = False
+            if self._stopping:
+                continue
+            if not self.connected:
+                if time.monotonic() - self._linked_s > WHY_S:
+                    self._tell_why()
+                continue
+            asked_s = time.monotonic()
+            with self._watch_lock:
+                self._watch.asked(asked_s)
+            echo = self._echo_of(session)
+            with self._watch_lock:
+                if self.connected:
+                    self._watch.answered(echo, asked_s, time.monotonic())
+                    self.echoes += 1
+            # a certificate of the right authority links, whatever name it bears
+            stranger = echo is None and isinstance(self._credential, Certificate)
+            if stranger and self.connected and asked_s - self._linked_s > WHY_S:
+                self._tell(f"does not know {self._robot!r}, or the certificate does not bear that name")
+
+    def _echo_of(self, session: zenoh.Session) -> Echo | None:
+        """The newest of the relays' answers that is one. Whatever else comes is counted."""
+        echo: Echo | None = None
+        try:
+            replies = session.get(
+                echo_key(self._robot),
+                timeout=ECHO_TIMEOUT_S,
+                priority=zenoh.Priority.REAL_TIME,
+                congestion_control=zenoh.CongestionControl.DROP,
+            )
+            for reply in islice(replies, ECHO_REPLIES_MAX):
+                if reply.ok is None:
+                    continue
+                if len(reply.ok.payload) > ECHO_BYTES_MAX:
+                    raise ValueError(f"{len(reply.ok.payload)} bytes")
+                echo = Echo.unpack(reply.ok.payload.to_bytes())
+        except Exception as e:
+            if self._session is session and not self._stopping:
+                self.faults.add("the relay's echo", e)
+        return echo

@@ -1,0 +1,165 @@
+"""One view on its way out: what waits for somebody to listen, and in which order it goes."""
+
+from __future__ import annotations
+
+import json
+from collections import deque
+from collections.abc import Callable
+from typing import cast
+
+import zenoh
+from posecast_wire.keys import Snapshot, event_key, frame_key, snapshot_key
+
+from posecast_edge import clock
+from posecast_edge.faults import Faults
+from posecast_edge.pipeline.events import Event
+from posecast_edge.token_bucket import Allowance
+from posecast_edge.uplink.run import Run
+
+EVENTS_MAX = 100  # waiting for the link; the oldest goes first. The relay keeps as many
+INFO_EVERY_S = 0.5  # texts that change more often go together
+SNAPSHOTS_S = 10.0  # a relay asks once a second, and there may be several; more are not answered,
+SNAPSHOTS_AT_ONCE = 20.0  # but for so many in a row
+KEY_FIRST_S = 1.0  # events wait this long for the KEY that makes the relay adopt this run
+
+
+class Lane:
+    """Frames, events and the snapshot of one view. What waits is guarded by the publisher's lock."""
+
+    def __init__(
+        self,
+        robot: str,
+        view: str,
+        run: Run,
+        snapshot: Callable[[], Snapshot | None],
+        heard: Callable[[], None],
+        faults: Faults,
+    ) -> None:
+        """`snapshot` and `heard` are called by Zenoh's threads; `heard` when somebody begins to listen."""
+        self.view = view
+        self.events: deque[Event] = deque(maxlen=EVENTS_MAX)
+        self.info: dict[str, str] | None = None  # the newest only
+        self.model: str | None = None  # the same
+        self._robot, self._run = robot, run
+        self._snapshot, self._heard, self._faults = snapshot, heard, faults
+        self._allowance = Allowance(SNAPSHOTS_S, SNAPSHOTS_AT_ONCE)
+        self._answer: tuple[Snapshot, bytes] | None = None  # the newest, packed
+        self._info_sent_s = float("-inf")
+        self._frames: zenoh.Publisher | None = None
+        self._events: zenoh.Publisher | None = None
+        self._matched = False
+        self._heard_s = 0.0
+        self._frame_since_heard = False
+
+    def declare(self, session: zenoh.Session) -> list[object]:
+        """Come into being on the network; what is returned must be held."""
+        self._frames = frames = session.declare_publisher(
+            frame_key(self._robot, self.view),
+            congestion_control=zenoh.CongestionControl.DROP,
+            priority=zenoh.Priority.REAL_TIME,
+        )
+        self._events = session.declare_publisher(
+            event_key(self._robot, self.view),
+            reliability=zenoh.Reliability.RELIABLE,
+            congestion_control=zenoh.CongestionControl.BLOCK,
+        )
+        on_matching = self._faults.guarded(f"the link of {self.view}", self._on_matching)
+        on_snapshot = self._faults.guarded(f"a snapshot of {self.view}", self._on_snapshot)
+        listener = frames.declare_matching_listener(on_matching)
+        on_matching(_matching(frames))  # it may have matched before anybody listened for it
+        return [listener, session.declare_queryable(snapshot_key(self._robot, self.view), on_snapshot)]
+
+    def close(self) -> None:
+        """No frame leaves any more."""
+        self._frames = self._events = None
+        self._matched = False
+
+    @property
+    def declared(self) -> bool:
+        """Whether a frame would leave."""
+        return self._frames is not None
+
+    @property
+    def heard(self) -> bool:
+        """Somebody listens: what is sent now leaves."""
+        if not self._matched and self._frames is not None:
+            self._matched = _matching(self._frames).matching  # in case the listener was too early to know
+        return self._matched
+
+    def frame(self, data: bytes, taken_s: float) -> None:
+        """Send a frame, or discard it when there is no link. `taken_s`: when its sample came."""
+        frames = self._frames
+        if frames is not None:
+            frames.put(data, attachment=self._run.stamp(taken_s).pack())
+            self._frame_since_heard = True
+
+    @property
+    def waiting(self) -> bool:
+        """Something is to be told."""
+        return bool(self.events) or self.model is not None or self.info is not None
+
+    @property
+    def _info_is_due(self) -> bool:
+        return self.info is not None and clock.now_s() - self._info_sent_s >= INFO_EVERY_S
+
+    @property
+    def ready(self) -> bool:
+        """Something may be told now: somebody listens, and the KEY went first."""
+        if not (self.events or self.model is not None or self._info_is_due):
+            return False
+        if self._events is None or not _matching(self._events).matching:
+            return False
+        return self._frame_since_heard or clock.now_s() - self._heard_s > KEY_FIRST_S
+
+    def take(self) -> Callable[[], None]:
+        """The next that waits, as what sends it: to be called without the lock."""
+        if self.info is not None and self._info_is_due:
+            document: dict[str, object] = {"type": "info", "kv": self.info}
+            self.info, self._info_sent_s = None, clock.now_s()
+        elif self.model is not None:
+            document = {"type": "model", "hash": self.model}
+            self.model = None
+        else:
+            document = _event_document(self.events.popleft())
+        publisher = self._events
+        assert publisher is not None
+
+        def send() -> None:
+            text = json.dumps(document, ensure_ascii=False, separators=(",", ":"))
+            publisher.put(text.encode(), attachment=self._run.stamp().pack())
+
+        return send
+
+    def _on_matching(self, status: zenoh.MatchingStatus) -> None:
+        self._matched = status.matching
+        if status.matching:
+            self._heard_s, self._frame_since_heard = clock.now_s(), False
+            self._heard()
+
+    def _on_snapshot(self, query: zenoh.Query) -> None:
+        with query:
+            if not self._allowance.take(clock.now_s()):
+                return
+            snapshot = self._snapshot()
+            if snapshot is None:
+                query.reply_err(b"no sample yet")
+                return
+            if self._answer is None or self._answer[0] != snapshot:
+                self._answer = snapshot, snapshot.pack()
+            stamp = self._run.stamp().pack()
+            query.reply(snapshot_key(self._robot, self.view), self._answer[1], attachment=stamp)
+
+
+def _matching(publisher: zenoh.Publisher) -> zenoh.MatchingStatus:
+    return cast(zenoh.MatchingStatus, publisher.matching_status)  # zenoh's stub says bool; it is not
+
+
+def _event_document(event: Event) -> dict[str, object]:
+    return {
+        "type": "event",
+        "t": event.t_s,
+        "level": event.level,
+        "source": event.source,
+        "text": event.text,
+        "state": "on" if event.on else "off",
+    }
