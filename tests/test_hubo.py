@@ -38,7 +38,7 @@ def edge_tests(monkeypatch: pytest.MonkeyPatch) -> None:
 async def test_from_achd_to_the_viewer(stack: Any, name: str) -> None:
     from achd_stage import Achd
     from hubo_stage import Walker
-    from posecast_edge.profile_reader import find_profile, load_profile
+    from posecast_edge.profile.reader import find_profile, load_profile
     from posecast_wire.mapping import joint_values
 
     profile = load_profile(find_profile(name))
@@ -91,7 +91,7 @@ async def test_from_achd_to_the_viewer(stack: Any, name: str) -> None:
 def test_the_doctor_on_a_walking_robot(name: str, serious: set[str], tmp_path: Path) -> None:
     from achd_stage import Achd
     from hubo_stage import Walker
-    from posecast_edge.profile_reader import find_profile, load_profile
+    from posecast_edge.profile.reader import find_profile, load_profile
 
     server = Achd()
     walker = Walker(load_profile(find_profile(name)), WALK, server.publish, INACTIVE[name])

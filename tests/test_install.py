@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from posecast_edge.settings import Settings, parse_settings
+from posecast_edge.cli.settings import Settings, parse_settings
 
 from tests.conftest import BIN, until
 from tests.namespaces import Namespace

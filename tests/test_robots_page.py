@@ -6,18 +6,18 @@ import re
 from pathlib import Path
 
 import pytest
-from posecast_edge.profile_reader import SHIPPED, parse_profile
-from posecast_edge.schema_build import profile_of, schema_text
-from posecast_edge.sources import KINDS
-from posecast_edge.sources.hubo_state import LAYOUTS
+from posecast_edge.pipeline.stream import Stream
+from posecast_edge.profile.field_defaults import UNITS
+from posecast_edge.profile.reader import SHIPPED, parse_profile
+from posecast_edge.profile.schema import profile_of, schema_text
+from posecast_edge.sources.hubo.state import LAYOUTS
 from posecast_edge.sources.jsonl import MAX_LINE, parse_line
-from posecast_edge.sources.ros2 import BACKLOG_MAX
-from posecast_edge.sources.ros_merge import STATE_S, STREAM_S
-from posecast_edge.sources.ros_messages import PAYLOAD_MAX
-from posecast_edge.sources.ros_topics import ROLES, TYPES
-from posecast_edge.sources.rosbridge import LOOK_S, THROTTLE_MS
-from posecast_edge.stream import Stream
-from posecast_edge.wellknown import UNITS
+from posecast_edge.sources.registry import KINDS
+from posecast_edge.sources.ros.merge import STATE_S, STREAM_S
+from posecast_edge.sources.ros.messages import PAYLOAD_MAX
+from posecast_edge.sources.ros.ros2 import BACKLOG_MAX
+from posecast_edge.sources.ros.rosbridge import LOOK_S, THROTTLE_MS
+from posecast_edge.sources.ros.topics import ROLES, TYPES
 from posecast_wire.decoder import Decoder
 from posecast_wire.schema import Schema
 

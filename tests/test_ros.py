@@ -54,7 +54,7 @@ def fetch(url: str) -> Any:
 async def test_one_command_puts_a_robot_that_describes_itself_on_air(stack: Any, kind: str) -> None:
     """Neither profile nor --urdf: joints and the model are what the robot says they are."""
     import ros_stage
-    from posecast_edge.sources.ros_messages import JOINT_STATE, STRING
+    from posecast_edge.sources.ros.messages import JOINT_STATE, STRING
     from rosbridge_stage import Rosbridge, joint_state
     from source_stage import Mover
 
@@ -100,8 +100,8 @@ async def test_one_command_puts_a_robot_that_describes_itself_on_air(stack: Any,
 @pytest.mark.skipif(not SHARED.is_dir(), reason="no robot models beside this checkout")
 async def test_a_g1_from_its_topics_to_the_viewer_and_the_doctor(stack: Any) -> None:
     import ros_stage
-    from posecast_edge.profile_reader import find_profile, load_profile
-    from posecast_edge.sources.ros_messages import CONTROLLER_STATE, IMU, JOINT_STATE, ODOMETRY
+    from posecast_edge.profile.reader import find_profile, load_profile
+    from posecast_edge.sources.ros.messages import CONTROLLER_STATE, IMU, JOINT_STATE, ODOMETRY
     from source_stage import Mover
 
     names = load_profile(find_profile("g1")).labels["joint"]

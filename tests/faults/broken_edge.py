@@ -11,8 +11,8 @@ import sys
 from collections import deque
 from collections.abc import Callable
 
-from posecast_edge.cli import main
-from posecast_edge.sampler import NEVER, Due, Sampler, Values
+from posecast_edge.cli.main import main
+from posecast_edge.pipeline.sampler import NEVER, Due, Sampler, Values
 from posecast_wire.quantiser import Quantiser
 
 WELL = 60  # it breaks after so many frames
