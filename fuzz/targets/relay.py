@@ -9,13 +9,13 @@ import json
 
 from posecast_relay.auth.addresses import networks, real_address
 from posecast_relay.auth.origins import may_show
+from posecast_relay.config.robots_file import RobotsError, read_robots
 from posecast_relay.core.edge_messages import edge_said
 from posecast_relay.core.limits import Limits
 from posecast_relay.core.policy.share_link import make_link, read_link
 from posecast_relay.core.state.stream import Stream
 from posecast_relay.models.cache import Absent, Models, Unavailable
 from posecast_relay.redis.messages import pack, unpack, unpack_state
-from posecast_relay.robots_file import RobotsError, read_robots
 from posecast_relay.streaming.request import BadRequest, NoSuchStream, bearer, read_target
 from posecast_wire import Snapshot
 

@@ -18,14 +18,14 @@ import pytest
 from posecast_relay.auth.access import Access
 from posecast_relay.auth.addresses import networks, real_address
 from posecast_relay.auth.origins import may_show
+from posecast_relay.config.robots_file import read_robots
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
 from posecast_relay.core.policy.share_link import read_link
 from posecast_relay.core.viewer import messages
-from posecast_relay.logs import visible
+from posecast_relay.logging import visible
 from posecast_relay.models.manifest import read_manifest
 from posecast_relay.plain_json import json_bytes
-from posecast_relay.robots_file import read_robots
 from posecast_relay.runtime.dispatcher import Pump
 from posecast_relay.runtime.fan_out import FanOut
 from posecast_relay.store_memory import MemoryStore

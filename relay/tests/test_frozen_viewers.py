@@ -15,7 +15,7 @@ import pytest
 from posecast_wire import Close
 
 from .stage import Watcher, free_port, until
-from .test_sight import figures
+from .test_observability import figures
 
 HZ = 30
 PAGE = """

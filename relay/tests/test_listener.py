@@ -7,7 +7,7 @@ import socket
 from contextlib import ExitStack
 
 import pytest
-from posecast_relay import listener
+from posecast_relay.server import listener
 
 from .stage import until
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-from posecast_relay.config import FLAGS
+from posecast_relay.config.settings import FLAGS
 from posecast_relay.core.breaker import Breaker
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits

@@ -12,7 +12,7 @@ import redis
 from .redis_server import Redis
 from .stage import Watcher, free_port
 from .test_gateway import clean, live_after, watching, word
-from .test_sight import figures
+from .test_observability import figures
 
 
 class SlowLine:

@@ -12,7 +12,7 @@ import httpx
 from posecast_relay.streaming.request_timeouts import ASK_S, CROWD, HURRIED_S, SWEEP_S, Unasked
 
 from .stage import Watcher, free_port
-from .test_sight import figures
+from .test_observability import figures
 
 
 class Line:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from posecast_relay.config.robots_file import RobotsError, read_robots
 from posecast_relay.core.policy.policy import Audience, Rule
-from posecast_relay.robots_file import RobotsError, read_robots
 
 SECRET = "C" * 43
 

@@ -23,8 +23,8 @@ def loaded(module: str, names: tuple[str, ...]) -> set[str]:
 
 
 def test_nothing_heavy_is_loaded_to_serve() -> None:
-    assert loaded("posecast_relay.serve", (*HEAVY, *REDIS)) == set()
-    gateway = "posecast_relay.serve, posecast_relay.redis.gateway"
+    assert loaded("posecast_relay.server.process", (*HEAVY, *REDIS)) == set()
+    gateway = "posecast_relay.server.process, posecast_relay.redis.gateway"
     assert loaded(gateway, (*HEAVY, *REDIS)) == {"redis"}
     assert loaded("posecast_relay.cli", ("fastapi", "zenoh", "uvicorn")) == set()
 

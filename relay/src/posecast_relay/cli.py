@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from typing import NoReturn
 
-from posecast_relay.config import SettingsError, StartError, parse
+from posecast_relay.config.settings import SettingsError, StartError, parse
 
 
 def main() -> NoReturn:
@@ -34,12 +34,12 @@ def main() -> NoReturn:
 
 def _run(argv: Sequence[str]) -> None:
     if argv[:1] == ["robots"]:
-        from posecast_relay.robots_command import run_robots  # noqa: PLC0415 — the same
+        from posecast_relay.config.robots_command import run_robots  # noqa: PLC0415 — the same
 
         run_robots(argv[1:], os.environ)
         return
     settings = parse(argv, os.environ)
-    from posecast_relay.serve import run  # noqa: PLC0415 — --help and a wrong flag answer at once
+    from posecast_relay.server.process import run  # noqa: PLC0415 — --help and a wrong flag answer at once
 
     run(settings)
 

@@ -18,7 +18,7 @@ from collections.abc import AsyncIterator, Callable, Coroutine
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol, TypeVar, cast
 
-from posecast_relay.logs import visible
+from posecast_relay.logging import visible
 from posecast_relay.models.manifest import (
     BYTES_MAX,
     SHA256,

@@ -1,11 +1,12 @@
 """The log on stderr: lines for people on a terminal, JSON lines for whatever collects them elsewhere.
 
-A stranger can make a line be written, so lines are bounded: in number (`repeats.py`), in length, and to what
-can be seen of a text. A traceback is written at level debug only; else what failed and where.
+A stranger can make a line be written, so lines are bounded: in number (`repeat_filter.py`), in length, and to
+what can be seen of a text. A traceback is written at level debug only; else what failed and where.
 """
 
 from __future__ import annotations
 
+import asyncio
 import json
 import logging
 import sys
@@ -18,12 +19,14 @@ from typing import Any
 
 from posecast_wire.checked import UNSEEN
 
-from posecast_relay.repeats import WINDOW_S, Repeats
+from posecast_relay.repeat_filter import WINDOW_S, Repeats
 
 MEMBERS = ("conn", "robot", "code", "reason")  # beside ts, level and event; nothing else a viewer sent
 LINE_MAX = 1000  # characters of an event
 NAME_MAX = 80  # characters of a name from outside
 OURS = "posecast_"
+
+log = logging.getLogger("posecast_relay")
 
 
 def visible(text: str, most: int = NAME_MAX) -> str:
@@ -137,7 +140,6 @@ def start_logging(level: str) -> None:
     handler.setFormatter(_Plain() if sys.stderr.isatty() else JsonLines())
     logging.basicConfig(level=level.upper(), handlers=[handler])
     logging.captureWarnings(True)
-    log = logging.getLogger("posecast_relay")
 
     def uncaught(kind: type[BaseException], error: BaseException | None, trace: TracebackType | None) -> None:
         if error is not None and isinstance(error, Exception):
@@ -148,3 +150,26 @@ def start_logging(level: str) -> None:
     sys.excepthook = uncaught
     threading.excepthook = lambda about: uncaught(about.exc_type, about.exc_value, about.exc_traceback)
     sys.unraisablehook = lambda about: uncaught(about.exc_type, about.exc_value, about.exc_traceback)
+
+
+class Unheard:
+    """The event loop's exception handler: one line with what failed and where. How often, the log counts.
+
+    A connection that was given up (Redis, too slow) may fail afterwards: not again until another reason
+    comes.
+    """
+
+    def __init__(self) -> None:
+        self._said = ""
+
+    def __call__(self, _loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+        """As asyncio calls it."""
+        why = context.get("exception")
+        transport = context.get("transport")
+        # what still came over TLS is answered into a transport that is closed already
+        is_late = isinstance(why, RuntimeError) and transport is not None and transport.is_closing()
+        if not is_late and not (isinstance(why, OSError) and "future" in context):
+            log.error("%s", context.get("message") or "not caught", exc_info=why)
+        elif str(why) != self._said:
+            self._said = str(why)
+            log.warning("a connection that took too long: %s", why)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import re
 
-from posecast_relay.repeats import KINDS_MAX, LINES_PER_S, OF_A_KIND, WINDOW_S, Repeats
+from posecast_relay.repeat_filter import KINDS_MAX, LINES_PER_S, OF_A_KIND, WINDOW_S, Repeats
 
 
 def record(line: int, text: str = "it broke", level: int = logging.WARNING) -> logging.LogRecord:

@@ -9,7 +9,7 @@ import time
 from collections.abc import Awaitable, Callable
 from pathlib import Path
 
-from posecast_relay.robots_file import Robots, RobotsError, read_robots
+from posecast_relay.config.robots_file import Robots, RobotsError, read_robots
 
 log = logging.getLogger("posecast_relay")
 

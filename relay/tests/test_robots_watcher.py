@@ -5,8 +5,8 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from posecast_relay.robots_file import Robots, read_robots
-from posecast_relay.robots_watch import RobotsWatch
+from posecast_relay.config.robots_file import Robots, read_robots
+from posecast_relay.config.robots_watcher import RobotsWatch
 
 SECRET = "C" * 43
 

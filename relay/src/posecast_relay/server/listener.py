@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import socket
 
-from posecast_relay.config import StartError
+from posecast_relay.config.settings import StartError
 from posecast_relay.runtime.socket_options import cut_unread
 
 BACKLOG = 4096  # a lecture hall opens the link at once

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from posecast_relay.config import SettingsError, parse
+from posecast_relay.config.settings import SettingsError, parse
 
 
 def test_defaults() -> None:

@@ -18,10 +18,10 @@ from typing import Any, NoReturn
 import tomlkit
 from posecast_wire import Credential, check_name
 
-from posecast_relay.config import SettingsError
+from posecast_relay.config.robots_file import Robots, RobotsError, read_robots
+from posecast_relay.config.settings import SettingsError
 from posecast_relay.core.policy.policy import PUBLIC, Audience, Rule
 from posecast_relay.core.policy.share_link import make_link
-from posecast_relay.robots_file import Robots, RobotsError, read_robots
 
 HEAD = "Who may publish and who may watch. A running relay follows within a second. See docs/SECURITY.md."
 

@@ -11,8 +11,8 @@ import sys
 from typing import Any
 
 import pytest
-from posecast_relay import logs
-from posecast_relay.logs import LINE_MAX, JsonLines, told, visible
+from posecast_relay import logging as logs
+from posecast_relay.logging import LINE_MAX, JsonLines, told, visible
 
 from .stage import Relay, until
 
@@ -59,7 +59,7 @@ def failed(error: Exception) -> logging.LogRecord:
 def test_a_line_says_what_failed_and_where_and_no_more() -> None:
     line = JsonLines().format(failed(ValueError("two\nlines \u202e")))
     event = json.loads(line)["event"]
-    assert event.startswith("at r\\u{202e}: ValueError: two\\u{a}lines \\u{202e} (test_logs.py:")
+    assert event.startswith("at r\\u{202e}: ValueError: two\\u{a}lines \\u{202e} (test_logging.py:")
     assert len(json.loads(JsonLines().format(failed(ValueError("x" * 10_000))))["event"]) < LINE_MAX
     assert "exception" not in json.loads(line)
     record = logging.LogRecord("x", logging.INFO, "f", 1, "came", None, None)
@@ -72,12 +72,12 @@ def test_a_line_says_what_failed_and_where_and_no_more() -> None:
 def test_the_place_is_the_last_one_of_ours() -> None:
     with pytest.raises(TypeError) as refused:
         visible(None)  # type: ignore[arg-type]
-    assert "(logs.py:" in told(refused.value)
+    assert "(logging.py:" in told(refused.value)
 
 
 FAILS = """
 import threading
-from posecast_relay.logs import start_logging
+from posecast_relay.logging import start_logging
 
 class Ending:
     def __del__(self):

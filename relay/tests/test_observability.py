@@ -12,7 +12,7 @@ import httpx
 import pytest
 import websockets
 from posecast_relay.core.histogram import BOUNDS_S, Histogram
-from posecast_relay.logs import JsonLines
+from posecast_relay.logging import JsonLines
 from posecast_wire import Close
 from prometheus_client.parser import text_string_to_metric_families
 
@@ -110,6 +110,6 @@ def test_an_exception_is_one_line() -> None:
     line = JsonLines().format(record)
     assert "\n" not in line
     assert re.fullmatch(
-        r"it broke: ValueError: two\\u\{a\}lines \(test_sight\.py:\d+\)", json.loads(line)["event"]
+        r"it broke: ValueError: two\\u\{a\}lines \(test_observability\.py:\d+\)", json.loads(line)["event"]
     )
     assert "exception" not in json.loads(line)  # its traceback is for level debug

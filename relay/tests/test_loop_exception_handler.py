@@ -9,8 +9,7 @@ import re
 import ssl
 
 import pytest
-from posecast_relay.logs import JsonLines
-from posecast_relay.unheard import Unheard
+from posecast_relay.logging import JsonLines, Unheard
 
 
 async def test_a_connection_given_up_is_one_line_and_a_mistake_of_ours_is_named(

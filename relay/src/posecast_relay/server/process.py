@@ -23,27 +23,26 @@ import zenoh
 from posecast_relay.auth.access import Access
 from posecast_relay.auth.addresses import Addresses
 from posecast_relay.auth.tokens import Accounts, Tokens
-from posecast_relay.config import Settings, StartError
+from posecast_relay.config.robots_file import Robots, RobotsError, read_robots
+from posecast_relay.config.robots_watcher import RobotsWatch
+from posecast_relay.config.settings import Settings, StartError
 from posecast_relay.core.delayed_hub import DelayedHub
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
 from posecast_relay.http.app import make_app
 from posecast_relay.http.metrics import start_metrics
-from posecast_relay.listener import BACKLOG, listen
-from posecast_relay.logs import start_logging
-from posecast_relay.robots_file import Robots, RobotsError, read_robots
-from posecast_relay.robots_watch import RobotsWatch
-from posecast_relay.roles import open_part
+from posecast_relay.logging import Unheard, start_logging
 from posecast_relay.runtime.dispatcher import Pump
 from posecast_relay.runtime.fan_out import FanOut
 from posecast_relay.runtime.io_uring import Ring
+from posecast_relay.server.listener import BACKLOG, listen
+from posecast_relay.server.roles import open_part
 from posecast_relay.store_memory import MemoryStore
 from posecast_relay.streaming.decode_cache import Decoded
 from posecast_relay.streaming.http_connection import plain_http
 from posecast_relay.streaming.request_timeouts import Unasked, guarded
 from posecast_relay.streaming.sse import http_protocol
 from posecast_relay.streaming.websocket import live_protocol
-from posecast_relay.unheard import Unheard
 from posecast_relay.zenoh.auth_failures import Refusals
 from posecast_relay.zenoh.router import Door, Gate, ListenError
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from posecast_relay.config import Settings
+from posecast_relay.config.settings import Settings
 from posecast_relay.core.policy.policy import PUBLIC
 from posecast_relay.core.state.robot import Robot
 from posecast_relay.http.robots import robot_summary

@@ -1,0 +1,1 @@
+"""Settings of a relay, and the file of robots: read, followed and edited."""

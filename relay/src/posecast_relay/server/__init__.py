@@ -1,0 +1,1 @@
+"""One relay process: its role, its listener, from its first socket to its last."""
