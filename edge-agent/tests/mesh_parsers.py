@@ -12,7 +12,7 @@ from model_stage import PICTURE, cube_obj, cube_stl, cube_text_stl
 from parser_stage import Input, Parser, Work, Worst, written
 from PIL import Image
 from posecast_edge.model.builder.quantise import grid_of, pack
-from posecast_edge.model.builder.simplify import Ladder
+from posecast_edge.model.builder.simplify import LodChain
 from posecast_edge.model.finding import ModelRefused
 from posecast_edge.model.meshes.reader import read_mesh
 from posecast_edge.model.meshes.weld import weld
@@ -37,7 +37,7 @@ def level_work(given: Input, folder: Path) -> Work:
         for surface in read_mesh(path, Resolver(folder / "robot.urdf")).surfaces:
             whole = weld(surface)
             low, high = whole.positions.min(0), whole.positions.max(0)
-            faces = Ladder(whole, 1.0, 1.0).rung(12)[1]
+            faces = LodChain(whole, 1.0, 1.0).step(12)[1]
             pack(whole, faces, grid_of(low, high, 14))
 
     return work

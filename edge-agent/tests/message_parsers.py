@@ -14,13 +14,13 @@ import rosbridge_stage
 from hubo_structs import state
 from parser_stage import Input, Parser, Work, Worst, in_one_line, written
 from posecast_edge.sources.hubo.ach_channel import Channel, ChannelError
-from posecast_edge.sources.hubo.achd_protocol import Conversation
+from posecast_edge.sources.hubo.achd_protocol import AchdParser
 from posecast_edge.sources.hubo.achd_protocol import ProtocolError as AchdError
 from posecast_edge.sources.hubo.state import Decoder, UnknownFrame
 from posecast_edge.sources.ros.cdr import CdrReader
-from posecast_edge.sources.ros.merge import Merge
+from posecast_edge.sources.ros.merge import MessageMerger
 from posecast_edge.sources.ros.messages import READERS, STRING, MessageError, read_message, text_of
-from posecast_edge.sources.ros.rosbridge_protocol import Ear, ProtocolError, Publish
+from posecast_edge.sources.ros.rosbridge_protocol import MessageAssembler, ProtocolError, Publish
 
 
 def pieces(data: bytes, size: int) -> list[bytes]:
@@ -31,7 +31,7 @@ def achd_work(given: Input, folder: Path) -> Work:
     """A server's bytes, a few at a time."""
 
     def work() -> None:
-        conversation = Conversation()
+        conversation = AchdParser()
         for piece in pieces(given.data, 7):
             conversation.feed(piece)
 
@@ -59,14 +59,14 @@ def rosbridge_work(given: Input, folder: Path) -> Work:
     texts = given.data.decode("utf-8", "replace").split("\n")
 
     def work() -> None:
-        ear = Ear()
+        ear = MessageAssembler()
         for text in texts:
             hear(ear, text)
 
     return work
 
 
-def hear(ear: Ear, data: str | bytes) -> None:
+def hear(ear: MessageAssembler, data: str | bytes) -> None:
     """A message of a server's, and what it says of a robot. A refusal of one is no refusal of the others."""
     heard = None
     with in_one_line(ProtocolError):
@@ -77,7 +77,7 @@ def hear(ear: Ear, data: str | bytes) -> None:
 
 def report(message: object) -> None:
     """A message, as of each type it can be."""
-    merge = Merge(True, lambda text: None)
+    merge = MessageMerger(True, lambda text: None)
     for type_name in READERS:
         with in_one_line(MessageError):
             merge.take("/x", "pos", type_name, read_message(type_name, message), 1.0)
@@ -87,7 +87,7 @@ def report(message: object) -> None:
 
 
 def cbor_work(given: Input, folder: Path) -> Work:
-    return lambda: hear(Ear(), given.data)
+    return lambda: hear(MessageAssembler(), given.data)
 
 
 CDR = CdrReader()

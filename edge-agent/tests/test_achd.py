@@ -16,8 +16,8 @@ from achd_stage import Achd, framed, refuse
 from edge_stage import free_port, until
 from posecast_edge.sources.backoff import Backoff
 from posecast_edge.sources.hubo import achd as achd_module
-from posecast_edge.sources.hubo.achd import BATCH_BYTES, AchdReader, Rhythm
-from posecast_edge.sources.hubo.achd_protocol import Conversation, ProtocolError, request
+from posecast_edge.sources.hubo.achd import BATCH_BYTES, AchdReader, BatchTimer
+from posecast_edge.sources.hubo.achd_protocol import AchdParser, ProtocolError, request
 from posecast_edge.sources.hubo.reconnecting import KEPT_MAX
 
 OK = b"frame-count: 10\nframe-size: 3000\nstatus: 0 # ACH_OK\n.\n"
@@ -31,27 +31,27 @@ def test_the_request_asks_to_be_sent_to_and_never_to_write() -> None:
 
 def test_every_frame_comes_out_once_however_the_bytes_are_cut() -> None:
     stream = OK + framed(b"one") + framed(b"two") + framed(b"three") + framed(b"rest")[:18]
-    whole = Conversation()
+    whole = AchdParser()
     assert whole.feed(stream) == [b"one", b"two", b"three"]
     assert whole.pending == 18
     assert whole.feed(framed(b"rest")[18:] + framed(b"more")[:3]) == [b"rest"]
     assert whole.feed(framed(b"more")[3:]) == [b"more"]
     assert whole.pending == 0
     for step in (1, 2, 7, 16, 17):
-        cut = Conversation()
+        cut = AchdParser()
         got = [f for i in range(0, len(stream), step) for f in cut.feed(stream[i : i + step])]
         assert got == [b"one", b"two", b"three"], step
 
 
 def test_of_more_frames_at_once_than_anybody_looks_at_the_newest_come_out() -> None:
-    c = Conversation()
+    c = AchdParser()
     got = c.feed(OK + b"".join(framed(b"%d" % k) for k in range(KEPT_MAX + 40)))
     assert got == [b"%d" % k for k in range(40, KEPT_MAX + 40)]
     assert c.feed(framed(b"next")) == [b"next"]
 
 
 def test_a_header_may_be_written_in_other_ways() -> None:
-    c = Conversation()
+    c = AchdParser()
     assert c.feed(b"# achd\n\nStatus = 0\nmessage: all: well\n.\n" + framed(b"x")) == [b"x"]
 
 
@@ -80,7 +80,7 @@ def test_a_header_may_be_written_in_other_ways() -> None:
 )
 def test_what_is_no_frame_is_said_in_one_line(said: bytes, message: str) -> None:
     def talk(step: int) -> None:
-        c = Conversation()
+        c = AchdParser()
         for i in range(0, len(said), step):
             c.feed(said[i : i + step])
 
@@ -307,18 +307,20 @@ def test_of_a_fast_source_the_frames_until_the_wanted_one_wake_the_reader_once_a
     assert got == list(range(len(got)))
 
 
-def ages(rhythm: Rhythm, arrivals_s: list[float], hz: float, late_s: float = 0.03) -> tuple[list[float], int]:
+def ages(
+    timer: BatchTimer, arrivals_s: list[float], hz: float, late_s: float = 0.03
+) -> tuple[list[float], int]:
     """A reader that sleeps through batches, 30 wishes a second: ages (s) of what it gets, and its wakes."""
     found: list[float] = []
     at = wakes = 0
     now_s = arrivals_s[0]
     wanted_s = now_s
     while at < len(arrivals_s):
-        batch = rhythm.batch(wanted_s)
+        batch = timer.batch(wanted_s)
         last = at + batch - 1
         due_s = arrivals_s[last] if last < len(arrivals_s) else float("inf")
-        if batch > 1 and due_s > (limit_s := max(now_s, rhythm.due_s(batch) + late_s)):
-            rhythm.late()
+        if batch > 1 and due_s > (limit_s := max(now_s, timer.due_s(batch) + late_s)):
+            timer.late()
             due_s = limit_s
         if due_s == float("inf"):
             break
@@ -327,7 +329,7 @@ def ages(rhythm: Rhythm, arrivals_s: list[float], hz: float, late_s: float = 0.0
         wakes += 1
         at += came
         if came:
-            rhythm.came(came, now_s)
+            timer.came(came, now_s)
             if now_s >= wanted_s:
                 found.append(now_s - arrivals_s[at - 1])
                 wanted_s = max(wanted_s + 1 / hz, now_s)
@@ -339,7 +341,7 @@ def test_a_rhythm_wakes_for_the_frame_that_is_wanted(source_hz: float) -> None:
     dice = random.Random(1)
     seconds = 20
     arrivals_s = sorted(k / source_hz + dice.uniform(0, 0.0005) for k in range(round(seconds * source_hz)))
-    found, wakes = ages(Rhythm(), arrivals_s, 30.0)
+    found, wakes = ages(BatchTimer(), arrivals_s, 30.0)
     assert len(found) >= 0.85 * seconds * min(source_hz, 30) - 2
     assert max(found[:-1]) == 0, "each as it came; after the last nothing comes any more"
     assert wakes <= seconds * min(source_hz, 45) + 2
@@ -349,7 +351,7 @@ def test_a_rhythm_begins_anew_when_the_source_slows_down_or_pauses() -> None:
     arrivals_s = [k / 200 for k in range(400)]
     arrivals_s += [arrivals_s[-1] + 0.7 + k / 20 for k in range(40)]
     arrivals_s += [arrivals_s[-1] + k / 200 for k in range(1, 400)]
-    found, wakes = ages(Rhythm(), arrivals_s, 30.0)
+    found, wakes = ages(BatchTimer(), arrivals_s, 30.0)
     assert sum(age > 0 for age in found) <= 2, "only what was waited for in vain is not fresh"
     assert max(found) < 0.07
     assert wakes < 200
@@ -382,7 +384,7 @@ def test_a_batch_is_no_larger_than_what_the_kernel_keeps(server: Achd) -> None:
 def test_noise_is_refused_or_waited_for_and_never_kept() -> None:
     dice = random.Random(1)
     for _ in range(300):
-        c = Conversation()
+        c = AchdParser()
         with suppress(ProtocolError):
             if dice.random() < 0.5:
                 c.feed(OK)

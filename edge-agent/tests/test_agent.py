@@ -16,7 +16,7 @@ from posecast_edge.cli.console import Console
 from posecast_edge.cli.settings import Settings
 from posecast_edge.pipeline.events import Event
 from posecast_edge.pipeline.stream import Frame
-from posecast_edge.pipeline.view_pipeline import Show
+from posecast_edge.pipeline.view_pipeline import ViewPipeline
 from posecast_edge.profile.reader import parse_profile
 from posecast_edge.sample import Sample, SourceError
 from posecast_edge.sources.base import Deliver
@@ -65,8 +65,8 @@ class Running:
         self._thread = threading.Thread(target=self.agent.run)
         self._thread.start()
 
-    def show(self, view: str) -> Show:
-        return next(show for show in self.agent._shows if show.view == view)
+    def pipeline(self, view: str) -> ViewPipeline:
+        return next(pipeline for pipeline in self.agent._pipelines if pipeline.view == view)
 
     def frames(self, view: str) -> list[Got]:
         key = frame_key(ROBOT, view)
@@ -97,19 +97,19 @@ def raises(*_: object, **__: object) -> Any:
 
 # (what raises, whose it is, whether the view goes without frames meanwhile)
 CALLS: list[tuple[str, Callable[[Running], object], bool]] = [
-    ("deliver", lambda r: r.show("public").stream, True),
-    ("tick", lambda r: r.show("public").stream, True),
-    ("idle", lambda r: r.show("public").stream, False),
-    ("snapshot", lambda r: r.show("public").stream, False),
-    ("encode", lambda r: r.show("public").stream._encoder, True),  # type: ignore[union-attr]
-    ("codes", lambda r: r.show("public").stream._sampler._quantiser, True),  # type: ignore[union-attr]
-    ("flatten", lambda r: r.show("public").stream._layout, True),  # type: ignore[union-attr]
-    ("sample", lambda r: r.show("public").stream._watch, True),  # type: ignore[union-attr]
-    ("admit", lambda r: r.show("public").stream._limit, False),  # type: ignore[union-attr]
-    ("ripe", lambda r: r.show("public").pace, True),
-    ("left", lambda r: r.show("public").pace, True),
-    ("frame", lambda r: r.agent._publisher._lanes["public"], True),
-    ("take", lambda r: r.agent._publisher._lanes["public"], False),
+    ("deliver", lambda r: r.pipeline("public").stream, True),
+    ("tick", lambda r: r.pipeline("public").stream, True),
+    ("idle", lambda r: r.pipeline("public").stream, False),
+    ("snapshot", lambda r: r.pipeline("public").stream, False),
+    ("encode", lambda r: r.pipeline("public").stream._encoder, True),  # type: ignore[union-attr]
+    ("codes", lambda r: r.pipeline("public").stream._sampler._quantiser, True),  # type: ignore[union-attr]
+    ("flatten", lambda r: r.pipeline("public").stream._flattener, True),  # type: ignore[union-attr]
+    ("sample", lambda r: r.pipeline("public").stream._watch, True),  # type: ignore[union-attr]
+    ("admit", lambda r: r.pipeline("public").stream._limit, False),  # type: ignore[union-attr]
+    ("is_due", lambda r: r.pipeline("public").pacer, True),
+    ("left", lambda r: r.pipeline("public").pacer, True),
+    ("frame", lambda r: r.agent._publisher._view_publishers["public"], True),
+    ("take", lambda r: r.agent._publisher._view_publishers["public"], False),
 ]
 
 
@@ -227,7 +227,7 @@ class Still:
         self.agent = Agent(settings, Moving(), parse_profile(PROFILE), Console(io.StringIO()))
         self.wire = Wire()
         self.agent._publisher = self.wire  # type: ignore[assignment]
-        self.show = self.agent._shows[0]
+        self.pipeline = self.agent._pipelines[0]
 
     def sample(self, sent_s: float | None = None) -> None:
         """One arrives that the robot sent at `sent_s`, by our clock; just now, if not given."""
@@ -241,8 +241,8 @@ class Still:
 
     def look(self) -> None:
         """What the clock's thread does when a frame is due."""
-        if self.show.rest_s(self.now_s) == 0:
-            self.agent._send(self.show)
+        if self.pipeline.rest_s(self.now_s) == 0:
+            self.agent._send(self.pipeline)
 
 
 def test_every_frame_is_stamped_with_its_samples_arrival(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -330,7 +330,7 @@ def test_after_standing_still_no_pose_from_before_is_sent(monkeypatch: pytest.Mo
     for frame in new:
         assert frame.taken_s > stopped_s + 10.0
     decoder = Decoder()
-    assert still.show.stream is not None
-    decoder.add_schema(still.show.stream.schema.text)
+    assert still.pipeline.stream is not None
+    decoder.add_schema(still.pipeline.stream.schema.text)
     told = [decoder.decode(frame.data).t_s - 1000.0 for frame in still.wire.frames]
     assert told[before] > stopped_s + 9.8

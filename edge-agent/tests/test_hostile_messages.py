@@ -16,12 +16,12 @@ import pytest
 import ros_stage
 from message_parsers import MESSAGE, as_cbor, doubling, publish
 from parser_stage import held_bytes
-from posecast_edge.rate_limited_log import Complaints
+from posecast_edge.rate_limited_log import RateLimitedLog
 from posecast_edge.sources.hubo.ach_channel import Channel, ChannelError
-from posecast_edge.sources.hubo.achd import Rhythm
+from posecast_edge.sources.hubo.achd import BatchTimer
 from posecast_edge.sources.ros.cdr import CdrReader
-from posecast_edge.sources.ros.input import Intake
-from posecast_edge.sources.ros.merge import Merge
+from posecast_edge.sources.ros.input import RosInput
+from posecast_edge.sources.ros.merge import MessageMerger
 from posecast_edge.sources.ros.messages import (
     DIAGNOSTICS,
     JOINT_STATE,
@@ -32,8 +32,8 @@ from posecast_edge.sources.ros.messages import (
     text_of,
 )
 from posecast_edge.sources.ros.ros2 import BACKLOG_MAX, Inbox
-from posecast_edge.sources.ros.rosbridge import Talk
-from posecast_edge.sources.ros.rosbridge_protocol import MESSAGE_MAX, Ear, ProtocolError, Publish
+from posecast_edge.sources.ros.rosbridge import RosbridgeConnection
+from posecast_edge.sources.ros.rosbridge_protocol import MESSAGE_MAX, MessageAssembler, ProtocolError, Publish
 from recording_parsers import WALKER
 
 
@@ -77,7 +77,7 @@ def test_texts_are_cut() -> None:
 def test_half_a_character_is_no_description() -> None:
     with pytest.raises(MessageError, match="half a character"):
         text_of({"data": "<robot name='\ud800'/>"})
-    intake = Intake("robot", None)
+    intake = RosInput("robot", None)
     with pytest.raises(MessageError, match="half a character"):
         intake.describe("<robot name='\ud800'/>")
 
@@ -102,7 +102,7 @@ def test_a_sequence_that_claims(count: int) -> None:
 
 
 def test_publishers_that_are_ever_new_push_each_other_out() -> None:
-    merge = Merge(True, lambda line: None)
+    merge = MessageMerger(True, lambda line: None)
     for k in range(300):
         names = {f"{k}.{i}": 1.0 for i in range(4000)}
         merge.take(f"/t{k}", "pos", JOINT_STATE, Report(k + 1.0, {"pos": names}), k / 1000)
@@ -113,7 +113,7 @@ def test_publishers_that_are_ever_new_push_each_other_out() -> None:
 
 def test_channels_told_twice_are_a_few_lines() -> None:
     said: list[str] = []
-    merge = Merge(True, said.append)
+    merge = MessageMerger(True, said.append)
     for k in range(100):
         merge.take(f"/t{k}", "pos", JOINT_STATE, Report(k + 1.0, {"pos": {"A": 1.0}}), k / 1000)
     assert len(said) == 8
@@ -121,14 +121,14 @@ def test_channels_told_twice_are_a_few_lines() -> None:
 
 
 def test_bad_messages_of_a_thousand_topics_are_a_few_lines(caplog: pytest.LogCaptureFixture) -> None:
-    intake = Intake("robot", None)
+    intake = RosInput("robot", None)
     for k in range(1000):
         intake.take(f"/t{k}/joint_states", JOINT_STATE, lambda: {"name": 5})
     assert len(caplog.messages) == 9
 
 
 def test_a_decoder_that_raises_costs_its_message(caplog: pytest.LogCaptureFixture) -> None:
-    intake = Intake("robot", WALKER)
+    intake = RosInput("robot", WALKER)
 
     def decode() -> object:
         raise ZeroDivisionError("of the decoder's own")
@@ -156,7 +156,7 @@ def fragment(name: object, data: str, number: int = 0, total: int = 4000) -> str
 
 
 def test_fragments_are_bounded_together() -> None:
-    ear = Ear()
+    ear = MessageAssembler()
     piece = fragment("x", "y" * (MESSAGE_MAX // 2)).replace('"x"', '"{}"', 1)
 
     def feed() -> None:
@@ -172,7 +172,7 @@ def test_fragments_are_bounded_together() -> None:
 @pytest.mark.parametrize("name", ["x" * 5000, 10**30, None, ["a"], 1.5])
 def test_a_fragment_of_a_strange_name(name: object) -> None:
     with pytest.raises(ProtocolError, match="a fragment that is none"):
-        Ear().feed(fragment(name, "x"))
+        MessageAssembler().feed(fragment(name, "x"))
 
 
 def test_a_number_of_thousands_of_digits_is_no_name() -> None:
@@ -181,15 +181,15 @@ def test_a_number_of_thousands_of_digits_is_no_name() -> None:
     for key in ("id", "level", "msg"):
         said = b"\xa4" + cbor2.dumps("op") + cbor2.dumps("service_response" if key == "id" else "status")
         said += cbor2.dumps(key) + number + cbor2.dumps("a") + b"\0" + cbor2.dumps("b") + b"\0"
-        Ear().feed(said)
+        MessageAssembler().feed(said)
     whole = {"op": "fragment", "data": "x", "num": 0, "total": 2}
     said = cbor2.dumps(whole)
     with pytest.raises(ProtocolError):
-        Ear().feed(b"\xa5" + said[1:] + cbor2.dumps("id") + number)
+        MessageAssembler().feed(b"\xa5" + said[1:] + cbor2.dumps("id") + number)
 
 
 def test_lists_that_hold_a_list_twice_are_not_written_out() -> None:
-    heard = Ear().feed(doubling(150))
+    heard = MessageAssembler().feed(doubling(150))
     assert isinstance(heard, Publish)
     with pytest.raises(MessageError):
         read_message(JOINT_STATE, heard.message)
@@ -210,7 +210,7 @@ def test_lists_that_hold_a_list_twice_are_not_written_out() -> None:
 )
 def test_tags_that_are_not_read(value: str) -> None:
     try:
-        heard = Ear().feed(as_cbor(bytes.fromhex(value)))
+        heard = MessageAssembler().feed(as_cbor(bytes.fromhex(value)))
     except ProtocolError as e:
         assert str(e).isprintable()  # noqa: PT017
         return
@@ -232,7 +232,7 @@ def test_tags_that_are_not_read(value: str) -> None:
 def test_messages_that_would_grow(data: str | bytes, reason: str) -> None:
     def feed() -> None:
         with pytest.raises(ProtocolError, match=reason):
-            Ear().feed(data)
+            MessageAssembler().feed(data)
 
     assert held_bytes(feed) < 8 << 20
 
@@ -253,9 +253,9 @@ class Connection:
         self.sent.append(json.loads(said))
 
 
-def talk(connection: Connection, encoding: str = "json") -> Talk:
-    words = Complaints(logging.getLogger("words").warning, "words")
-    return Talk(connection, Intake("robot", None), encoding, True, words)  # type: ignore[arg-type]
+def talk(connection: Connection, encoding: str = "json") -> RosbridgeConnection:
+    words = RateLimitedLog(logging.getLogger("words").warning, "words")
+    return RosbridgeConnection(connection, RosInput("robot", None), encoding, True, words)  # type: ignore[arg-type]
 
 
 def test_a_batch_is_bounded_in_characters() -> None:
@@ -320,7 +320,7 @@ def test_a_pipe_is_no_channel(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("wanted_s", [1e308, float("inf"), 1e-300])
 def test_a_batch_that_has_no_end(wanted_s: float) -> None:
-    rhythm = Rhythm()
+    rhythm = BatchTimer()
     rhythm.came(1, 0.0)
     rhythm.came(1, 5e-324)
     assert 1 <= rhythm.batch(wanted_s) <= 1 << 16

@@ -30,7 +30,7 @@ from posecast_edge.model.builder import raster
 from posecast_edge.model.builder import visuals as figure
 from posecast_edge.model.builder.build import Built, build
 from posecast_edge.model.builder.model_files import read_visual_files
-from posecast_edge.model.builder.simplify import Ladder
+from posecast_edge.model.builder.simplify import LodChain
 from posecast_edge.model.finding import ModelRefused
 from posecast_edge.model.meshes.mesh import Mesh
 from posecast_edge.model.meshes.normals import crease_normals
@@ -144,7 +144,7 @@ def test_a_fan_is_smooth_in_whatever_order_it_comes() -> None:
 
 def test_triangles_about_a_crowded_vertex_stay_as_they_are(tmp_path: Path) -> None:
     few, many = (read(tmp_path, "a.obj", obj_polygon(n)) for n in (CROWD_MAX - 10, CROWD_MAX + 10))
-    coarse = [len(Ladder(weld(m.surfaces[0]), 2.0, 2.0).rung(20)[1]) for m in (few, many)]
+    coarse = [len(LodChain(weld(m.surfaces[0]), 2.0, 2.0).step(20)[1]) for m in (few, many)]
     assert coarse[0] < 200
     assert coarse[1] == CROWD_MAX + 8
 

@@ -13,7 +13,7 @@ from posecast_edge.sources.ros.merge import (
     STRANDS_MAX,
     STREAM_S,
     TEXTS_MAX,
-    Merge,
+    MessageMerger,
     RobotClock,
 )
 from posecast_edge.sources.ros.messages import BATTERY, CONTROLLER_STATE, IMU, JOINT_STATE, Report
@@ -27,7 +27,7 @@ class Robot:
 
     def __init__(self, settled: bool = True) -> None:
         self.said: list[str] = []
-        self.merge = Merge(settled, self.said.append)
+        self.merge = MessageMerger(settled, self.said.append)
         self.now_s = 100.0
 
     def pos(self, values: Any, stamp_s: float | None, topic: str = "/joint_states") -> None:

@@ -15,7 +15,7 @@ from posecast_edge.sources.ros.rosbridge_protocol import (
     MESSAGE_MAX,
     PARTS_MAX,
     Answer,
-    Ear,
+    MessageAssembler,
     ProtocolError,
     Publish,
     Status,
@@ -49,7 +49,7 @@ def test_what_is_asked_for() -> None:
 
 
 def test_what_is_heard() -> None:
-    ear = Ear()
+    ear = MessageAssembler()
     assert ear.feed(MESSAGE) == Publish("/a", {"position": [1.0, 2.0], "name": "é"})
     answer = {"op": "service_response", "id": "topics", "values": {"topics": []}, "result": True}
     assert ear.feed(json.dumps(answer)) == Answer("topics", {"topics": []})
@@ -59,7 +59,9 @@ def test_what_is_heard() -> None:
 
 
 def test_nan_is_no_reading() -> None:
-    heard = Ear().feed('{"op": "publish", "topic": "/a", "msg": {"position": [NaN, Infinity, 1.0, null]}}')
+    heard = MessageAssembler().feed(
+        '{"op": "publish", "topic": "/a", "msg": {"position": [NaN, Infinity, 1.0, null]}}'
+    )
     assert heard == Publish("/a", {"position": [None, None, 1.0, None]})
 
 
@@ -67,14 +69,14 @@ def test_nan_is_no_reading() -> None:
 def test_fragments_in_any_order(size: int) -> None:
     pieces = fragments(MESSAGE, size)
     random.Random(1).shuffle(pieces)
-    ear = Ear()
+    ear = MessageAssembler()
     heard = [ear.feed(piece) for piece in pieces]
     assert heard[:-1] == [None] * (len(pieces) - 1)
-    assert heard[-1] == Ear().feed(MESSAGE)
+    assert heard[-1] == MessageAssembler().feed(MESSAGE)
 
 
 def test_messages_in_pieces_may_mix_and_repeat_their_number() -> None:
-    ear = Ear()
+    ear = MessageAssembler()
     one, two = fragments(MESSAGE, 20, "1"), fragments(MESSAGE, 30, 2)
     for a, b in zip_longest(one[:-1], two[:-1], fillvalue=two[-1]):
         ear.feed(a)
@@ -86,7 +88,7 @@ def test_messages_in_pieces_may_mix_and_repeat_their_number() -> None:
 
 
 def test_pieces_that_never_become_whole_are_given_up() -> None:
-    ear = Ear()
+    ear = MessageAssembler()
     for k in range(PARTS_MAX + 5):
         ear.feed(fragments(MESSAGE, 20, f"k{k}")[0])
     rest = [ear.feed(piece) for piece in fragments(MESSAGE, 20, "k0")[1:]]
@@ -109,10 +111,10 @@ def test_cbor_with_typed_arrays() -> None:
         "none": (86, b"", []),
     }
     message = {name: cbor2.CBORTag(tag, data) for name, (tag, data, _) in arrays.items()}
-    heard = Ear().feed(cbor2.dumps({"op": "publish", "topic": "/a", "msg": message}))
+    heard = MessageAssembler().feed(cbor2.dumps({"op": "publish", "topic": "/a", "msg": message}))
     assert heard == Publish("/a", {name: values for name, (_, _, values) in arrays.items()})
     odd = cbor2.dumps({"op": "publish", "topic": "/a", "msg": cbor2.CBORTag(86, struct.pack("<d", math.nan))})
-    heard = Ear().feed(odd)
+    heard = MessageAssembler().feed(odd)
     assert isinstance(heard, Publish)
     assert math.isnan(heard.message[0])
 
@@ -145,7 +147,7 @@ def test_cbor_with_typed_arrays() -> None:
     ],
 )
 def test_what_is_not_rosbridge_is_named_and_the_next_message_counts(data: str | bytes, words: str) -> None:
-    ear = Ear()
+    ear = MessageAssembler()
     with pytest.raises(ProtocolError, match=words):
         ear.feed(data)
     assert isinstance(ear.feed(MESSAGE), Publish)
@@ -154,7 +156,7 @@ def test_what_is_not_rosbridge_is_named_and_the_next_message_counts(data: str | 
 def test_any_bytes_are_either_heard_or_named() -> None:
     chance = random.Random(3)
     good = cbor2.dumps({"op": "publish", "topic": "/a", "msg": {"position": cbor2.CBORTag(86, bytes(16))}})
-    ear = Ear()
+    ear = MessageAssembler()
     for _ in range(3000):
         data = bytes(chance.randrange(256) if chance.random() < 0.1 else b for b in good)
         try:

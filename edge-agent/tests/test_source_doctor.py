@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 from posecast_edge.cli.doctor import examine_source
 from posecast_edge.model.urdf.reader import load_urdf
-from posecast_edge.pipeline.source_stats import Observation
+from posecast_edge.pipeline.source_stats import SourceStats
 from posecast_edge.profile.reader import parse_profile
 from posecast_edge.sample import Sample
 
@@ -180,8 +180,8 @@ def urdf_file(tmp_path: Path) -> Path:
     return path
 
 
-def watched(case: Case) -> Observation:
-    seen = Observation(parse_profile(case.profile))
+def watched(case: Case) -> SourceStats:
+    seen = SourceStats(parse_profile(case.profile))
     for k in range(case.samples):
         values = good(k)
         case.change(values)

@@ -12,7 +12,7 @@ from model_stage import CUBE_CORNERS, CUBE_FACES, cube_stl
 from PIL import Image
 from posecast_edge.model.builder.quantise import grid_of, pack
 from posecast_edge.model.builder.raster import camera_towards, draw, silhouette
-from posecast_edge.model.builder.simplify import FINEST, LARGEST, STEP, Ladder, rungs_in_all
+from posecast_edge.model.builder.simplify import FINEST, LARGEST, STEP, LodChain, rungs_in_all
 from posecast_edge.model.builder.thumbnail import picture, png
 from posecast_edge.model.meshes.mesh import Surface
 from posecast_edge.model.meshes.normals import crease_normals
@@ -70,23 +70,23 @@ def test_a_cube_has_edges_and_a_ball_has_none() -> None:
 
 def test_a_ladder_stays_within_its_bounds() -> None:
     surface = ball()
-    ladder = Ladder(surface, mesh_size=2.0, robot_size=2.0)
+    ladder = LodChain(surface, mesh_size=2.0, robot_size=2.0)
     last = len(surface.faces) + 1
-    for rung in range(0, rungs_in_all([2.0], 2.0), 3):
-        bound, faces = ladder.rung(rung)
-        assert bound == pytest.approx(min(2.0 * FINEST * STEP**rung, 2.0 * LARGEST))
+    for step in range(0, rungs_in_all([2.0], 2.0), 3):
+        bound, faces = ladder.step(step)
+        assert bound == pytest.approx(min(2.0 * FINEST * STEP**step, 2.0 * LARGEST))
         assert len(faces) <= last
         last = len(faces)
         middles = surface.positions[faces].astype(np.float64).mean(axis=1)
         moved = np.abs(np.linalg.norm(middles, axis=1) - 1).max()
         assert moved < 3 * bound + 0.01  # 0.01: the tessellation itself
     assert 50 < last < len(surface.faces) / 4
-    assert ladder.rung(99)[0] == pytest.approx(2.0 * LARGEST)
+    assert ladder.step(99)[0] == pytest.approx(2.0 * LARGEST)
 
 
 def test_small_surfaces_are_left_alone() -> None:
     triangle = Surface(CUBE_CORNERS[:3], np.array([[0, 1, 2]], np.int32))
-    assert Ladder(triangle, 1.0, 1.0).rung(30)[1].tolist() == [[0, 1, 2]]
+    assert LodChain(triangle, 1.0, 1.0).step(30)[1].tolist() == [[0, 1, 2]]
 
 
 def test_packing_is_exact_to_half_a_step() -> None:

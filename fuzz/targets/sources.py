@@ -20,14 +20,14 @@ from posecast_edge.sources.files.csv import Table
 from posecast_edge.sources.files.mcap import McapFile
 from posecast_edge.sources.files.trajectory import open_source as open_trajectory
 from posecast_edge.sources.hubo.ach_channel import Channel, ChannelError
-from posecast_edge.sources.hubo.achd_protocol import Conversation, ProtocolError
+from posecast_edge.sources.hubo.achd_protocol import AchdParser, ProtocolError
 from posecast_edge.sources.hubo.state import Decoder as HuboDecoder
 from posecast_edge.sources.hubo.state import UnknownFrame
 from posecast_edge.sources.jsonl import LineError, parse_line
 from posecast_edge.sources.ros.cdr import CdrReader
-from posecast_edge.sources.ros.merge import Merge
+from posecast_edge.sources.ros.merge import MessageMerger
 from posecast_edge.sources.ros.messages import STRING, MessageError, read_message, text_of
-from posecast_edge.sources.ros.rosbridge_protocol import Ear, Publish
+from posecast_edge.sources.ros.rosbridge_protocol import MessageAssembler, Publish
 from posecast_edge.sources.ros.rosbridge_protocol import ProtocolError as RosbridgeError
 from posecast_edge.sources.ros.topics import TYPES, Routes
 from posecast_wire import Decoder, SchemaError, Snapshot
@@ -140,7 +140,7 @@ def profile(data: bytes) -> None:
 
 def achd(data: bytes) -> None:
     """A server's bytes, in pieces of as many as the first byte says."""
-    conversation, step = Conversation(), max(1, data[0]) if data else 1
+    conversation, step = AchdParser(), max(1, data[0]) if data else 1
     for at in range(1, len(data), step):
         conversation.feed(data[at : at + step])
 
@@ -180,7 +180,7 @@ def ros_message(name: str, message: object) -> None:
         text_of(message)
         return
     report = read_message(name, message)
-    merge = Merge(True, hear)
+    merge = MessageMerger(True, hear)
     merge.take("/topic", "pos", name, report, 1.0)
     sample = merge.sample(1.0)
     if sample is not None:
@@ -189,7 +189,7 @@ def ros_message(name: str, message: object) -> None:
 
 def rosbridge(data: bytes) -> None:
     """Messages, each on a line if it begins with text; CBOR else."""
-    ear, routes = Ear(), Routes(None)
+    ear, routes = MessageAssembler(), Routes(None)
     text = data[:1] in (b"{", b"[", b'"', b" ", b"\n")
     parts: list[str | bytes] = [*data.decode("utf-8", "replace").split("\n")] if text else [data]
     refused: Exception | None = None

@@ -23,10 +23,10 @@ from posecast_edge.pipeline.backlog import Backlog
 from posecast_edge.pipeline.events import Event
 from posecast_edge.pipeline.stream import Stream
 from posecast_edge.pipeline.text_guard import TextGuard
-from posecast_edge.pipeline.view_pipeline import Show
+from posecast_edge.pipeline.view_pipeline import ViewPipeline
 from posecast_edge.profile.schema import profile_of
 from posecast_edge.profile.types import PUBLIC, Profile
-from posecast_edge.rate_limited_log import Complaints
+from posecast_edge.rate_limited_log import RateLimitedLog
 from posecast_edge.sample import Sample, SourceError
 from posecast_edge.sources.base import Source
 from posecast_edge.uplink.lateness import RateControl
@@ -57,13 +57,13 @@ class Agent:
         self._console = console
         self._model: str | None = None
         self.faults = Faults()
-        self._useless = Complaints(log.warning, "useless samples")
+        self._useless = RateLimitedLog(log.warning, "useless samples")
         self._guard = TextGuard(log.warning)
         self._backlog = Backlog()
-        self._shows = self._shows_of(profile)
+        self._pipelines = self._pipelines_of(profile)
         self._publisher = ZenohPublisher(
             settings.robot,
-            [show.view for show in self._shows],
+            [pipeline.view for pipeline in self._pipelines],
             settings.relay,
             snapshot=self._snapshot,
             heard=self._force_key,
@@ -96,19 +96,19 @@ class Agent:
             if self._publisher.echoes != echoes:
                 echoes = self._publisher.echoes
                 self._adapt(now_s)
-            for show in self._shows:
-                if show.rest_s(now_s) == 0:
-                    self._send(show)
+            for pipeline in self._pipelines:
+                if pipeline.rest_s(now_s) == 0:
+                    self._send(pipeline)
             self._chores(now_s)
-            if self._bell.wait(min(NAP_S, *(show.rest_s(now_s) for show in self._shows))):
+            if self._bell.wait(min(NAP_S, *(pipeline.rest_s(now_s) for pipeline in self._pipelines))):
                 self._bell.clear()
         self._source_stop.set()
         if self._source_ended:
-            for show in self._shows:
-                self._send(show)  # the last sample
+            for pipeline in self._pipelines:
+                self._send(pipeline)  # the last sample
             log.log(logging.ERROR if self._failure else logging.INFO, "%s", self._failure or "source ended")
-        for show in self._shows:
-            show.end()  # a source that delivers on must not meet a link that closes
+        for pipeline in self._pipelines:
+            pipeline.end()  # a source that delivers on must not meet a link that closes
         self._publisher.stop(STOP_S)
         self._console.finish()
         return 1 if self._failure else 0
@@ -126,21 +126,21 @@ class Agent:
             log.warning("%s", visible(line))
 
     def _chores(self, now_s: float) -> None:
-        for show in self._shows:
-            self._look_for_silence(show, now_s)
+        for pipeline in self._pipelines:
+            self._look_for_silence(pipeline, now_s)
         if self._console.due(now_s):
             self._console.progress(self._progress(now_s), now_s)
 
-    def _look_for_silence(self, show: Show, now_s: float) -> None:
+    def _look_for_silence(self, pipeline: ViewPipeline, now_s: float) -> None:
         try:
-            if show.stream is not None:
-                self._tell(show, show.stream.idle(now_s))
+            if pipeline.stream is not None:
+                self._tell(pipeline, pipeline.stream.idle(now_s))
         except Exception as e:
-            self._failed(show, e)
+            self._failed(pipeline, e)
 
-    def _tell(self, show: Show, events: list[Event]) -> None:
+    def _tell(self, pipeline: ViewPipeline, events: list[Event]) -> None:
         for event in events:
-            self._publisher.event(show.view, event)
+            self._publisher.event(pipeline.view, event)
 
     def _progress(self, now_s: float) -> str:
         link = self._publisher.word()
@@ -148,7 +148,7 @@ class Agent:
             link = f"late {self._publisher.late_s:.1f} s, asked for {self._rate.hz:g} Hz"
         if self._publisher.over:
             link += ", over its share"
-        stream = self._shows[0].stream
+        stream = self._pipelines[0].stream
         source = "no sample yet" if stream is None or not stream.started else "live"
         if stream is not None and stream.silent:
             source = "silent"
@@ -157,30 +157,30 @@ class Agent:
 
     # --- the source's thread, which also sends: nobody has to be woken up for a frame
 
-    def _send(self, show: Show) -> None:
+    def _send(self, pipeline: ViewPipeline) -> None:
         """The frame that is due. By the clock's thread when no sample came for it."""
         try:
-            with show.lock:
+            with pipeline.lock:
                 now_s = clock.now_s()
-                if show.ended:
+                if pipeline.ended:
                     return
-                show.left(now_s, self._rate.hz)
+                pipeline.left(now_s, self._rate.hz)
                 # without a link, or with a queue in it, nothing is encoded: the newest sample waits, only
                 # the newest, and not for long
-                if show.stream is None or not self._publisher.open:
+                if pipeline.stream is None or not self._publisher.open:
                     return
-                frame = show.stream.tick(now_s, show.oldest_s(now_s))
+                frame = pipeline.stream.tick(now_s, pipeline.oldest_s(now_s))
                 if frame is not None:
-                    self._publisher.frame(show.view, frame)
+                    self._publisher.frame(pipeline.view, frame)
                     self._meter.frame(len(frame.data))
         except Exception as e:
-            self._failed(show, e)
+            self._failed(pipeline, e)
 
-    def _failed(self, show: Show, error: Exception) -> None:
+    def _failed(self, pipeline: ViewPipeline, error: Exception) -> None:
         """What was under way for this view is lost, and it goes on with the next sample."""
-        self.faults.add(f"view {show.view}", error)
-        if show.stream is not None:
-            show.stream.recover()
+        self.faults.add(f"view {pipeline.view}", error)
+        if pipeline.stream is not None:
+            pipeline.stream.recover()
 
     def _read_source(self) -> None:
         pause_s = AGAIN_S[0]
@@ -208,18 +208,18 @@ class Agent:
         if self._backlog.is_old(sample.t_s, now_s):
             sample = sample._replace(newest=False)
         wanted_s = math.inf
-        for show in self._shows:
+        for pipeline in self._pipelines:
             try:
-                self._deliver_to(show, sample, now_s)
+                self._deliver_to(pipeline, sample, now_s)
             except Exception as e:
-                self._failed(show, e)
-            if show.stream is None:
+                self._failed(pipeline, e)
+            if pipeline.stream is None:
                 return None
-            wanted_s = min(wanted_s, show.pace.from_s)
+            wanted_s = min(wanted_s, pipeline.pacer.from_s)
         return wanted_s - clock.now_s() + time.monotonic()  # sources wait by Python's clock
 
-    def _deliver_to(self, show: Show, sample: Sample, now_s: float) -> None:
-        stream = show.stream
+    def _deliver_to(self, pipeline: ViewPipeline, sample: Sample, now_s: float) -> None:
+        stream = pipeline.stream
         if stream is None:
             try:
                 named = self._guard.clean_names(sample, now_s)
@@ -230,42 +230,42 @@ class Agent:
         info = stream.info
         events = stream.deliver(sample, now_s)
         if events:
-            self._tell(show, events)
+            self._tell(pipeline, events)
         if stream.info is not info:
-            self._publisher.info(show.view, stream.info)
-        show.stream = stream  # seen by the clock only now, with its first sample in it
-        if sample.newest and show.pace.ripe(now_s):
-            self._send(show)
+            self._publisher.info(pipeline.view, stream.info)
+        pipeline.stream = stream  # seen by the clock only now, with its first sample in it
+        if sample.newest and pipeline.pacer.is_due(now_s):
+            self._send(pipeline)
 
     def _new_stream(self, profile: Profile) -> Stream:
         return Stream(profile, self._settings.key_interval_s, log.warning)
 
-    def _shows_of(self, profile: Profile | None) -> list[Show]:
+    def _pipelines_of(self, profile: Profile | None) -> list[ViewPipeline]:
         """What is sent, the fastest first: without views everything, without a profile what comes first."""
         hz, now_s = self._settings.hz, clock.now_s()
         if profile is None or not profile.views:
             stream = self._new_stream(profile) if profile else None
-            return [Show(PUBLIC, hz, stream, now_s)]
-        shows = [
-            Show(name, min(view.hz or hz, hz), self._new_stream(profile.seen_as(view)), now_s)
+            return [ViewPipeline(PUBLIC, hz, stream, now_s)]
+        pipelines = [
+            ViewPipeline(name, min(view.hz or hz, hz), self._new_stream(profile.seen_as(view)), now_s)
             for name, view in profile.views.items()
         ]
-        return sorted(shows, key=lambda show: -show.hz)
+        return sorted(pipelines, key=lambda pipeline: -pipeline.hz)
 
     # --- called by the link
 
-    def _show(self, view: str) -> Show:
-        return next(show for show in self._shows if show.view == view)
+    def _pipeline_of(self, view: str) -> ViewPipeline:
+        return next(pipeline for pipeline in self._pipelines if pipeline.view == view)
 
     def _snapshot(self, view: str) -> Snapshot | None:
-        stream = self._show(view).stream
+        stream = self._pipeline_of(view).stream
         return stream.snapshot(self._model, clock.now_s()) if stream else None
 
     def _force_key(self, view: str) -> None:
-        show = self._show(view)
-        if show.stream:
-            show.stream.force_key()
-            show.at_once = True  # who has just come does not wait for the pace
+        pipeline = self._pipeline_of(view)
+        if pipeline.stream:
+            pipeline.stream.force_key()
+            pipeline.at_once = True  # who has just come does not wait for the pace
             self._bell.set()
 
 

@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable
 from typing import TypeVar
 
-from posecast_edge.rate_limited_log import Complaints
+from posecast_edge.rate_limited_log import RateLimitedLog
 from posecast_edge.visible import visible
 
 log = logging.getLogger("posecast_edge")
@@ -21,7 +21,7 @@ class Faults:
 
     def __init__(self, say: Callable[[str], None] = log.warning) -> None:
         self._say = say
-        self._by_place: dict[str, Complaints] = {}
+        self._by_place: dict[str, RateLimitedLog] = {}
 
     def add(self, place: str, error: BaseException) -> None:
         """`error` was raised in `place`, one of a few fixed words."""
@@ -33,9 +33,9 @@ class Faults:
         """How many so far."""
         return self.of(place).total
 
-    def of(self, place: str) -> Complaints:
+    def of(self, place: str) -> RateLimitedLog:
         """What is told of one place."""
-        return self._by_place.setdefault(place, Complaints(self._say, f"faults in {place}", SAY_EVERY_S))
+        return self._by_place.setdefault(place, RateLimitedLog(self._say, f"faults in {place}", SAY_EVERY_S))
 
     def guarded(self, place: str, call: Callable[[T], None]) -> Callable[[T], None]:
         """`call` as a callback of a library, into which it raises nothing."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 
-class Complaints:
+class RateLimitedLog:
     """Rate limit for one kind of complaint. Time is an argument (monotonic seconds)."""
 
     def __init__(self, say: Callable[[str], None], noun: str, every_s: float = 1.0) -> None:

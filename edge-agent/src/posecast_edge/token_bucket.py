@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 
-class Allowance:
+class TokenBucket:
     """Fills up by `per_s` a second, to `most`. Times are monotonic seconds."""
 
     def __init__(self, per_s: float, most: float) -> None:

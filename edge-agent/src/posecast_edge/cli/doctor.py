@@ -12,9 +12,9 @@ from posecast_wire.mapping import JOINT, JointMap
 
 from posecast_edge.model.finding import Finding, quoted, worst_first
 from posecast_edge.model.urdf.types import Joint, Urdf
-from posecast_edge.pipeline.source_stats import POSITION, WAIT_S, Channel, Observation
+from posecast_edge.pipeline.source_stats import POSITION, WAIT_S, Channel, SourceStats
 from posecast_edge.profile.types import FieldSpec, Profile
-from posecast_edge.profile.unit_hints import suspicion
+from posecast_edge.profile.unit_hints import unit_hint
 
 MOVING = ("revolute", "continuous", "prismatic")
 SLACK = 0.02  # rad or m past a limit before it is worth a word: encoders and servos overshoot
@@ -24,7 +24,7 @@ CLOCKS = {1e3: "milliseconds", 1e6: "microseconds", 1e9: "nanoseconds"}
 SHOWN = 6  # names in one line
 
 
-def examine_source(seen: Observation, urdf: Urdf | None, hz: float, given: bool = True) -> list[Finding]:
+def examine_source(seen: SourceStats, urdf: Urdf | None, hz: float, given: bool = True) -> list[Finding]:
     """Everything, worst first. `hz`: the rate asked for; `given`: somebody wrote the profile, it was not made
     from the first sample."""
     profile = seen.profile
@@ -44,7 +44,7 @@ def examine_source(seen: Observation, urdf: Urdf | None, hz: float, given: bool 
 # --- time
 
 
-def _clock(seen: Observation) -> Iterator[Finding]:
+def _clock(seen: SourceStats) -> Iterator[Finding]:
     if seen.steps_back:
         yield Finding("warning", "clock-back", f"robot time stepped back {_times(seen.steps_back)}")
         return
@@ -63,7 +63,7 @@ def _clock(seen: Observation) -> Iterator[Finding]:
         yield Finding("warning", "clock-pace", text)
 
 
-def _rate(seen: Observation, hz: float) -> Iterator[Finding]:
+def _rate(seen: SourceStats, hz: float) -> Iterator[Finding]:
     if seen.samples < 3:
         yield Finding("warning", "rate-few", f"only {_many(seen.samples, 'sample')} came")
     elif seen.rate_hz < 0.9 * hz:
@@ -77,14 +77,14 @@ def _rate(seen: Observation, hz: float) -> Iterator[Finding]:
 # --- channels
 
 
-def _units(seen: Observation, profile: Profile, urdf: Urdf | None) -> Iterator[Finding]:
+def _units(seen: SourceStats, profile: Profile, urdf: Urdf | None) -> Iterator[Finding]:
     for name, channels in seen.fields.items():
         spec = profile.field_named(name)
         if spec is None or spec.bits:
             continue
         by_doubt: dict[str, list[str]] = {}
         for label in _doubted(name, channels, profile, urdf):
-            by_doubt.setdefault(suspicion(name, channels[label]) or "", []).append(label)
+            by_doubt.setdefault(unit_hint(name, channels[label]) or "", []).append(label)
         for doubt, labels in by_doubt.items():
             most = max(channels[label].largest for label in labels)
             text = f"{name} of {_names(labels)} reaches {most:.4g} {spec.unit}: are these {doubt}?"
@@ -102,10 +102,10 @@ def _doubted(name: str, channels: Mapping[str, Channel], profile: Profile, urdf:
         maps = profile.mapping.joints
         sliding = {j.name for j in urdf.joints if j.type == "prismatic"}
         apart |= sliding | {c for joint in sliding & set(maps) for c, _ in maps[joint].terms}
-    return [label for label, c in channels.items() if label not in apart and suspicion(name, c)]
+    return [label for label, c in channels.items() if label not in apart and unit_hint(name, c)]
 
 
-def _fields(seen: Observation, profile: Profile) -> Iterator[Finding]:
+def _fields(seen: SourceStats, profile: Profile) -> Iterator[Finding]:
     for name in seen.fields:
         if profile.field_named(name) is None:
             yield Finding("hint", "field-unused", f"the source has {quoted(name)}, the profile does not")
@@ -140,7 +140,7 @@ def _bits(spec: FieldSpec, channels: dict[str, Channel]) -> Iterator[Finding]:
         yield Finding("warning", "bit-unknown", text)
 
 
-def _sensors(seen: Observation, profile: Profile) -> Iterator[Finding]:
+def _sensors(seen: SourceStats, profile: Profile) -> Iterator[Finding]:
     sites = dict.fromkeys(
         label.partition(".")[0]
         for spec in profile.fields
@@ -170,7 +170,7 @@ def _sensors(seen: Observation, profile: Profile) -> Iterator[Finding]:
 # --- joints of the model
 
 
-def _joints(seen: Observation, profile: Profile, urdf: Urdf) -> Iterator[Finding]:
+def _joints(seen: SourceStats, profile: Profile, urdf: Urdf) -> Iterator[Finding]:
     moving = {j.name: j for j in urdf.joints if j.type in MOVING}
     spec = next((f for n in POSITION if (f := profile.field_named(n)) and n in seen.fields), None)
     if spec is None or spec.label_set != JOINT:

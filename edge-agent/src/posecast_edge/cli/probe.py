@@ -8,9 +8,9 @@ import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 
-from posecast_edge.pipeline.source_stats import WAIT_S, Channel, Observation, observe
+from posecast_edge.pipeline.source_stats import WAIT_S, Channel, SourceStats, observe
 from posecast_edge.profile.reader import ProfileError, find_profile, load_profile
-from posecast_edge.profile.unit_hints import suspicion, unit_of
+from posecast_edge.profile.unit_hints import unit_hint, unit_of
 from posecast_edge.sample import SourceError
 from posecast_edge.sources.base import Discovering
 from posecast_edge.sources.registry import KINDS, defaults_of, open_source
@@ -58,7 +58,7 @@ def run_probe(argv: Sequence[str]) -> int:
     return FINE if seen.samples else SILENT
 
 
-def report(description: str, seen: Observation) -> list[str]:
+def report(description: str, seen: SourceStats) -> list[str]:
     """Lines for a person."""
     if not seen.samples:
         what = "ended without a sample" if seen.ended else f"no sample within {WAIT_S:g} s"
@@ -84,7 +84,7 @@ def report(description: str, seen: Observation) -> list[str]:
     return lines
 
 
-def _clock(seen: Observation) -> str:
+def _clock(seen: SourceStats) -> str:
     first, last = seen.times_s
     pace = f", {(last - first) / seen.duration_s:.4g} s a second" if seen.duration_s > 0 else ""
     back = f", stepped back {seen.steps_back} times" if seen.steps_back else ""
@@ -96,7 +96,7 @@ def _field(name: str, channels: dict[str, Channel]) -> str:
     numbers = [c for c in read.values() if c.last is not None]
     low = f"{min(c.low for c in numbers):.4g}" if numbers else "—"
     high = f"{max(c.high for c in numbers):.4g}" if numbers else "—"
-    doubt = next((d for c in numbers if (d := suspicion(name, c))), None)
+    doubt = next((d for c in numbers if (d := unit_hint(name, c))), None)
     unit = f"{unit_of(name) or '—'}{f' or {doubt}?' if doubt else ''}"
     bits = sorted(set().union(*(c.bits for c in read.values())))
     if bits:

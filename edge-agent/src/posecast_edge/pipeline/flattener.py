@@ -9,7 +9,7 @@ from typing import SupportsFloat, SupportsIndex, cast
 
 from posecast_wire.schema import Field, Schema
 
-from posecast_edge.rate_limited_log import Complaints
+from posecast_edge.rate_limited_log import RateLimitedLog
 from posecast_edge.sample import Reading, Sample
 from posecast_edge.visible import WORD_MAX, quoted, visible
 
@@ -20,7 +20,7 @@ _FLOATS = {float, type(None)}
 _INTS = {int, type(None)}
 
 
-class Layout:
+class SampleFlattener:
     """Knows where each label of each field stands. Not thread-safe: one source thread uses it."""
 
     def __init__(self, schema: Schema, say: Callable[[str], None]) -> None:
@@ -31,7 +31,7 @@ class Layout:
         self._masks = {f.name: {bit: 1 << i for i, bit in enumerate(f.bits)} for f in schema.fields}
         self._good_masks: dict[str, Sequence[Reading]] = {}  # the newest of each field of bits
         self._unknown: set[str] = set()
-        self._wrong = Complaints(say, "wrong values")
+        self._wrong = RateLimitedLog(say, "wrong values")
 
     def flatten(self, sample: Sample, now_s: float) -> Flat:
         """Values in channel order, None where the sample has no (usable) reading. Bits become an int mask.

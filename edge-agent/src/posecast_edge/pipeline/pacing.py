@@ -12,7 +12,7 @@ EARLY = 1 / 8  # of the interval: a sample so little before its time is taken
 LATE = 5 / 4
 
 
-class Pace:
+class FramePacer:
     """One stream's rate. Times are monotonic seconds; `hz` may change at any time."""
 
     def __init__(self, hz: float, now_s: float) -> None:
@@ -29,7 +29,7 @@ class Pace:
         """How long a sample waits at most."""
         return (1 + LATE) / self.hz
 
-    def ripe(self, now_s: float) -> bool:
+    def is_due(self, now_s: float) -> bool:
         """A sample arrives: whether a frame leaves with it."""
         return now_s >= self.from_s
 

@@ -54,7 +54,7 @@ class Channel:
         return self.low < self.high
 
 
-class Observation:
+class SourceStats:
     """Adds samples up. Pure: arrival times (monotonic seconds) are arguments.
 
     `fields`: field → label → channel. `joints`: what the profile makes of them, by joint of the model.
@@ -161,12 +161,12 @@ def _position(how: JointMap, channels: Mapping[str, Reading]) -> float | None:
     return total
 
 
-def observe(source: Source, seconds: float, profile: Profile | None = None) -> Observation:
+def observe(source: Source, seconds: float, profile: Profile | None = None) -> SourceStats:
     """Watch a source for so many seconds after its first sample, for which WAIT_S are waited.
 
     SourceError when the source fails; one that ends is enough for what it was.
     """
-    seen = Observation(profile)
+    seen = SourceStats(profile)
     stop = threading.Event()
     failure: list[Exception] = []
     began_s = time.monotonic()

@@ -19,11 +19,11 @@ from posecast_wire.quantiser import Quantiser
 from posecast_wire.schema import Schema
 
 from posecast_edge.pipeline.events import Event, EventLimit, EventWatch
-from posecast_edge.pipeline.flattener import Layout
+from posecast_edge.pipeline.flattener import SampleFlattener
 from posecast_edge.pipeline.sampler import NEVER, LeftOver, Sampler
 from posecast_edge.profile.schema import schema_text
 from posecast_edge.profile.types import Profile
-from posecast_edge.rate_limited_log import Complaints
+from posecast_edge.rate_limited_log import RateLimitedLog
 from posecast_edge.sample import Sample
 from posecast_edge.visible import quoted
 
@@ -47,8 +47,8 @@ class Stream:
     def __init__(self, profile: Profile, key_interval_s: float, say: Callable[[str], None]) -> None:
         """SchemaError when the wire cannot carry the profile. `say` takes lines about bad input."""
         self.schema = Schema.parse(schema_text(profile))
-        self._layout = Layout(self.schema, say)
-        self._untimed = Complaints(say, "samples without a time")
+        self._flattener = SampleFlattener(self.schema, say)
+        self._untimed = RateLimitedLog(say, "samples without a time")
         self._deadbands = {f.name: f.deadband for f in profile.fields}
         self._sampler = Sampler(Quantiser(self.schema, self._deadbands))
         self._encoder = Encoder(self.schema, key_interval_s)
@@ -60,7 +60,7 @@ class Stream:
         self._info: dict[str, str] = {}
         self._info_bytes = 0
         self._said: Mapping[str, str] = {}  # texts of the newest sample that had some
-        self._too_much = Complaints(say, "texts too many")
+        self._too_much = RateLimitedLog(say, "texts too many")
         self._texts = profile.info  # None: all
         self._seq = -1  # of the newest frame
 
@@ -94,7 +94,7 @@ class Stream:
             if sample.newest:
                 self._sampler.offer(sample.t_s, partial(self._flat, values), now_s)
         else:
-            flat = self._layout.flatten(sample, now_s)
+            flat = self._flattener.flatten(sample, now_s)
             values = {f.name: flat[f.start : f.start + f.size] for f in self.schema.fields}
             if sample.newest:
                 self._sampler.offer(sample.t_s, flat, now_s)

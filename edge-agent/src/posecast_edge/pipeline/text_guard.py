@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from posecast_edge.rate_limited_log import Complaints
+from posecast_edge.rate_limited_log import RateLimitedLog
 from posecast_edge.sample import Reading, Sample, Values
 from posecast_edge.visible import quoted
 
@@ -29,7 +29,7 @@ class TextGuard:
     """Looks at the texts of every sample. One thread uses it."""
 
     def __init__(self, say: Callable[[str], None]) -> None:
-        self._bad = Complaints(say, "names and texts that are none")
+        self._bad = RateLimitedLog(say, "names and texts that are none")
         self._good: Mapping[str, str] | None = None  # looked at before: most samples say the same again
 
     def clean(self, sample: Sample, now_s: float) -> Sample:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import threading
 
-from posecast_edge.pipeline.pacing import Pace
+from posecast_edge.pipeline.pacing import FramePacer
 from posecast_edge.pipeline.stream import Stream
 
 # A sample that has waited for longer, beside what its pace made it wait, is not sent: the link was away, or
@@ -13,14 +13,14 @@ from posecast_edge.pipeline.stream import Stream
 OLD_S = 0.5
 
 
-class Show:
+class ViewPipeline:
     """One view as it is sent. `stream` is None until the first sample of a robot without a profile."""
 
     def __init__(self, view: str, hz: float, stream: Stream | None, now_s: float) -> None:
         self.view = view
         self.hz = hz  # at most
         self.stream = stream
-        self.pace = Pace(hz, now_s)
+        self.pacer = FramePacer(hz, now_s)
         self.at_once = False  # a frame is wanted whatever the pace
         self.lock = threading.Lock()  # frames leave one after the other, in the order of their numbers
         self.ended = False
@@ -29,11 +29,11 @@ class Show:
         """How long no frame is due as things are; 0: now."""
         if self.at_once:
             return 0.0
-        return self.pace.wait_s(now_s) if self.stream and self.stream.fresh else math.inf
+        return self.pacer.wait_s(now_s) if self.stream and self.stream.fresh else math.inf
 
     def oldest_s(self, now_s: float) -> float:
         """When a sample must have been taken to be sent now."""
-        return now_s - OLD_S - self.pace.longest_s
+        return now_s - OLD_S - self.pacer.longest_s
 
     def end(self) -> None:
         """No frame leaves any more, nor is one just leaving."""
@@ -43,5 +43,5 @@ class Show:
     def left(self, now_s: float, most_hz: float) -> None:
         """A frame leaves; not more than `most_hz` of them shall."""
         self.at_once = False
-        self.pace.hz = min(self.hz, most_hz)
-        self.pace.left(now_s)
+        self.pacer.hz = min(self.hz, most_hz)
+        self.pacer.left(now_s)

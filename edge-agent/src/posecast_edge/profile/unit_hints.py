@@ -24,7 +24,7 @@ MOST = {
 }
 
 
-def suspicion(field: str, channel: Channel) -> str | None:
+def unit_hint(field: str, channel: Channel) -> str | None:
     """What the numbers look like when they can hardly be in the field's usual unit."""
     most, instead = MOST.get(field, (float("inf"), ""))
     return instead if channel.largest > most else None

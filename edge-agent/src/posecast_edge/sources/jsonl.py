@@ -23,7 +23,7 @@ from itertools import islice
 from typing import TYPE_CHECKING, Any
 
 from posecast_edge import clock
-from posecast_edge.rate_limited_log import Complaints
+from posecast_edge.rate_limited_log import RateLimitedLog
 from posecast_edge.sample import Sample, SourceError
 from posecast_edge.sources.base import Deliver, Source
 from posecast_edge.visible import visible
@@ -74,7 +74,7 @@ class JsonlSource:
         self._paced = stat.S_ISREG(os.fstat(fd).st_mode)
         self._started = False
         self._start_s = 0.0  # clock.now_s() at which the file's clock stood at 0
-        self._bad = Complaints(log.warning, "bad lines")
+        self._bad = RateLimitedLog(log.warning, "bad lines")
         self._lines = LineSplitter(MAX_LINE)
         self._number = 0  # of the newest line
         self._waiting: Sample | None = None  # perhaps the newest, perhaps followed by another at once

@@ -12,7 +12,7 @@ PATIENCE_S = 2.0
 KNOCK = bytes(2)  # an empty batch: Zenoh says goodbye to it, and the relay counts nobody as refused
 
 
-def ring(relay: str, credential: Credential | Certificate | None) -> str:
+def diagnose_link(relay: str, credential: Credential | Certificate | None) -> str:
     """What is wrong, to be said after the relay's name. `relay`: a Zenoh endpoint, `tls/host:port`."""
     scheme, _, address = relay.partition("/")
     host, _, port = address.rpartition(":")

@@ -1,4 +1,4 @@
-"""The half of `doorbell.py` that speaks TLS: apart, since it brings five megabytes that few agents need."""
+"""The half of `diagnosis.py` that speaks TLS: apart, since it brings five megabytes that few agents need."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@ from posecast_wire.keys import model_key
 
 from posecast_edge.faults import Faults
 from posecast_edge.model.serve.bundle import RANGE_MAX, Bundle
-from posecast_edge.token_bucket import Allowance
+from posecast_edge.token_bucket import TokenBucket
 from posecast_edge.uplink.run import Run
 from posecast_edge.visible import visible
 
@@ -21,14 +21,14 @@ BYTES_S = 16e6  # a whole model goes at once,
 BYTES_AT_ONCE = 64e6  # whoever asks for it over and over gets it at this pace
 
 
-class ModelDesk:
+class ModelServer:
     """Answers for one robot. `bundle`: the model it has now."""
 
     def __init__(self, robot: str, run: Run, faults: Faults) -> None:
         self.bundle: Bundle | None = None
         self._robot, self._run, self._faults = robot, run, faults
         self._waiting: deque[zenoh.Query] = deque()
-        self._allowance = Allowance(BYTES_S, BYTES_AT_ONCE)
+        self._allowance = TokenBucket(BYTES_S, BYTES_AT_ONCE)
         self._some = threading.Condition()
         self._begun = self._closed = False
 

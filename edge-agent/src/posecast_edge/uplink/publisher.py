@@ -32,9 +32,9 @@ from posecast_edge.model.serve.bundle import Bundle
 from posecast_edge.pipeline.events import Event
 from posecast_edge.uplink.certificate import Certificate
 from posecast_edge.uplink.lateness import LATE_S, EchoWatch, News
-from posecast_edge.uplink.model_server import ModelDesk
+from posecast_edge.uplink.model_server import ModelServer
 from posecast_edge.uplink.run import Run
-from posecast_edge.uplink.view_publisher import Lane
+from posecast_edge.uplink.view_publisher import ViewPublisher
 
 if TYPE_CHECKING:
     from posecast_edge.pipeline.stream import Frame
@@ -110,12 +110,14 @@ class ZenohPublisher:
         self._news = News()
         self._robot, self._relay, self._credential = robot, relay, credential
         self._told = ""  # why there is no link
-        self._lanes = {
-            view: Lane(robot, view, self.run, partial(snapshot, view), partial(heard, view), self.faults)
+        self._view_publishers = {
+            view: ViewPublisher(
+                robot, view, self.run, partial(snapshot, view), partial(heard, view), self.faults
+            )
             for view in views
         }
         self._measured = views[0]
-        self._desk = ModelDesk(robot, self.run, self.faults)
+        self._desk = ModelServer(robot, self.run, self.faults)
         self._wake = threading.Condition()  # two threads wait on it, hence notify_all
         self._stopping = False
         self._just_linked = False
@@ -133,32 +135,32 @@ class ZenohPublisher:
 
     def frame(self, view: str, frame: Frame) -> None:
         """Send a frame, or discard it when there is no link."""
-        lane = self._lanes[view]
-        if not lane.declared:
+        view_publisher = self._view_publishers[view]
+        if not view_publisher.declared:
             return
         if view == self._measured:
             with self._watch_lock:
                 self._watch.sent(frame.seq, time.monotonic())
-        lane.frame(frame.data, frame.taken_s)
+        view_publisher.frame(frame.data, frame.taken_s)
 
     def event(self, view: str, event: Event) -> None:
         """Send an event as soon as somebody listens."""
         with self._wake:
-            self._lanes[view].events.append(event)
+            self._view_publishers[view].events.append(event)
             self._wake.notify_all()
 
     def info(self, view: str, texts: dict[str, str]) -> None:
         """Send what the robot says of itself, all of it, as soon as somebody listens."""
         with self._wake:
-            self._lanes[view].info = texts
+            self._view_publishers[view].info = texts
             self._wake.notify_all()
 
     def offer(self, bundle: Bundle) -> None:
         """Answer for this model from now on, and tell its hash as soon as somebody listens."""
         with self._wake:
             self._desk.bundle = bundle
-            for lane in self._lanes.values():
-                lane.model = bundle.hash
+            for view_publisher in self._view_publishers.values():
+                view_publisher.model = bundle.hash
             self._wake.notify_all()
 
     def stop(self, timeout_s: float) -> None:
@@ -179,7 +181,7 @@ class ZenohPublisher:
         """Whether a frame is worth sending: there is a link, somebody listens, and no queue is before it."""
         if not self.connected or self._watch.full(time.monotonic()):
             return False
-        return self._lanes[self._measured].heard
+        return self._view_publishers[self._measured].heard
 
     def word(self) -> str:
         """The state of the link in a word or two."""
@@ -225,8 +227,8 @@ class ZenohPublisher:
                     raise zenoh.ZError("the session has ended")
         finally:
             self._session = None
-            for lane in self._lanes.values():
-                lane.close()
+            for view_publisher in self._view_publishers.values():
+                view_publisher.close()
 
     def _open(self) -> zenoh.Session | None:
         while not self._stopping:
@@ -242,10 +244,10 @@ class ZenohPublisher:
 
     def _tell_why(self) -> None:
         """Why there is no link, once, and again when it is another reason."""
-        from posecast_edge.uplink.diagnosis import ring  # noqa: PLC0415 - few runs ever need it
+        from posecast_edge.uplink.diagnosis import diagnose_link  # noqa: PLC0415 - few runs ever need it
 
         try:
-            self._tell(ring(self._relay, self._credential))
+            self._tell(diagnose_link(self._relay, self._credential))
         except Exception as e:
             self.faults.add("asking why there is no link", e)
 
@@ -263,15 +265,17 @@ class ZenohPublisher:
             session.info.declare_transport_events_listener(on_transport, history=True),
             session.declare_queryable(model_key(self._robot, "**"), on_model),
         ]
-        for lane in self._lanes.values():
-            self._declared += lane.declare(session)
+        for view_publisher in self._view_publishers.values():
+            self._declared += view_publisher.declare(session)
         self._declared.append(session.liveliness().declare_token(alive_key(self._robot)))
 
     def _send_waiting(self) -> bool:
         """Send what waits, or wait for something. False when the agent stops and no more can be sent."""
         with self._wake:
-            waiting = [lane for lane in self._lanes.values() if lane.waiting]
-            ready = next((lane for lane in waiting if lane.ready), None)
+            waiting = [
+                view_publisher for view_publisher in self._view_publishers.values() if view_publisher.waiting
+            ]
+            ready = next((view_publisher for view_publisher in waiting if view_publisher.ready), None)
             if ready is None:
                 if not self._stopping:
                     self._wake.wait(0.1 if waiting else LOOK_S)

@@ -13,7 +13,7 @@ from posecast_wire.keys import Snapshot, event_key, frame_key, snapshot_key
 from posecast_edge import clock
 from posecast_edge.faults import Faults
 from posecast_edge.pipeline.events import Event
-from posecast_edge.token_bucket import Allowance
+from posecast_edge.token_bucket import TokenBucket
 from posecast_edge.uplink.run import Run
 
 EVENTS_MAX = 100  # waiting for the link; the oldest goes first. The relay keeps as many
@@ -23,7 +23,7 @@ SNAPSHOTS_AT_ONCE = 20.0  # but for so many in a row
 KEY_FIRST_S = 1.0  # events wait this long for the KEY that makes the relay adopt this run
 
 
-class Lane:
+class ViewPublisher:
     """Frames, events and the snapshot of one view. What waits is guarded by the publisher's lock."""
 
     def __init__(
@@ -42,7 +42,7 @@ class Lane:
         self.model: str | None = None  # the same
         self._robot, self._run = robot, run
         self._snapshot, self._heard, self._faults = snapshot, heard, faults
-        self._allowance = Allowance(SNAPSHOTS_S, SNAPSHOTS_AT_ONCE)
+        self._allowance = TokenBucket(SNAPSHOTS_S, SNAPSHOTS_AT_ONCE)
         self._answer: tuple[Snapshot, bytes] | None = None  # the newest, packed
         self._info_sent_s = float("-inf")
         self._frames: zenoh.Publisher | None = None

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from posecast_edge.model.builder.lod import Body, Fineness, Level, Placed, Skin, make_level
+from posecast_edge.model.builder.lod import Body, Level, LodSettings, Placed, Skin, make_level
 from posecast_edge.model.builder.manifest import (
     VERSION,
     encode,
@@ -24,9 +24,9 @@ from posecast_edge.model.builder.manifest import (
     skeleton,
 )
 from posecast_edge.model.builder.model_files import Progress, facts_of, read_visual_files
-from posecast_edge.model.builder.simplify import Ladder, rungs_in_all
+from posecast_edge.model.builder.simplify import LodChain, rungs_in_all
 from posecast_edge.model.builder.thumbnail import picture, png
-from posecast_edge.model.builder.visuals import Figure, Looks, Visual, build_figure
+from posecast_edge.model.builder.visuals import Appearance, Figure, Visual, build_figure
 from posecast_edge.model.doctor.skeleton import examine
 from posecast_edge.model.finding import Finding, ModelRefused, quoted
 from posecast_edge.model.kinematics import from_quaternion, link_poses, quaternion_from_rpy
@@ -48,7 +48,7 @@ NEAR = 1.25  # a level that is that near to the next coarser one spares it
 
 
 @dataclass(frozen=True)
-class Aim:
+class LodBudget:
     """What a level should be: bytes and drawn triangles at most, bits of a position's longest side, pixels of
     a picture's side."""
 
@@ -64,9 +64,11 @@ class Aim:
 
 
 AIMS = (
-    Aim("high", 3_500_000, math.inf, 14, 2048),
-    Aim("middle", 550_000, math.inf, 13, 512),
-    Aim("low", 190_000, 24_000, 12, 128),  # of what a phone without a graphics card fills 20 times a second
+    LodBudget("high", 3_500_000, math.inf, 14, 2048),
+    LodBudget("middle", 550_000, math.inf, 13, 512),
+    LodBudget(
+        "low", 190_000, 24_000, 12, 128
+    ),  # of what a phone without a graphics card fills 20 times a second
 )
 
 
@@ -137,7 +139,7 @@ def _levels(figure: Figure, size: float, progress: Progress) -> dict[str, Level]
     for looks in figure.looks:
         low, high = looks.mesh.box()
         sizes.append(float((high - low).max()))
-        skins = tuple(Skin(Ladder(s, sizes[-1], size), paint, mark) for s, paint, mark in looks.skins)
+        skins = tuple(Skin(LodChain(s, sizes[-1], size), paint, mark) for s, paint, mark in looks.skins)
         bodies.append(Body(skins, low, high))
     placed = [Placed(f"v{i}", v.pose, v.looks) for i, v in enumerate(figure.visuals)]
     rungs = rungs_in_all(sizes, size)
@@ -148,8 +150,8 @@ def _levels(figure: Figure, size: float, progress: Progress) -> dict[str, Level]
             continue
         progress(number, len(AIMS), f"level {aim.name}")
 
-        def at(rung: int, aim: Aim = aim) -> Level:
-            return make_level(bodies, placed, Fineness(rung, aim.bits, aim.pixels))
+        def at(step: int, aim: LodBudget = aim) -> Level:
+            return make_level(bodies, placed, LodSettings(step, aim.bits, aim.pixels))
 
         level = _fitted(at, bodies, placed, rungs, aim)
         if finer is None or len(level.data) < len(finer.data):
@@ -158,33 +160,33 @@ def _levels(figure: Figure, size: float, progress: Progress) -> dict[str, Level]
 
 
 def _fitted(
-    at: Callable[[int], Level], bodies: Sequence[Body], placed: Sequence[Placed], rungs: int, aim: Aim
+    at: Callable[[int], Level], bodies: Sequence[Body], placed: Sequence[Placed], rungs: int, aim: LodBudget
 ) -> Level:
     """The finest level that is about what it should be; the coarsest there is where none is that small."""
 
-    def triangles(rung: int) -> int:
-        return sum(len(s.ladder.rung(rung)[1]) for b in bodies for s in b.skins)
+    def triangles(step: int) -> int:
+        return sum(len(s.ladder.step(step)[1]) for b in bodies for s in b.skins)
 
-    def drawn(rung: int) -> int:
-        return sum(len(s.ladder.rung(rung)[1]) for p in placed for s in bodies[p.body].skins)
+    def drawn(step: int) -> int:
+        return sum(len(s.ladder.step(step)[1]) for p in placed for s in bodies[p.body].skins)
 
-    def small(rung: int) -> bool:
-        return triangles(rung) * per_triangle <= aim.size and drawn(rung) <= aim.triangles
+    def small(step: int) -> bool:
+        return triangles(step) * per_triangle <= aim.size and drawn(step) <= aim.triangles
 
     per_triangle, made = 8.0, dict[int, Level]()
     while True:
-        rung = bisect_left(range(rungs - 1), True, key=small)
-        while rung in made and not aim.suits(made[rung], 1) and rung < rungs - 1:
-            rung += 1
-        if rung in made:
+        step = bisect_left(range(rungs - 1), True, key=small)
+        while step in made and not aim.suits(made[step], 1) and step < rungs - 1:
+            step += 1
+        if step in made:
             break
-        made[rung] = at(rung)
-        per_triangle = len(made[rung].data) / max(triangles(rung), 1)
-    if rung > ROUGH:
+        made[step] = at(step)
+        per_triangle = len(made[step].data) / max(triangles(step), 1)
+    if step > ROUGH:
         smoother = at(ROUGH)
         if aim.suits(smoother, PATIENCE):
             return smoother
-    return made[rung]
+    return made[step]
 
 
 def _robot_box(figure: Figure, poses: Sequence[Vectors]) -> tuple[Vectors, Vectors] | None:
@@ -195,7 +197,7 @@ def _robot_box(figure: Figure, poses: Sequence[Vectors]) -> tuple[Vectors, Vecto
     return np.min([b[0] for b in boxes], axis=0), np.max([b[1] for b in boxes], axis=0)
 
 
-def _box(looks: Looks, at: Vectors) -> tuple[Vectors, Vectors]:
+def _box(looks: Appearance, at: Vectors) -> tuple[Vectors, Vectors]:
     points = np.concatenate([s.positions for s, _, _ in looks.skins]) @ at[:3, :3].T + at[:3, 3]
     return points.min(0), points.max(0)
 
@@ -205,7 +207,7 @@ def _matrix(visual: Visual) -> Vectors:
     return np.array(from_quaternion(visual.pose.xyz, quaternion_from_rpy(visual.pose.rpy)))
 
 
-def _visual(number: int, visual: Visual, looks: Looks) -> dict[str, Any]:
+def _visual(number: int, visual: Visual, looks: Appearance) -> dict[str, Any]:
     entry = {
         "node": f"v{number}",
         "link": visual.link,
@@ -220,7 +222,7 @@ def _corners(low: Vectors, high: Vectors) -> list[list[float]]:
     return [[round(float(v), 5) + 0.0 for v in corner] for corner in (low, high)]
 
 
-def _colour(looks: Looks) -> str:
+def _colour(looks: Appearance) -> str:
     """The mean of the paints by number of triangles, as #rrggbb."""
     colours = np.array([display_colour(paint) for _, paint, _ in looks.skins])
     weights = np.array([len(s.faces) for s, _, _ in looks.skins], np.float64)

@@ -10,7 +10,7 @@ import numpy as np
 
 from posecast_edge.model.builder.glb import BYTE, FLOAT, SHORT, UINT, GlbWriter
 from posecast_edge.model.builder.quantise import Grid, Part, grid_of, pack
-from posecast_edge.model.builder.simplify import Ladder
+from posecast_edge.model.builder.simplify import LodChain
 from posecast_edge.model.kinematics import quaternion_from_rpy
 from posecast_edge.model.meshes.mesh import Floats, Paint
 from posecast_edge.model.meshes.texture import fitted
@@ -23,7 +23,7 @@ ROUGHNESS = 0.7
 class Skin:
     """A surface's ladder and how it is painted; `mark` goes into the material's extras."""
 
-    ladder: Ladder
+    ladder: LodChain
     paint: Paint
     mark: str | None = None
 
@@ -47,10 +47,10 @@ class Placed:
 
 
 @dataclass(frozen=True)
-class Fineness:
+class LodSettings:
     """How a level is packed: rung, bits of a position's longest side, pixels of a picture's side."""
 
-    rung: int
+    step: int
     bits: int
     picture: int
 
@@ -74,10 +74,10 @@ class Level:
     drawn: tuple[Drawn, ...]
 
 
-def make_level(bodies: Sequence[Body], placed: Sequence[Placed], fineness: Fineness) -> Level:
+def make_level(bodies: Sequence[Body], placed: Sequence[Placed], fineness: LodSettings) -> Level:
     """All bodies at that fineness, and a node for each visual."""
     drawn = [_draw(body, fineness) for body in bodies]
-    error = max((s.ladder.rung(fineness.rung)[0] for b in bodies for s in b.skins), default=0.0)
+    error = max((s.ladder.step(fineness.step)[0] for b in bodies for s in b.skins), default=0.0)
     writer = GlbWriter()
     mesh_of = _write_meshes(writer, bodies, drawn, fineness.picture)
     nodes = [_node(p, drawn[p.body].grid, mesh_of.get(p.body)) for p in placed]
@@ -88,11 +88,11 @@ def make_level(bodies: Sequence[Body], placed: Sequence[Placed], fineness: Finen
     return Level(writer.bytes(), triangles, vertices, error, tuple(drawn))
 
 
-def _draw(body: Body, fineness: Fineness) -> Drawn:
+def _draw(body: Body, fineness: LodSettings) -> Drawn:
     grid = grid_of(body.low, body.high, fineness.bits)
     parts = []
     for number, skin in enumerate(body.skins):
-        part = pack(skin.ladder.surface, skin.ladder.rung(fineness.rung)[1], grid)
+        part = pack(skin.ladder.surface, skin.ladder.step(fineness.step)[1], grid)
         if len(part.faces):
             parts.append((number, part))
     return Drawn(grid, tuple(parts))

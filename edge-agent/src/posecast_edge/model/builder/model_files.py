@@ -10,7 +10,7 @@ from posecast_edge.model.doctor.meshes import MeshFacts
 from posecast_edge.model.finding import ModelRefused
 from posecast_edge.model.meshes.mesh import Mesh
 from posecast_edge.model.meshes.reader import read_mesh
-from posecast_edge.model.meshes.side_files import Shelf
+from posecast_edge.model.meshes.side_files import SideFiles
 from posecast_edge.model.urdf.resolver import Resolver
 from posecast_edge.model.urdf.types import Urdf, material_of
 
@@ -41,7 +41,7 @@ class Files:
         self._by_uri: dict[str, MeshFile] = {}
         self._by_path: dict[tuple[Path, bool], Mesh | str] = {}
         self._pictures: dict[str, bytes | str] = {}
-        self._shelf = Shelf()
+        self._shelf = SideFiles()
         self.triangles = 0  # of all meshes read so far
 
     def __getitem__(self, uri: str) -> MeshFile:

@@ -17,7 +17,7 @@ STEP = math.sqrt(2)
 BELOW = 6  # rungs: an eighth of the error
 
 
-class Ladder:
+class LodChain:
     """Versions of one welded surface. Rung k is within `robot_size · FINEST · STEP**k` of the original, by
     meshoptimizer's estimate, and within LARGEST of the mesh's own size."""
 
@@ -33,7 +33,7 @@ class Ladder:
         self._most = mesh_size * LARGEST
         self._rungs: dict[int, tuple[float, Faces]] = {}
 
-    def rung(self, k: int) -> tuple[float, Faces]:
+    def step(self, k: int) -> tuple[float, Faces]:
         """Bound in metres, and the triangles (numbers of the surface's vertices)."""
         if k < 0:
             return 0.0, self.surface.faces

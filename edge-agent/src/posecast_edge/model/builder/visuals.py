@@ -23,7 +23,7 @@ LITTLE = 0.02  # m, half a side of a stand-in of which nothing is known
 
 
 @dataclass(frozen=True)
-class Looks:
+class Appearance:
     """What a body is made of, before simplification: welded surfaces with their paint and mark."""
 
     skins: tuple[tuple[Surface, Paint, str | None], ...]
@@ -50,7 +50,7 @@ class Figure:
     """All that is drawn; visuals share looks."""
 
     visuals: tuple[Visual, ...]
-    looks: tuple[Looks, ...]
+    looks: tuple[Appearance, ...]
 
 
 def build_figure(urdf: Urdf, tree: Tree, files: Files) -> Figure:
@@ -72,7 +72,7 @@ class _Maker:
         self._joints: dict[str, list[Vector]] = {}  # where each link's own joints are
         for joint in tree.joints:
             self._joints.setdefault(joint.parent, []).append(joint.pose.xyz)
-        self.looks: list[Looks] = []
+        self.looks: list[Appearance] = []
 
     def visuals(self, link: int) -> Iterator[Visual]:
         for shape in self._tree.links[link].visuals:
@@ -129,7 +129,7 @@ class _Maker:
                 skins.append((welded, paint, extra))
         if not skins:
             raise ModelRefused("all its triangles are without area")
-        self.looks.append(Looks(tuple(skins)))
+        self.looks.append(Appearance(tuple(skins)))
         return len(self.looks) - 1
 
     def _stand_ins(self, link: int, shape: Shape, source: str, reason: str) -> Iterator[Visual]:

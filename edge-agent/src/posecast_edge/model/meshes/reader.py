@@ -10,23 +10,23 @@ from posecast_edge.model.meshes.collada import read_collada
 from posecast_edge.model.meshes.gltf import read_gltf
 from posecast_edge.model.meshes.mesh import FILE_MAX, Mesh, checked
 from posecast_edge.model.meshes.obj import read_obj
-from posecast_edge.model.meshes.side_files import Shelf, read_bounded
+from posecast_edge.model.meshes.side_files import SideFiles, read_bounded
 from posecast_edge.model.meshes.stl import read_stl
 from posecast_edge.model.meshes.vertex_colour import by_colours
 from posecast_edge.model.urdf.resolver import Resolver
 
 
-def read_mesh(path: Path, resolver: Resolver, keep_uv: bool = False, shelf: Shelf | None = None) -> Mesh:
+def read_mesh(path: Path, resolver: Resolver, keep_uv: bool = False, shelf: SideFiles | None = None) -> Mesh:
     """The checked mesh, one paint a surface. ModelRefused says why it can't be shown.
 
     `keep_uv`: the URDF has a picture for it, so coordinates matter also where the file itself names none.
     `shelf`: of the robot, where meshes share what they name.
     """
-    mesh = checked(_read(path, resolver, keep_uv, shelf or Shelf()))
+    mesh = checked(_read(path, resolver, keep_uv, shelf or SideFiles()))
     return replace(mesh, surfaces=tuple(by_colours(mesh.surfaces)))
 
 
-def _read(path: Path, resolver: Resolver, keep_uv: bool, shelf: Shelf) -> Mesh:
+def _read(path: Path, resolver: Resolver, keep_uv: bool, shelf: SideFiles) -> Mesh:
     data = read_bounded(path, FILE_MAX)
     _refuse_the_obvious(data)
     suffix, load = path.suffix.lower(), shelf.of(path, resolver)

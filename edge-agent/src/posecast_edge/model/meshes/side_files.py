@@ -31,7 +31,7 @@ BOUNDS = {
 }
 
 
-class Shelf:
+class SideFiles:
     """The files beside the meshes of one robot."""
 
     def __init__(self) -> None:

@@ -26,7 +26,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
 from posecast_edge.profile.field_defaults import UNITS
-from posecast_edge.rate_limited_log import Complaints
+from posecast_edge.rate_limited_log import RateLimitedLog
 from posecast_edge.sample import TIME_MAX_S, Reading, Sample, SourceError
 from posecast_edge.sources.base import Source
 from posecast_edge.sources.files.playback import EndlessLine, Player, parse_playback, skip_line
@@ -76,7 +76,7 @@ class Table:
         self.description = f"csv {path.name}"
         self._path = path
         self._bits = {f.name for f in profile.fields if f.bits} if profile else {FLAGS}
-        self._bad = Complaints(log.warning, "bad rows")
+        self._bad = RateLimitedLog(log.warning, "bad rows")
         with self._open() as file:
             head = next(self._lines(file), None)
         if head is None:

@@ -13,12 +13,12 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
-from posecast_edge.rate_limited_log import Complaints
+from posecast_edge.rate_limited_log import RateLimitedLog
 from posecast_edge.sample import Sample, SourceError
 from posecast_edge.sources.base import Source
 from posecast_edge.sources.files.playback import Playback, Player, parse_playback
 from posecast_edge.sources.ros.input import TOPICS_MAX
-from posecast_edge.sources.ros.merge import SETTLED_S, Merge
+from posecast_edge.sources.ros.merge import SETTLED_S, MessageMerger
 from posecast_edge.sources.ros.messages import STRING, MessageError, read_message, short_type, text_of
 from posecast_edge.sources.ros.rosbridge_protocol import MESSAGE_MAX, ProtocolError, parse_json
 from posecast_edge.sources.ros.topics import TOPIC_MAX, TYPES, Route, Routes
@@ -74,7 +74,7 @@ class McapFile:
         self._settled = profile is not None
         self._routes = Routes(profile.ros if profile else None)
         self._cdr = CdrReader()
-        self._bad = Complaints(log.warning, "bad records")
+        self._bad = RateLimitedLog(log.warning, "bad records")
         self.topics: dict[str, str] = {}  # what each is read as
         self.on_urdf: Callable[[str], None] | None = None
         try:
@@ -140,13 +140,13 @@ class _Pass:
         cdr: CdrReader,
         settled: bool,
         name: str,
-        bad: Complaints | None,
+        bad: RateLimitedLog | None,
     ) -> None:
         self._routes = routes
         self._cdr = cdr
         self._name = name
         self._bad = bad
-        self._merge = Merge(settled, self._say)
+        self._merge = MessageMerger(settled, self._say)
         self._schemas: dict[int, str] = {}  # short types
         self._channels: dict[int, tuple[Channel, str, Route]] = {}  # those that are read
         self._descriptions: dict[int, Channel] = {}

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
 from posecast_edge.profile.columns import find_column
-from posecast_edge.rate_limited_log import Complaints
+from posecast_edge.rate_limited_log import RateLimitedLog
 from posecast_edge.sample import Sample, SourceError
 from posecast_edge.sources.base import Deliver, Source
 from posecast_edge.sources.files.playback import EndlessLine, skip_line
@@ -74,7 +74,7 @@ class TrajectorySource:
         self.description = f"trajectory {path.name}, {trajectory.rate_hz:g} Hz"
         self._path = path
         self._trajectory = trajectory
-        self._bad = Complaints(log.warning, "bad rows")
+        self._bad = RateLimitedLog(log.warning, "bad rows")
         self._file = self._open()
         self._columns = self._count_columns()
         self._pose = Pose(profile, trajectory, self._columns)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from posecast_edge.sources.hubo.ach_channel import Channel, ChannelError
 from posecast_edge.sources.hubo.reconnecting import WAIT_S, PersistentReader
-from posecast_edge.sources.hubo.writer_clock import Aim, Beat
+from posecast_edge.sources.hubo.writer_clock import Aim, WriterClock
 
 # Nobody can be woken by a channel without taking its lock. So: look when the frame that is wanted should have
 # been written, and before that keep what the channel is about to forget; if nothing is there yet, look again
@@ -30,7 +30,7 @@ class ShmReader(PersistentReader):
         super().__init__(str(path))
         self._path = path
         self._channel: Channel | None = None
-        self._beat = Beat()
+        self._beat = WriterClock()
         self._holds = 1  # frames of the newest's size
         self._late_s = 0.0  # how late looks are on this machine
 
@@ -43,7 +43,7 @@ class ShmReader(PersistentReader):
 
     def _open(self) -> None:
         self._channel = Channel(self._path)
-        self._beat = Beat()
+        self._beat = WriterClock()
 
     def _next(self, stop: threading.Event, wanted_s: float) -> list[bytes]:
         channel = self._channel
@@ -82,7 +82,7 @@ class ShmReader(PersistentReader):
                 self._beat.came(written, now_s, 0.0 if too_early_s is None else now_s - too_early_s)
                 return frames
             if frames and now_s >= late_s:
-                self._beat = Beat()
+                self._beat = WriterClock()
                 return frames
             if now_s >= end_s:
                 return frames

@@ -9,7 +9,7 @@ import threading
 import time
 from collections import deque
 
-from posecast_edge.sources.hubo.achd_protocol import HEAD, Conversation, ProtocolError, request
+from posecast_edge.sources.hubo.achd_protocol import HEAD, AchdParser, ProtocolError, request
 from posecast_edge.sources.hubo.reconnecting import KEPT_MAX, WAIT_S, PersistentReader
 
 ANSWER_S = 3.0  # to connect, and again until the server has answered
@@ -24,7 +24,7 @@ BATCH_LATE_S = 0.03  # so long after its time a batch is waited for; then what t
 SEGMENT_BYTES = 1400
 
 
-class Rhythm:
+class BatchTimer:
     """How many frames to wake up for, so that the last of them is the one that is wanted: waking up costs ten
     times what reading one does, and the last is as fresh as ever when it comes. Pure, monotonic seconds."""
 
@@ -63,9 +63,9 @@ class AchdReader(PersistentReader):
         self._channel = channel
         self._socket: socket.socket | None = None
         self._poll = select.poll()
-        self._conversation = Conversation()
+        self._conversation = AchdParser()
         self._heard_s = 0.0  # last bytes
-        self._rhythm = Rhythm()
+        self._rhythm = BatchTimer()
         self._size = 0  # of a frame and its head
         self._low = 1  # bytes that wake us up
 
@@ -84,9 +84,9 @@ class AchdReader(PersistentReader):
         connection.setblocking(False)
         self._poll = select.poll()
         self._poll.register(connection, select.POLLIN)
-        self._conversation = Conversation()
+        self._conversation = AchdParser()
         self._heard_s = time.monotonic()
-        self._rhythm, self._size, self._low = Rhythm(), 0, 1  # as a new socket has it
+        self._rhythm, self._size, self._low = BatchTimer(), 0, 1  # as a new socket has it
 
     def _next(self, stop: threading.Event, wanted_s: float) -> list[bytes]:
         del stop

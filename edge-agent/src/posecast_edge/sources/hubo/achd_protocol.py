@@ -39,7 +39,7 @@ def request(channel: str) -> bytes:
     return f"channel-name: {channel}\ntransport: tcp\nget-last: 1\ndirection: push\n.\n".encode()
 
 
-class Conversation:
+class AchdParser:
     """Bytes of the server in, frames out: the reply's header first, then the frames that are whole."""
 
     def __init__(self) -> None:

@@ -7,7 +7,7 @@ import threading
 import time
 from abc import ABC, abstractmethod
 
-from posecast_edge.rate_limited_log import Complaints
+from posecast_edge.rate_limited_log import RateLimitedLog
 from posecast_edge.sources.backoff import Backoff
 
 log = logging.getLogger("posecast_edge.ach")
@@ -30,7 +30,7 @@ class PersistentReader(ABC):
         self._opened = False
         self._backoff = Backoff()
         self._in_trouble = False
-        self._trouble = Complaints(log.warning, f"failures of {name}", SAY_EVERY_S)
+        self._trouble = RateLimitedLog(log.warning, f"failures of {name}", SAY_EVERY_S)
 
     def frames(self, stop: threading.Event, wanted_s: float) -> list[bytes]:
         """What has come since the last call, oldest first, at most KEPT_MAX; [] when nothing comes within

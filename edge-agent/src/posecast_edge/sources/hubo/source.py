@@ -18,7 +18,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from posecast_edge.rate_limited_log import Complaints
+from posecast_edge.rate_limited_log import RateLimitedLog
 from posecast_edge.sample import Sample, SourceError
 from posecast_edge.sources.base import Deliver, Source
 from posecast_edge.sources.hubo.ach_shm import ShmReader, channel_path
@@ -60,7 +60,7 @@ class HuboAchSource:
         self.description = f"hubo-ach {reader.name}"
         self._reader = reader
         self._decoder = Decoder(profile)
-        self._foreign = Complaints(log.warning, "foreign frames", SAY_EVERY_S)
+        self._foreign = RateLimitedLog(log.warning, "foreign frames", SAY_EVERY_S)
         self._told_unknown = False
         self._t_s = float("nan")
         self._moved_s = 0.0  # when robot time last changed

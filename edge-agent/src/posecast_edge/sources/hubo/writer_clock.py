@@ -30,7 +30,7 @@ class Aim(NamedTuple):
     keep_s: Sequence[float] = ()
 
 
-class Beat:
+class WriterClock:
     """A writer's period and phase. Frames are counted by the writer, times are monotonic seconds."""
 
     def __init__(self) -> None:

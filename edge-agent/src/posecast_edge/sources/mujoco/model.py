@@ -18,7 +18,7 @@ from posecast_edge.model.finding import ModelRefused
 from posecast_edge.model.urdf.reader import BYTES_MAX, DEPTH_MAX, ELEMENTS_MAX, read_urdf
 from posecast_edge.model.urdf.types import Urdf
 from posecast_edge.model.urdf.xml_tree import Element, read_xml
-from posecast_edge.rate_limited_log import Complaints
+from posecast_edge.rate_limited_log import RateLimitedLog
 from posecast_edge.sample import Reading, Sample, SourceError
 
 log = logging.getLogger("posecast_edge.mujoco")
@@ -175,7 +175,7 @@ class Simulation:
             (i for i in range(model.njnt) if model.jnt_type[i] == mujoco.mjtJoint.mjJNT_FREE), None
         )
         self._sensors = list(_sensors(model))
-        self._unstable = Complaints(log.warning, "times", SAY_EVERY_S)
+        self._unstable = RateLimitedLog(log.warning, "times", SAY_EVERY_S)
         self._resets_s = 0.0  # simulated time before a reset
         mujoco.mj_resetData(model, self._data)
         if model.nkey:

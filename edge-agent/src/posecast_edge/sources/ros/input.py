@@ -10,9 +10,9 @@ import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from posecast_edge.rate_limited_log import Complaints
+from posecast_edge.rate_limited_log import RateLimitedLog
 from posecast_edge.sample import Sample
-from posecast_edge.sources.ros.merge import STREAM_S, Merge
+from posecast_edge.sources.ros.merge import STREAM_S, MessageMerger
 from posecast_edge.sources.ros.messages import (
     STRING,
     MessageError,
@@ -33,18 +33,18 @@ TOPICS_MAX = 2000  # remembered; what a graph has beyond that is neither shown n
 NAMED_MAX = 8  # types of no use said aloud, topics told of one by one; `probe` shows them all
 
 
-class Intake:
+class RosInput:
     """One robot's topics."""
 
     def __init__(self, name: str, profile: Profile | None, namespace: str = "") -> None:
         self.routes = Routes(profile.ros if profile else None, namespace)
         self.on_urdf: Callable[[str], None] | None = None
         self._name = name
-        self._merge = Merge(profile is not None, log.warning)
+        self._merge = MessageMerger(profile is not None, log.warning)
         self._topics: dict[tuple[str, str], Route | None] = {}
         self._messages: dict[str, int] = {}  # topic → how many
         self._ignored: set[str] = set()  # types told of
-        self._bad: dict[str, Complaints] = {}  # by topic, "" for those beyond NAMED_MAX
+        self._bad: dict[str, RateLimitedLog] = {}  # by topic, "" for those beyond NAMED_MAX
         self._urdf = ""
         self._told_still = False
 
@@ -94,7 +94,7 @@ class Intake:
         of = topic if topic in self._bad or len(self._bad) < NAMED_MAX else ""
         if of not in self._bad:
             noun = f"bad messages of {of}" if of else "bad messages of further topics"
-            self._bad[of] = Complaints(log.warning, noun, SAY_EVERY_S)
+            self._bad[of] = RateLimitedLog(log.warning, noun, SAY_EVERY_S)
         self._bad[of].add(f"{topic[:TOPIC_MAX]}: {text}", time.monotonic())
 
     def sample(self) -> Sample | None:

@@ -57,7 +57,7 @@ class _Strand:
     values: Mapping[str, Mapping[str, Reading]] = field(default_factory=dict)
 
 
-class Merge:
+class MessageMerger:
     """One robot. `settled`: its channels are known beforehand. `say` takes lines about double channels."""
 
     def __init__(self, settled: bool, say: Callable[[str], None]) -> None:

@@ -24,10 +24,10 @@ from typing import TYPE_CHECKING, Any
 import zenoh
 from zenoh.ext import HistoryConfig, declare_advanced_subscriber
 
-from posecast_edge.rate_limited_log import Complaints
+from posecast_edge.rate_limited_log import RateLimitedLog
 from posecast_edge.sample import SourceError
 from posecast_edge.sources.base import Deliver, Source
-from posecast_edge.sources.ros.input import EXTRA, SAY_EVERY_S, Intake
+from posecast_edge.sources.ros.input import EXTRA, SAY_EVERY_S, RosInput
 from posecast_edge.sources.ros.keys import BRIDGE_TOKENS, Found, data_key, token_key, token_of, topic_of
 from posecast_edge.sources.ros.messages import DESCRIPTION_MAX, PAYLOAD_MAX, STRING
 
@@ -67,12 +67,12 @@ class Ros2Source:
     def __init__(self, host: str, port: int, namespace: str, profile: Profile | None) -> None:
         self.description = f"ros2 {host}:{port}{namespace}"
         self._endpoint = f"tcp/{host}:{port}"
-        self._intake = Intake(f"{host}:{port}", profile, namespace)
+        self._intake = RosInput(f"{host}:{port}", profile, namespace)
         self._domain = profile.ros.domain if profile and profile.ros else None
         self._inbox = Inbox()
         self._bridged: deque[str] = deque(maxlen=BRIDGED_MAX)  # keys to subscribe to
         self._of_key: dict[str, Found] = {}  # keys of bridges
-        self._dropped = Complaints(log.warning, "times", SAY_EVERY_S)
+        self._dropped = RateLimitedLog(log.warning, "times", SAY_EVERY_S)
 
     @property
     def offers(self) -> list[str]:

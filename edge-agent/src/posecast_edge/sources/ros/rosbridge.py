@@ -18,16 +18,16 @@ from collections import deque
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from posecast_edge.rate_limited_log import Complaints
+from posecast_edge.rate_limited_log import RateLimitedLog
 from posecast_edge.sample import SourceError
 from posecast_edge.sources.backoff import Backoff
 from posecast_edge.sources.base import Deliver, Source
-from posecast_edge.sources.ros.input import EXTRA, SAY_EVERY_S, Intake
+from posecast_edge.sources.ros.input import EXTRA, SAY_EVERY_S, RosInput
 from posecast_edge.sources.ros.messages import CONTROLLER_STATE, MessageError, short_type
 from posecast_edge.sources.ros.rosbridge_protocol import (
     MESSAGE_MAX,
     Answer,
-    Ear,
+    MessageAssembler,
     ProtocolError,
     Publish,
     ask,
@@ -84,12 +84,12 @@ class RosbridgeSource:
     def __init__(self, url: str, profile: Profile | None) -> None:
         self.description = f"rosbridge {url}"
         self._url = url
-        self._intake = Intake(url, profile)
+        self._intake = RosInput(url, profile)
         self._encoding = profile.ros.encoding if profile and profile.ros else "json"
         self._wants_urdf = False
         self._backoff = Backoff()
-        self._trouble = Complaints(log.warning, f"failures of {url}", SAY_EVERY_S)
-        self._words = Complaints(log.warning, "words of the server", SAY_EVERY_S)
+        self._trouble = RateLimitedLog(log.warning, f"failures of {url}", SAY_EVERY_S)
+        self._words = RateLimitedLog(log.warning, "words of the server", SAY_EVERY_S)
 
     @property
     def offers(self) -> list[str]:
@@ -133,27 +133,27 @@ class RosbridgeSource:
                 if not stop.is_set():
                     self._trouble.add(f"{self._url}: {_reason(e)}; trying on", now_s)
 
-    def _talk(self, connection: ClientConnection) -> Talk:
-        return Talk(connection, self._intake, self._encoding, self._wants_urdf, self._words)
+    def _talk(self, connection: ClientConnection) -> RosbridgeConnection:
+        return RosbridgeConnection(connection, self._intake, self._encoding, self._wants_urdf, self._words)
 
 
-class Talk:
+class RosbridgeConnection:
     """One connection: asks which topics there are, subscribes to those of use, hears."""
 
     def __init__(
         self,
         connection: ClientConnection,
-        intake: Intake,
+        intake: RosInput,
         encoding: str,
         wants_urdf: bool,
-        words: Complaints,
+        words: RateLimitedLog,
     ) -> None:
         self._connection = connection
         self._intake = intake
         self._encoding = encoding
         self._wants_urdf = wants_urdf
         self._words = words
-        self._ear = Ear()
+        self._ear = MessageAssembler()
         self._types: dict[str, str] = {}  # of topics, as the server spells them
         self._counting: dict[str, float] = {}  # topics whose publishers are being counted, since
         self._subscribed: set[str] = set()

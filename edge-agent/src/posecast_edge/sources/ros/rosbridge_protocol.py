@@ -90,7 +90,7 @@ class _Parts:
     size: int = 0
 
 
-class Ear:
+class MessageAssembler:
     """Takes what one connection brings."""
 
     def __init__(self) -> None:

@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from posecast_edge.pipeline.flattener import MAX_NAMED, Layout
+from posecast_edge.pipeline.flattener import MAX_NAMED, SampleFlattener
 from posecast_edge.sample import Sample
 from posecast_wire.schema import Schema, build_schema_text
 
@@ -16,9 +16,11 @@ SCHEMA = Schema.parse(
 )
 
 
-def flatten(values: dict[str, object], layout: Layout | None = None) -> tuple[list[float | None], list[str]]:
+def flatten(
+    values: dict[str, object], flattener: SampleFlattener | None = None
+) -> tuple[list[float | None], list[str]]:
     said: list[str] = []
-    used = layout or Layout(SCHEMA, said.append)
+    used = flattener or SampleFlattener(SCHEMA, said.append)
     return used.flatten(Sample(0.0, values, {}, "line 7"), 0.0), said  # type: ignore[arg-type]
 
 
@@ -71,25 +73,25 @@ def test_what_is_said_of_a_value_is_short_whatever_it_is() -> None:
 
 def test_unknown_names_are_said_once_and_at_most_so_many() -> None:
     said: list[str] = []
-    layout = Layout(SCHEMA, said.append)
+    flattener = SampleFlattener(SCHEMA, said.append)
     for _ in range(3):
-        flatten({"pos": {"A": 1.0, "C": 2.0}, "hue": [1], "flags": {"A": ["odd"]}}, layout)
+        flatten({"pos": {"A": 1.0, "C": 2.0}, "hue": [1], "flags": {"A": ["odd"]}}, flattener)
     assert said == [
         "line 7: unknown label of pos 'C' is ignored",
         "line 7: unknown field 'hue' is ignored",
         "line 7: unknown bit of flags 'odd' is ignored",
     ]
     for i in range(1000):
-        flatten({f"f{i}": [1]}, layout)
+        flatten({f"f{i}": [1]}, flattener)
     assert len(said) == MAX_NAMED
     assert "further unknown names" in said[-1]
 
 
 def test_wrong_values_are_counted_once_a_second() -> None:
     said: list[str] = []
-    layout = Layout(SCHEMA, said.append)
+    flattener = SampleFlattener(SCHEMA, said.append)
     for i in range(400):
-        layout.flatten(Sample(0.0, {"pos": [1.0]}, {}, f"line {i}"), i / 200)
+        flattener.flatten(Sample(0.0, {"pos": [1.0]}, {}, f"line {i}"), i / 200)
     assert said == [
         "line 0: pos has 1 values, 2 expected",
         "199 more wrong values, the newest: line 199: pos has 1 values, 2 expected",

@@ -3,13 +3,13 @@ from __future__ import annotations
 from pathlib import Path
 
 from posecast_edge.cli.probe import report
-from posecast_edge.pipeline.source_stats import MAX_BITS, MAX_CHANNELS, Observation, observe
+from posecast_edge.pipeline.source_stats import MAX_BITS, MAX_CHANNELS, SourceStats, observe
 from posecast_edge.sample import Sample, Values
 from posecast_edge.sources.registry import open_source
 
 
 def test_a_source_that_invents_names_does_not_fill_the_memory() -> None:
-    seen = Observation()
+    seen = SourceStats()
     for i in range(5000):
         values: dict[str, Values] = {f"f{i}": [1.0], "pos": {f"j{i}": 1.0}, "flags": {"A": [f"b{i}"]}}
         seen.add(Sample(float(i), values, {f"k{i}": "x"}), float(i))
@@ -21,7 +21,7 @@ def test_a_source_that_invents_names_does_not_fill_the_memory() -> None:
 
 
 def test_what_is_no_number_is_no_reading() -> None:
-    seen = Observation()
+    seen = SourceStats()
     seen.add(Sample(0.0, {"pos": {"A": 10**400, "B": float("inf"), "C": float("nan"), "D": -2}}), 0.0)
     assert [c.readings for c in seen.fields["pos"].values()] == [0, 0, 0, 1]
     assert seen.fields["pos"]["D"].last == -2.0
@@ -36,7 +36,7 @@ def test_a_source_that_ends_without_a_sample_is_not_called_silent(tmp_path: Path
 
 
 def test_the_names_of_many_joints_stand_in_lines_a_person_can_read() -> None:
-    seen = Observation()
+    seen = SourceStats()
     names = [f"left_arm_{i}_pitch" for i in range(3000)]
     seen.add(Sample(0.0, {"pos": dict.fromkeys(names, 0.5)}), 0.0)
     lines = report("a test", seen)

@@ -15,7 +15,7 @@ import pytest
 from edge_stage import Router
 from posecast_edge.uplink import diagnosis as doorbell
 from posecast_edge.uplink.certificate import Certificate
-from posecast_edge.uplink.diagnosis import ring
+from posecast_edge.uplink.diagnosis import diagnose_link
 from posecast_wire import Credential
 
 
@@ -29,8 +29,8 @@ def listener() -> Iterator[socket.socket]:
 def test_nobody_there() -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
         port = server.getsockname()[1]
-    assert ring(f"tcp/127.0.0.1:{port}", None) == "does not answer"
-    assert ring("tcp/no.such.host.invalid:1", None) == "does not answer"
+    assert diagnose_link(f"tcp/127.0.0.1:{port}", None) == "does not answer"
+    assert diagnose_link("tcp/no.such.host.invalid:1", None) == "does not answer"
 
 
 @pytest.mark.parametrize("proof", [None, Credential("hubo", "x" * 43)])
@@ -38,13 +38,13 @@ def test_somebody_who_hangs(
     listener: socket.socket, proof: Credential | None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(doorbell, "PATIENCE_S", 0.1)
-    says = ring(f"tcp/127.0.0.1:{listener.getsockname()[1]}", proof)
+    says = diagnose_link(f"tcp/127.0.0.1:{listener.getsockname()[1]}", proof)
     assert says == "takes connections and says nothing: does it hang, or is it just starting?"
 
 
 def test_somebody_who_does_not_let_it_in(router: Router) -> None:
-    assert "does it want a --credential?" in ring(router.endpoint, None)
-    says = ring(router.endpoint, Credential("hubo", "x" * 43))
+    assert "does it want a --credential?" in diagnose_link(router.endpoint, None)
+    says = diagnose_link(router.endpoint, Credential("hubo", "x" * 43))
     assert says == "does not let 'hubo' in: its credential is wrong, expired or revoked"
 
 
@@ -59,7 +59,7 @@ def test_no_tls_where_it_is_asked_for(listener: socket.socket) -> None:
 
     thread = threading.Thread(target=answer)
     thread.start()
-    assert ring(address, None) == "does not speak TLS: is it a tcp/… endpoint?"
+    assert diagnose_link(address, None) == "does not speak TLS: is it a tcp/… endpoint?"
     thread.join()
 
 
@@ -81,7 +81,7 @@ def test_what_a_relay_that_wants_certificates_has_against_ours(tmp_path: Path) -
         def asked(proof: Credential | Certificate) -> str:
             thread = threading.Thread(target=answer)
             thread.start()
-            says = ring(f"tls/127.0.0.1:{server.getsockname()[1]}", proof)
+            says = diagnose_link(f"tls/127.0.0.1:{server.getsockname()[1]}", proof)
             thread.join()
             return says
 

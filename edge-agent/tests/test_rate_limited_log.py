@@ -1,11 +1,11 @@
 from __future__ import annotations
 
-from posecast_edge.rate_limited_log import Complaints
+from posecast_edge.rate_limited_log import RateLimitedLog
 
 
 def test_the_first_at_once_then_a_count_a_second() -> None:
     said: list[str] = []
-    c = Complaints(said.append, "bad lines")
+    c = RateLimitedLog(said.append, "bad lines")
     for i in range(31):
         c.add(f"line {i}", i / 10)
     assert said == [
@@ -22,7 +22,7 @@ def test_the_first_at_once_then_a_count_a_second() -> None:
 
 def test_what_is_held_is_said_when_its_time_comes_or_at_the_end() -> None:
     said: list[str] = []
-    c = Complaints(said.append, "bad lines")
+    c = RateLimitedLog(said.append, "bad lines")
     c.add("a", 0.0)
     c.add("b", 0.1)
     c.tick(0.9)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 from edge_stage import PROFILE
-from posecast_edge.pipeline.pacing import Pace
+from posecast_edge.pipeline.pacing import FramePacer
 from posecast_edge.pipeline.stream import Stream
 from posecast_edge.profile.reader import parse_profile
 from posecast_edge.sample import Sample
@@ -15,18 +15,18 @@ TICK_S = 1e-4
 
 def ages(source_hz: float, hz: float, seconds: float, last: int | None = None) -> list[float]:
     """Age, s, of the sample in each frame; the source delivers `last` samples, or goes on."""
-    pace = Pace(hz, 0.0)
+    pacer = FramePacer(hz, 0.0)
     sampled = carried = 0
     sampled_s = 0.0
     found = []
     for step in range(round(seconds / TICK_S)):
         now_s = step * TICK_S
-        ripe = False
+        is_due = False
         if now_s * source_hz >= sampled and (last is None or sampled < last):
             sampled, sampled_s = sampled + 1, now_s
-            ripe = pace.ripe(now_s)
-        if ripe or (sampled != carried and pace.wait_s(now_s) == 0):
-            pace.left(now_s)
+            is_due = pacer.is_due(now_s)
+        if is_due or (sampled != carried and pacer.wait_s(now_s) == 0):
+            pacer.left(now_s)
             if sampled != carried:
                 carried = sampled
                 found.append(now_s - sampled_s)
@@ -53,13 +53,13 @@ def test_a_thousand_samples_a_second_become_thirty_frames_each_of_the_newest() -
     stream = Stream(parse_profile(PROFILE), 4.0, lambda line: None)
     decoder = Decoder()
     decoder.add_schema(stream.schema.text)
-    pace = Pace(30.0, 0.0)
+    pacer = FramePacer(30.0, 0.0)
     behind = []
     for n in range(60_000):
         t_s = n / 1000
         stream.deliver(Sample(t_s, {"pos": [n * 0.001, 0.0]}), t_s)
-        if pace.ripe(t_s):
-            pace.left(t_s)
+        if pacer.is_due(t_s):
+            pacer.left(t_s)
             frame = stream.tick(t_s)
             assert frame is not None
             behind.append(n * 0.001 - (decoder.decode(frame.data).values("pos")[0] or 0.0))
