@@ -14,7 +14,7 @@ from posecast_relay.core.edge_messages import edge_said
 from posecast_relay.core.limits import Limits
 from posecast_relay.core.policy.share_link import make_link, read_link
 from posecast_relay.core.state.stream import Stream
-from posecast_relay.models.cache import Absent, Models, Unavailable
+from posecast_relay.models.cache import Absent, ModelCache, Unavailable
 from posecast_relay.redis.messages import pack, unpack, unpack_state
 from posecast_relay.streaming.request import BadRequest, NoSuchStream, bearer, read_target
 from posecast_wire import Snapshot
@@ -145,7 +145,7 @@ def manifest(data: bytes) -> None:
     digest = hashlib.sha256(data).hexdigest()
 
     async def read() -> None:
-        models = Models(_OneManifest(data), 1 << 20)
+        models = ModelCache(_OneManifest(data), 1 << 20)
         for path in [*await models.entries("demo", digest)][:3]:
             await models.file("demo", digest, path)
 

@@ -10,7 +10,7 @@ import sys
 
 import uvicorn
 from posecast_relay.cli import main
-from posecast_relay.runtime.io_uring import Ring
+from posecast_relay.runtime.io_uring import IoUring
 
 from relay.benches.feed import watch_lag
 
@@ -31,5 +31,5 @@ if __name__ == "__main__":
     if asked.lag:
         uvicorn.Server.startup = _startup_with_timer  # type: ignore[method-assign]
     if asked.no_uring:
-        Ring.open = classmethod(lambda _: None)  # type: ignore[assignment]
+        IoUring.open = classmethod(lambda _: None)  # type: ignore[assignment]
     main()

@@ -25,10 +25,10 @@ from posecast_relay.auth.access import Access
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
 from posecast_relay.core.viewer import messages
-from posecast_relay.runtime.dispatcher import Pump
+from posecast_relay.runtime.dispatcher import Dispatcher
 from posecast_relay.runtime.fan_out import FanOut
 from posecast_relay.store_memory import MemoryStore
-from posecast_relay.streaming.decode_cache import Decoded
+from posecast_relay.streaming.decode_cache import DecodeCache
 from posecast_relay.streaming.sse import http_protocol
 from posecast_relay.streaming.websocket import LiveSocket
 from posecast_wire import Close
@@ -70,13 +70,13 @@ class Echo(LiveSocket):
 @asynccontextmanager
 async def echo() -> AsyncIterator[int]:
     """A server that returns everything; its port."""
-    access = Access(Pump(Hub(Limits(message_bytes=LONGEST)), MemoryStore(), FanOut(None)))
+    access = Access(Dispatcher(Hub(Limits(message_bytes=LONGEST)), MemoryStore(), FanOut(None)))
     Echo.access = access
     port = free_port()
     config = uvicorn.Config(
         lambda _scope, _receive, _send: None,
         ws=Echo,
-        http=http_protocol(access, Decoded()),
+        http=http_protocol(access, DecodeCache()),
         lifespan="off",
         log_config=None,
         port=port,

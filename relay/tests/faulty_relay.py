@@ -17,13 +17,13 @@ from typing import Any
 from posecast_relay import cli
 from posecast_relay.auth.access import Access
 from posecast_relay.auth.addresses import Addresses
-from posecast_relay.http.app import Answers
+from posecast_relay.http.app import AnswerCache
 from posecast_relay.http.robot_state import StateReader
 from posecast_relay.runtime.boundary import isolated, isolated_task
-from posecast_relay.streaming.encodings import EventForm, JsonForm
+from posecast_relay.streaming.encodings import EventStreamEncoding, JsonEncoding
 from posecast_relay.streaming.http_connection import HttpConnection
-from posecast_relay.streaming.pending_requests import UnderWay
-from posecast_relay.streaming.request_timeouts import Unasked
+from posecast_relay.streaming.pending_requests import PendingRequests
+from posecast_relay.streaming.request_timeouts import RequestTimeouts
 from posecast_relay.streaming.sse import EventStream, _Http
 from posecast_relay.streaming.websocket import LiveSocket, _JsonOutlet
 
@@ -32,7 +32,16 @@ ROBOT = "victim"
 TOKEN = "L1.victim"
 CLASSES = (
     *(LiveSocket, _JsonOutlet, EventStream, HttpConnection, _Http),
-    *(UnderWay, Unasked, Addresses, Access, JsonForm, EventForm, Answers, StateReader),
+    *(
+        PendingRequests,
+        RequestTimeouts,
+        Addresses,
+        Access,
+        JsonEncoding,
+        EventStreamEncoding,
+        AnswerCache,
+        StateReader,
+    ),
 )
 # must not fail: what is called when something has failed, and what the process does for everybody at once
 SOUND = {"failed", "cut", "abort", "report_fault", "_work", "_sweep", "recheck", "look_again", "change"}

@@ -25,7 +25,7 @@ from posecast_relay.redis import gateway as redis_gateway
 from posecast_relay.redis import store as redis_store
 from posecast_relay.redis.gateway import RedisGateway
 from posecast_relay.redis.store import RedisStore
-from posecast_relay.runtime.dispatcher import Pump
+from posecast_relay.runtime.dispatcher import Dispatcher
 from posecast_relay.store_memory import MemoryStore
 
 from .page import Page
@@ -47,7 +47,7 @@ class FanOut:
         return []
 
 
-class LoopPump(Pump):
+class LoopPump(Dispatcher):
     """By the loop's clock, simulated or not."""
 
     def now(self) -> float:  # type: ignore[override]
@@ -176,7 +176,7 @@ class Gateway(Process):
         self.pages.clear()
         self.later_pages.clear()
 
-    def _page(self, pump: Pump, robot: str, delay_s: float) -> Page:
+    def _page(self, pump: Dispatcher, robot: str, delay_s: float) -> Page:
         page = Page(self.loop, robot, delay_s)
         viewer = Viewer(page, robot, PUBLIC, 30.0, self.hub.limits, pump.now())
 
@@ -274,7 +274,7 @@ def linked(link: Callable[[str], Any] | None) -> Iterator[None]:
     if link is None:
         yield
         return
-    with patch.object(redis_store, "Link", link), patch.object(redis_gateway, "Link", link):
+    with patch.object(redis_store, "RedisClient", link), patch.object(redis_gateway, "RedisClient", link):
         yield
 
 

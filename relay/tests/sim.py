@@ -6,7 +6,7 @@ import json
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from posecast_relay.core.actions import Action, Ask, Cut, End, Fault, Keep, Send
+from posecast_relay.core.actions import Abort, Action, CloseConnection, Fault, Persist, RequestSnapshot, Send
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
 from posecast_relay.core.viewer.viewer import Viewer
@@ -128,14 +128,14 @@ class World:
                 case Send(data, viewers):
                     for viewer in viewers:
                         viewer.outlet.write(data)
-                case End(viewer, close, reason, retry_s):
+                case CloseConnection(viewer, close, reason, retry_s):
                     viewer.outlet.end(close, reason, retry_s)
-                case Cut(viewer, close):
+                case Abort(viewer, close):
                     viewer.outlet.cut(close)
-                case Ask(robot, views):
+                case RequestSnapshot(robot, views):
                     assert views == ("public",)
                     self.asked.append(robot)
-                case Keep():
+                case Persist():
                     self.kept += 1
                 case Fault(_, error):
                     raise error

@@ -12,7 +12,7 @@ import hashlib
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from posecast_relay.redis.client import Link
+from posecast_relay.redis.client import RedisClient
 from posecast_relay.redis.directory import BOARD
 from posecast_relay.redis.guard import CLAIM, GUARD, STATUS
 from redis.exceptions import (
@@ -323,7 +323,7 @@ class _NoLookup:
         """There are no names here."""
 
 
-class SimLink(Link):
+class SimLink(RedisClient):
     """A link to a simulated server; the URL is only for show."""
 
     def __init__(self, server: SimRedis) -> None:

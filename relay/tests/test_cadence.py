@@ -6,7 +6,7 @@ import itertools
 import random
 
 import pytest
-from posecast_relay.core.viewer.cadence import Cadence, Pace, granted_hz
+from posecast_relay.core.viewer.cadence import Cadence, RateTimer, granted_hz
 
 from .sim import World
 
@@ -14,7 +14,7 @@ from .sim import World
 def due(source_hz: float, hz: float, frames: int, jitter_s: float = 0.0) -> list[int]:
     """Which frames of a steady source go out, when nothing but arrival jitters."""
     chance = random.Random(1)
-    cadence, pace, found = Cadence(), Pace(hz), []
+    cadence, pace, found = Cadence(), RateTimer(hz), []
     for n in range(frames):
         stamp_s = 5.0 + n / source_hz
         cadence.saw(stamp_s)
@@ -49,7 +49,7 @@ def test_a_viewer_faster_than_the_source_gets_every_frame() -> None:
 
 
 def test_frames_held_up_and_let_go_at_once_are_not_all_passed_on() -> None:
-    cadence, pace = Cadence(), Pace(10)
+    cadence, pace = Cadence(), RateTimer(10)
     for n in range(30):
         cadence.saw(n / 30)
     passed = 0
@@ -63,7 +63,7 @@ def test_frames_held_up_and_let_go_at_once_are_not_all_passed_on() -> None:
 
 
 def test_a_new_run_is_due_at_once() -> None:
-    pace = Pace(1)
+    pace = RateTimer(1)
     pace.sent(1, 1000.0, 0.03, 50.0)
     assert not pace.is_due(1, 1000.1, 0.03, 50.1)
     assert pace.is_due(2, 0.0, 0.03, 50.1)

@@ -26,11 +26,11 @@ from posecast_relay.core.viewer import messages
 from posecast_relay.logging import visible
 from posecast_relay.models.manifest import read_manifest
 from posecast_relay.plain_json import json_bytes
-from posecast_relay.runtime.dispatcher import Pump
+from posecast_relay.runtime.dispatcher import Dispatcher
 from posecast_relay.runtime.fan_out import FanOut
 from posecast_relay.store_memory import MemoryStore
-from posecast_relay.streaming.decode_cache import Decoded
-from posecast_relay.streaming.encodings import EventForm
+from posecast_relay.streaming.decode_cache import DecodeCache
+from posecast_relay.streaming.encodings import EventStreamEncoding
 from posecast_relay.streaming.request import bearer, joined, read_target
 from posecast_relay.streaming.websocket import live_protocol, short_text
 
@@ -65,11 +65,11 @@ READERS: dict[str, tuple[Callable[[Any], object], Callable[[int], Any]]] = {
     "manifest: depth": (read_manifest, lambda n: b"[" * n + b"]" * n),
     "manifest: digits": (read_manifest, lambda n: b'{"files":[{"size":' + b"9" * n + b"}]}"),
     "events: lines": (
-        lambda data: EventForm().of(data, None),  # type: ignore[arg-type]
+        lambda data: EventStreamEncoding().of(data, None),  # type: ignore[arg-type]
         lambda n: messages.text('{"type":"x",' + "\r" * n + '"a":1}'),
     ),
     "events: messages": (
-        lambda data: EventForm().of(data, None),  # type: ignore[arg-type]
+        lambda data: EventStreamEncoding().of(data, None),  # type: ignore[arg-type]
         lambda n: messages.text('{"type":"x"}') * n,
     ),
     "names": (visible, lambda n: "\u202e" * n),
@@ -169,8 +169,8 @@ def _text(data: bytes) -> bytes:
 @pytest.mark.parametrize("kind", FRAMES)
 @pytest.mark.parametrize("piece", [1, 256_000], ids=["byte by byte", "at once"])
 async def test_of_a_viewers_messages(kind: str, piece: int) -> None:
-    pump = Pump(Hub(Limits()), MemoryStore(), FanOut(None))
-    made = live_protocol(Access(pump), Decoded())
+    pump = Dispatcher(Hub(Limits()), MemoryStore(), FanOut(None))
+    made = live_protocol(Access(pump), DecodeCache())
 
     def read(data: bytes) -> None:
         viewer: Any = made(SimpleNamespace(), SimpleNamespace(connections=set()), None)  # type: ignore[arg-type]

@@ -7,7 +7,7 @@ from random import Random
 
 import pytest
 from posecast_relay.core import delayed_hub
-from posecast_relay.core.actions import Keep
+from posecast_relay.core.actions import Persist
 from posecast_relay.core.delayed_hub import DelayedHub
 from posecast_relay.core.limits import Limits
 from posecast_relay.core.viewer.viewer import Viewer
@@ -32,7 +32,7 @@ class Late(World):
         found = list(actions)  # type: ignore[call-overload]
         super().do(found)
         for action in found:
-            if isinstance(action, Keep):
+            if isinstance(action, Persist):
                 robot = self.hub.robots.get(action.stream.robot)
                 token = robot is not None and robot.liveness.token
                 self.late.note(action.stream, token, self.now)

@@ -7,15 +7,15 @@ import socket
 from collections.abc import Callable, Iterator
 
 import pytest
-from posecast_relay.core.actions import Ask, Fault, Send, Verify, Watch
+from posecast_relay.core.actions import Fault, RequestSnapshot, Send, SubscribeRobot, VerifyToken
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
 from posecast_relay.core.state.stream import Stream
 from posecast_relay.core.viewer import messages
 from posecast_relay.core.viewer.viewer import Viewer
-from posecast_relay.runtime.dispatcher import Pump
+from posecast_relay.runtime.dispatcher import Dispatcher
 from posecast_relay.runtime.fan_out import SLICE, FanOut
-from posecast_relay.runtime.io_uring import Ring
+from posecast_relay.runtime.io_uring import IoUring
 from posecast_relay.store_memory import MemoryStore
 from posecast_wire import Close
 
@@ -48,7 +48,7 @@ class Far:
 
 @pytest.fixture(params=["one by one", "ring"])
 def fan_out(request: pytest.FixtureRequest) -> Iterator[FanOut]:
-    ring = Ring.open() if request.param == "ring" else None
+    ring = IoUring.open() if request.param == "ring" else None
     if ring is None and request.param == "ring":
         pytest.skip("no io_uring here")
     yield FanOut(ring)
@@ -85,8 +85,8 @@ async def test_a_crowd_is_served_in_slices_and_frames_meanwhile_replace_each_oth
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     clock = iter(range(1_000_000))
-    monkeypatch.setattr(Pump, "now", lambda _self: 1000.0 + next(clock) / 10)  # every frame is due
-    pump = Pump(Hub(Limits()), MemoryStore(), FanOut(None))
+    monkeypatch.setattr(Dispatcher, "now", lambda _self: 1000.0 + next(clock) / 10)  # every frame is due
+    pump = Dispatcher(Hub(Limits()), MemoryStore(), FanOut(None))
     edge = Edge(0xABC, schema(), began_s=pump.now() - 5.0)
 
     def publish() -> None:
@@ -145,9 +145,9 @@ def fail(*_args: object) -> None:
     raise ArithmeticError("port")
 
 
-def serving(store: MemoryStore) -> tuple[Pump, Callable[[], None]]:
+def serving(store: MemoryStore) -> tuple[Dispatcher, Callable[[], None]]:
     """A pump with a robot on air, and how to publish a frame of it."""
-    pump = Pump(Hub(Limits()), store, FanOut(None))
+    pump = Dispatcher(Hub(Limits()), store, FanOut(None))
     pump.ask, pump.watch, pump.verify, pump.kept = fail, fail, fail, fail
     edge = Edge(0xABC, schema(), began_s=pump.now() - 5.0)
 
@@ -165,13 +165,13 @@ async def test_ports_and_connections_that_fail_are_nobody_elses_trouble(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     clock = iter(range(1_000_000))
-    monkeypatch.setattr(Pump, "now", lambda _self: 1000.0 + next(clock) / 10)  # every frame is due
+    monkeypatch.setattr(Dispatcher, "now", lambda _self: 1000.0 + next(clock) / 10)  # every frame is due
     pump, publish = serving(BrokenStore())
     screens = [Broken() if n % 3 == 1 else Screen() for n in range(30)]
     viewers = [viewer(screen) for screen in screens]
     for one in viewers:
         pump.join(one)
-    pump.carry_out([Verify(viewers[0], "token"), Ask("r", ("public",)), Watch("r")])
+    pump.carry_out([VerifyToken(viewers[0], "token"), RequestSnapshot("r", ("public",)), SubscribeRobot("r")])
     for _ in range(5):
         publish()
     pump.carry_out(pump.hub.refuse(viewers[1], Close.BINARY, "binary"))

@@ -8,15 +8,15 @@ import threading
 from typing import Any
 
 import pytest
-from posecast_relay.redis.dns import Lookup
+from posecast_relay.redis.dns import HostLookup
 
 
 async def test_a_name_that_is_there_and_names_that_are_not() -> None:
-    await Lookup("localhost").find()
-    await Lookup("127.0.0.1").find()
+    await HostLookup("localhost").find()
+    await HostLookup("127.0.0.1").find()
     for absent in ("no-such-host.invalid", "." * 5, "x" * 300):
         with pytest.raises(OSError, match=r"."):
-            await Lookup(absent).find()
+            await HostLookup(absent).find()
 
 
 async def test_a_resolver_that_does_not_answer_is_asked_once(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -28,7 +28,7 @@ async def test_a_resolver_that_does_not_answer_is_asked_once(monkeypatch: pytest
         return []
 
     monkeypatch.setattr(socket, "getaddrinfo", slow)
-    lookup = Lookup("redis")
+    lookup = HostLookup("redis")
     for _ in range(3):
         with pytest.raises(TimeoutError):
             await asyncio.wait_for(lookup.find(), 0.02)

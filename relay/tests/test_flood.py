@@ -13,10 +13,10 @@ from posecast_relay.auth.access import Access
 from posecast_relay.auth.tokens import Tokens
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
-from posecast_relay.runtime.dispatcher import Pump
+from posecast_relay.runtime.dispatcher import Dispatcher
 from posecast_relay.runtime.fan_out import FanOut
 from posecast_relay.store_memory import MemoryStore
-from posecast_relay.streaming.decode_cache import Decoded
+from posecast_relay.streaming.decode_cache import DecodeCache
 from posecast_relay.streaming.websocket import AFTER_END_BYTES, SLICE_BYTES, LiveSocket, live_protocol
 from posecast_wire import Close
 
@@ -81,9 +81,9 @@ def seen(monkeypatch: pytest.MonkeyPatch) -> list[int]:
 @pytest.mark.parametrize("what", FLOODS)
 async def test_whatever_it_sends_a_few_are_looked_at(what: str, query: str, seen: list[int]) -> None:
     limits = Limits()
-    pump, wire = Pump(Hub(limits), MemoryStore(), FanOut(None)), Wire()
+    pump, wire = Dispatcher(Hub(limits), MemoryStore(), FanOut(None)), Wire()
     config, server = SimpleNamespace(), SimpleNamespace(connections=set())
-    made = live_protocol(Access(pump, tokens=Tokens()), Decoded())
+    made = live_protocol(Access(pump, tokens=Tokens()), DecodeCache())
     viewer: Any = made(config, server, None)  # type: ignore[arg-type]
     viewer.connection_made(wire)
     viewer.data_received(request(query))
@@ -98,8 +98,8 @@ async def test_whatever_it_sends_a_few_are_looked_at(what: str, query: str, seen
 
 @pytest.mark.parametrize("what", FLOODS)
 async def test_a_flood_behind_the_end_is_not_read(what: str, seen: list[int]) -> None:
-    pump, wire = Pump(Hub(Limits()), MemoryStore(), FanOut(None)), Wire()
-    made = live_protocol(Access(pump), Decoded())
+    pump, wire = Dispatcher(Hub(Limits()), MemoryStore(), FanOut(None)), Wire()
+    made = live_protocol(Access(pump), DecodeCache())
     viewer: Any = made(SimpleNamespace(), SimpleNamespace(connections=set()), None)  # type: ignore[arg-type]
     viewer.connection_made(wire)
     viewer.data_received(request())

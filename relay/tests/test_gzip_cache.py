@@ -6,13 +6,13 @@ import asyncio
 import gzip
 import os
 
-from posecast_relay.http.gzip_cache import Packed, packed_name
-from posecast_relay.models.memory import ENTRY_BYTES, ModelRoom
+from posecast_relay.http.gzip_cache import GzipCache, packed_name
+from posecast_relay.models.memory import ENTRY_BYTES, ModelMemory
 
 
-def room_with(**files: bytes) -> ModelRoom:
+def room_with(**files: bytes) -> ModelMemory:
     """What is kept of a robot."""
-    room = ModelRoom(1_000_000, lambda: 0.0)
+    room = ModelMemory(1_000_000, lambda: 0.0)
     for name, data in files.items():
         claim = room.claim("r", len(data), lambda: None)
         assert claim is not None
@@ -24,7 +24,7 @@ def room_with(**files: bytes) -> ModelRoom:
 async def test_what_shrinks_is_packed_once_and_unpacks_to_the_same() -> None:
     text = b"joint " * 1000
     room = room_with(a=text)
-    packed = Packed(room)
+    packed = GzipCache(room)
     sizes = await asyncio.gather(packed.pack("r", "a"), packed.pack("r", "a"))
     made = room.get(packed_name("a"))
     assert isinstance(made, bytes)
@@ -37,7 +37,7 @@ async def test_what_shrinks_is_packed_once_and_unpacks_to_the_same() -> None:
 
 async def test_what_does_not_shrink_is_left_alone_and_not_tried_twice() -> None:
     room = room_with(noise=os.urandom(10_000))
-    packed = Packed(room)
+    packed = GzipCache(room)
     assert await packed.pack("r", "noise") == 0
     assert room.get(packed_name("noise")) == b""
     assert await packed.pack("r", "noise") == 0
@@ -46,8 +46,10 @@ async def test_what_does_not_shrink_is_left_alone_and_not_tried_twice() -> None:
 
 async def test_what_is_not_here_is_not_packed_and_all_stays_within_the_room() -> None:
     room = room_with(a=b"joint " * 100_000)
-    assert await Packed(room).pack("r", "b") == 0
+    assert await GzipCache(room).pack("r", "b") == 0
     assert room.claim("other", 300_000, lambda: None)
-    assert await Packed(room).pack("r", "a") > 0  # beside the other's there was room for one of the two only
+    assert (
+        await GzipCache(room).pack("r", "a") > 0
+    )  # beside the other's there was room for one of the two only
     assert room.get("a") is None
     assert room.used < room.most

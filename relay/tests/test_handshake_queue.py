@@ -7,7 +7,7 @@ from itertools import pairwise
 from types import SimpleNamespace
 
 import pytest
-from posecast_relay.streaming.handshake_queue import TURN_S, Doorway
+from posecast_relay.streaming.handshake_queue import TURN_S, HandshakeQueue
 
 
 async def test_many_at_once_leave_room_for_others_and_keep_their_order(
@@ -17,7 +17,7 @@ async def test_many_at_once_leave_room_for_others_and_keep_their_order(
     monkeypatch.setattr(
         "posecast_relay.streaming.handshake_queue.time", SimpleNamespace(monotonic=lambda: now)
     )
-    doorway = Doorway()
+    doorway = HandshakeQueue()
 
     def enter(number: int) -> None:
         nonlocal now

@@ -12,10 +12,10 @@ import uvicorn
 from posecast_relay.auth.access import Access
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
-from posecast_relay.runtime.dispatcher import Pump
+from posecast_relay.runtime.dispatcher import Dispatcher
 from posecast_relay.runtime.fan_out import FanOut
 from posecast_relay.store_memory import MemoryStore
-from posecast_relay.streaming.decode_cache import Decoded
+from posecast_relay.streaming.decode_cache import DecodeCache
 from posecast_relay.streaming.sse import http_protocol
 from posecast_relay.streaming.websocket import LiveSocket, live_protocol
 
@@ -85,7 +85,7 @@ async def test_a_mistake_of_ours_leaves_no_connection_behind(
         raise LookupError("a mistake")
 
     monkeypatch.setattr(LiveSocket, "_handshake", mistaken)
-    access, decoded = Access(Pump(Hub(Limits()), MemoryStore(), FanOut(None))), Decoded()
+    access, decoded = Access(Dispatcher(Hub(Limits()), MemoryStore(), FanOut(None))), DecodeCache()
     config = uvicorn.Config(
         no_app,
         port=0,

@@ -18,10 +18,10 @@ import uvicorn
 from posecast_relay.auth.access import Access
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
-from posecast_relay.runtime.dispatcher import Pump
+from posecast_relay.runtime.dispatcher import Dispatcher
 from posecast_relay.runtime.fan_out import FanOut
 from posecast_relay.store_memory import MemoryStore
-from posecast_relay.streaming.decode_cache import Decoded
+from posecast_relay.streaming.decode_cache import DecodeCache
 from posecast_relay.streaming.http_connection import (
     BODY_BYTES,
     HEAD_BYTES,
@@ -30,7 +30,7 @@ from posecast_relay.streaming.http_connection import (
     TARGET_BYTES,
     HttpConnection,
 )
-from posecast_relay.streaming.request_timeouts import HEADS_BYTES, Unasked, guarded
+from posecast_relay.streaming.request_timeouts import HEADS_BYTES, RequestTimeouts, guarded
 from posecast_relay.streaming.sse import http_protocol
 from posecast_relay.streaming.websocket import live_protocol
 
@@ -113,10 +113,10 @@ class Desk:
     """What connections need of a relay."""
 
     def __init__(self) -> None:
-        self.pump = Pump(Hub(Limits()), MemoryStore(), FanOut(None))
-        access, decoded = Access(self.pump), Decoded()
+        self.pump = Dispatcher(Hub(Limits()), MemoryStore(), FanOut(None))
+        access, decoded = Access(self.pump), DecodeCache()
         self.cut: list[int] = []
-        unasked = Unasked(self.pump.now, self.cut.append)
+        unasked = RequestTimeouts(self.pump.now, self.cut.append)
         self._class = guarded(http_protocol(access, decoded), unasked)
         self._config = uvicorn.Config(
             no_app, ws=live_protocol(access, decoded), lifespan="off", log_config=None

@@ -12,11 +12,11 @@ from typing import Any
 import httpx
 import pytest
 from fastapi import Request
-from posecast_relay.http.gzip_cache import Packed
+from posecast_relay.http.gzip_cache import GzipCache
 from posecast_relay.http.models import PIECE_BYTES, model_answer
-from posecast_relay.models.cache import RANGE_BYTES, Models
+from posecast_relay.models.cache import RANGE_BYTES, ModelCache
 from posecast_relay.models.memory import IN_USE_S
-from posecast_relay.streaming.http_connection import BrokenOff
+from posecast_relay.streaming.http_connection import AnswerAborted
 
 from .stage import Model, Relay, until
 from .test_model_cache import Edge, bytes_of
@@ -53,10 +53,10 @@ async def never() -> Any:
     raise AssertionError
 
 
-async def answered(models: Models, edge: Edge, path: str, **headers: str) -> Reader:
+async def answered(models: ModelCache, edge: Edge, path: str, **headers: str) -> Reader:
     """The whole answer."""
     found = await models.file("r", edge.digest, path)
-    response = await model_answer(request(**headers), models, Packed(models.room), "r", found)
+    response = await model_answer(request(**headers), models, GzipCache(models.room), "r", found)
     reader = Reader()
     await response({"type": "http", "method": "GET"}, never, reader.send)
     return reader
@@ -65,7 +65,7 @@ async def answered(models: Models, edge: Edge, path: str, **headers: str) -> Rea
 async def test_it_travels_in_small_pieces() -> None:
     data = bytes_of(1, MB)
     edge = Edge({"a.stl": data})
-    reader = await answered(Models(edge, 3 * MB), edge, "a.stl")
+    reader = await answered(ModelCache(edge, 3 * MB), edge, "a.stl")
     assert reader.body == data
     assert max(reader.sizes) == PIECE_BYTES
     assert reader.start["content-length"] == str(MB)
@@ -74,7 +74,7 @@ async def test_it_travels_in_small_pieces() -> None:
 async def test_packed_likewise() -> None:
     data = b"joint " * 100_000
     edge = Edge({"a.stl": data})
-    models = Models(edge, 3 * MB)
+    models = ModelCache(edge, 3 * MB)
     reader = await answered(models, edge, "a.stl", accept_encoding="gzip")
     assert gzip.decompress(reader.body) == data
     assert reader.start["content-encoding"] == "gzip"
@@ -83,15 +83,15 @@ async def test_packed_likewise() -> None:
 
 async def test_an_empty_file_is_an_answer() -> None:
     edge = Edge({"a.stl": b""})
-    assert (await answered(Models(edge, MB), edge, "a.stl")).sizes == [0]
+    assert (await answered(ModelCache(edge, MB), edge, "a.stl")).sizes == [0]
 
 
 async def test_what_has_to_go_meanwhile_breaks_off() -> None:
     clock = SimpleNamespace(now=0.0)
     edge = Edge({"a.stl": bytes_of(1, 600_000), "b.stl": bytes_of(2, 600_000)})
-    models = Models(edge, MB, lambda: clock.now)
+    models = ModelCache(edge, MB, lambda: clock.now)
     found = await models.file("r", edge.digest, "a.stl")
-    response = await model_answer(request(), models, Packed(models.room), "r", found)
+    response = await model_answer(request(), models, GzipCache(models.room), "r", found)
     taken = 0
 
     async def send(message: Any) -> None:
@@ -101,7 +101,7 @@ async def test_what_has_to_go_meanwhile_breaks_off() -> None:
             clock.now += IN_USE_S
             await models.file("r", edge.digest, "b.stl")
 
-    with pytest.raises(BrokenOff):
+    with pytest.raises(AnswerAborted):
         await response({"type": "http", "method": "GET"}, never, send)
     assert taken == 5 * PIECE_BYTES
 

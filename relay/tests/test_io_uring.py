@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 
 import pytest
-from posecast_relay.runtime.io_uring import BATCH, Ring, Short, write_each
+from posecast_relay.runtime.io_uring import BATCH, IoUring, Short, write_each
 
 WriteEach = Callable[[Sequence[int], bytes], Short]
 Pair = Callable[[], tuple[socket.socket, socket.socket]]
@@ -20,7 +20,7 @@ def write(request: pytest.FixtureRequest) -> Iterator[WriteEach]:
     if request.param == "one by one":
         yield write_each
         return
-    ring = Ring.open()
+    ring = IoUring.open()
     if ring is None:
         pytest.skip("no io_uring here")
     yield ring.write_each
@@ -87,28 +87,28 @@ def test_those_who_are_gone_hurt_nobody(write: WriteEach, pair: Pair) -> None:
 
 
 def test_a_kernel_that_forbids_it_is_no_error(monkeypatch: pytest.MonkeyPatch) -> None:
-    def refuse(self: Ring, number: int, *arguments: object) -> int:
+    def refuse(self: IoUring, number: int, *arguments: object) -> int:
         raise OSError(errno.EPERM, "not here")
 
-    monkeypatch.setattr(Ring, "_call", refuse)
-    assert Ring.open() is None
+    monkeypatch.setattr(IoUring, "_call", refuse)
+    assert IoUring.open() is None
 
 
 def test_a_batch_that_the_kernel_does_not_begin_is_not_lost(
     monkeypatch: pytest.MonkeyPatch, pair: Pair
 ) -> None:
-    ring = Ring.open()
+    ring = IoUring.open()
     if ring is None:
         pytest.skip("no io_uring here")
     pairs = [pair() for _ in range(3)]
-    call, refused = Ring._call, [OSError(errno.EAGAIN, "no memory now")]
+    call, refused = IoUring._call, [OSError(errno.EAGAIN, "no memory now")]
 
-    def busy(self: Ring, number: int, *arguments: object) -> int:
+    def busy(self: IoUring, number: int, *arguments: object) -> int:
         if refused:
             raise refused.pop()
         return call(self, number, *arguments)
 
-    monkeypatch.setattr(Ring, "_call", busy)
+    monkeypatch.setattr(IoUring, "_call", busy)
     descriptors = [near.fileno() for near, _ in pairs]
     assert ring.write_each(descriptors, b"abc") == [(0, 0), (1, 0), (2, 0)]  # for the transports to send
     assert ring.write_each(descriptors, b"def") == []

@@ -19,7 +19,7 @@ from typing import Any
 
 import pytest
 from posecast_relay import core
-from posecast_relay.core.actions import Ask, Cut, End, Fault, Send
+from posecast_relay.core.actions import Abort, CloseConnection, Fault, RequestSnapshot, Send
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
 from posecast_relay.core.viewer.viewer import Viewer
@@ -73,11 +73,11 @@ class World:
                 case Send(data, viewers):
                     for viewer in viewers:
                         viewer.outlet.write(data)
-                case End(viewer, close, reason, retry_s):
+                case CloseConnection(viewer, close, reason, retry_s):
                     viewer.outlet.end(close, reason, retry_s)
-                case Cut(viewer, close):
+                case Abort(viewer, close):
                     viewer.outlet.cut(close)
-                case Ask(robot, _):
+                case RequestSnapshot(robot, _):
                     self.asked.add(robot)
                 case Fault():
                     self.faults.append(action)

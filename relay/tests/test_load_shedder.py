@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import pytest
-from posecast_relay.core.load_shedder import NO_CEILING, Load
+from posecast_relay.core.load_shedder import NO_CEILING, LoadShedder
 from posecast_wire import Close
 
 from .sim import Edge, World
@@ -15,7 +15,7 @@ from .sim import Edge, World
 class Machine:
     """How the process does, second by second."""
 
-    load: Load
+    load: LoadShedder
     now: float = 1000.0
 
     def second(self, lag_s: float = 0.0, busy: float = 0.2, full: int = 0, fastest_hz: float = 30.0) -> float:
@@ -29,13 +29,13 @@ class Machine:
 
 @pytest.mark.parametrize("bad", [{"lag_s": 0.2}, {"busy": 0.99}, {"full": 80}])
 def test_three_bad_seconds_lower_the_ceiling_and_five_calm_ones_raise_it(bad: dict[str, float]) -> None:
-    machine = Machine(Load())
+    machine = Machine(LoadShedder())
     assert [machine.second(**bad) for _ in range(3)] == [NO_CEILING, NO_CEILING, 15.0]  # type: ignore[arg-type]
     assert [machine.second() for _ in range(5)] == [15.0] * 4 + [NO_CEILING]
 
 
 def test_single_bad_seconds_and_one_long_stop_mean_nothing() -> None:
-    machine = Machine(Load())
+    machine = Machine(LoadShedder())
     for _ in range(20):
         assert machine.second(lag_s=0.5) == NO_CEILING
         assert machine.second(busy=1.0) == NO_CEILING
@@ -47,23 +47,23 @@ def test_single_bad_seconds_and_one_long_stop_mean_nothing() -> None:
 
 
 def test_it_goes_down_as_far_as_it_must_and_no_further() -> None:
-    machine = Machine(Load())
+    machine = Machine(LoadShedder())
     assert [machine.second(busy=1.0) for _ in range(21)][2::3] == [15.0, 10.0, 5.0, 2.0, 1.0, 1.0, 1.0]
-    pressed = Machine(Load())  # which is the viewers' own doing
+    pressed = Machine(LoadShedder())  # which is the viewers' own doing
     assert [pressed.second(full=100) for _ in range(12)][2::3] == [
         15.0,
         10.0,
         10.0,
         10.0,
     ]
-    slow = Machine(Load())
+    slow = Machine(LoadShedder())
     assert [slow.second(busy=1.0, fastest_hz=10.0) for _ in range(3)][-1] == 5.0  # a step that is felt
-    nobody = Machine(Load())
+    nobody = Machine(LoadShedder())
     assert [nobody.second(busy=1.0, fastest_hz=0.0) for _ in range(3)][-1] == NO_CEILING
 
 
 def test_between_overload_and_calm_nothing_changes() -> None:
-    machine = Machine(Load())
+    machine = Machine(LoadShedder())
     for _ in range(3):
         machine.second(busy=1.0)
     assert {machine.second(busy=0.8, lag_s=0.08) for _ in range(60)} == {15.0}
@@ -71,7 +71,7 @@ def test_between_overload_and_calm_nothing_changes() -> None:
 
 def test_steps_up_that_prove_too_early_come_ever_later_and_settle() -> None:
     """A machine that carries 15 Hz and not 30."""
-    machine = Machine(Load())
+    machine = Machine(LoadShedder())
     changes = []
     before = NO_CEILING
     for second in range(600):

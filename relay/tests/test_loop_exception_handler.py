@@ -9,14 +9,14 @@ import re
 import ssl
 
 import pytest
-from posecast_relay.logging import JsonLines, Unheard
+from posecast_relay.logging import JsonLines, LoopExceptionHandler
 
 
 async def test_a_connection_given_up_is_one_line_and_a_mistake_of_ours_is_named(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     loop = asyncio.get_running_loop()
-    loop.set_exception_handler(Unheard())
+    loop.set_exception_handler(LoopExceptionHandler())
     caplog.set_level(logging.WARNING)
     for error in (ssl.SSLError(1, "CERTIFICATE_VERIFY_FAILED"),) * 3 + (ConnectionResetError("gone"),):
         loop.create_future().set_exception(error)  # nobody holds it
@@ -42,7 +42,7 @@ class Transport:
 
 async def test_what_still_comes_over_a_closed_transport_is_one_line(caplog: pytest.LogCaptureFixture) -> None:
     loop = asyncio.get_running_loop()
-    loop.set_exception_handler(Unheard())
+    loop.set_exception_handler(LoopExceptionHandler())
     late = RuntimeError("unable to perform operation on <TCPTransport closed=True>; the handler is closed")
     for closed in (True, True, False):
         said = {"message": "Fatal error on SSL protocol", "exception": late, "transport": Transport(closed)}

@@ -12,7 +12,7 @@ from typing import Any
 
 import httpx
 import pytest
-from posecast_relay.core.mirror import Change, Mirror, Shown, Written
+from posecast_relay.core.mirror import Mirror, NodeChange, VisibleRobot, Written
 from posecast_relay.mirror.firebase import BATCH_BYTES, batches
 from posecast_wire import Decoder
 
@@ -51,13 +51,13 @@ class Mirrored:
         self.reader = Reader()
         self.hz = 60.0
 
-    def shown(self) -> dict[str, Shown]:
+    def shown(self) -> dict[str, VisibleRobot]:
         """As the policy shows it to anyone."""
         robot = self.world.hub.robots["r"]
         room = robot.rooms["public"]
-        return {"r": Shown(room.stream, robot.word(room, self.world.now), self.hz)}
+        return {"r": VisibleRobot(room.stream, robot.word(room, self.world.now), self.hz)}
 
-    def look(self, shown: dict[str, Shown] | None = None, works: bool = True) -> dict[str, Change]:
+    def look(self, shown: dict[str, VisibleRobot] | None = None, works: bool = True) -> dict[str, NodeChange]:
         """One cycle."""
         found = self.shown() if shown is None else shown
         changes = self.mirror.changes(found, self.world.now, UNIX_S + self.world.now)
@@ -145,7 +145,9 @@ def test_another_schema_replaces_all() -> None:
 
 def test_a_request_has_a_bound_and_no_robot_is_torn_apart() -> None:
     node = {"schema": "x" * 300_000, "frame": "y"}
-    changes = {f"r{i}": Change(dict(node), Written()) for i in range(10)} | {"gone": Change(None, Written())}
+    changes = {f"r{i}": NodeChange(dict(node), Written()) for i in range(10)} | {
+        "gone": NodeChange(None, Written())
+    }
     made = list(batches(changes))
     assert sum(len(batch) for batch, _ in made) == 11
     assert max(len(body) for _, body in made) < BATCH_BYTES + 400_000

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
-from posecast_relay.models.cache import AT_ONCE, RANGE_BYTES, TRIES, Absent, Models, Unavailable
+from posecast_relay.models.cache import AT_ONCE, RANGE_BYTES, TRIES, Absent, ModelCache, Unavailable
 from posecast_relay.models.manifest import BYTES_MAX, FILES_MAX
 
 MB = 1_000_000
@@ -52,7 +52,7 @@ class Edge:
         return [off for wanted, off in self.asked if wanted == sha256(data)]
 
 
-async def read(models: Models, edge: Edge, path: str, robot: str = "r") -> bytes:
+async def read(models: ModelCache, edge: Edge, path: str, robot: str = "r") -> bytes:
     """A file's bytes, as an answer takes them."""
     name, _, size = await models.file(robot, edge.digest, path)
     data = models.piece(name, 0, size)
@@ -67,7 +67,7 @@ def bytes_of(seed: int, size: int) -> bytes:
 async def test_a_file_comes_in_ranges_once_for_all_who_ask() -> None:
     data = bytes_of(1, 2 * RANGE_BYTES + 1)
     edge = Edge({"a.stl": data})
-    models = Models(edge, 10 * MB)
+    models = ModelCache(edge, 10 * MB)
     found = await asyncio.gather(*(read(models, edge, "a.stl") for _ in range(5)))
     assert set(found) == {data}
     assert edge.asked_for(data) == [0, RANGE_BYTES, 2 * RANGE_BYTES]
@@ -79,7 +79,7 @@ async def test_a_file_comes_in_ranges_once_for_all_who_ask() -> None:
 async def test_one_who_goes_away_does_not_stop_the_others() -> None:
     data = bytes_of(1, 1000)
     edge = Edge({"a.stl": data})
-    models = Models(edge, 10 * MB)
+    models = ModelCache(edge, 10 * MB)
     first = asyncio.create_task(read(models, edge, "a.stl"))
     second = asyncio.create_task(read(models, edge, "a.stl"))
     await asyncio.sleep(0)
@@ -90,7 +90,7 @@ async def test_one_who_goes_away_does_not_stop_the_others() -> None:
 async def test_the_oldest_goes_when_memory_is_full() -> None:
     files = {f"{i}.stl": bytes_of(i, 400_000) for i in range(5)}
     edge = Edge(files)
-    models = Models(edge, MB)  # room for two
+    models = ModelCache(edge, MB)  # room for two
     for path in ("0.stl", "1.stl", "0.stl", "2.stl"):  # 1 is then the one asked for longest ago
         assert await read(models, edge, path) == files[path]
     for path in ("0.stl", "2.stl"):
@@ -104,7 +104,7 @@ async def test_a_file_larger_than_all_room_is_not_begun() -> None:
     data = bytes_of(1, MB)
     edge = Edge({"a.stl": data})
     with pytest.raises(Unavailable, match="more than this relay keeps"):
-        await Models(edge, MB - 1).file("r", edge.digest, "a.stl")
+        await ModelCache(edge, MB - 1).file("r", edge.digest, "a.stl")
     assert edge.asked_for(data) == []
 
 
@@ -121,14 +121,14 @@ async def test_a_hiccup_costs_a_range_and_not_the_file() -> None:
         return answer
 
     edge.spoil = hiccup
-    assert await read(Models(edge, MB), edge, "a.stl") == data
+    assert await read(ModelCache(edge, MB), edge, "a.stl") == data
     assert edge.asked_for(data) == [0, *[RANGE_BYTES] * TRIES, 2 * RANGE_BYTES]
 
 
 async def test_an_edge_that_stays_away_is_asked_a_few_times() -> None:
     data = bytes_of(1, RANGE_BYTES)
     edge = Edge({"a.stl": data})
-    models = Models(edge, MB)
+    models = ModelCache(edge, MB)
     await models.manifest("r", edge.digest)
 
     def away(_answer: bytes) -> bytes:
@@ -149,7 +149,7 @@ async def test_an_edge_that_stays_away_is_asked_a_few_times() -> None:
 async def test_what_is_not_what_its_name_says_is_never_kept(spoil: Callable[[bytes], bytes]) -> None:
     data = bytes_of(1, 1000)
     edge = Edge({"a.stl": data})
-    models = Models(edge, MB)
+    models = ModelCache(edge, MB)
     await models.manifest("r", edge.digest)
     edge.spoil = spoil
     with pytest.raises(Unavailable):
@@ -161,7 +161,7 @@ async def test_what_is_not_what_its_name_says_is_never_kept(spoil: Callable[[byt
 @pytest.mark.parametrize("digest", ["", "x", "../../etc/passwd", "A" * 64, "0" * 64])
 async def test_what_nobody_offers_is_absent(digest: str) -> None:
     edge = Edge({"a.stl": b"1"})
-    models = Models(edge, MB)
+    models = ModelCache(edge, MB)
     with pytest.raises(Absent):
         await models.manifest("r", digest)
     with pytest.raises(Absent, match="no file"):
@@ -191,7 +191,7 @@ GOOD = {"path": "a", "size": 1, "sha256": "0" * 64}
 async def test_a_manifest_that_is_none(document: Any) -> None:
     edge = Edge({}, document)
     with pytest.raises(Unavailable) as refused:
-        await Models(edge, MB).manifest("r", edge.digest)
+        await ModelCache(edge, MB).manifest("r", edge.digest)
     assert "manifest" in str(refused.value)
 
 
@@ -199,7 +199,7 @@ async def test_a_type_that_could_act_is_not_told() -> None:
     data = b"<script>"
     entry = {"path": "a.html", "size": len(data), "sha256": sha256(data), "type": "text/html"}
     edge = Edge({"a.html": data}, {"files": [entry]})
-    found = await Models(edge, MB).file("r", edge.digest, "a.html")
+    found = await ModelCache(edge, MB).file("r", edge.digest, "a.html")
     assert found.type == "application/octet-stream"
 
 
@@ -230,7 +230,7 @@ class Liar(Edge):
 
 async def test_declared_files_never_take_more_than_the_room_and_nothing_once_their_askers_have_left() -> None:
     edge = Liar(40, 8 * MB)
-    models = Models(edge, 10 * MB)
+    models = ModelCache(edge, 10 * MB)
     await models.manifest("r", edge.digest)
     tracemalloc.start()
     try:
@@ -259,7 +259,7 @@ async def test_declared_files_never_take_more_than_the_room_and_nothing_once_the
 async def test_a_size_that_is_only_claimed_takes_no_memory() -> None:
     edge = Liar(1, 90 * MB)
     edge.answers.clear()
-    models = Models(edge, 100 * MB)
+    models = ModelCache(edge, 100 * MB)
     tracemalloc.start()
     try:
         asking = asyncio.create_task(models.file("r", edge.digest, "0.glb"))
@@ -275,7 +275,7 @@ async def test_a_size_that_is_only_claimed_takes_no_memory() -> None:
 async def test_the_last_of_several_askers_ends_the_work_and_a_new_one_begins_it_anew() -> None:
     edge = Liar(1, 4 * RANGE_BYTES)
     edge.answers.clear()
-    models = Models(edge, 10 * MB)
+    models = ModelCache(edge, 10 * MB)
     first, second = (asyncio.create_task(models.file("r", edge.digest, "0.glb")) for _ in range(2))
     await turns()
     assert edge.asked == [("manifest", 0), (sha256(b"0"), 0)]
@@ -312,7 +312,7 @@ class Several:
 async def test_a_robot_whose_edge_does_not_answer_keeps_no_other_waiting() -> None:
     stuck, good = Liar(40, 3 * MB), Edge({"a.stl": bytes_of(1, 4 * MB)})
     stuck.answers.clear()
-    models = Models(Several(stuck=stuck, good=good), 10 * MB)
+    models = ModelCache(Several(stuck=stuck, good=good), 10 * MB)
     askers = [asyncio.create_task(models.file("stuck", stuck.digest, f"{n}.glb")) for n in range(40)]
     await turns()
     assert len(stuck.asked) == 1 + 3, "its manifest, and as many files as there is room for"
@@ -328,7 +328,7 @@ async def test_a_robot_whose_edge_does_not_answer_keeps_no_other_waiting() -> No
 async def test_what_waits_for_room_gets_it_when_there_is_some(monkeypatch: pytest.MonkeyPatch) -> None:
     stuck, good = Liar(1, 6 * MB), Edge({"b": bytes_of(2, 6 * MB)})
     stuck.answers.clear()
-    models = Models(Several(stuck=stuck, good=good), 10 * MB)
+    models = ModelCache(Several(stuck=stuck, good=good), 10 * MB)
     for each, robot in ((stuck, "stuck"), (good, "good")):
         await models.manifest(robot, each.digest)
     first = asyncio.create_task(models.file("stuck", stuck.digest, "0.glb"))
@@ -347,7 +347,7 @@ async def test_what_waits_for_room_gets_it_when_there_is_some(monkeypatch: pytes
 async def test_a_robot_has_a_few_files_under_way_at_once() -> None:
     edge = Liar(40, 1000)
     edge.answers.clear()
-    models = Models(edge, 10 * MB)
+    models = ModelCache(edge, 10 * MB)
     askers = [asyncio.create_task(models.file("r", edge.digest, f"{n}.glb")) for n in range(40)]
     await turns()
     assert len(edge.asked) == 1 + AT_ONCE
@@ -359,7 +359,7 @@ async def test_a_robot_has_a_few_files_under_way_at_once() -> None:
 async def test_the_same_bytes_of_two_robots_are_kept_and_counted_once() -> None:
     data = bytes_of(1, MB)
     one, two = Edge({"a.stl": data}), Edge({"b.stl": data})
-    models = Models(Several(one=one, two=two), 10 * MB)
+    models = ModelCache(Several(one=one, two=two), 10 * MB)
     await asyncio.gather(read(models, one, "a.stl", "one"), read(models, two, "b.stl", "two"))
     assert MB < models.room.used < 1.1 * MB
 
@@ -369,7 +369,7 @@ async def test_who_knows_the_hash_of_anothers_file_does_not_have_it() -> None:
     data = bytes_of(1, 2000)
     hidden, thief = Edge({"a.stl": data}), Edge({"a.stl": data})
     thief.spoil = lambda answer: answer if answer == thief.bytes else b""
-    models = Models(Several(hidden=hidden, thief=thief), 10 * MB)
+    models = ModelCache(Several(hidden=hidden, thief=thief), 10 * MB)
     assert await read(models, hidden, "a.stl", "hidden") == data
     with pytest.raises(Unavailable, match="0 bytes at 0 of 2000"):
         await models.file("thief", thief.digest, "a.stl")
@@ -386,7 +386,7 @@ async def test_a_manifest_that_gives_a_file_another_size_is_not_believed(size: i
     data = bytes_of(1, 2000)
     edge = Edge({"a.stl": data})
     source = Several(r=edge)
-    models = Models(source, 10 * MB)
+    models = ModelCache(source, 10 * MB)
     assert await read(models, edge, "a.stl") == data
     false = {"path": "b.stl", "size": size, "sha256": sha256(data), "type": "model/stl"}
     source.edges["r"] = later = Edge({"b.stl": data}, {"v": 2, "files": [false]})
@@ -396,7 +396,7 @@ async def test_a_manifest_that_gives_a_file_another_size_is_not_believed(size: i
 
 async def test_a_short_range_is_no_range() -> None:
     edge = Edge({"a.stl": bytes_of(1, 2000)})
-    models = Models(edge, MB)
+    models = ModelCache(edge, MB)
     await models.manifest("r", edge.digest)
     edge.spoil = lambda data: data[:1]
     with pytest.raises(Unavailable, match="1 bytes at 0 of 2000"):
@@ -407,6 +407,6 @@ async def test_a_short_range_is_no_range() -> None:
 async def test_a_path_from_outside_is_shown_as_what_it_is() -> None:
     edge = Edge({"a.stl": b"1"})
     with pytest.raises(Absent) as refused:
-        await Models(edge, MB).file("r", edge.digest, "\u202e" + "x" * 10_000)
+        await ModelCache(edge, MB).file("r", edge.digest, "\u202e" + "x" * 10_000)
     assert str(refused.value).isprintable()
     assert len(str(refused.value)) < 200

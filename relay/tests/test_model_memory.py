@@ -7,7 +7,7 @@ from typing import Any
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from posecast_relay.models.memory import ENTRY_BYTES, IN_USE_S, Claim, ModelRoom
+from posecast_relay.models.memory import ENTRY_BYTES, IN_USE_S, Claim, ModelMemory
 
 KB = 1000
 
@@ -22,7 +22,7 @@ class Clock:
         return self.now
 
 
-def put(room: ModelRoom, robot: str, name: str, size: int) -> bool:
+def put(room: ModelMemory, robot: str, name: str, size: int) -> bool:
     """Keep a file of a robot; False when there was no room."""
     claim = room.claim(robot, size, lambda: None)
     if claim is None:
@@ -32,14 +32,14 @@ def put(room: ModelRoom, robot: str, name: str, size: int) -> bool:
     return True
 
 
-def here(room: ModelRoom, *names: str) -> str:
+def here(room: ModelMemory, *names: str) -> str:
     """Which of these are, without asking for them."""
     return "".join(name for name in names if name in room._kept)
 
 
 def test_what_nobody_asked_for_lately_goes_first_whoever_has_it() -> None:
     clock = Clock()
-    room = ModelRoom(300 * KB + 3 * ENTRY_BYTES, clock)
+    room = ModelMemory(300 * KB + 3 * ENTRY_BYTES, clock)
     for name in "abc":
         assert put(room, name, name, 100 * KB)
     clock.now = IN_USE_S
@@ -50,7 +50,7 @@ def test_what_nobody_asked_for_lately_goes_first_whoever_has_it() -> None:
 
 
 def test_a_robot_takes_its_own_before_others_and_no_more_than_others_have() -> None:
-    room = ModelRoom(400 * KB, Clock())
+    room = ModelMemory(400 * KB, Clock())
     assert put(room, "other", "o", 150 * KB)
     assert put(room, "greedy", "1", 100 * KB)
     assert put(room, "greedy", "2", 100 * KB)
@@ -63,7 +63,7 @@ def test_a_robot_takes_its_own_before_others_and_no_more_than_others_have() -> N
 
 
 def test_what_is_under_way_for_who_has_more_gives_way() -> None:
-    room, given_up = ModelRoom(300 * KB, Clock()), list[str]()
+    room, given_up = ModelMemory(300 * KB, Clock()), list[str]()
     first = room.claim("greedy", 140 * KB, lambda: given_up.append("first"))
     second = room.claim("greedy", 140 * KB, lambda: given_up.append("second"))
     assert first is not None
@@ -80,7 +80,7 @@ def test_what_is_under_way_for_who_has_more_gives_way() -> None:
 
 
 async def test_who_waits_hears_when_something_has_gone() -> None:
-    room = ModelRoom(100 * KB, Clock())
+    room = ModelMemory(100 * KB, Clock())
     claim = room.claim("a", 90 * KB, lambda: None)
     assert claim is not None
     waiting = [asyncio.create_task(room.freed()) for _ in range(3)]
@@ -106,7 +106,7 @@ STEPS = st.lists(
 @settings(deadline=None)
 def test_the_bound_holds_whatever_happens(steps: list[tuple[str, str, int]]) -> None:
     clock = Clock()
-    room, open_claims, names = ModelRoom(500 * KB, clock), list[Claim](), 0
+    room, open_claims, names = ModelMemory(500 * KB, clock), list[Claim](), 0
     for what, robot, size in steps:
         if what == "claim":
             made: list[Any] = []

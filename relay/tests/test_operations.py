@@ -12,9 +12,9 @@ from posecast_relay.config.settings import FLAGS
 from posecast_relay.core.breaker import Breaker
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
-from posecast_relay.http.metrics import Figures
+from posecast_relay.http.metrics import RelayCollector
 from posecast_relay.redis.store import RedisStore
-from posecast_relay.runtime.dispatcher import Pump
+from posecast_relay.runtime.dispatcher import Dispatcher
 from posecast_relay.runtime.fan_out import FanOut
 from posecast_relay.store_memory import MemoryStore
 
@@ -26,13 +26,13 @@ PAGE = (DOCS / "OPERATIONS.md").read_text()
 
 async def test_every_series_is_explained_and_no_other() -> None:
     hub = Hub(Limits())
-    pump = Pump(hub, MemoryStore(), FanOut(None))
+    pump = Dispatcher(hub, MemoryStore(), FanOut(None))
 
     def described(_robot: Any) -> dict[str, Any]:
         return {}
 
     pump.store = RedisStore("redis://nowhere", hub, pump.now, described)
-    figures = Figures([pump], SimpleNamespace(written=Counter(), breaker=Breaker()))
+    figures = RelayCollector([pump], SimpleNamespace(written=Counter(), breaker=Breaker()))
     there = {family.name + ("_total" if family.type == "counter" else "") for family in figures.collect()}
     rows = re.findall(r"^\| `(posecast_\w+)", PAGE, re.MULTILINE)
     assert sorted(rows) == sorted(there)

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import httpx
-from posecast_relay.streaming.pending_requests import REQUEST_BYTES, STARTED_PER_TURN, UnderWay
+from posecast_relay.streaming.pending_requests import REQUEST_BYTES, STARTED_PER_TURN, PendingRequests
 
 from .stage import Relay, Watcher
 from .test_http_connection import peak_mb
@@ -30,7 +30,7 @@ class Asker:
 
 
 async def test_addresses_take_turns_and_health_does_not_queue() -> None:
-    under_way, order = UnderWay(), list[str]()
+    under_way, order = PendingRequests(), list[str]()
     for number in range(3000):
         under_way.wait(Asker(), "crowd", "crowd", partial(order.append, f"crowd {number}"))
     under_way.wait(Asker(), "crowd", "crowd health", partial(order.append, "health"))
@@ -50,7 +50,7 @@ async def test_addresses_take_turns_and_health_does_not_queue() -> None:
 
 
 async def test_who_has_left_is_not_answered_and_takes_no_turn() -> None:
-    under_way, order = UnderWay(), list[int]()
+    under_way, order = PendingRequests(), list[int]()
     askers = [Asker() for _ in range(500)]
     for number, asker in enumerate(askers):
         under_way.wait(asker, "a", "a", partial(order.append, number))
@@ -65,7 +65,7 @@ async def test_who_has_left_is_not_answered_and_takes_no_turn() -> None:
 
 async def test_beyond_the_bound_the_heaviest_address_loses_what_was_not_read_for_longest() -> None:
     room = 10 * REQUEST_BYTES
-    under_way = UnderWay(room)
+    under_way = PendingRequests(room)
     few, many = [Asker() for _ in range(3)], [Asker() for _ in range(4)]
     for asker in few:
         under_way.wait(asker, "few", "few", lambda: None)

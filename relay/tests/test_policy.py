@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from posecast_relay.core.policy.policy import Audience, Grant, Policy, Rule, Who
+from posecast_relay.core.policy.policy import Audience, Grant, Policy, Principal, Rule
 from posecast_wire import Close
 
 A, S, L = Audience.ANYONE, Audience.SIGNED_IN, Audience.LINK
@@ -20,12 +20,12 @@ POLICY = Policy(
         "unframed": {A: Rule(frames=())},
     }
 )
-NOBODY, SOMEBODY = Who(), Who(S)
+NOBODY, SOMEBODY = Principal(), Principal(S)
 
 
-def link(robot: str) -> Who:
+def link(robot: str) -> Principal:
     """Who has a share link."""
-    return Who(L, robot)
+    return Principal(L, robot)
 
 
 @pytest.mark.parametrize(
@@ -60,7 +60,7 @@ def link(robot: str) -> Who:
         (SOMEBODY, "__proto__", None, Close.ABSENT),
     ],
 )
-def test_who_gets_what(who: Who, robot: str, view: str | None, gets: object) -> None:
+def test_who_gets_what(who: Principal, robot: str, view: str | None, gets: object) -> None:
     found = POLICY.judge(who, robot, view)
     assert (found.view if isinstance(found, Grant) else found) == gets
 

@@ -15,7 +15,7 @@ import pytest
 import websockets
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
-from posecast_relay.core.policy.policy import Audience, Grant, Who
+from posecast_relay.core.policy.policy import Audience, Grant, Principal
 from posecast_relay.core.viewer.viewer import Viewer
 from posecast_wire import Close
 
@@ -27,7 +27,7 @@ CANARY = "CANARY-7319"
 
 def grant(hz: float = 60.0, viewers: int | None = None, by: Audience = Audience.ANYONE, **more: Any) -> Grant:
     """Of the robot `r`."""
-    return Grant("r", more.get("view", "public"), hz, 0.0, viewers, by, Who())
+    return Grant("r", more.get("view", "public"), hz, 0.0, viewers, by, Principal())
 
 
 def join(world: World, granted: Grant, hz: float = 30.0) -> tuple[Viewer, Screen]:

@@ -7,14 +7,14 @@ from typing import Any
 
 import pytest
 from posecast_relay.core.hub import Hub
-from posecast_relay.core.replica_feed import Secondhand
+from posecast_relay.core.replica_feed import ReplicaFeed
 from posecast_relay.core.state.robot import Robot
 from posecast_relay.core.state.stream import Stream
 from posecast_relay.redis import store as redis_store
-from posecast_relay.redis.directory import Board
+from posecast_relay.redis.directory import RedisDirectory
 from posecast_relay.redis.gateway import RedisGateway
 from posecast_relay.redis.store import RedisStore
-from posecast_relay.redis.subscriber import Ear
+from posecast_relay.redis.subscriber import RedisSubscriber
 
 from .fleet import HZ
 from .histories import History
@@ -53,12 +53,12 @@ AT_THE_GATEWAY: list[Place] = [
     (RedisGateway, "_look_after", of_robot),
     (RedisGateway, "_watch_pinned", always),
     (RedisGateway, "_exchange", always),
-    (Ear, "_ask", of_robot),
-    (Secondhand, "update", of_robot),
-    (Secondhand, "state", of_robot),
-    (Secondhand, "standing", of_robot),
-    (Secondhand, "counted", of_robot),
-    (Secondhand, "event", of_robot),
+    (RedisSubscriber, "_ask", of_robot),
+    (ReplicaFeed, "update", of_robot),
+    (ReplicaFeed, "state", of_robot),
+    (ReplicaFeed, "standing", of_robot),
+    (ReplicaFeed, "counted", of_robot),
+    (ReplicaFeed, "event", of_robot),
     (Hub, "frame", of_robot),
     (Hub, "snapshot", of_robot),
     (Stream, "heard_of", of_robot),
@@ -71,7 +71,7 @@ AT_THE_INGEST: list[Place] = [
     (RedisStore, "_hears", of_robot),
     (RedisStore, "_resume_from", of_robot),
     (RedisStore, "_judge", of_robot),
-    (Board, "exchange", always),
+    (RedisDirectory, "exchange", always),
     (Stream, "resume", of_robot),
 ]
 

@@ -11,11 +11,11 @@ from typing import Any
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from posecast_relay.core.replica_messages import Standing, Update
+from posecast_relay.core.replica_messages import Presence, StreamUpdate
 from posecast_relay.redis.messages import BYTES_MAX, pack, unpack, unpack_events, unpack_state
 
 EVENT = '{"type":"event","n":1}'
-UPDATE = Update("public", 2, 0xE, "p:1", "p:1", 0.25, ((5, b"abc"), (6, b"")), (EVENT,), 7.5)
+UPDATE = StreamUpdate("public", 2, 0xE, "p:1", "p:1", 0.25, ((5, b"abc"), (6, b"")), (EVENT,), 7.5)
 STATE = {
     b"generation": b"3",
     b"run": b"000000000000000e",
@@ -43,7 +43,7 @@ events = st.builds(
     names,
 ).filter(lambda text: json.loads(text)["n"] < 1 << 53)
 updates = st.builds(
-    Update,
+    StreamUpdate,
     view=views,
     generation=st.integers(0, (1 << 53) - 1),
     run_id=runs,
@@ -55,7 +55,7 @@ updates = st.builds(
     sent_s=st.none() | times,
 )
 standings = st.builds(
-    Standing,
+    Presence,
     token=st.booleans(),
     ages_s=st.dictionaries(views, st.none() | times, max_size=8),
     newest=st.dictionaries(views, st.tuples(runs, st.integers(0, (1 << 32) - 1)), max_size=8),
@@ -73,7 +73,7 @@ strange = st.recursive(
 )
 
 
-def parts(said: Update | Standing) -> tuple[bytes, dict[str, Any], bytes]:
+def parts(said: StreamUpdate | Presence) -> tuple[bytes, dict[str, Any], bytes]:
     """Kind, what its JSON says, and the rest."""
     data = pack(said)
     head, newline, rest = data[1:].partition(b"\n")
@@ -81,13 +81,13 @@ def parts(said: Update | Standing) -> tuple[bytes, dict[str, Any], bytes]:
 
 
 @given(updates | standings)
-def test_what_is_packed_is_unpacked(said: Update | Standing) -> None:
+def test_what_is_packed_is_unpacked(said: StreamUpdate | Presence) -> None:
     assert unpack(pack(said)) == said
 
 
 def test_an_older_relay_says_less() -> None:
     """While relays are replaced one by one, both kinds are there."""
-    for said, left_out in ((UPDATE, ("sent",)), (Standing(True, {"public": 1.0}), ("sent", "newest"))):
+    for said, left_out in ((UPDATE, ("sent",)), (Presence(True, {"public": 1.0}), ("sent", "newest"))):
         kind, doc, rest = parts(said)
         for name in left_out:
             del doc[name]
@@ -110,10 +110,10 @@ def test_bytes_are_refused_by_one_error(data: bytes) -> None:
 
 
 @given(
-    st.sampled_from([UPDATE, Standing(True, {"public": 1.0}, {"public": (7, 8)}, 1.0)]), strange, st.data()
+    st.sampled_from([UPDATE, Presence(True, {"public": 1.0}, {"public": (7, 8)}, 1.0)]), strange, st.data()
 )
 def test_whatever_stands_in_place_of_a_value_is_taken_or_refused_by_one_error(
-    said: Update | Standing, value: object, data: st.DataObject
+    said: StreamUpdate | Presence, value: object, data: st.DataObject
 ) -> None:
     kind, doc, rest = parts(said)
     name = data.draw(st.sampled_from(sorted(doc)))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import re
 
-from posecast_relay.repeat_filter import KINDS_MAX, LINES_PER_S, OF_A_KIND, WINDOW_S, Repeats
+from posecast_relay.repeat_filter import KINDS_MAX, LINES_PER_S, OF_A_KIND, WINDOW_S, RepeatFilter
 
 
 def record(line: int, text: str = "it broke", level: int = logging.WARNING) -> logging.LogRecord:
@@ -20,7 +20,7 @@ def counted(records: list[logging.LogRecord]) -> int:
 
 
 def test_a_flood_of_one_kind_is_said_a_few_times_and_counted() -> None:
-    repeats, said, told = Repeats(), 0, list[logging.LogRecord]()
+    repeats, said, told = RepeatFilter(), 0, list[logging.LogRecord]()
     for number in range(5000):
         now_s = number / 100
         told += repeats.sums(now_s)
@@ -34,7 +34,7 @@ def test_a_flood_of_one_kind_is_said_a_few_times_and_counted() -> None:
 
 
 def test_no_attack_writes_more_than_ten_lines_a_second_and_each_is_counted() -> None:
-    repeats, written, sums = Repeats(), list[float](), list[logging.LogRecord]()
+    repeats, written, sums = RepeatFilter(), list[float](), list[logging.LogRecord]()
     lines = 0
     for number in range(20_000):
         now_s = number / 500
@@ -55,7 +55,7 @@ def test_no_attack_writes_more_than_ten_lines_a_second_and_each_is_counted() -> 
 
 
 def test_a_kind_is_a_place_and_an_error_and_not_a_name() -> None:
-    repeats = Repeats()
+    repeats = RepeatFilter()
 
     def failed(error: Exception) -> logging.LogRecord:
         try:
@@ -72,12 +72,12 @@ def test_a_kind_is_a_place_and_an_error_and_not_a_name() -> None:
 
 
 def test_who_asks_for_level_debug_gets_it_all() -> None:
-    repeats = Repeats()
+    repeats = RepeatFilter()
     assert all(repeats.says(record(1, level=logging.DEBUG), 0.0) for _ in range(1000))
 
 
 def test_what_is_remembered_holds_no_error() -> None:
-    repeats = Repeats()
+    repeats = RepeatFilter()
     made = record(1)
     made.exc_info = (ValueError, ValueError("x"), None)
     repeats.says(made, 0.0)

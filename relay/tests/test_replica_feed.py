@@ -6,9 +6,9 @@ import json
 from typing import Any
 
 import pytest
-from posecast_relay.core.actions import Ask
-from posecast_relay.core.replica_feed import Secondhand
-from posecast_relay.core.replica_messages import Standing, State, Update
+from posecast_relay.core.actions import RequestSnapshot
+from posecast_relay.core.replica_feed import ReplicaFeed
+from posecast_relay.core.replica_messages import Presence, StreamState, StreamUpdate
 
 from .sim import Edge, World, schema
 
@@ -32,7 +32,7 @@ def numbers(screen: Any) -> list[int]:
 
 
 def test_events_come_once_and_in_their_order(world: World) -> None:
-    said = Secondhand(world.hub)
+    said = ReplicaFeed(world.hub)
     _, screen = world.join()
     for n in (1, 2, 2, 1, 3):
         world.do(said.event("r", "public", "a", told(n)))
@@ -42,7 +42,7 @@ def test_events_come_once_and_in_their_order(world: World) -> None:
 
 
 def test_another_count_begins_again_and_leaves_nothing_of_the_one_before(world: World) -> None:
-    said = Secondhand(world.hub)
+    said = ReplicaFeed(world.hub)
     _, screen = world.join()
     for n in range(1, 18):
         world.do(said.event("r", "public", "a", told(n)))
@@ -54,7 +54,7 @@ def test_another_count_begins_again_and_leaves_nothing_of_the_one_before(world: 
 
 @pytest.mark.parametrize("text", ["", "[]", "{}", '{"n":null}', '{"n":"x"}', "[" * 100_000])
 def test_what_is_no_numbered_event_changes_nothing(world: World, text: str) -> None:
-    said = Secondhand(world.hub)
+    said = ReplicaFeed(world.hub)
     _, screen = world.join()
     with pytest.raises(ValueError, match=r"."):
         said.event("r", "public", "", text)
@@ -62,14 +62,14 @@ def test_what_is_no_numbered_event_changes_nothing(world: World, text: str) -> N
 
 
 def test_an_event_of_a_view_too_many_is_left_out(world: World) -> None:
-    said = Secondhand(world.hub)
+    said = ReplicaFeed(world.hub)
     for n in range(world.limits.views + 3):
         world.do(said.event("r", f"view{n}", "a", told(1)))
     assert len(world.hub.robots["r"].rooms) == world.limits.views
 
 
 def test_degraded_is_told_once_and_taken_back(world: World) -> None:
-    said = Secondhand(world.hub)
+    said = ReplicaFeed(world.hub)
     _, screen = world.join()
     before = len(screen.texts)
     for _ in range(3):
@@ -84,22 +84,22 @@ def test_degraded_is_told_once_and_taken_back(world: World) -> None:
     assert "degraded" not in screen.told("status")[-1]
 
 
-def standing(edge: Edge | None, age_s: float | None, token: bool = True) -> Standing:
+def standing(edge: Edge | None, age_s: float | None, token: bool = True) -> Presence:
     """As a relay that hears this edge tells it."""
     newest = {} if edge is None else {"public": (edge.run_id, edge.seq)}
-    return Standing(token, {"public": age_s, "no such view": 1.0}, newest)
+    return Presence(token, {"public": age_s, "no such view": 1.0}, newest)
 
 
-def state(edge: Edge, generation: int = 1, newest: bytes | None = None, is_heard: bool = True) -> State:
+def state(edge: Edge, generation: int = 1, newest: bytes | None = None, is_heard: bool = True) -> StreamState:
     """What the store holds of it."""
     picture = newest or edge.snapshot().key
-    return State(generation, edge.run_id, 0, "p:1", "p:1", edge.snapshot(), picture, (), is_heard)
+    return StreamState(generation, edge.run_id, 0, "p:1", "p:1", edge.snapshot(), picture, (), is_heard)
 
 
-def update(edge: Edge, at_s: float, *frames: bytes, generation: int = 1, late_s: float = 0.0) -> Update:
+def update(edge: Edge, at_s: float, *frames: bytes, generation: int = 1, late_s: float = 0.0) -> StreamUpdate:
     """The last of these frames was made then; so were its bases, for all that the stamps say."""
     stamped = tuple((edge.stamp(at_s).elapsed_ns, frame) for frame in frames)
-    return Update("public", generation, edge.run_id, "p:1", "p:1", late_s, stamped, ())
+    return StreamUpdate("public", generation, edge.run_id, "p:1", "p:1", late_s, stamped, ())
 
 
 class Far:
@@ -107,7 +107,7 @@ class Far:
 
     def __init__(self) -> None:
         self.world = World()
-        self.said = Secondhand(self.world.hub)
+        self.said = ReplicaFeed(self.world.hub)
         self.said.listen("r")
         self.edge = Edge(0xE, schema(), began_s=self.world.now)
         self.key = self.edge.frame(self.world.now)
@@ -118,7 +118,7 @@ class Far:
         """The world's."""
         return self.world.now
 
-    def reads(self, found: State, told: Standing | None = None, under_way_s: float = 0.0) -> None:
+    def reads(self, found: StreamState, told: Presence | None = None, under_way_s: float = 0.0) -> None:
         """What the store holds, and what was told last."""
         self.said.counted("r", found.generation, self.said.listen("r").generation)
         self.world.do(self.said.state("r", "public", found, self.now))
@@ -126,9 +126,9 @@ class Far:
             self.world.do(self.said.standing("r", told, under_way_s, self.now))
         self.world.flush()
 
-    def hears(self, said: Update | Standing, under_way_s: float | None = 0.0) -> None:
+    def hears(self, said: StreamUpdate | Presence, under_way_s: float | None = 0.0) -> None:
         """A message of the robot's channel."""
-        if isinstance(said, Standing):
+        if isinstance(said, Presence):
             self.world.do(self.said.standing("r", said, under_way_s, self.now))
         else:
             self.world.do(self.said.update("r", said, under_way_s, self.now))
@@ -309,7 +309,7 @@ def test_what_only_an_answer_brought_takes_the_place_of_no_pose() -> None:
 
 def test_a_store_that_has_lost_count_is_believed() -> None:
     """But not an answer that a message has overtaken."""
-    said = Secondhand(World().hub)
+    said = ReplicaFeed(World().hub)
     said.listen("r").generation = 9
     said.counted("r", 8, asked=7)
     assert said.listen("r").generation == 9
@@ -322,7 +322,7 @@ def test_what_is_lacking_is_asked_for_at_once_and_then_not_too_often() -> None:
     assert far.said.lacks("nobody", far.now) == []
 
     def asks() -> bool:
-        return any(isinstance(action, Ask) for action in far.said.lacks("r", far.now))
+        return any(isinstance(action, RequestSnapshot) for action in far.said.lacks("r", far.now))
 
     assert asks()
     assert not asks()
@@ -344,7 +344,7 @@ def test_nobody_hears_the_robot_any_more() -> None:
 
 
 def test_a_watched_robot_is_not_forgotten(world: World) -> None:
-    said = Secondhand(world.hub)
+    said = ReplicaFeed(world.hub)
     viewer, _ = world.join()
     said.forget("r")
     said.forget("nobody")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from posecast_relay.streaming.request import Asked, BadRequest, NoSuchStream, bearer, read_target
+from posecast_relay.streaming.request import BadRequest, NoSuchStream, StreamRequest, bearer, read_target
 
 LIVE = "/api/v1/robots/r/live"
 
@@ -44,10 +44,10 @@ def test_whatever_the_address_is_it_is_refused_or_sound(query: str) -> None:
 
 def test_names_are_checked_and_shown_as_what_they_are() -> None:
     with pytest.raises(NoSuchStream) as refused:
-        Asked("r\u202e" * 100, None, 1.0, False).check()
+        StreamRequest("r\u202e" * 100, None, 1.0, False).check()
     assert str(refused.value).isprintable()
     with pytest.raises(NoSuchStream):
-        Asked("r", "*", 1.0, False).check()
+        StreamRequest("r", "*", 1.0, False).check()
 
 
 def test_too_many_parameters() -> None:

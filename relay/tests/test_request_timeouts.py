@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, cast
 
 import httpx
-from posecast_relay.streaming.request_timeouts import ASK_S, CROWD, HURRIED_S, SWEEP_S, Unasked
+from posecast_relay.streaming.request_timeouts import ASK_S, CROWD, HURRIED_S, SWEEP_S, RequestTimeouts
 
 from .stage import Watcher, free_port
 from .test_observability import figures
@@ -29,7 +29,7 @@ class Line:
 async def test_the_slow_go_and_in_a_crowd_the_oldest_go_sooner() -> None:
     now = [100.0]
     cut: list[int] = []
-    unasked = Unasked(lambda: now[0], cut.append)
+    unasked = RequestTimeouts(lambda: now[0], cut.append)
     lines = [Line() for _ in range(CROWD + 7)]
     for line in lines:
         unasked.came(cast(Any, line))

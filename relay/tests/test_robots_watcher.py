@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 
 from posecast_relay.config.robots_file import Robots, read_robots
-from posecast_relay.config.robots_watcher import RobotsWatch
+from posecast_relay.config.robots_watcher import RobotsWatcher
 
 SECRET = "C" * 43
 
@@ -19,7 +19,7 @@ class Watched:
         self._written = 0
         self.write(text)
         self.told: list[Robots] = []
-        self.watch = RobotsWatch(self.path, read_robots(self.path), self._tell)
+        self.watch = RobotsWatcher(self.path, read_robots(self.path), self._tell)
 
     async def _tell(self, robots: Robots) -> None:
         self.told.append(robots)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from posecast_relay.core.limits import Limits
 from posecast_relay.core.state.share import OVER_FOR_S, Share, TokenBucket
-from posecast_relay.core.state.stream import Fate
+from posecast_relay.core.state.stream import FrameOutcome
 
 from .sim import UNIX_S, World
 
@@ -83,8 +83,8 @@ def test_a_flood_is_counted_told_and_over_by_itself() -> None:
         )
         world.flush()
     world.pass_time(1.0)
-    assert fates.count(Fate.OVER_SHARE) == pytest.approx(3000 - 240, abs=5)
-    assert world.hub.fates["over share"] == fates.count(Fate.OVER_SHARE)
+    assert fates.count(FrameOutcome.OVER_SHARE) == pytest.approx(3000 - 240, abs=5)
+    assert world.hub.fates["over share"] == fates.count(FrameOutcome.OVER_SHARE)
     assert screen.told("status")[-1]["over_share"] is True
     assert not any("over_share" in status for status in other.told("status"))
     world.run(edge, 5.0)

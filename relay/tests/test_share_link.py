@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from posecast_relay.core.policy.policy import Audience, Who
+from posecast_relay.core.policy.policy import Audience, Principal
 from posecast_relay.core.policy.share_link import make_link, read_link
 
 KEY, OTHER = "k" * 43, "o" * 43
@@ -12,7 +12,7 @@ GOOD = make_link(KEY, "hubo", 2000, "AbCd_-09")
 
 
 def test_whoever_has_it_sees_one_robot_until_it_expires() -> None:
-    assert read_link(GOOD, KEYS, 1999.9) == Who(Audience.LINK, "hubo", 2000.0, GOOD)
+    assert read_link(GOOD, KEYS, 1999.9) == Principal(Audience.LINK, "hubo", 2000.0, GOOD)
     assert read_link(GOOD, KEYS, 2000.0) is None
     assert GOOD not in repr(read_link(GOOD, KEYS, 0.0))
 

@@ -13,8 +13,8 @@ import httpx
 import pytest
 import websockets
 from posecast_relay.core.viewer import messages
-from posecast_relay.streaming.decode_cache import Decoded
-from posecast_relay.streaming.encodings import EventForm, JsonForm
+from posecast_relay.streaming.decode_cache import DecodeCache
+from posecast_relay.streaming.encodings import EventStreamEncoding, JsonEncoding
 from posecast_wire import Close, Decoder, Schema, build_schema_text
 
 from .sim import World, schema, split
@@ -52,7 +52,7 @@ def test_a_decoded_frame_is_made_once_for_all_and_needs_no_bases() -> None:
     stream = world.hub.robots["r"].rooms["public"].stream
     codes = [150, (1 << 28) * -1, 3, 0]
     world.publish(edge, edge.frame(world.now, codes))
-    form, newest = JsonForm(Decoded()), stream.newest
+    form, newest = JsonEncoding(DecodeCache()), stream.newest
     assert newest is not None
     assert newest.ref is not None
     whole = stream.described(-1) + newest.key.packed + newest.ref.packed + newest.packed  # type: ignore[union-attr]
@@ -71,7 +71,7 @@ def test_frames_that_do_not_decode_are_left_out_and_the_next_good_one_is_read() 
     world = World()
     edge = world.on_air()
     stream = world.hub.robots["r"].rooms["public"].stream
-    decoded = Decoded()
+    decoded = DecodeCache()
     good = edge.frame(world.now)
     world.publish(edge, good[:-1] if len(good) > 8 else good + b"\x80")
     assert decoded.text(stream) is None
@@ -87,7 +87,7 @@ def test_every_message_becomes_an_event_named_by_its_type() -> None:
     stream = world.hub.robots["r"].rooms["public"].stream
     data = messages.status("online", 12, 3) + messages.text('{"type":"x",\n"a":"b\u2028"}') + messages.PING
     assert stream.newest is not None
-    events = parse_events(EventForm().of(data + stream.newest.packed, stream).decode())
+    events = parse_events(EventStreamEncoding().of(data + stream.newest.packed, stream).decode())
     assert [name for name, _ in events] == ["status", "x", "frame"]
     assert json.loads(events[1][1]) == {"type": "x", "a": "b\u2028"}
     assert base64.b64decode(events[2][1]) == stream.newest.payload

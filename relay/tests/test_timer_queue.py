@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from posecast_relay.core.timer_queue import NEVER, Agenda
+from posecast_relay.core.timer_queue import NEVER, TimerQueue
 
 
 def test_the_earliest_moment_counts_and_each_comes_once() -> None:
-    agenda = Agenda[str]()
+    agenda = TimerQueue[str]()
     assert agenda.next_at == NEVER
     agenda.put("b", 2.0)
     agenda.put("a", 3.0)
@@ -24,7 +24,7 @@ def test_the_earliest_moment_counts_and_each_comes_once() -> None:
 
 
 def test_no_more_come_at_once_than_are_wanted() -> None:
-    agenda = Agenda[int]()
+    agenda = TimerQueue[int]()
     for n in range(10):
         agenda.put(n, float(n))
     assert agenda.due(20.0, 4) == [0, 1, 2, 3]

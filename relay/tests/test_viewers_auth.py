@@ -28,14 +28,14 @@ from posecast_relay.auth.tokens import Tokens, Unverifiable
 from posecast_relay.core.delayed_hub import DelayedHub
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
-from posecast_relay.core.policy.policy import Audience, Policy, Rule, Who
+from posecast_relay.core.policy.policy import Audience, Policy, Principal, Rule
 from posecast_relay.core.policy.share_link import make_link
 from posecast_relay.http.app import make_app
-from posecast_relay.models.cache import Models
-from posecast_relay.runtime.dispatcher import Pump
+from posecast_relay.models.cache import ModelCache
+from posecast_relay.runtime.dispatcher import Dispatcher
 from posecast_relay.runtime.fan_out import FanOut
 from posecast_relay.store_memory import MemoryStore
-from posecast_relay.streaming.decode_cache import Decoded
+from posecast_relay.streaming.decode_cache import DecodeCache
 from posecast_relay.streaming.sse import http_protocol
 from posecast_relay.streaming.websocket import live_protocol
 from posecast_relay.zenoh.models import EdgeModels
@@ -171,10 +171,10 @@ class Doors:
     def __init__(self, accounts: Any, origins: tuple[str, ...]) -> None:
         limits = Limits(sweep_s=0.1)
         fan_out = FanOut(None)
-        self.pump = Pump(Hub(limits), MemoryStore(), fan_out)
+        self.pump = Dispatcher(Hub(limits), MemoryStore(), fan_out)
         self.tokens = Tokens(accounts)
         self.tokens.link_keys = {"open": KEY, "shared": KEY}
-        later = Pump(DelayedHub(limits), MemoryStore(), fan_out)
+        later = Dispatcher(DelayedHub(limits), MemoryStore(), fan_out)
         self.access = Access(self.pump, Policy(RULES), later, self.tokens, origins)
         now = self.pump.now()
         for robot in ("open", "lab", "shared"):
@@ -189,8 +189,8 @@ class Doors:
 
     async def start(self) -> uvicorn.Server:
         """Serve on a free port."""
-        decoded, none = Decoded(), SimpleNamespace()
-        app = make_app(self.access, Models(EdgeModels(none, self.pump.hub), 1), decoded, None)  # type: ignore[arg-type]
+        decoded, none = DecodeCache(), SimpleNamespace()
+        app = make_app(self.access, ModelCache(EdgeModels(none, self.pump.hub), 1), decoded, None)  # type: ignore[arg-type]
         config = uvicorn.Config(
             app,
             port=0,
@@ -403,7 +403,7 @@ async def test_links_and_accounts_that_are_revoked_end_at_once(doors: Doors, goo
         google.away = False
         assert len(doors.pump.hub.viewers) == 2
 
-        def revoked(_token: str) -> Who | None:
+        def revoked(_token: str) -> Principal | None:
             return None
 
         doors.tokens._accounts = SimpleNamespace(verify=revoked)
@@ -421,7 +421,7 @@ async def test_a_token_that_does_not_come_ends_it(doors: Doors, monkeypatch: pyt
 
 
 async def test_when_nobody_can_tell_they_come_again(doors: Doors) -> None:
-    def away(_token: str) -> Who | None:
+    def away(_token: str) -> Principal | None:
         raise Unverifiable("ConnectionError")
 
     doors.tokens._accounts = SimpleNamespace(verify=away)

@@ -20,10 +20,10 @@ import websockets
 from posecast_relay.auth.access import Access
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
-from posecast_relay.runtime.dispatcher import Pump
+from posecast_relay.runtime.dispatcher import Dispatcher
 from posecast_relay.runtime.fan_out import FanOut
 from posecast_relay.store_memory import MemoryStore
-from posecast_relay.streaming.decode_cache import Decoded
+from posecast_relay.streaming.decode_cache import DecodeCache
 from posecast_relay.streaming.websocket import live_protocol, short_text
 from posecast_wire import Close
 
@@ -326,7 +326,7 @@ class Wire:
 
 async def test_messages_are_understood_however_the_network_cuts_them() -> None:
     """Short ones are read without the library, but never in the middle of what it reads."""
-    pump = Pump(Hub(Limits(messages_burst=1000)), MemoryStore(), FanOut(None))
+    pump = Dispatcher(Hub(Limits(messages_burst=1000)), MemoryStore(), FanOut(None))
     pings = [json.dumps({"type": "ping", "t": n, "pad": "x" * (n % 5 * 40)}).encode() for n in range(60)]
     heads = [
         bytes((0x81, 0x80 | len(ping))) if len(ping) < 126 else b"\x81\xfe" + len(ping).to_bytes(2, "big")
@@ -341,7 +341,7 @@ async def test_messages_are_understood_however_the_network_cuts_them() -> None:
     for seed in range(200):
         random, wire = Random(seed), Wire()
         config, server = SimpleNamespace(), SimpleNamespace(connections=set())
-        viewer: Any = live_protocol(Access(pump), Decoded())(config, server, None)  # type: ignore[arg-type]
+        viewer: Any = live_protocol(Access(pump), DecodeCache())(config, server, None)  # type: ignore[arg-type]
         viewer.connection_made(wire)
         together = random.choice([0, 0, 3, 60])  # the first bytes may come with the request
         viewer.data_received(request + stream[:together])
@@ -356,7 +356,7 @@ async def test_messages_are_understood_however_the_network_cuts_them() -> None:
 
 
 async def test_a_connection_that_is_gone_is_gone_from_memory_without_a_collection() -> None:
-    pump = Pump(Hub(Limits()), MemoryStore(), FanOut(None))
+    pump = Dispatcher(Hub(Limits()), MemoryStore(), FanOut(None))
     config, server = SimpleNamespace(), SimpleNamespace(connections=set())
     request = (
         b"GET /api/v1/robots/r/live HTTP/1.1\r\nHost: x\r\nConnection: Upgrade\r\nUpgrade: websocket\r\n"
@@ -364,7 +364,7 @@ async def test_a_connection_that_is_gone_is_gone_from_memory_without_a_collectio
     )
     gc.disable()
     try:
-        viewer: Any = live_protocol(Access(pump), Decoded())(config, server, None)  # type: ignore[arg-type]
+        viewer: Any = live_protocol(Access(pump), DecodeCache())(config, server, None)  # type: ignore[arg-type]
         wire: Any = Wire()
         wire.can_write_eof, wire.close, wire.abort = lambda: False, lambda: None, lambda: None
         viewer.connection_made(wire)

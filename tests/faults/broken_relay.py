@@ -15,9 +15,9 @@ from itertools import count
 
 from posecast_relay.cli import main
 from posecast_relay.core.actions import Action
-from posecast_relay.core.state.room import Group, Room
+from posecast_relay.core.state.room import RateGroup, Room
 from posecast_relay.core.state.runs import Runs
-from posecast_relay.core.state.stream import Fate, Held, Stream
+from posecast_relay.core.state.stream import FrameOutcome, StoredFrame, Stream
 from posecast_relay.core.viewer.viewer import Viewer
 from posecast_wire import parse_header
 from posecast_wire.frame import TAG_PLAIN, Header
@@ -38,7 +38,12 @@ def fifo_instead_of_mailbox() -> None:
     mailbox = Room._pass
 
     def queue(
-        self: Room, group: Group, viewers: Iterable[Viewer], frame: Held, now: float, out: list[Action]
+        self: Room,
+        group: RateGroup,
+        viewers: Iterable[Viewer],
+        frame: StoredFrame,
+        now: float,
+        out: list[Action],
     ) -> None:
         viewers = tuple(viewers)
         for viewer in viewers:
@@ -62,11 +67,11 @@ def dropped_frames() -> None:
 
     def drop(
         self: Stream, payload: bytes, header: Header, run_id: int, stamp_s: float, now: float, late_s: float
-    ) -> Fate:
+    ) -> FrameOutcome:
         if self.newest is None or self.newest.seq < WELL_SEQ:
             return take(self, payload, header, run_id, stamp_s, now, late_s)
         self.live_at, self.late_s = now, late_s
-        return Fate.TAKEN
+        return FrameOutcome.TAKEN
 
     Stream.take = drop  # type: ignore[method-assign]
 
@@ -79,7 +84,7 @@ def an_old_pose_again() -> None:
 
     def repeat(
         self: Stream, payload: bytes, header: Header, run_id: int, stamp_s: float, now: float, late_s: float
-    ) -> Fate:
+    ) -> FrameOutcome:
         if self.newest is None or self.newest.seq < WELL_SEQ:
             return take(self, payload, header, run_id, stamp_s, now, late_s)
         if not kept and payload[0] != TAG_PLAIN:
@@ -101,12 +106,12 @@ def old_frames_as_fresh() -> None:
 
     def take_later(
         self: Stream, payload: bytes, header: Header, run_id: int, stamp_s: float, now: float, late_s: float
-    ) -> Fate:
+    ) -> FrameOutcome:
         waiting.append((now, payload, header, run_id))
         while waiting and now - waiting[0][0] >= LATE_S:
             _, old, its_header, its_run = waiting.popleft()
             take(self, old, its_header, its_run, stamp_s, now, late_s)
-        return Fate.TAKEN
+        return FrameOutcome.TAKEN
 
     Stream.take = take_later  # type: ignore[method-assign]
 

@@ -19,7 +19,7 @@ from typing import Any
 
 from posecast_wire.checked import UNSEEN
 
-from posecast_relay.repeat_filter import WINDOW_S, Repeats
+from posecast_relay.repeat_filter import WINDOW_S, RepeatFilter
 
 MEMBERS = ("conn", "robot", "code", "reason")  # beside ts, level and event; nothing else a viewer sent
 LINE_MAX = 1000  # characters of an event
@@ -95,7 +95,7 @@ class _Stderr(logging.StreamHandler[Any]):
 
     def __init__(self) -> None:
         super().__init__(sys.stderr)
-        self._repeats = Repeats(_event)
+        self._repeats = RepeatFilter(_event)
         self._timer: threading.Timer | None = None
 
     def handle(self, record: logging.LogRecord) -> bool:
@@ -152,7 +152,7 @@ def start_logging(level: str) -> None:
     sys.unraisablehook = lambda about: uncaught(about.exc_type, about.exc_value, about.exc_traceback)
 
 
-class Unheard:
+class LoopExceptionHandler:
     """The event loop's exception handler: one line with what failed and where. How often, the log counts.
 
     A connection that was given up (Redis, too slow) may fail afterwards: not again until another reason

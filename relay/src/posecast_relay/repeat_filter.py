@@ -28,7 +28,7 @@ class _Window:
     more: int = 0
 
 
-class Repeats:
+class RepeatFilter:
     """Asked before each line. Lines at level debug are not counted: whoever asks for them wants them all."""
 
     def __init__(self, shown: Callable[[logging.LogRecord], str] = logging.LogRecord.getMessage) -> None:

@@ -13,13 +13,13 @@ from posecast_relay.auth.addresses import Addresses
 from posecast_relay.auth.origins import may_show
 from posecast_relay.auth.tokens import Tokens, Unverifiable
 from posecast_relay.core.delayed_hub import DelayedHub
-from posecast_relay.core.policy.policy import ANYONE, Audience, Grant, Policy, Who
+from posecast_relay.core.policy.policy import ANYONE, Audience, Grant, Policy, Principal
 from posecast_relay.core.state.robot import Robot
 from posecast_relay.core.state.room import Room
 from posecast_relay.core.state.stream import Stream
 from posecast_relay.core.viewer.viewer import Viewer
 from posecast_relay.runtime.boundary import FAULT
-from posecast_relay.runtime.dispatcher import Pump
+from posecast_relay.runtime.dispatcher import Dispatcher
 
 log = logging.getLogger("posecast_relay")
 
@@ -51,9 +51,9 @@ class Access:
 
     def __init__(
         self,
-        live: Pump,
+        live: Dispatcher,
         policy: Policy = Policy(),  # noqa: B008
-        later: Pump | None = None,
+        later: Dispatcher | None = None,
         tokens: Tokens | None = None,
         origins: Collection[str] = (),
         addresses: Addresses | None = None,
@@ -75,7 +75,7 @@ class Access:
             self._delayed.follow(policy.delays_s())
 
     @property
-    def pumps(self) -> tuple[Pump, ...]:
+    def pumps(self) -> tuple[Dispatcher, ...]:
         """Of live and of delayed viewers."""
         return (self.live,) if self.later is None else (self.live, self.later)
 
@@ -85,11 +85,11 @@ class Access:
         assert isinstance(self.later.hub, DelayedHub)
         return self.later.hub
 
-    def judge(self, who: Who, robot: str, view: str | None = None) -> Grant | Close:
+    def judge(self, who: Principal, robot: str, view: str | None = None) -> Grant | Close:
         """See Policy."""
         return self.policy.judge(who, robot, view)
 
-    async def who(self, token: str) -> Who | Close:
+    async def who(self, token: str) -> Principal | Close:
         """Who has a token; TOKEN when it is not good, FULL when that can't be found out just now."""
         if self.tokens is None:
             return ANYONE
@@ -116,7 +116,7 @@ class Access:
         """By the core's clock."""
         return self.live.now() + grant.who.until_s - self.live.unix_s()
 
-    def pump(self, grant: Grant) -> Pump:
+    def pump(self, grant: Grant) -> Dispatcher:
         """Whose viewers have such a grant."""
         return self.later if grant.delay_s > 0 and self.later is not None else self.live
 
@@ -140,12 +140,12 @@ class Access:
             for viewer in tuple(pump.hub.viewers):
                 if viewer.grant is None:
                     continue
-                who: Who | Close = viewer.grant.who
+                who: Principal | Close = viewer.grant.who
                 if viewer.grant.who.audience is Audience.LINK and self.tokens is not None:
                     who = self.tokens.of_link(viewer.grant.who.token) or Close.TOKEN  # its key may be another
                 self._again(viewer, who)
 
-    def _again(self, viewer: Viewer, who: Who | Close) -> None:
+    def _again(self, viewer: Viewer, who: Principal | Close) -> None:
         """A viewer that watches already is judged anew. One that can't be is let go."""
         pump = next((pump for pump in self.pumps if viewer in pump.hub.viewers), None)
         if pump is None:
@@ -157,7 +157,7 @@ class Access:
             close = Close.INTERNAL_ERROR
             pump.carry_out(pump.hub.refuse(viewer, close, REASONS[close]))
 
-    def _judge_again(self, pump: Pump, viewer: Viewer, who: Who | Close) -> None:
+    def _judge_again(self, pump: Dispatcher, viewer: Viewer, who: Principal | Close) -> None:
         found = who if isinstance(who, Close) else self.judge(who, viewer.robot, viewer.asked_view)
         if isinstance(found, Close):
             pump.carry_out(pump.hub.refuse(viewer, found, REASONS[found]))
@@ -190,7 +190,7 @@ class Access:
 
     async def look_again(self) -> None:
         """Once. Where it can't be found out, nothing changes."""
-        judged: dict[str, Who | Close] = {}
+        judged: dict[str, Principal | Close] = {}
         for pump in self.pumps:
             for viewer in tuple(pump.hub.viewers):
                 who = viewer.grant.who if viewer.grant is not None else ANYONE

@@ -7,7 +7,7 @@ from firebase_admin import auth, credentials, exceptions
 from google.auth.credentials import AnonymousCredentials
 
 from posecast_relay.auth.tokens import Unverifiable
-from posecast_relay.core.policy.policy import Audience, Who
+from posecast_relay.core.policy.policy import Audience, Principal
 
 
 class _Nobody(credentials.Base):  # type: ignore[misc]
@@ -27,11 +27,11 @@ class Firebase:
         self.app = firebase_admin.initialize_app(known, {"projectId": project}, "posecast")
         self._check_revoked = check_revoked
 
-    def verify(self, token: str) -> Who | None:
+    def verify(self, token: str) -> Principal | None:
         """None when the token is not good. Unverifiable when Google does not answer."""
         try:
             found = auth.verify_id_token(token, self.app, check_revoked=self._check_revoked)
-            return Who(Audience.SIGNED_IN, None, float(found["exp"]), token)
+            return Principal(Audience.SIGNED_IN, None, float(found["exp"]), token)
         except (ValueError, auth.InvalidIdTokenError, auth.UserDisabledError, auth.UserNotFoundError):
             return None  # the first is what an empty one gets
         except (exceptions.FirebaseError, OSError) as e:

@@ -7,7 +7,7 @@ import time
 from collections.abc import Mapping
 from typing import Protocol
 
-from posecast_relay.core.policy.policy import Who
+from posecast_relay.core.policy.policy import Principal
 from posecast_relay.core.policy.share_link import is_link, read_link
 
 TOKEN_MAX = 3000  # letters; what a viewer's message may hold
@@ -22,7 +22,7 @@ class Unverifiable(RuntimeError):
 class Accounts(Protocol):
     """Who signs people in."""
 
-    def verify(self, token: str) -> Who | None:
+    def verify(self, token: str) -> Principal | None:
         """May take its time. None when the token is not good. Unverifiable."""
 
 
@@ -34,7 +34,7 @@ class Tokens:
         self._accounts = accounts
         self._turn = asyncio.Semaphore(AT_ONCE)
 
-    async def who(self, token: str) -> Who | None:
+    async def who(self, token: str) -> Principal | None:
         """None when it is not good. Unverifiable."""
         if is_link(token) or self._accounts is None:
             return self.of_link(token)
@@ -46,6 +46,6 @@ class Tokens:
         except TimeoutError:
             raise Unverifiable("took too long") from None
 
-    def of_link(self, token: str) -> Who | None:
+    def of_link(self, token: str) -> Principal | None:
         """At once."""
         return read_link(token, self.link_keys, time.time())

@@ -42,7 +42,7 @@ class RobotsError(ValueError):
 
 
 @dataclass(frozen=True)
-class Enrolled:
+class RobotEntry:
     """A robot of the file. Without a secret it can publish by certificate only. `expires_s`: unix."""
 
     secret: str | None = field(default=None, repr=False)
@@ -55,7 +55,7 @@ class Enrolled:
 class Robots:
     """All of the file."""
 
-    enrolled: Mapping[str, Enrolled]
+    enrolled: Mapping[str, RobotEntry]
 
     def secrets(self, unix_s: float) -> dict[str, str]:
         """Of the robots that may publish now by password."""
@@ -113,7 +113,7 @@ def _robots(doc: Mapping[str, Any]) -> Robots:
     return Robots({name: _enrolled(name, robot) for name, robot in robots.items()})
 
 
-def _enrolled(name: str, doc: object) -> Enrolled:
+def _enrolled(name: str, doc: object) -> RobotEntry:
     where = f"[robots.{name}]"
     try:
         check_name("robot", name)
@@ -130,7 +130,7 @@ def _enrolled(name: str, doc: object) -> Enrolled:
             raise RobotsError(
                 f"{where}: two delays for view {rule.view!r}: one is kept, for all who see it late"
             )
-    return Enrolled(secret, _unix_s(doc, "expires", where), rules, link_key)
+    return RobotEntry(secret, _unix_s(doc, "expires", where), rules, link_key)
 
 
 def _secret(doc: Mapping[str, Any], name: str, where: str) -> str | None:

@@ -16,7 +16,7 @@ log = logging.getLogger("posecast_relay")
 LOOK_S = 0.5
 
 
-class RobotsWatch:
+class RobotsWatcher:
     """`changed` is called with what the file says now, and whenever a credential has expired.
 
     A file that is wrong, gone or empty (an editor has just begun to write it, or the disk is full) changes

@@ -20,7 +20,7 @@ class Send:
 
 
 @dataclass(slots=True)
-class End:
+class CloseConnection:
     """Tell this viewer why (`bye`), then close. The core has let go of it already."""
 
     viewer: Viewer
@@ -30,7 +30,7 @@ class End:
 
 
 @dataclass(slots=True)
-class Cut:
+class Abort:
     """Drop this connection at once: a polite close cannot get through a full buffer."""
 
     viewer: Viewer
@@ -38,7 +38,7 @@ class Cut:
 
 
 @dataclass(slots=True)
-class Ask:
+class RequestSnapshot:
     """Ask the edge for the snapshots of these views."""
 
     robot: str
@@ -46,21 +46,21 @@ class Ask:
 
 
 @dataclass(slots=True)
-class Keep:
+class Persist:
     """This stream has changed: the store may want it."""
 
     stream: Stream
 
 
 @dataclass(slots=True)
-class Watch:
+class SubscribeRobot:
     """This robot has its first viewer: a relay that hears robots from others listens for it from now on."""
 
     robot: str
 
 
 @dataclass(slots=True)
-class Verify:
+class VerifyToken:
     """Find out whether this token, which a viewer sent while it watches, is good, and judge anew."""
 
     viewer: Viewer
@@ -75,4 +75,4 @@ class Fault:
     error: Exception
 
 
-Action = Send | End | Cut | Ask | Keep | Watch | Verify | Fault
+Action = Send | CloseConnection | Abort | RequestSnapshot | Persist | SubscribeRobot | VerifyToken | Fault

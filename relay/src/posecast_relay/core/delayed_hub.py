@@ -17,8 +17,8 @@ from posecast_wire import Schema, Snapshot, Stamp
 from posecast_relay.core.actions import Action
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
-from posecast_relay.core.replica_feed import Secondhand, follow
-from posecast_relay.core.state.stream import Event, Held, Stream
+from posecast_relay.core.replica_feed import ReplicaFeed, follow
+from posecast_relay.core.state.stream import Event, StoredFrame, Stream
 from posecast_relay.core.timer_queue import NEVER
 
 ENTRIES_MAX = 4000  # a minute at 60 Hz, and its events
@@ -34,9 +34,9 @@ class _Moment:
     schema: Schema | None
     info: dict[str, str]
     model: str | None
-    key: Held | None
-    ref: Held | None
-    newest: Held | None
+    key: StoredFrame | None
+    ref: StoredFrame | None
+    newest: StoredFrame | None
     live: bool
     late_s: float
     numbering: str
@@ -57,13 +57,13 @@ class _Ring:
         self.left_out = 0
         self._moments: deque[_Moment] = deque()
         self._bytes = 0
-        self._newest: Held | None = None
+        self._newest: StoredFrame | None = None
         self._numbering = ""
         self._event_n = 0
         # what the second hub was given last
         self.fed: _Moment | None = None
-        self.fed_key: Held | None = None
-        self.fed_ref: Held | None = None
+        self.fed_key: StoredFrame | None = None
+        self.fed_ref: StoredFrame | None = None
 
     def put(self, stream: Stream, token: bool, now: float) -> None:
         """As it is now."""
@@ -111,7 +111,7 @@ class DelayedHub(Hub):
     def __init__(self, limits: Limits) -> None:
         super().__init__(limits)
         self._rings: dict[tuple[str, str], _Ring] = {}
-        self._said = Secondhand(self)
+        self._said = ReplicaFeed(self)
 
     def follow(self, delays_s: Mapping[tuple[str, str], float]) -> None:
         """Keep these robots and views, so late, and no others."""

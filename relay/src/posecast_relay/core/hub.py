@@ -16,11 +16,20 @@ from posecast_wire import (
     parse_viewer_message,
 )
 
-from posecast_relay.core.actions import Action, Ask, Cut, End, Keep, Send, Verify, Watch
+from posecast_relay.core.actions import (
+    Abort,
+    Action,
+    CloseConnection,
+    Persist,
+    RequestSnapshot,
+    Send,
+    SubscribeRobot,
+    VerifyToken,
+)
 from posecast_relay.core.drain import Drain
 from posecast_relay.core.edge_messages import conflict_event
 from posecast_relay.core.limits import Limits
-from posecast_relay.core.load_shedder import Load
+from posecast_relay.core.load_shedder import LoadShedder
 from posecast_relay.core.policy.policy import PUBLIC, Grant
 from posecast_relay.core.state.robot import Robot
 from posecast_relay.core.state.room import Room
@@ -48,7 +57,7 @@ class Hub(Uplink):
 
     def __init__(self, limits: Limits) -> None:
         super().__init__(limits)
-        self.load = Load()
+        self.load = LoadShedder()
         self.joins = 0
         self.draining: Drain | None = None  # nobody is taken any more
         self._status_at = 0.0
@@ -80,7 +89,7 @@ class Hub(Uplink):
         ):  # goes with the frame: nobody takes an old one for a sign of life, or the one before for new
             room.owe_status(robot.word(room, now))
         out += self.told(room.offer(now))
-        out.append(Keep(room.stream))
+        out.append(Persist(room.stream))
         if is_news:
             out += room.settle_status(now)
         if room.viewers:
@@ -98,16 +107,18 @@ class Hub(Uplink):
         viewer.number = self.joins
         if self.draining is not None:
             self.endings[Close.DRAIN] += 1
-            return [End(viewer, Close.DRAIN, GOING, DRAIN_RETRY_S)]
+            return [CloseConnection(viewer, Close.DRAIN, GOING, DRAIN_RETRY_S)]
         if len(self.viewers) + self.elsewhere() >= self.limits.viewers:
             self.endings[Close.FULL] += 1
-            return [End(viewer, Close.FULL, "as many viewers as this relay takes", FULL_RETRY_S)]
+            return [CloseConnection(viewer, Close.FULL, "as many viewers as this relay takes", FULL_RETRY_S)]
         grant = viewer.grant
         if grant is not None:
             here = self.admitted[grant.robot, grant.by]
             if grant.viewers is not None and here >= grant.viewers:
                 self.endings[Close.FULL] += 1
-                return [End(viewer, Close.FULL, "as many viewers as this robot takes", FULL_RETRY_S)]
+                return [
+                    CloseConnection(viewer, Close.FULL, "as many viewers as this robot takes", FULL_RETRY_S)
+                ]
             self.admitted[grant.robot, grant.by] = here + 1
         viewer.hz = min(viewer.asked_hz, self.load.ceiling_hz)
         robot = self.robots.get(viewer.robot)
@@ -117,7 +128,7 @@ class Hub(Uplink):
         self.viewers[viewer] = room
         self.words.setdefault(room, robot.word(room, now))
         room.degraded = self.degraded or robot.degraded
-        watch: list[Action] = [] if robot.has_viewers() else [Watch(robot.name)]
+        watch: list[Action] = [] if robot.has_viewers() else [SubscribeRobot(robot.name)]
         return [room.join(viewer, robot.word(room, now), now, unix_s), *watch]
 
     def message(self, viewer: Viewer, payload: bytes, now: float) -> list[Action]:
@@ -151,7 +162,7 @@ class Hub(Uplink):
             case Ping(t):
                 return self.told(room.tell(viewer, messages.pong(t)))
             case Auth(token):
-                return [Verify(viewer, token)]
+                return [VerifyToken(viewer, token)]
 
     def refuse(self, viewer: Viewer, close: Close, reason: str) -> list[Action]:
         """Let a viewer go because of what it sent (found below the messages: binary data)."""
@@ -267,7 +278,7 @@ class Hub(Uplink):
             robot.asked(now)
         if robot.lacking and robot.ask_at > now:
             self.ask_about(robot)
-        return [Ask(robot.name, (*{PUBLIC, *robot.rooms},))] if asks else []
+        return [RequestSnapshot(robot.name, (*{PUBLIC, *robot.rooms},))] if asks else []
 
     def _report(self, now: float) -> list[Action]:
         """The status travels with the next frame; those who get none within a moment are told by itself."""
@@ -293,7 +304,7 @@ class Hub(Uplink):
         if close is not None:
             self.leave(viewer)
             self.endings[close] += 1
-            return [Cut(viewer, close)]
+            return [Abort(viewer, close)]
         if now >= viewer.expires_at:
             return self.end(viewer, Close.TOKEN, EXPIRED, None)
         if now >= viewer.until:

@@ -23,7 +23,7 @@ CALM_SECONDS, CALM_SECONDS_MAX = 5, 80  # one step up
 TOO_EARLY_S = 15.0  # a step down so soon after a step up
 
 
-class Load:
+class LoadShedder:
     """Lag and shares in, `ceiling_hz` out: nobody is served more often than that."""
 
     def __init__(self) -> None:

@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 
 from posecast_wire.messages import RobotWord
 
-from posecast_relay.core.state.stream import Held, Stream
+from posecast_relay.core.state.stream import StoredFrame, Stream
 
 HZ = 2.0  # a free project's database would carry more, but each reader pays for every byte
 STATUS_S = 0.9  # at least once a second somebody tells that he is there
@@ -31,7 +31,7 @@ EMPTY: Node = dict.fromkeys(("schema", "key", "ref", "frame"))
 
 
 @dataclass(frozen=True)
-class Shown:
+class VisibleRobot:
     """One robot as anyone may see it just now. `hz`: at most."""
 
     stream: Stream
@@ -44,16 +44,16 @@ class Written:
     """What stands in a node. The objects themselves: they tell quickly whether they are others by now."""
 
     schema: str | None = None
-    key: Held | None = None
-    ref: Held | None = None
-    frame: Held | None = None
+    key: StoredFrame | None = None
+    ref: StoredFrame | None = None
+    frame: StoredFrame | None = None
     word: RobotWord | None = None
     frame_at: float = float("-inf")
     status_at: float = float("-inf")
 
 
 @dataclass(frozen=True)
-class Change:
+class NodeChange:
     """To one node. `node`: children to write, to delete where they are None; None: delete the node."""
 
     node: Node | None
@@ -71,19 +71,19 @@ class Mirror:
         for robot in robots:
             self._nodes.setdefault(robot, None)
 
-    def changes(self, shown: Mapping[str, Shown], now: float, unix_s: float) -> dict[str, Change]:
+    def changes(self, shown: Mapping[str, VisibleRobot], now: float, unix_s: float) -> dict[str, NodeChange]:
         """By robot. Each has to be answered by `wrote` or `lost` before the next call."""
-        out = {robot: Change(None, Written()) for robot in self._nodes if robot not in shown}
+        out = {robot: NodeChange(None, Written()) for robot in self._nodes if robot not in shown}
         for robot, this in shown.items():
             before = self._nodes.get(robot)
             change = _change(before or Written(), this, now, unix_s)
             if change is not None:
                 # whatever stood there goes
                 whole = EMPTY | (change.node or {}) if before is None else change.node
-                out[robot] = Change(whole, change.after)
+                out[robot] = NodeChange(whole, change.after)
         return out
 
-    def wrote(self, changes: Mapping[str, Change]) -> None:
+    def wrote(self, changes: Mapping[str, NodeChange]) -> None:
         """These are there."""
         for robot, change in changes.items():
             if change.node is None:
@@ -91,13 +91,13 @@ class Mirror:
             else:
                 self._nodes[robot] = change.after
 
-    def lost(self, changes: Mapping[str, Change]) -> None:
+    def lost(self, changes: Mapping[str, NodeChange]) -> None:
         """Nobody knows whether these are there."""
         for robot in changes:
             self._nodes[robot] = None
 
 
-def _change(before: Written, this: Shown, now: float, unix_s: float) -> Change | None:
+def _change(before: Written, this: VisibleRobot, now: float, unix_s: float) -> NodeChange | None:
     stream, node, after = this.stream, Node(), before
     newest = stream.newest if stream.schema is not None else None
     if newest is not before.frame and now >= before.frame_at + 1 / min(this.hz, HZ) - SLACK_S:
@@ -118,14 +118,14 @@ def _change(before: Written, this: Shown, now: float, unix_s: float) -> Change |
     if not node and this.word == before.word and now < before.status_at + STATUS_S:
         return None
     node["status"] = _status(this, after.frame, now, unix_s)
-    return Change(node, replace(after, word=this.word, status_at=now))
+    return NodeChange(node, replace(after, word=this.word, status_at=now))
 
 
-def _base64(held: Held | None) -> str | None:
+def _base64(held: StoredFrame | None) -> str | None:
     return None if held is None else b64encode(held.payload).decode()
 
 
-def _status(this: Shown, frame: Held | None, now: float, unix_s: float) -> Status:
+def _status(this: VisibleRobot, frame: StoredFrame | None, now: float, unix_s: float) -> Status:
     age_s = this.stream.age_s(now)
     return {
         "robot": this.word,

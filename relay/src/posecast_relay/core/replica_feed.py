@@ -10,18 +10,18 @@ from __future__ import annotations
 
 from posecast_wire import Stamp
 
-from posecast_relay.core.actions import Action, Ask
+from posecast_relay.core.actions import Action, RequestSnapshot
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.policy.policy import PUBLIC
-from posecast_relay.core.replica_messages import Standing, State, Update
+from posecast_relay.core.replica_messages import Presence, StreamState, StreamUpdate
 from posecast_relay.core.state.robot import Robot
-from posecast_relay.core.state.stream import Fate, Held, Stream
+from posecast_relay.core.state.stream import FrameOutcome, StoredFrame, Stream
 
 ASK_S = 1.0  # between two questions for one robot's state
 AGAIN_S = 0.2  # where the answer brought none: it may have been read a moment too early
 
 
-class Source:
+class ReplicaSource:
     """One robot, as others tell of it. Times are this process's clock."""
 
     def __init__(self) -> None:
@@ -31,10 +31,12 @@ class Source:
         self.sent_s: float | None = None  # by the store's clock, which may be set at any time
         self.asked_at = float("-inf")  # for what the store holds
         self.was_fed = False  # by the answer
-        self.before: dict[str, Held | None] | None = None  # by view: what stood here when the path was lost
+        self.before: dict[str, StoredFrame | None] | None = (
+            None  # by view: what stood here when the path was lost
+        )
 
 
-class Secondhand:
+class ReplicaFeed:
     """Brings into a hub what other relays tell. Frames and snapshots come in as an edge's own do.
 
     `under_way_s` is how long ago that was sent; None when nobody knows.
@@ -42,23 +44,23 @@ class Secondhand:
 
     def __init__(self, hub: Hub) -> None:
         self._hub = hub
-        self.sources: dict[str, Source] = {}
+        self.sources: dict[str, ReplicaSource] = {}
 
-    def listen(self, robot: str) -> Source:
+    def listen(self, robot: str) -> ReplicaSource:
         """From now on others tell of this robot."""
-        return self.sources.setdefault(robot, Source())
+        return self.sources.setdefault(robot, ReplicaSource())
 
     # ---- what is told -----------------------------------------------------
 
-    def update(self, robot: str, said: Update, under_way_s: float | None, now: float) -> list[Action]:
+    def update(self, robot: str, said: StreamUpdate, under_way_s: float | None, now: float) -> list[Action]:
         """A stream has changed. ValueError when an event in it is none."""
         hub, source = self._hub, self.listen(robot)
         if said.generation < source.generation:
-            hub.fates[Fate.RETIRED.value] += 1
+            hub.fates[FrameOutcome.RETIRED.value] += 1
             return self.lacks(robot, now)  # if the store has lost count, what it holds will say so
         found = hub.publisher(robot, said.view)
         if found is None:
-            hub.fates[Fate.CROWDED.value] += 1
+            hub.fates[FrameOutcome.CROWDED.value] += 1
             return []
         of, room = found
         if said.frames:
@@ -93,12 +95,12 @@ class Secondhand:
         if generation > source.generation or generation < asked:
             source.generation = generation
 
-    def state(self, robot: str, view: str, said: State, now: float) -> list[Action]:
+    def state(self, robot: str, view: str, said: StreamState, now: float) -> list[Action]:
         """All that the store holds of a stream. ValueError when it is of no use."""
         hub, source = self._hub, self.listen(robot)
         found = hub.publisher(robot, view)
         if found is None:
-            hub.fates[Fate.CROWDED.value] += 1
+            hub.fates[FrameOutcome.CROWDED.value] += 1
             return []
         of, room = found
         if said.run_id != of.runs.current:
@@ -116,7 +118,7 @@ class Secondhand:
             out += self.event(robot, view, said.numbering, text)
         return out
 
-    def standing(self, robot: str, said: Standing, under_way_s: float | None, now: float) -> list[Action]:
+    def standing(self, robot: str, said: Presence, under_way_s: float | None, now: float) -> list[Action]:
         """How a robot is."""
         found = self._hub.admit(robot)
         if found is None:
@@ -169,7 +171,7 @@ class Secondhand:
             self._hub.ask_about(of)
             return []
         source.asked_at, source.was_fed = now, False
-        return [Ask(robot, (*{PUBLIC, *of.rooms},))]
+        return [RequestSnapshot(robot, (*{PUBLIC, *of.rooms},))]
 
     def lost(self, now: float) -> list[Action]:
         """The path to those who hear robots is gone. What stands here is from before it."""
@@ -188,7 +190,7 @@ class Secondhand:
                 of.degraded = True
         return self.degrade(False, now)
 
-    def _awaits(self, of: Robot, source: Source, said: Standing, late_s: float) -> bool:
+    def _awaits(self, of: Robot, source: ReplicaSource, said: Presence, late_s: float) -> bool:
         """Whether its frames come, so that a newer one than what stands here will be here in a moment."""
         before = source.before or {}
         limit_s = self._hub.limits.silent_s

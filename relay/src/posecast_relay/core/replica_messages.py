@@ -12,7 +12,7 @@ from typing import NamedTuple
 from posecast_wire import Snapshot
 
 
-class Update(NamedTuple):
+class StreamUpdate(NamedTuple):
     """A stream has changed. `version` names schema, info and model: another one means that they changed.
     `numbering` names the count of the events: another one began at 1.
     """
@@ -28,7 +28,7 @@ class Update(NamedTuple):
     sent_s: float | None = None
 
 
-class Standing(NamedTuple):
+class Presence(NamedTuple):
     """How a robot is. `ages_s`: of the newest frame by view, None before any live one. `newest`: which frame
     that is, by run and seq."""
 
@@ -38,7 +38,7 @@ class Standing(NamedTuple):
     sent_s: float | None = None
 
 
-class State(NamedTuple):
+class StreamState(NamedTuple):
     """All there is of a stream, of whatever age."""
 
     generation: int

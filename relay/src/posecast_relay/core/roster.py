@@ -8,11 +8,11 @@ from functools import partial
 
 from posecast_wire import Close
 
-from posecast_relay.core.actions import Action, End, Fault, Keep
+from posecast_relay.core.actions import Action, CloseConnection, Fault, Persist
 from posecast_relay.core.limits import Limits
 from posecast_relay.core.state.robot import Robot
 from posecast_relay.core.state.room import Room
-from posecast_relay.core.timer_queue import Agenda
+from posecast_relay.core.timer_queue import TimerQueue
 from posecast_relay.core.viewer.viewer import Viewer
 
 
@@ -31,8 +31,8 @@ class Roster:
         self.skipped = 0
         self.degraded = False  # no robot is heard of, for a reason of this relay's own
         self.wake_at = 0.0  # `tick` wants to be called then, or a little later
-        self.flushes = Agenda[Room]()  # frames that wait for a viewer's period to pass
-        self.questions = Agenda[Robot]()  # snapshots to be asked for
+        self.flushes = TimerQueue[Room]()  # frames that wait for a viewer's period to pass
+        self.questions = TimerQueue[Robot]()  # snapshots to be asked for
         self.changed: dict[Room, None] = {}  # since the last flush
         self.words: dict[Room, str] = {}  # how its robot is, as its viewers were told last
 
@@ -111,19 +111,19 @@ class Roster:
                 if room is not None:
                     room.evict(viewer)
             self.endings[Close.INTERNAL_ERROR] += 1
-            out.append(End(viewer, Close.INTERNAL_ERROR, "a fault of the relay's own", None))
+            out.append(CloseConnection(viewer, Close.INTERNAL_ERROR, "a fault of the relay's own", None))
         return out
 
     def end(self, viewer: Viewer, close: Close, reason: str, retry_s: float | None) -> list[Action]:
         """Let a viewer go, and count it."""
         self.leave(viewer)
         self.endings[close] += 1
-        return [End(viewer, close, reason, retry_s)]
+        return [CloseConnection(viewer, close, reason, retry_s)]
 
     def told(self, actions: list[Action]) -> list[Action]:
         """What a room returned; whoever it had to let go of is counted."""
         for action in actions:
-            if isinstance(action, End):
+            if isinstance(action, CloseConnection):
                 self.leave(action.viewer)
                 self.endings[action.close] += 1
         return actions
@@ -131,7 +131,7 @@ class Roster:
     @staticmethod
     def kept(robot: Robot) -> list[Action]:
         """Every view of this robot is for the store."""
-        return [Keep(room.stream) for room in robot.rooms.values()]
+        return [Persist(room.stream) for room in robot.rooms.values()]
 
     def words_changed(self, robot: Robot, now: float) -> list[Action]:
         """Tell its viewers how it is, where that is not what they were told last."""

@@ -9,7 +9,7 @@ T = TypeVar("T")
 NEVER = float("inf")
 
 
-class Agenda(Generic[T]):
+class TimerQueue(Generic[T]):
     """One moment for each, the earliest given: who is looked at too early is to be put here again."""
 
     def __init__(self) -> None:

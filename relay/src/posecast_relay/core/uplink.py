@@ -8,14 +8,14 @@ from typing import cast
 from posecast_wire import Snapshot, Stamp
 from posecast_wire.frame import REF
 
-from posecast_relay.core.actions import Action, Keep
+from posecast_relay.core.actions import Action, Persist
 from posecast_relay.core.edge_messages import edge_said
 from posecast_relay.core.histogram import Histogram
 from posecast_relay.core.limits import Limits
 from posecast_relay.core.roster import Roster
 from posecast_relay.core.state.robot import Robot
 from posecast_relay.core.state.room import Room
-from posecast_relay.core.state.stream import Fate
+from posecast_relay.core.state.stream import FrameOutcome
 
 
 class Uplink(Roster):
@@ -26,26 +26,26 @@ class Uplink(Roster):
         self.fates: Counter[str] = Counter()  # of messages from edges
         self.lateness = Histogram()  # of frames from edges, as they came in
 
-    def edge_frame(self, robot: str, view: str, payload: bytes, stamp: Stamp, now: float) -> Fate:
+    def edge_frame(self, robot: str, view: str, payload: bytes, stamp: Stamp, now: float) -> FrameOutcome:
         """Take a frame in from an edge itself, where that is within its robot's share."""
         found = self.publisher(robot, view)
         hashed = len(payload) > 0 and bool(payload[0] & REF)
         if found is not None and not found[0].share.takes_frame(view, len(payload), hashed, now):
-            self.fates[Fate.OVER_SHARE.value] += 1
-            return Fate.OVER_SHARE
+            self.fates[FrameOutcome.OVER_SHARE.value] += 1
+            return FrameOutcome.OVER_SHARE
         return self.frame(robot, view, payload, stamp, now)
 
     def frame(
         self, robot: str, view: str, payload: bytes, stamp: Stamp, now: float, late_s: float = 0.0
-    ) -> Fate:
+    ) -> FrameOutcome:
         """Take a frame in; `flush` then hands out the newest. `late_s`: as late as another relay found it."""
         found = self.publisher(robot, view)
         if found is None:
-            fate = Fate.CROWDED
+            fate = FrameOutcome.CROWDED
         else:
             of, room = found
             fate = of.frame(room, payload, stamp, now, late_s)
-            if fate is Fate.TAKEN:
+            if fate is FrameOutcome.TAKEN:
                 self.changed[room] = None
                 self.lateness.add(of.runs.lateness_s)
             if of.lacking:
@@ -104,18 +104,18 @@ class Uplink(Roster):
         """An event from an edge: number it, keep it, hand it to everybody. Or the robot's info or model."""
         found = self.publisher(robot, view)
         if found is None:
-            self.fates[Fate.CROWDED.value] += 1
+            self.fates[FrameOutcome.CROWDED.value] += 1
             return []
         of, room = found
         if not of.share.takes_event(len(payload), now):
-            self.fates[Fate.OVER_SHARE.value] += 1
+            self.fates[FrameOutcome.OVER_SHARE.value] += 1
             return []
         doc = edge_said(payload, self.limits)
         if doc is None:
-            self.fates[Fate.BAD.value] += 1
+            self.fates[FrameOutcome.BAD.value] += 1
             return []
         if of.runs.is_retired(stamp.run_id, now):
-            self.fates[Fate.RETIRED.value] += 1
+            self.fates[FrameOutcome.RETIRED.value] += 1
             return []
         of.heard_at = now
         if doc["type"] in ("info", "model"):
@@ -127,9 +127,9 @@ class Uplink(Roster):
         try:
             event = room.stream.number(doc, unix_s)
         except Exception as error:
-            self.fates[Fate.FAULT.value] += 1
+            self.fates[FrameOutcome.FAULT.value] += 1
             return self.fail(None, error)
-        return [*self.guard(room, lambda: self.told(room.announce(event))), Keep(room.stream)]
+        return [*self.guard(room, lambda: self.told(room.announce(event))), Persist(room.stream)]
 
     def _informed(self, of: Robot, room: Room, doc: dict[str, object], stamp: Stamp) -> list[Action]:
         if stamp.run_id != of.runs.current:  # its first KEY will bring the snapshot, and that all of it
@@ -140,16 +140,16 @@ class Uplink(Roster):
             else:
                 room.stream.inform(cast("dict[str, str]", doc["kv"]))
         except ValueError:
-            self.fates[Fate.BAD.value] += 1
+            self.fates[FrameOutcome.BAD.value] += 1
             return []
-        return [*self.guard(room, room.describe), Keep(room.stream)]
+        return [*self.guard(room, room.describe), Persist(room.stream)]
 
     def token(self, robot: str, present: bool, now: float) -> list[Action]:
         """An edge's liveliness token came or went."""
         if present:
             found = self.admit(robot)
             if found is None:
-                self.fates[Fate.CROWDED.value] += 1
+                self.fates[FrameOutcome.CROWDED.value] += 1
                 return []
             found.came(now)
             self.ask_about(found)

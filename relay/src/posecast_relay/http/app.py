@@ -14,14 +14,14 @@ from starlette.exceptions import HTTPException as StarletteHTTPException
 from posecast_relay.auth.access import HIDDEN, Access
 from posecast_relay.core.policy.policy import ANYONE
 from posecast_relay.http.auth import OPEN, asker, granted, shown_to
-from posecast_relay.http.gzip_cache import Packed
+from posecast_relay.http.gzip_cache import GzipCache
 from posecast_relay.http.models import model_answer
 from posecast_relay.http.robot_state import StateReader
 from posecast_relay.http.robots import robot_document, robots_document
 from posecast_relay.http.static_page import Page
-from posecast_relay.models.cache import Absent, Models, Unavailable
-from posecast_relay.runtime.dispatcher import Pump
-from posecast_relay.streaming.decode_cache import Decoded
+from posecast_relay.models.cache import Absent, ModelCache, Unavailable
+from posecast_relay.runtime.dispatcher import Dispatcher
+from posecast_relay.streaming.decode_cache import DecodeCache
 
 PACKED_PAGE = Path(__file__).parent.parent / "page"  # the built page, where the wheel carries it
 API = "/api/v1/robots"
@@ -35,7 +35,7 @@ PREFLIGHT = OPEN | {
 }
 
 
-class Answers:
+class AnswerCache:
     """JSON answers, each made at most once a second however many ask; with an ETag."""
 
     def __init__(self, now: Callable[[], float]) -> None:
@@ -68,7 +68,7 @@ class Answers:
         self._made[name] = made
 
 
-def make_app(access: Access, models: Models, decoded: Decoded, static: Path | None) -> FastAPI:
+def make_app(access: Access, models: ModelCache, decoded: DecodeCache, static: Path | None) -> FastAPI:
     """The relay's HTTP application. WebSocket upgrades never reach it."""
     # FastAPI's own /docs loads its scripts from another origin; the built page brings them (spa/public/docs)
     app = FastAPI(title="Posecast relay", version="1", docs_url=None, redoc_url=None)
@@ -106,7 +106,7 @@ def make_app(access: Access, models: Models, decoded: Decoded, static: Path | No
     return app
 
 
-def _add_health(app: FastAPI, pump: Pump) -> None:
+def _add_health(app: FastAPI, pump: Dispatcher) -> None:
     @app.get("/livez", summary="The process answers")
     async def livez() -> PlainTextResponse:
         return PlainTextResponse("ok\n")
@@ -119,9 +119,9 @@ def _add_health(app: FastAPI, pump: Pump) -> None:
         return JSONResponse({"status": "degraded", "why": trouble} if trouble else {"status": "ready"})
 
 
-def _add_robots(app: FastAPI, access: Access, decoded: Decoded) -> None:
+def _add_robots(app: FastAPI, access: Access, decoded: DecodeCache) -> None:
     pump = access.live
-    answers = Answers(pump.now)
+    answers = AnswerCache(pump.now)
     reader = StateReader(pump.now, decoded)
 
     @app.get(API, summary="Robots on air")
@@ -154,8 +154,8 @@ def _add_robots(app: FastAPI, access: Access, decoded: Decoded) -> None:
         return Response(body, media_type="application/json", headers=headers)
 
 
-def _add_models(app: FastAPI, access: Access, models: Models) -> None:
-    packed = Packed(models.room)
+def _add_models(app: FastAPI, access: Access, models: ModelCache) -> None:
+    packed = GzipCache(models.room)
 
     @app.get(API + "/{robot}/model/{digest}/{path:path}", summary="A model's manifest.json and files")
     async def model(request: Request, robot: str, digest: str, path: str) -> Response:

@@ -8,13 +8,13 @@ from fastapi import HTTPException, Request
 from posecast_wire import Close
 
 from posecast_relay.auth.access import FOREIGN, REASONS, STATUSES, Access
-from posecast_relay.core.policy.policy import ANYONE, Grant, Who
+from posecast_relay.core.policy.policy import ANYONE, Grant, Principal
 from posecast_relay.streaming.request import BadRequest, bearer, refuse_tokens
 
 OPEN = {"access-control-allow-origin": "*"}  # public views: any page may read them
 
 
-async def asker(access: Access, request: Request) -> Who:
+async def asker(access: Access, request: Request) -> Principal:
     """By the `Authorization` header; anyone without one. HTTPException 400, 401, 403, 503."""
     try:
         refuse_tokens(request.query_params)

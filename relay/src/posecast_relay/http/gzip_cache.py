@@ -6,17 +6,17 @@ import asyncio
 import gzip
 from typing import cast
 
-from posecast_relay.models.memory import ModelRoom
+from posecast_relay.models.memory import ModelMemory
 
 WORTH = 0.95  # what shrinks less travels as it is
 LEVEL = 6
 AT_ONCE = 2  # packed in threads; further ones wait
 
 
-class Packed:
+class GzipCache:
     """Packs what a room keeps, in a thread, and keeps it there as well. Without room all travels as it is."""
 
-    def __init__(self, room: ModelRoom) -> None:
+    def __init__(self, room: ModelMemory) -> None:
         self._room = room
         self._turn = asyncio.Semaphore(AT_ONCE)
         self._under_way: dict[str, asyncio.Task[int]] = {}

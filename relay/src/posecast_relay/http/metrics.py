@@ -14,22 +14,22 @@ from prometheus_client.registry import Collector
 
 from posecast_relay.core.breaker import Breaker
 from posecast_relay.core.histogram import BOUNDS_S, Histogram
-from posecast_relay.runtime.dispatcher import Pump
+from posecast_relay.runtime.dispatcher import Dispatcher
 
 EVICTIONS = (Close.HALF_OPEN, Close.NO_ACK, Close.EVENTS_FULL)
 
 
-class Mirroring(Protocol):
+class MirrorStats(Protocol):
     """Whoever writes a mirror. `written`: its requests, `sent` and `failed`."""
 
     written: Counter[str]
     breaker: Breaker
 
 
-class Figures(Collector):
+class RelayCollector(Collector):
     """Reads the core's counters when Prometheus asks, in the metrics server's thread."""
 
-    def __init__(self, pumps: Sequence[Pump], mirror: Mirroring | None = None) -> None:
+    def __init__(self, pumps: Sequence[Dispatcher], mirror: MirrorStats | None = None) -> None:
         """`pumps`: the live one first, then that of the viewers to whom all is shown with a delay."""
         self._pump = pumps[0]
         self._pumps = list(pumps)
@@ -103,7 +103,7 @@ def _times(name: str, text: str, times: Histogram) -> Metric:
     return metric
 
 
-def _words(pump: Pump, now: float) -> dict[str, int]:
+def _words(pump: Dispatcher, now: float) -> dict[str, int]:
     found = {"online": 0, "silent": 0, "offline": 0}
     for robot in list(pump.hub.robots.values()):
         if robot.heard_at is not None:
@@ -125,11 +125,11 @@ def _by(
 
 
 def start_metrics(
-    host: str, port: int, pumps: Sequence[Pump], mirror: Mirroring | None = None
+    host: str, port: int, pumps: Sequence[Dispatcher], mirror: MirrorStats | None = None
 ) -> tuple[int, Callable[[], None]]:
     """Serve on `host`:`port` (0 = any free); returns the real port and how to stop. OSError when in use."""
     registry = CollectorRegistry()
-    registry.register(Figures(pumps, mirror))
+    registry.register(RelayCollector(pumps, mirror))
     server, thread = start_http_server(port, host, registry)
 
     def stop() -> None:

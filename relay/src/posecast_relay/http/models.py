@@ -14,9 +14,9 @@ from fastapi import Request, Response
 from starlette.types import Receive, Scope, Send
 
 from posecast_relay.http.auth import OPEN
-from posecast_relay.http.gzip_cache import Packed, packed_name
-from posecast_relay.models.cache import ModelFile, Models
-from posecast_relay.streaming.http_connection import BrokenOff
+from posecast_relay.http.gzip_cache import GzipCache, packed_name
+from posecast_relay.models.cache import ModelCache, ModelFile
+from posecast_relay.streaming.http_connection import AnswerAborted
 
 PIECE_BYTES = 16 << 10
 PIECES_PER_TURN = 16  # of the event loop
@@ -29,10 +29,12 @@ MODEL_HEADERS = OPEN | {
 PACK_UP_TO_BYTES = 4_000_000  # a finest level; packing more would keep its first viewer waiting
 
 
-class InPieces(Response):
+class PiecewiseResponse(Response):
     """What `models` keep under a name."""
 
-    def __init__(self, models: Models, name: str, size: int, type_: str, headers: Mapping[str, str]) -> None:
+    def __init__(
+        self, models: ModelCache, name: str, size: int, type_: str, headers: Mapping[str, str]
+    ) -> None:
         super().__init__(None, HTTPStatus.OK, {**headers, "content-length": str(size)}, type_)
         self._piece: Callable[[str, int, int], bytes | None] = models.piece
         self._name = name
@@ -47,7 +49,7 @@ class InPieces(Response):
         for number, off in enumerate(range(0, self._size, PIECE_BYTES)):
             piece = self._piece(self._name, off, PIECE_BYTES)
             if piece is None:
-                raise BrokenOff
+                raise AnswerAborted
             more = off + len(piece) < self._size
             await send({"type": "http.response.body", "body": piece, "more_body": more})
             if number % PIECES_PER_TURN == PIECES_PER_TURN - 1:
@@ -55,7 +57,7 @@ class InPieces(Response):
 
 
 async def model_answer(
-    request: Request, models: Models, packed: Packed, robot: str, found: ModelFile
+    request: Request, models: ModelCache, packed: GzipCache, robot: str, found: ModelFile
 ) -> Response:
     """304 if the asker has it."""
     name, type_, size = found
@@ -68,4 +70,4 @@ async def model_answer(
         if packed_size:
             headers |= {"content-encoding": "gzip", "etag": f'W/"{name}"'}
             name, size = packed_name(name), packed_size
-    return InPieces(models, name, size, type_, headers)
+    return PiecewiseResponse(models, name, size, type_, headers)

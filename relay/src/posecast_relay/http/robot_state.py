@@ -12,7 +12,7 @@ from posecast_relay.core.state.robot import Robot
 from posecast_relay.core.state.room import Room
 from posecast_relay.core.state.stream import Stream
 from posecast_relay.plain_json import json_bytes
-from posecast_relay.streaming.decode_cache import Decoded, field_values
+from posecast_relay.streaming.decode_cache import DecodeCache, field_values
 
 DECODE_S = 0.1  # at most ten times a second, however many ask
 
@@ -28,7 +28,7 @@ class _Known(NamedTuple):
 class StateReader:
     """Decodes a stream's newest frame, at most ten times a second per stream, or as often as a grant says."""
 
-    def __init__(self, now: Callable[[], float], decoded: Decoded) -> None:
+    def __init__(self, now: Callable[[], float], decoded: DecodeCache) -> None:
         self._now = now
         self._newest = decoded
         self._known: WeakKeyDictionary[Stream, dict[float, _Known]] = WeakKeyDictionary()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from posecast_relay.auth.access import Access
-from posecast_relay.core.policy.policy import PUBLIC, Grant, Who
+from posecast_relay.core.policy.policy import PUBLIC, Grant, Principal
 from posecast_relay.core.state.robot import Robot
 from posecast_relay.core.state.room import Room
 from posecast_relay.plain_json import json_bytes
@@ -13,7 +13,7 @@ from posecast_relay.plain_json import json_bytes
 VEILED = {"age_ms": None, "seq": None, "hz": None, "model": None}
 
 
-def robots_document(access: Access, who: Who, now: float) -> bytes:
+def robots_document(access: Access, who: Principal, now: float) -> bytes:
     """JSON: every robot whose edge has been heard, here or by those who fill the store, by name."""
     told = access.live.store.robots()
     if told is None:

@@ -23,7 +23,7 @@ from google.auth.credentials import Credentials
 
 from posecast_relay.auth.access import Access
 from posecast_relay.core.breaker import Breaker
-from posecast_relay.core.mirror import HZ, Change, Mirror, Shown
+from posecast_relay.core.mirror import HZ, Mirror, NodeChange, VisibleRobot
 from posecast_relay.core.policy.policy import ANYONE, Grant
 
 log = logging.getLogger("posecast_relay")
@@ -101,7 +101,7 @@ class FirebaseMirror:
                 return
             self._mirror.wrote(batch)
 
-    def _shown(self) -> Iterator[tuple[str, Shown]]:
+    def _shown(self) -> Iterator[tuple[str, VisibleRobot]]:
         """What anyone may see now. How many watch a mirror nobody knows, so a robot with a cap has none."""
         live = self._access.live
         for name in [robot.name for robot in live.hub.robots.values() if robot.heard_at is not None]:
@@ -113,14 +113,14 @@ class FirebaseMirror:
             if shown is not None:
                 yield name, shown
 
-    def _shown_of(self, name: str) -> Shown | None:
+    def _shown_of(self, name: str) -> VisibleRobot | None:
         grant = self._access.judge(ANYONE, name)
         if not isinstance(grant, Grant) or grant.viewers is not None:
             return None
         robot, room = self._access.shown(grant) or (None, None)
         if robot is None or room is None:
             return None
-        return Shown(room.stream, robot.word(room, self._access.live.now()), grant.hz)
+        return VisibleRobot(room.stream, robot.word(room, self._access.live.now()), grant.hz)
 
     async def _ask(
         self, client: httpx.AsyncClient, method: str, parameters: dict[str, str], body: bytes | None = None
@@ -157,9 +157,9 @@ class FirebaseMirror:
         self.breaker.open_until += random.random()  # several relays do not come back as one
 
 
-def batches(changes: Mapping[str, Change]) -> Iterator[tuple[dict[str, Change], bytes]]:
+def batches(changes: Mapping[str, NodeChange]) -> Iterator[tuple[dict[str, NodeChange], bytes]]:
     """In requests of a bearable size, each with its body: a multi-path update, atomic in the database."""
-    batch: dict[str, Change] = {}
+    batch: dict[str, NodeChange] = {}
     parts: list[str] = []
     size = 0
     for robot, change in chain(changes.items(), [(None, None)]):

@@ -26,7 +26,7 @@ from posecast_relay.models.manifest import (
     ManifestError,
     read_manifest,
 )
-from posecast_relay.models.memory import ENTRY_BYTES, Claim, ModelRoom
+from posecast_relay.models.memory import ENTRY_BYTES, Claim, ModelMemory
 
 RANGE_BYTES = 250_000
 TRIES = 3  # of a range
@@ -90,14 +90,14 @@ class _Shared:
     askers: int = 0
 
 
-class Models:
-    """Fetches and keeps. All that is here or on its way counts against one bound (see `ModelRoom`)."""
+class ModelCache:
+    """Fetches and keeps. All that is here or on its way counts against one bound (see `ModelMemory`)."""
 
     def __init__(
         self, source: ModelSource, cache_bytes: int, now: Callable[[], float] = time.monotonic
     ) -> None:
         self._source = source
-        self.room = ModelRoom(cache_bytes, now)
+        self.room = ModelMemory(cache_bytes, now)
         self._under_way: dict[tuple[str, str], _Shared] = {}
         self._turns: weakref.WeakValueDictionary[str, asyncio.Semaphore] = weakref.WeakValueDictionary()
 

@@ -35,7 +35,7 @@ class Claim:
     give_up: Callable[[], None] = field(repr=False)
 
 
-class ModelRoom:
+class ModelMemory:
     """`most` bytes. Times are `now()`'s, in seconds."""
 
     def __init__(self, most: int, now: Callable[[], float]) -> None:

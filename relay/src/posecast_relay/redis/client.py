@@ -29,7 +29,7 @@ from redis.exceptions import NoScriptError, RedisClusterException, RedisError, R
 from redis.maint_notifications import MaintNotificationsConfig
 
 from posecast_relay.core.histogram import Histogram
-from posecast_relay.redis.dns import Lookup
+from posecast_relay.redis.dns import HostLookup
 
 T = TypeVar("T")
 Call = tuple[str, Sequence[str], Sequence[Any]]  # a script, its keys and its arguments
@@ -72,14 +72,14 @@ def channel(robot: str) -> str:
     return f"posecast:{{{robot}}}:live"
 
 
-class Link:
+class RedisClient:
     """A client that gives up in time. After a failure call `reset`, then `connect`."""
 
     def __init__(self, url: str) -> None:
         scheme, _, rest = url.partition("://")
         self.is_cluster = scheme.endswith("+cluster")
         self._url = f"{scheme.removesuffix('+cluster')}://{rest}"
-        self._lookup = Lookup(urlsplit(self._url).hostname or "localhost")
+        self._lookup = HostLookup(urlsplit(self._url).hostname or "localhost")
         self.seconds = Histogram()  # of exchanges, also of those that failed
         self._scripts: dict[str, str] = {}  # text → SHA-1, once loaded
         self._told: set[str] = set()  # kinds of failure since it worked

@@ -19,7 +19,7 @@ from typing import Any
 from posecast_wire import check_name
 from posecast_wire.checked import loads
 
-from posecast_relay.redis.client import Link
+from posecast_relay.redis.client import RedisClient
 from posecast_relay.redis.clock import RedisClock
 
 KEYS = ("posecast:{-}:robots", "posecast:{-}:viewers", "posecast:{-}:ingests")
@@ -64,10 +64,10 @@ for name, limit_s in {"{forget}": FORGET_S, "{fresh}": FRESH_S, "{ingest}": INGE
     BOARD = BOARD.replace(name, f"{limit_s:g}")
 
 
-class Board:
+class RedisDirectory:
     """What stood there at the last exchange, and when. `now` is the process's clock."""
 
-    def __init__(self, link: Link, now: Callable[[], float]) -> None:
+    def __init__(self, link: RedisClient, now: Callable[[], float]) -> None:
         self.id = secrets.token_hex(6)
         self.robots: dict[str, dict[str, Any]] = {}
         self.ages_s: dict[str, float] = {}  # of each robot's document

@@ -12,7 +12,7 @@ import socket
 import threading
 
 
-class Lookup:
+class HostLookup:
     """Of one host; one thread asks at a time, and the process may end without it."""
 
     def __init__(self, host: str) -> None:

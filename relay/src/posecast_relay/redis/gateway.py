@@ -15,22 +15,22 @@ from typing import Any
 from posecast_relay.core.actions import Action, Fault
 from posecast_relay.core.histogram import Histogram
 from posecast_relay.core.policy.policy import PUBLIC
-from posecast_relay.core.replica_feed import Secondhand
-from posecast_relay.core.replica_messages import Standing, State
-from posecast_relay.core.state.stream import Fate, Stream
+from posecast_relay.core.replica_feed import ReplicaFeed
+from posecast_relay.core.replica_messages import Presence, StreamState
+from posecast_relay.core.state.stream import FrameOutcome, Stream
 from posecast_relay.redis.client import (
     REDIS_ERRORS,
     STATUS_MS,
-    Link,
+    RedisClient,
     end,
     name_of,
     state_key,
     status_key,
 )
-from posecast_relay.redis.directory import BOARD, FRESH_S, Board
+from posecast_relay.redis.directory import BOARD, FRESH_S, RedisDirectory
 from posecast_relay.redis.messages import unpack, unpack_state
-from posecast_relay.redis.subscriber import Ear
-from posecast_relay.runtime.dispatcher import Pump
+from posecast_relay.redis.subscriber import RedisSubscriber
+from posecast_relay.runtime.dispatcher import Dispatcher
 
 log = logging.getLogger("posecast_relay")
 
@@ -53,14 +53,14 @@ class _Watched:
 class RedisGateway:
     """A store for the pump (nothing is kept) and the source of everything it hands out."""
 
-    def __init__(self, url: str, pump: Pump) -> None:
-        self.link = Link(url)
-        self.board = Board(self.link, pump.now)
+    def __init__(self, url: str, pump: Dispatcher) -> None:
+        self.link = RedisClient(url)
+        self.board = RedisDirectory(self.link, pump.now)
         self.failures = 0
         self.losses = 0  # times that Redis, having been there, was not any more
         self._pump = pump
-        self._said = Secondhand(pump.hub)
-        self._ear = Ear(self.link, self._heard, self._lost, self._fault)
+        self._said = ReplicaFeed(pump.hub)
+        self._ear = RedisSubscriber(self.link, self._heard, self._lost, self._fault)
         self._watched: dict[str, _Watched] = {}
         self._unheard: dict[str, None] = {}  # robots to listen for
         self._unread: dict[str, None] = {}  # robots to read
@@ -149,7 +149,7 @@ class RedisGateway:
         self._trouble = name_of(error)  # /readyz is public: no addresses
         self._pump.carry_out(self._said.lost(self._pump.now()))
         await end(self._reader)
-        ear, self._ear = self._ear, Ear(self.link, self._heard, self._lost, self._fault)
+        ear, self._ear = self._ear, RedisSubscriber(self.link, self._heard, self._lost, self._fault)
         await ear.close()
         self._failure = None  # closing an ear may say so
         await self.link.reset()
@@ -213,7 +213,7 @@ class RedisGateway:
 
     def _fault(self, robot: str | None, error: Exception) -> None:
         """Our own code has failed: at this robot, whose state is then read anew, or at none of them."""
-        self._pump.hub.fates[Fate.FAULT.value] += 1
+        self._pump.hub.fates[FrameOutcome.FAULT.value] += 1
         self._pump.carry_out([Fault(f"redis: {robot}" if robot else "redis", error)])
         if robot is not None:
             self._pump.carry_out(self._said.lacks(robot, self._pump.now()))
@@ -300,7 +300,7 @@ class RedisGateway:
                 self._guarded(robot, partial(self._tell, robot, standing, was_read=True))
 
     def _taken(self, robot: str, states: dict[str, Any], asked_generation: int) -> list[Action]:
-        found: dict[str, State] = {}
+        found: dict[str, StreamState] = {}
         for view, fields in states.items():
             try:
                 if isinstance(fields, dict) and fields:  # else there is none, or something of another type
@@ -337,7 +337,7 @@ class RedisGateway:
             under_way_s = self.board.clock.since(said.sent_s, now)
             if was_read and under_way_s is None:  # it may have stood there for as long as you like
                 return []
-            if isinstance(said, Standing):
+            if isinstance(said, Presence):
                 return self._said.standing(robot, said, under_way_s, now)
             return self._said.update(robot, said, under_way_s, now)
         except ValueError as e:
@@ -345,5 +345,5 @@ class RedisGateway:
             return []
 
     def _refuse(self, robot: str, error: ValueError) -> None:
-        self._pump.hub.fates[Fate.BAD.value] += 1
+        self._pump.hub.fates[FrameOutcome.BAD.value] += 1
         log.info("%s from redis: %.200s", robot, error)

@@ -14,7 +14,7 @@ from typing import Any
 from posecast_wire import Snapshot, check_name
 from posecast_wire.checked import loads
 
-from posecast_relay.core.replica_messages import Standing, State, Update
+from posecast_relay.core.replica_messages import Presence, StreamState, StreamUpdate
 
 UPDATE, STANDING = b"U", b"S"
 HEADER_END = b"\n"
@@ -34,9 +34,9 @@ HEX = re.compile("[0-9a-f]{1,16}")
 SHA256 = re.compile("[0-9a-f]{64}")
 
 
-def pack(said: Update | Standing) -> bytes:
+def pack(said: StreamUpdate | Presence) -> bytes:
     """One line of JSON; of an update, the frames after it."""
-    if isinstance(said, Standing):
+    if isinstance(said, Presence):
         return STANDING + dump(
             {
                 "token": said.token,
@@ -59,7 +59,7 @@ def pack(said: Update | Standing) -> bytes:
     return UPDATE + dump(head) + HEADER_END + b"".join(frame for _, frame in said.frames)
 
 
-def unpack(data: bytes) -> Update | Standing:
+def unpack(data: bytes) -> StreamUpdate | Presence:
     """Read a message of a robot's channel. Raises ValueError when it is none."""
     if len(data) > BYTES_MAX:
         raise ValueError("relayed message: too long")
@@ -71,7 +71,7 @@ def unpack(data: bytes) -> Update | Standing:
     raise ValueError("relayed message: of an unknown kind")
 
 
-def unpack_state(fields: Mapping[bytes, bytes]) -> State:
+def unpack_state(fields: Mapping[bytes, bytes]) -> StreamState:
     """Read the hash of a stream. Raises ValueError when it is none."""
     ref = _bytes(fields, b"ref", FRAME_BYTES_MAX)
     model = _bytes(fields, b"model", 64).decode() or None
@@ -82,7 +82,7 @@ def unpack_state(fields: Mapping[bytes, bytes]) -> State:
         raise ValueError("state: info is none")
     dump(info)  # what cannot be told is refused here
     events = _bytes(fields, b"events", EVENTS_MAX * EVENT_BYTES_MAX)
-    return State(
+    return StreamState(
         generation=_digits(fields, b"generation"),
         run_id=_run(_bytes(fields, b"run", 16).decode()),
         stamp_ns=_digits(fields, b"stamp"),
@@ -114,7 +114,7 @@ def dump(doc: object) -> bytes:
         raise ValueError("relayed message: nested too deeply") from None
 
 
-def _standing(doc: dict[str, Any]) -> Standing:
+def _standing(doc: dict[str, Any]) -> Presence:
     ages_s = {_view(view): None if age is None else _seconds(age) for view, age in _views(doc, "ages")}
     newest = {}
     for view, named in _views(doc, "newest"):
@@ -122,10 +122,10 @@ def _standing(doc: dict[str, Any]) -> Standing:
         newest[_view(view)] = _run(run), _whole(seq)
     if not isinstance(doc.get("token"), bool):
         raise ValueError("relayed message: token is none")
-    return Standing(doc["token"], ages_s, newest, _sent(doc))
+    return Presence(doc["token"], ages_s, newest, _sent(doc))
 
 
-def _update(doc: dict[str, Any], rest: bytes) -> Update:
+def _update(doc: dict[str, Any], rest: bytes) -> StreamUpdate:
     frames, at = [], 0
     for named in _list(doc.get("frames"), FRAMES_MAX):
         ns, size = _list(named, 2, 2)
@@ -139,7 +139,7 @@ def _update(doc: dict[str, Any], rest: bytes) -> Update:
         if not isinstance(text, str):
             raise ValueError("relayed message: an event is no text")
         events.append(_event(_loads(text)))
-    return Update(
+    return StreamUpdate(
         view=_view(doc.get("view")),
         generation=_whole(doc.get("generation")),
         run_id=_run(doc.get("run")),

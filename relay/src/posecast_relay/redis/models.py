@@ -9,8 +9,8 @@ from collections.abc import Sequence
 from redis.exceptions import ResponseError
 
 from posecast_relay.core.hub import Hub
-from posecast_relay.models.cache import RANGE_BYTES, Absent, Models, Unavailable
-from posecast_relay.redis.client import REDIS_ERRORS, TTL_S, Link, bundle_key, end
+from posecast_relay.models.cache import RANGE_BYTES, Absent, ModelCache, Unavailable
+from posecast_relay.redis.client import REDIS_ERRORS, TTL_S, RedisClient, bundle_key, end
 
 log = logging.getLogger("posecast_relay")
 
@@ -21,7 +21,7 @@ MANIFEST = "manifest"
 class RedisModels:
     """A ModelSource for gateways."""
 
-    def __init__(self, link: Link, hub: Hub) -> None:
+    def __init__(self, link: RedisClient, hub: Hub) -> None:
         self._link = link
         self._hub = hub
 
@@ -52,12 +52,12 @@ class RedisModels:
         return data
 
 
-class ModelPorter:
+class ModelUploader:
     """Carries every model that robots announce from their edges to Redis: those of one robot one after the
     other, and no robot waits for another's edge.
     """
 
-    def __init__(self, link: Link, hub: Hub, models: Models) -> None:
+    def __init__(self, link: RedisClient, hub: Hub, models: ModelCache) -> None:
         self._link = link
         self._hub = hub
         self._models = models

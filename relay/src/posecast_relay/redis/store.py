@@ -18,11 +18,11 @@ from typing import Any, NamedTuple, TypeVar
 from posecast_relay.core.histogram import Histogram
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.state.robot import Robot
-from posecast_relay.core.state.stream import Fate, Stream
+from posecast_relay.core.state.stream import FrameOutcome, Stream
 from posecast_relay.redis.client import (
     REDIS_ERRORS,
     Call,
-    Link,
+    RedisClient,
     end,
     generation_key,
     name_of,
@@ -30,7 +30,7 @@ from posecast_relay.redis.client import (
     status_key,
     writer_key,
 )
-from posecast_relay.redis.directory import BOARD, Board
+from posecast_relay.redis.directory import BOARD, RedisDirectory
 from posecast_relay.redis.guard import (
     CLAIM,
     GUARD,
@@ -72,8 +72,8 @@ class RedisStore:
     ) -> None:
         self.failures = 0
         self.losses = 0  # times that Redis, having been there, was not any more
-        self.link = Link(url)
-        self.board = Board(self.link, now)
+        self.link = RedisClient(url)
+        self.board = RedisDirectory(self.link, now)
         self._hub = hub
         self._now = now
         self._describe = describe
@@ -174,7 +174,7 @@ class RedisStore:
 
     def _fault(self, robot: str, error: Exception) -> None:
         """What this robot brought with it can't be written: it is counted, and the others are."""
-        self._hub.fates[Fate.FAULT.value] += 1
+        self._hub.fates[FrameOutcome.FAULT.value] += 1
         log.error("redis: %s", robot, exc_info=error)
 
     def _guarded(self, robot: str, make: Callable[[], T]) -> T | None:

@@ -8,12 +8,12 @@ from collections import Counter
 from collections.abc import Callable
 from typing import Any
 
-from posecast_relay.redis.client import REDIS_ERRORS, Link, channel, end
+from posecast_relay.redis.client import REDIS_ERRORS, RedisClient, channel, end
 
 PREFIX, SUFFIX = "posecast:{", "}:live"
 
 
-class Ear:
+class RedisSubscriber:
     """Calls `heard(robot, message)` in the order of each robot's messages, and `lost(error)` when a
     connection fails; then `close` it and make a new one. `failed(robot, error)`: a robot is not listened for,
     through a fault of our own. None of the three raises.
@@ -21,7 +21,7 @@ class Ear:
 
     def __init__(
         self,
-        link: Link,
+        link: RedisClient,
         heard: Callable[[str, bytes], None],
         lost: Callable[[BaseException], None],
         failed: Callable[[str, Exception], None],

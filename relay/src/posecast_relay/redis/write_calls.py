@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import NamedTuple
 
-from posecast_relay.core.replica_messages import Standing, Update
+from posecast_relay.core.replica_messages import Presence, StreamUpdate
 from posecast_relay.core.state.robot import Robot
 from posecast_relay.core.state.runs import RETURN_AFTER_S
-from posecast_relay.core.state.stream import Held, Stream
+from posecast_relay.core.state.stream import StoredFrame, Stream
 from posecast_relay.redis.client import (
     Call,
     channel,
@@ -25,8 +25,8 @@ class Written(NamedTuple):
     """What of a stream stands in Redis."""
 
     generation: int
-    key: Held
-    ref: Held | None
+    key: StoredFrame
+    ref: StoredFrame | None
     version: int
     event_n: int
     is_heard: bool
@@ -57,13 +57,13 @@ def state_call(
         values += ["heard", "1" if state.is_heard else "0"]
     # what others lack, bases first; frames that were never live here come by the snapshot alone
     age_s = stream.age_s(now)
-    lacking: list[Held] = []
+    lacking: list[StoredFrame] = []
     if age_s is not None:
         bases = [key if before is None or key is not before.key else None]
         bases.append(ref if ref is not None and (before is None or ref is not before.ref) else None)
         lacking = [base for base in bases if base is not None and base is not newest] + [newest]
     told_n = before.event_n if before is not None else 0
-    update = Update(
+    update = StreamUpdate(
         stream.view,
         generation,
         stream.run_id,
@@ -91,7 +91,7 @@ def standing_call(
         ages_s[view] = None if age_s is None else max(0.0, age_s)
         if held is not None:
             newest[view] = held.run_id, held.seq
-    said = pack(Standing(robot.liveness.token, ages_s, newest, sent_s))
+    said = pack(Presence(robot.liveness.token, ages_s, newest, sent_s))
     name = robot.name
     names = [status_key(name), channel(name), writer_key(name), generation_key(name)]
     return STATUS, [*names, *(state_key(name, view) for view in written)], [generation, said]
@@ -106,12 +106,12 @@ def gives_way(told: object, has_token: bool) -> bool:
         said = unpack(told) if isinstance(told, bytes) else None
     except ValueError:
         return False
-    if not isinstance(said, Standing):
+    if not isinstance(said, Presence):
         return False
     if has_token and not said.token:
         return True
     return all(age_s is None or age_s > RETURN_AFTER_S for age_s in said.ages_s.values())
 
 
-def _ns(held: Held) -> int:
+def _ns(held: StoredFrame) -> int:
     return round(held.stamp_s * 1e9)

@@ -11,7 +11,17 @@ from collections.abc import Awaitable, Callable, Iterable, Sequence
 
 from posecast_wire import Close
 
-from posecast_relay.core.actions import Action, Ask, Cut, End, Fault, Keep, Send, Verify, Watch
+from posecast_relay.core.actions import (
+    Abort,
+    Action,
+    CloseConnection,
+    Fault,
+    Persist,
+    RequestSnapshot,
+    Send,
+    SubscribeRobot,
+    VerifyToken,
+)
 from posecast_relay.core.histogram import Histogram
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.load_shedder import NO_CEILING
@@ -38,7 +48,7 @@ async def _open(_robot: str) -> None:
     """Every robot is listened for."""
 
 
-class Pump:
+class Dispatcher:
     """One per process, on the event loop. `ask` is set by whoever can ask an edge; `watch` and `open` by who
     listens only for robots that somebody asks for.
     """
@@ -168,7 +178,7 @@ class Pump:
             self._act(action)
         except Exception as e:
             match action:
-                case Send(_, (viewer,)) | End(viewer) | Cut(viewer) | Verify(viewer):
+                case Send(_, (viewer,)) | CloseConnection(viewer) | Abort(viewer) | VerifyToken(viewer):
                     self._drop(viewer, e)
                 case _:
                     self.report_fault(type(action).__name__, e)
@@ -191,22 +201,22 @@ class Pump:
                 self.report_fault(where, error)
             case Send(data, viewers):
                 self._sending = data, viewers
-            case Keep(stream):
+            case Persist(stream):
                 try:
                     self.store.keep(stream)
                 finally:
                     self.kept(stream)
-            case End(viewer, close, reason, retry_s):
+            case CloseConnection(viewer, close, reason, retry_s):
                 viewer.outlet.end(close, reason, retry_s)
                 _ended(viewer, close, reason)
-            case Cut(viewer, close):
+            case Abort(viewer, close):
                 viewer.outlet.cut(close)
                 _ended(viewer, close, "cut")
-            case Ask(robot, views):
+            case RequestSnapshot(robot, views):
                 self.ask(robot, views)
-            case Verify(viewer, token):
+            case VerifyToken(viewer, token):
                 self.verify(viewer, token)
-            case Watch(robot):
+            case SubscribeRobot(robot):
                 self.watch(robot)
 
     def _walked(self) -> None:

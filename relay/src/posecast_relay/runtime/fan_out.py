@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from posecast_relay.core.viewer.viewer import Viewer
-from posecast_relay.runtime.io_uring import BATCH, Ring, write_each
+from posecast_relay.runtime.io_uring import BATCH, IoUring, write_each
 
 SLICE = BATCH  # viewers in one turn of the event loop: some 4 ms
 FEW = 8  # so many are written to one by one: a batch has a price of its own
@@ -14,7 +14,7 @@ FEW = 8  # so many are written to one by one: a batch has a price of its own
 class FanOut:
     """By io_uring when there is a ring, else one write() per viewer."""
 
-    def __init__(self, ring: Ring | None) -> None:
+    def __init__(self, ring: IoUring | None) -> None:
         self._ring = ring
 
     def write(self, data: bytes, viewers: Sequence[Viewer]) -> list[tuple[Viewer, Exception]]:

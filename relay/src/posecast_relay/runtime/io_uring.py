@@ -2,7 +2,7 @@
 
 A send() per viewer enters and leaves the kernel each time; a batch does so once. That is a fifth of what a
 message costs (`make bench`), so it is used where the kernel lets us. Container platforms often do not:
-`Ring.open` answers None there, and `write_each` is the same, one by one.
+`IoUring.open` answers None there, and `write_each` is the same, one by one.
 
 Only one thread has the ring, and the kernel looks at it only within that thread's own calls: no kernel thread
 polls it, and no request waits (MSG_DONTWAIT). So no memory barriers are needed, and when a call returns, all
@@ -45,7 +45,7 @@ def write_each(descriptors: Sequence[int], data: bytes) -> Short:
     return short
 
 
-class Ring:
+class IoUring:
     """One io_uring, for one thread."""
 
     def __init__(self) -> None:
@@ -78,7 +78,7 @@ class Ring:
         self._turned = memoryview(array("I", range(BATCH)) * 2)  # any turn of the indexes is a part of this
 
     @classmethod
-    def open(cls) -> Ring | None:
+    def open(cls) -> IoUring | None:
         """A ring that has proved itself, or None."""
         try:
             ring = cls()

@@ -24,27 +24,27 @@ from posecast_relay.auth.access import Access
 from posecast_relay.auth.addresses import Addresses
 from posecast_relay.auth.tokens import Accounts, Tokens
 from posecast_relay.config.robots_file import Robots, RobotsError, read_robots
-from posecast_relay.config.robots_watcher import RobotsWatch
+from posecast_relay.config.robots_watcher import RobotsWatcher
 from posecast_relay.config.settings import Settings, StartError
 from posecast_relay.core.delayed_hub import DelayedHub
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
 from posecast_relay.http.app import make_app
 from posecast_relay.http.metrics import start_metrics
-from posecast_relay.logging import Unheard, start_logging
-from posecast_relay.runtime.dispatcher import Pump
+from posecast_relay.logging import LoopExceptionHandler, start_logging
+from posecast_relay.runtime.dispatcher import Dispatcher
 from posecast_relay.runtime.fan_out import FanOut
-from posecast_relay.runtime.io_uring import Ring
+from posecast_relay.runtime.io_uring import IoUring
 from posecast_relay.server.listener import BACKLOG, listen
 from posecast_relay.server.roles import open_part
 from posecast_relay.store_memory import MemoryStore
-from posecast_relay.streaming.decode_cache import Decoded
+from posecast_relay.streaming.decode_cache import DecodeCache
 from posecast_relay.streaming.http_connection import plain_http
-from posecast_relay.streaming.request_timeouts import Unasked, guarded
+from posecast_relay.streaming.request_timeouts import RequestTimeouts, guarded
 from posecast_relay.streaming.sse import http_protocol
 from posecast_relay.streaming.websocket import live_protocol
-from posecast_relay.zenoh.auth_failures import Refusals
-from posecast_relay.zenoh.router import Door, Gate, ListenError
+from posecast_relay.zenoh.auth_failures import AuthFailures
+from posecast_relay.zenoh.router import ListenError, RouterSession, ZenohAuth
 
 if TYPE_CHECKING:
     from posecast_relay.mirror.firebase import FirebaseMirror
@@ -61,7 +61,9 @@ END_S = 9.5  # after SIGTERM; platforms kill a process at 10 s
 class _Server(uvicorn.Server):
     """uvicorn without its signal handlers: they close everybody at once, with the signal as status."""
 
-    def __init__(self, config: uvicorn.Config, pumps: Sequence[Pump], serving: Callable[[], None]) -> None:
+    def __init__(
+        self, config: uvicorn.Config, pumps: Sequence[Dispatcher], serving: Callable[[], None]
+    ) -> None:
         super().__init__(config)
         self._pumps = pumps
         self._serving = serving
@@ -99,13 +101,13 @@ def run(settings: Settings) -> None:
     logging.getLogger("websockets").setLevel(logging.WARNING)  # else two lines for every viewer
     robots = _robots(settings)
     guarded_door = robots is not None and not settings.dev and settings.role != "gateway"
-    refusals = Refusals() if guarded_door else None
+    refusals = AuthFailures() if guarded_door else None
     with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
-        runner.get_loop().set_exception_handler(Unheard())
+        runner.get_loop().set_exception_handler(LoopExceptionHandler())
         runner.run(_serve(settings, robots, refusals))
 
 
-async def _serve(settings: Settings, robots: Robots | None, refusals: Refusals | None) -> None:
+async def _serve(settings: Settings, robots: Robots | None, refusals: AuthFailures | None) -> None:
     _allow_sockets(settings.max_viewers)
     listener = listen(settings.host, settings.port)
     try:
@@ -128,7 +130,7 @@ async def _serve(settings: Settings, robots: Robots | None, refusals: Refusals |
         raise StartError(
             f"--metrics-port {settings.metrics_port}: {(e.strerror or str(e)).lower()}"
         ) from None
-    decoded = Decoded()
+    decoded = DecodeCache()
     streams = settings.role != "ingest"
     host, port = listener.getsockname()[:2]
     shown = f"[{host}]" if ":" in host else host
@@ -146,7 +148,7 @@ async def _serve(settings: Settings, robots: Robots | None, refusals: Refusals |
     def cut(count: int) -> None:
         pump.handshakes["never asked"] += count
 
-    unasked = Unasked(pump.now, cut)
+    unasked = RequestTimeouts(pump.now, cut)
     config = uvicorn.Config(
         make_app(access, part.models, decoded, settings.static),
         ws=live_protocol(access, decoded) if streams else "none",
@@ -198,13 +200,13 @@ def _access(settings: Settings, robots: Robots | None) -> Access:
         max_age_s=settings.max_connection_age or float("inf"),
     )
     fan_out = FanOut(_ring())
-    live = Pump(Hub(limits), MemoryStore(), fan_out)
+    live = Dispatcher(Hub(limits), MemoryStore(), fan_out)
     addresses = Addresses(settings.max_per_address, settings.trusted_proxies)
     if robots is None:
         return Access(live, addresses=addresses)
     tokens = Tokens(_accounts(settings))
     tokens.link_keys = robots.link_keys()
-    later = Pump(DelayedHub(limits), MemoryStore(), fan_out)
+    later = Dispatcher(DelayedHub(limits), MemoryStore(), fan_out)
     return Access(live, robots.policy(), later, tokens, settings.origins, addresses)
 
 
@@ -218,16 +220,16 @@ def _accounts(settings: Settings) -> Accounts | None:
     return Firebase(settings.firebase_project, settings.firebase_revoked)
 
 
-def _door(settings: Settings, robots: Robots | None) -> Door | None:
+def _door(settings: Settings, robots: Robots | None) -> RouterSession | None:
     """None for a gateway, which hears no edges. ListenError."""
     if settings.role == "gateway":
         return None
     if settings.dev or robots is None:
         zenoh.init_log_from_env_or("off")
-        return Door(settings.zenoh_listen, None)
+        return RouterSession(settings.zenoh_listen, None)
     admitted = _admitted(settings, robots)
-    gate = Gate(admitted, settings.zenoh_tls_cert, settings.zenoh_tls_key, settings.zenoh_ca)
-    return Door(settings.zenoh_listen, gate)
+    gate = ZenohAuth(admitted, settings.zenoh_tls_cert, settings.zenoh_tls_key, settings.zenoh_ca)
+    return RouterSession(settings.zenoh_listen, gate)
 
 
 def _beside(
@@ -245,7 +247,7 @@ def _admitted(settings: Settings, robots: Robots) -> dict[str, str]:
 
 
 def _follow(
-    settings: Settings, robots: Robots | None, door: Door | None, access: Access
+    settings: Settings, robots: Robots | None, door: RouterSession | None, access: Access
 ) -> Coroutine[Any, Any, None] | None:
     """What the file of robots says from now on."""
     if settings.robots is None or robots is None:
@@ -258,7 +260,7 @@ def _follow(
         if door is not None:
             await door.admit(_admitted(settings, to))
 
-    watch = RobotsWatch(settings.robots, robots, changed)
+    watch = RobotsWatcher(settings.robots, robots, changed)
 
     async def follow() -> None:
         await asyncio.gather(watch.run(), access.recheck())
@@ -266,8 +268,8 @@ def _follow(
     return follow()
 
 
-def _ring() -> Ring | None:
-    ring = Ring.open()
+def _ring() -> IoUring | None:
+    ring = IoUring.open()
     log.info("frames go out %s", "by io_uring" if ring else "one write() each: io_uring is not allowed here")
     return ring
 
@@ -313,7 +315,7 @@ def _metrics(settings: Settings, access: Access, mirror: FirebaseMirror | None) 
     return stop
 
 
-async def _close(door: Door | None) -> None:
+async def _close(door: RouterSession | None) -> None:
     """Zenoh's close may wait for a peer that does not answer; the process need not."""
     if door is None:
         return

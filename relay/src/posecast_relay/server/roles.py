@@ -16,28 +16,28 @@ from posecast_relay.config.settings import Settings
 from posecast_relay.core.policy.policy import PUBLIC
 from posecast_relay.core.state.robot import Robot
 from posecast_relay.http.robots import robot_summary
-from posecast_relay.models.cache import Models
-from posecast_relay.runtime.dispatcher import Pump
+from posecast_relay.models.cache import ModelCache
+from posecast_relay.runtime.dispatcher import Dispatcher
 from posecast_relay.zenoh.ingest import ZenohIngest
 from posecast_relay.zenoh.models import EdgeModels
-from posecast_relay.zenoh.router import Door
+from posecast_relay.zenoh.router import RouterSession
 
 
 @dataclass(frozen=True)
-class Part:
+class RoleServices:
     """A role in this process."""
 
-    models: Models
+    models: ModelCache
     start: Callable[[], Awaitable[None]]
     stop: Callable[[], Awaitable[None]]
 
 
-def open_part(settings: Settings, door: Door | None, pump: Pump) -> Part:
+def open_part(settings: Settings, door: RouterSession | None, pump: Dispatcher) -> RoleServices:
     """Gives the pump its store. `door` is None for a gateway only."""
     cache_bytes = settings.model_cache_mb << 20
     if door is None:
         return _gateway(settings.store, pump, cache_bytes)
-    models = Models(EdgeModels(door, pump.hub), cache_bytes)
+    models = ModelCache(EdgeModels(door, pump.hub), cache_bytes)
     ingest = ZenohIngest(door, pump)
     if settings.store == "memory://":
 
@@ -47,16 +47,16 @@ def open_part(settings: Settings, door: Door | None, pump: Pump) -> Part:
         async def stop() -> None:
             ingest.stop()
 
-        return Part(models, start, stop)
+        return RoleServices(models, start, stop)
     return _with_redis(settings.store, pump, models, ingest)
 
 
-def _with_redis(url: str, pump: Pump, models: Models, ingest: ZenohIngest) -> Part:
-    from posecast_relay.redis.models import ModelPorter  # noqa: PLC0415 — half of the time to start
+def _with_redis(url: str, pump: Dispatcher, models: ModelCache, ingest: ZenohIngest) -> RoleServices:
+    from posecast_relay.redis.models import ModelUploader  # noqa: PLC0415 — half of the time to start
     from posecast_relay.redis.store import RedisStore  # noqa: PLC0415
 
     store = RedisStore(url, pump.hub, pump.now, partial(_described, pump))
-    porter = ModelPorter(store.link, pump.hub, models)
+    porter = ModelUploader(store.link, pump.hub, models)
     pump.store = store
 
     async def start() -> None:
@@ -69,17 +69,19 @@ def _with_redis(url: str, pump: Pump, models: Models, ingest: ZenohIngest) -> Pa
         await porter.stop()
         await store.stop()
 
-    return Part(models, start, stop)
+    return RoleServices(models, start, stop)
 
 
-def _described(pump: Pump, robot: Robot) -> dict[str, Any]:
+def _described(pump: Dispatcher, robot: Robot) -> dict[str, Any]:
     return robot_summary(robot, robot.rooms.get(PUBLIC), pump.now())
 
 
-def _gateway(url: str, pump: Pump, cache_bytes: int) -> Part:
+def _gateway(url: str, pump: Dispatcher, cache_bytes: int) -> RoleServices:
     from posecast_relay.redis.gateway import RedisGateway  # noqa: PLC0415
     from posecast_relay.redis.models import RedisModels  # noqa: PLC0415 — half of the time to start
 
     gateway = RedisGateway(url, pump)
     pump.store = gateway
-    return Part(Models(RedisModels(gateway.link, pump.hub), cache_bytes), gateway.start, gateway.stop)
+    return RoleServices(
+        ModelCache(RedisModels(gateway.link, pump.hub), cache_bytes), gateway.start, gateway.stop
+    )

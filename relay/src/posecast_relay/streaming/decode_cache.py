@@ -8,7 +8,7 @@ from weakref import WeakKeyDictionary
 
 from posecast_wire import MISSING, DecodedFrame, Decoder, Field, Frame, FrameError, Schema
 
-from posecast_relay.core.state.stream import Held, Stream
+from posecast_relay.core.state.stream import StoredFrame, Stream
 from posecast_relay.plain_json import json_bytes
 
 # Decoding takes a microsecond a channel, in the turn of the loop in which all viewers are served.
@@ -22,19 +22,19 @@ class _Reader:
 
     def __init__(self, schema: Schema) -> None:
         self.schema = schema
-        self.newest: Held | None = None
+        self.newest: StoredFrame | None = None
         self.frame: Frame | None = None
         self.text: str | None = None
         self._decoder = Decoder()
         self._decoder.add_schema(schema.text)
-        self._bases: tuple[Held | None, Held | None] = (None, None)
+        self._bases: tuple[StoredFrame | None, StoredFrame | None] = (None, None)
 
-    def cost(self, newest: Held) -> int:
+    def cost(self, newest: StoredFrame) -> int:
         """Channels to decode for this frame, its bases included."""
         known = (newest.key, newest.ref) == self._bases
         return self.schema.size if known else 3 * self.schema.size
 
-    def read(self, newest: Held) -> None:
+    def read(self, newest: StoredFrame) -> None:
         """Decode this frame."""
         self.newest, self.frame, self.text = newest, None, None
         bases = (newest.key, newest.ref)
@@ -71,7 +71,7 @@ class _Turns:
         return True
 
 
-class Decoded:
+class DecodeCache:
     """The newest frame of each stream."""
 
     def __init__(self, now: Callable[[], float] = time.monotonic) -> None:

@@ -13,23 +13,23 @@ from typing import Protocol
 
 from posecast_relay.core.state.stream import Stream
 from posecast_relay.core.viewer import messages
-from posecast_relay.streaming.decode_cache import Decoded
+from posecast_relay.streaming.decode_cache import DecodeCache
 
 TEXT, BINARY = 1, 2  # WebSocket opcodes
 LINE_END = re.compile(r"\r\n|\r|\n")
 
 
-class Form(Protocol):
+class Encoding(Protocol):
     """How a viewer wants it."""
 
     def of(self, data: bytes, stream: Stream) -> bytes:
         """These WebSocket messages of this stream, put that way."""
 
 
-class JsonForm:
+class JsonEncoding:
     """Frames as JSON text messages. Bases are left out: a decoded frame stands alone."""
 
-    def __init__(self, decoded: Decoded) -> None:
+    def __init__(self, decoded: DecodeCache) -> None:
         self._decoded = decoded
         self._last = (b"", b"")
 
@@ -45,10 +45,10 @@ class JsonForm:
         return self._last[1]
 
 
-class EventForm:
+class EventStreamEncoding:
     """Server-sent events: each message as an event named by its type, binary frames in base64."""
 
-    def __init__(self, inner: Form | None = None) -> None:
+    def __init__(self, inner: Encoding | None = None) -> None:
         self._inner = inner
         self._last = (b"", b"")
 

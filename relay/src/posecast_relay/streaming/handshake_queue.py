@@ -17,7 +17,7 @@ log = logging.getLogger("posecast_relay")
 TURN_S = 0.01
 
 
-class Doorway:
+class HandshakeQueue:
     """First come, first served. As many wait here as there are open connections, at most."""
 
     def __init__(self) -> None:

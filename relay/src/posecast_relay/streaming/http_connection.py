@@ -21,7 +21,7 @@ from posecast_relay.auth.access import Access
 from posecast_relay.auth.addresses import real_address
 from posecast_relay.runtime.boundary import isolated
 from posecast_relay.runtime.socket_options import leave_unsent
-from posecast_relay.streaming.pending_requests import UnderWay
+from posecast_relay.streaming.pending_requests import PendingRequests
 
 HEAD_BYTES = 16 << 10  # request line and header lines; more: 431
 LINES = 100  # of a head or a trailer; more: 431
@@ -37,7 +37,7 @@ TOO_LARGE = HTTPStatus.REQUEST_HEADER_FIELDS_TOO_LARGE
 MALFORMED = "not a request in HTTP/1"
 
 
-class Refused(Exception):
+class RequestRefused(Exception):
     """What came is not taken: answered with `status`, then closed."""
 
     def __init__(self, status: HTTPStatus, reason: str) -> None:
@@ -45,7 +45,7 @@ class Refused(Exception):
         self.status = status
 
 
-class BrokenOff(Exception):
+class AnswerAborted(Exception):
     """The rest of an answer can't be given: it ends in the middle."""
 
 
@@ -53,7 +53,7 @@ class HttpConnection(HttpToolsProtocol):
     """One connection of somebody who asks over HTTP."""
 
     access: ClassVar[Access]
-    under_way: ClassVar[UnderWay]
+    under_way: ClassVar[PendingRequests]
 
     answering: RequestResponseCycle | None = None
     _task: asyncio.Task[None] | None = None
@@ -149,10 +149,10 @@ class HttpConnection(HttpToolsProtocol):
                 self.handle_websocket_upgrade()
             elif self.cycle is not None:
                 self.cycle.keep_alive = False  # answered as if it had not asked for another protocol
-        except Refused as e:
+        except RequestRefused as e:
             self.refuse(e.status, str(e))
         except httptools.HttpParserCallbackError as e:
-            if isinstance(e.__context__, Refused):
+            if isinstance(e.__context__, RequestRefused):
                 self.refuse(e.__context__.status, str(e.__context__))
             elif isinstance(e.__context__, Exception):
                 self.failed(e.__context__)
@@ -165,9 +165,9 @@ class HttpConnection(HttpToolsProtocol):
         """Of what the parser has not handed over yet, since its end has not come."""
         if not self._in_message or self._in_head:
             if self._fed > HEAD_BYTES:
-                raise Refused(TOO_LARGE, f"over {HEAD_BYTES} bytes of header")
+                raise RequestRefused(TOO_LARGE, f"over {HEAD_BYTES} bytes of header")
         elif self._fed > BODY_BYTES:
-            raise Refused(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, f"over {BODY_BYTES} bytes of body")
+            raise RequestRefused(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, f"over {BODY_BYTES} bytes of body")
 
     def on_message_begin(self) -> None:
         """A request begins."""
@@ -180,7 +180,7 @@ class HttpConnection(HttpToolsProtocol):
     def on_url(self, url: bytes) -> None:
         """A part of its target."""
         if len(self.url) + len(url) > TARGET_BYTES:
-            raise Refused(HTTPStatus.REQUEST_URI_TOO_LONG, f"over {TARGET_BYTES} bytes of address")
+            raise RequestRefused(HTTPStatus.REQUEST_URI_TOO_LONG, f"over {TARGET_BYTES} bytes of address")
         super().on_url(url)
 
     def on_header(self, name: bytes, value: bytes) -> None:
@@ -188,7 +188,7 @@ class HttpConnection(HttpToolsProtocol):
         self._lines += 1
         self._head_bytes += len(name) + len(value) + 4
         if self._lines > LINES or self._head_bytes > HEAD_BYTES:
-            raise Refused(TOO_LARGE, f"over {LINES} lines or {HEAD_BYTES} bytes of header")
+            raise RequestRefused(TOO_LARGE, f"over {LINES} lines or {HEAD_BYTES} bytes of header")
         if self._in_head:
             super().on_header(name, value)
 
@@ -196,7 +196,7 @@ class HttpConnection(HttpToolsProtocol):
         """The head is here: the request waits for its turn."""
         self._ends_head()
         if len(self.pipeline) >= PIPELINED:
-            raise Refused(HTTPStatus.TOO_MANY_REQUESTS, f"over {PIPELINED} requests at once")
+            raise RequestRefused(HTTPStatus.TOO_MANY_REQUESTS, f"over {PIPELINED} requests at once")
         super().on_headers_complete()
 
     def _ends_head(self) -> None:
@@ -208,7 +208,7 @@ class HttpConnection(HttpToolsProtocol):
         except httptools.HttpParserInvalidURLError:
             path = None
         if path is None or not path.startswith(b"/") or not path.isascii():
-            raise Refused(HTTPStatus.BAD_REQUEST, "no such address")
+            raise RequestRefused(HTTPStatus.BAD_REQUEST, "no such address")
 
     def on_body(self, _body: bytes) -> None:
         """Nothing that the relay answers has a body."""
@@ -248,7 +248,7 @@ class HttpConnection(HttpToolsProtocol):
             if not cycle.disconnected:  # the relay stops
                 cycle.disconnected = True
                 self.transport.abort()
-        except BrokenOff:
+        except AnswerAborted:
             cycle.disconnected = True
             self.transport.abort()
         except Exception as e:
@@ -335,6 +335,6 @@ def plain_http(of: Access) -> type[HttpConnection]:
 
     class Bound(HttpConnection):
         access = of
-        under_way = UnderWay()
+        under_way = PendingRequests()
 
     return Bound

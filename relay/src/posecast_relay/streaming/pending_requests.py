@@ -18,30 +18,32 @@ STARTED_PER_TURN = 8  # one takes half a millisecond
 GONE_PER_TURN = 1000
 
 
-class Asker(Protocol):
+class Requester(Protocol):
     """A connection with a request under way."""
 
     def cut(self) -> None:
         """Its answer is given up. Raises nothing."""
 
 
-class UnderWay:
+class PendingRequests:
     """One per process, on the event loop."""
 
     def __init__(self, most: int = HELD_MOST) -> None:
         self._most = most
-        self._addresses: dict[Asker, str] = {}
-        self._held: dict[str, OrderedDict[Asker, int]] = {}  # bytes; who has taken nothing for longest first
+        self._addresses: dict[Requester, str] = {}
+        self._held: dict[
+            str, OrderedDict[Requester, int]
+        ] = {}  # bytes; who has taken nothing for longest first
         self._sums: Counter[str] = Counter()  # bytes
         self.held_bytes = 0
-        self._line: OrderedDict[str, deque[tuple[Asker, Callable[[], None]]]] = OrderedDict()
+        self._line: OrderedDict[str, deque[tuple[Requester, Callable[[], None]]]] = OrderedDict()
         self._working = False
 
     def __len__(self) -> int:
         """Requests under way."""
         return len(self._addresses)
 
-    def wait(self, asker: Asker, address: str, line: str, start: Callable[[], None]) -> None:
+    def wait(self, asker: Requester, address: str, line: str, start: Callable[[], None]) -> None:
         """Call `start` when it is the turn of this `line`, unless the asker has left."""
         if asker not in self._addresses:
             self._addresses[asker] = address
@@ -52,7 +54,7 @@ class UnderWay:
             self._working = True
             asyncio.get_running_loop().call_soon(self._work)
 
-    def hold(self, asker: Asker, answer_bytes: int) -> None:
+    def hold(self, asker: Requester, answer_bytes: int) -> None:
         """So much of its answer is now left to be taken; some of it was just taken, or it has just come."""
         address = self._addresses.get(asker)
         if address is None:
@@ -68,7 +70,7 @@ class UnderWay:
             self.leave(longest)
             longest.cut()
 
-    def leave(self, asker: Asker) -> None:
+    def leave(self, asker: Requester) -> None:
         """Its answer is taken, or it is gone; harmless when it is not here."""
         address = self._addresses.pop(asker, None)
         if address is None:

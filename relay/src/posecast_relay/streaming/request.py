@@ -28,7 +28,7 @@ class NoSuchStream(ValueError):
 
 
 @dataclass(frozen=True)
-class Asked:
+class StreamRequest:
     """A stream as asked for; the names are still to be checked."""
 
     robot: str
@@ -64,7 +64,7 @@ def refuse_tokens(names: Container[str]) -> None:
         raise BadRequest("a token never stands in an address: send it as Authorization or first message")
 
 
-def read_target(target: str, suffix: str = "") -> Asked:
+def read_target(target: str, suffix: str = "") -> StreamRequest:
     """Of `/api/v1/robots/ROBOT/live?…`, or `…/live.sse?…` with that suffix. BadRequest says what is wrong."""
     path, _, query = target.partition("?")
     found = STREAM_PATH.fullmatch(path)
@@ -85,6 +85,6 @@ def read_target(target: str, suffix: str = "") -> Asked:
     if form not in ("binary", "json"):
         raise BadRequest("format must be binary or json")
     refuse_tokens(asked)
-    return Asked(
+    return StreamRequest(
         found[1], asked.get("view", [None])[0], clamp_hz(hz), form == "json", asked.get("auth") == ["1"]
     )

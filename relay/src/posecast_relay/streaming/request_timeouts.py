@@ -19,7 +19,7 @@ SWEEP_S = 0.5
 HEADS_BYTES = 8 << 20  # of unfinished requests over all connections; beyond, the oldest go at once
 
 
-class Unasked:
+class RequestTimeouts:
     """Who connected when; `cut` is called with how many were dropped."""
 
     def __init__(self, now: Callable[[], float], cut: Callable[[int], None]) -> None:
@@ -70,7 +70,7 @@ class Unasked:
             self._timer = asyncio.get_running_loop().call_later(SWEEP_S, self._sweep)
 
 
-def guarded(base: type[HttpConnection], unasked: Unasked) -> type[HttpConnection]:
+def guarded(base: type[HttpConnection], unasked: RequestTimeouts) -> type[HttpConnection]:
     """The same HTTP, which does not wait for ever."""
 
     class Guarded(base):  # type: ignore[misc, valid-type]

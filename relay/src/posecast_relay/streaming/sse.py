@@ -18,22 +18,22 @@ from posecast_wire import Close, Retry, retry_of
 
 from posecast_relay.auth.access import CROWDED, FOREIGN, REASONS, STATUSES, Access
 from posecast_relay.core.hub import DRAIN_RETRY_S, GOING
-from posecast_relay.core.policy.policy import ANYONE, Grant, Who
+from posecast_relay.core.policy.policy import ANYONE, Grant, Principal
 from posecast_relay.core.viewer import messages
 from posecast_relay.core.viewer.viewer import Viewer
 from posecast_relay.runtime.boundary import FAULT, isolated, isolated_task
-from posecast_relay.runtime.dispatcher import Pump
+from posecast_relay.runtime.dispatcher import Dispatcher
 from posecast_relay.runtime.socket_options import cut_unread, use_small_buffers
-from posecast_relay.streaming.decode_cache import Decoded
-from posecast_relay.streaming.encodings import EventForm, Form, JsonForm
-from posecast_relay.streaming.handshake_queue import Doorway
+from posecast_relay.streaming.decode_cache import DecodeCache
+from posecast_relay.streaming.encodings import Encoding, EventStreamEncoding, JsonEncoding
+from posecast_relay.streaming.handshake_queue import HandshakeQueue
 from posecast_relay.streaming.http_connection import HttpConnection
-from posecast_relay.streaming.pending_requests import UnderWay
+from posecast_relay.streaming.pending_requests import PendingRequests
 from posecast_relay.streaming.request import (
     STREAM_PATH,
-    Asked,
     BadRequest,
     NoSuchStream,
+    StreamRequest,
     bearer,
     joined,
     read_target,
@@ -58,9 +58,9 @@ class EventStream(asyncio.Protocol):
         self,
         transport: asyncio.Transport,
         connections: set[Any],
-        pump: Pump,
-        form: Form,
-        asked: Asked,
+        pump: Dispatcher,
+        form: Encoding,
+        asked: StreamRequest,
         grant: Grant,
         left: Callable[[], None],
     ) -> None:
@@ -178,8 +178,8 @@ def _wait_ms(close: Close, retry_s: float | None) -> int:
 class _Http(HttpConnection):
     """HTTP, less the requests for event streams."""
 
-    forms: ClassVar[dict[bool, Form]]
-    doorway: ClassVar[Doorway]
+    forms: ClassVar[dict[bool, Encoding]]
+    doorway: ClassVar[HandshakeQueue]
 
     _wanted = False
     _taken = False
@@ -240,12 +240,12 @@ class _Http(HttpConnection):
         return joined(value.decode("latin-1") for each, value in self.headers if each == name)
 
     @isolated_task
-    async def _enter_by(self, asked: Asked, token: str) -> None:
+    async def _enter_by(self, asked: StreamRequest, token: str) -> None:
         who = await self.access.who(token)
         if not self.transport.is_closing():
             self._enter(asked, who)
 
-    def _enter(self, asked: Asked, who: Who | Close) -> None:
+    def _enter(self, asked: StreamRequest, who: Principal | Close) -> None:
         grant = who if isinstance(who, Close) else self.access.judge(who, asked.robot, asked.view)
         if isinstance(grant, Close):
             self.refuse(STATUSES[grant], REASONS[grant])
@@ -268,13 +268,16 @@ class _Http(HttpConnection):
         stream.start(pages)
 
 
-def http_protocol(of: Access, decoded: Decoded) -> type[_Http]:
+def http_protocol(of: Access, decoded: DecodeCache) -> type[_Http]:
     """The class that uvicorn takes as its `http` option."""
 
     class Bound(_Http):
         access = of
-        under_way = UnderWay()
-        doorway = Doorway()
-        forms: ClassVar[dict[bool, Form]] = {False: EventForm(), True: EventForm(JsonForm(decoded))}
+        under_way = PendingRequests()
+        doorway = HandshakeQueue()
+        forms: ClassVar[dict[bool, Encoding]] = {
+            False: EventStreamEncoding(),
+            True: EventStreamEncoding(JsonEncoding(decoded)),
+        }
 
     return Bound

@@ -26,9 +26,16 @@ from posecast_relay.core.viewer import messages
 from posecast_relay.core.viewer.viewer import Viewer
 from posecast_relay.runtime.boundary import FAULT, isolated, isolated_task
 from posecast_relay.runtime.socket_options import descriptor_of, use_small_buffers
-from posecast_relay.streaming.decode_cache import Decoded
-from posecast_relay.streaming.encodings import Form, JsonForm
-from posecast_relay.streaming.request import Asked, BadRequest, NoSuchStream, bearer, joined, read_target
+from posecast_relay.streaming.decode_cache import DecodeCache
+from posecast_relay.streaming.encodings import Encoding, JsonEncoding
+from posecast_relay.streaming.request import (
+    BadRequest,
+    NoSuchStream,
+    StreamRequest,
+    bearer,
+    joined,
+    read_target,
+)
 
 if TYPE_CHECKING:
     from uvicorn.config import Config
@@ -59,7 +66,7 @@ class LiveSocket(asyncio.Protocol):
     """One viewer's connection, from its HTTP request to its end."""
 
     access: ClassVar[Access]
-    json_form: ClassVar[Form]
+    json_form: ClassVar[Encoding]
 
     def __init__(
         self,
@@ -83,7 +90,7 @@ class LiveSocket(asyncio.Protocol):
         self._unread = 0  # bytes in the library that may be the beginning of a message
         self._closing: asyncio.TimerHandle | None = None
         self._address: str | None = None  # whose streams it counts among
-        self._asked: Asked | None = None  # what is wanted, while a token is waited for
+        self._asked: StreamRequest | None = None  # what is wanted, while a token is waited for
         self._no_token: asyncio.TimerHandle | None = None
         self._entering: asyncio.Task[None] | None = None
 
@@ -218,7 +225,7 @@ class LiveSocket(asyncio.Protocol):
         else:
             self._enter(asked, self.access.judge(ANYONE, asked.robot, asked.view))
 
-    def _wait_for_token(self, asked: Asked, token: str | None) -> None:
+    def _wait_for_token(self, asked: StreamRequest, token: str | None) -> None:
         """It comes with the request, or as the first message within a few seconds."""
         self._asked = asked
         self._no_token = asyncio.get_running_loop().call_later(TOKEN_S, self._refuse_entry, Close.TOKEN)
@@ -252,7 +259,7 @@ class LiveSocket(asyncio.Protocol):
         self.pump.handshakes["told to go"] += 1
         self.end(close, REASONS[close], FULL_RETRY_S if close is Close.FULL else None)
 
-    def _enter(self, asked: Asked, grant: Grant | Close) -> None:
+    def _enter(self, asked: StreamRequest, grant: Grant | Close) -> None:
         if isinstance(grant, Close):
             self._refuse_entry(grant)
             return
@@ -400,7 +407,7 @@ class LiveSocket(asyncio.Protocol):
             hub.endings[sent.code] += 1
 
     @isolated
-    def write_as(self, form: Form, data: bytes) -> None:
+    def write_as(self, form: Encoding, data: bytes) -> None:
         """The same in another form."""
         room = self.pump.hub.viewers.get(self._viewer) if self._viewer else None
         if room is not None:
@@ -416,7 +423,7 @@ class _JsonOutlet:
 
     descriptor = -1
 
-    def __init__(self, socket: LiveSocket, form: Form) -> None:
+    def __init__(self, socket: LiveSocket, form: Encoding) -> None:
         self._form = form
         self._socket = socket
         self.end = socket.end
@@ -427,11 +434,11 @@ class _JsonOutlet:
         self._socket.write_as(self._form, data)
 
 
-def live_protocol(of: Access, decoded: Decoded) -> type[LiveSocket]:
+def live_protocol(of: Access, decoded: DecodeCache) -> type[LiveSocket]:
     """The class that uvicorn takes as its `ws` option."""
 
     class Bound(LiveSocket):
         access = of
-        json_form = JsonForm(decoded)
+        json_form = JsonEncoding(decoded)
 
     return Bound

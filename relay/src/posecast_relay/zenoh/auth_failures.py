@@ -32,7 +32,7 @@ NAMED = re.compile(r"link_tls::unicast.*Accepted TLS connection .*Common Name: (
 STRANGER = "a certificate of a name that the file of --robots does not let publish"
 
 
-class Refusals:
+class AuthFailures:
     """Counts them, and logs one now and then. One per process: it takes stdout's place."""
 
     def __init__(self) -> None:

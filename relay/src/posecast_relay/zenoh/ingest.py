@@ -16,10 +16,10 @@ import zenoh
 from posecast_wire import Echo, Snapshot, Stamp, check_name
 from posecast_wire.keys import PREFIX, STAMP, snapshot_key
 
-from posecast_relay.core.state.stream import Fate
-from posecast_relay.runtime.dispatcher import Pump
+from posecast_relay.core.state.stream import FrameOutcome
+from posecast_relay.runtime.dispatcher import Dispatcher
 from posecast_relay.zenoh.inboxes import OTHERS, Inboxes, Message
-from posecast_relay.zenoh.router import Door
+from posecast_relay.zenoh.router import RouterSession
 
 log = logging.getLogger("posecast_relay")
 
@@ -33,9 +33,9 @@ RETURN_S = (
 )
 COMPLAIN_S = 10.0  # between two log lines about bad messages of a robot
 WHY = {  # a frame is dropped, as its robot's developer is told
-    Fate.BAD: "no frame of its schema",
-    Fate.VERSION: "a frame of a wire format not known here",
-    Fate.OVERSIZED: "a frame that is too large",
+    FrameOutcome.BAD: "no frame of its schema",
+    FrameOutcome.VERSION: "a frame of a wire format not known here",
+    FrameOutcome.OVERSIZED: "a frame that is too large",
 }
 LOST = "there is room for"
 
@@ -60,7 +60,7 @@ class _Question:
 class ZenohIngest:
     """Subscriptions, the echo, and the questions about snapshots."""
 
-    def __init__(self, door: Door, pump: Pump) -> None:
+    def __init__(self, door: RouterSession, pump: Dispatcher) -> None:
         self._door = door
         self._pump = pump
         self._loop = asyncio.get_running_loop()
@@ -175,7 +175,7 @@ class ZenohIngest:
             try:
                 message.take_in()
             except Exception as e:
-                self._pump.hub.fates[Fate.FAULT.value] += 1
+                self._pump.hub.fates[FrameOutcome.FAULT.value] += 1
                 self._pump.report_fault("ingest", e)
         self._count_lost()
         self._pump.flush()
@@ -186,7 +186,7 @@ class ZenohIngest:
     def _count_lost(self) -> None:
         hub, now = self._pump.hub, self._pump.now()
         for robot, count in self._inboxes.take_lost().items():
-            hub.fates[(Fate.CROWDED if robot == OTHERS else Fate.OVER_SHARE).value] += count
+            hub.fates[(FrameOutcome.CROWDED if robot == OTHERS else FrameOutcome.OVER_SHARE).value] += count
             of = hub.robots.get(robot)
             if of is not None:
                 of.share.lose(count, of.share.limit or LOST, now)
@@ -200,11 +200,11 @@ class ZenohIngest:
         except ValueError as e:
             self._complain(robot, f"{view}/frame", e)
             return
-        if fate is Fate.OVER_SHARE:
+        if fate is FrameOutcome.OVER_SHARE:
             self._inboxes.close(robot, now + CLOSED_S)
         elif fate in WHY:
             self._say(robot, f"{view}/frame", WHY[fate])
-        elif robot in self._waiting and fate is not Fate.CROWDED:
+        elif robot in self._waiting and fate is not FrameOutcome.CROWDED:
             self._token(robot, True)
 
     def _event(self, robot: str, view: str, payload: bytes, stamp: bytes) -> None:
@@ -216,9 +216,9 @@ class ZenohIngest:
         except ValueError as e:
             self._complain(robot, f"{view}/event", e)
             return
-        bad = pump.hub.fates[Fate.BAD.value]
+        bad = pump.hub.fates[FrameOutcome.BAD.value]
         pump.carry_out(pump.hub.event(robot, view, payload, at, pump.now(), pump.unix_s()))
-        if pump.hub.fates[Fate.BAD.value] > bad:
+        if pump.hub.fates[FrameOutcome.BAD.value] > bad:
             self._say(robot, f"{view}/event", "no event, info or model as the wire format has them")
 
     def _heard_token(self, opening: int, robot: str, present: bool) -> None:
@@ -284,7 +284,7 @@ class ZenohIngest:
             return  # unanswered
         of = self._pump.hub.robots.get(robot)
         if of is not None and not of.share.takes_message(0, now):
-            self._pump.hub.fates[Fate.OVER_SHARE.value] += 1
+            self._pump.hub.fates[FrameOutcome.OVER_SHARE.value] += 1
             return  # unanswered
         run_id = of.runs.current if of else 0
         of_run = [r.stream.newest for r in of.rooms.values() if r.stream.newest] if of else []
@@ -307,7 +307,7 @@ class ZenohIngest:
 
     def _complain(self, robot: str, what: str, error: Exception) -> None:
         """Count every bad message, log one now and then."""
-        self._pump.hub.fates[Fate.BAD.value] += 1
+        self._pump.hub.fates[FrameOutcome.BAD.value] += 1
         self._say(robot, what, error)
 
     def _say(self, robot: str, what: str, why: Exception | str) -> None:

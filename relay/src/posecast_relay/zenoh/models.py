@@ -11,7 +11,7 @@ from posecast_wire.keys import model_key
 from posecast_relay.core.hub import Hub
 from posecast_relay.models.cache import Unavailable
 from posecast_relay.models.manifest import BYTES_MAX
-from posecast_relay.zenoh.router import Door
+from posecast_relay.zenoh.router import RouterSession
 
 RANGE_TIMEOUT_S = 10.0
 
@@ -19,7 +19,7 @@ RANGE_TIMEOUT_S = 10.0
 class EdgeModels:
     """A ModelSource: only what a robot announces now is asked for."""
 
-    def __init__(self, door: Door, hub: Hub) -> None:
+    def __init__(self, door: RouterSession, hub: Hub) -> None:
         self._door = door
         self._hub = hub
 

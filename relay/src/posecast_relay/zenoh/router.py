@@ -39,7 +39,7 @@ class ListenError(OSError):
 
 
 @dataclass(frozen=True)
-class Gate:
+class ZenohAuth:
     """Who is let in: `secrets` by robot. With a certificate and its key, endpoints may be `tls/…`.
 
     `ca`: robots show a certificate of this authority with their name as its common name; no password is asked
@@ -99,7 +99,7 @@ def access_control(robots: Sequence[str], known_by: str = "usernames") -> dict[s
     }
 
 
-def _config(endpoints: Sequence[str], gate: Gate | None, passwords: str | None) -> zenoh.Config:
+def _config(endpoints: Sequence[str], gate: ZenohAuth | None, passwords: str | None) -> zenoh.Config:
     config = zenoh.Config()
     settings: dict[str, Any] = {
         "mode": "router",
@@ -133,7 +133,7 @@ def _config(endpoints: Sequence[str], gate: Gate | None, passwords: str | None) 
 
 
 @contextmanager
-def _passwords(gate: Gate | None) -> Iterator[str | None]:
+def _passwords(gate: ZenohAuth | None) -> Iterator[str | None]:
     """The file that Zenoh wants them in, `user:password`, for as long as it takes to read it."""
     if gate is None or gate.ca is not None:
         yield None
@@ -160,7 +160,7 @@ def _with_port(endpoint: str) -> str:
         return f"{scheme}/{host}:{probe.getsockname()[1]}"
 
 
-def open_router(endpoints: Sequence[str], gate: Gate | None = None) -> tuple[zenoh.Session, list[str]]:
+def open_router(endpoints: Sequence[str], gate: ZenohAuth | None = None) -> tuple[zenoh.Session, list[str]]:
     """The session and the endpoints it listens on. Without a gate anybody may publish. ListenError."""
     for tries_left in reversed(range(PORT_TRIES)):
         real = [_with_port(e) for e in endpoints]
@@ -181,12 +181,12 @@ def _refused(endpoints: Sequence[str], error: zenoh.ZError) -> ListenError:
     )
 
 
-def _open(endpoints: Sequence[str], gate: Gate | None) -> zenoh.Session:
+def _open(endpoints: Sequence[str], gate: ZenohAuth | None) -> zenoh.Session:
     with _passwords(gate) as passwords:
         return zenoh.open(_config(endpoints, gate, passwords))
 
 
-def reopen_router(endpoints: Sequence[str], gate: Gate) -> zenoh.Session:
+def reopen_router(endpoints: Sequence[str], gate: ZenohAuth) -> zenoh.Session:
     """The same door with other locks. ListenError when the port does not come free again."""
     give_up_at = time.monotonic() + REOPEN_S
     while True:
@@ -198,10 +198,10 @@ def reopen_router(endpoints: Sequence[str], gate: Gate) -> zenoh.Session:
             time.sleep(0.01)
 
 
-class Door:
+class RouterSession:
     """Has an open session, but for the milliseconds of a change."""
 
-    def __init__(self, endpoints: Sequence[str], gate: Gate | None) -> None:
+    def __init__(self, endpoints: Sequence[str], gate: ZenohAuth | None) -> None:
         """ListenError."""
         self._gate = gate
         self.session, self.endpoints = open_router(endpoints, gate)
@@ -237,6 +237,6 @@ class Door:
                 if robots:
                     log.warning("publishers %s: %s", what, ", ".join(robots[:20]))
 
-    def _change(self, session: zenoh.Session, gate: Gate) -> zenoh.Session:
+    def _change(self, session: zenoh.Session, gate: ZenohAuth) -> zenoh.Session:
         session.close()  # type: ignore[no-untyped-call]
         return reopen_router(self.endpoints, gate)

@@ -40,7 +40,7 @@ class Rule:
 
 
 @dataclass(frozen=True)
-class Who:
+class Principal:
     """Who asks, as far as `token` proves it. `robot`: the one that a share link opens. `until_s`: unix."""
 
     audience: Audience = Audience.ANYONE
@@ -49,7 +49,7 @@ class Who:
     token: str = field(default="", repr=False)
 
 
-ANYONE = Who()
+ANYONE = Principal()
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ class Grant:
     delay_s: float
     viewers: int | None
     by: Audience
-    who: Who
+    who: Principal
 
     @property
     def open(self) -> bool:
@@ -84,7 +84,7 @@ class Policy:
         """The rules of one robot; none for one that is not named."""
         return EVERYBODY if self.rules is None else self.rules.get(robot, {})
 
-    def judge(self, who: Who, robot: str, view: str | None = None) -> Grant | Close:
+    def judge(self, who: Principal, robot: str, view: str | None = None) -> Grant | Close:
         """What `who` gets; or ABSENT, or FORBIDDEN for a view of a robot that shows another one to them."""
         rules = self.of(robot)
         found = [

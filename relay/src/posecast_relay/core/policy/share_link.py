@@ -8,7 +8,7 @@ import hmac
 import re
 from collections.abc import Mapping
 
-from posecast_relay.core.policy.policy import Audience, Who
+from posecast_relay.core.policy.policy import Audience, Principal
 
 KIND = "L1"
 FORM = re.compile(
@@ -28,7 +28,7 @@ def is_link(token: str) -> bool:
     return token.startswith(KIND + ".")
 
 
-def read_link(token: str, keys: Mapping[str, str], unix_s: float) -> Who | None:
+def read_link(token: str, keys: Mapping[str, str], unix_s: float) -> Principal | None:
     """Who has it, or None when it is not good: malformed, signed otherwise, or expired. `keys` by robot."""
     found = FORM.fullmatch(token)
     if found is None:
@@ -38,7 +38,7 @@ def read_link(token: str, keys: Mapping[str, str], unix_s: float) -> Who | None:
     good = hmac.compare_digest(_signature(NO_KEY if key is None else key, said), signature)
     if key is None or not good or unix_s >= int(until_s):
         return None
-    return Who(Audience.LINK, robot, float(until_s), token)
+    return Principal(Audience.LINK, robot, float(until_s), token)
 
 
 def _signature(key: str, said: str) -> str:

@@ -10,7 +10,7 @@ from posecast_relay.core.state.liveness import Liveness
 from posecast_relay.core.state.room import Room
 from posecast_relay.core.state.runs import Runs
 from posecast_relay.core.state.share import Share
-from posecast_relay.core.state.stream import Fate
+from posecast_relay.core.state.stream import FrameOutcome
 
 SETTLE_S = 0.05  # between a token and the first question: what the edge declares comes one by one
 HEARD_S = 10.0  # an edge without a token that was heard within this may still answer
@@ -52,25 +52,27 @@ class Robot:
         self._unanswered = 0
         self.ask_at = max(self.ask_at, now + SETTLE_S)
 
-    def frame(self, room: Room, payload: bytes, stamp: Stamp, now: float, late_s: float = 0.0) -> Fate:
+    def frame(
+        self, room: Room, payload: bytes, stamp: Stamp, now: float, late_s: float = 0.0
+    ) -> FrameOutcome:
         """A frame that the edge sent just now; `late_s`: as late as another relay found it."""
         stream = room.stream
         header = stream.check(payload)
-        if isinstance(header, Fate):
+        if isinstance(header, FrameOutcome):
             return header
         self.heard_at = now
         self._unanswered = 0
         if self.runs.is_retired(stamp.run_id, now):
-            return Fate.RETIRED
+            return FrameOutcome.RETIRED
         if stamp.run_id != self.runs.current:
             if not header.is_key:
                 self.lacking = True
                 stream.hold(payload, stamp.run_id, stamp.elapsed_ns / 1e9, now, late_s)
-                return Fate.NO_BASE
+                return FrameOutcome.NO_BASE
             self._adopt(stamp.run_id, now)
         late_s = max(late_s, self.runs.arrived(stamp, now))
         fate = stream.take(payload, header, stamp.run_id, stamp.elapsed_ns / 1e9, now, late_s)
-        if fate in (Fate.NO_BASE, Fate.NO_SCHEMA):
+        if fate in (FrameOutcome.NO_BASE, FrameOutcome.NO_SCHEMA):
             self.lacking = True
         return fate
 

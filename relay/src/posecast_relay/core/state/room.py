@@ -11,23 +11,23 @@ from collections.abc import Iterable, Iterator
 from posecast_wire import Close
 from posecast_wire.messages import RobotWord
 
-from posecast_relay.core.actions import Action, End, Fault, Send
+from posecast_relay.core.actions import Action, CloseConnection, Fault, Send
 from posecast_relay.core.limits import Limits
-from posecast_relay.core.state.stream import Event, Held, Stream
+from posecast_relay.core.state.stream import Event, StoredFrame, Stream
 from posecast_relay.core.timer_queue import NEVER
 from posecast_relay.core.viewer import messages
-from posecast_relay.core.viewer.cadence import Pace
+from posecast_relay.core.viewer.cadence import RateTimer
 from posecast_relay.core.viewer.viewer import Viewer
 
 
-class Group:
+class RateGroup:
     """The viewers of one rate."""
 
     def __init__(self, hz: float) -> None:
-        self.pace = Pace(hz)
+        self.pace = RateTimer(hz)
         self.viewers: dict[Viewer, None] = {}  # in the order they came
         self.behind: set[Viewer] = set()  # could not take what was due
-        self.frame: Held | None = None  # handed out last
+        self.frame: StoredFrame | None = None  # handed out last
         self.flush_at = NEVER  # a frame waits that was not due: then the newest goes out, whatever comes
         self.retry_at = NEVER  # then those behind are tried again, if no further frame has come
 
@@ -41,13 +41,13 @@ class Room:
         self.stream = Stream(robot, view, limits)
         self.limits = limits
         self.viewers: dict[Viewer, None] = {}
-        self.groups: dict[float, Group] = {}
+        self.groups: dict[float, RateGroup] = {}
         self.delivered = 0  # frames times viewers
         self.skipped = 0  # likewise: due, but the viewer could not take it
         self.degraded = False  # this relay does not hear of the robot just now, for a reason of its own
         self.over_share = False  # the robot sends more than its share of this relay
         self._owed: RobotWord | None = None  # the status that goes with the next frame
-        self._told: set[Group] = set()  # who has it
+        self._told: set[RateGroup] = set()  # who has it
 
     # ---- coming, going, changing rate -------------------------------------
 
@@ -110,12 +110,12 @@ class Room:
             group.behind.add(viewer)
             group.retry_at = min(group.retry_at, now + group.pace.period_s)
 
-    def _enter(self, viewer: Viewer) -> Group | None:
+    def _enter(self, viewer: Viewer) -> RateGroup | None:
         if viewer.hz <= 0:
             return None
         group = self.groups.get(viewer.hz)
         if group is None:
-            group = self.groups[viewer.hz] = Group(viewer.hz)
+            group = self.groups[viewer.hz] = RateGroup(viewer.hz)
         group.viewers[viewer] = None
         return group
 
@@ -170,7 +170,7 @@ class Room:
         out: list[Action] = [Fault(f"{self.robot}/{self.view}", error)]
         for viewer in tuple(viewers):
             self.leave(viewer)
-            out.append(End(viewer, Close.INTERNAL_ERROR, "a fault of the relay's own", None))
+            out.append(CloseConnection(viewer, Close.INTERNAL_ERROR, "a fault of the relay's own", None))
         return out
 
     def wake_at(self) -> float:
@@ -178,7 +178,7 @@ class Room:
         return min((min(g.flush_at, g.retry_at) for g in self.groups.values()), default=NEVER)
 
     def _pass(
-        self, group: Group, viewers: Iterable[Viewer], frame: Held, now: float, out: list[Action]
+        self, group: RateGroup, viewers: Iterable[Viewer], frame: StoredFrame, now: float, out: list[Action]
     ) -> None:
         """One walk over viewers that are due. Nearly all hold the bases and share the frame's bytes."""
         ready: list[Viewer] = []
@@ -206,7 +206,7 @@ class Room:
     def _walk(
         self,
         viewers: Iterator[Viewer],
-        frame: Held,
+        frame: StoredFrame,
         now: float,
         status: bytes,
         ready: list[Viewer],
@@ -241,11 +241,11 @@ class Room:
                     raise  # not at a viewer, but at the walk
                 failed.append((viewer, error))
 
-    def _handed_out(self, group: Group, frame: Held, now: float) -> None:
+    def _handed_out(self, group: RateGroup, frame: StoredFrame, now: float) -> None:
         group.frame = frame
         group.pace.sent(frame.run_id, frame.stamp_s, self.stream.cadence.interval_s, now)
 
-    def _lacking(self, viewer: Viewer, frame: Held) -> bytes:
+    def _lacking(self, viewer: Viewer, frame: StoredFrame) -> bytes:
         """What this viewer must be given so that it can read `frame`, and the frame."""
         parts: list[bytes] = []
         if viewer.version != self.stream.version:
@@ -257,7 +257,7 @@ class Room:
         parts.append(frame.packed)
         return b"".join(parts)
 
-    def _hand(self, viewer: Viewer, frame: Held) -> None:
+    def _hand(self, viewer: Viewer, frame: StoredFrame) -> None:
         """Note that a viewer was given `frame` and what it lacked for it."""
         viewer.version, viewer.schema_n = self.stream.version, self.stream.schema_n
         if frame.key is not None and viewer.key is not frame.key and not viewer.decoded:
@@ -305,7 +305,7 @@ class Room:
         if len(viewer.lane) <= self.limits.lane:
             return []
         self.leave(viewer)
-        return [End(viewer, Close.EVENTS_FULL, "too slow for the events", None)]
+        return [CloseConnection(viewer, Close.EVENTS_FULL, "too slow for the events", None)]
 
     def drained(self, viewer: Viewer) -> list[Action]:
         """A viewer may be able to take data again: first what it must not miss."""

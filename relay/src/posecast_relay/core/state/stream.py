@@ -21,7 +21,7 @@ from posecast_relay.core.viewer.cadence import Cadence
 SEQS = 1 << 32  # a frame's number goes round
 
 
-class Fate(StrEnum):
+class FrameOutcome(StrEnum):
     """What became of a message from an edge."""
 
     TAKEN = "taken"
@@ -38,7 +38,7 @@ class Fate(StrEnum):
     FAULT = "fault"  # the relay's own code failed at it
 
 
-class Held:
+class StoredFrame:
     """A frame as it is kept. `stamp_s`: the edge's clock since the run began; `t_s`: the robot's clock."""
 
     __slots__ = (
@@ -56,7 +56,7 @@ class Held:
     )
 
     def __init__(
-        self, payload: bytes, run_id: int, stamp_s: float, header: Header, base: Held | None
+        self, payload: bytes, run_id: int, stamp_s: float, header: Header, base: StoredFrame | None
     ) -> None:
         self.payload = payload
         self.run_id = run_id
@@ -67,8 +67,8 @@ class Held:
         self.seq: int = header.seq if base is None else (base.seq + header.seq) & 0xFFFFFFFF
         self.t_s: float = header.t if base is None else base.t_s + header.t / 1000
         # the bases a reader needs: of a KEY none; of any other frame its KEY, and the REF it names, if any
-        self.key: Held | None = None if base is None else base.key or base
-        self.ref: Held | None = base if base is not None and base.is_ref else None
+        self.key: StoredFrame | None = None if base is None else base.key or base
+        self.ref: StoredFrame | None = base if base is not None and base.is_ref else None
         self._packed: bytes | None = None
 
     @property
@@ -99,9 +99,9 @@ class Stream:
         self.limits = limits
         self.run_id = 0  # whose frames stand here
         self.schema: Schema | None = None
-        self.key: Held | None = None
-        self.ref: Held | None = None
-        self.newest: Held | None = None
+        self.key: StoredFrame | None = None
+        self.ref: StoredFrame | None = None
+        self.newest: StoredFrame | None = None
         self.is_live = False  # the newest frame came from the edge just then, and not with a snapshot
         self.live_at: float | None = None  # arrival of the newest one that did
         self.late_s = 0.0  # how long that one was under way
@@ -120,28 +120,28 @@ class Stream:
 
     # ---- frames ----------------------------------------------------------
 
-    def check(self, payload: bytes) -> Header | Fate:
+    def check(self, payload: bytes) -> Header | FrameOutcome:
         """The header of a sound frame, or why it is none."""
         if len(payload) > self.limits.frame_bytes:
-            return Fate.OVERSIZED
+            return FrameOutcome.OVERSIZED
         if payload and payload[0] >> 4 != VERSION:
-            return Fate.VERSION
+            return FrameOutcome.VERSION
         try:
             return parse_header(payload)
         except BadFrame:
-            return Fate.BAD
+            return FrameOutcome.BAD
 
     def take(
         self, payload: bytes, header: Header, run_id: int, stamp_s: float, now: float, late_s: float
-    ) -> Fate:
+    ) -> FrameOutcome:
         """A frame that the edge sent just now, of a run that is not retired."""
         fate = self._place(payload, header, run_id, stamp_s)
-        if fate is Fate.TAKEN:
+        if fate is FrameOutcome.TAKEN:
             self.is_live = True
             self.live_at = now
             self.late_s = late_s
             self.cadence.saw(stamp_s)
-        elif fate in (Fate.NO_BASE, Fate.NO_SCHEMA):
+        elif fate in (FrameOutcome.NO_BASE, FrameOutcome.NO_SCHEMA):
             self.hold(payload, run_id, stamp_s, now, late_s)
         return fate
 
@@ -153,21 +153,25 @@ class Stream:
         """Whether a frame of this run waits for its base."""
         return self._waiting is not None and self._waiting[1] == run_id
 
-    def _place(self, payload: bytes, header: Header, run_id: int, stamp_s: float) -> Fate:
-        base: Held | None = None
+    def _place(self, payload: bytes, header: Header, run_id: int, stamp_s: float) -> FrameOutcome:
+        base: StoredFrame | None = None
         if not header.is_key:
             base = self._base(header.base_id) if run_id == self.run_id else None
             if base is None:
-                return Fate.LATE if header.base_id == self._old_key_id else Fate.NO_BASE
+                return FrameOutcome.LATE if header.base_id == self._old_key_id else FrameOutcome.NO_BASE
             if header.is_ref and not base.is_key:
-                return Fate.BAD  # a REF coded against a REF
+                return FrameOutcome.BAD  # a REF coded against a REF
         elif self.schema is None or header.schema_id != self.schema.id:
-            return Fate.NO_SCHEMA
+            return FrameOutcome.NO_SCHEMA
         if self.schema is not None and self._is_too_long(payload, header):
-            return Fate.OVERSIZED  # before any of it is hashed
-        held = Held(payload, run_id, stamp_s, header, base)
+            return FrameOutcome.OVERSIZED  # before any of it is hashed
+        held = StoredFrame(payload, run_id, stamp_s, header, base)
         if self.newest is not None and self._is_old(run_id, held.seq):
-            return Fate.REPEATED if payload == self.newest.payload or held.id == self._key_id() else Fate.LATE
+            return (
+                FrameOutcome.REPEATED
+                if payload == self.newest.payload or held.id == self._key_id()
+                else FrameOutcome.LATE
+            )
         if held.is_key:
             if run_id != self.run_id:
                 self.live_at = None  # of the run before
@@ -177,13 +181,13 @@ class Stream:
             self.ref = held
         self.newest = held
         self.is_live = False
-        return Fate.TAKEN
+        return FrameOutcome.TAKEN
 
     def _is_too_long(self, payload: bytes, header: Header) -> bool:
         assert self.schema is not None
         return len(payload) > (self.schema.key_bytes_max if header.is_key else self.schema.frame_bytes_max)
 
-    def _base(self, base_id: int | None) -> Held | None:
+    def _base(self, base_id: int | None) -> StoredFrame | None:
         for base in (self.key, self.ref):
             if base is not None and base.id == base_id:
                 return base
@@ -205,7 +209,7 @@ class Stream:
         Its frames may be of any age, so they count as bases and as a picture, but never as a sign of life.
         """
         key_header = self.check(snapshot.key)
-        if isinstance(key_header, Fate) or not key_header.is_key:
+        if isinstance(key_header, FrameOutcome) or not key_header.is_key:
             raise ValueError("snapshot: its KEY is none")
         self._check_info(snapshot.info)
         schema = self.schema

@@ -49,7 +49,7 @@ class Cadence:
                 self.interval_s = sum(near) / len(near)
 
 
-class Pace:
+class RateTimer:
     """Due or not, for one rate of one stream."""
 
     def __init__(self, hz: float) -> None:

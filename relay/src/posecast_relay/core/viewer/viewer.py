@@ -8,7 +8,7 @@ from posecast_wire import Close
 
 from posecast_relay.core.limits import Limits
 from posecast_relay.core.policy.policy import Grant
-from posecast_relay.core.state.stream import Held
+from posecast_relay.core.state.stream import StoredFrame
 from posecast_relay.core.viewer.cadence import granted_hz
 
 
@@ -102,9 +102,9 @@ class Viewer:
         self.decoded = decoded  # gets no bases: it counts one message per frame
         self.speaks = speaks  # answers pings
         # state: what it was given last, and which bases it holds
-        self.frame: Held | None = None
-        self.key: Held | None = None
-        self.ref: Held | None = None
+        self.frame: StoredFrame | None = None
+        self.key: StoredFrame | None = None
+        self.ref: StoredFrame | None = None
         self.version = -1  # of the stream's schema, info and model
         self.schema_n = -1
         # what must arrive and waits for the socket to drain; None = nothing
