@@ -78,6 +78,7 @@ check: .venv/.ready node_modules/.ready ## lint, types, import directions, forma
 	npx --no-install biome check
 	npx --no-install tsc -p wire/typescript
 	npx --no-install tsc -p spa
+	npx --no-install tsc -p spa/tsconfig.pure.json
 	npx --no-install tsc -p fuzz/page
 	@UV=$(UV) tools/audit
 

@@ -11,14 +11,14 @@ import {
   type Schema,
   SchemaError,
 } from '@posecast/wire';
-import { parentOrigin, readWish } from '../../spa/src/app/pages/embed/messages.ts';
+import { parentOrigin, readParentRequest } from '../../spa/src/app/pages/embed/messages.ts';
 import { readShared, sharedQuery } from '../../spa/src/app/share/shared_view.ts';
 import { parseRoute, robotHref } from '../../spa/src/app/state/route.ts';
 import { queryOf, readSettings } from '../../spa/src/app/state/settings.ts';
 import { BundleError, parseManifest, readRawManifest } from '../../spa/src/model/bundle.ts';
 import { GlbError } from '../../spa/src/model/glb.ts';
 import { Kinematics } from '../../spa/src/model/kinematics.ts';
-import { readLevel } from '../../spa/src/model/lod.ts';
+import { readLod } from '../../spa/src/model/lod.ts';
 import { boxesOfLinks, readManifest } from '../../spa/src/model/manifest.ts';
 import { chooseRelay, readConfig } from '../../spa/src/relay/config.ts';
 import { MirrorReader } from '../../spa/src/stream/firebase_mirror.ts';
@@ -45,7 +45,7 @@ export const TARGETS: ReadonlyMap<string, (bytes: Uint8Array) => Promise<unknown
     frames: refusing([], decoded),
     message: refusing([], (bytes) => parseRelayMessage(textOf(bytes))),
     manifest: refusing([BundleError], manifest),
-    glb: refusing([GlbError], (bytes) => readLevel(bytes, VISUALS).then(() => null)),
+    glb: refusing([GlbError], (bytes) => readLod(bytes, VISUALS).then(() => null)),
     urdf: refusing([XmlRefused], (bytes) => readUrdf(readXml(new TextDecoder().decode(bytes)))),
     zip: refusing([DropError], members),
     stl: refusing([MeshError], (bytes) => weld(parseStl(bytes)).index.length),
@@ -175,7 +175,7 @@ function address(text: string): unknown {
 function embedded(text: string): unknown {
   readConfig(jsonOf(text));
   readSettings(text);
-  return readWish(jsonOf(text));
+  return readParentRequest(jsonOf(text));
 }
 
 function events(bytes: Uint8Array): unknown {

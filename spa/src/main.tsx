@@ -2,16 +2,16 @@ import './early.ts';
 import { StrictMode, Suspense } from 'react';
 import { createRoot } from 'react-dom/client';
 import { App } from './app/App.tsx';
-import { loadScene } from './app/body/load_three.ts';
+import { loadThree } from './app/body/load_three.ts';
 import { hasWebGl } from './app/body/use_body_view.ts';
 import { loadList } from './app/pages/list/index.ts';
-import { installHandle } from './app/shell/debug_api.ts';
+import { installDebugApi } from './app/shell/debug_api.ts';
 import { ErrorBoundary } from './app/shell/ErrorBoundary.tsx';
 import { late } from './app/shell/late.tsx';
 import { reloadAfterDeploy } from './app/shell/reload.ts';
 import { parseRoute } from './app/state/route.ts';
-import { lendSettings, queryOf } from './app/state/settings.ts';
-import { followLanguage } from './app/text/language.ts';
+import { applyLinkSettings, queryOf } from './app/state/settings.ts';
+import { bindLanguage } from './app/text/language.ts';
 import { accessSettled } from './auth/settled.ts';
 import './app/styles/tokens.css';
 import './app/styles/page.css';
@@ -27,16 +27,16 @@ performance.mark('posecast:script');
 // Before the first render: it is the largest part of the page, and whoever opens a robot wants it.
 const { page } = parseRoute(window.location.hash);
 if (!embedded && page === 'robot') {
-  if (hasWebGl()) loadScene().catch(() => {}); // the page asks again, and says what is wrong
+  if (hasWebGl()) loadThree().catch(() => {}); // the page asks again, and says what is wrong
 } else if (!embedded && page === 'list') loadList().catch(() => {});
-installHandle();
-const lend = () => lendSettings(queryOf(window.location.hash));
+installDebugApi();
+const lend = () => applyLinkSettings(queryOf(window.location.hash));
 lend();
 window.addEventListener('hashchange', lend); // another link, not what the page itself writes there
 reloadAfterDeploy();
 const root = document.getElementById('root');
 if (root !== null) {
-  Promise.all([accessSettled(), followLanguage()]).then(() =>
+  Promise.all([accessSettled(), bindLanguage()]).then(() =>
     createRoot(root).render(
       <StrictMode>
         {embedded ? (

@@ -1,9 +1,9 @@
 import { parseSchema } from '@posecast/wire';
 import { describe, expect, it } from 'vitest';
-import { spoken } from '../src/app/status/announcement.ts';
+import { announcement } from '../src/app/status/announcement.ts';
 import type { Fault } from '../src/twin/alarms/fault_log.ts';
 import { Limits } from '../src/twin/limits/limits.ts';
-import { SignReader } from '../src/twin/overlay/reader.ts';
+import { OverlayReader } from '../src/twin/overlay/reader.ts';
 import { ofRpy } from '../src/twin/rotation.ts';
 import { codesWith, SCHEMA_TEXT } from './schema.ts';
 
@@ -27,7 +27,7 @@ function lean(roll: number, pitch: number): Record<string, number> {
 }
 
 const read = (changed: Parameters<typeof codesWith>[0]) =>
-  new SignReader(SCHEMA).read(codesWith(changed), LIMITS, CHOICE);
+  new OverlayReader(SCHEMA).read(codesWith(changed), LIMITS, CHOICE);
 const fault = (source: string, clearedMs: number | null = null): Fault => ({
   key: source,
   level: 'fault',
@@ -39,7 +39,7 @@ const fault = (source: string, clearedMs: number | null = null): Fault => ({
   acknowledged: false,
 });
 const say = (changed: Parameters<typeof codesWith>[0], faults: readonly Fault[] = []) =>
-  spoken({ name: 'Small', verdict: LIVE, readings: read(changed), faults });
+  announcement({ name: 'Small', verdict: LIVE, readings: read(changed), faults });
 
 describe('a robot in words', () => {
   it('is how it stands, what presses too hard, and what is faulted', () => {
@@ -67,9 +67,11 @@ describe('a robot in words', () => {
 
   it('says nothing of what it does not know', () => {
     expect(say({ 'quat.torso.w': null }).text).toBe('Small: live');
-    expect(spoken({ name: 'Small', verdict: LIVE, readings: null, faults: [] }).text).toBe('Small: live');
+    expect(announcement({ name: 'Small', verdict: LIVE, readings: null, faults: [] }).text).toBe(
+      'Small: live',
+    );
     expect(
-      spoken({
+      announcement({
         name: 'Small',
         verdict: { word: null, cause: null, overShare: false },
         readings: null,
@@ -80,7 +82,12 @@ describe('a robot in words', () => {
 
   it('never tells an old state as the present one', () => {
     const verdict = { word: 'STALE', cause: 'robot silent', overShare: false } as const;
-    const told = spoken({ name: 'Small', verdict, readings: read(lean(30, 0)), faults: [fault('RKN')] });
+    const told = announcement({
+      name: 'Small',
+      verdict,
+      readings: read(lean(30, 0)),
+      faults: [fault('RKN')],
+    });
     expect(told.text).toBe('Small: stale, robot silent');
   });
 

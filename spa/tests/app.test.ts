@@ -4,8 +4,8 @@ import { readRobots } from '../src/app/pages/list/robots.ts';
 import { heightPx, nextHeight, PEEK_PX, restingHeight } from '../src/app/shell/sheet_heights.ts';
 import { parseRoute } from '../src/app/state/route.ts';
 import { readSettings } from '../src/app/state/settings.ts';
-import { spoken } from '../src/app/status/announcement.ts';
-import { truthWords } from '../src/app/status/explanation_words.ts';
+import { announcement } from '../src/app/status/announcement.ts';
+import { explanationWords } from '../src/app/status/explanation_words.ts';
 import { chipWords, stageWords, waitingWords } from '../src/app/status/words.ts';
 import { ko } from '../src/app/text/ko.ts';
 import type { Link } from '../src/stream/client.ts';
@@ -126,10 +126,10 @@ describe('words', () => {
     expect(chip({ overShare: true, word: 'HOLDING' })).toBe('HOLDING 12 s robot sends too much');
     expect(ko.overShare).toBe('로봇이 너무 많이 보냄');
     const why = /more than its share of the relay/;
-    expect(truthWords(verdict({ overShare: true }), link).join(' ')).toMatch(why);
-    expect(truthWords(verdict({}), link).join(' ')).not.toMatch(why);
+    expect(explanationWords(verdict({ overShare: true }), link).join(' ')).toMatch(why);
+    expect(explanationWords(verdict({}), link).join(' ')).not.toMatch(why);
     const said = (overShare: boolean) =>
-      spoken({ name: 'demo', verdict: verdict({ overShare }), readings: null, faults: [] });
+      announcement({ name: 'demo', verdict: verdict({ overShare }), readings: null, faults: [] });
     expect(said(true).text).toBe('demo: live, robot sends too much');
     expect(said(false).gist, 'worth saying that it is over').not.toBe(said(true).gist);
   });
@@ -154,7 +154,7 @@ describe('words', () => {
   });
 
   it('behind the chip name a lowered rate and its reason', () => {
-    const lines = truthWords(verdict({}), { ...link, grantedHz: 5, rateReason: 'slow network' });
+    const lines = explanationWords(verdict({}), { ...link, grantedHz: 5, rateReason: 'slow network' });
     expect(lines).toContain('5 Hz: slow network.');
     expect(lines).toContain('Round trip to the relay: 42 ms.');
   });
@@ -163,16 +163,18 @@ describe('words', () => {
     const events: Link = { ...link, by: 'events', roundTripMs: null };
     const { word, detail, more } = chipWords(verdict({}), events, 0);
     expect(`${word} ${detail}${more}`).toBe('LIVE 30 Hz · over HTTP');
-    expect(truthWords(verdict({}), events).join(' ')).toMatch(/No WebSocket/);
-    expect(truthWords(verdict({}), link).join(' ')).not.toMatch(/WebSocket/);
+    expect(explanationWords(verdict({}), events).join(' ')).toMatch(/No WebSocket/);
+    expect(explanationWords(verdict({}), link).join(' ')).not.toMatch(/WebSocket/);
   });
 
   it('say that a mirror is one, and that nobody writes it', () => {
     const mirror: Link = { ...link, by: 'mirror', hz: 2, roundTripMs: null };
     const { word, detail, more } = chipWords(verdict({}), mirror, 0);
     expect(`${word} ${detail}${more}`).toBe('LIVE 2 Hz · mirror');
-    expect(truthWords(verdict({}), mirror).join(' ')).toMatch(/reads a mirror.* at most 2 poses a second/);
-    const unwritten = truthWords(verdict({ word: 'STALE', cause: 'relay degraded' }), mirror);
+    expect(explanationWords(verdict({}), mirror).join(' ')).toMatch(
+      /reads a mirror.* at most 2 poses a second/,
+    );
+    const unwritten = explanationWords(verdict({ word: 'STALE', cause: 'relay degraded' }), mirror);
     expect(unwritten[0]).toMatch(/^Nobody writes the mirror/);
   });
 

@@ -1,6 +1,6 @@
 // @vitest-environment happy-dom
 import { afterEach, describe, expect, it } from 'vitest';
-import { channelOf, selectionFollows } from '../src/app/body/controls/body_selection.ts';
+import { bindSelection, channelOf } from '../src/app/body/controls/body_selection.ts';
 import { selection, selectJoint } from '../src/app/state/selection.ts';
 import { JointChannels } from '../src/twin/joint_channels.ts';
 import { KinematicTree } from '../src/twin/kinematic_tree.ts';
@@ -29,7 +29,7 @@ function stage(tree: KinematicTree | null = TREE) {
     focus: (link: string) => void told.push(link),
     setLinkLook: (link: string, { highlight = 0 }) => void lit.set(link, highlight),
   };
-  const end = selectionFollows(element, view, twin);
+  const end = bindSelection(element, view, twin);
   const tap = (link: string | null) => {
     under = link;
     for (const type of ['pointerdown', 'pointerup'])

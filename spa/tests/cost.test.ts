@@ -4,7 +4,7 @@ import { parseSchema } from '@posecast/wire';
 import { strToU8 } from 'fflate';
 import { describe, test, vi } from 'vitest';
 import { expectNoFasterThanInput } from '../../wire/typescript/tests/cost.ts';
-import { readWish } from '../src/app/pages/embed/messages.ts';
+import { readParentRequest } from '../src/app/pages/embed/messages.ts';
 import { readRobots } from '../src/app/pages/list/robots.ts';
 import { readShared } from '../src/app/share/shared_view.ts';
 import { parseRoute } from '../src/app/state/route.ts';
@@ -17,7 +17,7 @@ import { EventReader } from '../src/stream/sse.ts';
 import { JointTable } from '../src/twin/joints.ts';
 import { KinematicTree } from '../src/twin/kinematic_tree.ts';
 import { limbsOf } from '../src/twin/limbs.ts';
-import { Lens } from '../src/twin/overlay/deviations.ts';
+import { DeviationTable } from '../src/twin/overlay/deviations.ts';
 import { ImuTable } from '../src/twin/sensors/imus.ts';
 import { SensorTable } from '../src/twin/sensors/sensors.ts';
 import { WrenchTable } from '../src/twin/sensors/wrenches.ts';
@@ -55,7 +55,7 @@ describe('JSON', () => {
   const READ: Record<string, (document: unknown) => unknown> = {
     'the list of robots': readRobots,
     configuration: readConfig,
-    'a wish from around a frame': readWish,
+    'a wish from around a frame': readParentRequest,
     'a raw manifest': (document) => readRawManifest(parseManifest(JSON.stringify(document))),
   };
   const WORST: Record<string, Make<unknown>> = {
@@ -120,7 +120,7 @@ describe('what the page makes of a schema', () => {
     new SensorTable(schema);
     new ImuTable(schema);
     new WrenchTable(schema);
-    new Lens(schema);
+    new DeviationTable(schema);
     limbsOf(schema, null, moreEn);
   };
   test.each<[string, Make<object>]>([

@@ -5,7 +5,7 @@ import { afterAll, beforeAll, describe, expect, test, vi } from 'vitest';
 import { expectNoFasterThanInput, expectTurnsNoFasterThanInput } from '../../wire/typescript/tests/cost.ts';
 import { parseManifest } from '../src/model/bundle.ts';
 import { Kinematics } from '../src/model/kinematics.ts';
-import { readLevel } from '../src/model/lod.ts';
+import { readLod } from '../src/model/lod.ts';
 import { boxesOfLinks, readManifest } from '../src/model/manifest.ts';
 import { diagnose } from '../src/urdf/doctor.ts';
 import type { openLocal } from '../src/urdf/local_robot.ts';
@@ -115,17 +115,17 @@ describe('a GLB', () => {
   test('of many primitives', () =>
     expectTurnsNoFasterThanInput(
       (n) => level(n, 1, 1),
-      (b) => readLevel(b, 1),
+      (b) => readLod(b, 1),
       500,
     ));
   test('of many pictures', () =>
     expectTurnsNoFasterThanInput(
       (n) => level(n, 1, n),
-      (b) => readLevel(b, 1),
+      (b) => readLod(b, 1),
       15,
     ));
   test('of many nodes that show one mesh is refused before it fills the memory', async () => {
-    await expect(readLevel(level(5000, 1000, 1), 1000)).rejects.toThrow('unpacks to too many bytes');
+    await expect(readLod(level(5000, 1000, 1), 1000)).rejects.toThrow('unpacks to too many bytes');
   });
 });
 

@@ -1,5 +1,5 @@
 import { expect, it } from 'vitest';
-import { follow } from '../src/app/shell/deferred_start.ts';
+import { startWhenLoaded } from '../src/app/shell/deferred_start.ts';
 
 /** Code that comes when it is told to. */
 function code() {
@@ -20,7 +20,7 @@ function code() {
 
 it('begins when its code is here, and ends when told to', async () => {
   const { promise, heard, come, settled } = code();
-  const end = follow(promise);
+  const end = startWhenLoaded(promise);
   come();
   await settled();
   expect(heard).toEqual(['begun']);
@@ -30,7 +30,7 @@ it('begins when its code is here, and ends when told to', async () => {
 
 it('ended before its code is here, it never begins', async () => {
   const { promise, heard, come, settled } = code();
-  follow(promise)();
+  startWhenLoaded(promise)();
   come();
   await settled();
   expect(heard).toEqual([]);
@@ -38,7 +38,7 @@ it('ended before its code is here, it never begins', async () => {
 
 it('code that does not come is nobody’s trouble', async () => {
   const { promise, heard, fail, settled } = code();
-  const end = follow(promise);
+  const end = startWhenLoaded(promise);
   fail();
   await settled();
   end();

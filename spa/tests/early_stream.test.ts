@@ -40,7 +40,7 @@ it('keeps what an early stream said for the page that takes it, and tells the mo
   expect(hashes).toEqual(['abc']);
   const taken = takeStream('ws://r', 30);
   expect(taken.worker).toBe(worker);
-  expect(taken.said).toEqual([rate, { kind: 'model', hash: 'abc' }]);
+  expect(taken.messages).toEqual([rate, { kind: 'model', hash: 'abc' }]);
   expect(takeStream('ws://r', 30).worker, 'taken once').not.toBe(worker);
 });
 
@@ -59,5 +59,5 @@ it('ends an early stream whose page never comes, and one whose worker failed', (
   startEarly('ws://r', 30, () => {});
   FakeWorker.made[1]?.onerror?.();
   expect(FakeWorker.made[1]?.ended).toBe(true);
-  expect(takeStream('ws://r', 30).said).toEqual([]);
+  expect(takeStream('ws://r', 30).messages).toEqual([]);
 });

@@ -1,12 +1,18 @@
 import { describe, expect, it } from 'vitest';
-import { parentOrigin, readWish } from '../src/app/pages/embed/messages.ts';
+import { parentOrigin, readParentRequest } from '../src/app/pages/embed/messages.ts';
 
 describe('the page around a frame', () => {
   it('may ask for what the frame knows', () => {
-    expect(readWish({ posecast: 'look', view: 'side' })).toEqual({ posecast: 'look', view: 'side' });
-    expect(readWish({ posecast: 'select', joint: 'RKN' })).toEqual({ posecast: 'select', joint: 'RKN' });
-    expect(readWish({ posecast: 'select', joint: null })).toEqual({ posecast: 'select', joint: null });
-    expect(readWish({ posecast: 'set', angle: 'deg', theme: 'pink', palette: 'safe' })).toEqual({
+    expect(readParentRequest({ posecast: 'look', view: 'side' })).toEqual({ posecast: 'look', view: 'side' });
+    expect(readParentRequest({ posecast: 'select', joint: 'RKN' })).toEqual({
+      posecast: 'select',
+      joint: 'RKN',
+    });
+    expect(readParentRequest({ posecast: 'select', joint: null })).toEqual({
+      posecast: 'select',
+      joint: null,
+    });
+    expect(readParentRequest({ posecast: 'set', angle: 'deg', theme: 'pink', palette: 'safe' })).toEqual({
       posecast: 'set',
       changed: { angle: 'deg' },
     });
@@ -20,7 +26,7 @@ describe('the page around a frame', () => {
       { posecast: 'set', theme: {} },
       { posecast: 'x' },
     ]) {
-      expect(readWish(data)).toBeNull();
+      expect(readParentRequest(data)).toBeNull();
     }
   });
 

@@ -3,7 +3,7 @@ import { describe, expect, it } from 'vitest';
 import {
   acknowledgedText,
   FAULT_LIMIT,
-  FaultBook,
+  FaultLog,
   readAcknowledged,
   STALLED_AFTER_MS,
 } from '../src/twin/alarms/fault_log.ts';
@@ -27,8 +27,8 @@ const event = (n: number, state: 'on' | 'off', atS: number, text = 'jam'): Event
 });
 const rows = (mask = 0, temp = 30) =>
   new JointTable(SCHEMA).read(codesWith({ 'flags.RKN': mask, 'temp.RKN': temp }));
-const seen = (book: FaultBook) =>
-  book.faults.map(({ source, what, words, firstMs, clearedMs, acknowledged }) => [
+const seen = (log: FaultLog) =>
+  log.faults.map(({ source, what, words, firstMs, clearedMs, acknowledged }) => [
     `${source} ${words || what}`,
     firstMs - AT_MS,
     clearedMs === null ? null : clearedMs - AT_MS,
@@ -37,73 +37,73 @@ const seen = (book: FaultBook) =>
 
 describe('faults are kept', () => {
   it('when only events tell of them: 30 ms, at 1 Hz', () => {
-    const book = new FaultBook();
-    book.rows(rows(), AT_MS - 500);
-    book.event(event(1, 'on', AT_S), AT_MS);
-    book.event(event(2, 'off', AT_S + 0.03), AT_MS + 30);
-    book.rows(rows(), AT_MS + 500);
-    expect(seen(book)).toEqual([['RKN jam', 0, expect.closeTo(30), false]]);
-    expect(book.of('RKN')?.words).toBe('jam');
+    const log = new FaultLog();
+    log.rows(rows(), AT_MS - 500);
+    log.event(event(1, 'on', AT_S), AT_MS);
+    log.event(event(2, 'off', AT_S + 0.03), AT_MS + 30);
+    log.rows(rows(), AT_MS + 500);
+    expect(seen(log)).toEqual([['RKN jam', 0, expect.closeTo(30), false]]);
+    expect(log.of('RKN')?.words).toBe('jam');
   });
 
   it('when only frames tell of them', () => {
-    const book = new FaultBook();
-    book.rows(rows(JAM), AT_MS);
-    expect(seen(book)).toEqual([['RKN jam', 0, null, false]]);
-    book.rows(rows(), AT_MS + 4000);
-    expect(seen(book)).toEqual([['RKN jam', 0, 4000, false]]);
+    const log = new FaultLog();
+    log.rows(rows(JAM), AT_MS);
+    expect(seen(log)).toEqual([['RKN jam', 0, null, false]]);
+    log.rows(rows(), AT_MS + 4000);
+    expect(seen(log)).toEqual([['RKN jam', 0, 4000, false]]);
   });
 
   it('once, when both do, in either order', () => {
     for (const frameFirst of [true, false]) {
-      const book = new FaultBook();
-      book.rows(rows(), AT_MS - 100);
-      if (frameFirst) book.rows(rows(JAM), AT_MS);
-      book.event(event(1, 'on', AT_S + 0.01), AT_MS + 10);
-      if (!frameFirst) book.rows(rows(JAM), AT_MS + 20);
-      book.event(event(2, 'off', AT_S + 3), AT_MS + 3000);
-      book.rows(rows(), AT_MS + 3010);
-      expect(seen(book)).toEqual([['RKN jam', frameFirst ? 0 : 10, 3010, false]]);
+      const log = new FaultLog();
+      log.rows(rows(), AT_MS - 100);
+      if (frameFirst) log.rows(rows(JAM), AT_MS);
+      log.event(event(1, 'on', AT_S + 0.01), AT_MS + 10);
+      if (!frameFirst) log.rows(rows(JAM), AT_MS + 20);
+      log.event(event(2, 'off', AT_S + 3), AT_MS + 3000);
+      log.rows(rows(), AT_MS + 3010);
+      expect(seen(log)).toEqual([['RKN jam', frameFirst ? 0 : 10, 3010, false]]);
     }
   });
 
   it('lasting ones first', () => {
-    const book = new FaultBook();
-    book.rows(rows(JAM), AT_MS);
-    book.rows(rows(), AT_MS + 10);
-    book.rows(rows(0, 90), AT_MS + 20);
-    expect(book.faults.map(({ what, words }) => words || what)).toEqual(['temp', 'jam']);
+    const log = new FaultLog();
+    log.rows(rows(JAM), AT_MS);
+    log.rows(rows(), AT_MS + 10);
+    log.rows(rows(0, 90), AT_MS + 20);
+    expect(log.faults.map(({ what, words }) => words || what)).toEqual(['temp', 'jam']);
   });
 });
 
 describe('acknowledging', () => {
   it('takes away what is over, and quiets what lasts until it is over', () => {
-    const book = new FaultBook();
-    book.rows(rows(JAM), AT_MS);
-    book.rows(rows(0, 90), AT_MS + 10);
-    book.acknowledge(book.faults.map((fault) => fault.key));
-    expect(seen(book)).toEqual([['RKN temp', 10, null, true]]);
-    expect(book.of('RKN')).toBeNull();
-    book.rows(rows(), AT_MS + 20);
-    expect(seen(book)).toEqual([]);
+    const log = new FaultLog();
+    log.rows(rows(JAM), AT_MS);
+    log.rows(rows(0, 90), AT_MS + 10);
+    log.acknowledge(log.faults.map((fault) => fault.key));
+    expect(seen(log)).toEqual([['RKN temp', 10, null, true]]);
+    expect(log.of('RKN')).toBeNull();
+    log.rows(rows(), AT_MS + 20);
+    expect(seen(log)).toEqual([]);
   });
 
   it('holds for that rise only', () => {
-    const book = new FaultBook();
-    book.rows(rows(JAM), AT_MS);
-    book.acknowledge(book.faults.map((fault) => fault.key));
-    book.rows(rows(), AT_MS + 10);
-    book.rows(rows(JAM), AT_MS + 20);
-    expect(seen(book)).toEqual([['RKN jam', 20, null, false]]);
+    const log = new FaultLog();
+    log.rows(rows(JAM), AT_MS);
+    log.acknowledge(log.faults.map((fault) => fault.key));
+    log.rows(rows(), AT_MS + 10);
+    log.rows(rows(JAM), AT_MS + 20);
+    expect(seen(log)).toEqual([['RKN jam', 20, null, false]]);
   });
 
   it('survives a reload, though the relay tells its last events again', () => {
-    const first = new FaultBook();
+    const first = new FaultLog();
     first.event(event(1, 'on', AT_S), AT_MS);
     first.rows(rows(JAM), AT_MS + 20);
     first.acknowledge(first.faults.map((fault) => fault.key));
 
-    const second = new FaultBook(readAcknowledged(acknowledgedText(first.acknowledged)));
+    const second = new FaultLog(readAcknowledged(acknowledgedText(first.acknowledged)));
     second.event(event(1, 'on', AT_S), AT_MS + 9000);
     second.rows(rows(JAM), AT_MS + 9010);
     expect(seen(second)).toEqual([['RKN jam', 0, null, true]]);
@@ -121,11 +121,11 @@ describe('acknowledging', () => {
 });
 
 it('cautions are not kept, and memory is bounded', () => {
-  const book = new FaultBook();
-  book.event({ ...event(1, 'on', AT_S), level: 'caution' }, AT_MS);
-  expect(book.faults).toEqual([]);
-  for (let n = 0; n < 2 * FAULT_LIMIT; n += 1) book.event(event(n, 'on', AT_S + n, `bit ${n}`), AT_MS);
-  expect(book.faults.length).toBe(FAULT_LIMIT);
+  const log = new FaultLog();
+  log.event({ ...event(1, 'on', AT_S), level: 'caution' }, AT_MS);
+  expect(log.faults).toEqual([]);
+  for (let n = 0; n < 2 * FAULT_LIMIT; n += 1) log.event(event(n, 'on', AT_S + n, `bit ${n}`), AT_MS);
+  expect(log.faults.length).toBe(FAULT_LIMIT);
 });
 
 describe('a joint that stalls without a flag', () => {
@@ -134,23 +134,23 @@ describe('a joint that stalls without a flag', () => {
   const off = (millirad: number, mask = ENABLED) =>
     ({ 'pos.RKN': 0, 'ref.RKN': millirad, 'flags.RKN': mask }) as const;
   const watch = (acknowledged?: string) => {
-    const book = new FaultBook(readAcknowledged(acknowledged ?? null));
+    const log = new FaultLog(readAcknowledged(acknowledged ?? null));
     const table = new JointTable(SCHEMA);
     const look = (ms: number, changed: ReturnType<typeof off>) => {
-      book.rows(table.read(codesWith(changed)), AT_MS + ms);
-      return book.faults.map(({ source, level, what, firstMs, acknowledged: quiet }) =>
+      log.rows(table.read(codesWith(changed)), AT_MS + ms);
+      return log.faults.map(({ source, level, what, firstMs, acknowledged: quiet }) =>
         [source, level, what, firstMs - AT_MS, quiet].join(' '),
       );
     };
-    return { book, look };
+    return { log, look };
   };
 
   it('is told as a caution once that has lasted, since it began, and no longer', () => {
-    const { look, book } = watch();
+    const { look, log } = watch();
     expect(look(0, off(300))).toEqual([]);
     expect(look(STALLED_AFTER_MS - 1, off(300))).toEqual([]);
     expect(look(STALLED_AFTER_MS, off(-300))).toEqual(['RKN caution apart 0 false']);
-    expect(book.of('RKN'), 'no fault').toBeNull();
+    expect(log.of('RKN'), 'no fault').toBeNull();
     expect(look(STALLED_AFTER_MS + 1, off(45)), 'nearly back').toHaveLength(1);
     expect(look(STALLED_AFTER_MS + 2, off(35)), 'it is not kept').toEqual([]);
     expect(look(STALLED_AFTER_MS + 3, off(300))).toEqual([]);
@@ -178,16 +178,16 @@ describe('a joint that stalls without a flag', () => {
   });
 
   it('is quiet once acknowledged, also after a reload, until it is over', () => {
-    const { look, book } = watch();
+    const { look, log } = watch();
     look(0, off(300));
     look(3000, off(300));
-    book.acknowledge(book.faults.map(({ key }) => key));
+    log.acknowledge(log.faults.map(({ key }) => key));
     expect(look(3100, off(300))).toEqual(['RKN caution apart 0 true']);
-    const next = watch(acknowledgedText(book.acknowledged));
+    const next = watch(acknowledgedText(log.acknowledged));
     next.look(0, off(300));
     expect(next.look(3000, off(300))).toEqual(['RKN caution apart 0 true']);
     expect(next.look(3100, off(0))).toEqual([]);
-    expect(next.book.acknowledged.size).toBe(0);
+    expect(next.log.acknowledged.size).toBe(0);
     next.look(3200, off(300));
     expect(next.look(6000, off(300))).toEqual(['RKN caution apart 3200 false']);
   });

@@ -5,10 +5,10 @@ import { codesWith, SCHEMA } from './schema.ts';
 
 it('names the joints that have lost their reading, not those that never had one', () => {
   const lost = new LostReadings(SCHEMA);
-  expect(lost.look(codesWith({ 'pos.NK1': null }))).toEqual([]);
-  expect(lost.look(codesWith({ 'pos.NK1': null, 'pos.RKN': null, 'ref.LKN': null }))).toEqual(['RKN']);
-  expect(lost.look(codesWith())).toEqual([]);
-  expect(lost.look(codesWith({ 'pos.NK1': null }))).toEqual(['NK1']);
+  expect(lost.update(codesWith({ 'pos.NK1': null }))).toEqual([]);
+  expect(lost.update(codesWith({ 'pos.NK1': null, 'pos.RKN': null, 'ref.LKN': null }))).toEqual(['RKN']);
+  expect(lost.update(codesWith())).toEqual([]);
+  expect(lost.update(codesWith({ 'pos.NK1': null }))).toEqual(['NK1']);
 });
 
 it('says so in one short line', () => {

@@ -2,12 +2,12 @@ import { parseSchema } from '@posecast/wire';
 import { describe, expect, it } from 'vitest';
 import { missingWords, unreadWords } from '../src/app/body/words.ts';
 import { readRobots } from '../src/app/pages/list/robots.ts';
-import { spoken } from '../src/app/status/announcement.ts';
+import { announcement } from '../src/app/status/announcement.ts';
 import { problemWords } from '../src/app/status/words.ts';
 import { displayOf, flagWords } from '../src/twin/format.ts';
 import { JointTable } from '../src/twin/joints.ts';
 import { isolated, plainName } from '../src/twin/names.ts';
-import { plottedReading } from '../src/twin/plots/trace.ts';
+import { traceReading } from '../src/twin/plots/trace.ts';
 import { RobotTwin } from '../src/twin/robot.ts';
 import { SensorTable } from '../src/twin/sensors/sensors.ts';
 import { WrenchTable } from '../src/twin/sensors/wrenches.ts';
@@ -94,7 +94,7 @@ describe('wherever one is shown', () => {
     expect(flagWords('pwmSaturated\u200b')).toBe('PWM saturated\\u{200b}');
     expect(flagWords('\u202e spaced')).toBe('\\u{202e} spaced');
     expect(displayOf(HEBREW, 'rad').unit).toBe(HEBREW_SHOWN);
-    expect(plottedReading(schema, { field: 'pos', label: ODD })?.title).toBe(`${ODD_SHOWN} pos`);
+    expect(traceReading(schema, { field: 'pos', label: ODD })?.title).toBe(`${ODD_SHOWN} pos`);
     expect(unreadWords([ODD, HEBREW])).toContain(`${ODD_SHOWN}, ${HEBREW_SHOWN}: shown`);
   });
 
@@ -106,7 +106,7 @@ describe('wherever one is shown', () => {
 
   it('sentences', () => {
     const fault = { key: 'k', level: 'fault', what: 'temp', source: ODD, words: '', firstMs: 0 } as const;
-    const told = spoken({
+    const told = announcement({
       name: twin.name,
       verdict: { word: 'LIVE', cause: null, overShare: false },
       readings: null,

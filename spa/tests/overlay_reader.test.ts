@@ -1,12 +1,12 @@
 import { parseSchema } from '@posecast/wire';
 import { describe, expect, it } from 'vitest';
 import { moreEn } from '../src/app/text/more_en.ts';
-import { limitedChannels } from '../src/twin/alarms/limit_channels.ts';
+import { limitChannels } from '../src/twin/alarms/limit_channels.ts';
 import { Limits } from '../src/twin/limits/limits.ts';
-import { type SignChoice, SignReader } from '../src/twin/overlay/reader.ts';
+import { type OverlayChoice, OverlayReader } from '../src/twin/overlay/reader.ts';
 import { codesWith, SCHEMA } from './schema.ts';
 
-const ALL: SignChoice = { shown: 'pos', lens: true, forces: true, level: true, load: 'temp' };
+const ALL: OverlayChoice = { shown: 'pos', lens: true, forces: true, level: true, load: 'temp' };
 const LIMITS = new Limits(SCHEMA.mapping);
 const BARE = parseSchema(
   JSON.stringify({
@@ -18,8 +18,8 @@ const BARE = parseSchema(
   }),
 );
 
-const read = (choice: Partial<SignChoice>, changed: Parameters<typeof codesWith>[0] = {}) => {
-  const reader = new SignReader(SCHEMA);
+const read = (choice: Partial<OverlayChoice>, changed: Parameters<typeof codesWith>[0] = {}) => {
+  const reader = new OverlayReader(SCHEMA);
   const wanted = { ...ALL, ...choice };
   const readings = reader.read(codesWith(changed), LIMITS, wanted);
   return { readings, ghost: reader.ghost(readings, wanted) };
@@ -45,13 +45,13 @@ describe('the signs of a robot', () => {
   });
 
   it('say what can be offered: nothing of a robot that only says where its joints are', () => {
-    expect(new SignReader(SCHEMA).can).toEqual({
+    expect(new OverlayReader(SCHEMA).can).toEqual({
       forces: true,
       level: true,
       lens: true,
       loads: ['cur', 'temp'],
     });
-    const bare = new SignReader(BARE);
+    const bare = new OverlayReader(BARE);
     expect(bare.can).toEqual({ forces: false, level: false, lens: false, loads: [] });
     expect(bare.read(Int32Array.of(1), new Limits(BARE.mapping), ALL).loads).toBeNull();
   });
@@ -59,13 +59,13 @@ describe('the signs of a robot', () => {
 
 describe('what limits can be set for', () => {
   it('is forces and moments place by place, and load of all joints', () => {
-    const groups = limitedChannels(SCHEMA, moreEn);
+    const groups = limitChannels(SCHEMA, moreEn);
     expect(groups.map(({ title, channels }) => [title, channels.map(({ label }) => label)])).toEqual([
       ['right foot', ['RF.fz', 'RF.mx', 'RF.my']],
       ['Power', ['main']],
       ['Motors', ['*', '*']],
     ]);
     expect(groups[0]?.channels[0]?.span, 'room beyond the limit').toBe(750);
-    expect(limitedChannels(BARE, moreEn)).toEqual([]);
+    expect(limitChannels(BARE, moreEn)).toEqual([]);
   });
 });

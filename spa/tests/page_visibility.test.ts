@@ -1,6 +1,6 @@
 // @vitest-environment happy-dom
 import { afterEach, expect, it, vi } from 'vitest';
-import { Sight } from '../src/stream/page_visibility.ts';
+import { PageVisibility } from '../src/stream/page_visibility.ts';
 
 /** A screen whose edges the test moves. */
 class Edges {
@@ -34,17 +34,17 @@ afterEach(() => {
 it('tells when nobody can see the page, and when somebody can again', () => {
   vi.stubGlobal('IntersectionObserver', Edges);
   const told: boolean[] = [];
-  const sight = new Sight((seen) => told.push(seen));
+  const visibility = new PageVisibility((seen) => told.push(seen));
   const [edges] = Edges.made;
   edges!.say([{ isIntersecting: true }]);
-  expect([sight.seen, told]).toEqual([true, []]);
+  expect([visibility.visible, told]).toEqual([true, []]);
   edges!.say([{ isIntersecting: true }, { isIntersecting: false }]); // scrolled away
   hide(true);
   edges!.say([{ isIntersecting: true }]);
   expect(told).toEqual([false]); // in view, but of a hidden tab
   hide(false);
-  expect([sight.seen, told]).toEqual([true, [false, true]]);
-  sight.close();
+  expect([visibility.visible, told]).toEqual([true, [false, true]]);
+  visibility.close();
   hide(true);
   expect([edges!.watching, told]).toEqual([false, [false, true]]);
 });
@@ -52,8 +52,8 @@ it('tells when nobody can see the page, and when somebody can again', () => {
 it('goes by the tab alone where the browser can say no more', () => {
   vi.stubGlobal('IntersectionObserver', undefined);
   const told: boolean[] = [];
-  const sight = new Sight((seen) => told.push(seen));
+  const visibility = new PageVisibility((seen) => told.push(seen));
   hide(true);
-  expect([sight.seen, told]).toEqual([false, [false]]);
-  sight.close();
+  expect([visibility.visible, told]).toEqual([false, [false]]);
+  visibility.close();
 });

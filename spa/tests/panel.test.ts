@@ -11,7 +11,7 @@ import { setOwnLimit } from '../src/app/state/limit_edits.ts';
 import type { RobotLink } from '../src/app/state/robot_link.ts';
 import { selection, selectJoint } from '../src/app/state/selection.ts';
 import { changeSettings } from '../src/app/state/settings.ts';
-import { clearPlots, plotted } from '../src/app/state/traces.ts';
+import { clearTraces, traces } from '../src/app/state/traces.ts';
 import { RobotTwin } from '../src/twin/robot.ts';
 import { codesWith, SCHEMA } from './schema.ts';
 
@@ -37,7 +37,7 @@ beforeAll(() => {
 beforeEach(() => {
   changeSettings({ angle: 'rad', faultsFirst: true, limbs: false });
   setFilter('');
-  clearPlots();
+  clearTraces();
 });
 
 afterEach(() => {
@@ -108,7 +108,7 @@ describe('the numbers', { timeout: 60_000 }, () => {
     await waitForText('[data-testid=joint-card]', /RKN.*right knee.*jam.*still there.*position/s);
     await click('[data-testid=plot-pos]');
     await click('[data-testid=plot-error]');
-    expect(plotted().map(({ field }) => field)).toEqual(['pos', 'error']);
+    expect(traces().map(({ field }) => field)).toEqual(['pos', 'error']);
     await waitForText('#tab-Plots', 'Plots2');
     await click('#tab-Plots');
     await waitForText('.plot-legend', /RKN pos.*0\.250/);
@@ -132,12 +132,12 @@ describe('the numbers', { timeout: 60_000 }, () => {
     await click('#tab-Sensors');
     await waitForText('[data-field="ftf"]', '260.0');
     await click('.sensor tr:has([data-field="ftf"]) button');
-    expect(plotted()).toEqual([{ field: 'ftf', label: 'RF.fz' }]);
+    expect(traces()).toEqual([{ field: 'ftf', label: 'RF.fz' }]);
     await say({ 'ftf.RF.fz': null });
     await find('[data-field="ftf"][data-old]');
     await waitForText('[data-field="ftf"]', '260.0');
     await click('.sensor tr:has([data-field="ftf"]) button');
-    expect(plotted()).toEqual([]);
+    expect(traces()).toEqual([]);
   });
 
   it("tell when a limit of the viewer's own is crossed, with the time", async () => {

@@ -4,7 +4,7 @@ import { afterAll, beforeAll, beforeEach, describe, expect, it, vi } from 'vites
 import type { PlotManner, PlotStack as Stack } from '../src/app/numbers/plots/plot_stack.ts';
 import { moreEn } from '../src/app/text/more_en.ts';
 import { History } from '../src/twin/plots/history.ts';
-import type { Plotted } from '../src/twin/plots/trace.ts';
+import type { Trace } from '../src/twin/plots/trace.ts';
 import { codesWith, SCHEMA } from './schema.ts';
 
 /** The pictures themselves are the browser tests' business: here nothing is drawn. */
@@ -35,7 +35,7 @@ const state = (atMs: number, changed: Parameters<typeof codesWith>[0] = {}) => (
   atMs,
 });
 
-function stack(list: readonly Plotted[], manner: Partial<PlotManner> = {}) {
+function stack(list: readonly Trace[], manner: Partial<PlotManner> = {}) {
   const host = document.createElement('div');
   document.body.append(host);
   const made = new PlotStack(host, list, {

@@ -1,17 +1,17 @@
 import { parseSchema } from '@posecast/wire';
 import { beforeEach, describe, expect, it } from 'vitest';
 import {
-  clearPlots,
+  addTrace,
+  clearTraces,
   MOST_TRACES,
-  onPlotted,
-  plot,
-  plotted,
-  togglePlot,
-  unplot,
+  onTraces,
+  removeTrace,
+  toggleTrace,
+  traces,
 } from '../src/app/state/traces.ts';
 import { csvOf } from '../src/twin/plots/csv.ts';
 import { HISTORY_S, History } from '../src/twin/plots/history.ts';
-import { plottedReading } from '../src/twin/plots/trace.ts';
+import { traceReading } from '../src/twin/plots/trace.ts';
 import { plotData, plotGroups, sheetOf } from '../src/twin/plots/window.ts';
 import { codesWith, SCHEMA } from './schema.ts';
 
@@ -20,7 +20,7 @@ const state = (atMs: number, changed: Parameters<typeof codesWith>[0] = {}) => (
   atMs,
 });
 const read = (field: string, label: string, changed: Parameters<typeof codesWith>[0]) =>
-  plottedReading(SCHEMA, { field, label })?.read(codesWith(changed));
+  traceReading(SCHEMA, { field, label })?.read(codesWith(changed));
 
 describe('what can be plotted', () => {
   it('any channel, the error of a joint, and the angles of an attitude', () => {
@@ -29,7 +29,7 @@ describe('what can be plotted', () => {
     expect(read('error', 'RKN', { 'ref.RKN': 500, 'pos.RKN': -480 })).toBeCloseTo(0.98);
     expect(read('error', 'RKN', { 'ref.RKN': null })).toBeNull();
     expect(read('quat', 'torso.roll', { 'quat.torso.w': 707, 'quat.torso.x': 707 })).toBeCloseTo(Math.PI / 2);
-    expect(plottedReading(SCHEMA, { field: 'ftf', label: 'RF.fz' })).toMatchObject({
+    expect(traceReading(SCHEMA, { field: 'ftf', label: 'RF.fz' })).toMatchObject({
       title: 'right foot Fz',
       unit: 'N',
     });
@@ -44,28 +44,28 @@ describe('what can be plotted', () => {
       ['quat', 'torso.w'],
       ['__proto__', '__proto__'],
     ] as const)
-      expect(plottedReading(SCHEMA, { field, label }), field).toBeNull();
+      expect(traceReading(SCHEMA, { field, label }), field).toBeNull();
   });
 });
 
 describe('the list', () => {
-  beforeEach(clearPlots);
+  beforeEach(clearTraces);
 
   it('holds each value once, tells of changes, and takes no more than can be told apart', () => {
     let told = 0;
-    const leave = onPlotted(() => {
+    const leave = onTraces(() => {
       told += 1;
     });
     const value = { field: 'pos', label: 'RKN' };
-    plot(value);
-    plot({ ...value });
-    expect(plotted()).toEqual([value]);
-    togglePlot({ ...value });
-    expect(plotted()).toEqual([]);
-    for (let i = 0; i < 20; i += 1) plot({ field: 'pos', label: `${i}` });
-    expect(plotted()).toHaveLength(MOST_TRACES);
-    unplot({ field: 'pos', label: '0' });
-    expect(plotted()[0]?.label).toBe('1');
+    addTrace(value);
+    addTrace({ ...value });
+    expect(traces()).toEqual([value]);
+    toggleTrace({ ...value });
+    expect(traces()).toEqual([]);
+    for (let i = 0; i < 20; i += 1) addTrace({ field: 'pos', label: `${i}` });
+    expect(traces()).toHaveLength(MOST_TRACES);
+    removeTrace({ field: 'pos', label: '0' });
+    expect(traces()[0]?.label).toBe('1');
     expect(told).toBe(2 + MOST_TRACES + 1);
     leave();
   });

@@ -1,12 +1,12 @@
 import { expect, it } from 'vitest';
-import { Pace } from '../src/stream/rate_meter.ts';
+import { RateMeter } from '../src/stream/rate_meter.ts';
 
 it('is measured between the first and the last arrival of two seconds', () => {
-  const pace = new Pace();
+  const pace = new RateMeter();
   expect(pace.hz(0)).toBe(0);
-  pace.came(0);
+  pace.recordArrival(0);
   expect(pace.hz(0), 'one is no pace').toBe(0);
-  for (let i = 1; i <= 100; i++) pace.came(i * 50);
+  for (let i = 1; i <= 100; i++) pace.recordArrival(i * 50);
   expect(pace.hz(5000)).toBeCloseTo(20);
   expect(pace.hz(9000), 'long ago').toBe(0);
 });

@@ -1,6 +1,6 @@
 import { afterEach, beforeEach, expect, it, vi } from 'vitest';
 import { takeToken } from '../src/auth/link_token.ts';
-import { holdAccount, holdToken, onAccount, tokenFor } from '../src/auth/token.ts';
+import { onAccountToken, setAccountToken, setLinkToken, tokenFor } from '../src/auth/token.ts';
 import { Session } from '../src/stream/session.ts';
 
 const TOKEN = 'L1.hubo.1900000000.abcdefgh.signature';
@@ -17,7 +17,7 @@ function openAt(hash: string): void {
 beforeEach(() => {
   shown = [];
   kept = new Map();
-  holdToken('');
+  setLinkToken('');
   vi.stubGlobal('history', {
     state: null,
     replaceState: (_s: unknown, _t: string, url: string) => shown.push(url),
@@ -40,7 +40,7 @@ it('takes the token out of the address and gives it to that robot alone', () => 
 
 it('remembers it in this tab, and leaves other addresses as they are', () => {
   openAt(`#/r/hubo?t=${TOKEN}`);
-  holdToken('');
+  setLinkToken('');
   openAt('#/r/hubo');
   expect(shown).toEqual(['#/r/hubo']);
   expect(tokenFor(STATE)).toBe(TOKEN);
@@ -75,22 +75,22 @@ it('without one nothing changes', () => {
 
 it('stands before the token of an account, which is for all of this relay and for nobody else', () => {
   const heard: (string | undefined)[] = [];
-  const leave = onAccount(() => heard.push(tokenFor('http://relay/api/v1/robots')));
+  const leave = onAccountToken(() => heard.push(tokenFor('http://relay/api/v1/robots')));
   openAt(`#/r/hubo?t=${TOKEN}`);
-  holdAccount('account.one');
-  holdAccount('account.one');
-  holdAccount('account.two');
+  setAccountToken('account.one');
+  setAccountToken('account.one');
+  setAccountToken('account.two');
   expect(tokenFor(STATE)).toBe(TOKEN);
   expect(tokenFor('http://relay/api/v1/robots/g1/live')).toBe('account.two');
   expect(tokenFor('https://lab.firebaseio.com/posecast/g1.json')).toBeUndefined();
   expect(tokenFor('http://relay/api/v1/robotsx')).toBeUndefined();
-  holdAccount('');
+  setAccountToken('');
   expect(heard).toEqual(['account.one', 'account.two', undefined]);
   expect(tokenFor('http://relay/api/v1/robots/g1/live')).toBeUndefined();
   leave();
-  holdAccount('account.three');
+  setAccountToken('account.three');
   expect(heard.length).toBe(3);
-  holdAccount('');
+  setAccountToken('');
 });
 
 it('is prolonged by a newer one on the same connection; another or none takes another connection', () => {

@@ -1,7 +1,7 @@
 // @vitest-environment happy-dom
 import { afterEach, expect, it } from 'vitest';
-import { coverFollows } from '../src/app/body/controls/stage_insets.ts';
-import type { Cover } from '../src/view/insets.ts';
+import { bindInsets } from '../src/app/body/controls/stage_insets.ts';
+import type { Insets } from '../src/view/insets.ts';
 
 /** A stage of 300 px; what stands over it by class, from so far to so far below its upper edge. */
 function stage(parts: Readonly<Record<string, readonly [number, number]>>): HTMLElement {
@@ -20,9 +20,9 @@ function stage(parts: Readonly<Record<string, readonly [number, number]>>): HTML
   return section.querySelector<HTMLElement>('.canvas')!;
 }
 
-function coverOf(canvas: HTMLElement): Cover | null {
-  let told: Cover | null = null;
-  coverFollows(canvas, {
+function coverOf(canvas: HTMLElement): Insets | null {
+  let told: Insets | null = null;
+  bindInsets(canvas, {
     setCover: (cover) => {
       told = cover;
     },

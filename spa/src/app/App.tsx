@@ -15,7 +15,7 @@ import { useText } from './text/language.ts';
 const RobotList = late(async () => (await loadList()).RobotList);
 // Few visitors want these: they come when they are opened.
 const NothingHere = late(async () => (await import('./pages/NothingHere.tsx')).NothingHere);
-const LinePage = late(async () => (await import('./pages/RowPage.tsx')).LinePage);
+const LinePage = late(async () => (await import('./pages/RowPage.tsx')).RowPage);
 const SettingsSheet = late(async () => (await import('./settings/SettingsSheet.tsx')).SettingsSheet);
 const LocalPage = late(async () => (await import('./pages/local/LocalPage.tsx')).LocalPage);
 

@@ -10,8 +10,8 @@ import {
   type User,
 } from '@firebase/auth';
 import { accounts } from '../relay/relay.ts';
-import { becomeAccount } from './account_name.ts';
-import { holdAccount } from './token.ts';
+import { setAccountName } from './account_name.ts';
+import { setAccountToken } from './token.ts';
 
 /** Signing in by Firebase. A chunk of its own: only who signs in, or has done so here before, loads it. */
 
@@ -57,21 +57,21 @@ export async function signOut(): Promise<void> {
 async function take(user: User | null): Promise<void> {
   clearTimeout(timer);
   if (user === null) {
-    becomeAccount(null);
-    holdAccount('');
+    setAccountName(null);
+    setAccountToken('');
     return;
   }
-  becomeAccount(user.email ?? user.uid);
+  setAccountName(user.email ?? user.uid);
   timer = setTimeout(() => void renew(user), AGAIN_MS);
   const { token, expirationTime } = await user.getIdTokenResult();
-  holdAccount(token);
+  setAccountToken(token);
   clearTimeout(timer);
   const inMs = new Date(expirationTime).getTime() - Date.now() - BEFORE_MS;
   timer = setTimeout(() => void renew(user), Math.max(AGAIN_MS, inMs));
 }
 
 /** Somebody was told that the token is not good. Asked at most twice a minute, whoever is told so. */
-export function doubted(): void {
+export function renewRejectedToken(): void {
   const { currentUser } = auth;
   if (currentUser !== null && Date.now() - renewedMs >= AGAIN_MS) void renew(currentUser);
 }

@@ -1,4 +1,3 @@
-import { useSyncExternalStore } from 'react';
 import { ACCOUNT } from '../relay/relay.ts';
 
 /** Who is signed in, by name; null: nobody. Kept in this browser, so that the page knows whom to ask for when it comes again. */
@@ -6,7 +5,7 @@ import { ACCOUNT } from '../relay/relay.ts';
 let name: string | null = null;
 const listeners = new Set<() => void>();
 
-export function becomeAccount(next: string | null): void {
+export function setAccountName(next: string | null): void {
   try {
     if (next === null) localStorage.removeItem(ACCOUNT);
     else localStorage.setItem(ACCOUNT, next);
@@ -17,12 +16,12 @@ export function becomeAccount(next: string | null): void {
   for (const listener of listeners) listener();
 }
 
-export function useAccountName(): string | null {
-  return useSyncExternalStore(
-    (listener) => {
-      listeners.add(listener);
-      return () => listeners.delete(listener);
-    },
-    () => name,
-  );
+export function accountName(): string | null {
+  return name;
+}
+
+/** Tells of every change of the name. Returns the end of it. */
+export function onAccountName(listener: () => void): () => void {
+  listeners.add(listener);
+  return () => listeners.delete(listener);
 }

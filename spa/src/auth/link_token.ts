@@ -1,5 +1,5 @@
 import { asAnyone } from '../relay/as_anyone.ts';
-import { holdToken } from './token.ts';
+import { setLinkToken } from './token.ts';
 
 const STORE = 'posecast.link';
 
@@ -17,5 +17,5 @@ export function takeToken(): void {
 }
 
 function hold(token: string): void {
-  holdToken(asAnyone() ? '' : token);
+  setLinkToken(asAnyone() ? '' : token);
 }

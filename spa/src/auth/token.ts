@@ -5,19 +5,19 @@ let held = '';
 let account = '';
 const listeners = new Set<() => void>();
 
-export function holdToken(token: string): void {
+export function setLinkToken(token: string): void {
   held = token;
 }
 
 /** Of the account, or '' when nobody is signed in. */
-export function holdAccount(token: string): void {
+export function setAccountToken(token: string): void {
   if (token === account) return;
   account = token;
   for (const listener of listeners) listener();
 }
 
 /** Hears of another account, and of every newer token of the same. */
-export function onAccount(listener: () => void): () => void {
+export function onAccountToken(listener: () => void): () => void {
   listeners.add(listener);
   return () => listeners.delete(listener);
 }

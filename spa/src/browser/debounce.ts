@@ -1,5 +1,5 @@
 /** One thing that will be done after a while, unless it is put off or called off before. */
-export class Later {
+export class Debounce {
   readonly #ms: number;
   readonly #what: () => void;
   #timer: ReturnType<typeof setTimeout> | null = null;
@@ -10,20 +10,20 @@ export class Later {
   }
 
   /** Whether it is still to be done. */
-  get due(): boolean {
+  get pending(): boolean {
     return this.#timer !== null;
   }
 
   /** From now on the whole while again. */
-  putOff(): void {
-    this.callOff();
+  restart(): void {
+    this.cancel();
     this.#timer = setTimeout(() => {
       this.#timer = null;
       this.#what();
     }, this.#ms);
   }
 
-  callOff(): void {
+  cancel(): void {
     if (this.#timer !== null) clearTimeout(this.#timer);
     this.#timer = null;
   }

@@ -1,11 +1,11 @@
 import { afterEach, beforeEach, expect, it, vi } from 'vitest';
-import { painted } from './next_paint.ts';
+import { afterNextPaint } from './next_paint.ts';
 
 let done = false;
 let repaint: (() => void)[] = [];
 const wait = (hidden: boolean) => {
   vi.stubGlobal('document', { hidden });
-  painted().then(() => {
+  afterNextPaint().then(() => {
     done = true;
   });
 };

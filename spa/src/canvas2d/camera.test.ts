@@ -1,16 +1,16 @@
 import { describe, expect, it } from 'vitest';
-import { Eye } from './camera.ts';
+import { LightCamera } from './camera.ts';
 
 const [WIDTH, HEIGHT] = [800, 600];
 
-function eye(): Eye {
-  const made = new Eye();
+function eye(): LightCamera {
+  const made = new LightCamera();
   made.resize(WIDTH, HEIGHT);
   made.frame([-0.3, -0.4, 0], [0.3, 0.4, 1.4], false);
   return made;
 }
 
-function seen(from: Eye, [x, y, z]: readonly [number, number, number]) {
+function seen(from: LightCamera, [x, y, z]: readonly [number, number, number]) {
   const m = from.screenFromWorld();
   const row = (r: number) => m[r]! * x + m[r + 1]! * y + m[r + 2]! * z + m[r + 3]!;
   return { x: row(0) / row(8), y: row(4) / row(8), away: row(8) };

@@ -1,7 +1,7 @@
 import { type Extent, extentOf } from '../model/bounds.ts';
 import type { EyePlace, FollowMode } from '../view/body_view.ts';
 import { FIELD_OF_VIEW, fittingDistance, VIEWS, type ViewName } from '../view/framing.ts';
-import { type Cover, FreeArea } from '../view/insets.ts';
+import { type Insets, ViewInsets } from '../view/insets.ts';
 
 const EASE_SECONDS = 0.25;
 const RADIANS = Math.PI / 180;
@@ -28,8 +28,8 @@ interface Stand {
 
 /** The eye of the light view: the same words as the 3D view's camera (home, front, side, top; orbit, pan, zoom). World:
  *  Z up, metres; screen: pixels from the upper left corner. */
-export class Eye {
-  readonly #area = new FreeArea();
+export class LightCamera {
+  readonly #insets = new ViewInsets();
   #extent: Extent = { tall: 0.6, wide: 0.4, radius: 0.75 };
   #home: Vector = [0, 0, 0.6];
   #now: Stand;
@@ -92,7 +92,7 @@ export class Eye {
 
   /** On its way to another view. */
   get moving(): boolean {
-    return this.#goal !== null || this.#area.moving;
+    return this.#goal !== null || this.#insets.moving;
   }
 
   /** The radius of the robot that was framed, metres. */
@@ -102,14 +102,14 @@ export class Eye {
 
   /** The picture is so large, CSS px. */
   resize(width: number, height: number): void {
-    this.#area.resize(width, height);
+    this.#insets.resize(width, height);
     if (!this.#touched) this.look('home', false);
   }
 
   /** So much of the picture stands under notes and buttons: what is looked at comes to the middle of the rest. True when that is
    *  more or less than before. */
-  cover(cover: Cover, eased: boolean): boolean {
-    if (!this.#area.cover(cover, eased)) return false;
+  cover(cover: Insets, eased: boolean): boolean {
+    if (!this.#insets.setInsets(cover, eased)) return false;
     if (!this.#touched) this.look('home', eased);
     return true;
   }
@@ -161,7 +161,7 @@ export class Eye {
   /** Comes close to a point, metres. */
   focus(target: Readonly<Vector>, eased: boolean): void {
     this.#grasp();
-    const distance = fittingDistance(this.#extent, this.#area.aspect) * CLOSE_PART;
+    const distance = fittingDistance(this.#extent, this.#insets.aspect) * CLOSE_PART;
     this.#goal = { ...this.#now, distance, target: [...target] };
     this.#left = EASE_SECONDS;
     if (!eased) this.advance(Number.POSITIVE_INFINITY);
@@ -190,7 +190,7 @@ export class Eye {
 
   /** A drag by so many pixels. */
   orbit(dx: number, dy: number): void {
-    const turn = TURN_PER_HEIGHT / this.#area.height;
+    const turn = TURN_PER_HEIGHT / this.#insets.height;
     this.turn(dx * turn, dy * turn);
   }
 
@@ -219,7 +219,7 @@ export class Eye {
 
   /** Moves on by so many seconds. True while more are needed. */
   advance(seconds: number): boolean {
-    if (this.#area.moving) this.#area.advance(seconds);
+    if (this.#insets.moving) this.#insets.advance(seconds);
     const goal = this.#goal;
     if (goal === null) return this.moving;
     const part = seconds >= this.#left ? 1 : 1 - (1 - seconds / this.#left) ** 2;
@@ -236,12 +236,12 @@ export class Eye {
 
   /** Where what is looked at is seen, CSS px. */
   get #centre(): { x: number; y: number } {
-    const { width, top, free } = this.#area;
+    const { width, top, free } = this.#insets;
     return { x: width / 2, y: top + free / 2 };
   }
 
   get #scale(): number {
-    return this.#area.free / 2 / Math.tan((FIELD_OF_VIEW * RADIANS) / 2);
+    return this.#insets.free / 2 / Math.tan((FIELD_OF_VIEW * RADIANS) / 2);
   }
 
   #grasp(): void {
@@ -265,7 +265,7 @@ export class Eye {
     return {
       azimuth: azimuth * RADIANS,
       elevation: elevation * RADIANS,
-      distance: fittingDistance(this.#extent, this.#area.aspect),
+      distance: fittingDistance(this.#extent, this.#insets.aspect),
       target: [...this.#home],
     };
   }

@@ -1,10 +1,10 @@
-import { SIGN_TONES, type SignTones } from '../overlays/colors.ts';
+import { OVERLAY_COLORS, type OverlayColors } from '../overlays/colors.ts';
 
 /** Red, green, blue as a screen shows them, 0…255. */
 export type Rgb = readonly [number, number, number];
 
 /** The colours of the light view: those of the 3D view's theme, as a plain canvas takes them. */
-export interface Tones {
+export interface LightColors {
   /** The page's ground: what the floor fades to. */
   readonly page: Rgb;
   readonly floor: Rgb;
@@ -16,7 +16,7 @@ export interface Tones {
   /** What an old robot's colours drain towards. */
   readonly stale: Rgb;
   /** What is drawn about a robot. */
-  readonly signs: SignTones;
+  readonly signs: OverlayColors;
   /** How dark a full shadow is, 0…1. */
   readonly shadow: number;
   /** Luminance of what shines from above and from below, and strengths of both lamps. */
@@ -31,14 +31,14 @@ export function rgbOf(color: number): Rgb {
   return [color >> 16, (color >> 8) & 255, color & 255];
 }
 
-function ofSigns(signs: SignTones) {
+function ofSigns(signs: OverlayColors) {
   const { muted, accent, caution, stale } = signs;
   return { signs, muted: rgbOf(muted), accent: rgbOf(accent), caution: rgbOf(caution), stale: rgbOf(stale) };
 }
 
-export const TONES: Readonly<Record<'dark' | 'light', Tones>> = {
+export const LIGHT_COLORS: Readonly<Record<'dark' | 'light', LightColors>> = {
   dark: {
-    ...ofSigns(SIGN_TONES.dark),
+    ...ofSigns(OVERLAY_COLORS.dark),
     page: [0x0e, 0x11, 0x16],
     floor: [0x22, 0x2a, 0x35],
     minorLine: [0x2b, 0x35, 0x43],
@@ -50,7 +50,7 @@ export const TONES: Readonly<Record<'dark' | 'light', Tones>> = {
     fill: 0.55,
   },
   light: {
-    ...ofSigns(SIGN_TONES.light),
+    ...ofSigns(OVERLAY_COLORS.light),
     page: [0xf7, 0xf8, 0xfa],
     floor: [0xff, 0xff, 0xff],
     minorLine: [0xe3, 0xe7, 0xed],

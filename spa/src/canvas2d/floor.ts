@@ -1,5 +1,5 @@
 import type { LinkBox } from '../model/bounds.ts';
-import { css, type Rgb, type Tones } from './colors.ts';
+import { css, type LightColors, type Rgb } from './colors.ts';
 import { KEY } from './lighting.ts';
 
 /** Lines fade out over so many reaches of the robot. */
@@ -17,9 +17,9 @@ const AXES: readonly Rgb[] = [
   [0x3b, 0x82, 0xf6],
 ];
 
-/** A look at the floor: rows X, Y, W of `Eye.screenFromWorld`, and the size of the picture. */
-export interface Sight {
-  readonly view: Float64Array;
+/** A look at the floor: rows X, Y, W of `LightCamera.screenFromWorld`, and the size of the picture. */
+export interface FloorView {
+  readonly screenFromWorld: Float64Array;
   readonly width: number;
   readonly height: number;
   readonly reach: number;
@@ -29,12 +29,12 @@ export interface Sight {
 }
 
 /** Paints the ground: a pool of light that fades to the page, a grid of 1 m and 0.1 m, the axes at the robot's base. */
-export function paintFloor(context: CanvasRenderingContext2D, sight: Sight, tones: Tones): void {
-  const { width, height, reach } = sight;
+export function paintFloor(context: CanvasRenderingContext2D, view: FloorView, tones: LightColors): void {
+  const { width, height, reach } = view;
   context.setTransform(1, 0, 0, 1, 0, 0);
   context.fillStyle = css(tones.page);
   context.fillRect(0, 0, width, height);
-  const disc = discOnScreen(sight, sight.x, sight.y, reach * POOL_REACHES, 0, 0, reach * POOL_REACHES);
+  const disc = discOnScreen(view, view.x, view.y, reach * POOL_REACHES, 0, 0, reach * POOL_REACHES);
   if (disc !== null) {
     const pool = context.createRadialGradient(0, 0, 0, 0, 0, 1);
     for (let i = 0; i <= 8; i += 1) {
@@ -48,23 +48,23 @@ export function paintFloor(context: CanvasRenderingContext2D, sight: Sight, tone
     context.fill();
     context.setTransform(1, 0, 0, 1, 0, 0);
   }
-  lines(context, sight, 0.1, MINOR_REACHES, 0.5, tones.minorLine);
-  lines(context, sight, 1, MAJOR_REACHES, 1, tones.majorLine);
+  lines(context, view, 0.1, MINOR_REACHES, 0.5, tones.minorLine);
+  lines(context, view, 1, MAJOR_REACHES, 1, tones.majorLine);
 }
 
 /** The small axes at the robot's base: x red, y green, z blue. */
-export function paintAxes(context: CanvasRenderingContext2D, sight: Sight): void {
-  const from = project(sight, sight.x, sight.y, 0);
+export function paintAxes(context: CanvasRenderingContext2D, view: FloorView): void {
+  const from = project(view, view.x, view.y, 0);
   if (from === null) return;
-  context.lineWidth = Math.max(1.5, (sight.reach * 0.01 * sight.height) / 2);
+  context.lineWidth = Math.max(1.5, (view.reach * 0.01 * view.height) / 2);
   context.lineWidth = Math.min(4, context.lineWidth);
   context.lineCap = 'round';
-  const length = sight.reach * 0.28;
+  const length = view.reach * 0.28;
   for (const [axis, color] of AXES.entries()) {
     const end = project(
-      sight,
-      sight.x + (axis === 0 ? length : 0),
-      sight.y + (axis === 1 ? length : 0),
+      view,
+      view.x + (axis === 0 ? length : 0),
+      view.y + (axis === 1 ? length : 0),
       axis === 2 ? length : 0,
     );
     if (end === null) continue;
@@ -79,10 +79,10 @@ export function paintAxes(context: CanvasRenderingContext2D, sight: Sight): void
 /** Soft shadows of the links' boxes, thrown by the key lamp: the softer, the higher a link hangs. */
 export function paintShadows(
   context: CanvasRenderingContext2D,
-  sight: Sight,
+  view: FloorView,
   boxes: ReadonlyMap<number, LinkBox>,
   worldFromLink: Float64Array,
-  tones: Tones,
+  tones: LightColors,
 ): void {
   const sized = [...boxes].map(([link, box]) => ({
     link,
@@ -110,7 +110,7 @@ export function paintShadows(
       xy += vx * vy;
       yy += vy * vy;
     }
-    const blur = (0.06 * sight.reach + 0.22 * height) ** 2;
+    const blur = (0.06 * view.reach + 0.22 * height) ** 2;
     xx += blur;
     yy += blur;
     const middle = (xx + yy) / 2;
@@ -122,7 +122,7 @@ export function paintShadows(
     const throwX = at[0]! - (KEY[0] / KEY[2]) * height;
     const throwY = at[1]! - (KEY[1] / KEY[2]) * height;
     const disc = discOnScreen(
-      sight,
+      view,
       throwX,
       throwY,
       c * long * 1.25,
@@ -146,18 +146,24 @@ export function paintShadows(
 }
 
 /** Where a point of the world is in the picture; null when it lies behind the eye. */
-export function project({ view, reach }: Sight, x: number, y: number, z: number): [number, number] | null {
-  const w = view[8]! * x + view[9]! * y + view[10]! * z + view[11]!;
+export function project(
+  { screenFromWorld, reach }: FloorView,
+  x: number,
+  y: number,
+  z: number,
+): [number, number] | null {
+  const w =
+    screenFromWorld[8]! * x + screenFromWorld[9]! * y + screenFromWorld[10]! * z + screenFromWorld[11]!;
   if (w < reach * 0.05) return null;
   return [
-    (view[0]! * x + view[1]! * y + view[2]! * z + view[3]!) / w,
-    (view[4]! * x + view[5]! * y + view[6]! * z + view[7]!) / w,
+    (screenFromWorld[0]! * x + screenFromWorld[1]! * y + screenFromWorld[2]! * z + screenFromWorld[3]!) / w,
+    (screenFromWorld[4]! * x + screenFromWorld[5]! * y + screenFromWorld[6]! * z + screenFromWorld[7]!) / w,
   ];
 }
 
 /** screen_from_disc of an ellipse on the floor with these half axes, as a canvas takes it: flat, so right near its middle. */
 function discOnScreen(
-  sight: Sight,
+  view: FloorView,
   x: number,
   y: number,
   ax: number,
@@ -165,11 +171,11 @@ function discOnScreen(
   bx: number,
   by: number,
 ): [number, number, number, number, number, number] | null {
-  const at = project(sight, x, y, 0);
+  const at = project(view, x, y, 0);
   // Small steps: far ends may lie behind the eye.
   const step = 0.05;
-  const a = project(sight, x + ax * step, y + ay * step, 0);
-  const b = project(sight, x + bx * step, y + by * step, 0);
+  const a = project(view, x + ax * step, y + ay * step, 0);
+  const b = project(view, x + bx * step, y + by * step, 0);
   if (at === null || a === null || b === null) return null;
   return [
     (a[0] - at[0]) / step,
@@ -183,31 +189,31 @@ function discOnScreen(
 
 function lines(
   context: CanvasRenderingContext2D,
-  sight: Sight,
+  view: FloorView,
   pitch: number,
   reaches: number,
   fromReaches: number,
   color: Rgb,
 ): void {
-  const far = reaches * sight.reach;
+  const far = reaches * view.reach;
   const count = Math.min(80, Math.ceil(far / pitch));
   const paths = Array.from({ length: FAINTNESSES }, () => new Path2D());
   const used = new Set<number>();
   for (const along of [0, 1]) {
-    const middle = Math.round((along === 0 ? sight.y : sight.x) / pitch);
+    const middle = Math.round((along === 0 ? view.y : view.x) / pitch);
     for (let line = middle - count; line <= middle + count; line += 1) {
-      const across = line * pitch - (along === 0 ? sight.y : sight.x);
+      const across = line * pitch - (along === 0 ? view.y : view.x);
       if (Math.abs(across) >= far) continue;
       const half = Math.sqrt(far * far - across * across);
       for (let piece = 0; piece < PIECES; piece += 1) {
         const from = -half + (2 * half * piece) / PIECES;
         const to = from + (2 * half) / PIECES;
-        const away = Math.hypot((from + to) / 2, across) / sight.reach;
+        const away = Math.hypot((from + to) / 2, across) / view.reach;
         const seen = 1 - smooth((away - fromReaches) / (reaches - fromReaches));
         const faintness = Math.min(FAINTNESSES - 1, Math.floor(seen * FAINTNESSES));
         const at = line * pitch;
-        const a = along === 0 ? project(sight, sight.x + from, at, 0) : project(sight, at, sight.y + from, 0);
-        const b = along === 0 ? project(sight, sight.x + to, at, 0) : project(sight, at, sight.y + to, 0);
+        const a = along === 0 ? project(view, view.x + from, at, 0) : project(view, at, view.y + from, 0);
+        const b = along === 0 ? project(view, view.x + to, at, 0) : project(view, at, view.y + to, 0);
         if (a === null || b === null) continue;
         paths[faintness]!.moveTo(...a);
         paths[faintness]!.lineTo(...b);

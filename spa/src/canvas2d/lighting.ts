@@ -1,6 +1,6 @@
 import { STAND_IN } from '../model/lod.ts';
 import type { LinkLook, LinkTint } from '../model/posed_body.ts';
-import { encoded, linear, pixel, rgbOf, type Tones } from './colors.ts';
+import { encoded, type LightColors, linear, pixel, rgbOf } from './colors.ts';
 import { SHADES } from './rasterizer.ts';
 
 /** Towards the lamps, in the world: the same places as the 3D view's. */
@@ -22,17 +22,17 @@ export const SHADES_PER_LIGHT = (SHADES - 1) / (Math.PI * BRIGHTEST);
 export class Tables {
   /** SHADES pixels a row. */
   colors = new Uint32Array();
-  #tones: Tones;
+  #tones: LightColors;
   #paints: Float32Array;
   #rows = new Map<string, number>();
 
   /** `paints`: linear red, green, blue and opacity of each, as a level has them. */
-  constructor(paints: Float32Array, tones: Tones) {
+  constructor(paints: Float32Array, tones: LightColors) {
     this.#paints = paints;
     this.#tones = tones;
   }
 
-  setTones(tones: Tones): void {
+  setTones(tones: LightColors): void {
     this.#tones = tones;
     this.#forget();
   }

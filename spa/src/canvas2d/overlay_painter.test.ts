@@ -1,8 +1,8 @@
 import { expect, it } from 'vitest';
 import { Strokes } from '../overlays/strokes.ts';
 import type { Vec3 } from '../twin/rotation.ts';
-import { Eye } from './camera.ts';
-import type { Sight } from './floor.ts';
+import { LightCamera } from './camera.ts';
+import type { FloorView } from './floor.ts';
 import { paintStrokes } from './overlay_painter.ts';
 
 /** What was filled and stroked, in its order: colour, and the points of its path. */
@@ -26,12 +26,12 @@ function recorder() {
   return { context: context as unknown as CanvasRenderingContext2D, done };
 }
 
-function sight(): Sight {
-  const eye = new Eye();
+function sight(): FloorView {
+  const eye = new LightCamera();
   eye.resize(400, 300);
   eye.frame([-0.3, -0.3, 0], [0.3, 0.3, 1.2], false);
   eye.look('front', false);
-  return { view: eye.screenFromWorld(), width: 400, height: 300, reach: eye.reach, x: 0, y: 0 };
+  return { screenFromWorld: eye.screenFromWorld(), width: 400, height: 300, reach: eye.reach, x: 0, y: 0 };
 }
 
 const UP: Vec3 = [0, 0, 1];

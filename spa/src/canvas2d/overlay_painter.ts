@@ -1,7 +1,7 @@
 import { about, dot, plus } from '../model/vectors.ts';
 import { AT, STRIDE, type Strokes } from '../overlays/strokes.ts';
 import type { Vec3 } from '../twin/rotation.ts';
-import type { Sight } from './floor.ts';
+import type { FloorView } from './floor.ts';
 
 /** Points of a whole turn. */
 const STEPS = 48;
@@ -36,7 +36,7 @@ interface Seen {
  */
 export function paintStrokes(
   context: CanvasRenderingContext2D,
-  sight: Sight,
+  sight: FloorView,
   pixelRatio: number,
   strokes: Strokes,
   over: boolean,
@@ -69,20 +69,20 @@ interface Look {
   readonly ahead: Vec3;
 }
 
-function lookOf({ view, reach }: Sight): Look {
-  const row = (i: number): Vec3 => [view[i]!, view[i + 1]!, view[i + 2]!];
+function lookOf({ screenFromWorld, reach }: FloorView): Look {
+  const row = (i: number): Vec3 => [screenFromWorld[i]!, screenFromWorld[i + 1]!, screenFromWorld[i + 2]!];
   const ahead = row(8);
   const right = row(0);
   const focal = Math.hypot(...plus(right, ahead, -dot(right, ahead)));
-  const away = (point: Vec3) => dot(ahead, point) + view[11]!;
+  const away = (point: Vec3) => dot(ahead, point) + screenFromWorld[11]!;
   return {
     ahead,
     away,
     at: (point) => {
       const w = away(point);
       if (w < reach * 0.05) return null;
-      const x = (dot(right, point) + view[3]!) / w;
-      const y = (dot(row(4), point) + view[7]!) / w;
+      const x = (dot(right, point) + screenFromWorld[3]!) / w;
+      const y = (dot(row(4), point) + screenFromWorld[7]!) / w;
       return { x, y, scale: focal / w };
     },
   };

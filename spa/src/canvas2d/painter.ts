@@ -1,12 +1,12 @@
-import type { Place } from '../overlays/labels.ts';
+import type { LabelPlace } from '../overlays/labels.ts';
 import type { Strokes } from '../overlays/strokes.ts';
-import type { Eye } from './camera.ts';
-import { css, type Tones } from './colors.ts';
-import { paintAxes, paintFloor, paintShadows, project, type Sight } from './floor.ts';
+import type { LightCamera } from './camera.ts';
+import { css, type LightColors } from './colors.ts';
+import { type FloorView, paintAxes, paintFloor, paintShadows, project } from './floor.ts';
 import { paintStrokes } from './overlay_painter.ts';
-import { Raster } from './rasterizer.ts';
+import { Rasterizer } from './rasterizer.ts';
 import type { LightRobot } from './robot.ts';
-import { drain } from './stale_effect.ts';
+import { applyStaleEffect } from './stale_effect.ts';
 
 const SHADOW_PART = 4;
 
@@ -21,7 +21,7 @@ export interface PaintedRobot {
 export interface Picture {
   readonly robots: readonly PaintedRobot[];
   readonly strokes: Strokes;
-  readonly tones: Tones;
+  readonly tones: LightColors;
   /** Pixels of the shells for each of CSS. */
   readonly ratio: number;
   /** With smooth edges, however long it takes. */
@@ -31,22 +31,22 @@ export interface Picture {
 /** A canvas and all that is put on it, layer by layer: floor, shadows, what lies on the floor, shells, signs. */
 export class LightPainter {
   readonly canvas = document.createElement('canvas');
-  readonly #eye: Eye;
+  readonly #camera: LightCamera;
   readonly #context: CanvasRenderingContext2D;
   readonly #floor = document.createElement('canvas');
   readonly #shadows = document.createElement('canvas');
   readonly #shells = document.createElement('canvas');
-  readonly #raster = new Raster();
-  readonly #glass = new Raster();
-  readonly #aside = new Raster();
+  readonly #raster = new Rasterizer();
+  readonly #glass = new Rasterizer();
+  readonly #aside = new Rasterizer();
   /** What the kept floor was painted for. */
   #floorFor = '';
   #width = 0;
   #height = 0;
 
   /** Throws an Error with a sentence for people when the browser has no canvas. */
-  constructor(eye: Eye) {
-    this.#eye = eye;
+  constructor(eye: LightCamera) {
+    this.#camera = eye;
     const context = this.canvas.getContext('2d', { alpha: false });
     if (context === null)
       throw new Error('This browser draws no pictures. The numbers show everything the robot says.');
@@ -76,68 +76,68 @@ export class LightPainter {
     const { robots, strokes, tones } = picture;
     const context = this.#context;
     const { width, height } = this.canvas;
-    const sight = this.#sight(width, height);
+    const view = this.#floorView(width, height);
     context.setTransform(1, 0, 0, 1, 0, 0);
-    this.#paintFloor(sight, tones);
+    this.#paintFloor(view, tones);
     const figures = robots.flatMap(({ figure }) => figure ?? []);
     if (figures.length === 0) return 0;
     const ratio = width / this.#width;
     this.#paintShadows(figures, tones);
-    paintStrokes(context, sight, ratio, strokes, false);
-    paintAxes(context, sight);
+    paintStrokes(context, view, ratio, strokes, false);
+    paintAxes(context, view);
     const triangles = this.#paintShells(picture);
-    for (const figure of figures) if (!figure.dressed) this.#paintBones(figure, sight, tones);
-    paintStrokes(context, sight, ratio, strokes, true);
+    for (const figure of figures) if (!figure.dressed) this.#paintBones(figure, view, tones);
+    paintStrokes(context, view, ratio, strokes, true);
     return triangles;
   }
 
   /** Where points of the world are in the picture that comes next, CSS px; null behind the eye. */
-  get place(): Place {
-    const sight = this.#sight(this.#width, this.#height);
+  get place(): LabelPlace {
+    const view = this.#floorView(this.#width, this.#height);
     return (at) => {
-      const point = project(sight, ...at);
+      const point = project(view, ...at);
       return point === null ? null : { x: point[0], y: point[1] };
     };
   }
 
   /** The link under a point of the canvas, CSS px, or null. */
   pick(robot: LightRobot, x: number, y: number): string | null {
-    return robot.pick(x, y, this.#sight(this.#width, this.#height).view);
+    return robot.pick(x, y, this.#floorView(this.#width, this.#height).screenFromWorld);
   }
 
-  #sight(width: number, height: number): Sight {
-    const view = this.#eye.screenFromWorld();
+  #floorView(width: number, height: number): FloorView {
+    const screenFromWorld = this.#camera.screenFromWorld();
     for (let i = 0; i < 4; i += 1) {
-      view[i]! *= width / this.#width;
-      view[4 + i]! *= height / this.#height;
+      screenFromWorld[i]! *= width / this.#width;
+      screenFromWorld[4 + i]! *= height / this.#height;
     }
-    const { x, y } = this.#eye.middle;
-    return { view, width, height, reach: this.#eye.reach, x, y };
+    const { x, y } = this.#camera.middle;
+    return { screenFromWorld, width, height, reach: this.#camera.reach, x, y };
   }
 
-  #paintFloor(sight: Sight, tones: Tones): void {
-    const seen = [...sight.view].map((value) => value.toPrecision(7)).join(' ');
-    const wanted = `${seen} ${sight.width} ${sight.height} ${tones.page.join()}`;
+  #paintFloor(view: FloorView, tones: LightColors): void {
+    const seen = [...view.screenFromWorld].map((value) => value.toPrecision(7)).join(' ');
+    const wanted = `${seen} ${view.width} ${view.height} ${tones.page.join()}`;
     const floor = this.#floor.getContext('2d', { alpha: false });
     if (floor === null) return;
     if (wanted !== this.#floorFor) {
-      paintFloor(floor, sight, tones);
+      paintFloor(floor, view, tones);
       this.#floorFor = wanted;
     }
     this.#context.drawImage(this.#floor, 0, 0);
   }
 
   /** Shadows are soft: a quarter of the pixels along each side shows no difference, and costs a sixteenth. */
-  #paintShadows(figures: readonly LightRobot[], tones: Tones): void {
+  #paintShadows(figures: readonly LightRobot[], tones: LightColors): void {
     const { width, height } = this.canvas;
     const [w, h] = [Math.ceil(width / SHADOW_PART), Math.ceil(height / SHADOW_PART)];
     sizeTo(this.#shadows, w, h);
     const shadows = this.#shadows.getContext('2d');
     if (shadows === null) return;
     shadows.clearRect(0, 0, w, h);
-    const sight = this.#sight(w, h);
+    const view = this.#floorView(w, h);
     for (const { boxOfLink, worldFromLink } of figures)
-      paintShadows(shadows, sight, boxOfLink, worldFromLink, tones);
+      paintShadows(shadows, view, boxOfLink, worldFromLink, tones);
     this.#context.drawImage(this.#shadows, 0, 0, width, height);
   }
 
@@ -145,7 +145,7 @@ export class LightPainter {
   #paintShells({ robots, tones, ratio, fine }: Picture): number {
     const width = Math.max(1, Math.round(this.#width * ratio));
     const height = Math.max(1, Math.round(this.#height * ratio));
-    const { view } = this.#sight(width, height);
+    const { screenFromWorld } = this.#floorView(width, height);
     this.#raster.resize(width, height);
     this.#raster.clear();
     let triangles = 0;
@@ -153,13 +153,13 @@ export class LightPainter {
       const alone = grey === 0 || robots.length === 1;
       const raster = alone ? this.#raster : this.#aside;
       if (!alone) raster.clearBefore(this.#raster);
-      triangles += figure.draw(raster, view);
+      triangles += figure.draw(raster, screenFromWorld);
       if (figure.ghostLinks.length > 0) {
         this.#glass.clearBefore(raster);
-        triangles += figure.drawGhost(this.#glass, view, this.#eye.position);
+        triangles += figure.drawGhost(this.#glass, screenFromWorld, this.#camera.position);
         raster.overlay(this.#glass);
       }
-      if (grey > 0) drain(raster.pixels, width, grey, tones.stale, ratio);
+      if (grey > 0) applyStaleEffect(raster.pixels, width, grey, tones.stale, ratio);
       if (!alone) this.#raster.overlay(raster);
     }
     sizeTo(this.#shells, width, height);
@@ -171,7 +171,7 @@ export class LightPainter {
   }
 
   #farthestFirst(robots: readonly PaintedRobot[]): { figure: LightRobot; grey: number }[] {
-    const [ex, ey] = this.#eye.position;
+    const [ex, ey] = this.#camera.position;
     const away = ({ place: { x, y } }: LightRobot) => Math.hypot(x - ex, y - ey);
     return robots
       .flatMap(({ figure, grey }) => (figure?.dressed === true ? [{ figure, grey }] : []))
@@ -179,14 +179,14 @@ export class LightPainter {
   }
 
   /** Lines from link to link, until there are shells. */
-  #paintBones(robot: LightRobot, sight: Sight, tones: Tones): void {
+  #paintBones(robot: LightRobot, view: FloorView, tones: LightColors): void {
     const context = this.#context;
     const at = (link: number) => {
       const [x, y, z] = robot.worldFromLink.subarray(link * 16 + 12, link * 16 + 15);
-      return project(sight, x!, y!, z!);
+      return project(view, x!, y!, z!);
     };
     context.strokeStyle = css(tones.muted);
-    context.lineWidth = (2 * sight.width) / this.#width;
+    context.lineWidth = (2 * view.width) / this.#width;
     context.lineCap = 'round';
     context.beginPath();
     for (const [joint, { parent }] of robot.manifest.joints.entries()) {

@@ -1,5 +1,5 @@
 import type { MouseStyle } from '../view/body_view.ts';
-import type { Eye } from './camera.ts';
+import type { LightCamera } from './camera.ts';
 
 /** Of the distance, for each pixel of a wheel. */
 const ZOOM_PER_PIXEL = 0.0012;
@@ -7,9 +7,9 @@ const ZOOM_PER_PIXEL = 0.0012;
 /** Hands on the canvas: one finger or the left button turns, two fingers or any other button pan (`foxglove`: the
  *  buttons the other way round), pinch and wheel zoom
  *  about what they point at. Returns the end of it. */
-export function listenToHands(
+export function attachPointerInput(
   canvas: HTMLCanvasElement,
-  eye: Eye,
+  eye: LightCamera,
   { mouse, changed }: { mouse: () => MouseStyle; changed: () => void },
 ): () => void {
   const fingers = new Map<number, { x: number; y: number }>();

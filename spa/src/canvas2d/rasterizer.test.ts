@@ -1,5 +1,5 @@
 import { describe, expect, it } from 'vitest';
-import { type Corners, Raster, SHADES } from './rasterizer.ts';
+import { type Corners, Rasterizer, SHADES } from './rasterizer.ts';
 
 const RED = 0xff0000ff;
 const BLUE = 0xffff0000;
@@ -20,7 +20,7 @@ function drawn(
   height: number,
   ...triangles: (readonly [Corners, row: number, seen?: number, hatch?: boolean])[]
 ) {
-  const raster = new Raster();
+  const raster = new Rasterizer();
   raster.resize(width, height);
   raster.clear();
   for (const [points, row, seen, hatch] of triangles) {
@@ -34,7 +34,7 @@ const count = (pixels: Uint32Array, color: number) =>
   pixels.reduce((sum, pixel) => sum + (pixel === color ? 1 : 0), 0);
 
 it('keeps the memory of its largest picture, and shows nothing of it in a smaller one', () => {
-  const raster = new Raster();
+  const raster = new Rasterizer();
   raster.resize(40, 40);
   const memory = raster.pixels.buffer;
   raster.pixels.fill(RED);

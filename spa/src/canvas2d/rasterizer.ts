@@ -24,7 +24,7 @@ const HAIR = 1.004;
 /** Ordered 4 × 4 dither, in sixteenths: the same pattern as the 3D view's. */
 const DITHER = Uint8Array.from([0, 8, 2, 10, 12, 4, 14, 6, 3, 11, 1, 9, 15, 7, 13, 5]);
 
-export class Raster {
+export class Rasterizer {
   width = 0;
   height = 0;
   pixels = new Uint32Array();
@@ -62,7 +62,7 @@ export class Raster {
 
   /** Transparent, and only what is nearer than `other` by more than a hair comes before it: for a body that shares its
    *  surfaces with that one. */
-  clearBefore(other: Raster): void {
+  clearBefore(other: Rasterizer): void {
     this.resize(other.width, other.height);
     this.pixels.fill(0);
     const [depth, before] = [this.#depth, other.#depth];
@@ -70,7 +70,7 @@ export class Raster {
   }
 
   /** Lays another picture of this size over this one, each of its pixels as dense as it says. */
-  overlay({ pixels: above }: Raster): void {
+  overlay({ pixels: above }: Rasterizer): void {
     const { pixels } = this;
     for (let i = 0; i < pixels.length; i += 1) {
       const over = above[i]!;

@@ -1,8 +1,8 @@
 import { expect, it } from 'vitest';
-import { Sharpness } from './resolution.ts';
+import { AdaptiveResolution } from './resolution.ts';
 
 it('draws motion with as many pixels as there is time for, and what rests finely', () => {
-  const sharpness = new Sharpness();
+  const sharpness = new AdaptiveResolution();
   expect(sharpness.ratio(1, false)).toBe(1);
   expect(sharpness.ratio(1, true)).toBe(2);
   for (let i = 0; i < 20; i += 1) sharpness.took(i % 4 === 3 ? 60 : 15); // an accident now and then

@@ -10,7 +10,7 @@ const STEPS = [0.5, 0.75, 1, 1.5, 2] as const;
 const USUAL = STEPS.indexOf(1);
 
 /** How many pixels a picture in motion is made of, by how long the last ones took. One at rest may take its time. */
-export class Sharpness {
+export class AdaptiveResolution {
   #step = USUAL;
   #long = 0;
   #short = 0;

@@ -1,12 +1,12 @@
 import { beforeAll, describe, expect, it } from 'vitest';
 import { lowestZ } from '../model/bounds.ts';
-import { type Level, readLevel } from '../model/lod.ts';
+import { type Lod, readLod } from '../model/lod.ts';
 import { type Manifest, readManifest } from '../model/manifest.ts';
 import { type SampleModel, sampleGlb, sampleManifest } from '../model/samples.ts';
 import { NO_TURN, ofRpy, type Quat } from '../twin/rotation.ts';
-import { Eye } from './camera.ts';
-import { TONES } from './colors.ts';
-import { Raster } from './rasterizer.ts';
+import { LightCamera } from './camera.ts';
+import { LIGHT_COLORS } from './colors.ts';
+import { Rasterizer } from './rasterizer.ts';
 import { LightRobot } from './robot.ts';
 
 /** An arm of two boxes, one beside the other: red, then blue, the second on a joint about z. */
@@ -21,18 +21,18 @@ const ARM: SampleModel = {
 
 const [WIDTH, HEIGHT] = [320, 240];
 
-async function built(model: SampleModel): Promise<{ manifest: Manifest; level: Level }> {
+async function built(model: SampleModel): Promise<{ manifest: Manifest; level: Lod }> {
   const manifest = readManifest(sampleManifest(model, []) as Record<string, unknown>);
-  return { manifest, level: await readLevel(await sampleGlb(model), model.visuals.length) };
+  return { manifest, level: await readLod(await sampleGlb(model), model.visuals.length) };
 }
 
 function pictured(robot: LightRobot) {
-  const eye = new Eye();
+  const eye = new LightCamera();
   eye.resize(WIDTH, HEIGHT);
   const { min, max } = robot.bounds();
   eye.frame(min, max, false);
   eye.look('front', false);
-  const raster = new Raster();
+  const raster = new Rasterizer();
   raster.resize(WIDTH, HEIGHT);
   raster.clear();
   const view = eye.screenFromWorld();
@@ -49,12 +49,12 @@ function pictured(robot: LightRobot) {
 }
 
 describe('a robot drawn by hand', () => {
-  let arm: { manifest: Manifest; level: Level };
+  let arm: { manifest: Manifest; level: Lod };
   beforeAll(async () => {
     arm = await built(ARM);
   });
   const dressed = () => {
-    const robot = new LightRobot(arm.manifest, TONES.dark);
+    const robot = new LightRobot(arm.manifest, LIGHT_COLORS.dark);
     robot.wear(arm.level, []);
     return robot;
   };
@@ -63,7 +63,7 @@ describe('a robot drawn by hand', () => {
   const link = (i: number) => arm.manifest.links[i]!;
 
   it('shows its links in their colours, and nothing before it has shells', () => {
-    expect(pictured(new LightRobot(arm.manifest, TONES.dark)).triangles).toBe(0);
+    expect(pictured(new LightRobot(arm.manifest, LIGHT_COLORS.dark)).triangles).toBe(0);
     const { triangles, red, blue, grey } = pictured(dressed());
     expect(triangles).toBe(24); // all of two boxes: the far sides are hidden, not left out
     expect(red).toBeGreaterThan(500);
@@ -154,7 +154,7 @@ describe('a robot drawn by hand', () => {
   it('has a ghost of the limbs that are elsewhere, before and behind its body, and see-through', () => {
     const robot = dressed();
     const { raster, view, eye } = pictured(robot);
-    const glass = new Raster();
+    const glass = new Rasterizer();
     expect(robot.drawGhost(glass, view, eye.position), 'none is asked for').toBe(0);
     const wish = { joints: new Map([[joint(), 1.2]]), limbs: [joint()] };
     expect(robot.showGhost(wish)).toBe(true);
@@ -177,7 +177,7 @@ describe('a robot drawn by hand', () => {
     const robot = dressed();
     const { raster, view, eye } = pictured(robot);
     robot.showGhost({ joints: new Map(), limbs: null });
-    const glass = new Raster();
+    const glass = new Rasterizer();
     glass.clearBefore(raster);
     robot.drawGhost(glass, view, eye.position);
     expect(glass.pixels.every((pixel) => pixel === 0)).toBe(true);
@@ -219,7 +219,7 @@ describe('a robot drawn by hand', () => {
       })),
       materials: [{ color: [0.8, 0.02, 0.02, 1] }],
     });
-    const robot = new LightRobot(many.manifest, TONES.light);
+    const robot = new LightRobot(many.manifest, LIGHT_COLORS.light);
     robot.wear(many.level, []);
     expect(robot.jointNames.length).toBe(200);
     expect(

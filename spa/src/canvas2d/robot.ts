@@ -1,18 +1,18 @@
 import { expandByBox, type LinkBox, lowestOf } from '../model/bounds.ts';
 import { Kinematics, multiply, transform } from '../model/kinematics.ts';
-import { movedBy } from '../model/link_tree.ts';
-import type { Level } from '../model/lod.ts';
+import { linksMovedBy } from '../model/link_tree.ts';
+import type { Lod } from '../model/lod.ts';
 import { boxesOfLinks, type Manifest } from '../model/manifest.ts';
-import type { FigureJoint, LinkLook, LinkTint, PosedBody } from '../model/posed_body.ts';
-import { Stance } from '../model/root_pose.ts';
+import type { BodyJoint, LinkLook, LinkTint, PosedBody } from '../model/posed_body.ts';
+import { RootPose } from '../model/root_pose.ts';
 import { turnOf } from '../model/vectors.ts';
 import { UNREAD } from '../overlays/colors.ts';
 import type { Pose } from '../twin/playback/pose.ts';
 import type { Quat, Vec3 } from '../twin/rotation.ts';
-import { type GhostWish, ghostOf } from '../view/ghost_pose.ts';
-import type { Tones } from './colors.ts';
-import type { Raster } from './rasterizer.ts';
-import { type LinkPaint, Shells, type Shot } from './shells.ts';
+import { type GhostRequest, ghostOf } from '../view/ghost_pose.ts';
+import type { LightColors } from './colors.ts';
+import type { Rasterizer } from './rasterizer.ts';
+import { type LinkPaint, Shells, type ShellView } from './shells.ts';
 
 /** Nearer than this part of the robot's size nothing is drawn: it would be behind the eye. */
 const NEAR = 0.02;
@@ -48,18 +48,18 @@ export class LightRobot implements PosedBody {
   /** Joints without a reading, and the links that nobody knows the place of because of that. */
   #unread: ReadonlySet<string> = NONE;
   #unreadLinks: ReadonlySet<number> = new Set();
-  readonly #stance = new Stance();
+  readonly #rootPose = new RootPose();
   #pose: Pose | null = null;
-  #ghostWish: GhostWish | null = null;
+  #ghostWish: GhostRequest | null = null;
   #ghost: Second | null = null;
   #shells: Shells | null = null;
-  #tones: Tones;
+  #tones: LightColors;
   #near = 0.01;
   #worldFromRoot: readonly number[] = [];
   /** How far its whole world lies to the side, metres. */
   #aside = 0;
 
-  constructor(manifest: Manifest, tones: Tones) {
+  constructor(manifest: Manifest, tones: LightColors) {
     const { links, joints } = manifest;
     this.manifest = manifest;
     this.#tones = tones;
@@ -118,7 +118,7 @@ export class LightRobot implements PosedBody {
     return turnOf(this.#kinematics.rootFromLink.subarray(link * 16, link * 16 + 16));
   }
 
-  joint(name: string): FigureJoint | undefined {
+  joint(name: string): BodyJoint | undefined {
     const found = this.#jointOf.get(name);
     if (found === undefined) return undefined;
     const { axis, type } = this.manifest.joints[found]!;
@@ -140,9 +140,9 @@ export class LightRobot implements PosedBody {
     this.#pose = pose;
     const unread = pose.unread ?? NONE;
     const marked = !sameSet(unread, this.#unread);
-    if (marked) this.markUnread(movedBy(this, unread));
+    if (marked) this.markUnread(linksMovedBy(this, unread));
     this.#unread = unread;
-    const stepped = this.#stance.take(pose);
+    const stepped = this.#rootPose.update(pose);
     const turned = this.#kinematics.set(pose.joints);
     if (turned) this.#kinematics.compute();
     if (turned || stepped) this.#spread();
@@ -151,7 +151,7 @@ export class LightRobot implements PosedBody {
 
   /** True when it stands differently now. */
   lockHeading(locked: boolean): boolean {
-    if (!this.#stance.lockHeading(locked)) return false;
+    if (!this.#rootPose.lockHeading(locked)) return false;
     this.#spread();
     this.#poseGhost();
     return true;
@@ -167,7 +167,7 @@ export class LightRobot implements PosedBody {
   }
 
   /** True when there is another ghost than before. */
-  showGhost(wish: GhostWish | null): boolean {
+  showGhost(wish: GhostRequest | null): boolean {
     this.#ghostWish = wish;
     return this.#poseGhost();
   }
@@ -191,13 +191,13 @@ export class LightRobot implements PosedBody {
     this.#unreadLinks = new Set([...links].map((name) => this.#linkOf.get(name) ?? -1));
   }
 
-  setTones(tones: Tones): void {
+  setTones(tones: LightColors): void {
     this.#tones = tones;
     this.#shells?.setTones(tones);
   }
 
   /** Puts on shells. `pictures` as the level numbers them: the mean colour (linear) of each, where it could be read. */
-  wear(level: Level, pictures: readonly (readonly [number, number, number] | null)[]): void {
+  wear(level: Lod, pictures: readonly (readonly [number, number, number] | null)[]): void {
     this.#shells = new Shells(level, pictures, this.manifest.visuals, this.#tones);
   }
 
@@ -217,14 +217,14 @@ export class LightRobot implements PosedBody {
     return { min, max };
   }
 
-  /** Draws its shells; returns how many triangles met the screen. `screenFromWorld` as `Eye` gives it. */
-  draw(raster: Raster, screenFromWorld: Float64Array): number {
+  /** Draws its shells; returns how many triangles met the screen. `screenFromWorld` as `LightCamera` gives it. */
+  draw(raster: Rasterizer, screenFromWorld: Float64Array): number {
     const shot = this.#shot(screenFromWorld, NOWHERE);
     return this.#shells?.draw(raster, shot, (link) => this.#paintOf(link)) ?? 0;
   }
 
   /** Draws the ghost over them, the eye at a place in the world. Nothing and 0 without one. */
-  drawGhost(raster: Raster, screenFromWorld: Float64Array, eye: Readonly<Vec3>): number {
+  drawGhost(raster: Rasterizer, screenFromWorld: Float64Array, eye: Readonly<Vec3>): number {
     if (this.#ghost === null) return 0;
     const { worldFromLink, links } = this.#ghost;
     const shot = { ...this.#shot(screenFromWorld, eye), worldFromLink };
@@ -250,7 +250,7 @@ export class LightRobot implements PosedBody {
     );
   }
 
-  #shot(screenFromWorld: Float64Array, eye: Readonly<Vec3>): Shot {
+  #shot(screenFromWorld: Float64Array, eye: Readonly<Vec3>): ShellView {
     return { screenFromWorld, eye, worldFromLink: this.worldFromLink, near: this.#near };
   }
 
@@ -286,7 +286,7 @@ export class LightRobot implements PosedBody {
   /** Computes where every link is in the world. */
   #spread(): void {
     const { rootFromLink } = this.#kinematics;
-    const { xyz, quat_wxyz } = this.#stance.root((link) => this.rootTurn(link));
+    const { xyz, quat_wxyz } = this.#rootPose.root((link) => this.rootTurn(link));
     const [x, y, z] = xyz ?? [0, 0, 0];
     this.#worldFromRoot = transform([x, y + this.#aside, z], quat_wxyz);
     this.#place(rootFromLink, this.worldFromLink);

@@ -1,12 +1,12 @@
 import { BundleError } from '../model/bundle.ts';
-import { levelBytes, manifestAt } from '../model/files.ts';
-import { readLevel } from '../model/lod.ts';
+import { lodBytes, manifestAt } from '../model/files.ts';
+import { readLod } from '../model/lod.ts';
 import { type Manifest, readManifest } from '../model/manifest.ts';
-import { linear, type Tones } from './colors.ts';
+import { type LightColors, linear } from './colors.ts';
 import { LightRobot } from './robot.ts';
 
 /** Reads a built model's manifest. Rejects with one line when it can't be shown at all. */
-export async function loadRobot(manifestUrl: string, tones: Tones): Promise<LightRobot> {
+export async function loadRobot(manifestUrl: string, tones: LightColors): Promise<LightRobot> {
   const raw = await manifestAt(manifestUrl);
   if (raw.v !== 2) throw new Error('only a built model can be shown without 3D');
   return new LightRobot(readManifest(raw), tones);
@@ -22,10 +22,8 @@ export async function dress(
   const { levels, visuals }: Manifest = robot.manifest;
   const lowest = levels[0];
   if (lowest === undefined) return;
-  const bytes = await levelBytes(lowest, manifestUrl, signal, (received) =>
-    onProgress(received, lowest.bytes),
-  );
-  const level = await readLevel(bytes, visuals.length).catch((cause: unknown) => {
+  const bytes = await lodBytes(lowest, manifestUrl, signal, (received) => onProgress(received, lowest.bytes));
+  const level = await readLod(bytes, visuals.length).catch((cause: unknown) => {
     throw new BundleError(`${lowest.path}: ${cause instanceof Error ? cause.message : String(cause)}`, {
       cause,
     });

@@ -4,8 +4,8 @@ import { beforeEach, expect, it, vi } from 'vitest';
 import { type SampleModel, sampleGlb, sampleManifest } from '../model/samples.ts';
 import type { Pose } from '../twin/playback/pose.ts';
 import type { PoseSource } from '../view/body_view.ts';
-import { TONES } from './colors.ts';
-import { StagedLight } from './robot_node.ts';
+import { LIGHT_COLORS } from './colors.ts';
+import { LightRobotNode } from './robot_node.ts';
 
 const ARM: SampleModel = {
   joints: [{ type: 'revolute', parent: 0, xyz: [0, 0.5, 0], axis: [0, 0, 1] }],
@@ -37,8 +37,8 @@ beforeEach(async () => {
 
 function staged() {
   const heard: string[] = [];
-  const robot = new StagedLight({
-    tones: () => TONES.dark,
+  const robot = new LightRobotNode({
+    tones: () => LIGHT_COLORS.dark,
     placed: () => heard.push('placed'),
     framed: (eased) => heard.push(eased ? 'framed, eased' : 'framed'),
     changed: () => heard.push('changed'),

@@ -1,14 +1,14 @@
-import { wantsStillness } from '../browser/reduced_motion.ts';
+import { prefersReducedMotion } from '../browser/reduced_motion.ts';
 import { treeOf } from '../model/link_tree.ts';
 import type { LinkLook } from '../model/posed_body.ts';
 import type { ModelReport } from '../model/report.ts';
 import type { KinematicTree } from '../twin/kinematic_tree.ts';
 import type { Pose } from '../twin/playback/pose.ts';
-import type { LineMember, PoseSource } from '../view/body_view.ts';
-import type { GhostWish } from '../view/ghost_pose.ts';
+import type { PoseSource, RowMember } from '../view/body_view.ts';
+import type { GhostRequest } from '../view/ghost_pose.ts';
 import type { Moving } from '../view/render_loop.ts';
-import type { Standing } from '../view/row_layout.ts';
-import type { Tones } from './colors.ts';
+import type { RowItem } from '../view/row_layout.ts';
+import type { LightColors } from './colors.ts';
 import type { LightRobot } from './robot.ts';
 import { dress, loadRobot } from './robot_loader.ts';
 
@@ -17,8 +17,8 @@ const DRAIN_SECONDS = 0.25;
 type OnProgress = (receivedBytes: number, totalBytes: number) => void;
 
 /** What a robot asks of the picture that it stands in. */
-export interface Place {
-  tones(): Tones;
+export interface LightRobotHost {
+  tones(): LightColors;
   /** It is somewhere else now. */
   placed(): void;
   /** It has another size now: the eye should look again. */
@@ -28,19 +28,19 @@ export interface Place {
 }
 
 /** One robot in a picture drawn by hand: its model on the way in, its pose, and how old that is. */
-export class StagedLight implements LineMember, Moving, Standing {
-  readonly #place: Place;
+export class LightRobotNode implements RowMember, Moving, RowItem {
+  readonly #place: LightRobotHost;
   #figure: LightRobot | null = null;
   #source: PoseSource | null = null;
   #pose: Pose | null = null;
-  #ghostWish: GhostWish | null = null;
+  #ghostWish: GhostRequest | null = null;
   #headingLocked = false;
   #loading: AbortController | null = null;
   #aside = 0;
   #greyAsked = true;
   #grey = 1;
 
-  constructor(place: Place) {
+  constructor(place: LightRobotHost) {
     this.#place = place;
   }
 
@@ -96,7 +96,7 @@ export class StagedLight implements LineMember, Moving, Standing {
     this.#place.changed();
   }
 
-  setTones(tones: Tones): void {
+  setTones(tones: LightColors): void {
     this.#figure?.setTones(tones);
   }
 
@@ -124,7 +124,7 @@ export class StagedLight implements LineMember, Moving, Standing {
     if (pose !== null) this.#show(pose);
     const goal = this.#greyAsked || this.#pose === null ? 1 : 0;
     if (this.#grey !== goal) {
-      const step = wantsStillness() ? 1 : seconds / DRAIN_SECONDS;
+      const step = prefersReducedMotion() ? 1 : seconds / DRAIN_SECONDS;
       const left = goal - this.#grey;
       this.#grey = Math.abs(left) <= step ? goal : this.#grey + Math.sign(left) * step;
       this.#place.changed();

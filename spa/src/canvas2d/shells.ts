@@ -1,11 +1,11 @@
 import { multiply } from '../model/kinematics.ts';
-import type { Level } from '../model/lod.ts';
+import type { Lod } from '../model/lod.ts';
 import type { Visual } from '../model/manifest.ts';
 import type { LinkLook, LinkTint } from '../model/posed_body.ts';
 import type { Vec3 } from '../twin/rotation.ts';
-import type { Tones } from './colors.ts';
+import type { LightColors } from './colors.ts';
 import { FILL, KEY, SHADES_PER_LIGHT, Tables } from './lighting.ts';
-import { type Corners, type Raster, SHADES } from './rasterizer.ts';
+import { type Corners, type Rasterizer, SHADES } from './rasterizer.ts';
 
 /** Vertices of one visual: a level lays them out one visual after the other. */
 interface Run {
@@ -21,8 +21,8 @@ export interface LinkPaint {
 }
 
 /** From where, and of what. */
-export interface Shot {
-  /** As `Eye.screenFromWorld` gives it. */
+export interface ShellView {
+  /** As `LightCamera.screenFromWorld` gives it. */
   readonly screenFromWorld: Float64Array;
   /** World, metres. */
   readonly eye: Readonly<Vec3>;
@@ -32,21 +32,21 @@ export interface Shot {
   readonly near: number;
 }
 
-/** The shells of a level, triangle by triangle into a `Raster`: as matt bodies in their colours, or as glass. */
+/** The shells of a level, triangle by triangle into a `Rasterizer`: as matt bodies in their colours, or as glass. */
 export class Shells {
-  readonly #level: Level;
+  readonly #level: Lod;
   readonly #visuals: readonly Visual[];
   readonly #runs: readonly Run[];
   readonly #corners: Corners;
   readonly #tables: Tables;
-  #tones: Tones;
+  #tones: LightColors;
 
   /** `pictures` as the level numbers them: the mean colour (linear) of each, where it could be read. */
   constructor(
-    level: Level,
+    level: Lod,
     pictures: readonly (readonly [number, number, number] | null)[],
     visuals: readonly Visual[],
-    tones: Tones,
+    tones: LightColors,
   ) {
     const vertices = level.parts.length / 2;
     const ends = new Int32Array(level.ranges.length).fill(0);
@@ -69,13 +69,13 @@ export class Shells {
     this.#tables = new Tables(meanPaints(level, pictures), tones);
   }
 
-  setTones(tones: Tones): void {
+  setTones(tones: LightColors): void {
     this.#tones = tones;
     this.#tables.setTones(tones);
   }
 
   /** Returns how many triangles met the screen. */
-  draw(raster: Raster, shot: Shot, paintOf: (link: number) => LinkPaint): number {
+  draw(raster: Rasterizer, shot: ShellView, paintOf: (link: number) => LinkPaint): number {
     const level = this.#level;
     const tables = this.#tables;
     let drawn = 0;
@@ -103,7 +103,7 @@ export class Shells {
   }
 
   /** The same as glass, these links alone. */
-  drawGlass(raster: Raster, shot: Shot, links: ReadonlySet<number>): number {
+  drawGlass(raster: Rasterizer, shot: ShellView, links: ReadonlySet<number>): number {
     const level = this.#level;
     const row = this.#tables.glassRow();
     let drawn = 0;
@@ -122,7 +122,7 @@ export class Shells {
   }
 
   /** The visual under a pixel of a shot, or -1; those that `hidden` says can't be picked. */
-  pick(x: number, y: number, shot: Shot, hidden: (link: number) => boolean): number {
+  pick(x: number, y: number, shot: ShellView, hidden: (link: number) => boolean): number {
     const level = this.#level;
     const { x: xs, y: ys, inverseW: ws } = this.#corners;
     let nearest = 0;
@@ -151,7 +151,7 @@ export class Shells {
   }
 
   /** Visuals from the eye on: what is hidden then is hidden at once. */
-  #nearestFirst({ screenFromWorld: view, worldFromLink: world }: Shot): number[] {
+  #nearestFirst({ screenFromWorld: view, worldFromLink: world }: ShellView): number[] {
     const { ranges } = this.#level;
     const away = this.#visuals.map(({ link, box }) => {
       const at = link * 16;
@@ -170,7 +170,7 @@ export class Shells {
   }
 
   /** Where its corners are on the screen. `MESH` is world_from_mesh from then on. */
-  #project(visual: number, { screenFromWorld: view, worldFromLink, near }: Shot): void {
+  #project(visual: number, { screenFromWorld: view, worldFromLink, near }: ShellView): void {
     const { positions, linkFromMesh } = this.#level;
     multiply(MESH, 0, worldFromLink, this.#visuals[visual]!.link * 16, linkFromMesh, visual * 16);
     for (let row = 0; row < 3; row += 1) {
@@ -254,10 +254,7 @@ function side(xs: Float32Array, ys: Float32Array, i: number, j: number, x: numbe
 }
 
 /** A level's paints, each picture as its mean colour. */
-function meanPaints(
-  level: Level,
-  means: readonly (readonly [number, number, number] | null)[],
-): Float32Array {
+function meanPaints(level: Lod, means: readonly (readonly [number, number, number] | null)[]): Float32Array {
   const paints = level.paints.slice();
   for (const { start, picture } of level.draws) {
     const mean = picture === null ? null : means[picture];

@@ -1,6 +1,6 @@
 import { expect, it } from 'vitest';
 import { pixel } from './colors.ts';
-import { drain } from './stale_effect.ts';
+import { applyStaleEffect } from './stale_effect.ts';
 
 const STALE = [0x98, 0xa2, 0xb3] as const;
 const spread = (color: number) => {
@@ -12,7 +12,7 @@ it('takes the colour out, hatches, and leaves what is not drawn', () => {
   const red = pixel(220, 30, 30);
   const pixels = new Uint32Array(18 * 18).fill(red);
   pixels[5] = 0;
-  drain(pixels, 18, 1, STALE, 1);
+  applyStaleEffect(pixels, 18, 1, STALE, 1);
   expect(pixels[5]).toBe(0);
   const drawn = [...pixels].filter((color) => color !== 0);
   expect(Math.max(...drawn.map(spread))).toBeLessThan(20);
@@ -23,7 +23,7 @@ it('takes the colour out, hatches, and leaves what is not drawn', () => {
 it('comes gradually', () => {
   const after = (amount: number) => {
     const pixels = new Uint32Array(4).fill(pixel(220, 30, 30));
-    drain(pixels, 2, amount, STALE, 1);
+    applyStaleEffect(pixels, 2, amount, STALE, 1);
     return spread(pixels[0]!);
   };
   expect(after(0.5)).toBeLessThan(190);

@@ -9,7 +9,7 @@ const HATCH_CSS_PIXELS = 9;
  * @param pixels 0xAABBGGRR, transparent where nothing was drawn
  * @param ratio pixels for each of CSS
  */
-export function drain(
+export function applyStaleEffect(
   pixels: Uint32Array,
   width: number,
   amount: number,

@@ -1,23 +1,30 @@
-import { Later } from '../browser/debounce.ts';
-import { wantsStillness } from '../browser/reduced_motion.ts';
+import { Debounce } from '../browser/debounce.ts';
+import { prefersReducedMotion } from '../browser/reduced_motion.ts';
 import type { LinkLook } from '../model/posed_body.ts';
 import type { ModelReport } from '../model/report.ts';
-import { SignBoard } from '../overlays/overlay.ts';
-import type { SignManner } from '../overlays/robot_overlay.ts';
+import { Overlay } from '../overlays/overlay.ts';
+import type { OverlayStyle } from '../overlays/robot_overlay.ts';
 import type { KinematicTree } from '../twin/kinematic_tree.ts';
-import type { SignReadings } from '../twin/overlay/reader.ts';
+import type { OverlayReadings } from '../twin/overlay/reader.ts';
 import type { Pose } from '../twin/playback/pose.ts';
-import type { EyePlace, FollowMode, LineView, MouseStyle, PoseSource, SeenSigns } from '../view/body_view.ts';
+import type {
+  EyePlace,
+  FollowMode,
+  MouseStyle,
+  PoseSource,
+  RowView,
+  SeenOverlay,
+} from '../view/body_view.ts';
 import type { ViewName } from '../view/framing.ts';
-import type { Cover } from '../view/insets.ts';
+import type { Insets } from '../view/insets.ts';
 import { RenderLoop } from '../view/render_loop.ts';
-import { standInLine } from '../view/row_layout.ts';
-import { Eye } from './camera.ts';
-import { TONES, type Tones } from './colors.ts';
+import { layOutRow } from '../view/row_layout.ts';
+import { LightCamera } from './camera.ts';
+import { LIGHT_COLORS, type LightColors } from './colors.ts';
 import { LightPainter } from './painter.ts';
-import { listenToHands } from './pointer_input.ts';
-import { Sharpness } from './resolution.ts';
-import { StagedLight } from './robot_node.ts';
+import { attachPointerInput } from './pointer_input.ts';
+import { AdaptiveResolution } from './resolution.ts';
+import { LightRobotNode } from './robot_node.ts';
 
 /** After so long without motion the picture is drawn once more, finely. */
 const REST_MS = 150;
@@ -37,26 +44,26 @@ type OnProgress = (receivedBytes: number, totalBytes: number) => void;
  * The body, or some side by side, for a browser without 3D: the lowest level of detail, every pixel made by hand on a plain
  * canvas. The same robots, colours, signs, toggles and camera words as `RobotScene`, without a line of three.js.
  */
-export class LightView implements LineView {
+export class LightView implements RowView {
   readonly #host: HTMLElement;
-  readonly #eye = new Eye();
-  readonly #painter = new LightPainter(this.#eye);
-  readonly #sharpness = new Sharpness();
+  readonly #camera = new LightCamera();
+  readonly #painter = new LightPainter(this.#camera);
+  readonly #sharpness = new AdaptiveResolution();
   readonly #loop = new RenderLoop(() => this.#draw());
-  readonly #signs: SignBoard;
+  readonly #overlay: Overlay;
   readonly #resizes: ResizeObserver;
   readonly #letGo: () => void;
   readonly #onSlow: (slow: boolean) => void;
   readonly #onDrawn: () => void;
   #mouse: MouseStyle = 'orbit';
-  #tones: Tones;
-  readonly #robots: StagedLight[] = [];
+  #tones: LightColors;
+  readonly #robots: LightRobotNode[] = [];
   /** The first: the one that the view is of. */
-  readonly #robot: StagedLight;
+  readonly #robot: LightRobotNode;
   #triangles = 0;
   #pictureMs = 0;
   /** Once nothing moves any more, one last picture with smooth edges. */
-  readonly #finely = new Later(REST_MS, () => {
+  readonly #finely = new Debounce(REST_MS, () => {
     this.#fine = true;
     this.#loop.drawNow();
   });
@@ -67,11 +74,11 @@ export class LightView implements LineView {
     this.#onSlow = options.onSlow ?? (() => {});
     this.#onDrawn = options.onDrawn ?? (() => {});
     this.#host = host;
-    this.#tones = TONES[options.theme];
+    this.#tones = LIGHT_COLORS[options.theme];
     const { canvas } = this.#painter;
     host.append(canvas);
-    this.#signs = new SignBoard(host, this.#tones.signs);
-    this.#letGo = listenToHands(canvas, this.#eye, {
+    this.#overlay = new Overlay(host, this.#tones.signs);
+    this.#letGo = attachPointerInput(canvas, this.#camera, {
       mouse: () => this.#mouse,
       changed: () => this.#loop.request(),
     });
@@ -87,7 +94,7 @@ export class LightView implements LineView {
   }
 
   get resting(): boolean {
-    return this.#loop.resting && !this.#finely.due;
+    return this.#loop.resting && !this.#finely.pending;
   }
 
   get drawCalls(): number {
@@ -98,13 +105,13 @@ export class LightView implements LineView {
     return this.#triangles;
   }
 
-  get signs(): SeenSigns {
+  get signs(): SeenOverlay {
     return this.signsOf(this.#robot);
   }
 
-  signsOf(robot: StagedLight): SeenSigns {
-    if (this.#signs.make()) this.#loop.request();
-    return { ...this.#signs.shown(robot), ghostLinks: robot.figure?.ghostLinks ?? [] };
+  signsOf(robot: LightRobotNode): SeenOverlay {
+    if (this.#overlay.make()) this.#loop.request();
+    return { ...this.#overlay.shown(robot), ghostLinks: robot.figure?.ghostLinks ?? [] };
   }
 
   /** How long the newest picture in motion took to draw. */
@@ -144,42 +151,42 @@ export class LightView implements LineView {
     this.#loop.wake();
   }
 
-  get robots(): readonly StagedLight[] {
+  get robots(): readonly LightRobotNode[] {
     return this.#robots;
   }
 
-  addRobot(): StagedLight {
-    const robot = new StagedLight({
+  addRobot(): LightRobotNode {
+    const robot = new LightRobotNode({
       tones: () => this.#tones,
       placed: () => this.#placed(),
       framed: (eased) => this.#framed(eased),
       changed: () => this.#loop.request(),
     });
     this.#robots.push(robot);
-    if (this.#robots.length > 1) this.#eye.home = 'front'; // from anywhere else they would hide each other
+    if (this.#robots.length > 1) this.#camera.home = 'front'; // from anywhere else they would hide each other
     this.#loop.add(robot);
     return robot;
   }
 
-  topOf({ figure }: StagedLight): { x: number; y: number } | null {
+  topOf({ figure }: LightRobotNode): { x: number; y: number } | null {
     if (figure === null || this.#width === 0) return null;
     const { min, max } = figure.bounds();
     return this.#painter.place([(min[0] + max[0]) / 2, (min[1] + max[1]) / 2, max[2]]);
   }
 
   setTheme(name: 'dark' | 'light'): void {
-    this.#tones = TONES[name];
+    this.#tones = LIGHT_COLORS[name];
     for (const robot of this.#robots) robot.setTones(this.#tones);
-    this.#signs.setTones(this.#tones.signs);
+    this.#overlay.setTones(this.#tones.signs);
     this.#loop.request();
   }
 
-  setCover(cover: Cover): void {
-    if (this.#eye.cover(cover, !wantsStillness())) this.#loop.request();
+  setCover(cover: Insets): void {
+    if (this.#camera.cover(cover, !prefersReducedMotion())) this.#loop.request();
   }
 
-  showSigns(readings: SignReadings | null, manner?: SignManner, of = this.#robot): void {
-    this.#signs.show(of, readings, manner);
+  showSigns(readings: OverlayReadings | null, manner?: OverlayStyle, of = this.#robot): void {
+    this.#overlay.show(of, readings, manner);
     this.#loop.wake();
   }
 
@@ -192,42 +199,42 @@ export class LightView implements LineView {
   }
 
   look(view: ViewName): void {
-    this.#eye.look(view, !wantsStillness());
+    this.#camera.look(view, !prefersReducedMotion());
     this.#loop.request();
   }
 
   get stand(): EyePlace | null {
-    return this.#eye.stand;
+    return this.#camera.stand;
   }
 
   standAt(place: EyePlace): void {
-    this.#eye.standAt(place);
+    this.#camera.standAt(place);
     this.#loop.request();
   }
 
   get eye(): EyePlace {
-    return { position: this.#eye.position, target: this.#eye.target };
+    return { position: this.#camera.position, target: this.#camera.target };
   }
 
   focus(link: string): void {
     const pose = this.linkPoses()[link];
     if (pose === undefined) return;
-    this.#eye.focus([pose[3]!, pose[7]!, pose[11]!], !wantsStillness());
+    this.#camera.focus([pose[3]!, pose[7]!, pose[11]!], !prefersReducedMotion());
     this.#loop.request();
   }
 
   orbit(left: number, up: number): void {
-    this.#eye.turn(left, up);
+    this.#camera.turn(left, up);
     this.#loop.request();
   }
 
   pan(dx: number, dy: number): void {
-    this.#eye.pan(dx, dy);
+    this.#camera.pan(dx, dy);
     this.#loop.request();
   }
 
   zoom(factor: number): void {
-    this.#eye.zoom(factor);
+    this.#camera.zoom(factor);
     this.#loop.request();
   }
 
@@ -236,7 +243,7 @@ export class LightView implements LineView {
   }
 
   setFollow(mode: FollowMode): void {
-    this.#eye.followMode = mode;
+    this.#camera.followMode = mode;
   }
 
   pick(clientX: number, clientY: number): string | null {
@@ -260,11 +267,11 @@ export class LightView implements LineView {
 
   dispose(): void {
     for (const robot of this.#robots) robot.dispose();
-    this.#finely.callOff();
+    this.#finely.cancel();
     this.#loop.stop();
     this.#resizes.disconnect();
     this.#letGo();
-    this.#signs.dispose();
+    this.#overlay.dispose();
     this.#painter.canvas.remove();
   }
 
@@ -274,32 +281,32 @@ export class LightView implements LineView {
       const mean = (axis: 'x' | 'y') =>
         figures.reduce((sum, { place }) => sum + place[axis], 0) / figures.length;
       const heading = this.#robots.length === 1 ? figures[0]!.heading : 0; // several look nowhere together
-      this.#eye.follow(mean('x'), mean('y'), heading);
+      this.#camera.follow(mean('x'), mean('y'), heading);
     }
-    this.#signs.moved();
+    this.#overlay.moved();
     this.#loop.request();
   }
 
   #framed(eased: boolean): void {
-    if (this.#robots.length > 1) standInLine(this.#robots);
+    if (this.#robots.length > 1) layOutRow(this.#robots);
     const boxes = this.#robots.flatMap(({ figure }) => figure?.bounds() ?? []);
     if (boxes.length === 0) return;
     const far = (corner: 'min' | 'max') =>
       [0, 1, 2].map((axis) => Math[corner](...boxes.map((box) => box[corner][axis]!))) as Corner;
-    this.#eye.frame(far('min'), far('max'), eased && !wantsStillness());
-    this.#signs.measure();
+    this.#camera.frame(far('min'), far('max'), eased && !prefersReducedMotion());
+    this.#overlay.measure();
     this.#loop.request();
   }
 
   #advance(seconds: number): boolean {
-    const gliding = this.#signs.advance(seconds);
-    if (this.#signs.make()) this.#loop.request();
-    if (this.#eye.moving) {
-      this.#eye.advance(seconds);
+    const gliding = this.#overlay.advance(seconds);
+    if (this.#overlay.make()) this.#loop.request();
+    if (this.#camera.moving) {
+      this.#camera.advance(seconds);
       this.#loop.request();
     }
-    if (this.#width > 0) this.#signs.placeLabels(this.#painter.place, this.#width);
-    return gliding || this.#eye.moving;
+    if (this.#width > 0) this.#overlay.placeLabels(this.#painter.place, this.#width);
+    return gliding || this.#camera.moving;
   }
 
   #resize(): void {
@@ -307,20 +314,20 @@ export class LightView implements LineView {
     if (clientWidth === 0 || clientHeight === 0) return;
     this.#width = clientWidth;
     this.#painter.resize(clientWidth, clientHeight);
-    this.#eye.resize(clientWidth, clientHeight);
-    this.#signs.placeLabels(this.#painter.place, this.#width);
+    this.#camera.resize(clientWidth, clientHeight);
+    this.#overlay.placeLabels(this.#painter.place, this.#width);
     this.#loop.drawNow();
   }
 
   #draw(): boolean {
     if (this.#width === 0) return false;
     const begunMs = performance.now();
-    if (this.#signs.make()) this.#signs.placeLabels(this.#painter.place, this.#width); // robots may have moved since the last tick
+    if (this.#overlay.make()) this.#overlay.placeLabels(this.#painter.place, this.#width); // robots may have moved since the last tick
     const fine = this.#fine;
     this.#fine = false;
     this.#triangles = this.#painter.paint({
       robots: this.#robots,
-      strokes: this.#signs.strokes,
+      strokes: this.#overlay.strokes,
       tones: this.#tones,
       ratio: this.#sharpness.ratio(Math.max(1, window.devicePixelRatio), fine),
       fine,
@@ -331,7 +338,7 @@ export class LightView implements LineView {
       const { reduced } = this.#sharpness;
       this.#sharpness.took(this.#pictureMs);
       if (reduced !== this.#sharpness.reduced) this.#onSlow(!reduced);
-      this.#finely.putOff();
+      this.#finely.restart();
     }
     return true;
   }

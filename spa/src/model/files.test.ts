@@ -1,7 +1,7 @@
 // @vitest-environment happy-dom
 import { createHash } from 'node:crypto';
 import { beforeEach, expect, it, vi } from 'vitest';
-import { builtModelAt, levelBytes, manifestAt } from './files.ts';
+import { builtModelAt, lodBytes, manifestAt } from './files.ts';
 
 const LOW = Uint8Array.from({ length: 3000 }, (_, i) => i % 251);
 const file = {
@@ -35,14 +35,14 @@ it('the manifest is asked for once, its coarsest level right after, and whoever 
   expect(one?.links).toEqual(two?.links);
   expect((await manifestAt(url)).v).toBe(2);
   const heard: number[] = [];
-  const bytes = await levelBytes(file, url, never, (received) => heard.push(received));
+  const bytes = await lodBytes(file, url, never, (received) => heard.push(received));
   expect(bytes).toEqual(LOW);
   expect(heard.at(-1)).toBe(LOW.length);
   expect(asked).toEqual(['manifest.json', 'low.glb']);
 });
 
 it('a level that nobody asked for ahead is fetched when wanted', async () => {
-  expect(await levelBytes({ ...file, name: 'other' }, url, never, () => {})).toEqual(LOW);
+  expect(await lodBytes({ ...file, name: 'other' }, url, never, () => {})).toEqual(LOW);
   expect(asked).toEqual(['low.glb']);
 });
 
@@ -51,7 +51,7 @@ it('a level that somebody has already is not fetched ahead', async () => {
   const other = { ...file, sha256: createHash('sha256').update(bytes).digest('hex') };
   answer = (at) =>
     at.endsWith('.json') ? Response.json({ ...MANIFEST, levels: [other] }) : new Response(bytes.slice());
-  await levelBytes(other, url, never, () => {});
+  await lodBytes(other, url, never, () => {});
   await builtModelAt(url);
   for (let tick = 0; tick < 20; tick += 1) await new Promise((resolve) => setTimeout(resolve));
   expect(asked).toEqual(['low.glb', 'manifest.json']);
@@ -71,7 +71,7 @@ it('bytes that are too few, too many or others are refused by name', async () =>
     [LOW.slice().fill(0, 7, 9), /not the bytes that were announced/],
   ] as const) {
     answer = () => new Response(wrong.slice());
-    await expect(levelBytes(file, url, never, () => {})).rejects.toThrow(why);
+    await expect(lodBytes(file, url, never, () => {})).rejects.toThrow(why);
   }
 });
 
@@ -82,7 +82,7 @@ it('who leaves stops the fetch', async () => {
     heard = signal as AbortSignal;
     return new Promise((_yes, no) => signal?.addEventListener('abort', () => no(new Error('left'))));
   });
-  const wanted = levelBytes(file, url, leave.signal, () => {});
+  const wanted = lodBytes(file, url, leave.signal, () => {});
   await vi.waitFor(() => expect(heard).toBeDefined());
   leave.abort();
   await expect(wanted).rejects.toThrow('low.glb: no answer');

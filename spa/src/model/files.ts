@@ -1,6 +1,6 @@
 import { BundleError, fetchBytes, fetchManifest, fileUrl } from './bundle.ts';
-import { cachedLevel, isGenuine, keepLevel } from './lod_cache.ts';
-import { type LevelFile, type Manifest, readManifest } from './manifest.ts';
+import { cachedLod, matchesHash, storeLod } from './lod_cache.ts';
+import { type LodFile, type Manifest, readManifest } from './manifest.ts';
 
 /**
  * A built model's files, each fetched once however many wait for it. The page asks for them as soon as it knows their
@@ -41,7 +41,7 @@ export async function builtModelAt(url: string): Promise<Manifest | null> {
 }
 
 /** Starts to fetch a level that will be wanted. What goes wrong is told to whoever then asks for it. */
-function fetchAhead(file: LevelFile, manifestUrl: string): void {
+function fetchAhead(file: LodFile, manifestUrl: string): void {
   if (levels.has(file.sha256)) return;
   const coming = new ComingLevel(file, manifestUrl);
   coming.bytes.catch(() => {});
@@ -52,8 +52,8 @@ function fetchAhead(file: LevelFile, manifestUrl: string): void {
  * A level's bytes, of the right size and, where the browser can tell, of the right hash: from this browser's cache or
  * from the network. `onBytes` hears how many are here. Rejects with a BundleError of one line that names the file.
  */
-export async function levelBytes(
-  file: LevelFile,
+export async function lodBytes(
+  file: LodFile,
   manifestUrl: string,
   signal: AbortSignal,
   onBytes: (received: number) => void,
@@ -79,7 +79,7 @@ class ComingLevel {
   onBytes: (received: number) => void = () => {};
   readonly #leave = new AbortController();
 
-  constructor(file: LevelFile, manifestUrl: string) {
+  constructor(file: LodFile, manifestUrl: string) {
     this.bytes = this.#get(file, manifestUrl);
   }
 
@@ -87,8 +87,8 @@ class ComingLevel {
     this.#leave.abort();
   }
 
-  async #get({ path, bytes: size, sha256 }: LevelFile, manifestUrl: string): Promise<Uint8Array> {
-    const known = await cachedLevel(sha256);
+  async #get({ path, bytes: size, sha256 }: LodFile, manifestUrl: string): Promise<Uint8Array> {
+    const known = await cachedLod(sha256);
     if (known?.length === size) {
       this.#hear(size);
       return known;
@@ -96,10 +96,10 @@ class ComingLevel {
     const url = fileUrl(manifestUrl, { path });
     const bytes = await fetchBytes(url, size, this.#leave.signal, (more) => this.#hear(more));
     if (bytes.length !== size) throw new BundleError(`${path}: ${bytes.length} bytes instead of ${size}`);
-    if ((await isGenuine(sha256, bytes)) === false) {
+    if ((await matchesHash(sha256, bytes)) === false) {
       throw new BundleError(`${path}: not the bytes that were announced (SHA-256)`);
     }
-    void keepLevel(sha256, bytes);
+    void storeLod(sha256, bytes);
     return bytes;
   }
 

@@ -1,9 +1,9 @@
 import { expect, it } from 'vitest';
 import { jointOfLinks } from './link_tree.ts';
-import type { FigureJoint } from './posed_body.ts';
+import type { BodyJoint } from './posed_body.ts';
 
 it('what hangs rigidly on a link moves with the joint before it; the root with none', () => {
-  const joint = (link: string) => ({ link }) as FigureJoint;
+  const joint = (link: string) => ({ link }) as BodyJoint;
   const figure = {
     linkNames: ['base', 'thigh', 'shin', 'sole', 'lamp'],
     jointNames: ['hip', 'knee'],

@@ -26,14 +26,14 @@ export function jointOfLinks(body: Tree): Map<string, string | null> {
 }
 
 /** The links that one of these joints moves, and what hangs rigidly on those. */
-export function movedBy(body: Tree, joints: ReadonlySet<string>): Set<string> {
+export function linksMovedBy(body: Tree, joints: ReadonlySet<string>): Set<string> {
   const moved = new Set<string>();
   for (const [link, joint] of jointOfLinks(body)) if (joint !== null && joints.has(joint)) moved.add(link);
   return moved;
 }
 
 /** The links that the joints move, and all that hang on those, over further joints, too; by the model's order. */
-export function beyond(body: Tree, joints: readonly string[]): string[] {
+export function linksBeyond(body: Tree, joints: readonly string[]): string[] {
   const moved = new Set(joints.map((name) => body.joint(name)?.link));
   const parents = new Map([...body.bones()].map(([parent, child]) => [child, parent]));
   const isMoved = (link: string | undefined): boolean =>

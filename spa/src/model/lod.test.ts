@@ -1,6 +1,6 @@
 import { expect, test } from 'vitest';
 import { Glb, GlbError } from './glb.ts';
-import { readLevel, STAND_IN } from './lod.ts';
+import { readLod, STAND_IN } from './lod.ts';
 import { type SampleModel, sampleGlb } from './samples.ts';
 
 const PICTURE = Uint8Array.from([0x89, 0x50, 0x4e, 0x47]);
@@ -23,7 +23,7 @@ const model: SampleModel = {
 };
 
 test('visuals become one set of arrays, each vertex with its bone and its paint', async () => {
-  const level = await readLevel(await sampleGlb(model), 5);
+  const level = await readLod(await sampleGlb(model), 5);
   expect(level.positions.length).toBe(5 * 24 * 4); // the shared mesh twice
   const bones = Array.from({ length: 5 * 24 }, (_, i) => level.parts[i * 2]!);
   const paints = Array.from({ length: 5 * 24 }, (_, i) => level.parts[i * 2 + 1]!);
@@ -35,7 +35,7 @@ test('visuals become one set of arrays, each vertex with its bone and its paint'
 });
 
 test('one draw for all that is untextured, one more for each picture; all triangles belong to somebody', async () => {
-  const level = await readLevel(await sampleGlb(model), 5);
+  const level = await readLod(await sampleGlb(model), 5);
   expect(level.draws).toEqual([
     { start: 0, count: 4 * 36, picture: null },
     { start: 4 * 36, count: 36, picture: 0 },
@@ -92,7 +92,7 @@ test.each<[string, string, unknown, string]>([
   ['a filter', `${PACKED}/filter`, 'OCTAHEDRAL', 'not known'],
   ['damaged packing', `${PACKED}/byteOffset`, 1, 'damaged'],
 ])('%s is refused in one line', async (_, path, value, why) => {
-  await expect(readLevel(await changed((json) => put(json, path, value)), 1)).rejects.toThrow(why);
+  await expect(readLod(await changed((json) => put(json, path, value)), 1)).rejects.toThrow(why);
 });
 
 test('a page, an empty file and a cut one are no levels', async () => {

@@ -6,7 +6,7 @@ import { transform } from './kinematics.ts';
  * One level of detail, ready for one draw call: all visuals in one set of arrays, each vertex with the number of its
  * bone (its visual) and of its paint (its material). No three.js here.
  */
-export interface Level {
+export interface Lod {
   /** x, y, z, 0 of each vertex, in the units of its visual's mesh. */
   readonly positions: Int16Array;
   /** x, y, z, 0 of each vertex's normal, 127 = 1. */
@@ -58,7 +58,7 @@ const UNSIGNED_INT = 5125;
 const FLOAT = 5126;
 
 /** Reads a level's GLB (docs/MODEL.md); throws GlbError when it is not one, or not of so many visuals. */
-export async function readLevel(bytes: Uint8Array, visuals: number): Promise<Level> {
+export async function readLod(bytes: Uint8Array, visuals: number): Promise<Lod> {
   const glb = await Glb.read(bytes);
   const nodes = glb.list('nodes');
   if (nodes.length !== visuals) throw new GlbError(`${nodes.length} nodes for ${visuals} visuals`);

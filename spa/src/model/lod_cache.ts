@@ -9,18 +9,18 @@ const MAX_BYTES = 64_000_000;
 
 const address = (sha256: string) => `/.posecast-levels/${sha256}`;
 
-export async function cachedLevel(sha256: string): Promise<Uint8Array | null> {
+export async function cachedLod(sha256: string): Promise<Uint8Array | null> {
   try {
-    const found = await (await window.caches?.open(NAME))?.match(address(sha256));
+    const found = await (await globalThis.caches?.open(NAME))?.match(address(sha256));
     return found === undefined ? null : new Uint8Array(await found.arrayBuffer());
   } catch {
     return null; // a private window may refuse: then it is fetched
   }
 }
 
-export async function keepLevel(sha256: string, bytes: Uint8Array): Promise<void> {
+export async function storeLod(sha256: string, bytes: Uint8Array): Promise<void> {
   try {
-    const cache = await window.caches?.open(NAME);
+    const cache = await globalThis.caches?.open(NAME);
     if (cache === undefined || bytes.length > MAX_BYTES) return;
     await cache.put(
       address(sha256),
@@ -37,10 +37,10 @@ export async function keepLevel(sha256: string, bytes: Uint8Array): Promise<void
 }
 
 /** Whether the bytes are those that were announced; null where the browser can't tell (no https). */
-export async function isGenuine(sha256: string, bytes: Uint8Array): Promise<boolean | null> {
-  if (window.crypto?.subtle === undefined) return null;
+export async function matchesHash(sha256: string, bytes: Uint8Array): Promise<boolean | null> {
+  if (globalThis.crypto?.subtle === undefined) return null;
   const digest = new Uint8Array(
-    await window.crypto.subtle.digest('SHA-256', bytes as Uint8Array<ArrayBuffer>),
+    await globalThis.crypto.subtle.digest('SHA-256', bytes as Uint8Array<ArrayBuffer>),
   );
   return Array.from(digest, (byte) => byte.toString(16).padStart(2, '0')).join('') === sha256;
 }

@@ -9,7 +9,7 @@ import type { Joint, JointType } from './kinematics.ts';
 export interface Manifest {
   readonly robot: string;
   /** Coarsest first, at least one unless there is nothing to draw. */
-  readonly levels: readonly LevelFile[];
+  readonly levels: readonly LodFile[];
   /** Root first. */
   readonly links: readonly string[];
   readonly joints: readonly Joint[];
@@ -21,7 +21,7 @@ export interface Manifest {
   readonly findings: readonly Finding[];
 }
 
-export interface LevelFile {
+export interface LodFile {
   readonly name: string;
   readonly path: string;
   readonly bytes: number;
@@ -155,7 +155,7 @@ function readMimic(raw: Raw, where: string): Joint['mimic'] {
   return { joint, multiplier, offset };
 }
 
-function readLevelFile(raw: Raw, i: number): LevelFile {
+function readLevelFile(raw: Raw, i: number): LodFile {
   const { name, path, bytes, sha256 } = raw;
   const where = `levels[${i}]`;
   if (typeof path !== 'string' || !FILE.test(path)) throw wrong(`${where}: bad path`);

@@ -3,7 +3,7 @@ import type { LinkBox } from './bounds.ts';
 import type { Transform } from './vectors.ts';
 
 /** A joint that turns or slides. */
-export interface FigureJoint {
+export interface BodyJoint {
   /** The link it moves, whose origin is where it sits. */
   readonly link: string;
   /** A unit vector in that link's frame. */
@@ -37,7 +37,7 @@ export interface PosedBody {
   /** root_from_link as the joints have it, a unit quaternion; null for a link that the model does not have. */
   rootTurn(name: string): Quat | null;
   /** undefined for one that cannot move or that the model does not have. */
-  joint(name: string): FigureJoint | undefined;
+  joint(name: string): BodyJoint | undefined;
   /** Around what the link shows, in its own frame, metres. */
   linkBox(name: string): LinkBox | undefined;
   /** For each link but the root: its parent link's name and its own. */

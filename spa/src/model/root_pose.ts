@@ -3,7 +3,7 @@ import { NO_TURN, type Quat, type Vec3, withoutHeading } from '../twin/rotation.
 import { type Imu, rootAttitude } from '../twin/sensors/imus.ts';
 
 /** Where a robot's root is in the world by its newest poses, as far as they made sense. */
-export class Stance {
+export class RootPose {
   #headingLocked = false;
   /** The newest base that made sense; null while the robot reports none. */
   #base: Base | null = null;
@@ -12,7 +12,7 @@ export class Stance {
   #leaned: Quat | null = null;
 
   /** Takes a pose. True when the root may be elsewhere now. */
-  take({ base, lean = null }: Pose): boolean {
+  update({ base, lean = null }: Pose): boolean {
     const based = this.#takeBase(base);
     const before = this.#lean?.worldFromSensor ?? null;
     this.#lean = lean;

@@ -29,7 +29,7 @@ const WORLD_UP: Vec3 = [0, 0, 1];
 const WORLD_X: Vec3 = [1, 0, 0];
 const DOWN: Vec3 = [0, 0, -1];
 
-export interface LevelPaints {
+export interface AttitudePaints {
   readonly plane: Paint;
   readonly rim: Paint;
   readonly gravity: Paint;
@@ -38,7 +38,7 @@ export interface LevelPaints {
   readonly lean: Paint;
 }
 
-export interface ShownLevel {
+export interface ShownAttitude {
   /** Height of the reference plane, m; null while nothing says what is level. */
   readonly planeZ: number | null;
   /** Of the body's IMU, rad; null is no reading. */
@@ -49,8 +49,8 @@ export interface ShownLevel {
 }
 
 /** What is level and how the robot stands to it: a plane at the lowest foot, the plumb line, the lean of the body. */
-export class LevelSigns {
-  shown: ShownLevel = { planeZ: null, roll: null, pitch: null, feet: [] };
+export class AttitudeOverlay {
+  shown: ShownAttitude = { planeZ: null, roll: null, pitch: null, feet: [] };
 
   /** `based`: the robot itself reports where it is in the world. `figure`: null while there is none. */
   draw(
@@ -60,7 +60,7 @@ export class LevelSigns {
     body: Imu | null,
     based: boolean,
     reach: number,
-    paints: LevelPaints,
+    paints: AttitudePaints,
   ): void {
     const lean = body === null ? null : leanOf(body);
     const planeZ = figure !== null && (based || lean !== null) ? lowest(figure) : null;
@@ -81,7 +81,7 @@ function drawPlane(
   figure: PosedBody,
   z: number,
   reach: number,
-  { plane, rim }: LevelPaints,
+  { plane, rim }: AttitudePaints,
 ): void {
   const [x, y] = originOf(figure.root.matrixWorld.elements);
   const at: Vec3 = [x, y, z + LIFT * reach];
@@ -101,7 +101,7 @@ function drawPlumb(
   imu: Imu,
   planeZ: number,
   reach: number,
-  { gravity, faint, lean }: LevelPaints,
+  { gravity, faint, lean }: AttitudePaints,
 ): void {
   const worldFromLink = linkOf(figure, imu);
   if (worldFromLink === undefined) return;
@@ -130,7 +130,7 @@ function drawFoot(
   figure: PosedBody,
   imu: Imu,
   reach: number,
-  { rim }: LevelPaints,
+  { rim }: AttitudePaints,
 ): boolean {
   const worldFromLink = linkOf(figure, imu);
   if (worldFromLink === undefined || imu.worldFromSensor === null || imu.link === null) return false;

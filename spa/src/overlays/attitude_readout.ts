@@ -1,16 +1,16 @@
 import type { AngleUnit } from '../twin/format.ts';
 import { displayOf, formatNumber } from '../twin/format.ts';
-import type { ShownLevel } from './attitude.ts';
+import type { ShownAttitude } from './attitude.ts';
 
 const SVG = 'http://www.w3.org/2000/svg';
 /** The bubble of a spirit level is at the rim from here on. */
 const FULL_RAD = 0.35;
 const RIM = 11;
 
-type Lean = Pick<ShownLevel, 'roll' | 'pitch'> & { readonly angle: AngleUnit };
+type Lean = Pick<ShownAttitude, 'roll' | 'pitch'> & { readonly angle: AngleUnit };
 
 /** Roll and pitch in numbers and as the bubble of a spirit level, in a corner over the picture. */
-export class LevelReadout {
+export class AttitudeReadout {
   readonly #root = document.createElement('div');
   readonly #bubble = document.createElementNS(SVG, 'circle');
   readonly #roll = document.createTextNode('');

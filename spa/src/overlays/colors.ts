@@ -6,7 +6,7 @@ export type PaletteName = 'standard' | 'safe';
 
 /** The colours of what is drawn about a robot, sRGB 0xrrggbb. The page's own tokens are repeated here because a canvas
  *  can't inherit CSS. */
-export interface SignTones {
+export interface OverlayColors {
   /** All well, caution, fault. */
   readonly live: number;
   readonly caution: number;
@@ -23,7 +23,7 @@ export interface SignTones {
   readonly accent: number;
 }
 
-export const SIGN_TONES: Readonly<Record<'dark' | 'light', SignTones>> = {
+export const OVERLAY_COLORS: Readonly<Record<'dark' | 'light', OverlayColors>> = {
   dark: {
     live: 0x2fbf71,
     caution: 0xf5b83d,
@@ -47,7 +47,7 @@ export const SIGN_TONES: Readonly<Record<'dark' | 'light', SignTones>> = {
 };
 
 /** What a sign of a level is painted with; grey when it is not the robot's present. */
-export function levelColor(tones: SignTones, palette: PaletteName, level: Level, live: boolean): number {
+export function levelColor(tones: OverlayColors, palette: PaletteName, level: Level, live: boolean): number {
   if (!live) return tones.stale;
   if (palette === 'safe') return tones.safe[level];
   return { ok: tones.live, caution: tones.caution, fault: tones.fault }[level];

@@ -25,7 +25,7 @@ export interface ShownDeviation {
 }
 
 /** Arcs at the joints that are not where they were told to be: from where the limb is to where it should be. */
-export class LensSigns {
+export class DeviationOverlay {
   readonly shown: ShownDeviation[] = [];
 
   /** `from`: what the body shows. `body`: null while there is none. */

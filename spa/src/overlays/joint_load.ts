@@ -4,7 +4,7 @@ import type { Load } from '../twin/sensors/load.ts';
 import { loadColor, NO_LOAD } from './colors.ts';
 
 /** Paints the links of a robot by how loaded the joint is that moves them; what hangs rigidly on a link goes with it. */
-export class LoadPaint {
+export class JointLoadPaint {
   #figure: PosedBody | null = null;
   /** Link → the joint that moves it; null for what no joint moves. */
   #jointOf: ReadonlyMap<string, string | null> = new Map();

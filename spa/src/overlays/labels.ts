@@ -11,9 +11,9 @@ const LETTER_PX = 6.7;
 const FRAME_PX = 28;
 
 /** Where a point of the world is in the picture, CSS px; null behind the eye. */
-export type Place = (at: Vec3) => { x: number; y: number } | null;
+export type LabelPlace = (at: Vec3) => { x: number; y: number } | null;
 
-export interface SignLabel {
+export interface OverlayLabel {
   /** The same label from picture to picture. */
   readonly key: string;
   readonly text: string;
@@ -26,7 +26,7 @@ export interface SignLabel {
 
 /** Words beside the signs: elements over the canvas, so that they are sharp, cost no draw call and follow the theme.
  *  Screen readers find the same in the table, as text. */
-export class SignLabels {
+export class OverlayLabels {
   readonly #layer = document.createElement('div');
   readonly #elements = new Map<string, { root: HTMLElement; text: Text; at: Vec3; shownAt: string }>();
 
@@ -37,7 +37,7 @@ export class SignLabels {
   }
 
   /** The labels there are now, the most important first. */
-  set(labels: readonly SignLabel[]): void {
+  set(labels: readonly OverlayLabel[]): void {
     const shown = labels.slice(0, MOST_LABELS);
     const keys = new Set(shown.map(({ key }) => key));
     for (const [key, { root }] of this.#elements) {
@@ -56,7 +56,7 @@ export class SignLabels {
   }
 
   /** Puts them where their points are in a picture of this width, CSS px: beside them at the right, else at the left. */
-  place(place: Place, width: number): void {
+  place(place: LabelPlace, width: number): void {
     const taken: { x: number; y: number }[] = [];
     for (const element of this.#elements.values()) {
       const point = place(element.at);

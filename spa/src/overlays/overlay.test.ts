@@ -2,11 +2,11 @@
 import { expect, it } from 'vitest';
 import { sampleLeg } from '../three/robot/leg_sample.ts';
 import type { Wrench } from '../twin/sensors/wrenches.ts';
-import { SIGN_TONES } from './colors.ts';
-import { SignBoard } from './overlay.ts';
-import type { SignManner } from './robot_overlay.ts';
+import { OVERLAY_COLORS } from './colors.ts';
+import { Overlay } from './overlay.ts';
+import type { OverlayStyle } from './robot_overlay.ts';
 
-const MANNER: SignManner = {
+const MANNER: OverlayStyle = {
   live: true,
   from: 'pos',
   arrowScale: 1,
@@ -31,13 +31,13 @@ function standing(force: number, level: 'ok' | 'fault') {
 
 function board() {
   const host = document.createElement('div');
-  const made = new SignBoard(host, SIGN_TONES.dark);
+  const made = new Overlay(host, OVERLAY_COLORS.dark);
   const words = () => [...host.querySelectorAll<HTMLElement>('.sign-label')];
   return { made, words, level: () => host.querySelector<HTMLElement>('.stage-level')! };
 }
 
 /** Lets arrows grow to their length. */
-function settle(made: SignBoard): void {
+function settle(made: Overlay): void {
   while (made.advance(1 / 30)) made.make();
   made.make();
 }

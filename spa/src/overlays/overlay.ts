@@ -1,13 +1,13 @@
 import type { PosedBody } from '../model/posed_body.ts';
-import type { SignReadings } from '../twin/overlay/reader.ts';
-import { LevelReadout } from './attitude_readout.ts';
-import type { SignTones } from './colors.ts';
-import { type Place, SignLabels } from './labels.ts';
-import { RANK, RobotSigns, type ShownSigns, type SignManner } from './robot_overlay.ts';
+import type { OverlayReadings } from '../twin/overlay/reader.ts';
+import { AttitudeReadout } from './attitude_readout.ts';
+import type { OverlayColors } from './colors.ts';
+import { type LabelPlace, OverlayLabels } from './labels.ts';
+import { type OverlayStyle, RANK, RobotOverlay, type ShownOverlay } from './robot_overlay.ts';
 import { Strokes } from './strokes.ts';
 
 /** Whose signs they are: one of the robots in the picture. */
-export interface Bearer {
+export interface OverlayBearer {
   /** null while it has no body. */
   readonly figure: PosedBody | null;
 }
@@ -16,26 +16,26 @@ export interface Bearer {
  * All that is drawn about the robots of one picture, however that is drawn: strokes for whoever has a canvas, and words
  * over it. Nothing is made anew before somebody asks for it (`make`), so that six robots that move cost one picture.
  */
-export class SignBoard {
+export class Overlay {
   readonly strokes = new Strokes();
-  readonly #labels: SignLabels;
-  readonly #readout: LevelReadout;
-  readonly #signs = new Map<Bearer, RobotSigns>();
-  #tones: SignTones;
+  readonly #labels: OverlayLabels;
+  readonly #readout: AttitudeReadout;
+  readonly #signs = new Map<OverlayBearer, RobotOverlay>();
+  #tones: OverlayColors;
   #old = true;
 
-  constructor(host: HTMLElement, tones: SignTones) {
-    this.#labels = new SignLabels(host);
-    this.#readout = new LevelReadout(host);
+  constructor(host: HTMLElement, tones: OverlayColors) {
+    this.#labels = new OverlayLabels(host);
+    this.#readout = new AttitudeReadout(host);
     this.#tones = tones;
   }
 
-  shown(of: Bearer): ShownSigns {
+  shown(of: OverlayBearer): ShownOverlay {
     return this.#of(of).shown;
   }
 
   /** The newest readings of a robot and how they are wanted. */
-  show(of: Bearer, readings: SignReadings | null, manner?: SignManner): void {
+  show(of: OverlayBearer, readings: OverlayReadings | null, manner?: OverlayStyle): void {
     this.#of(of).take(readings, manner);
     this.#old = true;
   }
@@ -51,7 +51,7 @@ export class SignBoard {
     this.#old = true;
   }
 
-  setTones(tones: SignTones): void {
+  setTones(tones: OverlayColors): void {
     this.#tones = tones;
     this.#old = true;
   }
@@ -87,7 +87,7 @@ export class SignBoard {
   }
 
   /** Puts the words where their points are in a picture of this width, CSS px. */
-  placeLabels(place: Place, width: number): void {
+  placeLabels(place: LabelPlace, width: number): void {
     this.#labels.place(place, width);
   }
 
@@ -96,10 +96,10 @@ export class SignBoard {
     this.#readout.dispose();
   }
 
-  #of(bearer: Bearer): RobotSigns {
+  #of(bearer: OverlayBearer): RobotOverlay {
     let signs = this.#signs.get(bearer);
     if (signs === undefined) {
-      signs = new RobotSigns();
+      signs = new RobotOverlay();
       this.#signs.set(bearer, signs);
     }
     return signs;

@@ -1,18 +1,18 @@
 import type { Level } from '@posecast/wire';
 import { describe, expect, it } from 'vitest';
-import { SignBatch } from '../three/overlay_mesh.ts';
+import { OverlayMesh } from '../three/overlay_mesh.ts';
 import { sampleLeg } from '../three/robot/leg_sample.ts';
 import type { Deviation } from '../twin/overlay/deviations.ts';
 import { ofRpy, type Quat, type Vec3 } from '../twin/rotation.ts';
 import type { Imu } from '../twin/sensors/imus.ts';
 import type { Arrow, Wrench } from '../twin/sensors/wrenches.ts';
-import { LevelSigns } from './attitude.ts';
-import { levelColor, loadColor, SIGN_TONES } from './colors.ts';
-import { LensSigns } from './deviations.ts';
-import { LoadPaint } from './joint_load.ts';
+import { AttitudeOverlay } from './attitude.ts';
+import { levelColor, loadColor, OVERLAY_COLORS } from './colors.ts';
+import { DeviationOverlay } from './deviations.ts';
+import { JointLoadPaint } from './joint_load.ts';
 import { besideAt } from './labels.ts';
 import { AT, MOST_STROKES, STRIDE, Strokes } from './strokes.ts';
-import { WrenchSigns } from './wrenches.ts';
+import { WrenchOverlay } from './wrenches.ts';
 
 const GREEN = { color: 0x00ff00 };
 const GREY = { color: 0x000000 };
@@ -29,7 +29,7 @@ function drawn(draw: (strokes: Strokes) => void, strokes = new Strokes()): Strok
 describe('strokes', () => {
   it('are two draw calls on a graphics card, however many there are, and none without', () => {
     const strokes = new Strokes();
-    const batch = new SignBatch(strokes);
+    const batch = new OverlayMesh(strokes);
     expect(batch.object.visible).toBe(false);
     drawn((s) => {
       for (let i = 0; i < 50; i += 1) s.shaft(ORIGIN, UP, 1, 0.1, 0.1, GREEN);
@@ -83,7 +83,7 @@ function wrench(force: Partial<Arrow>, moment: Partial<Arrow> = {}): Wrench {
   return { site: 'F', name: 'foot', mount, force: arrow(force, 500), moment: arrow(moment, 10) };
 }
 
-function show(of: Wrench, scale = 1, signs = new WrenchSigns()) {
+function show(of: Wrench, scale = 1, signs = new WrenchOverlay()) {
   signs.take([of], true);
   const strokes = drawn((b) => signs.draw(b, sampleLeg(), 0.5, scale, () => GREEN, GREY));
   return {
@@ -126,7 +126,7 @@ describe('force and moment', () => {
   });
 
   it('glide to a new length within half a second, and come to rest', () => {
-    const signs = new WrenchSigns();
+    const signs = new WrenchOverlay();
     signs.take([wrench({ vector: [0, 0, 500] })], false);
     let ticks = 0;
     while (signs.advance(1 / 60)) ticks += 1;
@@ -149,7 +149,7 @@ function deviation(joint: string, pos: number, ref: number): Deviation {
 }
 
 describe('a deviation', () => {
-  const signs = new LensSigns();
+  const signs = new DeviationOverlay();
   const at = (found: Deviation) => {
     const strokes = drawn((b) =>
       signs.draw(b, sampleLeg(), [found], 'pos', 0.5, () => ({
@@ -188,7 +188,7 @@ describe('what is level', () => {
     },
   });
   const level = (imus: readonly Imu[], body: Imu | null, based = false) => {
-    const signs = new LevelSigns();
+    const signs = new AttitudeOverlay();
     const strokes = drawn((b) => signs.draw(b, sampleLeg(), imus, body, based, 0.5, paints));
     return { ...signs.shown, strokes: strokes.count };
   };
@@ -221,7 +221,7 @@ describe('load', () => {
     const leg = sampleLeg();
     const tints = new Map<string, unknown>();
     leg.setTint = (link, tint) => void tints.set(link, tint);
-    const paint = new LoadPaint();
+    const paint = new JointLoadPaint();
     const loads = new Map([['knee', { part: 1, level: 'fault' as Level }]]);
     expect(paint.paint(leg, loads, 0xff0000)).toBe(true);
     expect(tints.get('shank')).toEqual({ color: 0xff0000, hatched: true });
@@ -242,7 +242,7 @@ describe('load', () => {
 });
 
 it('signs are grey when the picture is old, and have other colours for colour-blind eyes', () => {
-  const { dark, light } = SIGN_TONES;
+  const { dark, light } = OVERLAY_COLORS;
   expect(levelColor(dark, 'standard', 'fault', false)).toBe(dark.stale);
   expect(levelColor(dark, 'standard', 'fault', true)).toBe(dark.fault);
   expect(levelColor(dark, 'safe', 'caution', true)).toBe(0xf0e442);

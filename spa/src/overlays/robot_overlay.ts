@@ -1,26 +1,26 @@
 import type { Level } from '@posecast/wire';
-import { wantsStillness } from '../browser/reduced_motion.ts';
+import { prefersReducedMotion } from '../browser/reduced_motion.ts';
 import { expandByBox, extentOf } from '../model/bounds.ts';
 import type { PosedBody } from '../model/posed_body.ts';
 import { type AngleUnit, displayOf, formatNumber } from '../twin/format.ts';
 import { isolated } from '../twin/names.ts';
-import type { SignReadings } from '../twin/overlay/reader.ts';
-import { LevelSigns, type ShownLevel } from './attitude.ts';
-import { levelColor, type PaletteName, type SignTones } from './colors.ts';
-import { LensSigns, type ShownDeviation } from './deviations.ts';
-import { LoadPaint } from './joint_load.ts';
-import type { SignLabel } from './labels.ts';
+import type { OverlayReadings } from '../twin/overlay/reader.ts';
+import { AttitudeOverlay, type ShownAttitude } from './attitude.ts';
+import { levelColor, type OverlayColors, type PaletteName } from './colors.ts';
+import { DeviationOverlay, type ShownDeviation } from './deviations.ts';
+import { JointLoadPaint } from './joint_load.ts';
+import type { OverlayLabel } from './labels.ts';
 import type { Paint, Strokes } from './strokes.ts';
-import { type ShownWrench, WrenchSigns } from './wrenches.ts';
+import { type ShownWrench, WrenchOverlay } from './wrenches.ts';
 
 /** What is said beside the signs. */
-export interface SignWords {
+export interface OverlayWords {
   readonly offBy: (channel: string, by: string) => string;
   readonly compliant: (channel: string) => string;
   readonly withoutReading: (name: string) => string;
 }
 
-export interface SignManner {
+export interface OverlayStyle {
   /** false: an old picture, all signs are grey. */
   readonly live: boolean;
   /** What the body shows: arcs lead from there to the other. */
@@ -29,27 +29,27 @@ export interface SignManner {
   readonly arrowScale: number;
   readonly palette: PaletteName;
   readonly angle: AngleUnit;
-  readonly words: SignWords;
+  readonly words: OverlayWords;
 }
 
 /** What is to be seen, for tests and curious people. */
-export interface ShownSigns {
+export interface ShownOverlay {
   readonly wrenches: readonly ShownWrench[];
   readonly deviations: readonly ShownDeviation[];
-  readonly level: ShownLevel;
+  readonly level: ShownAttitude;
   /** Link → #rrggbb while the body is painted by load. */
   readonly loads: Readonly<Record<string, string>>;
 }
 
-const NOTHING: SignReadings = {
+const NOTHING: OverlayReadings = {
   ...{ wrenches: [], deviations: [], imus: [], body: null, based: false, loads: null },
 };
-const UNSAID: SignWords = {
+const UNSAID: OverlayWords = {
   offBy: (channel, by) => `${channel} ${by}`,
   compliant: (channel) => channel,
   withoutReading: (name) => name,
 };
-const USUAL: SignManner = {
+const USUAL: OverlayStyle = {
   ...{ live: false, from: 'pos', arrowScale: 1, palette: 'standard', angle: 'rad' },
   words: UNSAID,
 };
@@ -57,37 +57,37 @@ const USUAL: SignManner = {
 export const RANK: Readonly<Record<Level, number>> = { fault: 0, caution: 1, ok: 2 };
 
 /** All that is drawn about one robot: forces, deviations, what is level, load. Strokes and words come out. */
-export class RobotSigns {
-  readonly #wrenches = new WrenchSigns();
-  readonly #lens = new LensSigns();
-  readonly #level = new LevelSigns();
-  readonly #loads = new LoadPaint();
+export class RobotOverlay {
+  readonly #wrenches = new WrenchOverlay();
+  readonly #deviations = new DeviationOverlay();
+  readonly #attitude = new AttitudeOverlay();
+  readonly #loads = new JointLoadPaint();
   #readings = NOTHING;
   #manner = USUAL;
   #body: PosedBody | null = null;
   /** The robot's radius, m; by its first whole pose, so that arrows do not breathe with it. */
   #reach: number | null = null;
 
-  get shown(): ShownSigns {
+  get shown(): ShownOverlay {
     const css = (color: number) => `#${color.toString(16).padStart(6, '0')}`;
     return {
       wrenches: [...this.#wrenches.shown],
-      deviations: [...this.#lens.shown],
-      level: this.#level.shown,
+      deviations: [...this.#deviations.shown],
+      level: this.#attitude.shown,
       loads: Object.fromEntries([...this.#loads.shown].map(([link, color]) => [link, css(color)])),
     };
   }
 
   /** How the body leans and in what that is said; null for a robot without a sensor that can say. */
-  get lean(): (ShownLevel & { readonly angle: AngleUnit }) | null {
-    return this.#readings.body === null ? null : { ...this.#level.shown, angle: this.#manner.angle };
+  get lean(): (ShownAttitude & { readonly angle: AngleUnit }) | null {
+    return this.#readings.body === null ? null : { ...this.#attitude.shown, angle: this.#manner.angle };
   }
 
   /** The newest readings and how they are wanted. */
-  take(readings: SignReadings | null, manner: SignManner = this.#manner): void {
+  take(readings: OverlayReadings | null, manner: OverlayStyle = this.#manner): void {
     this.#readings = readings ?? NOTHING;
     this.#manner = manner;
-    this.#wrenches.take(this.#readings.wrenches, wantsStillness());
+    this.#wrenches.take(this.#readings.wrenches, prefersReducedMotion());
   }
 
   /** The robot's size may be another one: it wears more than before. */
@@ -101,7 +101,7 @@ export class RobotSigns {
   }
 
   /** Adds what there is to a picture. True when the body's own colours have changed, too. */
-  draw(strokes: Strokes, body: PosedBody | null, tones: SignTones): boolean {
+  draw(strokes: Strokes, body: PosedBody | null, tones: OverlayColors): boolean {
     if (body !== this.#body) this.#reach = null;
     this.#body = body;
     this.#reach ??= body === null ? null : reachOf(body);
@@ -111,12 +111,12 @@ export class RobotSigns {
     const color = (level: Level) => levelColor(tones, palette, level, live);
     const solid = (level: Level): Paint => ({ color: color(level), through: true });
     this.#wrenches.draw(strokes, body, reach, arrowScale, solid, { color: tones.stale, through: true });
-    this.#lens.draw(strokes, body, deviations, from, reach, ({ compliant }) => {
+    this.#deviations.draw(strokes, body, deviations, from, reach, ({ compliant }) => {
       const tone = compliant || !live ? tones.muted : color('caution');
       return { line: { color: tone, through: true }, fill: { color: tone, opacity: 0.34, through: true } };
     });
     const line: Paint = { color: live ? tones.level : tones.stale, through: true };
-    this.#level.draw(strokes, body, imus, lean, based, reach, {
+    this.#attitude.draw(strokes, body, imus, lean, based, reach, {
       plane: { color: line.color, opacity: 0.07 },
       rim: { color: line.color, opacity: 0.8 },
       gravity: line,
@@ -127,9 +127,9 @@ export class RobotSigns {
   }
 
   /** The words at the strokes of the newest `draw`. */
-  labels(): SignLabel[] {
+  labels(): OverlayLabel[] {
     const labels = [...this.#wrenches.shown.flatMap((wrench) => wrenchLabel(wrench, this.#manner.words))];
-    for (const { channel, error, unit, compliant, at } of this.#lens.shown) {
+    for (const { channel, error, unit, compliant, at } of this.#deviations.shown) {
       if (at === null) continue;
       const display = displayOf(unit, this.#manner.angle);
       const off = formatNumber(Math.abs(error), {
@@ -155,7 +155,7 @@ export class RobotSigns {
 /** A moment of less than this sweep (rad) needs no number while it is well. */
 const QUIET_SWEEP = 0.35;
 
-function wrenchLabel({ site, name, force, moment, tip }: ShownWrench, words: SignWords): SignLabel[] {
+function wrenchLabel({ site, name, force, moment, tip }: ShownWrench, words: OverlayWords): OverlayLabel[] {
   const parts: string[] = [];
   if (force !== null) parts.push(said(force.value, 'N', 0));
   if (moment !== null && (moment.size > QUIET_SWEEP || moment.level !== 'ok' || moment.value === null))

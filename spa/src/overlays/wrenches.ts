@@ -66,7 +66,7 @@ interface Sensor {
 }
 
 /** Forces as arrows and moments as arcs at the sensors that measured them. */
-export class WrenchSigns {
+export class WrenchOverlay {
   readonly shown: ShownWrench[] = [];
   readonly #glides = new Map<string, { force: Glide; moment: Glide }>();
   #wrenches: readonly Wrench[] = [];

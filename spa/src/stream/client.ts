@@ -1,16 +1,16 @@
 import { revived } from '@posecast/wire';
-import { onAccount, tokenFor } from '../auth/token.ts';
+import { onAccountToken, tokenFor } from '../auth/token.ts';
 import type { RobotTwin } from '../twin/robot.ts';
 import { countSleep, nowMs } from './clock.ts';
 import { takeStream } from './early_stream.ts';
 import type { Ending, FromStream, Phase, Problem, ToStream } from './messages.ts';
-import { Sight } from './page_visibility.ts';
-import type { Carrier } from './transport.ts';
+import { PageVisibility } from './page_visibility.ts';
+import type { Transport } from './transport.ts';
 
 /** The connection as the page tells of it. A new object at every change, so that a listener can compare. */
 export interface Link {
   /** What carries it, or is to. */
-  by: Carrier;
+  by: Transport;
   phase: Phase;
   retryAtMs: number | null;
   ending: Ending | null;
@@ -45,7 +45,7 @@ export class StreamClient {
 
   constructor(twin: RobotTwin, url: string, hz: number) {
     this.#twin = twin;
-    const { worker, said } = takeStream(url, hz);
+    const { worker, messages } = takeStream(url, hz);
     this.#worker = worker;
     this.#worker.onmessage = (event: MessageEvent<FromStream>) => this.#accept(event.data);
     this.#worker.onerror = (event) => {
@@ -53,20 +53,20 @@ export class StreamClient {
         problem: { what: 'worker', detail: event.message || 'it could not start' },
       });
     };
-    for (const message of said) this.#accept(message);
-    const sight = new Sight((seen) => {
+    for (const message of messages) this.#accept(message);
+    const visibility = new PageVisibility((seen) => {
       this.#tell({ kind: 'visible', visible: seen });
       twin.acceptWatching(seen, nowMs());
       if (seen) this.wake();
     });
-    this.#tell({ kind: 'visible', visible: sight.seen });
-    twin.acceptWatching(sight.seen, nowMs());
+    this.#tell({ kind: 'visible', visible: visibility.visible });
+    twin.acceptWatching(visibility.visible, nowMs());
     const { signal } = this.#leave;
     const wake = () => this.wake();
-    signal.addEventListener('abort', () => sight.close());
+    signal.addEventListener('abort', () => visibility.close());
     signal.addEventListener(
       'abort',
-      onAccount(() => this.#tell({ kind: 'token', token: tokenFor(url) })),
+      onAccountToken(() => this.#tell({ kind: 'token', token: tokenFor(url) })),
     );
     window.addEventListener('online', wake, { signal });
     window.addEventListener('pageshow', (event) => event.persisted && wake(), { signal });

@@ -9,24 +9,24 @@ import type { FromStream, ToStream } from './messages.ts';
 export interface StartedStream {
   readonly worker: Worker;
   /** Oldest first. */
-  readonly said: readonly FromStream[];
+  readonly messages: readonly FromStream[];
 }
 
 /** A page that takes this long to come does not come: what waits for it goes. */
-const MAX_SAID = 200;
+const MAX_MESSAGES = 200;
 
-let early: { readonly url: string; readonly worker: Worker; readonly said: FromStream[] } | null = null;
+let early: { readonly url: string; readonly worker: Worker; readonly messages: FromStream[] } | null = null;
 
 /** Starts the stream of an address; `onModel` hears the first model hash. */
 export function startEarly(url: string, hz: number, onModel: (hash: string) => void): void {
   abandon();
   const worker = start(url, hz);
-  const said: FromStream[] = [];
-  early = { url, worker, said };
+  const messages: FromStream[] = [];
+  early = { url, worker, messages };
   worker.onmessage = ({ data }: MessageEvent<FromStream>) => {
-    said.push(data);
+    messages.push(data);
     if (data.kind === 'model' && data.hash !== null) onModel(data.hash);
-    if (said.length > MAX_SAID) abandon();
+    if (messages.length > MAX_MESSAGES) abandon();
   };
   worker.onerror = abandon; // the page starts another, and tells if that fails, too
 }
@@ -36,7 +36,7 @@ export function takeStream(url: string, hz: number): StartedStream {
   const taken = early;
   if (taken?.url !== url) {
     abandon();
-    return { worker: start(url, hz), said: [] };
+    return { worker: start(url, hz), messages: [] };
   }
   early = null;
   return taken;

@@ -1,7 +1,7 @@
 import { Decoder, type Frame, FrameError, type RelayMessage, type Schema, SchemaError } from '@posecast/wire';
 import { poseDiffers } from '../twin/pose_change.ts';
 import type { FromStream } from './messages.ts';
-import { Pace } from './rate_meter.ts';
+import { RateMeter } from './rate_meter.ts';
 
 /** After a longer pause between frames nobody knows whether the pose moved meanwhile. */
 const GAP_MS = 2500;
@@ -15,10 +15,10 @@ type Told = Extract<RelayMessage, { type: 'status' | 'schema' | 'info' | 'event'
  * What one connection brings of the robot, read: bytes and messages go in, what the page is to know comes out by
  * `post`. The relay keeps per connection what a viewer was given, so each has a reading of its own, from nothing.
  */
-export class Reading {
+export class FrameReader {
   readonly #post: (message: FromStream) => void;
   readonly #decoder = new Decoder();
-  readonly #pace = new Pace();
+  readonly #rate = new RateMeter();
   #shownSchemaId: number | null = null;
   /** The newest frame that the relay has told of, and when it was new: null when the relay does not know. */
   #told: { seq: number; bornMs: number | null } | null = null;
@@ -34,7 +34,7 @@ export class Reading {
 
   /** Frames a second of late. */
   hz(nowMs: number): number {
-    return this.#pace.hz(nowMs);
+    return this.#rate.hz(nowMs);
   }
 
   /** Poses were not asked for until now: the next may be of any moment since the newest status. */
@@ -86,7 +86,7 @@ export class Reading {
     if (fresh) this.#freshMs = leftMs;
     this.#show(schema); // it may be one that was shown before the last
     this.#newest = { schemaId: schema.id, seq, codes, leftMs };
-    this.#pace.came(nowMs);
+    this.#rate.recordArrival(nowMs);
     this.#post({
       kind: 'state',
       state: {

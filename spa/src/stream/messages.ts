@@ -1,7 +1,7 @@
 import type { EventMessage, Schema } from '@posecast/wire';
 import type { Status } from '../twin/liveness.ts';
 import type { RobotState } from '../twin/robot.ts';
-import type { Carrier } from './transport.ts';
+import type { Transport } from './transport.ts';
 
 /** Why a connection ended, in the close table's terms. */
 export interface Ending {
@@ -13,7 +13,7 @@ export type Phase = 'connecting' | 'open' | 'waiting' | 'ended';
 
 /** Worker → page. Control messages are few (status once a second, events 20 a second at most); states pass a mailbox. */
 export type FromStream =
-  | { kind: 'link'; by: Carrier; phase: Phase; retryAtMs: number | null; ending: Ending | null }
+  | { kind: 'link'; by: Transport; phase: Phase; retryAtMs: number | null; ending: Ending | null }
   | { kind: 'schema'; schema: Schema }
   | { kind: 'state'; state: RobotState }
   | { kind: 'status'; status: Status }

@@ -2,7 +2,7 @@
  * Whether somebody can see this page: its tab is in front, and where it stands inside another page, that part of it is
  * on the screen. What nobody sees asks the relay for no poses.
  */
-export class Sight {
+export class PageVisibility {
   #onScreen = true;
   #seen: boolean;
   readonly #tell: (seen: boolean) => void;
@@ -24,7 +24,7 @@ export class Sight {
     signal.addEventListener('abort', () => observer.disconnect());
   }
 
-  get seen(): boolean {
+  get visible(): boolean {
     return this.#seen;
   }
 

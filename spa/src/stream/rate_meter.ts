@@ -1,10 +1,10 @@
 const WINDOW_MS = 2000;
 
 /** How often frames come, measured over two seconds. */
-export class Pace {
+export class RateMeter {
   #arrivals: number[] = [];
 
-  came(nowMs: number): void {
+  recordArrival(nowMs: number): void {
     this.#arrivals.push(nowMs);
   }
 

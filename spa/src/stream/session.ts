@@ -7,10 +7,10 @@ import {
 } from '@posecast/wire';
 import { QUIET_AFTER_MS, STALE_AFTER_MS } from '../twin/liveness.ts';
 import { retryDelayMs } from './backoff.ts';
-import { Reading } from './frame_reader.ts';
+import { FrameReader } from './frame_reader.ts';
 import { Lateness, lowerHz } from './lateness.ts';
 import type { Ending, FromStream, Phase } from './messages.ts';
-import { type Carrier, CarrierChoice } from './transport.ts';
+import { type Transport, TransportChoice } from './transport.ts';
 
 /** status comes at least once a second: three of them missing is a dead socket that nobody told us about. */
 export const SILENT_LIMIT_MS = 3000;
@@ -32,7 +32,7 @@ const SLOW_NETWORK = 'slow network';
 
 /** What the worker must do, in this order. */
 export type Action =
-  | { do: 'connect'; by: Carrier; url: string }
+  | { do: 'connect'; by: Transport; url: string }
   /** Open a WebSocket beside what stands; if it opens, it takes over. */
   | { do: 'try'; url: string }
   | { do: 'send'; text: string }
@@ -47,7 +47,7 @@ export type Action =
  *        └──failed, slow──────────────────────────────┘
  *   open ──closed with a code that says "not again"──► ended ──wake──► connecting
  *
- * What carries it, `CarrierChoice` decides at every connecting. On events nothing can be said to the relay: another rate
+ * What carries it, `TransportChoice` decides at every connecting. On events nothing can be said to the relay: another rate
  * is another connection, and the stream stays open meanwhile. A mirror, which is any address but a WebSocket's, has one rate.
  */
 export class Session {
@@ -79,7 +79,7 @@ export class Session {
   #askedMs = Number.NEGATIVE_INFINITY;
   #paceMs = 0;
 
-  readonly #choice: CarrierChoice;
+  readonly #choice: TransportChoice;
   readonly #lateness = new Lateness();
   /** What a slow network is asked for, on events; null: all that is wanted. */
   #slowHz: number | null = null;
@@ -95,7 +95,7 @@ export class Session {
     this.#askedHz = hz;
     this.#visible = visible;
     this.#random = random;
-    this.#choice = new CarrierChoice(random, !url.startsWith('ws'));
+    this.#choice = new TransportChoice(random, !url.startsWith('ws'));
   }
 
   get phase(): Phase {
@@ -147,7 +147,7 @@ export class Session {
 
   text(nowMs: number, text: string): Action[] {
     this.#hear(nowMs);
-    if (!this.#greeted) this.#choice.worked();
+    if (!this.#greeted) this.#choice.recordSuccess();
     this.#greeted = true;
     const message = parseRelayMessage(text);
     if (message !== null) this.#understand(nowMs, message);
@@ -180,7 +180,7 @@ export class Session {
         this.#acknowledge(nowMs);
         this.#wishRate(nowMs);
         this.#measure(nowMs);
-        if (this.#greeted && this.#choice.tries(nowMs)) {
+        if (this.#greeted && this.#choice.shouldTryWebSocket(nowMs)) {
           this.#actions.push({ do: 'try', url: this.#address('websocket', this.#wantedHz) });
         }
         if (this.#choice.now === 'events' && this.#askedHz > 0 && this.#lateness.tooLate(nowMs)) {
@@ -188,8 +188,8 @@ export class Session {
           this.#reask(nowMs, this.#slowHz); // what is on its way is old: it goes with its connection
         }
       }
-    } else if (this.#phase === 'connecting' && this.#choice.overdue(nowMs)) {
-      this.#choice.failed();
+    } else if (this.#phase === 'connecting' && this.#choice.isOverdue(nowMs)) {
+      this.#choice.recordFailure();
       this.#connect(nowMs);
     } else if (this.#phase === 'connecting' && nowMs - this.#sinceMs > CONNECT_LIMIT_MS) {
       this.#actions.push({ do: 'drop' });
@@ -210,7 +210,7 @@ export class Session {
 
   /** Back online, back from sleep, or the person asks. A socket that may have died in the meantime is not trusted. */
   wake(nowMs: number): Action[] {
-    this.#choice.hope(nowMs);
+    this.#choice.retrySoon(nowMs);
     if (this.#phase === 'connecting') return this.#take();
     if (this.#phase === 'open') {
       if (nowMs - this.#heardMs <= SILENT_LIMIT_MS / 2) return this.#take();
@@ -262,8 +262,8 @@ export class Session {
     this.#actions.push({ do: 'send', text: JSON.stringify(message) });
   }
 
-  #newReading(): Reading {
-    return new Reading((message) => this.#post(message));
+  #newReading(): FrameReader {
+    return new FrameReader((message) => this.#post(message));
   }
 
   #link(ending: Ending | null): void {
@@ -274,7 +274,7 @@ export class Session {
   #connect(nowMs: number): void {
     this.#phase = 'connecting';
     this.#retryAtMs = null;
-    const by = this.#choice.next(nowMs);
+    const by = this.#choice.chooseNext(nowMs);
     if (!this.#onEvents) this.#slowHz = null;
     this.#begin(nowMs, by === 'websocket' ? this.#wantedHz : this.#wishedHz);
     this.#link(null);
@@ -290,7 +290,7 @@ export class Session {
     return this.#visible ? (this.#slowHz ?? this.#wantedHz) : 0;
   }
 
-  #address(by: Carrier, hz: number): string {
+  #address(by: Transport, hz: number): string {
     if (by === 'mirror') return this.#url;
     // Events have a header for the token.
     if (by === 'events') return `${this.#url.replace(/^ws/, 'http')}.sse?hz=${hz}`;
@@ -324,7 +324,7 @@ export class Session {
   #lost(nowMs: number, ending: Ending, retryS: number | null): void {
     if (this.#phase === 'ended' || this.#phase === 'waiting') return;
     if (this.#phase === 'open' && nowMs - this.#sinceMs >= WORKED_MS) this.#failures = 0;
-    if (!this.#greeted) this.#choice.failed();
+    if (!this.#greeted) this.#choice.recordFailure();
     const delayMs = retryDelayMs(retryOf(ending.code), this.#failures, this.#random(), retryS);
     this.#failures += 1;
     this.#phase = delayMs === null ? 'ended' : 'waiting';

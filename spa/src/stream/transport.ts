@@ -1,6 +1,6 @@
 /** What carries a stream: a WebSocket, or server-sent events over plain HTTP where no WebSocket gets through; or a mirror of
  *  the relay in a database. */
-export type Carrier = 'websocket' | 'events' | 'mirror';
+export type Transport = 'websocket' | 'events' | 'mirror';
 
 /** So many openings that fail, or so long without one, and the stream is asked for over plain HTTP. */
 export const FAILED_OPENINGS = 2;
@@ -10,9 +10,9 @@ const TRY_AGAIN_MS = 30_000;
 const SELDOM_MS = 300_000;
 
 /** Which carrier the next connection takes, and when a stream on events tries a WebSocket. Without a socket or a clock. */
-export class CarrierChoice {
+export class TransportChoice {
   /** Of the newest connection. A mirror is all there is. */
-  now: Carrier;
+  now: Transport;
   readonly #random: () => number;
   #failed = 0;
   #eventsWork = false;
@@ -28,30 +28,30 @@ export class CarrierChoice {
   }
 
   /** For a connection that begins now. Once WebSockets are in doubt, the two take turns until one works. */
-  next(nowMs: number): Carrier {
+  chooseNext(nowMs: number): Transport {
     if (this.now === 'mirror') return this.now;
     this.#withoutMs ??= nowMs;
     const endMs = this.#withoutMs + WITHOUT_MS;
     const doubted = this.#failed >= FAILED_OPENINGS || nowMs >= endMs;
     this.now = doubted && (this.now === 'websocket' || this.#eventsWork) ? 'events' : 'websocket';
     this.#deadlineMs = nowMs < endMs ? endMs : nowMs + WITHOUT_MS;
-    this.hope(nowMs); // a relay that was only away for a moment takes WebSockets again
+    this.retrySoon(nowMs); // a relay that was only away for a moment takes WebSockets again
     return this.now;
   }
 
   /** Whether an opening that has begun is given up for the other carrier. */
-  overdue(nowMs: number): boolean {
+  isOverdue(nowMs: number): boolean {
     return this.now === 'websocket' && nowMs >= this.#deadlineMs;
   }
 
   /** The newest connection never said a word. */
-  failed(): void {
+  recordFailure(): void {
     if (this.now === 'websocket') this.#failed += 1;
     else this.#eventsWork = false;
   }
 
   /** The relay has spoken on it. */
-  worked(): void {
+  recordSuccess(): void {
     this.#eventsWork = this.now === 'events';
     if (this.#eventsWork) return;
     this.#failed = 0;
@@ -59,13 +59,13 @@ export class CarrierChoice {
   }
 
   /** Something has changed outside: worth a try. */
-  hope(nowMs: number): void {
+  retrySoon(nowMs: number): void {
     this.#tryAtMs = nowMs;
     this.#tryAgainMs = TRY_AGAIN_MS;
   }
 
   /** Whether a stream that stands on events tries a WebSocket now. */
-  tries(nowMs: number): boolean {
+  shouldTryWebSocket(nowMs: number): boolean {
     if (this.now !== 'events' || nowMs < this.#tryAtMs) return false;
     this.#tryAtMs = nowMs + this.#tryAgainMs * (0.5 + this.#random()); // a hall behind one proxy does not try as one
     this.#tryAgainMs = Math.min(SELDOM_MS, 2 * this.#tryAgainMs);

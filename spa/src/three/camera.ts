@@ -1,10 +1,10 @@
 import { type Box3, MathUtils, MOUSE, PerspectiveCamera, Ray, Sphere, Spherical, Vector3 } from 'three';
 import { OrbitControls } from 'three/addons/controls/OrbitControls.js';
-import { wantsStillness } from '../browser/reduced_motion.ts';
+import { prefersReducedMotion } from '../browser/reduced_motion.ts';
 import { type Extent, extentOf } from '../model/bounds.ts';
 import type { EyePlace, FollowMode, MouseStyle } from '../view/body_view.ts';
 import { FIELD_OF_VIEW, fittingDistance, VIEWS, type ViewName } from '../view/framing.ts';
-import { type Cover, FreeArea } from '../view/insets.ts';
+import { type Insets, ViewInsets } from '../view/insets.ts';
 
 export type { ViewName } from '../view/framing.ts';
 
@@ -19,7 +19,7 @@ export class CameraRig {
   readonly camera = new PerspectiveCamera(FIELD_OF_VIEW, 1, 0.01, 100);
   readonly #controls: OrbitControls;
   readonly #home = new Sphere(new Vector3(0, 0, 0.6), 0.75);
-  readonly #area = new FreeArea();
+  readonly #insets = new ViewInsets();
   #extent: Extent = { tall: 0.6, wide: 0.4, radius: 0.75 };
   readonly #ease = { from: new Spherical(), to: new Spherical(), target: new Vector3(), left: 0 };
   #touched = false;
@@ -104,7 +104,7 @@ export class CameraRig {
     const { from, to, target } = this.#ease;
     target.copy(this.#home.center);
     to.set(
-      fittingDistance(this.#extent, this.#area.aspect),
+      fittingDistance(this.#extent, this.#insets.aspect),
       MathUtils.degToRad(90 - elevation),
       MathUtils.degToRad(azimuth),
     );
@@ -119,7 +119,7 @@ export class CameraRig {
     const { from, to, target } = this.#ease;
     target.copy(at);
     zUpSpherical(OFFSET.copy(this.camera.position).sub(this.#controls.target), from);
-    to.set(fittingDistance(this.#extent, this.#area.aspect) * CLOSE_PART, from.phi, from.theta);
+    to.set(fittingDistance(this.#extent, this.#insets.aspect) * CLOSE_PART, from.phi, from.theta);
     this.#go(eased);
   }
 
@@ -190,16 +190,16 @@ export class CameraRig {
 
   /** The picture is so large, CSS px. */
   resize(width: number, height: number): void {
-    this.#area.resize(width, height);
+    this.#insets.resize(width, height);
     this.#fit();
     if (!this.#touched) this.look('home', false);
   }
 
   /** So much of the picture stands under notes and buttons: what is looked at comes to the middle of the rest. True when that is
    *  more or less than before. */
-  cover(cover: Cover): boolean {
-    const eased = !wantsStillness();
-    if (!this.#area.cover(cover, eased)) return false;
+  cover(cover: Insets): boolean {
+    const eased = !prefersReducedMotion();
+    if (!this.#insets.setInsets(cover, eased)) return false;
     this.#fit();
     if (!this.#touched) this.look('home', eased);
     return true;
@@ -207,12 +207,12 @@ export class CameraRig {
 
   /** Moves on by so many seconds. True while more ticks are needed. */
   advance(seconds: number): boolean {
-    if (this.#area.moving) {
-      this.#area.advance(seconds);
+    if (this.#insets.moving) {
+      this.#insets.advance(seconds);
       this.#fit();
     }
     if (this.#ease.left > 0) this.#step(seconds);
-    return this.#ease.left > 0 || this.#area.moving;
+    return this.#ease.left > 0 || this.#insets.moving;
   }
 
   dispose(): void {
@@ -221,14 +221,14 @@ export class CameraRig {
 
   /** The whole of a view goes into the free part; the rest of the picture goes on around it. */
   #fit(): void {
-    const { width, height, top, free } = this.#area;
+    const { width, height, top, free } = this.#insets;
     this.camera.aspect = width / free;
     this.camera.setViewOffset(width, free, 0, -top, width, height);
   }
 
   #go(eased: boolean): void {
     this.#ease.left = EASE_SECONDS;
-    if (!eased || wantsStillness()) this.#step(Number.POSITIVE_INFINITY);
+    if (!eased || prefersReducedMotion()) this.#step(Number.POSITIVE_INFINITY);
     else this.#step(0.001);
   }
 

@@ -3,16 +3,16 @@ import { type Camera, NeutralToneMapping, type Scene, VSMShadowMap, WebGLRendere
 const MAX_PIXEL_RATIO = 2;
 
 /** The canvas and what draws on it: its size, its pixels, and its context, which a browser may take away. */
-export class Surface {
+export class SceneCanvas {
   readonly canvas: HTMLCanvasElement;
   readonly renderer: WebGLRenderer;
   readonly #host: HTMLElement;
   readonly #resizes: ResizeObserver;
-  readonly #on: SurfaceEvents;
+  readonly #on: SceneCanvasEvents;
   #sharpness = 1;
 
   /** Throws an Error with a sentence for people when the browser has no WebGL. */
-  constructor(host: HTMLElement, on: SurfaceEvents) {
+  constructor(host: HTMLElement, on: SceneCanvasEvents) {
     this.#host = host;
     this.#on = on;
     this.canvas = document.createElement('canvas');
@@ -94,7 +94,7 @@ export class Surface {
   };
 }
 
-export interface SurfaceEvents {
+export interface SceneCanvasEvents {
   /** CSS pixels, and device pixels for each of them. */
   resized(width: number, height: number, pixelRatio: number): void;
   /** It has another size and shows nothing until it is drawn. */

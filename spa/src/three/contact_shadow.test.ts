@@ -1,14 +1,14 @@
 import { Matrix4 } from 'three';
 import { expect, test } from 'vitest';
 import type { LinkBox } from '../model/bounds.ts';
-import { Contacts, MOST_CONTACTS } from './contact_shadow.ts';
+import { ContactShadow, MOST_CONTACTS } from './contact_shadow.ts';
 
 const SOLE: LinkBox = { min: [-0.1, -0.04, -0.05], max: [0.14, 0.04, 0] };
 const at = (x: number, y: number, z: number, yaw = 0) =>
   [{ matrixWorld: new Matrix4().makeRotationZ(yaw).setPosition(x, y, z) }, SOLE] as const;
 
-function contacts(...links: ReturnType<typeof at>[]): Contacts {
-  const made = new Contacts();
+function contacts(...links: ReturnType<typeof at>[]): ContactShadow {
+  const made = new ContactShadow();
   made.follow(links, 0.7);
   return made;
 }

@@ -11,7 +11,7 @@ const FORGOTTEN_AT = 0.16;
  * Where a robot touches the floor, as rounded rectangles: the dark under a sole that a shadow map is too coarse for, and
  * that tells a foot that stands from one that hovers.
  */
-export class Contacts {
+export class ContactShadow {
   /** Centre x, y, and the direction of the longer side (cosine, sine). */
   readonly place = Array.from({ length: MOST_CONTACTS }, () => new Vector4());
   /** Half the longer side, half the other (m), and how near it is: 1 touches, 0 is none. */

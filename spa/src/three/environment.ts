@@ -15,7 +15,7 @@ import {
   Vector2,
 } from 'three';
 import { mergeGeometries } from 'three/addons/utils/BufferGeometryUtils.js';
-import { Contacts, MOST_CONTACTS } from './contact_shadow.ts';
+import { ContactShadow, MOST_CONTACTS } from './contact_shadow.ts';
 import type { Figure } from './robot/figure.ts';
 import type { SceneTheme } from './theme.ts';
 
@@ -32,7 +32,7 @@ export class Environment {
   readonly #fill = new DirectionalLight();
   readonly #floor: Mesh<PlaneGeometry, ShaderMaterial>;
   readonly #axes = new Mesh(axesGeometry(), new MeshBasicMaterial({ vertexColors: true, toneMapped: false }));
-  readonly #contacts = new Contacts();
+  readonly #contacts = new ContactShadow();
   #reach = 1;
 
   constructor() {

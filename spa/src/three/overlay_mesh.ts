@@ -26,7 +26,7 @@ const SIZES: Readonly<Record<keyof typeof AT, number>> = {
  * Strokes on the graphics card, in two draw calls for all of them. The first draws what is seen, the second lets it show
  * faintly through whatever stands before it: a force on a sole would else be lost in the leg.
  */
-export class SignBatch {
+export class OverlayMesh {
   readonly object = new Group();
   readonly #strokes: Strokes;
   readonly #buffer: InstancedInterleavedBuffer;

@@ -1,13 +1,13 @@
 import { type Camera, type Group, Vector3 } from 'three';
-import { SignBoard } from '../overlays/overlay.ts';
-import type { ShownSigns, SignManner } from '../overlays/robot_overlay.ts';
-import type { SignReadings } from '../twin/overlay/reader.ts';
-import { SignBatch } from './overlay_mesh.ts';
-import type { StagedRobot } from './robot_node.ts';
+import { Overlay } from '../overlays/overlay.ts';
+import type { OverlayStyle, ShownOverlay } from '../overlays/robot_overlay.ts';
+import type { OverlayReadings } from '../twin/overlay/reader.ts';
+import { OverlayMesh } from './overlay_mesh.ts';
+import type { RobotNode } from './robot_node.ts';
 import type { ScenePart } from './scene_part.ts';
 import { type SceneTheme, THEMES } from './theme.ts';
 
-export interface SignsView {
+export interface OverlayHost {
   readonly host: HTMLElement;
   readonly camera: Camera;
   /** A picture, please. */
@@ -17,46 +17,46 @@ export interface SignsView {
 }
 
 /** All signs of all robots in a scene. Two draw calls. */
-export class Signs implements ScenePart {
+export class OverlayPart implements ScenePart {
   readonly object: Group;
-  readonly #view: SignsView;
-  readonly #board: SignBoard;
-  readonly #batch: SignBatch;
+  readonly #view: OverlayHost;
+  readonly #overlay: Overlay;
+  readonly #batch: OverlayMesh;
   #size = { width: 1, height: 1 };
 
-  constructor(view: SignsView) {
+  constructor(view: OverlayHost) {
     this.#view = view;
-    this.#board = new SignBoard(view.host, THEMES.dark.signs);
-    this.#batch = new SignBatch(this.#board.strokes);
+    this.#overlay = new Overlay(view.host, THEMES.dark.signs);
+    this.#batch = new OverlayMesh(this.#overlay.strokes);
     this.object = this.#batch.object;
   }
 
-  shown(of: StagedRobot): ShownSigns {
+  shown(of: RobotNode): ShownOverlay {
     if (this.#make()) this.#view.changed();
-    return this.#board.shown(of);
+    return this.#overlay.shown(of);
   }
 
   /** The newest readings and how they are wanted; they are drawn in the next tick. */
-  show(of: StagedRobot, readings: SignReadings | null, manner?: SignManner): void {
-    this.#board.show(of, readings, manner);
+  show(of: RobotNode, readings: OverlayReadings | null, manner?: OverlayStyle): void {
+    this.#overlay.show(of, readings, manner);
     this.#view.wake();
   }
 
   follow(): void {
-    this.#board.moved();
+    this.#overlay.moved();
   }
 
   /** Robots may have another size. */
   measure(): void {
-    this.#board.measure();
+    this.#overlay.measure();
   }
 
   setTheme({ signs }: SceneTheme): void {
-    this.#board.setTones(signs);
+    this.#overlay.setTones(signs);
   }
 
   advance(seconds: number): boolean {
-    const moving = this.#board.advance(seconds);
+    const moving = this.#overlay.advance(seconds);
     if (this.#make()) this.#view.changed();
     this.#placeLabels();
     return moving;
@@ -75,11 +75,11 @@ export class Signs implements ScenePart {
 
   dispose(): void {
     this.#batch.dispose();
-    this.#board.dispose();
+    this.#overlay.dispose();
   }
 
   #make(): boolean {
-    const other = this.#board.make();
+    const other = this.#overlay.make();
     if (other) this.#batch.update();
     return other;
   }
@@ -88,7 +88,7 @@ export class Signs implements ScenePart {
     const { camera } = this.#view;
     const { width, height } = this.#size;
     camera.updateMatrixWorld();
-    this.#board.placeLabels((at) => {
+    this.#overlay.placeLabels((at) => {
       POINT.set(...at).project(camera);
       if (!(POINT.z > -1 && POINT.z < 1)) return null;
       return { x: ((POINT.x + 1) / 2) * width, y: ((1 - POINT.y) / 2) * height };

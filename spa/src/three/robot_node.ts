@@ -1,29 +1,29 @@
 import { Box3, Group, Matrix4, type Object3D, type Ray, Vector3 } from 'three';
-import { wantsStillness } from '../browser/reduced_motion.ts';
+import { prefersReducedMotion } from '../browser/reduced_motion.ts';
 import type { RawFiles } from '../model/bundle.ts';
 import { Download, type RawManifest, readRawManifest } from '../model/bundle.ts';
 import { manifestAt } from '../model/files.ts';
-import { movedBy, treeOf } from '../model/link_tree.ts';
+import { linksMovedBy, treeOf } from '../model/link_tree.ts';
 import { readManifest } from '../model/manifest.ts';
 import type { LinkLook, LinkTint } from '../model/posed_body.ts';
 import type { ModelReport } from '../model/report.ts';
-import { Stance } from '../model/root_pose.ts';
+import { RootPose } from '../model/root_pose.ts';
 import type { KinematicTree } from '../twin/kinematic_tree.ts';
 import type { Pose } from '../twin/playback/pose.ts';
 import type { PoseSource } from '../view/body_view.ts';
-import { type GhostWish, ghostOf } from '../view/ghost_pose.ts';
+import { type GhostRequest, ghostOf } from '../view/ghost_pose.ts';
 import type { Moving } from '../view/render_loop.ts';
-import type { Standing } from '../view/row_layout.ts';
+import type { RowItem } from '../view/row_layout.ts';
 import { BuiltRobot } from './robot/built_robot.ts';
 import type { Figure, FigureGhost, Stage } from './robot/figure.ts';
 import { Skeleton } from './robot/skeleton.ts';
 import type { SkinTones } from './robot/skin.ts';
-import { Drain } from './robot/stale_effect.ts';
+import { StaleEffect } from './robot/stale_effect.ts';
 import { ShadowCaster } from './shadow.ts';
 import type { SceneTheme } from './theme.ts';
 
 /** What a robot asks of the scene that it stands in. */
-export interface Place {
+export interface RobotNodeHost {
   readonly tones: SkinTones;
   theme(): SceneTheme;
   /** A mark for a mesh that can't be shown. */
@@ -31,39 +31,39 @@ export interface Place {
   /** It is somewhere else now, or looks different: shadows and a picture, please. */
   placed(): void;
   /** It has another size now: the camera should look again. */
-  framed(robot: StagedRobot, eased: boolean): void;
+  framed(robot: RobotNode, eased: boolean): void;
   /** A picture, please; nothing has moved. */
   changed(): void;
 }
 
 /** One robot in a scene: its model on the way in, its pose, and how old that is. */
-export class StagedRobot implements Moving, Standing {
+export class RobotNode implements Moving, RowItem {
   /** Everything that is drawn of it. */
   readonly object = new Group();
   /** Where it stands among others: its own world lies here in the scene's, metres. */
   readonly #slot = new Group();
-  readonly drain: Drain;
-  readonly #place: Place;
+  readonly staleEffect: StaleEffect;
+  readonly #place: RobotNodeHost;
   #figure: Figure | null = null;
   #built: BuiltRobot | null = null;
   #ghost: FigureGhost | null = null;
-  #ghostWish: GhostWish | null = null;
+  #ghostWish: GhostRequest | null = null;
   #ghostLinks: readonly string[] = [];
   #skeleton: Skeleton | null = null;
   #caster: ShadowCaster | null = null;
   #loading: AbortController | null = null;
   #source: PoseSource | null = null;
   #pose: Pose | null = null;
-  readonly #stance = new Stance();
+  readonly #rootPose = new RootPose();
   #grey = false;
   #coarse = false;
   #unread: ReadonlySet<string> = NONE;
 
-  constructor(place: Place) {
+  constructor(place: RobotNodeHost) {
     this.#place = place;
     this.object.add(this.#slot);
-    this.drain = new Drain(place.theme().stale);
-    this.drain.advance(Number.POSITIVE_INFINITY);
+    this.staleEffect = new StaleEffect(place.theme().stale);
+    this.staleEffect.advance(Number.POSITIVE_INFINITY);
   }
 
   standAside(y: number): void {
@@ -107,7 +107,15 @@ export class StagedRobot implements Moving, Standing {
   loadLocal(manifest: RawManifest, files: RawFiles): Promise<ModelReport> {
     return this.#supersede(async (signal, report) => {
       const { showRaw } = await import('./urdf/raw_robot.ts');
-      await showRaw(manifest, files, this.#stage(signal), this.drain, this.#place.tones, report, () => {});
+      await showRaw(
+        manifest,
+        files,
+        this.#stage(signal),
+        this.staleEffect,
+        this.#place.tones,
+        report,
+        () => {},
+      );
       this.#place.framed(this, true);
     });
   }
@@ -131,16 +139,16 @@ export class StagedRobot implements Moving, Standing {
   }
 
   setTheme(theme: SceneTheme): void {
-    this.drain.setTone(theme.stale);
+    this.staleEffect.setTone(theme.stale);
   }
 
   advance(seconds: number, nowMs: number): boolean {
     const moving = this.#source?.sample(nowMs) ?? false;
     const pose = this.#source?.pose() ?? null;
     if (pose !== null) this.#show(pose);
-    if (this.drain.settled) return moving;
+    if (this.staleEffect.settled) return moving;
     this.#place.changed();
-    return this.drain.advance(wantsStillness() ? Number.POSITIVE_INFINITY : seconds) || moving;
+    return this.staleEffect.advance(prefersReducedMotion() ? Number.POSITIVE_INFINITY : seconds) || moving;
   }
 
   /** Bytes that `refine` would fetch; null when there is nothing finer, or nothing that this device should carry. */
@@ -252,7 +260,13 @@ export class StagedRobot implements Moving, Standing {
     signal.throwIfAborted();
     const stage = this.#stage(signal);
     if (raw.v === 2) {
-      const built = new BuiltRobot(readManifest(raw), manifestUrl, stage, this.drain, this.#place.tones);
+      const built = new BuiltRobot(
+        readManifest(raw),
+        manifestUrl,
+        stage,
+        this.staleEffect,
+        this.#place.tones,
+      );
       this.#built = built;
       void built.keepCoarse(this.#coarse);
       await built.dress(report, onProgress);
@@ -262,7 +276,7 @@ export class StagedRobot implements Moving, Standing {
       // Until the URDF is read nobody knows which files it draws.
       let total = [...manifest.files.values()].reduce((sum, file) => sum + file.size, 0);
       const files = new Download(manifestUrl, signal, (received) => onProgress(received, total));
-      await showRaw(manifest, files, stage, this.drain, this.#place.tones, report, (needed) => {
+      await showRaw(manifest, files, stage, this.staleEffect, this.#place.tones, report, (needed) => {
         total = needed;
       });
     }
@@ -315,7 +329,7 @@ export class StagedRobot implements Moving, Standing {
   #show(pose: Pose): void {
     this.#pose = pose;
     this.#updateGrey();
-    const stepped = this.#stance.take(pose);
+    const stepped = this.#rootPose.update(pose);
     const turned = this.#figure?.setJoints(pose.joints) ?? false;
     const marked = this.#mark(pose.unread ?? NONE);
     if (turned || stepped) this.#put();
@@ -326,13 +340,13 @@ export class StagedRobot implements Moving, Standing {
   #mark(joints: ReadonlySet<string>): boolean {
     if (joints === this.#unread || this.#figure === null) return false;
     this.#unread = joints;
-    this.#figure.markUnread(movedBy(this.#figure, joints));
+    this.#figure.markUnread(linksMovedBy(this.#figure, joints));
     return true;
   }
 
   /** Whether the robot faces along the world's x whatever its sensors say. */
   lockHeading(locked: boolean): void {
-    if (this.#stance.lockHeading(locked)) this.#put();
+    if (this.#rootPose.lockHeading(locked)) this.#put();
   }
 
   /** True when the ghost looks different now. */
@@ -362,7 +376,7 @@ export class StagedRobot implements Moving, Standing {
   #put(): void {
     const figure = this.#figure;
     if (figure === null) return;
-    const { xyz, quat_wxyz } = this.#stance.root((link) => figure.rootTurn(link));
+    const { xyz, quat_wxyz } = this.#rootPose.root((link) => figure.rootTurn(link));
     if (xyz === null) figure.ground(quat_wxyz);
     else figure.place(xyz, quat_wxyz);
     this.#poseGhost();
@@ -373,8 +387,8 @@ export class StagedRobot implements Moving, Standing {
 
   #updateGrey(): void {
     const grey = this.#grey || this.#pose === null;
-    if (grey === this.drain.grey) return;
-    this.drain.grey = grey;
+    if (grey === this.staleEffect.grey) return;
+    this.staleEffect.grey = grey;
     this.#place.changed();
   }
 }

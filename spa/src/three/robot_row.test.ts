@@ -1,7 +1,7 @@
 import { type Box3, Matrix4, PerspectiveCamera, Vector3 } from 'three';
 import { expect, it } from 'vitest';
-import type { StagedRobot } from './robot_node.ts';
-import { RobotLine } from './robot_row.ts';
+import type { RobotNode } from './robot_node.ts';
+import { RobotRow } from './robot_row.ts';
 
 /** A robot so wide and tall, with its root in the middle of its floor; null: not there yet. */
 function robot(size: readonly [number, number, number] | null, heading = 0) {
@@ -26,9 +26,9 @@ function robot(size: readonly [number, number, number] | null, heading = 0) {
   return made;
 }
 
-function line(...robots: ReturnType<typeof robot>[]): RobotLine {
-  const made = new RobotLine();
-  for (const each of robots) made.add(each as unknown as StagedRobot);
+function line(...robots: ReturnType<typeof robot>[]): RobotRow {
+  const made = new RobotRow();
+  for (const each of robots) made.add(each as unknown as RobotNode);
   return made;
 }
 

@@ -1,14 +1,14 @@
 import { Box3, type Camera, Vector3 } from 'three';
-import { standInLine } from '../view/row_layout.ts';
-import type { StagedRobot } from './robot_node.ts';
+import { layOutRow } from '../view/row_layout.ts';
+import type { RobotNode } from './robot_node.ts';
 import type { SceneTheme } from './theme.ts';
 
 /** The robots of one scene, side by side. The first is the one that the scene is of; others may stand beside it. */
-export class RobotLine {
-  readonly #robots: StagedRobot[] = [];
+export class RobotRow {
+  readonly #robots: RobotNode[] = [];
 
   /** All of them, the first at the right of the picture from the front. */
-  get robots(): readonly StagedRobot[] {
+  get robots(): readonly RobotNode[] {
     return this.#robots;
   }
 
@@ -36,13 +36,13 @@ export class RobotLine {
     return this.several ? 0 : (this.#robots[0]?.heading ?? 0);
   }
 
-  add(robot: StagedRobot): void {
+  add(robot: RobotNode): void {
     this.#robots.push(robot);
   }
 
   /** Makes room for each. Returns what they fill together, world, metres: the same box every time; empty without a model. */
   arrange(): Box3 {
-    if (this.several) standInLine(this.#robots);
+    if (this.several) layOutRow(this.#robots);
     ALL.makeEmpty();
     for (const robot of this.#robots) if (robot.figure !== null) ALL.union(robot.bounds(BOX));
     return ALL;
@@ -61,7 +61,7 @@ export class RobotLine {
   }
 
   /** Where the top of one of them is in a picture, both -1…1, right and up; null while it has no body or is behind the eye. */
-  topOf(robot: StagedRobot, camera: Camera): { x: number; y: number } | null {
+  topOf(robot: RobotNode, camera: Camera): { x: number; y: number } | null {
     if (robot.figure === null) return null;
     const { max } = robot.bounds(BOX);
     BOX.getCenter(POINT).setZ(max.z).project(camera);
@@ -73,7 +73,7 @@ export class RobotLine {
   }
 
   setPixelRatio(ratio: number): void {
-    for (const { drain } of this.#robots) drain.setPixelRatio(ratio);
+    for (const { staleEffect } of this.#robots) staleEffect.setPixelRatio(ratio);
   }
 
   /** Their coarsest levels only: for a slow device. */

@@ -1,25 +1,32 @@
 import { Color, Scene, Vector3 } from 'three';
-import { Later } from '../browser/debounce.ts';
+import { Debounce } from '../browser/debounce.ts';
 import { markOnce } from '../browser/first_paint.ts';
 import type { RawFiles, RawManifest } from '../model/bundle.ts';
 import type { LinkLook } from '../model/posed_body.ts';
 import type { ModelReport } from '../model/report.ts';
-import type { SignManner } from '../overlays/robot_overlay.ts';
+import type { OverlayStyle } from '../overlays/robot_overlay.ts';
 import type { KinematicTree } from '../twin/kinematic_tree.ts';
-import type { SignReadings } from '../twin/overlay/reader.ts';
+import type { OverlayReadings } from '../twin/overlay/reader.ts';
 import type { Pose } from '../twin/playback/pose.ts';
-import { Stamina, type Trouble } from '../view/adaptive_quality.ts';
-import type { EyePlace, FollowMode, LineView, MouseStyle, PoseSource, SeenSigns } from '../view/body_view.ts';
-import type { Cover } from '../view/insets.ts';
-import type { Step } from '../view/quality_steps.ts';
+import { AdaptiveQuality, type DrawingTrouble } from '../view/adaptive_quality.ts';
+import type {
+  EyePlace,
+  FollowMode,
+  MouseStyle,
+  PoseSource,
+  RowView,
+  SeenOverlay,
+} from '../view/body_view.ts';
+import type { Insets } from '../view/insets.ts';
+import type { QualityStep } from '../view/quality_steps.ts';
 import { RenderLoop } from '../view/render_loop.ts';
 import { CameraRig, type ViewName } from './camera.ts';
-import { Surface } from './canvas.ts';
+import { SceneCanvas } from './canvas.ts';
 import { Environment, SHADOW_PIXELS } from './environment.ts';
-import { Signs } from './overlay_part.ts';
+import { OverlayPart } from './overlay_part.ts';
 import type { SkinTones } from './robot/skin.ts';
-import { StagedRobot } from './robot_node.ts';
-import { RobotLine } from './robot_row.ts';
+import { RobotNode } from './robot_node.ts';
+import { RobotRow } from './robot_row.ts';
 import type { ScenePart } from './scene_part.ts';
 import { warmUp } from './shader_warm_up.ts';
 import { type SceneTheme, THEMES, type ThemeName } from './theme.ts';
@@ -32,33 +39,33 @@ const REST_MS = 500;
 export interface SceneOptions {
   readonly theme: ThemeName;
   /** Hears every change; null is all well. */
-  readonly onTrouble?: (trouble: Trouble | null) => void;
+  readonly onTrouble?: (trouble: DrawingTrouble | null) => void;
   /** Hears of every picture: for what stands over it. */
   readonly onDrawn?: () => void;
 }
 
 /**
- * One robot (or some, side by side) in three dimensions, in a world whose Z is up. It puts together what is drawn (`StagedRobot`,
- * `Environment`, `ScenePart`s), from where (`CameraRig`), on what (`Surface`) and when (`RenderLoop`).
+ * One robot (or some, side by side) in three dimensions, in a world whose Z is up. It puts together what is drawn (`RobotNode`,
+ * `Environment`, `ScenePart`s), from where (`CameraRig`), on what (`SceneCanvas`) and when (`RenderLoop`).
  */
-export class RobotScene implements LineView {
+export class RobotScene implements RowView {
   readonly #scene = new Scene();
   readonly #loop: RenderLoop;
-  readonly #surface: Surface;
+  readonly #surface: SceneCanvas;
   readonly #camera: CameraRig;
   readonly #environment = new Environment();
   readonly #placeholders = new Placeholders();
-  readonly #line = new RobotLine();
-  readonly #robot: StagedRobot;
-  readonly #signs: Signs;
+  readonly #row = new RobotRow();
+  readonly #robot: RobotNode;
+  readonly #overlay: OverlayPart;
   readonly #parts = new Set<ScenePart>();
   readonly #tones: SkinTones = { accent: { value: new Color() }, caution: { value: new Color() } };
-  readonly #stamina: Stamina;
+  readonly #quality: AdaptiveQuality;
   readonly #onDrawn: () => void;
   #theme: SceneTheme;
-  readonly #sharpen = new Later(REST_MS, () => {
+  readonly #sharpen = new Debounce(REST_MS, () => {
     // A slow device may need longer than that for the next picture: then it is not at rest.
-    if (!this.#loop.resting) return this.#sharpen.putOff();
+    if (!this.#loop.resting) return this.#sharpen.restart();
     this.#surface.sharpness = 1;
     this.#loop.drawNow();
   });
@@ -67,25 +74,25 @@ export class RobotScene implements LineView {
 
   /** Throws an Error with a sentence for people when the browser has no WebGL. */
   constructor(host: HTMLElement, options: SceneOptions) {
-    this.#stamina = new Stamina({
-      keep: (step) => this.#keep(step),
-      coarse: () => this.#line.coarse,
-      replaceable: () => this.#line.built,
-      say: options.onTrouble ?? (() => {}),
+    this.#quality = new AdaptiveQuality({
+      applyStep: (step) => this.#keep(step),
+      isCoarse: () => this.#row.coarse,
+      isReplaceable: () => this.#row.built,
+      report: options.onTrouble ?? (() => {}),
     });
     this.#onDrawn = options.onDrawn ?? (() => {});
     this.#theme = THEMES[options.theme];
     this.#loop = new RenderLoop(() => this.#draw());
-    this.#surface = new Surface(host, {
+    this.#surface = new SceneCanvas(host, {
       resized: (width, height, pixelRatio) => this.#resized(width, height, pixelRatio),
       blank: () => this.#loop.drawNow(),
       lost: () => {
         this.#surface.forget(this.#scene);
         this.#environment.forgetShadow();
-        this.#stamina.lost(performance.now());
+        this.#quality.contextLost(performance.now());
       },
       restored: () => {
-        this.#stamina.restored();
+        this.#quality.contextRestored();
         this.#drawShadows();
       },
     });
@@ -99,18 +106,18 @@ export class RobotScene implements LineView {
         return easing;
       },
     });
-    this.#signs = new Signs({
+    this.#overlay = new OverlayPart({
       host,
       camera: this.#camera.camera,
       changed: () => this.#loop.request(),
       wake: () => this.#loop.wake(),
     });
-    this.add(this.#signs);
-    this.#loop.onInterval = (ms) => this.#stamina.took(ms);
+    this.add(this.#overlay);
+    this.#loop.onInterval = (ms) => this.#quality.recordRepaint(ms);
     this.setTheme(options.theme);
     if (this.#surface.fit()) this.#loop.drawNow();
     const { renderer } = this.#surface;
-    this.#cool = warmUp(renderer, this.#scene, this.#camera.camera, this.#robot.drain, this.#tones);
+    this.#cool = warmUp(renderer, this.#scene, this.#camera.camera, this.#robot.staleEffect, this.#tones);
   }
 
   get renderedFrames(): number {
@@ -118,7 +125,7 @@ export class RobotScene implements LineView {
   }
 
   get resting(): boolean {
-    return this.#loop.resting && !this.#sharpen.due;
+    return this.#loop.resting && !this.#sharpen.pending;
   }
 
   /** Pixels drawn for each of CSS, along each side. */
@@ -135,8 +142,8 @@ export class RobotScene implements LineView {
     return this.#surface.renderer.info.render.triangles;
   }
 
-  addRobot(): StagedRobot {
-    const robot = new StagedRobot({
+  addRobot(): RobotNode {
+    const robot = new RobotNode({
       tones: this.#tones,
       theme: () => this.#theme,
       placeholder: () => this.#placeholders.make(this.#camera.reach * PLACEHOLDER_REACHES),
@@ -144,20 +151,20 @@ export class RobotScene implements LineView {
       framed: (_robot, eased) => this.#framed(eased),
       changed: () => this.#loop.request(),
     });
-    robot.drain.setPixelRatio(this.pixelRatio);
-    this.#line.add(robot);
-    if (this.#line.several) this.#camera.home = 'front'; // from anywhere else they would hide each other
+    robot.staleEffect.setPixelRatio(this.pixelRatio);
+    this.#row.add(robot);
+    if (this.#row.several) this.#camera.home = 'front'; // from anywhere else they would hide each other
     this.#scene.add(robot.object);
     this.#loop.add(robot);
     return robot;
   }
 
-  get robots(): readonly StagedRobot[] {
-    return this.#line.robots;
+  get robots(): readonly RobotNode[] {
+    return this.#row.robots;
   }
 
-  topOf(robot: StagedRobot): { x: number; y: number } | null {
-    const top = this.#line.topOf(robot, this.#camera.camera);
+  topOf(robot: RobotNode): { x: number; y: number } | null {
+    const top = this.#row.topOf(robot, this.#camera.camera);
     const { width, height } = this.#size;
     return top === null ? null : { x: ((top.x + 1) / 2) * width, y: ((1 - top.y) / 2) * height };
   }
@@ -222,12 +229,12 @@ export class RobotScene implements LineView {
     this.#placeholders.setColor(theme.caution);
     this.#tones.accent.value = theme.accent;
     this.#tones.caution.value = theme.caution;
-    this.#line.setTheme(theme);
+    this.#row.setTheme(theme);
     for (const part of this.#parts) part.setTheme?.(theme);
     this.#loop.request();
   }
 
-  setCover(cover: Cover): void {
+  setCover(cover: Insets): void {
     if (this.#camera.cover(cover)) this.#loop.request();
   }
 
@@ -300,16 +307,16 @@ export class RobotScene implements LineView {
     this.#robot.showGhost(joints, limbs);
   }
 
-  showSigns(readings: SignReadings | null, manner?: SignManner, of = this.#robot): void {
-    this.#signs.show(of, readings, manner);
+  showSigns(readings: OverlayReadings | null, manner?: OverlayStyle, of = this.#robot): void {
+    this.#overlay.show(of, readings, manner);
   }
 
-  get signs(): SeenSigns {
+  get signs(): SeenOverlay {
     return this.signsOf(this.#robot);
   }
 
-  signsOf(robot: StagedRobot): SeenSigns {
-    return { ...this.#signs.shown(robot), ghostLinks: robot.ghostLinks };
+  signsOf(robot: RobotNode): SeenOverlay {
+    return { ...this.#overlay.shown(robot), ghostLinks: robot.ghostLinks };
   }
 
   lockHeading(locked: boolean): void {
@@ -323,16 +330,16 @@ export class RobotScene implements LineView {
   /** Never gives up pixels or detail again: for pictures that are kept, where it does not matter how long one takes. */
   keepSharp(): void {
     this.#loop.onInterval = null;
-    this.#stamina.forget();
+    this.#quality.reset();
   }
 
   dispose(): void {
     this.#loop.stop();
-    this.#sharpen.callOff();
-    this.#stamina.dispose();
+    this.#sharpen.cancel();
+    this.#quality.dispose();
     this.#camera.dispose();
     for (const part of this.#parts) part.dispose();
-    this.#line.dispose();
+    this.#row.dispose();
     this.#placeholders.dispose();
     this.#environment.dispose();
     this.#cool();
@@ -340,23 +347,23 @@ export class RobotScene implements LineView {
   }
 
   #placed(): void {
-    const middle = this.#line.middle();
+    const middle = this.#row.middle();
     if (middle !== null) {
       const { x, y } = middle;
-      this.#environment.touch(this.#line.boxes);
+      this.#environment.touch(this.#row.boxes);
       this.#environment.follow(x, y);
-      this.#camera.follow(x, y, this.#line.heading);
+      this.#camera.follow(x, y, this.#row.heading);
     }
     for (const part of this.#parts) part.follow?.();
     this.#drawShadows();
   }
 
   #framed(eased: boolean): void {
-    const bounds = this.#line.arrange();
+    const bounds = this.#row.arrange();
     if (bounds.isEmpty()) return;
     this.#camera.frame(bounds, eased);
     this.#environment.resize(this.#camera.reach);
-    this.#signs.measure();
+    this.#overlay.measure();
     this.#drawShadows();
   }
 
@@ -366,21 +373,21 @@ export class RobotScene implements LineView {
   }
 
   #resized(width: number, height: number, pixelRatio: number): void {
-    this.#line.setPixelRatio(pixelRatio);
+    this.#row.setPixelRatio(pixelRatio);
     if (this.#size.width === width && this.#size.height === height) return;
     this.#size = { width, height };
     this.#camera.resize(width, height);
-    this.#signs.setSize(width, height);
+    this.#overlay.setSize(width, height);
   }
 
   #draw(): boolean {
-    const { pixels } = this.#stamina;
+    const { pixels } = this.#quality;
     const moving = !this.#loop.resting;
     if (pixels < 1 && moving) {
       this.#surface.sharpness = pixels;
-      this.#sharpen.putOff();
+      this.#sharpen.restart();
     }
-    this.#signs.prepare();
+    this.#overlay.prepare();
     const drawn = this.#surface.render(this.#scene, this.#camera.camera);
     this.#onDrawn();
     if (drawn && this.#robot.pose !== null && this.#robot.figure !== null) {
@@ -391,10 +398,10 @@ export class RobotScene implements LineView {
   }
 
   /** This device is slower or faster than it was thought to be. */
-  #keep({ pixels, shadow, lowest }: Step): void {
+  #keep({ pixels, shadow, lowest }: QualityStep): void {
     this.#environment.shadowPixels = SHADOW_PIXELS * shadow;
     if (pixels === 1) this.#surface.sharpness = 1;
-    this.#line.keepCoarse(lowest);
+    this.#row.keepCoarse(lowest);
     this.#drawShadows();
   }
 }

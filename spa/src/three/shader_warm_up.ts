@@ -1,10 +1,10 @@
 import type { Camera, Scene, WebGLRenderer } from 'three';
-import type { Level } from '../model/lod.ts';
+import type { Lod } from '../model/lod.ts';
 import { Bones, Skin, type SkinTones } from './robot/skin.ts';
-import type { Drain } from './robot/stale_effect.ts';
+import type { StaleEffect } from './robot/stale_effect.ts';
 
 /** No shells at all, painted white. */
-const NOTHING: Level = {
+const NOTHING: Lod = {
   positions: new Int16Array(4),
   normals: new Int8Array(4),
   parts: new Uint16Array(2),
@@ -26,11 +26,11 @@ export function warmUp(
   renderer: WebGLRenderer,
   scene: Scene,
   camera: Camera,
-  drain: Drain,
+  staleEffect: StaleEffect,
   tones: SkinTones,
 ): () => void {
   const bones = new Bones(1);
-  const skin = new Skin(NOTHING, [], bones, drain, tones);
+  const skin = new Skin(NOTHING, [], bones, staleEffect, tones);
   renderer.compile(skin.mesh, camera, scene);
   return () => {
     skin.dispose();

@@ -1,5 +1,5 @@
 import { Color } from 'three';
-import { SIGN_TONES, type SignTones } from '../overlays/colors.ts';
+import { OVERLAY_COLORS, type OverlayColors } from '../overlays/colors.ts';
 
 export type ThemeName = 'dark' | 'light';
 
@@ -17,7 +17,7 @@ export interface SceneTheme {
   /** How dark it is under a sole, 0…1. */
   contact: number;
   /** What is drawn about a robot. */
-  signs: SignTones;
+  signs: OverlayColors;
   caution: Color;
   /** Selection and highlight. */
   accent: Color;
@@ -35,14 +35,14 @@ export interface SceneTheme {
 
 const hex = (value: number) => new Color(value);
 
-function ofSigns(signs: SignTones) {
+function ofSigns(signs: OverlayColors) {
   const { caution, accent, muted, stale } = signs;
   return { signs, caution: hex(caution), accent: hex(accent), muted: hex(muted), stale: hex(stale) };
 }
 
 export const THEMES: Readonly<Record<ThemeName, SceneTheme>> = {
   dark: {
-    ...ofSigns(SIGN_TONES.dark),
+    ...ofSigns(OVERLAY_COLORS.dark),
     page: hex(0x0e1116),
     floor: hex(0x222a35),
     minorLine: hex(0x2b3543),
@@ -57,7 +57,7 @@ export const THEMES: Readonly<Record<ThemeName, SceneTheme>> = {
     exposure: 1,
   },
   light: {
-    ...ofSigns(SIGN_TONES.light),
+    ...ofSigns(OVERLAY_COLORS.light),
     page: hex(0xf7f8fa),
     floor: hex(0xffffff),
     minorLine: hex(0xe3e7ed),

@@ -1,5 +1,5 @@
 import { multiply, transform } from '../model/kinematics.ts';
-import { lostMesh, type MeshFacts } from '../model/mesh_facts.ts';
+import { type MeshFacts, missingMesh } from '../model/mesh_facts.ts';
 import { type Finding, general, isPrintable, quoted } from './finding.ts';
 import type { Tree } from './tree.ts';
 import { materialOf, type Shape, type Urdf, type Vector } from './types.ts';
@@ -33,7 +33,7 @@ export function meshFindings(
     say('warning', 'nothing-drawn', 'no link has a visual: there is nothing to draw', null);
   for (const [link, shape] of shapes) scale(link, shape, say);
   const facts = new Map(read);
-  for (const uri of missing) facts.set(uri, lostMesh('no such file'));
+  for (const uri of missing) facts.set(uri, missingMesh('no such file'));
   files(shapes, facts, say);
   pictures(urdf, missing, say);
   if (read === null) return found;

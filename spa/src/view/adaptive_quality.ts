@@ -1,31 +1,31 @@
-import { Later } from '../browser/debounce.ts';
-import { Losses, PATIENCE_MS } from './context_loss.ts';
-import { Pace, type Step } from './quality_steps.ts';
+import { Debounce } from '../browser/debounce.ts';
+import { ContextLossPolicy, PATIENCE_MS } from './context_loss.ts';
+import { type QualityStep, QualitySteps } from './quality_steps.ts';
 
 /** What the page should say of the drawing itself. `lost`: the browser took the context away and should give it back;
  *  `failed`: it won't; `pixels`, `detail`: less of them, because this device is slow; `hopeless`: it is still too slow, and
  *  the light view could show the robot. */
-export type Trouble = 'lost' | 'failed' | 'pixels' | 'detail' | 'hopeless';
+export type DrawingTrouble = 'lost' | 'failed' | 'pixels' | 'detail' | 'hopeless';
 
 /** Who draws, and who is told. */
 export interface Drawing {
   /** Draw with so much from now on. */
-  keep(step: Step): void;
+  applyStep(step: QualityStep): void;
   /** Whether a robot shows less than it could. */
-  coarse(): boolean;
+  isCoarse(): boolean;
   /** Whether the light view could take this one's place. */
-  replaceable(): boolean;
+  isReplaceable(): boolean;
   /** null is all well. */
-  say(trouble: Trouble | null): void;
+  report(trouble: DrawingTrouble | null): void;
 }
 
 /** What a device can bear: what is given up when it is slow, and how long a lost context is waited for. */
-export class Stamina {
+export class AdaptiveQuality {
   readonly #drawing: Drawing;
-  readonly #losses = new Losses();
-  readonly #pace = new Pace();
+  readonly #contextLosses = new ContextLossPolicy();
+  readonly #steps = new QualitySteps();
   #away = false; // the context
-  readonly #giveUp = new Later(PATIENCE_MS, () => this.#drawing.say('failed'));
+  readonly #giveUp = new Debounce(PATIENCE_MS, () => this.#drawing.report('failed'));
 
   constructor(drawing: Drawing) {
     this.#drawing = drawing;
@@ -33,47 +33,47 @@ export class Stamina {
 
   /** Of the screen's pixels, along each side, while something moves. */
   get pixels(): number {
-    return this.#pace.step.pixels;
+    return this.#steps.step.pixels;
   }
 
   /** How long a repaint took in which something moved all the time. */
-  took(ms: number): void {
-    if (this.#pace.took(ms)) this.#keep();
+  recordRepaint(ms: number): void {
+    if (this.#steps.recordRepaint(ms)) this.#keep();
   }
 
   /** As on a device of which nothing is known. */
-  forget(): void {
-    this.#pace.forget();
+  reset(): void {
+    this.#steps.reset();
     this.#keep();
   }
 
   /** The browser took the context away. */
-  lost(nowMs: number): void {
+  contextLost(nowMs: number): void {
     this.#away = true;
-    const wait = this.#losses.bearable(nowMs);
-    this.#drawing.say(wait ? 'lost' : 'failed');
-    if (wait) this.#giveUp.putOff();
+    const wait = this.#contextLosses.recordLoss(nowMs);
+    this.#drawing.report(wait ? 'lost' : 'failed');
+    if (wait) this.#giveUp.restart();
   }
 
   /** It gave one back. */
-  restored(): void {
+  contextRestored(): void {
     this.#away = false;
-    this.#giveUp.callOff();
-    this.#drawing.say(this.#trouble());
+    this.#giveUp.cancel();
+    this.#drawing.report(this.#trouble());
   }
 
   dispose(): void {
-    this.#giveUp.callOff();
+    this.#giveUp.cancel();
   }
 
   #keep(): void {
-    this.#drawing.keep(this.#pace.step);
-    if (!this.#away) this.#drawing.say(this.#trouble()); // what was slow before says nothing of a context that is gone
+    this.#drawing.applyStep(this.#steps.step);
+    if (!this.#away) this.#drawing.report(this.#trouble()); // what was slow before says nothing of a context that is gone
   }
 
-  #trouble(): Trouble | null {
-    if (this.#pace.hopeless && this.#drawing.replaceable()) return 'hopeless';
-    if (this.#drawing.coarse()) return 'detail';
-    return this.#pace.step.pixels < 1 ? 'pixels' : null;
+  #trouble(): DrawingTrouble | null {
+    if (this.#steps.hopeless && this.#drawing.isReplaceable()) return 'hopeless';
+    if (this.#drawing.isCoarse()) return 'detail';
+    return this.#steps.step.pixels < 1 ? 'pixels' : null;
   }
 }

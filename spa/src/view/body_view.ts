@@ -1,11 +1,11 @@
 import type { LinkLook } from '../model/posed_body.ts';
 import type { ModelReport } from '../model/report.ts';
-import type { ShownSigns, SignManner } from '../overlays/robot_overlay.ts';
+import type { OverlayStyle, ShownOverlay } from '../overlays/robot_overlay.ts';
 import type { KinematicTree } from '../twin/kinematic_tree.ts';
-import type { SignReadings } from '../twin/overlay/reader.ts';
+import type { OverlayReadings } from '../twin/overlay/reader.ts';
 import type { Pose } from '../twin/playback/pose.ts';
 import type { ViewName } from './framing.ts';
-import type { Cover } from './insets.ts';
+import type { Insets } from './insets.ts';
 
 /** Where a robot's poses come from; asked in every tick while it says that there is more to come. */
 export interface PoseSource {
@@ -31,15 +31,15 @@ export interface EyePlace {
 }
 
 /** What of a robot's signs is to be seen, for tests and curious people. */
-export type SeenSigns = ShownSigns & {
+export type SeenOverlay = ShownOverlay & {
   /** Links of the ghost that are shown. */
   readonly ghostLinks: readonly string[];
 };
 
 /** A body that shows more than its pose. */
-export interface SignedBody {
+export interface OverlaidBody {
   /** Forces, deviations, level and load of the newest frame; null while there is none. */
-  showSigns(readings: SignReadings | null, manner?: SignManner): void;
+  showSigns(readings: OverlayReadings | null, manner?: OverlayStyle): void;
   /** Shows the robot a second time, see-through, in another pose (rad or m by URDF name); null takes it away. With
    *  `limbs`, only what lies beyond those joints, the others as the body has them. */
   showGhost(joints: ReadonlyMap<string, number> | null, limbs?: readonly string[] | null): void;
@@ -49,7 +49,7 @@ export interface SignedBody {
 
 /** What the page asks of a body, whether it is drawn with WebGL (`RobotScene`) or by hand (`LightView`). Links and joints go
  *  by the URDF's names. */
-export interface BodyView extends SignedBody {
+export interface BodyView extends OverlaidBody {
   /** Pictures drawn so far. */
   readonly renderedFrames: number;
   /** Whether the newest picture stays as it is until something happens. */
@@ -58,7 +58,7 @@ export interface BodyView extends SignedBody {
   readonly drawCalls: number;
   /** Triangles of the newest picture. */
   readonly triangles: number;
-  readonly signs: SeenSigns;
+  readonly signs: SeenOverlay;
   /** Bytes that `refine` would fetch; null when there is nothing finer, or nothing that this device should carry. */
   readonly finerBytes: number | null;
   /** Never rejects: what is wrong stands in the report. A later call supersedes an earlier one. */
@@ -76,7 +76,7 @@ export interface BodyView extends SignedBody {
   setGrey(grey: boolean): void;
   setTheme(name: 'dark' | 'light'): void;
   /** So much of the picture stands under notes and buttons: the robot stands between them. */
-  setCover(cover: Cover): void;
+  setCover(cover: Insets): void;
   /** Where the eye is and what it looks at, metres, world. */
   readonly eye: EyePlace;
   /** The same from the floor under the middle of the robot, for another page to take; null while it is the first view. */
@@ -106,23 +106,23 @@ export interface BodyView extends SignedBody {
 }
 
 /** One of several robots in a picture. */
-export interface LineMember {
+export interface RowMember {
   load: BodyView['load'];
   play: BodyView['play'];
   setGrey: BodyView['setGrey'];
-  showGhost: SignedBody['showGhost'];
-  lockHeading: SignedBody['lockHeading'];
+  showGhost: OverlaidBody['showGhost'];
+  lockHeading: OverlaidBody['lockHeading'];
 }
 
 /** A body beside which others can stand; what `BodyView` says of the robot it says of the first. */
-export interface LineView extends BodyView {
+export interface RowView extends BodyView {
   /** All of them, the first at the right of the picture from the front. */
-  readonly robots: readonly LineMember[];
+  readonly robots: readonly RowMember[];
   /** One more; it goes with the view. */
-  addRobot(): LineMember;
+  addRobot(): RowMember;
   /** Where the top of one of them is in the picture, CSS px; null while it has no body or is behind the eye. */
-  topOf(robot: LineMember): { x: number; y: number } | null;
+  topOf(robot: RowMember): { x: number; y: number } | null;
   /** The same of one of them. */
-  showSigns(readings: SignReadings | null, manner?: SignManner, of?: LineMember): void;
-  signsOf(robot: LineMember): SeenSigns;
+  showSigns(readings: OverlayReadings | null, manner?: OverlayStyle, of?: RowMember): void;
+  signsOf(robot: RowMember): SeenOverlay;
 }

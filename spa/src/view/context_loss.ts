@@ -5,11 +5,11 @@ export const WITHIN_MS = 120_000;
 export const PATIENCE_MS = 8000;
 
 /** How often the browser has taken the WebGL context away. */
-export class Losses {
+export class ContextLossPolicy {
   #times: number[] = []; // at most MOST_LOSSES + 1
 
   /** It is gone once more. False when that has been too often. */
-  bearable(nowMs: number): boolean {
+  recordLoss(nowMs: number): boolean {
     this.#times = [...this.#times.filter((ms) => nowMs - ms < WITHIN_MS), nowMs].slice(-MOST_LOSSES - 1);
     return this.#times.length <= MOST_LOSSES;
   }

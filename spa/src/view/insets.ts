@@ -3,17 +3,17 @@ const MOST_COVERED = 0.4;
 const EASE_SECONDS = 0.25;
 
 /** What stands over a picture's upper and lower edge, CSS px: what is looked at stands between them. */
-export interface Cover {
+export interface Insets {
   readonly above: number;
   readonly below: number;
 }
 
 /** The part of a picture that nothing stands over. A new size counts at once; what comes to cover it pushes gently. CSS px. */
-export class FreeArea {
+export class ViewInsets {
   width = 1;
   height = 1;
-  #from: Cover = NONE;
-  #to: Cover = NONE;
+  #from: Insets = NONE;
+  #to: Insets = NONE;
   /** Of the way from one cover to the other. */
   #part = 1;
 
@@ -23,7 +23,7 @@ export class FreeArea {
   }
 
   /** True when this covers more or less than before. */
-  cover(cover: Cover, eased: boolean): boolean {
+  setInsets(cover: Insets, eased: boolean): boolean {
     if (cover.above === this.#to.above && cover.below === this.#to.below) return false;
     this.#from = this.#cover;
     this.#to = cover;
@@ -56,7 +56,7 @@ export class FreeArea {
     return this.width / this.#freeOf(this.#to);
   }
 
-  get #cover(): Cover {
+  get #cover(): Insets {
     const mix = (from: number, to: number) => to + (from - to) * (1 - this.#part) ** 2;
     return {
       above: mix(this.#from.above, this.#to.above),
@@ -64,15 +64,15 @@ export class FreeArea {
     };
   }
 
-  #freeOf(cover: Cover): number {
+  #freeOf(cover: Insets): number {
     const { above, below } = this.#fitting(cover);
     return this.height - above - below;
   }
 
-  #fitting({ above, below }: Cover): Cover {
+  #fitting({ above, below }: Insets): Insets {
     const part = Math.min(1, (this.height * MOST_COVERED) / Math.max(1, above + below));
     return { above: above * part, below: below * part };
   }
 }
 
-const NONE: Cover = { above: 0, below: 0 };
+const NONE: Insets = { above: 0, below: 0 };

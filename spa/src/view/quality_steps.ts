@@ -35,9 +35,9 @@ export const STEPS = [
   { pixels: 0.35, shadow: 0.125, lowest: true },
 ] as const;
 
-export type Step = (typeof STEPS)[number];
+export type QualityStep = (typeof STEPS)[number];
 
-export class Pace {
+export class QualitySteps {
   #step = 0;
   #intervals: number[] = [];
   #calmMs = 0;
@@ -50,13 +50,13 @@ export class Pace {
     return this.#hopelessWindows >= HOPELESS_WINDOWS;
   }
 
-  get step(): Step {
+  get step(): QualityStep {
     return STEPS[this.#step]!;
   }
 
   /** Takes the time from one repaint to the next, while something moved all that time. True when the step changed,
    *  or when it proved hopeless. */
-  took(intervalMs: number): boolean {
+  recordRepaint(intervalMs: number): boolean {
     if (intervalMs > PAUSE_MS) return false;
     this.#sinceUpMs += intervalMs;
     this.#intervals.push(intervalMs);
@@ -75,7 +75,7 @@ export class Pace {
   }
 
   /** As on a device of which nothing is known. */
-  forget(): void {
+  reset(): void {
     this.#step = 0;
     this.#intervals = [];
     this.#calmMs = 0;

@@ -1,5 +1,5 @@
 import { expect, it } from 'vitest';
-import { standInLine } from './row_layout.ts';
+import { layOutRow } from './row_layout.ts';
 
 /** A robot that is so wide and tall; where it was put. */
 function robot(width: number, height: number, there = true) {
@@ -17,7 +17,7 @@ function robot(width: number, height: number, there = true) {
 it('robots stand side by side in their order, none in another, their middle at the origin', () => {
   const line = [robot(0.8, 1.3), robot(0, 0, false), robot(2, 0.5), robot(0.1, 1.8)];
   for (let again = 0; again < 2; again += 1) {
-    standInLine(line);
+    layOutRow(line);
     for (const [i, { at, width }] of line.entries()) {
       const next = line[i + 1];
       if (next === undefined) continue;

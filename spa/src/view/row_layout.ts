@@ -5,7 +5,7 @@ const WIDTHS = 1.3;
 const HEIGHTS = 0.6;
 
 /** One that can stand in a line. */
-export interface Standing {
+export interface RowItem {
   /** Along the world's axes, metres; null while there is no model. */
   readonly size: readonly [x: number, y: number, z: number] | null;
   /** Moves its whole world along the scene's y, metres. */
@@ -13,7 +13,7 @@ export interface Standing {
 }
 
 /** Puts robots beside each other along y, the middle of the line at the origin. */
-export function standInLine(robots: readonly Standing[]): void {
+export function layOutRow(robots: readonly RowItem[]): void {
   const rooms = robots.map(({ size }) =>
     size === null ? LEAST_ROOM : Math.max(LEAST_ROOM, size[1] * WIDTHS, size[2] * HEIGHTS),
   );

@@ -15,7 +15,7 @@ type Vector = readonly [number, number, number];
  * The robot as lines from link to link, drawn on a plain canvas: it moves while the code for shells is still on its
  * way, a quarter of a megabyte later. Seen exactly as the scene sees it at first, so that nothing jumps.
  */
-export class Sketch {
+export class StickFigure {
   readonly #canvas: HTMLCanvasElement;
   readonly #kinematics: Kinematics;
   readonly #parents: readonly number[];

@@ -1,5 +1,5 @@
-import { type FormEvent, useEffect, useState } from 'react';
-import { useAccountName } from '../../auth/account_name.ts';
+import { type FormEvent, useEffect, useState, useSyncExternalStore } from 'react';
+import { accountName, onAccountName } from '../../auth/account_name.ts';
 import { Dialog } from '../shell/Dialog.tsx';
 import { korean, useText } from '../text/language.ts';
 import './account.css';
@@ -8,10 +8,10 @@ import { accountEn } from '../text/account_en.ts';
 /** Opens the dialog where one signs in, or out. `refused`: what is shown around it was not for the account as it is. */
 export function SignIn({ refused = false }: { refused?: boolean }) {
   const text = useAccountText();
-  const name = useAccountName();
+  const name = useSyncExternalStore(onAccountName, accountName);
   useEffect(() => {
     if (refused && name !== null)
-      import('../../auth/account.ts').then(({ doubted }) => doubted()).catch(() => {});
+      import('../../auth/account.ts').then(({ renewRejectedToken }) => renewRejectedToken()).catch(() => {});
   }, [refused, name]);
   const [open, setOpen] = useState(false);
   return (

@@ -3,16 +3,16 @@ import type { ModelReport } from '../../model/report.ts';
 import { manifestUrl } from '../../relay/addresses.ts';
 import { accounts } from '../../relay/relay.ts';
 import { isolated } from '../../twin/names.ts';
-import type { BodyView, LineView } from '../../view/body_view.ts';
-import { follow } from '../shell/deferred_start.ts';
+import type { BodyView, RowView } from '../../view/body_view.ts';
+import { startWhenLoaded } from '../shell/deferred_start.ts';
 import { late } from '../shell/late.tsx';
 import { useNow } from '../shell/now.ts';
 import { type RobotLink, useConnection, useVersion, useWord } from '../state/robot_link.ts';
 import { bytesWords, problemWords, stageWords, waitingWords } from '../status/words.ts';
 import { say, useText } from '../text/language.ts';
-import { useCameraHands } from './controls/use_camera_controls.ts';
-import { FirstSketch } from './FirstStickFigure.tsx';
-import type { SignsLink } from './overlay/overlay_link.ts';
+import { useCameraControls } from './controls/use_camera_controls.ts';
+import { FirstStickFigure } from './FirstStickFigure.tsx';
+import type { OverlayLink } from './overlay/overlay_link.ts';
 import { useBodyView } from './use_body_view.ts';
 
 /** They come with the body: the page itself starts without. */
@@ -33,7 +33,7 @@ type Model =
 export function Body({ link }: { link: RobotLink }) {
   const host = useRef<HTMLDivElement>(null);
   const { view, trouble, why, choose } = useBodyView(host, usePlayed(link));
-  useCameraHands(host, view, link.twin);
+  useCameraControls(host, view, link.twin);
   useViewAddress(view, link);
   const signs = useSigns(view, link);
   const model = useModel(view, link);
@@ -41,7 +41,9 @@ export function Body({ link }: { link: RobotLink }) {
 
   return (
     <section className="stage" aria-label={text.body}>
-      {why === null && (model.phase === 'none' || model.phase === 'loading') && <FirstSketch link={link} />}
+      {why === null && (model.phase === 'none' || model.phase === 'loading') && (
+        <FirstStickFigure link={link} />
+      )}
       <div className="canvas" ref={host} data-testid="scene" data-shown={model.phase !== 'none'} />
       {model.phase === 'loading' && <Progress received={model.received} total={model.total} />}
       <StageNote link={link} />
@@ -89,8 +91,8 @@ export function Body({ link }: { link: RobotLink }) {
 /** How the body plays what the robot does. */
 function usePlayed(link: RobotLink) {
   return useCallback(async () => {
-    const { bodyFollows } = await import('./body_link.ts'); // the code of the view is on its way meanwhile
-    return (view: LineView) => bodyFollows(view, link);
+    const { bindBody } = await import('./body_link.ts'); // the code of the view is on its way meanwhile
+    return (view: RowView) => bindBody(view, link);
   }, [link]);
 }
 
@@ -98,25 +100,25 @@ function usePlayed(link: RobotLink) {
 function useViewAddress(view: BodyView | null, link: RobotLink): void {
   useEffect(() => {
     if (view === null) return;
-    return follow(
+    return startWhenLoaded(
       import('../share/view_address.ts').then(
-        ({ addressFollows }) =>
+        ({ bindAddress }) =>
           () =>
-            addressFollows(view, link),
+            bindAddress(view, link),
       ),
     );
   }, [view, link]);
 }
 
 /** What is drawn beside the body. */
-function useSigns(scene: BodyView | null, link: RobotLink): SignsLink | null {
-  const [signs, setSigns] = useState<SignsLink | null>(null);
+function useSigns(scene: BodyView | null, link: RobotLink): OverlayLink | null {
+  const [signs, setSigns] = useState<OverlayLink | null>(null);
   useEffect(() => {
     if (scene === null) return;
     // A chunk that does not come takes nothing else with it: the body stands without signs.
-    const end = follow(
-      import('./overlay/overlay_link.ts').then(({ signsFollow }) => () => {
-        const drawn = signsFollow(scene, link);
+    const end = startWhenLoaded(
+      import('./overlay/overlay_link.ts').then(({ bindOverlay }) => () => {
+        const drawn = bindOverlay(scene, link);
         setSigns(drawn);
         return drawn.stop;
       }),

@@ -41,7 +41,7 @@ function Unread({ link }: { link: RobotLink }) {
   useNow(500);
   const { schema, state } = link.twin;
   const lost = useMemo(() => (schema === null ? null : new LostReadings(schema)), [schema]);
-  const joints = state === null ? [] : (lost?.look(state.codes) ?? []);
+  const joints = state === null ? [] : (lost?.update(state.codes) ?? []);
   return joints.length === 0 ? null : <p data-testid="unread-note">{unreadWords(joints)}</p>;
 }
 

@@ -2,13 +2,13 @@ import { useEffect, useRef } from 'react';
 import { builtModelAt } from '../../model/files.ts';
 import { manifestUrl } from '../../relay/addresses.ts';
 import { Poser } from '../../twin/playback/pose.ts';
-import { Sketch } from '../../view/stick_figure.ts';
+import { StickFigure } from '../../view/stick_figure.ts';
 import { useTheme } from '../shell/theme.ts';
 import { type RobotLink, useVersion } from '../state/robot_link.ts';
 import { settings } from '../state/settings.ts';
 
 /** The robot in lines, from its first frame until the scene takes over. */
-export function FirstSketch({ link }: { link: RobotLink }) {
+export function FirstStickFigure({ link }: { link: RobotLink }) {
   const canvas = useRef<HTMLCanvasElement>(null);
   const theme = useTheme();
   useVersion(link);
@@ -22,9 +22,9 @@ export function FirstSketch({ link }: { link: RobotLink }) {
     builtModelAt(manifestUrl(robot, modelHash))
       .then((manifest) => {
         if (left || manifest === null) return; // raw files say nothing of joints before the URDF is here
-        const sketch = new Sketch(current, manifest);
-        sketch.setColor(getComputedStyle(current).color);
-        leave = follow(sketch, link);
+        const figure = new StickFigure(current, manifest);
+        figure.setColor(getComputedStyle(current).color);
+        leave = follow(figure, link);
       })
       .catch(() => {}); // the scene asks for the same, and says what is wrong
     return () => {
@@ -35,7 +35,7 @@ export function FirstSketch({ link }: { link: RobotLink }) {
   return <canvas ref={canvas} className="first-sketch" data-testid="first-sketch" />;
 }
 
-function follow(sketch: Sketch, { twin }: RobotLink): () => void {
+function follow(figure: StickFigure, { twin }: RobotLink): () => void {
   let poser: Poser | null = null;
   let of: unknown = null;
   const pose = () => {
@@ -46,7 +46,7 @@ function follow(sketch: Sketch, { twin }: RobotLink): () => void {
       poser = new Poser(schema, told ? 'ref' : 'pos');
       of = schema;
     }
-    sketch.setPose(poser.pose(state.codes));
+    figure.setPose(poser.pose(state.codes));
   };
   pose();
   return twin.onState(pose);

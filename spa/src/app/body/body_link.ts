@@ -4,7 +4,7 @@ import type { RobotLink } from '../state/robot_link.ts';
 import { onSettings, settings } from '../state/settings.ts';
 
 /** Lets the body follow the twin, outside React. Returns the end of it. */
-export function bodyFollows(
+export function bindBody(
   scene: Pick<BodyView, 'play' | 'wake' | 'setGrey'>,
   { twin, watch }: RobotLink,
 ): () => void {

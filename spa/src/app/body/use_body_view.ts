@@ -1,22 +1,26 @@
 import { type RefObject, useEffect, useRef, useState } from 'react';
 import { isolated } from '../../twin/names.ts';
-import type { Trouble } from '../../view/adaptive_quality.ts';
-import type { LineView } from '../../view/body_view.ts';
+import type { DrawingTrouble } from '../../view/adaptive_quality.ts';
+import type { RowView } from '../../view/body_view.ts';
 import { showScene } from '../shell/debug_api.ts';
 import { type ThemeName, useTheme } from '../shell/theme.ts';
 import { changeSettings, type Settings, settings, useSettings } from '../state/settings.ts';
 import { say } from '../text/language.ts';
-import { loadScene } from './load_three.ts';
+import { loadThree } from './load_three.ts';
 
 /** What the page says of the way in which it draws; `light`: there is no 3D here, `light-pixels`:
  *  and it is slow, `given-up`: there was 3D, `slow`: there is, but not ten pictures a second,
  *  `chosen`: there is, and the person wants it so. */
-export type ViewTrouble = Exclude<Trouble, 'failed' | 'hopeless'> | 'light' | 'light-pixels' | HandMade;
+export type ViewTrouble =
+  | Exclude<DrawingTrouble, 'failed' | 'hopeless'>
+  | 'light'
+  | 'light-pixels'
+  | HandMade;
 type HandMade = 'given-up' | 'slow' | 'chosen';
 
 export interface ShownBody {
   /** null until its code is here. */
-  readonly view: LineView | null;
+  readonly view: RowView | null;
   readonly trouble: ViewTrouble | null;
   /** Why there is no picture at all. */
   readonly why: string | null;
@@ -27,7 +31,7 @@ export interface ShownBody {
 const NOTHING = { view: null, trouble: null, why: null } as const;
 
 /** What is done with a view as soon as there is one; returns the end of it. */
-export type Begin = (view: LineView) => () => void;
+export type Begin = (view: RowView) => () => void;
 
 /** The drawing of a robot, or of some side by side: in 3D where the browser has it, else by hand. Each is a chunk of its own.
  *  A view is opened anew with another `prepare` or `onDrawn`, which hears of every picture. */
@@ -53,9 +57,9 @@ export function useBodyView(
   useEffect(() => {
     let left = false;
     let stop: (() => void) | null = null;
-    let made: LineView | null = null;
+    let made: RowView | null = null;
     const open = async () => {
-      const onTrouble = (trouble: Trouble | null) => {
+      const onTrouble = (trouble: DrawingTrouble | null) => {
         if (trouble === 'failed') setWay('given-up');
         else if (trouble !== 'hopeless') setShown((before) => ({ ...before, trouble }));
         else if (settings().body === 'auto') setWay('slow');
@@ -120,9 +124,9 @@ class NoContext extends Error {}
 async function open3d(
   host: RefObject<HTMLDivElement | null>,
   theme: ThemeNow,
-  hears: { onTrouble: (trouble: Trouble | null) => void; onDrawn?: () => void },
-): Promise<LineView | null> {
-  const Scene = await (await loadScene()).painted();
+  hears: { onTrouble: (trouble: DrawingTrouble | null) => void; onDrawn?: () => void },
+): Promise<RowView | null> {
+  const Scene = await (await loadThree()).painted();
   if (host.current === null) return null;
   try {
     return new Scene(host.current, { theme: theme.current, ...hears });
@@ -135,7 +139,7 @@ async function openLight(
   host: RefObject<HTMLDivElement | null>,
   theme: ThemeNow,
   hears: { onSlow: (slow: boolean) => void; onDrawn?: () => void },
-): Promise<LineView | null> {
+): Promise<RowView | null> {
   const { LightView } = await import('../../canvas2d/index.ts');
   return host.current === null ? null : new LightView(host.current, { theme: theme.current, ...hears });
 }

@@ -1,11 +1,11 @@
 import { type KeyboardEvent, Suspense, useEffect, useRef } from 'react';
-import { firstSight } from '../../browser/first_paint.ts';
+import { firstPaint } from '../../browser/first_paint.ts';
 import { nowMs } from '../../stream/clock.ts';
 import { late, lateAfterBody } from '../shell/late.tsx';
 import { ROOM_FOR_BOTH, useMedia } from '../shell/media.ts';
 import type { RobotLink } from '../state/robot_link.ts';
 import { onSelection, selection, useSelectedJoint } from '../state/selection.ts';
-import { usePlotted } from '../state/traces.ts';
+import { useTraces } from '../state/traces.ts';
 import { onLanguage, say, useText } from '../text/language.ts';
 import { FaultLine } from './alarms/FaultLine.tsx';
 import { make } from './grid/cells.ts';
@@ -38,7 +38,7 @@ export function Panel({
   const panel = useRef<HTMLDivElement>(null);
   const tabs = useRef<HTMLDivElement>(null);
   const joint = useSelectedJoint();
-  const traces = usePlotted().length;
+  const traces = useTraces().length;
   useEffect(() => {
     // Wherever it was chosen. Not at once: a phone that is turned keeps the tab that it had.
     return onSelection(() => selection() !== null && setTab('Joints'));
@@ -47,7 +47,7 @@ export function Panel({
     // A panel that has gone meanwhile has no use for it; without it a tap still plots.
     const carry = async () =>
       (await import('./grid/value_drag.ts')).carryValues(panel.current!, () => setTab('Plots'));
-    firstSight.then(carry).catch(() => {});
+    firstPaint.then(carry).catch(() => {});
   }, [setTab]);
 
   const onKeyDown = (event: KeyboardEvent) => {
@@ -123,13 +123,13 @@ function JointNumbers({ link }: { link: RobotLink }) {
     if (host.current === null) return;
     host.current.replaceChildren(make('p', 'note late', say().noNumbersYet));
     const sources: TableSources = {
-      faults: link.faults.book,
+      faults: link.faults.log,
       readings: link.past.readings,
     };
     const view = new JointView(host.current, link.twin, sources);
     const write = () => view.write(nowMs());
     let left = false;
-    firstSight
+    firstPaint
       .then(() => import('./table/limb_titles.ts'))
       .then(
         ({ titledLimbs }) => {

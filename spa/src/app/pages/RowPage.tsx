@@ -2,12 +2,12 @@ import './row.css';
 import { type RefObject, useCallback, useEffect, useRef, useState } from 'react';
 import { manifestUrl } from '../../relay/addresses.ts';
 import { isolated } from '../../twin/names.ts';
-import type { LineMember, LineView } from '../../view/body_view.ts';
-import { bodyFollows } from '../body/body_link.ts';
-import { useCameraHands } from '../body/controls/use_camera_controls.ts';
+import type { RowMember, RowView } from '../../view/body_view.ts';
+import { bindBody } from '../body/body_link.ts';
+import { useCameraControls } from '../body/controls/use_camera_controls.ts';
 import { LoadLegend } from '../body/overlay/LoadLegend.tsx';
-import { SignMenu } from '../body/overlay/OverlayMenu.tsx';
-import { type SignsLink, signsFollow } from '../body/overlay/overlay_link.ts';
+import { OverlayMenu } from '../body/overlay/OverlayMenu.tsx';
+import { bindOverlay, type OverlayLink } from '../body/overlay/overlay_link.ts';
 import { ShownChoice } from '../body/overlay/ShownChoice.tsx';
 import { useBodyView } from '../body/use_body_view.ts';
 import { ViewNote } from '../body/ViewNote.tsx';
@@ -19,13 +19,13 @@ import { useText } from '../text/language.ts';
 import { useMore } from '../text/more.ts';
 
 /** Up to six robots side by side in one scene, each with its own truth over its head. */
-export function LinePage({ robots, onSettings }: { robots: readonly string[]; onSettings: () => void }) {
+export function RowPage({ robots, onSettings }: { robots: readonly string[]; onSettings: () => void }) {
   const host = useRef<HTMLDivElement>(null);
   const labels = useRef<(HTMLElement | null)[]>([]);
   const { view: scene, trouble, why, choose } = useLine(host, robots.length, labels);
-  useCameraHands(host, scene);
+  useCameraControls(host, scene);
   const [links, setLinks] = useState<readonly RobotLink[]>([]);
-  const [signs, setSigns] = useState<readonly SignsLink[]>([]);
+  const [signs, setSigns] = useState<readonly OverlayLink[]>([]);
   const onLink = useMembers(setLinks);
   const onSigns = useMembers(setSigns);
   const text = useText();
@@ -99,7 +99,7 @@ export function LinePage({ robots, onSettings }: { robots: readonly string[]; on
                     </button>
                   ))}
                 </fieldset>
-                <SignMenu links={links} />
+                <OverlayMenu links={links} />
               </div>
             )}
             {scene !== null && <LoadLegend signs={signs} />}
@@ -131,11 +131,11 @@ function useMembers<T>(
 
 interface MemberProps {
   readonly robot: string;
-  readonly scene: LineView | null;
-  readonly body: LineMember | null;
+  readonly scene: RowView | null;
+  readonly body: RowMember | null;
   readonly label: (element: HTMLElement | null) => void;
   readonly onLink: (link: RobotLink) => () => void;
-  readonly onSigns: (signs: SignsLink) => () => void;
+  readonly onSigns: (signs: OverlayLink) => () => void;
 }
 
 /** One robot of the line: its connection, its body, and what stands over its head. */
@@ -154,7 +154,7 @@ function Linked({ robot, scene, body, label, link, onLink, onSigns }: MemberProp
 
   useEffect(() => {
     if (scene === null || body === null) return;
-    return bodyFollows(
+    return bindBody(
       {
         play: (source) => body.play(source),
         setGrey: (grey) => body.setGrey(grey),
@@ -166,7 +166,7 @@ function Linked({ robot, scene, body, label, link, onLink, onSigns }: MemberProp
 
   useEffect(() => {
     if (scene === null || body === null) return;
-    const signs = signsFollow(
+    const signs = bindOverlay(
       {
         showSigns: (readings, manner) => scene.showSigns(readings, manner, body),
         showGhost: (joints, limbs) => body.showGhost(joints, limbs),
@@ -211,9 +211,9 @@ function useLine(
   count: number,
   labels: RefObject<(HTMLElement | null)[]>,
 ) {
-  const shown = useRef<LineView | null>(null);
+  const shown = useRef<RowView | null>(null);
   const prepare = useCallback(
-    async () => (view: LineView) => {
+    async () => (view: RowView) => {
       while (view.robots.length < count) view.addRobot();
       shown.current = view;
       return () => {

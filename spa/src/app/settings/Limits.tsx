@@ -1,6 +1,6 @@
 import '../styles/signs.css';
 import { useEffect, useId, useRef, useState } from 'react';
-import { type Limited, limitedChannels } from '../../twin/alarms/limit_channels.ts';
+import { type LimitChannel, limitChannels } from '../../twin/alarms/limit_channels.ts';
 import { displayOf } from '../../twin/format.ts';
 import { ANY, type BadThreshold, type Threshold, whyNoThreshold } from '../../twin/limits/limits.ts';
 import { dropOwnLimits, setOwnLimit } from '../state/limit_edits.ts';
@@ -16,7 +16,7 @@ export function Limits({ link }: { link: RobotLink }) {
   const { twin } = link;
   const { schema } = twin;
   if (schema === null) return null;
-  const groups = limitedChannels(schema, text);
+  const groups = limitChannels(schema, text);
   if (groups.length === 0) return null;
   return (
     <section className="limits" data-testid="limits">
@@ -45,7 +45,7 @@ export function Limits({ link }: { link: RobotLink }) {
   );
 }
 
-function Limit({ link, channel }: { link: RobotLink; channel: Limited }) {
+function Limit({ link, channel }: { link: RobotLink; channel: LimitChannel }) {
   const text = useMore();
   const { twin } = link;
   const { field, label, name, unit, span } = channel;
@@ -109,7 +109,7 @@ function Limit({ link, channel }: { link: RobotLink; channel: Limited }) {
 
 /** Green, yellow and red along a line, with a thumb at either limit and a mark where the value is now. */
 function Track(props: {
-  channel: Limited;
+  channel: LimitChannel;
   link: RobotLink;
   threshold: Threshold;
   onChange: (part: Partial<Threshold>) => void;

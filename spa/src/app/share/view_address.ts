@@ -11,7 +11,7 @@ const EVERY_MS = 500;
  * Keeps the address in step with what the page shows, so that any copy of it opens the same. First the page takes what
  * the address says. What is named but does not exist is left out. Returns the end of it.
  */
-export function addressFollows(view: BodyView, { twin }: RobotLink): () => void {
+export function bindAddress(view: BodyView, { twin }: RobotLink): () => void {
   let wanted: string | null = null;
   let placed = false;
   const take = () => {

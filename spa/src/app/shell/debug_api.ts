@@ -11,7 +11,7 @@ type OfOneView = Pick<RobotScene, 'signsOf' | 'robots' | 'topOf' | 'pixelRatio' 
 };
 
 /** What tests and curious people find under `window.posecast`: the page as it is, read only. */
-interface Handle {
+interface DebugApi {
   readonly twin: {
     readonly seq: number | null;
     readonly t_s: number | null;
@@ -33,7 +33,7 @@ interface Handle {
 
 declare global {
   interface Window {
-    posecast?: Handle;
+    posecast?: DebugApi;
   }
 }
 
@@ -52,7 +52,7 @@ export function shownScene(): BodyView | null {
   return scene;
 }
 
-export function installHandle(): void {
+export function installDebugApi(): void {
   window.posecast = {
     get twin() {
       if (link === null) return null;

@@ -1,5 +1,5 @@
 import { type ComponentType, type LazyExoticComponent, lazy } from 'react';
-import { firstSight } from '../../browser/first_paint.ts';
+import { firstPaint } from '../../browser/first_paint.ts';
 import { useText } from '../text/language.ts';
 
 /** A part of the page that comes when it is wanted. If it does not come, the rest of the page stands. */
@@ -13,7 +13,7 @@ export function late<P extends object>(
 export function lateAfterBody<P extends object>(
   load: () => Promise<ComponentType<P>>,
 ): LazyExoticComponent<ComponentType<P>> {
-  return late(() => firstSight.then(load));
+  return late(() => firstPaint.then(load));
 }
 
 function NotHere() {

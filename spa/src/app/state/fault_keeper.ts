@@ -1,10 +1,10 @@
 import { useSyncExternalStore } from 'react';
-import { acknowledgedText, type Fault, FaultBook, readAcknowledged } from '../../twin/alarms/fault_log.ts';
+import { acknowledgedText, type Fault, FaultLog, readAcknowledged } from '../../twin/alarms/fault_log.ts';
 import type { RobotTwin } from '../../twin/robot.ts';
 
 /** Keeps one robot's faults while its page is open; what was acknowledged stays in this browser. */
 export class FaultKeeper {
-  readonly book: FaultBook;
+  readonly log: FaultLog;
   readonly #twin: RobotTwin;
   readonly #key: string;
   readonly #listeners = new Set<() => void>();
@@ -14,7 +14,7 @@ export class FaultKeeper {
   constructor(twin: RobotTwin) {
     this.#twin = twin;
     this.#key = `posecast.acknowledged.${twin.robot}`;
-    this.book = new FaultBook(readAcknowledged(stored(this.#key)));
+    this.log = new FaultLog(readAcknowledged(stored(this.#key)));
     this.#leave = [twin.onState(() => this.#frame()), twin.onChange(() => this.#events())];
   }
 
@@ -27,7 +27,7 @@ export class FaultKeeper {
   };
 
   acknowledge(faults: readonly Fault[]): void {
-    this.book.acknowledge(faults.map((fault) => fault.key));
+    this.log.acknowledge(faults.map((fault) => fault.key));
     this.#keep();
     this.#tell();
   }
@@ -40,30 +40,30 @@ export class FaultKeeper {
   #frame(): void {
     const joints = this.#twin.joints();
     if (joints === null) return;
-    const acknowledged = this.book.acknowledged.size;
-    this.book.rows(joints.rows, Date.now());
-    if (this.book.acknowledged.size !== acknowledged) this.#keep();
+    const acknowledged = this.log.acknowledged.size;
+    this.log.rows(joints.rows, Date.now());
+    if (this.log.acknowledged.size !== acknowledged) this.#keep();
     this.#list ??= [];
     this.#tell();
   }
 
   #keep(): void {
     try {
-      window.localStorage.setItem(this.#key, acknowledgedText(this.book.acknowledged));
+      window.localStorage.setItem(this.#key, acknowledgedText(this.log.acknowledged));
     } catch {
       // it holds as long as the page does
     }
   }
 
   #events(): void {
-    for (const event of this.#twin.events) this.book.event(event, Date.now());
-    if (this.book.faults.length > 0) this.#list ??= [];
+    for (const event of this.#twin.events) this.log.event(event, Date.now());
+    if (this.log.faults.length > 0) this.#list ??= [];
     this.#tell();
   }
 
   #tell(): void {
-    if (this.#list === null || this.#list === this.book.faults) return;
-    this.#list = this.book.faults;
+    if (this.#list === null || this.#list === this.log.faults) return;
+    this.#list = this.log.faults;
     for (const listener of this.#listeners) listener();
   }
 }

@@ -9,7 +9,7 @@ import { HistoryKeeper } from './history_keeper.ts';
 import { LivenessWatch } from './liveness_watch.ts';
 import { loadOwnLimits } from './own_limits.ts';
 import { selectJoint } from './selection.ts';
-import { clearPlots } from './traces.ts';
+import { clearTraces } from './traces.ts';
 
 /** One robot as this page has it: its state, the connection that feeds it, the watch over its truth, its faults, its
  *  last minute. */
@@ -41,7 +41,7 @@ export function useRobotLink(robot: string): RobotLink | null {
       opened.faults.close();
       opened.past.close();
       selectJoint(null);
-      clearPlots();
+      clearTraces();
       setLink(null);
     };
   }, [robot]);

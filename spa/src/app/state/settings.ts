@@ -142,7 +142,7 @@ export function queryOf(hash: string): URLSearchParams {
 }
 
 /** Takes over what a link says in so many words; a word that no setting knows is left out. */
-export function lendSettings(query: URLSearchParams): void {
+export function applyLinkSettings(query: URLSearchParams): void {
   const named = readSettings(JSON.stringify(Object.fromEntries(query)));
   const known = (Object.keys(named) as (keyof Settings)[]).filter((key) => query.get(key) === named[key]);
   if (known.length === 0) return;

@@ -1,8 +1,8 @@
 import { useEffect, useState } from 'react';
-import { SignReader } from '../../twin/overlay/reader.ts';
+import { OverlayReader } from '../../twin/overlay/reader.ts';
 import type { RobotLink } from '../state/robot_link.ts';
 import { AsAnyone } from './AsAnyone.tsx';
-import { spoken } from './announcement.ts';
+import { announcement } from './announcement.ts';
 
 /** A listener hears what has changed, and not more often than this. */
 const EVERY_MS = 5000;
@@ -14,14 +14,14 @@ const ALL = { shown: 'pos', lens: false, forces: true, level: true, load: 'off' 
 export function Announcer({ link }: { link: RobotLink }) {
   const [said, setSaid] = useState('');
   useEffect(() => {
-    let reader: SignReader | null = null;
+    let reader: OverlayReader | null = null;
     let gist = '';
     let saidMs = Number.NEGATIVE_INFINITY;
     const look = () => {
       const { schema, state, limits, name } = link.twin;
-      if (schema !== null && reader?.schema !== schema) reader = new SignReader(schema);
+      if (schema !== null && reader?.schema !== schema) reader = new OverlayReader(schema);
       const known = schema !== null && state !== null && limits !== null;
-      const now = spoken({
+      const now = announcement({
         name,
         verdict: link.watch.verdict(),
         readings: known ? (reader?.read(state.codes, limits, ALL) ?? null) : null,

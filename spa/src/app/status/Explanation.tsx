@@ -1,6 +1,6 @@
 import { type RobotLink, useConnection } from '../state/robot_link.ts';
 import { useMore } from '../text/more.ts';
-import { truthWords } from './explanation_words.ts';
+import { explanationWords } from './explanation_words.ts';
 
 /** What stands behind the chip: why the word is what it is, and what can be done about a lowered rate. */
 export function Explanation({ link }: { link: RobotLink }) {
@@ -8,7 +8,7 @@ export function Explanation({ link }: { link: RobotLink }) {
   const text = useMore();
   return (
     <>
-      {truthWords(link.watch.verdict(), connection).map((line, i) => (
+      {explanationWords(link.watch.verdict(), connection).map((line, i) => (
         <p key={i === 0 ? 'first' : line.split(':')[0]}>{line}</p>
       ))}
       {connection.rateReason !== null && connection.phase === 'open' && (

@@ -2,7 +2,7 @@ import type { Fault } from '../../twin/alarms/fault_log.ts';
 import { displayOf, formatNumber } from '../../twin/format.ts';
 import type { Verdict } from '../../twin/liveness.ts';
 import { isolated } from '../../twin/names.ts';
-import type { SignReadings } from '../../twin/overlay/reader.ts';
+import type { OverlayReadings } from '../../twin/overlay/reader.ts';
 import { leanOf } from '../../twin/sensors/imus.ts';
 import type { Arrow, Wrench } from '../../twin/sensors/wrenches.ts';
 import { more } from '../text/more.ts';
@@ -10,17 +10,17 @@ import { faultWords } from './fault_words.ts';
 import { causeWords, warningWords } from './words.ts';
 
 /** What those who listen are told of a robot, and when that is worth saying. */
-export interface Spoken {
+export interface Announcement {
   text: string;
   /** Changes when something is worth saying again: a number that trembles is not. */
   gist: string;
 }
 
-export interface Heard {
+export interface AnnouncementInput {
   name: string;
   verdict: Pick<Verdict, 'word' | 'cause' | 'overShare'>;
   /** Of the newest frame; null before any. */
-  readings: Pick<SignReadings, 'wrenches' | 'body'> | null;
+  readings: Pick<OverlayReadings, 'wrenches' | 'body'> | null;
   faults: readonly Fault[];
 }
 
@@ -35,7 +35,7 @@ const MOST_NAMED = 3;
 const ZERO_WIDTH = /^\u2007/;
 
 /** "demo: live; upright, leaning 3° left; right hand 28 N, caution; 2 joints faulted" */
-export function spoken({ name, verdict, readings, faults }: Heard): Spoken {
+export function announcement({ name, verdict, readings, faults }: AnnouncementInput): Announcement {
   const { word } = verdict;
   if (word === null) return { text: '', gist: '' };
   const reasons = [causeWords(verdict.cause), warningWords(verdict)].filter((reason) => reason !== '');
@@ -50,7 +50,7 @@ export function spoken({ name, verdict, readings, faults }: Heard): Spoken {
   };
 }
 
-function posture(readings: Heard['readings']): Spoken {
+function posture(readings: AnnouncementInput['readings']): Announcement {
   const lean = readings?.body == null ? null : leanOf(readings.body);
   if (lean === null) return { text: '', gist: '' };
   const { roll, pitch } = lean;
@@ -67,7 +67,7 @@ function posture(readings: Heard['readings']): Spoken {
   };
 }
 
-function forces(readings: Heard['readings']): Spoken[] {
+function forces(readings: AnnouncementInput['readings']): Announcement[] {
   const worrying = (readings?.wrenches ?? []).filter((wrench) => levelOf(wrench) !== 'ok');
   worrying.sort((a, b) => Number(levelOf(b) === 'fault') - Number(levelOf(a) === 'fault'));
   const named = worrying.slice(0, MOST_NAMED).map((wrench) => {
@@ -90,7 +90,7 @@ function levelOf({ force, moment }: Wrench): Arrow['level'] {
   return force.level === 'caution' || moment.level === 'caution' ? 'caution' : 'ok';
 }
 
-function faulted(faults: readonly Fault[]): Spoken[] {
+function faulted(faults: readonly Fault[]): Announcement[] {
   const lasting = (level: Fault['level']) =>
     new Map(
       faults
@@ -104,7 +104,7 @@ function faulted(faults: readonly Fault[]): Spoken[] {
 }
 
 /** One by its name, several by their number. */
-function counted(of: ReadonlyMap<string, Fault>, many: (count: number) => string): Spoken[] {
+function counted(of: ReadonlyMap<string, Fault>, many: (count: number) => string): Announcement[] {
   const [first] = of.values();
   if (first === undefined) return [];
   const gist = [...of.keys()].join(' ');

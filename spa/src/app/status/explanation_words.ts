@@ -5,7 +5,7 @@ import { isolated } from '../../twin/names.ts';
 import { more } from '../text/more.ts';
 
 /** The explanation behind the chip. */
-export function truthWords(verdict: Verdict, link: Link): string[] {
+export function explanationWords(verdict: Verdict, link: Link): string[] {
   const text = more();
   const unwritten = link.by === 'mirror' && verdict.cause === 'relay degraded';
   const lines = [unwritten ? text.explainUnwritten : stateWords(verdict)];

@@ -37,7 +37,7 @@ export function wantedLanguage(chosen: Settings['language'], browser: readonly s
 }
 
 /** Speaks the wanted language from now on, and any that is chosen later. A catalogue that does not come changes nothing. */
-export async function followLanguage(): Promise<void> {
+export async function bindLanguage(): Promise<void> {
   onSettings(() => void become());
   await become();
 }

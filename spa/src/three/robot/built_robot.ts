@@ -1,12 +1,12 @@
 import { BundleError } from '../../model/bundle.ts';
-import { levelBytes } from '../../model/files.ts';
-import { type Level, readLevel } from '../../model/lod.ts';
-import type { LevelFile, Manifest } from '../../model/manifest.ts';
+import { lodBytes } from '../../model/files.ts';
+import { type Lod, readLod } from '../../model/lod.ts';
+import type { LodFile, Manifest } from '../../model/manifest.ts';
 import type { ModelReport } from '../../model/report.ts';
 import type { Stage } from './figure.ts';
 import type { SkinTones } from './skin.ts';
 import { SkinnedRobot } from './skinned_robot.ts';
-import type { Drain } from './stale_effect.ts';
+import type { StaleEffect } from './stale_effect.ts';
 
 type OnProgress = (receivedBytes: number, totalBytes: number) => void;
 
@@ -24,11 +24,17 @@ export class BuiltRobot {
   #refining: Promise<void> | null = null;
   #coarse = false;
 
-  constructor(manifest: Manifest, manifestUrl: string, stage: Stage, drain: Drain, tones: SkinTones) {
+  constructor(
+    manifest: Manifest,
+    manifestUrl: string,
+    stage: Stage,
+    staleEffect: StaleEffect,
+    tones: SkinTones,
+  ) {
     this.#manifest = manifest;
     this.#url = manifestUrl;
     this.#stage = stage;
-    this.#robot = new SkinnedRobot(manifest, drain, tones);
+    this.#robot = new SkinnedRobot(manifest, staleEffect, tones);
     stage.show(this.#robot);
   }
 
@@ -117,16 +123,16 @@ export class BuiltRobot {
 
 /** Rejects with a BundleError of one line that names the file. */
 async function fetchLevel(
-  file: LevelFile,
+  file: LodFile,
   manifestUrl: string,
   visuals: number,
   signal: AbortSignal,
   onBytes: (received: number) => void,
-): Promise<Level> {
-  const bytes = await levelBytes(file, manifestUrl, signal, onBytes);
+): Promise<Lod> {
+  const bytes = await lodBytes(file, manifestUrl, signal, onBytes);
   onBytes(file.bytes);
   try {
-    return await readLevel(bytes, visuals);
+    return await readLod(bytes, visuals);
   } catch (cause) {
     throw new BundleError(`${file.path}: ${cause instanceof Error ? cause.message : String(cause)}`, {
       cause,

@@ -1,11 +1,11 @@
 import { BufferGeometry, Mesh, type MeshLambertMaterial } from 'three';
 import { type Joint, Kinematics } from '../../model/kinematics.ts';
-import type { Level } from '../../model/lod.ts';
+import type { Lod } from '../../model/lod.ts';
 import type { LinkLook } from '../../model/posed_body.ts';
 import type { FigureGhost } from './figure.ts';
 import { GLASS_ORDER, glass } from './glass.ts';
 import { Bones, type SkinTones } from './skin.ts';
-import type { Drain } from './stale_effect.ts';
+import type { StaleEffect } from './stale_effect.ts';
 
 /**
  * The same robot once more, in another pose: where it was told to be. It wears the shells of its robot (the very
@@ -19,13 +19,13 @@ export class Ghost implements FigureGhost {
   readonly #linkOf: ReadonlyMap<string, number>;
   readonly #bones: Bones;
   readonly #onGone: (ghost: Ghost) => void;
-  #level: Level | null = null;
+  #level: Lod | null = null;
 
   constructor(
     joints: readonly Joint[],
     linkOf: ReadonlyMap<string, number>,
     linkOfVisual: ArrayLike<number>,
-    drain: Drain,
+    staleEffect: StaleEffect,
     { accent }: SkinTones,
     onGone: (ghost: Ghost) => void,
   ) {
@@ -34,7 +34,7 @@ export class Ghost implements FigureGhost {
     this.#linkOfVisual = linkOfVisual;
     this.#bones = new Bones(linkOfVisual.length);
     this.#onGone = onGone;
-    const material = glass(drain, accent, { value: this.#bones.texture });
+    const material = glass(staleEffect, accent, { value: this.#bones.texture });
     this.mesh = new Mesh(new BufferGeometry(), material);
     this.mesh.visible = false;
     this.mesh.frustumCulled = false;
@@ -64,7 +64,7 @@ export class Ghost implements FigureGhost {
   }
 
   /** The robot's shells, lent: whoever made the geometry disposes of it. */
-  wear(level: Level, geometry: BufferGeometry): void {
+  wear(level: Lod, geometry: BufferGeometry): void {
     this.#level = level;
     this.mesh.geometry = geometry;
     this.mesh.visible = true;

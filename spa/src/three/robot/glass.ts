@@ -6,7 +6,7 @@ import {
   type WebGLProgramParametersWithUniforms,
 } from 'three';
 import { after, bend } from './skin.ts';
-import type { Drain } from './stale_effect.ts';
+import type { StaleEffect } from './stale_effect.ts';
 
 const OPACITY = 0.35;
 /** After the robot, so that it shows through. */
@@ -15,7 +15,7 @@ export const GLASS_ORDER = 2;
 /** What a ghost is made of: every link in the accent, clear where one looks straight at it, dense at its edge. With
  *  `bones` it bends as a skin does, and each link may fade by itself. */
 export function glass(
-  drain: Drain,
+  staleEffect: StaleEffect,
   accent: { value: Color },
   bones: { value: DataTexture } | null = null,
 ): MeshLambertMaterial {
@@ -30,7 +30,7 @@ export function glass(
     forceSinglePass: true, // else three draws its back and its front apart
   });
   material.onBeforeCompile = (shader) => {
-    drain.patch(shader);
+    staleEffect.patch(shader);
     shader.uniforms.accent = accent;
     tint(shader, bones !== null);
     if (bones === null) return;

@@ -1,7 +1,7 @@
 import { Color } from 'three';
 import type { Manifest } from '../../model/manifest.ts';
 import { SkinnedRobot } from './skinned_robot.ts';
-import { Drain } from './stale_effect.ts';
+import { StaleEffect } from './stale_effect.ts';
 
 const WHOLE = { xyz: [0, 0, 0], quat: [1, 0, 0, 0], limits: null, mimic: null } as const;
 
@@ -24,7 +24,7 @@ export function sampleLeg(): SkinnedRobot {
     missing: [],
   } as unknown as Manifest;
   const tone = { value: new Color() };
-  const leg = new SkinnedRobot(manifest, new Drain(new Color()), { accent: tone, caution: tone });
+  const leg = new SkinnedRobot(manifest, new StaleEffect(new Color()), { accent: tone, caution: tone });
   leg.ground();
   return leg;
 }

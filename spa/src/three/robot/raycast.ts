@@ -1,5 +1,5 @@
 import { Box3, Matrix4, Ray, Vector3 } from 'three';
-import type { Level } from '../../model/lod.ts';
+import type { Lod } from '../../model/lod.ts';
 
 const ROOT_FROM_MESH = new Matrix4();
 const MESH_FROM_ROOT = new Matrix4();
@@ -13,7 +13,7 @@ const HIT = new Vector3();
  * visual i is, or false when it can't be picked. Boxes first, then triangles: a click costs about a millisecond.
  */
 export function pickVisual(
-  level: Level,
+  level: Lod,
   ray: Ray,
   rootFromMesh: (visual: number, into: Matrix4) => boolean,
 ): number {

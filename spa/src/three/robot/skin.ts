@@ -15,9 +15,9 @@ import {
   type WebGLProgramParametersWithUniforms,
 } from 'three';
 import { multiply } from '../../model/kinematics.ts';
-import type { Level } from '../../model/lod.ts';
+import type { Lod } from '../../model/lod.ts';
 import type { LinkLook, LinkTint } from '../../model/posed_body.ts';
-import type { Drain } from './stale_effect.ts';
+import type { StaleEffect } from './stale_effect.ts';
 
 const ROUGHNESS = 0.6;
 const NUMBERS = 16;
@@ -83,7 +83,7 @@ export class Bones {
 }
 
 /** A level as buffers of the graphics card; what several skins may share. */
-export function skinGeometry(level: Level): BufferGeometry {
+export function skinGeometry(level: Lod): BufferGeometry {
   const geometry = new BufferGeometry();
   geometry.setAttribute('position', new BufferAttribute(level.positions, 4));
   geometry.setAttribute('normal', new BufferAttribute(level.normals, 4, true));
@@ -109,10 +109,10 @@ export class Skin {
 
   /** `pictures` as the level numbers them; null for one that could not be read. */
   constructor(
-    level: Level,
+    level: Lod,
     pictures: readonly (ImageBitmap | null)[],
     bones: Bones,
-    drain: Drain,
+    staleEffect: StaleEffect,
     tones: SkinTones,
   ) {
     this.#paints = new DataTexture(level.paints, level.paints.length / 4, 1, RGBAFormat, FloatType);
@@ -127,7 +127,7 @@ export class Skin {
       if (image !== null) material.map = pictureTexture(image);
       if (seeThrough) material.defines = { ...material.defines, SEE_THROUGH: '' };
       material.onBeforeCompile = (shader) => {
-        drain.patch(shader);
+        staleEffect.patch(shader);
         patch(shader, { bones: { value: bones.texture }, paints: { value: paints }, ...tones });
       };
       material.customProgramCacheKey = () => 'skin';

@@ -1,11 +1,11 @@
 import { Color } from 'three';
 import { describe, expect, it } from 'vitest';
-import { readLevel } from '../../model/lod.ts';
+import { readLod } from '../../model/lod.ts';
 import { readManifest } from '../../model/manifest.ts';
 import { type SampleModel, sampleGlb, sampleManifest } from '../../model/samples.ts';
 import type { Skin } from './skin.ts';
 import { SkinnedRobot } from './skinned_robot.ts';
-import { Drain } from './stale_effect.ts';
+import { StaleEffect } from './stale_effect.ts';
 
 const tones = { accent: { value: new Color() }, caution: { value: new Color() } };
 const UPRIGHT = [1, 0, 0, 0] as const;
@@ -24,10 +24,14 @@ function chain(joints: number): SampleModel {
 }
 
 function robotOf(model: SampleModel): SkinnedRobot {
-  return new SkinnedRobot(readManifest(sampleManifest(model, []) as never), new Drain(new Color()), tones);
+  return new SkinnedRobot(
+    readManifest(sampleManifest(model, []) as never),
+    new StaleEffect(new Color()),
+    tones,
+  );
 }
 
-const levelOf = async (model: SampleModel) => readLevel(await sampleGlb(model), model.visuals.length);
+const levelOf = async (model: SampleModel) => readLod(await sampleGlb(model), model.visuals.length);
 type Drawn = Skin['mesh'];
 
 describe('a skinned robot', () => {

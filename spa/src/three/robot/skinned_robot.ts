@@ -1,16 +1,16 @@
 import { type Box3, Matrix4, Object3D, Quaternion, Ray, Vector3 } from 'three';
 import { type LinkBox, lowestZ } from '../../model/bounds.ts';
 import { Kinematics } from '../../model/kinematics.ts';
-import type { Level } from '../../model/lod.ts';
+import type { Lod } from '../../model/lod.ts';
 import { boxesOfLinks, type Manifest } from '../../model/manifest.ts';
-import type { FigureJoint, LinkLook, LinkTint } from '../../model/posed_body.ts';
+import type { BodyJoint, LinkLook, LinkTint } from '../../model/posed_body.ts';
 import { UNREAD } from '../../overlays/colors.ts';
 import type { Quat } from '../../twin/rotation.ts';
 import type { Figure } from './figure.ts';
 import { Ghost } from './ghost.ts';
 import { pickVisual } from './raycast.ts';
 import { Bones, Skin, type SkinTones } from './skin.ts';
-import type { Drain } from './stale_effect.ts';
+import type { StaleEffect } from './stale_effect.ts';
 
 const MOVES: ReadonlySet<string> = new Set(['revolute', 'continuous', 'prismatic']);
 
@@ -30,18 +30,18 @@ export class SkinnedRobot implements Figure {
   readonly #boxOfLink: ReadonlyMap<number, LinkBox>;
   readonly #linkOfVisual: Int32Array;
   readonly #bones: Bones;
-  readonly #drain: Drain;
+  readonly #staleEffect: StaleEffect;
   readonly #tones: SkinTones;
-  #level: Level | null = null;
+  #level: Lod | null = null;
   #skin: Skin | null = null;
   #fading = false;
   readonly #tints = new Map<string, LinkTint>();
   #unread: ReadonlySet<string> = new Set();
   readonly #ghosts = new Set<Ghost>();
 
-  constructor(manifest: Manifest, drain: Drain, tones: SkinTones) {
+  constructor(manifest: Manifest, staleEffect: StaleEffect, tones: SkinTones) {
     this.#manifest = manifest;
-    this.#drain = drain;
+    this.#staleEffect = staleEffect;
     this.#tones = tones;
     this.#kinematics = new Kinematics(manifest.joints);
     this.#bones = new Bones(manifest.visuals.length);
@@ -74,7 +74,7 @@ export class SkinnedRobot implements Figure {
     return [TURN.w, TURN.x, TURN.y, TURN.z];
   }
 
-  joint(name: string): FigureJoint | undefined {
+  joint(name: string): BodyJoint | undefined {
     const found = this.#jointOf.get(name);
     if (found === undefined) return undefined;
     const { axis, type } = this.#manifest.joints[found]!;
@@ -176,7 +176,7 @@ export class SkinnedRobot implements Figure {
       this.#manifest.joints,
       this.#linkOf,
       this.#linkOfVisual,
-      this.#drain,
+      this.#staleEffect,
       this.#tones,
       (gone) => this.#ghosts.delete(gone),
     );
@@ -187,10 +187,10 @@ export class SkinnedRobot implements Figure {
   }
 
   /** Puts on the shells of a level in place of those of the level before: one picture to the next, nothing jumps. */
-  wear(level: Level, pictures: readonly (ImageBitmap | null)[]): void {
+  wear(level: Lod, pictures: readonly (ImageBitmap | null)[]): void {
     const old = this.#skin;
     this.#level = level;
-    this.#skin = new Skin(level, pictures, this.#bones, this.#drain, this.#tones);
+    this.#skin = new Skin(level, pictures, this.#bones, this.#staleEffect, this.#tones);
     if (this.#fading) this.#skin.allowFading();
     this.#bend();
     this.root.add(this.#skin.mesh);

@@ -1,22 +1,22 @@
 import { Color, MeshStandardMaterial, ShaderLib, type WebGLRenderer } from 'three';
 import { expect, test } from 'vitest';
-import { Drain } from './stale_effect.ts';
+import { StaleEffect } from './stale_effect.ts';
 
 test('it starts grey, drains in a quarter of a second, and then asks for no more ticks', () => {
-  const drain = new Drain(new Color());
-  drain.advance(Number.POSITIVE_INFINITY);
-  expect(drain.grey).toBe(true);
-  drain.grey = false;
-  expect(drain.advance(0.1)).toBe(true);
-  expect(drain.advance(0.1)).toBe(true);
-  expect(drain.advance(0.1)).toBe(false);
-  expect(drain.advance(0.1)).toBe(false);
+  const staleEffect = new StaleEffect(new Color());
+  staleEffect.advance(Number.POSITIVE_INFINITY);
+  expect(staleEffect.grey).toBe(true);
+  staleEffect.grey = false;
+  expect(staleEffect.advance(0.1)).toBe(true);
+  expect(staleEffect.advance(0.1)).toBe(true);
+  expect(staleEffect.advance(0.1)).toBe(false);
+  expect(staleEffect.advance(0.1)).toBe(false);
 });
 
 test('every material shares the same uniforms, and the shader has the places they are put', () => {
-  const drain = new Drain(new Color());
+  const staleEffect = new StaleEffect(new Color());
   const shaders = [new MeshStandardMaterial(), new MeshStandardMaterial()].map((material) => {
-    drain.attach(material);
+    staleEffect.attach(material);
     const shader = {
       uniforms: {} as Record<string, { value: unknown }>,
       vertexShader: ShaderLib.standard.vertexShader,

@@ -7,7 +7,7 @@ const HATCH_CSS_PIXELS = 9;
  * Lets the colour drain out of a robot whose pose is old, and hatches it: many robots are grey by themselves, so
  * missing colour alone would say nothing. One uniform for all materials, so that it costs no draw call.
  */
-export class Drain {
+export class StaleEffect {
   readonly #amount = { value: 1 };
   readonly #period = { value: HATCH_CSS_PIXELS };
   readonly #tone: { value: Color };

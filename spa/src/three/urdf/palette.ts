@@ -1,24 +1,24 @@
 import { Color, DoubleSide, FrontSide, type MeshLambertMaterial, MeshStandardMaterial } from 'three';
 import { glass } from '../robot/glass.ts';
-import type { Drain } from '../robot/stale_effect.ts';
+import type { StaleEffect } from '../robot/stale_effect.ts';
 
 const ROUGHNESS = 0.6;
 
 /** The matt shells of one robot, one material for each colour, however many links name it; and the glass of its ghost. */
 export class Palette {
-  readonly #drain: Drain;
+  readonly #staleEffect: StaleEffect;
   readonly #accent: { value: Color };
   readonly #shells = new Map<string, MeshStandardMaterial>();
   #glass: MeshLambertMaterial | null = null;
 
-  constructor(drain: Drain, accent: { value: Color }) {
-    this.#drain = drain;
+  constructor(staleEffect: StaleEffect, accent: { value: Color }) {
+    this.#staleEffect = staleEffect;
     this.#accent = accent;
   }
 
   /** What its ghost is made of. */
   glass(): MeshLambertMaterial {
-    this.#glass ??= glass(this.#drain, this.#accent);
+    this.#glass ??= glass(this.#staleEffect, this.#accent);
     return this.#glass;
   }
 
@@ -37,7 +37,7 @@ export class Palette {
         depthWrite: opacity >= 1,
         side: closed ? FrontSide : DoubleSide,
       });
-      this.#drain.attach(shell);
+      this.#staleEffect.attach(shell);
       this.#shells.set(key, shell);
     }
     return shell;

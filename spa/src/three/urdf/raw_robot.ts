@@ -1,13 +1,13 @@
 import type { RawFiles, RawManifest } from '../../model/bundle.ts';
-import { factsOf, lostMesh, type MeshFacts } from '../../model/mesh_facts.ts';
+import { factsOf, type MeshFacts, missingMesh } from '../../model/mesh_facts.ts';
 import type { ModelReport } from '../../model/report.ts';
 import type { Stage } from '../robot/figure.ts';
 import type { SkinTones } from '../robot/skin.ts';
-import type { Drain } from '../robot/stale_effect.ts';
+import type { StaleEffect } from '../robot/stale_effect.ts';
 import { MeshLoader } from './mesh_loader.ts';
 import { Palette } from './palette.ts';
 import { whyAbsent } from './placeholder.ts';
-import { type MeshSlot, RobotModel } from './urdf_robot.ts';
+import { type MeshSlot, UrdfRobot } from './urdf_robot.ts';
 
 /** Shows a robot from its raw URDF and meshes, `onTotal` hearing how many bytes it draws: for an edge that serves them as they are, and for a dropped folder.
  *  A chunk of its own, because a built model needs none of it. */
@@ -15,14 +15,14 @@ export async function showRaw(
   manifest: RawManifest,
   files: RawFiles,
   stage: Stage,
-  drain: Drain,
+  staleEffect: StaleEffect,
   { accent }: SkinTones,
   report: ModelReport,
   onTotal: (totalBytes: number) => void,
 ): Promise<void> {
   const urdf = new TextDecoder().decode(await files.fetch(manifest.urdf));
   stage.signal.throwIfAborted();
-  const model = new RobotModel(urdf, new Palette(drain, accent));
+  const model = new UrdfRobot(urdf, new Palette(staleEffect, accent));
   onTotal(manifest.urdf.size + neededBytes(model.slots, manifest));
   stage.show(model);
   report.joints = model.jointNames;
@@ -59,7 +59,7 @@ async function fill(
   signal: AbortSignal,
 ): Promise<{ facts: MeshFacts; problem: string | null }> {
   const absent = whyAbsent(slot.uri, manifest);
-  if (absent !== null) return { facts: lostMesh(absent), problem: `${slot.uri}: ${absent}` };
+  if (absent !== null) return { facts: missingMesh(absent), problem: `${slot.uri}: ${absent}` };
   const file = manifest.files.get(slot.uri)!;
   try {
     const mesh = await meshes.load(file);
@@ -69,7 +69,7 @@ async function fill(
     const problem = cause instanceof Error ? cause.message : String(cause);
     const named = `${file.path}: `;
     const reason = problem.startsWith(named) ? problem.slice(named.length) : problem;
-    return { facts: lostMesh(reason, file.size), problem };
+    return { facts: missingMesh(reason, file.size), problem };
   }
 }
 

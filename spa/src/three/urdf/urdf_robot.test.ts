@@ -5,10 +5,10 @@ import { Box3, Color, Mesh, type MeshStandardMaterial, Object3D, Ray, Vector3 } 
 import { expect, test } from 'vitest';
 import { cubeSoup } from '../../urdf/mesh_samples.ts';
 import { weld } from '../../urdf/weld.ts';
-import { Drain } from '../robot/stale_effect.ts';
+import { StaleEffect } from '../robot/stale_effect.ts';
 import type { MeshPart } from './mesh_loader.ts';
 import { Palette } from './palette.ts';
-import { RobotModel } from './urdf_robot.ts';
+import { UrdfRobot } from './urdf_robot.ts';
 
 const SHARED = process.env.POSECAST_SHARED ?? resolve(import.meta.dirname, '../../../../../shared');
 
@@ -25,15 +25,15 @@ const ARM = `<robot name="arm">
     <limit lower="0" upper="0.1" effort="1" velocity="1"/></joint>
 </robot>`;
 
-function arm(): RobotModel {
-  const model = new RobotModel(ARM, new Palette(new Drain(new Color()), { value: new Color() }));
+function arm(): UrdfRobot {
+  const model = new UrdfRobot(ARM, new Palette(new StaleEffect(new Color()), { value: new Color() }));
   model.place([0, 0, 0], [1, 0, 0, 0]);
   return model;
 }
 
 const angles = (values: Record<string, number>) => new Map(Object.entries(values));
 
-function at(model: RobotModel, link: string): number[] {
+function at(model: UrdfRobot, link: string): number[] {
   const m = model.linkMatrix(link)!.elements;
   return [m[12]!, m[13]!, m[14]!].map((value) => Math.round(value * 1e6) / 1e6 + 0);
 }
@@ -160,7 +160,7 @@ test.skipIf(!existsSync(HUBO))(
   `Hubo 2+ agrees with plain matrices (needs ${HUBO.split('/').slice(-4).join('/')})`,
   () => {
     const text = readFileSync(HUBO, 'utf8');
-    const model = new RobotModel(text, new Palette(new Drain(new Color()), { value: new Color() }));
+    const model = new UrdfRobot(text, new Palette(new StaleEffect(new Color()), { value: new Color() }));
     expect(model.problems).toEqual([]);
     expect(model.slots.length).toBe(58);
     for (let round = 0; round < 5; round += 1) {
@@ -278,12 +278,12 @@ function about(axis: number[], angle: number): number[] {
 }
 
 test('a planar joint slides and turns across its axis, a floating one goes anywhere; the rest stays', () => {
-  const model = new RobotModel(
+  const model = new UrdfRobot(
     `<robot name="r"><link name="base"/><link name="cart"/><link name="wall"/><link name="drone"/>
     <joint name="drive" type="planar"><parent link="base"/><child link="cart"/><origin xyz="1 0 0"/><axis xyz="0 0 2"/></joint>
     <joint name="slide" type="planar"><parent link="cart"/><child link="wall"/><axis xyz="0 1 0"/></joint>
     <joint name="fly" type="floating"><parent link="base"/><child link="drone"/><origin xyz="0 0 1"/></joint></robot>`,
-    new Palette(new Drain(new Color()), { value: new Color() }),
+    new Palette(new StaleEffect(new Color()), { value: new Color() }),
   );
   expect(model.jointNames.slice(0, 4)).toEqual(['drive/x', 'drive/y', 'drive/theta', 'slide/x']);
   expect(model.jointNames.at(-1)).toBe('fly/rot_w');

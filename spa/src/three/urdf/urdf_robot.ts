@@ -15,7 +15,7 @@ import {
 } from 'three';
 import URDFLoader, { type URDFRobot } from 'urdf-loader';
 import { emptyBox, growBox, type LinkBox, lowestZ } from '../../model/bounds.ts';
-import type { FigureJoint, LinkLook, LinkTint } from '../../model/posed_body.ts';
+import type { BodyJoint, LinkLook, LinkTint } from '../../model/posed_body.ts';
 import { UNREAD } from '../../overlays/colors.ts';
 import type { Quat } from '../../twin/rotation.ts';
 import type { Welded } from '../../urdf/weld.ts';
@@ -46,7 +46,7 @@ export interface MeshSlot {
  * A robot as three.js objects, with the robot's own frames (Z up). The adapter around urdf-loader: nothing else in
  * the scene knows it, so that another reader can take its place.
  */
-export class RobotModel implements Figure {
+export class UrdfRobot implements Figure {
   readonly root: Object3D;
   readonly problems: readonly string[];
   readonly slots: readonly MeshSlot[];
@@ -117,7 +117,7 @@ export class RobotModel implements Figure {
     return [TURN.w, TURN.x, TURN.y, TURN.z];
   }
 
-  joint(name: string): FigureJoint | undefined {
+  joint(name: string): BodyJoint | undefined {
     const joint = this.#robot.joints[name];
     if (joint === undefined || !slidesOrTurns(joint)) return undefined;
     const link = joint.children.find((child) => 'isURDFLink' in child);

@@ -42,7 +42,7 @@ type Named = Pick<Fault, 'key' | 'level' | 'what' | 'source' | 'words'>;
  * Faults from events and frames alike. An event tells what a 1 Hz viewer's frames never show; a frame tells what lasts
  * although its event is long forgotten. Either latches.
  */
-export class FaultBook {
+export class FaultLog {
   readonly #entries = new Map<string, Entry>();
   #acknowledged = new Map<string, number>();
   /** What the newest frame showed; null before the first, whose faults may be old ones. */

@@ -3,7 +3,7 @@ import { ANY } from '../limits/limits.ts';
 import { type PowerWords, SensorTable } from '../sensors/sensors.ts';
 
 /** A channel that has limits, or may be given some. */
-export interface Limited {
+export interface LimitChannel {
   readonly field: string;
   readonly label: string;
   readonly name: string;
@@ -12,9 +12,9 @@ export interface Limited {
   readonly span: number;
 }
 
-export interface LimitedGroup {
+export interface LimitChannelGroup {
   readonly title: string;
-  readonly channels: readonly Limited[];
+  readonly channels: readonly LimitChannel[];
 }
 
 /** Where nobody has said what is much. */
@@ -27,20 +27,20 @@ const SPANS: Readonly<Record<string, number>> = {
   amp: 50,
 };
 /** What is called otherwise in another language. */
-export interface LimitedWords extends PowerWords {
+export interface LimitChannelWords extends PowerWords {
   readonly motors: string;
   readonly currentOfAll: string;
   readonly heatOfAll: string;
 }
 
 /** What a viewer may set limits for: forces and moments, place by place, power, and load of all joints together. */
-export function limitedChannels(schema: Schema, words: LimitedWords): LimitedGroup[] {
+export function limitChannels(schema: Schema, words: LimitChannelWords): LimitChannelGroup[] {
   const span = (field: string, label: string) => {
     const { low, high } = schema.mapping.threshold(field, label) ?? { low: null, high: null };
     const most = 1.5 * Math.max(Math.abs(low ?? 0), Math.abs(high ?? 0));
     return most > 0 ? most : (SPANS[field] ?? 100);
   };
-  const groups: LimitedGroup[] = [];
+  const groups: LimitChannelGroup[] = [];
   for (const group of new SensorTable(schema, words).groups) {
     if (group.kind !== 'wrench' && group.kind !== 'power') continue;
     groups.push({

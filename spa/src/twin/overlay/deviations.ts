@@ -31,7 +31,7 @@ interface Watched {
 }
 
 /** Finds the limbs that are not where they were told to be. `read` gives the same objects again and again. */
-export class Lens {
+export class DeviationTable {
   readonly #schema: Schema;
   readonly #pos: JointMapping;
   readonly #ref: JointMapping;

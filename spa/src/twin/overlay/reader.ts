@@ -3,10 +3,10 @@ import type { Limits } from '../limits/limits.ts';
 import { type Imu, ImuTable } from '../sensors/imus.ts';
 import { type Load, type LoadField, type LoadScale, LoadTable } from '../sensors/load.ts';
 import { type Wrench, WrenchTable } from '../sensors/wrenches.ts';
-import { type Deviation, Lens } from './deviations.ts';
+import { type Deviation, DeviationTable } from './deviations.ts';
 
 /** Which signs a viewer wants. */
-export interface SignChoice {
+export interface OverlayChoice {
   readonly shown: 'pos' | 'ref' | 'both';
   readonly lens: boolean;
   readonly forces: boolean;
@@ -15,7 +15,7 @@ export interface SignChoice {
 }
 
 /** What the newest frame says beyond the pose. Kinds that are switched off, or that the robot does not have, are empty. */
-export interface SignReadings {
+export interface OverlayReadings {
   readonly wrenches: readonly Wrench[];
   readonly deviations: readonly Deviation[];
   readonly imus: readonly Imu[];
@@ -28,18 +28,18 @@ export interface SignReadings {
 }
 
 /** All that is drawn beside the body of one robot, read from one frame after the other. It lives as long as its schema. */
-export class SignReader {
+export class OverlayReader {
   readonly schema: Schema;
   readonly #wrenches: WrenchTable;
-  readonly #lens: Lens;
+  readonly #deviations: DeviationTable;
   readonly #imus: ImuTable;
   #load: LoadTable | null = null;
-  #loadField: SignChoice['load'] = 'off';
+  #loadField: OverlayChoice['load'] = 'off';
 
   constructor(schema: Schema) {
     this.schema = schema;
     this.#wrenches = new WrenchTable(schema);
-    this.#lens = new Lens(schema);
+    this.#deviations = new DeviationTable(schema);
     this.#imus = new ImuTable(schema);
   }
 
@@ -54,11 +54,11 @@ export class SignReader {
     };
   }
 
-  read(codes: Int32Array, limits: Limits, choice: SignChoice): SignReadings {
+  read(codes: Int32Array, limits: Limits, choice: OverlayChoice): OverlayReadings {
     const { forces, level, lens, shown } = choice;
     return {
       wrenches: forces ? this.#wrenches.read(codes, limits) : [],
-      deviations: lens || shown === 'both' ? this.#lens.read(codes) : [],
+      deviations: lens || shown === 'both' ? this.#deviations.read(codes) : [],
       imus: level ? this.#imus.read(codes) : [],
       body: level ? this.#imus.body : null,
       based: level && this.schema.field('baseq') !== null,
@@ -70,7 +70,7 @@ export class SignReader {
    * The ghost of the lens: the joints that stand elsewhere than the body's (rad or m by URDF name); null for none, and
    * when the ghost is shown whole anyway. A limb that yields on purpose is named, but is no ghost's business.
    */
-  ghost({ deviations }: SignReadings, { shown, lens }: SignChoice): ReadonlyMap<string, number> | null {
+  ghost({ deviations }: OverlayReadings, { shown, lens }: OverlayChoice): ReadonlyMap<string, number> | null {
     if (!lens || shown === 'both') return null;
     const joints = deviations.filter(({ compliant }) => !compliant).flatMap((deviation) => deviation.joints);
     if (joints.length === 0) return null;
@@ -78,11 +78,11 @@ export class SignReader {
   }
 
   /** What the colours of load mean; null while there are none. */
-  loadScale(limits: Limits, field: SignChoice['load']): LoadScale | null {
+  loadScale(limits: Limits, field: OverlayChoice['load']): LoadScale | null {
     return this.#loads(field)?.scale(limits) ?? null;
   }
 
-  #loads(field: SignChoice['load']): LoadTable | null {
+  #loads(field: OverlayChoice['load']): LoadTable | null {
     if (field !== this.#loadField) {
       this.#loadField = field;
       const has = field !== 'off' && LoadTable.has(this.schema, field);

@@ -1,6 +1,6 @@
 import { MISSING, type Schema } from '@posecast/wire';
 import type { RobotState } from '../robot.ts';
-import type { Reader } from '../values.ts';
+import type { ChannelReader } from '../values.ts';
 import { valueAt } from '../values.ts';
 
 /** How far back, and how close together at best: what a strip of 600 pixels can show. */
@@ -54,7 +54,7 @@ export class History {
 
   /** The last minute as each of `readers` reads it, oldest first; they are handed codes of the schema that was pushed
    *  last. */
-  window(readers: readonly Reader[], nowMs: number): Window {
+  window(readers: readonly ChannelReader[], nowMs: number): Window {
     const atMs: number[] = [];
     const columns: (number | null)[][] = readers.map(() => []);
     const size = this.#schema?.size ?? 0;

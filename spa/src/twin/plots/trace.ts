@@ -1,40 +1,40 @@
 import type { Schema } from '@posecast/wire';
 import { isolated } from '../names.ts';
 import { type PowerWords, SensorTable } from '../sensors/sensors.ts';
-import type { Reader } from '../values.ts';
+import type { ChannelReader } from '../values.ts';
 import { valueAt } from '../values.ts';
 
 /** What a person wants to see over time: a channel, a joint's `error` (ref − pos), or an angle of an attitude. */
-export interface Plotted {
+export interface Trace {
   readonly field: string;
   readonly label: string;
 }
 
 /** How it is read from this robot's frames, and what it is called. */
-export interface PlottedReading {
+export interface TraceReading {
   /** "RKN pos", "right foot Fz" */
   readonly title: string;
   readonly unit: string;
   /** Value of one code, in the unit. */
   readonly scale: number;
-  readonly read: Reader;
+  readonly read: ChannelReader;
   /** Whether the title is a joint's name and the field's. */
   readonly ofJoint: boolean;
 }
 
 /** null when the robot reports no such value, or one that is no number. `power`: what power is called. */
-export function plottedReading(
+export function traceReading(
   schema: Schema,
-  { field: name, label }: Plotted,
+  { field: name, label }: Trace,
   power?: PowerWords,
-): PlottedReading | null {
+): TraceReading | null {
   const main = schema.field('pos') ?? schema.field('ref');
   const title = `${isolated(label)} ${name}`;
   if (name === 'error') {
     const [ref, pos] = [schema.field('ref'), schema.field('pos')];
     const index = pos?.labels.indexOf(label) ?? -1;
     if (ref === null || pos === null || index < 0 || ref.labelSet !== pos.labelSet) return null;
-    const read: Reader = (codes) => {
+    const read: ChannelReader = (codes) => {
       const [told, is] = [valueAt(codes, ref, index), valueAt(codes, pos, index)];
       return told === null || is === null ? null : told - is;
     };

@@ -3,17 +3,17 @@ import { isolated } from '../names.ts';
 import type { PowerWords } from '../sensors/sensors.ts';
 import type { Sheet } from './csv.ts';
 import type { History } from './history.ts';
-import { type Plotted, type PlottedReading, plottedReading } from './trace.ts';
+import { type Trace, type TraceReading, traceReading } from './trace.ts';
 
 /** A longer pause between two frames breaks a line: nobody knows what was meanwhile. */
 const GAP_MS = 1500;
 
 export interface PlotTrace {
-  readonly of: Plotted;
+  readonly of: Trace;
   /** Its place in the list of all: what it looks like. */
   readonly index: number;
   /** null: the robot reports no such value now. */
-  readonly reading: PlottedReading | null;
+  readonly reading: TraceReading | null;
 }
 
 /** Traces of one unit share a plot. */
@@ -25,13 +25,13 @@ export interface PlotGroup {
 /** Puts what is plotted together unit by unit, in the order of the list. What the robot does not report stands last. */
 export function plotGroups(
   history: History,
-  list: readonly Plotted[],
+  list: readonly Trace[],
   angle: AngleUnit,
   power?: PowerWords,
 ): PlotGroup[] {
   const groups = new Map<string, { display: Display; traces: PlotTrace[] }>();
   list.forEach((of, index) => {
-    const reading = history.schema === null ? null : plottedReading(history.schema, of, power);
+    const reading = history.schema === null ? null : traceReading(history.schema, of, power);
     const display = displayOf(reading?.unit ?? '', angle, reading?.scale);
     const key = reading === null ? '\n' : display.unit;
     const group = groups.get(key) ?? { display, traces: [] };

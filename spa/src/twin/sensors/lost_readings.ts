@@ -10,7 +10,7 @@ export class LostReadings {
   }
 
   /** The joints, as the robot names them, whose position was read before and is not in these codes. */
-  look(codes: Int32Array): string[] {
+  update(codes: Int32Array): string[] {
     const pos = this.#schema.field('pos');
     const lost: string[] = [];
     pos?.labels.forEach((joint, i) => {

@@ -3,7 +3,7 @@ import { LevelLatch } from '../limits/level_latch.ts';
 import { Limits } from '../limits/limits.ts';
 import { isolated, placeOf } from '../names.ts';
 import { rpyOf, unit as unitQuat } from '../rotation.ts';
-import type { Reader } from '../values.ts';
+import type { ChannelReader } from '../values.ts';
 import { valueAt } from '../values.ts';
 
 export interface Reading {
@@ -132,7 +132,7 @@ export class SensorTable {
   }
 
   /** Reads one of the readings out of any frame's codes; null when there is none of that name. */
-  reader(field: string, label: string): { readonly reading: Reading; readonly read: Reader } | null {
+  reader(field: string, label: string): { readonly reading: Reading; readonly read: ChannelReader } | null {
     const found = this.#all.find(({ reading }) => reading.field === field && reading.label === label);
     if (found === undefined) return null;
     return { reading: found.reading, read: (codes) => readFrom(codes, found.source) };

@@ -11,7 +11,7 @@ type Eye = Pick<BodyView, 'pick' | 'focus' | 'setLinkLook'>;
  * Body and numbers are one: a tapped link selects its joint, and the selected joint's link is lit. What was chosen among
  * the numbers is brought before the eye; what was tapped is there already. Returns the end of it.
  */
-export function selectionFollows(element: HTMLElement, view: Eye, twin: RobotTwin): () => void {
+export function bindSelection(element: HTMLElement, view: Eye, twin: RobotTwin): () => void {
   let lit: readonly string[] = [];
   let channels: { schema: RobotTwin['schema']; of: JointChannels } | null = null;
 

@@ -78,7 +78,7 @@ export function closeTo(view: Pick<Eye, 'pick' | 'focus' | 'look'>, at: { x: num
 
 /** Keys, double taps and what was chosen for the mouse, over a body's element. Keys are the camera's while nothing else
  *  on the page has the focus. Returns the end of it. */
-export function giveHands(element: HTMLElement, view: BodyView): () => void {
+export function attachCameraControls(element: HTMLElement, view: BodyView): () => void {
   const chosen = () => {
     const { mouse, follow } = settings();
     view.setMouse(mouse);

@@ -7,7 +7,7 @@ const AIR = 4;
 
 /** Tells a view how much of its picture notes and buttons cover: a robot whose feet nobody sees seems to float. Returns the end
  *  of it. */
-export function coverFollows(canvas: HTMLElement, view: Pick<BodyView, 'setCover'>): () => void {
+export function bindInsets(canvas: HTMLElement, view: Pick<BodyView, 'setCover'>): () => void {
   const stage = canvas.parentElement;
   if (stage === null) return () => {};
   const over = (selector: string) =>

@@ -4,11 +4,11 @@ import type { LoadScale } from '../../../twin/sensors/load.ts';
 import { useNow } from '../../shell/now.ts';
 import { useSettings } from '../../state/settings.ts';
 import { useMore } from '../../text/more.ts';
-import type { SignsLink } from './overlay_link.ts';
+import type { OverlayLink } from './overlay_link.ts';
 import '../../styles/signs.css';
 
 /** What the colours of the bodies mean while they are painted by load. */
-export function LoadLegend({ signs }: { signs: readonly SignsLink[] }) {
+export function LoadLegend({ signs }: { signs: readonly OverlayLink[] }) {
   useNow(1000); // without limits the scale grows with what is seen
   const { load } = useSettings();
   const text = useMore();

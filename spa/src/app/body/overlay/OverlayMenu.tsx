@@ -1,6 +1,6 @@
 import '../../styles/choices.css';
 import '../../styles/signs.css';
-import { SignReader } from '../../../twin/overlay/reader.ts';
+import { OverlayReader } from '../../../twin/overlay/reader.ts';
 import type { LoadField } from '../../../twin/sensors/load.ts';
 import { SignsIcon } from '../../shell/icons.tsx';
 import { usePopover } from '../../shell/popover.ts';
@@ -9,7 +9,7 @@ import { changeSettings, type Settings, useSettings } from '../../state/settings
 import { useMore } from '../../text/more.ts';
 
 /** What is drawn beside the bodies. Only what one of the robots can show is offered. */
-export function SignMenu({ links }: { links: readonly RobotLink[] }) {
+export function OverlayMenu({ links }: { links: readonly RobotLink[] }) {
   const { open, setOpen, around } = usePopover<HTMLFieldSetElement>();
   const { lens, forces, level, load } = useSettings();
   useVersion(...links);
@@ -69,7 +69,7 @@ export function SignMenu({ links }: { links: readonly RobotLink[] }) {
 }
 
 function abilities(links: readonly RobotLink[]) {
-  const all = links.flatMap(({ twin }) => (twin.schema === null ? [] : [new SignReader(twin.schema).can]));
+  const all = links.flatMap(({ twin }) => (twin.schema === null ? [] : [new OverlayReader(twin.schema).can]));
   return {
     forces: all.some(({ forces }) => forces),
     level: all.some(({ level }) => level),

@@ -1,21 +1,21 @@
 import '../../styles/signs.css';
-import { SignReader } from '../../../twin/overlay/reader.ts';
+import { OverlayReader } from '../../../twin/overlay/reader.ts';
 import type { LoadScale } from '../../../twin/sensors/load.ts';
-import type { SignedBody } from '../../../view/body_view.ts';
+import type { OverlaidBody } from '../../../view/body_view.ts';
 import type { RobotLink } from '../../state/robot_link.ts';
 import { onSettings, settings } from '../../state/settings.ts';
 import { onLanguage } from '../../text/language.ts';
 import { more } from '../../text/more.ts';
 
-export interface SignsLink {
+export interface OverlayLink {
   /** What the colours of load mean now; null while there are none. */
   loadScale(): LoadScale | null;
   stop(): void;
 }
 
 /** Lets what is drawn beside the body follow the twin, outside React. */
-export function signsFollow(scene: SignedBody, { twin, watch }: RobotLink): SignsLink {
-  let reader: SignReader | null = null;
+export function bindOverlay(scene: OverlaidBody, { twin, watch }: RobotLink): OverlayLink {
+  let reader: OverlayReader | null = null;
   let haunted = false;
 
   const follow = () => {
@@ -26,7 +26,7 @@ export function signsFollow(scene: SignedBody, { twin, watch }: RobotLink): Sign
       haunted = false;
       return;
     }
-    if (reader?.schema !== schema) reader = new SignReader(schema);
+    if (reader?.schema !== schema) reader = new OverlayReader(schema);
     const choice = settings();
     const readings = reader.read(state.codes, limits, choice);
     const ghost = reader.ghost(readings, choice);

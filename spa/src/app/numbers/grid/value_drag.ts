@@ -1,5 +1,5 @@
-import type { Plotted } from '../../../twin/plots/trace.ts';
-import { plot } from '../../state/traces.ts';
+import type { Trace } from '../../../twin/plots/trace.ts';
+import { addTrace } from '../../state/traces.ts';
 
 const TYPE = 'application/x-posecast-value';
 /** Where values may be dropped: the tab of the plots, and what it shows. */
@@ -21,13 +21,13 @@ export function carryValues(panel: HTMLElement, dropped: () => void): void {
     const value = overPlots(event) ? broughtValue(event.dataTransfer) : null;
     if (value === null) return;
     event.preventDefault();
-    plot(value);
+    addTrace(value);
     dropped();
   });
 }
 
 /** null for anything else that may be dropped. */
-function broughtValue(dataTransfer: DataTransfer | null): Plotted | null {
+function broughtValue(dataTransfer: DataTransfer | null): Trace | null {
   let carried: unknown = null;
   try {
     carried = JSON.parse(dataTransfer?.getData(TYPE) ?? 'null');

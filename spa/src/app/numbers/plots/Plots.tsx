@@ -5,7 +5,7 @@ import type { History } from '../../../twin/plots/history.ts';
 import { useTheme } from '../../shell/theme.ts';
 import type { RobotLink } from '../../state/robot_link.ts';
 import { useSettings } from '../../state/settings.ts';
-import { clearPlots, unplot, usePlotted } from '../../state/traces.ts';
+import { clearTraces, removeTrace, useTraces } from '../../state/traces.ts';
 import { say } from '../../text/language.ts';
 import { useMore } from '../../text/more.ts';
 import { refreshWith } from '../grid/refresh.ts';
@@ -24,7 +24,7 @@ interface Held {
 export function Plots({ link }: { link: RobotLink }) {
   const host = useRef<HTMLDivElement>(null);
   const stack = useRef<PlotStack | null>(null);
-  const list = usePlotted();
+  const list = useTraces();
   const theme = useTheme();
   const { angle } = useSettings();
   const text = useMore();
@@ -39,7 +39,7 @@ export function Plots({ link }: { link: RobotLink }) {
       theme,
       angle,
       words: text,
-      remove: unplot,
+      remove: removeTrace,
       zoomed: () => setHeld((before) => before ?? hold(history)),
     });
     stack.current = made;
@@ -80,7 +80,7 @@ export function Plots({ link }: { link: RobotLink }) {
         <button type="button" className="text-button" data-testid="plot-csv" onClick={csv}>
           CSV
         </button>
-        <button type="button" className="text-button" onClick={clearPlots}>
+        <button type="button" className="text-button" onClick={clearTraces}>
           {text.clear}
         </button>
       </div>

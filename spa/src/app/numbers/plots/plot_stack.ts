@@ -6,7 +6,7 @@ import { NUMBERS } from '../../../twin/joints.ts';
 import { isolated } from '../../../twin/names.ts';
 import { csvOf } from '../../../twin/plots/csv.ts';
 import { HISTORY_S, type History } from '../../../twin/plots/history.ts';
-import type { Plotted } from '../../../twin/plots/trace.ts';
+import type { Trace } from '../../../twin/plots/trace.ts';
 import {
   type PlotData,
   type PlotGroup,
@@ -39,7 +39,7 @@ export interface PlotManner {
   readonly theme: 'dark' | 'light';
   readonly angle: AngleUnit;
   readonly words: PlotWords;
-  readonly remove: (trace: Plotted) => void;
+  readonly remove: (trace: Trace) => void;
   /** Somebody has chosen a stretch of time: what they look at must not slide away. */
   readonly zoomed: () => void;
 }
@@ -47,7 +47,7 @@ export interface PlotManner {
 /** The last minute of what is plotted, one plot for each unit under one another, with one cursor over all. */
 export class PlotStack {
   readonly #host: HTMLElement;
-  readonly #list: readonly Plotted[];
+  readonly #list: readonly Trace[];
   readonly #manner: PlotManner;
   readonly #resizes: ResizeObserver;
   readonly #timeRoom = make('p', 'plot-time quiet');
@@ -58,7 +58,7 @@ export class PlotStack {
   /** What the cursor of all plots stands at; null: nowhere. */
   #at: number | null = null;
 
-  constructor(host: HTMLElement, list: readonly Plotted[], manner: PlotManner) {
+  constructor(host: HTMLElement, list: readonly Trace[], manner: PlotManner) {
     this.#host = host;
     this.#list = list;
     this.#manner = manner;

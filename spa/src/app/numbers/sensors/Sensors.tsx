@@ -2,7 +2,7 @@ import './sensors.css';
 import { useEffect, useRef } from 'react';
 import { nowMs } from '../../../stream/clock.ts';
 import type { RobotLink } from '../../state/robot_link.ts';
-import { onPlotted } from '../../state/traces.ts';
+import { onTraces } from '../../state/traces.ts';
 import { onLanguage, say } from '../../text/language.ts';
 import { make } from '../grid/cells.ts';
 import { refreshWith } from '../grid/refresh.ts';
@@ -16,7 +16,7 @@ export function Sensors({ link }: { link: RobotLink }) {
     host.current.replaceChildren(make('p', 'note late', say().noNumbersYet));
     const view = new SensorView(host.current, link.twin, link.past.readings);
     const write = () => view.write(nowMs());
-    const stop = refreshWith(link.twin, write, [onPlotted, onLanguage]);
+    const stop = refreshWith(link.twin, write, [onTraces, onLanguage]);
     return () => {
       stop();
       view.dispose();

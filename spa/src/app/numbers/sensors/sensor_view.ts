@@ -3,7 +3,7 @@ import type { RobotTwin } from '../../../twin/robot.ts';
 import type { LastReadings } from '../../../twin/sensors/last_readings.ts';
 import { type Reading, type SensorGroup, SensorTable } from '../../../twin/sensors/sensors.ts';
 import { settings } from '../../state/settings.ts';
-import { isPlotted, togglePlot } from '../../state/traces.ts';
+import { isPlotted, toggleTrace } from '../../state/traces.ts';
 import { more } from '../../text/more.ts';
 import { DataMark, make, press, TextCell } from '../grid/cells.ts';
 import { NumberGrid } from '../grid/number_grid.ts';
@@ -134,7 +134,7 @@ export class SensorView {
     root.addEventListener('click', ({ target }) => {
       const row = (target as HTMLElement).closest('tr');
       const { field, label } = row?.querySelector<HTMLElement>('[data-field]')?.dataset ?? {};
-      if (field !== undefined && label !== undefined) togglePlot({ field, label });
+      if (field !== undefined && label !== undefined) toggleTrace({ field, label });
     });
     this.#root = root;
     this.#host.replaceChildren(root);

@@ -7,7 +7,7 @@ import { BackIcon } from '../../shell/icons.tsx';
 import { useFaults } from '../../state/fault_keeper.ts';
 import { type RobotLink, useVersion } from '../../state/robot_link.ts';
 import { selection, selectJoint } from '../../state/selection.ts';
-import { onPlotted } from '../../state/traces.ts';
+import { onTraces } from '../../state/traces.ts';
 import { onLanguage } from '../../text/language.ts';
 import { useMore } from '../../text/more.ts';
 import { OpenFaults } from '../alarms/OpenFaults.tsx';
@@ -30,7 +30,7 @@ export function JointCard({ link, joint }: { link: RobotLink; joint: string }) {
     if (host.current === null) return;
     const view = new JointCardView(host.current, link.twin, link.past, joint);
     const write = () => view.write(nowMs());
-    const stop = refreshWith(link.twin, write, [onPlotted, onLanguage], SLIDES_EVERY_MS);
+    const stop = refreshWith(link.twin, write, [onTraces, onLanguage], SLIDES_EVERY_MS);
     // The keys of the camera stay with who has tapped the body.
     if (selection()?.from === 'numbers') back.current?.focus({ preventScroll: true });
     return () => {

@@ -6,7 +6,7 @@ import type { RobotTwin } from '../../../twin/robot.ts';
 import type { LastReadings } from '../../../twin/sensors/last_readings.ts';
 import { valueAt } from '../../../twin/values.ts';
 import { settings } from '../../state/settings.ts';
-import { isPlotted, togglePlot } from '../../state/traces.ts';
+import { isPlotted, toggleTrace } from '../../state/traces.ts';
 import { more } from '../../text/more.ts';
 import { make, press, TextCell } from '../grid/cells.ts';
 import { NumberGrid } from '../grid/number_grid.ts';
@@ -170,7 +170,7 @@ export class JointCardView {
       const plot = make('button', 'text-button', text.plotIt);
       plot.type = 'button';
       plot.dataset.testid = `plot-${field}`;
-      plot.addEventListener('click', () => togglePlot({ field, label: this.#label }));
+      plot.addEventListener('click', () => toggleTrace({ field, label: this.#label }));
       const plotRoom = make('dd', 'card-plot');
       plotRoom.append(plot);
       row.append(term, value, unit, plotRoom, limit);

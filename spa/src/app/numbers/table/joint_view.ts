@@ -1,5 +1,5 @@
 import { nowMs } from '../../../stream/clock.ts';
-import type { FaultBook } from '../../../twin/alarms/fault_log.ts';
+import type { FaultLog } from '../../../twin/alarms/fault_log.ts';
 import { type Display, displayOf } from '../../../twin/format.ts';
 import { type JointTable, NUMBERS, type NumberName } from '../../../twin/joints.ts';
 import type { Limb } from '../../../twin/limbs.ts';
@@ -18,7 +18,7 @@ import { Ranks } from './ranks.ts';
 
 /** What the table asks of the page around it. */
 export interface TableSources {
-  readonly faults?: FaultBook;
+  readonly faults?: FaultLog;
   readonly readings?: LastReadings;
   /** Puts the joints together limb by limb; null until its code is here. */
   limbs?: typeof titledLimbs | null;

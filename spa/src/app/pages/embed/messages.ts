@@ -2,7 +2,7 @@ import type { ViewName } from '../../../view/framing.ts';
 import type { Settings } from '../../state/settings.ts';
 
 /** What the page around a frame may ask: `{posecast: 'look', view: 'side'}`. */
-export type Wish =
+export type ParentRequest =
   | { posecast: 'look'; view: ViewName }
   /** A joint as the robot names it; null: none. */
   | { posecast: 'select'; joint: string | null }
@@ -27,7 +27,7 @@ const CHOICES = {
 } as const;
 
 /** Null: none that a frame knows. */
-export function readWish(data: unknown): Wish | null {
+export function readParentRequest(data: unknown): ParentRequest | null {
   if (typeof data !== 'object' || data === null) return null;
   const { posecast, view, joint } = data as Record<string, unknown>;
   if (posecast === 'look') {

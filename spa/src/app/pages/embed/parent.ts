@@ -1,8 +1,8 @@
 import { shownScene } from '../../shell/debug_api.ts';
 import type { RobotLink } from '../../state/robot_link.ts';
 import { selectJoint } from '../../state/selection.ts';
-import { lendSettings } from '../../state/settings.ts';
-import { parentOrigin, readWish, type Told, type Wish } from './messages.ts';
+import { applyLinkSettings } from '../../state/settings.ts';
+import { type ParentRequest, parentOrigin, readParentRequest, type Told } from './messages.ts';
 
 /** Talks with the page around this frame, if the frame's address names it. Returns the end of it. */
 export function connectParent({ twin, watch }: RobotLink): () => void {
@@ -16,7 +16,7 @@ export function connectParent({ twin, watch }: RobotLink): () => void {
   };
   const hear = (event: MessageEvent<unknown>) => {
     if (event.source !== window.parent || event.origin !== origin) return;
-    const wish = readWish(event.data);
+    const wish = readParentRequest(event.data);
     if (wish !== null) grant(wish);
   };
   window.addEventListener('message', hear);
@@ -28,7 +28,7 @@ export function connectParent({ twin, watch }: RobotLink): () => void {
   };
 }
 
-function grant(wish: Wish): void {
+function grant(wish: ParentRequest): void {
   switch (wish.posecast) {
     case 'look':
       shownScene()?.look(wish.view);
@@ -37,7 +37,7 @@ function grant(wish: Wish): void {
       selectJoint(wish.joint);
       return;
     case 'set':
-      lendSettings(new URLSearchParams(wish.changed));
+      applyLinkSettings(new URLSearchParams(wish.changed));
       return;
   }
 }

@@ -1,5 +1,5 @@
 import { useEffect, useState } from 'react';
-import { onAccount, tokenFor } from '../../../auth/token.ts';
+import { onAccountToken, tokenFor } from '../../../auth/token.ts';
 import { apiUrl } from '../../../relay/addresses.ts';
 import { isolated } from '../../../twin/names.ts';
 
@@ -72,7 +72,7 @@ export function useRobots(): RobotListing {
     document.addEventListener('visibilitychange', ask, { signal: leave.signal });
     leave.signal.addEventListener(
       'abort',
-      onAccount(() => void ask()),
+      onAccountToken(() => void ask()),
     );
     void ask();
     return () => {

@@ -3,8 +3,8 @@ import type { ModelReport } from '../../../model/report.ts';
 import type { RobotScene } from '../../../three/index.ts';
 import { displayOf, formatNumber } from '../../../twin/format.ts';
 import type { LocalRobot } from '../../../urdf/local_robot.ts';
-import { useCameraHands } from '../../body/controls/use_camera_controls.ts';
-import { loadScene } from '../../body/load_three.ts';
+import { useCameraControls } from '../../body/controls/use_camera_controls.ts';
+import { loadThree } from '../../body/load_three.ts';
 import { showScene } from '../../shell/debug_api.ts';
 import { BackIcon } from '../../shell/icons.tsx';
 import { useTheme } from '../../shell/theme.ts';
@@ -21,7 +21,7 @@ export function LocalPage({ robot, urdfs }: { robot: LocalRobot; urdfs: readonly
   const { scene, report } = useLocalScene(host, robot);
   const text = useText();
   const rest = useMore();
-  useCameraHands(host, scene);
+  useCameraControls(host, scene);
   useEffect(() => {
     document.title = `${isolated(robot.name)} · Posecast`;
   }, [robot]);
@@ -71,7 +71,7 @@ function useLocalScene(host: React.RefObject<HTMLDivElement | null>, robot: Loca
   useEffect(() => {
     let left = false;
     let made: RobotScene | null = null;
-    loadScene()
+    loadThree()
       .then(async ({ RobotScene: Scene }) => {
         if (left || host.current === null) return;
         made = new Scene(host.current, { theme: themeNow.current });

@@ -1,0 +1,114 @@
+import { readdirSync, readFileSync } from 'node:fs';
+import path from 'node:path';
+import { describe, expect, it } from 'vitest';
+
+/** The rooms of `src/`, each with those that it may import from; `main.tsx` and `early.ts` may import from all. */
+const ROOMS: Readonly<Record<string, readonly string[]>> = {
+  browser: [],
+  relay: [],
+  auth: ['relay'],
+  twin: [],
+  stream: ['auth', 'twin'],
+  model: ['auth', 'twin'],
+  overlays: ['browser', 'model', 'twin'],
+  view: ['browser', 'model', 'overlays', 'twin'],
+  urdf: ['model'],
+  canvas2d: ['browser', 'model', 'overlays', 'twin', 'view'],
+  three: ['browser', 'model', 'overlays', 'twin', 'urdf', 'view'],
+  app: ['auth', 'browser', 'canvas2d', 'model', 'relay', 'stream', 'three', 'twin', 'urdf', 'view'],
+};
+
+/** Rooms that nothing of three.js or React reaches, over however many files. */
+const PLAIN = ['browser', 'relay', 'auth', 'twin', 'stream', 'model', 'overlays', 'view', 'urdf', 'canvas2d'];
+
+/** Lies among three.js's addons, and imports nothing. */
+const DECODER = 'three/addons/libs/meshopt_decoder.module.js';
+
+const SRC = path.resolve(import.meta.dirname, '../src');
+
+/** Every source file with what it imports: files as paths below `src/`, packages by name. Types and lazy imports count. */
+function importGraph(): Map<string, string[]> {
+  const files = readdirSync(SRC, { recursive: true, encoding: 'utf8' }).filter(
+    (file) => /\.tsx?$/.test(file) && !/(\.test|samples?)\.ts$/.test(file),
+  );
+  return new Map(
+    files.map((file) => {
+      const source = readFileSync(path.join(SRC, file), 'utf8');
+      const named = [...source.matchAll(/\b(?:from|import)\s*\(?\s*'([^']+)'/g)].map((match) => match[1]!);
+      return [file, named.map((name) => (name.startsWith('.') ? path.join(path.dirname(file), name) : name))];
+    }),
+  );
+}
+
+/** The members of one cycle, in order; null when there is none. */
+function cycleIn(graph: ReadonlyMap<string, Iterable<string>>): string[] | null {
+  const done = new Set<string>();
+  const way: string[] = [];
+  const visit = (at: string): string[] | null => {
+    if (way.includes(at)) return way.slice(way.indexOf(at));
+    if (done.has(at)) return null;
+    way.push(at);
+    for (const next of graph.get(at) ?? []) {
+      const found = visit(next);
+      if (found !== null) return found;
+    }
+    way.pop();
+    done.add(at);
+    return null;
+  };
+  for (const start of graph.keys()) {
+    const found = visit(start);
+    if (found !== null) return found;
+  }
+  return null;
+}
+
+describe('the import graph of src/', () => {
+  const graph = importGraph();
+  const roomOf = (file: string) => file.split('/')[0]!;
+
+  it('covers every source file', () => {
+    expect(graph.size).toBeGreaterThan(250);
+    const unknown = [...graph.values()].flat().filter((to) => /\.tsx?$/.test(to) && !graph.has(to));
+    expect(unknown).toEqual([]);
+  });
+
+  it('has no cycle between files', () => {
+    expect(cycleIn(graph)).toBeNull();
+  });
+
+  it('has no cycle between folders', () => {
+    const folders = new Map<string, Set<string>>();
+    for (const [file, imported] of graph) {
+      const from = path.dirname(file);
+      const to = imported.filter((each) => graph.has(each)).map((each) => path.dirname(each));
+      folders.set(from, new Set([...(folders.get(from) ?? []), ...to.filter((each) => each !== from)]));
+    }
+    expect(cycleIn(folders)).toBeNull();
+  });
+
+  it('leads from each room only to those below it', () => {
+    const forbidden: string[] = [];
+    for (const [file, imported] of graph) {
+      const room = roomOf(file);
+      if (!file.includes('/')) continue;
+      for (const to of imported) {
+        if (graph.has(to) && roomOf(to) !== room && !ROOMS[room]?.includes(roomOf(to)))
+          forbidden.push(`${file} imports ${to}`);
+      }
+    }
+    expect(forbidden).toEqual([]);
+  });
+
+  it.each(PLAIN)('leads from %s to neither three.js nor React', (room) => {
+    const reached = new Set<string>();
+    const waiting = [...graph.keys()].filter((file) => roomOf(file) === room);
+    for (let at = waiting.pop(); at !== undefined; at = waiting.pop()) {
+      if (reached.has(at)) continue;
+      reached.add(at);
+      waiting.push(...(graph.get(at) ?? []));
+    }
+    const packages = [...reached].filter((name) => !graph.has(name) && name !== DECODER);
+    expect(packages.filter((name) => /^(three|urdf-loader|react|react-dom)(\/|$)/.test(name))).toEqual([]);
+  });
+});
