@@ -9,6 +9,7 @@ import pytest
 from posecast_edge.pipeline.stream import Stream
 from posecast_edge.profile.field_defaults import UNITS
 from posecast_edge.profile.reader import SHIPPED, parse_profile
+from posecast_edge.profile.ros import ROLES
 from posecast_edge.profile.schema import profile_of, schema_text
 from posecast_edge.sources.hubo.state import LAYOUTS
 from posecast_edge.sources.jsonl import MAX_LINE, parse_line
@@ -17,7 +18,7 @@ from posecast_edge.sources.ros.merge import STATE_S, STREAM_S
 from posecast_edge.sources.ros.messages import PAYLOAD_MAX
 from posecast_edge.sources.ros.ros2 import BACKLOG_MAX
 from posecast_edge.sources.ros.rosbridge import LOOK_S, THROTTLE_MS
-from posecast_edge.sources.ros.topics import ROLES, TYPES
+from posecast_edge.sources.ros.topics import TYPES
 from posecast_wire.decoder import Decoder
 from posecast_wire.schema import Schema
 

@@ -11,9 +11,8 @@ from typing import Any
 import pytest
 from edge_stage import PROFILE, ROBOT, Got, Router, until
 from posecast_edge import clock
-from posecast_edge.agent import Agent
+from posecast_edge.agent import Agent, AgentSettings
 from posecast_edge.cli.console import Console
-from posecast_edge.cli.settings import Settings
 from posecast_edge.pipeline.events import Event
 from posecast_edge.pipeline.stream import Frame
 from posecast_edge.pipeline.view_pipeline import ViewPipeline
@@ -56,7 +55,7 @@ class Running:
     def __init__(self, router: Router) -> None:
         self.source = Moving()
         self.said = io.StringIO()
-        settings = Settings(ROBOT, "test", router.endpoint, 30.0, 30.0, None, None, None)
+        settings = AgentSettings(ROBOT, router.endpoint, 30.0, 30.0)
         self.console = Console(self.said)
         logging.getLogger("posecast_edge").addHandler(self.console)
         logging.getLogger("posecast_edge").setLevel(logging.INFO)
@@ -223,7 +222,7 @@ class Still:
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.now_s = 50.0
         monkeypatch.setattr(clock, "now_s", lambda: self.now_s)
-        settings = Settings(ROBOT, "test", "tcp/127.0.0.1:1", 30.0, 30.0, None, None, None)
+        settings = AgentSettings(ROBOT, "tcp/127.0.0.1:1", 30.0, 30.0)
         self.agent = Agent(settings, Moving(), parse_profile(PROFILE), Console(io.StringIO()))
         self.wire = Wire()
         self.agent._publisher = self.wire  # type: ignore[assignment]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 from posecast_edge.profile.reader import ProfileError, parse_profile
+from posecast_edge.profile.ros import ROLES
 from posecast_edge.sources.ros.messages import (
     BATTERY,
     CONTROLLER_STATE,
@@ -14,7 +15,7 @@ from posecast_edge.sources.ros.messages import (
     STRING,
     WRENCH,
 )
-from posecast_edge.sources.ros.topics import Route, Routes, matches
+from posecast_edge.sources.ros.topics import TYPES_OF_ROLE, Route, Routes, matches
 
 FIELDS = '[[fields]]\nname = "pos"\nlabels = ["a"]\n'
 
@@ -141,3 +142,7 @@ def test_a_wrong_table_names_its_line(line: str, words: str) -> None:
     with pytest.raises(ProfileError) as e:
         parse_profile(f"{FIELDS}[ros]\n{line}\n")
     assert words in str(e.value)
+
+
+def test_every_role_a_profile_may_name_has_types_that_serve_it() -> None:
+    assert set(TYPES_OF_ROLE) == set(ROLES)

@@ -10,13 +10,14 @@ import logging
 import math
 import threading
 import time
+from dataclasses import dataclass
+from typing import Protocol
 
+from posecast_wire.credential import Credential
 from posecast_wire.keys import Snapshot
 from posecast_wire.schema import SchemaError
 
 from posecast_edge import clock
-from posecast_edge.cli.console import Console
-from posecast_edge.cli.settings import Settings
 from posecast_edge.faults import Faults
 from posecast_edge.model.serve.bundle import Bundle
 from posecast_edge.pipeline.backlog import Backlog
@@ -29,6 +30,7 @@ from posecast_edge.profile.types import PUBLIC, Profile
 from posecast_edge.rate_limited_log import RateLimitedLog
 from posecast_edge.sample import Sample, SourceError
 from posecast_edge.sources.base import Source
+from posecast_edge.uplink.certificate import Certificate
 from posecast_edge.uplink.lateness import RateControl
 from posecast_edge.uplink.publisher import ZenohPublisher
 from posecast_edge.visible import visible
@@ -41,20 +43,45 @@ AGAIN_S = (0.5, 10.0)  # a source that raised what it should not is tried again 
 WELL_S = 60.0  # a turn of its that lasted so long counts as a good one
 
 
+@dataclass(frozen=True)
+class AgentSettings:
+    """Who sends (`robot`), to which `relay` (a Zenoh endpoint), how often (`hz` at most; a KEY at least every
+    `key_interval_s` seconds), and what proves that it may."""
+
+    robot: str
+    relay: str
+    hz: float
+    key_interval_s: float
+    credential: Credential | Certificate | None = None
+
+
+class ProgressLine(Protocol):
+    """Where the agent says now and then how things are. Times are seconds of clock.now_s()."""
+
+    def due(self, now_s: float) -> bool:
+        """Whether it is time for a new text."""
+
+    def progress(self, text: str, now_s: float) -> None:
+        """Show this text in place of the last one."""
+
+    def finish(self) -> None:
+        """No text follows."""
+
+
 class Agent:
     """Runs until the source ends, fails, or `stop` is called."""
 
     def __init__(
         self,
-        settings: Settings,
+        settings: AgentSettings,
         source: Source,
         profile: Profile | None,
-        console: Console,
+        progress_line: ProgressLine,
     ) -> None:
         """posecast_wire.SchemaError when the wire cannot carry the profile."""
         self._settings = settings
         self._source = source
-        self._console = console
+        self._progress_line = progress_line
         self._model: str | None = None
         self.faults = Faults()
         self._useless = RateLimitedLog(log.warning, "useless samples")
@@ -110,7 +137,7 @@ class Agent:
         for pipeline in self._pipelines:
             pipeline.end()  # a source that delivers on must not meet a link that closes
         self._publisher.stop(STOP_S)
-        self._console.finish()
+        self._progress_line.finish()
         return 1 if self._failure else 0
 
     # --- the clock's thread
@@ -128,8 +155,8 @@ class Agent:
     def _chores(self, now_s: float) -> None:
         for pipeline in self._pipelines:
             self._look_for_silence(pipeline, now_s)
-        if self._console.due(now_s):
-            self._console.progress(self._progress(now_s), now_s)
+        if self._progress_line.due(now_s):
+            self._progress_line.progress(self._progress(now_s), now_s)
 
     def _look_for_silence(self, pipeline: ViewPipeline, now_s: float) -> None:
         try:

@@ -1,6 +1,6 @@
 """Profile, model and what the source delivers, held against each other, in plain words. Pure.
 
-model/doctor.py looks at the model alone; here is what shows only while the robot speaks.
+model/doctor/ looks at the model alone; here is what shows only while the robot speaks.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ from posecast_wire.mapping import JOINT, JointMap
 from posecast_edge.model.finding import Finding, quoted, worst_first
 from posecast_edge.model.urdf.types import Joint, Urdf
 from posecast_edge.pipeline.source_stats import POSITION, WAIT_S, Channel, SourceStats
+from posecast_edge.profile.field_defaults import unit_hint
 from posecast_edge.profile.types import FieldSpec, Profile
-from posecast_edge.profile.unit_hints import unit_hint
 
 MOVING = ("revolute", "continuous", "prismatic")
 SLACK = 0.02  # rad or m past a limit before it is worth a word: encoders and servos overshoot
@@ -84,7 +84,7 @@ def _units(seen: SourceStats, profile: Profile, urdf: Urdf | None) -> Iterator[F
             continue
         by_doubt: dict[str, list[str]] = {}
         for label in _doubted(name, channels, profile, urdf):
-            by_doubt.setdefault(unit_hint(name, channels[label]) or "", []).append(label)
+            by_doubt.setdefault(unit_hint(name, channels[label].largest) or "", []).append(label)
         for doubt, labels in by_doubt.items():
             most = max(channels[label].largest for label in labels)
             text = f"{name} of {_names(labels)} reaches {most:.4g} {spec.unit}: are these {doubt}?"
@@ -102,7 +102,7 @@ def _doubted(name: str, channels: Mapping[str, Channel], profile: Profile, urdf:
         maps = profile.mapping.joints
         sliding = {j.name for j in urdf.joints if j.type == "prismatic"}
         apart |= sliding | {c for joint in sliding & set(maps) for c, _ in maps[joint].terms}
-    return [label for label, c in channels.items() if label not in apart and unit_hint(name, c)]
+    return [label for label, c in channels.items() if label not in apart and unit_hint(name, c.largest)]
 
 
 def _fields(seen: SourceStats, profile: Profile) -> Iterator[Finding]:

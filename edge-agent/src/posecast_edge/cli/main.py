@@ -113,9 +113,12 @@ def _run(settings: Settings, console: Console) -> int:
         raw.tell_missing()
     source = open_source(settings.source, profile)
 
-    from posecast_edge.agent import Agent  # noqa: PLC0415 - Zenoh costs time and memory a wrong flag need not pay
+    from posecast_edge.agent import Agent, AgentSettings  # noqa: PLC0415 - Zenoh costs time and memory a wrong flag need not pay
 
-    agent = Agent(settings, source, profile, console)
+    sending = AgentSettings(
+        settings.robot, settings.relay, settings.hz, settings.key_interval_s, settings.credential
+    )
+    agent = Agent(sending, source, profile, console)
     if built:
         agent.offer(built)
     build: BackgroundBuild | DescribedModel | None = None

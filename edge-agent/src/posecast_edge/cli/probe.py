@@ -9,8 +9,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from posecast_edge.pipeline.source_stats import WAIT_S, Channel, SourceStats, observe
+from posecast_edge.profile.field_defaults import unit_hint, unit_of
 from posecast_edge.profile.reader import ProfileError, find_profile, load_profile
-from posecast_edge.profile.unit_hints import unit_hint, unit_of
 from posecast_edge.sample import SourceError
 from posecast_edge.sources.base import Discovering
 from posecast_edge.sources.registry import KINDS, defaults_of, open_source
@@ -96,7 +96,7 @@ def _field(name: str, channels: dict[str, Channel]) -> str:
     numbers = [c for c in read.values() if c.last is not None]
     low = f"{min(c.low for c in numbers):.4g}" if numbers else "—"
     high = f"{max(c.high for c in numbers):.4g}" if numbers else "—"
-    doubt = next((d for c in numbers if (d := unit_hint(name, c))), None)
+    doubt = next((d for c in numbers if (d := unit_hint(name, c.largest))), None)
     unit = f"{unit_of(name) or '—'}{f' or {doubt}?' if doubt else ''}"
     bits = sorted(set().union(*(c.bits for c in read.values())))
     if bits:

@@ -6,12 +6,14 @@ import re
 from typing import TYPE_CHECKING
 
 from posecast_edge.profile.types import RosTopics
-from posecast_edge.sources.ros.topics import ENCODINGS, ROLES, SITED
 from posecast_edge.visible import quoted
 
 if TYPE_CHECKING:
     from posecast_edge.profile.reader import Reader
 
+ROLES = ("pos", "ref", "imu", "wrench", "battery", "diagnostics", "base", "description")
+SITED = ("imu", "wrench", "battery")  # roles whose topics may be given a site
+ENCODINGS = ("json", "cbor")  # of rosbridge
 PATTERN = re.compile(r"(?:/(?:\*\*|[A-Za-z0-9_*]+))+")
 SITE = re.compile(r"[^.\s/]+")
 DOMAIN_MAX = 232  # ROS 2's

@@ -1,4 +1,4 @@
-"""A profile: all that is particular to one robot, frozen and typed. profile_reader.py makes it of TOML."""
+"""A profile: all that is particular to one robot, frozen and typed. reader.py makes it of TOML."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class Trajectory:
 
 @dataclass(frozen=True)
 class RosTopics:
-    """Which topics of a ROS graph are read. `topics`: role (sources/ros_topics.py) → (pattern, site or "");
+    """Which topics of a ROS graph are read. `topics`: role (sources/ros/topics.py) → (pattern, site or "");
     what is not in it goes by type and name. `domain`: ROS_DOMAIN_ID, None for any."""
 
     topics: Mapping[str, tuple[tuple[str, str], ...]] = field(default_factory=dict)

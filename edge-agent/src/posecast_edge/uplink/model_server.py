@@ -28,7 +28,7 @@ class ModelServer:
         self.bundle: Bundle | None = None
         self._robot, self._run, self._faults = robot, run, faults
         self._waiting: deque[zenoh.Query] = deque()
-        self._allowance = TokenBucket(BYTES_S, BYTES_AT_ONCE)
+        self._bucket = TokenBucket(BYTES_S, BYTES_AT_ONCE)
         self._some = threading.Condition()
         self._begun = self._closed = False
 
@@ -57,7 +57,7 @@ class ModelServer:
                 self._some.wait_for(lambda: self._waiting or self._closed)
                 if self._closed:
                     return
-                wait_s = self._allowance.wait_s(time.monotonic(), RANGE_MAX)
+                wait_s = self._bucket.wait_s(time.monotonic(), RANGE_MAX)
                 if wait_s > 0:
                     self._some.wait_for(lambda: self._closed, wait_s)
                     continue
@@ -75,7 +75,7 @@ class ModelServer:
             except (KeyError, ValueError, OSError) as e:
                 query.reply_err(visible(f"{part[:64]}: {e}", 200).encode())
                 return
-            self._allowance.take(time.monotonic(), len(data))
+            self._bucket.take(time.monotonic(), len(data))
             query.reply(model_key(self._robot, part), data, attachment=self._run.stamp().pack())
 
     def _range(self, part: str, parameters: zenoh.Parameters) -> bytes:

@@ -42,7 +42,7 @@ class ViewPublisher:
         self.model: str | None = None  # the same
         self._robot, self._run = robot, run
         self._snapshot, self._heard, self._faults = snapshot, heard, faults
-        self._allowance = TokenBucket(SNAPSHOTS_S, SNAPSHOTS_AT_ONCE)
+        self._bucket = TokenBucket(SNAPSHOTS_S, SNAPSHOTS_AT_ONCE)
         self._answer: tuple[Snapshot, bytes] | None = None  # the newest, packed
         self._info_sent_s = float("-inf")
         self._frames: zenoh.Publisher | None = None
@@ -138,7 +138,7 @@ class ViewPublisher:
 
     def _on_snapshot(self, query: zenoh.Query) -> None:
         with query:
-            if not self._allowance.take(clock.now_s()):
+            if not self._bucket.take(clock.now_s()):
                 return
             snapshot = self._snapshot()
             if snapshot is None:

@@ -1,7 +1,7 @@
 """What is wrong with a robot's description, in plain words. Pure: over parsed values, no files.
 
-The reader (urdf_reader) and the tree have named what could not be read or does not hang together; here is the
-rest: what can be read, and is probably not meant.
+The reader (urdf/reader.py) and the tree have named what could not be read or does not hang together; here is
+the rest: what can be read, and is probably not meant.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
 """Builds the model of a robot that is on air already: in a process of its own, so that the agent stays small
-and its clock undisturbed. What was built before comes from the cache within a moment (model/cache.py).
+and its clock undisturbed. What was built before comes from the cache within a moment (serve/cache.py).
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Source `mcap:PATH`: a recording of ROS topics (the extra `mcap`); playback.py says how it is played.
 
-JointState and the other types of ros_messages.py, in CDR (as `ros2 bag record` writes) or JSON. ros_topics.py
+JointState and the other types of ros/messages.py, in CDR (as `ros2 bag record` writes) or JSON. ros/topics.py
 says which topic is read as what, as if they were live. A file that breaks off is played as far as it goes; a
 chunk or message that cannot be read is named and left out.
 """

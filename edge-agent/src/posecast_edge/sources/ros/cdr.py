@@ -24,7 +24,7 @@ LITTLE_OR_BIG = (b"\0\1", b"\0\0")
 
 
 class CdrReader:
-    """Knows the types of ros_messages. One thread uses it."""
+    """Knows the types of messages.py. One thread uses it."""
 
     def __init__(self) -> None:
         self._store = get_typestore(Stores.ROS2_HUMBLE)  # the types read here are the same in every ROS 2

@@ -100,8 +100,8 @@ class RosInput:
     def sample(self) -> Sample | None:
         """What there is to deliver. To be called often: it also says what has been held back."""
         now_s = time.monotonic()
-        for complaints in tuple(self._bad.values()):
-            complaints.tick(now_s)
+        for bad in tuple(self._bad.values()):
+            bad.tick(now_s)
         sample = self._merge.sample(now_s)
         since_s = self._merge.stands_since_s
         if since_s is None:

@@ -33,7 +33,7 @@ def dds_type(type_name: str) -> str:
 
 
 def data_key(pattern: str, type_name: str, domain: int | None) -> str:
-    """The key expression of rmw_zenoh's data on the topics a pattern (ros_topics.matches) names."""
+    """The key expression of rmw_zenoh's data on the topics a pattern (topics.matches) names."""
     parts = [p if p in ("*", "**") else p.replace("*", "$*") for p in pattern.strip("/").split("/")]
     where = ANY_DOMAIN if domain is None else domain
     return f"{where}/{'/'.join(parts)}/{dds_type(type_name)}/*"

@@ -81,7 +81,7 @@ class MessageMerger:
             self._expected.setdefault(topic, False)
 
     def take(self, topic: str, role: str, type_name: str, report: Report, now_s: float) -> None:
-        """One message's report. `role`: see ros_topics.ROLES."""
+        """One message's report. `role`: see topics.TYPES_OF_ROLE."""
         if topic in self._expected:
             self._expected[topic] = True
         key = (topic, tuple(label for readings in report.values.values() for label in readings))

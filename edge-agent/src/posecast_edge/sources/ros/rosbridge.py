@@ -34,7 +34,7 @@ from posecast_edge.sources.ros.rosbridge_protocol import (
     parse_json,
     subscribe,
 )
-from posecast_edge.sources.ros.topics import ROLES, Route
+from posecast_edge.sources.ros.topics import TYPES_OF_ROLE, Route
 
 if TYPE_CHECKING:
     from websockets.sync.client import ClientConnection
@@ -223,7 +223,7 @@ class RosbridgeConnection:
         if route is None:
             return ""
         of_controller = isinstance(heard.message, dict) and "joint_names" in heard.message
-        return CONTROLLER_STATE if of_controller else ROLES[route.role][0]
+        return CONTROLLER_STATE if of_controller else TYPES_OF_ROLE[route.role][0]
 
     # --- topics
 

@@ -20,8 +20,8 @@ from posecast_edge.sources.ros.messages import (
     site_of,
 )
 
-# what a profile may name topics for → the types that can serve
-ROLES: Mapping[str, tuple[str, ...]] = {
+# what a profile may name topics for (profile.ros.ROLES) → the types that can serve
+TYPES_OF_ROLE: Mapping[str, tuple[str, ...]] = {
     "pos": (JOINT_STATE,),
     "ref": (JOINT_STATE, CONTROLLER_STATE),
     "imu": (IMU,),
@@ -31,9 +31,7 @@ ROLES: Mapping[str, tuple[str, ...]] = {
     "base": (ODOMETRY,),
     "description": (STRING,),
 }
-SITED = ("imu", "wrench", "battery")  # roles whose topics may be given a site
-ENCODINGS = ("json", "cbor")  # of rosbridge
-TYPES = frozenset(name for names in ROLES.values() for name in names)
+TYPES = frozenset(name for names in TYPES_OF_ROLE.values() for name in names)
 
 TOPIC_MAX = 255  # characters, as in ROS 2; a longer one is not read
 
@@ -61,7 +59,7 @@ class Routes:
         """How this topic is read; None: not at all. `type_name`: short."""
         if len(topic) > TOPIC_MAX:
             return None
-        for role, types in ROLES.items():
+        for role, types in TYPES_OF_ROLE.items():
             if type_name in types and role in self._given:
                 for pattern, site in self._given[role]:
                     if matches(pattern, topic):
@@ -78,7 +76,7 @@ class Routes:
         found: list[tuple[str, str]] = []
         for type_name in sorted(TYPES):
             patterns: list[str] = []
-            for role in (role for role, types in ROLES.items() if type_name in types):
+            for role in (role for role, types in TYPES_OF_ROLE.items() if type_name in types):
                 given = self._given.get(role)
                 patterns += usual.get(role, [everything]) if given is None else [p for p, _ in given]
             whole = [everything] if everything in patterns else dict.fromkeys(patterns)
