@@ -168,11 +168,11 @@ def test_a_robot_at_one_router_is_seen_at_the_relay_beside_the_other(mesh: Mesh)
     seq = robot()["seq"]
     until("it goes on", lambda: robot()["seq"] > seq + 30)
     text = httpx.get(metrics, trust_env=False).text
-    fates = {
+    outcomes = {
         k: float(v) for k, v in re.findall(r'^posecast_edge_frames_total{fate="(.+)"} (\S+)$', text, re.M)
     }
-    assert fates["taken"] > 30
-    assert fates.get("repeated", 0) == 0, "no frame comes twice"
+    assert outcomes["taken"] > 30
+    assert outcomes.get("repeated", 0) == 0, "no frame comes twice"
 
     first.kill()
     until("it is away", lambda: robot()["status"] == "offline")

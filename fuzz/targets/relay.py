@@ -56,7 +56,7 @@ def absorbed(data: bytes) -> None:
     snapshot = Snapshot.unpack(data)
     stream = Stream("demo", "public", LIMITS)
     try:
-        stream.absorb(snapshot, 1, 0.0)
+        stream.apply_snapshot(snapshot, 1, 0.0)
     except ValueError:
         if (stream.version, stream.schema, stream.key, stream.info) != (0, None, None, {}):
             raise Differs("refused, and yet something changed") from None

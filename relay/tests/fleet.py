@@ -61,13 +61,13 @@ class Process:
     def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
         self.loop = loop
         self.hub = Hub(Limits())
-        self.pump = LoopPump(self.hub, MemoryStore(), FanOut())  # type: ignore[arg-type]
+        self.dispatcher = LoopPump(self.hub, MemoryStore(), FanOut())  # type: ignore[arg-type]
         self.is_up = True
 
     async def kill(self) -> None:
         """At once: nothing is written any more, and connections are cut."""
         self.is_up = False
-        self.pump.stop()
+        self.dispatcher.stop()
 
 
 class Ingest(Process):
@@ -75,17 +75,20 @@ class Ingest(Process):
 
     def __init__(self, loop: asyncio.AbstractEventLoop, url: str) -> None:
         super().__init__(loop)
-        pump = self.pump
+        dispatcher = self.dispatcher
         self.store = RedisStore(
-            url, self.hub, pump.now, lambda of: robot_summary(of, of.rooms.get(PUBLIC), pump.now())
+            url,
+            self.hub,
+            dispatcher.now,
+            lambda of: robot_summary(of, of.rooms.get(PUBLIC), dispatcher.now()),
         )
-        pump.store = self.store
+        dispatcher.store = self.store
         self.edges: list[FleetEdge] = []
-        pump.ask = self._ask
+        dispatcher.ask = self._ask
 
     async def start(self) -> None:
         """Begin."""
-        self.pump.start()
+        self.dispatcher.start()
         await self.store.start()
 
     async def kill(self) -> None:
@@ -102,16 +105,16 @@ class Ingest(Process):
         there = any(edge.robot == robot for edge in self.edges)
         of = self.hub.robots.get(robot)
         if self.is_up and there != (of is not None and of.liveness.token):
-            self.pump.carry_out(self.hub.token(robot, there, self.pump.now()))
+            self.dispatcher.carry_out(self.hub.token(robot, there, self.dispatcher.now()))
 
     def frame(self, edge: FleetEdge, payload: bytes, stamp: Any) -> None:
         """Has come."""
         if self.is_up and edge in self.edges:
-            self.hub.frame(edge.robot, PUBLIC, payload, stamp, self.pump.now())
-            self.pump.flush()
+            self.hub.frame(edge.robot, PUBLIC, payload, stamp, self.dispatcher.now())
+            self.dispatcher.flush()
 
     def _ask(self, robot: str, _views: Sequence[str]) -> None:
-        asked_at = self.pump.now()
+        asked_at = self.dispatcher.now()
         for edge in self.edges:
             if edge.robot == robot and edge.life.seq >= 0:
                 answer, stamp = edge.life.snapshot(), edge.stamp()
@@ -119,12 +122,12 @@ class Ingest(Process):
 
     def _snapshot(self, edge: FleetEdge, answer: Any, stamp: Any, asked_at: float) -> None:
         if self.is_up and edge in self.edges:
-            now = self.pump.now()
+            now = self.dispatcher.now()
             try:
                 self.hub.snapshot(edge.robot, PUBLIC, answer, stamp, now, waited_s=now - asked_at)
             except ValueError:  # of a run that is retired
                 return
-            self.pump.flush()
+            self.dispatcher.flush()
 
 
 class Gateway(Process):
@@ -132,18 +135,18 @@ class Gateway(Process):
 
     def __init__(self, loop: asyncio.AbstractEventLoop, url: str) -> None:
         super().__init__(loop)
-        self.store = RedisGateway(url, self.pump)
-        self.pump.store = self.store
+        self.store = RedisGateway(url, self.dispatcher)
+        self.dispatcher.store = self.store
         self.delayed = DelayedHub(Limits())
         self.later = LoopPump(self.delayed, MemoryStore(), FanOut())  # type: ignore[arg-type]
-        self.pump.kept, self.pump.pinned = self._note, self.delayed.names
+        self.dispatcher.kept, self.dispatcher.pinned = self._note, self.delayed.names
         self.pages: dict[str, Page] = {}  # by robot
         self.later_pages: dict[str, Page] = {}
         self._viewers: list[tuple[Hub, Viewer]] = []
 
     async def start(self) -> None:
         """Begin."""
-        self.pump.start()
+        self.dispatcher.start()
         self.later.start()
         await self.store.start()
 
@@ -154,12 +157,12 @@ class Gateway(Process):
         for task in (self.store._task, self.store._reader):
             if task is not None:
                 task.cancel()
-        await self.store._ear.close()
+        await self.store._subscriber.close()
         await self.store.link.reset()
 
     def watch(self, robot: str) -> Page:
         """A page that shows this robot."""
-        self.pages[robot] = self._page(self.pump, robot, 0.0)
+        self.pages[robot] = self._page(self.dispatcher, robot, 0.0)
         return self.pages[robot]
 
     def watch_later(self, robot: str) -> Page:
@@ -176,18 +179,20 @@ class Gateway(Process):
         self.pages.clear()
         self.later_pages.clear()
 
-    def _page(self, pump: Dispatcher, robot: str, delay_s: float) -> Page:
+    def _page(self, dispatcher: Dispatcher, robot: str, delay_s: float) -> Page:
         page = Page(self.loop, robot, delay_s)
-        viewer = Viewer(page, robot, PUBLIC, 30.0, self.hub.limits, pump.now())
+        viewer = Viewer(page, robot, PUBLIC, 30.0, self.hub.limits, dispatcher.now())
 
         def heard(doc: dict[str, Any] | None) -> None:
-            viewer.heard_at = pump.now()
+            viewer.heard_at = dispatcher.now()
             if self.is_up and doc is not None:
-                pump.carry_out(pump.hub.message(viewer, json.dumps(doc).encode(), viewer.heard_at))
+                dispatcher.carry_out(
+                    dispatcher.hub.message(viewer, json.dumps(doc).encode(), viewer.heard_at)
+                )
 
         page.say = heard
-        self._viewers.append((pump.hub, viewer))
-        pump.join(viewer)
+        self._viewers.append((dispatcher.hub, viewer))
+        dispatcher.join(viewer)
         return page
 
     def _note(self, stream: Stream) -> None:

@@ -146,7 +146,7 @@ class History:
         """At any time."""
         assert not self.loop.faults, self.loop.faults
         for process in (*self.fleet.ingests, *self.fleet.gateways):
-            assert process.hub.fates["fault"] == 0, process
+            assert process.hub.outcomes["fault"] == 0, process
         for page in self.pages:
             assert page.ended is None, page.ended
             assert page.undecodable == 0

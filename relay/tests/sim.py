@@ -156,9 +156,9 @@ class World:
     def publish(self, edge: Edge, payload: bytes | None = None, robot: str = "r") -> str:
         """A frame arrives at once and is handed out; returns what became of it."""
         data = edge.frame(self.now) if payload is None else payload
-        fate = self.hub.frame(robot, "public", data, edge.stamp(self.now), self.now)
+        outcome = self.hub.frame(robot, "public", data, edge.stamp(self.now), self.now)
         self.flush()
-        return fate.value
+        return outcome.value
 
     def answer(self, edge: Edge, robot: str = "r") -> None:
         """The edge's snapshot arrives."""

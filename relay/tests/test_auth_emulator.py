@@ -48,8 +48,8 @@ async def doors(emulator: AuthEmulator, monkeypatch: pytest.MonkeyPatch) -> Asyn
     yield made
     server.should_exit = True
     await made.task
-    for pump in made.access.pumps:
-        pump.stop()
+    for dispatcher in made.access.dispatchers:
+        dispatcher.stop()
     firebase_admin.delete_app(accounts.app)
 
 
@@ -103,7 +103,7 @@ async def test_who_is_disabled_or_revoked_is_let_go_and_not_let_in(
     other = emulator.sign_up(email())["idToken"]
     async with watching(doors, account["idToken"]) as viewer, watching(doors, other) as stays:
         await doors.access.look_again()
-        assert len(doors.pump.hub.viewers) == 2
+        assert len(doors.dispatcher.hub.viewers) == 2
         valid_since = str(int(time.time() + RECENT_S))
         change: dict[str, Any] = {"disableUser": True} if how == "disabled" else {"validSince": valid_since}
         emulator.change(account["localId"], **change)
@@ -113,7 +113,7 @@ async def test_who_is_disabled_or_revoked_is_let_go_and_not_let_in(
         assert (await doors.watch("lab", account["idToken"], "?auth=1"))[-1] == Close.TOKEN
         assert (await doors.get("/lab", account["idToken"])).status_code == 401
         assert stays.close_code is None
-        assert len(doors.pump.hub.viewers) == 1
+        assert len(doors.dispatcher.hub.viewers) == 1
 
 
 class watching:

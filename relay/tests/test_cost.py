@@ -149,7 +149,7 @@ async def test_of_requests(kind: str, piece: int) -> None:
         connection.connection_lost(None)
 
     assert_in_proportion(read, REQUESTS[kind], 100)
-    desk.pump.stop()
+    desk.dispatcher.stop()
 
 
 FRAMES: dict[str, Callable[[int], bytes]] = {
@@ -169,8 +169,8 @@ def _text(data: bytes) -> bytes:
 @pytest.mark.parametrize("kind", FRAMES)
 @pytest.mark.parametrize("piece", [1, 256_000], ids=["byte by byte", "at once"])
 async def test_of_a_viewers_messages(kind: str, piece: int) -> None:
-    pump = Dispatcher(Hub(Limits()), MemoryStore(), FanOut(None))
-    made = live_protocol(Access(pump), DecodeCache())
+    dispatcher = Dispatcher(Hub(Limits()), MemoryStore(), FanOut(None))
+    made = live_protocol(Access(dispatcher), DecodeCache())
 
     def read(data: bytes) -> None:
         viewer: Any = made(SimpleNamespace(), SimpleNamespace(connections=set()), None)  # type: ignore[arg-type]
@@ -181,4 +181,4 @@ async def test_of_a_viewers_messages(kind: str, piece: int) -> None:
         viewer.connection_lost(None)
 
     assert_in_proportion(read, FRAMES[kind], 100)
-    pump.stop()
+    dispatcher.stop()

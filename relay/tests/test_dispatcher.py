@@ -86,34 +86,34 @@ async def test_a_crowd_is_served_in_slices_and_frames_meanwhile_replace_each_oth
 ) -> None:
     clock = iter(range(1_000_000))
     monkeypatch.setattr(Dispatcher, "now", lambda _self: 1000.0 + next(clock) / 10)  # every frame is due
-    pump = Dispatcher(Hub(Limits()), MemoryStore(), FanOut(None))
-    edge = Edge(0xABC, schema(), began_s=pump.now() - 5.0)
+    dispatcher = Dispatcher(Hub(Limits()), MemoryStore(), FanOut(None))
+    edge = Edge(0xABC, schema(), began_s=dispatcher.now() - 5.0)
 
     def publish() -> None:
-        now = pump.now()
-        pump.hub.frame("r", "public", edge.frame(now), edge.stamp(now), now)
-        pump.flush()
+        now = dispatcher.now()
+        dispatcher.hub.frame("r", "public", edge.frame(now), edge.stamp(now), now)
+        dispatcher.flush()
 
     publish()
-    pump.hub.snapshot("r", "public", edge.snapshot(), edge.stamp(pump.now()), pump.now())
+    dispatcher.hub.snapshot("r", "public", edge.snapshot(), edge.stamp(dispatcher.now()), dispatcher.now())
     screens = [Screen() for _ in range(2 * SLICE + 10)]
     viewers = [viewer(screen) for screen in screens]
     for one in viewers:
-        pump.join(one)
+        dispatcher.join(one)
     publish()
     served = sum(len(screen.states) == 2 for screen in screens)
     assert SLICE - 5 <= served <= SLICE
     assert all(len(screen.states) == 2 for screen in screens[:served])
     for _ in range(3):
         publish()
-    pump.carry_out([Send(messages.pong(7.0), viewers[:1])])
+    dispatcher.carry_out([Send(messages.pong(7.0), viewers[:1])])
     assert not screens[0].told("pong")  # it was decided after the frame that not all have yet
     async with asyncio.timeout(20):
         while len(screens[-1].states) < 3:
             await asyncio.sleep(0)
     assert all([frame.seq for frame in screen.states] == [0, 1, 4] for screen in screens)
     assert screens[0].told("pong")
-    pump.stop()
+    dispatcher.stop()
 
 
 class Broken(Screen):
@@ -147,18 +147,18 @@ def fail(*_args: object) -> None:
 
 def serving(store: MemoryStore) -> tuple[Dispatcher, Callable[[], None]]:
     """A pump with a robot on air, and how to publish a frame of it."""
-    pump = Dispatcher(Hub(Limits()), store, FanOut(None))
-    pump.ask, pump.watch, pump.verify, pump.kept = fail, fail, fail, fail
-    edge = Edge(0xABC, schema(), began_s=pump.now() - 5.0)
+    dispatcher = Dispatcher(Hub(Limits()), store, FanOut(None))
+    dispatcher.ask, dispatcher.watch, dispatcher.verify, dispatcher.kept = fail, fail, fail, fail
+    edge = Edge(0xABC, schema(), began_s=dispatcher.now() - 5.0)
 
     def publish() -> None:
-        now = pump.now()
-        pump.hub.frame("r", "public", edge.frame(now), edge.stamp(now), now)
-        pump.flush()
+        now = dispatcher.now()
+        dispatcher.hub.frame("r", "public", edge.frame(now), edge.stamp(now), now)
+        dispatcher.flush()
 
     publish()
-    pump.hub.snapshot("r", "public", edge.snapshot(), edge.stamp(pump.now()), pump.now())
-    return pump, publish
+    dispatcher.hub.snapshot("r", "public", edge.snapshot(), edge.stamp(dispatcher.now()), dispatcher.now())
+    return dispatcher, publish
 
 
 async def test_ports_and_connections_that_fail_are_nobody_elses_trouble(
@@ -166,37 +166,39 @@ async def test_ports_and_connections_that_fail_are_nobody_elses_trouble(
 ) -> None:
     clock = iter(range(1_000_000))
     monkeypatch.setattr(Dispatcher, "now", lambda _self: 1000.0 + next(clock) / 10)  # every frame is due
-    pump, publish = serving(BrokenStore())
+    dispatcher, publish = serving(BrokenStore())
     screens = [Broken() if n % 3 == 1 else Screen() for n in range(30)]
     viewers = [viewer(screen) for screen in screens]
     for one in viewers:
-        pump.join(one)
-    pump.carry_out([VerifyToken(viewers[0], "token"), RequestSnapshot("r", ("public",)), SubscribeRobot("r")])
+        dispatcher.join(one)
+    dispatcher.carry_out(
+        [VerifyToken(viewers[0], "token"), RequestSnapshot("r", ("public",)), SubscribeRobot("r")]
+    )
     for _ in range(5):
         publish()
-    pump.carry_out(pump.hub.refuse(viewers[1], Close.BINARY, "binary"))
+    dispatcher.carry_out(dispatcher.hub.refuse(viewers[1], Close.BINARY, "binary"))
     told = Fault("r/public", ArithmeticError("told by the core"))
-    pump.carry_out([told, Send(messages.pong(7.0), viewers[2:])])
+    dispatcher.carry_out([told, Send(messages.pong(7.0), viewers[2:])])
     sound = [screen for screen in screens[2:] if not isinstance(screen, Broken)]
     assert all(len(screen.states) == 6 and screen.told("pong") for screen in sound)
     # the first could not be verified
-    assert set(pump.hub.viewers) == {one for one in viewers[2:] if not isinstance(one.outlet, Broken)}
-    assert pump.faults["ArithmeticError"] > 20
-    pump.stop()
+    assert set(dispatcher.hub.viewers) == {one for one in viewers[2:] if not isinstance(one.outlet, Broken)}
+    assert dispatcher.faults["ArithmeticError"] > 20
+    dispatcher.stop()
 
 
 async def test_a_core_that_fails_as_a_whole_is_asked_again() -> None:
-    pump, publish = serving(MemoryStore())
-    pump.join(viewer(screen := Screen()))
-    tick, pump.hub.tick = pump.hub.tick, fail  # type: ignore[method-assign, assignment]
-    pump.start()
+    dispatcher, publish = serving(MemoryStore())
+    dispatcher.join(viewer(screen := Screen()))
+    tick, dispatcher.hub.tick = dispatcher.hub.tick, fail  # type: ignore[method-assign, assignment]
+    dispatcher.start()
     async with asyncio.timeout(20):
-        while pump.faults["ArithmeticError"] < 3:
+        while dispatcher.faults["ArithmeticError"] < 3:
             await asyncio.sleep(0)
-    pump.hub.tick = tick  # type: ignore[method-assign]
+    dispatcher.hub.tick = tick  # type: ignore[method-assign]
     publish()
     assert len(screen.states) == 2
     async with asyncio.timeout(20):
         while len(screen.told("status")) < 3:
             await asyncio.sleep(0)
-    pump.stop()
+    dispatcher.stop()

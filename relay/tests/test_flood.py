@@ -81,9 +81,9 @@ def seen(monkeypatch: pytest.MonkeyPatch) -> list[int]:
 @pytest.mark.parametrize("what", FLOODS)
 async def test_whatever_it_sends_a_few_are_looked_at(what: str, query: str, seen: list[int]) -> None:
     limits = Limits()
-    pump, wire = Dispatcher(Hub(limits), MemoryStore(), FanOut(None)), Wire()
+    dispatcher, wire = Dispatcher(Hub(limits), MemoryStore(), FanOut(None)), Wire()
     config, server = SimpleNamespace(), SimpleNamespace(connections=set())
-    made = live_protocol(Access(pump, tokens=Tokens()), DecodeCache())
+    made = live_protocol(Access(dispatcher, tokens=Tokens()), DecodeCache())
     viewer: Any = made(config, server, None)  # type: ignore[arg-type]
     viewer.connection_made(wire)
     viewer.data_received(request(query))
@@ -91,15 +91,15 @@ async def test_whatever_it_sends_a_few_are_looked_at(what: str, query: str, seen
     assert f'"code":{int(Close.TOO_MANY)}'.encode() in wire.taken
     assert not wire.reading
     assert seen[0] <= SLICE_BYTES // len(PING) + 2, "of many thousands"
-    assert not pump.hub.viewers
+    assert not dispatcher.hub.viewers
     viewer.connection_lost(None)
-    pump.stop()
+    dispatcher.stop()
 
 
 @pytest.mark.parametrize("what", FLOODS)
 async def test_a_flood_behind_the_end_is_not_read(what: str, seen: list[int]) -> None:
-    pump, wire = Dispatcher(Hub(Limits()), MemoryStore(), FanOut(None)), Wire()
-    made = live_protocol(Access(pump), DecodeCache())
+    dispatcher, wire = Dispatcher(Hub(Limits()), MemoryStore(), FanOut(None)), Wire()
+    made = live_protocol(Access(dispatcher), DecodeCache())
     viewer: Any = made(SimpleNamespace(), SimpleNamespace(connections=set()), None)  # type: ignore[arg-type]
     viewer.connection_made(wire)
     viewer.data_received(request())
@@ -110,7 +110,7 @@ async def test_a_flood_behind_the_end_is_not_read(what: str, seen: list[int]) ->
     assert not wire.reading
     assert seen[0] <= 2 * AFTER_END_BYTES // len(PING), "of many thousands"
     viewer.connection_lost(None)
-    pump.stop()
+    dispatcher.stop()
 
 
 async def test_one_that_floods_keeps_nobody_waiting(relays: Any, edges: Any) -> None:

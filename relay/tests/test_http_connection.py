@@ -113,10 +113,10 @@ class Desk:
     """What connections need of a relay."""
 
     def __init__(self) -> None:
-        self.pump = Dispatcher(Hub(Limits()), MemoryStore(), FanOut(None))
-        access, decoded = Access(self.pump), DecodeCache()
+        self.dispatcher = Dispatcher(Hub(Limits()), MemoryStore(), FanOut(None))
+        access, decoded = Access(self.dispatcher), DecodeCache()
         self.cut: list[int] = []
-        unasked = RequestTimeouts(self.pump.now, self.cut.append)
+        unasked = RequestTimeouts(self.dispatcher.now, self.cut.append)
         self._class = guarded(http_protocol(access, decoded), unasked)
         self._config = uvicorn.Config(
             no_app, ws=live_protocol(access, decoded), lifespan="off", log_config=None
@@ -153,7 +153,7 @@ async def test_a_flood_is_refused_and_nothing_of_it_is_kept(flood: str) -> None:
     assert peak < 300_000, f"{peak} bytes at most"
     assert kept < 150_000, f"{kept} bytes"
     connection.connection_lost(None)
-    desk.pump.stop()
+    desk.dispatcher.stop()
 
 
 @pytest.mark.parametrize(
@@ -200,7 +200,7 @@ async def test_unfinished_heads_have_one_bound_and_the_oldest_go() -> None:
     assert HEADS_BYTES // HEAD_BYTES <= len(held) < 1.3 * HEADS_BYTES // HEAD_BYTES
     assert held == wires[-len(held) :]
     assert sum(desk.cut) == len(wires) - len(held)
-    desk.pump.stop()
+    desk.dispatcher.stop()
 
 
 def peak_mb(relay: Relay) -> float:

@@ -70,7 +70,7 @@ def test_events_wait_for_a_viewer_that_has_not_drained_and_come_first() -> None:
 
 
 def test_a_full_event_lane_ends_the_viewer_with_its_reason_and_nobody_else() -> None:
-    world = World(Limits(lane=10))
+    world = World(Limits(reliable_queue=10))
     edge = world.on_air()
     slow, slow_screen = world.join()
     _, screen = world.join()
@@ -110,7 +110,7 @@ def test_what_is_no_event_is_counted_and_goes_nowhere(payload: bytes) -> None:
     _, screen = world.join()
     stamp = edge.stamp(world.now)
     assert world.hub.event("r", "public", payload, stamp, world.now, UNIX_S) == []
-    assert world.hub.fates["bad"] == 1
+    assert world.hub.outcomes["bad"] == 1
     assert screen.told("event") == []
 
 
@@ -122,7 +122,7 @@ def test_events_of_a_retired_run_are_dropped() -> None:
     _, screen = world.join()
     event(world, old)
     assert screen.told("event") == []
-    assert world.hub.fates["retired"] == 1
+    assert world.hub.outcomes["retired"] == 1
 
 
 def test_status_comes_right_after_hello_and_at_least_once_a_second_also_without_a_robot() -> None:

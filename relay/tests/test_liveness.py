@@ -23,13 +23,13 @@ def test_token_and_age(token: bool, age_s: float | None, word: str) -> None:
     if not token:
         liveness.left(100.0)
     live_at = None if age_s is None else 99.9
-    assert liveness.word(live_at, age_s, 1.5) == word
+    assert liveness.status(live_at, age_s, 1.5) == word
 
 
 def test_frames_long_after_the_token_left_come_from_another_edge_with_this_id() -> None:
     liveness = Liveness()
     liveness.came()
     liveness.left(100.0)
-    assert liveness.word(100.5, 0.1, 1.5) == "offline"  # was on its way
-    assert liveness.word(101.5, 0.1, 1.5) == "online"
-    assert liveness.word(101.5, 3.0, 1.5) == "offline"
+    assert liveness.status(100.5, 0.1, 1.5) == "offline"  # was on its way
+    assert liveness.status(101.5, 0.1, 1.5) == "online"
+    assert liveness.status(101.5, 3.0, 1.5) == "offline"

@@ -55,7 +55,7 @@ class Mirrored:
         """As the policy shows it to anyone."""
         robot = self.world.hub.robots["r"]
         room = robot.rooms["public"]
-        return {"r": VisibleRobot(room.stream, robot.word(room, self.world.now), self.hz)}
+        return {"r": VisibleRobot(room.stream, robot.status(room, self.world.now), self.hz)}
 
     def look(self, shown: dict[str, VisibleRobot] | None = None, works: bool = True) -> dict[str, NodeChange]:
         """One cycle."""

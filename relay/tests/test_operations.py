@@ -26,13 +26,13 @@ PAGE = (DOCS / "OPERATIONS.md").read_text()
 
 async def test_every_series_is_explained_and_no_other() -> None:
     hub = Hub(Limits())
-    pump = Dispatcher(hub, MemoryStore(), FanOut(None))
+    dispatcher = Dispatcher(hub, MemoryStore(), FanOut(None))
 
     def described(_robot: Any) -> dict[str, Any]:
         return {}
 
-    pump.store = RedisStore("redis://nowhere", hub, pump.now, described)
-    figures = RelayCollector([pump], SimpleNamespace(written=Counter(), breaker=Breaker()))
+    dispatcher.store = RedisStore("redis://nowhere", hub, dispatcher.now, described)
+    figures = RelayCollector([dispatcher], SimpleNamespace(written=Counter(), breaker=Breaker()))
     there = {family.name + ("_total" if family.type == "counter" else "") for family in figures.collect()}
     rows = re.findall(r"^\| `(posecast_\w+)", PAGE, re.MULTILINE)
     assert sorted(rows) == sorted(there)

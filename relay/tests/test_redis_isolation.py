@@ -61,7 +61,7 @@ AT_THE_GATEWAY: list[Place] = [
     (ReplicaFeed, "event", of_robot),
     (Hub, "frame", of_robot),
     (Hub, "snapshot", of_robot),
-    (Stream, "heard_of", of_robot),
+    (Stream, "append_numbered", of_robot),
 ]
 AT_THE_INGEST: list[Place] = [
     (redis_store, "state_call", of_robot),
@@ -115,7 +115,7 @@ def test_a_fault_at_one_robot_is_no_other_robots(
         patch.setattr(of, name, raising(of, name, where, hits))
         for room in ingest.hub.robots[HURT].rooms.values():
             doc: dict[str, object] = {"type": "event", "text": "jam"}
-            ingest.pump.carry_out(ingest.hub.tell_all(room, doc, 1.0))
+            ingest.dispatcher.carry_out(ingest.hub.tell_all(room, doc, 1.0))
         history.wait(1.0)
         # what is done only now and then is done now
         for room in ingest.hub.robots[HURT].rooms.values():
@@ -128,7 +128,7 @@ def test_a_fault_at_one_robot_is_no_other_robots(
     assert hits, "it was never called"
     assert {shown.word for shown in page.shown[said:]} == {"LIVE"}
     assert len(page.poses) - shown >= 0.95 * (1.0 + FAULTY_S) * HZ
-    assert ingest.hub.fates["fault"] + gateway.hub.fates["fault"] > 0
+    assert ingest.hub.outcomes["fault"] + gateway.hub.outcomes["fault"] > 0
     assert not history.loop.faults
     history.wait(2.0)  # once the fault has passed it is as if it had never been
     assert gateway.pages[HURT].look().word == "LIVE"

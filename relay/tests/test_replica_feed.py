@@ -277,7 +277,7 @@ def test_the_highest_generation_says_which_run_is_current() -> None:
     far.hears(update(other, far.now, other.frame(far.now), generation=6))
     assert far.world.hub.robots["r"].runs.current == 0xF
     far.hears(update(far.edge, far.now, far.edge.frame(far.now), generation=5))
-    assert far.world.hub.fates["retired"] == 1
+    assert far.world.hub.outcomes["retired"] == 1
     # the other has ended, and the ingest has another one by now, which has never heard of it
     far.hears(update(far.edge, far.now, far.key, far.edge.frame(far.now), generation=7))
     assert far.world.hub.robots["r"].runs.current == 0xE

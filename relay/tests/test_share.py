@@ -75,16 +75,16 @@ def test_a_flood_is_counted_told_and_over_by_itself() -> None:
     world.on_air(robot="innocent")
     _, screen = world.join()
     _, other = world.join(robot="innocent")
-    fates = []
+    outcomes = []
     for _ in range(3000):
         world.pass_time(1 / 3000)
-        fates.append(
+        outcomes.append(
             world.hub.edge_frame("r", "public", edge.frame(world.now), edge.stamp(world.now), world.now)
         )
         world.flush()
     world.pass_time(1.0)
-    assert fates.count(FrameOutcome.OVER_SHARE) == pytest.approx(3000 - 240, abs=5)
-    assert world.hub.fates["over share"] == fates.count(FrameOutcome.OVER_SHARE)
+    assert outcomes.count(FrameOutcome.OVER_SHARE) == pytest.approx(3000 - 240, abs=5)
+    assert world.hub.outcomes["over share"] == outcomes.count(FrameOutcome.OVER_SHARE)
     assert screen.told("status")[-1]["over_share"] is True
     assert not any("over_share" in status for status in other.told("status"))
     world.run(edge, 5.0)

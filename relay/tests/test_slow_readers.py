@@ -164,5 +164,5 @@ def test_who_freezes_is_gone_within_twenty_seconds(
 
 def test_the_longest_patience_is_what_the_limits_add_up_to() -> None:
     limits = Limits()
-    assert limits.given_s + limits.half_open_s + limits.sweep_s < GONE_S
+    assert limits.join_burst_s + limits.half_open_s + limits.sweep_s < GONE_S
     assert limits.ping_bytes / limits.slowest_bytes_per_s < limits.half_open_s

@@ -55,7 +55,7 @@ def test_numbers_go_round() -> None:
 
 
 @pytest.mark.parametrize(
-    ("payload", "fate"),
+    ("payload", "outcome"),
     [
         (b"", "bad"),
         (b"\x10", "bad"),
@@ -64,11 +64,11 @@ def test_numbers_go_round() -> None:
         (b"\x10" + bytes(1 << 16), "oversized"),
     ],
 )
-def test_what_is_no_frame_is_counted_by_its_reason(payload: bytes, fate: str) -> None:
+def test_what_is_no_frame_is_counted_by_its_reason(payload: bytes, outcome: str) -> None:
     world = World()
     edge = world.on_air()
-    assert world.publish(edge, payload) == fate
-    assert world.hub.fates[fate] == 1
+    assert world.publish(edge, payload) == outcome
+    assert world.hub.outcomes[outcome] == 1
 
 
 def test_a_lost_key_is_asked_for_once_a_second_and_the_newest_frame_is_not_lost() -> None:
@@ -125,10 +125,10 @@ def test_a_snapshot_that_does_not_hold_together_changes_nothing() -> None:
         (good._replace(info={"mode": "walking"}), "info over 10 bytes"),
     ]:
         with pytest.raises(ValueError, match=why):
-            stream.absorb(bad, 7, 0.0)
+            stream.apply_snapshot(bad, 7, 0.0)
         assert stream.schema is None
         assert stream.newest is None
-    stream.absorb(good, 7, 0.0)
+    stream.apply_snapshot(good, 7, 0.0)
     assert stream.newest is not None
 
 
@@ -140,7 +140,7 @@ def test_a_schema_that_is_none_is_refused_although_its_key_names_it() -> None:
     forged = key[:1] + fnv1a32(text.encode()).to_bytes(4, "little") + key[5:]
     stream = Stream("r", "public", Limits())
     with pytest.raises(ValueError, match="snapshot: v: "):
-        stream.absorb(Snapshot(text, {}, forged, None, None), 7, 0.0)
+        stream.apply_snapshot(Snapshot(text, {}, forged, None, None), 7, 0.0)
     assert stream.schema is None
 
 
@@ -154,7 +154,7 @@ def test_a_new_run_becomes_current_with_its_key_and_the_old_one_is_dropped() -> 
     assert world.publish(new, key) == "taken"
     assert world.publish(old) == "retired"
     assert world.hub.robots["r"].runs.current == 1
-    assert world.hub.fates["retired"] == 1
+    assert world.hub.outcomes["retired"] == 1
 
 
 def test_two_edges_with_one_id_show_as_a_conflict_that_ends() -> None:
@@ -190,7 +190,7 @@ def test_more_robots_or_views_than_allowed_are_dropped_and_counted() -> None:
     for robot in ("a", "b", "c"):
         world.hub.frame(robot, "public", edge.frame(world.now), edge.stamp(world.now), world.now)
     world.hub.frame("a", "second", edge.frame(world.now), edge.stamp(world.now), world.now)
-    assert world.hub.fates["crowded"] == 2
+    assert world.hub.outcomes["crowded"] == 2
     assert set(world.hub.robots) == {"a", "b"}
 
 

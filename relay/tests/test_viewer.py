@@ -121,7 +121,7 @@ def test_a_newcomer_that_talks_and_does_not_read_is_cut_when_it_could_have_read_
     world = World()
     world.on_air(schema([f"joint_{i}" for i in range(2000)]))
     viewer, screen = world.join(10.0)
-    began, reads_s = world.now, viewer.reads_by - world.now
+    began, reads_s = world.now, viewer.join_burst_read_by - world.now
     assert reads_s > 20.0
     viewer.paused(world.now)
     while screen.was_cut is None:
@@ -135,8 +135,8 @@ def test_a_newcomer_that_has_read_it_all_and_then_freezes_is_cut_like_everybody(
     world = World()
     edge = world.on_air(schema([f"joint_{i}" for i in range(2000)]))
     viewer, screen = world.join(10.0)
-    assert viewer.arrived_by > world.now + 7.0
-    assert viewer.reads_by > world.now + 20.0
+    assert viewer.join_burst_arrives_by > world.now + 7.0
+    assert viewer.join_burst_read_by > world.now + 20.0
     watch(world, edge, viewer, 5.0)
     watch(world, edge, viewer, 14.0, acks=False)
     assert screen.was_cut is None

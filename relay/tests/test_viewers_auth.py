@@ -171,26 +171,26 @@ class Doors:
     def __init__(self, accounts: Any, origins: tuple[str, ...]) -> None:
         limits = Limits(sweep_s=0.1)
         fan_out = FanOut(None)
-        self.pump = Dispatcher(Hub(limits), MemoryStore(), fan_out)
+        self.dispatcher = Dispatcher(Hub(limits), MemoryStore(), fan_out)
         self.tokens = Tokens(accounts)
         self.tokens.link_keys = {"open": KEY, "shared": KEY}
         later = Dispatcher(DelayedHub(limits), MemoryStore(), fan_out)
-        self.access = Access(self.pump, Policy(RULES), later, self.tokens, origins)
-        now = self.pump.now()
+        self.access = Access(self.dispatcher, Policy(RULES), later, self.tokens, origins)
+        now = self.dispatcher.now()
         for robot in ("open", "lab", "shared"):
             edge = Edge(0xE, schema(("RKN", f"secret-of-{robot}")), began_s=now)
             for view in ("public", "lab"):
-                self.pump.carry_out(self.pump.hub.token(robot, True, now))
+                self.dispatcher.carry_out(self.dispatcher.hub.token(robot, True, now))
                 data = edge.frame(now, force_key=True)
-                self.pump.hub.frame(robot, view, data, edge.stamp(now), now)
-                self.pump.hub.snapshot(robot, view, edge.snapshot(), edge.stamp(now), now)
-        self.pump.flush()
+                self.dispatcher.hub.frame(robot, view, data, edge.stamp(now), now)
+                self.dispatcher.hub.snapshot(robot, view, edge.snapshot(), edge.stamp(now), now)
+        self.dispatcher.flush()
         self.address = ""
 
     async def start(self) -> uvicorn.Server:
         """Serve on a free port."""
         decoded, none = DecodeCache(), SimpleNamespace()
-        app = make_app(self.access, ModelCache(EdgeModels(none, self.pump.hub), 1), decoded, None)  # type: ignore[arg-type]
+        app = make_app(self.access, ModelCache(EdgeModels(none, self.dispatcher.hub), 1), decoded, None)  # type: ignore[arg-type]
         config = uvicorn.Config(
             app,
             port=0,
@@ -200,8 +200,8 @@ class Doors:
             log_config=None,
         )
         server = uvicorn.Server(config)
-        for pump in self.access.pumps:
-            pump.start()
+        for dispatcher in self.access.dispatchers:
+            dispatcher.start()
         self.task = asyncio.create_task(server.serve())
         while not server.started:
             await asyncio.sleep(0.01)
@@ -241,8 +241,8 @@ async def doors(accounts: Firebase) -> AsyncIterator[Doors]:
     yield found
     server.should_exit = True
     await found.task
-    for pump in found.access.pumps:
-        pump.stop()
+    for dispatcher in found.access.dispatchers:
+        dispatcher.stop()
 
 
 def link(robot: str, seconds: float = 1000, key: str = KEY) -> str:
@@ -313,8 +313,8 @@ class Asked(dict[str, Any]):
 
 async def test_a_robot_that_is_not_for_them_is_as_one_that_is_not(doors: Doors, google: Google) -> None:
     token = google.token()
-    for pump in doors.access.pumps:
-        pump.hub.robots = Asked(pump.hub.robots)
+    for dispatcher in doors.access.dispatchers:
+        dispatcher.hub.robots = Asked(dispatcher.hub.robots)
     assert (await doors.get("/open/state")).status_code == 200
     for who in (None, token, link("open")):
         answers = set()
@@ -327,7 +327,7 @@ async def test_a_robot_that_is_not_for_them_is_as_one_that_is_not(doors: Doors, 
             answers.add(tuple(texts))
         assert len(answers) == 1
         assert answers.pop()[1] == str(int(Close.ABSENT))
-    looked_for = set().union(*(pump.hub.robots.names for pump in doors.access.pumps))  # type: ignore[attr-defined]
+    looked_for = set().union(*(dispatcher.hub.robots.names for dispatcher in doors.access.dispatchers))  # type: ignore[attr-defined]
     assert looked_for == {"open"}, "the rules alone decide, so both answers take the same time"
 
 
@@ -378,9 +378,9 @@ async def test_a_newer_token_prolongs_and_a_worse_one_ends_it(doors: Doors) -> N
 
 async def _viewers(doors: Doors, count: int) -> list[Any]:
     async with asyncio.timeout(10):
-        while len(doors.pump.hub.viewers) < count:
+        while len(doors.dispatcher.hub.viewers) < count:
             await asyncio.sleep(0.01)
-    return list(doors.pump.hub.viewers)
+    return list(doors.dispatcher.hub.viewers)
 
 
 async def test_links_and_accounts_that_are_revoked_end_at_once(doors: Doors, google: Google) -> None:
@@ -401,7 +401,7 @@ async def test_links_and_accounts_that_are_revoked_end_at_once(doors: Doors, goo
         google.away = True  # what can't be found out changes nothing
         await doors.access.look_again()
         google.away = False
-        assert len(doors.pump.hub.viewers) == 2
+        assert len(doors.dispatcher.hub.viewers) == 2
 
         def revoked(_token: str) -> Principal | None:
             return None
@@ -411,7 +411,7 @@ async def test_links_and_accounts_that_are_revoked_end_at_once(doors: Doors, goo
         async with asyncio.timeout(10):
             await by_account.wait_closed()
         assert by_account.close_code == Close.TOKEN
-        assert len(doors.pump.hub.viewers) == 1
+        assert len(doors.dispatcher.hub.viewers) == 1
         assert anyone.close_code is None
 
 

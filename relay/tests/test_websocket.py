@@ -326,7 +326,7 @@ class Wire:
 
 async def test_messages_are_understood_however_the_network_cuts_them() -> None:
     """Short ones are read without the library, but never in the middle of what it reads."""
-    pump = Dispatcher(Hub(Limits(messages_burst=1000)), MemoryStore(), FanOut(None))
+    dispatcher = Dispatcher(Hub(Limits(messages_burst=1000)), MemoryStore(), FanOut(None))
     pings = [json.dumps({"type": "ping", "t": n, "pad": "x" * (n % 5 * 40)}).encode() for n in range(60)]
     heads = [
         bytes((0x81, 0x80 | len(ping))) if len(ping) < 126 else b"\x81\xfe" + len(ping).to_bytes(2, "big")
@@ -341,7 +341,7 @@ async def test_messages_are_understood_however_the_network_cuts_them() -> None:
     for seed in range(200):
         random, wire = Random(seed), Wire()
         config, server = SimpleNamespace(), SimpleNamespace(connections=set())
-        viewer: Any = live_protocol(Access(pump), DecodeCache())(config, server, None)  # type: ignore[arg-type]
+        viewer: Any = live_protocol(Access(dispatcher), DecodeCache())(config, server, None)  # type: ignore[arg-type]
         viewer.connection_made(wire)
         together = random.choice([0, 0, 3, 60])  # the first bytes may come with the request
         viewer.data_received(request + stream[:together])
@@ -352,11 +352,11 @@ async def test_messages_are_understood_however_the_network_cuts_them() -> None:
             viewer.data_received(stream[at : at + size])
             at += size
         assert re.findall(rb'"pong","t":(\d+)', wire.taken) == [b"%d" % n for n in range(60)]
-    pump.stop()
+    dispatcher.stop()
 
 
 async def test_a_connection_that_is_gone_is_gone_from_memory_without_a_collection() -> None:
-    pump = Dispatcher(Hub(Limits()), MemoryStore(), FanOut(None))
+    dispatcher = Dispatcher(Hub(Limits()), MemoryStore(), FanOut(None))
     config, server = SimpleNamespace(), SimpleNamespace(connections=set())
     request = (
         b"GET /api/v1/robots/r/live HTTP/1.1\r\nHost: x\r\nConnection: Upgrade\r\nUpgrade: websocket\r\n"
@@ -364,12 +364,12 @@ async def test_a_connection_that_is_gone_is_gone_from_memory_without_a_collectio
     )
     gc.disable()
     try:
-        viewer: Any = live_protocol(Access(pump), DecodeCache())(config, server, None)  # type: ignore[arg-type]
+        viewer: Any = live_protocol(Access(dispatcher), DecodeCache())(config, server, None)  # type: ignore[arg-type]
         wire: Any = Wire()
         wire.can_write_eof, wire.close, wire.abort = lambda: False, lambda: None, lambda: None
         viewer.connection_made(wire)
         viewer.data_received(request)
-        assert len(pump.hub.viewers) == 1
+        assert len(dispatcher.hub.viewers) == 1
         viewer.eof_received()
         viewer.connection_lost(None)
         gone = weakref.ref(viewer)
@@ -377,7 +377,7 @@ async def test_a_connection_that_is_gone_is_gone_from_memory_without_a_collectio
         assert gone() is None
     finally:
         gc.enable()
-        pump.stop()
+        dispatcher.stop()
 
 
 async def test_what_autobahn_plays_against_returns_everything() -> None:

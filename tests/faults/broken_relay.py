@@ -49,7 +49,7 @@ def fifo_instead_of_mailbox() -> None:
         for viewer in viewers:
             waits = viewer.blocked or (now >= viewer.check_at and not viewer.may_send(now))
             if waits and viewer.frame is not frame:
-                viewer.lane = [*(viewer.lane or ()), self._lacking(viewer, frame)]
+                viewer.reliable_queue = [*(viewer.reliable_queue or ()), self._lacking(viewer, frame)]
                 self._hand(viewer, frame)
         mailbox(self, group, viewers, frame, now, out)
 

@@ -37,7 +37,7 @@ export {
   parseRelayMessage,
   type RateGranted,
   type RelayMessage,
-  type RobotWord,
+  type RobotStatus,
   type SchemaMessage,
   type Status,
   type ViewerMessage,

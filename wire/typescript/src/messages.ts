@@ -5,7 +5,7 @@ import { isObject, parseJson } from './checked.ts';
 /** Of any clock, either way: 31,700 years, and milliseconds still fit a double. */
 const TIME_MAX_S = 1e12;
 
-export type RobotWord = 'online' | 'silent' | 'offline';
+export type RobotStatus = 'online' | 'silent' | 'offline';
 export type EventLevel = 'fault' | 'caution' | 'info';
 
 /** First message of every connection. `server_time`: unix, s; `hz`: the rate granted. */
@@ -29,7 +29,7 @@ export interface Hello {
  */
 export interface Status {
   readonly type: 'status';
-  readonly robot: RobotWord;
+  readonly robot: RobotStatus;
   readonly age_ms: number | null;
   readonly seq: number | null;
   readonly degraded: boolean;

@@ -66,8 +66,8 @@ class Access:
         self.addresses = Addresses(live.hub.limits.per_address) if addresses is None else addresses
         self._renewals: set[asyncio.Task[None]] = set()
         if tokens is not None:
-            for pump in self.pumps:
-                pump.verify = self._renew
+            for dispatcher in self.dispatchers:
+                dispatcher.verify = self._renew
         if later is not None:
             live.kept, live.pinned = self._note, self._delayed.names
             live.hub.elsewhere = lambda: len(later.hub.viewers)
@@ -75,7 +75,7 @@ class Access:
             self._delayed.follow(policy.delays_s())
 
     @property
-    def pumps(self) -> tuple[Dispatcher, ...]:
+    def dispatchers(self) -> tuple[Dispatcher, ...]:
         """Of live and of delayed viewers."""
         return (self.live,) if self.later is None else (self.live, self.later)
 
@@ -116,13 +116,13 @@ class Access:
         """By the core's clock."""
         return self.live.now() + grant.who.until_s - self.live.unix_s()
 
-    def pump(self, grant: Grant) -> Dispatcher:
+    def dispatcher(self, grant: Grant) -> Dispatcher:
         """Whose viewers have such a grant."""
         return self.later if grant.delay_s > 0 and self.later is not None else self.live
 
     def shown(self, grant: Grant) -> tuple[Robot, Room | None] | None:
         """The robot as the grant shows it, and the view; None when nothing was heard of it."""
-        of = self.pump(grant).hub.robots.get(grant.robot)
+        of = self.dispatcher(grant).hub.robots.get(grant.robot)
         if of is None or of.heard_at is None:
             return None
         return of, of.rooms.get(grant.view)
@@ -136,8 +136,8 @@ class Access:
             for robot, view in policy.delays_s():  # what is here already is not told again
                 if robot in live and view in live[robot].rooms:
                     self._note(live[robot].rooms[view].stream)
-        for pump in self.pumps:
-            for viewer in tuple(pump.hub.viewers):
+        for dispatcher in self.dispatchers:
+            for viewer in tuple(dispatcher.hub.viewers):
                 if viewer.grant is None:
                     continue
                 who: Principal | Close = viewer.grant.who
@@ -147,23 +147,25 @@ class Access:
 
     def _again(self, viewer: Viewer, who: Principal | Close) -> None:
         """A viewer that watches already is judged anew. One that can't be is let go."""
-        pump = next((pump for pump in self.pumps if viewer in pump.hub.viewers), None)
-        if pump is None:
+        dispatcher = next(
+            (dispatcher for dispatcher in self.dispatchers if viewer in dispatcher.hub.viewers), None
+        )
+        if dispatcher is None:
             return
         try:
-            self._judge_again(pump, viewer, who)
+            self._judge_again(dispatcher, viewer, who)
         except Exception as e:
-            pump.report_fault("a viewer's rights", e)
+            dispatcher.report_fault("a viewer's rights", e)
             close = Close.INTERNAL_ERROR
-            pump.carry_out(pump.hub.refuse(viewer, close, REASONS[close]))
+            dispatcher.carry_out(dispatcher.hub.refuse(viewer, close, REASONS[close]))
 
-    def _judge_again(self, pump: Dispatcher, viewer: Viewer, who: Principal | Close) -> None:
+    def _judge_again(self, dispatcher: Dispatcher, viewer: Viewer, who: Principal | Close) -> None:
         found = who if isinstance(who, Close) else self.judge(who, viewer.robot, viewer.asked_view)
         if isinstance(found, Close):
-            pump.carry_out(pump.hub.refuse(viewer, found, REASONS[found]))
+            dispatcher.carry_out(dispatcher.hub.refuse(viewer, found, REASONS[found]))
         else:
             viewer.expires_at = self.expires_at(found)
-            pump.carry_out(pump.hub.regrant(viewer, found, pump.now()))
+            dispatcher.carry_out(dispatcher.hub.regrant(viewer, found, dispatcher.now()))
 
     def _renew(self, viewer: Viewer, token: str) -> None:
         async def renew() -> None:
@@ -191,8 +193,8 @@ class Access:
     async def look_again(self) -> None:
         """Once. Where it can't be found out, nothing changes."""
         judged: dict[str, Principal | Close] = {}
-        for pump in self.pumps:
-            for viewer in tuple(pump.hub.viewers):
+        for dispatcher in self.dispatchers:
+            for viewer in tuple(dispatcher.hub.viewers):
                 who = viewer.grant.who if viewer.grant is not None else ANYONE
                 if who.audience is Audience.SIGNED_IN:
                     if who.token not in judged:

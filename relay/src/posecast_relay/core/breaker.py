@@ -20,17 +20,17 @@ class Breaker:
         """Whether it is left alone, or about to be tried for the first time since."""
         return self.failures >= FAILURES
 
-    def lets(self, now: float) -> bool:
+    def allow(self, now: float) -> bool:
         """Whether a try may be made now."""
         return now >= self.open_until
 
-    def worked(self) -> bool:
+    def record_success(self) -> bool:
         """A try has worked; whether it was left alone until now."""
         was_open = self.is_open
         self.failures, self._pause_s = 0, PAUSE_S
         return was_open
 
-    def failed(self, now: float) -> bool:
+    def record_failure(self, now: float) -> bool:
         """A try has failed; whether it is left alone from now on and was not before."""
         self.failures += 1
         if not self.is_open:

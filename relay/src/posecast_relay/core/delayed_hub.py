@@ -192,7 +192,7 @@ class DelayedHub(Hub):
             try:
                 self.snapshot(robot, view, snapshot, stamp, now, picture)
             except ValueError:  # the stream itself has taken it
-                self.fates["bad"] += 1
+                self.outcomes["bad"] += 1
                 return
         if moment.live:
             self.frame(robot, view, newest.payload, stamp, now, moment.late_s)

@@ -87,7 +87,7 @@ class Hub(Uplink):
         if (
             is_news
         ):  # goes with the frame: nobody takes an old one for a sign of life, or the one before for new
-            room.owe_status(robot.word(room, now))
+            room.owe_status(robot.status(room, now))
         out += self.told(room.offer(now))
         out.append(Persist(room.stream))
         if is_news:
@@ -126,10 +126,10 @@ class Hub(Uplink):
             robot = self.robots[viewer.robot] = Robot(viewer.robot, self.limits)
         room = robot.room(viewer.view)
         self.viewers[viewer] = room
-        self.words.setdefault(room, robot.word(room, now))
+        self.statuses.setdefault(room, robot.status(room, now))
         room.degraded = self.degraded or robot.degraded
         watch: list[Action] = [] if robot.has_viewers() else [SubscribeRobot(robot.name)]
-        return [room.join(viewer, robot.word(room, now), now, unix_s), *watch]
+        return [room.join(viewer, robot.status(room, now), now, unix_s), *watch]
 
     def message(self, viewer: Viewer, payload: bytes, now: float) -> list[Action]:
         """A text message from a viewer."""
@@ -244,7 +244,7 @@ class Hub(Uplink):
         if held_up_s > HELD_UP_S and self._sweeps:
             for viewer in tuple(self.viewers):
                 try:
-                    viewer.forgive(held_up_s, now)
+                    viewer.shift_deadlines(held_up_s, now)
                 except Exception as error:
                     out += self.fail(viewer, error)
         for room in self.flushes.due(now):
@@ -258,7 +258,7 @@ class Hub(Uplink):
             for robot in tuple(self.robots.values()):
                 if robot.is_to_be_asked(now):
                     self.questions.put(robot, now + QUESTIONS_S)
-                out += self.words_changed(robot, now)
+                out += self.report_statuses(robot, now)
                 out += self.guard(None, partial(self._conflict, robot, now, unix_s))
             out += self._sweep(now)
         questions_at = max(self.questions.next_at, now + QUESTIONS_S)
@@ -296,7 +296,7 @@ class Hub(Uplink):
     def _status(self, robot: Robot, room: Room, now: float) -> list[Action]:
         if not self._status_goes:
             return room.settle_status(now)
-        room.owe_status(robot.word(room, now))
+        room.owe_status(robot.status(room, now))
         return []
 
     def _overdue(self, viewer: Viewer, now: float, pings: list[Viewer]) -> list[Action]:

@@ -32,7 +32,7 @@ class Limits:
     message_bytes: int = MESSAGE_BYTES_MAX  # a viewer's message; longer closes 1009
     max_hz: float = 60.0  # a viewer asking for more gets this
     events: int = 100  # kept per stream for those who join; the oldest goes
-    lane: int = 256  # messages that wait for a viewer that has not drained; beyond closes 4430
+    reliable_queue: int = 256  # messages that wait for a viewer that has not drained; beyond closes 4430
     messages_burst: int = 20  # a viewer's messages at once; beyond closes 4429
     messages_per_s: float = 10.0
     status_s: float = 0.9  # so that every viewer hears at least once a second
@@ -46,11 +46,12 @@ class Limits:
     undrained_s: float = 5.0  # a viewer that never acknowledges may leave its buffer unread for so long
     undrained_acking_s: float = 15.0  # the same for one that acknowledges
     # A newcomer that reads no faster than this has a while to do with what it is given. It shows that it
-    # reads by answering the pings between the events; until the first answer it has given_s to itself. So who
-    # reads is not cut, and who froze at its first byte is, after given_s + half_open_s + sweep_s = 19.5 s.
+    # reads by answering the pings between the events; until the first answer it has join_burst_s to itself. So
+    # who reads is not cut, and who froze at its first byte is, after join_burst_s + half_open_s + sweep_s
+    # = 19.5 s.
     slowest_bytes_per_s: float = 800.0
     ping_bytes: int = 4000  # from one of those pings to the next: 5 s
-    given_s: float = 8.0
+    join_burst_s: float = 8.0
     max_age_s: float = float("inf")  # of a connection, give or take a tenth; then closed 4000
     ping_s: float = 5.0  # nothing heard for so long: ask
     half_open_s: float = 11.0  # nothing heard for so long: cut

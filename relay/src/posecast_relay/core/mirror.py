@@ -17,7 +17,7 @@ from base64 import b64encode
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
-from posecast_wire.messages import RobotWord
+from posecast_wire.messages import RobotStatus
 
 from posecast_relay.core.state.stream import StoredFrame, Stream
 
@@ -35,7 +35,7 @@ class VisibleRobot:
     """One robot as anyone may see it just now. `hz`: at most."""
 
     stream: Stream
-    word: RobotWord
+    status: RobotStatus
     hz: float
 
 
@@ -47,7 +47,7 @@ class Written:
     key: StoredFrame | None = None
     ref: StoredFrame | None = None
     frame: StoredFrame | None = None
-    word: RobotWord | None = None
+    status: RobotStatus | None = None
     frame_at: float = float("-inf")
     status_at: float = float("-inf")
 
@@ -115,10 +115,10 @@ def _change(before: Written, this: VisibleRobot, now: float, unix_s: float) -> N
             if held is not was:
                 node[name] = _base64(held)
         node["frame"] = _base64(newest)
-    if not node and this.word == before.word and now < before.status_at + STATUS_S:
+    if not node and this.status == before.status and now < before.status_at + STATUS_S:
         return None
     node["status"] = _status(this, after.frame, now, unix_s)
-    return NodeChange(node, replace(after, word=this.word, status_at=now))
+    return NodeChange(node, replace(after, status=this.status, status_at=now))
 
 
 def _base64(held: StoredFrame | None) -> str | None:
@@ -128,7 +128,7 @@ def _base64(held: StoredFrame | None) -> str | None:
 def _status(this: VisibleRobot, frame: StoredFrame | None, now: float, unix_s: float) -> Status:
     age_s = this.stream.age_s(now)
     return {
-        "robot": this.word,
+        "robot": this.status,
         "age_ms": None if age_s is None else max(0, round(age_s * 1000)),
         "seq": None if frame is None else frame.seq,
         "at": round(unix_s * 1000),

@@ -56,11 +56,11 @@ class ReplicaFeed:
         """A stream has changed. ValueError when an event in it is none."""
         hub, source = self._hub, self.listen(robot)
         if said.generation < source.generation:
-            hub.fates[FrameOutcome.RETIRED.value] += 1
+            hub.outcomes[FrameOutcome.RETIRED.value] += 1
             return self.lacks(robot, now)  # if the store has lost count, what it holds will say so
         found = hub.publisher(robot, said.view)
         if found is None:
-            hub.fates[FrameOutcome.CROWDED.value] += 1
+            hub.outcomes[FrameOutcome.CROWDED.value] += 1
             return []
         of, room = found
         if said.frames:
@@ -77,7 +77,7 @@ class ReplicaFeed:
         if source.before is not None and room.stream.newest is not source.before.get(said.view):
             source.before = None
             of.degraded = room.degraded = False
-            room.owe_status(of.word(room, now))  # with the frame that shows it, in one write
+            room.owe_status(of.status(room, now))  # with the frame that shows it, in one write
             out = self.degrade(False, now, robot)
         for text in said.events:
             out += self.event(robot, said.view, said.numbering, text)
@@ -100,7 +100,7 @@ class ReplicaFeed:
         hub, source = self._hub, self.listen(robot)
         found = hub.publisher(robot, view)
         if found is None:
-            hub.fates[FrameOutcome.CROWDED.value] += 1
+            hub.outcomes[FrameOutcome.CROWDED.value] += 1
             return []
         of, room = found
         if said.run_id != of.runs.current:
@@ -138,7 +138,7 @@ class ReplicaFeed:
         if found.liveness.token != said.token:
             out = self._hub.token(robot, said.token, now)
         else:
-            out = self._hub.words_changed(found, now)
+            out = self._hub.report_statuses(found, now)
         if source.before is None or not self._awaits(found, source, said, late_s):
             source.before = None
             out += self.degrade(False, now, robot)
@@ -156,7 +156,7 @@ class ReplicaFeed:
         if found is None:
             return []
         _, room = found
-        event = room.stream.heard_of(numbering, text)
+        event = room.stream.append_numbered(numbering, text)
         return [] if event is None else self._hub.told(room.announce(event))
 
     # ---- what is lacking ----------------------------------------------------
@@ -212,7 +212,7 @@ class ReplicaFeed:
             for room in of.rooms.values():
                 if room.degraded != (hub.degraded or of.degraded):
                     room.degraded = not room.degraded
-                    out += room.report(of.word(room, now), now)
+                    out += room.report(of.status(room, now), now)
         return out
 
     def forget(self, robot: str) -> None:

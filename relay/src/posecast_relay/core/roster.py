@@ -34,7 +34,7 @@ class Roster:
         self.flushes = TimerQueue[Room]()  # frames that wait for a viewer's period to pass
         self.questions = TimerQueue[Robot]()  # snapshots to be asked for
         self.changed: dict[Room, None] = {}  # since the last flush
-        self.words: dict[Room, str] = {}  # how its robot is, as its viewers were told last
+        self.statuses: dict[Room, str] = {}  # how its robot is, as its viewers were told last
 
     def admit(self, name: str) -> Robot | None:
         """A robot that was heard of, made when it is new; None when there are as many as the limits allow."""
@@ -73,7 +73,7 @@ class Roster:
         for room in robot.rooms.values():
             self.delivered += room.delivered
             self.skipped += room.skipped
-            self.words.pop(room, None)
+            self.statuses.pop(room, None)
             self.changed.pop(room, None)
 
     def leave(self, viewer: Viewer) -> None:
@@ -133,25 +133,25 @@ class Roster:
         """Every view of this robot is for the store."""
         return [Persist(room.stream) for room in robot.rooms.values()]
 
-    def words_changed(self, robot: Robot, now: float) -> list[Action]:
+    def report_statuses(self, robot: Robot, now: float) -> list[Action]:
         """Tell its viewers how it is, where that is not what they were told last."""
         out: list[Action] = []
         for room in robot.rooms.values():
             if room.viewers:
-                out += self.guard(room, partial(self.word_changed, robot, room, now))
+                out += self.guard(room, partial(self.report_status, robot, room, now))
         return out
 
-    def word_changed(self, robot: Robot, room: Room, now: float) -> list[Action]:
+    def report_status(self, robot: Robot, room: Room, now: float) -> list[Action]:
         """The same for one of its rooms."""
         if room in self.changed:
             return []  # the frame that it speaks of has not been handed out: `flush` tells both together
-        return room.report(robot.word(room, now), now) if self.has_news(robot, room, now) else []
+        return room.report(robot.status(room, now), now) if self.has_news(robot, room, now) else []
 
     def has_news(self, robot: Robot, room: Room, now: float) -> bool:
         """Whether it is otherwise than its viewers were told last; the caller tells them."""
-        word, over_share = robot.word(room, now), bool(robot.share.over(now))
-        if self.words.get(room) == word and room.over_share == over_share:
+        status, over_share = robot.status(room, now), bool(robot.share.over(now))
+        if self.statuses.get(room) == status and room.over_share == over_share:
             return False
-        self.words[room] = word
+        self.statuses[room] = status
         room.over_share = over_share
         return True

@@ -23,7 +23,7 @@ class Uplink(Roster):
 
     def __init__(self, limits: Limits) -> None:
         super().__init__(limits)
-        self.fates: Counter[str] = Counter()  # of messages from edges
+        self.outcomes: Counter[str] = Counter()  # of messages from edges
         self.lateness = Histogram()  # of frames from edges, as they came in
 
     def edge_frame(self, robot: str, view: str, payload: bytes, stamp: Stamp, now: float) -> FrameOutcome:
@@ -31,7 +31,7 @@ class Uplink(Roster):
         found = self.publisher(robot, view)
         hashed = len(payload) > 0 and bool(payload[0] & REF)
         if found is not None and not found[0].share.takes_frame(view, len(payload), hashed, now):
-            self.fates[FrameOutcome.OVER_SHARE.value] += 1
+            self.outcomes[FrameOutcome.OVER_SHARE.value] += 1
             return FrameOutcome.OVER_SHARE
         return self.frame(robot, view, payload, stamp, now)
 
@@ -41,17 +41,17 @@ class Uplink(Roster):
         """Take a frame in; `flush` then hands out the newest. `late_s`: as late as another relay found it."""
         found = self.publisher(robot, view)
         if found is None:
-            fate = FrameOutcome.CROWDED
+            outcome = FrameOutcome.CROWDED
         else:
             of, room = found
-            fate = of.frame(room, payload, stamp, now, late_s)
-            if fate is FrameOutcome.TAKEN:
+            outcome = of.frame(room, payload, stamp, now, late_s)
+            if outcome is FrameOutcome.TAKEN:
                 self.changed[room] = None
                 self.lateness.add(of.runs.lateness_s)
             if of.lacking:
                 self.ask_about(of)
-        self.fates[fate.value] += 1
-        return fate
+        self.outcomes[outcome.value] += 1
+        return outcome
 
     def check_snapshot(self, robot: str, size: int, now: float) -> None:
         """Before it is parsed. Raises ValueError when an edge's answer is beyond its share of bytes."""
@@ -104,18 +104,18 @@ class Uplink(Roster):
         """An event from an edge: number it, keep it, hand it to everybody. Or the robot's info or model."""
         found = self.publisher(robot, view)
         if found is None:
-            self.fates[FrameOutcome.CROWDED.value] += 1
+            self.outcomes[FrameOutcome.CROWDED.value] += 1
             return []
         of, room = found
         if not of.share.takes_event(len(payload), now):
-            self.fates[FrameOutcome.OVER_SHARE.value] += 1
+            self.outcomes[FrameOutcome.OVER_SHARE.value] += 1
             return []
         doc = edge_said(payload, self.limits)
         if doc is None:
-            self.fates[FrameOutcome.BAD.value] += 1
+            self.outcomes[FrameOutcome.BAD.value] += 1
             return []
         if of.runs.is_retired(stamp.run_id, now):
-            self.fates[FrameOutcome.RETIRED.value] += 1
+            self.outcomes[FrameOutcome.RETIRED.value] += 1
             return []
         of.heard_at = now
         if doc["type"] in ("info", "model"):
@@ -127,7 +127,7 @@ class Uplink(Roster):
         try:
             event = room.stream.number(doc, unix_s)
         except Exception as error:
-            self.fates[FrameOutcome.FAULT.value] += 1
+            self.outcomes[FrameOutcome.FAULT.value] += 1
             return self.fail(None, error)
         return [*self.guard(room, lambda: self.told(room.announce(event))), Persist(room.stream)]
 
@@ -136,11 +136,11 @@ class Uplink(Roster):
             return []
         try:
             if doc["type"] == "model":
-                room.stream.show(cast(str, doc["hash"]))
+                room.stream.set_model(cast(str, doc["hash"]))
             else:
-                room.stream.inform(cast("dict[str, str]", doc["kv"]))
+                room.stream.set_info(cast("dict[str, str]", doc["kv"]))
         except ValueError:
-            self.fates[FrameOutcome.BAD.value] += 1
+            self.outcomes[FrameOutcome.BAD.value] += 1
             return []
         return [*self.guard(room, room.describe), Persist(room.stream)]
 
@@ -149,13 +149,13 @@ class Uplink(Roster):
         if present:
             found = self.admit(robot)
             if found is None:
-                self.fates[FrameOutcome.CROWDED.value] += 1
+                self.outcomes[FrameOutcome.CROWDED.value] += 1
                 return []
             found.came(now)
             self.ask_about(found)
-            return self.kept(found) + self.words_changed(found, now)
+            return self.kept(found) + self.report_statuses(found, now)
         gone = self.robots.get(robot)
         if gone is None:
             return []
         gone.liveness.left(now)
-        return self.kept(gone) + self.words_changed(gone, now)
+        return self.kept(gone) + self.report_statuses(gone, now)

@@ -106,46 +106,46 @@ def make_app(access: Access, models: ModelCache, decoded: DecodeCache, static: P
     return app
 
 
-def _add_health(app: FastAPI, pump: Dispatcher) -> None:
+def _add_health(app: FastAPI, dispatcher: Dispatcher) -> None:
     @app.get("/livez", summary="The process answers")
     async def livez() -> PlainTextResponse:
         return PlainTextResponse("ok\n")
 
     @app.get("/readyz", summary="Whether viewers are accepted; `degraded` when the store is not there")
     async def readyz() -> JSONResponse:
-        trouble = pump.store.trouble()
-        if pump.draining:
+        trouble = dispatcher.store.trouble()
+        if dispatcher.draining:
             return JSONResponse({"status": "draining"}, 503)
         return JSONResponse({"status": "degraded", "why": trouble} if trouble else {"status": "ready"})
 
 
 def _add_robots(app: FastAPI, access: Access, decoded: DecodeCache) -> None:
-    pump = access.live
-    answers = AnswerCache(pump.now)
-    reader = StateReader(pump.now, decoded)
+    dispatcher = access.live
+    answers = AnswerCache(dispatcher.now)
+    reader = StateReader(dispatcher.now, decoded)
 
     @app.get(API, summary="Robots on air")
     async def robots(request: Request) -> Response:
         who = await asker(access, request)
-        made = partial(robots_document, access, who, pump.now())
+        made = partial(robots_document, access, who, dispatcher.now())
         headers = shown_to(request, who is ANYONE)
         return answers.answer(request, f"{who.audience}/{who.robot}", made, headers)
 
     @app.get(API + "/{robot}", summary="One robot: liveness, viewers, schema, model")
     async def one_robot(request: Request, robot: str) -> Response:
         grant = await granted(access, request, robot)
-        await pump.open(robot)
+        await dispatcher.open(robot)
         found = access.shown(grant)
         if found is None:
             raise HTTPException(404, HIDDEN)
-        made = partial(robot_document, access, grant, *found, pump.now())
+        made = partial(robot_document, access, grant, *found, dispatcher.now())
         name = f"{robot}/{grant.view}/{grant.delay_s:g}"
         return answers.answer(request, name, made, shown_to(request, grant.open))
 
     @app.get(API + "/{robot}/state", summary="The newest state with names and units")
     async def state(request: Request, robot: str, view: str | None = None) -> Response:
         grant = await granted(access, request, robot, view)
-        await pump.open(robot)
+        await dispatcher.open(robot)
         of, room = access.shown(grant) or (None, None)
         if of is None or room is None or room.stream.newest is None:
             raise HTTPException(404, HIDDEN)

@@ -29,37 +29,39 @@ class MirrorStats(Protocol):
 class RelayCollector(Collector):
     """Reads the core's counters when Prometheus asks, in the metrics server's thread."""
 
-    def __init__(self, pumps: Sequence[Dispatcher], mirror: MirrorStats | None = None) -> None:
+    def __init__(self, dispatchers: Sequence[Dispatcher], mirror: MirrorStats | None = None) -> None:
         """`pumps`: the live one first, then that of the viewers to whom all is shown with a delay."""
-        self._pump = pumps[0]
-        self._pumps = list(pumps)
-        self._hubs = [pump.hub for pump in pumps]
+        self._dispatcher = dispatchers[0]
+        self._dispatchers = list(dispatchers)
+        self._hubs = [dispatcher.hub for dispatcher in dispatchers]
         self._mirror = mirror
 
     def collect(self) -> Iterable[Metric]:
         """All figures, as they are now."""
-        hub = self._pump.hub
+        hub = self._dispatcher.hub
         everywhere = [robot for each in self._hubs for robot in list(each.robots.values())]
         rooms = [room for robot in everywhere for room in list(robot.rooms.values())]
         viewers = sum(len(each.viewers) for each in self._hubs)
         endings: Counter[int] = sum((Counter(each.endings) for each in self._hubs), Counter())
-        now = self._pump.now()
+        now = self._dispatcher.now()
         yield GaugeMetricFamily("posecast_viewers", "Viewers connected", viewers)
         yield _by(
-            "posecast_robots", "Robots by liveness", "state", _words(self._pump, now), GaugeMetricFamily
+            "posecast_robots", "Robots by liveness", "state", _words(self._dispatcher, now), GaugeMetricFamily
         )
         yield _by(
             "posecast_edge_frames",
             "Frames from edges by what became of them",
             "fate",
-            hub.fates,
+            hub.outcomes,
             CounterMetricFamily,
         )
         over = sum(1 for robot in list(hub.robots.values()) if robot.share.over(now))
         yield GaugeMetricFamily("posecast_robots_over_share", "Robots that send more than their share", over)
-        faults: Counter[str] = sum((Counter(pump.faults) for pump in self._pumps), Counter())
+        faults: Counter[str] = sum(
+            (Counter(dispatcher.faults) for dispatcher in self._dispatchers), Counter()
+        )
         yield _by("posecast_faults", "Faults of the relay's own code", "error", faults, CounterMetricFamily)
-        refused = self._pump.publishers_refused()
+        refused = self._dispatcher.publishers_refused()
         yield CounterMetricFamily("posecast_publishers_refused", "Edges that were not let in", refused)
         delivered = sum(each.delivered for each in self._hubs) + sum(room.delivered for room in rooms)
         yield CounterMetricFamily("posecast_delivered_frames", "Frames handed to viewers", delivered)
@@ -67,7 +69,7 @@ class RelayCollector(Collector):
         yield CounterMetricFamily(
             "posecast_skipped_frames", "Frames that viewers were due and could not take", skipped
         )
-        shaken = self._pump.handshakes
+        shaken = self._dispatcher.handshakes
         yield _by("posecast_handshakes", "Requests for a stream", "result", shaken, CounterMetricFamily)
         ended = {str(int(code)): count for code, count in endings.items()}
         yield _by("posecast_endings", "Viewers let go, by close code", "code", ended, CounterMetricFamily)
@@ -76,13 +78,13 @@ class RelayCollector(Collector):
         yield GaugeMetricFamily(
             "posecast_ceiling_hz", "Rate that overload leaves; +Inf = all", hub.load.ceiling_hz
         )
-        yield GaugeMetricFamily("posecast_tasks", "Tasks on the event loop", self._pump.tasks)
+        yield GaugeMetricFamily("posecast_tasks", "Tasks on the event loop", self._dispatcher.tasks)
         yield _times("posecast_frame_lateness_seconds", "Edge to relay, above the least", hub.lateness)
-        yield _times("posecast_fan_out_seconds", "To hand out what came in", self._pump.fan_out)
-        yield _times("posecast_loop_lag_seconds", "How late the event loop is", self._pump.loop_lag)
-        trouble = self._pump.store.trouble()
+        yield _times("posecast_fan_out_seconds", "To hand out what came in", self._dispatcher.fan_out)
+        yield _times("posecast_loop_lag_seconds", "How late the event loop is", self._dispatcher.loop_lag)
+        trouble = self._dispatcher.store.trouble()
         yield GaugeMetricFamily("posecast_store_up", "Whether the state store works", 0 if trouble else 1)
-        exchanges = self._pump.store.exchanges()
+        exchanges = self._dispatcher.store.exchanges()
         if exchanges is not None:
             seconds, losses = exchanges
             yield _times("posecast_store_seconds", "Exchanges with the store, given up at 0.25", seconds)
@@ -103,11 +105,11 @@ def _times(name: str, text: str, times: Histogram) -> Metric:
     return metric
 
 
-def _words(pump: Dispatcher, now: float) -> dict[str, int]:
+def _words(dispatcher: Dispatcher, now: float) -> dict[str, int]:
     found = {"online": 0, "silent": 0, "offline": 0}
-    for robot in list(pump.hub.robots.values()):
+    for robot in list(dispatcher.hub.robots.values()):
         if robot.heard_at is not None:
-            found[robot.word(next(iter(list(robot.rooms.values())), None), now)] += 1
+            found[robot.status(next(iter(list(robot.rooms.values())), None), now)] += 1
     return found
 
 
@@ -125,11 +127,11 @@ def _by(
 
 
 def start_metrics(
-    host: str, port: int, pumps: Sequence[Dispatcher], mirror: MirrorStats | None = None
+    host: str, port: int, dispatchers: Sequence[Dispatcher], mirror: MirrorStats | None = None
 ) -> tuple[int, Callable[[], None]]:
     """Serve on `host`:`port` (0 = any free); returns the real port and how to stop. OSError when in use."""
     registry = CollectorRegistry()
-    registry.register(RelayCollector(pumps, mirror))
+    registry.register(RelayCollector(dispatchers, mirror))
     server, thread = start_http_server(port, host, registry)
 
     def stop() -> None:

@@ -49,7 +49,7 @@ class StateReader:
         document = {
             "robot": stream.robot,
             "view": stream.view,
-            "status": robot.word(room, now),
+            "status": robot.status(room, now),
             "age_ms": None if age_s is None else max(0, round(age_s * 1000)),
             "info": stream.info,
         }

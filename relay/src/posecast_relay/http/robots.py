@@ -63,7 +63,7 @@ def robot_summary(robot: Robot, room: Room | None, now: float) -> dict[str, Any]
     return {
         "robot": robot.name,
         "name": stream.schema.robot if stream and stream.schema else robot.name,
-        "status": robot.word(room, now),
+        "status": robot.status(room, now),
         "age_ms": None if age_s is None else max(0, round(age_s * 1000)),
         "seq": stream.newest.seq if stream and stream.newest else None,
         "hz": round(1 / interval_s, 1) if interval_s else None,
@@ -74,5 +74,5 @@ def robot_summary(robot: Robot, room: Room | None, now: float) -> dict[str, Any]
 
 def _viewers(access: Access, robot: str) -> int:
     """Over all processes."""
-    here = [of for pump in access.pumps if (of := pump.hub.robots.get(robot)) is not None]
+    here = [of for dispatcher in access.dispatchers if (of := dispatcher.hub.robots.get(robot)) is not None]
     return sum(of.viewer_count() for of in here) + access.live.store.viewers_elsewhere(robot)

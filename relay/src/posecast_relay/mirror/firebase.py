@@ -77,7 +77,7 @@ class FirebaseMirror:
             while True:
                 await asyncio.sleep(max(0.0, due - now()))
                 due = now() + 1 / HZ
-                if not self.breaker.lets(now()):
+                if not self.breaker.allow(now()):
                     continue
                 try:
                     await self._look(client)
@@ -120,7 +120,7 @@ class FirebaseMirror:
         robot, room = self._access.shown(grant) or (None, None)
         if robot is None or room is None:
             return None
-        return VisibleRobot(room.stream, robot.word(room, self._access.live.now()), grant.hz)
+        return VisibleRobot(room.stream, robot.status(room, self._access.live.now()), grant.hz)
 
     async def _ask(
         self, client: httpx.AsyncClient, method: str, parameters: dict[str, str], body: bytes | None = None
@@ -145,14 +145,14 @@ class FirebaseMirror:
             self._failed(type(e).__name__)
             return None
         self.written["sent"] += 1
-        if self.breaker.worked():
+        if self.breaker.record_success():
             log.warning("mirror: the database answers again")
         return list(names) if isinstance(names, dict) else []
 
     def _failed(self, why: str) -> None:
         self.written["failed"] += 1
         now = self._access.live.now()
-        if self.breaker.failed(now):
+        if self.breaker.record_failure(now):
             log.warning("mirror: the database does not take it (%s); tried again more seldom", why)
         self.breaker.open_until += random.random()  # several relays do not come back as one
 

@@ -53,14 +53,14 @@ class _Watched:
 class RedisGateway:
     """A store for the pump (nothing is kept) and the source of everything it hands out."""
 
-    def __init__(self, url: str, pump: Dispatcher) -> None:
+    def __init__(self, url: str, dispatcher: Dispatcher) -> None:
         self.link = RedisClient(url)
-        self.board = RedisDirectory(self.link, pump.now)
+        self.directory = RedisDirectory(self.link, dispatcher.now)
         self.failures = 0
         self.losses = 0  # times that Redis, having been there, was not any more
-        self._pump = pump
-        self._said = ReplicaFeed(pump.hub)
-        self._ear = RedisSubscriber(self.link, self._heard, self._lost, self._fault)
+        self._dispatcher = dispatcher
+        self._said = ReplicaFeed(dispatcher.hub)
+        self._subscriber = RedisSubscriber(self.link, self._heard, self._lost, self._fault)
         self._watched: dict[str, _Watched] = {}
         self._unheard: dict[str, None] = {}  # robots to listen for
         self._unread: dict[str, None] = {}  # robots to read
@@ -86,23 +86,23 @@ class RedisGateway:
 
     def robots(self) -> list[dict[str, Any]] | None:
         """As the board says."""
-        return self.board.documents()
+        return self.directory.documents()
 
     def viewers_elsewhere(self, robot: str) -> int:
         """As the board says; none while Redis is gone."""
-        return 0 if self._trouble else self.board.viewers_elsewhere(robot)
+        return 0 if self._trouble else self.directory.viewers_elsewhere(robot)
 
     async def start(self) -> None:
         """Begin to listen; Redis may come later."""
-        pump = self._pump
-        pump.ask, pump.watch, pump.open = self._ask, self._watch, self._open
-        pump.carry_out(self._said.lost(pump.now()))
+        dispatcher = self._dispatcher
+        dispatcher.ask, dispatcher.watch, dispatcher.open = self._ask, self._watch, self._open
+        dispatcher.carry_out(self._said.lost(dispatcher.now()))
         self._task = asyncio.create_task(self._work(), name="redis gateway")
 
     async def stop(self) -> None:
         """Let go."""
         await end(self._task, self._reader)
-        await self._ear.close()
+        await self._subscriber.close()
         await self.link.close()
 
     # ---- signs of life ------------------------------------------------------
@@ -138,7 +138,7 @@ class RedisGateway:
         if self.failures:
             log.warning("redis is back")
         self._trouble = None
-        self._pump.carry_out(self._said.found(self._pump.now()))
+        self._dispatcher.carry_out(self._said.found(self._dispatcher.now()))
 
     async def _failed(self, error: BaseException) -> None:
         if why := self.link.news(error):
@@ -147,11 +147,14 @@ class RedisGateway:
         self.losses += self._trouble is None
         self._failure = None
         self._trouble = name_of(error)  # /readyz is public: no addresses
-        self._pump.carry_out(self._said.lost(self._pump.now()))
+        self._dispatcher.carry_out(self._said.lost(self._dispatcher.now()))
         await end(self._reader)
-        ear, self._ear = self._ear, RedisSubscriber(self.link, self._heard, self._lost, self._fault)
-        await ear.close()
-        self._failure = None  # closing an ear may say so
+        subscriber, self._subscriber = (
+            self._subscriber,
+            RedisSubscriber(self.link, self._heard, self._lost, self._fault),
+        )
+        await subscriber.close()
+        self._failure = None  # closing a subscriber may say so
         await self.link.reset()
 
     def _lost(self, error: BaseException) -> None:
@@ -159,9 +162,9 @@ class RedisGateway:
         self._wake.set()
 
     async def _exchange(self) -> None:
-        robots = self._pump.hub.robots.values()
+        robots = self._dispatcher.hub.robots.values()
         viewers = {robot.name: robot.viewer_count() for robot in robots if robot.has_viewers()}
-        await self.board.exchange(viewers, None)
+        await self.directory.exchange(viewers, None)
 
     async def _beat(self) -> None:
         for part in (self._exchange, self._watch_pinned):
@@ -179,21 +182,21 @@ class RedisGateway:
             self._fault(robot, e)
 
     async def _watch_pinned(self) -> None:
-        for robot in self._pump.pinned():
-            if robot in self.board.robots:
+        for robot in self._dispatcher.pinned():
+            if robot in self.directory.robots:
                 self._watch(robot)
 
     async def _look_after(self, robot: str) -> None:
-        now, of = self._pump.now(), self._pump.hub.robots.get(robot)
+        now, of = self._dispatcher.now(), self._dispatcher.hub.robots.get(robot)
         watched = self._watched[robot]
         if of is not None and of.has_viewers():
             watched.wanted_at = now
         elif now - watched.wanted_at > GRACE_S and watched.opened.is_set():
             del self._watched[robot]
             self._said.forget(robot)
-            await self._ear.unsubscribe(robot)
+            await self._subscriber.unsubscribe(robot)
             return
-        if not self._ear.hears(robot):
+        if not self._subscriber.hears(robot):
             self._listen_anew(robot)
         self._judge(robot, now)
 
@@ -202,21 +205,21 @@ class RedisGateway:
         source = self._said.listen(robot)
         if source.told_at is None or now - source.told_at <= UNHEARD_S:
             return
-        if self.board.ages_s.get(robot, FRESH_S) < FRESH_S / 2:
+        if self.directory.ages_s.get(robot, FRESH_S) < FRESH_S / 2:
             source.told_at = now
             self._listen_anew(robot)  # which fails, and all is begun anew, if the connection is dead
-        elif self.board.ingests:  # a relay is there and does not know this robot
+        elif self.directory.ingests:  # a relay is there and does not know this robot
             source.told_at = None
-            self._pump.carry_out(self._said.gone(robot, now))
+            self._dispatcher.carry_out(self._said.gone(robot, now))
         else:
-            self._pump.carry_out(self._said.degrade(True, now, robot))
+            self._dispatcher.carry_out(self._said.degrade(True, now, robot))
 
     def _fault(self, robot: str | None, error: Exception) -> None:
         """Our own code has failed: at this robot, whose state is then read anew, or at none of them."""
-        self._pump.hub.fates[FrameOutcome.FAULT.value] += 1
-        self._pump.carry_out([Fault(f"redis: {robot}" if robot else "redis", error)])
+        self._dispatcher.hub.outcomes[FrameOutcome.FAULT.value] += 1
+        self._dispatcher.carry_out([Fault(f"redis: {robot}" if robot else "redis", error)])
         if robot is not None:
-            self._pump.carry_out(self._said.lacks(robot, self._pump.now()))
+            self._dispatcher.carry_out(self._said.lacks(robot, self._dispatcher.now()))
 
     # ---- robots wanted ------------------------------------------------------
 
@@ -224,9 +227,9 @@ class RedisGateway:
         """The first viewer of a robot came."""
         watched = self._watched.get(robot)
         if watched is not None:
-            watched.wanted_at = self._pump.now()
+            watched.wanted_at = self._dispatcher.now()
             return
-        self._watched[robot] = _Watched(self._pump.now())
+        self._watched[robot] = _Watched(self._dispatcher.now())
         self._listen_anew(robot)
 
     def _listen_anew(self, robot: str) -> None:
@@ -235,7 +238,7 @@ class RedisGateway:
 
     async def _open(self, robot: str) -> None:
         """For an HTTP request: listen for a robot that is on air, and wait a little for its state."""
-        if robot not in self._watched and robot not in self.board.robots:
+        if robot not in self._watched and robot not in self.directory.robots:
             return
         self._watch(robot)
         with contextlib.suppress(TimeoutError):
@@ -260,7 +263,7 @@ class RedisGateway:
         while self._unheard or self._unread:
             new = self._next(self._unheard)
             if new:
-                await self._ear.subscribe(*new)
+                await self._subscriber.subscribe(*new)
             await self._read(*new or self._next(self._unread))
             for robot in new:
                 if robot in self._watched:
@@ -273,7 +276,7 @@ class RedisGateway:
         return [robot for robot in taken if robot in self._watched]
 
     def _views(self, robot: str) -> Sequence[str]:
-        of = self._pump.hub.robots.get(robot)
+        of = self._dispatcher.hub.robots.get(robot)
         return (*{PUBLIC, *(of.rooms if of else ())},)
 
     # ---- what comes from Redis: a stranger's ----------------------------------
@@ -310,7 +313,7 @@ class RedisGateway:
         if found:
             newest = max(state.generation for state in found.values())
             self._said.counted(robot, newest, asked_generation)
-        now, out = self._pump.now(), []
+        now, out = self._dispatcher.now(), []
         for view, state in found.items():
             try:
                 out += self._said.state(robot, view, state, now)
@@ -325,16 +328,16 @@ class RedisGateway:
 
     def _guarded(self, robot: str, take: Callable[[], list[Action]]) -> None:
         try:
-            self._pump.carry_out(take())
-            self._pump.flush()
+            self._dispatcher.carry_out(take())
+            self._dispatcher.flush()
         except Exception as e:
             self._fault(robot, e)
 
     def _tell(self, robot: str, data: bytes, was_read: bool = False) -> list[Action]:
-        now = self._pump.now()
+        now = self._dispatcher.now()
         try:
             said = unpack(data)
-            under_way_s = self.board.clock.since(said.sent_s, now)
+            under_way_s = self.directory.clock.since(said.sent_s, now)
             if was_read and under_way_s is None:  # it may have stood there for as long as you like
                 return []
             if isinstance(said, Presence):
@@ -345,5 +348,5 @@ class RedisGateway:
             return []
 
     def _refuse(self, robot: str, error: ValueError) -> None:
-        self._pump.hub.fates[FrameOutcome.BAD.value] += 1
+        self._dispatcher.hub.outcomes[FrameOutcome.BAD.value] += 1
         log.info("%s from redis: %.200s", robot, error)

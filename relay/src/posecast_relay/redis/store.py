@@ -73,7 +73,7 @@ class RedisStore:
         self.failures = 0
         self.losses = 0  # times that Redis, having been there, was not any more
         self.link = RedisClient(url)
-        self.board = RedisDirectory(self.link, now)
+        self.directory = RedisDirectory(self.link, now)
         self._hub = hub
         self._now = now
         self._describe = describe
@@ -110,7 +110,7 @@ class RedisStore:
 
     def viewers_elsewhere(self, robot: str) -> int:
         """As the board says; none while Redis is gone."""
-        return 0 if self._trouble else self.board.viewers_elsewhere(robot)
+        return 0 if self._trouble else self.directory.viewers_elsewhere(robot)
 
     async def start(self) -> None:
         """Start the writing task; Redis may come later."""
@@ -174,7 +174,7 @@ class RedisStore:
 
     def _fault(self, robot: str, error: Exception) -> None:
         """What this robot brought with it can't be written: it is counted, and the others are."""
-        self._hub.fates[FrameOutcome.FAULT.value] += 1
+        self._hub.outcomes[FrameOutcome.FAULT.value] += 1
         log.error("redis: %s", robot, exc_info=error)
 
     def _guarded(self, robot: str, make: Callable[[], T]) -> T | None:
@@ -277,7 +277,7 @@ class RedisStore:
             self._resumed.add(stream)
 
     def _resume_from(self, stream: Stream, found: Any) -> None:
-        stream.numbering = f"{self.board.id}:{next(self._counts)}"  # unless somebody's count is there
+        stream.numbering = f"{self.directory.id}:{next(self._counts)}"  # unless somebody's count is there
         texts, numbering = found if isinstance(found, list) else (None, None)  # else it is no hash
         if not texts or not numbering:
             return
@@ -288,9 +288,8 @@ class RedisStore:
 
     def _call(self, stream: Stream) -> Call:
         now, generation = self._now(), self._turns[stream.robot].generation
-        state, call = state_call(
-            stream, self._written.get(stream), generation, self.board.id, now, self.board.clock.at(now)
-        )
+        before, here = self._written.get(stream), self.directory
+        state, call = state_call(stream, before, generation, here.id, now, here.clock.at(now))
         self._written[stream] = state
         return call
 
@@ -347,14 +346,14 @@ class RedisStore:
             del self._tokens[name]
         await self._exchange(mine)
         for of_mine in heard:
-            of_mine.followed = self.board.viewers_elsewhere(of_mine.name) > 0
+            of_mine.followed = self.directory.viewers_elsewhere(of_mine.name) > 0
 
     async def _exchange(self, mine: Iterable[Robot]) -> None:
         viewers = {r.name: r.viewer_count() for r in self._hub.robots.values() if r.has_viewers()}
         found = {robot.name: self._guarded(robot.name, partial(self._describe, robot)) for robot in mine}
         told = {name: document for name, document in found.items() if document is not None}
         try:
-            await self.board.exchange(viewers, told)
+            await self.directory.exchange(viewers, told)
         except REDIS_ERRORS:
             raise
         except Exception as e:
@@ -386,4 +385,4 @@ class RedisStore:
         now, turn = self._now(), self._turns.get(robot.name)
         written = [view for view, room in robot.rooms.items() if room.stream in self._written]
         generation = turn.generation if turn else 0
-        return standing_call(robot, generation, written, now, self.board.clock.at(now))
+        return standing_call(robot, generation, written, now, self.directory.clock.at(now))

@@ -62,26 +62,26 @@ class _Server(uvicorn.Server):
     """uvicorn without its signal handlers: they close everybody at once, with the signal as status."""
 
     def __init__(
-        self, config: uvicorn.Config, pumps: Sequence[Dispatcher], serving: Callable[[], None]
+        self, config: uvicorn.Config, dispatchers: Sequence[Dispatcher], serving: Callable[[], None]
     ) -> None:
         super().__init__(config)
-        self._pumps = pumps
+        self._dispatchers = dispatchers
         self._serving = serving
 
     def leave(self) -> None:
         """SIGTERM or Ctrl-C: move the viewers away, then stop. A second one: at once."""
-        going = self._pumps[0].draining
+        going = self._dispatchers[0].draining
         self.force_exit = self.should_exit = going
         if not going:
             last = threading.Timer(END_S, _end)
             last.daemon = True
             last.start()
-        for pump in self._pumps:
-            pump.drain()
+        for dispatcher in self._dispatchers:
+            dispatcher.drain()
 
     async def on_tick(self, counter: int) -> bool:
         """Ten times a second: whether to stop."""
-        return await super().on_tick(counter) or all(pump.drained for pump in self._pumps)
+        return await super().on_tick(counter) or all(dispatcher.drained for dispatcher in self._dispatchers)
 
     @contextlib.contextmanager
     def capture_signals(self) -> Iterator[None]:
@@ -100,8 +100,8 @@ def run(settings: Settings) -> None:
     start_logging(settings.log_level)
     logging.getLogger("websockets").setLevel(logging.WARNING)  # else two lines for every viewer
     robots = _robots(settings)
-    guarded_door = robots is not None and not settings.dev and settings.role != "gateway"
-    refusals = AuthFailures() if guarded_door else None
+    authenticated = robots is not None and not settings.dev and settings.role != "gateway"
+    refusals = AuthFailures() if authenticated else None
     with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
         runner.get_loop().set_exception_handler(LoopExceptionHandler())
         runner.run(_serve(settings, robots, refusals))
@@ -111,22 +111,22 @@ async def _serve(settings: Settings, robots: Robots | None, refusals: AuthFailur
     _allow_sockets(settings.max_viewers)
     listener = listen(settings.host, settings.port)
     try:
-        door = _door(settings, robots)
+        router = _router(settings, robots)
     except ListenError as e:
         listener.close()
         raise StartError(str(e)) from None
     access = _access(settings, robots)
-    pump = access.live
+    dispatcher = access.live
     mirror = _mirror(settings, access)
-    if refusals is not None and door is not None:
-        pump.publishers_refused = lambda: refusals.count
-        refusals.may_publish = door.lets_in
-    part = open_part(settings, door, pump)
+    if refusals is not None and router is not None:
+        dispatcher.publishers_refused = lambda: refusals.count
+        refusals.may_publish = router.lets_in
+    part = open_part(settings, router, dispatcher)
     try:
         stop_metrics = _metrics(settings, access, mirror)
     except OSError as e:
         listener.close()
-        await _close(door)
+        await _close(router)
         raise StartError(
             f"--metrics-port {settings.metrics_port}: {(e.strerror or str(e)).lower()}"
         ) from None
@@ -134,7 +134,7 @@ async def _serve(settings: Settings, robots: Robots | None, refusals: AuthFailur
     streams = settings.role != "ingest"
     host, port = listener.getsockname()[:2]
     shown = f"[{host}]" if ":" in host else host
-    source = f"on {', '.join(door.endpoints)}" if door else "from Redis"
+    source = f"on {', '.join(router.endpoints)}" if router else "from Redis"
     line = f"posecast-relay: serving http://{shown}:{port}, robots {source}"
 
     def serving() -> None:
@@ -146,9 +146,9 @@ async def _serve(settings: Settings, robots: Robots | None, refusals: AuthFailur
         print(line, flush=True)
 
     def cut(count: int) -> None:
-        pump.handshakes["never asked"] += count
+        dispatcher.handshakes["never asked"] += count
 
-    unasked = RequestTimeouts(pump.now, cut)
+    unasked = RequestTimeouts(dispatcher.now, cut)
     config = uvicorn.Config(
         make_app(access, part.models, decoded, settings.static),
         ws=live_protocol(access, decoded) if streams else "none",
@@ -160,24 +160,24 @@ async def _serve(settings: Settings, robots: Robots | None, refusals: AuthFailur
         backlog=BACKLOG,
         timeout_graceful_shutdown=GRACE_S,
     )
-    server = _Server(config, access.pumps, serving)
+    server = _Server(config, access.dispatchers, serving)
     loop = asyncio.get_running_loop()
     for number in (signal.SIGTERM, signal.SIGINT):
         loop.add_signal_handler(number, server.leave)
     await part.start()
-    for each in access.pumps:
+    for each in access.dispatchers:
         each.start()
-    beside = _beside(_follow(settings, robots, door, access), mirror)
+    beside = _beside(_follow(settings, robots, router, access), mirror)
     try:
         await server.serve(sockets=[listener])
     finally:
-        for each in access.pumps:
+        for each in access.dispatchers:
             each.stop()
         for task in beside:
             task.cancel()
         await part.stop()
         stop_metrics()
-        await _close(door)
+        await _close(router)
 
 
 def _robots(settings: Settings) -> Robots | None:
@@ -220,7 +220,7 @@ def _accounts(settings: Settings) -> Accounts | None:
     return Firebase(settings.firebase_project, settings.firebase_revoked)
 
 
-def _door(settings: Settings, robots: Robots | None) -> RouterSession | None:
+def _router(settings: Settings, robots: Robots | None) -> RouterSession | None:
     """None for a gateway, which hears no edges. ListenError."""
     if settings.role == "gateway":
         return None
@@ -228,8 +228,8 @@ def _door(settings: Settings, robots: Robots | None) -> RouterSession | None:
         zenoh.init_log_from_env_or("off")
         return RouterSession(settings.zenoh_listen, None)
     admitted = _admitted(settings, robots)
-    gate = ZenohAuth(admitted, settings.zenoh_tls_cert, settings.zenoh_tls_key, settings.zenoh_ca)
-    return RouterSession(settings.zenoh_listen, gate)
+    auth = ZenohAuth(admitted, settings.zenoh_tls_cert, settings.zenoh_tls_key, settings.zenoh_ca)
+    return RouterSession(settings.zenoh_listen, auth)
 
 
 def _beside(
@@ -247,7 +247,7 @@ def _admitted(settings: Settings, robots: Robots) -> dict[str, str]:
 
 
 def _follow(
-    settings: Settings, robots: Robots | None, door: RouterSession | None, access: Access
+    settings: Settings, robots: Robots | None, router: RouterSession | None, access: Access
 ) -> Coroutine[Any, Any, None] | None:
     """What the file of robots says from now on."""
     if settings.robots is None or robots is None:
@@ -257,8 +257,8 @@ def _follow(
         if access.tokens is not None:
             access.tokens.link_keys = to.link_keys()
         access.change(to.policy())
-        if door is not None:
-            await door.admit(_admitted(settings, to))
+        if router is not None:
+            await router.admit(_admitted(settings, to))
 
     watch = RobotsWatcher(settings.robots, robots, changed)
 
@@ -310,16 +310,16 @@ def _mirror(settings: Settings, access: Access) -> FirebaseMirror | None:
 def _metrics(settings: Settings, access: Access, mirror: FirebaseMirror | None) -> Callable[[], None]:
     if settings.metrics_port is None:
         return lambda: None
-    port, stop = start_metrics(settings.host, settings.metrics_port, access.pumps, mirror)
+    port, stop = start_metrics(settings.host, settings.metrics_port, access.dispatchers, mirror)
     log.info("metrics on http://%s:%d/metrics", settings.host, port)
     return stop
 
 
-async def _close(door: RouterSession | None) -> None:
+async def _close(router: RouterSession | None) -> None:
     """Zenoh's close may wait for a peer that does not answer; the process need not."""
-    if door is None:
+    if router is None:
         return
-    closing = threading.Thread(target=door.session.close, daemon=True)
+    closing = threading.Thread(target=router.session.close, daemon=True)
     closing.start()
     give_up_at = asyncio.get_running_loop().time() + CLOSE_ZENOH_S
     while closing.is_alive() and asyncio.get_running_loop().time() < give_up_at:

@@ -32,13 +32,13 @@ class RoleServices:
     stop: Callable[[], Awaitable[None]]
 
 
-def open_part(settings: Settings, door: RouterSession | None, pump: Dispatcher) -> RoleServices:
+def open_part(settings: Settings, router: RouterSession | None, dispatcher: Dispatcher) -> RoleServices:
     """Gives the pump its store. `door` is None for a gateway only."""
     cache_bytes = settings.model_cache_mb << 20
-    if door is None:
-        return _gateway(settings.store, pump, cache_bytes)
-    models = ModelCache(EdgeModels(door, pump.hub), cache_bytes)
-    ingest = ZenohIngest(door, pump)
+    if router is None:
+        return _gateway(settings.store, dispatcher, cache_bytes)
+    models = ModelCache(EdgeModels(router, dispatcher.hub), cache_bytes)
+    ingest = ZenohIngest(router, dispatcher)
     if settings.store == "memory://":
 
         async def start() -> None:
@@ -48,16 +48,16 @@ def open_part(settings: Settings, door: RouterSession | None, pump: Dispatcher) 
             ingest.stop()
 
         return RoleServices(models, start, stop)
-    return _with_redis(settings.store, pump, models, ingest)
+    return _with_redis(settings.store, dispatcher, models, ingest)
 
 
-def _with_redis(url: str, pump: Dispatcher, models: ModelCache, ingest: ZenohIngest) -> RoleServices:
+def _with_redis(url: str, dispatcher: Dispatcher, models: ModelCache, ingest: ZenohIngest) -> RoleServices:
     from posecast_relay.redis.models import ModelUploader  # noqa: PLC0415 — half of the time to start
     from posecast_relay.redis.store import RedisStore  # noqa: PLC0415
 
-    store = RedisStore(url, pump.hub, pump.now, partial(_described, pump))
-    porter = ModelUploader(store.link, pump.hub, models)
-    pump.store = store
+    store = RedisStore(url, dispatcher.hub, dispatcher.now, partial(_described, dispatcher))
+    porter = ModelUploader(store.link, dispatcher.hub, models)
+    dispatcher.store = store
 
     async def start() -> None:
         await store.start()
@@ -72,16 +72,16 @@ def _with_redis(url: str, pump: Dispatcher, models: ModelCache, ingest: ZenohIng
     return RoleServices(models, start, stop)
 
 
-def _described(pump: Dispatcher, robot: Robot) -> dict[str, Any]:
-    return robot_summary(robot, robot.rooms.get(PUBLIC), pump.now())
+def _described(dispatcher: Dispatcher, robot: Robot) -> dict[str, Any]:
+    return robot_summary(robot, robot.rooms.get(PUBLIC), dispatcher.now())
 
 
-def _gateway(url: str, pump: Dispatcher, cache_bytes: int) -> RoleServices:
+def _gateway(url: str, dispatcher: Dispatcher, cache_bytes: int) -> RoleServices:
     from posecast_relay.redis.gateway import RedisGateway  # noqa: PLC0415
     from posecast_relay.redis.models import RedisModels  # noqa: PLC0415 — half of the time to start
 
-    gateway = RedisGateway(url, pump)
-    pump.store = gateway
+    gateway = RedisGateway(url, dispatcher)
+    dispatcher.store = gateway
     return RoleServices(
-        ModelCache(RedisModels(gateway.link, pump.hub), cache_bytes), gateway.start, gateway.stop
+        ModelCache(RedisModels(gateway.link, dispatcher.hub), cache_bytes), gateway.start, gateway.stop
     )

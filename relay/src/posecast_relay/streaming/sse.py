@@ -58,7 +58,7 @@ class EventStream(asyncio.Protocol):
         self,
         transport: asyncio.Transport,
         connections: set[Any],
-        pump: Dispatcher,
+        dispatcher: Dispatcher,
         form: Encoding,
         asked: StreamRequest,
         grant: Grant,
@@ -68,19 +68,19 @@ class EventStream(asyncio.Protocol):
         self._left = left
         self._transport = transport
         self._connections = connections
-        self._pump = pump
+        self._dispatcher = dispatcher
         self._form = form
         self._closing: asyncio.TimerHandle | None = None
         self._failed = False
-        limits = pump.hub.limits
+        limits = dispatcher.hub.limits
         lives_s = limits.max_age_s * random.uniform(0.9, 1.1)
         self._viewer = Viewer(
-            *(self, asked.robot, grant.view, asked.hz, limits, pump.now(), lives_s, asked.decoded),
+            *(self, asked.robot, grant.view, asked.hz, limits, dispatcher.now(), lives_s, asked.decoded),
             speaks=False,
             grant=grant,
             asked_view=asked.view,
         )
-        self._viewer.expires_at = pump.now() + grant.who.until_s - pump.unix_s()
+        self._viewer.expires_at = dispatcher.now() + grant.who.until_s - dispatcher.unix_s()
 
     @isolated
     def start(self, pages: str | None) -> None:
@@ -92,7 +92,7 @@ class EventStream(asyncio.Protocol):
         if sock is not None:
             cut_unread(sock, USER_TIMEOUT_MS)
         self._transport.write(HEAD % (f"access-control-allow-origin: {pages}\r\n".encode() if pages else b""))
-        self._pump.join(self._viewer)
+        self._dispatcher.join(self._viewer)
 
     # ---- asyncio ----------------------------------------------------------
 
@@ -101,7 +101,7 @@ class EventStream(asyncio.Protocol):
         """The connection is gone, by whichever side."""
         with ExitStack() as each:  # all of it, whatever one of them raises
             each.callback(self._left)
-            each.callback(self._pump.hub.leave, self._viewer)
+            each.callback(self._dispatcher.hub.leave, self._viewer)
             each.callback(self._connections.discard, self)
             if self._closing is not None:
                 each.callback(self._closing.cancel)
@@ -112,12 +112,12 @@ class EventStream(asyncio.Protocol):
     @isolated
     def pause_writing(self) -> None:
         """The socket did not take everything."""
-        self._viewer.paused(self._pump.now())
+        self._viewer.paused(self._dispatcher.now())
 
     @isolated
     def resume_writing(self) -> None:
         """The socket has taken everything."""
-        self._pump.carry_out(self._pump.hub.drained(self._viewer))
+        self._dispatcher.carry_out(self._dispatcher.hub.drained(self._viewer))
 
     @isolated
     def shutdown(self) -> None:
@@ -129,11 +129,11 @@ class EventStream(asyncio.Protocol):
     def write(self, data: bytes) -> None:
         """Messages, as events."""
         try:
-            room = self._pump.hub.viewers.get(self._viewer)
+            room = self._dispatcher.hub.viewers.get(self._viewer)
             events = self._form.of(data, room.stream) if room is not None else b""
             if events:
                 # When it was written, so that a reader, which can't acknowledge, sees how late it is.
-                self._transport.write(b"id: %d\n" % int(1000 * self._pump.now()) + events)
+                self._transport.write(b"id: %d\n" % int(1000 * self._dispatcher.now()) + events)
         except Exception as e:
             self.failed(e)
 
@@ -153,16 +153,16 @@ class EventStream(asyncio.Protocol):
 
     def failed(self, error: Exception) -> None:
         """A fault of ours in one of these calls: the viewer is told, and no other notices."""
-        viewer, pump = self._viewer, self._pump
-        pump.report_fault("a viewer's connection", error)
+        viewer, dispatcher = self._viewer, self._dispatcher
+        dispatcher.report_fault("a viewer's connection", error)
         first, self._failed = not self._failed, True
         try:
             if not first:
                 self._transport.abort()
-            elif viewer in pump.hub.viewers:
-                pump.carry_out(pump.hub.refuse(viewer, Close.INTERNAL_ERROR, FAULT))
+            elif viewer in dispatcher.hub.viewers:
+                dispatcher.carry_out(dispatcher.hub.refuse(viewer, Close.INTERNAL_ERROR, FAULT))
             else:
-                pump.hub.endings[Close.INTERNAL_ERROR] += 1
+                dispatcher.hub.endings[Close.INTERNAL_ERROR] += 1
                 self.end(Close.INTERNAL_ERROR, FAULT, None)
         except Exception:
             self._transport.abort()
@@ -257,11 +257,11 @@ class _Http(HttpConnection):
             self.refuse(HTTPStatus.SERVICE_UNAVAILABLE, CROWDED)
             return
         self.connections.discard(self)
-        form, pump = self.forms[asked.decoded], self.access.pump(grant)
+        form, dispatcher = self.forms[asked.decoded], self.access.dispatcher(grant)
         pages = "*" if grant.open else self._header(b"origin")  # that one was let in
         left = partial(addresses.leave, address)
         try:
-            stream = EventStream(self.transport, self.connections, pump, form, asked, grant, left)
+            stream = EventStream(self.transport, self.connections, dispatcher, form, asked, grant, left)
         except Exception:
             left()
             raise

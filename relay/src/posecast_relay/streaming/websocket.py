@@ -74,9 +74,9 @@ class LiveSocket(asyncio.Protocol):
         server_state: ServerState,
         app_state: Any,  # noqa: ARG002
     ) -> None:
-        self.pump = self.access.live  # whose hub it is a viewer of, once it is one
+        self.dispatcher = self.access.live  # whose hub it is a viewer of, once it is one
         self._connections: set[Any] = server_state.connections
-        self._ws = ServerProtocol(max_size=self.pump.hub.limits.message_bytes)
+        self._ws = ServerProtocol(max_size=self.dispatcher.hub.limits.message_bytes)
         self._transport: asyncio.Transport
         self._viewer: Viewer | None = None
         self._own_descriptor = -1
@@ -115,7 +115,7 @@ class LiveSocket(asyncio.Protocol):
             if address is not None:
                 each.callback(self.access.addresses.leave, address)
             if viewer is not None:
-                each.callback(self.pump.hub.leave, viewer)
+                each.callback(self.dispatcher.hub.leave, viewer)
             if self._closing is not None:
                 each.callback(self._closing.cancel)
             each.callback(self._waits_no_more)
@@ -126,7 +126,7 @@ class LiveSocket(asyncio.Protocol):
         """The socket did not take everything."""
         self.descriptor = -1
         if self._viewer is not None:
-            self._viewer.paused(self.pump.now())
+            self._viewer.paused(self.dispatcher.now())
 
     @isolated
     def resume_writing(self) -> None:
@@ -134,13 +134,13 @@ class LiveSocket(asyncio.Protocol):
         if not self._over:
             self.descriptor = self._own_descriptor
         if self._viewer is not None:
-            self.pump.carry_out(self.pump.hub.drained(self._viewer))
+            self.dispatcher.carry_out(self.dispatcher.hub.drained(self._viewer))
 
     @isolated
     def data_received(self, data: bytes) -> None:
         """Bytes from the viewer (first of all its HTTP request, as uvicorn read it)."""
         if self._viewer is not None:
-            self._viewer.heard_at = self.pump.now()
+            self._viewer.heard_at = self.dispatcher.now()
         if self._unread == 0 and self._fragments is None and self._ws.state is OPEN:
             text = short_text(data)
             if text is not None:
@@ -190,20 +190,20 @@ class LiveSocket(asyncio.Protocol):
         try:
             asked = read_target(request.path)
         except BadRequest as e:
-            self.pump.handshakes["refused"] += 1
+            self.dispatcher.handshakes["refused"] += 1
             self._ws.send_response(self._ws.reject(e.status, f"{e}\n"))
             return
         origin, host, authorization, forwarded = (joined(request.headers.get_all(name)) for name in HEADERS)
         token = bearer(authorization)
         if (asked.auth or token) and not self.access.may_show(origin, host):
-            self.pump.handshakes["refused"] += 1
+            self.dispatcher.handshakes["refused"] += 1
             self._ws.send_response(self._ws.reject(HTTPStatus.FORBIDDEN, FOREIGN + "\n"))
             return
         self._address = self.access.addresses.enter(
             (self._transport.get_extra_info("peername") or ("",))[0], forwarded
         )
         if self._address is None:
-            self.pump.handshakes["refused"] += 1
+            self.dispatcher.handshakes["refused"] += 1
             response = self._ws.reject(HTTPStatus.SERVICE_UNAVAILABLE, CROWDED + "\n")
             response.headers["Retry-After"] = "30"
             self._ws.send_response(response)
@@ -211,13 +211,13 @@ class LiveSocket(asyncio.Protocol):
         self._ws.send_response(self._ws.accept(request))
         self._send_own()
         if self._ws.state is not OPEN:
-            self.pump.handshakes["refused"] += 1
+            self.dispatcher.handshakes["refused"] += 1
             return
         try:
             asked.check()
         except NoSuchStream as e:
-            self.pump.hub.endings[Close.ABSENT] += 1
-            self.pump.handshakes["told to go"] += 1
+            self.dispatcher.hub.endings[Close.ABSENT] += 1
+            self.dispatcher.handshakes["told to go"] += 1
             self.end(Close.ABSENT, str(e), None)
             return
         if self.access.tokens is not None and (token or asked.auth):
@@ -255,30 +255,31 @@ class LiveSocket(asyncio.Protocol):
     @isolated
     def _refuse_entry(self, close: Close) -> None:
         self._waits_no_more()
-        self.pump.hub.endings[close] += 1
-        self.pump.handshakes["told to go"] += 1
+        self.dispatcher.hub.endings[close] += 1
+        self.dispatcher.handshakes["told to go"] += 1
         self.end(close, REASONS[close], FULL_RETRY_S if close is Close.FULL else None)
 
     def _enter(self, asked: StreamRequest, grant: Grant | Close) -> None:
         if isinstance(grant, Close):
             self._refuse_entry(grant)
             return
-        pump = self.pump = self.access.pump(grant)
-        lives_s = pump.hub.limits.max_age_s * random.uniform(0.9, 1.1)
+        dispatcher = self.dispatcher = self.access.dispatcher(grant)
+        lives_s = dispatcher.hub.limits.max_age_s * random.uniform(0.9, 1.1)
         outlet = _JsonOutlet(self, self.json_form) if asked.decoded else self
+        limits, now = dispatcher.hub.limits, dispatcher.now()
         self._viewer = Viewer(
-            *(outlet, asked.robot, grant.view, asked.hz, pump.hub.limits, pump.now(), lives_s, asked.decoded),
+            *(outlet, asked.robot, grant.view, asked.hz, limits, now, lives_s, asked.decoded),
             grant=grant,
             asked_view=asked.view,
         )
         self._viewer.expires_at = self.access.expires_at(grant)
         self._own_descriptor = descriptor_of(self._transport)
-        pump.join(self._viewer)
+        dispatcher.join(self._viewer)
         if self._transport.get_write_buffer_size() == 0:
             self.descriptor = self._own_descriptor
         else:
             # uvicorn makes us the transport's protocol only after this call: it was told to pause, not we
-            self._viewer.paused(pump.now())
+            self._viewer.paused(dispatcher.now())
 
     def _frame(self, frame: WebSocketFrame) -> None:
         if frame.opcode is Opcode.CLOSE or self._ws.state is not OPEN:
@@ -301,20 +302,20 @@ class LiveSocket(asyncio.Protocol):
     def _may_send(self) -> bool:
         """Pings, pieces and what comes before its token cost a viewer as much as messages do."""
         if self._viewer is not None:
-            return self._viewer.take_token(self.pump.now())
+            return self._viewer.take_token(self.dispatcher.now())
         self._early += 1
-        return self._early <= self.pump.hub.limits.messages_burst
+        return self._early <= self.dispatcher.hub.limits.messages_burst
 
     def _text(self, text: bytes) -> None:
         if self._viewer is not None:
-            pump = self.pump
-            pump.carry_out(pump.hub.message(self._viewer, text, pump.now()))
+            dispatcher = self.dispatcher
+            dispatcher.carry_out(dispatcher.hub.message(self._viewer, text, dispatcher.now()))
         elif self._asked is not None:
             try:
                 said = parse_viewer_message(text)
             except MessageError as e:
                 self._waits_no_more()
-                self.pump.hub.endings[e.close] += 1
+                self.dispatcher.hub.endings[e.close] += 1
                 self.end(e.close, str(e), None)
                 return
             if isinstance(said, Auth):
@@ -322,7 +323,7 @@ class LiveSocket(asyncio.Protocol):
 
     def _refuse(self, close: Close, reason: str) -> None:
         if self._viewer is not None:
-            self.pump.carry_out(self.pump.hub.refuse(self._viewer, close, reason))
+            self.dispatcher.carry_out(self.dispatcher.hub.refuse(self._viewer, close, reason))
         elif self._asked is not None:
             self._waits_no_more()
             self.end(close, reason, None)
@@ -358,7 +359,7 @@ class LiveSocket(asyncio.Protocol):
     def failed(self, error: Exception) -> None:
         """A fault of ours in one of these calls: the viewer is told, and no other notices."""
         viewer = self._viewer
-        self.pump.report_fault("a viewer's connection", error)
+        self.dispatcher.report_fault("a viewer's connection", error)
         first, self._failed = not self._failed, True
         try:
             if not first:
@@ -366,12 +367,12 @@ class LiveSocket(asyncio.Protocol):
             elif self._ws.state is CONNECTING:
                 self._transport.write(FAILED)
                 self._transport.close()
-            elif viewer is not None and viewer in self.pump.hub.viewers:
+            elif viewer is not None and viewer in self.dispatcher.hub.viewers:
                 self._hurry()
-                self.pump.carry_out(self.pump.hub.refuse(viewer, Close.INTERNAL_ERROR, FAULT))
+                self.dispatcher.carry_out(self.dispatcher.hub.refuse(viewer, Close.INTERNAL_ERROR, FAULT))
             else:
                 self._hurry()
-                self.pump.hub.endings[Close.INTERNAL_ERROR] += 1
+                self.dispatcher.hub.endings[Close.INTERNAL_ERROR] += 1
                 self.end(Close.INTERNAL_ERROR, FAULT, None)
         except Exception:
             self._transport.abort()
@@ -399,7 +400,7 @@ class LiveSocket(asyncio.Protocol):
     def _let_go(self) -> None:
         """Nothing more may be written. An ending for a broken rule (1002, 1009) is counted by its code."""
         self._write_no_more()
-        viewer, hub, sent = self._viewer, self.pump.hub, self._ws.close_sent
+        viewer, hub, sent = self._viewer, self.dispatcher.hub, self._ws.close_sent
         if viewer is None or viewer not in hub.viewers:
             return
         hub.leave(viewer)
@@ -409,7 +410,7 @@ class LiveSocket(asyncio.Protocol):
     @isolated
     def write_as(self, form: Encoding, data: bytes) -> None:
         """The same in another form."""
-        room = self.pump.hub.viewers.get(self._viewer) if self._viewer else None
+        room = self.dispatcher.hub.viewers.get(self._viewer) if self._viewer else None
         if room is not None:
             self.write(form.of(data, room.stream))
 

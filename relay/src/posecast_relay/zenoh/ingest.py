@@ -60,9 +60,9 @@ class _Question:
 class ZenohIngest:
     """Subscriptions, the echo, and the questions about snapshots."""
 
-    def __init__(self, door: RouterSession, pump: Dispatcher) -> None:
-        self._door = door
-        self._pump = pump
+    def __init__(self, router: RouterSession, dispatcher: Dispatcher) -> None:
+        self._router = router
+        self._dispatcher = dispatcher
         self._loop = asyncio.get_running_loop()
         self._inboxes = Inboxes()
         self._woken = False
@@ -76,8 +76,8 @@ class ZenohIngest:
 
     def start(self) -> None:
         """Subscribe. From here on edges are heard."""
-        self._pump.ask = self._ask
-        self._door.closing, self._door.opened = self._leave_off, self._go_on
+        self._dispatcher.ask = self._ask
+        self._router.closing, self._router.opened = self._leave_off, self._go_on
         self._declare()
 
     def stop(self) -> None:
@@ -91,7 +91,7 @@ class ZenohIngest:
         self._waiting.clear()
 
     def _go_on(self) -> None:
-        robots = self._pump.hub.robots.values()
+        robots = self._dispatcher.hub.robots.values()
         self._missing |= {robot.name for robot in robots if robot.liveness.token}
         self._declare()
         self.stop()
@@ -103,7 +103,7 @@ class ZenohIngest:
             self._token(robot, False)
 
     def _declare(self) -> None:
-        session = self._door.session
+        session = self._router.session
         on_token = partial(self._on_token, self._opening)
         self._declared = [
             session.declare_subscriber(f"{PREFIX}/*/*/frame", self._on_frame),
@@ -115,10 +115,10 @@ class ZenohIngest:
     # ---- in Zenoh's threads ---------------------------------------------------
 
     def _on_frame(self, sample: zenoh.Sample) -> None:
-        self._put(sample, self._frame, self._pump.hub.limits.frame_bytes, is_frame=True)
+        self._put(sample, self._frame, self._dispatcher.hub.limits.frame_bytes, is_frame=True)
 
     def _on_event(self, sample: zenoh.Sample) -> None:
-        limits = self._pump.hub.limits
+        limits = self._dispatcher.hub.limits
         self._put(sample, self._event, max(limits.event_bytes, limits.info_bytes))
 
     def _on_snapshot(self, question: _Question, reply: zenoh.Reply) -> None:
@@ -128,7 +128,7 @@ class ZenohIngest:
         question.answered = True
         cost = 1 + len(sample.payload) // PARSED_BYTES
         take_in = partial(self._snapshot, question.asked_at)
-        self._put(sample, take_in, self._pump.hub.limits.snapshot_bytes, cost=cost)
+        self._put(sample, take_in, self._dispatcher.hub.limits.snapshot_bytes, cost=cost)
 
     def _put(
         self,
@@ -157,7 +157,7 @@ class ZenohIngest:
         self._later(robot, Message(partial(self._echo, robot, query), 0))
 
     def _later(self, robot: str, message: Message) -> None:
-        self._inboxes.put(robot, message, self._pump.now())
+        self._inboxes.put(robot, message, self._dispatcher.now())
         if not self._woken:
             self._woken = True
             try:
@@ -175,40 +175,41 @@ class ZenohIngest:
             try:
                 message.take_in()
             except Exception as e:
-                self._pump.hub.fates[FrameOutcome.FAULT.value] += 1
-                self._pump.report_fault("ingest", e)
+                self._dispatcher.hub.outcomes[FrameOutcome.FAULT.value] += 1
+                self._dispatcher.report_fault("ingest", e)
         self._count_lost()
-        self._pump.flush()
+        self._dispatcher.flush()
         if self._inboxes and not self._woken:
             self._woken = True
             self._loop.call_soon(self._work_off)
 
     def _count_lost(self) -> None:
-        hub, now = self._pump.hub, self._pump.now()
+        hub, now = self._dispatcher.hub, self._dispatcher.now()
         for robot, count in self._inboxes.take_lost().items():
-            hub.fates[(FrameOutcome.CROWDED if robot == OTHERS else FrameOutcome.OVER_SHARE).value] += count
+            outcome = FrameOutcome.CROWDED if robot == OTHERS else FrameOutcome.OVER_SHARE
+            hub.outcomes[outcome.value] += count
             of = hub.robots.get(robot)
             if of is not None:
                 of.share.lose(count, of.share.limit or LOST, now)
 
     def _frame(self, robot: str, view: str, payload: bytes, stamp: bytes) -> None:
-        now = self._pump.now()
+        now = self._dispatcher.now()
         try:
             check_name("robot", robot)
             check_name("view", view)
-            fate = self._pump.hub.edge_frame(robot, view, payload, Stamp.unpack(stamp), now)
+            outcome = self._dispatcher.hub.edge_frame(robot, view, payload, Stamp.unpack(stamp), now)
         except ValueError as e:
             self._complain(robot, f"{view}/frame", e)
             return
-        if fate is FrameOutcome.OVER_SHARE:
+        if outcome is FrameOutcome.OVER_SHARE:
             self._inboxes.close(robot, now + CLOSED_S)
-        elif fate in WHY:
-            self._say(robot, f"{view}/frame", WHY[fate])
-        elif robot in self._waiting and fate is not FrameOutcome.CROWDED:
+        elif outcome in WHY:
+            self._say(robot, f"{view}/frame", WHY[outcome])
+        elif robot in self._waiting and outcome is not FrameOutcome.CROWDED:
             self._token(robot, True)
 
     def _event(self, robot: str, view: str, payload: bytes, stamp: bytes) -> None:
-        pump = self._pump
+        dispatcher = self._dispatcher
         try:
             check_name("robot", robot)
             check_name("view", view)
@@ -216,9 +217,11 @@ class ZenohIngest:
         except ValueError as e:
             self._complain(robot, f"{view}/event", e)
             return
-        bad = pump.hub.fates[FrameOutcome.BAD.value]
-        pump.carry_out(pump.hub.event(robot, view, payload, at, pump.now(), pump.unix_s()))
-        if pump.hub.fates[FrameOutcome.BAD.value] > bad:
+        bad = dispatcher.hub.outcomes[FrameOutcome.BAD.value]
+        dispatcher.carry_out(
+            dispatcher.hub.event(robot, view, payload, at, dispatcher.now(), dispatcher.unix_s())
+        )
+        if dispatcher.hub.outcomes[FrameOutcome.BAD.value] > bad:
             self._say(robot, f"{view}/event", "no event, info or model as the wire format has them")
 
     def _heard_token(self, opening: int, robot: str, present: bool) -> None:
@@ -233,13 +236,13 @@ class ZenohIngest:
             return
         token = self._tokens.get(robot)
         if token is None:
-            if not present and robot not in self._pump.hub.robots:
+            if not present and robot not in self._dispatcher.hub.robots:
                 return
             token = self._tokens[robot] = _Token()
         token.present = present
         if token.timer is not None:
             return
-        wait_s = token.told_at + TOKENS_S - self._pump.now()
+        wait_s = token.told_at + TOKENS_S - self._dispatcher.now()
         if wait_s <= 0:
             self._tell_token(robot, token)
         else:
@@ -247,14 +250,14 @@ class ZenohIngest:
 
     def _tell_token(self, robot: str, token: _Token) -> None:
         token.timer = None
-        token.told_at = self._pump.now()
+        token.told_at = self._dispatcher.now()
         if not token.present:
             self._tokens.pop(robot, None)
         self._token(robot, token.present)
 
     def _token(self, robot: str, present: bool) -> None:
-        hub = self._pump.hub
-        self._pump.carry_out(hub.token(robot, present, self._pump.now()))
+        hub = self._dispatcher.hub
+        self._dispatcher.carry_out(hub.token(robot, present, self._dispatcher.now()))
         if present and robot not in hub.robots:
             self._waiting.add(robot)
             self._say(robot, "alive", "the relay has as many robots as it takes (--max-robots)")
@@ -263,7 +266,7 @@ class ZenohIngest:
         log.info("robot %s %s", robot, "on air" if present else "gone")
 
     def _snapshot(self, asked_at: float, robot: str, view: str, payload: bytes, stamp: bytes) -> None:
-        hub, now = self._pump.hub, self._pump.now()
+        hub, now = self._dispatcher.hub, self._dispatcher.now()
         try:
             check_name("robot", robot)
             check_name("view", view)
@@ -276,15 +279,15 @@ class ZenohIngest:
             self._complain(robot, f"{view}/snapshot", e)
 
     def _echo(self, robot: str, query: zenoh.Query) -> None:
-        now = self._pump.now()
+        now = self._dispatcher.now()
         try:
             check_name("robot", robot)
         except ValueError as e:
             self._complain(robot, "echo", e)
             return  # unanswered
-        of = self._pump.hub.robots.get(robot)
+        of = self._dispatcher.hub.robots.get(robot)
         if of is not None and not of.share.takes_message(0, now):
-            self._pump.hub.fates[FrameOutcome.OVER_SHARE.value] += 1
+            self._dispatcher.hub.outcomes[FrameOutcome.OVER_SHARE.value] += 1
             return  # unanswered
         run_id = of.runs.current if of else 0
         of_run = [r.stream.newest for r in of.rooms.values() if r.stream.newest] if of else []
@@ -292,30 +295,30 @@ class ZenohIngest:
         over = of.share.over(now) if of else ""
         key = str(query.key_expr)
         try:
-            query.reply(key, Echo(run_id, seq, self._pump.unix_s(), over).pack())
+            query.reply(key, Echo(run_id, seq, self._dispatcher.unix_s(), over).pack())
         except zenoh.ZError as e:
             log.debug("echo to %s: %s", key, e)
         query.drop()  # type: ignore[no-untyped-call]
 
     def _ask(self, robot: str, views: Sequence[str]) -> None:
         for view in views:  # not `*`: the edge's `model/**` would match it too
-            on_snapshot = partial(self._on_snapshot, _Question(self._pump.now()))
+            on_snapshot = partial(self._on_snapshot, _Question(self._dispatcher.now()))
             try:
-                self._door.session.get(snapshot_key(robot, view), on_snapshot, timeout=SNAPSHOT_TIMEOUT_S)
+                self._router.session.get(snapshot_key(robot, view), on_snapshot, timeout=SNAPSHOT_TIMEOUT_S)
             except zenoh.ZError as e:
                 log.warning("snapshot of %s/%s: %s", robot, view, e)
 
     def _complain(self, robot: str, what: str, error: Exception) -> None:
         """Count every bad message, log one now and then."""
-        self._pump.hub.fates[FrameOutcome.BAD.value] += 1
+        self._dispatcher.hub.outcomes[FrameOutcome.BAD.value] += 1
         self._say(robot, what, error)
 
     def _say(self, robot: str, what: str, why: Exception | str) -> None:
         """Log it, unless something was said of this robot lately: no robot keeps a line from another one."""
-        now, known = self._pump.now(), robot if robot in self._pump.hub.robots else ""
+        now, known = self._dispatcher.now(), robot if robot in self._dispatcher.hub.robots else ""
         if now - self._complained_at.get(known, float("-inf")) < COMPLAIN_S:
             return
-        if len(self._complained_at) > 2 * self._pump.hub.limits.robots:
+        if len(self._complained_at) > 2 * self._dispatcher.hub.limits.robots:
             self._complained_at.clear()  # most of them have gone
         self._complained_at[known] = now
         log.warning("%.120s: %.200s", f"{robot}/{what}", why)

@@ -19,8 +19,8 @@ RANGE_TIMEOUT_S = 10.0
 class EdgeModels:
     """A ModelSource: only what a robot announces now is asked for."""
 
-    def __init__(self, door: RouterSession, hub: Hub) -> None:
-        self._door = door
+    def __init__(self, router: RouterSession, hub: Hub) -> None:
+        self._router = router
         self._hub = hub
 
     def offers(self, robot: str, digest: str) -> bool:
@@ -56,7 +56,7 @@ class EdgeModels:
                 loop.call_soon_threadsafe(end)
 
         try:
-            self._door.session.get(
+            self._router.session.get(
                 selector,
                 zenoh.handlers.Callback(on_reply, on_end),
                 timeout=RANGE_TIMEOUT_S,

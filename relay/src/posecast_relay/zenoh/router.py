@@ -99,7 +99,7 @@ def access_control(robots: Sequence[str], known_by: str = "usernames") -> dict[s
     }
 
 
-def _config(endpoints: Sequence[str], gate: ZenohAuth | None, passwords: str | None) -> zenoh.Config:
+def _config(endpoints: Sequence[str], auth: ZenohAuth | None, passwords: str | None) -> zenoh.Config:
     config = zenoh.Config()
     settings: dict[str, Any] = {
         "mode": "router",
@@ -115,31 +115,31 @@ def _config(endpoints: Sequence[str], gate: ZenohAuth | None, passwords: str | N
         "transport/shared_memory/enabled": False,  # drops messages silently under load
         "adminspace/enabled": False,
     }
-    if gate is not None:
-        known_by = "usernames" if gate.ca is None else "cert_common_names"
-        settings["access_control"] = access_control(sorted(gate.secrets), known_by)
+    if auth is not None:
+        known_by = "usernames" if auth.ca is None else "cert_common_names"
+        settings["access_control"] = access_control(sorted(auth.secrets), known_by)
         if passwords is not None:
             settings["transport/auth/usrpwd/dictionary_file"] = passwords
-        if gate.ca is not None:
+        if auth.ca is not None:
             settings["transport/link/tls/enable_mtls"] = True
-            settings["transport/link/tls/root_ca_certificate"] = str(gate.ca)
+            settings["transport/link/tls/root_ca_certificate"] = str(auth.ca)
             settings["transport/link/tls/close_link_on_expiration"] = True
-        if gate.cert is not None and gate.key is not None:
-            settings["transport/link/tls/listen_certificate"] = str(gate.cert)
-            settings["transport/link/tls/listen_private_key"] = str(gate.key)
+        if auth.cert is not None and auth.key is not None:
+            settings["transport/link/tls/listen_certificate"] = str(auth.cert)
+            settings["transport/link/tls/listen_private_key"] = str(auth.key)
     for key, value in settings.items():
         config.insert_json5(key, json.dumps(value))
     return config
 
 
 @contextmanager
-def _passwords(gate: ZenohAuth | None) -> Iterator[str | None]:
+def _passwords(auth: ZenohAuth | None) -> Iterator[str | None]:
     """The file that Zenoh wants them in, `user:password`, for as long as it takes to read it."""
-    if gate is None or gate.ca is not None:
+    if auth is None or auth.ca is not None:
         yield None
         return
     # an empty file would let everybody in; no robot's name begins with -
-    lines = [f"{robot}:{secret}" for robot, secret in gate.secrets.items()]
+    lines = [f"{robot}:{secret}" for robot, secret in auth.secrets.items()]
     lines.append(f"-:{secrets.token_urlsafe(32)}")
     with tempfile.NamedTemporaryFile("w", prefix="posecast-") as file:
         os.fchmod(file.fileno(), 0o600)
@@ -160,12 +160,12 @@ def _with_port(endpoint: str) -> str:
         return f"{scheme}/{host}:{probe.getsockname()[1]}"
 
 
-def open_router(endpoints: Sequence[str], gate: ZenohAuth | None = None) -> tuple[zenoh.Session, list[str]]:
+def open_router(endpoints: Sequence[str], auth: ZenohAuth | None = None) -> tuple[zenoh.Session, list[str]]:
     """The session and the endpoints it listens on. Without a gate anybody may publish. ListenError."""
     for tries_left in reversed(range(PORT_TRIES)):
         real = [_with_port(e) for e in endpoints]
         try:
-            return _open(real, gate), real
+            return _open(real, auth), real
         except zenoh.ZError as e:
             if tries_left and real != list(endpoints):
                 continue
@@ -181,17 +181,17 @@ def _refused(endpoints: Sequence[str], error: zenoh.ZError) -> ListenError:
     )
 
 
-def _open(endpoints: Sequence[str], gate: ZenohAuth | None) -> zenoh.Session:
-    with _passwords(gate) as passwords:
-        return zenoh.open(_config(endpoints, gate, passwords))
+def _open(endpoints: Sequence[str], auth: ZenohAuth | None) -> zenoh.Session:
+    with _passwords(auth) as passwords:
+        return zenoh.open(_config(endpoints, auth, passwords))
 
 
-def reopen_router(endpoints: Sequence[str], gate: ZenohAuth) -> zenoh.Session:
+def reopen_router(endpoints: Sequence[str], auth: ZenohAuth) -> zenoh.Session:
     """The same door with other locks. ListenError when the port does not come free again."""
     give_up_at = time.monotonic() + REOPEN_S
     while True:
         try:
-            return _open(endpoints, gate)
+            return _open(endpoints, auth)
         except zenoh.ZError as e:
             if time.monotonic() >= give_up_at:
                 raise _refused(endpoints, e) from None
@@ -201,10 +201,10 @@ def reopen_router(endpoints: Sequence[str], gate: ZenohAuth) -> zenoh.Session:
 class RouterSession:
     """Has an open session, but for the milliseconds of a change."""
 
-    def __init__(self, endpoints: Sequence[str], gate: ZenohAuth | None) -> None:
+    def __init__(self, endpoints: Sequence[str], auth: ZenohAuth | None) -> None:
         """ListenError."""
-        self._gate = gate
-        self.session, self.endpoints = open_router(endpoints, gate)
+        self._auth = auth
+        self.session, self.endpoints = open_router(endpoints, auth)
         self.closing: Callable[[], None] = lambda: None  # the session is about to go
         self.opened: Callable[[], None] = lambda: None  # there is a new one
         self._changing = asyncio.Lock()
@@ -212,20 +212,20 @@ class RouterSession:
 
     def lets_in(self, robot: str) -> bool:
         """Whether it may publish now."""
-        return self._gate is None or robot in self._gate.secrets
+        return self._auth is None or robot in self._auth.secrets
 
     async def admit(self, secrets: dict[str, str]) -> None:
         """Let in these robots, by name, and no others."""
         async with self._changing:
-            before = self._gate
+            before = self._auth
             if before is None or before.secrets == secrets:
                 return
             self.closing()
-            self._gate = replace(before, secrets=secrets)
+            self._auth = replace(before, secrets=secrets)
             try:
-                self.session = await asyncio.to_thread(self._change, self.session, self._gate)
+                self.session = await asyncio.to_thread(self._change, self.session, self._auth)
             except ListenError as e:  # nobody may publish meanwhile; the next change tries again
-                self._gate = replace(before, secrets={})
+                self._auth = replace(before, secrets={})
                 log.error("%s", e)
                 return
             self.changes += 1
@@ -237,6 +237,6 @@ class RouterSession:
                 if robots:
                     log.warning("publishers %s: %s", what, ", ".join(robots[:20]))
 
-    def _change(self, session: zenoh.Session, gate: ZenohAuth) -> zenoh.Session:
+    def _change(self, session: zenoh.Session, auth: ZenohAuth) -> zenoh.Session:
         session.close()  # type: ignore[no-untyped-call]
-        return reopen_router(self.endpoints, gate)
+        return reopen_router(self.endpoints, auth)

@@ -15,7 +15,7 @@ HZ_MIN = 0.1  # the lowest rate that still shows a robot move
 HZ_MAX = 1000
 TIME_MAX_S = 1e12  # of any clock, either way: 31,700 years, and milliseconds still fit a double
 
-RobotWord = Literal["online", "silent", "offline"]
+RobotStatus = Literal["online", "silent", "offline"]
 
 
 class Limits(TypedDict, total=False):
@@ -42,7 +42,7 @@ class Hello(TypedDict):
 
 class _StatusBase(TypedDict):
     type: Literal["status"]
-    robot: RobotWord
+    robot: RobotStatus
     age_ms: int | None
     seq: int | None
 

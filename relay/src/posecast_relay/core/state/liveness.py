@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from posecast_wire.messages import RobotWord
+from posecast_wire.messages import RobotStatus
 
 REVIVE_S = 1.0  # a frame that comes this long after the token left was sent by an edge that lives
 
@@ -23,7 +23,7 @@ class Liveness:
         self.token = False
         self._lost_at = now
 
-    def word(self, live_at: float | None, age_s: float | None, silent_s: float) -> RobotWord:
+    def status(self, live_at: float | None, age_s: float | None, silent_s: float) -> RobotStatus:
         """`live_at`: arrival of the newest live frame; `age_s`: its age, with the time it was under way."""
         fresh = age_s is not None and age_s <= silent_s
         if not self.token:

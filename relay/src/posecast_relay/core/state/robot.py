@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from posecast_wire import Snapshot, Stamp
-from posecast_wire.messages import RobotWord
+from posecast_wire.messages import RobotStatus
 
 from posecast_relay.core.limits import Limits
 from posecast_relay.core.state.liveness import Liveness
@@ -71,10 +71,10 @@ class Robot:
                 return FrameOutcome.NO_BASE
             self._adopt(stamp.run_id, now)
         late_s = max(late_s, self.runs.arrived(stamp, now))
-        fate = stream.take(payload, header, stamp.run_id, stamp.elapsed_ns / 1e9, now, late_s)
-        if fate in (FrameOutcome.NO_BASE, FrameOutcome.NO_SCHEMA):
+        outcome = stream.take(payload, header, stamp.run_id, stamp.elapsed_ns / 1e9, now, late_s)
+        if outcome in (FrameOutcome.NO_BASE, FrameOutcome.NO_SCHEMA):
             self.lacking = True
-        return fate
+        return outcome
 
     def snapshot(
         self,
@@ -97,7 +97,7 @@ class Robot:
             if not room.stream.awaits(stamp.run_id) and not self.runs.may_follow(stamp.run_id, now):
                 raise ValueError("snapshot: of a run that sends nothing")
             self.runs.answered(stamp, waited_s, now)
-        room.stream.absorb(snapshot, stamp.run_id, stamp.elapsed_ns / 1e9, newest)
+        room.stream.apply_snapshot(snapshot, stamp.run_id, stamp.elapsed_ns / 1e9, newest)
         if stamp.run_id != self.runs.current:
             self._adopt(stamp.run_id, now)
         self.lacking = False
@@ -124,12 +124,12 @@ class Robot:
         watched = self.followed or self.has_viewers()
         return watched and self.liveness.token and now >= self.ask_at + REFRESH_S
 
-    def word(self, room: Room | None, now: float) -> RobotWord:
+    def status(self, room: Room | None, now: float) -> RobotStatus:
         """How the robot is, as far as this view shows; None: it has sent nothing of it yet."""
         if room is None:
             return "silent" if self.liveness.token else "offline"
         stream = room.stream
-        return self.liveness.word(stream.live_at, stream.age_s(now), self.limits.silent_s)
+        return self.liveness.status(stream.live_at, stream.age_s(now), self.limits.silent_s)
 
     def has_viewers(self) -> bool:
         """Whether anybody watches any view."""

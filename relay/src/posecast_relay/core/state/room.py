@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 
 from posecast_wire import Close
-from posecast_wire.messages import RobotWord
+from posecast_wire.messages import RobotStatus
 
 from posecast_relay.core.actions import Action, CloseConnection, Fault, Send
 from posecast_relay.core.limits import Limits
@@ -46,12 +46,12 @@ class Room:
         self.skipped = 0  # likewise: due, but the viewer could not take it
         self.degraded = False  # this relay does not hear of the robot just now, for a reason of its own
         self.over_share = False  # the robot sends more than its share of this relay
-        self._owed: RobotWord | None = None  # the status that goes with the next frame
+        self._owed: RobotStatus | None = None  # the status that goes with the next frame
         self._told: set[RateGroup] = set()  # who has it
 
     # ---- coming, going, changing rate -------------------------------------
 
-    def join(self, viewer: Viewer, word: RobotWord, now: float, unix_s: float) -> Send:
+    def join(self, viewer: Viewer, status: RobotStatus, now: float, unix_s: float) -> Send:
         """Everything a new viewer needs, in one write: the pose before what has happened, a long list."""
         stream = self.stream
         self.viewers[viewer] = None
@@ -61,7 +61,7 @@ class Room:
                 viewer.max_hz,
                 viewer.grant.delay_s if viewer.grant else 0.0,
             ),
-            self._status(word, now),
+            self._status(status, now),
         ]
         if stream.schema is not None:
             parts.append(stream.described(viewer.schema_n, with_model=False))  # hello has told the model
@@ -81,10 +81,10 @@ class Room:
             parts.append(event.packed)
             unasked += len(event.packed)
         data = b"".join(parts)
-        viewer.given_n = viewer.sent
+        viewer.join_burst_n = viewer.sent
         reads_s = len(data) / limits.slowest_bytes_per_s
-        viewer.arrived_by = now + min(limits.given_s, max(0.0, reads_s - limits.undrained_s))
-        viewer.reads_by = now + reads_s
+        viewer.join_burst_arrives_by = now + min(limits.join_burst_s, max(0.0, reads_s - limits.undrained_s))
+        viewer.join_burst_read_by = now + reads_s
         return Send(data, (viewer,))
 
     def leave(self, viewer: Viewer) -> None:
@@ -299,10 +299,10 @@ class Room:
         return self._queue(viewer, data) if viewer.blocked else [Send(data, (viewer,))]
 
     def _queue(self, viewer: Viewer, data: bytes) -> list[Action]:
-        if viewer.lane is None:
-            viewer.lane = []
-        viewer.lane.append(data)
-        if len(viewer.lane) <= self.limits.lane:
+        if viewer.reliable_queue is None:
+            viewer.reliable_queue = []
+        viewer.reliable_queue.append(data)
+        if len(viewer.reliable_queue) <= self.limits.reliable_queue:
             return []
         self.leave(viewer)
         return [CloseConnection(viewer, Close.EVENTS_FULL, "too slow for the events", None)]
@@ -312,37 +312,37 @@ class Room:
         if viewer.paused_at is not None or viewer.stalled:
             return []
         data = b""
-        if viewer.lane is not None:
-            data = b"".join(viewer.lane)
-            viewer.lane = None
+        if viewer.reliable_queue is not None:
+            data = b"".join(viewer.reliable_queue)
+            viewer.reliable_queue = None
         viewer.settle()
         if viewer.version != self.stream.version and viewer.hz <= 0:
             data += self.stream.described(viewer.schema_n)
             viewer.version, viewer.schema_n = self.stream.version, self.stream.schema_n
         return [Send(data, (viewer,))] if data else []
 
-    def report(self, word: RobotWord, now: float) -> list[Action]:
+    def report(self, status: RobotStatus, now: float) -> list[Action]:
         """The status for everybody who can take it, at once."""
         self._owed = None
         ready = [v for v in self.viewers if not v.blocked]
-        return [Send(self._status(word, now), ready)] if ready else []
+        return [Send(self._status(status, now), ready)] if ready else []
 
-    def owe_status(self, word: RobotWord) -> None:
+    def owe_status(self, status: RobotStatus) -> None:
         """The status is due again: each group's next frame takes it along, in the same write."""
-        self._owed = word
+        self._owed = status
         self._told.clear()
 
     def settle_status(self, now: float) -> list[Action]:
         """By itself to those whom no frame has brought it."""
-        word, self._owed = self._owed, None
-        if word is None:
+        status, self._owed = self._owed, None
+        if status is None:
             return []
         ready = [v for v in self.viewers if not v.blocked and self.groups.get(v.hz) not in self._told]
-        return [Send(self._status(word, now), ready)] if ready else []
+        return [Send(self._status(status, now), ready)] if ready else []
 
-    def _status(self, word: RobotWord, now: float) -> bytes:
+    def _status(self, status: RobotStatus, now: float) -> bytes:
         age_s = self.stream.age_s(now)
         newest = self.stream.newest
         age_ms = None if age_s is None else max(0, round(age_s * 1000))
         seq = newest.seq if newest else None
-        return messages.status(word, age_ms, seq, self.degraded, self.over_share)
+        return messages.status(status, age_ms, seq, self.degraded, self.over_share)

@@ -135,15 +135,15 @@ class Stream:
         self, payload: bytes, header: Header, run_id: int, stamp_s: float, now: float, late_s: float
     ) -> FrameOutcome:
         """A frame that the edge sent just now, of a run that is not retired."""
-        fate = self._place(payload, header, run_id, stamp_s)
-        if fate is FrameOutcome.TAKEN:
+        outcome = self._place(payload, header, run_id, stamp_s)
+        if outcome is FrameOutcome.TAKEN:
             self.is_live = True
             self.live_at = now
             self.late_s = late_s
             self.cadence.saw(stamp_s)
-        elif fate in (FrameOutcome.NO_BASE, FrameOutcome.NO_SCHEMA):
+        elif outcome in (FrameOutcome.NO_BASE, FrameOutcome.NO_SCHEMA):
             self.hold(payload, run_id, stamp_s, now, late_s)
-        return fate
+        return outcome
 
     def hold(self, payload: bytes, run_id: int, stamp_s: float, now: float, late_s: float) -> None:
         """Keep a frame that the edge sent just now until a snapshot, which is older, brings its base."""
@@ -203,7 +203,9 @@ class Stream:
 
     # ---- the snapshot ----------------------------------------------------
 
-    def absorb(self, snapshot: Snapshot, run_id: int, stamp_s: float, newest: bytes | None = None) -> None:
+    def apply_snapshot(
+        self, snapshot: Snapshot, run_id: int, stamp_s: float, newest: bytes | None = None
+    ) -> None:
         """Take what a snapshot brings. ValueError, and nothing changed, when it does not hold together.
 
         Its frames may be of any age, so they count as bases and as a picture, but never as a sign of life.
@@ -250,13 +252,13 @@ class Stream:
         self._info_packed = messages.info(info) if info else b""
         self.model = model
 
-    def inform(self, info: dict[str, str]) -> None:
+    def set_info(self, info: dict[str, str]) -> None:
         """The edge says what is new of the robot's texts. ValueError when they are too long."""
         self._check_info(info)
         if self.schema is not None:  # else the snapshot brings it
             self._describe(self.schema, info, self.model)
 
-    def show(self, model: str) -> None:
+    def set_model(self, model: str) -> None:
         """The edge says that its robot looks otherwise by now: the SHA-256 of the model's manifest."""
         if self.schema is not None:
             self._describe(self.schema, self.info, model)
@@ -284,7 +286,7 @@ class Stream:
         self.events.append(event)
         return event
 
-    def heard_of(self, numbering: str, text: str) -> Event | None:
+    def append_numbered(self, numbering: str, text: str) -> Event | None:
         """Keep an event that another relay has numbered; None when it is here already. ValueError.
 
         Another `numbering` began at 1 again, because whoever counted has lost count: so does this stream.
@@ -314,7 +316,7 @@ class Stream:
         self.event_n = 0
         self.numbering = numbering
         for text in texts:
-            self.heard_of(numbering, text)
+            self.append_numbered(numbering, text)
         known = {_happening(json.loads(text)) for text in texts}
         for doc in own:
             if _happening(doc) not in known:

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 
 from posecast_wire import WIRE_VERSION
 from posecast_wire import Limits as Granted
-from posecast_wire.messages import Bye, Hello, Info, Model, Pong, RateGranted, RobotWord, Status
+from posecast_wire.messages import Bye, Hello, Info, Model, Pong, RateGranted, RobotStatus, Status
 
 from posecast_relay.core.limits import Limits
 
@@ -84,7 +84,7 @@ def hello(
 
 
 def status(
-    word: RobotWord,
+    robot_status: RobotStatus,
     age_ms: int | None,
     seq: int | None,
     degraded: bool = False,
@@ -94,7 +94,7 @@ def status(
 
     `over_share`: the robot sends more than its share, so some of its frames are dropped.
     """
-    doc: Status = {"type": "status", "robot": word, "age_ms": age_ms, "seq": seq}
+    doc: Status = {"type": "status", "robot": robot_status, "age_ms": age_ms, "seq": seq}
     if degraded:
         doc["degraded"] = True
     if over_share:

@@ -1,4 +1,4 @@
-"""One viewer: its mailbox of one (the frame it was given last), its event lane, what it holds, its acks."""
+"""One viewer: its mailbox of one (the frame it was given last), what it must get, what it holds, its acks."""
 
 from __future__ import annotations
 
@@ -35,7 +35,6 @@ class Viewer:
 
     __slots__ = (
         "acks",
-        "arrived_by",
         "asked_hz",
         "asked_view",
         "blocked",
@@ -43,13 +42,14 @@ class Viewer:
         "decoded",
         "expires_at",
         "frame",
-        "given_n",
         "grant",
         "heard_ack_at",
         "heard_at",
         "hz",
+        "join_burst_arrives_by",
+        "join_burst_n",
+        "join_burst_read_by",
         "key",
-        "lane",
         "limits",
         "max_hz",
         "number",
@@ -59,8 +59,8 @@ class Viewer:
         "owed_at",
         "paused_at",
         "ping_at",
-        "reads_by",
         "ref",
+        "reliable_queue",
         "robot",
         "schema_n",
         "sent",
@@ -108,15 +108,15 @@ class Viewer:
         self.version = -1  # of the stream's schema, info and model
         self.schema_n = -1
         # what must arrive and waits for the socket to drain; None = nothing
-        self.lane: list[bytes] | None = None
-        # blocked = nothing new may be written now: not drained, acknowledgements owed, or the lane not empty
+        self.reliable_queue: list[bytes] | None = None
+        # blocked = nothing new may be written now: not drained, acks owed, or that queue not empty
         self.blocked = False
         self.paused_at: float | None = None
         self.stalled = False
         # reading what it was given when it came, until it acknowledges more messages than those:
-        self.given_n = 0
-        self.arrived_by = now  # till then without a word
-        self.reads_by = now  # till then as long as it is heard of
+        self.join_burst_n = 0
+        self.join_burst_arrives_by = now  # till then without a word
+        self.join_burst_read_by = now  # till then as long as it is heard of
         # acknowledgements
         self.sent = 0  # binary messages
         self.acks = False  # it has acknowledged once, so it will
@@ -156,9 +156,9 @@ class Viewer:
         """It has received `n` binary messages."""
         self.acks = True
         self.heard_ack_at = now
-        if n > self.given_n:
-            self.arrived_by = min(now, self.arrived_by)
-            self.reads_by = min(now, self.reads_by)
+        if n > self.join_burst_n:
+            self.join_burst_arrives_by = min(now, self.join_burst_arrives_by)
+            self.join_burst_read_by = min(now, self.join_burst_read_by)
         self.owed_at = None
         self.stalled = False
         self.check_at = now + self.limits.ack_every_s
@@ -176,13 +176,13 @@ class Viewer:
 
     def settle(self) -> None:
         """Work out `blocked` anew."""
-        self.blocked = self.paused_at is not None or self.stalled or self.lane is not None
+        self.blocked = self.paused_at is not None or self.stalled or self.reliable_queue is not None
 
-    def forgive(self, seconds: float, now: float) -> None:
+    def shift_deadlines(self, seconds: float, now: float) -> None:
         """The relay itself stood still for so long: what the viewer did meanwhile is still to be read."""
         self.heard_at = min(now, self.heard_at + seconds)
-        self.arrived_by += seconds
-        self.reads_by += seconds
+        self.join_burst_arrives_by += seconds
+        self.join_burst_read_by += seconds
         self.check_at += seconds
         self.heard_ack_at = min(now, self.heard_ack_at + seconds)
         if self.owed_at is not None:
@@ -205,7 +205,7 @@ class Viewer:
     def overdue(self, now: float) -> Close | None:
         """Why this connection is to be cut now, if it is."""
         limits = self.limits  # a ping, too, waits behind what it reads at first
-        came = max(self.arrived_by, min(self.heard_at, self.reads_by))
+        came = max(self.join_burst_arrives_by, min(self.heard_at, self.join_burst_read_by))
         if self.speaks and now - max(came, self.heard_at) >= limits.half_open_s:
             return Close.HALF_OPEN
         if self.owed_at is not None and now - max(came, self.owed_at) >= limits.ack_abort_s:
