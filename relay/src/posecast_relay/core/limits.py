@@ -46,7 +46,7 @@ class Limits:
     undrained_s: float = 5.0  # a viewer that never acknowledges may leave its buffer unread for so long
     undrained_acking_s: float = 15.0  # the same for one that acknowledges
     # A newcomer that reads no faster than this has a while to do with what it is given. It shows that it
-    # reads by answering the pings between the events; until the first answer it has join_burst_s to itself. So
+    # reads by answering the pings between the events; until the first answer it has join_burst_s alone. So
     # who reads is not cut, and who froze at its first byte is, after join_burst_s + half_open_s + sweep_s
     # = 19.5 s.
     slowest_bytes_per_s: float = 800.0
