@@ -70,7 +70,7 @@ async function take(user: User | null): Promise<void> {
   timer = setTimeout(() => void renew(user), Math.max(AGAIN_MS, inMs));
 }
 
-/** Somebody was told that the token is not good. Asked at most twice a minute, whoever is told so. */
+/** Fetches another token because a relay did not accept this one; at most twice a minute, however many ask. */
 export function renewRejectedToken(): void {
   const { currentUser } = auth;
   if (currentUser !== null && Date.now() - renewedMs >= AGAIN_MS) void renew(currentUser);

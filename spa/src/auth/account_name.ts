@@ -5,6 +5,7 @@ import { ACCOUNT } from '../relay/relay.ts';
 let name: string | null = null;
 const listeners = new Set<() => void>();
 
+/** Sets, keeps and tells the name; null: nobody is signed in. */
 export function setAccountName(next: string | null): void {
   try {
     if (next === null) localStorage.removeItem(ACCOUNT);

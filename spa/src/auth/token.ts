@@ -9,14 +9,14 @@ export function setLinkToken(token: string): void {
   held = token;
 }
 
-/** Of the account, or '' when nobody is signed in. */
+/** Sets the account's token; '' when nobody is signed in. */
 export function setAccountToken(token: string): void {
   if (token === account) return;
   account = token;
   for (const listener of listeners) listener();
 }
 
-/** Hears of another account, and of every newer token of the same. */
+/** Tells of another account, and of every newer token of the same. Returns the end of it. */
 export function onAccountToken(listener: () => void): () => void {
   listeners.add(listener);
   return () => listeners.delete(listener);

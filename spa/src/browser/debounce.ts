@@ -1,4 +1,4 @@
-/** One thing that will be done after a while, unless it is put off or called off before. */
+/** Does one thing `ms` after the newest `restart`, unless it is cancelled before. */
 export class Debounce {
   readonly #ms: number;
   readonly #what: () => void;
@@ -9,12 +9,12 @@ export class Debounce {
     this.#what = what;
   }
 
-  /** Whether it is still to be done. */
+  /** Whether it is going to be done. */
   get pending(): boolean {
     return this.#timer !== null;
   }
 
-  /** From now on the whole while again. */
+  /** Waits the whole time again, from now on. */
   restart(): void {
     this.cancel();
     this.#timer = setTimeout(() => {

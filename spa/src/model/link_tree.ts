@@ -3,7 +3,7 @@ import type { PosedBody } from './posed_body.ts';
 
 type Tree = Pick<PosedBody, 'jointNames' | 'linkNames' | 'joint' | 'bones'>;
 
-/** How the links hang together. */
+/** The tree of a body's links, each with the joint that moves it. */
 export function treeOf(body: Tree): KinematicTree {
   const moved = new Map<string, string>();
   for (const name of body.jointNames) {
@@ -32,7 +32,7 @@ export function linksMovedBy(body: Tree, joints: ReadonlySet<string>): Set<strin
   return moved;
 }
 
-/** The links that the joints move, and all that hang on those, over further joints, too; by the model's order. */
+/** The links that these joints move and all links below them, over further joints, too; in the model's order. */
 export function linksBeyond(body: Tree, joints: readonly string[]): string[] {
   const moved = new Set(joints.map((name) => body.joint(name)?.link));
   const parents = new Map([...body.bones()].map(([parent, child]) => [child, parent]));

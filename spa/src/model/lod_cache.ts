@@ -9,6 +9,7 @@ const MAX_BYTES = 64_000_000;
 
 const address = (sha256: string) => `/.posecast-levels/${sha256}`;
 
+/** The bytes of a level that this browser keeps; null when it has none. */
 export async function cachedLod(sha256: string): Promise<Uint8Array | null> {
   try {
     const found = await (await globalThis.caches?.open(NAME))?.match(address(sha256));
@@ -18,6 +19,7 @@ export async function cachedLod(sha256: string): Promise<Uint8Array | null> {
   }
 }
 
+/** Keeps the bytes of a level, and drops the oldest ones beyond `MAX_BYTES`. Never rejects. */
 export async function storeLod(sha256: string, bytes: Uint8Array): Promise<void> {
   try {
     const cache = await globalThis.caches?.open(NAME);

@@ -16,7 +16,7 @@ export interface MeshFacts {
 
 export type MeshNote = readonly [code: string, text: string];
 
-/** A mesh that can't be shown. */
+/** The facts of a mesh that can't be shown, with the reason. */
 export function missingMesh(reason: string, bytes = 0): MeshFacts {
   return { reason, bytes, triangles: 0, low: [0, 0, 0], high: [0, 0, 0], notes: [] };
 }

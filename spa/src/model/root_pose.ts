@@ -2,7 +2,8 @@ import type { Base, Pose } from '../twin/playback/pose.ts';
 import { NO_TURN, type Quat, type Vec3, withoutHeading } from '../twin/rotation.ts';
 import { type Imu, rootAttitude } from '../twin/sensors/imus.ts';
 
-/** Where a robot's root is in the world by its newest poses, as far as they made sense. */
+/** Where a robot's root link is in the world, by its odometry, else by its body's IMU, else upright. Readings that are no
+ *  numbers are ignored. */
 export class RootPose {
   #headingLocked = false;
   /** The newest base that made sense; null while the robot reports none. */
@@ -11,7 +12,7 @@ export class RootPose {
   /** world_from_root as the body's IMU last had it; null while it never had a reading. */
   #leaned: Quat | null = null;
 
-  /** Takes a pose. True when the root may be elsewhere now. */
+  /** Takes the newest pose. True when the root may be elsewhere now. */
   update({ base, lean = null }: Pose): boolean {
     const based = this.#takeBase(base);
     const before = this.#lean?.worldFromSensor ?? null;
@@ -19,7 +20,7 @@ export class RootPose {
     return based || (lean?.worldFromSensor?.some((part, i) => part !== before?.[i]) ?? false);
   }
 
-  /** Whether the robot faces along the world's x whatever its sensors say. True when that is new. */
+  /** Sets whether the robot faces along the world's x whatever its sensors say. True when that is a change. */
   lockHeading(locked: boolean): boolean {
     const changed = locked !== this.#headingLocked;
     this.#headingLocked = locked;

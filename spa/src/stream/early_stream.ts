@@ -8,16 +8,16 @@ import type { FromStream, ToStream } from './messages.ts';
  */
 export interface StartedStream {
   readonly worker: Worker;
-  /** Oldest first. */
+  /** What the worker has said so far, oldest first. */
   readonly messages: readonly FromStream[];
 }
 
-/** A page that takes this long to come does not come: what waits for it goes. */
+/** When so many messages wait, the page that would take them is not coming: worker and messages are dropped. */
 const MAX_MESSAGES = 200;
 
 let early: { readonly url: string; readonly worker: Worker; readonly messages: FromStream[] } | null = null;
 
-/** Starts the stream of an address; `onModel` hears the first model hash. */
+/** Starts the stream of an address; `onModel` is called with every model hash that comes before the page. */
 export function startEarly(url: string, hz: number, onModel: (hash: string) => void): void {
   abandon();
   const worker = start(url, hz);

@@ -13,7 +13,7 @@ type Told = Extract<RelayMessage, { type: 'status' | 'schema' | 'info' | 'event'
 
 /**
  * What one connection brings of the robot, read: bytes and messages go in, what the page is to know comes out by
- * `post`. The relay keeps per connection what a viewer was given, so each has a reading of its own, from nothing.
+ * `post`. The relay keeps per connection what a viewer was given, so each connection has a reader of its own.
  */
 export class FrameReader {
   readonly #post: (message: FromStream) => void;
@@ -32,7 +32,7 @@ export class FrameReader {
     this.#post = post;
   }
 
-  /** Frames a second of late. */
+  /** Frames a second, over the last two seconds. */
   hz(nowMs: number): number {
     return this.#rate.hz(nowMs);
   }

@@ -8,7 +8,7 @@ export class PageVisibility {
   readonly #tell: (seen: boolean) => void;
   readonly #leave = new AbortController();
 
-  /** `tell` hears every change. */
+  /** `tell` is called at every change. */
   constructor(tell: (seen: boolean) => void) {
     this.#tell = tell;
     this.#seen = !document.hidden;

@@ -4,10 +4,12 @@ const WINDOW_MS = 2000;
 export class RateMeter {
   #arrivals: number[] = [];
 
+  /** Counts a frame that came now. */
   recordArrival(nowMs: number): void {
     this.#arrivals.push(nowMs);
   }
 
+  /** Frames a second; 0 while there are fewer than two. */
   hz(nowMs: number): number {
     this.#arrivals = this.#arrivals.filter((atMs) => nowMs - atMs <= WINDOW_MS);
     const [first] = this.#arrivals;

@@ -2,16 +2,17 @@
  *  the relay in a database. */
 export type Transport = 'websocket' | 'events' | 'mirror';
 
-/** So many openings that fail, or so long without one, and the stream is asked for over plain HTTP. */
+/** After so many failed openings, or so many ms without a WebSocket, the stream is asked for over plain HTTP. */
 export const FAILED_OPENINGS = 2;
 export const WITHOUT_MS = 5000;
 /** On events a WebSocket is tried beside them, at once and then less and less often. */
 const TRY_AGAIN_MS = 30_000;
 const SELDOM_MS = 300_000;
 
-/** Which carrier the next connection takes, and when a stream on events tries a WebSocket. Without a socket or a clock. */
+/** Which transport the next connection takes, and when a stream on server-sent events tries a WebSocket beside them.
+ *  Without a socket or a clock. */
 export class TransportChoice {
-  /** Of the newest connection. A mirror is all there is. */
+  /** The transport of the newest connection. Where there is a mirror it is never another. */
   now: Transport;
   readonly #random: () => number;
   #failed = 0;
@@ -27,7 +28,7 @@ export class TransportChoice {
     this.now = mirrored ? 'mirror' : 'websocket';
   }
 
-  /** For a connection that begins now. Once WebSockets are in doubt, the two take turns until one works. */
+  /** Chooses the transport of a connection that begins now. Once WebSockets are in doubt, the two take turns until one works. */
   chooseNext(nowMs: number): Transport {
     if (this.now === 'mirror') return this.now;
     this.#withoutMs ??= nowMs;
@@ -39,18 +40,18 @@ export class TransportChoice {
     return this.now;
   }
 
-  /** Whether an opening that has begun is given up for the other carrier. */
+  /** Whether an opening that has begun is given up for the other transport. */
   isOverdue(nowMs: number): boolean {
     return this.now === 'websocket' && nowMs >= this.#deadlineMs;
   }
 
-  /** The newest connection never said a word. */
+  /** The newest connection ended before the relay said anything on it. */
   recordFailure(): void {
     if (this.now === 'websocket') this.#failed += 1;
     else this.#eventsWork = false;
   }
 
-  /** The relay has spoken on it. */
+  /** The relay has said something on the newest connection. */
   recordSuccess(): void {
     this.#eventsWork = this.now === 'events';
     if (this.#eventsWork) return;
@@ -58,13 +59,13 @@ export class TransportChoice {
     this.#withoutMs = null;
   }
 
-  /** Something has changed outside: worth a try. */
+  /** Something has changed outside (back online, back from sleep): a WebSocket is tried at once. */
   retrySoon(nowMs: number): void {
     this.#tryAtMs = nowMs;
     this.#tryAgainMs = TRY_AGAIN_MS;
   }
 
-  /** Whether a stream that stands on events tries a WebSocket now. */
+  /** Whether a stream on server-sent events tries a WebSocket now; if so, the next try is put off. */
   shouldTryWebSocket(nowMs: number): boolean {
     if (this.now !== 'events' || nowMs < this.#tryAtMs) return false;
     this.#tryAtMs = nowMs + this.#tryAgainMs * (0.5 + this.#random()); // a hall behind one proxy does not try as one

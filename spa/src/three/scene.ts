@@ -9,14 +9,7 @@ import type { KinematicTree } from '../twin/kinematic_tree.ts';
 import type { OverlayReadings } from '../twin/overlay/reader.ts';
 import type { Pose } from '../twin/playback/pose.ts';
 import { AdaptiveQuality, type DrawingTrouble } from '../view/adaptive_quality.ts';
-import type {
-  EyePlace,
-  FollowMode,
-  MouseStyle,
-  PoseSource,
-  RowView,
-  SeenOverlay,
-} from '../view/body_view.ts';
+import type { EyePlace, FollowMode, MouseStyle, PoseSource, RowView } from '../view/body_view.ts';
 import type { Insets } from '../view/insets.ts';
 import type { QualityStep } from '../view/quality_steps.ts';
 import { RenderLoop } from '../view/render_loop.ts';
@@ -38,9 +31,9 @@ const REST_MS = 500;
 
 export interface SceneOptions {
   readonly theme: ThemeName;
-  /** Hears every change; null is all well. */
+  /** Called at every change of what is wrong with the drawing; null: nothing. */
   readonly onTrouble?: (trouble: DrawingTrouble | null) => void;
-  /** Hears of every picture: for what stands over it. */
+  /** Called after every picture, so that what stands over it can follow. */
   readonly onDrawn?: () => void;
 }
 
@@ -75,7 +68,7 @@ export class RobotScene implements RowView {
   /** Throws an Error with a sentence for people when the browser has no WebGL. */
   constructor(host: HTMLElement, options: SceneOptions) {
     this.#quality = new AdaptiveQuality({
-      applyStep: (step) => this.#keep(step),
+      applyStep: (step) => this.#applyStep(step),
       isCoarse: () => this.#row.coarse,
       isReplaceable: () => this.#row.built,
       report: options.onTrouble ?? (() => {}),
@@ -311,11 +304,11 @@ export class RobotScene implements RowView {
     this.#overlay.show(of, readings, manner);
   }
 
-  get signs(): SeenOverlay {
+  get signs(): RowView['signs'] {
     return this.signsOf(this.#robot);
   }
 
-  signsOf(robot: RobotNode): SeenOverlay {
+  signsOf(robot: RobotNode): RowView['signs'] {
     return { ...this.#overlay.shown(robot), ghostLinks: robot.ghostLinks };
   }
 
@@ -397,8 +390,8 @@ export class RobotScene implements RowView {
     return drawn;
   }
 
-  /** This device is slower or faster than it was thought to be. */
-  #keep({ pixels, shadow, lowest }: QualityStep): void {
+  /** Draws with the pixels, shadows and level of detail of this step from now on. */
+  #applyStep({ pixels, shadow, lowest }: QualityStep): void {
     this.#environment.shadowPixels = SHADOW_PIXELS * shadow;
     if (pixels === 1) this.#surface.sharpness = 1;
     this.#row.keepCoarse(lowest);

@@ -7,57 +7,58 @@ import { type QualityStep, QualitySteps } from './quality_steps.ts';
  *  the light view could show the robot. */
 export type DrawingTrouble = 'lost' | 'failed' | 'pixels' | 'detail' | 'hopeless';
 
-/** Who draws, and who is told. */
+/** The drawing whose quality is adapted. */
 export interface Drawing {
-  /** Draw with so much from now on. */
+  /** Draws with this step's pixels, shadows and level of detail from now on. */
   applyStep(step: QualityStep): void;
-  /** Whether a robot shows less than it could. */
+  /** Whether a robot is drawn with a coarser level of detail than it has. */
   isCoarse(): boolean;
-  /** Whether the light view could take this one's place. */
+  /** Whether the light view could draw what this one draws. */
   isReplaceable(): boolean;
-  /** null is all well. */
+  /** Tells the page what is wrong with the drawing; null: nothing. */
   report(trouble: DrawingTrouble | null): void;
 }
 
-/** What a device can bear: what is given up when it is slow, and how long a lost context is waited for. */
+/** Adapts a drawing to its device: gives up quality while repaints are slow, and reports a lost WebGL context, first as lost
+ *  and, after `PATIENCE_MS` or too many losses, as failed. */
 export class AdaptiveQuality {
   readonly #drawing: Drawing;
   readonly #contextLosses = new ContextLossPolicy();
   readonly #steps = new QualitySteps();
-  #away = false; // the context
+  #contextIsLost = false;
   readonly #giveUp = new Debounce(PATIENCE_MS, () => this.#drawing.report('failed'));
 
   constructor(drawing: Drawing) {
     this.#drawing = drawing;
   }
 
-  /** Of the screen's pixels, along each side, while something moves. */
+  /** How many of the screen's pixels are drawn along each side while something moves: 1 is all, 0.5 every second. */
   get pixels(): number {
     return this.#steps.step.pixels;
   }
 
-  /** How long a repaint took in which something moved all the time. */
+  /** Takes the time between two repaints, ms, during all of which something moved. */
   recordRepaint(ms: number): void {
-    if (this.#steps.recordRepaint(ms)) this.#keep();
+    if (this.#steps.recordRepaint(ms)) this.#applyStep();
   }
 
-  /** As on a device of which nothing is known. */
+  /** Forgets all measurements and returns to full quality. */
   reset(): void {
     this.#steps.reset();
-    this.#keep();
+    this.#applyStep();
   }
 
-  /** The browser took the context away. */
+  /** The browser took the WebGL context away. */
   contextLost(nowMs: number): void {
-    this.#away = true;
+    this.#contextIsLost = true;
     const wait = this.#contextLosses.recordLoss(nowMs);
     this.#drawing.report(wait ? 'lost' : 'failed');
     if (wait) this.#giveUp.restart();
   }
 
-  /** It gave one back. */
+  /** The browser gave a WebGL context back. */
   contextRestored(): void {
-    this.#away = false;
+    this.#contextIsLost = false;
     this.#giveUp.cancel();
     this.#drawing.report(this.#trouble());
   }
@@ -66,9 +67,9 @@ export class AdaptiveQuality {
     this.#giveUp.cancel();
   }
 
-  #keep(): void {
+  #applyStep(): void {
     this.#drawing.applyStep(this.#steps.step);
-    if (!this.#away) this.#drawing.report(this.#trouble()); // what was slow before says nothing of a context that is gone
+    if (!this.#contextIsLost) this.#drawing.report(this.#trouble()); // what was slow before says nothing of a context that is gone
   }
 
   #trouble(): DrawingTrouble | null {

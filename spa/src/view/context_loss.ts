@@ -4,11 +4,11 @@ export const WITHIN_MS = 120_000;
 /** A browser that means to give a context back does so sooner. */
 export const PATIENCE_MS = 8000;
 
-/** How often the browser has taken the WebGL context away. */
+/** Counts how often the browser has taken the WebGL context away, and says when waiting for it makes no more sense. */
 export class ContextLossPolicy {
   #times: number[] = []; // at most MOST_LOSSES + 1
 
-  /** It is gone once more. False when that has been too often. */
+  /** Counts one loss. False when there were more than `MOST_LOSSES` within `WITHIN_MS`: then 3D is given up. */
   recordLoss(nowMs: number): boolean {
     this.#times = [...this.#times.filter((ms) => nowMs - ms < WITHIN_MS), nowMs].slice(-MOST_LOSSES - 1);
     return this.#times.length <= MOST_LOSSES;

@@ -2,7 +2,7 @@
 const MOST_COVERED = 0.4;
 const EASE_SECONDS = 0.25;
 
-/** What stands over a picture's upper and lower edge, CSS px: what is looked at stands between them. */
+/** How far notes and buttons reach into a picture from its upper and lower edge, CSS px; the robot stands between them. */
 export interface Insets {
   readonly above: number;
   readonly below: number;
@@ -22,7 +22,7 @@ export class ViewInsets {
     this.height = height;
   }
 
-  /** True when this covers more or less than before. */
+  /** Sets how much is covered, at once or eased over a quarter of a second. True when that is a change. */
   setInsets(cover: Insets, eased: boolean): boolean {
     if (cover.above === this.#to.above && cover.below === this.#to.below) return false;
     this.#from = this.#cover;
@@ -31,7 +31,7 @@ export class ViewInsets {
     return true;
   }
 
-  /** On its way to another cover. */
+  /** Whether the free part is still easing towards the newest insets. */
   get moving(): boolean {
     return this.#part < 1;
   }
@@ -41,17 +41,17 @@ export class ViewInsets {
     this.#part = Math.min(1, this.#part + seconds / EASE_SECONDS);
   }
 
-  /** From the picture's upper edge to where nothing covers it. */
+  /** Where the free part begins, CSS px below the picture's upper edge. */
   get top(): number {
     return this.#fitting(this.#cover).above;
   }
 
-  /** How high it is. */
+  /** How high the free part is, CSS px. */
   get free(): number {
     return this.#freeOf(this.#cover);
   }
 
-  /** Width : height, as they will be when all has come to rest. */
+  /** Width : height of the free part when the easing has ended. */
   get aspect(): number {
     return this.width / this.#freeOf(this.#to);
   }

@@ -37,6 +37,7 @@ export const STEPS = [
 
 export type QualityStep = (typeof STEPS)[number];
 
+/** The step of quality that a device can draw fast enough, found from the times between its repaints. */
 export class QualitySteps {
   #step = 0;
   #intervals: number[] = [];
@@ -74,7 +75,7 @@ export class QualitySteps {
     return this.#calmMs >= this.#neededMs && this.#up();
   }
 
-  /** As on a device of which nothing is known. */
+  /** Forgets all measurements and returns to full quality. */
   reset(): void {
     this.#step = 0;
     this.#intervals = [];

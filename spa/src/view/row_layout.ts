@@ -4,7 +4,7 @@ const LEAST_ROOM = 0.3;
 const WIDTHS = 1.3;
 const HEIGHTS = 0.6;
 
-/** One that can stand in a line. */
+/** A robot that can stand in a row. */
 export interface RowItem {
   /** Along the world's axes, metres; null while there is no model. */
   readonly size: readonly [x: number, y: number, z: number] | null;
@@ -12,7 +12,7 @@ export interface RowItem {
   standAside(y: number): void;
 }
 
-/** Puts robots beside each other along y, the middle of the line at the origin. */
+/** Puts robots beside each other along y, the middle of the row at the origin. */
 export function layOutRow(robots: readonly RowItem[]): void {
   const rooms = robots.map(({ size }) =>
     size === null ? LEAST_ROOM : Math.max(LEAST_ROOM, size[1] * WIDTHS, size[2] * HEIGHTS),

@@ -5,7 +5,7 @@ import type { RobotLink } from '../state/robot_link.ts';
 import type { Settings } from '../state/settings.ts';
 import { settings } from '../state/settings.ts';
 
-/** What not every view has. */
+/** Members that only one of the two renderers has. */
 type OfOneView = Pick<RobotScene, 'signsOf' | 'robots' | 'topOf' | 'pixelRatio' | 'keepSharp'> & {
   readonly pictureMs: number;
 };

@@ -1,5 +1,5 @@
-/** Begins what has code of its own as soon as that is here; where it does not come, the page does without. Returns the end
- *  of it. */
+/** Starts something as soon as its own chunk is here; where that does not come, the page does without. Returns what stops it,
+ *  also before it has started. */
 export function startWhenLoaded(code: Promise<() => () => void>): () => void {
   let left = false;
   let end: (() => void) | null = null;

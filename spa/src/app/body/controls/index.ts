@@ -1,4 +1,4 @@
-/** What comes with a body: hands for its camera, room for it among what stands over it, and its joints to be chosen. */
+/** What comes with a body, in one chunk: keys and taps for its camera, insets for what stands over it, its joints to be chosen. */
 export { bindSelection } from './body_selection.ts';
 export { attachCameraControls } from './camera_controls.ts';
 export { bindInsets } from './stage_insets.ts';
