@@ -47,7 +47,7 @@ RECHECK_S = 300.0  # accounts of those who watch: signed out, disabled, revoked?
 
 
 class Access:
-    """One per process. `later`: the pump of a DelayedHub, where there is one."""
+    """One per process. `later`: the dispatcher of a DelayedHub, where there is one."""
 
     def __init__(
         self,

@@ -27,7 +27,7 @@ class ReplicaSource:
     def __init__(self) -> None:
         self.generation = 0  # of the newest process that was heard
         self.versions: dict[str, str] = {}  # by view: names the schema, info and model that are here
-        self.told_at: float | None = None  # its standing was told then
+        self.told_at: float | None = None  # its presence was told then
         self.sent_s: float | None = None  # by the store's clock, which may be set at any time
         self.asked_at = float("-inf")  # for what the store holds
         self.was_fed = False  # by the answer
@@ -119,7 +119,7 @@ class ReplicaFeed:
         return out
 
     def standing(self, robot: str, said: Presence, under_way_s: float | None, now: float) -> list[Action]:
-        """How a robot is."""
+        """Take in how a robot is, `under_way_s` seconds after it was sent (None: nobody knows)."""
         found = self._hub.admit(robot)
         if found is None:
             return []

@@ -25,7 +25,7 @@ class TimerQueue(Generic[T]):
             heappush(self._heap, (at, self._count, who))
 
     def due(self, now: float, most: int | None = None) -> list[T]:
-        """Those whose moment has come, `most` of them; they leave the agenda."""
+        """Those whose moment has come, `most` of them; they leave the queue."""
         found: list[T] = []
         while self._heap and self._heap[0][0] <= now and len(found) != most:
             at, _, who = heappop(self._heap)

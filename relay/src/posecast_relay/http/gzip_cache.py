@@ -14,7 +14,9 @@ AT_ONCE = 2  # packed in threads; further ones wait
 
 
 class GzipCache:
-    """Packs what a room keeps, in a thread, and keeps it there as well. Without room all travels as it is."""
+    """Compresses what a ModelMemory keeps, in a thread, and keeps it there as well. Without memory left, all
+    travels as it is.
+    """
 
     def __init__(self, room: ModelMemory) -> None:
         self._room = room

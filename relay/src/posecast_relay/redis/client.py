@@ -7,7 +7,7 @@
                                   model events numbering
     posecast:{ROBOT}:model:HASH   hash: manifest, and the files' ranges as SHA256:OFFSET
     posecast:{ROBOT}:live         sharded channel: what changed, as `messages.py` packs it
-    posecast:{-}:…                the board: see `directory.py`
+    posecast:{-}:…                the directory: see `directory.py`
 
 The braces are part of the name: they keep one robot's keys on one node of a Redis Cluster. No robot is
 called `-`.

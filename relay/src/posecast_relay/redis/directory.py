@@ -1,4 +1,4 @@
-"""The board in Redis: which robots are on air and how many watch them, over all processes.
+"""The directory in Redis: which robots are on air and how many watch them, over all processes.
 
 Each process writes its part once a second and reads the whole in the same call, by Redis's own clock:
 hosts' clocks differ. What no process of ours writes there is taken away, or left out.

@@ -13,7 +13,7 @@ import threading
 
 
 class HostLookup:
-    """Of one host; one thread asks at a time, and the process may end without it."""
+    """Looks up one host's name; one thread asks at a time, and the process may end without it."""
 
     def __init__(self, host: str) -> None:
         self._host = host

@@ -51,7 +51,7 @@ class _Watched:
 
 
 class RedisGateway:
-    """A store for the pump (nothing is kept) and the source of everything it hands out."""
+    """A store for the dispatcher (nothing is kept) and the source of everything it hands out."""
 
     def __init__(self, url: str, dispatcher: Dispatcher) -> None:
         self.link = RedisClient(url)
@@ -85,11 +85,11 @@ class RedisGateway:
         return self.link.seconds, self.losses
 
     def robots(self) -> list[dict[str, Any]] | None:
-        """As the board says."""
+        """As the directory says."""
         return self.directory.documents()
 
     def viewers_elsewhere(self, robot: str) -> int:
-        """As the board says; none while Redis is gone."""
+        """As the directory says; none while Redis is gone."""
         return 0 if self._trouble else self.directory.viewers_elsewhere(robot)
 
     async def start(self) -> None:

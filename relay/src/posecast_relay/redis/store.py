@@ -65,7 +65,7 @@ class _Turn(NamedTuple):
 
 
 class RedisStore:
-    """See the module. `describe` gives a robot's document for the board."""
+    """See the module. `describe` gives a robot's document for the directory."""
 
     def __init__(
         self, url: str, hub: Hub, now: Callable[[], float], describe: Callable[[Robot], dict[str, Any]]
@@ -109,7 +109,7 @@ class RedisStore:
         return None
 
     def viewers_elsewhere(self, robot: str) -> int:
-        """As the board says; none while Redis is gone."""
+        """As the directory says; none while Redis is gone."""
         return 0 if self._trouble else self.directory.viewers_elsewhere(robot)
 
     async def start(self) -> None:

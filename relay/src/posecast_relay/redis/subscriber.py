@@ -68,7 +68,7 @@ class RedisSubscriber:
             self._at[address] = (pubsub, asyncio.create_task(self._listen(pubsub), name="redis ear"))
 
     async def unsubscribe(self, robot: str) -> None:
-        """No more of this robot. REDIS_ERRORS."""
+        """Receive no more messages of this robot. Raises REDIS_ERRORS."""
         async with self._asking:
             pubsub = self._pubsubs.pop(robot, None)
             self._confirmed.pop(robot, None)

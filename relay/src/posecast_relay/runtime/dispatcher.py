@@ -49,8 +49,10 @@ async def _open(_robot: str) -> None:
 
 
 class Dispatcher:
-    """One per process, on the event loop. `ask` is set by whoever can ask an edge; `watch` and `open` by who
-    listens only for robots that somebody asks for.
+    """Carries out what one hub decides, on the event loop, and keeps its timer.
+
+    `ask` is set by whoever can ask an edge; `watch` and `open` by who listens only for robots that somebody
+    asks for.
     """
 
     def __init__(self, hub: Hub, store: StateStore, fan_out: FanOut) -> None:

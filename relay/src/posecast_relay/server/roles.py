@@ -25,7 +25,7 @@ from posecast_relay.zenoh.router import RouterSession
 
 @dataclass(frozen=True)
 class RoleServices:
-    """A role in this process."""
+    """What one role does in this process: where models come from, and how it starts and stops."""
 
     models: ModelCache
     start: Callable[[], Awaitable[None]]
@@ -33,7 +33,7 @@ class RoleServices:
 
 
 def open_part(settings: Settings, router: RouterSession | None, dispatcher: Dispatcher) -> RoleServices:
-    """Gives the pump its store. `door` is None for a gateway only."""
+    """Give the dispatcher its store. `router` is None for a gateway only."""
     cache_bytes = settings.model_cache_mb << 20
     if router is None:
         return _gateway(settings.store, dispatcher, cache_bytes)

@@ -20,7 +20,7 @@ LINE_END = re.compile(r"\r\n|\r|\n")
 
 
 class Encoding(Protocol):
-    """How a viewer wants it."""
+    """Another form of the same stream, as a viewer asked for it."""
 
     def of(self, data: bytes, stream: Stream) -> bytes:
         """These WebSocket messages of this stream, put that way."""

@@ -29,7 +29,7 @@ class NoSuchStream(ValueError):
 
 @dataclass(frozen=True)
 class StreamRequest:
-    """A stream as asked for; the names are still to be checked."""
+    """A stream as a viewer asked for it; its names are still to be checked."""
 
     robot: str
     view: str | None  # None: whichever the asker may see

@@ -20,7 +20,7 @@ HEADS_BYTES = 8 << 20  # of unfinished requests over all connections; beyond, th
 
 
 class RequestTimeouts:
-    """Who connected when; `cut` is called with how many were dropped."""
+    """Connections whose request is not whole yet, and since when; `cut` is told how many were dropped."""
 
     def __init__(self, now: Callable[[], float], cut: Callable[[int], None]) -> None:
         self._now = now
@@ -31,7 +31,7 @@ class RequestTimeouts:
         self._timer: asyncio.TimerHandle | None = None
 
     def came(self, transport: asyncio.Transport) -> None:
-        """It may ask from now on."""
+        """Start the timeout of a connection's next request, unless it runs already."""
         self._since.setdefault(transport, self._now())
         if self._timer is None:
             self._timer = asyncio.get_running_loop().call_later(SWEEP_S, self._sweep)
@@ -49,7 +49,7 @@ class RequestTimeouts:
             self._cut(1)
 
     def asked(self, transport: asyncio.Transport) -> None:
-        """Its request is here, or it is gone."""
+        """Stop the timeout: the request is complete, or the connection is gone."""
         self._since.pop(transport, None)
         self._heard_bytes -= self._heard.pop(transport, 0)
 

@@ -33,7 +33,10 @@ STRANGER = "a certificate of a name that the file of --robots does not let publi
 
 
 class AuthFailures:
-    """Counts them, and logs one now and then. One per process: it takes stdout's place."""
+    """Counts publishers that Zenoh refused, and logs one now and then.
+
+    One per process: it takes stdout's place.
+    """
 
     def __init__(self) -> None:
         self.count = 0
@@ -60,7 +63,7 @@ class AuthFailures:
                     self.refused(STRANGER, time.monotonic())  # linked, and denied everything
 
     def refused(self, why: str, now: float) -> None:
-        """One was."""
+        """Count one refused publisher; log at most one of them in SAY_S seconds, with `why`."""
         self.count += 1
         if now - self._said_at >= SAY_S:
             self._said_at = now

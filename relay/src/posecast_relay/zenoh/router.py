@@ -187,7 +187,7 @@ def _open(endpoints: Sequence[str], auth: ZenohAuth | None) -> zenoh.Session:
 
 
 def reopen_router(endpoints: Sequence[str], auth: ZenohAuth) -> zenoh.Session:
-    """The same door with other locks. ListenError when the port does not come free again."""
+    """The same endpoints with other users. Raises ListenError when the port does not come free again."""
     give_up_at = time.monotonic() + REOPEN_S
     while True:
         try:
@@ -199,10 +199,10 @@ def reopen_router(endpoints: Sequence[str], auth: ZenohAuth) -> zenoh.Session:
 
 
 class RouterSession:
-    """Has an open session, but for the milliseconds of a change."""
+    """The relay's session as a Zenoh router: open, but for the milliseconds of a change of its users."""
 
     def __init__(self, endpoints: Sequence[str], auth: ZenohAuth | None) -> None:
-        """ListenError."""
+        """Raises ListenError when an endpoint can't be listened on. `auth` None: anybody may publish."""
         self._auth = auth
         self.session, self.endpoints = open_router(endpoints, auth)
         self.closing: Callable[[], None] = lambda: None  # the session is about to go

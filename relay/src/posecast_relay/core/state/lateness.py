@@ -22,7 +22,7 @@ DOUBT_ENDS_S = 60.0  # without a question: the next doubt begins with the first 
 
 
 class Lateness:
-    """Of one run. `seconds` is that of its newest message."""
+    """The lateness of one run's messages. `seconds` is that of the newest."""
 
     def __init__(self) -> None:
         self.seconds = 0.0
@@ -53,7 +53,7 @@ class Lateness:
         return self._doubted and now >= self._question_at
 
     def asked(self, now: float) -> None:
-        """The question was asked."""
+        """Note that the edge was asked; the next question waits longer."""
         if now - self._question_at > DOUBT_ENDS_S:
             self._questions = 0
         self._question_at = now + DOUBT_WAITS_S[min(self._questions, len(DOUBT_WAITS_S) - 1)]

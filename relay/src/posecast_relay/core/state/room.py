@@ -284,7 +284,7 @@ class Room:
         return [Send(stream.described(held), viewers) for held, viewers in ready.items()]
 
     def announce(self, event: Event) -> list[Action]:
-        """An event goes to everybody, at once or by the lane."""
+        """An event goes to everybody, at once or by its reliable queue."""
         ready: list[Viewer] = []
         out: list[Action] = []
         for viewer in tuple(self.viewers):
