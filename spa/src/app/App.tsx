@@ -15,7 +15,7 @@ import { useText } from './text/language.ts';
 const RobotList = late(async () => (await loadList()).RobotList);
 // Few visitors want these: they come when they are opened.
 const NothingHere = late(async () => (await import('./pages/NothingHere.tsx')).NothingHere);
-const LinePage = late(async () => (await import('./pages/RowPage.tsx')).RowPage);
+const RowPage = late(async () => (await import('./pages/RowPage.tsx')).RowPage);
 const SettingsSheet = late(async () => (await import('./settings/SettingsSheet.tsx')).SettingsSheet);
 const LocalPage = late(async () => (await import('./pages/local/LocalPage.tsx')).LocalPage);
 
@@ -58,7 +58,7 @@ function Page({ onSettings }: { onSettings: (link?: RobotLink) => void }) {
     case 'robot':
       return <RobotPage key={route.robot} robot={route.robot} onSettings={onSettings} />;
     case 'robots':
-      return <LinePage key={route.robots.join('+')} robots={route.robots} onSettings={onSettings} />;
+      return <RowPage key={route.robots.join('+')} robots={route.robots} onSettings={onSettings} />;
     case 'unknown':
       return <NothingHere hash={route.hash} refused={null} />;
   }

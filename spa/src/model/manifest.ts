@@ -18,7 +18,7 @@ export interface Manifest {
   readonly thumbnail: string | null;
   readonly missing: readonly { readonly uri: string; readonly reason: string }[];
   /** What `posecast-edge doctor` says of the URDF, worst first. */
-  readonly findings: readonly Finding[];
+  readonly findings: readonly ModelFinding[];
 }
 
 export interface LodFile {
@@ -38,7 +38,7 @@ export interface Visual {
   readonly placeholder: string | null;
 }
 
-export interface Finding {
+export interface ModelFinding {
   readonly severity: string;
   readonly line: number | null;
   readonly text: string;

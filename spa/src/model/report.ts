@@ -1,4 +1,4 @@
-import type { Finding } from './manifest.ts';
+import type { ModelFinding } from './manifest.ts';
 import type { MeshFacts } from './mesh_facts.ts';
 
 /** What came of loading a robot's model: shown to people, and read by tests. */
@@ -12,7 +12,7 @@ export interface ModelReport {
   /** One line for each thing that is odd in the URDF or in a mesh and was worked around. */
   problems: string[];
   /** What the edge's doctor says of the model, worst first; nothing for raw files. */
-  findings?: readonly Finding[];
+  findings?: readonly ModelFinding[];
   /** What reading the meshes of raw files has told, by the URDF's URI. */
   meshes?: ReadonlyMap<string, MeshFacts>;
   /** Set when only the skeleton can be shown: one line, why. */

@@ -1,5 +1,5 @@
 /**
- * Where the eye stands to see a whole robot: shared by the camera and by the sketch that is drawn before it, so that
+ * Where the eye stands to see a whole robot: shared by the camera and by the stick figure that is drawn before it, so that
  * nothing jumps when one takes the other's place. World: Z up, metres. Angles: degrees.
  */
 

@@ -6,7 +6,7 @@ import { bytesWords } from '../status/words.ts';
 import { useMore } from '../text/more.ts';
 import { ShownChoice } from './overlay/ShownChoice.tsx';
 
-const SignMenu = late(async () => (await import('./overlay/OverlayMenu.tsx')).OverlayMenu);
+const OverlayMenu = late(async () => (await import('./overlay/OverlayMenu.tsx')).OverlayMenu);
 
 /** What to look at and from where. */
 export function BodyTools({ link, view, shown }: { link: RobotLink; view: BodyView; shown: boolean }) {
@@ -26,7 +26,7 @@ export function BodyTools({ link, view, shown }: { link: RobotLink; view: BodyVi
         <Tool onClick={() => view.look('top')}>{text.top}</Tool>
       </fieldset>
       <Suspense fallback={null}>
-        <SignMenu links={[link]} />
+        <OverlayMenu links={[link]} />
       </Suspense>
       {shown && <Finer scene={view} />}
     </div>

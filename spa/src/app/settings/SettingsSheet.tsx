@@ -12,7 +12,7 @@ import '../styles/signs.css';
 
 /** For those who open the sheet: the page itself starts without. */
 const SignIn = late(async () => (await import('../account/SignIn.tsx')).SignIn);
-const Limits = late(async () => (await import('./Limits.tsx')).Limits);
+const LimitSettings = late(async () => (await import('./LimitSettings.tsx')).LimitSettings);
 
 /** Few, and in one place. */
 export function SettingsSheet({ link, onClose }: { link: RobotLink | null; onClose: () => void }) {
@@ -130,7 +130,7 @@ export function SettingsSheet({ link, onClose }: { link: RobotLink | null; onClo
       </label>
       {link !== null && (
         <Suspense fallback={null}>
-          <Limits link={link} />
+          <LimitSettings link={link} />
         </Suspense>
       )}
       <Choice<Settings['follow']>

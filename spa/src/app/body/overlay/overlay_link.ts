@@ -16,14 +16,14 @@ export interface OverlayLink {
 /** Lets what is drawn beside the body follow the twin, outside React. */
 export function bindOverlay(scene: OverlaidBody, { twin, watch }: RobotLink): OverlayLink {
   let reader: OverlayReader | null = null;
-  let haunted = false;
+  let ghostShown = false;
 
   const follow = () => {
     const { schema, state, limits } = twin;
     if (schema === null || state === null || limits === null) {
       scene.showSigns(null);
-      if (haunted) scene.showGhost(null);
-      haunted = false;
+      if (ghostShown) scene.showGhost(null);
+      ghostShown = false;
       return;
     }
     if (reader?.schema !== schema) reader = new OverlayReader(schema);
@@ -32,8 +32,8 @@ export function bindOverlay(scene: OverlaidBody, { twin, watch }: RobotLink): Ov
     const ghost = reader.ghost(readings, choice);
     scene.lockHeading(choice.headingLocked);
     if (ghost !== null) scene.showGhost(ghost, [...ghost.keys()]);
-    else if (haunted) scene.showGhost(null);
-    haunted = ghost !== null;
+    else if (ghostShown) scene.showGhost(null);
+    ghostShown = ghost !== null;
     const { arrowScale, palette, angle, shown } = choice;
     const from = shown === 'ref' && reader.can.lens ? 'ref' : 'pos';
     const live = watch.word === 'LIVE' || watch.word === 'HOLDING';

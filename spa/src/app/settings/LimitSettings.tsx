@@ -10,7 +10,7 @@ import { more, useMore } from '../text/more.ts';
 const LIVE_EVERY_MS = 250;
 
 /** The limits of this robot, place by place: a slider with both ends, and the same as numbers. */
-export function Limits({ link }: { link: RobotLink }) {
+export function LimitSettings({ link }: { link: RobotLink }) {
   useVersion(link);
   const text = useMore();
   const { twin } = link;
