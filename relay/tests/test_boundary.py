@@ -1,4 +1,4 @@
-"""What raises at one connection ends that connection: each function of the adapters fails, one by one."""
+"""What raises at one connection ends that connection: each function that serves one fails, one by one."""
 
 from __future__ import annotations
 
@@ -55,13 +55,25 @@ NAMED = {
         "LiveSocket._show",
     ),
     *("LiveSocket._enter_by", "LiveSocket._refuse_entry", "LiveSocket.write_as", "LiveSocket.resume_writing"),
-    *("EventStream.start", "EventStream.resume_writing", "EventForm.of", "JsonForm.of", "Access.judge"),
+    *(
+        "EventStream.start",
+        "EventStream.resume_writing",
+        "EventStreamEncoding.of",
+        "JsonEncoding.of",
+        "Access.judge",
+    ),
 }
 ANSWERED = {
     *("HttpConnection._feed", "HttpConnection.on_url", "HttpConnection.on_header", "HttpConnection._begin"),
     *("HttpConnection._start_asgi_task", "HttpConnection._answer", "HttpConnection.on_headers_complete"),
     *("_Http._upgrade", "_Http._take_over", "_Http._enter", "_Http._enter_by", "LiveSocket._handshake"),
-    *("Answers.answer", "StateReader.read", "UnderWay.wait", "Access.frame_ancestors", "Addresses.enter"),
+    *(
+        "AnswerCache.answer",
+        "StateReader.read",
+        "PendingRequests.wait",
+        "Access.frame_ancestors",
+        "Addresses.enter",
+    ),
 }
 
 
