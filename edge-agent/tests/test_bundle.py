@@ -107,6 +107,10 @@ def test_nothing_outside_is_served(tmp_path: Path) -> None:
         ("", "line 1: not XML: no element found"),
         ("<sdf/>", "line 1: this is SDF, not URDF"),
         ('<!DOCTYPE r [<!ENTITY a "b">]><robot>&a;</robot>', "line 1: a document type (DTD) is not accepted"),
+        (
+            "<robot>" + "".join(f"<p{i}:a/>" for i in range(1001)) + "</robot>",
+            "line 1: more than 1000 prefixes",
+        ),
         ("<robot>" + "<a>" * 70 + "</a>" * 70 + "</robot>", "line 1: nested more than 64 deep"),
         ("\x00\x01", "line 1: not XML: not well-formed"),
     ],

@@ -209,7 +209,7 @@ def rosbridge(data: bytes) -> None:
 DOWNSTREAM = (SourceError, SchemaError)  # a first sample that no schema can be made of
 
 TARGETS = (
-    Target("jsonl", jsonl, (LineError, *DOWNSTREAM), stretched=1 << 16),
+    Target("jsonl", jsonl, (LineError, *DOWNSTREAM), stretched=1 << 16, ms_per_kb=20),
     Target("csv", csv, DOWNSTREAM, stretched=1 << 17),
     Target("mcap", mcap, DOWNSTREAM),
     Target("trajectory", trajectory, DOWNSTREAM, ms_per_kb=20),

@@ -31,6 +31,8 @@ LISTED = ("https://good.com", "https://lab.example:8443")
         ("null", False),
         ("", False),
         ("https://[", False),
+        (" https://relay.example", False),
+        ("https://relay.example ", False),
         ("*", False),
     ],
 )

@@ -5,6 +5,7 @@ const MAX_ELEMENTS = 50_000;
 const MAX_DEPTH = 64;
 /** A browser looks through all that are declared for each name. */
 const MAX_PREFIXES = 1000;
+const QUOTED = /"[^"]*"|'[^']*'/g;
 
 /** No XML that is accepted: one line, and where. */
 export class XmlRefused extends Error {
@@ -127,8 +128,8 @@ function scan(text: string): { lines: number[]; declared: string } {
       break;
     }
     root ??= tag.index + 1 + name.length;
-    for (const [, prefix] of `${name} ${attributes}`.matchAll(/(?:^|\s)([\w.-]+):[\w.-]+/g))
-      prefixes.add(prefix!);
+    const names = `${name} ${attributes.replace(QUOTED, '""')}`; // what a value says is no name
+    for (const [, prefix] of names.matchAll(/(?:^|\s)([\w.-]+):[\w.-]+/g)) prefixes.add(prefix!);
     if (prefixes.size > MAX_PREFIXES) throw new XmlRefused(`more than ${MAX_PREFIXES} prefixes`, line);
     lines.push(line);
     if (lines.length > MAX_ELEMENTS) throw new XmlRefused(`more than ${MAX_ELEMENTS} elements`, line);

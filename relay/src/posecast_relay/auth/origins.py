@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection
-from urllib.parse import urlsplit
 
 # what a browser sends as `Origin`, and nothing that could end a header or a list in one
 ORIGIN = re.compile(r"https?://(\[[0-9a-f:]+\]|[A-Za-z0-9._-]+)(:\d{1,5})?")
@@ -20,9 +19,4 @@ def may_show(origin: str | None, host: str | None, listed: Collection[str]) -> b
         return True
     if origin in listed:
         return True
-    try:
-        parts = urlsplit(origin)
-    except ValueError:
-        return False
-    plain = not parts.path and not parts.query and not parts.fragment and parts.username is None
-    return plain and parts.scheme in ("http", "https") and bool(host) and parts.netloc == host
+    return ORIGIN.fullmatch(origin) is not None and origin.partition("://")[2] == host

@@ -14,9 +14,11 @@ from xml.parsers import expat
 from posecast_edge.model.finding import ModelRefused
 
 CHUNK = 1 << 20
+PREFIXES_MAX = 1000  # of namespaces, as in the page: a browser searches all of them for each element
 TOKEN_MAX = 2 << 20  # bytes of one tag with its attributes: expat starts anew on it with every chunk
 
 BLANKS = re.compile(rb"\s+")
+PREFIX = re.compile(r"([\w.-]+):[\w.-]+", re.ASCII)
 DECLARATION_MAX = 200  # bytes
 
 NO_ATTRIBUTES: Mapping[str, str] = {}
@@ -80,6 +82,7 @@ def read_xml(
     stack: list[Element] = []
     pieces: list[list[str]] = []
     root: list[Element] = []
+    prefixes: set[str] = set()
     count = 0
 
     def start(tag: str, attributes: dict[str, str]) -> None:
@@ -87,6 +90,9 @@ def read_xml(
         count += 1
         if count > elements_max:
             raise ModelRefused(f"more than {elements_max} elements", parser.CurrentLineNumber)
+        prefixes.update(_prefixes(tag, attributes))
+        if len(prefixes) > PREFIXES_MAX:
+            raise ModelRefused(f"more than {PREFIXES_MAX} prefixes", parser.CurrentLineNumber)
         if len(stack) >= depth_max:
             raise ModelRefused(f"nested more than {depth_max} deep", parser.CurrentLineNumber)
         element = Element(tag, attributes, parser.CurrentLineNumber)
@@ -129,6 +135,13 @@ def read_xml(
     except (LookupError, UnicodeError, ValueError) as e:  # an encoding nobody knows
         raise ModelRefused(f"not XML: {e}", parser.CurrentLineNumber) from None
     return root[0]
+
+
+def _prefixes(tag: str, attributes: Mapping[str, str]) -> Iterator[str]:
+    """Of the names of an element."""
+    for name in (tag, *attributes):
+        if ":" in name and (match := PREFIX.match(name)):
+            yield match[1]
 
 
 def _chunks(source: BinaryIO, bytes_max: int) -> Iterator[bytes]:
