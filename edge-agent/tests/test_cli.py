@@ -166,7 +166,7 @@ def test_a_stream_that_is_closed_or_full_is_no_traceback(arguments: str) -> None
         timeout=30,
         check=False,
     )
-    assert done.stderr.count("\n") <= 1, done.stderr
+    assert done.stderr.count("\n") <= 2, done.stderr  # what happened, and why there is no link
     assert "Traceback" not in done.stderr
     if "head" not in arguments:  # which may have read it all in time
         assert done.returncode == STREAMS[arguments]

@@ -29,7 +29,7 @@ UPGRADE = (
 )
 BEARER = f"Authorization: Bearer {TOKEN}"
 PATIENCE_S = 0.1  # without a byte: nothing more will come
-WHILE_S = 0.12  # a stream is listened to
+WHILE_S = 0.12  # a stream is listened to at first; longer with each try, since a busy machine needs longer
 SIDE_BY_SIDE = 3  # relays, each with a part of the functions
 TRIES = 30  # on a busy machine not all is done in that time
 # not called by anything that a viewer does while a relay runs
@@ -88,6 +88,7 @@ class Victim:
 
     def __init__(self, port: int) -> None:
         self._port = port
+        self.while_s = WHILE_S
 
     def ask(self, path: str, *lines: str, send: bytes = b"", method: str = "GET") -> bytes:
         """All that the relay says, until it says no more."""
@@ -104,7 +105,7 @@ class Victim:
             sock.connect(("127.0.0.1", self._port))
             for part in parts:
                 sock.sendall(part)
-                until_s = time.monotonic() + WHILE_S
+                until_s = time.monotonic() + self.while_s
                 with contextlib.suppress(TimeoutError):
                     while time.monotonic() < until_s and (got := sock.recv(65536)):
                         said += got
@@ -177,7 +178,8 @@ async def suffer(relay: Relay, faults: int, other: ZenohEdge, names: list[str]) 
         await client.get("/livez")  # its connection is one of those that stay
         first, descriptors = innocent.frames[-1][1].seq, open_files(relay)
         for known in names:
-            for _ in range(1 if known in AT_OTHER_TIMES else TRIES):
+            for tried in range(1 if known in AT_OTHER_TIMES else TRIES):
+                victim.while_s = WHILE_S * (1 + tried)
                 set_fault(faults, known)
                 heard = b"".join(await asyncio.to_thread(victim.do_everything))
                 if set_fault(faults, ""):
