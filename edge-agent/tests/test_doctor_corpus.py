@@ -15,7 +15,7 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).parent))  # when run by itself
 
 from model_stage import joint, link, mesh, robot
-from posecast_edge.model.doctor import skeleton as doctor
+from posecast_edge import model
 from posecast_edge.model.doctor.meshes import MeshFacts
 from posecast_edge.model.doctor.skeleton import examine
 from posecast_edge.model.finding import SEVERITIES
@@ -147,10 +147,11 @@ def test_the_page_is_held_to_what_the_doctor_says() -> None:
 
 
 def test_every_rule_of_the_doctor_is_in_the_file_or_the_edge_s_alone() -> None:
-    folder = Path(doctor.__file__).parent
+    folder = Path(model.__file__).parent
+    files = ("doctor/skeleton", "doctor/meshes", "urdf/reader", "urdf/tree", "urdf/xml_tree")
     rules = {
         code
-        for name in ("doctor", "doctor_meshes", "urdf_reader", "tree", "xml_tree")
+        for name in files
         for code in re.findall(
             rf'"(?:{"|".join(SEVERITIES)})",\s*"([a-z-]+)"', (folder / f"{name}.py").read_text("utf-8")
         )

@@ -68,7 +68,7 @@ def test_nonsense_for_an_echo(router: Router, edge_on_air: Edge, kind: str) -> N
     assert memory_kb(edge_on_air.process.pid) < RSS_KB_MAX
     answering.undeclare()  # type: ignore[no-untyped-call]
     run_id = router.frames[-1].stamp.run_id
-    router.echo = lambda: Echo(run_id, 1 << 31, 0.0)
+    router.echo = lambda: Echo(run_id, router.frames[-1].header.seq, 0.0)
     until(lambda: any("on air" in line for line in edge_on_air.lines), "on air", 20.0)
 
 

@@ -220,7 +220,7 @@ def test_nothing_flows_towards_the_robot(router: Router, fed: tuple[Edge, Feeder
 def test_progress_follows_the_echo(router: Router, fed: tuple[Edge, Feeder]) -> None:
     edge, _ = fed
     router.echo = lambda: (
-        Echo(router.frames[-1].stamp.run_id, len(router.frames), 0.0) if router.frames else None
+        Echo(router.frames[-1].stamp.run_id, router.frames[-1].header.seq, 0.0) if router.frames else None
     )
     until(lambda: any("on air" in line for line in edge.lines), "on air", 15.0)
     line = next(line for line in edge.lines if "on air" in line)
@@ -240,7 +240,7 @@ def test_late_frames_halve_the_rate(router: Router, fed: tuple[Edge, Feeder]) ->
         return (len(recent) - 1) / (recent[-1] - recent[0]) if len(recent) > 1 else 0.0
 
     until(lambda: 0 < rate() < 20, "half the rate", 10.0)
-    router.echo = lambda: Echo(run_id, 1 << 31, 0.0)
+    router.echo = lambda: Echo(run_id, router.frames[-1].header.seq, 0.0)
     until(lambda: any("frames arrive in time: 30 Hz again" in line for line in fed[0].lines), "30 Hz", 30.0)
 
 
