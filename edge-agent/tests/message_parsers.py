@@ -13,14 +13,13 @@ import ros_stage
 import rosbridge_stage
 from hubo_structs import state
 from parser_stage import Input, Parser, Work, Worst, in_one_line, written
-from posecast_edge.sources.hubo.ach_channel import Channel, ChannelError
-from posecast_edge.sources.hubo.achd_protocol import AchdParser
-from posecast_edge.sources.hubo.achd_protocol import ProtocolError as AchdError
-from posecast_edge.sources.hubo.state import Decoder, UnknownFrame
+from posecast_edge.sources.hubo.ach_channel import AchChannel, ChannelError
+from posecast_edge.sources.hubo.achd_protocol import AchdParser, AchdProtocolError
+from posecast_edge.sources.hubo.state import HuboDecoder, UnknownFrame
 from posecast_edge.sources.ros.cdr import CdrReader
 from posecast_edge.sources.ros.merge import MessageMerger
-from posecast_edge.sources.ros.messages import READERS, STRING, MessageError, read_message, text_of
-from posecast_edge.sources.ros.rosbridge_protocol import MessageAssembler, ProtocolError, Publish
+from posecast_edge.sources.ros.messages import READERS, STRING, RosMessageError, read_message, text_of
+from posecast_edge.sources.ros.rosbridge_protocol import MessageAssembler, Publish, RosbridgeProtocolError
 
 
 def pieces(data: bytes, size: int) -> list[bytes]:
@@ -43,7 +42,7 @@ def ach_work(given: Input, folder: Path) -> Work:
     path = written(given, folder, "channel")
 
     def work() -> None:
-        channel = Channel(path)
+        channel = AchChannel(path)
         try:
             for _ in range(2):
                 channel.keep()
@@ -69,7 +68,7 @@ def rosbridge_work(given: Input, folder: Path) -> Work:
 def hear(ear: MessageAssembler, data: str | bytes) -> None:
     """A message of a server's, and what it says of a robot. A refusal of one is no refusal of the others."""
     heard = None
-    with in_one_line(ProtocolError):
+    with in_one_line(RosbridgeProtocolError):
         heard = ear.feed(data)
     if isinstance(heard, Publish):
         report(heard.message)
@@ -79,10 +78,10 @@ def report(message: object) -> None:
     """A message, as of each type it can be."""
     merge = MessageMerger(True, lambda text: None)
     for type_name in READERS:
-        with in_one_line(MessageError):
+        with in_one_line(RosMessageError):
             merge.take("/x", "pos", type_name, read_message(type_name, message), 1.0)
     merge.sample(2.0)
-    with in_one_line(MessageError):
+    with in_one_line(RosMessageError):
         text_of(message).encode()
 
 
@@ -98,7 +97,7 @@ def cdr_work(given: Input, folder: Path) -> Work:
 
     def work() -> None:
         for type_name in (*READERS, STRING):
-            with in_one_line(MessageError):
+            with in_one_line(RosMessageError):
                 report(CDR.read(type_name, given.data))
 
     return work
@@ -204,7 +203,7 @@ PARSERS = (
         "achd",
         ("sources.achd_protocol.Conversation.feed",),
         achd_work,
-        (AchdError,),
+        (AchdProtocolError,),
         (achd_frames(3, 300), b"status: 0\nmessage: fine\n.\n" + achd_frames(1, 1)[12:]),
         {
             "frames in parts": Worst(lambda n: achd_frames(n, 4000), 8),
@@ -222,7 +221,7 @@ PARSERS = (
     Parser(
         "hubo_state",
         ("sources.hubo_state.Decoder.decode",),
-        lambda given, folder: lambda: Decoder(None).decode(given.data),
+        lambda given, folder: lambda: HuboDecoder(None).decode(given.data),
         (UnknownFrame,),
         (bytes(state()),),
         {"a foreign frame": Worst(lambda n: bytes(state()) * n, 100)},

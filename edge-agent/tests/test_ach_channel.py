@@ -14,7 +14,7 @@ import pytest
 from ach_stage import HEADER, Writer, patterned
 from edge_stage import until
 from posecast_edge.sources.hubo import ach_channel
-from posecast_edge.sources.hubo.ach_channel import Channel, ChannelError
+from posecast_edge.sources.hubo.ach_channel import AchChannel, ChannelError
 from posecast_edge.sources.hubo.ach_shm import ShmReader
 
 
@@ -23,7 +23,7 @@ def path(tmp_path: Path) -> Path:
     return tmp_path / "achshm-hubo-state"
 
 
-def newest(channel: Channel) -> bytes | None:
+def newest(channel: AchChannel) -> bytes | None:
     """The newest frame, where only that is asked for."""
     frames = channel.fresh()
     return frames[-1] if frames else None
@@ -31,7 +31,7 @@ def newest(channel: Channel) -> bytes | None:
 
 def test_the_newest_frame_once(path: Path) -> None:
     writer = Writer(path)
-    channel = Channel(path)
+    channel = AchChannel(path)
     assert newest(channel) is None
     writer.put(b"one")
     assert newest(channel) == b"one"
@@ -47,7 +47,7 @@ def test_all_that_is_there_comes_once_and_in_order(path: Path) -> None:
     writer = Writer(path)
     for i in range(3):
         writer.put(bytes([i]) * 3898)
-    channel = Channel(path)
+    channel = AchChannel(path)
     assert channel.holds(3898) == 7
     assert channel.fresh() == [bytes([2]) * 3898], "what was before us is not news"
     assert channel.fresh() == []
@@ -65,7 +65,7 @@ def test_all_that_is_there_comes_once_and_in_order(path: Path) -> None:
 
 def test_what_was_kept_comes_first_and_nothing_twice(path: Path) -> None:
     writer = Writer(path)
-    channel = Channel(path)
+    channel = AchChannel(path)
     channel.keep()
     assert channel.fresh() == []
     writer.put(bytes(3898))
@@ -89,7 +89,7 @@ def test_a_kept_frame_that_the_writer_crossed_is_left_out(
     size = 3896
     writer = Writer(path, frames=8, frame_size=size)
     writer.put(patterned(0, size))
-    channel = Channel(path)
+    channel = AchChannel(path)
     channel.fresh()
     for i in range(1, 8):
         writer.put(patterned(i, size))
@@ -119,7 +119,7 @@ def test_a_large_channel_is_not_kept(path: Path, monkeypatch: pytest.MonkeyPatch
     writer = Writer(path, frames=200, frame_size=size)
     for i in range(3):
         writer.put(patterned(i, size))
-    channel = Channel(path)
+    channel = AchChannel(path)
     channel.fresh()
     writer.put(patterned(3, size))
     with monkeypatch.context() as m:
@@ -135,7 +135,7 @@ def test_an_elder_frame_that_the_writer_crosses_is_left_out(
     size = 3896
     writer = Writer(path, frames=8, frame_size=size)
     writer.put(patterned(0, size))
-    channel = Channel(path)
+    channel = AchChannel(path)
     assert channel.fresh() == [patterned(0, size)]
     for i in range(1, 8):
         writer.put(patterned(i, size))
@@ -159,7 +159,7 @@ def test_a_channel_begun_anew_in_its_place_is_followed(path: Path) -> None:
     writer = Writer(path)
     for i in range(30):
         writer.put(bytes([i]) * 100)
-    channel = Channel(path)
+    channel = AchChannel(path)
     assert newest(channel) == bytes([29]) * 100
     Writer(path).put(b"first again")
     assert newest(channel) == b"first again"
@@ -177,7 +177,7 @@ def test_it_can_do_nothing_but_read(path: Path, monkeypatch: pytest.MonkeyPatch)
     writer = Writer(path)
     writer.put(b"x" * 3898)
     before = path.read_bytes()
-    channel = Channel(path)
+    channel = AchChannel(path)
     newest(channel)
     assert path.read_bytes() == before, "not even the mutex has changed"
     assert [f & os.O_ACCMODE for f in opened] == [os.O_RDONLY]
@@ -191,7 +191,7 @@ def test_a_frame_the_writer_crosses_is_read_again(path: Path, monkeypatch: pytes
     writer = Writer(path, frames=3, frame_size=size)
     for i in range(3):
         writer.put(patterned(i, size))
-    channel = Channel(path)
+    channel = AchChannel(path)
     really = os.pread
     crossings = iter([True, True])
 
@@ -214,7 +214,7 @@ def test_frames_that_lie_far_apart_are_read_one_by_one(path: Path, monkeypatch: 
     writer = Writer(path, frames=200, frame_size=size)
     for i in range(199):
         writer.put(patterned(i, size))
-    channel = Channel(path)
+    channel = AchChannel(path)
     channel.fresh()
     for i in range(199, 202):
         writer.put(patterned(i, size))
@@ -235,7 +235,7 @@ def test_a_look_is_three_reads_however_many_frames_it_brings(
 ) -> None:
     writer = Writer(path)
     writer.put(b"x" * 3898)
-    channel = Channel(path)
+    channel = AchChannel(path)
     channel.fresh()
     really = os.pread
     reads = 0
@@ -262,7 +262,7 @@ def test_a_writer_that_always_laps_us_is_given_up_for_now(
 ) -> None:
     writer = Writer(path, frames=3, frame_size=800)
     writer.put(patterned(1, 800))
-    channel = Channel(path)
+    channel = AchChannel(path)
     really = os.pread
     puts = 0
 
@@ -291,7 +291,7 @@ def test_beside_a_real_writer_no_frame_is_torn(path: Path) -> None:
         assert writer.stdout is not None
         assert writer.stdin is not None
         assert writer.stdout.readline() == b"ready\n"
-        channel = Channel(path)
+        channel = AchChannel(path)
         numbers: list[int] = []
         deadline = time.monotonic() + 60
         while len(numbers) < 3000 and time.monotonic() < deadline:
@@ -335,19 +335,19 @@ AFTER_INDEX = HEADER + 8 + 24 * COUNT
 def test_another_layout_is_refused_in_one_line(path: Path, place: int, content: bytes, message: str) -> None:
     damaged(path, place, content)
     with pytest.raises(ChannelError) as caught:
-        Channel(path)
+        AchChannel(path)
     assert message in str(caught.value)
 
 
 def test_a_stub_a_shrunk_file_and_an_index_that_points_outside(path: Path) -> None:
     path.write_bytes(b"\xf3\x11\x75\xb0")
     with pytest.raises(ChannelError, match="only 4 bytes"):
-        Channel(path)
+        AchChannel(path)
     damaged(path, HEADER + 8, struct.pack("<QQQ", 3898, 29_000, 1))
     with pytest.raises(ChannelError, match="its index points at byte 29000, 3898 long, of 30000"):
-        Channel(path).fresh()
+        AchChannel(path).fresh()
     Writer(path).put(b"x" * 3898)
-    channel = Channel(path)
+    channel = AchChannel(path)
     os.truncate(path, 200)
     with pytest.raises(ChannelError, match="shrunk"):
         newest(channel)

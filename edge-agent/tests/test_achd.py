@@ -17,7 +17,7 @@ from edge_stage import free_port, until
 from posecast_edge.sources.backoff import Backoff
 from posecast_edge.sources.hubo import achd as achd_module
 from posecast_edge.sources.hubo.achd import BATCH_BYTES, AchdReader, BatchTimer
-from posecast_edge.sources.hubo.achd_protocol import AchdParser, ProtocolError, request
+from posecast_edge.sources.hubo.achd_protocol import AchdParser, AchdProtocolError, request
 from posecast_edge.sources.hubo.reconnecting import KEPT_MAX
 
 OK = b"frame-count: 10\nframe-size: 3000\nstatus: 0 # ACH_OK\n.\n"
@@ -85,7 +85,7 @@ def test_what_is_no_frame_is_said_in_one_line(said: bytes, message: str) -> None
             c.feed(said[i : i + step])
 
     for step in (1, len(said)):
-        with pytest.raises(ProtocolError) as caught:
+        with pytest.raises(AchdProtocolError) as caught:
             talk(step)
         assert message in str(caught.value)
         assert str(caught.value).isprintable()
@@ -385,7 +385,7 @@ def test_noise_is_refused_or_waited_for_and_never_kept() -> None:
     dice = random.Random(1)
     for _ in range(300):
         c = AchdParser()
-        with suppress(ProtocolError):
+        with suppress(AchdProtocolError):
             if dice.random() < 0.5:
                 c.feed(OK)
             for _ in range(50):

@@ -17,7 +17,7 @@ import ros_stage
 from message_parsers import MESSAGE, as_cbor, doubling, publish
 from parser_stage import held_bytes
 from posecast_edge.rate_limited_log import RateLimitedLog
-from posecast_edge.sources.hubo.ach_channel import Channel, ChannelError
+from posecast_edge.sources.hubo.ach_channel import AchChannel, ChannelError
 from posecast_edge.sources.hubo.achd import BatchTimer
 from posecast_edge.sources.ros.cdr import CdrReader
 from posecast_edge.sources.ros.input import RosInput
@@ -26,14 +26,19 @@ from posecast_edge.sources.ros.messages import (
     DIAGNOSTICS,
     JOINT_STATE,
     STRING,
-    MessageError,
     Report,
+    RosMessageError,
     read_message,
     text_of,
 )
 from posecast_edge.sources.ros.ros2 import BACKLOG_MAX, Inbox
 from posecast_edge.sources.ros.rosbridge import RosbridgeConnection
-from posecast_edge.sources.ros.rosbridge_protocol import MESSAGE_MAX, MessageAssembler, ProtocolError, Publish
+from posecast_edge.sources.ros.rosbridge_protocol import (
+    MESSAGE_MAX,
+    MessageAssembler,
+    Publish,
+    RosbridgeProtocolError,
+)
 from recording_parsers import WALKER
 
 
@@ -61,7 +66,7 @@ BAD: dict[str, dict[str, object]] = {
 
 @pytest.mark.parametrize("case", BAD)
 def test_messages_that_are_dropped(case: str) -> None:
-    with pytest.raises(MessageError) as refused:
+    with pytest.raises(RosMessageError) as refused:
         read_message(JOINT_STATE, joint_states(**BAD[case]))
     assert len(str(refused.value)) < 200
     assert str(refused.value).isprintable()
@@ -75,16 +80,16 @@ def test_texts_are_cut() -> None:
 
 
 def test_half_a_character_is_no_description() -> None:
-    with pytest.raises(MessageError, match="half a character"):
+    with pytest.raises(RosMessageError, match="half a character"):
         text_of({"data": "<robot name='\ud800'/>"})
     intake = RosInput("robot", None)
-    with pytest.raises(MessageError, match="half a character"):
+    with pytest.raises(RosMessageError, match="half a character"):
         intake.describe("<robot name='\ud800'/>")
 
 
 def test_a_payload_too_large_is_not_decoded() -> None:
     cdr = CdrReader()
-    with pytest.raises(MessageError, match="too large"):
+    with pytest.raises(RosMessageError, match="too large"):
         cdr.read(JOINT_STATE, b"\0\1\0\0" + bytes(1 << 19))
     assert text_of(cdr.read(STRING, ros_stage.text_message("x" * (1 << 19)))) == "x" * (1 << 19)
 
@@ -95,7 +100,7 @@ def test_a_sequence_that_claims(count: int) -> None:
     cdr = CdrReader()
 
     def read() -> None:
-        with pytest.raises(MessageError):
+        with pytest.raises(RosMessageError):
             cdr.read(JOINT_STATE, payload)
 
     assert held_bytes(read) < 1 << 20
@@ -171,7 +176,7 @@ def test_fragments_are_bounded_together() -> None:
 
 @pytest.mark.parametrize("name", ["x" * 5000, 10**30, None, ["a"], 1.5])
 def test_a_fragment_of_a_strange_name(name: object) -> None:
-    with pytest.raises(ProtocolError, match="a fragment that is none"):
+    with pytest.raises(RosbridgeProtocolError, match="a fragment that is none"):
         MessageAssembler().feed(fragment(name, "x"))
 
 
@@ -184,14 +189,14 @@ def test_a_number_of_thousands_of_digits_is_no_name() -> None:
         MessageAssembler().feed(said)
     whole = {"op": "fragment", "data": "x", "num": 0, "total": 2}
     said = cbor2.dumps(whole)
-    with pytest.raises(ProtocolError):
+    with pytest.raises(RosbridgeProtocolError):
         MessageAssembler().feed(b"\xa5" + said[1:] + cbor2.dumps("id") + number)
 
 
 def test_lists_that_hold_a_list_twice_are_not_written_out() -> None:
     heard = MessageAssembler().feed(doubling(150))
     assert isinstance(heard, Publish)
-    with pytest.raises(MessageError):
+    with pytest.raises(RosMessageError):
         read_message(JOINT_STATE, heard.message)
 
 
@@ -211,11 +216,11 @@ def test_lists_that_hold_a_list_twice_are_not_written_out() -> None:
 def test_tags_that_are_not_read(value: str) -> None:
     try:
         heard = MessageAssembler().feed(as_cbor(bytes.fromhex(value)))
-    except ProtocolError as e:
+    except RosbridgeProtocolError as e:
         assert str(e).isprintable()  # noqa: PT017
         return
     assert isinstance(heard, Publish)
-    with pytest.raises(MessageError):
+    with pytest.raises(RosMessageError):
         read_message(JOINT_STATE, heard.message)
 
 
@@ -231,7 +236,7 @@ def test_tags_that_are_not_read(value: str) -> None:
 )
 def test_messages_that_would_grow(data: str | bytes, reason: str) -> None:
     def feed() -> None:
-        with pytest.raises(ProtocolError, match=reason):
+        with pytest.raises(RosbridgeProtocolError, match=reason):
             MessageAssembler().feed(data)
 
     assert held_bytes(feed) < 8 << 20
@@ -289,7 +294,7 @@ def test_frames_that_claim_the_channel(tmp_path: Path) -> None:
     """A channel of 60 MB, of which each of 60 entries claims all."""
     path = tmp_path / "channel"
     writer = ach_stage.Writer(path, frames=60, frame_size=1 << 20)
-    channel = Channel(path)
+    channel = AchChannel(path)
     writer.put(bytes(100))
     assert len(channel.fresh()) == 1
     for i in range(60):
@@ -309,7 +314,7 @@ def test_a_pipe_is_no_channel(tmp_path: Path) -> None:
 
     def look() -> None:
         with pytest.raises(OSError, match="seek"):
-            Channel(tmp_path / "pipe")
+            AchChannel(tmp_path / "pipe")
         failed.set()
 
     thread = threading.Thread(target=look, daemon=True)

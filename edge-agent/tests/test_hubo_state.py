@@ -12,14 +12,14 @@ from hubo_structs import NAMES, SLOT, STATUS_BYTES, VERSIONS, state
 from posecast_edge.pipeline.stream import Stream
 from posecast_edge.profile.reader import load_profile
 from posecast_edge.sample import Sample
-from posecast_edge.sources.hubo.state import BITS, Decoder, UnknownFrame
+from posecast_edge.sources.hubo.state import BITS, HuboDecoder, UnknownFrame
 from posecast_wire.decoder import Decoder as WireDecoder
 
 PROFILES = Path(__file__).parents[1] / "src/posecast_edge/profiles"
 
 
 def by_name(whole: Any) -> tuple[float, dict[str, Any]]:
-    t_s, values = Decoder(None).decode(bytes(whole))
+    t_s, values = HuboDecoder(None).decode(bytes(whole))
     return t_s, dict(values)
 
 
@@ -76,7 +76,7 @@ def test_every_version_has_its_size_and_every_member_its_place(size: int) -> Non
 @pytest.mark.parametrize("size", [0, 1, 3632, 3897, 3899, 462, 65536])
 def test_any_other_length_is_refused_in_one_line(size: int) -> None:
     with pytest.raises(UnknownFrame) as caught:
-        Decoder(None).decode(bytes(size))
+        HuboDecoder(None).decode(bytes(size))
     assert str(caught.value).startswith(f"a frame of {size} bytes is no hubo_state known here (3368, ")
 
 
@@ -121,7 +121,7 @@ def test_a_joint_without_a_motor_has_no_readings_and_a_cold_board_no_temperature
 
 
 def test_a_flag_that_comes_and_goes_is_seen_in_each_frame() -> None:
-    decoder, s = Decoder(None), state()
+    decoder, s = HuboDecoder(None), state()
     seen = []
     for jam in (0, 1, 1, 0):
         s.status[5].jam = jam
@@ -133,7 +133,7 @@ def test_a_flag_that_comes_and_goes_is_seen_in_each_frame() -> None:
 @pytest.mark.parametrize("name", ["hubo2plus", "drchubo"])
 def test_with_a_profile_values_stand_in_its_order(name: str) -> None:
     profile = load_profile(PROFILES / f"{name}.toml")
-    decoder = Decoder(profile)
+    decoder = HuboDecoder(profile)
     s = filled(3898)
     s.status[SLOT["LSR"]].jam = 1
     s.status[SLOT["LSR"]].limitSwitch = 1
@@ -166,7 +166,7 @@ def test_the_shipped_profiles_show_all_seventeen_status_bytes() -> None:
 def test_what_the_profile_asks_in_vain_is_named() -> None:
     from posecast_edge.profile.reader import parse_profile
 
-    decoder = Decoder(
+    decoder = HuboDecoder(
         parse_profile(
             '[labels]\njoint=["RKN","TAIL"]\n[[fields]]\nname="pos"\n[[fields]]\nname="ftf"\nlabels=["RF.fx"]\n'
             '[[fields]]\nname="flags"\nbits=["jam","bored"]\n[[fields]]\nname="watt"\nlabels=["main"]\n'
@@ -183,7 +183,7 @@ def test_what_the_profile_asks_in_vain_is_named() -> None:
 def test_noise_of_the_right_length_breaks_nothing(size: int) -> None:
     """NaN, infinities, masks of 255: what a damaged frame holds goes through the whole pure half."""
     profile = load_profile(PROFILES / "hubo2plus.toml")
-    decoder, stream = Decoder(profile), Stream(profile, 4.0, lambda line: None)
+    decoder, stream = HuboDecoder(profile), Stream(profile, 4.0, lambda line: None)
     wire = WireDecoder()
     wire.add_schema(stream.schema.text)
     dice = random.Random(size)

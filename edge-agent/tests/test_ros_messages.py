@@ -16,7 +16,7 @@ from posecast_edge.sources.ros.messages import (
     MAX_STATUSES,
     ODOMETRY,
     WRENCH,
-    MessageError,
+    RosMessageError,
     read_message,
     short_type,
     text_of,
@@ -211,13 +211,13 @@ def test_of_endless_diagnostics_the_first_count() -> None:
     ],
 )
 def test_a_message_that_is_not_its_type_is_named(type_name: str, message: Any, words: str) -> None:
-    with pytest.raises(MessageError, match=words.replace("?", r"\?")):
+    with pytest.raises(RosMessageError, match=words.replace("?", r"\?")):
         read_message(type_name, message)
 
 
 def test_a_text() -> None:
     assert text_of({"data": "<robot/>"}) == "<robot/>"
-    with pytest.raises(MessageError):
+    with pytest.raises(RosMessageError):
         text_of({"data": 5})
 
 

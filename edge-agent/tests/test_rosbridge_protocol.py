@@ -16,9 +16,9 @@ from posecast_edge.sources.ros.rosbridge_protocol import (
     PARTS_MAX,
     Answer,
     MessageAssembler,
-    ProtocolError,
     Publish,
-    Status,
+    RosbridgeProtocolError,
+    RosbridgeStatus,
     ask,
     subscribe,
 )
@@ -54,7 +54,7 @@ def test_what_is_heard() -> None:
     answer = {"op": "service_response", "id": "topics", "values": {"topics": []}, "result": True}
     assert ear.feed(json.dumps(answer)) == Answer("topics", {"topics": []})
     assert ear.feed(json.dumps(answer | {"result": False, "values": "no"})) == Answer("topics", None)
-    assert ear.feed('{"op": "status", "level": "error", "msg": "no"}') == Status("error", "no")
+    assert ear.feed('{"op": "status", "level": "error", "msg": "no"}') == RosbridgeStatus("error", "no")
     assert ear.feed('{"op": "advertise", "topic": "/a"}') is None
 
 
@@ -96,7 +96,7 @@ def test_pieces_that_never_become_whole_are_given_up() -> None:
     big = json.dumps({"op": "fragment", "id": "b", "data": "x" * (MESSAGE_MAX // 2), "num": 0, "total": 9})
     ear.feed(big)
     ear.feed(big.replace('"num": 0', '"num": 1'))
-    with pytest.raises(ProtocolError, match="fragments of more than 16 MiB"):
+    with pytest.raises(RosbridgeProtocolError, match="fragments of more than 16 MiB"):
         ear.feed(big.replace('"num": 0', '"num": 2'))
 
 
@@ -148,7 +148,7 @@ def test_cbor_with_typed_arrays() -> None:
 )
 def test_what_is_not_rosbridge_is_named_and_the_next_message_counts(data: str | bytes, words: str) -> None:
     ear = MessageAssembler()
-    with pytest.raises(ProtocolError, match=words):
+    with pytest.raises(RosbridgeProtocolError, match=words):
         ear.feed(data)
     assert isinstance(ear.feed(MESSAGE), Publish)
 
@@ -161,5 +161,5 @@ def test_any_bytes_are_either_heard_or_named() -> None:
         data = bytes(chance.randrange(256) if chance.random() < 0.1 else b for b in good)
         try:
             ear.feed(data[: chance.randrange(len(data) + 1)])
-        except ProtocolError:
+        except RosbridgeProtocolError:
             continue

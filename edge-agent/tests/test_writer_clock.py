@@ -10,7 +10,7 @@ from typing import cast
 
 import pytest
 from posecast_edge.sources.hubo import ach_shm
-from posecast_edge.sources.hubo.ach_channel import Channel
+from posecast_edge.sources.hubo.ach_channel import AchChannel
 from posecast_edge.sources.hubo.ach_shm import ShmReader
 from posecast_edge.sources.hubo.reconnecting import WAIT_S
 from posecast_edge.sources.hubo.writer_clock import LOOKS_HZ
@@ -78,7 +78,7 @@ class Seen:
         monkeypatch.setattr(ach_shm, "time", clock)
         channel = Written(times_s, clock)
         reader = ShmReader(Path("channel"))
-        reader._channel = cast(Channel, channel)
+        reader._channel = cast(AchChannel, channel)
         self.ages_s: list[float] = []
         got: list[int] = []
         wanted_s = 0.0

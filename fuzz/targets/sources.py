@@ -19,16 +19,14 @@ from posecast_edge.sample import Sample, SourceError
 from posecast_edge.sources.files.csv import Table
 from posecast_edge.sources.files.mcap import McapFile
 from posecast_edge.sources.files.trajectory import open_source as open_trajectory
-from posecast_edge.sources.hubo.ach_channel import Channel, ChannelError
-from posecast_edge.sources.hubo.achd_protocol import AchdParser, ProtocolError
-from posecast_edge.sources.hubo.state import Decoder as HuboDecoder
-from posecast_edge.sources.hubo.state import UnknownFrame
+from posecast_edge.sources.hubo.ach_channel import AchChannel, ChannelError
+from posecast_edge.sources.hubo.achd_protocol import AchdParser, AchdProtocolError
+from posecast_edge.sources.hubo.state import HuboDecoder, UnknownFrame
 from posecast_edge.sources.jsonl import LineError, parse_line
 from posecast_edge.sources.ros.cdr import CdrReader
 from posecast_edge.sources.ros.merge import MessageMerger
-from posecast_edge.sources.ros.messages import STRING, MessageError, read_message, text_of
-from posecast_edge.sources.ros.rosbridge_protocol import MessageAssembler, Publish
-from posecast_edge.sources.ros.rosbridge_protocol import ProtocolError as RosbridgeError
+from posecast_edge.sources.ros.messages import STRING, RosMessageError, read_message, text_of
+from posecast_edge.sources.ros.rosbridge_protocol import MessageAssembler, Publish, RosbridgeProtocolError
 from posecast_edge.sources.ros.topics import TYPES, Routes
 from posecast_wire import Decoder, SchemaError, Snapshot
 
@@ -147,7 +145,7 @@ def achd(data: bytes) -> None:
 
 def ach(data: bytes) -> None:
     """Shared memory, as a writer that went mad may leave it."""
-    channel = Channel(file_of(data, "channel"))
+    channel = AchChannel(file_of(data, "channel"))
     try:
         channel.keep()
         for frame in channel.fresh():
@@ -200,7 +198,7 @@ def rosbridge(data: bytes) -> None:
                 for name in ROS_TYPES:
                     if routes.of(heard.topic, name) is not None:
                         ros_message(name, heard.message)
-        except (RosbridgeError, MessageError, *DOWNSTREAM) as e:
+        except (RosbridgeProtocolError, RosMessageError, *DOWNSTREAM) as e:
             refused = e
     if refused is not None:
         raise refused
@@ -214,9 +212,9 @@ TARGETS = (
     Target("mcap", mcap, DOWNSTREAM),
     Target("trajectory", trajectory, DOWNSTREAM, ms_per_kb=20),
     Target("profile", profile, (ProfileError, SchemaError)),
-    Target("achd", achd, (ProtocolError,)),
+    Target("achd", achd, (AchdProtocolError,)),
     Target("ach", ach, (ChannelError, UnknownFrame, *DOWNSTREAM)),
     Target("hubo", hubo, (UnknownFrame, *DOWNSTREAM)),
-    Target("ros-cdr", cdr, (MessageError, *DOWNSTREAM)),
-    Target("rosbridge", rosbridge, (RosbridgeError, MessageError, *DOWNSTREAM), stretched=1 << 17),
+    Target("ros-cdr", cdr, (RosMessageError, *DOWNSTREAM)),
+    Target("rosbridge", rosbridge, (RosbridgeProtocolError, RosMessageError, *DOWNSTREAM), stretched=1 << 17),
 )

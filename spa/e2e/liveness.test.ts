@@ -85,7 +85,8 @@ describe('the four words', () => {
   });
 
   it('a robot that sends too much is LIVE and is said to, until it no longer does', async () => {
-    const relay = await stage.stack.relay({ viewFrames: 15 });
+    // far below 30: on a busy machine frames come late, and the edge halves its rate once or twice
+    const relay = await stage.stack.relay({ viewFrames: 7 });
     const { source } = stage.stack.fedEdge(relay, SWINGING);
     const page = await stage.newPage({ preload: RECORD, viewport: PHONE });
     await page.open(`${relay.url}/#/r/demo`);

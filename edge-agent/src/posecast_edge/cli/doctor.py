@@ -12,7 +12,7 @@ from posecast_wire.mapping import JOINT, JointMap
 
 from posecast_edge.model.finding import Finding, quoted, worst_first
 from posecast_edge.model.urdf.types import Joint, Urdf
-from posecast_edge.pipeline.source_stats import POSITION, WAIT_S, Channel, SourceStats
+from posecast_edge.pipeline.source_stats import POSITION, WAIT_S, ChannelStats, SourceStats
 from posecast_edge.profile.field_defaults import unit_hint
 from posecast_edge.profile.types import FieldSpec, Profile
 
@@ -95,7 +95,9 @@ def _units(seen: SourceStats, profile: Profile, urdf: Urdf | None) -> Iterator[F
         yield Finding("warning", "quaternion", text)
 
 
-def _doubted(name: str, channels: Mapping[str, Channel], profile: Profile, urdf: Urdf | None) -> list[str]:
+def _doubted(
+    name: str, channels: Mapping[str, ChannelStats], profile: Profile, urdf: Urdf | None
+) -> list[str]:
     """Channels that can't be in their field's unit; none of a sliding joint or with a unit of its own."""
     apart = set(profile.mapping.units.get(name, {}))
     if name in POSITION and urdf is not None:
@@ -127,7 +129,7 @@ def _fields(seen: SourceStats, profile: Profile) -> Iterator[Finding]:
         yield from _bits(spec, channels)
 
 
-def _bits(spec: FieldSpec, channels: dict[str, Channel]) -> Iterator[Finding]:
+def _bits(spec: FieldSpec, channels: dict[str, ChannelStats]) -> Iterator[Finding]:
     if not spec.bits:
         return
     seen_bits = sorted(set().union(*(c.bits for c in channels.values())) - set(spec.bits))
@@ -231,7 +233,9 @@ def _couplings(
             yield Finding("hint", "coupling-mimic", text)
 
 
-def _within(joint: Joint, how: JointMap, where: Channel, channels: dict[str, Channel]) -> Iterator[Finding]:
+def _within(
+    joint: Joint, how: JointMap, where: ChannelStats, channels: dict[str, ChannelStats]
+) -> Iterator[Finding]:
     limit = joint.limit
     if not where.readings or limit is None or joint.type == "continuous":
         return
@@ -253,7 +257,7 @@ def _within(joint: Joint, how: JointMap, where: Channel, channels: dict[str, Cha
         yield Finding("warning", "limit-exceeded", f"joint {quoted(joint.name)} {shown}", joint.line)
 
 
-def _fits(where: Channel, factor: float, low: float, high: float) -> bool:
+def _fits(where: ChannelStats, factor: float, low: float, high: float) -> bool:
     return where.low * factor >= low - SLACK and where.high * factor <= high + SLACK
 
 

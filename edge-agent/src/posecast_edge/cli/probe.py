@@ -8,7 +8,7 @@ import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 
-from posecast_edge.pipeline.source_stats import WAIT_S, Channel, SourceStats, observe
+from posecast_edge.pipeline.source_stats import WAIT_S, ChannelStats, SourceStats, observe
 from posecast_edge.profile.field_defaults import unit_hint, unit_of
 from posecast_edge.profile.reader import ProfileError, find_profile, load_profile
 from posecast_edge.sample import SourceError
@@ -91,7 +91,7 @@ def _clock(seen: SourceStats) -> str:
     return f"robot time {first:.3f} … {last:.3f} s{pace}{back}"
 
 
-def _field(name: str, channels: dict[str, Channel]) -> str:
+def _field(name: str, channels: dict[str, ChannelStats]) -> str:
     read = {label: c for label, c in channels.items() if c.readings}
     numbers = [c for c in read.values() if c.last is not None]
     low = f"{min(c.low for c in numbers):.4g}" if numbers else "—"
@@ -109,5 +109,5 @@ def _field(name: str, channels: dict[str, Channel]) -> str:
     return f"{name:8}{count:>9}  {unit:18}{low:>10}{high:>10}  {moving:>6}  {shown}{more}"
 
 
-def _number(channel: Channel) -> str:
+def _number(channel: ChannelStats) -> str:
     return "—" if channel.last is None else f"{channel.last:.4g}"

@@ -25,7 +25,7 @@ POSITION = ("pos", "ref")  # the body stands where the first of them that there 
 
 
 @dataclass
-class Channel:
+class ChannelStats:
     """One channel's readings. `low`, `high`, `last`: in the source's unit; `bits`: names seen in a list."""
 
     readings: int = 0
@@ -63,15 +63,15 @@ class SourceStats:
     def __init__(self, profile: Profile | None = None) -> None:
         self.samples = 0
         self.ended = False  # by itself
-        self.fields: dict[str, dict[str, Channel]] = {}
-        self.joints: dict[str, Channel] = {}
+        self.fields: dict[str, dict[str, ChannelStats]] = {}
+        self.joints: dict[str, ChannelStats] = {}
         self.info: dict[str, str] = {}
         self.arrivals_s: tuple[float, float] = (0.0, 0.0)  # the first and the newest
         self.times_s: tuple[float, float] = (0.0, 0.0)  # the robot's clock then
         self.longest_gap_s = 0.0
         self.steps_back = 0
         self.wrong_lengths: dict[str, int] = {}  # field → how many values came
-        self.quaternions: Channel = Channel()  # norms
+        self.quaternions: ChannelStats = ChannelStats()  # norms
         self.profile = profile  # the one given, or made of the first sample where that says enough
         self._labels: dict[str, tuple[str, ...]] = {}
         self._maps: dict[str, JointMap] = {}
@@ -112,14 +112,14 @@ class SourceStats:
             channels = self.fields.setdefault(name, {})
             for label, value in labelled.items():
                 if label not in channels and len(channels) < MAX_CHANNELS:
-                    channels[label] = Channel()
+                    channels[label] = ChannelStats()
                 if label in channels:
                     channels[label].add(value)
         self._quaternions(by_field)
         position = next((by_field[name] for name in POSITION if name in by_field), None)
         if position is not None:
             for joint, how in self._maps.items():
-                self.joints.setdefault(joint, Channel()).add(_position(how, position))
+                self.joints.setdefault(joint, ChannelStats()).add(_position(how, position))
 
     def _learn(self, profile: Profile) -> None:
         self._labels = {f.name: f.labels for f in profile.fields}

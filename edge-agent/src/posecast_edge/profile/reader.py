@@ -100,13 +100,13 @@ def parse_profile(text: str, file: str = "profile") -> Profile:
         raise ProfileError(f"{file}: nested too deep") from None
     except ValueError as e:  # TOMLDecodeError is one; others come of dates and numbers
         raise ProfileError(f"{file}: {visible(str(e), REASON_MAX)}") from None
-    reader = Reader(file, text)
+    reader = ProfileReader(file, text)
     profile = reader.profile(document)
     reader.check(profile)
     return profile
 
 
-class Reader(Values):
+class ProfileReader(Values):
     """The tables of a profile."""
 
     def __init__(self, file: str, text: str) -> None:

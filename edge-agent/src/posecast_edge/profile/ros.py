@@ -9,7 +9,7 @@ from posecast_edge.profile.types import RosTopics
 from posecast_edge.visible import quoted
 
 if TYPE_CHECKING:
-    from posecast_edge.profile.reader import Reader
+    from posecast_edge.profile.reader import ProfileReader
 
 ROLES = ("pos", "ref", "imu", "wrench", "battery", "diagnostics", "base", "description")
 SITED = ("imu", "wrench", "battery")  # roles whose topics may be given a site
@@ -19,7 +19,7 @@ SITE = re.compile(r"[^.\s/]+")
 DOMAIN_MAX = 232  # ROS 2's
 
 
-def read_ros(reader: Reader, value: object) -> RosTopics:
+def read_ros(reader: ProfileReader, value: object) -> RosTopics:
     """The table's value → topics. ProfileError names the line."""
     item = reader.table(value, "ros", (*ROLES, "domain", "encoding"))
     domain = reader.whole(item["domain"], "ros.domain", 0, DOMAIN_MAX) if "domain" in item else None
@@ -28,7 +28,7 @@ def read_ros(reader: Reader, value: object) -> RosTopics:
     return RosTopics(topics, domain, encoding)
 
 
-def _patterns(reader: Reader, value: object, role: str) -> tuple[tuple[str, str], ...]:
+def _patterns(reader: ProfileReader, value: object, role: str) -> tuple[tuple[str, str], ...]:
     """`"/a"`, `["/a", "/b/*"]`, `[]` for none, or `{ site = "/a" }` of a sensor."""
     where = f"ros.{role}"
     if isinstance(value, dict) and role in SITED:
@@ -40,7 +40,7 @@ def _patterns(reader: Reader, value: object, role: str) -> tuple[tuple[str, str]
     return tuple((_pattern(reader, text, where), "") for text in listed)
 
 
-def _pattern(reader: Reader, value: object, where: str) -> str:
+def _pattern(reader: ProfileReader, value: object, where: str) -> str:
     text = reader.text(value, where)
     if not PATTERN.fullmatch(text):
         reader.fail(where, f"{quoted(text)} is no topic; as in /joint_states, /arm/*/state, /**/imu")

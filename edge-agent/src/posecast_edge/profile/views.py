@@ -10,13 +10,13 @@ from posecast_wire.keys import check_name
 from posecast_edge.profile.types import FieldSpec, View
 
 if TYPE_CHECKING:
-    from posecast_edge.profile.reader import Reader
+    from posecast_edge.profile.reader import ProfileReader
 
 VIEWS_MAX = 8  # a relay takes no more of one robot
 HZ_MIN = 0.1  # as on the wire
 
 
-def read_view(reader: Reader, name: str, value: object, fields: Mapping[str, FieldSpec]) -> View:
+def read_view(reader: ProfileReader, name: str, value: object, fields: Mapping[str, FieldSpec]) -> View:
     """One table → view. ProfileError names the line."""
     where = f"views.{name}"
     try:
@@ -41,7 +41,7 @@ def read_view(reader: Reader, name: str, value: object, fields: Mapping[str, Fie
     return View(seen, hz, scales, _info(reader, item, where))
 
 
-def _info(reader: Reader, item: Mapping[str, object], where: str) -> tuple[str, ...] | None:
+def _info(reader: ProfileReader, item: Mapping[str, object], where: str) -> tuple[str, ...] | None:
     """A view that picks fields picks its texts as well: what a source says of a part (its diagnosis, its
     operator) nobody has chosen to show.
     """

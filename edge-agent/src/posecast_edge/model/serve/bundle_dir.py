@@ -51,7 +51,7 @@ def _remove(path: Path) -> None:
         path.unlink()
 
 
-class Entry(NamedTuple):
+class BundleEntry(NamedTuple):
     """A file as a manifest names it."""
 
     path: str
@@ -65,7 +65,7 @@ def read_folder(folder: Path) -> dict[str, bytes]:
     return {MANIFEST: manifest} | {e.path: _read(folder / e.path, e.size) for e in entries}
 
 
-def check_folder(folder: Path) -> tuple[bytes, list[Entry]]:
+def check_folder(folder: Path) -> tuple[bytes, list[BundleEntry]]:
     """The manifest, and its files by name. ModelRefused unless each is what the manifest says; OSError."""
     manifest = _read(folder / MANIFEST, MANIFEST_MAX)
     entries = entries_of(manifest)
@@ -79,13 +79,13 @@ def check_folder(folder: Path) -> tuple[bytes, list[Entry]]:
     return manifest, entries
 
 
-def entries_of(manifest: bytes) -> list[Entry]:
+def entries_of(manifest: bytes) -> list[BundleEntry]:
     """The files that a version 2 manifest names. ModelRefused when it is none."""
     try:
         document: dict[str, Any] = json.loads(manifest)
         if document["v"] != 2:
             raise ModelRefused(f"a bundle of version {document['v']!r:.20}; this is for version 2")
-        entries = [Entry(f["path"], f["size"], f["sha256"]) for f in document["files"]]
+        entries = [BundleEntry(f["path"], f["size"], f["sha256"]) for f in document["files"]]
     except (ValueError, KeyError, TypeError, RecursionError):
         raise ModelRefused("its manifest is none") from None
     if len(entries) > FILES_MAX or not all(map(_fits, entries)):
@@ -95,7 +95,7 @@ def entries_of(manifest: bytes) -> list[Entry]:
     return entries
 
 
-def _fits(entry: Entry) -> bool:
+def _fits(entry: BundleEntry) -> bool:
     path, size, digest = cast(tuple[object, object, object], entry)  # a stranger's
     return (
         isinstance(path, str)

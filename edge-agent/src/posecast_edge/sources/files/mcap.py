@@ -19,8 +19,8 @@ from posecast_edge.sources.base import Source
 from posecast_edge.sources.files.playback import Playback, Player, parse_playback
 from posecast_edge.sources.ros.input import TOPICS_MAX
 from posecast_edge.sources.ros.merge import SETTLED_S, MessageMerger
-from posecast_edge.sources.ros.messages import STRING, MessageError, read_message, short_type, text_of
-from posecast_edge.sources.ros.rosbridge_protocol import MESSAGE_MAX, ProtocolError, parse_json
+from posecast_edge.sources.ros.messages import STRING, RosMessageError, read_message, short_type, text_of
+from posecast_edge.sources.ros.rosbridge_protocol import MESSAGE_MAX, RosbridgeProtocolError, parse_json
 from posecast_edge.sources.ros.topics import TOPIC_MAX, TYPES, Route, Routes
 
 try:
@@ -185,7 +185,7 @@ class _Pass:
             return None
         try:
             return text_of(self._decode(channel.message_encoding, STRING, message.data))
-        except MessageError as e:
+        except RosMessageError as e:
             self.complain(f"{channel.topic}: {e}")
             return None
 
@@ -202,7 +202,7 @@ class _Pass:
             content = self._decode(channel.message_encoding, type_name, message.data)
             field = "ref" if route.role == "ref" else "pos"
             report = read_message(type_name, content, route.site, field)
-        except MessageError as e:
+        except RosMessageError as e:
             self.complain(f"{where}: {e}")
             return None
         self._merge.take(channel.topic, route.role, type_name, report, self._now_s)
@@ -233,10 +233,10 @@ class _Pass:
         if encoding == "cdr":
             return self._cdr.read(type_name, data)
         if len(data) > MESSAGE_MAX:
-            raise MessageError(f"a message of {len(data)} bytes is too large")
+            raise RosMessageError(f"a message of {len(data)} bytes is too large")
         try:
             return parse_json(data.decode())
         except UnicodeDecodeError:
-            raise MessageError("not JSON: no UTF-8") from None
-        except ProtocolError as e:
-            raise MessageError(str(e)) from None
+            raise RosMessageError("not JSON: no UTF-8") from None
+        except RosbridgeProtocolError as e:
+            raise RosMessageError(str(e)) from None

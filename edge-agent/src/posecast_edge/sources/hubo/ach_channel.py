@@ -41,7 +41,7 @@ class ChannelError(ReaderError):
     """A file that is no channel this reader knows. One line, without the file's name."""
 
 
-class Channel:
+class AchChannel:
     """One open channel. Not thread-safe."""
 
     def __init__(self, path: Path) -> None:

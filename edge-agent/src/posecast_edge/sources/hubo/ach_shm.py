@@ -6,7 +6,7 @@ import threading
 import time
 from pathlib import Path
 
-from posecast_edge.sources.hubo.ach_channel import Channel, ChannelError
+from posecast_edge.sources.hubo.ach_channel import AchChannel, ChannelError
 from posecast_edge.sources.hubo.reconnecting import WAIT_S, PersistentReader
 from posecast_edge.sources.hubo.writer_clock import Aim, WriterClock
 
@@ -29,7 +29,7 @@ class ShmReader(PersistentReader):
     def __init__(self, path: Path) -> None:
         super().__init__(str(path))
         self._path = path
-        self._channel: Channel | None = None
+        self._channel: AchChannel | None = None
         self._beat = WriterClock()
         self._holds = 1  # frames of the newest's size
         self._late_s = 0.0  # how late looks are on this machine
@@ -42,7 +42,7 @@ class ShmReader(PersistentReader):
             self._channel = None
 
     def _open(self) -> None:
-        self._channel = Channel(self._path)
+        self._channel = AchChannel(self._path)
         self._beat = WriterClock()
 
     def _next(self, stop: threading.Event, wanted_s: float) -> list[bytes]:
@@ -62,7 +62,7 @@ class ShmReader(PersistentReader):
             raise ChannelError("the channel was made anew")
         return frames
 
-    def _look(self, channel: Channel, aim: Aim, now_s: float, end_s: float) -> list[bytes]:
+    def _look(self, channel: AchChannel, aim: Aim, now_s: float, end_s: float) -> list[bytes]:
         """What there is when the frame aimed at has come, or does not come; at the latest at `end_s`."""
         look_s, pause_s = aim.look_s, LOOK_S[0]
         late_s = max(look_s, now_s) + LATE_S

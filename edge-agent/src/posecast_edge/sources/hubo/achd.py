@@ -9,7 +9,7 @@ import threading
 import time
 from collections import deque
 
-from posecast_edge.sources.hubo.achd_protocol import HEAD, AchdParser, ProtocolError, request
+from posecast_edge.sources.hubo.achd_protocol import HEAD, AchdParser, AchdProtocolError, request
 from posecast_edge.sources.hubo.reconnecting import KEPT_MAX, WAIT_S, PersistentReader
 
 ANSWER_S = 3.0  # to connect, and again until the server has answered
@@ -116,7 +116,7 @@ class AchdReader(PersistentReader):
             except BlockingIOError:
                 break
             if not data:
-                raise ProtocolError("the server ended the connection")
+                raise AchdProtocolError("the server ended the connection")
             self._heard_s = time.monotonic()
             taken += len(data)
             frames.extend(self._conversation.feed(data))
@@ -127,9 +127,9 @@ class AchdReader(PersistentReader):
     def _nothing_came(self) -> None:
         silent_s = time.monotonic() - self._heard_s
         if not self._conversation.accepted and silent_s > ANSWER_S:
-            raise ProtocolError(f"no answer within {ANSWER_S:g} s")
+            raise AchdProtocolError(f"no answer within {ANSWER_S:g} s")
         if silent_s > SILENT_S:
-            raise ProtocolError(f"no frame for {SILENT_S:g} s")
+            raise AchdProtocolError(f"no frame for {SILENT_S:g} s")
 
     def _wake_for(self, connection: socket.socket, batch: int) -> None:
         """From now on poll returns when so many frames are there; of one its first byte is enough."""

@@ -30,7 +30,7 @@ STATUS = (
 # fmt: on
 
 
-class ProtocolError(ReaderError):
+class AchdProtocolError(ReaderError):
     """What the server said is an error, or not this protocol. One line."""
 
 
@@ -76,20 +76,20 @@ class AchdParser:
             end = self._buffer.find(b"\n", 0, LINE_MAX)
             if end < 0:
                 if len(self._buffer) >= LINE_MAX:
-                    raise ProtocolError(f"a header line of over {LINE_MAX} bytes: this is no achd")
+                    raise AchdProtocolError(f"a header line of over {LINE_MAX} bytes: this is no achd")
                 return
             line = bytes(self._buffer[:end])
             del self._buffer[: end + 1]
             self._lines += 1
             if self._lines > LINES_MAX:
-                raise ProtocolError(f"a header of over {LINES_MAX} lines: this is no achd")
+                raise AchdProtocolError(f"a header of over {LINES_MAX} lines: this is no achd")
             self._take(line)
 
     def _take(self, line: bytes) -> None:
         try:
             text = line.decode().partition("#")[0].strip()
         except UnicodeDecodeError:
-            raise ProtocolError("a header that is not text: this is no achd") from None
+            raise AchdProtocolError("a header that is not text: this is no achd") from None
         if text == ".":
             self._check()
             self.accepted = True
@@ -97,18 +97,18 @@ class AchdParser:
             # key and value are parted by : or =, whichever comes first
             at = min((i for i in (text.find(":"), text.find("=")) if i > 0), default=0)
             if not at:
-                raise ProtocolError(f"header line {_shown(text)} has no key and value: this is no achd")
+                raise AchdProtocolError(f"header line {_shown(text)} has no key and value: this is no achd")
             self._head[text[:at].strip().lower()] = text[at + 1 :].strip()
 
     def _check(self) -> None:
         status = self._head.get("status", "")
         if not status.isdecimal() or len(status) > STATUS_DIGITS:
-            raise ProtocolError("a header without a status: this is no achd")
+            raise AchdProtocolError("a header without a status: this is no achd")
         number = int(status)
         if number:
             name = f"ACH_{STATUS[number]}" if number < len(STATUS) else f"status {number}"
             message = self._head.get("message", "")
-            raise ProtocolError(f"{_shown(message)} ({name})" if message else name)
+            raise AchdProtocolError(f"{_shown(message)} ({name})" if message else name)
 
 
 def _frames(data: bytes | bytearray) -> tuple[list[bytes], int]:
@@ -117,9 +117,9 @@ def _frames(data: bytes | bytearray) -> tuple[list[bytes], int]:
     while len(data) - at >= HEAD.size:
         magic, size = HEAD.unpack_from(data, at)
         if magic != MAGIC:
-            raise ProtocolError("no frame where one should begin: the stream is out of step")
+            raise AchdProtocolError("no frame where one should begin: the stream is out of step")
         if not 0 < size <= FRAME_MAX:
-            raise ProtocolError(f"a frame of {size} bytes; at most {FRAME_MAX}")
+            raise AchdProtocolError(f"a frame of {size} bytes; at most {FRAME_MAX}")
         end = at + HEAD.size + size
         if len(data) < end:
             break

@@ -25,7 +25,7 @@ from posecast_edge.sources.hubo.ach_shm import ShmReader, channel_path
 from posecast_edge.sources.hubo.achd import AchdReader
 from posecast_edge.sources.hubo.achd_protocol import PORT
 from posecast_edge.sources.hubo.reconnecting import SAY_EVERY_S, PersistentReader
-from posecast_edge.sources.hubo.state import Decoder, UnknownFrame
+from posecast_edge.sources.hubo.state import HuboDecoder, UnknownFrame
 
 if TYPE_CHECKING:
     from posecast_edge.profile.types import Profile
@@ -59,7 +59,7 @@ class HuboAchSource:
     def __init__(self, reader: PersistentReader, profile: Profile | None) -> None:
         self.description = f"hubo-ach {reader.name}"
         self._reader = reader
-        self._decoder = Decoder(profile)
+        self._decoder = HuboDecoder(profile)
         self._foreign = RateLimitedLog(log.warning, "foreign frames", SAY_EVERY_S)
         self._told_unknown = False
         self._t_s = float("nan")

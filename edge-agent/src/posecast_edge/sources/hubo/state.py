@@ -118,7 +118,7 @@ class UnknownFrame(ValueError):
     """A frame of a length no known version has."""
 
 
-class Decoder:
+class HuboDecoder:
     """Frames → values. Keeps masks and layouts of earlier frames; one thread uses it."""
 
     def __init__(self, profile: Profile | None) -> None:

@@ -9,7 +9,7 @@ from posecast_edge.sources.ros.messages import (
     DESCRIPTION_MAX,
     PAYLOAD_MAX,
     STRING,
-    MessageError,
+    RosMessageError,
 )
 
 # Every ROS 2's definition begins like this, what follows differs; what the controller is told stands first.
@@ -34,22 +34,22 @@ class CdrReader:
         """The message, its members as attributes. `type_name`: short. MessageError."""
         most = DESCRIPTION_MAX if type_name == STRING else PAYLOAD_MAX
         if len(payload) > most:
-            raise MessageError(f"a message of {len(payload)} bytes is too large")
+            raise RosMessageError(f"a message of {len(payload)} bytes is too large")
         try:
             if type_name == CONTROLLER_STATE:
                 return self._head(payload)
             package, _, name = type_name.partition("/")
             return self._store.deserialize_cdr(payload, f"{package}/msg/{name}")
-        except MessageError:
+        except RosMessageError:
             raise
         except Exception as e:  # code that is made from definitions: nobody has listed what it raises
             said = " ".join(str(e).split())[:200] or type(e).__name__
-            raise MessageError(f"{len(payload)} bytes that are no {type_name}: {said}") from None
+            raise RosMessageError(f"{len(payload)} bytes that are no {type_name}: {said}") from None
 
     def _head(self, payload: bytes) -> object:
         """The part of a controller's state that is read; the rest may be anything."""
         if payload[:2] not in LITTLE_OR_BIG or len(payload) < ENCAPSULATION:
-            raise MessageError("no CDR")
+            raise RosMessageError("no CDR")
         definition = self._store.get_msgdef(HEAD)
         read = definition.deserialize_cdr_le if payload[1] else definition.deserialize_cdr_be
         message, _ = read(payload[ENCAPSULATION:], 0, definition.cls, self._store)

@@ -15,7 +15,7 @@ from posecast_edge.sample import Sample
 from posecast_edge.sources.ros.merge import STREAM_S, MessageMerger
 from posecast_edge.sources.ros.messages import (
     STRING,
-    MessageError,
+    RosMessageError,
     checked_description,
     read_message,
     text_of,
@@ -79,7 +79,7 @@ class RosInput:
                 return
             field_name = "ref" if route.role == "ref" else "pos"
             report = read_message(type_name, message, route.site, field_name)
-        except MessageError as e:
+        except RosMessageError as e:
             self.bad(topic, str(e))
             return
         except Exception as e:  # one message, whatever it did, ends nothing but itself

@@ -45,7 +45,7 @@ MAX_STATUSES = 64  # of one message; further ones are ignored
 TEXT_MAX = 200  # characters of a text that is shown
 
 
-class MessageError(ValueError):
+class RosMessageError(ValueError):
     """A message that is not what its type says. One line, without the topic."""
 
 
@@ -80,10 +80,10 @@ def read_message(type_name: str, message: Any, site: str = "", field_name: str =
     reader = READERS[type_name]
     try:
         return reader(message, site, field_name)
-    except MessageError:
+    except RosMessageError:
         raise
     except (TypeError, ValueError, ArithmeticError, LookupError, AttributeError, RecursionError) as e:
-        raise MessageError(f"{type(e).__name__}: {str(e)[:200]}") from None
+        raise RosMessageError(f"{type(e).__name__}: {str(e)[:200]}") from None
 
 
 def text_of(message: Any) -> str:
@@ -95,7 +95,7 @@ def checked_description(urdf: Any) -> str:
     """The same. MessageError when it is no text, or longer than any robot description."""
     text = _text(urdf, "data")
     if len(text) > DESCRIPTION_MAX:
-        raise MessageError(f"a robot description of {len(text)} characters, at most {DESCRIPTION_MAX}")
+        raise RosMessageError(f"a robot description of {len(text)} characters, at most {DESCRIPTION_MAX}")
     return text
 
 
@@ -117,10 +117,10 @@ def _joint_state(message: Any, site: str, field_name: str) -> Report:
         if not numbers:
             continue  # "leave it empty" is how a robot says that it does not measure it
         if len(numbers) != len(names):
-            raise MessageError(f"{member} has {len(numbers)} values, name {len(names)}")
+            raise RosMessageError(f"{member} has {len(numbers)} values, name {len(names)}")
         values[name] = dict(zip(names, numbers, strict=True))
     if not values:
-        raise MessageError("a JointState without positions" if names else "a JointState without joints")
+        raise RosMessageError("a JointState without positions" if names else "a JointState without joints")
     return Report(_stamp(message), values)
 
 
@@ -133,9 +133,9 @@ def _controller_state(message: Any, site: str, field_name: str) -> Report:
         numbers = [] if point is None else _numbers(_member(point, "positions"), "positions")
         if numbers:
             if len(numbers) != len(names):
-                raise MessageError(f"positions has {len(numbers)} values, joint_names {len(names)}")
+                raise RosMessageError(f"positions has {len(numbers)} values, joint_names {len(names)}")
             return Report(_stamp(message), {"ref": dict(zip(names, numbers, strict=True))})
-    raise MessageError("a controller state without positions that are asked for")
+    raise RosMessageError("a controller state without positions that are asked for")
 
 
 def _imu(message: Any, site: str, field_name: str) -> Report:
@@ -198,7 +198,7 @@ def _diagnostics(message: Any, site: str, field_name: str) -> Report:
     del site, field_name
     statuses = _member(message, "status")
     if not isinstance(statuses, (list, tuple)):
-        raise MessageError(f"status is {type(statuses).__name__}, not a list")
+        raise RosMessageError(f"status is {type(statuses).__name__}, not a list")
     bits: dict[str, Reading] = {}
     info = {}
     for status in statuses[:MAX_STATUSES]:
@@ -231,27 +231,27 @@ def _optional(message: Any, name: str) -> Any:
 def _member(message: Any, name: str) -> Any:
     value = _optional(message, name)
     if value is None and not (isinstance(message, Mapping) and name in message):
-        raise MessageError(f"no member {name!r}")
+        raise RosMessageError(f"no member {name!r}")
     return value
 
 
 def _text(value: Any, what: str) -> str:
     if not isinstance(value, str):
-        raise MessageError(f"{what} is {type(value).__name__}, not a text")
+        raise RosMessageError(f"{what} is {type(value).__name__}, not a text")
     try:
         value.encode()
     except UnicodeEncodeError:  # JSON can write half a character, and nothing else can carry it
-        raise MessageError(f"{what} has half a character in it") from None
+        raise RosMessageError(f"{what} has half a character in it") from None
     return value
 
 
 def _names(value: Any, what: str) -> list[str]:
     if not isinstance(value, (list, tuple)):
-        raise MessageError(f"{what} is no list of names")
+        raise RosMessageError(f"{what} is no list of names")
     if len(value) > MAX_NAMES:
-        raise MessageError(f"{what} has {len(value)} names, at most {MAX_NAMES}")
+        raise RosMessageError(f"{what} has {len(value)} names, at most {MAX_NAMES}")
     if not all(isinstance(v, str) and 0 < len(v) <= NAME_MAX for v in value):
-        raise MessageError(f"{what} is no list of names of 1 to {NAME_MAX} characters")
+        raise RosMessageError(f"{what} is no list of names of 1 to {NAME_MAX} characters")
     _text("".join(value), what)
     return list(value)
 
@@ -259,9 +259,9 @@ def _names(value: Any, what: str) -> list[str]:
 def _numbers(value: Any, what: str) -> list[float | None]:
     listed = value.tolist() if hasattr(value, "tolist") else value
     if not isinstance(listed, Sequence) or isinstance(listed, (str, bytes)):
-        raise MessageError(f"{what} is {type(value).__name__}, not a list of numbers")
+        raise RosMessageError(f"{what} is {type(value).__name__}, not a list of numbers")
     if len(listed) > MAX_NAMES:
-        raise MessageError(f"{what} has {len(listed)} numbers, at most {MAX_NAMES}")
+        raise RosMessageError(f"{what} has {len(listed)} numbers, at most {MAX_NAMES}")
     return [v if type(v) is float else _number(v, what) for v in listed]
 
 
@@ -270,7 +270,7 @@ def _number(value: Any, what: str) -> float | None:
     if value is None:
         return None
     if isinstance(value, bool) or not isinstance(value, (int, float)):
-        raise MessageError(f"{what} is {_shown(value)}, not a number")
+        raise RosMessageError(f"{what} is {_shown(value)}, not a number")
     return float(value)
 
 
@@ -301,7 +301,7 @@ def _site(message: Any, site: str, otherwise: str) -> tuple[str, dict[str, str]]
         return site, {}
     frame = _text(_member(_member(message, "header"), "frame_id"), "frame_id").strip("/")
     if len(frame) > NAME_MAX:
-        raise MessageError(f"frame_id has {len(frame)} characters, at most {NAME_MAX}")
+        raise RosMessageError(f"frame_id has {len(frame)} characters, at most {NAME_MAX}")
     return (site_of(frame), {site_of(frame): frame}) if frame else (otherwise, {})
 
 
@@ -311,10 +311,10 @@ def _stamp(message: Any) -> float | None:
     seconds = _member(stamp, "secs" if ros_1 else "sec")
     nanoseconds = _member(stamp, "nsecs" if ros_1 else "nanosec")
     if not isinstance(seconds, int) or not isinstance(nanoseconds, int):
-        raise MessageError("a stamp that is no time")
+        raise RosMessageError("a stamp that is no time")
     stamp_s = seconds + nanoseconds * 1e-9
     if abs(stamp_s) > TIME_MAX_S:
-        raise MessageError("a stamp that is no time")
+        raise RosMessageError("a stamp that is no time")
     return stamp_s or None
 
 
@@ -324,11 +324,11 @@ def _level(value: Any) -> int:
         try:
             value = base64.b64decode(value, validate=True)
         except binascii.Error:
-            raise MessageError(f"level is {value[:40]!r}") from None
+            raise RosMessageError(f"level is {value[:40]!r}") from None
     if isinstance(value, (bytes, bytearray)):
         value = value[0] if len(value) == 1 else -1
     if not isinstance(value, int):
-        raise MessageError(f"level is {_shown(value)}, not 0 to {len(DIAG_BITS)}")
+        raise RosMessageError(f"level is {_shown(value)}, not 0 to {len(DIAG_BITS)}")
     if not 0 <= value <= len(DIAG_BITS):
-        raise MessageError(f"level is {value if abs(value) < 1000 else 'huge'}, not 0 to {len(DIAG_BITS)}")
+        raise RosMessageError(f"level is {value if abs(value) < 1000 else 'huge'}, not 0 to {len(DIAG_BITS)}")
     return int(value)

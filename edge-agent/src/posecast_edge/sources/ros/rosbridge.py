@@ -23,13 +23,13 @@ from posecast_edge.sample import SourceError
 from posecast_edge.sources.backoff import Backoff
 from posecast_edge.sources.base import Deliver, Source
 from posecast_edge.sources.ros.input import EXTRA, SAY_EVERY_S, RosInput
-from posecast_edge.sources.ros.messages import CONTROLLER_STATE, MessageError, short_type
+from posecast_edge.sources.ros.messages import CONTROLLER_STATE, RosMessageError, short_type
 from posecast_edge.sources.ros.rosbridge_protocol import (
     MESSAGE_MAX,
     Answer,
     MessageAssembler,
-    ProtocolError,
     Publish,
+    RosbridgeProtocolError,
     ask,
     parse_json,
     subscribe,
@@ -213,7 +213,7 @@ class RosbridgeConnection:
                 self._answer(heard)
             elif heard is not None and heard.level in ("error", "warning"):
                 self._words.add(f"rosbridge says: {heard.text[:200]}", time.monotonic())
-        except (ProtocolError, MessageError) as e:
+        except (RosbridgeProtocolError, RosMessageError) as e:
             self._intake.bad("rosbridge", str(e))
 
     def _type_of(self, heard: Publish) -> str:

@@ -28,7 +28,7 @@ NO_TAGS = (0, 1, 2, 3, 4, 5, 25, 28, 29, 30, 35, 36, 37, 52, 54, 100, 256, 258, 
 TYPED_ARRAYS = {64: "B", 69: "H", 70: "I", 71: "Q", 72: "b", 77: "h", 78: "i", 79: "q", 85: "f", 86: "d"}
 
 
-class ProtocolError(ValueError):
+class RosbridgeProtocolError(ValueError):
     """What came is not rosbridge's. One line."""
 
 
@@ -49,14 +49,14 @@ class Answer:
 
 
 @dataclass(frozen=True)
-class Status:
+class RosbridgeStatus:
     """A word of the server's about what was asked."""
 
     level: str
     text: str
 
 
-Heard = Publish | Answer | Status
+Heard = Publish | Answer | RosbridgeStatus
 
 
 def subscribe(topic: str, type_name: str | None, encoding: str, throttle_ms: int) -> str:
@@ -107,7 +107,7 @@ class MessageAssembler:
                 return None
             document = parse_json(whole)
         if not isinstance(document, dict) or not isinstance(document.get("op"), str):
-            raise ProtocolError("a message without op")
+            raise RosbridgeProtocolError("a message without op")
         return _heard(document)
 
     def _fragment(self, document: dict[str, Any]) -> str | None:
@@ -121,7 +121,7 @@ class MessageAssembler:
             or not 0 <= number < total
             or (len(name) > WORD_MAX if isinstance(name, str) else abs(name) >> 64)
         ):
-            raise ProtocolError("a fragment that is none")
+            raise RosbridgeProtocolError("a fragment that is none")
         key = str(name)
         parts = self._parts.setdefault(key, _Parts(total))
         if parts.total != total or number in parts.found:
@@ -134,7 +134,7 @@ class MessageAssembler:
         self._parts.move_to_end(key)
         if parts.size > MESSAGE_MAX:
             self._give_up(key)
-            raise ProtocolError(f"fragments of more than {MESSAGE_MAX >> 20} MiB")
+            raise RosbridgeProtocolError(f"fragments of more than {MESSAGE_MAX >> 20} MiB")
         while len(self._parts) > PARTS_MAX or self._chars > PARTS_CHARS_MAX:
             self._give_up(next(iter(self._parts)))
         if len(parts.found) < total:
@@ -151,16 +151,16 @@ def _heard(document: dict[str, Any]) -> Heard | None:
     if op == "publish":
         topic = document.get("topic")
         if not isinstance(topic, str):
-            raise ProtocolError("a message without a topic")
+            raise RosbridgeProtocolError("a message without a topic")
         return Publish(topic, document.get("msg"))
     if op == "service_response":
         values = document.get("values")
         good = document.get("result", True) is not False and isinstance(values, dict)
         return Answer(_word(document, "id"), values if good else None)
     if op == "status":
-        return Status(_word(document, "level"), _word(document, "msg"))
+        return RosbridgeStatus(_word(document, "level"), _word(document, "msg"))
     if op == "png":
-        raise ProtocolError("PNG compression is not read, and was not asked for")
+        raise RosbridgeProtocolError("PNG compression is not read, and was not asked for")
     return None
 
 
@@ -173,13 +173,13 @@ def _word(document: dict[str, Any], name: str) -> str:
 def parse_json(text: str) -> Any:
     """JSON as servers write it; NaN and Infinity are null. ProtocolError."""
     if sum(text.count(sign) for sign in ",[{") > ITEMS_MAX:
-        raise ProtocolError(f"JSON of more than {ITEMS_MAX:,} values")
+        raise RosbridgeProtocolError(f"JSON of more than {ITEMS_MAX:,} values")
     try:
         return json.loads(text, parse_constant=_no_reading)
     except RecursionError:
-        raise ProtocolError("JSON nested too deep") from None
+        raise RosbridgeProtocolError("JSON nested too deep") from None
     except ValueError as e:
-        raise ProtocolError(f"not JSON: {str(e)[:WORD_MAX]}") from None
+        raise RosbridgeProtocolError(f"not JSON: {str(e)[:WORD_MAX]}") from None
 
 
 def _no_reading(_token: str) -> None:
@@ -190,7 +190,7 @@ def _cbor(data: bytes) -> Any:
     import cbor2  # noqa: PLC0415 - the extra [ros]; JSON does without
 
     if len(data) > CBOR_MAX:
-        raise ProtocolError(f"CBOR of {len(data)} bytes, at most {CBOR_MAX}")
+        raise RosbridgeProtocolError(f"CBOR of {len(data)} bytes, at most {CBOR_MAX}")
     try:
         return cbor2.loads(
             data,
@@ -198,13 +198,13 @@ def _cbor(data: bytes) -> Any:
             semantic_decoders=dict.fromkeys(NO_TAGS, _no_value),
             strict_hashable_types=True,
         )
-    except ProtocolError:
+    except RosbridgeProtocolError:
         raise
     except Exception as e:  # what it raises has changed from version to version
-        if isinstance(e.__cause__, ProtocolError):
+        if isinstance(e.__cause__, RosbridgeProtocolError):
             raise e.__cause__ from None
         said = " ".join(str(e).split())[:WORD_MAX]
-        raise ProtocolError(f"not CBOR: {type(e).__name__}: {said}") from None
+        raise RosbridgeProtocolError(f"not CBOR: {type(e).__name__}: {said}") from None
 
 
 def _no_value(_value: Any, _immutable: bool) -> None:
@@ -218,7 +218,9 @@ def _typed_array(tag: Any, _immutable: bool) -> Any:
     size = struct.calcsize(f"<{letter}")
     count, rest = divmod(len(tag.value), size)
     if rest:
-        raise ProtocolError(f"CBOR: a typed array of {len(tag.value)} bytes, {size} a number expected")
+        raise RosbridgeProtocolError(
+            f"CBOR: a typed array of {len(tag.value)} bytes, {size} a number expected"
+        )
     if count > ARRAY_MAX:
-        raise ProtocolError(f"CBOR: a typed array of {count} numbers, at most {ARRAY_MAX}")
+        raise RosbridgeProtocolError(f"CBOR: a typed array of {count} numbers, at most {ARRAY_MAX}")
     return list(struct.unpack(f"<{count}{letter}", tag.value))
