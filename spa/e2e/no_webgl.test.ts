@@ -43,7 +43,7 @@ describe('a browser without 3D', () => {
     await until('LIVE', async () => ['LIVE', 'HOLDING'].includes(await liveness(page)));
     await until('a table that goes on', async () => (await shownPositions(page)).size > 20, 30_000);
     expect(await page.findByTestId('view-note').text()).toMatch(/no 3D.*light view/i);
-    expect(page.requested.filter((url) => /three|scene-/.test(url))).toEqual([]);
+    expect(page.requested.filter((url) => /\/three[.-]/.test(url))).toEqual([]);
     const before = await renderedFrames(page);
     const hand = (await body(page))?.links.Body_LWP ?? (await body(page))?.links;
     await until('it moves', async () => (await renderedFrames(page)) > before + 10);

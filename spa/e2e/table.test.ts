@@ -64,11 +64,10 @@ describe('the table', () => {
     await page.open(`${relay.url}/`);
     const card = page.findByRole('link', /demo/i);
     await until('a card', async () => (await card.count()) > 0);
-    expect(
-      page.requested.filter((url) => /scene/i.test(url)),
-      'no 3D before a robot is chosen',
-    ).toEqual([]);
+    const ofBody = () => page.requested.filter((url) => /\/(three|canvas2d)[.-]/.test(url));
+    expect(ofBody(), 'no 3D before a robot is chosen').toEqual([]);
     await card.click();
+    await until('3D is asked for', async () => ofBody().length > 0);
     await until('LIVE', async () => ['LIVE', 'HOLDING'].includes(await liveness(page)));
   });
 
