@@ -27,6 +27,9 @@ const CONTENT_POLICY = [
 const IN_THE_PAGE =
   /\/(as_anyone|bounds|clock|early|first_paint|format|jsx-runtime|language|level_latch|manifest|preload-helper|react|relay|rolldown-runtime|settings|src|token|values)-[\w-]{8}\.js$/;
 
+/** What page and lazy parts share, as one chunk: a browser asks for six files at a time, and the worker waits its turn. */
+const IN_VALUES = /spa\/src\/twin\/(format|names|rotation|values|limits\/limits)\.ts$/;
+
 function contentPolicy(): Plugin {
   return {
     name: 'content-policy',
@@ -156,7 +159,10 @@ export default defineConfig({
       resolveDependencies: (_, needed, { hostType }) =>
         hostType === 'js' ? needed.filter((file) => !IN_THE_PAGE.test(file)) : needed,
     },
-    rolldownOptions: { input: { index: 'index.html', early: 'src/early.ts' } },
+    rolldownOptions: {
+      input: { index: 'index.html', early: 'src/early.ts' },
+      output: { codeSplitting: { groups: [{ name: 'values', test: IN_VALUES }] } },
+    },
   },
   worker: { format: 'es' },
   server: {

@@ -79,7 +79,7 @@ function nothingInTheWay({ marks, asked }: Sight, manifestBytes: number): void {
 
   // What the skeleton waits for, and nothing else: page, styles, stream, and last of all the manifest.
   const before = asked.filter((one) => one.endMs > 0 && one.endMs <= file('manifest.json').endMs);
-  const needed = before.filter((one) => !/^(favicon|scene|three|stance)|\.glb$/.test(one.file));
+  const needed = before.filter((one) => !/^(favicon|three|ghost_pose)|\.glb$/.test(one.file));
   expect(needed.map((one) => one.file)).toEqual(
     expect.arrayContaining(['early.js', 'index.css', 'index.js', 'manifest.json', 'worker.js']),
   );
