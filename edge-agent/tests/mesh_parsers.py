@@ -99,7 +99,7 @@ REFUSED = (ModelRefused,)
 PARSERS = (
     Parser(
         "obj",
-        ("model.obj.read_obj", "model.mesh_reader.read_mesh", "model.mesh.checked"),
+        ("model.meshes.obj.read_obj", "model.meshes.reader.read_mesh", "model.meshes.mesh.checked"),
         mesh_work("a.obj"),
         REFUSED,
         (OBJ, cube_obj(), cube_obj().replace(b".2\n", b".2 1 0 0\n")),
@@ -116,7 +116,7 @@ PARSERS = (
     ),
     Parser(
         "mtl",
-        ("model.beside.read_bounded",),
+        ("model.meshes.side_files.read_bounded",),
         mtl_work,
         REFUSED,
         (MTL,),
@@ -129,7 +129,7 @@ PARSERS = (
     ),
     Parser(
         "stl",
-        ("model.stl.read_stl",),
+        ("model.meshes.stl.read_stl",),
         mesh_work("a.stl"),
         REFUSED,
         (cube_stl(), cube_text_stl()),
@@ -142,7 +142,7 @@ PARSERS = (
     ),
     Parser(
         "level",
-        ("model.files.read_visual_files",),
+        ("model.builder.model_files.read_visual_files",),
         level_work,
         REFUSED,
         (cube_obj(),),

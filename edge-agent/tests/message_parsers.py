@@ -201,7 +201,7 @@ def ach_file(frames: int, folder: Path | None = None) -> bytes:
 PARSERS = (
     Parser(
         "achd",
-        ("sources.achd_protocol.Conversation.feed",),
+        ("sources.hubo.achd_protocol.AchdParser.feed",),
         achd_work,
         (AchdProtocolError,),
         (achd_frames(3, 300), b"status: 0\nmessage: fine\n.\n" + achd_frames(1, 1)[12:]),
@@ -212,7 +212,7 @@ PARSERS = (
     ),
     Parser(
         "ach",
-        ("sources.ach_channel.Channel.fresh",),
+        ("sources.hubo.ach_channel.AchChannel.fresh",),
         ach_work,
         (ChannelError,),
         (ach_file(4), ach_file(60)),
@@ -220,7 +220,7 @@ PARSERS = (
     ),
     Parser(
         "hubo_state",
-        ("sources.hubo_state.Decoder.decode",),
+        ("sources.hubo.state.HuboDecoder.decode",),
         lambda given, folder: lambda: HuboDecoder(None).decode(given.data),
         (UnknownFrame,),
         (bytes(state()),),
@@ -228,7 +228,7 @@ PARSERS = (
     ),
     Parser(
         "rosbridge",
-        ("sources.rosbridge_protocol.Ear.feed", "sources.rosbridge_protocol.parse_json"),
+        ("sources.ros.rosbridge_protocol.MessageAssembler.feed", "sources.ros.rosbridge_protocol.parse_json"),
         rosbridge_work,
         (),
         ROSBRIDGE,
@@ -261,9 +261,9 @@ PARSERS = (
     Parser(
         "cdr",
         (
-            "sources.ros_cdr.CdrReader.read",
-            "sources.ros_messages.read_message",
-            "sources.ros_messages.checked_description",
+            "sources.ros.cdr.CdrReader.read",
+            "sources.ros.messages.read_message",
+            "sources.ros.messages.checked_description",
         ),
         cdr_work,
         (),

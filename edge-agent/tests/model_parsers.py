@@ -129,7 +129,7 @@ REFUSED = (ModelRefused,)
 PARSERS = (
     Parser(
         "urdf",
-        ("model.urdf_reader.read_urdf", "model.urdf_reader.load_urdf"),
+        ("model.urdf.reader.read_urdf", "model.urdf.reader.load_urdf"),
         urdf_work,
         REFUSED,
         (WHOLE,),
@@ -155,7 +155,7 @@ PARSERS = (
     ),
     Parser(
         "bundle",
-        ("model.bundle.load_bundle",),
+        ("model.serve.bundle.load_bundle",),
         bundle_work,
         (ModelError,),
         (WHOLE,),
@@ -163,7 +163,11 @@ PARSERS = (
     ),
     Parser(
         "manifest",
-        ("model.bundle.load_built", "model.bundle.Bundle.read", "model.folder.read_folder"),
+        (
+            "model.serve.bundle.load_built",
+            "model.serve.bundle.Bundle.read",
+            "model.serve.bundle_dir.read_folder",
+        ),
         lambda given, folder: lambda: entries_of(given.data),
         REFUSED,
         (manifest([ENTRY]),),
@@ -174,7 +178,11 @@ PARSERS = (
     ),
     Parser(
         "picture",
-        ("model.texture.checked_picture", "model.texture.Pictures.checked", "model.texture.fitted"),
+        (
+            "model.meshes.texture.checked_picture",
+            "model.meshes.texture.Pictures.checked",
+            "model.meshes.texture.fitted",
+        ),
         picture_work,
         REFUSED,
         (PICTURE, png(3)),

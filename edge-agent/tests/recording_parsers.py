@@ -132,7 +132,7 @@ ROWS = b"t,A,ref.B [deg],flags.A,info.mode,\n1.5,0.1,0.2,jam hot,walk,x\n2,1,2,3
 PARSERS = (
     Parser(
         "csv",
-        ("sources.csv.Table.samples",),
+        ("sources.files.csv.Table.samples",),
         csv_work,
         (SourceError,),
         (ROWS, b"\xef\xbb\xbftime_ms;A;B\r\n1;2;3\r\n4;5;6\r\n"),
@@ -150,7 +150,7 @@ PARSERS = (
     ),
     Parser(
         "trajectory",
-        ("sources.trajectory.parse_row",),
+        ("sources.files.trajectory.parse_row",),
         trajectory_work,
         (SourceError,),
         (b"1 2 3\n4 5 6\n1,2,3\n",),
@@ -162,7 +162,7 @@ PARSERS = (
     ),
     Parser(
         "playback",
-        ("sources.playback.parse_playback", "sources.playback.Recording.samples"),
+        ("sources.files.playback.parse_playback", "sources.files.playback.Recording.samples"),
         lambda given, folder: lambda: parse_playback("csv", given.data.decode("utf-8", "replace")),
         (SourceError,),
         (b"walk.csv?start=1.5&loop",),
@@ -171,9 +171,9 @@ PARSERS = (
     Parser(
         "mcap",
         (
-            "sources.mcap.McapFile.samples",
-            "sources.mcap_records.read_records",
-            "sources.mcap_records.unpacked",
+            "sources.files.mcap.McapFile.samples",
+            "sources.files.mcap_records.read_records",
+            "sources.files.mcap_records.unpacked",
         ),
         mcap_work,
         (SourceError,),
@@ -202,7 +202,7 @@ PARSERS = (
     ),
     Parser(
         "mujoco",
-        ("sources.mujoco_model.load",),
+        ("sources.mujoco.model.load",),
         mujoco_work,
         (ModelRefused,),
         (ARM.read_bytes(),),

@@ -197,7 +197,7 @@ def rich(document: dict[str, object]) -> None:
 PARSERS = (
     Parser(
         "collada",
-        ("model.collada.read_collada", "model.xml_tree.read_xml"),
+        ("model.meshes.collada.read_collada", "model.urdf.xml_tree.read_xml"),
         mesh_work("a.dae"),
         (ModelRefused,),
         (cube_collada(effect=EFFECT, node="<rotate>0 0 1 90</rotate>"), POLYLIST),
@@ -216,7 +216,7 @@ PARSERS = (
     ),
     Parser(
         "gltf",
-        ("model.gltf_reader.read_gltf",),
+        ("model.meshes.gltf.read_gltf",),
         mesh_work("a.glb"),
         (ModelRefused,),
         (cube_glb(), cube_glb(rich)),

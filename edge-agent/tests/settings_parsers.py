@@ -110,10 +110,10 @@ PARSERS = (
     Parser(
         "profile",
         (
-            "profile_reader.load_profile",
-            "profile_reader.parse_profile",
-            "profile_ros.read_ros",
-            "profile_views.read_view",
+            "profile.reader.load_profile",
+            "profile.reader.parse_profile",
+            "profile.ros.read_ros",
+            "profile.views.read_view",
         ),
         profile_work,
         (ProfileError,),
@@ -126,7 +126,7 @@ PARSERS = (
     ),
     Parser(
         "credential",
-        ("settings.parse_settings",),
+        ("cli.settings.parse_settings",),
         credential_work,
         (UsageError,),
         (CREDENTIAL + b"\n", CREDENTIAL + b":TUlJQg==\r\n"),

@@ -21,9 +21,9 @@ READS = re.compile(r"(?:checked|decode|feed|fitted|fresh|load|parse|read|samples
 # what is called so and reads nothing that a stranger wrote, or is measured elsewhere
 ELSEWHERE = {
     "sources.demo.read_motion": "a file of our own",
-    "sources.mujoco_model.load": "test_hostile_mujoco.py: MuJoCo reads",
-    "sampler.Sampler.fresh": "what a source has delivered",
-    "stream.Stream.fresh": "what a sampler has",
+    "sources.mujoco.model.load": "test_hostile_mujoco.py: MuJoCo reads",
+    "pipeline.sampler.Sampler.fresh": "what a source has delivered",
+    "pipeline.stream.Stream.fresh": "what a sampler has",
 }
 # the kinds of sources, and which parsers read for each
 BY_KIND = {
@@ -48,21 +48,22 @@ STRANGE = [
 WORD = re.compile(rb"-?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?|[A-Za-z_#.:/-]{2,}")
 
 
-def readers(part: str) -> Iterator[str]:
-    """The public functions and methods of a part that read something; "" is the package itself."""
-    for file in sorted((PACKAGE / part).glob("*.py")):
+def readers() -> Iterator[str]:
+    """The public functions and methods of the package that read something."""
+    for file in sorted(PACKAGE.rglob("*.py")):
+        module = ".".join(file.relative_to(PACKAGE).with_suffix("").parts)
         for node in ast.parse(file.read_text(encoding="utf-8")).body:
             if isinstance(node, ast.FunctionDef) and READS.match(node.name):
-                yield f"{part}.{file.stem}.{node.name}".lstrip(".")
+                yield f"{module}.{node.name}"
             elif isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
                 for inner in node.body:
                     if isinstance(inner, ast.FunctionDef) and READS.match(inner.name):
-                        yield f"{part}.{file.stem}.{node.name}.{inner.name}".lstrip(".")
+                        yield f"{module}.{node.name}.{inner.name}"
 
 
 def test_every_reader_is_in_the_table() -> None:
     known = {name for parser in PARSERS.values() for name in parser.reads} | set(ELSEWHERE)
-    assert {name for part in ("", "model", "sources") for name in readers(part)} == known
+    assert set(readers()) == known
 
 
 def test_every_kind_of_source_is_in_the_table() -> None:
