@@ -101,6 +101,14 @@ def test_separators_and_what_spreadsheets_write(tmp_path: Path, separator: str) 
     ]
 
 
+@pytest.mark.parametrize("encoding", ["utf-16-le", "utf-16-be"])
+def test_a_byte_order_mark_tells_utf16(tmp_path: Path, encoding: str) -> None:
+    path = tmp_path / "excel.csv"
+    path.write_bytes("\ufefft\tA\r\n1\t2\r\n".encode(encoding))
+    (sample,) = Table(path, None).samples(0, first_pass=True)
+    assert (sample.t_s, sample.values) == (1, {"pos": {"A": 2}})
+
+
 def test_what_the_standard_library_writes(tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
     with path.open("w", newline="") as file:

@@ -95,4 +95,12 @@ def test_the_command_writes_a_file_once(tmp_path: Path) -> None:
     statue = run("new", "--urdf", str(urdf))
     assert statue.returncode == 2
     assert "no joint moves" in statue.stderr
+    urdf.write_text(
+        '<robot name="x"><link name="a"/><link name="b"/><joint name="free" type="floating">'
+        '<parent link="a"/><child link="b"/></joint></robot>',
+        encoding="utf-8",
+    )
+    drone = run("new", "--urdf", str(urdf))
+    assert drone.returncode == 2
+    assert "floating and planar joints have no value of their own" in drone.stderr
     assert run("new", "--urdf", str(tmp_path / "gone.urdf")).returncode == 2

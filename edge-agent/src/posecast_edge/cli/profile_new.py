@@ -20,6 +20,7 @@ from posecast_edge.model.urdf.types import Joint, Urdf
 from posecast_edge.profile.reader import ProfileError, parse_profile
 
 MOVING = ("revolute", "continuous", "prismatic")
+FREE = ("floating", "planar")
 SENSOR_KINDS = {"imu": "imu", "force_torque": "wrench"}  # of the URDF → of a profile
 SENSOR_FIELDS = {
     "imu": (("quat", "wxyz"), ("gyro", "xyz"), ("acc", "xyz")),
@@ -80,6 +81,8 @@ def profile_text(urdf: Urdf, file: str) -> str:
     tree = build_tree(urdf)
     joints = [j for j in tree.joints if j.type in MOVING and j.mimic is None]
     if not joints:
+        if any(j.type in FREE for j in tree.joints):
+            raise ModelRefused("floating and planar joints have no value of their own, and no other moves")
         raise ModelRefused("no joint moves: there is nothing to show but a statue")
     sliding = [j.name for j in joints if j.type == "prismatic"]
     metres = ", ".join(f'{_key(name)} = "m"' for name in sliding)

@@ -8,13 +8,14 @@ The first row names the columns:
     info.NAME               a text that changes rarely
     … [deg]                 a unit after the name is converted: deg, deg/s, mm, mA, mV
 
-Separators are commas, semicolons or tabs. An empty cell or `nan` is no reading; flags are masks or names with
-blanks between them. A column without a name is left out (pandas writes one). A row that does not fit is named
-and skipped.
+Separators are commas, semicolons or tabs; the text is UTF-8, or UTF-16 with its byte order mark. An empty
+cell or `nan` is no reading; flags are masks or names with blanks between them. A column without a name is
+left out (pandas writes one). A row that does not fit is named and skipped.
 """
 
 from __future__ import annotations
 
+import codecs
 import csv
 import logging
 import math
@@ -112,7 +113,11 @@ class Table:
 
     def _open(self) -> TextIO:
         try:
-            return open(self._path, encoding="utf-8-sig", errors="replace", newline="")
+            with open(self._path, "rb") as file:
+                # spreadsheets and PowerShell write UTF-16, and always with its mark
+                utf16 = file.read(2) in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
+            encoding = "utf-16" if utf16 else "utf-8-sig"
+            return open(self._path, encoding=encoding, errors="replace", newline="")
         except OSError as e:
             raise SourceError(f"{self._path}: {e.strerror or e}") from None
 
