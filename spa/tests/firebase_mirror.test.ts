@@ -1,7 +1,8 @@
 import { WIRE_VERSION } from '@posecast/wire';
 import { describe, expect, it } from 'vitest';
 import { MirrorReader } from '../src/stream/firebase_mirror.ts';
-import { type Action, Session, SILENT_LIMIT_MS } from '../src/stream/session.ts';
+import type { Action } from '../src/stream/messages.ts';
+import { Session, SILENT_LIMIT_MS } from '../src/stream/session.ts';
 import type { StreamEvent } from '../src/stream/sse.ts';
 import { judge } from '../src/twin/liveness.ts';
 import { RobotTwin } from '../src/twin/robot.ts';

@@ -1,6 +1,6 @@
 import { Encoder, frameId, parseHeader } from '@posecast/wire';
-import type { FromStream } from '../src/stream/messages.ts';
-import { type Action, Session } from '../src/stream/session.ts';
+import type { Action, FromStream } from '../src/stream/messages.ts';
+import { Session } from '../src/stream/session.ts';
 import { HOLDING_AFTER_MS, isClaim, judge, STALE_AFTER_MS, type Word } from '../src/twin/liveness.ts';
 import { RobotTwin } from '../src/twin/robot.ts';
 import { codesWith, SCHEMA, SCHEMA_TEXT } from './schema.ts';

@@ -1,5 +1,5 @@
-import type { FromStream } from '../src/stream/messages.ts';
-import { type Action, Session } from '../src/stream/session.ts';
+import type { Action, FromStream } from '../src/stream/messages.ts';
+import { Session } from '../src/stream/session.ts';
 import { SCHEMA_TEXT } from './schema.ts';
 
 type Kind = FromStream['kind'];

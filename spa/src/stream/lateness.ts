@@ -44,6 +44,35 @@ export class Lateness {
   }
 }
 
+/**
+ * A silence that the page had to call its pose old in, or that this thread itself slept through. What comes first after it has
+ * been on its way, or lain here, nobody knows for how long: it counts as of before the silence until something shows that
+ * the backlog has been read.
+ */
+export class Silence {
+  #sinceMs: number | null = null;
+
+  /** It was silent from `sinceMs` on; what is not yet behind us from an earlier silence goes on counting from there. */
+  begin(sinceMs: number): void {
+    this.#sinceMs ??= sinceMs;
+  }
+
+  /** What comes now comes at once. */
+  end(): void {
+    this.#sinceMs = null;
+  }
+
+  /** What comes was written at `writtenMs` of our own clock: after the page had called its pose old, it is no backlog. */
+  endIfWrittenAfter(writtenMs: number, oldAfterMs: number): void {
+    if (this.#sinceMs !== null && writtenMs > this.#sinceMs + oldAfterMs) this.#sinceMs = null;
+  }
+
+  /** For how many ms what comes now may have been on its way; 0 where there was no silence. */
+  ageMs(nowMs: number): number {
+    return this.#sinceMs === null ? 0 : Math.max(0, nowMs - this.#sinceMs);
+  }
+}
+
 /** The next rate below; the lowest stays. */
 export function lowerHz(hz: number): number {
   return STEPS_HZ.find((step) => step < hz) ?? Math.min(hz, 1);

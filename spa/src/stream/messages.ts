@@ -53,3 +53,12 @@ export type ToStream =
   /** A rate that was lowered is asked for in full again. */
   | { kind: 'wish-all' }
   | { kind: 'close' };
+
+/** What the worker must do for its session, in this order. */
+export type Action =
+  | { do: 'connect'; by: Transport; url: string }
+  /** Open a WebSocket beside what stands; if it opens, it takes over. */
+  | { do: 'try'; url: string }
+  | { do: 'send'; text: string }
+  | { do: 'drop' }
+  | { do: 'post'; message: FromStream };

@@ -6,18 +6,16 @@ import {
   WIRE_VERSION,
 } from '@posecast/wire';
 import { QUIET_AFTER_MS, STALE_AFTER_MS } from '../twin/liveness.ts';
+import { Acknowledgements } from './acknowledgements.ts';
 import { retryDelayMs } from './backoff.ts';
 import { FrameReader } from './frame_reader.ts';
-import { Lateness, lowerHz } from './lateness.ts';
-import type { Ending, FromStream, Phase } from './messages.ts';
+import { Lateness, lowerHz, Silence } from './lateness.ts';
+import type { Action, Ending, FromStream, Phase } from './messages.ts';
 import { type Transport, TransportChoice } from './transport.ts';
 
 /** status comes at least once a second: three of them missing is a dead socket that nobody told us about. */
 export const SILENT_LIMIT_MS = 3000;
 export const CONNECT_LIMIT_MS = 8000;
-const ACK_EVERY_MS = 1000;
-/** Far away: the relay hears an acknowledgement so late that it would hold frames back while it waits for the next. */
-const FAR_MS = 500;
 const PING_EVERY_MS = 5000;
 const PACE_EVERY_MS = 1000;
 /** Between two rate wishes, so that a person flipping through tabs is no flood. */
@@ -29,15 +27,6 @@ const WORKED_MS = 5000;
 /** A rate that needs no explanation. */
 const AS_WISHED = new Set(['', 'asked', 'recovered']);
 const SLOW_NETWORK = 'slow network';
-
-/** What the worker must do, in this order. */
-export type Action =
-  | { do: 'connect'; by: Transport; url: string }
-  /** Open a WebSocket beside what stands; if it opens, it takes over. */
-  | { do: 'try'; url: string }
-  | { do: 'send'; text: string }
-  | { do: 'drop' }
-  | { do: 'post'; message: FromStream };
 
 /**
  * One viewer's connection to one robot, without a socket, a timer or a clock: what happened and when goes in, what to
@@ -61,8 +50,7 @@ export class Session {
   #heardMs = 0;
   /** When this thread last did anything. */
   #aliveMs = 0;
-  /** What comes may have been on its way since then; null: it comes at once. */
-  #silentMs: number | null = null;
+  readonly #silence = new Silence();
   #retryAtMs: number | null = null;
   #failures = 0;
   #bye: (Ending & { retryS: number | null }) | null = null;
@@ -70,9 +58,7 @@ export class Session {
 
   #reading = this.#newReading();
 
-  #received = 0;
-  #acknowledged = 0;
-  #ackMs = Number.NEGATIVE_INFINITY;
+  #acknowledgements = new Acknowledgements();
   #pingMs = Number.NEGATIVE_INFINITY;
   #roundTripMs: number | null = null;
   #askedHz: number;
@@ -141,8 +127,7 @@ export class Session {
   /** What comes next on events was written at this time of the relay's own clock. */
   stamped(nowMs: number, writtenMs: number): void {
     this.#lateness.stamped(nowMs, writtenMs);
-    const since = this.#silentMs;
-    if (since !== null && nowMs - this.#lateness.ms > since + this.#oldAfterMs) this.#silentMs = null;
+    this.#silence.endIfWrittenAfter(nowMs - this.#lateness.ms, this.#oldAfterMs);
   }
 
   text(nowMs: number, text: string): Action[] {
@@ -157,7 +142,7 @@ export class Session {
 
   binary(nowMs: number, frame: Uint8Array): Action[] {
     this.#hear(nowMs);
-    this.#received += 1;
+    this.#acknowledgements.countMessage();
     this.#reading.frame(nowMs, this.#lateMs(nowMs), frame);
     this.#acknowledge(nowMs);
     return this.#take();
@@ -308,15 +293,13 @@ export class Session {
   #begin(nowMs: number, askedHz: number): void {
     this.#sinceMs = nowMs;
     this.#aliveMs = nowMs;
-    this.#silentMs = null;
+    this.#silence.end();
     this.#bye = null;
     this.#greeted = false;
     this.#lateness.begin(nowMs);
     // The relay keeps per connection what we were given: a new one starts from nothing on both sides.
     this.#reading = this.#newReading();
-    this.#received = 0;
-    this.#acknowledged = 0;
-    this.#ackMs = Number.NEGATIVE_INFINITY;
+    this.#acknowledgements = new Acknowledgements();
     this.#roundTripMs = null;
     this.#askedHz = askedHz;
   }
@@ -349,7 +332,7 @@ export class Session {
         return;
       case 'pong':
         this.#roundTripMs = Math.max(0, nowMs - message.t);
-        if (message.t >= this.#pingMs) this.#silentMs = null; // it came behind all that was on its way
+        if (message.t >= this.#pingMs) this.#silence.end(); // it came behind all that was on its way
         return;
       case 'bye':
         this.#bye = { code: message.code, reason: message.reason, retryS: message.retry_s };
@@ -360,16 +343,12 @@ export class Session {
     }
   }
 
-  /**
-   * After a silence that the page had to call its pose old in, or that this thread itself slept through, what comes first has
-   * been on its way, or lain here, nobody knows for how long. It counts as of before the silence, until the relay has answered
-   * a ping, or, on events, until one comes that was written after the page had called its pose old. In a mirror silence is usual,
-   * and what is no news there counts as nothing anyway.
-   */
+  /** A silence ends with the answer to a ping, on events with one that was written late enough. In a mirror it is usual, and what
+   *  is no news there counts as nothing anyway. */
   #hear(nowMs: number): void {
     this.#aliveMs = nowMs;
     if (nowMs - this.#heardMs > this.#oldAfterMs && this.#choice.now !== 'mirror') {
-      this.#silentMs ??= this.#heardMs;
+      this.#silence.begin(this.#heardMs);
       if (!this.#onEvents) this.#ping(nowMs);
     }
     this.#heardMs = nowMs;
@@ -382,8 +361,7 @@ export class Session {
   /** How long what comes now has been on its way. A WebSocket is held up by what it owes in acknowledgements long before it
    *  is late. */
   #lateMs(nowMs: number): number {
-    const late = this.#onEvents ? this.#lateness.ms : 0;
-    return this.#silentMs === null ? late : Math.max(late, nowMs - this.#silentMs);
+    return Math.max(this.#onEvents ? this.#lateness.ms : 0, this.#silence.ageMs(nowMs));
   }
 
   #ping(nowMs: number): void {
@@ -391,14 +369,10 @@ export class Session {
     this.#send({ type: 'ping', t: nowMs });
   }
 
-  /** `n` counts the binary messages of this connection; at most once a second (twice, from afar), and never left owing. */
   #acknowledge(nowMs: number): void {
-    if (this.#phase !== 'open' || this.#onEvents || this.#received === this.#acknowledged) return;
-    const far = (this.#roundTripMs ?? 0) > FAR_MS;
-    if (nowMs - this.#ackMs < (far ? ACK_EVERY_MS / 2 : ACK_EVERY_MS)) return;
-    this.#ackMs = nowMs;
-    this.#acknowledged = this.#received;
-    this.#send({ type: 'ack', n: this.#received });
+    if (this.#phase !== 'open' || this.#onEvents) return;
+    const n = this.#acknowledgements.takeDue(nowMs, this.#roundTripMs);
+    if (n !== null) this.#send({ type: 'ack', n });
   }
 
   #wishRate(nowMs: number): void {

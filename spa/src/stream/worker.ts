@@ -2,8 +2,8 @@
 import { WIRE_VERSION } from '@posecast/wire';
 import { nowMs, setSlept } from './clock.ts';
 import { Mailbox } from './mailbox.ts';
-import type { FromStream, ToStream } from './messages.ts';
-import { type Action, Session } from './session.ts';
+import type { Action, FromStream, ToStream } from './messages.ts';
+import { Session } from './session.ts';
 import type { StreamEvent } from './sse.ts';
 
 /** The thread that owns the socket: it does what the session says, and tells the session what happened. */
