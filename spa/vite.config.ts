@@ -25,10 +25,21 @@ const CONTENT_POLICY = [
 
 /** Chunks that the page itself imports. A name that is missing here costs some bytes, nothing else. */
 const IN_THE_PAGE =
-  /\/(as_anyone|bounds|clock|early|first_paint|format|jsx-runtime|language|level_latch|manifest|preload-helper|react|relay|rolldown-runtime|settings|src|token|values)-[\w-]{8}\.js$/;
+  /\/(bounds|early|first_paint|jsx-runtime|language|level_latch|manifest|preload-helper|react|relay|rolldown-runtime|settings|values)-[\w-]{8}\.js$/;
 
-/** What page and lazy parts share, as one chunk: a browser asks for six files at a time, and the worker waits its turn. */
-const IN_VALUES = /spa\/src\/twin\/(format|names|rotation|values|limits\/limits)\.ts$/;
+/** What page and lazy parts share, in few chunks: a browser asks for six files at a time, and the worker waits its turn. */
+const SHARED_CHUNKS = [
+  { name: 'react', test: /node_modules\/react\// },
+  { name: 'relay', test: /spa\/src\/(auth\/token|browser\/(storage|store)|relay\/(as_anyone|relay))\.ts$/ },
+  {
+    name: 'values',
+    test: /spa\/src\/(model\/bounds|twin\/(format|names|rotation|values|limits\/(level_latch|limits)))\.ts$/,
+  },
+  {
+    name: 'settings',
+    test: /spa\/src\/(app\/(state\/(settings|use_store)|text\/language)|browser\/first_paint)\.ts$/,
+  },
+];
 
 function contentPolicy(): Plugin {
   return {
@@ -161,7 +172,7 @@ export default defineConfig({
     },
     rolldownOptions: {
       input: { index: 'index.html', early: 'src/early.ts' },
-      output: { codeSplitting: { groups: [{ name: 'values', test: IN_VALUES }] } },
+      output: { codeSplitting: { groups: SHARED_CHUNKS } },
     },
   },
   worker: { format: 'es' },

@@ -3,6 +3,7 @@
  * `config.json` or its address say otherwise (`config.ts`, which comes only then).
  */
 
+import { readStored } from '../browser/storage.ts';
 import { asAnyone } from './as_anyone.ts';
 import type { Accounts, Choice } from './config.ts';
 
@@ -63,11 +64,7 @@ export function relaySettled(): Promise<Choice> {
 
 /** Whoever never signed in here never loads what signs in. */
 export function wasSignedIn(): boolean {
-  try {
-    return localStorage.getItem(ACCOUNT) !== null;
-  } catch {
-    return false;
-  }
+  return readStored(ACCOUNT) !== null;
 }
 
 /** A second policy beside the page's own: what is allowed is allowed by both. */

@@ -1,4 +1,5 @@
 import { useSyncExternalStore } from 'react';
+import { readStored, writeStored } from '../../browser/storage.ts';
 import { acknowledgedText, type Fault, FaultLog, readAcknowledged } from '../../twin/alarms/fault_log.ts';
 import type { RobotTwin } from '../../twin/robot.ts';
 
@@ -14,7 +15,7 @@ export class FaultKeeper {
   constructor(twin: RobotTwin) {
     this.#twin = twin;
     this.#key = `posecast.acknowledged.${twin.robot}`;
-    this.log = new FaultLog(readAcknowledged(stored(this.#key)));
+    this.log = new FaultLog(readAcknowledged(readStored(this.#key)));
     this.#leave = [twin.onState(() => this.#frame()), twin.onChange(() => this.#events())];
   }
 
@@ -48,11 +49,7 @@ export class FaultKeeper {
   }
 
   #keep(): void {
-    try {
-      window.localStorage.setItem(this.#key, acknowledgedText(this.log.acknowledged));
-    } catch {
-      // it holds as long as the page does
-    }
+    writeStored(this.#key, acknowledgedText(this.log.acknowledged));
   }
 
   #events(): void {
@@ -70,12 +67,4 @@ export class FaultKeeper {
 
 export function useFaults(keeper: FaultKeeper): readonly Fault[] | null {
   return useSyncExternalStore(keeper.onChange, keeper.faults);
-}
-
-function stored(key: string): string | null {
-  try {
-    return window.localStorage.getItem(key);
-  } catch {
-    return null;
-  }
 }

@@ -1,4 +1,5 @@
 import { useSyncExternalStore } from 'react';
+import { createStore } from '../../browser/store.ts';
 
 /** What a person looks at: a joint as the robot names it, and where they chose it. */
 export interface Selection {
@@ -7,25 +8,17 @@ export interface Selection {
 }
 
 /** One for the whole page; null: nothing. */
-let selected: Selection | null = null;
-const listeners = new Set<() => void>();
+const selected = createStore<Selection | null>(null);
+
+export const selection = selected.get;
+export const onSelection = selected.subscribe;
 
 /** Choosing the same joint again is told again: the camera goes back to it. */
 export function selectJoint(joint: string | null, from: Selection['from'] = 'numbers'): void {
-  if (joint === null && selected === null) return;
-  selected = joint === null ? null : { joint, from };
-  for (const listener of listeners) listener();
-}
-
-export function selection(): Selection | null {
-  return selected;
-}
-
-export function onSelection(listener: () => void): () => void {
-  listeners.add(listener);
-  return () => listeners.delete(listener);
+  if (joint === null && selection() === null) return;
+  selected.set(joint === null ? null : { joint, from });
 }
 
 export function useSelectedJoint(): string | null {
-  return useSyncExternalStore(onSelection, () => selected?.joint ?? null);
+  return useSyncExternalStore(onSelection, () => selection()?.joint ?? null);
 }

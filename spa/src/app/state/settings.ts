@@ -1,7 +1,9 @@
-import { useSyncExternalStore } from 'react';
+import { readStored, writeStored } from '../../browser/storage.ts';
+import { createStore } from '../../browser/store.ts';
 import type { AngleUnit } from '../../twin/format.ts';
 import type { LoadField } from '../../twin/sensors/load.ts';
 import type { FollowMode, MouseStyle } from '../../view/body_view.ts';
+import { useStore } from './use_store.ts';
 
 /** What a person chose for this browser. Kept locally; nothing of it is ever sent. */
 export interface Settings {
@@ -103,37 +105,19 @@ export function readSettings(text: string | null): Settings {
   return settings;
 }
 
-/** Storage throws in a third-party iframe and in some private windows; then settings last as long as the page. */
-function fromStorage(): string | null {
-  try {
-    return window.localStorage.getItem(KEY);
-  } catch {
-    return null;
-  }
-}
-
-let own: Settings | null = null;
+let own = readSettings(readStored(KEY));
 /** What a link has brought along: it holds on this page until the person chooses, and is not kept. */
 let lent: Partial<Settings> = {};
-let current: Settings | null = null;
-const listeners = new Set<() => void>();
+const inForce = createStore(own);
 
-export function settings(): Settings {
-  own ??= readSettings(fromStorage());
-  current ??= { ...own, ...lent };
-  return current;
-}
+export const settings = inForce.get;
+export const onSettings = inForce.subscribe;
 
 export function changeSettings(changed: Partial<Settings>): void {
-  settings();
-  own = { ...DEFAULTS, ...own, ...changed };
+  own = { ...own, ...changed };
   lent = Object.fromEntries(Object.entries(lent).filter(([key]) => !(key in changed)));
-  try {
-    window.localStorage.setItem(KEY, JSON.stringify(own));
-  } catch {
-    // as above
-  }
-  become(own);
+  writeStored(KEY, JSON.stringify(own));
+  inForce.set({ ...own, ...lent });
 }
 
 /** What stands behind the page in an address. */
@@ -147,20 +131,9 @@ export function applyLinkSettings(query: URLSearchParams): void {
   const known = (Object.keys(named) as (keyof Settings)[]).filter((key) => query.get(key) === named[key]);
   if (known.length === 0) return;
   lent = { ...lent, ...Object.fromEntries(known.map((key) => [key, named[key]])) };
-  settings();
-  become(own);
-}
-
-function become(next: Settings | null): void {
-  current = { ...DEFAULTS, ...next, ...lent };
-  for (const listener of listeners) listener();
-}
-
-export function onSettings(listener: () => void): () => void {
-  listeners.add(listener);
-  return () => listeners.delete(listener);
+  inForce.set({ ...own, ...lent });
 }
 
 export function useSettings(): Settings {
-  return useSyncExternalStore(onSettings, settings);
+  return useStore(inForce);
 }

@@ -1,4 +1,5 @@
 import { useSyncExternalStore } from 'react';
+import { createStore } from '../../browser/store.ts';
 import { onSettings, type Settings, settings } from '../state/settings.ts';
 import { en, type Text } from './en.ts';
 
@@ -6,27 +7,20 @@ type Language = Exclude<Settings['language'], 'system'>;
 type Korean = typeof import('./ko.ts');
 
 /** null: the page speaks English. */
-let inForce: Korean | null = null;
+const inForce = createStore<Korean | null>(null);
 let wanted: Language = 'en';
-const listeners = new Set<() => void>();
 
 /** The page's sentences, in the language in force. */
 export function say(): Text {
-  return inForce?.ko ?? en;
+  return inForce.get()?.ko ?? en;
 }
 
-export function korean(): Korean | null {
-  return inForce;
-}
+export const korean = inForce.get;
+export const onLanguage = inForce.subscribe;
 
 /** The same in a component, which is drawn again when the language changes. */
 export function useText(): Text {
   return useSyncExternalStore(onLanguage, say);
-}
-
-export function onLanguage(listener: () => void): () => void {
-  listeners.add(listener);
-  return () => listeners.delete(listener);
 }
 
 /** The person's choice, else the first language of the browser that the page knows. */
@@ -48,7 +42,6 @@ async function become(): Promise<void> {
   wanted = now;
   const found = now === 'ko' ? await import('./ko.ts').catch(() => null) : null;
   if (wanted !== now) return; // chosen otherwise meanwhile
-  inForce = found;
   document.documentElement.lang = found === null ? 'en' : 'ko';
-  for (const listener of listeners) listener();
+  inForce.set(found);
 }

@@ -1,39 +1,28 @@
-import { useSyncExternalStore } from 'react';
+import { createStore } from '../../../browser/store.ts';
+import { useStore } from '../../state/use_store.ts';
 import type { Local } from './local_files.ts';
 
-let current: Local = { phase: 'none' };
+const local = createStore<Local>({ phase: 'none' });
 let turn = 0;
-const listeners = new Set<() => void>();
-
-function become(next: Local): void {
-  current = next;
-  for (const listener of listeners) listener();
-}
 
 export function useLocal(): Local {
-  return useSyncExternalStore(
-    (listener) => {
-      listeners.add(listener);
-      return () => listeners.delete(listener);
-    },
-    () => current,
-  );
+  return useStore(local);
 }
 
 export function closeLocal(): void {
   turn += 1;
-  become({ phase: 'none' });
+  local.set({ phase: 'none' });
 }
 
 /** Shows what is read; the newest wins. */
 async function show(read: (code: typeof import('./local_files.ts')) => Promise<Local>): Promise<void> {
   turn += 1;
   const mine = turn;
-  become({ phase: 'reading' });
+  local.set({ phase: 'reading' });
   const next = await import('./local_files.ts')
     .then(read)
     .catch((cause: unknown): Local => ({ phase: 'refused', why: String(cause) }));
-  if (mine === turn) become(next);
+  if (mine === turn) local.set(next);
 }
 
 /** Reads files, dropped or chosen. */
@@ -43,7 +32,7 @@ export function openFiles(gather: () => Promise<ReadonlyMap<string, File>>): Pro
 
 /** Shows another URDF of the same files. One that can't be read is refused; the one before stays away. */
 export async function chooseUrdf(path: string): Promise<void> {
-  const before = current;
+  const before = local.get();
   if (before.phase === 'shown') await show(({ readOther }) => readOther(before, path));
 }
 
