@@ -130,7 +130,7 @@ def shown_urdf(found: Urdf) -> dict[str, Any]:
                 **_pose(joint.pose),
                 "axis": joint.axis,
                 "limit": joint.limit and dict(vars(joint.limit)),
-                "mimic": joint.mimic and {"joint": joint.mimic.joint, "line": joint.mimic.line},
+                "mimic": joint.mimic and dict(vars(joint.mimic)),
                 "line": joint.line,
             }
             for joint in found.joints

@@ -260,3 +260,15 @@ export function transform(
     ...[tx, ty, tz, 1],
   ];
 }
+
+/** The unit quaternion w, x, y, z of roll, pitch and yaw about fixed axes, rad, as URDF has them. */
+export function quaternionFromRpy([roll, pitch, yaw]: Triple): readonly [number, number, number, number] {
+  const [cr, cp, cy] = [Math.cos(roll / 2), Math.cos(pitch / 2), Math.cos(yaw / 2)];
+  const [sr, sp, sy] = [Math.sin(roll / 2), Math.sin(pitch / 2), Math.sin(yaw / 2)];
+  return [
+    cr * cp * cy + sr * sp * sy,
+    sr * cp * cy - cr * sp * sy,
+    cr * sp * cy + sr * cp * sy,
+    cr * cp * sy - sr * sp * cy,
+  ];
+}

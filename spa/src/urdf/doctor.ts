@@ -2,7 +2,15 @@ import type { MeshFacts } from '../model/mesh_facts.ts';
 import { meshFindings } from './doctor_meshes.ts';
 import { type Finding, general, quoted, worstFirst } from './finding.ts';
 import { treeOf } from './tree.ts';
-import { type Joint, type Link, materialOf, SCALAR_TYPES, type Urdf, type Vector } from './types.ts';
+import {
+  type Joint,
+  type Link,
+  materialOf,
+  SCALAR_TYPES,
+  UNBOUNDED,
+  type Urdf,
+  type Vector,
+} from './types.ts';
 
 /**
  * What can be read, and is probably not meant: the list and the words of `posecast-edge doctor`
@@ -12,8 +20,6 @@ import { type Joint, type Link, materialOf, SCALAR_TYPES, type Urdf, type Vector
 const TURN = 2 * Math.PI;
 /** m, from one joint to the next: more than that is a unit mistaken. */
 const FAR_M = 10;
-/** rad or m: a limit that large means none. */
-const UNBOUNDED = 1e4;
 /** How far an axis may be from length 1. */
 const UNIT = 1e-3;
 

@@ -1,4 +1,4 @@
-import { multiply, transform } from '../model/kinematics.ts';
+import { multiply, quaternionFromRpy, transform } from '../model/kinematics.ts';
 import { type MeshFacts, missingMesh } from '../model/mesh_facts.ts';
 import { type Finding, general, isPrintable, quoted } from './finding.ts';
 import type { Tree } from './tree.ts';
@@ -180,14 +180,7 @@ function boxOf({ kind, uri, scale: by, dims }: Shape, facts: Facts): Box | null 
 
 /** parent_from_this, column after column. */
 function poseOf({ xyz, rpy }: { readonly xyz: Vector; readonly rpy: Vector }): number[] {
-  const [cr, cp, cy] = rpy.map((angle) => Math.cos(angle / 2)) as [number, number, number];
-  const [sr, sp, sy] = rpy.map((angle) => Math.sin(angle / 2)) as [number, number, number];
-  return transform(xyz, [
-    cr * cp * cy + sr * sp * sy,
-    sr * cp * cy - cr * sp * sy,
-    cr * sp * cy + sr * cp * sy,
-    cr * cp * sy - sr * sp * cy,
-  ]);
+  return transform(xyz, quaternionFromRpy(rpy));
 }
 
 function product(a: readonly number[], b: readonly number[]): number[] {

@@ -156,8 +156,9 @@ class Reader implements Urdf {
   }
 
   #mimic(element: XmlElement, what: string): Mimic {
-    for (const name of ['multiplier', 'offset']) this.#number(element, name, null, what);
-    return { joint: element.get('joint') ?? '', line: element.line };
+    const multiplier = this.#number(element, 'multiplier', null, what) ?? 1;
+    const offset = this.#number(element, 'offset', null, what) ?? 0;
+    return { joint: element.get('joint') ?? '', multiplier, offset, line: element.line };
   }
 
   #inertial(element: XmlElement, what: string): Inertial | null {

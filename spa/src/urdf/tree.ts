@@ -7,10 +7,20 @@ export interface Tree {
   readonly root: Link | null;
   /** Those below the root, each parent before its children. */
   readonly joints: readonly Joint[];
+  /** For each of `joints` by its name, whom it follows; none of those that move by themselves. */
+  readonly follows: ReadonlyMap<string, Follow>;
   /** By name, also those that hang on nothing; of doubles the first. */
   readonly links: ReadonlyMap<string, Link>;
   /** What does not hang together. */
   readonly findings: readonly Finding[];
+}
+
+/** A joint's value: multiplier × that of the leader + offset. Chains are resolved: a leader follows none. */
+export interface Follow {
+  readonly leader: Joint;
+  readonly multiplier: number;
+  /** rad or m. */
+  readonly offset: number;
 }
 
 export function treeOf(urdf: Urdf): Tree {
@@ -35,8 +45,8 @@ export function treeOf(urdf: Urdf): Tree {
       if (root === null || joints.length > order.length) [root, order] = [name, joints];
     nameTheRest(root ?? '', trees, links, say);
   }
-  mimics(urdf, order, say);
-  return { root: links.get(root ?? '') ?? null, joints: order, links, findings };
+  const follows = followsOf(urdf, order, say);
+  return { root: links.get(root ?? '') ?? null, joints: order, follows, links, findings };
 }
 
 type Say = (code: string, text: string, line: number | null) => void;
@@ -124,35 +134,79 @@ function nameTheRest(
   say('loop', `joints go round in a circle: ${names.join(', ')}; not shown`, lost[0]?.line ?? null);
 }
 
-function mimics(urdf: Urdf, order: readonly Joint[], say: Say): void {
-  const shown = new Map(order.map((joint) => [joint.name, joint]));
-  const known = new Set(urdf.joints.map(({ name }) => name));
+function followsOf(urdf: Urdf, order: readonly Joint[], say: Say): Map<string, Follow> {
+  const follows = new Map<string, Follow>();
+  const leaders = new Leaders(order, new Set(urdf.joints.map(({ name }) => name)));
   for (const joint of order) {
     if (joint.mimic === null || !SCALAR_TYPES.has(joint.type)) continue; // the doctor names the others
-    const problem = whyNoLeader(joint, shown, known);
-    if (problem !== null) say(problem[0], `joint ${quoted(joint.name)} ${problem[1]}`, joint.mimic.line);
+    const found = leaders.of(joint);
+    if ('leader' in found) follows.set(joint.name, found);
+    else say(found.code, `joint ${quoted(joint.name)} ${found.text}`, joint.mimic.line);
+  }
+  return follows;
+}
+
+/** Why a joint follows none. */
+interface NoLeader {
+  readonly code: string;
+  readonly text: string;
+}
+
+/** Whom each joint follows in the end. A chain is gone along once, however many joints hang on it. */
+class Leaders {
+  readonly #shown: ReadonlyMap<string, Joint>;
+  readonly #known: ReadonlySet<string>;
+  readonly #found = new Map<string, Follow | NoLeader>();
+
+  /** `known`: names of all joints, also of those that are left out. */
+  constructor(order: readonly Joint[], known: ReadonlySet<string>) {
+    this.#shown = new Map(order.map((joint) => [joint.name, joint]));
+    this.#known = known;
+  }
+
+  of(joint: Joint): Follow | NoLeader {
+    const chain = new Map<string, Joint>();
+    let at = joint;
+    let end = this.#end(at);
+    while (end === null && !chain.has(at.name)) {
+      chain.set(at.name, at);
+      const target = at.mimic!.joint;
+      const next = this.#shown.get(target);
+      if (next === undefined) {
+        const why = this.#known.has(target) ? ', which is left out' : ', which there is not';
+        end = { code: 'mimic-unknown', text: `mimics joint ${quoted(target)}${why}` };
+      } else {
+        at = next;
+        end = this.#end(at);
+      }
+    }
+    let inCircle = end === null;
+    for (const one of [...chain.values()].reverse()) {
+      if (end === null || inCircle) {
+        end = { code: 'mimic-loop', text: `mimics in a circle, over ${quoted(one.name)}` };
+        inCircle = one !== at; // it is closed there; those before lead into it
+      } else end = behind(one, end);
+      this.#found.set(one.name, end);
+    }
+    return end!;
+  }
+
+  /** Where a chain ends at this joint; null when it goes on. */
+  #end(at: Joint): Follow | NoLeader | null {
+    if (at.mimic !== null) return this.#found.get(at.name) ?? null;
+    if (SCALAR_TYPES.has(at.type)) return { leader: at, multiplier: 1, offset: 0 };
+    const lack = at.type === 'fixed' ? 'no value' : 'more than one value';
+    const text = `mimics the ${at.type} joint ${quoted(at.name)}, which has ${lack}`;
+    return { code: 'mimic-fixed', text };
   }
 }
 
-function whyNoLeader(
-  joint: Joint,
-  shown: ReadonlyMap<string, Joint>,
-  known: ReadonlySet<string>,
-): readonly [code: string, text: string] | null {
-  const seen = new Set([joint.name]);
-  let at = joint;
-  while (at.mimic !== null) {
-    const target = at.mimic.joint;
-    if (seen.has(target)) return ['mimic-loop', `mimics in a circle, over ${quoted(target)}`];
-    const next = shown.get(target);
-    if (next === undefined) {
-      const why = known.has(target) ? ', which is left out' : ', which there is not';
-      return ['mimic-unknown', `mimics joint ${quoted(target)}${why}`];
-    }
-    at = next;
-    seen.add(target);
-  }
-  if (SCALAR_TYPES.has(at.type)) return null;
-  const lack = at.type === 'fixed' ? 'no value' : 'more than one value';
-  return ['mimic-fixed', `mimics the ${at.type} joint ${quoted(at.name)}, which has ${lack}`];
+/** Whom a joint follows that mimics one who follows that leader. */
+function behind({ mimic }: Joint, end: Follow | NoLeader): Follow | NoLeader {
+  if (mimic === null || !('leader' in end)) return end;
+  const multiplier = mimic.multiplier * end.multiplier;
+  const offset = mimic.multiplier * end.offset + mimic.offset;
+  if (!Number.isFinite(multiplier) || !Number.isFinite(offset))
+    return { code: 'mimic-endless', text: 'mimics another by numbers that have no end' };
+  return { leader: end.leader, multiplier, offset };
 }

@@ -53,6 +53,9 @@ export interface Limit {
 
 export interface Mimic {
   readonly joint: string;
+  readonly multiplier: number;
+  /** rad or m. */
+  readonly offset: number;
   readonly line: number | null;
 }
 
@@ -88,6 +91,9 @@ export interface Urdf {
   }[];
   readonly findings: readonly Finding[];
 }
+
+/** rad or m: a limit that large means none. */
+export const UNBOUNDED = 1e4;
 
 export const SCALAR_TYPES: ReadonlySet<string> = new Set(['revolute', 'continuous', 'prismatic']);
 
