@@ -40,11 +40,23 @@ export const STAND_IN = 2;
 
 type Raw = Readonly<Record<string, unknown>>;
 
-interface Primitive {
+/** Triangles of one paint. Their corners are vertices of the source: `count` of them, from `first` on. */
+export interface Primitive {
   readonly first: number;
   readonly count: number;
   readonly index: Uint32Array;
   readonly paint: number;
+}
+
+/** The vertices that all primitives of a level share, as `Lod` has them, and what they are painted with. */
+export interface LodSource extends Pick<Lod, 'positions' | 'normals' | 'uvs' | 'paints' | 'pictures'> {
+  /** Index in `pictures` of what lies on a paint; null where that is plain. */
+  pictureOf(paint: number): number | null;
+}
+
+/** What a level grows by when one more visual shows a primitive. */
+export function bytesOf({ count, index }: Pick<Primitive, 'count' | 'index'>): number {
+  return PRIMITIVE_BYTES + count * VERTEX_BYTES + index.byteLength;
 }
 
 /** Of what is drawn for each vertex: place, normal, bone and paint, u and v. */
@@ -66,10 +78,19 @@ export async function readLod(bytes: Uint8Array, visuals: number): Promise<Lod> 
   let room = MAX_UNPACKED_BYTES; // many nodes may show one mesh
   const shown = nodes.map(({ mesh }) => {
     const parts = mesh === undefined ? [] : source.primitives(mesh);
-    for (const { count, index } of parts) room -= PRIMITIVE_BYTES + count * VERTEX_BYTES + index.byteLength;
+    for (const part of parts) room -= bytesOf(part);
     if (room < 0) throw new GlbError('unpacks to too many bytes');
     return parts;
   });
+  return assembleLod(source, shown, Float64Array.from(nodes.flatMap(nodeTransform)));
+}
+
+/** One level of what each visual shows: a primitive that several show is copied for each, since each has a bone of its own. */
+export function assembleLod(
+  source: LodSource,
+  shown: readonly (readonly Primitive[])[],
+  linkFromMesh: Float64Array,
+): Lod {
   const all = shown.flat();
   const vertices = all.reduce((sum, part) => sum + part.count, 0);
   const corners = all.reduce((sum, part) => sum + part.index.length, 0);
@@ -81,9 +102,9 @@ export async function readLod(bytes: Uint8Array, visuals: number): Promise<Lod> 
     uvs: source.uvs === null ? null : new Float32Array(vertices * 2),
     index: new Uint32Array(corners),
     draws: [] as Draw[],
-    linkFromMesh: Float64Array.from(nodes.flatMap(nodeTransform)),
-    boxes: new Int16Array(visuals * 6),
-    ranges: nodes.map((): number[] => []),
+    linkFromMesh,
+    boxes: new Int16Array(shown.length * 6),
+    ranges: shown.map((): number[] => []),
     paints: source.paints,
     pictures: source.pictures,
   };
@@ -129,7 +150,7 @@ export async function readLod(bytes: Uint8Array, visuals: number): Promise<Lod> 
 }
 
 /** The arrays that all primitives of a level share, and what they are painted with. */
-class Source {
+class Source implements LodSource {
   readonly paints: Float32Array;
   readonly pictures: readonly Blob[];
   positions = new Int16Array();
