@@ -24,10 +24,13 @@ import { chooseRelay, readConfig } from '../../spa/src/relay/config.ts';
 import { MirrorReader } from '../../spa/src/stream/firebase_mirror.ts';
 import { EventReader, frameBytes } from '../../spa/src/stream/sse.ts';
 import { DropError } from '../../spa/src/urdf/local_files.ts';
+import { modelOf, UrdfError } from '../../spa/src/urdf/manifest.ts';
+import { LodBuilder } from '../../spa/src/urdf/meshes/lod_builder.ts';
+import { surfaceOf } from '../../spa/src/urdf/meshes/primitives.ts';
+import { MeshError, parseStl } from '../../spa/src/urdf/meshes/stl.ts';
+import { weld } from '../../spa/src/urdf/meshes/weld.ts';
 import { readUrdf } from '../../spa/src/urdf/reader.ts';
-import { MeshError, parseStl } from '../../spa/src/urdf/stl.ts';
 import { unzip } from '../../spa/src/urdf/unzip.ts';
-import { weld } from '../../spa/src/urdf/weld.ts';
 import { readXml, XmlRefused } from '../../spa/src/urdf/xml.ts';
 
 /** As its reader promises: one line that says why. */
@@ -47,6 +50,7 @@ export const TARGETS: ReadonlyMap<string, (bytes: Uint8Array) => Promise<unknown
     manifest: refusing([BundleError], manifest),
     glb: refusing([GlbError], (bytes) => readLod(bytes, VISUALS).then(() => null)),
     urdf: refusing([XmlRefused], (bytes) => readUrdf(readXml(new TextDecoder().decode(bytes)))),
+    body: refusing([XmlRefused, UrdfError], body),
     zip: refusing([DropError], members),
     stl: refusing([MeshError], (bytes) => weld(parseStl(bytes)).index.length),
     address: refusing([], (bytes) => address(textOf(bytes))),
@@ -147,6 +151,29 @@ function manifest(bytes: Uint8Array): unknown {
   const found = readManifest(raw);
   new Kinematics(found.joints);
   return boxesOfLinks(found).size;
+}
+
+/** What the page draws of a URDF whose meshes it has not: a manifest as a builder could have written it, and its own shapes. */
+function body(bytes: Uint8Array): unknown {
+  const { manifest: found, shapes } = modelOf(readUrdf(readXml(new TextDecoder().decode(bytes))));
+  const joints = found.joints.map((joint, i) => ({
+    ...joint,
+    child: i + 1,
+    mimic: joint.mimic ?? undefined,
+  }));
+  const visuals = found.visuals.slice(0, 1024).map(({ link, source }) => ({ link, source }));
+  readManifest({ ...found, joints, visuals });
+  new Kinematics(found.joints);
+  const lod = new LodBuilder(shapes);
+  for (const [i, { shape }] of shapes.slice(0, 8).entries()) {
+    if (shape.kind === 'mesh') continue;
+    try {
+      lod.put(i, [{ surface: surfaceOf(shape), paint: null }]);
+    } catch (error) {
+      if (!(error instanceof MeshError)) throw error;
+    }
+  }
+  return lod.build().index.length;
 }
 
 async function members(bytes: Uint8Array): Promise<unknown> {

@@ -27,6 +27,7 @@ TARGETS = (
     target("message", 1 << 17),
     target("manifest", 1 << 17, corpus="manifest"),
     target("glb", 1 << 16, made=as_glb),
+    target("body", 1 << 17, corpus="urdf"),
     target("zip", 1 << 16),
     target("stl", 1 << 17, corpus="stl"),
     target("address", 1 << 14),

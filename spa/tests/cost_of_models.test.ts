@@ -9,10 +9,10 @@ import { readLod } from '../src/model/lod.ts';
 import { boxesOfLinks, readManifest } from '../src/model/manifest.ts';
 import { diagnose } from '../src/urdf/doctor.ts';
 import type { openLocal } from '../src/urdf/local_robot.ts';
+import { parseStl } from '../src/urdf/meshes/stl.ts';
+import { weld } from '../src/urdf/meshes/weld.ts';
 import { readUrdf } from '../src/urdf/reader.ts';
-import { parseStl } from '../src/urdf/stl.ts';
 import { unzip } from '../src/urdf/unzip.ts';
-import { weld } from '../src/urdf/weld.ts';
 import { readXml, type XmlElement } from '../src/urdf/xml.ts';
 
 vi.setConfig({ testTimeout: 120_000 });

@@ -140,8 +140,8 @@ describe('a zip', () => {
     });
     const files = await localFiles(new Map([['r.zip', new File([zip], 'r.zip')]]));
     expect([...files.keys()].sort()).toEqual(['r/meshes/a.stl', 'r/r.urdf']);
-    const { manifest, fetch } = await opened(files);
-    expect(new TextDecoder().decode(await fetch(manifest.files.get('meshes/a.stl')!))).toBe('mesh');
+    const { manifest, files: read } = await opened(files);
+    expect(new TextDecoder().decode(await read.fetch(manifest.files.get('meshes/a.stl')!))).toBe('mesh');
   });
 
   it('whose members lead outside or are called strangely harms nobody', async () => {

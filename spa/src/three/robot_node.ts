@@ -1,7 +1,6 @@
 import { Box3, Group, Matrix4, type Object3D, type Ray, Vector3 } from 'three';
 import { prefersReducedMotion } from '../browser/reduced_motion.ts';
-import type { RawFiles } from '../model/bundle.ts';
-import { Download, type RawManifest, readRawManifest } from '../model/bundle.ts';
+import { Download, readRawManifest } from '../model/bundle.ts';
 import { manifestAt } from '../model/files.ts';
 import { linksMovedBy, treeOf } from '../model/link_tree.ts';
 import { readManifest } from '../model/manifest.ts';
@@ -10,6 +9,7 @@ import type { ModelReport } from '../model/report.ts';
 import { RootPose } from '../model/root_pose.ts';
 import type { KinematicTree } from '../twin/kinematic_tree.ts';
 import type { Pose } from '../twin/playback/pose.ts';
+import type { LocalRobot } from '../urdf/local_robot.ts';
 import type { PoseSource } from '../view/body_view.ts';
 import { type GhostRequest, ghostOf } from '../view/ghost_pose.ts';
 import type { Moving } from '../view/render_loop.ts';
@@ -103,19 +103,11 @@ export class RobotNode implements Moving, RowItem {
     return this.#supersede((signal, report) => this.#load(manifestUrl, onProgress, signal, report));
   }
 
-  /** The same for raw files that this browser has already, by the URIs of their URDF. */
-  loadLocal(manifest: RawManifest, files: RawFiles): Promise<ModelReport> {
+  /** The same for a robot whose files this browser has already. */
+  loadLocal(robot: LocalRobot): Promise<ModelReport> {
     return this.#supersede(async (signal, report) => {
-      const { showRaw } = await import('./urdf/raw_robot.ts');
-      await showRaw(
-        manifest,
-        files,
-        this.#stage(signal),
-        this.staleEffect,
-        this.#place.tones,
-        report,
-        () => {},
-      );
+      const { showRaw } = await import('./robot/raw_robot.ts');
+      await showRaw(robot, this.#stage(signal), this.staleEffect, this.#place.tones, report, () => {});
       this.#place.framed(this, true);
     });
   }
@@ -271,12 +263,15 @@ export class RobotNode implements Moving, RowItem {
       void built.keepCoarse(this.#coarse);
       await built.dress(report, onProgress);
     } else {
-      const { showRaw } = await import('./urdf/raw_robot.ts');
+      const { fetchUrdf, showRaw } = await import('./robot/raw_robot.ts');
       const manifest = readRawManifest(raw);
       // Until the URDF is read nobody knows which files it draws.
       let total = [...manifest.files.values()].reduce((sum, file) => sum + file.size, 0);
       const files = new Download(manifestUrl, signal, (received) => onProgress(received, total));
-      await showRaw(manifest, files, stage, this.staleEffect, this.#place.tones, report, (needed) => {
+      const urdf = await fetchUrdf(manifest, files);
+      signal.throwIfAborted();
+      const model = { urdf, manifest, files };
+      await showRaw(model, stage, this.staleEffect, this.#place.tones, report, (needed) => {
         total = needed;
       });
     }

@@ -1,13 +1,13 @@
 import { Color, Scene, Vector3 } from 'three';
 import { Debounce } from '../browser/debounce.ts';
 import { markOnce } from '../browser/first_paint.ts';
-import type { RawFiles, RawManifest } from '../model/bundle.ts';
 import type { LinkLook } from '../model/posed_body.ts';
 import type { ModelReport } from '../model/report.ts';
 import type { OverlayStyle } from '../overlays/robot_overlay.ts';
 import type { KinematicTree } from '../twin/kinematic_tree.ts';
 import type { OverlayReadings } from '../twin/overlay/reader.ts';
 import type { Pose } from '../twin/playback/pose.ts';
+import type { LocalRobot } from '../urdf/local_robot.ts';
 import { AdaptiveQuality, type DrawingTrouble } from '../view/adaptive_quality.ts';
 import type { EyePlace, FollowMode, MouseStyle, PoseSource, RowView } from '../view/body_view.ts';
 import type { Insets } from '../view/insets.ts';
@@ -17,13 +17,13 @@ import { CameraRig, type ViewName } from './camera.ts';
 import { SceneCanvas } from './canvas.ts';
 import { Environment, SHADOW_PIXELS } from './environment.ts';
 import { OverlayPart } from './overlay_part.ts';
+import { Placeholders } from './robot/placeholder.ts';
 import type { SkinTones } from './robot/skin.ts';
 import { RobotNode } from './robot_node.ts';
 import { RobotRow } from './robot_row.ts';
 import type { ScenePart } from './scene_part.ts';
 import { warmUp } from './shader_warm_up.ts';
 import { type SceneTheme, THEMES, type ThemeName } from './theme.ts';
-import { Placeholders } from './urdf/placeholder.ts';
 
 const PLACEHOLDER_REACHES = 0.12;
 /** After so long without motion a picture of fewer pixels is drawn once more with all of them. */
@@ -191,9 +191,9 @@ export class RobotScene implements RowView {
     return this.#robot.load(manifestUrl, onProgress);
   }
 
-  /** The same for raw files that this browser has already, by the URIs of their URDF. */
-  loadLocal(manifest: RawManifest, files: RawFiles): Promise<ModelReport> {
-    return this.#robot.loadLocal(manifest, files);
+  /** The same for a robot whose files this browser has already. */
+  loadLocal(robot: LocalRobot): Promise<ModelReport> {
+    return this.#robot.loadLocal(robot);
   }
 
   play(source: PoseSource | null): void {

@@ -1,4 +1,4 @@
-import type { BundleFile, RawManifest } from '../model/bundle.ts';
+import type { BundleFile, RawFiles, RawManifest } from '../model/bundle.ts';
 import type { MeshFacts } from '../model/mesh_facts.ts';
 import { diagnose } from './doctor.ts';
 import type { Finding } from './finding.ts';
@@ -12,10 +12,10 @@ export interface LocalRobot {
   readonly name: string;
   /** The URDF's path among the files. */
   readonly path: string;
+  readonly urdf: Urdf;
   readonly manifest: RawManifest;
-  readonly fetch: (file: BundleFile) => Promise<Uint8Array>;
-  /** What a mesh names, an OBJ's materials; null where it is not among the files. */
-  readonly beside: (file: BundleFile, name: string) => Promise<Uint8Array | null>;
+  /** The meshes, and what lies beside them: an OBJ's materials. */
+  readonly files: RawFiles;
   readonly joints: readonly SliderJoint[];
   /** What is wrong with it, worst first. `meshes`: what they have told by their URIs; null before they are read. */
   findings(meshes: ReadonlyMap<string, MeshFacts> | null): Finding[];
@@ -64,11 +64,14 @@ export async function openLocal(files: LocalFiles, path: string): Promise<LocalR
   return {
     name: urdf.name || path,
     path,
+    urdf,
     manifest: { urdf: own, files: named, missing },
-    fetch: (file) => files.get(file.path)!.bytes(),
-    beside: async (file, name) => {
-      const found = new Finder(files, file.path).find(name);
-      return found === null ? null : files.get(found)!.bytes();
+    files: {
+      fetch: (file) => files.get(file.path)!.bytes(),
+      beside: async (file, name) => {
+        const found = new Finder(files, file.path).find(name);
+        return found === null ? null : files.get(found)!.bytes();
+      },
     },
     joints: slidersOf(urdf),
     findings: (meshes) => diagnose(urdf, missing, meshes),

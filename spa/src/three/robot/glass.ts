@@ -12,12 +12,12 @@ const OPACITY = 0.35;
 /** After the robot, so that it shows through. */
 export const GLASS_ORDER = 2;
 
-/** What a ghost is made of: every link in the accent, clear where one looks straight at it, dense at its edge. With
- *  `bones` it bends as a skin does, and each link may fade by itself. */
+/** What a ghost is made of: every link in the accent, clear where one looks straight at it, dense at its edge. It
+ *  bends with `bones` as a skin does, and each link may fade by itself. */
 export function glass(
   staleEffect: StaleEffect,
   accent: { value: Color },
-  bones: { value: DataTexture } | null = null,
+  bones: { value: DataTexture },
 ): MeshLambertMaterial {
   const material = new MeshLambertMaterial({
     transparent: true,
@@ -32,12 +32,11 @@ export function glass(
   material.onBeforeCompile = (shader) => {
     staleEffect.patch(shader);
     shader.uniforms.accent = accent;
-    tint(shader, bones !== null);
-    if (bones === null) return;
+    tint(shader);
     shader.uniforms.bones = bones;
     bend(shader, BONES);
   };
-  material.customProgramCacheKey = () => (bones === null ? 'glass' : 'glass with bones');
+  material.customProgramCacheKey = () => 'glass';
   return material;
 }
 
@@ -49,9 +48,6 @@ flat varying vec2 look;
 
 const COLOR = `
 diffuseColor.rgb = accent;
-`;
-
-const FADE = `
 diffuseColor.a *= 1.0 - look.y;
 if (diffuseColor.a <= 0.0) discard;
 `;
@@ -62,10 +58,10 @@ diffuseColor.a *= 0.4 + 2.0 * edge * edge;
 totalEmissiveRadiance += accent * (0.3 + 0.5 * edge);
 `;
 
-function tint(shader: WebGLProgramParametersWithUniforms, fades: boolean): void {
-  const head = `uniform vec3 accent;\n${fades ? 'flat varying vec2 look;\n' : ''}void main() {`;
-  shader.fragmentShader = [
-    after('color_fragment', COLOR + (fades ? FADE : '')),
-    after('emissivemap_fragment', EDGE),
-  ].reduce((text, change) => change(text), shader.fragmentShader.replace('void main() {', head));
+function tint(shader: WebGLProgramParametersWithUniforms): void {
+  const head = 'uniform vec3 accent;\nflat varying vec2 look;\nvoid main() {';
+  shader.fragmentShader = [after('color_fragment', COLOR), after('emissivemap_fragment', EDGE)].reduce(
+    (text, change) => change(text),
+    shader.fragmentShader.replace('void main() {', head),
+  );
 }

@@ -1,4 +1,4 @@
-import { Box3, Matrix4, Ray, Vector3 } from 'three';
+import { Box3, Matrix4, type Object3D, Ray, Vector3 } from 'three';
 import type { Lod } from '../../model/lod.ts';
 
 const ROOT_FROM_MESH = new Matrix4();
@@ -7,6 +7,7 @@ const LOCAL = new Ray();
 const BOX = new Box3();
 const CORNERS = [new Vector3(), new Vector3(), new Vector3()] as const;
 const HIT = new Vector3();
+const UNIT_BOX = new Box3(new Vector3(-0.5, -0.5, -0.5), new Vector3(0.5, 0.5, 0.5));
 
 /**
  * The visual that a ray meets first, or -1. `ray` lies in the root link's frame; `rootFromMesh(i, into)` says where
@@ -36,6 +37,24 @@ export function pickVisual(
         found = visual;
       }
     }
+  }
+  return found;
+}
+
+/** The link of the placeholder that a ray in the root link's frame meets first; null for none. Each is a box of edge length 1. */
+export function pickPlaceholder(
+  placeholders: readonly { readonly link: number; readonly object: Object3D }[],
+  ray: Ray,
+): number | null {
+  let nearest = Number.POSITIVE_INFINITY;
+  let found: number | null = null;
+  for (const { link, object } of placeholders) {
+    LOCAL.copy(ray).applyMatrix4(MESH_FROM_ROOT.copy(object.matrix).invert());
+    if (LOCAL.intersectBox(UNIT_BOX, HIT) === null) continue;
+    const distance = HIT.applyMatrix4(object.matrix).distanceTo(ray.origin);
+    if (distance >= nearest) continue;
+    nearest = distance;
+    found = link;
   }
   return found;
 }

@@ -1,5 +1,5 @@
 import { type Box3, Matrix4, Object3D, Quaternion, Ray, Vector3 } from 'three';
-import { type LinkBox, lowestZ } from '../../model/bounds.ts';
+import { emptyBox, growBox, type LinkBox, lowestZ } from '../../model/bounds.ts';
 import { Kinematics } from '../../model/kinematics.ts';
 import type { Lod } from '../../model/lod.ts';
 import { boxesOfLinks, type Manifest } from '../../model/manifest.ts';
@@ -8,26 +8,26 @@ import { UNREAD } from '../../overlays/colors.ts';
 import type { Quat } from '../../twin/rotation.ts';
 import type { Figure } from './figure.ts';
 import { Ghost } from './ghost.ts';
-import { pickVisual } from './raycast.ts';
+import { pickPlaceholder, pickVisual } from './raycast.ts';
 import { Bones, Skin, type SkinTones } from './skin.ts';
 import type { StaleEffect } from './stale_effect.ts';
 
 const MOVES: ReadonlySet<string> = new Set(['revolute', 'continuous', 'prismatic']);
 
-/** A robot from a built model: complete in its motion from the manifest alone, and dressed when a level has come. */
+/** A robot as a manifest describes it: complete in its motion from the manifest alone, and dressed when a level has come. */
 export class SkinnedRobot implements Figure {
   readonly root = new Object3D();
   readonly linkNames: readonly string[];
   readonly jointNames: readonly string[];
   readonly continuousNames: readonly string[];
-  readonly boxes: readonly (readonly [link: { readonly matrixWorld: Matrix4 }, box: LinkBox])[];
+  readonly boxes: (readonly [link: { readonly matrixWorld: Matrix4 }, box: LinkBox])[];
   readonly #manifest: Manifest;
   readonly #kinematics: Kinematics;
   readonly #links: readonly { readonly matrixWorld: Matrix4 }[];
   readonly #linkOf: ReadonlyMap<string, number>;
   /** Those that turn or slide, by their place in the manifest. */
   readonly #jointOf: ReadonlyMap<string, number>;
-  readonly #boxOfLink: ReadonlyMap<number, LinkBox>;
+  readonly #boxOfLink: Map<number, LinkBox>;
   readonly #linkOfVisual: Int32Array;
   readonly #bones: Bones;
   readonly #staleEffect: StaleEffect;
@@ -38,6 +38,7 @@ export class SkinnedRobot implements Figure {
   readonly #tints = new Map<string, LinkTint>();
   #unread: ReadonlySet<string> = new Set();
   readonly #ghosts = new Set<Ghost>();
+  readonly #placeholders: { readonly link: number; readonly object: Object3D }[] = [];
 
   constructor(manifest: Manifest, staleEffect: StaleEffect, tones: SkinTones) {
     this.#manifest = manifest;
@@ -135,15 +136,19 @@ export class SkinnedRobot implements Figure {
   }
 
   pick(ray: Ray): string | null {
-    if (this.#level === null) return null;
     ROOT_RAY.copy(ray).applyMatrix4(ROOT_FROM_WORLD.copy(this.root.matrixWorld).invert());
-    const visual = pickVisual(this.#level, ROOT_RAY, (i, into) => {
-      if (this.#bones.isHidden(i)) return false;
-      into.fromArray(this.#kinematics.rootFromLink, this.#linkOfVisual[i]! * 16);
-      into.multiply(LINK.fromArray(this.#level!.linkFromMesh, i * 16));
-      return true;
-    });
-    return visual < 0 ? null : this.linkNames[this.#linkOfVisual[visual]!]!;
+    const level = this.#level;
+    const visual =
+      level === null
+        ? -1
+        : pickVisual(level, ROOT_RAY, (i, into) => {
+            if (this.#bones.isHidden(i)) return false;
+            into.fromArray(this.#kinematics.rootFromLink, this.#linkOfVisual[i]! * 16);
+            into.multiply(LINK.fromArray(level.linkFromMesh, i * 16));
+            return true;
+          });
+    const link = visual < 0 ? pickPlaceholder(this.#placeholders, ROOT_RAY) : this.#linkOfVisual[visual]!;
+    return link === null ? null : this.linkNames[link]!;
   }
 
   setLook(link: string, look: LinkLook): void {
@@ -186,6 +191,24 @@ export class SkinnedRobot implements Figure {
     return ghost;
   }
 
+  /** Takes what a mesh has told of its size, metres in its link: for a manifest that did not know it. */
+  measure(link: number, { min, max }: LinkBox): void {
+    const known = this.#boxOfLink.get(link);
+    const box = known ?? emptyBox();
+    growBox(box, [...min, ...max], IDENTITY);
+    if (known !== undefined) return;
+    this.#boxOfLink.set(link, box);
+    this.boxes.push([this.#links[link]!, box]);
+  }
+
+  /** Puts something else where a mesh is missing, in the link's frame. */
+  mark(link: number, placeholder: Object3D): void {
+    placeholder.matrixAutoUpdate = false;
+    this.#placeholders.push({ link, object: placeholder });
+    this.root.add(placeholder);
+    this.#bend();
+  }
+
   /** Puts on the shells of a level in place of those of the level before: one picture to the next, nothing jumps. */
   wear(level: Lod, pictures: readonly (ImageBitmap | null)[]): void {
     const old = this.#skin;
@@ -215,6 +238,9 @@ export class SkinnedRobot implements Figure {
 
   /** Moves the shells to where the joints are. */
   #bend(): void {
+    for (const { link, object } of this.#placeholders) {
+      object.matrix.fromArray(this.#kinematics.rootFromLink, link * 16).scale(object.scale);
+    }
     if (this.#level === null) return;
     this.#bones.follow(this.#kinematics.rootFromLink, this.#linkOfVisual, this.#level.linkFromMesh);
   }
@@ -231,6 +257,7 @@ export class SkinnedRobot implements Figure {
 }
 
 const UPRIGHT = [1, 0, 0, 0] as const;
+const IDENTITY = new Matrix4().elements;
 const TURN = new Quaternion();
 const WORLD_FROM_ROOT = new Matrix4();
 const LINK = new Matrix4();

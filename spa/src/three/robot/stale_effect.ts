@@ -1,4 +1,4 @@
-import type { Color, Material, WebGLProgramParametersWithUniforms } from 'three';
+import type { Color, WebGLProgramParametersWithUniforms } from 'three';
 
 const DRAIN_SECONDS = 0.25;
 const HATCH_CSS_PIXELS = 9;
@@ -46,13 +46,7 @@ export class StaleEffect {
     return this.#amount.value !== this.#goal;
   }
 
-  /** Makes a material one of those that drain. */
-  attach(material: Material): void {
-    material.onBeforeCompile = (shader) => this.patch(shader);
-    material.customProgramCacheKey = () => 'drain';
-  }
-
-  /** The same for a material that has changes of its own. */
+  /** Makes the shader of a material one of those that drain. */
   patch(shader: WebGLProgramParametersWithUniforms): void {
     shader.uniforms.drainAmount = this.#amount;
     shader.uniforms.drainPeriod = this.#period;

@@ -78,7 +78,7 @@ function useLocalScene(host: React.RefObject<HTMLDivElement | null>, robot: Loca
         showScene(made);
         setScene(made);
         made.setPose({ joints: new Map(), base: null }, true);
-        const report = await made.loadLocal(robot.manifest, robot);
+        const report = await made.loadLocal(robot);
         const note = report.error === undefined ? null : say().bodyFailed(isolated(report.error));
         if (!left) setLoaded({ robot, report: { note, meshes: report.meshes } });
       })

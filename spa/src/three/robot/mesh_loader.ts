@@ -7,20 +7,17 @@ import {
   type MeshStandardMaterial,
   type Object3D,
 } from 'three';
+import { MeshoptDecoder } from 'three/addons/libs/meshopt_decoder.module.js'; // here already: built models need it
 import type { BundleFile, RawFiles } from '../../model/bundle.ts';
 import type { MeshNote } from '../../model/mesh_facts.ts';
-import { isAsciiStl, isBinaryStl, MeshError, parseStl, tailBytes } from '../../urdf/stl.ts';
-import { type Welded, weld } from '../../urdf/weld.ts';
-
-/** One colour of a mesh file, in the file's own frame and in metres. `color` is null where the file names none. */
-export interface MeshPart {
-  surface: Welded;
-  color: Color | null;
-  opacity: number;
-}
+import type { Paint } from '../../urdf/manifest.ts';
+import type { PaintedSurface } from '../../urdf/meshes/lod_builder.ts';
+import { isAsciiStl, isBinaryStl, MeshError, parseStl, tailBytes } from '../../urdf/meshes/stl.ts';
+import { weld } from '../../urdf/meshes/weld.ts';
 
 export interface LoadedMesh {
-  readonly parts: readonly MeshPart[];
+  /** One for each colour, in the file's own frame and in metres. */
+  readonly parts: readonly PaintedSurface[];
   /** What had to be read with leniency. */
   readonly notes: readonly MeshNote[];
 }
@@ -67,7 +64,7 @@ export class MeshLoader {
     switch (meshKind(bytes)) {
       case 'stl':
         return {
-          parts: [{ surface: weld(parseStl(bytes)), color: null, opacity: 1 }],
+          parts: [{ surface: weld(parseStl(bytes)), paint: null }],
           notes: stlNotes(bytes),
         };
       case 'collada':
@@ -123,9 +120,8 @@ async function readObj(
 }
 
 /** A GLB that needs no file but itself; its axes are the link's, as with any mesh. */
-async function readGlb(bytes: Uint8Array): Promise<MeshPart[]> {
+async function readGlb(bytes: Uint8Array): Promise<PaintedSurface[]> {
   const { GLTFLoader } = await import('three/addons/loaders/GLTFLoader.js');
-  const { MeshoptDecoder } = await import('three/addons/libs/meshopt_decoder.module.js');
   const loader = new GLTFLoader(offline()).setMeshoptDecoder(MeshoptDecoder);
   const { scene } = await loader.parseAsync(bytes.slice().buffer, '');
   return partsOf(scene, true);
@@ -159,39 +155,35 @@ function colladaNotes(text: string): MeshNote[] {
 }
 
 /** All meshes of a file in its root's frame, one part for each colour. `colored`: its materials are the file's. */
-function partsOf(scene: Object3D, colored: boolean): MeshPart[] {
+function partsOf(scene: Object3D, colored: boolean): PaintedSurface[] {
   scene.updateMatrixWorld(true);
-  const groups = new Map<string, { soups: Float32Array[]; color: Color | null; opacity: number }>();
+  const groups = new Map<string, { soups: Float32Array[]; paint: Paint | null }>();
   scene.traverse((object) => {
     if (!isMesh(object)) return;
     const materials = Array.isArray(object.material) ? object.material : [object.material];
     const whole = { start: 0, count: Number.POSITIVE_INFINITY, materialIndex: 0 };
     const ranges = materials.length > 1 ? object.geometry.groups : [whole];
     for (const { start, count, materialIndex } of ranges) {
-      const { color, opacity } = paint(colored ? materials[materialIndex ?? 0] : undefined);
-      const key = color === null ? '' : `${color.getHexString()} ${opacity}`;
-      const group = groups.get(key) ?? { soups: [], color, opacity };
+      const paint = paintOf(colored ? materials[materialIndex ?? 0] : undefined);
+      const key = paint?.map((part) => part.toFixed(4)).join(' ') ?? '';
+      const group = groups.get(key) ?? { soups: [], paint };
       group.soups.push(worldSoup(object, start, count));
       groups.set(key, group);
     }
   });
-  return [...groups.values()].map(({ soups, color, opacity }) => ({
-    surface: weld(joined(soups)),
-    color,
-    opacity,
-  }));
+  return [...groups.values()].map(({ soups, paint }) => ({ surface: weld(joined(soups)), paint }));
 }
 
 function isMesh(object: Object3D): object is Mesh {
   return (object as Partial<Mesh>).isMesh === true;
 }
 
-function paint(material: Material | undefined): { color: Color | null; opacity: number } {
-  const color =
-    material !== undefined && isFromFile(material) && 'color' in material ? (material.color as Color) : null;
+/** null where the file names no colour. */
+function paintOf(material: Material | undefined): Paint | null {
+  if (material === undefined || !isFromFile(material) || !('color' in material)) return null;
+  const { r, g, b } = material.color as Color;
   // Exporters often write transparency the wrong way round; a body of opacity 0 is never meant.
-  const opacity = color === null || material === undefined || material.opacity <= 0 ? 1 : material.opacity;
-  return { color, opacity };
+  return [r, g, b, material.opacity <= 0 ? 1 : material.opacity];
 }
 
 /** False for what three.js puts where a file names no material: a magenta or a white stand-in. */

@@ -10,16 +10,12 @@ export interface Welded {
   positions: Float32Array;
   normals: Float32Array;
   index: Uint32Array;
-  /** No holes and not inside out: its inner side is never seen and need not be drawn. */
-  closed: boolean;
 }
 
 const CREASE_RAD = (40 * Math.PI) / 180;
 /** Around one vertex every face is compared with every other, but not with more of them: a larger fan keeps its flat normals. */
 const MAX_FACES_AT_VERTEX = 256;
 const SAME_NORMAL = 0.9998;
-/** CAD exports have a few slivers whose edges don't meet; nobody sees those. */
-const MAX_OPEN_EDGES = 0.02;
 
 /** `soup`: 9 numbers a face, metres. Faces with no area or with a number that is not finite are dropped. */
 export function weld(soup: Float32Array, creaseRad = CREASE_RAD): Welded {
@@ -80,7 +76,6 @@ export function weld(soup: Float32Array, creaseRad = CREASE_RAD): Welded {
     positions: positions.slice(0, count * 3),
     normals: normals.slice(0, count * 3),
     index,
-    closed: volume(corners) > 0 && openEdges(vertexOf, start, around) <= MAX_OPEN_EDGES * faces * 3,
   };
 }
 
@@ -161,46 +156,4 @@ function cornersByVertex(vertexOf: Uint32Array): { start: Uint32Array; around: U
     next[vertex]! += 1;
   }
   return { start, around };
-}
-
-/** Six times the volume that the faces enclose; negative when they look inwards. */
-function volume(corners: Float32Array): number {
-  const [ox = 0, oy = 0, oz = 0] = corners;
-  let sum = 0;
-  for (let at = 0; at < corners.length; at += 9) {
-    const ax = corners[at]! - ox;
-    const ay = corners[at + 1]! - oy;
-    const az = corners[at + 2]! - oz;
-    const bx = corners[at + 3]! - ox;
-    const by = corners[at + 4]! - oy;
-    const bz = corners[at + 5]! - oz;
-    const cx = corners[at + 6]! - ox;
-    const cy = corners[at + 7]! - oy;
-    const cz = corners[at + 8]! - oz;
-    sum += ax * (by * cz - bz * cy) + ay * (bz * cx - bx * cz) + az * (bx * cy - by * cx);
-  }
-  return sum;
-}
-
-/** Edges that no neighbouring face runs along in the other direction. */
-function openEdges(vertexOf: Uint32Array, start: Uint32Array, around: Uint32Array): number {
-  let open = 0;
-  for (let vertex = 0; vertex + 1 < start.length; vertex += 1) {
-    const from = start[vertex]!;
-    const to = start[vertex + 1]!;
-    if (to - from > MAX_FACES_AT_VERTEX) continue;
-    for (let i = from; i < to; i += 1) {
-      const ahead = vertexOf[neighbour(around[i]!, 1)]!;
-      let met = false;
-      for (let j = from; j < to && !met; j += 1) met = vertexOf[neighbour(around[j]!, 2)] === ahead;
-      if (!met) open += 1;
-    }
-  }
-  return open;
-}
-
-/** The corner `steps` further in the same face. */
-function neighbour(corner: number, steps: number): number {
-  const inFace = corner % 3;
-  return corner - inFace + ((inFace + steps) % 3);
 }

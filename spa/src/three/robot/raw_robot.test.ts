@@ -1,14 +1,19 @@
 // @vitest-environment happy-dom
 import { existsSync, readFileSync } from 'node:fs';
 import { resolve } from 'node:path';
-import { Box3, Color, Mesh, type MeshStandardMaterial, Object3D, Ray, Vector3 } from 'three';
+import { Box3, Color, type Mesh, Object3D, Ray, Vector3 } from 'three';
 import { expect, test } from 'vitest';
-import { cubeSoup } from '../../urdf/mesh_samples.ts';
-import { weld } from '../../urdf/weld.ts';
-import { StaleEffect } from '../robot/stale_effect.ts';
-import type { MeshPart } from './mesh_loader.ts';
-import { Palette } from './palette.ts';
-import { UrdfRobot } from './urdf_robot.ts';
+import type { Lod } from '../../model/lod.ts';
+import { modelOf, UrdfError } from '../../urdf/manifest.ts';
+import { LodBuilder, type PaintedSurface } from '../../urdf/meshes/lod_builder.ts';
+import { cubeSoup } from '../../urdf/meshes/mesh_samples.ts';
+import { surfaceOf } from '../../urdf/meshes/primitives.ts';
+import { weld } from '../../urdf/meshes/weld.ts';
+import { readUrdf } from '../../urdf/reader.ts';
+import { readXml } from '../../urdf/xml.ts';
+import { fetchUrdf } from './raw_robot.ts';
+import { SkinnedRobot } from './skinned_robot.ts';
+import { StaleEffect } from './stale_effect.ts';
 
 const SHARED = process.env.POSECAST_SHARED ?? resolve(import.meta.dirname, '../../../../../shared');
 
@@ -25,24 +30,48 @@ const ARM = `<robot name="arm">
     <limit lower="0" upper="0.1" effort="1" velocity="1"/></joint>
 </robot>`;
 
-function arm(): UrdfRobot {
-  const model = new UrdfRobot(ARM, new Palette(new StaleEffect(new Color()), { value: new Color() }));
+/** A robot of a URDF, dressed in what the URDF describes itself; meshes are put on by hand. */
+class Model extends SkinnedRobot {
+  readonly urdf: ReturnType<typeof modelOf>;
+  readonly lod: LodBuilder;
+
+  constructor(text: string) {
+    const urdf = modelOf(readUrdf(readXml(text)));
+    const tones = { accent: { value: new Color() }, caution: { value: new Color() } };
+    super(urdf.manifest, new StaleEffect(new Color()), tones);
+    this.urdf = urdf;
+    this.lod = new LodBuilder(urdf.shapes);
+    for (const [i, { shape }] of urdf.shapes.entries())
+      if (shape.kind !== 'mesh') this.put(i, [{ surface: surfaceOf(shape), paint: null }]);
+  }
+
+  put(visual: number, mesh: readonly PaintedSurface[]): void {
+    this.measure(this.urdf.manifest.visuals[visual]!.link, this.lod.put(visual, mesh));
+    this.wear(this.lod.build(), []);
+  }
+}
+
+function arm(): Model {
+  const model = new Model(ARM);
   model.place([0, 0, 0], [1, 0, 0, 0]);
   return model;
 }
 
+/** The number of the visual that shows the arm's mesh. */
+const UPPER = 1;
+
 const angles = (values: Record<string, number>) => new Map(Object.entries(values));
 
-function at(model: UrdfRobot, link: string): number[] {
+function at(model: SkinnedRobot, link: string): number[] {
   const m = model.linkMatrix(link)!.elements;
   return [m[12]!, m[13]!, m[14]!].map((value) => Math.round(value * 1e6) / 1e6 + 0);
 }
 
-const cube: MeshPart = { surface: weld(cubeSoup()), color: null, opacity: 1 };
+const cube: PaintedSurface = { surface: weld(cubeSoup()), paint: null };
 
 test('limits do not clamp what a robot reports, a follower follows with its offset', () => {
   const model = arm();
-  expect(model.jointNames).toEqual(['shoulder', 'rod', 'elbow']);
+  expect(model.jointNames).toEqual(['shoulder', 'elbow', 'rod']);
   expect(model.setJoints(angles({ shoulder: Math.PI / 2, rod: 0.5 }))).toBe(true);
   model.place([0, 0, 0], [1, 0, 0, 0]);
   const bend = Math.PI / 2 - Math.PI + 0.1;
@@ -74,7 +103,7 @@ test('without a base it stands on its lowest point; with one it is where the bas
   model.ground();
   expect(at(model, 'base')).toEqual([0, 0, 0.1]);
   model.setJoints(angles({ shoulder: Math.PI }));
-  model.slots[0]!.fill([cube]);
+  model.put(UPPER, [cube]);
   model.ground();
   expect(at(model, 'base')).toEqual([0, 0, 1]);
   model.place([1, 2, 3], [2, 0, 0, 2]);
@@ -84,74 +113,148 @@ test('without a base it stands on its lowest point; with one it is where the bas
 
 test('a slot says what the URDF says, and takes its mesh through mount and scale', () => {
   const model = arm();
-  const [slot] = model.slots;
-  expect([slot!.link, slot!.uri]).toEqual(['upper', 'package:///arm/Upper.STL']);
-  slot!.fill([cube]);
+  const { link, source } = model.urdf.manifest.visuals[UPPER]!;
+  expect([model.linkNames[link], source]).toEqual(['upper', 'package:///arm/Upper.STL']);
+  model.put(UPPER, [cube]);
   model.place([0, 0, 0], [1, 0, 0, 0]);
   const box = model.bounds(new Box3());
-  expect(box.min.toArray()).toEqual([-0.2, -0.2, -0.1]);
+  expect(box.min.toArray()).toEqual([-0.2, -0.2, -0.1].map((part) => expect.closeTo(part, 6)));
   expect(box.max.z).toBeCloseTo(1, 6);
 });
 
 test('colours are those the author of the URDF saw; a mesh without any takes them', () => {
   const model = arm();
-  model.slots[0]!.fill([cube, { ...cube, color: new Color(1, 0, 0) }]);
-  const shells: MeshStandardMaterial[] = [];
-  model.root.traverse((object) => {
-    if (object instanceof Mesh) shells.push(object.material);
-  });
-  expect(shells.map((shell) => shell.color.getHexString())).toEqual(['c4cad3', '808080', 'ff0000']);
-  expect(shells.every((shell) => shell.roughness === 0.6)).toBe(true);
+  model.put(UPPER, [cube, { ...cube, paint: [1, 0, 0, 1] }]);
+  const { paints } = model.lod.build();
+  const hex = (at: number) => new Color(...paints.subarray(at, at + 3)).getHexString();
+  expect([0, 4, 8].map(hex)).toEqual(['c4cad3', '808080', 'ff0000']);
 });
 
-test('a placeholder takes the place of a mesh, at its link', () => {
+test('a placeholder takes the place of a mesh, at its link, and is pointed at as the mesh would be', () => {
   const model = arm();
   const box = new Object3D();
-  model.slots[0]!.mark(box);
-  expect(box.parent?.name).toBe('upper');
+  box.scale.setScalar(0.2);
+  model.mark(1, box);
+  model.setJoints(angles({ shoulder: Math.PI / 2 }));
+  model.place([1, 2, 3], [1, 0, 0, 0]);
+  model.root.updateMatrixWorld(true);
+  const { elements } = model.linkMatrix('upper')!.clone().scale(box.scale);
+  expect(box.matrixWorld.toArray()).toEqual(elements.map((part) => expect.closeTo(part, 9)));
+  const other = new Object3D();
+  other.scale.setScalar(0.2);
+  model.mark(2, other);
+  expect(model.pick(new Ray(new Vector3(2, 2, 9), new Vector3(0, 0, -1)))).toBe('lower');
+  expect(model.pick(new Ray(new Vector3(5, 2, 9), new Vector3(0, 0, -1)))).toBeNull();
 });
 
 test('a ghost is the same meshes in another pose: those that are there, and those that come later', () => {
   const model = arm();
   const ghost = model.ghost();
-  const worn = () => {
-    const meshes: Mesh[] = [];
-    ghost.root.traverse((object) => {
-      if (object instanceof Mesh) meshes.push(object);
-    });
-    return meshes;
-  };
-  expect(worn().length, 'what the URDF draws itself').toBe(1);
-  model.slots[0]!.fill([cube]);
-  expect(worn().length).toBe(2);
-  const shells = new Set<unknown>();
-  model.root.traverse((object) => {
-    if (object instanceof Mesh && !worn().includes(object)) shells.add(object.geometry);
-  });
-  expect(worn().every(({ geometry }) => shells.has(geometry))).toBe(true);
+  const body = () => model.root.children.find((child) => child !== ghost.mesh) as Mesh;
+  const drawn = () => ghost.mesh.geometry.getIndex()!.count / 3;
+  expect(drawn(), 'what the URDF draws itself').toBe(12);
+  model.put(UPPER, [cube]);
+  expect(drawn()).toBe(24);
+  expect(ghost.mesh.geometry).toBe(body().geometry);
 
   model.setJoints(angles({ shoulder: 0.3 }));
   expect(ghost.setJoints(angles({ shoulder: 0.3 }))).toBe(true);
   expect(ghost.setJoints(angles({ shoulder: 0.3 }))).toBe(false);
   model.place([1, 2, 3], [1, 0, 0, 0]);
-  const upper = worn().find((mesh) => mesh.parent?.name === 'upper')!;
-  const body: Mesh[] = [];
-  model.root.traverse((object) => {
-    if (object instanceof Mesh && object !== upper && object.geometry === upper.geometry) body.push(object);
-  });
-  const place = (mesh: Mesh) => mesh.matrixWorld.toArray().map((part) => expect.closeTo(part, 9));
-  expect(upper.matrixWorld.toArray(), 'where both stand alike').toEqual(place(body[0]!));
+  const upper = () => [...ghost.rootFromLink.slice(16, 32)];
+  const ofBody = model
+    .linkMatrix('upper')!
+    .clone()
+    .premultiply(model.root.matrixWorld.clone().invert())
+    .elements.map((part) => expect.closeTo(part, 9));
+  expect(upper(), 'where both stand alike').toEqual(ofBody);
   ghost.setJoints(angles({ shoulder: 1.3 }));
-  model.root.updateMatrixWorld(true);
-  expect(upper.matrixWorld.toArray()).not.toEqual(place(body[0]!));
+  expect(upper()).not.toEqual(ofBody);
   expect(model.linkMatrix('upper')!.elements[0], 'the body stays').toBeCloseTo(Math.cos(0.3));
 
   ghost.setLook('upper', { hide: true });
-  expect(upper.visible).toBe(false);
   const down = new Ray(new Vector3(1, 2, 9), new Vector3(0, 0, -1));
   expect(model.pick(down), 'one points at the body').not.toBeNull();
   ghost.dispose();
-  expect(ghost.root.parent).toBeNull();
+  expect(ghost.mesh.parent).toBeNull();
+});
+
+/** Corners in the link's frame, as the graphics card has them, with their normals. */
+function cornersOf(lod: Lod, visual: number): { at: number[]; normal: number[] }[] {
+  const m = lod.linkFromMesh.subarray(visual * 16, visual * 16 + 16);
+  const [start = 0, count = 0] = lod.ranges[visual]!;
+  return [...lod.index.subarray(start, start + count)].map((vertex) => {
+    const [x, y, z] = lod.positions.subarray(vertex * 4, vertex * 4 + 3) as unknown as [
+      number,
+      number,
+      number,
+    ];
+    const at = [0, 1, 2].map((row) => m[row]! * x + m[row + 4]! * y + m[row + 8]! * z + m[row + 12]!);
+    return { at, normal: [...lod.normals.subarray(vertex * 4, vertex * 4 + 3)].map((part) => part / 127) };
+  });
+}
+
+test('a stretched or mirrored mesh keeps its size to a thousandth of a millimetre, and looks outwards', () => {
+  for (const scale of ['0.2 0.4 0.1', '0.2 -0.4 0.1', '-1 -1 -1']) {
+    const model = new Model(ARM.replace('0.1 0.1 1', scale));
+    model.put(UPPER, [cube]);
+    const corners = cornersOf(model.lod.build(), UPPER);
+    expect(corners.length).toBe(36);
+    const edges = scale.split(' ').map((part) => Math.abs(Number(part)) / 2);
+    for (let i = 0; i < corners.length; i += 3) {
+      const [a, b, c] = corners.slice(i, i + 3).map(({ at: [x, y, z] }) => new Vector3(x, y, z! - 0.5)) as [
+        Vector3,
+        Vector3,
+        Vector3,
+      ];
+      for (const [axis, edge] of edges.entries()) expect(Math.abs(a.getComponent(axis))).toBeCloseTo(edge, 5);
+      const face = b.clone().sub(a).cross(c.clone().sub(a));
+      expect(face.dot(a), 'outwards').toBeGreaterThan(0);
+      expect(face.dot(new Vector3(...(corners[i]!.normal as [number, number, number])))).toBeGreaterThan(0);
+    }
+  }
+});
+
+test('one mesh that two thousand visuals show is stored once and bounded where it is drawn', () => {
+  const visuals = '<visual><geometry><mesh filename="a.stl"/></geometry></visual>'.repeat(2000);
+  const { shapes } = modelOf(readUrdf(readXml(`<robot name="r"><link name="a">${visuals}</link></robot>`)));
+  const lod = new LodBuilder(shapes);
+  const large = [
+    {
+      surface: {
+        positions: new Float32Array(3e6),
+        normals: new Float32Array(3e6),
+        index: new Uint32Array(3e6),
+      },
+      paint: null,
+    },
+  ];
+  let shown = 0;
+  expect(() => {
+    for (; shown < shapes.length; shown += 1) lod.put(shown, large);
+  }).toThrow('left out: the robot unpacks to too many bytes already');
+  expect(shown).toBe(14);
+});
+
+test('a shape without end is named and not drawn, and no box is broken by it', () => {
+  const box = '<visual><geometry><box size="1e300 1 1"/></geometry></visual>';
+  const { shapes } = modelOf(readUrdf(readXml(`<robot name="r"><link name="a">${box}</link></robot>`)));
+  const mesh = [{ surface: surfaceOf(shapes[0]!.shape), paint: null }];
+  expect(() => new LodBuilder(shapes).put(0, mesh)).toThrow('too large to be drawn');
+});
+
+test.each([
+  ['not XML', '<robot>\n<link name="a></robot>', /^URDF: error on line 2/],
+  ['empty', '', /^URDF: error on line 1/],
+  ['a web page', '<html><body/></html>', /^URDF: no <robot> element$/],
+])('%s is no URDF', async (_, text, why) => {
+  const urdf = { path: 'r.urdf', uri: 'r.urdf', size: text.length };
+  const fetched = fetchUrdf(
+    { urdf, files: new Map(), missing: new Set() },
+    { fetch: async () => new TextEncoder().encode(text) },
+  );
+  await expect(fetched).rejects.toThrow(UrdfError);
+  await expect(fetched).rejects.toThrow(why);
 });
 
 const HUBO = resolve(SHARED, 'robots/hubo2plus-stl/hubo-urdf/model_collision_as_visual.urdf');
@@ -160,9 +263,9 @@ test.skipIf(!existsSync(HUBO))(
   `Hubo 2+ agrees with plain matrices (needs ${HUBO.split('/').slice(-4).join('/')})`,
   () => {
     const text = readFileSync(HUBO, 'utf8');
-    const model = new UrdfRobot(text, new Palette(new StaleEffect(new Color()), { value: new Color() }));
-    expect(model.problems).toEqual([]);
-    expect(model.slots.length).toBe(58);
+    const model = new Model(text);
+    expect(model.urdf.problems).toEqual([]);
+    expect(model.urdf.shapes.filter(({ shape }) => shape.kind === 'mesh').length).toBe(58);
     for (let round = 0; round < 5; round += 1) {
       const values = angles(
         Object.fromEntries(model.jointNames.map((name, i) => [name, 1.5 * Math.sin(12.9 * i + 7 * round)])),
@@ -278,12 +381,11 @@ function about(axis: number[], angle: number): number[] {
 }
 
 test('a planar joint slides and turns across its axis, a floating one goes anywhere; the rest stays', () => {
-  const model = new UrdfRobot(
+  const model = new Model(
     `<robot name="r"><link name="base"/><link name="cart"/><link name="wall"/><link name="drone"/>
     <joint name="drive" type="planar"><parent link="base"/><child link="cart"/><origin xyz="1 0 0"/><axis xyz="0 0 2"/></joint>
     <joint name="slide" type="planar"><parent link="cart"/><child link="wall"/><axis xyz="0 1 0"/></joint>
     <joint name="fly" type="floating"><parent link="base"/><child link="drone"/><origin xyz="0 0 1"/></joint></robot>`,
-    new Palette(new StaleEffect(new Color()), { value: new Color() }),
   );
   expect(model.jointNames.slice(0, 4)).toEqual(['drive/x', 'drive/y', 'drive/theta', 'slide/x']);
   expect(model.jointNames.at(-1)).toBe('fly/rot_w');

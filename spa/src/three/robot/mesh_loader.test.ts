@@ -1,10 +1,17 @@
 // @vitest-environment happy-dom
-import { Color } from 'three';
 import { expect, test, vi } from 'vitest';
 import type { BundleFile, Download } from '../../model/bundle.ts';
 import { factsOf } from '../../model/mesh_facts.ts';
-import { asciiStl, binaryStl, collada, cubeSoup, MTL, OBJ, triangleGlb } from '../../urdf/mesh_samples.ts';
-import { MeshError } from '../../urdf/stl.ts';
+import {
+  asciiStl,
+  binaryStl,
+  collada,
+  cubeSoup,
+  MTL,
+  OBJ,
+  triangleGlb,
+} from '../../urdf/meshes/mesh_samples.ts';
+import { MeshError } from '../../urdf/meshes/stl.ts';
 import { MeshLoader, meshKind } from './mesh_loader.ts';
 
 const text = (words: string) => new TextEncoder().encode(words.padEnd(200));
@@ -54,8 +61,7 @@ test('Collada: the unit counts, the up axis does not, and what is wholly transpa
     ['collada-axis', 'it says Y_UP; ignored, as RViz does'],
   ]);
   expect([...part!.surface.positions]).toEqual([0, 0, 0, 1, 0, 0, 0, 0, 1]);
-  expect(part!.color).toEqual(new Color(1, 0, 0));
-  expect(part!.opacity).toBe(1);
+  expect(part!.paint).toEqual([1, 0, 0, 1]);
   const upright = await loaderOf(collada('0.0', 'Z_UP')).load();
   expect(upright.parts[0]!.surface.positions).toEqual(part!.surface.positions);
   expect(upright.notes).toEqual([['collada-unit', 'its unit is 0.01 m; applied']]);
@@ -65,7 +71,7 @@ test('a Collada glass stays glass', async () => {
   vi.spyOn(console, 'warn').mockImplementation(() => {});
   const { parts } = await loaderOf(collada('0.25')).load();
   const [part] = parts;
-  expect(part!.opacity).toBeCloseTo(0.25);
+  expect(part!.paint![3]).toBeCloseTo(0.25);
 });
 
 test('an OBJ has the colours of the library beside it, and none without', async () => {
@@ -78,10 +84,10 @@ test('an OBJ has the colours of the library beside it, and none without', async 
   };
   const painted = await new MeshLoader({ fetch: async () => bytes, beside }).load(file);
   expect(asked).toEqual(['paints.mtl']);
-  expect(painted.parts.map(({ color }) => color?.getHexString() ?? null)).toContain('ff0000');
+  expect(painted.parts.map(({ paint }) => paint)).toContainEqual([1, 0, 0, 1]);
   const plain = await new MeshLoader({ fetch: async () => bytes }).load(file);
   expect(painted.notes).toEqual([]);
-  expect(plain.parts.map(({ color }) => color)).toEqual([null]);
+  expect(plain.parts.map(({ paint }) => paint)).toEqual([null]);
   expect(plain.notes).toEqual([['material-file', "its material library 'paints.mtl': no such file"]]);
   expect(plain.parts[0]!.surface.index.length).toBe(6);
 });
@@ -89,9 +95,9 @@ test('an OBJ has the colours of the library beside it, and none without', async 
 test('a GLB lies as its nodes put it, in its colours; its default is no colour', async () => {
   const part = (await loaderOf(triangleGlb()).load()).parts[0];
   expect([...part!.surface.positions]).toEqual([1, 0, 0, 2, 0, 0, 1, 1, 0]);
-  expect(part!.color).toEqual(new Color(0, 0, 1));
+  expect(part!.paint).toEqual([0, 0, 1, 1]);
   const bare = (await loaderOf(triangleGlb(null)).load()).parts[0];
-  expect(bare!.color).toBeNull();
+  expect(bare!.paint).toBeNull();
   await expect(loaderOf(triangleGlb().subarray(0, 60)).load()).rejects.toThrow('meshes/x.dae: ');
 });
 

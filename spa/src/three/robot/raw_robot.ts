@@ -1,0 +1,147 @@
+import type { RawFiles, RawManifest } from '../../model/bundle.ts';
+import { factsOf, type MeshFacts, missingMesh } from '../../model/mesh_facts.ts';
+import type { ModelReport } from '../../model/report.ts';
+import { modelOf, UrdfError } from '../../urdf/manifest.ts';
+import { LodBuilder, type PaintedSurface } from '../../urdf/meshes/lod_builder.ts';
+import { surfaceOf } from '../../urdf/meshes/primitives.ts';
+import { readUrdf } from '../../urdf/reader.ts';
+import type { Urdf } from '../../urdf/types.ts';
+import { readXml, XmlRefused } from '../../urdf/xml.ts';
+import type { Stage } from './figure.ts';
+import { MeshLoader } from './mesh_loader.ts';
+import { whyAbsent } from './placeholder.ts';
+import type { SkinTones } from './skin.ts';
+import { SkinnedRobot } from './skinned_robot.ts';
+import type { StaleEffect } from './stale_effect.ts';
+
+/** A URDF that is read, and where the meshes are that it names. */
+export interface RawModel {
+  readonly urdf: Urdf;
+  readonly manifest: RawManifest;
+  readonly files: RawFiles;
+}
+
+/** The URDF of a raw bundle. Rejects with an Error of one line. */
+export async function fetchUrdf(manifest: RawManifest, files: RawFiles): Promise<Urdf> {
+  const text = new TextDecoder().decode(await files.fetch(manifest.urdf));
+  try {
+    const root = readXml(text);
+    if (root.tag !== 'robot') throw new UrdfError('URDF: no <robot> element');
+    return readUrdf(root);
+  } catch (cause) {
+    if (!(cause instanceof XmlRefused)) throw cause;
+    const where = cause.line === null ? '' : `error on line ${cause.line}: `;
+    throw new UrdfError(`URDF: ${where}${cause.message}`, { cause });
+  }
+}
+
+/** Shows a robot from its raw URDF and meshes, `onTotal` hearing how many bytes it draws: for an edge that serves them as they are, and for a dropped folder.
+ *  A chunk of its own, because a built model needs none of it. */
+export async function showRaw(
+  { urdf, manifest, files }: RawModel,
+  stage: Stage,
+  staleEffect: StaleEffect,
+  tones: SkinTones,
+  report: ModelReport,
+  onTotal: (totalBytes: number) => void,
+): Promise<void> {
+  const model = modelOf(urdf);
+  const robot = new SkinnedRobot(model.manifest, staleEffect, tones);
+  const lod = new LodBuilder(model.shapes);
+  let worn = 0; // triangles
+  const wear = () => {
+    if (lod.triangles === worn) return;
+    worn = lod.triangles;
+    robot.wear(lod.build(), []);
+  };
+  const slots: Slot[] = [];
+  for (const [visual, { link, source }] of model.manifest.visuals.entries()) {
+    const show = (mesh: readonly PaintedSurface[]) => robot.measure(link, lod.put(visual, mesh));
+    const { shape } = model.shapes[visual]!;
+    if (shape.kind === 'mesh') {
+      slots.push({ link, uri: source, show });
+      continue;
+    }
+    try {
+      show([{ surface: surfaceOf(shape), paint: null }]);
+    } catch (cause) {
+      report.problems.push(`${source}: ${lineOf(cause)}`);
+    }
+  }
+  wear();
+  onTotal(manifest.urdf.size + neededBytes(slots, manifest));
+  stage.show(robot);
+  report.joints = [...robot.jointNames];
+  report.problems.push(...model.problems);
+
+  const meshes = new MeshLoader(files);
+  const facts = new Map<string, MeshFacts>();
+  report.meshes = facts;
+  // From the floor up: so the feet are known, and the robot stands, before the rest arrives.
+  const worldZ = (link: number) => robot.linkMatrix(robot.linkNames[link]!)!.elements[14]!;
+  slots.sort((a, b) => worldZ(a.link) - worldZ(b.link));
+  await Promise.all(
+    slots.map(async (slot) => {
+      const { facts: found, problem } = await fill(slot, manifest, meshes, stage.signal);
+      stage.signal.throwIfAborted();
+      facts.set(slot.uri, found);
+      if (problem !== null) {
+        robot.mark(slot.link, stage.placeholder());
+        if (!report.missing.includes(slot.uri)) {
+          report.missing.push(slot.uri);
+          report.problems.push(problem);
+        }
+      }
+      // Whenever they have doubled: shells appear as they come, and all that is worn before costs no more than the last.
+      if (lod.triangles >= 2 * worn) wear();
+      stage.changed();
+    }),
+  );
+  wear();
+  if (slots.length > 0) stage.skinned();
+}
+
+/** A place of the robot that a mesh file fills. */
+interface Slot {
+  /** By its place in the manifest. */
+  readonly link: number;
+  /** As the URDF writes it. */
+  readonly uri: string;
+  /** Throws MeshError when there is no room for it. */
+  show(mesh: readonly PaintedSurface[]): void;
+}
+
+/** Puts the mesh into its slot. `problem`: why it can't, in one line that names the file. */
+async function fill(
+  { uri, show }: Slot,
+  manifest: RawManifest,
+  meshes: MeshLoader,
+  signal: AbortSignal,
+): Promise<{ facts: MeshFacts; problem: string | null }> {
+  const absent = whyAbsent(uri, manifest);
+  if (absent !== null) return { facts: missingMesh(absent), problem: `${uri}: ${absent}` };
+  const file = manifest.files.get(uri)!;
+  const named = `${file.path}: `;
+  try {
+    const mesh = await meshes.load(file);
+    if (!signal.aborted) show(mesh.parts);
+    return { facts: factsOf(mesh, file.size), problem: null };
+  } catch (cause) {
+    const problem = lineOf(cause);
+    const reason = problem.startsWith(named) ? problem.slice(named.length) : problem;
+    return { facts: missingMesh(reason, file.size), problem: named + reason };
+  }
+}
+
+function lineOf(cause: unknown): string {
+  return cause instanceof Error ? cause.message : String(cause);
+}
+
+function neededBytes(slots: readonly Slot[], manifest: RawManifest): number {
+  const sizes = new Map<string, number>();
+  for (const { uri } of slots) {
+    const file = manifest.files.get(uri);
+    if (file !== undefined && whyAbsent(uri, manifest) === null) sizes.set(file.path, file.size);
+  }
+  return [...sizes.values()].reduce((sum, size) => sum + size, 0);
+}

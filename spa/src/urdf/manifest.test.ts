@@ -1,0 +1,120 @@
+// @vitest-environment happy-dom
+import { describe, expect, test } from 'vitest';
+import { modelOf, UrdfError } from './manifest.ts';
+import { readUrdf } from './reader.ts';
+import { readXml } from './xml.ts';
+
+const robot = (inside: string) => `<?xml version="1.0"?>\n<robot name="r">${inside}</robot>`;
+const joint = (name: string, parent: string, child: string, more = '', type = 'revolute') =>
+  `<joint name="${name}" type="${type}"><parent link="${parent}"/><child link="${child}"/>${more}</joint>`;
+const links = (...names: string[]) => names.map((name) => `<link name="${name}"/>`).join('');
+const modelIn = (text: string) => modelOf(readUrdf(readXml(text)));
+
+test.each([
+  ['no links', robot(''), /^URDF: no links$/],
+  ['a circle', robot(links('a', 'b') + joint('1', 'a', 'b') + joint('2', 'b', 'a')), /^URDF: no root/],
+])('%s can not be drawn', (_, text, why) => {
+  expect(() => modelIn(text)).toThrow(UrdfError);
+  expect(() => modelIn(text)).toThrow(why);
+});
+
+test('tuples with spaces and line breaks are numbers; what is none is named and replaced', () => {
+  const { manifest, problems } = modelIn(
+    robot(
+      links('a', 'b', 'c') +
+        joint('j', 'a', 'b', '<origin xyz=" 1  2\n 3 " rpy="0 0 0"/><axis xyz=" 0 0  1"/>') +
+        joint('k', 'b', 'c', '<origin xyz="1 2" rpy="0 nan 0"/><axis/>'),
+    ),
+  );
+  expect(manifest.joints.map(({ xyz }) => xyz)).toEqual([
+    [1, 2, 3],
+    [0, 0, 0],
+  ]);
+  expect(manifest.joints.map(({ axis }) => axis)).toEqual([
+    [0, 0, 1],
+    [1, 0, 0],
+  ]);
+  expect(problems).toEqual([
+    "joint 'k': <origin xyz> needs three numbers",
+    "joint 'k': <origin rpy> is not finite: '0 nan 0'",
+  ]);
+});
+
+test('what hangs on nothing is left out and named, the rest stays', () => {
+  const { manifest, problems } = modelIn(
+    robot(
+      links('a', 'b', 'x', 'y') +
+        joint('j', 'a', 'b') +
+        joint('k', 'gone', 'x') +
+        joint('l', 'x', 'y') +
+        joint('m', 'a', 'y'),
+    ),
+  );
+  expect(problems).toEqual([
+    "joint 'k': there is no parent link 'gone'; this joint is left out",
+    "link 'y' is child of two joints, 'l' and 'm'; this joint is left out",
+    "link 'x' with the 1 below it hangs on nothing (the root is 'a'); not shown",
+  ]);
+  expect(manifest.links).toEqual(['a', 'b']);
+  expect(manifest.joints.map(({ name }) => name)).toEqual(['j']);
+});
+
+test('an axis of zero, a mimic of nobody and a visual without a shape harm nobody', () => {
+  const { manifest, problems } = modelIn(
+    robot(
+      `<link name="a"><visual><geometry/></visual><visual/></link>${links('b', 'c')}` +
+        joint('j', 'a', 'b', '<axis xyz="0 0 0"/>') +
+        joint('k', 'b', 'c', '<axis xyz="0 0 1"/><mimic joint="nobody"/>'),
+    ),
+  );
+  expect(manifest.visuals).toEqual([]);
+  expect(manifest.joints.map(({ mimic }) => mimic)).toEqual([null, null]);
+  expect(manifest.joints[0]!.axis, 'what the doctor says of it').toEqual([1, 0, 0]);
+  expect(problems).toEqual(["joint 'k' mimics joint 'nobody', which there is not"]);
+});
+
+test('a material defined inside one visual serves those that only name it', () => {
+  const shape = '<geometry><box size="1 1 1"/></geometry>';
+  const { shapes } = modelIn(
+    robot(
+      `<link name="a"><visual>${shape}<material name="dark"><color rgba="0.2 0.2  0.2 1"/></material></visual></link>` +
+        `<link name="b"><visual>${shape}<material name="dark"/></visual></link>${joint('j', 'a', 'b')}`,
+    ),
+  );
+  const dark = [...Array(3).fill(expect.closeTo(0.0331, 4)), 1];
+  expect(shapes.map(({ paint }) => paint)).toEqual([dark, dark]);
+});
+
+describe('a joint that mimics another', () => {
+  const chain = (...mimics: string[]) =>
+    robot(
+      links('l0', ...mimics.map((_, i) => `l${i + 1}`)) +
+        mimics.map((mimic, i) => joint(`j${i}`, `l${i}`, `l${i + 1}`, mimic)).join(''),
+    );
+  const mimicsIn = (text: string) => modelIn(text).manifest.joints.map(({ mimic }) => mimic);
+
+  test('follows the one at the end of a chain, by what the chain makes of its value', () => {
+    const text = chain(
+      '',
+      '<mimic joint="j0" multiplier="2" offset="0.5"/>',
+      '<mimic joint="j1" multiplier="-3" offset="1"/>',
+    );
+    expect(mimicsIn(text)).toEqual([
+      null,
+      { joint: 0, multiplier: 2, offset: 0.5 },
+      { joint: 0, multiplier: -6, offset: -0.5 },
+    ]);
+  });
+
+  test('follows none where they go round in a circle, or by numbers that have no end', () => {
+    const circle = chain('<mimic joint="j1"/>', '<mimic joint="j0"/>');
+    expect(mimicsIn(circle)).toEqual([null, null]);
+    const endless = chain(
+      '',
+      '<mimic joint="j0" multiplier="1e200"/>',
+      '<mimic joint="j1" multiplier="1e200"/>',
+    );
+    expect(mimicsIn(endless).at(-1)).toBeNull();
+    expect(modelIn(endless).problems).toEqual(["joint 'j2' mimics another by numbers that have no end"]);
+  });
+});

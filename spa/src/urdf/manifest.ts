@@ -1,0 +1,147 @@
+import { type Joint as ModelJoint, quaternionFromRpy } from '../model/kinematics.ts';
+import type { Manifest } from '../model/manifest.ts';
+import { type Tree, treeOf } from './tree.ts';
+import {
+  type Joint,
+  materialOf,
+  SCALAR_TYPES,
+  type Shape,
+  UNBOUNDED,
+  type Urdf,
+  type Vector,
+  type Visual,
+} from './types.ts';
+
+/** A URDF in the types of a built model's manifest (docs/MODEL.md), so that both are moved and drawn by the same code. */
+export interface UrdfModel {
+  /** Without levels: those are made of `shapes` as their meshes come. The box of a mesh is null until then. */
+  readonly manifest: Manifest;
+  /** What each of the manifest's visuals shows, in their order. */
+  readonly shapes: readonly PlacedShape[];
+  /** What is left out or read otherwise than it is written, one line each. */
+  readonly problems: readonly string[];
+}
+
+/** A geometry at its place. */
+export interface PlacedShape {
+  readonly shape: Shape;
+  /** link_from_visual: metres, and a unit quaternion w, x, y, z. */
+  readonly xyz: Vector;
+  readonly quat: readonly [number, number, number, number];
+  /** What the URDF paints it with; null where it names no colour. */
+  readonly paint: Paint | null;
+}
+
+/** Red, green, blue (linear) and opacity, 0…1. */
+export type Paint = readonly [number, number, number, number];
+
+/** No robot can be drawn of a URDF that could be read: one line. */
+export class UrdfError extends Error {}
+
+/** Throws UrdfError when no link is the root. */
+export function modelOf(urdf: Urdf): UrdfModel {
+  const tree = treeOf(urdf);
+  const { root, joints } = tree;
+  if (root === null)
+    throw new UrdfError(
+      urdf.links.length === 0 ? 'URDF: no links' : 'URDF: no root, its links form a circle',
+    );
+  const links = [root.name, ...joints.map(({ child }) => child)];
+  const drawn = links.flatMap((name, link) =>
+    tree.links.get(name)!.visuals.flatMap((visual) => (visual.shape === null ? [] : [{ link, visual }])),
+  );
+  const shapes = drawn.map(({ visual }) => placed(visual, visual.shape!, urdf));
+  const found = [...urdf.findings, ...tree.findings].filter(({ severity }) => severity === 'error');
+  return {
+    manifest: {
+      robot: urdf.name,
+      levels: [],
+      links,
+      joints: jointsOf(tree, new Map(links.map((name, i) => [name, i]))),
+      visuals: drawn.map(({ link }, i) => {
+        const { uri, kind } = shapes[i]!.shape;
+        return { link, source: uri || kind, box: null, placeholder: null };
+      }),
+      thumbnail: null,
+      missing: [],
+      findings: [],
+    },
+    shapes,
+    problems: found.map(({ text }) => text),
+  };
+}
+
+function placed(visual: Visual, shape: Shape, urdf: Urdf): PlacedShape {
+  const material = materialOf(visual, urdf);
+  // Nothing of a picture is drawn: what wears one alone is as white as its material.
+  const rgba = material?.rgba ?? (material?.texture == null ? null : [1, 1, 1, 1]);
+  return {
+    shape,
+    xyz: visual.xyz,
+    quat: quaternionFromRpy(visual.rpy),
+    paint: rgba === null ? null : paintOf(rgba),
+  };
+}
+
+/** As the author of the URDF saw it: RViz and Gazebo take rgba as display values. A body of opacity 0 is never meant. */
+function paintOf([r = 0, g = 0, b = 0, opacity = 1]: readonly number[]): Paint {
+  return [linear(r), linear(g), linear(b), opacity > 0 ? opacity : 1];
+}
+
+/** Linear light from sRGB, 0…1 (IEC 61966-2-1). */
+function linear(display: number): number {
+  return display <= 0.04045 ? display / 12.92 : ((display + 0.055) / 1.055) ** 2.4;
+}
+
+function jointsOf({ joints, follows }: Tree, linkOf: ReadonlyMap<string, number>): ModelJoint[] {
+  const indexOf = new Map(joints.map((joint, i) => [joint, i]));
+  return joints.map((joint) => {
+    const { name, type, xyz, rpy } = joint;
+    const follow = follows.get(name);
+    const axis = unit(joint.axis);
+    return {
+      name,
+      type,
+      parent: linkOf.get(joint.parent)!,
+      xyz,
+      quat: quaternionFromRpy(rpy),
+      axis,
+      plane: type === 'planar' ? planeAcross(axis) : null,
+      limits: limitsOf(joint),
+      mimic:
+        follow === undefined
+          ? null
+          : { joint: indexOf.get(follow.leader)!, multiplier: follow.multiplier, offset: follow.offset },
+    };
+  });
+}
+
+/** The axis at length 1; x where there is none, as the standard says. */
+function unit(axis: Vector | null): Vector {
+  const longest = axis === null ? 0 : Math.max(...axis.map(Math.abs));
+  if (axis === null || longest < 1e-9) return [1, 0, 0];
+  const [x, y, z] = axis.map((part) => part / longest) as [number, number, number]; // the square of a large number has no end
+  const length = Math.hypot(x, y, z);
+  return [x / length, y / length, z / length];
+}
+
+/** x and y of the plane across a unit axis: the frame's, by the shortest turn that takes z to the axis
+ *  (docs/MODEL.md). */
+function planeAcross([a, b, c]: Vector): readonly [Vector, Vector] {
+  if (c < -1 + 1e-9)
+    return [
+      [1, 0, 0],
+      [0, -1, 0],
+    ]; // every turn by 180° is as short: about x
+  const d = 1 / (1 + c);
+  return [
+    [1 - a * a * d, -a * b * d, -a],
+    [-a * b * d, 1 - b * b * d, -b],
+  ];
+}
+
+function limitsOf({ type, limit }: Joint): ModelJoint['limits'] {
+  if (limit === null || !SCALAR_TYPES.has(type) || type === 'continuous') return null;
+  const [lower, upper] = [limit.lower ?? 0, limit.upper ?? 0];
+  return Math.max(Math.abs(lower), Math.abs(upper)) < UNBOUNDED ? { lower, upper } : null;
+}

@@ -1,0 +1,170 @@
+import { emptyBox, growBox, type LinkBox } from '../../model/bounds.ts';
+import { MAX_UNPACKED_BYTES } from '../../model/glb.ts';
+import { transform } from '../../model/kinematics.ts';
+import { assembleLod, bytesOf, type Lod, type Primitive } from '../../model/lod.ts';
+import type { Paint, PlacedShape } from '../manifest.ts';
+import type { Vector } from '../types.ts';
+import { MeshError } from './stl.ts';
+import type { Welded } from './weld.ts';
+
+/** A surface of one colour, in its mesh's axes. `paint` is null where its file names none. */
+export interface PaintedSurface {
+  readonly surface: Welded;
+  readonly paint: Paint | null;
+}
+
+/** The shade of a shell for which neither URDF nor mesh names one: #c4cad3 in linear light. */
+const UNPAINTED: Paint = [0.5520114, 0.5906189, 0.651406, 1];
+/** Paints are a row of texels, and no graphics card has shorter ones; what comes after them is unpainted. */
+const MAX_PAINTS = 2048;
+/** The largest whole number that a position is rounded to. */
+const REACH = 32_767;
+
+/** A mesh at one scale: its primitives without paint, on a grid of its own. */
+interface Body {
+  readonly centre: Vector;
+  /** Metres of one unit of the grid. */
+  readonly step: number;
+  readonly pieces: readonly Omit<Primitive, 'paint'>[];
+}
+
+/** Makes one level of detail of a robot's meshes, in whatever order they come. */
+export class LodBuilder {
+  readonly #shapes: readonly PlacedShape[];
+  readonly #shown: (readonly Primitive[])[];
+  readonly #linkFromMesh: Float64Array;
+  /** By the mesh, then by its scale. */
+  readonly #bodies = new Map<readonly PaintedSurface[], Map<string, Body>>();
+  readonly #positions: Int16Array[] = [];
+  readonly #normals: Int8Array[] = [];
+  readonly #paints: Paint[] = [UNPAINTED];
+  readonly #paintOf = new Map([[keyOf(UNPAINTED), 0]]);
+  #vertices = 0;
+  #triangles = 0;
+  #room = MAX_UNPACKED_BYTES; // many visuals may show one mesh
+
+  constructor(shapes: readonly PlacedShape[]) {
+    this.#shapes = shapes;
+    this.#shown = shapes.map(() => []);
+    this.#linkFromMesh = Float64Array.from(shapes.flatMap(({ xyz, quat }) => transform(xyz, quat)));
+  }
+
+  /** Those that are drawn: a mesh that two visuals show counts twice. */
+  get triangles(): number {
+    return this.#triangles;
+  }
+
+  /** Lets a visual show a mesh. Returns its box in the link, metres. Throws MeshError when there is no room for it. */
+  put(visual: number, mesh: readonly PaintedSurface[]): LinkBox {
+    const { shape, xyz, quat, paint: own } = this.#shapes[visual]!;
+    const cost = mesh.reduce((sum, { surface: { positions, index } }) => {
+      return sum + bytesOf({ count: positions.length / 3, index });
+    }, 0);
+    if (cost > this.#room) throw new MeshError('left out: the robot unpacks to too many bytes already');
+    const { centre, step, pieces } = this.#body(mesh, shape.scale);
+    this.#room -= cost;
+    const linkFromVisual = transform(xyz, quat);
+    this.#shown[visual] = pieces.map((piece, i) => ({
+      ...piece,
+      paint: this.#paint(mesh[i]!.paint ?? own ?? UNPAINTED),
+    }));
+    this.#triangles += pieces.reduce((sum, { index }) => sum + index.length / 3, 0);
+    this.#linkFromMesh.set(transform(moved(linkFromVisual, centre), quat, step), visual * 16);
+    const linkFromSurface = linkFromVisual.map((part, i) => part * (shape.scale[Math.floor(i / 4)] ?? 1));
+    const box = emptyBox();
+    for (const { surface } of mesh) growBox(box, surface.positions, linkFromSurface);
+    return box;
+  }
+
+  /** All that has come. */
+  build(): Lod {
+    const vertices = {
+      positions: joined(this.#positions, new Int16Array(this.#vertices * 4)),
+      normals: joined(this.#normals, new Int8Array(this.#vertices * 4)),
+      uvs: null,
+    };
+    const paints = Float32Array.from(this.#paints.flat());
+    const source = { ...vertices, paints, pictures: [], pictureOf: () => null };
+    return assembleLod(source, this.#shown, this.#linkFromMesh.slice());
+  }
+
+  #paint(paint: Paint): number {
+    const key = keyOf(paint);
+    let number = this.#paintOf.get(key);
+    if (number === undefined) {
+      if (this.#paints.length >= MAX_PAINTS) return 0;
+      number = this.#paints.push(paint) - 1;
+      this.#paintOf.set(key, number);
+    }
+    return number;
+  }
+
+  #body(mesh: readonly PaintedSurface[], scale: Vector): Body {
+    const scaled = this.#bodies.get(mesh) ?? new Map<string, Body>();
+    this.#bodies.set(mesh, scaled);
+    const key = scale.join(' ');
+    const body = scaled.get(key) ?? this.#rounded(mesh, scale);
+    scaled.set(key, body);
+    return body;
+  }
+
+  /** Onto a grid of 16 bits along its longest side. The scale goes into it: a bone can't stretch. */
+  #rounded(mesh: readonly PaintedSurface[], scale: Vector): Body {
+    const box = emptyBox();
+    const stretch = [scale[0], 0, 0, 0, 0, scale[1], 0, 0, 0, 0, scale[2], 0, 0, 0, 0, 1];
+    for (const { surface } of mesh) growBox(box, surface.positions, stretch);
+    if (![...box.min, ...box.max].every(Number.isFinite)) throw new MeshError('too large to be drawn');
+    const centre = box.min.map((low, i) => (low + box.max[i]!) / 2) as unknown as Vector;
+    const step = Math.max(...box.max.map((high, i) => (high - box.min[i]!) / 2), 1e-9) / REACH;
+    return { centre, step, pieces: mesh.map(({ surface }) => this.#add(surface, scale, centre, step)) };
+  }
+
+  #add(surface: Welded, scale: Vector, centre: Vector, step: number): Omit<Primitive, 'paint'> {
+    const first = this.#vertices;
+    const count = surface.positions.length / 3;
+    const positions = new Int16Array(count * 4);
+    const normals = new Int8Array(count * 4);
+    for (let i = 0; i < count; i += 1) {
+      const x = surface.normals[i * 3]! / scale[0];
+      const y = surface.normals[i * 3 + 1]! / scale[1];
+      const z = surface.normals[i * 3 + 2]! / scale[2];
+      const length = 127 / Math.hypot(x, y, z);
+      normals[i * 4] = Math.round(x * length);
+      normals[i * 4 + 1] = Math.round(y * length);
+      normals[i * 4 + 2] = Math.round(z * length);
+      for (let axis = 0; axis < 3; axis += 1) {
+        const metres = surface.positions[i * 3 + axis]! * scale[axis]!;
+        positions[i * 4 + axis] = Math.round((metres - centre[axis]!) / step);
+      }
+    }
+    const index = surface.index.map((vertex) => first + vertex);
+    if (scale[0] * scale[1] * scale[2] < 0) turnOver(index);
+    this.#positions.push(positions);
+    this.#normals.push(normals);
+    this.#vertices += count;
+    return { first, count, index };
+  }
+}
+
+const keyOf = (paint: Paint) => paint.map((part) => part.toFixed(4)).join(' ');
+
+/** What a mirror turns inside out looks outwards again. */
+function turnOver(index: Uint32Array): void {
+  for (let at = 0; at < index.length; at += 3) {
+    [index[at + 1], index[at + 2]] = [index[at + 2]!, index[at + 1]!];
+  }
+}
+
+function moved(m: readonly number[], [x, y, z]: Vector): Vector {
+  const row = (i: number) => m[i]! * x + m[i + 4]! * y + m[i + 8]! * z + m[i + 12]!;
+  return [row(0), row(1), row(2)];
+}
+
+function joined<T extends Int16Array | Int8Array>(parts: readonly T[], all: T): T {
+  let at = 0;
+  for (const part of parts) {
+    all.set(part, at);
+    at += part.length;
+  }
+  return all;
+}

@@ -1,0 +1,77 @@
+import type { Shape } from '../types.ts';
+import { type Welded, weld } from './weld.ts';
+
+/** URDF's own shapes as surfaces about their centre, metres, z along the length. */
+
+const AROUND = 48;
+/** Of a sphere, pole to pole. */
+const RINGS = 24;
+
+/** A box (x, y, z), cylinder or capsule (radius, length) or sphere (radius) of these sizes. */
+export function surfaceOf({ kind, dims }: Pick<Shape, 'kind' | 'dims'>): Welded {
+  const [first = 0, second = 0, third = 0] = dims;
+  switch (kind) {
+    case 'box':
+      return weld(boxSoup(first, second, third));
+    case 'cylinder':
+      return weld(
+        turned([
+          [0, -second / 2],
+          [first, -second / 2],
+          [first, second / 2],
+          [0, second / 2],
+        ]),
+      );
+    default:
+      return weld(turned(roundProfile(first, kind === 'capsule' ? second / 2 : 0)));
+  }
+}
+
+/** From pole to pole: two halves of a ball, `half` metres above and below the middle. */
+function roundProfile(radius: number, half: number): (readonly [r: number, z: number])[] {
+  return [-1, 1].flatMap((side) =>
+    Array.from({ length: RINGS / 2 + 1 }, (_, i) => {
+      const angle = (side < 0 ? i - RINGS / 2 : i) * (Math.PI / RINGS);
+      return [radius * Math.cos(angle), radius * Math.sin(angle) + side * half] as const;
+    }),
+  );
+}
+
+/** Corners of the triangles of a profile turned about z, from below to above. */
+function turned(profile: readonly (readonly [r: number, z: number])[]): Float32Array {
+  const corner = (ring: number, turn: number) => {
+    const [r, z] = profile[ring]!;
+    const angle = ((turn % AROUND) / AROUND) * 2 * Math.PI;
+    return [r * Math.cos(angle), r * Math.sin(angle), z];
+  };
+  const soup: number[] = [];
+  for (let ring = 1; ring < profile.length; ring += 1) {
+    for (let turn = 0; turn < AROUND; turn += 1) {
+      const [a, b] = [corner(ring - 1, turn), corner(ring - 1, turn + 1)];
+      const [c, d] = [corner(ring, turn + 1), corner(ring, turn)];
+      soup.push(...a, ...b, ...c, ...a, ...c, ...d);
+    }
+  }
+  return Float32Array.from(soup);
+}
+
+/** The eight corners by their bits: x, y, z. Each side from its lower left, against the clock. */
+const SIDES = [
+  [0, 4, 6, 2],
+  [1, 3, 7, 5],
+  [0, 1, 5, 4],
+  [2, 6, 7, 3],
+  [0, 2, 3, 1],
+  [4, 5, 7, 6],
+] as const;
+
+function boxSoup(x: number, y: number, z: number): Float32Array {
+  const corner = (bits: number) => [
+    bits & 1 ? x / 2 : -x / 2,
+    bits & 2 ? y / 2 : -y / 2,
+    bits & 4 ? z / 2 : -z / 2,
+  ];
+  return Float32Array.from(
+    SIDES.flatMap(([a, b, c, d]) => [a, b, c, a, c, d].flatMap((bits) => corner(bits))),
+  );
+}
