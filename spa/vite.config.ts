@@ -76,20 +76,6 @@ function earlyStart(): Plugin {
   };
 }
 
-/** urdf-loader imports its mesh loaders whether they are used or not. The scene reads meshes itself, Collada only when
- *  there is some: without this its 20 kB would come with every 3D view. */
-function withoutUnusedLoaders(): Plugin {
-  const unused = /^three\/examples\/jsm\/loaders\/(STLLoader|ColladaLoader)\.js$/;
-  return {
-    name: 'without-unused-loaders',
-    enforce: 'pre',
-    resolveId: (id, importer) =>
-      unused.test(id) && importer?.includes('urdf-loader') ? `\0unused:${id}` : undefined,
-    load: (id) =>
-      id.startsWith('\0unused:') ? 'export class STLLoader {}\nexport class ColladaLoader {}' : undefined,
-  };
-}
-
 /** The documentation of the relay's routes, as FastAPI shows it, but from here and not from a CDN. */
 function routesPage(): Plugin {
   const require = createRequire(import.meta.url);
@@ -149,15 +135,7 @@ function packed(): Plugin {
 
 export default defineConfig({
   base: './', // one build for any path; the routes live in the hash
-  plugins: [
-    react(),
-    contentPolicy(),
-    earlyStart(),
-    withoutUnusedLoaders(),
-    routesPage(),
-    embedEntry(),
-    packed(),
-  ],
+  plugins: [react(), contentPolicy(), earlyStart(), routesPage(), embedEntry(), packed()],
   build: {
     target: 'es2022',
     sourcemap: false,
