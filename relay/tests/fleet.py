@@ -184,7 +184,7 @@ class Gateway(Process):
         viewer = Viewer(page, robot, PUBLIC, 30.0, self.hub.limits, dispatcher.now())
 
         def heard(doc: dict[str, Any] | None) -> None:
-            viewer.heard_at = dispatcher.now()
+            viewer.record_heard(dispatcher.now())
             if self.is_up and doc is not None:
                 dispatcher.carry_out(
                     dispatcher.hub.message(viewer, json.dumps(doc).encode(), viewer.heard_at)

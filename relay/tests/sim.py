@@ -182,7 +182,7 @@ class World:
 
     def say(self, viewer: Viewer, **doc: object) -> None:
         """A viewer's message."""
-        viewer.heard_at = self.now
+        viewer.record_heard(self.now)
         self.do(self.hub.message(viewer, json.dumps(doc).encode(), self.now))
 
     def run(self, edge: Edge, seconds: float, hz: float = 30.0) -> None:

@@ -40,7 +40,7 @@ def test_many_are_moved_away_evenly_in_the_order_given_within_eight_seconds() ->
     while world.hub.viewers:
         world.pass_time(0.1)
         for viewer in world.hub.viewers:
-            viewer.heard_at = world.now
+            viewer.record_heard(world.now)
         world.publish(edge)
         left.append(len(world.hub.viewers))
         told = [screen.ended is not None for _, screen in order]

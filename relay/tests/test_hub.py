@@ -59,7 +59,7 @@ def test_events_wait_for_a_viewer_that_has_not_drained_and_come_first() -> None:
     world = World()
     edge = world.on_air()
     viewer, screen = world.join()
-    viewer.paused(world.now)
+    viewer.pause(world.now)
     for n in range(5):
         event(world, edge, f"fault {n}")
         world.publish(edge)
@@ -74,7 +74,7 @@ def test_a_full_event_lane_ends_the_viewer_with_its_reason_and_nobody_else() -> 
     edge = world.on_air()
     slow, slow_screen = world.join()
     _, screen = world.join()
-    slow.paused(world.now)
+    slow.pause(world.now)
     for _ in range(11):
         event(world, edge)
     assert slow_screen.ended is not None
@@ -132,7 +132,7 @@ def test_status_comes_right_after_hello_and_at_least_once_a_second_also_without_
     assert screen.texts[1] == {"type": "status", "robot": "offline", "age_ms": None, "seq": None}
     for n in range(2, 20):
         world.pass_time(1.0)
-        viewer.heard_at = world.now
+        viewer.record_heard(world.now)
         assert len(screen.told("status")) >= n
 
 
@@ -144,7 +144,7 @@ def test_status_is_heard_every_second_at_every_rate(robot_hz: float, hz: float) 
     heard = [world.now]
     for _ in range(1000):
         world.pass_time(0.01)
-        viewer.heard_at = world.now
+        viewer.record_heard(world.now)
         world.say(viewer, type="ack", n=viewer.sent)
         viewer.tokens = 10.0
         if world.now - edge.began_s - 5.0 > (edge.seq + 1) / robot_hz:
@@ -274,7 +274,7 @@ def test_a_watched_robot_is_asked_now_and_then_for_info_and_model() -> None:
     world.asked.clear()
     for _ in range(300):
         world.run(edge, 0.1)
-        viewer.heard_at = world.now
+        viewer.record_heard(world.now)
         if world.asked:
             world.answer(edge)
             world.asked.clear()
@@ -341,7 +341,7 @@ def test_a_robot_gone_for_an_hour_is_forgotten_unless_watched() -> None:
         world.do(world.hub.token(robot, False, world.now))
     for _ in range(90):
         world.pass_time(1.0)
-        viewer.heard_at = world.now
+        viewer.record_heard(world.now)
     assert set(world.hub.robots) == {"watched"}
 
 

@@ -38,7 +38,7 @@ MODULES = (
         "state.share",
         "state.liveness",
     ),
-    *("viewer.viewer", "viewer.cadence", "viewer.messages"),
+    *("viewer.viewer", "viewer.flow_control", "viewer.cadence", "viewer.messages"),
 )
 
 BOUNDARIES = ("guard", "fail")  # where others stop
@@ -147,14 +147,14 @@ class World:
         for i, (viewer, screen) in enumerate(list(self.screens[robot])):
             if screen.ended is not None or screen.was_cut is not None:
                 continue
-            viewer.heard_at = self.now
+            self.do(viewer.record_heard, self.now)
             if n % 30 == i:
                 self.say(viewer, {"type": "ack", "n": len(screen.frames)})
             if n % 45 == 20 + i:
                 self.say(viewer, {"type": "rate", "hz": 30.0 if n > 80 else 5.0 + i})
                 self.say(viewer, {"type": "ping", "t": 1.0})
             if n == 90 and i == 0:
-                self.do(viewer.paused, self.now)
+                self.do(viewer.pause, self.now)
             if n == 110 and i == 0:
                 self.do(hub.drained, viewer)
             if n == 170 and i == 1:

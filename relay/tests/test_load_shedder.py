@@ -93,7 +93,7 @@ def overload(world: World, busy: float, seconds: int, edge: Edge) -> None:
     for _ in range(seconds):
         world.run(edge, 1.0)
         for viewer in world.hub.viewers:
-            viewer.heard_at = world.now
+            viewer.record_heard(world.now)
         world.do(world.hub.judge_load(busy, world.now))
 
 
@@ -103,7 +103,7 @@ def test_viewers_are_told_and_served_less_often_then_as_they_asked() -> None:
     fast, fast_screen = world.join(30.0)
     slow, slow_screen = world.join(10.0)
     blocked, blocked_screen = world.join(30.0)
-    blocked.paused(world.now)
+    blocked.pause(world.now)
     overload(world, 0.99, 3, edge)
     assert [(m["hz"], m["reason"]) for m in fast_screen.told("rate")] == [(15.0, "overload")]
     assert slow_screen.told("rate") == []

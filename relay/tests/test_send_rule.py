@@ -101,12 +101,12 @@ def play(story: Story, name: str, args: tuple[object, ...]) -> None:
         case (_, (int() as n, *rest)) if found := story.viewer(n):
             viewer, _ = found
             world = story.world
-            viewer.heard_at = world.now
+            viewer.record_heard(world.now)
             if name == "leave":
                 world.hub.leave(viewer)
                 story.watching.remove(found)
             elif name == "pause":
-                viewer.paused(world.now)
+                viewer.pause(world.now)
             elif name == "drain":
                 world.do(world.hub.drained(viewer))
             elif name == "ack" and viewer in world.hub.viewers:
@@ -129,9 +129,9 @@ def test_every_delivered_frame_decodes_to_the_newest_state(steps: list[tuple[obj
     for viewer, screen in story.watching:
         if viewer in world.hub.viewers:
             world.do(world.hub.drained(viewer))
-            viewer.heard_at = world.now
+            viewer.record_heard(world.now)
             if viewer.acks:
-                viewer.acked(viewer.sent, world.now)
+                viewer.record_ack(viewer.sent, world.now)
                 world.do(world.hub.drained(viewer))
             assert screen.was_cut is None
     story.pass_time(1.01)
@@ -167,7 +167,7 @@ def test_a_viewer_that_drains_late_gets_the_newest_within_a_period() -> None:
     world = World()
     edge = world.on_air()
     viewer, screen = world.join(10.0)
-    viewer.paused(world.now)
+    viewer.pause(world.now)
     world.run(edge, 1.0)
     assert screen.states[-1].seq == 0
     world.do(world.hub.drained(viewer))
@@ -181,7 +181,7 @@ def test_one_stuck_viewer_does_not_change_what_its_group_gets() -> None:
     world.run(edge, 1.0)
     stuck, _ = world.join(10.0)
     _, screen = world.join(10.0)
-    stuck.paused(world.now)
+    stuck.pause(world.now)
     world.run(edge, 4.0)
     seqs = [frame.seq for frame in screen.states]
     assert {b - a for a, b in itertools.pairwise(seqs)} == {3}

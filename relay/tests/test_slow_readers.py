@@ -57,7 +57,7 @@ class Line(Screen):
             opcode = message[0] & 0x0F
             arrived = arrived or opcode != 9
             if opcode == 9:
-                viewer.heard_at = world.now  # the pong
+                viewer.record_heard(world.now)  # the pong
             self._binaries += opcode == 2
             super().write(message)
         if arrived and self._binaries > self._acked and world.now - self._acked_at >= 1.0:
@@ -88,7 +88,7 @@ def go_on(world: World, edge: Edge, viewer: Viewer, line: Line, seconds: float) 
     end_s = world.now + seconds
     while world.now < end_s and line.was_cut is None:
         if viewer.paused_at is None and line.waiting > line.buffer_bytes:
-            viewer.paused(world.now)
+            viewer.pause(world.now)
         elif viewer.paused_at is not None and line.waiting <= line.buffer_bytes:
             world.do(world.hub.drained(viewer))
         world.pass_time(STEP_S)

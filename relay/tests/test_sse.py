@@ -114,7 +114,7 @@ def test_a_viewer_that_cannot_speak_is_neither_pinged_nor_cut_for_silence() -> N
     world.pass_time(60.0)
     assert screen.was_cut is None
     assert screen.pings == 0
-    viewer.paused(world.now)
+    viewer.pause(world.now)
     world.pass_time(6.0)
     assert screen.was_cut is Close.NO_ACK
 

@@ -29,7 +29,7 @@ PLAIN = struct.Struct("<BIHH")  # tag, base, distance, ms
 
 def without_backpressure() -> None:
     """Writes on, whatever the socket and the acknowledgements say."""
-    Viewer.paused = lambda _self, _now: None  # type: ignore[method-assign, assignment]
+    Viewer.pause = lambda _self, _now: None  # type: ignore[method-assign, assignment]
     Viewer.may_send = lambda _self, _now: True  # type: ignore[method-assign, assignment]
 
 

@@ -164,7 +164,7 @@ class Access:
         if isinstance(found, Close):
             dispatcher.carry_out(dispatcher.hub.refuse(viewer, found, REASONS[found]))
         else:
-            viewer.expires_at = self.expires_at(found)
+            viewer.set_expiry(self.expires_at(found))
             dispatcher.carry_out(dispatcher.hub.regrant(viewer, found, dispatcher.now()))
 
     def _renew(self, viewer: Viewer, token: str) -> None:

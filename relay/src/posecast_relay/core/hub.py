@@ -35,7 +35,6 @@ from posecast_relay.core.state.robot import Robot
 from posecast_relay.core.state.room import Room
 from posecast_relay.core.uplink import Uplink
 from posecast_relay.core.viewer import messages
-from posecast_relay.core.viewer.cadence import granted_hz
 from posecast_relay.core.viewer.viewer import Viewer
 
 FULL_RETRY_S = 30.0
@@ -104,7 +103,7 @@ class Hub(Uplink):
 
     def _join(self, viewer: Viewer, now: float, unix_s: float) -> list[Action]:
         self.joins += 1
-        viewer.number = self.joins
+        viewer.set_number(self.joins)
         if self.draining is not None:
             self.endings[Close.DRAIN] += 1
             return [CloseConnection(viewer, Close.DRAIN, GOING, DRAIN_RETRY_S)]
@@ -120,7 +119,7 @@ class Hub(Uplink):
                     CloseConnection(viewer, Close.FULL, "as many viewers as this robot takes", FULL_RETRY_S)
                 ]
             self.admitted[grant.robot, grant.by] = here + 1
-        viewer.hz = min(viewer.asked_hz, self.load.ceiling_hz)
+        viewer.set_rate(min(viewer.asked_hz, self.load.ceiling_hz))
         robot = self.robots.get(viewer.robot)
         if robot is None:  # it may come later; bounded by the number of viewers
             robot = self.robots[viewer.robot] = Robot(viewer.robot, self.limits)
@@ -149,10 +148,10 @@ class Hub(Uplink):
         match said:
             case Ack(n):
                 was_blocked = viewer.blocked
-                viewer.acked(n, now)
+                viewer.record_ack(n, now)
                 return room.drained(viewer) if was_blocked else []
             case Rate(hz):
-                viewer.asked_hz = granted_hz(hz, viewer.max_hz)
+                viewer.ask_rate(hz)
                 granted = min(viewer.asked_hz, self.load.ceiling_hz)
                 room.set_rate(viewer, granted, now)
                 self.plan(room)
@@ -175,11 +174,8 @@ class Hub(Uplink):
             return []
         if (before.view, before.delay_s, before.by) != (grant.view, grant.delay_s, grant.by):
             return self.end(viewer, Close.AGE_LIMIT, "what you may see has changed", RENEW_RETRY_S)
-        viewer.grant = grant
-        viewer.max_hz = min(self.limits.max_hz, grant.hz)
-        if viewer.asked_hz <= viewer.max_hz:
+        if not viewer.set_grant(grant):
             return []
-        viewer.asked_hz = granted_hz(viewer.max_hz, viewer.max_hz)
         granted = min(viewer.asked_hz, self.load.ceiling_hz)
         room.set_rate(viewer, granted, now)
         self.plan(room)
@@ -187,7 +183,7 @@ class Hub(Uplink):
 
     def drained(self, viewer: Viewer) -> list[Action]:
         """A viewer's socket has taken everything."""
-        viewer.paused_at = None
+        viewer.resume()
         room = self.viewers.get(viewer)
         return self.guard(viewer, partial(room.drained, viewer)) if room else []
 
@@ -309,8 +305,7 @@ class Hub(Uplink):
             return self.end(viewer, Close.TOKEN, EXPIRED, None)
         if now >= viewer.until:
             return self.end(viewer, Close.AGE_LIMIT, "time for a new connection", RENEW_RETRY_S)
-        if viewer.speaks and now - max(viewer.heard_at, viewer.ping_at) >= self.limits.ping_s:
-            viewer.ping_at = now
+        if viewer.take_ping(now):
             pings.append(viewer)
         return []
 

@@ -79,8 +79,8 @@ class EventStream(asyncio.Protocol):
             speaks=False,
             grant=grant,
             asked_view=asked.view,
+            expires_at=dispatcher.now() + grant.who.until_s - dispatcher.unix_s(),
         )
-        self._viewer.expires_at = dispatcher.now() + grant.who.until_s - dispatcher.unix_s()
 
     @isolated
     def start(self, pages: str | None) -> None:
@@ -112,7 +112,7 @@ class EventStream(asyncio.Protocol):
     @isolated
     def pause_writing(self) -> None:
         """The socket did not take everything."""
-        self._viewer.paused(self._dispatcher.now())
+        self._viewer.pause(self._dispatcher.now())
 
     @isolated
     def resume_writing(self) -> None:

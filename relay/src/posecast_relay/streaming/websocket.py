@@ -126,7 +126,7 @@ class LiveSocket(asyncio.Protocol):
         """The socket did not take everything."""
         self.descriptor = -1
         if self._viewer is not None:
-            self._viewer.paused(self.dispatcher.now())
+            self._viewer.pause(self.dispatcher.now())
 
     @isolated
     def resume_writing(self) -> None:
@@ -140,7 +140,7 @@ class LiveSocket(asyncio.Protocol):
     def data_received(self, data: bytes) -> None:
         """Bytes from the viewer (first of all its HTTP request, as uvicorn read it)."""
         if self._viewer is not None:
-            self._viewer.heard_at = self.dispatcher.now()
+            self._viewer.record_heard(self.dispatcher.now())
         if self._unread == 0 and self._fragments is None and self._ws.state is OPEN:
             text = short_text(data)
             if text is not None:
@@ -271,15 +271,15 @@ class LiveSocket(asyncio.Protocol):
             *(outlet, asked.robot, grant.view, asked.hz, limits, now, lives_s, asked.decoded),
             grant=grant,
             asked_view=asked.view,
+            expires_at=self.access.expires_at(grant),
         )
-        self._viewer.expires_at = self.access.expires_at(grant)
         self._own_descriptor = descriptor_of(self._transport)
         dispatcher.join(self._viewer)
         if self._transport.get_write_buffer_size() == 0:
             self.descriptor = self._own_descriptor
         else:
             # uvicorn makes us the transport's protocol only after this call: it was told to pause, not we
-            self._viewer.paused(dispatcher.now())
+            self._viewer.pause(dispatcher.now())
 
     def _frame(self, frame: WebSocketFrame) -> None:
         if frame.opcode is Opcode.CLOSE or self._ws.state is not OPEN:

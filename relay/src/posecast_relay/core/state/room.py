@@ -6,7 +6,7 @@ the newest frame, in that order, in one write. Joining, rates and slow viewers a
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 
 from posecast_wire import Close
 from posecast_wire.messages import RobotStatus
@@ -65,26 +65,22 @@ class Room:
         ]
         if stream.schema is not None:
             parts.append(stream.described(viewer.schema_n, with_model=False))  # hello has told the model
-        viewer.version, viewer.schema_n = stream.version, stream.schema_n
+        viewer.hold_description(stream.version, stream.schema_n)
         group = self._enter(viewer)
         if group is not None and stream.newest is not None:
             parts.append(self._lacking(viewer, stream.newest))
             self._hand(viewer, stream.newest)
             if group.frame is None:
                 self._handed_out(group, stream.newest, now)
-        limits = self.limits
         unasked = sum(map(len, parts))
         for event in stream.events:
-            if viewer.speaks and unasked >= limits.ping_bytes:  # who reads slowly shows that it does
+            if viewer.speaks and unasked >= self.limits.ping_bytes:  # who reads slowly shows that it does
                 parts.append(messages.PING)
                 unasked = 0
             parts.append(event.packed)
             unasked += len(event.packed)
         data = b"".join(parts)
-        viewer.join_burst_n = viewer.sent
-        reads_s = len(data) / limits.slowest_bytes_per_s
-        viewer.join_burst_arrives_by = now + min(limits.join_burst_s, max(0.0, reads_s - limits.undrained_s))
-        viewer.join_burst_read_by = now + reads_s
+        viewer.begin_join_burst(len(data), now)
         return Send(data, (viewer,))
 
     def leave(self, viewer: Viewer) -> None:
@@ -102,7 +98,7 @@ class Room:
     def set_rate(self, viewer: Viewer, hz: float, now: float) -> None:
         """Move a viewer to another rate; what it is due comes with the next frame, or within a period."""
         self._exit(viewer)
-        viewer.hz = hz
+        viewer.set_rate(hz)
         group = self._enter(viewer)
         if group is not None:
             self._told.discard(group)
@@ -182,15 +178,19 @@ class Room:
     ) -> None:
         """One walk over viewers that are due. Nearly all hold the bases and share the frame's bytes."""
         ready: list[Viewer] = []
+        lacking: list[Viewer] = []
         behind: set[Viewer] = set()
         status = b""
         if self._owed is not None and group not in self._told:
             status = self._status(self._owed, now)
             self._told.add(group)
-        failed = self._walk(iter(viewers), frame, now, status, ready, behind, out)
-        if frame.is_ref:
-            for viewer in ready:
-                viewer.ref = frame
+        failed = Viewer.share_frame(*(iter(viewers), frame, self.stream.version, now), ready, lacking, behind)
+        for viewer in lacking:
+            try:
+                out.append(Send(status + self._lacking(viewer, frame), (viewer,)))
+                self._hand(viewer, frame)
+            except Exception as e:
+                failed.append((viewer, e))
         if ready:
             self.delivered += len(ready)
             out.append(Send(status + frame.packed, ready))
@@ -202,44 +202,6 @@ class Room:
         group.retry_at = now + group.pace.period_s if behind else NEVER
         for viewer, error in failed:
             out += self._fail((viewer,), error)
-
-    def _walk(
-        self,
-        viewers: Iterator[Viewer],
-        frame: StoredFrame,
-        now: float,
-        status: bytes,
-        ready: list[Viewer],
-        behind: set[Viewer],
-        out: list[Action],
-    ) -> list[tuple[Viewer, Exception]]:
-        """Find who is `ready` to share the frame's bytes and who is `behind`; return at whom that failed."""
-        failed: list[tuple[Viewer, Exception]] = []
-        version = self.stream.version
-        key = frame if frame.is_key else frame.key
-        ref, is_key = frame.ref, frame.is_key
-        while True:  # once, and once more behind each viewer at whom it fails
-            try:
-                for viewer in viewers:
-                    if viewer.frame is frame:
-                        continue
-                    if viewer.blocked or (now >= viewer.check_at and not viewer.may_send(now)):
-                        behind.add(viewer)
-                    elif viewer.version == version and (
-                        is_key or (viewer.key is key and (ref is None or viewer.ref is ref))
-                    ):
-                        ready.append(viewer)
-                        viewer.sent += 1
-                        viewer.frame = frame
-                        viewer.key = key
-                    else:
-                        out.append(Send(status + self._lacking(viewer, frame), (viewer,)))
-                        self._hand(viewer, frame)
-                return failed
-            except Exception as error:
-                if failed and failed[-1][0] is viewer:
-                    raise  # not at a viewer, but at the walk
-                failed.append((viewer, error))
 
     def _handed_out(self, group: RateGroup, frame: StoredFrame, now: float) -> None:
         group.frame = frame
@@ -259,16 +221,8 @@ class Room:
 
     def _hand(self, viewer: Viewer, frame: StoredFrame) -> None:
         """Note that a viewer was given `frame` and what it lacked for it."""
-        viewer.version, viewer.schema_n = self.stream.version, self.stream.schema_n
-        if frame.key is not None and viewer.key is not frame.key and not viewer.decoded:
-            viewer.sent += 1
-        if frame.ref is not None and viewer.ref is not frame.ref and not viewer.decoded:
-            viewer.sent += 1
-        viewer.sent += 1
-        viewer.key = frame if frame.is_key else frame.key
-        if frame.ref is not None or frame.is_ref:
-            viewer.ref = frame if frame.is_ref else frame.ref
-        viewer.frame = frame
+        viewer.hold_description(self.stream.version, self.stream.schema_n)
+        viewer.hold_frame(frame)
         self.delivered += 1
 
     # ---- everything else --------------------------------------------------
@@ -280,7 +234,7 @@ class Room:
         for viewer in self.viewers:
             if viewer.version != stream.version and not viewer.blocked:
                 ready.setdefault(viewer.schema_n, []).append(viewer)
-                viewer.version, viewer.schema_n = stream.version, stream.schema_n
+                viewer.hold_description(stream.version, stream.schema_n)
         return [Send(stream.described(held), viewers) for held, viewers in ready.items()]
 
     def announce(self, event: Event) -> list[Action]:
@@ -299,26 +253,19 @@ class Room:
         return self._queue(viewer, data) if viewer.blocked else [Send(data, (viewer,))]
 
     def _queue(self, viewer: Viewer, data: bytes) -> list[Action]:
-        if viewer.reliable_queue is None:
-            viewer.reliable_queue = []
-        viewer.reliable_queue.append(data)
-        if len(viewer.reliable_queue) <= self.limits.reliable_queue:
+        if viewer.enqueue(data):
             return []
         self.leave(viewer)
         return [CloseConnection(viewer, Close.EVENTS_FULL, "too slow for the events", None)]
 
     def drained(self, viewer: Viewer) -> list[Action]:
         """A viewer may be able to take data again: first what it must not miss."""
-        if viewer.paused_at is not None or viewer.stalled:
+        data = viewer.release()
+        if data is None:
             return []
-        data = b""
-        if viewer.reliable_queue is not None:
-            data = b"".join(viewer.reliable_queue)
-            viewer.reliable_queue = None
-        viewer.settle()
         if viewer.version != self.stream.version and viewer.hz <= 0:
             data += self.stream.described(viewer.schema_n)
-            viewer.version, viewer.schema_n = self.stream.version, self.stream.schema_n
+            viewer.hold_description(self.stream.version, self.stream.schema_n)
         return [Send(data, (viewer,))] if data else []
 
     def report(self, status: RobotStatus, now: float) -> list[Action]:

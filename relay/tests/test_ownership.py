@@ -1,0 +1,84 @@
+"""Who writes which fields: only an object's own module, and a viewer's only `core/viewer/`."""
+
+from __future__ import annotations
+
+import ast
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import posecast_relay
+import pytest
+from posecast_relay.core.limits import Limits
+from posecast_relay.core.policy.policy import Audience, Grant, Principal
+from posecast_relay.core.viewer.flow_control import FlowControl
+from posecast_relay.core.viewer.viewer import Viewer
+from posecast_wire import Close
+
+from .sim import Screen, World
+
+ROOT = Path(posecast_relay.__file__).parent
+TREES = {str(path.relative_to(ROOT)): ast.parse(path.read_text()) for path in sorted(ROOT.rglob("*.py"))}
+FLOW, VIEWER = "core/viewer/flow_control.py", "core/viewer/viewer.py"
+COUNTED = {"sent"}  # by the walk over a crowd as well, one line per viewer and frame
+
+
+def assigned(tree: ast.AST) -> Iterator[ast.Attribute]:
+    """Every attribute that is assigned or deleted, by whichever statement: `x.a = …` and `x.y.a += …`."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Store | ast.Del):
+            yield node
+
+
+def is_self(node: ast.Attribute) -> bool:
+    """Whether it is a method that writes its own object's field."""
+    return isinstance(node.value, ast.Name) and node.value.id in ("self", "cls")
+
+
+def test_only_flow_control_writes_its_fields() -> None:
+    flow = set(FlowControl.__slots__)
+    assert {node.attr for node in assigned(TREES[FLOW])} == flow
+    assert {node.attr for node in assigned(TREES[VIEWER])} & flow == COUNTED
+    assert {node.attr for node in assigned(TREES[VIEWER])} - COUNTED == set(Viewer.__slots__)
+
+
+def test_nobody_else_writes_a_field_of_what_is_called_a_viewer() -> None:
+    for name, tree in TREES.items():
+        for node in assigned(tree):
+            whose = ast.unparse(node.value)
+            assert name == VIEWER or not whose.endswith("viewer"), (
+                f"{name}:{node.lineno}: {whose}.{node.attr}"
+            )
+
+
+def test_whatever_it_is_called_nobody_else_writes_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    writers: set[str] = set()
+
+    def noted(self: Viewer, name: str, value: Any) -> None:
+        writers.add(sys._getframe(1).f_globals["__name__"])
+        object.__setattr__(self, name, value)
+
+    monkeypatch.setattr(Viewer, "__setattr__", noted)
+    world = World(Limits(max_age_s=100.0, reliable_queue=2))
+    edge = world.on_air(ref_every=5)
+    grants = [Grant("r", "public", hz, 0.0, None, Audience.ANYONE, Principal()) for hz in (60.0, 5.0)]
+    viewers = []
+    for hz in (30.0, 30.0, 7.0, 0.0):
+        viewer = Viewer(Screen(), "r", "public", hz, world.limits, world.now, grant=grants[0])
+        world.do(world.hub.join(viewer, world.now, 0.0))
+        viewers.append(viewer)
+    world.run(edge, 2.0)
+    for viewer in viewers:
+        world.say(viewer, type="ack", n=viewer.sent)
+        world.say(viewer, type="rate", hz=12)
+    world.do(world.hub.regrant(viewers[0], grants[1], world.now))
+    viewers[1].pause(world.now)
+    edge.info = {"a": "b"}
+    world.answer(edge)
+    world.do(world.hub.judge_load(0.5, world.now))
+    world.do(world.hub.drained(viewers[1]))
+    world.now += 5.0  # the process stood still
+    world.run(edge, 20.0)
+    assert world.hub.endings[Close.NO_ACK] + world.hub.endings[Close.HALF_OPEN] == 4
+    assert writers == {Viewer.__module__, FlowControl.__module__}
