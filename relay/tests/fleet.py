@@ -25,7 +25,7 @@ from posecast_relay.redis import gateway as redis_gateway
 from posecast_relay.redis import store as redis_store
 from posecast_relay.redis.gateway import RedisGateway
 from posecast_relay.redis.store import RedisStore
-from posecast_relay.runtime.dispatcher import Dispatcher
+from posecast_relay.runtime.dispatcher import Dispatcher, NoSource
 from posecast_relay.store_memory import MemoryStore
 
 from .page import Page
@@ -58,10 +58,11 @@ class LoopPump(Dispatcher):
 class Process:
     """A relay without its sockets."""
 
+    dispatcher: Dispatcher
+
     def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
         self.loop = loop
         self.hub = Hub(Limits())
-        self.dispatcher = LoopPump(self.hub, MemoryStore(), FanOut())  # type: ignore[arg-type]
         self.is_up = True
 
     async def kill(self) -> None:
@@ -70,21 +71,19 @@ class Process:
         self.dispatcher.stop()
 
 
-class Ingest(Process):
+class Ingest(Process, NoSource):
     """Hears edges, writes Redis."""
 
     def __init__(self, loop: asyncio.AbstractEventLoop, url: str) -> None:
         super().__init__(loop)
-        dispatcher = self.dispatcher
         self.store = RedisStore(
             url,
             self.hub,
-            dispatcher.now,
-            lambda of: robot_summary(of, of.rooms.get(PUBLIC), dispatcher.now()),
+            loop.time,
+            lambda of: robot_summary(of, of.rooms.get(PUBLIC), loop.time()),
         )
-        dispatcher.store = self.store
         self.edges: list[FleetEdge] = []
-        dispatcher.ask = self._ask
+        self.dispatcher = LoopPump(self.hub, self.store, FanOut(), self)  # type: ignore[arg-type]
 
     async def start(self) -> None:
         """Begin."""
@@ -113,7 +112,8 @@ class Ingest(Process):
             self.hub.frame(edge.robot, PUBLIC, payload, stamp, self.dispatcher.now())
             self.dispatcher.flush()
 
-    def _ask(self, robot: str, _views: Sequence[str]) -> None:
+    def request_snapshots(self, robot: str, _views: Sequence[str]) -> None:
+        """RobotSource: of every edge of this name."""
         asked_at = self.dispatcher.now()
         for edge in self.edges:
             if edge.robot == robot and edge.life.seq >= 0:
@@ -135,11 +135,13 @@ class Gateway(Process):
 
     def __init__(self, loop: asyncio.AbstractEventLoop, url: str) -> None:
         super().__init__(loop)
-        self.store = RedisGateway(url, self.dispatcher)
-        self.dispatcher.store = self.store
         self.delayed = DelayedHub(Limits())
         self.later = LoopPump(self.delayed, MemoryStore(), FanOut())  # type: ignore[arg-type]
-        self.dispatcher.kept, self.dispatcher.pinned = self._note, self.delayed.names
+        self.store = RedisGateway(url, self.hub, loop.time, self.delayed.names)
+        self.dispatcher = LoopPump(
+            *(self.hub, self.store, FanOut(), self.store),  # type: ignore[arg-type]
+            changed=self._note,
+        )
         self.pages: dict[str, Page] = {}  # by robot
         self.later_pages: dict[str, Page] = {}
         self._viewers: list[tuple[Hub, Viewer]] = []
@@ -148,7 +150,7 @@ class Gateway(Process):
         """Begin."""
         self.dispatcher.start()
         self.later.start()
-        await self.store.start()
+        await self.store.start(self.dispatcher)
 
     async def kill(self) -> None:
         """See Process."""

@@ -40,7 +40,7 @@ AT_OTHER_TIMES = {
     "HttpConnection.timeout_keep_alive_handler",
     "Access._again",
     "Access._judge_again",
-    "Access._renew",
+    "Access.renew",
     "Addresses.leave",  # of an address that is counted: not of this machine's own
     "EventStream.end",
     "LiveSocket.pause_writing",  # what it is given when it comes pauses the connection before it is one

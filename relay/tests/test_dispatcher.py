@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import socket
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 
 import pytest
 from posecast_relay.core.actions import Fault, RequestSnapshot, Send, SubscribeRobot, VerifyToken
@@ -13,7 +13,7 @@ from posecast_relay.core.limits import Limits
 from posecast_relay.core.state.stream import Stream
 from posecast_relay.core.viewer import messages
 from posecast_relay.core.viewer.viewer import Viewer
-from posecast_relay.runtime.dispatcher import Dispatcher
+from posecast_relay.runtime.dispatcher import Dispatcher, NoSource
 from posecast_relay.runtime.fan_out import SLICE, FanOut
 from posecast_relay.runtime.io_uring import IoUring
 from posecast_relay.store_memory import MemoryStore
@@ -145,10 +145,21 @@ def fail(*_args: object) -> None:
     raise ArithmeticError("port")
 
 
+class BrokenSource(NoSource):
+    """A source that fails."""
+
+    def request_snapshots(self, robot: str, views: Sequence[str]) -> None:
+        """As it says."""
+        raise ArithmeticError("request")
+
+    def subscribe(self, robot: str) -> None:
+        """As it says."""
+        raise ArithmeticError("subscribe")
+
+
 def serving(store: MemoryStore) -> tuple[Dispatcher, Callable[[], None]]:
     """A pump with a robot on air, and how to publish a frame of it."""
-    dispatcher = Dispatcher(Hub(Limits()), store, FanOut(None))
-    dispatcher.ask, dispatcher.watch, dispatcher.verify, dispatcher.kept = fail, fail, fail, fail
+    dispatcher = Dispatcher(Hub(Limits()), store, FanOut(None), BrokenSource(), fail, fail)
     edge = Edge(0xABC, schema(), began_s=dispatcher.now() - 5.0)
 
     def publish() -> None:

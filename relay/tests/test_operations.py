@@ -16,7 +16,6 @@ from posecast_relay.http.metrics import RelayCollector
 from posecast_relay.redis.store import RedisStore
 from posecast_relay.runtime.dispatcher import Dispatcher
 from posecast_relay.runtime.fan_out import FanOut
-from posecast_relay.store_memory import MemoryStore
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 ROBOTS_FLAGS = {"--ca", "--certificate", "--days", "--private", "--url"}  # of `posecast-relay robots add`
@@ -26,12 +25,12 @@ PAGE = (DOCS / "OPERATIONS.md").read_text()
 
 async def test_every_series_is_explained_and_no_other() -> None:
     hub = Hub(Limits())
-    dispatcher = Dispatcher(hub, MemoryStore(), FanOut(None))
 
     def described(_robot: Any) -> dict[str, Any]:
         return {}
 
-    dispatcher.store = RedisStore("redis://nowhere", hub, dispatcher.now, described)
+    store = RedisStore("redis://nowhere", hub, Dispatcher.now, described)
+    dispatcher = Dispatcher(hub, store, FanOut(None))
     figures = RelayCollector([dispatcher], SimpleNamespace(written=Counter(), breaker=Breaker()))
     there = {family.name + ("_total" if family.type == "counter" else "") for family in figures.collect()}
     rows = re.findall(r"^\| `(posecast_\w+)", PAGE, re.MULTILINE)

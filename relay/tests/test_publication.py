@@ -84,8 +84,7 @@ def test_a_grant_that_changes_is_told() -> None:
 
 def test_two_hubs_of_a_process_share_its_limit() -> None:
     world = World(Limits(viewers=2))
-    other = Hub(world.limits)
-    world.hub.elsewhere = lambda: len(other.viewers)
+    other = Hub(world.limits, world.hub.headcount)
     viewer = Viewer(Screen(), "r", "public", 1.0, world.limits, world.now)
     other.join(viewer, world.now, UNIX_S)
     assert join(world, grant())[1].ended is None

@@ -22,7 +22,7 @@ from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import rsa
 from cryptography.x509.oid import NameOID
 from firebase_admin import auth
-from posecast_relay.auth.access import Access
+from posecast_relay.auth.access import open_access
 from posecast_relay.auth.firebase import Firebase
 from posecast_relay.auth.tokens import Tokens, Unverifiable
 from posecast_relay.core.delayed_hub import DelayedHub
@@ -32,7 +32,6 @@ from posecast_relay.core.policy.policy import Audience, Policy, Principal, Rule
 from posecast_relay.core.policy.share_link import make_link
 from posecast_relay.http.app import make_app
 from posecast_relay.models.cache import ModelCache
-from posecast_relay.runtime.dispatcher import Dispatcher
 from posecast_relay.runtime.fan_out import FanOut
 from posecast_relay.store_memory import MemoryStore
 from posecast_relay.streaming.decode_cache import DecodeCache
@@ -170,12 +169,14 @@ class Doors:
 
     def __init__(self, accounts: Any, origins: tuple[str, ...]) -> None:
         limits = Limits(sweep_s=0.1)
-        fan_out = FanOut(None)
-        self.dispatcher = Dispatcher(Hub(limits), MemoryStore(), fan_out)
-        self.tokens = Tokens(accounts)
-        self.tokens.link_keys = {"open": KEY, "shared": KEY}
-        later = Dispatcher(DelayedHub(limits), MemoryStore(), fan_out)
-        self.access = Access(self.dispatcher, Policy(RULES), later, self.tokens, origins)
+        self.tokens = Tokens(accounts, {"open": KEY, "shared": KEY})
+        self.access = open_access(
+            *(Hub(limits), DelayedHub(limits), MemoryStore(), FanOut(None)),
+            policy=Policy(RULES),
+            tokens=self.tokens,
+            origins=origins,
+        )
+        self.dispatcher = self.access.live
         now = self.dispatcher.now()
         for robot in ("open", "lab", "shared"):
             edge = Edge(0xE, schema(("RKN", f"secret-of-{robot}")), began_s=now)
@@ -393,7 +394,7 @@ async def test_links_and_accounts_that_are_revoked_end_at_once(doors: Doors, goo
         await by_link.send(json.dumps({"type": "auth", "token": link("shared")}))
         await by_account.send(json.dumps({"type": "auth", "token": google.token()}))
         await _viewers(doors, 3)
-        doors.tokens.link_keys = {"shared": "n" * 43}
+        doors.tokens.set_link_keys({"shared": "n" * 43})
         doors.access.change(Policy(RULES))
         async with asyncio.timeout(10):
             await by_link.wait_closed()

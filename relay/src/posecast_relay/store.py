@@ -25,9 +25,3 @@ class StateStore(Protocol):
 
     def viewers_elsewhere(self, robot: str) -> int:
         """How many watch it at other processes."""
-
-    async def start(self) -> None:
-        """Begin to work; does not wait for the store to answer."""
-
-    async def stop(self) -> None:
-        """Write what waits, if that takes under a second, and let go."""

@@ -29,9 +29,3 @@ class MemoryStore:
     def viewers_elsewhere(self, robot: str) -> int:  # noqa: ARG002
         """There is no elsewhere."""
         return 0
-
-    async def start(self) -> None:
-        """Nothing to begin."""
-
-    async def stop(self) -> None:
-        """Nothing to let go of."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections.abc import Collection
+from functools import partial
 from http import HTTPStatus
 
 from posecast_wire import Close
@@ -13,13 +14,17 @@ from posecast_relay.auth.addresses import Addresses
 from posecast_relay.auth.origins import may_show
 from posecast_relay.auth.tokens import Tokens, Unverifiable
 from posecast_relay.core.delayed_hub import DelayedHub
+from posecast_relay.core.hub import Hub
 from posecast_relay.core.policy.policy import ANYONE, Audience, Grant, Policy, Principal
 from posecast_relay.core.state.robot import Robot
 from posecast_relay.core.state.room import Room
 from posecast_relay.core.state.stream import Stream
 from posecast_relay.core.viewer.viewer import Viewer
 from posecast_relay.runtime.boundary import FAULT
-from posecast_relay.runtime.dispatcher import Dispatcher
+from posecast_relay.runtime.dispatcher import Dispatcher, RobotSource
+from posecast_relay.runtime.fan_out import FanOut
+from posecast_relay.store import StateStore
+from posecast_relay.store_memory import MemoryStore
 
 log = logging.getLogger("posecast_relay")
 
@@ -65,13 +70,7 @@ class Access:
         self.origins = origins
         self.addresses = Addresses(live.hub.limits.per_address) if addresses is None else addresses
         self._renewals: set[asyncio.Task[None]] = set()
-        if tokens is not None:
-            for dispatcher in self.dispatchers:
-                dispatcher.verify = self._renew
         if later is not None:
-            live.kept, live.pinned = self._note, self._delayed.names
-            live.hub.elsewhere = lambda: len(later.hub.viewers)
-            later.hub.elsewhere = lambda: len(live.hub.viewers)
             self._delayed.follow(policy.delays_s())
 
     @property
@@ -135,7 +134,7 @@ class Access:
             live = self.live.hub.robots
             for robot, view in policy.delays_s():  # what is here already is not told again
                 if robot in live and view in live[robot].rooms:
-                    self._note(live[robot].rooms[view].stream)
+                    _pass_on(self.live.hub, self._delayed, self.later, live[robot].rooms[view].stream)
         for dispatcher in self.dispatchers:
             for viewer in tuple(dispatcher.hub.viewers):
                 if viewer.grant is None:
@@ -167,7 +166,9 @@ class Access:
             viewer.set_expiry(self.expires_at(found))
             dispatcher.carry_out(dispatcher.hub.regrant(viewer, found, dispatcher.now()))
 
-    def _renew(self, viewer: Viewer, token: str) -> None:
+    def renew(self, viewer: Viewer, token: str) -> None:
+        """Judge a viewer anew by a token that it has just sent, when it is known whose that is."""
+
         async def renew() -> None:
             try:
                 who = await self.who(token)
@@ -176,7 +177,7 @@ class Access:
                 who = Close.INTERNAL_ERROR
             self._again(viewer, who)
 
-        if viewer.grant is not None and len(self._renewals) < RENEWALS_MAX:
+        if self.tokens is not None and viewer.grant is not None and len(self._renewals) < RENEWALS_MAX:
             task = asyncio.create_task(renew(), name="token")
             self._renewals.add(task)
             task.add_done_callback(self._renewals.discard)
@@ -202,10 +203,35 @@ class Access:
                     if judged[who.token] == Close.TOKEN:
                         self._again(viewer, Close.TOKEN)
 
-    def _note(self, stream: Stream) -> None:
-        later = self.later
-        assert later is not None
-        robot = self.live.hub.robots.get(stream.robot)
-        token = robot is not None and robot.liveness.token
-        if self._delayed.note(stream, token, later.now()):
-            later.arm()
+
+def open_access(
+    hub: Hub,
+    delayed: DelayedHub | None,
+    store: StateStore,
+    fan_out: FanOut,
+    source: RobotSource | None = None,
+    policy: Policy = Policy(),  # noqa: B008
+    tokens: Tokens | None = None,
+    origins: Collection[str] = (),
+    addresses: Addresses | None = None,
+) -> Access:
+    """Set up the dispatchers of a process, one for each hub, and who gets what of them."""
+
+    def renew(viewer: Viewer, token: str) -> None:
+        access.renew(viewer, token)  # made below: the two know each other
+
+    if delayed is None:
+        live, later = Dispatcher(hub, store, fan_out, source, renew), None
+    else:
+        later = Dispatcher(delayed, MemoryStore(), fan_out, verify=renew)
+        live = Dispatcher(hub, store, fan_out, source, renew, partial(_pass_on, hub, delayed, later))
+    access = Access(live, policy, later, tokens, origins, addresses)
+    return access
+
+
+def _pass_on(live: Hub, delayed: DelayedHub, later: Dispatcher, stream: Stream) -> None:
+    """Keep a stream as it is now for those who see it later, if anybody does."""
+    robot = live.robots.get(stream.robot)
+    token = robot is not None and robot.liveness.token
+    if delayed.note(stream, token, later.now()):
+        later.arm()

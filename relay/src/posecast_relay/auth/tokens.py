@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import time
 from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Protocol
 
 from posecast_relay.core.policy.policy import Principal
@@ -29,8 +30,11 @@ class Accounts(Protocol):
 class Tokens:
     """Share links by the robots' keys, all else by whoever signs people in."""
 
-    def __init__(self, accounts: Accounts | None = None) -> None:
-        self.link_keys: Mapping[str, str] = {}
+    def __init__(
+        self, accounts: Accounts | None = None, link_keys: Mapping[str, str] = MappingProxyType({})
+    ) -> None:
+        """`link_keys`: by robot, what its share links are signed with."""
+        self._link_keys = link_keys
         self._accounts = accounts
         self._turn = asyncio.Semaphore(AT_ONCE)
 
@@ -46,6 +50,10 @@ class Tokens:
         except TimeoutError:
             raise Unverifiable("took too long") from None
 
+    def set_link_keys(self, link_keys: Mapping[str, str]) -> None:
+        """From now on. Whoever watches by a link is judged anew by Access."""
+        self._link_keys = link_keys
+
     def of_link(self, token: str) -> Principal | None:
         """At once."""
-        return read_link(token, self.link_keys, time.time())
+        return read_link(token, self._link_keys, time.time())

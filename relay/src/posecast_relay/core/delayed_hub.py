@@ -18,6 +18,7 @@ from posecast_relay.core.actions import Action
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
 from posecast_relay.core.replica_feed import ReplicaFeed, follow
+from posecast_relay.core.roster import Headcount
 from posecast_relay.core.state.stream import Event, StoredFrame, Stream
 from posecast_relay.core.timer_queue import NEVER
 
@@ -108,8 +109,8 @@ class _Ring:
 class DelayedHub(Hub):
     """The robots as they were. Viewers join it as they join any hub."""
 
-    def __init__(self, limits: Limits) -> None:
-        super().__init__(limits)
+    def __init__(self, limits: Limits, headcount: Headcount | None = None) -> None:
+        super().__init__(limits, headcount)
         self._rings: dict[tuple[str, str], _Ring] = {}
         self._said = ReplicaFeed(self)
 

@@ -31,6 +31,7 @@ from posecast_relay.core.edge_messages import conflict_event
 from posecast_relay.core.limits import Limits
 from posecast_relay.core.load_shedder import LoadShedder
 from posecast_relay.core.policy.policy import PUBLIC, Grant
+from posecast_relay.core.roster import Headcount
 from posecast_relay.core.state.robot import Robot
 from posecast_relay.core.state.room import Room
 from posecast_relay.core.uplink import Uplink
@@ -54,8 +55,8 @@ HELD_UP_S = 0.1  # a tick that comes later than this shows that the process stoo
 class Hub(Uplink):
     """What happens to the robots and viewers of one process."""
 
-    def __init__(self, limits: Limits) -> None:
-        super().__init__(limits)
+    def __init__(self, limits: Limits, headcount: Headcount | None = None) -> None:
+        super().__init__(limits, headcount)
         self.load = LoadShedder()
         self.joins = 0
         self.draining: Drain | None = None  # nobody is taken any more
@@ -107,7 +108,7 @@ class Hub(Uplink):
         if self.draining is not None:
             self.endings[Close.DRAIN] += 1
             return [CloseConnection(viewer, Close.DRAIN, GOING, DRAIN_RETRY_S)]
-        if len(self.viewers) + self.elsewhere() >= self.limits.viewers:
+        if self.headcount.total() >= self.limits.viewers:
             self.endings[Close.FULL] += 1
             return [CloseConnection(viewer, Close.FULL, "as many viewers as this relay takes", FULL_RETRY_S)]
         grant = viewer.grant

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sized
 from functools import partial
 
 from posecast_wire import Close
@@ -16,16 +16,33 @@ from posecast_relay.core.timer_queue import TimerQueue
 from posecast_relay.core.viewer.viewer import Viewer
 
 
+class Headcount:
+    """How many viewers all hubs of one process have together: they share one limit."""
+
+    def __init__(self) -> None:
+        self._hubs: list[Sized] = []
+
+    def include(self, viewers: Sized) -> None:
+        """Count these as well, as many as there are whenever somebody asks."""
+        self._hubs.append(viewers)
+
+    def total(self) -> int:
+        """Viewers of all hubs, now."""
+        return sum(map(len, self._hubs))
+
+
 class Roster:
     """Comings and goings. What becomes of their messages is the hub's."""
 
-    def __init__(self, limits: Limits) -> None:
+    def __init__(self, limits: Limits, headcount: Headcount | None = None) -> None:
+        """`headcount` is shared by the hubs of a process; None: there is no other one."""
         self.limits = limits
+        self.headcount = Headcount() if headcount is None else headcount
         self.robots: dict[str, Robot] = {}
         self.publishers = 0  # of the robots, those that were heard of
         self.viewers: dict[Viewer, Room] = {}
         self.admitted: Counter[tuple[str, str]] = Counter()  # viewers by robot and audience
-        self.elsewhere: Callable[[], int] = lambda: 0  # viewers that another hub of this process has
+        self.headcount.include(self.viewers)
         self.endings: Counter[int] = Counter()  # of viewers, by close code
         self.delivered = 0  # by rooms that are forgotten; and so on
         self.skipped = 0

@@ -12,7 +12,7 @@ from posecast_relay.core.actions import Action, Persist
 from posecast_relay.core.edge_messages import edge_said
 from posecast_relay.core.histogram import Histogram
 from posecast_relay.core.limits import Limits
-from posecast_relay.core.roster import Roster
+from posecast_relay.core.roster import Headcount, Roster
 from posecast_relay.core.state.robot import Robot
 from posecast_relay.core.state.room import Room
 from posecast_relay.core.state.stream import FrameOutcome
@@ -21,8 +21,8 @@ from posecast_relay.core.state.stream import FrameOutcome
 class Uplink(Roster):
     """The publishers' half of the hub."""
 
-    def __init__(self, limits: Limits) -> None:
-        super().__init__(limits)
+    def __init__(self, limits: Limits, headcount: Headcount | None = None) -> None:
+        super().__init__(limits, headcount)
         self.outcomes: Counter[str] = Counter()  # of messages from edges
         self.lateness = Histogram()  # of frames from edges, as they came in
 

@@ -134,7 +134,7 @@ def _add_robots(app: FastAPI, access: Access, decoded: DecodeCache) -> None:
     @app.get(API + "/{robot}", summary="One robot: liveness, viewers, schema, model")
     async def one_robot(request: Request, robot: str) -> Response:
         grant = await granted(access, request, robot)
-        await dispatcher.open(robot)
+        await dispatcher.open_robot(robot)
         found = access.shown(grant)
         if found is None:
             raise HTTPException(404, HIDDEN)
@@ -145,7 +145,7 @@ def _add_robots(app: FastAPI, access: Access, decoded: DecodeCache) -> None:
     @app.get(API + "/{robot}/state", summary="The newest state with names and units")
     async def state(request: Request, robot: str, view: str | None = None) -> Response:
         grant = await granted(access, request, robot, view)
-        await dispatcher.open(robot)
+        await dispatcher.open_robot(robot)
         of, room = access.shown(grant) or (None, None)
         if of is None or room is None or room.stream.newest is None:
             raise HTTPException(404, HIDDEN)

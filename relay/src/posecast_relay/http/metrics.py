@@ -29,8 +29,17 @@ class MirrorStats(Protocol):
 class RelayCollector(Collector):
     """Reads the core's counters when Prometheus asks, in the metrics server's thread."""
 
-    def __init__(self, dispatchers: Sequence[Dispatcher], mirror: MirrorStats | None = None) -> None:
-        """`pumps`: the live one first, then that of the viewers to whom all is shown with a delay."""
+    def __init__(
+        self,
+        dispatchers: Sequence[Dispatcher],
+        mirror: MirrorStats | None = None,
+        refused: Callable[[], int] = int,
+    ) -> None:
+        """`dispatchers`: the live one first, then that of the viewers to whom all is shown with a delay.
+
+        `refused`: how many publishers were, so far.
+        """
+        self._refused = refused
         self._dispatcher = dispatchers[0]
         self._dispatchers = list(dispatchers)
         self._hubs = [dispatcher.hub for dispatcher in dispatchers]
@@ -61,8 +70,9 @@ class RelayCollector(Collector):
             (Counter(dispatcher.faults) for dispatcher in self._dispatchers), Counter()
         )
         yield _by("posecast_faults", "Faults of the relay's own code", "error", faults, CounterMetricFamily)
-        refused = self._dispatcher.publishers_refused()
-        yield CounterMetricFamily("posecast_publishers_refused", "Edges that were not let in", refused)
+        yield CounterMetricFamily(
+            "posecast_publishers_refused", "Edges that were not let in", self._refused()
+        )
         delivered = sum(each.delivered for each in self._hubs) + sum(room.delivered for room in rooms)
         yield CounterMetricFamily("posecast_delivered_frames", "Frames handed to viewers", delivered)
         skipped = sum(each.skipped for each in self._hubs) + sum(room.skipped for room in rooms)
@@ -127,11 +137,15 @@ def _by(
 
 
 def start_metrics(
-    host: str, port: int, dispatchers: Sequence[Dispatcher], mirror: MirrorStats | None = None
+    host: str,
+    port: int,
+    dispatchers: Sequence[Dispatcher],
+    mirror: MirrorStats | None = None,
+    refused: Callable[[], int] = int,
 ) -> tuple[int, Callable[[], None]]:
     """Serve on `host`:`port` (0 = any free); returns the real port and how to stop. OSError when in use."""
     registry = CollectorRegistry()
-    registry.register(RelayCollector(dispatchers, mirror))
+    registry.register(RelayCollector(dispatchers, mirror, refused))
     server, thread = start_http_server(port, host, registry)
 
     def stop() -> None:

@@ -8,12 +8,13 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import Awaitable, Callable, Iterable, Sequence
 from functools import partial
 from typing import Any
 
 from posecast_relay.core.actions import Action, Fault
 from posecast_relay.core.histogram import Histogram
+from posecast_relay.core.hub import Hub
 from posecast_relay.core.policy.policy import PUBLIC
 from posecast_relay.core.replica_feed import ReplicaFeed
 from posecast_relay.core.replica_messages import Presence, StreamState
@@ -51,15 +52,21 @@ class _Watched:
 
 
 class RedisGateway:
-    """A store for the dispatcher (nothing is kept) and the source of everything it hands out."""
+    """A store for the dispatcher (nothing is kept) and the RobotSource of everything it hands out."""
 
-    def __init__(self, url: str, dispatcher: Dispatcher) -> None:
+    _dispatcher: Dispatcher  # from `start` on
+
+    def __init__(
+        self, url: str, hub: Hub, now: Callable[[], float], pinned: Callable[[], Iterable[str]] = tuple
+    ) -> None:
+        """`pinned`: robots that are listened for, whoever watches."""
         self.link = RedisClient(url)
-        self.directory = RedisDirectory(self.link, dispatcher.now)
+        self.directory = RedisDirectory(self.link, now)
         self.failures = 0
         self.losses = 0  # times that Redis, having been there, was not any more
-        self._dispatcher = dispatcher
-        self._said = ReplicaFeed(dispatcher.hub)
+        self._now = now
+        self._pinned = pinned
+        self._said = ReplicaFeed(hub)
         self._subscriber = RedisSubscriber(self.link, self._heard, self._lost, self._fault)
         self._watched: dict[str, _Watched] = {}
         self._unheard: dict[str, None] = {}  # robots to listen for
@@ -92,11 +99,10 @@ class RedisGateway:
         """As the directory says; none while Redis is gone."""
         return 0 if self._trouble else self.directory.viewers_elsewhere(robot)
 
-    async def start(self) -> None:
-        """Begin to listen; Redis may come later."""
-        dispatcher = self._dispatcher
-        dispatcher.ask, dispatcher.watch, dispatcher.open = self._ask, self._watch, self._open
-        dispatcher.carry_out(self._said.lost(dispatcher.now()))
+    async def start(self, dispatcher: Dispatcher) -> None:
+        """Begin to listen, for the dispatcher's hub; Redis may come later."""
+        self._dispatcher = dispatcher
+        dispatcher.carry_out(self._said.lost(self._now()))
         self._task = asyncio.create_task(self._work(), name="redis gateway")
 
     async def stop(self) -> None:
@@ -138,7 +144,7 @@ class RedisGateway:
         if self.failures:
             log.warning("redis is back")
         self._trouble = None
-        self._dispatcher.carry_out(self._said.found(self._dispatcher.now()))
+        self._dispatcher.carry_out(self._said.found(self._now()))
 
     async def _failed(self, error: BaseException) -> None:
         if why := self.link.news(error):
@@ -147,7 +153,7 @@ class RedisGateway:
         self.losses += self._trouble is None
         self._failure = None
         self._trouble = name_of(error)  # /readyz is public: no addresses
-        self._dispatcher.carry_out(self._said.lost(self._dispatcher.now()))
+        self._dispatcher.carry_out(self._said.lost(self._now()))
         await end(self._reader)
         subscriber, self._subscriber = (
             self._subscriber,
@@ -182,12 +188,12 @@ class RedisGateway:
             self._fault(robot, e)
 
     async def _watch_pinned(self) -> None:
-        for robot in self._dispatcher.pinned():
+        for robot in self._pinned():
             if robot in self.directory.robots:
-                self._watch(robot)
+                self.subscribe(robot)
 
     async def _look_after(self, robot: str) -> None:
-        now, of = self._dispatcher.now(), self._dispatcher.hub.robots.get(robot)
+        now, of = self._now(), self._dispatcher.hub.robots.get(robot)
         watched = self._watched[robot]
         if of is not None and of.has_viewers():
             watched.wanted_at = now
@@ -219,32 +225,32 @@ class RedisGateway:
         self._dispatcher.hub.outcomes[FrameOutcome.FAULT.value] += 1
         self._dispatcher.carry_out([Fault(f"redis: {robot}" if robot else "redis", error)])
         if robot is not None:
-            self._dispatcher.carry_out(self._said.lacks(robot, self._dispatcher.now()))
+            self._dispatcher.carry_out(self._said.lacks(robot, self._now()))
 
     # ---- robots wanted ------------------------------------------------------
 
-    def _watch(self, robot: str) -> None:
+    def subscribe(self, robot: str) -> None:
         """The first viewer of a robot came."""
         watched = self._watched.get(robot)
         if watched is not None:
-            watched.wanted_at = self._dispatcher.now()
+            watched.wanted_at = self._now()
             return
-        self._watched[robot] = _Watched(self._dispatcher.now())
+        self._watched[robot] = _Watched(self._now())
         self._listen_anew(robot)
 
     def _listen_anew(self, robot: str) -> None:
         self._unheard[robot] = None
         self._asked.set()
 
-    async def _open(self, robot: str) -> None:
+    async def open(self, robot: str) -> None:
         """For an HTTP request: listen for a robot that is on air, and wait a little for its state."""
         if robot not in self._watched and robot not in self.directory.robots:
             return
-        self._watch(robot)
+        self.subscribe(robot)
         with contextlib.suppress(TimeoutError):
             await asyncio.wait_for(self._watched[robot].opened.wait(), OPEN_S)
 
-    def _ask(self, robot: str, _views: Sequence[str]) -> None:
+    def request_snapshots(self, robot: str, views: Sequence[str]) -> None:  # noqa: ARG002 — all are read
         """The core lacks something."""
         self._unread[robot] = None
         self._asked.set()
@@ -313,7 +319,7 @@ class RedisGateway:
         if found:
             newest = max(state.generation for state in found.values())
             self._said.counted(robot, newest, asked_generation)
-        now, out = self._dispatcher.now(), []
+        now, out = self._now(), []
         for view, state in found.items():
             try:
                 out += self._said.state(robot, view, state, now)
@@ -334,7 +340,7 @@ class RedisGateway:
             self._fault(robot, e)
 
     def _tell(self, robot: str, data: bytes, was_read: bool = False) -> list[Action]:
-        now = self._dispatcher.now()
+        now = self._now()
         try:
             said = unpack(data)
             under_way_s = self.directory.clock.since(said.sent_s, now)

@@ -7,7 +7,8 @@ import logging
 import random
 import time
 from collections import Counter, deque
-from collections.abc import Awaitable, Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from typing import Protocol
 
 from posecast_wire import Close
 
@@ -44,27 +45,55 @@ def _ended(viewer: Viewer, close: Close, reason: str) -> None:
         log.info("viewer let go", extra=more)
 
 
-async def _open(_robot: str) -> None:
-    """Every robot is listened for."""
+class RobotSource(Protocol):
+    """Where robots are heard: edges themselves, or other relays. It feeds the hub by the dispatcher."""
+
+    def request_snapshots(self, robot: str, views: Sequence[str]) -> None:
+        """Ask for the snapshots of these views; the answers come in as everything does."""
+
+    def subscribe(self, robot: str) -> None:
+        """A robot has its first viewer: listen for it, where robots are listened for one by one."""
+
+    async def open(self, robot: str) -> None:
+        """For an HTTP request: wait a little until a robot that is on air elsewhere is heard here."""
+
+
+class NoSource:
+    """Of a hub that is fed by calls: nobody can be asked."""
+
+    def request_snapshots(self, robot: str, views: Sequence[str]) -> None:
+        """RobotSource."""
+
+    def subscribe(self, robot: str) -> None:
+        """RobotSource."""
+
+    async def open(self, robot: str) -> None:
+        """RobotSource."""
+
+
+def _ignore(*_what: object) -> None:
+    """A port that leads nowhere."""
 
 
 class Dispatcher:
-    """Carries out what one hub decides, on the event loop, and keeps its timer.
+    """Carries out what one hub decides, on the event loop, and keeps its timer."""
 
-    `ask` is set by whoever can ask an edge; `watch` and `open` by who listens only for robots that somebody
-    asks for.
-    """
-
-    def __init__(self, hub: Hub, store: StateStore, fan_out: FanOut) -> None:
+    def __init__(
+        self,
+        hub: Hub,
+        store: StateStore,
+        fan_out: FanOut,
+        source: RobotSource | None = None,
+        verify: Callable[[Viewer, str], None] = _ignore,
+        changed: Callable[[Stream], None] = _ignore,
+    ) -> None:
+        """`verify` a viewer's new token, and judge it anew. `changed` is called with each stream that has."""
         self.hub = hub
         self.store = store
         self._fan_out = fan_out
-        self.ask: Callable[[str, Sequence[str]], None] = lambda _robot, _views: None
-        self.watch: Callable[[str], None] = lambda _robot: None
-        self.open: Callable[[str], Awaitable[None]] = _open
-        self.verify: Callable[[Viewer, str], None] = lambda _viewer, _token: None  # public views need none
-        self.kept: Callable[[Stream], None] = lambda _stream: None  # a stream has changed
-        self.pinned: Callable[[], set[str]] = set  # robots that are listened for whoever watches
+        self._source = NoSource() if source is None else source
+        self._verify = verify
+        self._changed = changed
         self._loop = asyncio.get_running_loop()
         self._timer: asyncio.TimerHandle | None = None
         self._armed_at = float("inf")
@@ -80,7 +109,6 @@ class Dispatcher:
         self.fan_out = Histogram()  # of frames: deciding and writing
         self.handshakes: Counter[str] = Counter()
         self.faults: Counter[str] = Counter()  # of the relay's own code, by the error's type
-        self.publishers_refused: Callable[[], int] = lambda: 0  # at the door that edges come through
 
     @staticmethod
     def now() -> float:
@@ -207,7 +235,7 @@ class Dispatcher:
                 try:
                     self.store.keep(stream)
                 finally:
-                    self.kept(stream)
+                    self._changed(stream)
             case CloseConnection(viewer, close, reason, retry_s):
                 viewer.outlet.end(close, reason, retry_s)
                 _ended(viewer, close, reason)
@@ -215,11 +243,11 @@ class Dispatcher:
                 viewer.outlet.cut(close)
                 _ended(viewer, close, "cut")
             case RequestSnapshot(robot, views):
-                self.ask(robot, views)
+                self._source.request_snapshots(robot, views)
             case VerifyToken(viewer, token):
-                self.verify(viewer, token)
+                self._verify(viewer, token)
             case SubscribeRobot(robot):
-                self.watch(robot)
+                self._source.subscribe(robot)
 
     def _walked(self) -> None:
         if self._flushed_at is not None:
@@ -229,6 +257,10 @@ class Dispatcher:
             self.flush()
         else:
             self.arm()
+
+    async def open_robot(self, robot: str) -> None:
+        """Wait a little until the state of a robot is here, where there is any."""
+        await self._source.open(robot)
 
     def join(self, viewer: Viewer) -> None:
         """A viewer has connected."""

@@ -20,7 +20,7 @@ import uvicorn
 import uvloop
 import zenoh
 
-from posecast_relay.auth.access import Access
+from posecast_relay.auth.access import Access, open_access
 from posecast_relay.auth.addresses import Addresses
 from posecast_relay.auth.tokens import Accounts, Tokens
 from posecast_relay.config.robots_file import Robots, RobotsError, read_robots
@@ -29,6 +29,7 @@ from posecast_relay.config.settings import Settings, StartError
 from posecast_relay.core.delayed_hub import DelayedHub
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
+from posecast_relay.core.roster import Headcount
 from posecast_relay.http.app import make_app
 from posecast_relay.http.metrics import start_metrics
 from posecast_relay.logging import LoopExceptionHandler, start_logging
@@ -36,8 +37,7 @@ from posecast_relay.runtime.dispatcher import Dispatcher
 from posecast_relay.runtime.fan_out import FanOut
 from posecast_relay.runtime.io_uring import IoUring
 from posecast_relay.server.listener import BACKLOG, listen
-from posecast_relay.server.roles import open_part
-from posecast_relay.store_memory import MemoryStore
+from posecast_relay.server.roles import RoleServices, open_part
 from posecast_relay.streaming.decode_cache import DecodeCache
 from posecast_relay.streaming.http_connection import plain_http
 from posecast_relay.streaming.request_timeouts import RequestTimeouts, guarded
@@ -100,30 +100,28 @@ def run(settings: Settings) -> None:
     start_logging(settings.log_level)
     logging.getLogger("websockets").setLevel(logging.WARNING)  # else two lines for every viewer
     robots = _robots(settings)
-    authenticated = robots is not None and not settings.dev and settings.role != "gateway"
-    refusals = AuthFailures() if authenticated else None
     with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
         runner.get_loop().set_exception_handler(LoopExceptionHandler())
-        runner.run(_serve(settings, robots, refusals))
+        runner.run(_serve(settings, robots))
 
 
-async def _serve(settings: Settings, robots: Robots | None, refusals: AuthFailures | None) -> None:
+async def _serve(settings: Settings, robots: Robots | None) -> None:
     _allow_sockets(settings.max_viewers)
     listener = listen(settings.host, settings.port)
     try:
-        router = _router(settings, robots)
+        router, refusals = _publishers(settings, robots)
     except ListenError as e:
         listener.close()
         raise StartError(str(e)) from None
-    access = _access(settings, robots)
+    limits, headcount = _limits(settings), Headcount()
+    hub = Hub(limits, headcount)
+    delayed = None if robots is None else DelayedHub(limits, headcount)
+    part = open_part(settings, router, hub, tuple if delayed is None else delayed.names)
+    access = _access(settings, robots, part, hub, delayed)
     dispatcher = access.live
     mirror = _mirror(settings, access)
-    if refusals is not None and router is not None:
-        dispatcher.publishers_refused = lambda: refusals.count
-        refusals.may_publish = router.lets_in
-    part = open_part(settings, router, dispatcher)
     try:
-        stop_metrics = _metrics(settings, access, mirror)
+        stop_metrics = _metrics(settings, access, mirror, refusals)
     except OSError as e:
         listener.close()
         await _close(router)
@@ -164,10 +162,10 @@ async def _serve(settings: Settings, robots: Robots | None, refusals: AuthFailur
     loop = asyncio.get_running_loop()
     for number in (signal.SIGTERM, signal.SIGINT):
         loop.add_signal_handler(number, server.leave)
-    await part.start()
+    await part.start(dispatcher)
     for each in access.dispatchers:
         each.start()
-    beside = _beside(_follow(settings, robots, router, access), mirror)
+    beside = _beside(_follow(settings, robots, router, part, access), mirror)
     try:
         await server.serve(sockets=[listener])
     finally:
@@ -189,8 +187,8 @@ def _robots(settings: Settings) -> Robots | None:
         raise StartError(f"--robots {e}") from None
 
 
-def _access(settings: Settings, robots: Robots | None) -> Access:
-    limits = Limits(
+def _limits(settings: Settings) -> Limits:
+    return Limits(
         viewers=settings.max_viewers,
         per_address=settings.max_per_address,
         robots=settings.max_robots,
@@ -199,15 +197,17 @@ def _access(settings: Settings, robots: Robots | None) -> Access:
         robot_bytes_per_s=settings.max_robot_bytes,
         max_age_s=settings.max_connection_age or float("inf"),
     )
-    fan_out = FanOut(_ring())
-    live = Dispatcher(Hub(limits), MemoryStore(), fan_out)
+
+
+def _access(
+    settings: Settings, robots: Robots | None, part: RoleServices, hub: Hub, delayed: DelayedHub | None
+) -> Access:
     addresses = Addresses(settings.max_per_address, settings.trusted_proxies)
+    ports = (hub, delayed, part.store, FanOut(_ring()), part.source)
     if robots is None:
-        return Access(live, addresses=addresses)
-    tokens = Tokens(_accounts(settings))
-    tokens.link_keys = robots.link_keys()
-    later = Dispatcher(DelayedHub(limits), MemoryStore(), fan_out)
-    return Access(live, robots.policy(), later, tokens, settings.origins, addresses)
+        return open_access(*ports, addresses=addresses)
+    tokens = Tokens(_accounts(settings), robots.link_keys())
+    return open_access(*ports, robots.policy(), tokens, settings.origins, addresses)
 
 
 def _accounts(settings: Settings) -> Accounts | None:
@@ -218,6 +218,18 @@ def _accounts(settings: Settings) -> Accounts | None:
     except ImportError:
         raise StartError("--firebase-project: install posecast-relay[firebase]") from None
     return Firebase(settings.firebase_project, settings.firebase_revoked)
+
+
+def _publishers(
+    settings: Settings, robots: Robots | None
+) -> tuple[RouterSession | None, AuthFailures | None]:
+    """The session that edges connect to, and who counts those that it refuses. ListenError."""
+    router: RouterSession | None = None
+    refusals: AuthFailures | None = None
+    if robots is not None and not settings.dev and settings.role != "gateway":
+        refusals = AuthFailures(lambda robot: router is None or router.lets_in(robot))
+    router = _router(settings, robots)
+    return router, refusals
 
 
 def _router(settings: Settings, robots: Robots | None) -> RouterSession | None:
@@ -247,7 +259,11 @@ def _admitted(settings: Settings, robots: Robots) -> dict[str, str]:
 
 
 def _follow(
-    settings: Settings, robots: Robots | None, router: RouterSession | None, access: Access
+    settings: Settings,
+    robots: Robots | None,
+    router: RouterSession | None,
+    part: RoleServices,
+    access: Access,
 ) -> Coroutine[Any, Any, None] | None:
     """What the file of robots says from now on."""
     if settings.robots is None or robots is None:
@@ -255,10 +271,10 @@ def _follow(
 
     async def changed(to: Robots) -> None:
         if access.tokens is not None:
-            access.tokens.link_keys = to.link_keys()
+            access.tokens.set_link_keys(to.link_keys())
         access.change(to.policy())
         if router is not None:
-            await router.admit(_admitted(settings, to))
+            await part.admit(_admitted(settings, to))
 
     watch = RobotsWatcher(settings.robots, robots, changed)
 
@@ -307,10 +323,13 @@ def _mirror(settings: Settings, access: Access) -> FirebaseMirror | None:
     return FirebaseMirror(settings.firebase_database, access)
 
 
-def _metrics(settings: Settings, access: Access, mirror: FirebaseMirror | None) -> Callable[[], None]:
+def _metrics(
+    settings: Settings, access: Access, mirror: FirebaseMirror | None, refusals: AuthFailures | None
+) -> Callable[[], None]:
     if settings.metrics_port is None:
         return lambda: None
-    port, stop = start_metrics(settings.host, settings.metrics_port, access.dispatchers, mirror)
+    refused = int if refusals is None else lambda: refusals.count
+    port, stop = start_metrics(settings.host, settings.metrics_port, access.dispatchers, mirror, refused)
     log.info("metrics on http://%s:%d/metrics", settings.host, port)
     return stop
 

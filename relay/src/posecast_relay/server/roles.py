@@ -7,17 +7,19 @@ gateway   Redis → viewers; nothing of its own, so as many as there are viewers
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Iterable
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 from posecast_relay.config.settings import Settings
+from posecast_relay.core.hub import Hub
 from posecast_relay.core.policy.policy import PUBLIC
 from posecast_relay.core.state.robot import Robot
 from posecast_relay.http.robots import robot_summary
 from posecast_relay.models.cache import ModelCache
-from posecast_relay.runtime.dispatcher import Dispatcher
+from posecast_relay.runtime.dispatcher import Dispatcher, RobotSource
+from posecast_relay.store import StateStore
+from posecast_relay.store_memory import MemoryStore
 from posecast_relay.zenoh.ingest import ZenohIngest
 from posecast_relay.zenoh.models import EdgeModels
 from posecast_relay.zenoh.router import RouterSession
@@ -25,63 +27,71 @@ from posecast_relay.zenoh.router import RouterSession
 
 @dataclass(frozen=True)
 class RoleServices:
-    """What one role does in this process: where models come from, and how it starts and stops."""
+    """What one role does in this process: where robots, their state and their models come from.
+
+    `start` feeds the dispatcher's hub; `admit` lets robots publish, by name and secret, and no others.
+    """
 
     models: ModelCache
-    start: Callable[[], Awaitable[None]]
+    store: StateStore
+    source: RobotSource
+    start: Callable[[Dispatcher], Awaitable[None]]
     stop: Callable[[], Awaitable[None]]
+    admit: Callable[[dict[str, str]], Awaitable[None]]
 
 
-def open_part(settings: Settings, router: RouterSession | None, dispatcher: Dispatcher) -> RoleServices:
-    """Give the dispatcher its store. `router` is None for a gateway only."""
+def open_part(
+    settings: Settings, router: RouterSession | None, hub: Hub, pinned: Callable[[], Iterable[str]]
+) -> RoleServices:
+    """`router` is None for a gateway only; `pinned`: robots that it hears, whoever watches."""
     cache_bytes = settings.model_cache_mb << 20
     if router is None:
-        return _gateway(settings.store, dispatcher, cache_bytes)
-    models = ModelCache(EdgeModels(router, dispatcher.hub), cache_bytes)
-    ingest = ZenohIngest(router, dispatcher)
+        return _gateway(settings.store, hub, cache_bytes, pinned)
+    models = ModelCache(EdgeModels(router, hub), cache_bytes)
+    ingest = ZenohIngest(router)
     if settings.store == "memory://":
 
-        async def start() -> None:
-            ingest.start()
+        async def start(dispatcher: Dispatcher) -> None:
+            ingest.start(dispatcher)
 
         async def stop() -> None:
             ingest.stop()
 
-        return RoleServices(models, start, stop)
-    return _with_redis(settings.store, dispatcher, models, ingest)
+        return RoleServices(models, MemoryStore(), ingest, start, stop, ingest.admit)
+    return _with_redis(settings.store, hub, models, ingest)
 
 
-def _with_redis(url: str, dispatcher: Dispatcher, models: ModelCache, ingest: ZenohIngest) -> RoleServices:
+def _with_redis(url: str, hub: Hub, models: ModelCache, ingest: ZenohIngest) -> RoleServices:
     from posecast_relay.redis.models import ModelUploader  # noqa: PLC0415 — half of the time to start
     from posecast_relay.redis.store import RedisStore  # noqa: PLC0415
 
-    store = RedisStore(url, dispatcher.hub, dispatcher.now, partial(_described, dispatcher))
-    porter = ModelUploader(store.link, dispatcher.hub, models)
-    dispatcher.store = store
+    store = RedisStore(url, hub, Dispatcher.now, _described)
+    porter = ModelUploader(store.link, hub, models)
 
-    async def start() -> None:
+    async def start(dispatcher: Dispatcher) -> None:
         await store.start()
         porter.start()
-        ingest.start()
+        ingest.start(dispatcher)
 
     async def stop() -> None:
         ingest.stop()
         await porter.stop()
         await store.stop()
 
-    return RoleServices(models, start, stop)
+    return RoleServices(models, store, ingest, start, stop, ingest.admit)
 
 
-def _described(dispatcher: Dispatcher, robot: Robot) -> dict[str, Any]:
-    return robot_summary(robot, robot.rooms.get(PUBLIC), dispatcher.now())
+def _described(robot: Robot) -> dict[str, Any]:
+    return robot_summary(robot, robot.rooms.get(PUBLIC), Dispatcher.now())
 
 
-def _gateway(url: str, dispatcher: Dispatcher, cache_bytes: int) -> RoleServices:
+def _gateway(url: str, hub: Hub, cache_bytes: int, pinned: Callable[[], Iterable[str]]) -> RoleServices:
     from posecast_relay.redis.gateway import RedisGateway  # noqa: PLC0415
     from posecast_relay.redis.models import RedisModels  # noqa: PLC0415 — half of the time to start
 
-    gateway = RedisGateway(url, dispatcher)
-    dispatcher.store = gateway
-    return RoleServices(
-        ModelCache(RedisModels(gateway.link, dispatcher.hub), cache_bytes), gateway.start, gateway.stop
-    )
+    async def admit(_secrets: dict[str, str]) -> None:
+        """Nobody publishes here."""
+
+    gateway = RedisGateway(url, hub, Dispatcher.now, pinned)
+    models = ModelCache(RedisModels(gateway.link, hub), cache_bytes)
+    return RoleServices(models, gateway, gateway, gateway.start, gateway.stop, admit)

@@ -35,12 +35,13 @@ STRANGER = "a certificate of a name that the file of --robots does not let publi
 class AuthFailures:
     """Counts publishers that Zenoh refused, and logs one now and then.
 
-    One per process: it takes stdout's place.
+    One per process: it takes stdout's place, before Zenoh writes its first line.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, may_publish: Callable[[str], bool]) -> None:
+        """`may_publish`: who shows a certificate of that name."""
         self.count = 0
-        self.may_publish: Callable[[str], bool] = lambda _name: True  # who shows a certificate of that name
+        self._may_publish = may_publish
         self._said_at = float("-inf")
         self._stdout = os.dup(1)
         listen, said = os.pipe()
@@ -59,7 +60,7 @@ class AuthFailures:
                     os.write(self._stdout, raw)
                 elif (said := SAID.search(line)) is not None:
                     self.refused(MEANINGS[said[1] or said[2]], time.monotonic())
-                elif (named := NAMED.search(line)) is not None and not self.may_publish(named[1]):
+                elif (named := NAMED.search(line)) is not None and not self._may_publish(named[1]):
                     self.refused(STRANGER, time.monotonic())  # linked, and denied everything
 
     def refused(self, why: str, now: float) -> None:

@@ -58,11 +58,12 @@ class _Question:
 
 
 class ZenohIngest:
-    """Subscriptions, the echo, and the questions about snapshots."""
+    """Subscriptions, the echo, and the questions about snapshots: a RobotSource."""
 
-    def __init__(self, router: RouterSession, dispatcher: Dispatcher) -> None:
+    _dispatcher: Dispatcher  # from `start` on
+
+    def __init__(self, router: RouterSession) -> None:
         self._router = router
-        self._dispatcher = dispatcher
         self._loop = asyncio.get_running_loop()
         self._inboxes = Inboxes()
         self._woken = False
@@ -74,16 +75,19 @@ class ZenohIngest:
         self._waiting: set[str] = set()  # are here, and the relay had no place for them
         self._given_up: asyncio.TimerHandle | None = None
 
-    def start(self) -> None:
-        """Subscribe. From here on edges are heard."""
-        self._dispatcher.ask = self._ask
-        self._router.closing, self._router.opened = self._leave_off, self._go_on
+    def start(self, dispatcher: Dispatcher) -> None:
+        """Subscribe: from here on the dispatcher's hub is fed with what edges send."""
+        self._dispatcher = dispatcher
         self._declare()
 
     def stop(self) -> None:
         """No more timers."""
         if self._given_up is not None:
             self._given_up.cancel()
+
+    async def admit(self, secrets: dict[str, str]) -> None:
+        """Let in these robots, by name, and no others: see RouterSession."""
+        await self._router.admit(secrets, self._leave_off, self._go_on)
 
     def _leave_off(self) -> None:
         self._opening += 1
@@ -300,13 +304,20 @@ class ZenohIngest:
             log.debug("echo to %s: %s", key, e)
         query.drop()  # type: ignore[no-untyped-call]
 
-    def _ask(self, robot: str, views: Sequence[str]) -> None:
+    def request_snapshots(self, robot: str, views: Sequence[str]) -> None:
+        """Ask the robot's edge."""
         for view in views:  # not `*`: the edge's `model/**` would match it too
             on_snapshot = partial(self._on_snapshot, _Question(self._dispatcher.now()))
             try:
                 self._router.session.get(snapshot_key(robot, view), on_snapshot, timeout=SNAPSHOT_TIMEOUT_S)
             except zenoh.ZError as e:
                 log.warning("snapshot of %s/%s: %s", robot, view, e)
+
+    def subscribe(self, robot: str) -> None:
+        """All robots are listened for."""
+
+    async def open(self, robot: str) -> None:
+        """Whatever is on air is here."""
 
     def _complain(self, robot: str, what: str, error: Exception) -> None:
         """Count every bad message, log one now and then."""

@@ -205,8 +205,6 @@ class RouterSession:
         """Raises ListenError when an endpoint can't be listened on. `auth` None: anybody may publish."""
         self._auth = auth
         self.session, self.endpoints = open_router(endpoints, auth)
-        self.closing: Callable[[], None] = lambda: None  # the session is about to go
-        self.opened: Callable[[], None] = lambda: None  # there is a new one
         self._changing = asyncio.Lock()
         self.changes = 0
 
@@ -214,13 +212,18 @@ class RouterSession:
         """Whether it may publish now."""
         return self._auth is None or robot in self._auth.secrets
 
-    async def admit(self, secrets: dict[str, str]) -> None:
-        """Let in these robots, by name, and no others."""
+    async def admit(
+        self, secrets: dict[str, str], closing: Callable[[], None], opened: Callable[[], None]
+    ) -> None:
+        """Let in these robots, by name, and no others.
+
+        If that takes another session, `closing` is called before this one goes, `opened` when that is there.
+        """
         async with self._changing:
             before = self._auth
             if before is None or before.secrets == secrets:
                 return
-            self.closing()
+            closing()
             self._auth = replace(before, secrets=secrets)
             try:
                 self.session = await asyncio.to_thread(self._change, self.session, self._auth)
@@ -229,7 +232,7 @@ class RouterSession:
                 log.error("%s", e)
                 return
             self.changes += 1
-            self.opened()
+            opened()
             came = sorted(secrets.keys() - before.secrets.keys())
             went = sorted(before.secrets.keys() - secrets.keys())
             new = sorted(r for r in secrets.keys() & before.secrets.keys() if secrets[r] != before.secrets[r])
