@@ -23,6 +23,21 @@ TREES = {str(path.relative_to(ROOT)): ast.parse(path.read_text()) for path in so
 FLOW, VIEWER = "core/viewer/flow_control.py", "core/viewer/viewer.py"
 COUNTED = {"sent"}  # by the walk over a crowd as well, one line per viewer and frame
 
+# Of Python and of libraries, which have no other way.
+OTHERS_OBJECTS = {
+    ("logging.py", "sys.excepthook"),
+    ("logging.py", "sys.unraisablehook"),
+    ("logging.py", "threading.excepthook"),
+    ("logging.py", "self._timer.daemon"),  # a threading.Timer takes it nowhere else
+    ("server/process.py", "last.daemon"),
+    ("zenoh/auth_failures.py", "sys.stdout"),
+    ("runtime/io_uring.py", "self._syscall.restype"),  # ctypes
+    ("streaming/http_connection.py", "cycle.disconnected"),  # uvicorn's own protocol does so
+    ("streaming/http_connection.py", "self.answering.disconnected"),
+    ("streaming/http_connection.py", "self.cycle.keep_alive"),
+    ("streaming/websocket.py", "self._ws.parser_exc"),  # else it holds itself in a circle
+}
+
 
 def assigned(tree: ast.AST) -> Iterator[ast.Attribute]:
     """Every attribute that is assigned or deleted, by whichever statement: `x.a = …` and `x.y.a += …`."""
@@ -34,6 +49,35 @@ def assigned(tree: ast.AST) -> Iterator[ast.Attribute]:
 def is_self(node: ast.Attribute) -> bool:
     """Whether it is a method that writes its own object's field."""
     return isinstance(node.value, ast.Name) and node.value.id in ("self", "cls")
+
+
+def declared(tree: ast.Module) -> set[str]:
+    """The fields of a module's own classes: of those it may write any."""
+    found = {node.attr for node in assigned(tree) if is_self(node)}
+    for cls in ast.walk(tree):
+        for node in cls.body if isinstance(cls, ast.ClassDef) else ():
+            if isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name):
+                found.add(node.target.id)
+    return found
+
+
+def test_only_its_own_module_writes_an_objects_fields() -> None:
+    """So nothing hangs a hook into somebody else's object, either: ports go in through constructors."""
+    found = {
+        (name, ast.unparse(node))
+        for name, tree in TREES.items()
+        for node in assigned(tree)
+        if not is_self(node) and node.attr not in declared(tree)
+    }
+    assert found == OTHERS_OBJECTS
+
+
+def test_no_field_is_written_by_its_name_as_a_text() -> None:
+    for name, tree in TREES.items():
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Call):
+                called = ast.unparse(node.func)
+                assert called not in ("setattr", "delattr", "object.__setattr__"), f"{name}:{node.lineno}"
 
 
 def test_only_flow_control_writes_its_fields() -> None:

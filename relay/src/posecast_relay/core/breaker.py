@@ -30,6 +30,10 @@ class Breaker:
         self.failures, self._pause_s = 0, PAUSE_S
         return was_open
 
+    def postpone(self, seconds: float) -> None:
+        """Try that much later than a pause is long."""
+        self.open_until += seconds
+
     def record_failure(self, now: float) -> bool:
         """A try has failed; whether it is left alone from now on and was not before."""
         self.failures += 1

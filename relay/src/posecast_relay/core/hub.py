@@ -127,7 +127,7 @@ class Hub(Uplink):
         room = robot.room(viewer.view)
         self.viewers[viewer] = room
         self.statuses.setdefault(room, robot.status(room, now))
-        room.degraded = self.degraded or robot.degraded
+        room.set_degraded(self.degraded or robot.degraded)
         watch: list[Action] = [] if robot.has_viewers() else [SubscribeRobot(robot.name)]
         return [room.join(viewer, robot.status(room, now), now, unix_s), *watch]
 
@@ -335,7 +335,7 @@ class Hub(Uplink):
         conflict = robot.runs.conflict(now)
         if conflict == robot.in_conflict:
             return []
-        robot.in_conflict = conflict
+        robot.set_conflict(conflict)
         out: list[Action] = []
         for room in robot.rooms.values():
             newest = room.stream.newest

@@ -35,6 +35,10 @@ class ReplicaSource:
             None  # by view: what stood here when the path was lost
         )
 
+    def record_presence(self, at: float | None) -> None:
+        """Its presence was told at that moment; None: whoever told it knows it no more."""
+        self.told_at = at
+
 
 class ReplicaFeed:
     """Brings into a hub what other relays tell. Frames and snapshots come in as an edge's own do.
@@ -76,7 +80,8 @@ class ReplicaFeed:
         out: list[Action] = []
         if source.before is not None and room.stream.newest is not source.before.get(said.view):
             source.before = None
-            of.degraded = room.degraded = False
+            of.set_degraded(False)
+            room.set_degraded(False)
             room.owe_status(of.status(room, now))  # with the frame that shows it, in one write
             out = self.degrade(False, now, robot)
         for text in said.events:
@@ -129,7 +134,7 @@ class ReplicaFeed:
         ):  # it has come before, and is as old as then
             return []
         source.sent_s = said.sent_s
-        found.heard_at = now
+        found.record_heard(now)
         source.told_at = now - late_s
         for view, age_s in said.ages_s.items():
             room = found.rooms.get(view)
@@ -166,7 +171,7 @@ class ReplicaFeed:
         of, source = self._hub.robots.get(robot), self.sources.get(robot)
         if of is None or source is None:
             return []
-        of.lacking = True
+        of.mark_lacking()
         if now - source.asked_at < (ASK_S if source.was_fed else AGAIN_S):
             self._hub.ask_about(of)
             return []
@@ -187,7 +192,7 @@ class ReplicaFeed:
             of = self._hub.robots.get(name)
             source.told_at = now  # judged anew, but not before it can have been heard
             if of is not None and source.before is not None:
-                of.degraded = True
+                of.set_degraded(True)
         return self.degrade(False, now)
 
     def _awaits(self, of: Robot, source: ReplicaSource, said: Presence, late_s: float) -> bool:
@@ -202,16 +207,17 @@ class ReplicaFeed:
         """This relay ceases, or begins again, to hear of one robot or of all of them. Viewers are told."""
         hub = self._hub
         if robot is None:
-            hub.degraded, concerned = degraded, list(hub.robots.values())
+            hub.set_degraded(degraded)
+            concerned = list(hub.robots.values())
         else:
             concerned = [hub.robots[robot]] if robot in hub.robots else []
             for of in concerned:
-                of.degraded = degraded
+                of.set_degraded(degraded)
         out: list[Action] = []
         for of in concerned:
             for room in of.rooms.values():
                 if room.degraded != (hub.degraded or of.degraded):
-                    room.degraded = not room.degraded
+                    room.set_degraded(not room.degraded)
                     out += room.report(of.status(room, now), now)
         return out
 
@@ -227,7 +233,7 @@ def follow(of: Robot, run_id: int, now: float) -> None:
     """Make the run current that is current where the robot is heard."""
     if of.runs.current != run_id:
         of.runs.adopt(run_id, now)
-        of.lacking = True  # its info and model may be others
+        of.mark_lacking()  # its info and model may be others
 
 
 def _vouch(stream: Stream, named: tuple[int, int] | None, age_s: float, now: float) -> None:
@@ -237,4 +243,4 @@ def _vouch(stream: Stream, named: tuple[int, int] | None, age_s: float, now: flo
         return
     known_s = stream.age_s(now)
     if known_s is None or age_s < known_s:
-        stream.live_at, stream.late_s = now - age_s, 0.0
+        stream.set_age(age_s, now)

@@ -62,7 +62,7 @@ class Roster:
             return None
         if robot is None:
             robot = self.robots[name] = Robot(name, self.limits)
-        robot.counted = True
+        robot.mark_counted()
         self.publishers += 1
         return robot
 
@@ -104,6 +104,14 @@ class Roster:
         robot = self.robots.get(viewer.robot)
         if robot is not None and robot.heard_at is None and not robot.has_viewers():
             self.drop(robot)
+
+    def set_degraded(self, degraded: bool) -> None:
+        """Whether no robot is heard of. Who tells viewers so is ReplicaFeed."""
+        self.degraded = degraded
+
+    def set_wake(self, at: float) -> None:
+        """Want `tick` to be called at that moment, whatever was wanted before."""
+        self.wake_at = at
 
     # ---- boundaries -------------------------------------------------------
 
@@ -170,5 +178,5 @@ class Roster:
         if self.statuses.get(room) == status and room.over_share == over_share:
             return False
         self.statuses[room] = status
-        room.over_share = over_share
+        room.set_over_share(over_share)
         return True

@@ -117,7 +117,7 @@ class Uplink(Roster):
         if of.runs.is_retired(stamp.run_id, now):
             self.outcomes[FrameOutcome.RETIRED.value] += 1
             return []
-        of.heard_at = now
+        of.record_heard(now)
         if doc["type"] in ("info", "model"):
             return self._informed(of, room, doc, stamp)
         return self.tell_all(room, doc, unix_s)

@@ -154,7 +154,7 @@ class FirebaseMirror:
         now = self._access.live.now()
         if self.breaker.record_failure(now):
             log.warning("mirror: the database does not take it (%s); tried again more seldom", why)
-        self.breaker.open_until += random.random()  # several relays do not come back as one
+        self.breaker.postpone(random.random())  # several relays do not come back as one
 
 
 def batches(changes: Mapping[str, NodeChange]) -> Iterator[tuple[dict[str, NodeChange], bytes]]:

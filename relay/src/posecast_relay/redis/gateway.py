@@ -212,10 +212,10 @@ class RedisGateway:
         if source.told_at is None or now - source.told_at <= UNHEARD_S:
             return
         if self.directory.ages_s.get(robot, FRESH_S) < FRESH_S / 2:
-            source.told_at = now
+            source.record_presence(now)
             self._listen_anew(robot)  # which fails, and all is begun anew, if the connection is dead
         elif self.directory.ingests:  # a relay is there and does not know this robot
-            source.told_at = None
+            source.record_presence(None)
             self._dispatcher.carry_out(self._said.gone(robot, now))
         else:
             self._dispatcher.carry_out(self._said.degrade(True, now, robot))

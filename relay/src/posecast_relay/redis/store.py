@@ -277,7 +277,7 @@ class RedisStore:
             self._resumed.add(stream)
 
     def _resume_from(self, stream: Stream, found: Any) -> None:
-        stream.numbering = f"{self.directory.id}:{next(self._counts)}"  # unless somebody's count is there
+        stream.set_numbering(f"{self.directory.id}:{next(self._counts)}")  # unless somebody's count is there
         texts, numbering = found if isinstance(found, list) else (None, None)  # else it is no hash
         if not texts or not numbering:
             return
@@ -346,7 +346,7 @@ class RedisStore:
             del self._tokens[name]
         await self._exchange(mine)
         for of_mine in heard:
-            of_mine.followed = self.directory.viewers_elsewhere(of_mine.name) > 0
+            of_mine.set_followed(self.directory.viewers_elsewhere(of_mine.name) > 0)
 
     async def _exchange(self, mine: Iterable[Robot]) -> None:
         viewers = {r.name: r.viewer_count() for r in self._hub.robots.values() if r.has_viewers()}

@@ -199,7 +199,7 @@ class Dispatcher:
             return decide()
         except Exception as e:
             self.report_fault("", e)
-            self.hub.wake_at = self.now() + AGAIN_S
+            self.hub.set_wake(self.now() + AGAIN_S)
             return []
 
     def _begin(self, action: Action) -> None:

@@ -52,6 +52,30 @@ class Robot:
         self._unanswered = 0
         self.ask_at = max(self.ask_at, now + SETTLE_S)
 
+    def record_heard(self, now: float) -> None:
+        """Its edge was heard, by whichever message, here or at another relay."""
+        self.heard_at = now
+
+    def mark_counted(self) -> None:
+        """It is among those that publish from now on."""
+        self.counted = True
+
+    def mark_lacking(self) -> None:
+        """Something of it is missing that only a snapshot brings."""
+        self.lacking = True
+
+    def set_degraded(self, degraded: bool) -> None:
+        """Whether those who hear it do not answer."""
+        self.degraded = degraded
+
+    def set_followed(self, followed: bool) -> None:
+        """Whether somebody watches it at another relay."""
+        self.followed = followed
+
+    def set_conflict(self, conflict: bool) -> None:
+        """Whether two edges claim it."""
+        self.in_conflict = conflict
+
     def frame(
         self, room: Room, payload: bytes, stamp: Stamp, now: float, late_s: float = 0.0
     ) -> FrameOutcome:

@@ -125,6 +125,16 @@ class Room:
             del self.groups[viewer.hz]
             self._told.discard(group)
 
+    # ---- how its robot is -------------------------------------------------
+
+    def set_degraded(self, degraded: bool) -> None:
+        """Whether this relay does not hear of the robot just now. The next status says so."""
+        self.degraded = degraded
+
+    def set_over_share(self, over_share: bool) -> None:
+        """Whether the robot sends more than its share of this relay. The next status says so."""
+        self.over_share = over_share
+
     # ---- frames -----------------------------------------------------------
 
     def offer(self, now: float) -> list[Action]:

@@ -303,6 +303,10 @@ class Stream:
         self.events.append(event)
         return event
 
+    def set_numbering(self, numbering: str) -> None:
+        """Name the count that `event_n` goes on with."""
+        self.numbering = numbering
+
     def resume(self, numbering: str, texts: Sequence[str], told_n: int = 0) -> None:
         """Go on where another process stopped: its events come first, and those of this one count from there.
 
@@ -327,7 +331,11 @@ class Stream:
     def aged(self, age_s: float, now: float) -> None:
         """How old its frames are, told by another relay: counts until one comes live."""
         if self.live_at is None and self.newest is not None:
-            self.live_at, self.late_s = now - age_s, 0.0
+            self.set_age(age_s, now)
+
+    def set_age(self, age_s: float, now: float) -> None:
+        """Its newest frame is live, and so old by now, whenever it came here."""
+        self.live_at, self.late_s = now - age_s, 0.0
 
     def age_s(self, now: float) -> float | None:
         """Age of the newest frame, with the time it was under way; None before any live one."""
