@@ -17,7 +17,7 @@ const AXES: readonly Rgb[] = [
   [0x3b, 0x82, 0xf6],
 ];
 
-/** A look at the floor: rows X, Y, W of `LightCamera.screenFromWorld`, and the size of the picture. */
+/** A look at the floor: rows X, Y, W of `CameraRig.screenFromWorld`, and the size of the picture. */
 export interface FloorView {
   readonly screenFromWorld: Float64Array;
   readonly width: number;

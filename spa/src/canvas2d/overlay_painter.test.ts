@@ -1,7 +1,7 @@
 import { expect, it } from 'vitest';
 import { Strokes } from '../overlays/strokes.ts';
 import type { Vec3 } from '../twin/rotation.ts';
-import { LightCamera } from './camera.ts';
+import { CameraRig } from '../view/camera_rig.ts';
 import type { FloorView } from './floor.ts';
 import { paintStrokes } from './overlay_painter.ts';
 
@@ -27,7 +27,7 @@ function recorder() {
 }
 
 function sight(): FloorView {
-  const eye = new LightCamera();
+  const eye = new CameraRig();
   eye.resize(400, 300);
   eye.frame([-0.3, -0.3, 0], [0.3, 0.3, 1.2], false);
   eye.look('front', false);

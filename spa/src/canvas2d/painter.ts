@@ -1,6 +1,6 @@
 import type { LabelPlace } from '../overlays/labels.ts';
 import type { Strokes } from '../overlays/strokes.ts';
-import type { LightCamera } from './camera.ts';
+import type { CameraRig } from '../view/camera_rig.ts';
 import { css, type LightColors } from './colors.ts';
 import { type FloorView, paintAxes, paintFloor, paintShadows, project } from './floor.ts';
 import { paintStrokes } from './overlay_painter.ts';
@@ -31,7 +31,7 @@ export interface Picture {
 /** A canvas and all that is put on it, layer by layer: floor, shadows, what lies on the floor, shells, signs. */
 export class LightPainter {
   readonly canvas = document.createElement('canvas');
-  readonly #camera: LightCamera;
+  readonly #camera: CameraRig;
   readonly #context: CanvasRenderingContext2D;
   readonly #floor = document.createElement('canvas');
   readonly #shadows = document.createElement('canvas');
@@ -45,7 +45,7 @@ export class LightPainter {
   #height = 0;
 
   /** Throws an Error with a sentence for people when the browser has no canvas. */
-  constructor(eye: LightCamera) {
+  constructor(eye: CameraRig) {
     this.#camera = eye;
     const context = this.canvas.getContext('2d', { alpha: false });
     if (context === null)

@@ -1,5 +1,5 @@
 import type { MouseStyle } from '../view/body_view.ts';
-import type { LightCamera } from './camera.ts';
+import type { CameraRig } from '../view/camera_rig.ts';
 
 /** Of the distance, for each pixel of a wheel. */
 const ZOOM_PER_PIXEL = 0.0012;
@@ -9,8 +9,8 @@ const ZOOM_PER_PIXEL = 0.0012;
  *  about what they point at. Returns the end of it. */
 export function attachPointerInput(
   canvas: HTMLCanvasElement,
-  eye: LightCamera,
-  { mouse, changed }: { mouse: () => MouseStyle; changed: () => void },
+  eye: CameraRig,
+  mouse: () => MouseStyle,
 ): () => void {
   const fingers = new Map<number, { x: number; y: number }>();
   const leave = new AbortController();
@@ -42,10 +42,9 @@ export function attachPointerInput(
         const gap = (p: { x: number; y: number }) => Math.max(1, Math.hypot(p.x - other.x, p.y - other.y));
         eye.pan(dx / 2, dy / 2);
         eye.zoom(gap(before) / gap(now), (now.x + other.x) / 2, (now.y + other.y) / 2);
-      } else if (event.pointerType !== 'mouse') eye.orbit(dx, dy);
+      } else if (event.pointerType !== 'mouse') eye.drag(dx, dy);
       else if (((event.buttons & 1) === 0 || event.shiftKey) !== (mouse() === 'foxglove')) eye.pan(dx, dy);
-      else eye.orbit(dx, dy);
-      changed();
+      else eye.drag(dx, dy);
     },
     { signal },
   );
@@ -59,7 +58,6 @@ export function attachPointerInput(
       const pixels = event.deltaY * (event.deltaMode === WheelEvent.DOM_DELTA_PIXEL ? 1 : 32);
       const { x, y } = place(event);
       eye.zoom(Math.exp(pixels * ZOOM_PER_PIXEL), x, y);
-      changed();
     },
     { signal, passive: false },
   );

@@ -4,7 +4,7 @@ import { type Lod, readLod } from '../model/lod.ts';
 import { type Manifest, readManifest } from '../model/manifest.ts';
 import { type SampleModel, sampleGlb, sampleManifest } from '../model/samples.ts';
 import { NO_TURN, ofRpy, type Quat } from '../twin/rotation.ts';
-import { LightCamera } from './camera.ts';
+import { CameraRig } from '../view/camera_rig.ts';
 import { LIGHT_COLORS } from './colors.ts';
 import { Rasterizer } from './rasterizer.ts';
 import { LightRobot } from './robot.ts';
@@ -27,7 +27,7 @@ async function built(model: SampleModel): Promise<{ manifest: Manifest; level: L
 }
 
 function pictured(robot: LightRobot) {
-  const eye = new LightCamera();
+  const eye = new CameraRig();
   eye.resize(WIDTH, HEIGHT);
   const { min, max } = robot.bounds();
   eye.frame(min, max, false);

@@ -217,7 +217,7 @@ export class LightRobot implements PosedBody {
     return { min, max };
   }
 
-  /** Draws its shells; returns how many triangles met the screen. `screenFromWorld` as `LightCamera` gives it. */
+  /** Draws its shells; returns how many triangles met the screen. `screenFromWorld` as `CameraRig` gives it. */
   draw(raster: Rasterizer, screenFromWorld: Float64Array): number {
     const shot = this.#shot(screenFromWorld, NOWHERE);
     return this.#shells?.draw(raster, shot, (link) => this.#paintOf(link)) ?? 0;

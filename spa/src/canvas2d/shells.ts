@@ -22,7 +22,7 @@ export interface LinkPaint {
 
 /** From where, and of what. */
 export interface ShellView {
-  /** As `LightCamera.screenFromWorld` gives it. */
+  /** As `CameraRig.screenFromWorld` gives it. */
   readonly screenFromWorld: Float64Array;
   /** World, metres. */
   readonly eye: Readonly<Vec3>;

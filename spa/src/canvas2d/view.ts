@@ -2,6 +2,7 @@ import { Debounce } from '../browser/debounce.ts';
 import { prefersReducedMotion } from '../browser/reduced_motion.ts';
 import type { LinkLook } from '../model/posed_body.ts';
 import type { ModelReport } from '../model/report.ts';
+import { originOf } from '../model/vectors.ts';
 import { Overlay } from '../overlays/overlay.ts';
 import type { OverlayStyle } from '../overlays/robot_overlay.ts';
 import type { KinematicTree } from '../twin/kinematic_tree.ts';
@@ -15,11 +16,11 @@ import type {
   RowView,
   SeenOverlay,
 } from '../view/body_view.ts';
+import { CameraRig } from '../view/camera_rig.ts';
 import type { ViewName } from '../view/framing.ts';
 import type { Insets } from '../view/insets.ts';
 import { RenderLoop } from '../view/render_loop.ts';
 import { layOutRow } from '../view/row_layout.ts';
-import { LightCamera } from './camera.ts';
 import { LIGHT_COLORS, type LightColors } from './colors.ts';
 import { LightPainter } from './painter.ts';
 import { attachPointerInput } from './pointer_input.ts';
@@ -28,6 +29,8 @@ import { LightRobotNode } from './robot_node.ts';
 
 /** After so long without motion the picture is drawn once more, finely. */
 const REST_MS = 150;
+/** How near a zoom may come, in radii of the robot: nearer the coarsest level shows its corners. */
+const NEAREST = 1 / 2;
 
 export interface LightOptions {
   readonly theme: 'dark' | 'light';
@@ -46,7 +49,11 @@ type OnProgress = (receivedBytes: number, totalBytes: number) => void;
  */
 export class LightView implements RowView {
   readonly #host: HTMLElement;
-  readonly #camera = new LightCamera();
+  readonly #camera = new CameraRig({
+    nearest: NEAREST,
+    still: prefersReducedMotion,
+    changed: () => this.#loop.request(),
+  });
   readonly #painter = new LightPainter(this.#camera);
   readonly #sharpness = new AdaptiveResolution();
   readonly #loop = new RenderLoop(() => this.#draw());
@@ -78,10 +85,7 @@ export class LightView implements RowView {
     const { canvas } = this.#painter;
     host.append(canvas);
     this.#overlay = new Overlay(host, this.#tones.signs);
-    this.#letGo = attachPointerInput(canvas, this.#camera, {
-      mouse: () => this.#mouse,
-      changed: () => this.#loop.request(),
-    });
+    this.#letGo = attachPointerInput(canvas, this.#camera, () => this.#mouse);
     this.#robot = this.addRobot();
     this.#loop.add({ advance: (seconds) => this.#advance(seconds) });
     this.#resizes = new ResizeObserver(() => this.#resize());
@@ -182,7 +186,7 @@ export class LightView implements RowView {
   }
 
   setCover(cover: Insets): void {
-    if (this.#camera.cover(cover, !prefersReducedMotion())) this.#loop.request();
+    this.#camera.cover(cover);
   }
 
   showSigns(readings: OverlayReadings | null, manner?: OverlayStyle, of = this.#robot): void {
@@ -199,8 +203,7 @@ export class LightView implements RowView {
   }
 
   look(view: ViewName): void {
-    this.#camera.look(view, !prefersReducedMotion());
-    this.#loop.request();
+    this.#camera.look(view);
   }
 
   get stand(): EyePlace | null {
@@ -209,33 +212,27 @@ export class LightView implements RowView {
 
   standAt(place: EyePlace): void {
     this.#camera.standAt(place);
-    this.#loop.request();
   }
 
   get eye(): EyePlace {
-    return { position: this.#camera.position, target: this.#camera.target };
+    return this.#camera.eye;
   }
 
   focus(link: string): void {
-    const pose = this.linkPoses()[link];
-    if (pose === undefined) return;
-    this.#camera.focus([pose[3]!, pose[7]!, pose[11]!], !prefersReducedMotion());
-    this.#loop.request();
+    const at = this.#robot.figure?.linkMatrix(link);
+    if (at !== undefined) this.#camera.focus(originOf(at.elements));
   }
 
   orbit(left: number, up: number): void {
-    this.#camera.turn(left, up);
-    this.#loop.request();
+    this.#camera.orbit(left, up);
   }
 
   pan(dx: number, dy: number): void {
     this.#camera.pan(dx, dy);
-    this.#loop.request();
   }
 
   zoom(factor: number): void {
     this.#camera.zoom(factor);
-    this.#loop.request();
   }
 
   setMouse(style: MouseStyle): void {
@@ -293,7 +290,7 @@ export class LightView implements RowView {
     if (boxes.length === 0) return;
     const far = (corner: 'min' | 'max') =>
       [0, 1, 2].map((axis) => Math[corner](...boxes.map((box) => box[corner][axis]!))) as Corner;
-    this.#camera.frame(far('min'), far('max'), eased && !prefersReducedMotion());
+    this.#camera.frame(far('min'), far('max'), eased);
     this.#overlay.measure();
     this.#loop.request();
   }
@@ -301,10 +298,7 @@ export class LightView implements RowView {
   #advance(seconds: number): boolean {
     const gliding = this.#overlay.advance(seconds);
     if (this.#overlay.make()) this.#loop.request();
-    if (this.#camera.moving) {
-      this.#camera.advance(seconds);
-      this.#loop.request();
-    }
+    this.#camera.advance(seconds);
     if (this.#width > 0) this.#overlay.placeLabels(this.#painter.place, this.#width);
     return gliding || this.#camera.moving;
   }

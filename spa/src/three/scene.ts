@@ -1,8 +1,9 @@
-import { Color, Scene, Vector3 } from 'three';
+import { Color, Scene } from 'three';
 import { Debounce } from '../browser/debounce.ts';
 import { markOnce } from '../browser/first_paint.ts';
 import type { LinkLook } from '../model/posed_body.ts';
 import type { ModelReport } from '../model/report.ts';
+import { originOf } from '../model/vectors.ts';
 import type { OverlayStyle } from '../overlays/robot_overlay.ts';
 import type { KinematicTree } from '../twin/kinematic_tree.ts';
 import type { OverlayReadings } from '../twin/overlay/reader.ts';
@@ -10,10 +11,12 @@ import type { Pose } from '../twin/playback/pose.ts';
 import type { LocalRobot } from '../urdf/local_robot.ts';
 import { AdaptiveQuality, type DrawingTrouble } from '../view/adaptive_quality.ts';
 import type { EyePlace, FollowMode, MouseStyle, PoseSource, RowView } from '../view/body_view.ts';
+import type { CameraRig } from '../view/camera_rig.ts';
+import type { ViewName } from '../view/framing.ts';
 import type { Insets } from '../view/insets.ts';
 import type { QualityStep } from '../view/quality_steps.ts';
 import { RenderLoop } from '../view/render_loop.ts';
-import { CameraRig, type ViewName } from './camera.ts';
+import { SceneCamera } from './camera.ts';
 import { SceneCanvas } from './canvas.ts';
 import { Environment, SHADOW_PIXELS } from './environment.ts';
 import { OverlayPart } from './overlay_part.ts';
@@ -39,13 +42,14 @@ export interface SceneOptions {
 
 /**
  * One robot (or some, side by side) in three dimensions, in a world whose Z is up. It puts together what is drawn (`RobotNode`,
- * `Environment`, `ScenePart`s), from where (`CameraRig`), on what (`SceneCanvas`) and when (`RenderLoop`).
+ * `Environment`, `ScenePart`s), from where (`SceneCamera`), on what (`SceneCanvas`) and when (`RenderLoop`).
  */
 export class RobotScene implements RowView {
   readonly #scene = new Scene();
   readonly #loop: RenderLoop;
   readonly #surface: SceneCanvas;
-  readonly #camera: CameraRig;
+  readonly #camera: SceneCamera;
+  readonly #eye: CameraRig;
   readonly #environment = new Environment();
   readonly #placeholders = new Placeholders();
   readonly #row = new RobotRow();
@@ -89,16 +93,11 @@ export class RobotScene implements RowView {
         this.#drawShadows();
       },
     });
-    this.#camera = new CameraRig(this.#surface.canvas, () => this.#loop.request());
+    this.#camera = new SceneCamera(this.#surface.canvas, () => this.#loop.request());
+    this.#eye = this.#camera.rig;
     this.#scene.add(this.#environment.group);
     this.#robot = this.addRobot();
-    this.#loop.add({
-      advance: (seconds) => {
-        const easing = this.#camera.advance(seconds);
-        if (easing) this.#loop.request();
-        return easing;
-      },
-    });
+    this.#loop.add(this.#eye);
     this.#overlay = new OverlayPart({
       host,
       camera: this.#camera.camera,
@@ -139,14 +138,14 @@ export class RobotScene implements RowView {
     const robot = new RobotNode({
       tones: this.#tones,
       theme: () => this.#theme,
-      placeholder: () => this.#placeholders.make(this.#camera.reach * PLACEHOLDER_REACHES),
+      placeholder: () => this.#placeholders.make(this.#eye.reach * PLACEHOLDER_REACHES),
       placed: () => this.#placed(),
       framed: (_robot, eased) => this.#framed(eased),
       changed: () => this.#loop.request(),
     });
     robot.staleEffect.setPixelRatio(this.pixelRatio);
     this.#row.add(robot);
-    if (this.#row.several) this.#camera.home = 'front'; // from anywhere else they would hide each other
+    if (this.#row.several) this.#eye.home = 'front'; // from anywhere else they would hide each other
     this.#scene.add(robot.object);
     this.#loop.add(robot);
     return robot;
@@ -228,12 +227,11 @@ export class RobotScene implements RowView {
   }
 
   setCover(cover: Insets): void {
-    if (this.#camera.cover(cover)) this.#loop.request();
+    this.#eye.cover(cover);
   }
 
   look(view: ViewName): void {
-    this.#camera.look(view);
-    this.#loop.request();
+    this.#eye.look(view);
   }
 
   get finerBytes(): number | null {
@@ -245,27 +243,24 @@ export class RobotScene implements RowView {
   }
 
   get stand(): EyePlace | null {
-    return this.#camera.stand;
+    return this.#eye.stand;
   }
 
   standAt(place: EyePlace): void {
-    this.#camera.standAt(place);
-    this.#loop.request();
+    this.#eye.standAt(place);
   }
 
   get eye(): EyePlace {
-    return this.#camera.eye;
+    return this.#eye.eye;
   }
 
   focus(link: string): void {
     const at = this.#robot.figure?.linkMatrix(link);
-    if (at === undefined) return;
-    this.#camera.focus(new Vector3().setFromMatrixPosition(at));
-    this.#loop.request();
+    if (at !== undefined) this.#eye.focus(originOf(at.elements));
   }
 
   orbit(left: number, up: number): void {
-    this.#camera.orbit(left, up);
+    this.#eye.orbit(left, up);
   }
 
   pan(dx: number, dy: number): void {
@@ -273,7 +268,7 @@ export class RobotScene implements RowView {
   }
 
   zoom(factor: number): void {
-    this.#camera.zoom(factor);
+    this.#eye.zoom(factor);
   }
 
   setMouse(style: MouseStyle): void {
@@ -281,7 +276,7 @@ export class RobotScene implements RowView {
   }
 
   setFollow(mode: FollowMode): void {
-    this.#camera.followMode = mode;
+    this.#eye.followMode = mode;
   }
 
   pick(clientX: number, clientY: number): string | null {
@@ -345,7 +340,7 @@ export class RobotScene implements RowView {
       const { x, y } = middle;
       this.#environment.touch(this.#row.boxes);
       this.#environment.follow(x, y);
-      this.#camera.follow(x, y, this.#row.heading);
+      this.#eye.follow(x, y, this.#row.heading);
     }
     for (const part of this.#parts) part.follow?.();
     this.#drawShadows();
@@ -354,8 +349,8 @@ export class RobotScene implements RowView {
   #framed(eased: boolean): void {
     const bounds = this.#row.arrange();
     if (bounds.isEmpty()) return;
-    this.#camera.frame(bounds, eased);
-    this.#environment.resize(this.#camera.reach);
+    this.#eye.frame(bounds.min.toArray(), bounds.max.toArray(), eased);
+    this.#environment.resize(this.#eye.reach);
     this.#overlay.measure();
     this.#drawShadows();
   }
@@ -369,7 +364,7 @@ export class RobotScene implements RowView {
     this.#row.setPixelRatio(pixelRatio);
     if (this.#size.width === width && this.#size.height === height) return;
     this.#size = { width, height };
-    this.#camera.resize(width, height);
+    this.#eye.resize(width, height);
     this.#overlay.setSize(width, height);
   }
 

@@ -4,8 +4,11 @@ import type { OverlayStyle, ShownOverlay } from '../overlays/robot_overlay.ts';
 import type { KinematicTree } from '../twin/kinematic_tree.ts';
 import type { OverlayReadings } from '../twin/overlay/reader.ts';
 import type { Pose } from '../twin/playback/pose.ts';
+import type { EyePlace, FollowMode } from './camera_rig.ts';
 import type { ViewName } from './framing.ts';
 import type { Insets } from './insets.ts';
+
+export type { EyePlace, FollowMode } from './camera_rig.ts';
 
 /** Where a robot's poses come from; asked in every tick while it says that there is more to come. */
 export interface PoseSource {
@@ -20,15 +23,6 @@ export interface PoseSource {
 /** `orbit`: the left button turns and the right one pans; `foxglove`: the left one moves over the floor, the right one
  *  turns. */
 export type MouseStyle = 'orbit' | 'foxglove';
-/** What the eye does when the robot walks: it stays, goes along, or goes along and turns with it. */
-export type FollowMode = 'stay' | 'along' | 'turn';
-
-type Point = readonly [x: number, y: number, z: number];
-
-export interface EyePlace {
-  readonly position: Point;
-  readonly target: Point;
-}
 
 /** What of a robot's signs is to be seen, for tests and curious people. */
 export type SeenOverlay = ShownOverlay & {

@@ -1,8 +1,8 @@
 // @vitest-environment happy-dom
-import { Box3, Vector3 } from 'three';
+import { Vector3 } from 'three';
 import { describe, expect, it } from 'vitest';
 import { extentOf } from '../model/bounds.ts';
-import { CameraRig } from '../three/camera.ts';
+import { SceneCamera } from '../three/camera.ts';
 import { FIELD_OF_VIEW, fittingDistance } from './framing.ts';
 import { homeEye } from './stick_figure.ts';
 
@@ -24,20 +24,18 @@ describe('the first view', () => {
 
   it('is the same for the sketch and for the camera: nothing jumps', () => {
     const canvas = document.createElement('canvas');
-    const rig = new CameraRig(canvas, () => {});
+    const { rig, camera } = new SceneCamera(canvas, () => {});
     rig.resize(1000, 700);
     const [min, max] = [
       [-0.2, -0.5, 0],
       [0.4, 0.5, 1.6],
     ] as const;
-    rig.frame(new Box3(new Vector3(...min), new Vector3(...max)));
-    rig.camera.updateMatrixWorld();
+    rig.frame(min, max);
+    camera.updateMatrixWorld();
     const eye = homeEye(min, max, 1000 / 700);
     const at = eye.target.map((value, axis) => value - eye.ahead[axis]! * eye.distance);
-    for (const [axis, value] of rig.camera.position.toArray().entries())
-      expect(at[axis]).toBeCloseTo(value, 9);
-    const across = new Vector3().setFromMatrixColumn(rig.camera.matrixWorld, 0).toArray();
+    for (const [axis, value] of camera.position.toArray().entries()) expect(at[axis]).toBeCloseTo(value, 9);
+    const across = new Vector3().setFromMatrixColumn(camera.matrixWorld, 0).toArray();
     for (const [axis, value] of across.entries()) expect(eye.right[axis]).toBeCloseTo(value, 9);
-    rig.dispose();
   });
 });

@@ -1,0 +1,380 @@
+import { type Extent, extentOf } from '../model/bounds.ts';
+import { dot, plus } from '../model/vectors.ts';
+import type { Vec3 } from '../twin/rotation.ts';
+import { FIELD_OF_VIEW, fittingDistance, VIEWS, type ViewName } from './framing.ts';
+import { type Insets, ViewInsets } from './insets.ts';
+
+/** What the eye does when the robot walks: it stays, goes along, or goes along and turns with it. */
+export type FollowMode = 'stay' | 'along' | 'turn';
+
+/** Where the eye is and what it looks at, metres. */
+export interface EyePlace {
+  readonly position: Vec3;
+  readonly target: Vec3;
+}
+
+/** What renderers have each in their own way. */
+export interface RigOptions {
+  /** How near a zoom may come to what is looked at, in radii of the robot; `NEAREST` without. */
+  readonly nearest?: number;
+  /** The most that one looks down, rad; `HIGHEST` without. */
+  readonly highest?: number;
+  /** Whether the person wants no motion: views are there at once. */
+  readonly still?: () => boolean;
+  /** The eye is elsewhere now, or on its way: a new picture is wanted. */
+  readonly changed?: () => void;
+}
+
+/** An eye on a sphere around what it looks at. */
+interface Orbit {
+  /** From the world's x towards its y, rad. */
+  readonly azimuth: number;
+  /** Above the horizon, rad. */
+  readonly elevation: number;
+  /** Metres. */
+  readonly distance: number;
+  readonly target: Vec3;
+}
+
+const RADIANS = Math.PI / 180;
+/** The least that one looks down, rad: the floor has no underside. */
+export const LOWEST = 0.5 * RADIANS;
+/** Quite from above the picture's up would be undefined. */
+const HIGHEST = 89.9 * RADIANS;
+const EASE_SECONDS = 0.25;
+/** The eye goes along once the robot is this part of its own size off the middle. */
+const LEASH = 0.3;
+/** A link that is looked at closely fills the picture as if it were this part of the robot. */
+const CLOSE_PART = 0.35;
+/** How near and how far an eye may stand, in radii of the robot. */
+const NEAREST = 1 / 8;
+const FARTHEST = 25;
+
+/**
+ * The camera of every view, without a renderer: orbits, frames, eases between named views, and goes along with a walking
+ * robot. World: Z up, metres; angles: rad; picture: CSS px from its upper left corner.
+ */
+export class CameraRig {
+  /** The view that `home` means. */
+  home: ViewName = 'home';
+  followMode: FollowMode = 'along';
+  readonly #options: Required<RigOptions>;
+  readonly #insets = new ViewInsets();
+  #extent: Extent = { tall: 0.6, wide: 0.4, radius: 0.75 };
+  /** The middle of the robot that was framed, gone along with it since. */
+  #middle: Vec3 = [0, 0, 0.6];
+  #now: Orbit;
+  #goal: Orbit | null = null;
+  #secondsLeft = 0;
+  /** Whether somebody has chosen the view: then the robot's size and the picture's leave it alone. */
+  #touched = false;
+  /** Taken from elsewhere, and kept until somebody moves the eye: the robot may turn out to stand otherwise. */
+  #placed: EyePlace | null = null;
+  #yaw: number | null = null;
+
+  constructor(options: RigOptions = {}) {
+    const { nearest = NEAREST, highest = HIGHEST, still = () => false, changed = () => {} } = options;
+    this.#options = { nearest, highest, still, changed };
+    this.#now = this.#orbitOf('home');
+  }
+
+  /** Where the eye is. */
+  get position(): Vec3 {
+    const { azimuth, elevation, distance, target } = this.#now;
+    const flat = Math.cos(elevation) * distance;
+    return [
+      target[0] + flat * Math.cos(azimuth),
+      target[1] + flat * Math.sin(azimuth),
+      target[2] + Math.sin(elevation) * distance,
+    ];
+  }
+
+  /** What it looks at. */
+  get target(): Vec3 {
+    return this.#now.target;
+  }
+
+  get eye(): EyePlace {
+    return { position: this.position, target: this.target };
+  }
+
+  /** The same from the floor under the middle of the robot; null: the first view. */
+  get stand(): EyePlace | null {
+    if (!this.#touched) return null;
+    const floor: Vec3 = [this.#middle[0], this.#middle[1], 0];
+    return { position: plus(this.position, floor, -1), target: plus(this.target, floor, -1) };
+  }
+
+  /** The middle of the robot over the floor. */
+  get middle(): { readonly x: number; readonly y: number } {
+    return { x: this.#middle[0], y: this.#middle[1] };
+  }
+
+  /** The radius of the robot that was framed. */
+  get reach(): number {
+    return this.#extent.radius;
+  }
+
+  /** The least and the greatest distance from what is looked at. */
+  get distances(): { readonly least: number; readonly greatest: number } {
+    const { radius } = this.#extent;
+    return { least: radius * this.#options.nearest, greatest: radius * FARTHEST };
+  }
+
+  /** What a perspective camera is made of: the picture, in it the free part (`top`, `free` high), which `FIELD_OF_VIEW` is of,
+   *  and from where to where (`near`, `far`, metres) there is something to see. */
+  get projection(): Readonly<Record<'width' | 'height' | 'top' | 'free' | 'near' | 'far', number>> {
+    const { width, height, top, free } = this.#insets;
+    const { radius } = this.#extent;
+    return { width, height, top, free, near: radius / 100, far: radius * 120 };
+  }
+
+  /** On its way to another view. */
+  get moving(): boolean {
+    return this.#goal !== null || this.#insets.moving;
+  }
+
+  /** What of the world comes to which pixel: rows X, Y, W of 4 numbers; a point is seen at (X/W, Y/W), W metres away. */
+  screenFromWorld(into = new Float64Array(12)): Float64Array {
+    const { azimuth, elevation, distance, target } = this.#now;
+    const [ca, sa] = [Math.cos(azimuth), Math.sin(azimuth)];
+    const [ce, se] = [Math.cos(elevation), Math.sin(elevation)];
+    const ahead: Vec3 = [-ce * ca, -ce * sa, -se];
+    const right: Vec3 = [-sa, ca, 0];
+    const up: Vec3 = [-se * ca, -se * sa, ce];
+    const scale = this.#scale;
+    const { x, y } = this.#centre;
+    const away = distance - dot(ahead, target);
+    for (let i = 0; i < 3; i += 1) {
+      into[i] = right[i]! * scale + ahead[i]! * x;
+      into[4 + i] = -up[i]! * scale + ahead[i]! * y;
+      into[8 + i] = ahead[i]!;
+    }
+    into[3] = -dot(right, target) * scale + away * x;
+    into[7] = dot(up, target) * scale + away * y;
+    into[11] = away;
+    return into;
+  }
+
+  /** The picture is so large. */
+  resize(width: number, height: number): void {
+    this.#insets.resize(width, height);
+    if (this.#touched) this.#options.changed();
+    else this.look('home', false);
+  }
+
+  /** So much of the picture stands under notes and buttons: what is looked at comes to the middle of the rest. */
+  cover(cover: Insets): void {
+    if (!this.#insets.setInsets(cover, !this.#options.still())) return;
+    if (this.#touched) this.#options.changed();
+    else this.look('home');
+  }
+
+  /** Robots that fill this box: looked at in its middle, which is about where a standing robot's pelvis is. A view that
+   *  somebody has chosen stays. */
+  frame(min: Vec3, max: Vec3, eased = false): void {
+    this.#extent = extentOf(min, max);
+    this.#middle = [(min[0] + max[0]) / 2, (min[1] + max[1]) / 2, (min[2] + max[2]) / 2];
+    if (this.#placed !== null) this.standAt(this.#placed);
+    else if (this.#touched) this.#options.changed();
+    else this.look('home', eased);
+  }
+
+  /** Stands at once at a place that is told from the floor under the middle of the robot. */
+  standAt(place: EyePlace): void {
+    this.grasp();
+    this.#placed = place;
+    const floor: Vec3 = [this.#middle[0], this.#middle[1], 0];
+    const { radius } = this.#extent;
+    const { distance, ...orbit } = orbitAt({
+      position: plus(place.position, floor),
+      target: plus(place.target, floor),
+    });
+    this.#now = {
+      ...orbit,
+      elevation: this.#tilted(orbit.elevation),
+      distance: clamp(distance, radius * NEAREST, radius * FARTHEST),
+    };
+    this.#options.changed();
+  }
+
+  /** Turns to a named view around where the robot now is. */
+  look(view: ViewName, eased = true): void {
+    this.#touched = view !== 'home';
+    this.#placed = null;
+    const goal = this.#orbitOf(view);
+    const azimuth = this.#now.azimuth + shorterTurn(goal.azimuth - this.#now.azimuth);
+    this.#go({ ...goal, azimuth }, eased);
+  }
+
+  /** Comes close to a point. */
+  focus(target: Vec3, eased = true): void {
+    this.grasp();
+    const distance = fittingDistance(this.#extent, this.#insets.aspect) * CLOSE_PART;
+    this.#go({ ...this.#now, distance, target }, eased);
+  }
+
+  /** A hand takes the eye: what it was on its way to is given up. */
+  grasp(): void {
+    this.#touched = true;
+    this.#placed = null;
+    this.#goal = null;
+  }
+
+  /** A hand has put the eye there, within its limits. */
+  hold(place: EyePlace): void {
+    this.grasp();
+    this.#now = orbitAt(place);
+    this.#options.changed();
+  }
+
+  /** Turns around what is looked at: to the left, and up. */
+  orbit(left: number, up: number): void {
+    this.grasp();
+    const { azimuth, elevation } = this.#now;
+    this.#now = { ...this.#now, azimuth: azimuth - left, elevation: this.#tilted(elevation + up) };
+    this.#options.changed();
+  }
+
+  /** Turns with a pointer that moved so many pixels: a whole turn over the picture's height. */
+  drag(dx: number, dy: number): void {
+    const turn = (2 * Math.PI) / this.#insets.height;
+    this.orbit(dx * turn, dy * turn);
+  }
+
+  /** The world goes along with a pointer that moved so many pixels. */
+  pan(dx: number, dy: number): void {
+    this.grasp();
+    this.#shift(-dx, -dy, 1);
+    this.#options.changed();
+  }
+
+  /** Comes nearer (factor below 1) to what is under the point, which is the middle if none is named. */
+  zoom(factor: number, x = this.#centre.x, y = this.#centre.y): void {
+    this.grasp();
+    const { least, greatest } = this.distances;
+    const before = this.#now.distance;
+    const distance = clamp(before * factor, least, greatest);
+    this.#shift(x - this.#centre.x, y - this.#centre.y, 1 - distance / before);
+    this.#now = { ...this.#now, distance };
+    this.#options.changed();
+  }
+
+  /** Goes along with a robot at (x, y) when it leaves the middle; the standing sway of a walk moves nothing. `yaw` is its
+   *  heading: with `turn` the eye keeps its side of the robot. */
+  follow(x: number, y: number, yaw = 0): void {
+    const turned = this.#yaw === null ? 0 : shorterTurn(yaw - this.#yaw);
+    this.#yaw = yaw;
+    if (this.followMode === 'stay') return;
+    const turn = this.followMode === 'turn' ? turned : 0;
+    const [dx, dy] = [x - this.#middle[0], y - this.#middle[1]];
+    const far = Math.hypot(dx, dy);
+    const leash = this.#extent.radius * LEASH;
+    const part = far <= leash ? 0 : 1 - leash / far;
+    if (turn === 0 && part === 0) return;
+    const step: Vec3 = [dx * part, dy * part, 0];
+    const moved = (orbit: Orbit): Orbit => ({
+      ...orbit,
+      azimuth: orbit.azimuth + turn,
+      target: plus(orbit.target, step),
+    });
+    this.#middle = plus(this.#middle, step);
+    this.#now = moved(this.#now);
+    this.#goal &&= moved(this.#goal);
+    this.#options.changed();
+  }
+
+  /** Moves on by so many seconds. True while more are needed. */
+  advance(seconds: number): boolean {
+    if (!this.moving) return false;
+    if (this.#insets.moving) this.#insets.advance(seconds);
+    if (this.#goal !== null) this.#approach(this.#goal, seconds);
+    this.#options.changed();
+    return this.moving;
+  }
+
+  /** Where what is looked at is seen. */
+  get #centre(): { readonly x: number; readonly y: number } {
+    const { width, top, free } = this.#insets;
+    return { x: width / 2, y: top + free / 2 };
+  }
+
+  /** Pixels for each metre, a metre away. */
+  get #scale(): number {
+    return this.#insets.free / 2 / Math.tan((FIELD_OF_VIEW * RADIANS) / 2);
+  }
+
+  #go(goal: Orbit, eased: boolean): void {
+    this.#goal = goal;
+    this.#secondsLeft = EASE_SECONDS;
+    if (!eased || this.#options.still()) this.#approach(goal, Number.POSITIVE_INFINITY);
+    this.#options.changed();
+  }
+
+  /** Each step goes the part of the way that is left, weighted so that it slows down towards the end. */
+  #approach(goal: Orbit, seconds: number): void {
+    const part = seconds >= this.#secondsLeft ? 1 : 1 - (1 - seconds / this.#secondsLeft) ** 2;
+    this.#secondsLeft -= seconds;
+    const mix = (from: number, to: number) => from + (to - from) * part;
+    const { azimuth, elevation, distance, target } = this.#now;
+    this.#now = {
+      azimuth: mix(azimuth, goal.azimuth),
+      elevation: mix(elevation, goal.elevation),
+      distance: mix(distance, goal.distance),
+      target: [
+        mix(target[0], goal.target[0]),
+        mix(target[1], goal.target[1]),
+        mix(target[2], goal.target[2]),
+      ],
+    };
+    if (part === 1) this.#goal = null;
+  }
+
+  /** Moves what is looked at by this part of so many pixels, at its own distance. */
+  #shift(dx: number, dy: number, part: number): void {
+    const { azimuth, elevation, distance, target } = this.#now;
+    const metres = (distance / this.#scale) * part;
+    const se = Math.sin(elevation);
+    this.#now = {
+      ...this.#now,
+      target: [
+        target[0] + metres * (-dx * Math.sin(azimuth) + dy * se * Math.cos(azimuth)),
+        target[1] + metres * (dx * Math.cos(azimuth) + dy * se * Math.sin(azimuth)),
+        target[2] + metres * (-dy * Math.cos(elevation)),
+      ],
+    };
+  }
+
+  #tilted(elevation: number): number {
+    return clamp(elevation, LOWEST, this.#options.highest);
+  }
+
+  #orbitOf(view: ViewName): Orbit {
+    const { azimuth, elevation } = VIEWS[view === 'home' ? this.home : view];
+    return {
+      azimuth: azimuth * RADIANS,
+      elevation: elevation * RADIANS,
+      distance: Math.min(fittingDistance(this.#extent, this.#insets.aspect), this.#extent.radius * FARTHEST),
+      target: this.#middle,
+    };
+  }
+}
+
+function orbitAt({ position, target }: EyePlace): Orbit {
+  const [dx, dy, dz] = plus(position, target, -1);
+  const flat = Math.hypot(dx, dy);
+  return {
+    azimuth: Math.atan2(dy, dx),
+    elevation: Math.atan2(dz, flat),
+    distance: Math.hypot(flat, dz),
+    target,
+  };
+}
+
+function clamp(value: number, least: number, most: number): number {
+  return Math.min(most, Math.max(least, value));
+}
+
+function shorterTurn(angle: number): number {
+  return Math.atan2(Math.sin(angle), Math.cos(angle));
+}
