@@ -154,7 +154,7 @@ export class LightPainter {
       const raster = alone ? this.#raster : this.#aside;
       if (!alone) raster.clearBefore(this.#raster);
       triangles += figure.draw(raster, screenFromWorld);
-      if (figure.ghostLinks.length > 0) {
+      if (figure.hasGhost) {
         this.#glass.clearBefore(raster);
         triangles += figure.drawGhost(this.#glass, screenFromWorld, this.#camera.position);
         raster.overlay(this.#glass);
@@ -172,7 +172,7 @@ export class LightPainter {
 
   #farthestFirst(robots: readonly PaintedRobot[]): { figure: LightRobot; grey: number }[] {
     const [ex, ey] = this.#camera.position;
-    const away = ({ place: { x, y } }: LightRobot) => Math.hypot(x - ex, y - ey);
+    const away = ({ spot: { x, y } }: LightRobot) => Math.hypot(x - ex, y - ey);
     return robots
       .flatMap(({ figure, grey }) => (figure?.dressed === true ? [{ figure, grey }] : []))
       .sort((a, b) => away(b.figure) - away(a.figure));

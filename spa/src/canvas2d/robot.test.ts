@@ -3,11 +3,13 @@ import { lowestZ } from '../model/bounds.ts';
 import { type Lod, readLod } from '../model/lod.ts';
 import { type Manifest, readManifest } from '../model/manifest.ts';
 import { type SampleModel, sampleGlb, sampleManifest } from '../model/samples.ts';
+import type { Pose } from '../twin/playback/pose.ts';
 import { NO_TURN, ofRpy, type Quat } from '../twin/rotation.ts';
 import { CameraRig } from '../view/camera_rig.ts';
 import { LIGHT_COLORS } from './colors.ts';
 import { Rasterizer } from './rasterizer.ts';
 import { LightRobot } from './robot.ts';
+import { LightRobotNode } from './robot_node.ts';
 
 /** An arm of two boxes, one beside the other: red, then blue, the second on a joint about z. */
 const ARM: SampleModel = {
@@ -46,6 +48,33 @@ function pictured(robot: LightRobot) {
     else grey += 1;
   }
   return { triangles, red, blue, grey, raster, view, eye };
+}
+
+/** A robot as its node poses it; each change is true when somebody was told that there is something new to be seen. */
+function staged(robot: LightRobot) {
+  let told = 0;
+  const tell = () => {
+    told += 1;
+  };
+  class Posed extends LightRobotNode {
+    constructor() {
+      super({ tones: () => LIGHT_COLORS.dark, placed: tell, framed: tell, changed: tell });
+      this.adopt(robot);
+    }
+  }
+  const node = new Posed();
+  const tells = (work: () => void) => {
+    told = 0;
+    work();
+    return told > 0;
+  };
+  return {
+    node,
+    setPose: (pose: Pose) => tells(() => node.setPose(pose, true)),
+    showGhost: (joints: ReadonlyMap<string, number> | null, limbs: readonly string[] | null = null) =>
+      tells(() => node.showGhost(joints, limbs)),
+    lockHeading: (locked: boolean) => tells(() => node.lockHeading(locked)),
+  };
 }
 
 describe('a robot drawn by hand', () => {
@@ -101,18 +130,17 @@ describe('a robot drawn by hand', () => {
 
   it('moves with its joints and says so only when something changed', () => {
     const robot = dressed();
+    const { node, setPose } = staged(robot);
     const at = (angle: number) => ({ joints: new Map([[joint(), angle]]), base: null });
-    expect(robot.setPose(at(0.4))).toBe(true);
-    expect(robot.setPose(at(0.4))).toBe(false);
-    expect(robot.linkPoses()[link(second)]!.slice(0, 2)).toEqual(
+    expect(setPose(at(0.4))).toBe(true);
+    expect(setPose(at(0.4))).toBe(false);
+    expect(node.linkPoses()[link(second)]!.slice(0, 2)).toEqual(
       [Math.cos(0.4), -Math.sin(0.4)].map((v) => expect.closeTo(v)),
     );
-    expect(robot.setPose({ joints: new Map(), base: { xyz: [1, 2, 3], quat_wxyz: [1, 0, 0, 0] } })).toBe(
-      true,
-    );
-    expect([3, 7, 11].map((i) => robot.linkPoses()[link(first)]![i])).toEqual([1, 2, 3]);
+    expect(setPose({ joints: new Map(), base: { xyz: [1, 2, 3], quat_wxyz: [1, 0, 0, 0] } })).toBe(true);
+    expect([3, 7, 11].map((i) => node.linkPoses()[link(first)]![i])).toEqual([1, 2, 3]);
     expect(
-      robot.setPose({
+      setPose({
         joints: new Map([[joint(), Number.NaN]]),
         base: { xyz: [1, 2, 3], quat_wxyz: [1, 0, 0, 0] },
       }),
@@ -121,17 +149,18 @@ describe('a robot drawn by hand', () => {
 
   it('marks the link of a joint without a reading, and it alone: grey, hatched, where it was', () => {
     const robot = dressed();
-    robot.setPose({ joints: new Map([[joint(), 0.4]]), base: null });
-    const before = robot.linkPoses();
+    const { node, setPose } = staged(robot);
+    setPose({ joints: new Map([[joint(), 0.4]]), base: null });
+    const before = node.linkPoses();
     const lost = { joints: new Map(), base: null, unread: new Set([joint()]) };
-    expect(robot.setPose(lost)).toBe(true);
-    expect(robot.setPose(lost)).toBe(false);
-    expect(robot.linkPoses()).toEqual(before);
+    expect(setPose(lost)).toBe(true);
+    expect(setPose(lost)).toBe(false);
+    expect(node.linkPoses()).toEqual(before);
     const { red, blue, grey } = pictured(robot);
     expect(red).toBeGreaterThan(500);
     expect(blue).toBe(0);
     expect(grey).toBeGreaterThan(500);
-    expect(robot.setPose({ joints: new Map([[joint(), 0.4]]), base: null, unread: new Set() })).toBe(true);
+    expect(setPose({ joints: new Map([[joint(), 0.4]]), base: null, unread: new Set() })).toBe(true);
     expect(pictured(robot).grey).toBe(0);
   });
 
@@ -153,13 +182,14 @@ describe('a robot drawn by hand', () => {
 
   it('has a ghost of the limbs that are elsewhere, before and behind its body, and see-through', () => {
     const robot = dressed();
+    const { node, showGhost } = staged(robot);
     const { raster, view, eye } = pictured(robot);
     const glass = new Rasterizer();
     expect(robot.drawGhost(glass, view, eye.position), 'none is asked for').toBe(0);
-    const wish = { joints: new Map([[joint(), 1.2]]), limbs: [joint()] };
-    expect(robot.showGhost(wish)).toBe(true);
-    expect(robot.showGhost(wish)).toBe(false);
-    expect(robot.ghostLinks).toEqual([link(second)]);
+    const wish = [new Map([[joint(), 1.2]]), [joint()]] as const;
+    expect(showGhost(...wish)).toBe(true);
+    expect(showGhost(...wish)).toBe(false);
+    expect(node.ghostLinks).toEqual([link(second)]);
     glass.clearBefore(raster);
     expect(robot.drawGhost(glass, view, eye.position)).toBe(12);
     const seen = [...glass.pixels].filter((pixel) => pixel !== 0);
@@ -169,14 +199,15 @@ describe('a robot drawn by hand', () => {
     raster.overlay(glass);
     const changed = raster.pixels.filter((pixel, i) => pixel !== before[i]);
     expect(changed.length).toBe(seen.length);
-    expect(robot.showGhost(null)).toBe(true);
-    expect(robot.ghostLinks).toEqual([]);
+    expect(showGhost(null)).toBe(true);
+    expect(node.ghostLinks).toEqual([]);
   });
 
   it('where its ghost stands as it does, shows itself', () => {
     const robot = dressed();
+    const { showGhost } = staged(robot);
     const { raster, view, eye } = pictured(robot);
-    robot.showGhost({ joints: new Map(), limbs: null });
+    showGhost(new Map());
     const glass = new Rasterizer();
     glass.clearBefore(raster);
     robot.drawGhost(glass, view, eye.position);
@@ -185,6 +216,7 @@ describe('a robot drawn by hand', () => {
 
   it('without a base leans as its IMU says, keeps that when it falls silent, and may face ahead always', () => {
     const robot = dressed();
+    const { node, setPose, lockHeading } = staged(robot);
     const lean = (worldFromSensor: Quat | null) => ({
       joints: new Map(),
       base: null,
@@ -193,16 +225,16 @@ describe('a robot drawn by hand', () => {
         ...{ heading: true, worldFromSensor },
       },
     });
-    expect(robot.setPose(lean(ofRpy([0.2, 0, 0.7])))).toBe(true);
-    const up = () => robot.linkPoses()[link(first)]![10];
+    expect(setPose(lean(ofRpy([0.2, 0, 0.7])))).toBe(true);
+    const up = () => node.linkPoses()[link(first)]![10];
     expect(up()).toBeCloseTo(Math.cos(0.2));
-    expect(robot.heading).toBeCloseTo(0.7);
+    expect(node.heading).toBeCloseTo(0.7);
     const low = robot.boxes.map(([placed, box]) => lowestZ(box, placed.matrixWorld.elements));
     expect(Math.min(...low), 'it stands on the floor').toBeCloseTo(0);
-    expect(robot.setPose(lean(null))).toBe(false);
+    expect(setPose(lean(null))).toBe(false);
     expect(up()).toBeCloseTo(Math.cos(0.2));
-    expect(robot.lockHeading(true)).toBe(true);
-    expect(robot.heading).toBeCloseTo(0);
+    expect(lockHeading(true)).toBe(true);
+    expect(node.heading).toBeCloseTo(0);
   });
 
   it('of 200 joints is drawn whole', async () => {
@@ -221,9 +253,10 @@ describe('a robot drawn by hand', () => {
     });
     const robot = new LightRobot(many.manifest, LIGHT_COLORS.light);
     robot.wear(many.level, []);
+    const { setPose } = staged(robot);
     expect(robot.jointNames.length).toBe(200);
     expect(
-      robot.setPose({
+      setPose({
         joints: new Map(robot.jointNames.map((name, i) => [name, 0.02 * (i % 5)])),
         base: null,
       }),

@@ -1,15 +1,12 @@
 import { expandByBox, type LinkBox, lowestOf } from '../model/bounds.ts';
 import { Kinematics, multiply, transform } from '../model/kinematics.ts';
-import { linksMovedBy } from '../model/link_tree.ts';
 import type { Lod } from '../model/lod.ts';
 import { boxesOfLinks, type Manifest } from '../model/manifest.ts';
-import type { BodyJoint, LinkLook, LinkTint, PosedBody } from '../model/posed_body.ts';
-import { RootPose } from '../model/root_pose.ts';
+import type { BodyJoint, LinkLook, LinkTint } from '../model/posed_body.ts';
 import { turnOf } from '../model/vectors.ts';
 import { UNREAD } from '../overlays/colors.ts';
-import type { Pose } from '../twin/playback/pose.ts';
-import type { Quat, Vec3 } from '../twin/rotation.ts';
-import { type GhostRequest, ghostOf } from '../view/ghost_pose.ts';
+import { NO_TURN, type Quat, type Vec3 } from '../twin/rotation.ts';
+import type { FigureGhost, StagedFigure } from '../view/figure_node.ts';
 import type { LightColors } from './colors.ts';
 import type { Rasterizer } from './rasterizer.ts';
 import { type LinkPaint, Shells, type ShellView } from './shells.ts';
@@ -24,14 +21,16 @@ interface Placed {
 }
 
 /** A second body: the same robot in another pose. */
-interface Second {
-  readonly kinematics: Kinematics;
+interface SecondBody {
   readonly worldFromLink: Float64Array;
-  links: ReadonlySet<number>;
+  /** Those that are drawn. */
+  readonly links: Set<number>;
+  /** Computes where its links are in the world. */
+  spread(): void;
 }
 
 /** A built robot without a graphics card: the same manifest, kinematics, signs and lowest level as in 3D. */
-export class LightRobot implements PosedBody {
+export class LightRobot implements StagedFigure {
   readonly manifest: Manifest;
   readonly boxOfLink: ReadonlyMap<number, LinkBox>;
   readonly boxes: readonly (readonly [Placed, LinkBox])[];
@@ -45,19 +44,15 @@ export class LightRobot implements PosedBody {
   readonly #jointOf: ReadonlyMap<string, number>;
   readonly #looks = new Map<number, LinkLook>();
   readonly #tints = new Map<number, LinkTint>();
-  /** Joints without a reading, and the links that nobody knows the place of because of that. */
-  #unread: ReadonlySet<string> = NONE;
+  /** Links that nobody knows the place of: their joints have no reading. */
   #unreadLinks: ReadonlySet<number> = new Set();
-  readonly #rootPose = new RootPose();
-  #pose: Pose | null = null;
-  #ghostWish: GhostRequest | null = null;
-  #ghost: Second | null = null;
+  #ghost: SecondBody | null = null;
   #shells: Shells | null = null;
   #tones: LightColors;
   #near = 0.01;
-  #worldFromRoot: readonly number[] = [];
-  /** How far its whole world lies to the side, metres. */
-  #aside = 0;
+  #worldFromRoot: readonly number[] = transform([0, 0, 0], NO_TURN);
+  /** How far its whole world lies to the side, metres; counts from the next `place` or `ground` on. */
+  aside = 0;
 
   constructor(manifest: Manifest, tones: LightColors) {
     const { links, joints } = manifest;
@@ -73,7 +68,7 @@ export class LightRobot implements PosedBody {
     this.boxes = [...this.boxOfLink].map(([link, box]) => [this.#placed[link]!, box] as const);
     this.#linkOf = new Map(links.map((name, i) => [name, i]));
     this.#jointOf = new Map(joints.flatMap(({ name, type }, i) => (MOVES.has(type) ? [[name, i]] : [])));
-    this.#spread();
+    this.ground();
   }
 
   get linkNames(): readonly string[] {
@@ -93,19 +88,13 @@ export class LightRobot implements PosedBody {
     return this.#shells !== null;
   }
 
-  /** Links of the ghost that are shown. */
-  get ghostLinks(): string[] {
-    return [...(this.#ghost?.links ?? [])].map((link) => this.linkNames[link]!);
-  }
-
   /** Where the root is, metres. */
-  get place(): { x: number; y: number } {
+  get spot(): { readonly x: number; readonly y: number } {
     return { x: this.worldFromLink[12]!, y: this.worldFromLink[13]! };
   }
 
-  /** Where it looks, rad from the world's x. */
-  get heading(): number {
-    return Math.atan2(this.worldFromLink[1]!, this.worldFromLink[0]!);
+  get hasGhost(): boolean {
+    return this.#ghost !== null;
   }
 
   linkMatrix(name: string): { readonly elements: Float64Array } | undefined {
@@ -135,44 +124,51 @@ export class LightRobot implements PosedBody {
     }
   }
 
-  /** True when it looks different now. */
-  setPose(pose: Pose): boolean {
-    this.#pose = pose;
-    const unread = pose.unread ?? NONE;
-    const marked = !sameSet(unread, this.#unread);
-    if (marked) this.markUnread(linksMovedBy(this, unread));
-    this.#unread = unread;
-    const stepped = this.#rootPose.update(pose);
-    const turned = this.#kinematics.set(pose.joints);
-    if (turned) this.#kinematics.compute();
-    if (turned || stepped) this.#spread();
-    return this.#poseGhost() || turned || stepped || marked;
-  }
-
-  /** True when it stands differently now. */
-  lockHeading(locked: boolean): boolean {
-    if (!this.#rootPose.lockHeading(locked)) return false;
-    this.#spread();
-    this.#poseGhost();
+  setJoints(joints: ReadonlyMap<string, number>): boolean {
+    if (!this.#kinematics.set(joints)) return false;
+    this.#kinematics.compute();
     return true;
   }
 
-  /** Moves its whole world along y, metres. True when it stands elsewhere now. */
-  standAside(y: number): boolean {
-    if (y === this.#aside) return false;
-    this.#aside = y;
-    this.#spread();
-    this.#poseGhost();
-    return true;
+  place([x, y, z]: Vec3, quat_wxyz: Quat): void {
+    this.#worldFromRoot = transform([x, y + this.aside, z], quat_wxyz);
+    this.#spread(this.#kinematics.rootFromLink, this.worldFromLink);
+    this.#ghost?.spread();
   }
 
-  /** True when there is another ghost than before. */
-  showGhost(wish: GhostRequest | null): boolean {
-    this.#ghostWish = wish;
-    return this.#poseGhost();
+  ground(quat_wxyz: Quat = NO_TURN): void {
+    this.place([0, 0, 0], quat_wxyz);
+    this.place([0, 0, -lowestOf(this.worldFromLink, this.boxOfLink)], quat_wxyz);
   }
 
-  /** True when it looks different now. */
+  /** There is one at a time. */
+  ghost(): FigureGhost {
+    const kinematics = new Kinematics(this.manifest.joints);
+    const worldFromLink = new Float64Array(this.worldFromLink.length);
+    const links = new Set(this.linkNames.keys());
+    const spread = () => this.#spread(kinematics.rootFromLink, worldFromLink);
+    const ghost = { worldFromLink, links, spread };
+    spread();
+    this.#ghost = ghost;
+    return {
+      setJoints: (joints) => {
+        if (!kinematics.set(joints)) return false;
+        kinematics.compute();
+        spread();
+        return true;
+      },
+      setLook: (name, { hide = false }) => {
+        const link = this.#linkOf.get(name)!;
+        if (hide) links.delete(link);
+        else links.add(link);
+      },
+      dispose: () => {
+        if (this.#ghost === ghost) this.#ghost = null;
+      },
+    };
+  }
+
+  /** True when the model has this link. */
   setLook(link: string, look: LinkLook): boolean {
     const i = this.#linkOf.get(link);
     if (i === undefined) return false;
@@ -194,6 +190,10 @@ export class LightRobot implements PosedBody {
   setTones(tones: LightColors): void {
     this.#tones = tones;
     this.#shells?.setTones(tones);
+  }
+
+  dispose(): void {
+    this.#ghost = this.#shells = null;
   }
 
   /** Puts on shells. `pictures` as the level numbers them: the mean colour (linear) of each, where it could be read. */
@@ -239,17 +239,6 @@ export class LightRobot implements PosedBody {
     return found < 0 ? null : this.linkNames[this.manifest.visuals[found]!.link]!;
   }
 
-  /** world_from_link for every link: 4×4, row after row. */
-  linkPoses(): Record<string, number[]> {
-    const world = this.worldFromLink;
-    return Object.fromEntries(
-      this.linkNames.map((name, link) => [
-        name,
-        Array.from({ length: 16 }, (_, i) => world[link * 16 + (i % 4) * 4 + Math.floor(i / 4)]!),
-      ]),
-    );
-  }
-
   #shot(screenFromWorld: Float64Array, eye: Readonly<Vec3>): ShellView {
     return { screenFromWorld, eye, worldFromLink: this.worldFromLink, near: this.#near };
   }
@@ -259,53 +248,11 @@ export class LightRobot implements PosedBody {
     return { look: this.#looks.get(link) ?? {}, tint };
   }
 
-  /** True when there is another ghost than before. */
-  #poseGhost(): boolean {
-    const wanted = ghostOf(this, this.#pose, this.#ghostWish);
-    if (wanted === null) {
-      const had = this.#ghost !== null;
-      this.#ghost = null;
-      return had;
-    }
-    const made = this.#ghost === null;
-    this.#ghost ??= {
-      kinematics: new Kinematics(this.manifest.joints),
-      worldFromLink: new Float64Array(this.worldFromLink.length),
-      links: new Set(),
-    };
-    const ghost = this.#ghost;
-    const links = new Set(wanted.links.map((name) => this.#linkOf.get(name)!));
-    const others = !sameSet(links, ghost.links);
-    ghost.links = links;
-    const turned = ghost.kinematics.set(wanted.joints);
-    if (turned) ghost.kinematics.compute();
-    this.#place(ghost.kinematics.rootFromLink, ghost.worldFromLink);
-    return made || others || turned;
-  }
-
-  /** Computes where every link is in the world. */
-  #spread(): void {
-    const { rootFromLink } = this.#kinematics;
-    const { xyz, quat_wxyz } = this.#rootPose.root((link) => this.rootTurn(link));
-    const [x, y, z] = xyz ?? [0, 0, 0];
-    this.#worldFromRoot = transform([x, y + this.#aside, z], quat_wxyz);
-    this.#place(rootFromLink, this.worldFromLink);
-    if (xyz !== null) return;
-    const low = lowestOf(this.worldFromLink, this.boxOfLink);
-    this.#worldFromRoot = transform([0, this.#aside, -low], quat_wxyz);
-    this.#place(rootFromLink, this.worldFromLink);
-  }
-
-  #place(rootFromLink: Float64Array, into: Float64Array): void {
+  #spread(rootFromLink: Float64Array, into: Float64Array): void {
     for (let at = 0; at < rootFromLink.length; at += 16) {
       multiply(into, at, this.#worldFromRoot, 0, rootFromLink, at);
     }
   }
 }
 
-const NONE: ReadonlySet<string> = new Set();
 const NOWHERE: Vec3 = [0, 0, 0];
-
-function sameSet<T>(a: ReadonlySet<T>, b: ReadonlySet<T>): boolean {
-  return a.size === b.size && [...a].every((item) => b.has(item));
-}

@@ -68,10 +68,10 @@ it('stands aside with its whole world, also with a model that comes later', asyn
   const { robot } = staged();
   robot.standAside(2);
   await robot.load(url, () => {});
-  expect(robot.figure?.place.y).toBeCloseTo(2, 9);
+  expect(robot.figure?.spot.y).toBeCloseTo(2, 9);
   robot.standAside(-1);
   robot.setPose({ ...STANDING, base: { xyz: [0.5, 0.25, 0], quat_wxyz: [1, 0, 0, 0] } }, true);
-  expect(robot.figure?.place).toMatchObject({ x: expect.closeTo(0.5, 9), y: expect.closeTo(-0.75, 9) });
+  expect(robot.figure?.spot).toMatchObject({ x: expect.closeTo(0.5, 9), y: expect.closeTo(-0.75, 9) });
 });
 
 it('is grey until there is a pose, and drains again when it is told to, in steps', async () => {

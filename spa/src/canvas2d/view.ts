@@ -115,7 +115,7 @@ export class LightView implements RowView {
 
   signsOf(robot: LightRobotNode): SeenOverlay {
     if (this.#overlay.make()) this.#loop.request();
-    return { ...this.#overlay.shown(robot), ghostLinks: robot.figure?.ghostLinks ?? [] };
+    return { ...this.#overlay.shown(robot), ghostLinks: robot.ghostLinks };
   }
 
   /** How long the newest picture in motion took to draw. */
@@ -259,7 +259,7 @@ export class LightView implements RowView {
   }
 
   linkPoses(): Record<string, number[]> {
-    return this.#robot.figure?.linkPoses() ?? {};
+    return this.#robot.linkPoses();
   }
 
   dispose(): void {
@@ -276,8 +276,8 @@ export class LightView implements RowView {
     const figures = this.#robots.flatMap(({ figure }) => figure ?? []);
     if (figures.length > 0) {
       const mean = (axis: 'x' | 'y') =>
-        figures.reduce((sum, { place }) => sum + place[axis], 0) / figures.length;
-      const heading = this.#robots.length === 1 ? figures[0]!.heading : 0; // several look nowhere together
+        figures.reduce((sum, { spot }) => sum + spot[axis], 0) / figures.length;
+      const heading = this.#robots.length === 1 ? this.#robot.heading : 0; // several look nowhere together
       this.#camera.follow(mean('x'), mean('y'), heading);
     }
     this.#overlay.moved();

@@ -140,7 +140,7 @@ export class RobotScene implements RowView {
       theme: () => this.#theme,
       placeholder: () => this.#placeholders.make(this.#eye.reach * PLACEHOLDER_REACHES),
       placed: () => this.#placed(),
-      framed: (_robot, eased) => this.#framed(eased),
+      framed: (eased) => this.#framed(eased),
       changed: () => this.#loop.request(),
     });
     robot.staleEffect.setPixelRatio(this.pixelRatio);

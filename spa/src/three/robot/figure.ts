@@ -1,38 +1,19 @@
 import type { Box3, Matrix4, Object3D, Ray } from 'three';
 import type { LinkBox } from '../../model/bounds.ts';
-import type { LinkLook, PosedBody } from '../../model/posed_body.ts';
+import type { StagedFigure } from '../../view/figure_node.ts';
 
-/** The same robot once more, see-through, in another pose. It goes with its robot. */
-export interface FigureGhost {
-  /** Turns its joints; rad or m by URDF name. False when nothing changed: then there is nothing to draw. */
-  setJoints(joints: ReadonlyMap<string, number>): boolean;
-  /** How a link is shown; a ghost can only fade and hide. */
-  setLook(link: string, look: LinkLook): void;
-  dispose(): void;
-}
+export type { FigureGhost } from '../../view/figure_node.ts';
 
 /** A robot as the scene handles it, whatever it was read from. */
-export interface Figure extends PosedBody {
+export interface Figure extends StagedFigure {
   readonly root: Object3D;
-  /** Those of its joints that turn without end. */
-  readonly continuousNames: readonly string[];
   readonly boxes: Iterable<readonly [link: { readonly matrixWorld: Matrix4 }, box: LinkBox]>;
   /** world_from_link of the newest `place` or `ground`, column-major. */
   linkMatrix(name: string): Matrix4 | undefined;
-  /** Turns the joints; rad or m. False when nothing changed: then there is nothing to draw. */
-  setJoints(joints: ReadonlyMap<string, number>): boolean;
-  /** Puts the root link at a place in the world and computes where every link is. */
-  place(xyz: readonly [number, number, number], quat_wxyz: readonly [number, number, number, number]): void;
-  /** Stands the robot at the world's origin, its lowest point on the floor, turned as told: upright without. */
-  ground(quat_wxyz?: readonly [number, number, number, number]): void;
   /** The world's box around everything that is drawn, or around the link origins while nothing is. */
   bounds(into: Box3): Box3;
   /** The link that a ray in the world meets first. */
   pick(ray: Ray): string | null;
-  /** How a link is shown from now on. */
-  setLook(link: string, look: LinkLook): void;
-  ghost(): FigureGhost;
-  dispose(): void;
 }
 
 /** What showing a robot needs of the scene, and may ask it for. */

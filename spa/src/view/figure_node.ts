@@ -1,0 +1,308 @@
+import { prefersReducedMotion } from '../browser/reduced_motion.ts';
+import { linksMovedBy, treeOf } from '../model/link_tree.ts';
+import type { LinkLook, LinkTint, PosedBody } from '../model/posed_body.ts';
+import type { ModelReport } from '../model/report.ts';
+import { RootPose } from '../model/root_pose.ts';
+import type { KinematicTree } from '../twin/kinematic_tree.ts';
+import type { Pose } from '../twin/playback/pose.ts';
+import type { Quat, Vec3 } from '../twin/rotation.ts';
+import type { PoseSource, RowMember } from './body_view.ts';
+import { type GhostRequest, ghostOf } from './ghost_pose.ts';
+import type { Moving } from './render_loop.ts';
+import type { RowItem } from './row_layout.ts';
+
+export type OnProgress = (receivedBytes: number, totalBytes: number) => void;
+
+/** The same robot once more, see-through, in another pose. It goes with its robot. */
+export interface FigureGhost {
+  /** Turns its joints; rad or m by URDF name. False when nothing changed: then there is nothing to draw. */
+  setJoints(joints: ReadonlyMap<string, number>): boolean;
+  /** How a link is shown; a ghost can only fade and hide. */
+  setLook(link: string, look: LinkLook): void;
+  dispose(): void;
+}
+
+/** A robot's body as a node stages it, whatever it is drawn with. */
+export interface StagedFigure extends PosedBody {
+  /** Those of its joints that turn without end. */
+  readonly continuousNames: readonly string[];
+  /** Turns the joints; rad or m. False when nothing changed: then there is nothing to draw. */
+  setJoints(joints: ReadonlyMap<string, number>): boolean;
+  /** Puts the root link at a place in the world and computes where every link is. */
+  place(xyz: Vec3, quat_wxyz: Quat): void;
+  /** Stands the robot at the world's origin, its lowest point on the floor, turned as told: upright without. */
+  ground(quat_wxyz?: Quat): void;
+  /** How a link is shown from now on. */
+  setLook(link: string, look: LinkLook): void;
+  ghost(): FigureGhost;
+  dispose(): void;
+}
+
+/** What a robot asks of the picture that it stands in. */
+export interface NodeHost {
+  /** It is somewhere else now, or looks different: shadows and a picture, please. */
+  placed(): void;
+  /** It has another size now: the camera should look again. */
+  framed(eased: boolean): void;
+  /** A picture, please; nothing has moved. */
+  changed(): void;
+}
+
+/** One robot in a picture: its model on the way in, its pose, its ghost, and how old that is. */
+export abstract class FigureNode<F extends StagedFigure> implements RowMember, Moving, RowItem {
+  readonly #host: NodeHost;
+  readonly #rootPose = new RootPose();
+  #figure: F | null = null;
+  #ghost: FigureGhost | null = null;
+  #ghostWish: GhostRequest | null = null;
+  #ghostLinks: readonly string[] = [];
+  #loading: AbortController | null = null;
+  #source: PoseSource | null = null;
+  #pose: Pose | null = null;
+  #grey = false;
+  #isOld = true;
+  #unread: ReadonlySet<string> = NONE;
+
+  constructor(host: NodeHost) {
+    this.#host = host;
+  }
+
+  /** null until a model has come. */
+  get figure(): F | null {
+    return this.#figure;
+  }
+
+  /** The pose that is shown. */
+  get pose(): Pose | null {
+    return this.#pose;
+  }
+
+  /** Whether its colours are to drain: what it shows is not the robot's present, or there is no pose at all. */
+  get isOld(): boolean {
+    return this.#isOld;
+  }
+
+  /** Where it looks, rad from the world's x; 0 while there is no model. */
+  get heading(): number {
+    const elements = this.#figure?.root.matrixWorld.elements;
+    return elements === undefined ? 0 : Math.atan2(elements[1]!, elements[0]!);
+  }
+
+  abstract get size(): readonly [number, number, number] | null;
+
+  abstract standAside(y: number): void;
+
+  /** Loads the robot that a bundle's manifest describes. Never rejects: what is wrong stands in the report. A later
+   *  call supersedes an earlier one. */
+  load(manifestUrl: string, onProgress: OnProgress): Promise<ModelReport> {
+    return this.supersede(async (signal, report) => {
+      await this.read(manifestUrl, onProgress, signal, report);
+      const named = [...(this.#pose?.joints.keys() ?? [])];
+      report.ignored = named.filter((name) => !report.joints.includes(name));
+      this.#host.framed(true);
+    });
+  }
+
+  /** Lets it follow a source from the next tick on; the loop is woken when the source has something new. */
+  play(source: PoseSource | null): void {
+    this.#source = source;
+    if (this.#figure !== null) source?.setContinuous(this.#figure.continuousNames);
+  }
+
+  /** Shows a pose at once; `live` false marks it as one that is not the robot's present. */
+  setPose(pose: Pose, live: boolean): void {
+    this.#show(pose);
+    this.setGrey(!live);
+  }
+
+  /** Lets the colour drain to grey: stale or offline. A robot without any pose is grey. */
+  setGrey(grey: boolean): void {
+    this.#grey = grey;
+    this.#updateGrey();
+  }
+
+  advance(seconds: number, nowMs: number): boolean {
+    const moving = this.#source?.sample(nowMs) ?? false;
+    const pose = this.#source?.pose() ?? null;
+    if (pose !== null) this.#show(pose);
+    return this.drain(prefersReducedMotion() ? Number.POSITIVE_INFINITY : seconds) || moving;
+  }
+
+  /** How its links hang together; null until a model has come. */
+  tree(): KinematicTree | null {
+    return this.#figure === null ? null : treeOf(this.#figure);
+  }
+
+  setLinkLook(link: string, look: LinkLook): void {
+    this.#figure?.setLook(link, look);
+    this.#host.changed();
+  }
+
+  setTint(link: string, tint: LinkTint | null): void {
+    this.#figure?.setTint(link, tint);
+  }
+
+  /**
+   * Shows the robot a second time, see-through, in another pose (rad or m by URDF name); null takes it away. With
+   * `limbs`, only what lies beyond those joints is shown, and all other joints stand as the body's do.
+   */
+  showGhost(joints: ReadonlyMap<string, number> | null, limbs: readonly string[] | null = null): void {
+    if (joints === null && this.#ghostWish === null) return;
+    this.#ghostWish = joints === null ? null : { joints, limbs };
+    if (this.#poseGhost()) this.#host.changed();
+  }
+
+  /** Links of the ghost that are shown. */
+  get ghostLinks(): readonly string[] {
+    return this.#ghost === null ? [] : this.#ghostLinks;
+  }
+
+  /** Whether the robot faces along the world's x whatever its sensors say. */
+  lockHeading(locked: boolean): void {
+    if (this.#rootPose.lockHeading(locked)) this.put();
+  }
+
+  /** world_from_link for every link: 4×4, row after row, metres, world Z up. */
+  linkPoses(): Record<string, number[]> {
+    const figure = this.#figure;
+    if (figure === null) return {};
+    return Object.fromEntries(
+      figure.linkNames.map((name) => {
+        const { elements } = figure.linkMatrix(name)!;
+        return [name, Array.from({ length: 16 }, (_, i) => elements[(i % 4) * 4 + Math.floor(i / 4)]!)];
+      }),
+    );
+  }
+
+  dispose(): void {
+    this.#loading?.abort();
+    this.clear();
+  }
+
+  /** Reads a model and shows it (`adopt`) as far as it comes. Rejects with one line when there is nothing to show. */
+  protected abstract read(
+    manifestUrl: string,
+    onProgress: OnProgress,
+    signal: AbortSignal,
+    report: ModelReport,
+  ): Promise<void>;
+
+  /** Lets colours go towards grey, or come back, by so many seconds (Infinity: at once). True while that goes on. */
+  protected abstract drain(seconds: number): boolean;
+
+  /** There is a new figure, which is then posed and placed. */
+  protected adopted(_figure: F): void {}
+
+  /** The figure's links are elsewhere now. */
+  protected moved(_figure: F): void {}
+
+  /** The robot is to be grey from now on, or no longer. */
+  protected setOld(_isOld: boolean): void {}
+
+  /** Does this in place of whatever was being loaded. */
+  protected async supersede(
+    work: (signal: AbortSignal, report: ModelReport) => Promise<void>,
+  ): Promise<ModelReport> {
+    this.#loading?.abort();
+    const loading = new AbortController();
+    this.#loading = loading;
+    const report: ModelReport = { missing: [], joints: [], ignored: [], problems: [] };
+    try {
+      await work(loading.signal, report);
+    } catch (cause) {
+      report.error = cause instanceof Error ? cause.message : String(cause);
+      if (!loading.signal.aborted) this.clear(); // the model before is not this robot's any more
+    }
+    if (loading.signal.aborted) report.error = 'superseded by a newer model';
+    return report;
+  }
+
+  /** Shows this figure, in the newest pose, in place of the one before. */
+  protected adopt(figure: F): void {
+    this.clear();
+    this.#figure = figure;
+    this.adopted(figure);
+    this.#source?.setContinuous(figure.continuousNames);
+    this.#unread = NONE;
+    if (this.#pose !== null) {
+      figure.setJoints(this.#pose.joints);
+      this.#mark(this.#pose.unread ?? NONE);
+    }
+    this.put();
+    this.#host.framed(false);
+  }
+
+  /** Takes the figure away. */
+  protected clear(): void {
+    this.#figure?.dispose();
+    this.#figure = this.#ghost = null;
+    this.#host.placed();
+  }
+
+  /** Computes where every link is, and asks for a picture of it. */
+  protected put(): void {
+    const figure = this.#figure;
+    if (figure === null) return;
+    const { xyz, quat_wxyz } = this.#rootPose.root((link) => figure.rootTurn(link));
+    if (xyz === null) figure.ground(quat_wxyz);
+    else figure.place(xyz, quat_wxyz);
+    this.#poseGhost();
+    this.moved(figure);
+    this.#host.placed();
+  }
+
+  #show(pose: Pose): void {
+    this.#pose = pose;
+    this.#updateGrey();
+    const stepped = this.#rootPose.update(pose);
+    const turned = this.#figure?.setJoints(pose.joints) ?? false;
+    const marked = this.#mark(pose.unread ?? NONE);
+    if (turned || stepped) this.put();
+    else if (this.#poseGhost() || marked) this.#host.changed();
+  }
+
+  /** Marks the links whose joints have no reading; true when they are others than before. */
+  #mark(joints: ReadonlySet<string>): boolean {
+    if (this.#figure === null || sameSet(joints, this.#unread)) return false;
+    this.#unread = joints;
+    this.#figure.markUnread(linksMovedBy(this.#figure, joints));
+    return true;
+  }
+
+  /** True when the ghost looks different now. */
+  #poseGhost(): boolean {
+    const figure = this.#figure;
+    const wanted = figure === null ? null : ghostOf(figure, this.#pose, this.#ghostWish);
+    if (figure === null || wanted === null) {
+      const had = this.#ghost !== null;
+      this.#ghost?.dispose();
+      this.#ghost = null;
+      return had;
+    }
+    const { joints, links } = wanted;
+    const made = this.#ghost === null;
+    const ghost = this.#ghost ?? figure.ghost();
+    this.#ghost = ghost;
+    const otherLinks = made || links.join('\n') !== this.#ghostLinks.join('\n');
+    if (otherLinks) {
+      this.#ghostLinks = links;
+      const seen = new Set(links);
+      for (const link of figure.linkNames) ghost.setLook(link, { hide: !seen.has(link) });
+    }
+    return ghost.setJoints(joints) || otherLinks;
+  }
+
+  #updateGrey(): void {
+    const isOld = this.#grey || this.#pose === null;
+    if (isOld === this.#isOld) return;
+    this.#isOld = isOld;
+    this.setOld(isOld);
+    this.#host.changed();
+  }
+}
+
+const NONE: ReadonlySet<string> = new Set();
+
+function sameSet<T>(a: ReadonlySet<T>, b: ReadonlySet<T>): boolean {
+  return a === b || (a.size === b.size && [...a].every((item) => b.has(item)));
+}
