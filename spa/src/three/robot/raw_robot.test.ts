@@ -2,16 +2,19 @@
 import { existsSync, readFileSync } from 'node:fs';
 import { resolve } from 'node:path';
 import { Box3, Color, type Mesh, Object3D, Ray, Vector3 } from 'three';
-import { expect, test } from 'vitest';
+import { expect, test, vi } from 'vitest';
+import type { BundleFile } from '../../model/bundle.ts';
 import type { Lod } from '../../model/lod.ts';
+import type { ModelReport } from '../../model/report.ts';
 import { modelOf, UrdfError } from '../../urdf/manifest.ts';
 import { LodBuilder, type PaintedSurface } from '../../urdf/meshes/lod_builder.ts';
-import { cubeSoup } from '../../urdf/meshes/mesh_samples.ts';
+import { binaryStl, cubeSoup } from '../../urdf/meshes/mesh_samples.ts';
 import { surfaceOf } from '../../urdf/meshes/primitives.ts';
 import { weld } from '../../urdf/meshes/weld.ts';
 import { readUrdf } from '../../urdf/reader.ts';
 import { readXml } from '../../urdf/xml.ts';
-import { fetchUrdf } from './raw_robot.ts';
+import type { Figure } from './figure.ts';
+import { fetchUrdf, showRaw } from './raw_robot.ts';
 import { SkinnedRobot } from './skinned_robot.ts';
 import { StaleEffect } from './stale_effect.ts';
 
@@ -234,6 +237,65 @@ test('one mesh that two thousand visuals show is stored once and bounded where i
     for (; shown < shapes.length; shown += 1) lod.put(shown, large);
   }).toThrow('left out: the robot unpacks to too many bytes already');
   expect(shown).toBe(14);
+});
+
+test('sixty meshes are seen as they come, from the floor up, in a few pictures; one that is missing is marked', async () => {
+  const link = (i: number) =>
+    `<link name="l${i}"><visual><geometry><mesh filename="${i}.stl"/></geometry></visual></link>`;
+  const joint = (i: number) =>
+    `<joint name="j${i}" type="fixed"><parent link="l${i - 1}"/><child link="l${i}"/><origin xyz="0 0 -1"/></joint>`;
+  const all = Array.from({ length: 60 }, (_, i) => i);
+  const urdf = readUrdf(
+    readXml(`<robot name="r">${all.map(link).join('')}${all.slice(1).map(joint).join('')}</robot>`),
+  );
+  const asked: string[] = [];
+  let line: Promise<unknown> = Promise.resolve();
+  const fetch = async ({ path }: BundleFile) => {
+    asked.push(path);
+    line = line.then(() => new Promise((resolve) => setImmediate(resolve))); // one after the other
+    await line;
+    return binaryStl(cubeSoup());
+  };
+  const file = (i: number) => [`${i}.stl`, { path: `${i}.stl`, uri: `${i}.stl`, size: 684 }] as const;
+  const manifest = {
+    urdf: { path: 'r.urdf', uri: 'r.urdf', size: 100 },
+    files: new Map(all.slice(1).map(file)),
+    missing: new Set(['0.stl']),
+  };
+  const stage = {
+    signal: new AbortController().signal,
+    show: (robot: Figure) => robot.place([0, 0, 0], [1, 0, 0, 0]),
+    skinned: vi.fn(),
+    changed: vi.fn(),
+    placeholder: vi.fn(() => new Object3D()),
+  };
+  const wear = vi.spyOn(SkinnedRobot.prototype, 'wear');
+  const report: ModelReport = { missing: [], joints: [], ignored: [], problems: [] };
+  const tones = { accent: { value: new Color() }, caution: { value: new Color() } };
+  const totals: number[] = [];
+  await showRaw(
+    { urdf, manifest, files: { fetch } },
+    stage,
+    new StaleEffect(new Color()),
+    tones,
+    report,
+    (total) => totals.push(total),
+  );
+  expect(totals).toEqual([100 + 59 * 684]);
+  expect(asked).toEqual(
+    all
+      .slice(1)
+      .reverse()
+      .map((i) => `${i}.stl`),
+  );
+  const triangles = wear.mock.calls.map(([level]) => level.index.length / 3);
+  expect(triangles).toEqual([1, 2, 4, 8, 16, 32, 59].map((count) => count * 12));
+  expect(stage.placeholder).toHaveBeenCalledTimes(1);
+  expect(stage.skinned).toHaveBeenCalledTimes(1);
+  expect(report.missing).toEqual(['0.stl']);
+  expect(report.problems).toEqual(['0.stl: not found by the robot']);
+  expect(report.meshes?.get('7.stl')?.triangles).toBe(12);
+  wear.mockRestore();
 });
 
 test('a shape without end is named and not drawn, and no box is broken by it', () => {
