@@ -20,18 +20,18 @@ from posecast_relay.auth.addresses import Addresses
 from posecast_relay.http.app import AnswerCache
 from posecast_relay.http.robot_state import StateReader
 from posecast_relay.runtime.boundary import isolated, isolated_task
-from posecast_relay.streaming.encodings import EventStreamEncoding, JsonEncoding
+from posecast_relay.streaming.encodings import EventStreamEncoding, JsonEncoding, JsonOutlet
 from posecast_relay.streaming.http_connection import HttpConnection
 from posecast_relay.streaming.pending_requests import PendingRequests
 from posecast_relay.streaming.request_timeouts import RequestTimeouts
 from posecast_relay.streaming.sse import EventStream, _Http
-from posecast_relay.streaming.websocket import LiveSocket, _JsonOutlet
+from posecast_relay.streaming.websocket import LiveSocket
 
 VICTIM = "127.0.0.2"
 ROBOT = "victim"
 TOKEN = "L1.victim"
 CLASSES = (
-    *(LiveSocket, _JsonOutlet, EventStream, HttpConnection, _Http),
+    *(LiveSocket, JsonOutlet, EventStream, HttpConnection, _Http),
     *(
         PendingRequests,
         RequestTimeouts,

@@ -72,6 +72,8 @@ ANSWERED = {
         "StateReader.read",
         "PendingRequests.wait",
         "Access.frame_ancestors",
+        "Access.refusal",
+        "Access.enter_address",
         "Addresses.enter",
     ),
 }

@@ -32,7 +32,8 @@ from posecast_relay.store_memory import MemoryStore
 from posecast_relay.streaming.decode_cache import DecodeCache
 from posecast_relay.streaming.encodings import EventStreamEncoding
 from posecast_relay.streaming.request import bearer, joined, read_target
-from posecast_relay.streaming.websocket import live_protocol, short_text
+from posecast_relay.streaming.viewer_frames import short_text
+from posecast_relay.streaming.websocket import live_protocol
 
 from .test_flood import BEGUN, MASK, PIECE, PING, Wire, request
 from .test_http_connection import CHUNKED, GET, POST, Desk

@@ -24,7 +24,8 @@ from posecast_relay.runtime.dispatcher import Dispatcher
 from posecast_relay.runtime.fan_out import FanOut
 from posecast_relay.store_memory import MemoryStore
 from posecast_relay.streaming.decode_cache import DecodeCache
-from posecast_relay.streaming.websocket import live_protocol, short_text
+from posecast_relay.streaming.viewer_frames import short_text
+from posecast_relay.streaming.websocket import live_protocol
 from posecast_wire import Close
 
 from . import autobahn

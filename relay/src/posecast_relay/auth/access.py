@@ -5,8 +5,8 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections.abc import Collection
+from dataclasses import replace
 from functools import partial
-from http import HTTPStatus
 
 from posecast_wire import Close
 
@@ -15,12 +15,12 @@ from posecast_relay.auth.origins import may_show
 from posecast_relay.auth.tokens import Tokens, Unverifiable
 from posecast_relay.core.delayed_hub import DelayedHub
 from posecast_relay.core.hub import Hub
+from posecast_relay.core.policy.admission import REFUSALS, Applicant, Refusal, admit
 from posecast_relay.core.policy.policy import ANYONE, Audience, Grant, Policy, Principal
 from posecast_relay.core.state.robot import Robot
 from posecast_relay.core.state.room import Room
 from posecast_relay.core.state.stream import Stream
 from posecast_relay.core.viewer.viewer import Viewer
-from posecast_relay.runtime.boundary import FAULT
 from posecast_relay.runtime.dispatcher import Dispatcher, RobotSource
 from posecast_relay.runtime.fan_out import FanOut
 from posecast_relay.store import StateStore
@@ -30,24 +30,6 @@ log = logging.getLogger("posecast_relay")
 
 RENEWALS_MAX = 1000  # under way; a further one is forgotten, and its viewer's old token runs on to its end
 
-BAD_TOKEN = "the link or sign-in is wrong or has expired"
-CROWDED = "as many streams as this address may have"
-FOREIGN = "not for pages of this origin"
-HIDDEN = "no such robot here, or not for you"
-OTHER_VIEW = "this view is not for you"
-REASONS = {
-    Close.TOKEN: BAD_TOKEN,
-    Close.ABSENT: HIDDEN,
-    Close.FORBIDDEN: OTHER_VIEW,
-    Close.FULL: "who you are can't be found out just now",
-    Close.INTERNAL_ERROR: FAULT,
-}
-STATUSES = {
-    Close.TOKEN: HTTPStatus.UNAUTHORIZED,
-    Close.ABSENT: HTTPStatus.NOT_FOUND,
-    Close.FORBIDDEN: HTTPStatus.FORBIDDEN,
-    Close.FULL: HTTPStatus.SERVICE_UNAVAILABLE,
-}
 RECHECK_S = 300.0  # accounts of those who watch: signed out, disabled, revoked?
 
 
@@ -84,9 +66,31 @@ class Access:
         assert isinstance(self.later.hub, DelayedHub)
         return self.later.hub
 
-    def judge(self, who: Principal, robot: str, view: str | None = None) -> Grant | Close:
-        """See Policy."""
-        return self.policy.judge(who, robot, view)
+    def refusal(self, applicant: Applicant) -> Refusal | None:
+        """What speaks against them already, also before it is known who they are."""
+        decision = admit(applicant, self.policy)
+        return decision if isinstance(decision, Refusal) else None
+
+    def judge(self, applicant: Applicant) -> Grant | Refusal:
+        """What they get of a robot, or why not. It is known who they are, or why that can't be known."""
+        decision = admit(applicant, self.policy)
+        assert decision is not None
+        return decision
+
+    def enter_address(self, applicant: Applicant, peer: str, forwarded: str | None) -> str | Refusal:
+        """Count one more stream of an address, to be taken off when it ends (`addresses.leave`).
+
+        Refusal when they, or that address, may not have one at all.
+        """
+        refusal = self.refusal(applicant)
+        if refusal is not None and refusal.at_door:
+            return refusal
+        address = self.addresses.enter(peer, forwarded)
+        if address is not None:
+            return address
+        crowded = self.judge(replace(applicant, is_crowded=True))
+        assert isinstance(crowded, Refusal)
+        return crowded
 
     async def who(self, token: str) -> Principal | Close:
         """Who has a token; TOKEN when it is not good, FULL when that can't be found out just now."""
@@ -155,13 +159,13 @@ class Access:
             self._judge_again(dispatcher, viewer, who)
         except Exception as e:
             dispatcher.report_fault("a viewer's rights", e)
-            close = Close.INTERNAL_ERROR
-            dispatcher.carry_out(dispatcher.hub.refuse(viewer, close, REASONS[close]))
+            refusal = REFUSALS[Close.INTERNAL_ERROR]
+            dispatcher.carry_out(dispatcher.hub.refuse(viewer, refusal.close, refusal.reason))
 
     def _judge_again(self, dispatcher: Dispatcher, viewer: Viewer, who: Principal | Close) -> None:
-        found = who if isinstance(who, Close) else self.judge(who, viewer.robot, viewer.asked_view)
-        if isinstance(found, Close):
-            dispatcher.carry_out(dispatcher.hub.refuse(viewer, found, REASONS[found]))
+        found = self.judge(Applicant(viewer.robot, viewer.asked_view, who=who))
+        if isinstance(found, Refusal):
+            dispatcher.carry_out(dispatcher.hub.refuse(viewer, found.close, found.reason))
         else:
             viewer.set_expiry(self.expires_at(found))
             dispatcher.carry_out(dispatcher.hub.regrant(viewer, found, dispatcher.now()))

@@ -30,6 +30,7 @@ from posecast_relay.core.drain import Drain
 from posecast_relay.core.edge_messages import conflict_event
 from posecast_relay.core.limits import Limits
 from posecast_relay.core.load_shedder import LoadShedder
+from posecast_relay.core.policy.admission import DRAIN_RETRY_S, GOING, Occupancy, find_no_room
 from posecast_relay.core.policy.policy import PUBLIC, Grant
 from posecast_relay.core.roster import Headcount
 from posecast_relay.core.state.robot import Robot
@@ -38,11 +39,8 @@ from posecast_relay.core.uplink import Uplink
 from posecast_relay.core.viewer import messages
 from posecast_relay.core.viewer.viewer import Viewer
 
-FULL_RETRY_S = 30.0
-DRAIN_RETRY_S = 10.0
 RENEW_RETRY_S = 1.0  # these come one by one already
 EXPIRED = "the link or sign-in has expired"
-GOING = "the relay is being replaced"
 FORGET_EVERY = 20  # sweeps
 # With as many robots as the limits allow those that are gone make room for others. Those that have never sent
 # anything are forgotten as soon.
@@ -105,20 +103,16 @@ class Hub(Uplink):
     def _join(self, viewer: Viewer, now: float, unix_s: float) -> list[Action]:
         self.joins += 1
         viewer.set_number(self.joins)
-        if self.draining is not None:
-            self.endings[Close.DRAIN] += 1
-            return [CloseConnection(viewer, Close.DRAIN, GOING, DRAIN_RETRY_S)]
-        if self.headcount.total() >= self.limits.viewers:
-            self.endings[Close.FULL] += 1
-            return [CloseConnection(viewer, Close.FULL, "as many viewers as this relay takes", FULL_RETRY_S)]
         grant = viewer.grant
+        here = 0 if grant is None else self.admitted[grant.robot, grant.by]
+        occupancy = Occupancy(
+            *(self.headcount.total(), self.limits.viewers, here), is_draining=self.draining is not None
+        )
+        refusal = find_no_room(grant, occupancy)
+        if refusal is not None:
+            self.endings[refusal.close] += 1
+            return [CloseConnection(viewer, refusal.close, refusal.reason, refusal.retry_s)]
         if grant is not None:
-            here = self.admitted[grant.robot, grant.by]
-            if grant.viewers is not None and here >= grant.viewers:
-                self.endings[Close.FULL] += 1
-                return [
-                    CloseConnection(viewer, Close.FULL, "as many viewers as this robot takes", FULL_RETRY_S)
-                ]
             self.admitted[grant.robot, grant.by] = here + 1
         viewer.set_rate(min(viewer.asked_hz, self.load.ceiling_hz))
         robot = self.robots.get(viewer.robot)

@@ -11,7 +11,8 @@ from fastapi import FastAPI, HTTPException, Request, Response
 from fastapi.responses import JSONResponse, PlainTextResponse
 from starlette.exceptions import HTTPException as StarletteHTTPException
 
-from posecast_relay.auth.access import HIDDEN, Access
+from posecast_relay.auth.access import Access
+from posecast_relay.core.policy.admission import HIDDEN
 from posecast_relay.core.policy.policy import ANYONE
 from posecast_relay.http.auth import OPEN, asker, granted, shown_to
 from posecast_relay.http.gzip_cache import GzipCache

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from http import HTTPStatus
+from dataclasses import replace
 
 from fastapi import HTTPException, Request
 from posecast_wire import Close
 
-from posecast_relay.auth.access import FOREIGN, REASONS, STATUSES, Access
+from posecast_relay.auth.access import Access
+from posecast_relay.core.policy.admission import Applicant, Refusal
 from posecast_relay.core.policy.policy import ANYONE, Grant, Principal
 from posecast_relay.streaming.request import BadRequest, bearer, refuse_tokens
 
@@ -16,20 +17,44 @@ OPEN = {"access-control-allow-origin": "*"}  # public views: any page may read t
 
 async def asker(access: Access, request: Request) -> Principal:
     """By the `Authorization` header; anyone without one. HTTPException 400, 401, 403, 503."""
+    applicant = await _applicant(access, request, None, None)
+    assert isinstance(applicant.who, Principal)  # else refused
+    return applicant.who
+
+
+async def granted(access: Access, request: Request, robot: str, view: str | None = None) -> Grant:
+    """HTTPException: the same for a robot that is not here and one that is not for the asker."""
+    decision = access.judge(await _applicant(access, request, robot, view))
+    if isinstance(decision, Refusal):
+        raise _answer(decision)
+    return decision
+
+
+async def _applicant(access: Access, request: Request, robot: str | None, view: str | None) -> Applicant:
+    """Who asks. HTTPException."""
     try:
         refuse_tokens(request.query_params)
     except BadRequest as e:
         raise HTTPException(e.status, str(e)) from None
     token = bearer(request.headers.get("authorization"))
     if token is None or access.tokens is None:
-        return ANYONE
-    if not access.may_show(request.headers.get("origin"), request.headers.get("host")):
-        raise HTTPException(HTTPStatus.FORBIDDEN, FOREIGN)
-    who = await access.who(token)
-    if isinstance(who, Close):
-        more = {"www-authenticate": "Bearer"} if who is Close.TOKEN else {"retry-after": "30"}
-        raise HTTPException(STATUSES[who], REASONS[who], more)
-    return who
+        return Applicant(robot, view, who=ANYONE)
+    may_show = access.may_show(request.headers.get("origin"), request.headers.get("host"))
+    applicant = Applicant(robot, view, shows_token=True, is_foreign=not may_show)
+    refusal = access.refusal(applicant)
+    if refusal is None:
+        applicant = replace(applicant, who=await access.who(token))
+        refusal = access.refusal(replace(applicant, robot=None))
+    if refusal is not None:
+        raise _answer(refusal)
+    return applicant
+
+
+def _answer(refusal: Refusal) -> HTTPException:
+    headers = {} if refusal.retry_s is None else {"retry-after": f"{refusal.retry_s:.0f}"}
+    if refusal.close is Close.TOKEN:
+        headers["www-authenticate"] = "Bearer"
+    return HTTPException(refusal.status, refusal.reason, headers)
 
 
 def shown_to(request: Request, everybody: bool) -> dict[str, str]:
@@ -39,11 +64,3 @@ def shown_to(request: Request, everybody: bool) -> dict[str, str]:
     origin = request.headers.get("origin")
     pages = {"access-control-allow-origin": origin, "vary": "origin"} if origin else {}
     return {"cache-control": "no-store"} | pages
-
-
-async def granted(access: Access, request: Request, robot: str, view: str | None = None) -> Grant:
-    """HTTPException: the same for a robot that is not here and one that is not for the asker."""
-    grant = access.judge(await asker(access, request), robot, view)
-    if isinstance(grant, Close):
-        raise HTTPException(STATUSES[grant], REASONS[grant])
-    return grant

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from posecast_relay.auth.access import Access
+from posecast_relay.core.policy.admission import Applicant
 from posecast_relay.core.policy.policy import PUBLIC, Grant, Principal
 from posecast_relay.core.state.robot import Robot
 from posecast_relay.core.state.room import Room
@@ -22,7 +23,7 @@ def robots_document(access: Access, who: Principal, now: float) -> bytes:
     shown = []
     for doc in told:
         try:
-            grant = access.judge(who, doc["robot"])
+            grant = access.judge(Applicant(doc["robot"], who=who))
             summary = _summary(access, grant, doc, now) if isinstance(grant, Grant) else None
             if summary is not None:
                 shown.append(json_bytes(summary | {"viewers": _viewers(access, doc["robot"])}))

@@ -24,6 +24,7 @@ from google.auth.credentials import Credentials
 from posecast_relay.auth.access import Access
 from posecast_relay.core.breaker import Breaker
 from posecast_relay.core.mirror import HZ, Mirror, NodeChange, VisibleRobot
+from posecast_relay.core.policy.admission import Applicant
 from posecast_relay.core.policy.policy import ANYONE, Grant
 
 log = logging.getLogger("posecast_relay")
@@ -114,7 +115,7 @@ class FirebaseMirror:
                 yield name, shown
 
     def _shown_of(self, name: str) -> VisibleRobot | None:
-        grant = self._access.judge(ANYONE, name)
+        grant = self._access.judge(Applicant(name, who=ANYONE))
         if not isinstance(grant, Grant) or grant.viewers is not None:
             return None
         robot, room = self._access.shown(grant) or (None, None)

@@ -9,10 +9,12 @@ from __future__ import annotations
 import base64
 import json
 import re
+from collections.abc import Callable
 from typing import Protocol
 
 from posecast_relay.core.state.stream import Stream
 from posecast_relay.core.viewer import messages
+from posecast_relay.core.viewer.viewer import Outlet
 from posecast_relay.streaming.decode_cache import DecodeCache
 
 TEXT, BINARY = 1, 2  # WebSocket opcodes
@@ -43,6 +45,22 @@ class JsonEncoding:
                 parts += [messages.text(text)] if text is not None else []
             self._last = (data, b"".join(parts))
         return self._last[1]
+
+
+class JsonOutlet:
+    """The outlet of a viewer of `format=json`: `write` puts what it is given that way."""
+
+    descriptor = -1
+
+    def __init__(self, socket: Outlet, write: Callable[[bytes], object]) -> None:
+        self._socket = socket
+        self._write = write
+        self.end = socket.end
+        self.cut = socket.cut
+
+    def write(self, data: bytes) -> None:
+        """Outlet."""
+        self._write(data)
 
 
 class EventStreamEncoding:

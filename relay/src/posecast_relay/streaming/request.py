@@ -10,6 +10,8 @@ from urllib.parse import parse_qs
 
 from posecast_wire import check_name, clamp_hz
 
+from posecast_relay.core.policy.admission import Applicant
+
 STREAM_PATH = re.compile(r"/api/v1/robots/([^/]{1,200})/live(\.sse)?")
 DEFAULT_HZ = "30"
 NUMBER = re.compile(r"[0-9.eE+-]{1,32}")  # what `float` would take beside is no number in an address
@@ -45,6 +47,14 @@ class StreamRequest:
                 check_name("view", self.view)
         except ValueError as e:
             raise NoSuchStream(str(e)) from None
+
+    def applicant(self, shows_token: bool, is_foreign: bool) -> Applicant:
+        """Who asks for it, as far as the request itself tells."""
+        try:
+            self.check()
+        except NoSuchStream as e:
+            return Applicant(self.robot, self.view, shows_token, is_foreign, bad_name=str(e))
+        return Applicant(self.robot, self.view, shows_token, is_foreign)
 
 
 def joined(values: Iterable[str]) -> str | None:

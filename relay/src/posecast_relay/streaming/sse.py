@@ -10,15 +10,15 @@ import asyncio
 import random
 from collections.abc import Callable
 from contextlib import ExitStack
+from dataclasses import replace
 from functools import partial
-from http import HTTPStatus
 from typing import Any, ClassVar, cast
 
 from posecast_wire import Close, Retry, retry_of
 
-from posecast_relay.auth.access import CROWDED, FOREIGN, REASONS, STATUSES, Access
-from posecast_relay.core.hub import DRAIN_RETRY_S, GOING
-from posecast_relay.core.policy.policy import ANYONE, Grant, Principal
+from posecast_relay.auth.access import Access
+from posecast_relay.core.policy.admission import DRAIN_RETRY_S, GOING, Applicant, Refusal
+from posecast_relay.core.policy.policy import ANYONE, Grant
 from posecast_relay.core.viewer import messages
 from posecast_relay.core.viewer.viewer import Viewer
 from posecast_relay.runtime.boundary import FAULT, isolated, isolated_task
@@ -32,7 +32,6 @@ from posecast_relay.streaming.pending_requests import PendingRequests
 from posecast_relay.streaming.request import (
     STREAM_PATH,
     BadRequest,
-    NoSuchStream,
     StreamRequest,
     bearer,
     joined,
@@ -221,45 +220,43 @@ class _Http(HttpConnection):
     def _take_over(self) -> None:
         try:
             asked = read_target(self.url.decode("latin-1"), ".sse")
-            asked.check()
         except BadRequest as e:
             self.refuse(e.status, str(e))
             return
-        except NoSuchStream as e:
-            self.refuse(HTTPStatus.NOT_FOUND, str(e))
-            return
-        token = bearer(self._header(b"authorization"))
-        if token is None or self.access.tokens is None:
-            self._enter(asked, ANYONE)
-        elif not self.access.may_show(self._header(b"origin"), self._header(b"host")):
-            self.refuse(HTTPStatus.FORBIDDEN, FOREIGN)
+        token = bearer(self._header(b"authorization")) if self.access.tokens is not None else None
+        may_show = self.access.may_show(self._header(b"origin"), self._header(b"host"))
+        applicant = asked.applicant(token is not None, not may_show)
+        refusal = self.access.refusal(applicant)
+        if refusal is not None:
+            self.refuse(refusal.status, refusal.reason)
+        elif token is None:
+            self._enter(asked, replace(applicant, who=ANYONE))
         else:
-            self._entering = asyncio.create_task(self._enter_by(asked, token), name="token")
+            self._entering = asyncio.create_task(self._enter_by(asked, applicant, token), name="token")
 
     def _header(self, name: bytes) -> str | None:
         return joined(value.decode("latin-1") for each, value in self.headers if each == name)
 
     @isolated_task
-    async def _enter_by(self, asked: StreamRequest, token: str) -> None:
+    async def _enter_by(self, asked: StreamRequest, applicant: Applicant, token: str) -> None:
         who = await self.access.who(token)
         if not self.transport.is_closing():
-            self._enter(asked, who)
+            self._enter(asked, replace(applicant, who=who))
 
-    def _enter(self, asked: StreamRequest, who: Principal | Close) -> None:
-        grant = who if isinstance(who, Close) else self.access.judge(who, asked.robot, asked.view)
-        if isinstance(grant, Close):
-            self.refuse(STATUSES[grant], REASONS[grant])
+    def _enter(self, asked: StreamRequest, applicant: Applicant) -> None:
+        grant = self.access.judge(applicant)
+        if isinstance(grant, Refusal):
+            self.refuse(grant.status, grant.reason)
             return
-        addresses = self.access.addresses
         peer = (self.transport.get_extra_info("peername") or ("",))[0]
-        address = addresses.enter(peer, self._header(b"x-forwarded-for"))
-        if address is None:
-            self.refuse(HTTPStatus.SERVICE_UNAVAILABLE, CROWDED)
+        address = self.access.enter_address(applicant, peer, self._header(b"x-forwarded-for"))
+        if isinstance(address, Refusal):
+            self.refuse(address.status, address.reason)
             return
         self.connections.discard(self)
         form, dispatcher = self.forms[asked.decoded], self.access.dispatcher(grant)
         pages = "*" if grant.open else self._header(b"origin")  # that one was let in
-        left = partial(addresses.leave, address)
+        left = partial(self.access.addresses.leave, address)
         try:
             stream = EventStream(self.transport, self.connections, dispatcher, form, asked, grant, left)
         except Exception:

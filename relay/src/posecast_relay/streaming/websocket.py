@@ -9,6 +9,8 @@ from __future__ import annotations
 import asyncio
 import random
 from contextlib import ExitStack
+from dataclasses import replace
+from functools import partial
 from http import HTTPStatus
 from typing import TYPE_CHECKING, Any, ClassVar, cast
 
@@ -19,23 +21,17 @@ from websockets.http11 import Request
 from websockets.protocol import CONNECTING, OPEN
 from websockets.server import ServerProtocol
 
-from posecast_relay.auth.access import CROWDED, FOREIGN, REASONS, Access
-from posecast_relay.core.hub import DRAIN_RETRY_S, FULL_RETRY_S, GOING
-from posecast_relay.core.policy.policy import ANYONE, Grant
+from posecast_relay.auth.access import Access
+from posecast_relay.core.policy.admission import DRAIN_RETRY_S, GOING, REFUSALS, Applicant, Refusal
+from posecast_relay.core.policy.policy import ANYONE
 from posecast_relay.core.viewer import messages
 from posecast_relay.core.viewer.viewer import Viewer
 from posecast_relay.runtime.boundary import FAULT, isolated, isolated_task
 from posecast_relay.runtime.socket_options import descriptor_of, use_small_buffers
 from posecast_relay.streaming.decode_cache import DecodeCache
-from posecast_relay.streaming.encodings import Encoding, JsonEncoding
-from posecast_relay.streaming.request import (
-    BadRequest,
-    NoSuchStream,
-    StreamRequest,
-    bearer,
-    joined,
-    read_target,
-)
+from posecast_relay.streaming.encodings import Encoding, JsonEncoding, JsonOutlet
+from posecast_relay.streaming.request import BadRequest, StreamRequest, bearer, joined, read_target
+from posecast_relay.streaming.viewer_frames import Fragments, frame_bytes, short_text
 
 if TYPE_CHECKING:
     from uvicorn.config import Config
@@ -47,19 +43,6 @@ AFTER_END_BYTES = 1024  # are read of a viewer that was told the end: its answer
 CLOSING_S = 2.0  # a viewer that does not answer a close in this time is cut off
 HEADERS = ("Origin", "Host", "Authorization", "X-Forwarded-For")
 FAILED = b"HTTP/1.1 500 Internal Server Error\r\ncontent-length: 0\r\nconnection: close\r\n\r\n"
-SHORT = 125  # bytes of a message whose size stands in the frame's second byte
-
-
-def short_text(data: bytes) -> bytes | None:
-    """The text, when `data` is one whole text message of a viewer, and a short one: as an acknowledgement is.
-
-    A fifth of what the library takes for it. Whatever is not plainly that is the library's to judge.
-    """
-    size = len(data) - 6
-    if not 0 < size <= SHORT or data[0] != 0x81 or data[1] != 0x80 | size:
-        return None
-    mask = (data[2:6] * ((size + 3) // 4))[:size]
-    return (int.from_bytes(data[6:], "big") ^ int.from_bytes(mask, "big")).to_bytes(size, "big")
 
 
 class LiveSocket(asyncio.Protocol):
@@ -83,7 +66,7 @@ class LiveSocket(asyncio.Protocol):
         self.descriptor = -1  # to be written to directly: never while anything waits in the transport
         self._over = False  # nothing may be written any more
         self._failed = False
-        self._fragments: list[bytes] | None = None
+        self._fragments = Fragments()
         self._flooded = False  # by its viewer: nothing more is read
         self._after_end = 0  # bytes that came since it was told the end
         self._early = 0  # frames that came before it was a viewer
@@ -91,6 +74,7 @@ class LiveSocket(asyncio.Protocol):
         self._closing: asyncio.TimerHandle | None = None
         self._address: str | None = None  # whose streams it counts among
         self._asked: StreamRequest | None = None  # what is wanted, while a token is waited for
+        self._applicant = Applicant()  # by whom
         self._no_token: asyncio.TimerHandle | None = None
         self._entering: asyncio.Task[None] | None = None
 
@@ -141,7 +125,7 @@ class LiveSocket(asyncio.Protocol):
         """Bytes from the viewer (first of all its HTTP request, as uvicorn read it)."""
         if self._viewer is not None:
             self._viewer.record_heard(self.dispatcher.now())
-        if self._unread == 0 and self._fragments is None and self._ws.state is OPEN:
+        if self._unread == 0 and not self._fragments and self._ws.state is OPEN:
             text = short_text(data)
             if text is not None:
                 self._text(text)
@@ -165,8 +149,7 @@ class LiveSocket(asyncio.Protocol):
                 if data.endswith(b"\r\n\r\n"):  # else what it read of a message is not known, nor will be
                     self._unread = 0
             elif isinstance(event, WebSocketFrame):
-                size = len(event.data)
-                self._unread -= size + (6 if size <= SHORT else 8 if size < 1 << 16 else 14)
+                self._unread -= frame_bytes(len(event.data))
                 self._frame(event)
         self._send_own()
 
@@ -190,45 +173,42 @@ class LiveSocket(asyncio.Protocol):
         try:
             asked = read_target(request.path)
         except BadRequest as e:
-            self.dispatcher.handshakes["refused"] += 1
-            self._ws.send_response(self._ws.reject(e.status, f"{e}\n"))
+            self._reject(e.status, str(e), None)
             return
         origin, host, authorization, forwarded = (joined(request.headers.get_all(name)) for name in HEADERS)
         token = bearer(authorization)
-        if (asked.auth or token) and not self.access.may_show(origin, host):
-            self.dispatcher.handshakes["refused"] += 1
-            self._ws.send_response(self._ws.reject(HTTPStatus.FORBIDDEN, FOREIGN + "\n"))
+        # a page's origin is looked at even where nobody verifies tokens
+        applicant = asked.applicant(asked.auth or token is not None, not self.access.may_show(origin, host))
+        peer = (self._transport.get_extra_info("peername") or ("",))[0]
+        address = self.access.enter_address(applicant, peer, forwarded)
+        if isinstance(address, Refusal):
+            self._reject(address.status, address.reason, address.retry_s)
             return
-        self._address = self.access.addresses.enter(
-            (self._transport.get_extra_info("peername") or ("",))[0], forwarded
-        )
-        if self._address is None:
-            self.dispatcher.handshakes["refused"] += 1
-            response = self._ws.reject(HTTPStatus.SERVICE_UNAVAILABLE, CROWDED + "\n")
-            response.headers["Retry-After"] = "30"
-            self._ws.send_response(response)
-            return
+        self._address = address
         self._ws.send_response(self._ws.accept(request))
         self._send_own()
         if self._ws.state is not OPEN:
             self.dispatcher.handshakes["refused"] += 1
-            return
-        try:
-            asked.check()
-        except NoSuchStream as e:
-            self.dispatcher.hub.endings[Close.ABSENT] += 1
-            self.dispatcher.handshakes["told to go"] += 1
-            self.end(Close.ABSENT, str(e), None)
-            return
-        if self.access.tokens is not None and (token or asked.auth):
-            self._wait_for_token(asked, token)
+        elif (refusal := self.access.refusal(applicant)) is not None:
+            self._refuse_entry(refusal)
+        elif self.access.tokens is not None and applicant.shows_token:
+            self._wait_for_token(asked, applicant, token)
         else:
-            self._enter(asked, self.access.judge(ANYONE, asked.robot, asked.view))
+            self._enter(asked, replace(applicant, who=ANYONE))
 
-    def _wait_for_token(self, asked: StreamRequest, token: str | None) -> None:
+    def _reject(self, status: HTTPStatus, reason: str, retry_s: float | None) -> None:
+        """Answer the upgrade by an HTTP status: there is no stream."""
+        self.dispatcher.handshakes["refused"] += 1
+        response = self._ws.reject(status, f"{reason}\n")
+        if retry_s is not None:
+            response.headers["Retry-After"] = f"{retry_s:.0f}"
+        self._ws.send_response(response)
+
+    def _wait_for_token(self, asked: StreamRequest, applicant: Applicant, token: str | None) -> None:
         """It comes with the request, or as the first message within a few seconds."""
-        self._asked = asked
-        self._no_token = asyncio.get_running_loop().call_later(TOKEN_S, self._refuse_entry, Close.TOKEN)
+        self._asked, self._applicant = asked, applicant
+        loop, late = asyncio.get_running_loop(), REFUSALS[Close.TOKEN]
+        self._no_token = loop.call_later(TOKEN_S, self._refuse_entry, late)
         if token:
             self._show(token)
 
@@ -239,13 +219,8 @@ class LiveSocket(asyncio.Protocol):
     @isolated_task
     async def _enter_by(self, token: str) -> None:
         asked, who = self._asked, await self.access.who(token)
-        if asked is None or self._over:
-            return
-        if isinstance(who, Close):
-            self._refuse_entry(who)
-            return
-        self._waits_no_more()
-        self._enter(asked, self.access.judge(who, asked.robot, asked.view))
+        if asked is not None and not self._over:
+            self._enter(asked, replace(self._applicant, who=who))
 
     def _waits_no_more(self) -> None:
         self._asked = None
@@ -253,19 +228,21 @@ class LiveSocket(asyncio.Protocol):
             self._no_token.cancel()
 
     @isolated
-    def _refuse_entry(self, close: Close) -> None:
+    def _refuse_entry(self, refusal: Refusal) -> None:
         self._waits_no_more()
-        self.dispatcher.hub.endings[close] += 1
+        self.dispatcher.hub.endings[refusal.close] += 1
         self.dispatcher.handshakes["told to go"] += 1
-        self.end(close, REASONS[close], FULL_RETRY_S if close is Close.FULL else None)
+        self.end(refusal.close, refusal.reason, refusal.retry_s)
 
-    def _enter(self, asked: StreamRequest, grant: Grant | Close) -> None:
-        if isinstance(grant, Close):
+    def _enter(self, asked: StreamRequest, applicant: Applicant) -> None:
+        self._waits_no_more()
+        grant = self.access.judge(applicant)
+        if isinstance(grant, Refusal):
             self._refuse_entry(grant)
             return
         dispatcher = self.dispatcher = self.access.dispatcher(grant)
         lives_s = dispatcher.hub.limits.max_age_s * random.uniform(0.9, 1.1)
-        outlet = _JsonOutlet(self, self.json_form) if asked.decoded else self
+        outlet = JsonOutlet(self, partial(self.write_as, self.json_form)) if asked.decoded else self
         limits, now = dispatcher.hub.limits, dispatcher.now()
         self._viewer = Viewer(
             *(outlet, asked.robot, grant.view, asked.hz, limits, now, lives_s, asked.decoded),
@@ -290,14 +267,9 @@ class LiveSocket(asyncio.Protocol):
         elif frame.opcode is Opcode.BINARY:
             self._refuse(Close.BINARY, "viewers send text only")
         elif frame.opcode in (Opcode.TEXT, Opcode.CONT):
-            if not frame.fin or self._fragments is not None:  # the library bounds their sum
-                self._fragments = [*(self._fragments or []), bytes(frame.data)]
-                if not frame.fin:
-                    return
-                whole, self._fragments = b"".join(self._fragments), None
-            else:
-                whole = bytes(frame.data)
-            self._text(whole)
+            whole = self._fragments.join(frame.data, frame.fin)
+            if whole is not None:
+                self._text(whole)
 
     def _may_send(self) -> bool:
         """Pings, pieces and what comes before its token cost a viewer as much as messages do."""
@@ -379,8 +351,7 @@ class LiveSocket(asyncio.Protocol):
 
     def _hurry(self) -> None:
         if self._closing is None:
-            loop = asyncio.get_running_loop()
-            self._closing = loop.call_later(CLOSING_S, self._transport.abort)
+            self._closing = asyncio.get_running_loop().call_later(CLOSING_S, self._transport.abort)
 
     def _send_own(self) -> None:
         """What the library itself wants to send: the handshake, pongs, closes, the end."""
@@ -417,22 +388,6 @@ class LiveSocket(asyncio.Protocol):
     def _write_no_more(self) -> None:
         self._over = True
         self.descriptor = -1
-
-
-class _JsonOutlet:
-    """The outlet of a viewer of `format=json`."""
-
-    descriptor = -1
-
-    def __init__(self, socket: LiveSocket, form: Encoding) -> None:
-        self._form = form
-        self._socket = socket
-        self.end = socket.end
-        self.cut = socket.cut
-
-    def write(self, data: bytes) -> None:
-        """Outlet."""
-        self._socket.write_as(self._form, data)
 
 
 def live_protocol(of: Access, decoded: DecodeCache) -> type[LiveSocket]:

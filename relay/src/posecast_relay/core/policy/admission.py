@@ -1,0 +1,127 @@
+"""Who is let in: one pure function, asked by WebSockets, event streams and every HTTP route alike.
+
+What it takes I/O to find out (an address, a token) comes in as values, and as it becomes known: whoever asks
+may be judged again when more is known of them. A refusal says everything of itself, for every way in.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from http import HTTPStatus
+
+from posecast_wire import Close
+
+from posecast_relay.core.policy.policy import Grant, Policy, Principal
+
+HIDDEN = "no such robot here, or not for you"
+GOING = "the relay is being replaced"
+FULL_RETRY_S = 30.0
+DRAIN_RETRY_S = 10.0
+
+
+@dataclass(frozen=True)
+class Refusal:
+    """Why somebody is not let in: as a close code and as an HTTP status, in words, and when to try again.
+
+    `at_door`: before there is a stream, so a WebSocket is answered by the status as well. `retry_s` None: the
+    close code alone says whether to try again.
+    """
+
+    close: Close
+    status: HTTPStatus
+    reason: str
+    retry_s: float | None = None
+    at_door: bool = False
+
+
+# What a page of another origin, or an address, may not: they end before a WebSocket begins.
+FOREIGN = Refusal(Close.FORBIDDEN, HTTPStatus.FORBIDDEN, "not for pages of this origin", None, at_door=True)
+CROWDED = Refusal(
+    *(Close.FULL, HTTPStatus.SERVICE_UNAVAILABLE, "as many streams as this address may have", FULL_RETRY_S),
+    at_door=True,
+)
+# What comes of a token or of the policy, by close code.
+REFUSALS = {
+    refusal.close: refusal
+    for refusal in (
+        Refusal(Close.TOKEN, HTTPStatus.UNAUTHORIZED, "the link or sign-in is wrong or has expired"),
+        Refusal(Close.ABSENT, HTTPStatus.NOT_FOUND, HIDDEN),
+        Refusal(Close.FORBIDDEN, HTTPStatus.FORBIDDEN, "this view is not for you"),
+        Refusal(
+            Close.FULL,
+            HTTPStatus.SERVICE_UNAVAILABLE,
+            "who you are can't be found out just now",
+            FULL_RETRY_S,
+        ),
+        Refusal(
+            Close.INTERNAL_ERROR,
+            HTTPStatus.INTERNAL_SERVER_ERROR,
+            "a fault of the relay's own at this connection",
+        ),
+    )
+}
+# What comes of who is here already.
+DRAINING = Refusal(Close.DRAIN, HTTPStatus.SERVICE_UNAVAILABLE, GOING, DRAIN_RETRY_S)
+FULL = Refusal(
+    *(Close.FULL, HTTPStatus.SERVICE_UNAVAILABLE, "as many viewers as this relay takes", FULL_RETRY_S)
+)
+ROBOT_FULL = Refusal(
+    *(Close.FULL, HTTPStatus.SERVICE_UNAVAILABLE, "as many viewers as this robot takes", FULL_RETRY_S)
+)
+
+
+@dataclass(frozen=True)
+class Occupancy:
+    """Who watches already, when somebody is about to join. A hub counts it."""
+
+    viewers: int
+    viewers_max: int
+    of_audience: int = 0  # by the same audience's rule for the same robot
+    is_draining: bool = False
+
+
+@dataclass(frozen=True)
+class Applicant:
+    """Who asks for what, as far as it is known by now."""
+
+    robot: str | None = None  # None: for what concerns no robot alone, as the list
+    view: str | None = None  # None: whichever they may see
+    shows_token: bool = False  # or says that one will come
+    is_foreign: bool = False  # a page of an origin that may not show what is not for everybody
+    is_crowded: bool = False  # their address has as many streams as it may
+    bad_name: str | None = None  # why there can be no such robot or view
+    who: Principal | Close | None = None  # None: not found out yet; a close code: why it can't be
+
+
+def admit(applicant: Applicant, policy: Policy) -> Grant | Refusal | None:
+    """What they get of a robot, or why not. None: nothing speaks against it, and no robot or nobody is known.
+
+    The order is that of cost: what stands in the request, then who asks, then what that one may see. Whether
+    there is room is judged when they join, by `find_no_room`.
+    """
+    if applicant.shows_token and applicant.is_foreign:
+        return FOREIGN
+    if applicant.is_crowded:
+        return CROWDED
+    if applicant.bad_name is not None:
+        return Refusal(Close.ABSENT, HTTPStatus.NOT_FOUND, applicant.bad_name)
+    found: Grant | Close | None = None
+    if isinstance(applicant.who, Close):
+        found = applicant.who
+    elif applicant.who is not None and applicant.robot is not None:
+        found = policy.judge(applicant.who, applicant.robot, applicant.view)
+    return REFUSALS[found] if isinstance(found, Close) else found
+
+
+def find_no_room(grant: Grant | None, occupancy: Occupancy) -> Refusal | None:
+    """Why a viewer who may watch can't join now; None when there is room. `grant` None: nobody asked for one.
+
+    The last step of admission, and its own function: only a hub counts viewers, and only at that moment.
+    """
+    if occupancy.is_draining:
+        return DRAINING
+    if occupancy.viewers >= occupancy.viewers_max:
+        return FULL
+    if grant is not None and grant.viewers is not None and occupancy.of_audience >= grant.viewers:
+        return ROBOT_FULL
+    return None
