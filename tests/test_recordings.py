@@ -53,7 +53,8 @@ async def test_a_table(stack: Any, tmp_path: Path) -> None:
 async def test_a_bag_brings_its_model(stack: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("mcap", reason="the extra [mcap] is not installed")
     monkeypatch.syspath_prepend(str(EDGE_TESTS))
-    from mcap_stage import BEGAN_NS, STEP_NS, Bag, Cdr, joint_state
+    from mcap_stage import BEGAN_NS, STEP_NS, Bag, joint_state
+    from ros_stage import text_message
 
     joints = "".join(
         f"<link name='{name}'/><joint name='{name}' type='continuous'>"
@@ -62,7 +63,7 @@ async def test_a_bag_brings_its_model(stack: Any, tmp_path: Path, monkeypatch: p
     )
     bag = Bag()
     urdf = f"<robot name='two'><link name='base'/>{joints}</robot>"
-    bag.add("/robot_description", "std_msgs/msg/String", BEGAN_NS, Cdr().text(urdf).payload)
+    bag.add("/robot_description", "std_msgs/msg/String", BEGAN_NS, text_message(urdf))
     for k in range(300):
         t_ns = BEGAN_NS + k * STEP_NS
         bag.add("/joint_states", "sensor_msgs/msg/JointState", t_ns, joint_state(t_ns, **POSE))

@@ -16,8 +16,9 @@ from pathlib import Path
 
 import pytest
 import zenoh
+from posecast_wire.decoder import Decoder
 from posecast_wire.frame import Header, parse_header
-from posecast_wire.keys import Echo, Stamp, echo_key, snapshot_key
+from posecast_wire.keys import Echo, Snapshot, Stamp, echo_key, snapshot_key
 
 ROBOT = "r1"
 LEASE_MS = 2500
@@ -106,6 +107,15 @@ class Router:
             if reply.ok is not None:
                 return reply.ok
         return None
+
+    def decoder(self) -> Decoder | None:
+        """Knows the schema of the newest snapshot; None before there is one."""
+        sample = self.snapshot()
+        if sample is None:
+            return None
+        decoder = Decoder()
+        decoder.add_schema(Snapshot.unpack(sample.payload.to_bytes()).schema)
+        return decoder
 
     def _on_token(self, sample: zenoh.Sample) -> None:
         self.tokens.append((str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT))

@@ -3,38 +3,12 @@
 from __future__ import annotations
 
 import io
-import struct
 
 from mcap.writer import CompressionType, Writer
+from ros_stage import Cdr
 
 BEGAN_NS = 1_700_000_000_000_000_000
 STEP_NS = 10_000_000
-
-
-class Cdr:
-    """Little-endian CDR."""
-
-    def __init__(self) -> None:
-        self._out = bytearray()
-
-    def put(self, form: str, *values: float) -> Cdr:
-        size = struct.calcsize(form[0])
-        self._out += bytes(-len(self._out) % size) + struct.pack(f"<{len(values)}{form[0]}", *values)
-        return self
-
-    def text(self, value: str) -> Cdr:
-        raw = value.encode() + b"\0"
-        self.put("I", len(raw))
-        self._out += raw
-        return self
-
-    def doubles(self, *values: float) -> Cdr:
-        self.put("I", len(values))
-        return self.put("d", *values) if values else self
-
-    @property
-    def payload(self) -> bytes:
-        return b"\x00\x01\x00\x00" + bytes(self._out)
 
 
 def header(t_ns: int, frame: str = "") -> Cdr:
@@ -42,14 +16,12 @@ def header(t_ns: int, frame: str = "") -> Cdr:
 
 
 def joint_state(t_ns: int, **position: float) -> bytes:
-    cdr = header(t_ns).put("I", len(position))
-    for name in position:
-        cdr.text(name)
-    return cdr.doubles(*position.values()).doubles().doubles().payload
+    cdr = header(t_ns).texts(list(position)).doubles(list(position.values()))
+    return cdr.doubles([]).doubles([]).done()
 
 
 def wrench(t_ns: int, frame: str, *six: float) -> bytes:
-    return header(t_ns, frame).put("d", *six).payload
+    return header(t_ns, frame).put("d", *six).done()
 
 
 class Bag:

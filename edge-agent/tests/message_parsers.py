@@ -131,14 +131,6 @@ def publish(said: object) -> str:
     return json.dumps({"op": "publish", "topic": "/joint_states", "msg": said})
 
 
-def fragments(said: str, size: int, name: str = "1") -> list[str]:
-    parts = [said[at : at + size] for at in range(0, len(said), size)]
-    return [
-        json.dumps({"op": "fragment", "id": name, "data": part, "num": i, "total": len(parts)})
-        for i, part in enumerate(parts)
-    ]
-
-
 def interleaved(n: int) -> bytes:
     """The parts of many messages by turns, of which none is ever whole."""
     part = '{{"op":"fragment","id":"{}","data":"x","num":{},"total":4000}}'
@@ -167,7 +159,7 @@ ANSWER = json.dumps(
 STATUS = json.dumps({"op": "status", "level": "error", "msg": "x"})
 ROSBRIDGE = (
     publish(MESSAGE).encode(),
-    "\n".join(fragments(publish(MESSAGE), 300)).encode(),
+    "\n".join(rosbridge_stage.fragments(publish(MESSAGE), 300)).encode(),
     f"{ANSWER}\n{STATUS}".encode(),
 )
 TAGS = (
@@ -233,7 +225,7 @@ PARSERS = (
         (),
         ROSBRIDGE,
         {
-            "fragments": Worst(lambda n: "\n".join(fragments("x" * n, 1)).encode(), 150),
+            "fragments": Worst(lambda n: "\n".join(rosbridge_stage.fragments("x" * n, 1)).encode(), 150),
             "fragments by turns": Worst(interleaved, 10),
             "a long name": Worst(lambda n: publish({**MESSAGE, "name": ["x" * n]}).encode(), 100_000),
             "names": Worst(lambda n: publish({**MESSAGE, "name": ["x"] * n}).encode(), 2000),

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from mesh_parsers import png
-from model_stage import PICTURE, cube_stl, joint, link, mesh, robot
+from model_stage import PICTURE, ROBOT_OF_ALL, cube_stl, joint, link, mesh, robot
 from parser_stage import Input, Parser, Work, Worst, written
 from PIL import Image
 from posecast_edge.model.doctor.skeleton import examine
@@ -101,17 +101,6 @@ def urdf_expressions(n: int, value: str = "${x}") -> bytes:
     return robot(*(link(f"l{i}", f'<inertial><mass value="{value}"/></inertial>') for i in range(n))).encode()
 
 
-WHOLE = robot(
-    '<material name="m"><color rgba="1 0 0 1"/></material>',
-    link("a", mesh("a.stl", ' scale="1 1 1"') + '<inertial><mass value="1"/><inertia ixx="1"/></inertial>'),
-    link("b"),
-    link("c"),
-    joint("j", "a", "b", inside='<axis xyz="0 0 1"/><origin xyz="1 2 3" rpy="0 0 1"/>'),
-    joint("k", "b", "c", inside='<axis xyz="0 0 1"/><mimic joint="j" multiplier="2"/>'),
-    '<gazebo reference="a"><sensor name="s" type="imu"><pose>0 0 0 0 0 0</pose></sensor></gazebo>',
-).encode()
-
-
 def urdf_one_name(n: int) -> Input:
     """One file under ever new addresses."""
     parts = [mesh(f"package://p/a.stl?{i}") for i in range(n)]
@@ -132,7 +121,7 @@ PARSERS = (
         ("model.urdf.reader.read_urdf", "model.urdf.reader.load_urdf"),
         urdf_work,
         REFUSED,
-        (WHOLE,),
+        (ROBOT_OF_ALL,),
         {
             "shapes in one geometry": Worst(
                 lambda n: robot(link("a", f"<visual><geometry>{'<x/>' * n}</geometry></visual>")).encode(),
@@ -143,9 +132,9 @@ PARSERS = (
             "joints of one name": Worst(
                 lambda n: robot(*(joint("j", "a", "b") for _ in range(n))).encode(), 100
             ),
-            "blanks": Worst(lambda n: b" " * n + WHOLE, 60_000),
-            "comments": Worst(lambda n: b"<!---->" * n + WHOLE, 5000),
-            "a comment": Worst(lambda n: b"<!--" + b"-x" * n + b"-->" + WHOLE, 30_000),
+            "blanks": Worst(lambda n: b" " * n + ROBOT_OF_ALL, 60_000),
+            "comments": Worst(lambda n: b"<!---->" * n + ROBOT_OF_ALL, 5000),
+            "a comment": Worst(lambda n: b"<!--" + b"-x" * n + b"-->" + ROBOT_OF_ALL, 30_000),
             "one attribute": Worst(lambda n: robot(link("x" * n)).encode(), 50_000),
             "texts": Worst(lambda n: robot("<a>x</a>" * n).encode(), 1000),
             "macros of xacro": Worst(lambda n: robot("<xacro:a/>" * n).encode(), 500),
@@ -158,7 +147,7 @@ PARSERS = (
         ("model.serve.bundle.load_bundle",),
         bundle_work,
         (ModelError,),
-        (WHOLE,),
+        (ROBOT_OF_ALL,),
         {"files of one name": Worst(urdf_one_name, 60)},
     ),
     Parser(

@@ -4,25 +4,17 @@ from __future__ import annotations
 
 import io
 import json
-import os
 import struct
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from PIL import Image
+from posecast_edge.model.builder.build import Built, build
 from posecast_edge.model.meshes.mesh import Mesh
+from posecast_edge.model.meshes.reader import read_mesh
 from posecast_edge.model.urdf.resolver import Resolver
-
-SHARED = Path(os.environ.get("POSECAST_SHARED") or Path(__file__).parents[2].parent / "shared")
-ROBOTS = {
-    "hubo2plus-stl": "hubo2plus-stl/hubo-urdf/model.urdf",
-    "hubo2plus-collision": "hubo2plus-stl/hubo-urdf/model_collision_as_visual.urdf",
-    "hubo2plus-collada": "hubo2plus-collada/hubo-urdf/model.urdf",
-    "drchubo": "drchubo-stl/drchubo-urdf/drchubo-v3.urdf",
-    "g1": "unitree-g1/example-robot-data/robots/g1_description/urdf/g1_29dof_rev_1_0.urdf",
-    "g1-hands": "unitree-g1/example-robot-data/robots/g1_description/urdf/g1_29dof_with_hand_rev_1_0.urdf",
-}
 
 CUBE_CORNERS = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], np.float32)
 CUBE_FACES = np.array(
@@ -46,14 +38,21 @@ def nothing(_done: int, _total: int, _what: str) -> None:
     """No progress wanted."""
 
 
-def shared_robot(name: str) -> Path:
-    """A URDF of ../shared, which may be absent."""
-    return SHARED / "robots" / ROBOTS[name]
-
-
 def resolver_at(folder: Path) -> Resolver:
     """For meshes that are read without a URDF."""
     return Resolver(folder / "robot.urdf")
+
+
+def read_mesh_of(folder: Path, name: str, data: bytes, **beside: bytes) -> Mesh:
+    """`data` as a mesh file of that name, with files beside it (`a_mtl` is a.mtl). Raises ModelRefused."""
+    for other, content in {name: data, **{k.replace("_", "."): v for k, v in beside.items()}}.items():
+        (folder / other).write_bytes(content)
+    return read_mesh(folder / name, resolver_at(folder))
+
+
+def build_robot(path: Path, *packages: Path) -> Built:
+    """What is built of a URDF, without word of its progress."""
+    return build(path, Resolver(path, packages), nothing)
 
 
 def cube_stl(size: float = 0.2, header: bytes = b"cube") -> bytes:
@@ -139,13 +138,22 @@ def cube_glb(
         "buffers": [{"byteLength": len(positions) + len(indices)}],
     }
     change(document)
-    text = json.dumps(document).encode()
+    return pack_glb(document, (positions + indices)[:cut])
+
+
+def pack_glb(document: dict[str, object], binary: bytes) -> bytes:
+    """A GLB of that JSON and that data."""
+    text = json.dumps(document, separators=(",", ":")).encode()
     text += b" " * (-len(text) % 4)
-    binary = (positions + indices)[:cut]
-    chunks = (
-        struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(binary), b"BIN\0") + binary
-    )
+    chunks = struct.pack("<I4s", len(text), b"JSON") + text
+    chunks += struct.pack("<I4s", len(binary), b"BIN\0") + binary
     return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
+
+
+def glb_document(data: bytes) -> dict[str, Any]:
+    """The JSON inside a GLB."""
+    document: dict[str, Any] = json.loads(data[20 : 20 + int.from_bytes(data[12:16], "little")])
+    return document
 
 
 def volume(mesh: Mesh) -> float:
@@ -194,3 +202,14 @@ def written(folder: Path, text: str | bytes, **files: bytes) -> Path:
     path = folder / "robot.urdf"
     path.write_bytes(text if isinstance(text, bytes) else text.encode())
     return path
+
+
+ROBOT_OF_ALL = robot(
+    '<material name="m"><color rgba="1 0 0 1"/></material>',
+    link("a", mesh("a.stl", ' scale="1 1 1"') + '<inertial><mass value="1"/><inertia ixx="1"/></inertial>'),
+    link("b"),
+    link("c"),
+    joint("j", "a", "b", inside='<axis xyz="0 0 1"/><origin xyz="1 2 3" rpy="0 0 1"/>'),
+    joint("k", "b", "c", inside='<axis xyz="0 0 1"/><mimic joint="j" multiplier="2"/>'),
+    '<gazebo reference="a"><sensor name="s" type="imu"><pose>0 0 0 0 0 0</pose></sensor></gazebo>',
+).encode()  # something of each kind that a URDF may have

@@ -33,6 +33,15 @@ def packed(value: Any, name: str = "") -> Any:
     return value
 
 
+def fragments(text: str, size: int, name: object = "f1") -> list[str]:
+    """A message in parts of that many characters."""
+    parts = [text[i : i + size] for i in range(0, len(text), size)]
+    return [
+        json.dumps({"op": "fragment", "id": name, "data": part, "num": i, "total": len(parts)})
+        for i, part in enumerate(parts)
+    ]
+
+
 @dataclass
 class Subscription:
     """One client's wish, and when it was last served."""

@@ -4,12 +4,10 @@ that is known."""
 from __future__ import annotations
 
 import base64
-import json
-import struct
 
 import numpy as np
 from mesh_parsers import mesh_work, png
-from model_stage import cube_collada, cube_glb
+from model_stage import cube_collada, cube_glb, glb_document, pack_glb
 from parser_stage import Parser, Worst
 from posecast_edge.model.finding import ModelRefused
 
@@ -116,14 +114,6 @@ POLYLIST = (
 # --- glTF
 
 
-def gltf(document: dict[str, object], binary: bytes) -> bytes:
-    text = json.dumps(document, separators=(",", ":")).encode()
-    text += b" " * (-len(text) % 4)
-    chunks = struct.pack("<I4s", len(text), b"JSON") + text
-    chunks += struct.pack("<I4s", len(binary), b"BIN\0") + binary
-    return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
-
-
 def scene_of(
     vertices: int, corners: int, primitives: list[dict[str, object]], inside: bool = False, **more: object
 ) -> bytes:
@@ -151,7 +141,7 @@ def scene_of(
         "bufferViews": views,
         "buffers": [buffer],
     }
-    return gltf(document | more, b"" if inside else binary)
+    return pack_glb(document | more, b"" if inside else binary)
 
 
 PRIMITIVE: dict[str, object] = {"attributes": {"POSITION": 0}, "indices": 1}
@@ -170,11 +160,10 @@ def glb_images(n: int) -> bytes:
         textures=[{"source": i} for i in range(n)],
         images=[{"bufferView": 2} for _ in range(n)],
     )
-    size = int.from_bytes(whole[12:16], "little")
-    document = json.loads(whole[20 : 20 + size])
-    binary = whole[28 + size :]
+    document = glb_document(whole)
+    binary = whole[28 + int.from_bytes(whole[12:16], "little") :]
     document["bufferViews"].append({"buffer": 0, "byteOffset": len(binary), "byteLength": len(data)})
-    return gltf(document, binary + data)
+    return pack_glb(document, binary + data)
 
 
 def glb_points(n: int) -> bytes:

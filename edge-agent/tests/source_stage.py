@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
+from edge_stage import until
 from posecast_edge.profile.reader import parse_profile
 from posecast_edge.sample import Sample
 from posecast_edge.sources.base import Discovering
@@ -65,6 +66,26 @@ class Mover:
     def end(self) -> None:
         self._ended.set()
         self._thread.join()
+
+
+def flood(publish: Callable[[float], None], heard: Listening) -> list[float]:
+    """Publish stamps (s) as fast as it goes until over 50 samples have come; all that were published."""
+    ended = threading.Event()
+    stamps_s = [0.0]
+
+    def go_on() -> None:
+        while not ended.is_set():
+            stamps_s.append(time.monotonic())
+            publish(stamps_s[-1])
+
+    publisher = threading.Thread(target=go_on)
+    publisher.start()
+    try:
+        until(lambda: len(heard.samples) > 50, "samples", 20)
+    finally:
+        ended.set()
+        publisher.join()
+    return stamps_s
 
 
 Listen = Callable[..., Listening]

@@ -2,13 +2,11 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 from pathlib import Path
 
 import pytest
 from posecast_edge.model.serve.bundle import RANGE_MAX, Bundle, ModelError, load_built, load_bundle
-
-SHARED = Path(os.environ.get("POSECAST_SHARED") or Path(__file__).parents[2].parent / "shared")
+from shared_stage import shared_robot
 
 
 def urdf(path: Path, *uris: str) -> Path:
@@ -146,19 +144,16 @@ def test_ranges(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("path", "files", "missing"),
+    ("name", "files", "missing"),
     [
-        ("hubo2plus-stl/hubo-urdf/model.urdf", 31, 20),
-        ("drchubo-stl/drchubo-urdf/drchubo-v3.urdf", 38, 0),
-        ("hubo2plus-collada/hubo-urdf/model.urdf", 86, 0),
-        ("unitree-g1/example-robot-data/robots/g1_description/urdf/g1_29dof_rev_1_0.urdf", 36, 0),
+        ("hubo2plus-stl", 31, 20),
+        ("drchubo", 38, 0),
+        ("hubo2plus-collada", 86, 0),
+        ("g1", 36, 0),
     ],
 )
-def test_real_robots(path: str, files: int, missing: int) -> None:
-    file = SHARED / "robots" / path
-    if not file.is_file():
-        pytest.skip(f"{file} is not there (tests with real robots need the shared folder)")
-    bundle = load_bundle(file)
+def test_real_robots(name: str, files: int, missing: int) -> None:
+    bundle = load_bundle(shared_robot(name))
     assert (len(bundle.files), len(bundle.missing)) == (files, missing)
 
 

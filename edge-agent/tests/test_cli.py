@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from command_stage import run_edge
 from posecast_edge.cli.settings import Settings, UsageError, parse_settings
 from posecast_edge.uplink.certificate import Certificate
 from posecast_wire import Credential
@@ -104,20 +105,8 @@ def test_no_credential_is_one_short_line(tmp_path: Path, content: bytes) -> None
     assert len(str(caught.value)) < 300
 
 
-def run(*argv: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "posecast_edge", *argv],
-        capture_output=True,
-        text=True,
-        stdin=subprocess.DEVNULL,
-        timeout=20,
-        check=False,
-        env={},
-    )
-
-
 def test_help_lists_everything() -> None:
-    done = run("run", "--help")
+    done = run_edge("run", "--help", env={})
     assert done.returncode == 0
     for flag in ("--robot", "--source", "--relay", "--hz", "--key-interval", "--profile", "--urdf"):
         assert flag in done.stdout
@@ -137,7 +126,7 @@ def test_wrong_configuration_ends_with_2(tmp_path: Path) -> None:
         (["--urdf", str(urdf)], f"{urdf}: line 1: "),
         (["--source", "jsonl:/nowhere"], "/nowhere: No such file"),
     ):
-        done = run(*GOOD, *argv)
+        done = run_edge(*GOOD, *argv, env={})
         assert done.returncode == 2, done.stderr
         assert done.stdout == ""
         assert done.stderr.count("\n") == 1, done.stderr

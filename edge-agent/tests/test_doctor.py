@@ -10,14 +10,12 @@ from pathlib import Path
 import pytest
 from model_stage import (
     PICTURE,
-    ROBOTS,
     cube_collada,
     cube_stl,
     joint,
     link,
     mesh,
     robot,
-    shared_robot,
     written,
 )
 from posecast_edge.model.builder.model_files import facts_of, read_visual_files
@@ -28,6 +26,7 @@ from posecast_edge.model.urdf.resolver import Resolver
 from posecast_edge.model.urdf.tree import build_tree
 from posecast_wire.mapping import JointMap, SensorMount
 from posecast_wire.mapping import Mapping as Meaning
+from shared_stage import ROBOTS, shared_robot
 
 A, B, C = link("a"), link("b"), link("c")
 AB = joint("ab", "a", "b")
@@ -235,10 +234,7 @@ def test_heavy_meshes_are_named(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", ROBOTS)
 def test_shared_robots(name: str) -> None:
-    path = shared_robot(name)
-    if not path.exists():
-        pytest.skip("no ../shared/robots here")
-    findings = diagnose(path)
+    findings = diagnose(shared_robot(name))
     wanted = {
         "hubo2plus-stl": {"mesh-missing", "visual-empty"},
         "hubo2plus-collada": {"visual-empty", "collada-axis", "bundle-size"},

@@ -14,26 +14,22 @@ from model_stage import (
     CUBE_CORNERS,
     CUBE_FACES,
     PICTURE,
+    build_robot,
     cube_collada,
     cube_glb,
     cube_obj,
     cube_stl,
+    glb_document,
     joint,
     link,
     mesh,
-    nothing,
     robot,
     written,
 )
-from posecast_edge.model.builder.build import Built, build
-from posecast_edge.model.urdf.resolver import Resolver
+from posecast_edge.model.builder.build import Built
 
 Box = list[list[float]]
 UNIT: Box = [[0, 0, 0], [0.2, 0.2, 0.2]]
-
-
-def built(path: Path, *packages: Path) -> Built:
-    return build(path, Resolver(path, packages), nothing)
 
 
 def shown(made: Built) -> list[tuple[Box, str]]:
@@ -50,7 +46,7 @@ def codes(made: Built, severities: str = "error warning") -> list[str]:
 def one_mesh(folder: Path, name: str, data: bytes, more: str = "", **others: bytes) -> Built:
     path = written(folder, robot(link("a", mesh(f"meshes/{name}", more))), **others)
     (folder / "meshes" / name).write_bytes(data)
-    return built(path)
+    return build_robot(path)
 
 
 def near(box: Box, expected: Box) -> bool:
@@ -70,7 +66,7 @@ def test_description_packages_in_sibling_folders(tmp_path: Path) -> None:
     urdf = tmp_path / "src/nao_description/urdf/nao.urdf"
     urdf.parent.mkdir()
     urdf.write_text(robot(link("a", mesh("package://nao_meshes/V40/torso.stl"))))
-    made = built(urdf, tmp_path / "src")
+    made = build_robot(urdf, tmp_path / "src")
     assert [near(box, UNIT) for box, _ in shown(made)] == [True]
 
 
@@ -81,10 +77,10 @@ def test_a_file_that_xacro_has_made_elsewhere(tmp_path: Path) -> None:
     (package / "package.xml").write_text("<package><name>arm_description</name></package>")
     (package / "meshes/a.stl").write_bytes(cube_stl())
     urdf = written(tmp_path / "elsewhere", robot(link("a", mesh(f"file://{package}/meshes/a.stl"))))
-    [finding] = [f for f in built(urdf).findings if f.severity == "error"]
+    [finding] = [f for f in build_robot(urdf).findings if f.severity == "error"]
     assert finding.code == "mesh-outside"
     assert "--packages" in finding.text
-    assert len(shown(built(urdf, tmp_path / "ws/src"))) == 1
+    assert len(shown(build_robot(urdf, tmp_path / "ws/src"))) == 1
 
 
 def test_what_xacro_gazebo_and_moveit_leave_in_a_file(tmp_path: Path) -> None:
@@ -106,7 +102,7 @@ def test_what_xacro_gazebo_and_moveit_leave_in_a_file(tmp_path: Path) -> None:
 <gazebo><plugin name="p" filename="libgazebo_ros_control.so"/></gazebo>
 <ros2_control name="x" type="system"><hardware/><joint name="j"/></ros2_control>
 </robot>"""
-    made = built(written(tmp_path, text, a_stl=cube_stl()))
+    made = build_robot(written(tmp_path, text, a_stl=cube_stl()))
     assert codes(made) == []
     document = json.loads(made.manifest)
     assert document["links"] == ["base", "tip"]
@@ -117,13 +113,13 @@ def test_what_xacro_gazebo_and_moveit_leave_in_a_file(tmp_path: Path) -> None:
 def test_a_declaration_that_comes_late(before: str, tmp_path: Path) -> None:
     """ROS's reader takes it, so people have it; lines are still counted right."""
     text = f'{before}<?xml version="1.0" ?>\n' + robot(link("a"), "<link/>")
-    made = built(written(tmp_path, text))
+    made = build_robot(written(tmp_path, text))
     [finding] = [f for f in made.findings if f.severity == "error"]
     assert finding.line == text[: text.index("<link/>")].count("\n") + 1
 
 
 def test_rubbish_after_the_end(tmp_path: Path) -> None:
-    assert len(shown(built(written(tmp_path, robot(link("a")).encode() + b"\x00\x1a<x")))) == 1
+    assert len(shown(build_robot(written(tmp_path, robot(link("a")).encode() + b"\x00\x1a<x")))) == 1
 
 
 def test_limits_that_mean_none(tmp_path: Path) -> None:
@@ -133,7 +129,7 @@ def test_limits_that_mean_none(tmp_path: Path) -> None:
         link("b"),
         joint("j", "a", "b", limit='<limit lower="-1e16" upper="1e16" velocity="7"/>'),
     )
-    made = built(written(tmp_path, robot(*parts)))
+    made = build_robot(written(tmp_path, robot(*parts)))
     assert codes(made) == []
     assert json.loads(made.manifest)["joints"][0]["limits"] == {"velocity": 7}
 
@@ -141,7 +137,7 @@ def test_limits_that_mean_none(tmp_path: Path) -> None:
 def test_a_material_inside_the_geometry(tmp_path: Path) -> None:
     material = '<material name="m"><color rgba="1 0 0 1"/></material>'
     shape = f'<visual><geometry><box size="1 1 1"/>{material}</geometry></visual>'
-    made = built(written(tmp_path, robot(link("a", shape))))
+    made = build_robot(written(tmp_path, robot(link("a", shape))))
     assert [colour for _, colour in shown(made)] == ["#ff0000"]
     assert codes(made) == []
 
@@ -151,14 +147,14 @@ def test_a_material_inside_the_geometry(tmp_path: Path) -> None:
 
 def test_a_robot_with_collision_shapes_only(tmp_path: Path) -> None:
     shape = '<collision><origin xyz="0 0 1"/><geometry><box size="2 2 2"/></geometry></collision>'
-    made = built(written(tmp_path, robot(link("a", shape), link("b", ""), joint("j", "a", "b"))))
+    made = build_robot(written(tmp_path, robot(link("a", shape), link("b", ""), joint("j", "a", "b"))))
     assert [near(box, [[-1, -1, 0], [1, 1, 2]]) for box, _ in shown(made)] == [True]
     assert codes(made, "hint") == ["collisions-shown"]
 
 
 def test_one_visual_is_enough_to_hide_all_collision_shapes(tmp_path: Path) -> None:
     shape = "<collision><geometry><box size='2 2 2'/></geometry></collision>"
-    made = built(written(tmp_path, robot(link("a"), link("b", shape), joint("j", "a", "b"))))
+    made = build_robot(written(tmp_path, robot(link("a"), link("b", shape), joint("j", "a", "b"))))
     assert len(shown(made)) == 1
 
 
@@ -174,7 +170,7 @@ def test_several_visuals_of_one_link_and_links_without(tmp_path: Path) -> None:
         link("c", mesh("meshes/a.stl")),
     ]
     ends = [joint("ab", "a", "b", "fixed", "", ""), joint("bc", "b", "c")]
-    made = built(written(tmp_path, robot(*parts, *ends), a_stl=cube_stl()))
+    made = build_robot(written(tmp_path, robot(*parts, *ends), a_stl=cube_stl()))
     assert [v["link"] for v in json.loads(made.manifest)["visuals"]] == [0, 0, 2]
     assert len(made.figure.looks) == 2  # the mesh once
 
@@ -220,9 +216,7 @@ def test_obj_with_polygons_counted_from_the_end(tmp_path: Path) -> None:
 
 def gltf(binary: str, picture: str | None = None) -> bytes:
     """The cube as glTF text; `binary` and `picture` are URIs."""
-    data = cube_glb()
-    length = int.from_bytes(data[12:16], "little")
-    document = json.loads(data[20 : 20 + length])
+    document = glb_document(cube_glb())
     document["buffers"][0]["uri"] = binary
     if picture is not None:
         document["images"] = [{"uri": picture}]

@@ -16,8 +16,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from model_stage import cube_collada, cube_glb, cube_obj, cube_stl, link, mesh, nothing, robot, written
-from posecast_edge.model.builder.build import build
+from model_stage import build_robot, cube_collada, cube_glb, cube_obj, cube_stl, link, mesh, robot, written
 from posecast_edge.model.finding import ModelRefused
 from posecast_edge.model.meshes.reader import read_mesh
 from posecast_edge.model.serve.bundle import ModelError, load_bundle
@@ -203,7 +202,7 @@ def test_the_rest_of_the_robot_is_shown(tmp_path: Path) -> None:
         ends = f'<parent link="base"/><child link="l{i}"/><origin xyz="0 0 {i}"/>'
         parts += [link(f"l{i}", mesh(f"meshes/{name}")), f'<joint name="j{i}" type="fixed">{ends}</joint>']
     path = written(tmp_path, robot(*parts), good_stl=cube_stl())
-    built = build(path, Resolver(path), nothing)
+    built = build_robot(path)
     visuals = built.document["visuals"]
     assert len(visuals) == 1 + len(MESHES)
     assert "placeholder" not in visuals[0]
@@ -301,7 +300,7 @@ def test_names_are_kept_as_text(tmp_path: Path) -> None:
         ends = f'<parent link="base"/><child link="{safe}"/>'
         parts += [link(safe), f'<joint name="{safe}{i}" type="fixed">{ends}</joint>']
     path = written(tmp_path, robot(*parts))
-    built = build(path, Resolver(path), nothing)
+    built = build_robot(path)
     document = json.loads(built.manifest)
     assert document["links"] == ["base", *names]
     assert all(v["node"] == f"v{i}" for i, v in enumerate(document["visuals"]))
@@ -316,7 +315,7 @@ def spoiled(folder: Path, change: Callable[[dict[str, object]], None]) -> None:
 
 def test_bundles_that_are_not_whole(tmp_path: Path) -> None:
     path = written(tmp_path / "model", robot(link("a")))
-    built = build(path, Resolver(path), nothing)
+    built = build_robot(path)
     files = {**built.files, "manifest.json": built.manifest}
     out = tmp_path / "bundle"
 

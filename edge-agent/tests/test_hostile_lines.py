@@ -8,9 +8,7 @@ from contextlib import suppress
 
 import pytest
 from edge_stage import Edge, Router, until
-from posecast_wire.decoder import Decoder
 from posecast_wire.frame import FrameError
-from posecast_wire.keys import Snapshot
 from test_model_background import RSS_KB_MAX, memory_kb
 
 LINES = {
@@ -41,11 +39,9 @@ REFUSED = {
 
 def read(router: Router) -> float | None:
     """Where joint A is, as the newest frame has it; None before there is one."""
-    sample = router.snapshot()
-    if sample is None:
+    decoder = router.decoder()
+    if decoder is None:
         return None
-    decoder = Decoder()
-    decoder.add_schema(Snapshot.unpack(sample.payload.to_bytes()).schema)
     value = None
     for frame in list(router.frames):
         with suppress(FrameError):  # of a schema before

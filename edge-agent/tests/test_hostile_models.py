@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from mesh_parsers import VERTICES, obj_polygon
 from model_stage import (
+    build_robot,
     cube_collada,
     cube_glb,
     cube_obj,
@@ -21,20 +22,17 @@ from model_stage import (
     link,
     mesh,
     nothing,
-    resolver_at,
+    read_mesh_of,
     robot,
     written,
 )
 from posecast_edge.cli import model_command as command
 from posecast_edge.model.builder import raster
 from posecast_edge.model.builder import visuals as figure
-from posecast_edge.model.builder.build import Built, build
 from posecast_edge.model.builder.model_files import read_visual_files
 from posecast_edge.model.builder.simplify import LodChain
 from posecast_edge.model.finding import ModelRefused
-from posecast_edge.model.meshes.mesh import Mesh
 from posecast_edge.model.meshes.normals import crease_normals
-from posecast_edge.model.meshes.reader import read_mesh
 from posecast_edge.model.meshes.weld import CROWD_MAX, weld
 from posecast_edge.model.serve import robot_description as described
 from posecast_edge.model.serve.bundle import ModelError, load_bundle
@@ -42,16 +40,6 @@ from posecast_edge.model.serve.bundle_dir import entries_of
 from posecast_edge.model.urdf.reader import load_urdf, read_urdf
 from posecast_edge.model.urdf.resolver import Resolver
 from posecast_edge.model.urdf.tree import Follow, build_tree
-
-
-def made(path: Path) -> Built:
-    return build(path, Resolver(path), nothing)
-
-
-def read(folder: Path, name: str, data: bytes, **beside: bytes) -> Mesh:
-    for other, content in {name: data, **{k.replace("_", "."): v for k, v in beside.items()}}.items():
-        (folder / other).write_bytes(content)
-    return read_mesh(folder / name, resolver_at(folder))
 
 
 def glb(**members: object) -> bytes:
@@ -85,7 +73,7 @@ REFUSED: dict[str, tuple[str, bytes, str]] = {
 def test_meshes_that_are_refused(case: str, tmp_path: Path) -> None:
     name, data, reason = REFUSED[case]
     with pytest.raises(ModelRefused) as refused:
-        read(tmp_path, name, data)
+        read_mesh_of(tmp_path, name, data)
     assert reason in refused.value.reason
     assert refused.value.reason.isprintable()
 
@@ -94,23 +82,25 @@ def test_meshes_that_are_refused(case: str, tmp_path: Path) -> None:
 def test_a_gltf_of_any_depth_is_no_recursion(depth: int, tmp_path: Path) -> None:
     needs = "[" * depth + "]" * depth
     with pytest.raises(ModelRefused):
-        read(tmp_path, "a.gltf", f'{{"extensionsRequired":{needs}}}'.encode())
+        read_mesh_of(tmp_path, "a.gltf", f'{{"extensionsRequired":{needs}}}'.encode())
 
 
 def test_colours_that_are_none_cost_the_colour(tmp_path: Path) -> None:
     libraries = [b"newmtl m\nKd 0.5 0 0\nKd nan 0 0\n", b"newmtl m\nKd 0.5 0 0\nKd 1e999 0 0\n"]
     for library in libraries:
-        [surface] = read(tmp_path, "a.obj", cube_obj("mtllib a.mtl\nusemtl m\n"), a_mtl=library).surfaces
+        [surface] = read_mesh_of(
+            tmp_path, "a.obj", cube_obj("mtllib a.mtl\nusemtl m\n"), a_mtl=library
+        ).surfaces
         assert surface.paint is not None
         assert surface.paint.rgba == (0.5, 0, 0, 1)
 
 
 def test_notes_are_one_line_and_few(tmp_path: Path) -> None:
     names = "".join(f"mtllib a{i}\u202e.mtl\n" for i in range(100))
-    notes = read(tmp_path, "a.obj", names.encode() + cube_obj()).notes
+    notes = read_mesh_of(tmp_path, "a.obj", names.encode() + cube_obj()).notes
     assert len(notes) == 20
     assert all(text.isprintable() for _, text in notes)
-    [note] = read(tmp_path, "a.dae", cube_collada(up="Z_\nUP")).notes
+    [note] = read_mesh_of(tmp_path, "a.dae", cube_collada(up="Z_\nUP")).notes
     assert note == ("collada-axis", "it says Z_�UP; ignored, as RViz does")
 
 
@@ -119,11 +109,11 @@ def test_a_scene_is_counted_before_it_is_made(tmp_path: Path) -> None:
     shown = b'<instance_geometry url="#g"></instance_geometry>'
     data = cube_collada().replace(b"</p>", b" 0 1 2" * 5000 + b"</p>").replace(shown, shown * 5000)
     with pytest.raises(ModelRefused, match="shows its parts so often"):
-        read(tmp_path, "a.dae", data)
+        read_mesh_of(tmp_path, "a.dae", data)
     many = {"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}] * 100}
     nodes = [{"children": [1] * 9000}, {"mesh": 0}]
     with pytest.raises(ModelRefused, match="shows its parts so often"):
-        read(tmp_path, "a.glb", glb(meshes=[many], nodes=nodes))
+        read_mesh_of(tmp_path, "a.glb", glb(meshes=[many], nodes=nodes))
 
 
 def test_a_fan_is_smooth_in_whatever_order_it_comes() -> None:
@@ -143,7 +133,7 @@ def test_a_fan_is_smooth_in_whatever_order_it_comes() -> None:
 
 
 def test_triangles_about_a_crowded_vertex_stay_as_they_are(tmp_path: Path) -> None:
-    few, many = (read(tmp_path, "a.obj", obj_polygon(n)) for n in (CROWD_MAX - 10, CROWD_MAX + 10))
+    few, many = (read_mesh_of(tmp_path, "a.obj", obj_polygon(n)) for n in (CROWD_MAX - 10, CROWD_MAX + 10))
     coarse = [len(LodChain(weld(m.surfaces[0]), 2.0, 2.0).step(20)[1]) for m in (few, many)]
     assert coarse[0] < 200
     assert coarse[1] == CROWD_MAX + 8
@@ -190,7 +180,7 @@ def test_numbers_without_end_are_never_in_a_manifest(tmp_path: Path) -> None:
     parts.append(
         '<gazebo reference="a"><sensor name="t" type="imu"><pose>1e300 0 0 0 0 0</pose></sensor></gazebo>'
     )
-    built = made(written(tmp_path, robot(*parts)))
+    built = build_robot(written(tmp_path, robot(*parts)))
     document = json.loads(built.manifest, parse_constant=pytest.fail)
     assert [j.get("mimic", {}).get("multiplier") for j in document["joints"]] == [None, 1e200, None]
     assert [s["name"] for s in document["sensors"]] == ["s"]
@@ -204,20 +194,20 @@ def test_what_is_nowhere_is_not_shown_there(tmp_path: Path) -> None:
     scaled = mesh("meshes/a.stl", ' scale="1e300 1 1"')
     parts = [link("a", far), link("b", large), link("c", scaled)]
     parts += [joint("j", "a", "b", "fixed"), joint("k", "b", "c", "fixed")]
-    built = made(written(tmp_path, robot(*parts), a_stl=cube_stl()))
+    built = build_robot(written(tmp_path, robot(*parts), a_stl=cube_stl()))
     reasons = [visual["placeholder"] for visual in built.document["visuals"]]
     assert reasons[0] == "its origin is more than 10,000 km away"
     assert all("finite" in reason or "km away" in reason for reason in reasons[1:])
     away = joint("j", "a", "b", "fixed", '<origin xyz="0 1e308 0"/>')
     path = written(tmp_path, robot(link("a"), link("b"), away))
     with pytest.raises(ModelRefused, match="joint 'j': an origin more than 10,000 km away") as refused:
-        made(path)
+        build_robot(path)
     assert refused.value.line == 4
 
 
 def test_an_axis_of_any_length_has_a_direction(tmp_path: Path) -> None:
     axis = '<axis xyz="1e308 1e308 0"/>'
-    built = made(written(tmp_path, robot(link("a"), link("b"), joint("j", "a", "b", inside=axis))))
+    built = build_robot(written(tmp_path, robot(link("a"), link("b"), joint("j", "a", "b", inside=axis))))
     assert built.document["joints"][0]["axis"] == pytest.approx([0.5**0.5, 0.5**0.5, 0])
 
 
@@ -274,7 +264,7 @@ def test_names_that_no_file_can_have(tmp_path: Path) -> None:
     path = written(tmp_path, robot(*parts))
     for name in ("#a.stl", "?b.stl"):
         (tmp_path / name).write_bytes(cube_stl())
-    assert len(made(path).document["missing"]) == 2
+    assert len(build_robot(path).document["missing"]) == 2
     bundle = load_bundle(path)
     assert [f.path for f in bundle.files] == ["robot.urdf", "meshes/_a.stl", "meshes/_b.stl"]
     assert list(bundle.missing) == names[:2]
@@ -310,4 +300,4 @@ def test_the_doctor_lists_the_worst(tmp_path: Path, capsys: pytest.CaptureFixtur
 def test_vertices_nobody_uses_are_left_behind(tmp_path: Path) -> None:
     """Else every material would carry them all."""
     far = VERTICES + "v 9 9 9\n" * 100 + "".join(f"usemtl m{i}\nf 1 2 3\n" for i in range(5))
-    assert [len(s.positions) for s in read(tmp_path, "a.obj", far.encode()).surfaces] == [3] * 5
+    assert [len(s.positions) for s in read_mesh_of(tmp_path, "a.obj", far.encode()).surfaces] == [3] * 5

@@ -10,10 +10,9 @@ from typing import Any
 import pytest
 from mesh_parsers import png
 from model_parsers import jpeg_scans
-from model_stage import cube_obj, link, mesh, nothing, robot, written
+from model_stage import build_robot, cube_obj, link, mesh, robot, written
 from PIL import Image
 from PIL.PngImagePlugin import PngImageFile
-from posecast_edge.model.builder.build import build
 from posecast_edge.model.finding import ModelRefused
 from posecast_edge.model.meshes.texture import (
     BAND,
@@ -23,7 +22,6 @@ from posecast_edge.model.meshes.texture import (
     fitted,
     mean_colour,
 )
-from posecast_edge.model.urdf.resolver import Resolver
 
 
 def encoded(image: Image.Image, kind: str, **more: object) -> bytes:
@@ -129,6 +127,6 @@ def test_a_picture_is_looked_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyP
     (tmp_path / "a.png").write_bytes(png(200))
     path = written(tmp_path, robot(link("a", "".join(parts))))
     monkeypatch.setattr(PngImageFile, "load", counted)
-    built = build(path, Resolver(path), nothing)
+    built = build_robot(path)
     assert len(built.document["visuals"]) == 12
     assert looks < 12

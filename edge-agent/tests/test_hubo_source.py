@@ -21,7 +21,6 @@ from posecast_edge.sources.hubo.reconnecting import PersistentReader
 from posecast_edge.sources.hubo.source import HuboAchSource
 from posecast_edge.sources.registry import open_source
 from posecast_wire.decoder import Decoder
-from posecast_wire.keys import Snapshot
 
 HUBO = Path(__file__).parents[1] / "src/posecast_edge/profiles/hubo2plus.toml"
 Run = Callable[..., Edge]
@@ -70,10 +69,8 @@ def run(router: Router) -> Iterator[Run]:
 
 def decoder_of(router: Router) -> Decoder:
     until(lambda: router.snapshot() is not None, "a snapshot")
-    sample = router.snapshot()
-    assert sample is not None
-    decoder = Decoder()
-    decoder.add_schema(Snapshot.unpack(sample.payload.to_bytes()).schema)
+    decoder = router.decoder()
+    assert decoder is not None
     return decoder
 
 

@@ -13,11 +13,12 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 import yourdfpy
-from model_stage import ROBOTS, joint, link, robot, shared_robot, written
+from model_stage import joint, link, robot, written
 from posecast_edge.model.builder.manifest import encode, home, skeleton
 from posecast_edge.model.kinematics import link_poses, quaternion_from_rpy
 from posecast_edge.model.urdf.reader import load_urdf
 from posecast_edge.model.urdf.tree import build_tree
+from shared_stage import ROBOTS, shared_robot
 from trimesh import transformations as untyped
 
 transformations: Any = untyped
@@ -63,10 +64,7 @@ def compare(path: Path, seed: int) -> None:
 
 @pytest.mark.parametrize("name", ROBOTS)
 def test_shared_robots(name: str) -> None:
-    path = shared_robot(name)
-    if not path.exists():
-        pytest.skip("no ../shared/robots here")
-    compare(path, seed=4)
+    compare(shared_robot(name), seed=4)
 
 
 def test_every_type_of_joint(tmp_path: Path) -> None:

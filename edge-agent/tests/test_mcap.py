@@ -17,8 +17,9 @@ from posecast_edge.sources.registry import open_source
 mcap = pytest.importorskip("mcap", reason="the extra [mcap] is not installed")
 
 from mcap.writer import CompressionType  # noqa: E402
-from mcap_stage import BEGAN_NS, STEP_NS, Bag, Cdr, joint_state, wrench  # noqa: E402
+from mcap_stage import BEGAN_NS, STEP_NS, Bag, joint_state, wrench  # noqa: E402
 from posecast_edge.sources.files.mcap import McapFile  # noqa: E402
+from ros_stage import text_message  # noqa: E402
 
 PROFILE = '[labels]\njoint = ["A", "B"]\n[[fields]]\nname = "ref"\n[[fields]]\nname = "pos"\n'
 PACKED = [CompressionType.NONE, CompressionType.LZ4, CompressionType.ZSTD]
@@ -85,7 +86,7 @@ def test_other_topics_are_merged_and_unknown_ones_said_once(
 
 def test_a_recorded_description_is_handed_on_also_from_a_later_start(tmp_path: Path) -> None:
     bag = Bag()
-    bag.add("/robot_description", "std_msgs/msg/String", BEGAN_NS, Cdr().text("<robot name='x'/>").payload)
+    bag.add("/robot_description", "std_msgs/msg/String", BEGAN_NS, text_message("<robot name='x'/>"))
     for k in range(50):
         t_ns = BEGAN_NS + k * STEP_NS
         bag.add("/joint_states", "sensor_msgs/msg/JointState", t_ns, joint_state(t_ns, A=k))

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import io
-import json
-import struct
 from pathlib import Path
 from typing import Any
 
@@ -14,24 +12,21 @@ import trimesh
 from model_stage import (
     CUBE_CORNERS,
     CUBE_FACES,
-    SHARED,
     cube_collada,
     cube_glb,
     cube_obj,
     cube_stl,
     cube_text_stl,
+    glb_document,
+    pack_glb,
+    read_mesh_of,
     resolver_at,
     volume,
 )
 from posecast_edge.model.finding import ModelRefused
-from posecast_edge.model.meshes.mesh import Mesh, fans
+from posecast_edge.model.meshes.mesh import fans
 from posecast_edge.model.meshes.reader import read_mesh
-
-
-def read(folder: Path, name: str, data: bytes) -> Mesh:
-    (folder / name).write_bytes(data)
-    return read_mesh(folder / name, resolver_at(folder))
-
+from shared_stage import SHARED
 
 CUBES = {
     "a.stl": cube_stl(),
@@ -51,14 +46,14 @@ CUBES = {
 
 @pytest.mark.parametrize("name", CUBES)
 def test_cubes(name: str, tmp_path: Path) -> None:
-    mesh = read(tmp_path, name, CUBES[name])
+    mesh = read_mesh_of(tmp_path, name, CUBES[name])
     assert mesh.triangles == 12
     assert np.allclose(mesh.box(), np.array([[0, 0, 0], [0.2, 0.2, 0.2]]))
     assert volume(mesh) == pytest.approx(0.008, rel=1e-5)
 
 
 def test_stl_with_more_after_it(tmp_path: Path) -> None:
-    mesh = read(tmp_path, "a.stl", cube_stl() + b"some trailer")
+    mesh = read_mesh_of(tmp_path, "a.stl", cube_stl() + b"some trailer")
     assert mesh.triangles == 12
     assert [code for code, _ in mesh.notes] == ["stl-tail"]
 
@@ -68,7 +63,7 @@ def test_collada_transforms_in_order(tmp_path: Path) -> None:
         "<translate>1 2 3</translate><rotate>0 0 1 90</rotate><scale>1 2 1</scale>"
         "<matrix>1 0 0 0.5 0 1 0 0 0 0 1 0 0 0 0 1</matrix>"
     )
-    mesh = read(tmp_path, "a.dae", cube_collada(node=node, unit="0.1"))
+    mesh = read_mesh_of(tmp_path, "a.dae", cube_collada(node=node, unit="0.1"))
     # x → 0.5 … 0.7; scaled y 0 … 0.4; turned: x' = −y, y' = x; moved; tenths of a metre
     assert np.allclose(mesh.box(), [[0.06, 0.25, 0.3], [0.1, 0.27, 0.32]], atol=1e-6)
     assert [code for code, _ in mesh.notes] == ["collada-unit"]
@@ -76,7 +71,7 @@ def test_collada_transforms_in_order(tmp_path: Path) -> None:
 
 
 def test_collada_mirrored_by_its_scene_is_turned(tmp_path: Path) -> None:
-    assert volume(read(tmp_path, "a.dae", cube_collada(node="<scale>-1 1 1</scale>"))) > 0
+    assert volume(read_mesh_of(tmp_path, "a.dae", cube_collada(node="<scale>-1 1 1</scale>"))) > 0
 
 
 @pytest.mark.parametrize(
@@ -93,7 +88,7 @@ def test_collada_polygons(tag: str, inside: str, tmp_path: Path) -> None:
     data = cube_collada().decode()
     start, end = data.index("<p>"), data.index("</triangles>")
     data = (data[:start] + body + data[end:]).replace("triangles", tag)
-    mesh = read(tmp_path, "a.dae", data.encode())
+    mesh = read_mesh_of(tmp_path, "a.dae", data.encode())
     assert mesh.triangles == 12
     assert volume(mesh) == pytest.approx(0.008)
 
@@ -102,14 +97,14 @@ def test_collada_strips(tmp_path: Path) -> None:
     data = cube_collada().decode()
     start, end = data.index("<p>"), data.index("</triangles>")
     data = (data[:start] + "<p>0 1 2 3 6 7</p>" + data[end:]).replace("triangles", "tristrips")
-    [surface] = read(tmp_path, "a.dae", data.encode()).surfaces
+    [surface] = read_mesh_of(tmp_path, "a.dae", data.encode()).surfaces
     corners = CUBE_CORNERS[[[0, 1, 2], [2, 1, 3], [2, 3, 6], [6, 3, 7]]] * np.float32(0.2)
     np.testing.assert_allclose(surface.positions[surface.faces], corners)
 
 
 def test_collada_colours(tmp_path: Path) -> None:
     def colour(effect: str) -> tuple[float, ...] | None:
-        [surface] = read(tmp_path, "a.dae", cube_collada(effect=effect)).surfaces
+        [surface] = read_mesh_of(tmp_path, "a.dae", cube_collada(effect=effect)).surfaces
         return surface.paint.rgba if surface.paint else None
 
     diffuse = "<diffuse><color>0.1 0.2 0.3 1</color></diffuse>"
@@ -132,13 +127,13 @@ def test_obj_materials(tmp_path: Path) -> None:
     text = "mtllib a.mtl\n" + faces[0]
     for material, part in zip(("red", "glass", "odd", "gone", "red", "red"), parts, strict=False):
         text += f"usemtl {material}\n{part}"
-    mesh = read(tmp_path, "a.obj", text.encode())
+    mesh = read_mesh_of(tmp_path, "a.obj", text.encode())
     rgba = [s.paint.rgba if s.paint else None for s in mesh.surfaces]
     assert rgba == [(1, 0, 0, 1), (0, 0, 1, 0.4), (0.8, 0.8, 0.8, 1), None]
 
 
 def test_obj_counts_from_the_end(tmp_path: Path) -> None:
-    mesh = read(tmp_path, "a.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf -3 -2 -1\n")
+    mesh = read_mesh_of(tmp_path, "a.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf -3 -2 -1\n")
     assert mesh.surfaces[0].faces.tolist() == [[0, 1, 2]]
 
 
@@ -149,7 +144,7 @@ def test_glb_scene_and_colour(tmp_path: Path) -> None:
             {"mesh": 0, "rotation": [0, 0, 0.70710678, 0.70710678]},
         ]
 
-    mesh = read(tmp_path, "a.glb", cube_glb(moved))
+    mesh = read_mesh_of(tmp_path, "a.glb", cube_glb(moved))
     assert np.allclose(mesh.box(), [[0.6, 0, 0], [1, 0.4, 0.4]], atol=1e-6)
     [surface] = mesh.surfaces
     assert surface.paint is not None
@@ -157,8 +152,7 @@ def test_glb_scene_and_colour(tmp_path: Path) -> None:
 
 
 def test_glb_of_small_integers(tmp_path: Path) -> None:
-    data = cube_glb()
-    document = json.loads(data[20 : 20 + struct.unpack_from("<I", data, 12)[0]])
+    document = glb_document(cube_glb())
     corners = np.array([[x, y, z, 0] for x in (0, 1) for y in (0, 1) for z in (0, 1)], "<i2") * 32767
     faces = CUBE_FACES.astype("u1").tobytes()
     document["accessors"][0] |= {"componentType": 5122, "normalized": True}
@@ -167,13 +161,7 @@ def test_glb_of_small_integers(tmp_path: Path) -> None:
         {"buffer": 0, "byteLength": 64, "byteStride": 8},
         {"buffer": 0, "byteOffset": 64, "byteLength": 36},
     ]
-    text = json.dumps(document).encode()
-    text += b" " * (-len(text) % 4)
-    binary = corners.tobytes() + faces
-    chunks = (
-        struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(binary), b"BIN\0") + binary
-    )
-    mesh = read(tmp_path, "a.glb", struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks)
+    mesh = read_mesh_of(tmp_path, "a.glb", pack_glb(document, corners.tobytes() + faces))
     assert np.allclose(mesh.box(), [[0, 0, 0], [1, 1, 1]])
 
 
@@ -191,7 +179,7 @@ def test_fans() -> None:
 def test_unreadable_kinds(tmp_path: Path) -> None:
     for name in ("a.ply", "a.step", "a"):
         with pytest.raises(ModelRefused):
-            read(tmp_path, name, b"something")
+            read_mesh_of(tmp_path, name, b"something")
 
 
 @pytest.mark.parametrize("pattern", ["**/*.dae", "**/*.stl", "**/*.STL"])

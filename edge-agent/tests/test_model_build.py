@@ -15,28 +15,26 @@ import numpy as np
 import pytest
 from model_stage import (
     PICTURE,
-    ROBOTS,
-    SHARED,
+    build_robot,
     cube_collada,
     cube_obj,
     cube_stl,
+    glb_document,
     joint,
     link,
     mesh,
-    nothing,
     robot,
-    shared_robot,
     written,
 )
 from numpy.typing import NDArray
 from PIL import Image
-from posecast_edge.model.builder.build import Built, build, triangles_of
+from posecast_edge.model.builder.build import Built, triangles_of
 from posecast_edge.model.builder.manifest import home
 from posecast_edge.model.builder.raster import camera_towards, silhouette
 from posecast_edge.model.finding import ModelRefused
 from posecast_edge.model.kinematics import from_quaternion, link_poses, quaternion_from_rpy
-from posecast_edge.model.urdf.resolver import Resolver
 from posecast_edge.sources.demo import BUNDLE
+from shared_stage import ROBOTS, shared_robot
 
 VIEWS = [np.array(v) for v in ((1.0, 0.0, 0.05), (0.0, 1.0, 0.1), (1.0, 0.55, 0.42))]
 PIXELS = 512
@@ -46,10 +44,6 @@ SIZES = {  # bytes of a level at most; the issue's, and what the others should n
     "g1-hands": {"low": 200_000, "middle": 600_000, "high": 3_600_000},
     "hubo2plus-collada": {"low": 300_000, "middle": 600_000, "high": 4_000_000},
 }
-
-
-def made(path: Path) -> Built:
-    return build(path, Resolver(path), nothing)
 
 
 def poses_of(built: Built) -> list[NDArray[np.float64]]:
@@ -71,10 +65,7 @@ def original(built: Built) -> NDArray[np.float64]:
 
 @pytest.fixture(scope="module", params=ROBOTS)
 def shared(request: pytest.FixtureRequest) -> tuple[str, Built]:
-    path = shared_robot(request.param)
-    if not path.exists():
-        pytest.skip(f"no {path.relative_to(SHARED.parent)} here")
-    return request.param, made(path)
+    return request.param, build_robot(shared_robot(request.param))
 
 
 def test_sizes(shared: tuple[str, Built]) -> None:
@@ -92,7 +83,7 @@ def test_few_bytes_can_be_many_triangles() -> None:
     path = BUNDLE / "robot.urdf"
     if not path.exists():
         pytest.skip("the demo robot is not built: make setup")
-    built = made(path)
+    built = build_robot(path)
     low, high = built.document["levels"]
     assert [low["name"], high["name"]] == ["low", "high"]
     assert high["triangles"] > 40_000
@@ -157,9 +148,8 @@ def unpacked(data: bytes) -> tuple[dict[str, Any], NDArray[Any], NDArray[Any], N
     """The JSON, positions, normals and indices of a level."""
     magic, version, length = struct.unpack_from("<4sII", data)
     assert (magic, version, length) == (b"glTF", 2, len(data))
-    size = struct.unpack_from("<I", data, 12)[0]
-    gltf = json.loads(data[20 : 20 + size])
-    binary = data[28 + size :]
+    gltf = glb_document(data)
+    binary = data[28 + struct.unpack_from("<I", data, 12)[0] :]
     views = []
     for view in gltf["bufferViews"][:3]:
         how = view["extensions"]["EXT_meshopt_compression"]
@@ -226,7 +216,7 @@ def test_whose_colour_wins(tmp_path: Path) -> None:
     ]
     blue = '<material name="blue"><color rgba="0 0 1 1"/></material>'
     files = {"plain_stl": cube_stl(), "green_dae": cube_collada(effect=green), "plain_dae": cube_collada()}
-    built = made(written(tmp_path, robot(blue, link("a", "".join(inside))), **files))
+    built = build_robot(written(tmp_path, robot(blue, link("a", "".join(inside))), **files))
     grey = "#b8bdc4"
     assert colours(built) == [grey, "#ff0000", "#0000ff", "#00ff00", "#ff0000", grey]
     gltf = unpacked(built.files["high.glb"])[0]
@@ -241,7 +231,7 @@ def test_whose_colour_wins(tmp_path: Path) -> None:
 
 def test_scale_and_mirror(tmp_path: Path) -> None:
     inside = mesh("meshes/a.stl", ' scale="1 -2 0.5"')
-    built = made(written(tmp_path, robot(link("a", inside)), a_stl=cube_stl(1)))
+    built = build_robot(written(tmp_path, robot(link("a", inside)), a_stl=cube_stl(1)))
     assert built.document["visuals"][0]["box"] == [[0, -2, 0], [1, 0, 0.5]]
     corners, normals, _ = triangles_of(built.levels["high"], built.figure, poses_of(built))
     outward = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -258,7 +248,7 @@ def test_shapes(tmp_path: Path) -> None:
         '<capsule radius="0.5" length="2"/>': [0.5, 0.5, 1.5],
     }
     visuals = "".join(f"<visual><geometry>{shape}</geometry></visual>" for shape in shapes)
-    built = made(written(tmp_path, robot(link("a", visuals))))
+    built = build_robot(written(tmp_path, robot(link("a", visuals))))
     for visual, half in zip(built.document["visuals"], shapes.values(), strict=True):
         assert np.allclose(visual["box"], [[-v for v in half], half], atol=2e-3)
     for looks in built.figure.looks:  # closed, and the right way round
@@ -272,7 +262,7 @@ def test_a_mesh_shown_often_is_kept_once(tmp_path: Path) -> None:
     parts = [link("l0", mesh("meshes/a.stl"))]
     for i in range(20):
         parts += [link(f"l{i + 1}", mesh("meshes/a.stl")), joint(f"j{i}", "l0", f"l{i + 1}")]
-    built = made(written(tmp_path, robot(*parts), a_stl=cube_stl()))
+    built = build_robot(written(tmp_path, robot(*parts), a_stl=cube_stl()))
     [level] = built.document["levels"]
     assert len(built.document["visuals"]) == 21
     assert level["triangles"] == 21 * 12
@@ -290,7 +280,7 @@ def test_stand_ins(tmp_path: Path) -> None:
         joint("ab", "a", "b"),
         joint("bc", "b", "c", inside='<axis xyz="0 0 1"/><origin xyz="0 0 0.5"/>'),
     ]
-    built = made(written(tmp_path, robot(*parts)))
+    built = build_robot(written(tmp_path, robot(*parts)))
     shown = built.document["visuals"]
     assert [(v["link"], v.get("placeholder")) for v in shown] == [
         (0, "no such file"),
@@ -316,11 +306,11 @@ def test_textures_are_kept_and_shrunk(tmp_path: Path) -> None:
     Image.fromarray(noise).save(tmp_path / "meshes" / "skin.png")
     text = f"mtllib a.mtl\nusemtl skin\n{vertices}{corners}{quads}".encode()
     library = b"newmtl skin\nmap_Kd C:\\art\\skin.png\n"
-    built = made(written(tmp_path, robot(link("a", mesh("meshes/a.obj"))), a_obj=text, a_mtl=library))
+    built = build_robot(written(tmp_path, robot(link("a", mesh("meshes/a.obj"))), a_obj=text, a_mtl=library))
     assert list(built.levels) == ["low", "middle", "high"]
     sides = []
     for name in built.levels:
-        gltf = unpacked_json(built.files[f"{name}.glb"])
+        gltf = glb_document(built.files[f"{name}.glb"])
         [image] = gltf["images"]
         [material] = gltf["materials"]
         assert material["pbrMetallicRoughness"]["baseColorTexture"] == {"index": 0}
@@ -334,12 +324,6 @@ def test_textures_are_kept_and_shrunk(tmp_path: Path) -> None:
     assert len(built.files["low.glb"]) < 80_000
 
 
-def unpacked_json(data: bytes) -> dict[str, Any]:
-    size = struct.unpack_from("<I", data, 12)[0]
-    document: dict[str, Any] = json.loads(data[20 : 20 + size])
-    return document
-
-
 def picture_in(data: bytes, gltf: dict[str, Any], number: int) -> bytes:
     start = 28 + struct.unpack_from("<I", data, 12)[0]
     view = gltf["bufferViews"][number]
@@ -347,7 +331,7 @@ def picture_in(data: bytes, gltf: dict[str, Any], number: int) -> bytes:
 
 
 def test_a_robot_without_anything_to_draw(tmp_path: Path) -> None:
-    built = made(written(tmp_path, robot(link("a", ""), link("b", ""), joint("ab", "a", "b"))))
+    built = build_robot(written(tmp_path, robot(link("a", ""), link("b", ""), joint("ab", "a", "b"))))
     assert built.document["visuals"] == []
     assert "box" not in built.document
     assert [level["triangles"] for level in built.document["levels"]] == [0]
@@ -356,20 +340,20 @@ def test_a_robot_without_anything_to_draw(tmp_path: Path) -> None:
 def test_no_robot_at_all(tmp_path: Path) -> None:
     for text in (robot(), robot(link("a"), link("b"), joint("j", "a", "b"), joint("k", "b", "a"))):
         with pytest.raises(ModelRefused):
-            made(written(tmp_path, text))
+            build_robot(written(tmp_path, text))
 
 
 def test_no_robot_but_a_recipe_for_one(tmp_path: Path) -> None:
     text = '<robot name="r" xmlns:xacro="http://ros.org/xacro"><xacro:include filename="a.xacro"/></robot>'
     with pytest.raises(ModelRefused, match=r"xacro robot\.xacro > robot\.urdf"):
-        made(written(tmp_path, text))
+        build_robot(written(tmp_path, text))
 
 
 def test_sensors_and_joints_reach_the_manifest(tmp_path: Path) -> None:
     eye = '<sensor name="eye" type="camera"><pose>1 2 3 0 0 1.5707963</pose></sensor>'
     sensor = f'<gazebo reference="b">{eye}</gazebo>'
     parts = [link("a"), link("b"), joint("ab", "a", "b", inside='<axis xyz="0 0 3"/>'), sensor]
-    document = made(written(tmp_path, robot(*parts))).document
+    document = build_robot(written(tmp_path, robot(*parts))).document
     [found] = document["sensors"]
     assert (found["name"], found["kind"], found["link"], found["xyz"]) == ("eye", "camera", 1, [1, 2, 3])
     assert found["quat"] == pytest.approx([0.70710678, 0, 0, 0.70710678])

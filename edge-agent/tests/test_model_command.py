@@ -5,13 +5,12 @@ from __future__ import annotations
 import json
 import os
 import resource
-import subprocess
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+from command_stage import run_edge
 from model_stage import cube_stl, joint, link, mesh, robot, written
 from posecast_edge.cli.model_command import CLEAN, PROBLEMS, UNUSABLE, run_command
 from posecast_edge.cli.profile_new import run_profile
@@ -258,8 +257,7 @@ def test_doctor_reads_the_profile(tmp_path: Path, capsys: pytest.CaptureFixture[
 
 def test_as_a_program_without_traces_of_a_terminal(tmp_path: Path) -> None:
     path = written(tmp_path, robot(link("a"), link("b\x1b".replace("\x1b", "&#x9b;"))))
-    program = [sys.executable, "-m", "posecast_edge", "doctor", "--urdf", str(path)]
-    done = subprocess.run(program, capture_output=True, text=True, check=False)
+    done = run_edge("doctor", "--urdf", str(path))
     assert done.returncode == PROBLEMS
     assert done.stderr == ""
     assert all(line.isprintable() for line in done.stdout.splitlines())

@@ -9,7 +9,17 @@ from collections.abc import Callable
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from model_stage import cube_collada, cube_glb, cube_obj, cube_stl, cube_text_stl, joint, link, mesh, robot
+from model_stage import (
+    ROBOT_OF_ALL,
+    cube_collada,
+    cube_glb,
+    cube_obj,
+    cube_stl,
+    cube_text_stl,
+    joint,
+    link,
+    robot,
+)
 from posecast_edge.model.doctor.skeleton import examine
 from posecast_edge.model.finding import ModelRefused
 from posecast_edge.model.meshes.collada import read_collada
@@ -73,22 +83,11 @@ def test_meshes(kind: str, changes: list[tuple[int, int, bytes]]) -> None:
     assert len(said) < 300
 
 
-WHOLE = robot(
-    '<material name="m"><color rgba="1 0 0 1"/></material>',
-    link("a", mesh("a.stl", ' scale="1 1 1"') + '<inertial><mass value="1"/><inertia ixx="1"/></inertial>'),
-    link("b"),
-    link("c"),
-    joint("j", "a", "b", inside='<axis xyz="0 0 1"/><origin xyz="1 2 3" rpy="0 0 1"/>'),
-    joint("k", "b", "c", inside='<axis xyz="0 0 1"/><mimic joint="j" multiplier="2"/>'),
-    '<gazebo reference="a"><sensor name="s" type="imu"><pose>0 0 0 0 0 0</pose></sensor></gazebo>',
-).encode()
-
-
 @settings(max_examples=300, deadline=None)
 @given(changes=damages)
 def test_urdfs(changes: list[tuple[int, int, bytes]]) -> None:
     try:
-        urdf = read_urdf(io.BytesIO(damaged(WHOLE, changes)))
+        urdf = read_urdf(io.BytesIO(damaged(ROBOT_OF_ALL, changes)))
     except ModelRefused as refused:
         said = refused.reason
         urdf = Urdf("")

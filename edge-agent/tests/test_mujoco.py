@@ -4,22 +4,19 @@ from __future__ import annotations
 
 import itertools
 import math
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+from command_stage import run_edge
 from posecast_edge.model.urdf.reader import load_urdf
 from posecast_edge.sample import Sample, SourceError
 from posecast_edge.sources.registry import defaults_of, open_source
+from shared_stage import shared_robot
 
 mujoco = pytest.importorskip("mujoco", reason="the extra [mujoco] is not installed")
 
 from posecast_edge.sources.mujoco.model import GO_S, STAY_S, TURN_S, Simulation, load, moving_parts  # noqa: E402
 from posecast_edge.sources.mujoco.source import ARM  # noqa: E402
-
-SHARED = Path(os.environ.get("POSECAST_SHARED", Path(__file__).parents[3] / "shared"))
 
 WALKER = """
 <mujoco>
@@ -131,14 +128,7 @@ def test_the_arm_keeps_to_its_limits_and_the_doctor_likes_it() -> None:
             assert limit.lower is not None
             assert limit.upper is not None
             assert limit.lower - 0.01 <= position <= limit.upper + 0.01, joint
-    words = ("doctor", "--source", "mujoco", "--urdf", str(ARM), "--seconds", "1")
-    done = subprocess.run(
-        [sys.executable, "-m", "posecast_edge", *words],
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=120,
-    )
+    done = run_edge("doctor", "--source", "mujoco", "--urdf", str(ARM), "--seconds", "1")
     assert (done.returncode, done.stderr) == (0, ""), done.stdout
 
 
@@ -199,17 +189,9 @@ def test_a_model_that_is_not_there() -> None:
         open_source("mujoco:/none.xml", None)
 
 
-@pytest.mark.skipif(not SHARED.is_dir(), reason="no robot models beside this checkout")
-@pytest.mark.parametrize(
-    "urdf",
-    [
-        "hubo2plus-stl/hubo-urdf/model_collision_as_visual.urdf",
-        "drchubo-stl/drchubo-urdf/drchubo-v3.urdf",
-        "unitree-g1/example-robot-data/robots/g1_description/urdf/g1_29dof_rev_1_0.urdf",
-    ],
-)
-def test_real_robots_hold_still_and_move_as_told(urdf: str, caplog: pytest.LogCaptureFixture) -> None:
-    simulation = load(SHARED / "robots" / urdf)
+@pytest.mark.parametrize("name", ["hubo2plus-collision", "drchubo", "g1"])
+def test_real_robots_hold_still_and_move_as_told(name: str, caplog: pytest.LogCaptureFixture) -> None:
+    simulation = load(shared_robot(name))
     assert len(simulation.servos) == len(simulation.joints)
     for sample in play(simulation, 2 * TURN_S):
         for servo in simulation.servos:

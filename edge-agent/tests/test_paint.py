@@ -12,24 +12,23 @@ from model_stage import (
     CUBE_CORNERS,
     CUBE_FACES,
     PICTURE,
+    build_robot,
     cube_collada,
     cube_glb,
     cube_obj,
     cube_stl,
     link,
-    nothing,
     resolver_at,
     robot,
     volume,
     written,
 )
 from PIL import Image
-from posecast_edge.model.builder.build import Built, build
+from posecast_edge.model.builder.build import Built
 from posecast_edge.model.meshes.mesh import Floats, Paint, Surface
 from posecast_edge.model.meshes.primitives import tessellate
 from posecast_edge.model.meshes.reader import read_mesh
 from posecast_edge.model.meshes.vertex_colour import COLOURS_MAX, by_colour
-from posecast_edge.model.urdf.resolver import Resolver
 
 RED, GREEN, BLUE = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 
@@ -50,8 +49,7 @@ BOX = '<box size="1 1 1"/>'
 
 
 def built(folder: Path, *parts: str, **files: bytes) -> Built:
-    path = written(folder, robot(*parts), **files)
-    return build(path, Resolver(path), nothing)
+    return build_robot(written(folder, robot(*parts), **files))
 
 
 def paints(made: Built) -> list[list[Paint]]:

@@ -2,29 +2,19 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+from command_stage import run_edge
 from posecast_edge.cli.profile_new import profile_text, words_of
 from posecast_edge.model.urdf.reader import load_urdf
 from posecast_edge.profile.reader import load_profile, parse_profile
 from posecast_wire.mapping import SensorMount
-from test_profiles import DRC_URDF, G1_URDF, HUBO_URDF, SHARED
+from shared_stage import SHARED
+from test_profiles import DRC_URDF, G1_URDF, HUBO_URDF
 from test_source_doctor import URDF
 
 G1_HANDS = G1_URDF.with_name("g1_29dof_with_hand_rev_1_0.urdf")
-
-
-def run(*argv: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "posecast_edge", "profile", *argv],
-        capture_output=True,
-        text=True,
-        timeout=30,
-        check=False,
-    )
 
 
 @pytest.mark.parametrize("path", [HUBO_URDF, DRC_URDF, G1_URDF, G1_HANDS], ids=lambda p: p.stem)
@@ -83,16 +73,16 @@ def test_words(name: str, words: str) -> None:
 def test_the_command_writes_a_file_once(tmp_path: Path) -> None:
     urdf, out = tmp_path / "arm.urdf", tmp_path / "arm.toml"
     urdf.write_text(URDF, encoding="utf-8")
-    assert run("new", "--urdf", str(urdf), "-o", str(out)).returncode == 0
+    assert run_edge("profile", "new", "--urdf", str(urdf), "-o", str(out)).returncode == 0
     assert load_profile(out).name == "arm"
-    assert run("new", "--urdf", str(urdf)).stdout == out.read_text(encoding="utf-8")
-    again = run("new", "--urdf", str(urdf), "-o", str(out))
+    assert run_edge("profile", "new", "--urdf", str(urdf)).stdout == out.read_text(encoding="utf-8")
+    again = run_edge("profile", "new", "--urdf", str(urdf), "-o", str(out))
     assert (again.returncode, again.stderr) == (
         2,
         f"posecast-edge: {out}: is there already, and stays as it is\n",
     )
     urdf.write_text('<robot name="x"><link name="a"/></robot>', encoding="utf-8")
-    statue = run("new", "--urdf", str(urdf))
+    statue = run_edge("profile", "new", "--urdf", str(urdf))
     assert statue.returncode == 2
     assert "no joint moves" in statue.stderr
     urdf.write_text(
@@ -100,7 +90,7 @@ def test_the_command_writes_a_file_once(tmp_path: Path) -> None:
         '<parent link="a"/><child link="b"/></joint></robot>',
         encoding="utf-8",
     )
-    drone = run("new", "--urdf", str(urdf))
+    drone = run_edge("profile", "new", "--urdf", str(urdf))
     assert drone.returncode == 2
     assert "floating and planar joints have no value of their own" in drone.stderr
-    assert run("new", "--urdf", str(tmp_path / "gone.urdf")).returncode == 2
+    assert run_edge("profile", "new", "--urdf", str(tmp_path / "gone.urdf")).returncode == 2

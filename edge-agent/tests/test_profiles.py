@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 from itertools import pairwise
 from pathlib import Path
 
@@ -14,13 +13,13 @@ from posecast_edge.profile.reader import load_profile
 from posecast_edge.sources import demo
 from posecast_edge.sources.files.trajectory import TrajectorySource
 from posecast_edge.sources.registry import open_source
+from shared_stage import ROBOTS, SHARED
 
 PROFILES = demo.PROFILE.parent
-SHARED = Path(os.environ.get("POSECAST_SHARED", Path(__file__).parents[3] / "shared"))
-HUBO_URDF = SHARED / "robots/hubo2plus-stl/hubo-urdf/model_collision_as_visual.urdf"
+HUBO_URDF = SHARED / "robots" / ROBOTS["hubo2plus-collision"]
 HUBO_WALK = SHARED / "trajectories/hubo2plus_walk/walking_traj/walkFiveSteps0p2m.traj"
-DRC_URDF = SHARED / "robots/drchubo-stl/drchubo-urdf/drchubo-v3.urdf"
-G1_URDF = SHARED / "robots/unitree-g1/example-robot-data/robots/g1_description/urdf/g1_29dof_rev_1_0.urdf"
+DRC_URDF = SHARED / "robots" / ROBOTS["drchubo"]
+G1_URDF = SHARED / "robots" / ROBOTS["g1"]
 G1_MOVE = SHARED / "trajectories/g1_moves_60hz/karate/M_Move7/retarget/M_Move7.csv"
 
 shared = pytest.mark.skipif(not SHARED.is_dir(), reason="no robot models beside this checkout")

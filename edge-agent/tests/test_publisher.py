@@ -89,10 +89,8 @@ def test_restarted_relay_gets_a_key_at_once_and_no_backlog(router: Router, fed: 
     assert sum(f.header.is_key for f in fresh()[:10]) == 1
     # nothing of what waited: each is younger than the one before, and none lies between two
     assert all(a.stamp.elapsed_ns < b.stamp.elapsed_ns for a, b in pairwise(fresh()[:10]))
-    sample = router.snapshot()
-    assert sample is not None
-    decoder = Decoder()
-    decoder.add_schema(Snapshot.unpack(sample.payload.to_bytes()).schema)
+    decoder = router.decoder()
+    assert decoder is not None
     seqs = [decoder.decode(f.data).seq for f in fresh()[:10]]
     assert seqs == list(range(seqs[0], seqs[0] + 10))
 
@@ -288,9 +286,7 @@ def test_bad_lines_are_named_and_the_rest_keeps_running(
     until(lambda: any("line 2: not JSON" in line for line in e.lines), "line 2")
     until(lambda: any("line 3: pos has 3 values, 2 expected" in line for line in e.lines), "line 3")
     until(lambda: any("line 4: unknown label of pos 'RKM'" in line for line in e.lines), "line 4")
-    sample = router.snapshot()
-    assert sample is not None
-    decoder = Decoder()
-    decoder.add_schema(Snapshot.unpack(sample.payload.to_bytes()).schema)
+    decoder = router.decoder()
+    assert decoder is not None
     until(lambda: [decoder.decode(f.data) for f in router.frames][-1].values("pos") == [0.25, 0.5], "line 6")
     assert e.process.poll() is None

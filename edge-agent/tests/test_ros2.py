@@ -8,14 +8,12 @@ import logging
 import math
 import random
 import struct
-import subprocess
-import sys
-import threading
 import time
 from collections.abc import Callable, Iterator
 
 import pytest
 import zenoh
+from command_stage import run_edge
 from edge_stage import ROBOT, Edge, Router, until
 from posecast_edge.sample import SourceError
 from posecast_edge.sources.registry import open_source
@@ -43,7 +41,7 @@ from ros_stage import (
     text_message,
     wrench,
 )
-from source_stage import Listen, Listening, Move, Mover
+from source_stage import Listen, Listening, Move, Mover, flood
 
 NAMES = ["hip", "knee"]
 PROFILE = """
@@ -212,21 +210,9 @@ def test_of_a_flood_the_newest_arrives(graph: Graph, listen: Listen) -> None:
     """What can't be read in time is dropped, and it is the oldest."""
     names = [f"joint{i}" for i in range(40)]
     heard = listen(graph.source, None)
-    ended = threading.Event()
-    stamps = [0.0]
-
-    def flood() -> None:
-        while not ended.is_set():
-            stamps.append(time.monotonic())
-            graph.publish("/joint_states", JOINT_STATE, joint_state(stamps[-1], names, [1.0] * 40))
-
-    publisher = threading.Thread(target=flood)
-    publisher.start()
-    try:
-        until(lambda: len(heard.samples) > 50, "samples", 20)
-    finally:
-        ended.set()
-        publisher.join()
+    stamps = flood(
+        lambda t_s: graph.publish("/joint_states", JOINT_STATE, joint_state(t_s, names, [1.0] * 40)), heard
+    )
     until(lambda: heard.samples[-1].t_s == pytest.approx(stamps[-1], abs=1e-6), "the newest")
     assert len(heard.samples) < len(stamps)
 
@@ -337,24 +323,19 @@ def declared_to(router: zenoh.Session, own: set[str]) -> dict[str, set[str]]:
     return found
 
 
-def run(*command: str) -> subprocess.CompletedProcess[str]:
-    words = [sys.executable, "-m", "posecast_edge", *command]
-    return subprocess.run(words, capture_output=True, text=True, timeout=60, check=False)
-
-
 def test_probe_lists_the_topics_and_doctor_holds_them_against_the_description(
     graph: Graph, moving: Move
 ) -> None:
     graph.latch("/robot_description", STRING, text_message(KNEE))
     graph.declare("/camera", "sensor_msgs/Image")
     moving(50, joints(graph))
-    probed = run("probe", graph.source, "--seconds", "0.5")
+    probed = run_edge("probe", graph.source, "--seconds", "0.5")
     assert probed.returncode == 0, probed.stderr
     *_, camera, positions, description = probed.stdout.splitlines()
     assert camera.split() == ["/camera", "sensor_msgs/Image", "not", "read"]
     assert positions.split()[:4] == ["/joint_states", "sensor_msgs/JointState", "→", "pos"]
     assert description.split()[3:] == ["description", "1", "message"]
-    examined = run("doctor", "--source", graph.source, "--seconds", "0.5")
+    examined = run_edge("doctor", "--source", graph.source, "--seconds", "0.5")
     assert examined.returncode == 1
     assert (
         f"{graph.source}: warning: channel 'hip' without effect: the model has no such joint"

@@ -8,7 +8,6 @@ import logging
 import re
 import socket
 import threading
-import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -20,7 +19,7 @@ from posecast_edge.sources.registry import open_source
 from posecast_edge.sources.ros import rosbridge as rosbridge_module
 from posecast_edge.sources.ros.messages import DIAGNOSTICS, JOINT_STATE
 from rosbridge_stage import Rosbridge, joint_state, ros_1, ros_2
-from source_stage import Listen, Move, Mover
+from source_stage import Listen, Move, Mover, flood
 from websockets.utils import accept_key
 
 NAMES = ["hip", "knee"]
@@ -264,21 +263,7 @@ def test_of_a_flood_the_newest_arrives(bridge: Callable[..., Rosbridge], listen:
     names = [f"joint{i}" for i in range(40)]
     heard = listen(server.source, None)
     until(lambda: server.subscribed == {"/joint_states"}, "a subscription")
-    ended = threading.Event()
-    stamps = [0.0]
-
-    def flood() -> None:
-        while not ended.is_set():
-            stamps.append(time.monotonic())
-            server.publish("/joint_states", joint_state(stamps[-1], names, [1.0] * 40))
-
-    publisher = threading.Thread(target=flood)
-    publisher.start()
-    try:
-        until(lambda: len(heard.samples) > 50, "samples", 20)
-    finally:
-        ended.set()
-        publisher.join()
+    stamps = flood(lambda t_s: server.publish("/joint_states", joint_state(t_s, names, [1.0] * 40)), heard)
     until(lambda: heard.samples[-1].t_s == pytest.approx(stamps[-1], abs=1e-6), "the newest", 20)
 
 

@@ -22,16 +22,9 @@ from posecast_edge.sources.ros.rosbridge_protocol import (
     ask,
     subscribe,
 )
+from rosbridge_stage import fragments
 
 MESSAGE = json.dumps({"op": "publish", "topic": "/a", "msg": {"position": [1.0, 2.0], "name": "é"}})
-
-
-def fragments(text: str, size: int, name: object = "f1") -> list[str]:
-    parts = [text[i : i + size] for i in range(0, len(text), size)]
-    return [
-        json.dumps({"op": "fragment", "id": name, "data": part, "num": i, "total": len(parts)})
-        for i, part in enumerate(parts)
-    ]
 
 
 def test_what_is_asked_for() -> None:

@@ -5,14 +5,13 @@ from __future__ import annotations
 import json
 import math
 import re
-import subprocess
-import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import pytest
+from command_stage import run_edge
 from posecast_edge.cli.doctor import examine_source
 from posecast_edge.model.urdf.reader import load_urdf
 from posecast_edge.pipeline.source_stats import SourceStats
@@ -226,17 +225,6 @@ def test_the_page_explains_what_the_doctor_says(urdf_file: Path) -> None:
         assert any(found.search(text) for text in said), words
 
 
-def run(*argv: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "posecast_edge", *argv],
-        capture_output=True,
-        text=True,
-        stdin=subprocess.DEVNULL,
-        timeout=60,
-        check=False,
-    )
-
-
 @pytest.fixture
 def files(tmp_path: Path) -> Callable[[Change], tuple[str, str]]:
     """A second of a good set-up with a change, as a file to play, and its profile. What watches it is given
@@ -260,12 +248,12 @@ def files(tmp_path: Path) -> Callable[[Change], tuple[str, str]]:
 def test_the_command_ends_with_0_1_or_2(files: Callable[[Change], tuple[str, str]], urdf_file: Path) -> None:
     source, profile = files(lambda values: None)
     flags = ("--source", source, "--profile", profile, "--urdf", str(urdf_file), "--seconds", "9")
-    done = run("doctor", *flags)
+    done = run_edge("doctor", *flags)
     assert (done.returncode, done.stderr) == (0, "")
     assert done.stdout.splitlines()[-1].startswith(f"{source}: 100 samples, ")
     assert done.stdout.splitlines()[-1].endswith(": nothing wrong")
     files(scaled("cur", 1000))
-    done = run("doctor", *flags)
+    done = run_edge("doctor", *flags)
     assert done.returncode == 1
     assert (
         "error: cur of 'shoulder', 'elbow', 'wrist', 'lift' reaches 2000 A: are these mA? [unit]"
@@ -277,7 +265,7 @@ def test_the_command_ends_with_0_1_or_2(files: Callable[[Change], tuple[str, str
         ("--profile", "/no.toml", "--source", "demo"),
         (),
     ):
-        done = run("doctor", *wrong)
+        done = run_edge("doctor", *wrong)
         assert done.returncode == 2, wrong
         assert done.stderr.count("\n") == 1
 
@@ -286,7 +274,7 @@ def test_without_a_profile_the_first_sample_is_the_profile(
     files: Callable[[Change], tuple[str, str]], urdf_file: Path
 ) -> None:
     source, _ = files(without("pos", "lift"))
-    done = run("doctor", "--source", source, "--urdf", str(urdf_file), "--seconds", "9")
+    done = run_edge("doctor", "--source", source, "--urdf", str(urdf_file), "--seconds", "9")
     assert done.returncode == 1
     assert (
         "pos of 'lift' never had a reading: that part of the body stands still [channel-dead]" in done.stdout
@@ -295,7 +283,7 @@ def test_without_a_profile_the_first_sample_is_the_profile(
 
 def test_probe_says_what_there_is(files: Callable[[Change], tuple[str, str]]) -> None:
     source, _ = files(scaled("cur", 1000))
-    done = run("probe", source, "--seconds", "9")
+    done = run_edge("probe", source, "--seconds", "9")
     assert done.returncode == 0
     out = done.stdout.splitlines()
     assert "100 samples in " in out[0]
@@ -309,7 +297,7 @@ def test_probe_says_what_there_is(files: Callable[[Change], tuple[str, str]]) ->
 
 
 def test_probe_of_nothing() -> None:
-    done = run("probe", "jsonl", "--seconds", "0.2")  # stdin is empty
+    done = run_edge("probe", "jsonl", "--seconds", "0.2")  # stdin is empty
     assert done.returncode == 1
     assert done.stdout == "jsonl stdin: ended without a sample\n"
-    assert run("probe", "what").returncode == 2
+    assert run_edge("probe", "what").returncode == 2

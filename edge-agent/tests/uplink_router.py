@@ -12,7 +12,7 @@ import time
 from edge_stage import ROBOT, Router
 from posecast_wire.decoder import Decoder
 from posecast_wire.frame import FrameError
-from posecast_wire.keys import Echo, Snapshot
+from posecast_wire.keys import Echo
 
 
 def main() -> None:
@@ -21,18 +21,14 @@ def main() -> None:
     newest = Echo(0, 0, 0.0)
     router.echo = lambda: newest
     print(router.endpoint, flush=True)
-    decoder = Decoder()
-    told = schema_known = 0
+    decoder: Decoder | None = None
+    told = 0
     while True:
         time.sleep(0.005)
         frames = router.frames
-        if len(frames) > told and not schema_known:
-            sample = router.snapshot()
-            if sample is None:
-                continue
-            decoder.add_schema(Snapshot.unpack(sample.payload.to_bytes()).schema)
-            schema_known = 1
-        while told < len(frames):
+        if len(frames) > told and decoder is None:
+            decoder = router.decoder()
+        while decoder is not None and told < len(frames):
             frame = frames[told]
             told += 1
             try:
