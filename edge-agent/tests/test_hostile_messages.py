@@ -272,7 +272,7 @@ def test_a_batch_is_bounded_in_characters() -> None:
 @pytest.mark.parametrize("value", ["[" * 100_000, '"\\ud800"', "9" * 5000, json.dumps("x" * (9 << 20))])
 def test_a_parameter_that_is_no_description_is_told(value: str, caplog: pytest.LogCaptureFixture) -> None:
     answer = {"op": "service_response", "id": "description", "values": {"value": value}, "result": True}
-    talk(Connection([]))._hear(json.dumps(answer))
+    talk(Connection([]))._receive(json.dumps(answer))
     assert len(caplog.messages) == 1
     assert len(caplog.messages[0]) < 500
 
@@ -282,7 +282,7 @@ def test_a_description_is_asked_for_as_json() -> None:
     connection = Connection([])
     told = talk(connection, "cbor")
     values = {"topics": ["/robot_description", "/diagnostics"], "types": [STRING, DIAGNOSTICS]}
-    told._hear(json.dumps({"op": "service_response", "id": "topics", "values": values, "result": True}))
+    told._receive(json.dumps({"op": "service_response", "id": "topics", "values": values, "result": True}))
     wishes = {s["topic"]: s.get("compression") for s in connection.sent if s["op"] == "subscribe"}
     assert wishes == {"/robot_description": None, "/diagnostics": "cbor"}
 

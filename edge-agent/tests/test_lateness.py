@@ -15,16 +15,16 @@ def test_words() -> None:
     assert watch.word(0.0) == "no link"
     watch.link(True)
     assert watch.word(0.0) == "no relay"
-    watch.answered(Echo(0, 0, 0.0), 0.0, 0.01)
+    watch.record_answer(Echo(0, 0, 0.0), 0.0, 0.01)
     assert watch.word(0.1) == "waiting"
-    watch.sent(0, 0.2)
+    watch.record_frame(0, 0.2)
     assert watch.word(0.3) == "waiting"
     assert watch.word(2.3) == "refused"
-    watch.answered(Echo(7, 0, 0.0), 2.4, 2.41)
+    watch.record_answer(Echo(7, 0, 0.0), 2.4, 2.41)
     assert watch.word(2.5) == "on air"
-    watch.answered(Echo(8, 9, 0.0), 3.4, 3.41)  # another run has the robot now
+    watch.record_answer(Echo(8, 9, 0.0), 3.4, 3.41)  # another run has the robot now
     assert watch.word(3.5) == "refused"
-    watch.answered(None, 4.4, 4.41)
+    watch.record_answer(None, 4.4, 4.41)
     assert watch.word(4.5) == "no relay"
     watch.link(False)
     assert watch.word(5.0) == "no link"
@@ -33,62 +33,62 @@ def test_words() -> None:
 def test_a_frame_that_is_not_there_yet_is_late() -> None:
     watch = linked()
     for seq in range(60):
-        watch.sent(seq, seq / 30)
-    watch.answered(Echo(7, 29, 0.0), 2.0, 2.01)
+        watch.record_frame(seq, seq / 30)
+    watch.record_answer(Echo(7, 29, 0.0), 2.0, 2.01)
     assert abs(watch.late_s - 1.0) < 1e-9  # seq 30 left at 1.0 and was asked for at 2.0
     assert watch.word(2.1) == "late"
-    watch.answered(Echo(7, 59, 0.0), 3.0, 3.01)
+    watch.record_answer(Echo(7, 59, 0.0), 3.0, 3.01)
     assert watch.late_s == 0.0
     assert watch.word(3.1) == "on air"
 
 
 def test_a_slow_answer_means_a_queue() -> None:
     watch = linked()
-    watch.sent(0, 0.0)
-    watch.answered(Echo(7, 0, 0.0), 1.0, 1.05)  # 50 ms: the way there and back
-    watch.sent(1, 1.5)
-    watch.answered(Echo(7, 1, 0.0), 2.0, 2.85)
+    watch.record_frame(0, 0.0)
+    watch.record_answer(Echo(7, 0, 0.0), 1.0, 1.05)  # 50 ms: the way there and back
+    watch.record_frame(1, 1.5)
+    watch.record_answer(Echo(7, 1, 0.0), 2.0, 2.85)
     assert abs(watch.late_s - 0.8) < 1e-9
-    watch.answered(None, 3.0, 5.0)  # no answer in time
+    watch.record_answer(None, 3.0, 5.0)  # no answer in time
     assert watch.word(5.0) == "late"
 
 
 def test_while_an_answer_is_overdue_nothing_is_worth_sending() -> None:
     w = linked()
-    w.sent(0, 10.0)
-    w.asked(10.0)
+    w.record_frame(0, 10.0)
+    w.record_question(10.0)
     assert not w.full(19.0), "a relay that never answered may know no echo"
-    w.answered(Echo(7, 0, 0.0), 10.0, 10.1)
+    w.record_answer(Echo(7, 0, 0.0), 10.0, 10.1)
     assert not w.full(30.0), "nothing is asked"
-    w.asked(30.0)
+    w.record_question(30.0)
     assert [w.full(30.0 + s) for s in (0.0, 0.5, 0.59, 0.61, 5.0)] == [False, False, False, True, True]
-    w.answered(None, 30.0, 32.0)  # given up
+    w.record_answer(None, 30.0, 32.0)  # given up
     assert not w.full(33.0)
-    w.asked(33.0)
+    w.record_question(33.0)
     w.link(False)
     assert not w.full(40.0)
 
 
 def test_old_frames_are_forgotten_with_the_link() -> None:
     watch = linked()
-    watch.sent(0, 0.0)
+    watch.record_frame(0, 0.0)
     watch.link(False)
     watch.link(True)
-    watch.sent(500, 100.0)
-    watch.answered(Echo(7, 500, 0.0), 100.1, 100.11)
+    watch.record_frame(500, 100.0)
+    watch.record_answer(Echo(7, 500, 0.0), 100.1, 100.11)
     assert watch.late_s == 0.0
 
 
 def test_a_relay_that_takes_nothing_refuses_and_is_not_late() -> None:
     watch = linked()
     for seq in range(100, 160):
-        watch.sent(seq, (seq - 100) / 30)
-    watch.answered(Echo(7, 90, 0.0), 1.0, 1.01)  # its newest is from before the link broke
+        watch.record_frame(seq, (seq - 100) / 30)
+    watch.record_answer(Echo(7, 90, 0.0), 1.0, 1.01)  # its newest is from before the link broke
     assert watch.late_s == 0.0
     assert watch.word(1.1) == "waiting"
-    watch.answered(Echo(7, 90, 0.0), 2.5, 2.51)
+    watch.record_answer(Echo(7, 90, 0.0), 2.5, 2.51)
     assert watch.word(2.6) == "refused"
-    watch.answered(Echo(7, 159, 0.0), 3.5, 3.51)
+    watch.record_answer(Echo(7, 159, 0.0), 3.5, 3.51)
     assert watch.word(3.6) == "on air"
 
 
@@ -139,16 +139,16 @@ def test_what_is_over_the_share_is_told_when_it_changes() -> None:
 def test_what_is_over_is_known_by_the_newest_echo() -> None:
     watch = linked()
     assert watch.over == ""
-    watch.answered(Echo(7, 0, 0.0, "600 frames a second"), 0.0, 0.01)
+    watch.record_answer(Echo(7, 0, 0.0, "600 frames a second"), 0.0, 0.01)
     assert watch.over == "600 frames a second"
-    watch.answered(None, 1.0, 1.01)
+    watch.record_answer(None, 1.0, 1.01)
     assert watch.over == ""
 
 
 def test_an_answer_with_a_number_that_was_never_sent_is_no_sign_of_being_on_air() -> None:
     watch = linked()
-    watch.sent(0, 0.2)
-    watch.answered(Echo(7, 9, 0.0), 2.4, 2.41)
+    watch.record_frame(0, 0.2)
+    watch.record_answer(Echo(7, 9, 0.0), 2.4, 2.41)
     assert watch.word(2.5) == "refused"
-    watch.answered(Echo(7, 0, 0.0), 2.6, 2.61)
+    watch.record_answer(Echo(7, 0, 0.0), 2.6, 2.61)
     assert watch.word(2.7) == "on air"

@@ -19,7 +19,7 @@ from posecast_edge.sources.ros.rosbridge_protocol import (
     Publish,
     RosbridgeProtocolError,
     RosbridgeStatus,
-    ask,
+    call_service,
     subscribe,
 )
 from rosbridge_stage import fragments
@@ -38,7 +38,7 @@ def test_what_is_asked_for() -> None:
         "compression": "cbor",
     }
     assert set(json.loads(subscribe("/a", None, "json", 0))) == {"op", "id", "topic"}
-    assert json.loads(ask("/rosapi/publishers", "p", topic="/a"))["args"] == {"topic": "/a"}
+    assert json.loads(call_service("/rosapi/publishers", "p", topic="/a"))["args"] == {"topic": "/a"}
 
 
 def test_what_is_heard() -> None:

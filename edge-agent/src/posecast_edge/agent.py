@@ -161,11 +161,11 @@ class Agent:
     def _look_for_silence(self, pipeline: ViewPipeline, now_s: float) -> None:
         try:
             if pipeline.stream is not None:
-                self._tell(pipeline, pipeline.stream.idle(now_s))
+                self._send_events(pipeline, pipeline.stream.idle(now_s))
         except Exception as e:
             self._failed(pipeline, e)
 
-    def _tell(self, pipeline: ViewPipeline, events: list[Event]) -> None:
+    def _send_events(self, pipeline: ViewPipeline, events: list[Event]) -> None:
         for event in events:
             self._publisher.event(pipeline.view, event)
 
@@ -257,7 +257,7 @@ class Agent:
         info = stream.info
         events = stream.deliver(sample, now_s)
         if events:
-            self._tell(pipeline, events)
+            self._send_events(pipeline, events)
         if stream.info is not info:
             self._publisher.info(pipeline.view, stream.info)
         pipeline.stream = stream  # seen by the clock only now, with its first sample in it

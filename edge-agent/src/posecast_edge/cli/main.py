@@ -39,7 +39,7 @@ def main() -> NoReturn:
     console = Console()
     # on all loggers: by logging's last resort what a library says comes with its traceback
     logging.getLogger().addHandler(console)
-    threading.excepthook = _tell_of_thread
+    threading.excepthook = _log_thread_end
     try:
         status = _command(sys.argv[1:], console)
         sys.stdout.flush()
@@ -63,7 +63,7 @@ def _open_closed_streams() -> None:
     sys.stderr = sys.stderr or os.fdopen(2, "w", closefd=False)
 
 
-def _tell_of_thread(ended: threading.ExceptHookArgs) -> None:
+def _log_thread_end(ended: threading.ExceptHookArgs) -> None:
     name = ended.thread.name if ended.thread else "?"
     log.warning("thread %s ended: %s: %s", name, ended.exc_type.__name__, visible(str(ended.exc_value), 200))
 
@@ -110,7 +110,7 @@ def _run(settings: Settings, console: Console) -> int:
     built = load_built(model) if model else None
     raw = load_bundle(urdf, package_folders(os.environ)) if urdf and not built else None
     if raw:
-        raw.tell_missing()
+        raw.log_missing()
     source = open_source(settings.source, profile)
 
     from posecast_edge.agent import Agent, AgentSettings  # noqa: PLC0415 - Zenoh costs time and memory a wrong flag need not pay

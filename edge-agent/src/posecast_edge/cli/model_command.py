@@ -68,13 +68,13 @@ def run_command(argv: Sequence[str], environment: Mapping[str, str]) -> int:
         return _build(args.urdf, packages, args.out, None if args.no_cache else cache_folder(environment))
     except ModelRefused as e:
         where = "" if file is None else f"{file}: " if e.line is None else f"{file}:{e.line}: "
-        _say(sys.stderr, f"posecast-edge: {where}{e.reason}")
+        _print(sys.stderr, f"posecast-edge: {where}{e.reason}")
     except (ProfileError, SourceError) as e:
-        _say(sys.stderr, f"posecast-edge: {e}")
+        _print(sys.stderr, f"posecast-edge: {e}")
     except BrokenPipeError:
         raise
     except OSError as e:
-        _say(sys.stderr, f"posecast-edge: {e.filename or file}: {e.strerror or e}")
+        _print(sys.stderr, f"posecast-edge: {e.filename or file}: {e.strerror or e}")
     return UNUSABLE
 
 
@@ -89,7 +89,7 @@ def _doctor(args: argparse.Namespace, packages: Sequence[Path]) -> int:
     if profile is not None and urdf is None and args.source is None:
         channels = sum(len(f.labels) for f in profile.fields)
         counts = f"{_many(len(profile.fields), 'field')}, {_many(channels, 'channel')}"
-        _say(sys.stdout, f"{args.profile}: {counts}: {_counted(findings)}")
+        _print(sys.stdout, f"{args.profile}: {counts}: {_counted(findings)}")
     return PROBLEMS if any(f.severity != "hint" for f in findings) else CLEAN
 
 
@@ -98,7 +98,7 @@ def _model(path: Path, urdf: Urdf, packages: Sequence[Path], profile: Profile | 
         from posecast_edge.model.builder.model_files import facts_of, read_visual_files  # noqa: PLC0415 - an extra
     except ImportError:
         facts = None
-        _say(sys.stderr, f"posecast-edge: meshes not looked at: {NEEDS_EXTRA}")
+        _print(sys.stderr, f"posecast-edge: meshes not looked at: {NEEDS_EXTRA}")
     else:
         with Bar(sys.stderr) as bar:
             files = read_visual_files(urdf, Resolver(path, packages), bar.show)
@@ -106,7 +106,7 @@ def _model(path: Path, urdf: Urdf, packages: Sequence[Path], profile: Profile | 
     findings = examine(urdf, build_tree(urdf), facts, profile.mapping if profile else None)
     _list(findings, lambda finding: finding.words(str(path)))
     counts = f"{_many(len(urdf.links), 'link')}, {_many(len(urdf.joints), 'joint')}"
-    _say(sys.stdout, f"{path}: robot {quoted(urdf.name)}, {counts}: {_counted(findings)}")
+    _print(sys.stdout, f"{path}: robot {quoted(urdf.name)}, {counts}: {_counted(findings)}")
     return findings
 
 
@@ -125,16 +125,16 @@ def _source(args: argparse.Namespace, profile: Profile | None, urdf: Urdf | None
     # a line is the URDF's
     _list(findings, lambda f: f.words(str(args.urdf or DESCRIPTION) if f.line else args.source))
     rate = f"{_many(seen.samples, 'sample')}, {seen.rate_hz:.1f} a second"
-    _say(sys.stdout, f"{args.source}: {rate}: {_counted(findings)}")
+    _print(sys.stdout, f"{args.source}: {rate}: {_counted(findings)}")
     return findings
 
 
 def _list(findings: Sequence[Finding], words: Callable[[Finding], str]) -> None:
     """The worst FINDINGS_MAX of them; a hostile file has tens of thousands."""
     for finding in findings[:FINDINGS_MAX]:
-        _say(sys.stdout, words(finding))
+        _print(sys.stdout, words(finding))
     if len(findings) > FINDINGS_MAX:
-        _say(sys.stdout, f"and {len(findings) - FINDINGS_MAX} more")
+        _print(sys.stdout, f"and {len(findings) - FINDINGS_MAX} more")
 
 
 def _counted(findings: Sequence[Finding]) -> str:
@@ -169,15 +169,17 @@ def _report(path: Path, out: Path, manifest: Mapping[str, Any]) -> None:
     for finding in manifest.get("findings", []):
         if finding["severity"] != "hint":
             said = Finding(finding["severity"], finding["code"], finding["text"], finding.get("line"))
-            _say(sys.stderr, said.words(str(path)))
+            _print(sys.stderr, said.words(str(path)))
     stand_ins = sum("placeholder" in v for v in manifest["visuals"])
     more = f", {_many(stand_ins, 'stand-in')} among them" if stand_ins else ""
     links, visuals = _many(len(manifest["links"]), "link"), _many(len(manifest["visuals"]), "visual")
-    _say(sys.stdout, f"{out}: {links}, {visuals}{more}")
+    _print(sys.stdout, f"{out}: {links}, {visuals}{more}")
     for level in manifest["levels"]:
         size, error = f"{level['bytes'] / 1e3:,.0f} kB", f"{level['error_m'] * 1e3:.2g} mm"
-        _say(sys.stdout, f"  {level['name']:7}{size:>10}{level['triangles']:>10,} triangles, within {error}")
+        _print(
+            sys.stdout, f"  {level['name']:7}{size:>10}{level['triangles']:>10,} triangles, within {error}"
+        )
 
 
-def _say(out: Any, text: str) -> None:
+def _print(out: Any, text: str) -> None:
     print("".join(c if c.isprintable() else "�" for c in text), file=out)

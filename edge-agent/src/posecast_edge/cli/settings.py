@@ -112,7 +112,7 @@ def _named(robot: str | None, credential: Credential | Certificate | None) -> st
     return credential.robot
 
 
-def _told_by(variable: str, given: str, parse: Callable[[str], object]) -> Callable[[str], object]:
+def _naming_variable(variable: str, given: str, parse: Callable[[str], object]) -> Callable[[str], object]:
     """`parse`, which says where a wrong text comes from when that is the environment."""
 
     def parsed(text: str) -> object:
@@ -158,7 +158,7 @@ def parse_settings(argv: Sequence[str], environment: Mapping[str, str]) -> Setti
         given = environment.get(variable)
         run.add_argument(
             f"--{name}",
-            type=_told_by(variable, given, parse) if given else parse,
+            type=_naming_variable(variable, given, parse) if given else parse,
             default=given if given else default,
             required=not given and name in ("source", "relay"),
             metavar=name.upper().replace("-", "_"),

@@ -165,7 +165,7 @@ class EventWatch:
 
     @property
     def started(self) -> bool:
-        """A sample has come."""
+        """Whether a sample has come yet."""
         return self._last_s is not None
 
     def sample(self, t_s: float, values_of: Callable[[str], Values | None], now_s: float) -> list[Event]:

@@ -53,12 +53,12 @@ class TextGuard:
         values: dict[str, Values] = {}
         for name, of_field in sample.values.items():
             if not is_text(name):
-                self._tell(f"the field {quoted(name)}", sample, now_s)
+                self._report(f"the field {quoted(name)}", sample, now_s)
             elif isinstance(of_field, Mapping):
                 values[name] = {
                     label: _bits(reading)
                     for label, reading in of_field.items()
-                    if is_text(label) or self._tell(f"{name}.{quoted(label)}", sample, now_s)
+                    if is_text(label) or self._report(f"{name}.{quoted(label)}", sample, now_s)
                 }
             else:
                 values[name] = [_bits(reading) for reading in of_field]
@@ -68,10 +68,10 @@ class TextGuard:
         return {
             name: text
             for name, text in given.items()
-            if (is_text(name) and is_text(text)) or self._tell(f"{what} {quoted(name)}", sample, now_s)
+            if (is_text(name) and is_text(text)) or self._report(f"{what} {quoted(name)}", sample, now_s)
         }
 
-    def _tell(self, what: str, sample: Sample, now_s: float) -> bool:
+    def _report(self, what: str, sample: Sample, now_s: float) -> bool:
         """False, so that it can stand in a condition."""
         where = f"{sample.where}: " if sample.where else ""
         self._bad.add(f"{where}{what} is left out: it holds half a character, no text", now_s)

@@ -40,15 +40,15 @@ class EchoWatch:
         self._sent.clear()
         self.late_s = 0.0
 
-    def sent(self, seq: int, now_s: float) -> None:
-        """A frame went out."""
+    def record_frame(self, seq: int, now_s: float) -> None:
+        """Note that frame `seq` left at `now_s` (monotonic seconds)."""
         if self._first is None:
             self._first = (seq, now_s)
         self._newest = seq
         self._sent.append((seq, now_s))
 
-    def asked(self, now_s: float) -> None:
-        """A question goes out."""
+    def record_question(self, now_s: float) -> None:
+        """Note that an echo was asked for at `now_s` (monotonic seconds)."""
         self._asked_s = now_s
 
     def full(self, now_s: float) -> bool:
@@ -58,8 +58,8 @@ class EchoWatch:
             return False
         return now_s - self._asked_s > LATE_S + self._quickest_s
 
-    def answered(self, echo: Echo | None, asked_s: float, now_s: float) -> None:
-        """The relay's answer; None when nobody answered, or too late."""
+    def record_answer(self, echo: Echo | None, asked_s: float, now_s: float) -> None:
+        """Learn from the echo that was asked for at `asked_s`; None when none came, or too late."""
         self._echo = echo
         self._asked_s = None
         round_trip_s = now_s - asked_s

@@ -38,8 +38,8 @@ class ModelServer:
             self._closed = True
             self._some.notify()
 
-    def ask(self, query: zenoh.Query) -> None:
-        """A question has come. By Zenoh's threads; returns at once."""
+    def enqueue(self, query: zenoh.Query) -> None:
+        """Queue a question, or refuse it when WAITING_MAX wait. By Zenoh's threads; returns at once."""
         with self._some:
             if not self._begun:
                 self._begun = True

@@ -109,7 +109,7 @@ class ZenohPublisher:
         self._watch = EchoWatch(self.run.id)
         self._news = News()
         self._robot, self._relay, self._credential = robot, relay, credential
-        self._told = ""  # why there is no link
+        self._warned = ""  # why there is no link
         self._view_publishers = {
             view: ViewPublisher(
                 robot, view, self.run, partial(snapshot, view), partial(heard, view), self.faults
@@ -140,7 +140,7 @@ class ZenohPublisher:
             return
         if view == self._measured:
             with self._watch_lock:
-                self._watch.sent(frame.seq, time.monotonic())
+                self._watch.record_frame(frame.seq, time.monotonic())
         view_publisher.frame(frame.data, frame.taken_s)
 
     def event(self, view: str, event: Event) -> None:
@@ -181,7 +181,7 @@ class ZenohPublisher:
         """Whether a frame is worth sending: there is a link, somebody listens, and no queue is before it."""
         if not self.connected or self._watch.full(time.monotonic()):
             return False
-        return self._view_publishers[self._measured].heard
+        return self._view_publishers[self._measured].has_listener
 
     def word(self) -> str:
         """The state of the link in a word or two."""
@@ -235,32 +235,32 @@ class ZenohPublisher:
             try:
                 return zenoh.open(zenoh_config(self._relay, self._credential))
             except zenoh.ZError:  # which only ever says that time ran out
-                self._tell_why()
+                self._diagnose()
             except Exception as e:
                 self.faults.add("opening the link", e)
             with self._wake:
                 self._wake.wait_for(lambda: self._stopping, RETRY_MS[0] / 1000)
         return None
 
-    def _tell_why(self) -> None:
-        """Why there is no link, once, and again when it is another reason."""
+    def _diagnose(self) -> None:
+        """Find out why there is no link, and log it: once, and again when it is another reason."""
         from posecast_edge.uplink.diagnosis import diagnose_link  # noqa: PLC0415 - few runs ever need it
 
         try:
-            self._tell(diagnose_link(self._relay, self._credential))
+            self._warn_once(diagnose_link(self._relay, self._credential))
         except Exception as e:
             self.faults.add("asking why there is no link", e)
 
-    def _tell(self, why: str) -> None:
-        if why != self._told:
-            self._told = why
+    def _warn_once(self, why: str) -> None:
+        if why != self._warned:
+            self._warned = why
             log.warning("%s %s; trying on", self._relay, why)
 
     def _declare(self, session: zenoh.Session) -> None:
         """All that this agent is on the network. Who sees the token asks for the snapshot, and who has that
         for the model: so they are declared the other way round."""
         on_transport = self.faults.guarded("the link", self._on_transport)
-        on_model = self.faults.guarded("a question about the model", self._desk.ask)
+        on_model = self.faults.guarded("a question about the model", self._desk.enqueue)
         self._declared += [
             session.info.declare_transport_events_listener(on_transport, history=True),
             session.declare_queryable(model_key(self._robot, "**"), on_model),
@@ -302,7 +302,7 @@ class ZenohPublisher:
             self._just_linked = self.connected  # ask before a queue can build up: how quick is an answer?
             self._linked_s = time.monotonic()
             self._wake.notify_all()
-        self._told = ""
+        self._warned = ""
         if not self._stopping:
             log.info("%s %s", "linked to" if self.connected else "lost", self._relay)
 
@@ -319,20 +319,20 @@ class ZenohPublisher:
                 continue
             if not self.connected:
                 if time.monotonic() - self._linked_s > WHY_S:
-                    self._tell_why()
+                    self._diagnose()
                 continue
             asked_s = time.monotonic()
             with self._watch_lock:
-                self._watch.asked(asked_s)
+                self._watch.record_question(asked_s)
             echo = self._echo_of(session)
             with self._watch_lock:
                 if self.connected:
-                    self._watch.answered(echo, asked_s, time.monotonic())
+                    self._watch.record_answer(echo, asked_s, time.monotonic())
                     self.echoes += 1
             # a certificate of the right authority links, whatever name it bears
             stranger = echo is None and isinstance(self._credential, Certificate)
             if stranger and self.connected and asked_s - self._linked_s > WHY_S:
-                self._tell(f"does not know {self._robot!r}, or the certificate does not bear that name")
+                self._warn_once(f"does not know {self._robot!r}, or the certificate does not bear that name")
 
     def _echo_of(self, session: zenoh.Session) -> Echo | None:
         """The newest of the relays' answers that is one. Whatever else comes is counted."""

@@ -70,18 +70,18 @@ class ViewPublisher:
         return [listener, session.declare_queryable(snapshot_key(self._robot, self.view), on_snapshot)]
 
     def close(self) -> None:
-        """No frame leaves any more."""
+        """Forget the publishers of a link that is gone: no frame leaves any more."""
         self._frames = self._events = None
         self._matched = False
 
     @property
     def declared(self) -> bool:
-        """Whether a frame would leave."""
+        """Whether there is a link to publish this view's frames on."""
         return self._frames is not None
 
     @property
-    def heard(self) -> bool:
-        """Somebody listens: what is sent now leaves."""
+    def has_listener(self) -> bool:
+        """Whether a relay subscribes to this view: only then does a frame leave the machine."""
         if not self._matched and self._frames is not None:
             self._matched = _matching(self._frames).matching  # in case the listener was too early to know
         return self._matched
@@ -95,7 +95,7 @@ class ViewPublisher:
 
     @property
     def waiting(self) -> bool:
-        """Something is to be told."""
+        """Whether an event, a change of model or info has yet to be sent."""
         return bool(self.events) or self.model is not None or self.info is not None
 
     @property

@@ -127,7 +127,7 @@ class _Reader:
         else:
             library = self._root.first("library_geometries")
             surfaces = [s for g in (library.children if library else []) for s in self._geometry(g, base, {})]
-        return Mesh(tuple(surfaces), self._notes.told())
+        return Mesh(tuple(surfaces), self._notes.entries())
 
     def _target(self, url: str | None) -> Element | None:
         return target_of(self._ids, url)

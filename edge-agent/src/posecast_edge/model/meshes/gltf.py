@@ -38,7 +38,7 @@ def read_gltf(data: bytes, load: Load, pictures: Pictures | None = None) -> Mesh
     document, binary = _chunks(data) if data[:4] == b"glTF" else (_json(data), None)
     try:
         reader = _Reader(document, binary, load, pictures or Pictures(), len(data))
-        return Mesh(tuple(reader.surfaces()), reader.notes.told())
+        return Mesh(tuple(reader.surfaces()), reader.notes.entries())
     except (LookupError, TypeError, AttributeError, ValueError, ArithmeticError, RecursionError) as e:
         said = printable(f"{type(e).__name__} {str(e)[:60]}")
         raise ModelRefused(f"its glTF is broken: {said}") from None

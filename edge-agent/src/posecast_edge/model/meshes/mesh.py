@@ -57,11 +57,11 @@ class Mesh:
 
     @property
     def triangles(self) -> int:
-        """All of them."""
+        """How many triangles all surfaces have."""
         return sum(len(s.faces) for s in self.surfaces)
 
     def box(self) -> tuple[Floats, Floats]:
-        """Lowest and highest corner."""
+        """Lowest and highest corner (x, y, z), metres, of the vertices that triangles use."""
         used = [s.positions[np.unique(s.faces)] for s in self.surfaces]
         return np.min([p.min(0) for p in used], axis=0), np.max([p.max(0) for p in used], axis=0)
 
@@ -76,11 +76,11 @@ class Expansion:
         self._triangles = 0
 
     def hold(self, size: int) -> None:
-        """So many bytes more belong to the file: they lie beside it."""
+        """Count `size` bytes that lie beside the file as its own."""
         self._left += size
 
     def place(self, triangles: int) -> None:
-        """One more part. ModelRefused when the scene becomes larger than its file may make it."""
+        """Count one more part. Raises ModelRefused when the scene is larger than its file may make it."""
         self._triangles += triangles
         self._left -= triangles + PLACING
         if self._triangles > TRIANGLES_MAX:
@@ -98,17 +98,17 @@ class Notes:
         self._found: dict[tuple[str, str], None] = {}
 
     def add(self, code: str, text: str) -> None:
-        """One more, for a person: one line."""
+        """Note `text` under `code`, as one line of at most 200 characters."""
         if len(self._found) < NOTES_MAX:
             self._found[code, printable(text[:200])] = None
 
-    def told(self) -> tuple[tuple[str, str], ...]:
-        """(code, text) in the order they came."""
+    def entries(self) -> tuple[tuple[str, str], ...]:
+        """What was noted: (code, text), in the order it came."""
         return tuple(self._found)
 
 
 def share(value: float) -> float:
-    """The same within 0 … 1. ValueError for what is not finite."""
+    """`value` clipped to 0 … 1. Raises ValueError for what is not finite."""
     if not math.isfinite(value):
         raise ValueError(f"{value} is no share")
     return min(max(value, 0.0), 1.0)
@@ -131,7 +131,7 @@ def used_vertices(numbers: NDArray[np.int64], count: int) -> tuple[NDArray[np.in
 
 
 def checked(mesh: Mesh) -> Mesh:
-    """The same without empty surfaces. ModelRefused for what can't be drawn."""
+    """The mesh without empty surfaces. Raises ModelRefused when nothing is left, or it can't be drawn."""
     surfaces = []
     for surface in mesh.surfaces:
         if not len(surface.faces):

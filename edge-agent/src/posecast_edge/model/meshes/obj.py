@@ -78,7 +78,7 @@ def read_obj(data: bytes, load: Load, keep_uv: bool = False, pictures: Pictures 
             paint = library.paint(name)
             pictured = keep_uv or (paint is not None and paint.texture is not None)
             surfaces.append(_surface(group, positions, uv if pictured else None, paint, colours))
-    return Mesh(tuple(surfaces), notes.told())
+    return Mesh(tuple(surfaces), notes.entries())
 
 
 def _face(group: _Group, rest: bytes, vertices: int, textures: int) -> int:

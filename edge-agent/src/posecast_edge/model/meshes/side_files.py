@@ -59,7 +59,7 @@ class SideFiles:
         return load
 
     def picture(self, path: Path) -> bytes:
-        """A picture that can be shown. ModelRefused."""
+        """The bytes of a picture file. Raises ModelRefused when it can't be read or shown."""
         return self.pictures.checked(self._read(path))
 
     def _read(self, path: Path) -> bytes:

@@ -67,8 +67,8 @@ class Bundle:
         self.hash = hashlib.sha256(self.manifest).hexdigest()
         self._by_hash = {f.sha256: f for f in files}
 
-    def tell_missing(self) -> None:
-        """What it lacks, said once."""
+    def log_missing(self) -> None:
+        """Log which files the model names and lacks, in one line."""
         if self.missing:
             shown = ", ".join(self.missing[:3]) + (" …" if len(self.missing) > 3 else "")
             total = len(self.files) + len(self.missing)

@@ -86,7 +86,7 @@ class DescribedModel:
             raw = load_bundle(path, self._packages)
         except ModelError as e:
             raise ModelError(str(e).removeprefix(f"{path}: ")) from None
-        raw.tell_missing()
+        raw.log_missing()
         if raw.missing:
             log.info("model: packages are looked for where AMENT_PREFIX_PATH and ROS_PACKAGE_PATH say")
         build = BackgroundBuild(path, raw, self._ready)

@@ -80,7 +80,7 @@ class _Reader:
     def __init__(self, root: Element) -> None:
         self.urdf = Urdf(root.get("name") or "")
         if not self.urdf.name:
-            self._say("hint", "robot-name", "<robot> has no name", root)
+            self._note("hint", "robot-name", "<robot> has no name", root)
         self._shapes = 0
         self._xacro(root)
         for element in root.all("material"):
@@ -97,13 +97,13 @@ class _Reader:
                 reader(element)
         self._show_something(root)
 
-    def _say(self, severity: str, code: str, text: str, element: Element) -> None:
+    def _note(self, severity: str, code: str, text: str, element: Element) -> None:
         self.urdf.findings.append(Finding(severity, code, text, element.line))
 
     def _xacro(self, root: Element) -> None:
         if any(c.tag.startswith("xacro:") for c in root.children):
             text = "xacro macros are left in it; expand them first: xacro robot.xacro > robot.urdf"
-            self._say("error", "xacro", text, next(c for c in root.children if c.tag.startswith("xacro:")))
+            self._note("error", "xacro", text, next(c for c in root.children if c.tag.startswith("xacro:")))
 
     def _show_something(self, root: Element) -> None:
         """A robot made for planning alone has no visuals: its collision shapes are what there is to see."""
@@ -112,7 +112,7 @@ class _Reader:
             return
         if any(s.geometry for link in links for s in link.collisions):
             self.urdf.links = [replace(link, visuals=link.collisions) for link in links]
-            self._say(
+            self._note(
                 "hint", "collisions-shown", "no link has a visual; the collision shapes are shown", root
             )
 
@@ -148,14 +148,14 @@ class _Reader:
         kind = element.get("type") or ""
         if kind not in JOINT_TYPES:
             text = f"{what}: unknown type {quoted(kind)}" if kind else f"{what}: no type"
-            self._say("error", "joint-type", f"{text}; shown as fixed", element)
+            self._note("error", "joint-type", f"{text}; shown as fixed", element)
             kind = "fixed"
         ends = []
         for end in ("parent", "child"):
             found = element.first(end)
             link = found.get("link") if found else None
             if not link:
-                self._say("error", "joint-ends", f"{what}: no {end} link", element)
+                self._note("error", "joint-ends", f"{what}: no {end} link", element)
             ends.append(link or "")
         axis = element.first("axis")
         self.urdf.joints.append(
@@ -204,7 +204,7 @@ class _Reader:
         geometry = self._geometry(holder, what) if holder else None
         if geometry is None:
             text = f"{what}: a {element.tag} without a geometry"
-            self._say("warning", f"{element.tag}-empty", text, element)
+            self._note("warning", f"{element.tag}-empty", text, element)
         paint = self._material(material, what) if material and element.tag == "visual" else None
         if paint is not None:
             self._define(paint)
@@ -214,21 +214,21 @@ class _Reader:
         known = [e for e in holder.children if e.tag == "mesh" or e.tag in SHAPES]
         for e in holder.children:
             if e.tag not in ("mesh", "material") and e.tag not in SHAPES:
-                self._say("warning", "shape-unknown", f"{what}: unknown shape {quoted(e.tag)}", e)
+                self._note("warning", "shape-unknown", f"{what}: unknown shape {quoted(e.tag)}", e)
         if len(known) > 1:
             text = f"{what}: several shapes in one geometry; the first counts"
-            self._say("warning", "shape-several", text, holder)
+            self._note("warning", "shape-several", text, holder)
         if not known:
             return None
         shape = known[0]
         if shape.tag == "mesh":
             uri = (shape.get("filename") or "").strip()
             if not uri:
-                self._say("error", "mesh-unnamed", f"{what}: a mesh without a filename", shape)
+                self._note("error", "mesh-unnamed", f"{what}: a mesh without a filename", shape)
                 return None
             scale = self._vector(shape, "scale", ONES, what)
             if 0.0 in scale:
-                self._say("error", "scale-zero", f"{what}: a mesh scaled by 0", shape)
+                self._note("error", "scale-zero", f"{what}: a mesh scaled by 0", shape)
                 scale = ONES
             return Geometry("mesh", (), uri, scale, shape.line)
         dims: list[float] = []
@@ -238,7 +238,7 @@ class _Reader:
             else:
                 dims.append(self._number(shape, name, 0.0, what) or 0.0)
         if min(dims) <= 0:
-            self._say("error", "shape-size", f"{what}: a {shape.tag} needs sizes above 0", shape)
+            self._note("error", "shape-size", f"{what}: a {shape.tag} needs sizes above 0", shape)
             return None
         return Geometry(shape.tag, tuple(dims), "", ONES, shape.line)
 
@@ -252,12 +252,12 @@ class _Reader:
             if values is not None and len(values) == 3:
                 values = [*values, 1.0]
             if values is None or len(values) != 4 or not all(map(math.isfinite, values)):
-                self._say("warning", "color", f"{what}: rgba needs four numbers from 0 to 1", color)
+                self._note("warning", "color", f"{what}: rgba needs four numbers from 0 to 1", color)
             else:
                 if max(values) > 1 or min(values) < 0:
                     scale = 255 if max(values) > 1 and min(values) >= 0 and max(values) <= 255 else 1
                     hint = "; read as 0 … 255" if scale == 255 else ""
-                    self._say("warning", "color", f"{what}: rgba beyond 0 … 1{hint}", color)
+                    self._note("warning", "color", f"{what}: rgba beyond 0 … 1{hint}", color)
                     values = [v / scale for v in values[:3]] + [values[3] / (scale if values[3] > 1 else 1)]
                 r, g, b, a = (min(max(v, 0.0), 1.0) for v in values)
                 rgba = (r, g, b, a)
@@ -297,17 +297,17 @@ class _Reader:
     def _name(self, element: Element, what: str) -> str | None:
         name = element.get("name")
         if not name:
-            self._say("error", "name-missing", f"a {what} without a name; left out", element)
+            self._note("error", "name-missing", f"a {what} without a name; left out", element)
             return None
         if len(name) > NAME_MAX or not all(c.isprintable() for c in name):
             text = f"{what} {quoted(name)}: longer than {NAME_MAX} or with control characters; left out"
-            self._say("error", "name-unusable", text, element)
+            self._note("error", "name-unusable", text, element)
             return None
         if name != name.strip():
-            self._say("warning", "name-odd", f"{what} {quoted(name)}: spaces around the name", element)
+            self._note("warning", "name-odd", f"{what} {quoted(name)}: spaces around the name", element)
         elif name in ("__proto__", "constructor", "prototype") or any(c in "<>&\"'`" for c in name):
             text = f"{what} {quoted(name)}: a name that trips other programs"
-            self._say("warning", "name-odd", text, element)
+            self._note("warning", "name-odd", text, element)
         return name
 
     def _pose(self, element: Element, what: str) -> Pose:
@@ -325,7 +325,7 @@ class _Reader:
         if len(values) == 1 and name == "scale":  # seen in the wild, meant as uniform
             return (values[0], values[0], values[0])
         if len(values) != 3:
-            self._say("error", "number", f"{what}: <{element.tag} {name}> needs three numbers", element)
+            self._note("error", "number", f"{what}: <{element.tag} {name}> needs three numbers", element)
             return default
         return _three(values)
 
@@ -336,7 +336,7 @@ class _Reader:
         if values is None:
             return default
         if len(values) != 1:
-            self._say("error", "number", f"{what}: <{element.tag} {name}> needs one number", element)
+            self._note("error", "number", f"{what}: <{element.tag} {name}> needs one number", element)
             return default
         return values[0]
 
@@ -345,11 +345,11 @@ class _Reader:
         values = _floats(text)
         if values is None and "," in text and (values := _floats(_uncomma(text))) is not None:
             say = f"{what}: <{element.tag} {name}> with commas: {quoted(text, 40)}; other programs refuse it"
-            self._say("warning", "number-commas", say, element)
+            self._note("warning", "number-commas", say, element)
         if values is None or not all(map(math.isfinite, values)):
             wrong = "is no number" if values is None else "is not finite"
             wrong = "was not expanded by xacro" if "${" in text or "$(" in text else wrong
-            self._say(
+            self._note(
                 "error", "number", f"{what}: <{element.tag} {name}> {wrong}: {quoted(text, 40)}", element
             )
             return None

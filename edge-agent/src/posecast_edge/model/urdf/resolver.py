@@ -47,7 +47,7 @@ def real_path(path: Path) -> Path:
 
 
 class Resolver:
-    """For one URDF."""
+    """Finds the files that one URDF and its meshes name."""
 
     def __init__(self, urdf: Path, packages: Sequence[Path] = ()) -> None:
         real = real_path(urdf)

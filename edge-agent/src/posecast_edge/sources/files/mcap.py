@@ -146,7 +146,7 @@ class _Pass:
         self._cdr = cdr
         self._name = name
         self._bad = bad
-        self._merge = MessageMerger(settled, self._say)
+        self._merge = MessageMerger(settled, self._warn)
         self._schemas: dict[int, str] = {}  # short types
         self._channels: dict[int, tuple[Channel, str, Route]] = {}  # those that are read
         self._descriptions: dict[int, Channel] = {}
@@ -223,9 +223,9 @@ class _Pass:
         self._ignored += 1
         if self._ignored <= NAMED_MAX:
             more = "; further ones are not said" if self._ignored == NAMED_MAX else ""
-            self._say(f"{topic} is ignored: {why}{more}")
+            self._warn(f"{topic} is ignored: {why}{more}")
 
-    def _say(self, text: str) -> None:
+    def _warn(self, text: str) -> None:
         if self._bad is not None:
             log.warning("%s: %s", self._name, text)
 

@@ -64,16 +64,16 @@ class Layout:
 
     @property
     def status(self) -> int:
-        """Where the status bytes begin."""
+        """Offset in the frame, bytes, at which the status bytes begin."""
         return JOINT_START + SLOTS * self.joint_size
 
     @property
     def active(self) -> int:
-        """Of a joint."""
+        """Offset in a joint's record, bytes, of its flag `active`."""
         return self.joint_size - 2
 
     def place_of(self, double: str) -> int:
-        """Where that member of a joint begins."""
+        """Offset in a joint's record, bytes, of its member `double`."""
         i = self.joint_doubles.index(double)
         return 8 * i + (self.comply if i else 0)
 

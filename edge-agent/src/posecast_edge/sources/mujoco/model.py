@@ -192,7 +192,7 @@ class Simulation:
         return self._resets_s + float(self._data.time)
 
     def advance(self, seconds: float) -> None:
-        """Simulate on."""
+        """Simulate `seconds` more."""
         steps = max(1, round(seconds / self._model.opt.timestep))
         for _ in range(steps):
             before_s = self._data.time

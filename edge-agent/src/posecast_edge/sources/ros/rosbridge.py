@@ -30,7 +30,7 @@ from posecast_edge.sources.ros.rosbridge_protocol import (
     MessageAssembler,
     Publish,
     RosbridgeProtocolError,
-    ask,
+    call_service,
     parse_json,
     subscribe,
 )
@@ -165,7 +165,7 @@ class RosbridgeConnection:
         while not stop.is_set():
             self._chores(time.monotonic())
             for data in self._newest():
-                self._hear(data)
+                self._receive(data)
             sample = self._intake.sample()
             if sample is not None:
                 deliver(sample)
@@ -192,17 +192,17 @@ class RosbridgeConnection:
         if self._listed is None and self._looked_s + ANSWER_S < now_s < self._looked_s + LOOK_S:
             self._listed = False
             log.warning("no answer from rosapi: topics are asked for by name")
-            self._ask_by_name()
+            self._subscribe_named()
         if now_s >= self._looked_s + LOOK_S:
             if self._listed is False:
-                self._ask_by_name()
+                self._subscribe_named()
             self._looked_s = now_s
-            self._connection.send(ask("/rosapi/topics", "topics"))
+            self._connection.send(call_service("/rosapi/topics", "topics"))
         for topic, since_s in list(self._counting.items()):
             if now_s - since_s > ANSWER_S:
                 self._subscribe(topic, 0)
 
-    def _hear(self, data: str | bytes) -> None:
+    def _receive(self, data: str | bytes) -> None:
         try:
             heard = self._ear.feed(data)
             if isinstance(heard, Publish):
@@ -245,7 +245,7 @@ class RosbridgeConnection:
             if self._listed is None:
                 self._listed = False
                 log.warning("rosapi does not tell its topics: they are asked for by name")
-                self._ask_by_name()
+                self._subscribe_named()
             return
         first = self._listed is None
         self._listed = True
@@ -257,7 +257,9 @@ class RosbridgeConnection:
                     self._want(topic, route)
         ros_1 = any(isinstance(t, str) and t.count("/") == 1 for t in types)
         if first and ros_1 and self._wants_urdf:  # there it is a parameter, not a topic
-            question = ask("/rosapi/get_param", "description", name="/robot_description", default='""')
+            question = call_service(
+                "/rosapi/get_param", "description", name="/robot_description", default='""'
+            )
             self._connection.send(question)
 
     def _want(self, topic: str, route: Route) -> None:
@@ -267,7 +269,7 @@ class RosbridgeConnection:
             self._subscribe(topic, 0, described=route.role == "description")
             return
         self._counting[topic] = time.monotonic()
-        self._connection.send(ask("/rosapi/publishers", f"publishers {topic}", topic=topic))
+        self._connection.send(call_service("/rosapi/publishers", f"publishers {topic}", topic=topic))
 
     def _subscribe(self, topic: str, throttle_ms: int, described: bool = False) -> None:
         self._counting.pop(topic, None)
@@ -275,7 +277,7 @@ class RosbridgeConnection:
         encoding = "json" if described else self._encoding  # a description is longer than CBOR may be
         self._connection.send(subscribe(topic, self._types.get(topic), encoding, throttle_ms))
 
-    def _ask_by_name(self) -> None:
+    def _subscribe_named(self) -> None:
         """Also again: a topic without a publisher has no type, and the server forgets who asked for it."""
         for topic, route in self._intake.routes.named():
             self._subscribe(topic, 0, described=route.role == "description")

@@ -56,7 +56,7 @@ class RosbridgeStatus:
     text: str
 
 
-Heard = Publish | Answer | RosbridgeStatus
+Received = Publish | Answer | RosbridgeStatus
 
 
 def subscribe(topic: str, type_name: str | None, encoding: str, throttle_ms: int) -> str:
@@ -75,8 +75,8 @@ def subscribe(topic: str, type_name: str | None, encoding: str, throttle_ms: int
     return json.dumps(wish)
 
 
-def ask(service: str, call_id: str, **arguments: object) -> str:
-    """Call a service that only tells."""
+def call_service(service: str, call_id: str, **arguments: object) -> str:
+    """The message that calls a service of rosapi, all of which only report."""
     wish = {"op": "call_service", "id": call_id, "service": service, "args": arguments}
     return json.dumps(wish)
 
@@ -91,15 +91,15 @@ class _Parts:
 
 
 class MessageAssembler:
-    """Takes what one connection brings."""
+    """Puts the messages of one connection together from what it receives."""
 
     def __init__(self) -> None:
         self._parts: OrderedDict[str, _Parts] = OrderedDict()
         self._chars = 0  # of all fragments kept
 
-    def feed(self, data: str | bytes) -> Heard | None:
+    def feed(self, data: str | bytes) -> Received | None:
         """A whole WebSocket message: text is JSON, bytes CBOR. None when it is of no interest, or its rest
-        has yet to come. ProtocolError; what came before and comes after is good all the same."""
+        has yet to come. Raises RosbridgeProtocolError; messages before and after stay good."""
         document = parse_json(data) if isinstance(data, str) else _cbor(data)
         if isinstance(document, dict) and document.get("op") == "fragment":
             whole = self._fragment(document)
@@ -108,7 +108,7 @@ class MessageAssembler:
             document = parse_json(whole)
         if not isinstance(document, dict) or not isinstance(document.get("op"), str):
             raise RosbridgeProtocolError("a message without op")
-        return _heard(document)
+        return _parsed(document)
 
     def _fragment(self, document: dict[str, Any]) -> str | None:
         name, data, number, total = (document.get(key) for key in ("id", "data", "num", "total"))
@@ -146,7 +146,7 @@ class MessageAssembler:
         self._chars -= self._parts.pop(key).size
 
 
-def _heard(document: dict[str, Any]) -> Heard | None:
+def _parsed(document: dict[str, Any]) -> Received | None:
     op = document["op"]
     if op == "publish":
         topic = document.get("topic")
