@@ -123,7 +123,7 @@ def test_what_one_view_raises_ends_there(
     if call == "snapshot":
         assert [reply.ok for reply in router.get(key)] == []
     if call == "idle":
-        until(lambda: running.agent.faults.count("view public") > 0, "a look for silence")
+        until(lambda: running.agent.exceptions.count("view public") > 0, "a look for silence")
     running.goes_on("lab", 30)
     n = len(running.frames("public"))
     running.goes_on("lab", 30)

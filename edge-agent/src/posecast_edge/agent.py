@@ -18,7 +18,7 @@ from posecast_wire.keys import Snapshot
 from posecast_wire.schema import SchemaError
 
 from posecast_edge import clock
-from posecast_edge.faults import Faults
+from posecast_edge.exception_log import ExceptionLog
 from posecast_edge.model.serve.bundle import Bundle
 from posecast_edge.pipeline.backlog import Backlog
 from posecast_edge.pipeline.events import Event
@@ -83,7 +83,7 @@ class Agent:
         self._source = source
         self._progress_line = progress_line
         self._model: str | None = None
-        self.faults = Faults()
+        self.exceptions = ExceptionLog()
         self._useless = RateLimitedLog(log.warning, "useless samples")
         self._guard = TextGuard(log.warning)
         self._backlog = Backlog()
@@ -205,7 +205,7 @@ class Agent:
 
     def _failed(self, pipeline: ViewPipeline, error: Exception) -> None:
         """What was under way for this view is lost, and it goes on with the next sample."""
-        self.faults.add(f"view {pipeline.view}", error)
+        self.exceptions.add(f"view {pipeline.view}", error)
         if pipeline.stream is not None:
             pipeline.stream.recover()
 
@@ -221,7 +221,7 @@ class Agent:
                 break
             # a source is what others write: its bug is no silent robot, nor the end of the agent
             except BaseException as e:
-                self.faults.add("the source, which is tried again", e)
+                self.exceptions.add("the source, which is tried again", e)
             if time.monotonic() - began_s > WELL_S:
                 pause_s = AGAIN_S[0]
             self._source_stop.wait(pause_s)

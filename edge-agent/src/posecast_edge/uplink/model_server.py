@@ -10,7 +10,7 @@ from collections import deque
 import zenoh
 from posecast_wire.keys import model_key
 
-from posecast_edge.faults import Faults
+from posecast_edge.exception_log import ExceptionLog
 from posecast_edge.model.serve.bundle import RANGE_MAX, Bundle
 from posecast_edge.token_bucket import TokenBucket
 from posecast_edge.uplink.run import Run
@@ -24,9 +24,9 @@ BYTES_AT_ONCE = 64e6  # whoever asks for it over and over gets it at this pace
 class ModelServer:
     """Answers for one robot. `bundle`: the model it has now."""
 
-    def __init__(self, robot: str, run: Run, faults: Faults) -> None:
+    def __init__(self, robot: str, run: Run, exceptions: ExceptionLog) -> None:
         self.bundle: Bundle | None = None
-        self._robot, self._run, self._faults = robot, run, faults
+        self._robot, self._run, self._exceptions = robot, run, exceptions
         self._waiting: deque[zenoh.Query] = deque()
         self._bucket = TokenBucket(BYTES_S, BYTES_AT_ONCE)
         self._some = threading.Condition()
@@ -65,7 +65,7 @@ class ModelServer:
             try:
                 self._answer(query)
             except Exception as e:
-                self._faults.add("an answer about the model", e)
+                self._exceptions.add("an answer about the model", e)
 
     def _answer(self, query: zenoh.Query) -> None:
         part = str(query.key_expr).rpartition("/")[2]

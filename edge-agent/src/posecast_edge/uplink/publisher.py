@@ -27,7 +27,7 @@ from posecast_wire.keys import (
     model_key,
 )
 
-from posecast_edge.faults import Faults
+from posecast_edge.exception_log import ExceptionLog
 from posecast_edge.model.serve.bundle import Bundle
 from posecast_edge.pipeline.events import Event
 from posecast_edge.uplink.certificate import Certificate
@@ -105,19 +105,19 @@ class ZenohPublisher:
         self.run = Run()
         self.connected = False
         self.echoes = 0  # questions answered or not: each a new measurement of lateness
-        self.faults = Faults(log.warning)
+        self.exceptions = ExceptionLog(log.warning)
         self._watch = EchoWatch(self.run.id)
         self._news = News()
         self._robot, self._relay, self._credential = robot, relay, credential
         self._warned = ""  # why there is no link
         self._view_publishers = {
             view: ViewPublisher(
-                robot, view, self.run, partial(snapshot, view), partial(heard, view), self.faults
+                robot, view, self.run, partial(snapshot, view), partial(heard, view), self.exceptions
             )
             for view in views
         }
         self._measured = views[0]
-        self._desk = ModelServer(robot, self.run, self.faults)
+        self._desk = ModelServer(robot, self.run, self.exceptions)
         self._wake = threading.Condition()  # two threads wait on it, hence notify_all
         self._stopping = False
         self._just_linked = False
@@ -208,7 +208,7 @@ class ZenohPublisher:
                 with session:
                     self._serve(session)
             except Exception as e:
-                self.faults.add("the link", e)
+                self.exceptions.add("the link", e)
             self.connected = False
             with self._watch_lock:
                 self._watch.link(False)
@@ -237,7 +237,7 @@ class ZenohPublisher:
             except zenoh.ZError:  # which only ever says that time ran out
                 self._diagnose()
             except Exception as e:
-                self.faults.add("opening the link", e)
+                self.exceptions.add("opening the link", e)
             with self._wake:
                 self._wake.wait_for(lambda: self._stopping, RETRY_MS[0] / 1000)
         return None
@@ -249,7 +249,7 @@ class ZenohPublisher:
         try:
             self._warn_once(diagnose_link(self._relay, self._credential))
         except Exception as e:
-            self.faults.add("asking why there is no link", e)
+            self.exceptions.add("asking why there is no link", e)
 
     def _warn_once(self, why: str) -> None:
         if why != self._warned:
@@ -259,8 +259,8 @@ class ZenohPublisher:
     def _declare(self, session: zenoh.Session) -> None:
         """All that this agent is on the network. Who sees the token asks for the snapshot, and who has that
         for the model: so they are declared the other way round."""
-        on_transport = self.faults.guarded("the link", self._on_transport)
-        on_model = self.faults.guarded("a question about the model", self._desk.enqueue)
+        on_transport = self.exceptions.guarded("the link", self._on_transport)
+        on_model = self.exceptions.guarded("a question about the model", self._desk.enqueue)
         self._declared += [
             session.info.declare_transport_events_listener(on_transport, history=True),
             session.declare_queryable(model_key(self._robot, "**"), on_model),
@@ -283,13 +283,13 @@ class ZenohPublisher:
             try:
                 send = ready.take()
             except Exception as e:
-                self.faults.add(f"what is told of {ready.view}", e)
+                self.exceptions.add(f"what is told of {ready.view}", e)
                 self._wake.wait(0.1)
                 return True
         try:
             send()
         except Exception as e:
-            self.faults.add(f"what is told of {ready.view}", e)
+            self.exceptions.add(f"what is told of {ready.view}", e)
         return True
 
     # --- called by Zenoh's threads
@@ -352,5 +352,5 @@ class ZenohPublisher:
                 echo = Echo.unpack(reply.ok.payload.to_bytes())
         except Exception as e:
             if self._session is session and not self._stopping:
-                self.faults.add("the relay's echo", e)
+                self.exceptions.add("the relay's echo", e)
         return echo

@@ -11,7 +11,7 @@ import zenoh
 from posecast_wire.keys import Snapshot, event_key, frame_key, snapshot_key
 
 from posecast_edge import clock
-from posecast_edge.faults import Faults
+from posecast_edge.exception_log import ExceptionLog
 from posecast_edge.pipeline.events import Event
 from posecast_edge.token_bucket import TokenBucket
 from posecast_edge.uplink.run import Run
@@ -33,7 +33,7 @@ class ViewPublisher:
         run: Run,
         snapshot: Callable[[], Snapshot | None],
         heard: Callable[[], None],
-        faults: Faults,
+        exceptions: ExceptionLog,
     ) -> None:
         """`snapshot` and `heard` are called by Zenoh's threads; `heard` when somebody begins to listen."""
         self.view = view
@@ -41,7 +41,7 @@ class ViewPublisher:
         self.info: dict[str, str] | None = None  # the newest only
         self.model: str | None = None  # the same
         self._robot, self._run = robot, run
-        self._snapshot, self._heard, self._faults = snapshot, heard, faults
+        self._snapshot, self._heard, self._exceptions = snapshot, heard, exceptions
         self._bucket = TokenBucket(SNAPSHOTS_S, SNAPSHOTS_AT_ONCE)
         self._answer: tuple[Snapshot, bytes] | None = None  # the newest, packed
         self._info_sent_s = float("-inf")
@@ -63,8 +63,8 @@ class ViewPublisher:
             reliability=zenoh.Reliability.RELIABLE,
             congestion_control=zenoh.CongestionControl.BLOCK,
         )
-        on_matching = self._faults.guarded(f"the link of {self.view}", self._on_matching)
-        on_snapshot = self._faults.guarded(f"a snapshot of {self.view}", self._on_snapshot)
+        on_matching = self._exceptions.guarded(f"the link of {self.view}", self._on_matching)
+        on_snapshot = self._exceptions.guarded(f"a snapshot of {self.view}", self._on_snapshot)
         listener = frames.declare_matching_listener(on_matching)
         on_matching(_matching(frames))  # it may have matched before anybody listened for it
         return [listener, session.declare_queryable(snapshot_key(self._robot, self.view), on_snapshot)]

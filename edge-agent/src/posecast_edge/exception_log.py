@@ -16,7 +16,7 @@ SAY_EVERY_S = 10.0
 T = TypeVar("T")
 
 
-class Faults:
+class ExceptionLog:
     """Counts exceptions by where they were raised. From any thread."""
 
     def __init__(self, say: Callable[[str], None] = log.warning) -> None:
