@@ -103,7 +103,8 @@ e2e: setup ## the whole path in real browsers: all of it in Chromium, a smoke in
 fuzz: .venv/.ready node_modules/.ready ## strangers' bytes for every reader on a boundary (SECONDS=3600 for an hour)
 	$(BIN)/python -m fuzz --seconds $(or $(SECONDS),60)
 
-test: unit e2e ## all tests CI runs (≤ 30 min)
+test: setup ## all tests CI runs: those without and those with a browser side by side, since most of them wait
+	@$(MAKE) --no-print-directory --jobs=2 --output-sync=target unit e2e
 
 test-full: setup ## the long rest as well, and every browser test in each of the three engines
 	@for package in $(E2E_NEEDS) nginx; do tools/need $$package || exit; done

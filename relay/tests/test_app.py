@@ -94,6 +94,10 @@ async def test_the_state_as_plain_json(relays: Any, edges: Any) -> None:
     assert flags["values"]["RKN"] == edge.edge.schema.fields[1].bits_set(codes[2])
     assert state["status"] in ("online", "silent")
     assert httpx.get(url, params={"view": "lab"}).status_code == 403
+    head = httpx.head(url)
+    assert (head.status_code, head.content, head.headers["content-type"]) == (200, b"", "application/json")
+    stream = httpx.head(url.replace("/state", "/live.sse"))
+    assert (stream.status_code, stream.headers["allow"]) == (405, "GET")
 
 
 async def test_a_model_is_fetched_once_verified_and_immutable(relays: Any, edges: Any) -> None:
@@ -137,6 +141,8 @@ async def test_a_model_is_fetched_once_verified_and_immutable(relays: Any, edges
         assert plain.content == MESH
         assert "content-encoding" not in plain.headers
         assert plain.headers["vary"] == headers["vary"] == "accept-encoding"
+        head = await client.head(url, headers={"accept-encoding": "identity"})
+        assert (head.status_code, head.content, head.headers["content-length"]) == (200, b"", str(len(MESH)))
         evil = await client.get(base + "/evil.html")
         assert evil.headers["content-type"] == "application/octet-stream"
         assert "sandbox" in evil.headers["content-security-policy"]

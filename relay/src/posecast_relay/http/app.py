@@ -9,6 +9,7 @@ from pathlib import Path
 
 from fastapi import FastAPI, HTTPException, Request, Response
 from fastapi.responses import JSONResponse, PlainTextResponse
+from fastapi.routing import APIRoute
 from starlette.exceptions import HTTPException as StarletteHTTPException
 
 from posecast_relay.auth.access import Access
@@ -81,7 +82,9 @@ def make_app(access: Access, models: ModelCache, decoded: DecodeCache, static: P
     _add_robots(app, access, decoded)
 
     @app.get(API + "/{robot}/live.sse", summary="The stream as server-sent events: hz, view, format=json")
-    async def events(robot: str) -> Response:  # noqa: ARG001 — served below ASGI, but for those it can't
+    async def events(request: Request, robot: str) -> Response:  # noqa: ARG001 — served below ASGI, mostly
+        if request.method == "HEAD":
+            raise HTTPException(405, "a stream is read by GET", {"allow": "GET"})
         raise HTTPException(400, "events on a connection that is still answering")
 
     @app.options("/api/{_rest:path}", include_in_schema=False)
@@ -94,6 +97,9 @@ def make_app(access: Access, models: ModelCache, decoded: DecodeCache, static: P
     @app.get("/api/{_rest:path}", include_in_schema=False)
     async def no_such_route(_rest: str) -> Response:
         raise HTTPException(404, "no such route")
+
+    for route in [each for each in app.routes if isinstance(each, APIRoute) and each.methods == {"GET"}]:
+        app.add_api_route(route.path, route.endpoint, methods=["HEAD"], include_in_schema=False)
 
     page = static or (PACKED_PAGE if (PACKED_PAGE / "index.html").is_file() else None)
     if page is not None:
