@@ -1,6 +1,7 @@
 import type { ModelReport } from '../model/report.ts';
 import type { NodeHost } from '../view/figure_node.ts';
 import { FigureNode, type OnProgress } from '../view/figure_node.ts';
+import type { Box } from '../view/robot_row.ts';
 import type { LightColors } from './colors.ts';
 import type { LightRobot } from './robot.ts';
 import { dress, loadRobot } from './robot_loader.ts';
@@ -28,10 +29,8 @@ export class LightRobotNode extends FigureNode<LightRobot> {
     return this.#grey;
   }
 
-  get size(): [number, number, number] | null {
-    if (this.figure === null) return null;
-    const { min, max } = this.figure.bounds();
-    return [max[0] - min[0], max[1] - min[1], max[2] - min[2]];
+  box(): Box | null {
+    return this.figure?.bounds() ?? null;
   }
 
   standAside(y: number): void {

@@ -1,10 +1,11 @@
-import { Box3, Group, type Object3D, type Ray, Vector3 } from 'three';
+import { Box3, Group, type Object3D, type Ray } from 'three';
 import { Download, readRawManifest } from '../model/bundle.ts';
 import { manifestAt } from '../model/files.ts';
 import { readManifest } from '../model/manifest.ts';
 import type { ModelReport } from '../model/report.ts';
 import type { LocalRobot } from '../urdf/local_robot.ts';
 import { FigureNode, type NodeHost, type OnProgress } from '../view/figure_node.ts';
+import type { Box } from '../view/robot_row.ts';
 import { BuiltRobot } from './robot/built_robot.ts';
 import type { Figure, Stage } from './robot/figure.ts';
 import { Skeleton } from './robot/skeleton.ts';
@@ -98,13 +99,9 @@ export class RobotNode extends FigureNode<Figure> {
     return this.figure?.pick(ray) ?? null;
   }
 
-  get size(): [number, number, number] | null {
-    return this.figure === null ? null : this.bounds(BOX).getSize(SIZE).toArray();
-  }
-
-  /** The world's box around it; empty while there is no model. */
-  bounds(into: Box3): Box3 {
-    return this.figure?.bounds(into) ?? into.makeEmpty();
+  box(): Box | null {
+    const box = this.figure?.bounds(BOX);
+    return box === undefined ? null : { min: box.min.toArray(), max: box.max.toArray() };
   }
 
   override dispose(): void {
@@ -195,4 +192,3 @@ export class RobotNode extends FigureNode<Figure> {
 }
 
 const BOX = new Box3();
-const SIZE = new Vector3();

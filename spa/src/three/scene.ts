@@ -1,21 +1,16 @@
 import { Color, Scene } from 'three';
 import { Debounce } from '../browser/debounce.ts';
 import { markOnce } from '../browser/first_paint.ts';
-import type { LinkLook } from '../model/posed_body.ts';
 import type { ModelReport } from '../model/report.ts';
-import { originOf } from '../model/vectors.ts';
 import type { OverlayStyle } from '../overlays/robot_overlay.ts';
-import type { KinematicTree } from '../twin/kinematic_tree.ts';
 import type { OverlayReadings } from '../twin/overlay/reader.ts';
-import type { Pose } from '../twin/playback/pose.ts';
 import type { LocalRobot } from '../urdf/local_robot.ts';
 import { AdaptiveQuality, type DrawingTrouble } from '../view/adaptive_quality.ts';
-import type { EyePlace, FollowMode, MouseStyle, PoseSource, RowView } from '../view/body_view.ts';
+import type { MouseStyle, SeenOverlay } from '../view/body_view.ts';
 import type { CameraRig } from '../view/camera_rig.ts';
-import type { ViewName } from '../view/framing.ts';
-import type { Insets } from '../view/insets.ts';
+import type { NodeHost } from '../view/figure_node.ts';
 import type { QualityStep } from '../view/quality_steps.ts';
-import { RenderLoop } from '../view/render_loop.ts';
+import { RowStage } from '../view/row_stage.ts';
 import { SceneCamera } from './camera.ts';
 import { SceneCanvas } from './canvas.ts';
 import { Environment, SHADOW_PIXELS } from './environment.ts';
@@ -23,8 +18,8 @@ import { OverlayPart } from './overlay_part.ts';
 import { Placeholders } from './robot/placeholder.ts';
 import type { SkinTones } from './robot/skin.ts';
 import { RobotNode } from './robot_node.ts';
-import { RobotRow } from './robot_row.ts';
 import type { ScenePart } from './scene_part.ts';
+import { SceneRow } from './scene_row.ts';
 import { warmUp } from './shader_warm_up.ts';
 import { type SceneTheme, THEMES, type ThemeName } from './theme.ts';
 
@@ -44,16 +39,14 @@ export interface SceneOptions {
  * One robot (or some, side by side) in three dimensions, in a world whose Z is up. It puts together what is drawn (`RobotNode`,
  * `Environment`, `ScenePart`s), from where (`SceneCamera`), on what (`SceneCanvas`) and when (`RenderLoop`).
  */
-export class RobotScene implements RowView {
+export class RobotScene extends RowStage<RobotNode> {
+  protected override readonly row = new SceneRow();
+  protected override readonly rig: CameraRig;
   readonly #scene = new Scene();
-  readonly #loop: RenderLoop;
   readonly #surface: SceneCanvas;
   readonly #camera: SceneCamera;
-  readonly #eye: CameraRig;
   readonly #environment = new Environment();
   readonly #placeholders = new Placeholders();
-  readonly #row = new RobotRow();
-  readonly #robot: RobotNode;
   readonly #overlay: OverlayPart;
   readonly #parts = new Set<ScenePart>();
   readonly #tones: SkinTones = { accent: { value: new Color() }, caution: { value: new Color() } };
@@ -62,27 +55,27 @@ export class RobotScene implements RowView {
   #theme: SceneTheme;
   readonly #sharpen = new Debounce(REST_MS, () => {
     // A slow device may need longer than that for the next picture: then it is not at rest.
-    if (!this.#loop.resting) return this.#sharpen.restart();
+    if (!this.loop.resting) return this.#sharpen.restart();
     this.#surface.sharpness = 1;
-    this.#loop.drawNow();
+    this.loop.drawNow();
   });
   #size = { width: 1, height: 1 };
   #cool: () => void = () => {};
 
   /** Throws an Error with a sentence for people when the browser has no WebGL. */
   constructor(host: HTMLElement, options: SceneOptions) {
+    super();
     this.#quality = new AdaptiveQuality({
       applyStep: (step) => this.#applyStep(step),
-      isCoarse: () => this.#row.coarse,
-      isReplaceable: () => this.#row.built,
+      isCoarse: () => this.row.coarse,
+      isReplaceable: () => this.row.built,
       report: options.onTrouble ?? (() => {}),
     });
     this.#onDrawn = options.onDrawn ?? (() => {});
     this.#theme = THEMES[options.theme];
-    this.#loop = new RenderLoop(() => this.#draw());
     this.#surface = new SceneCanvas(host, {
       resized: (width, height, pixelRatio) => this.#resized(width, height, pixelRatio),
-      blank: () => this.#loop.drawNow(),
+      blank: () => this.loop.drawNow(),
       lost: () => {
         this.#surface.forget(this.#scene);
         this.#environment.forgetShadow();
@@ -93,31 +86,27 @@ export class RobotScene implements RowView {
         this.#drawShadows();
       },
     });
-    this.#camera = new SceneCamera(this.#surface.canvas, () => this.#loop.request());
-    this.#eye = this.#camera.rig;
+    this.#camera = new SceneCamera(this.#surface.canvas, () => this.loop.request());
+    this.rig = this.#camera.rig;
     this.#scene.add(this.#environment.group);
-    this.#robot = this.addRobot();
-    this.#loop.add(this.#eye);
+    this.addRobot();
+    this.loop.add(this.rig);
     this.#overlay = new OverlayPart({
       host,
       camera: this.#camera.camera,
-      changed: () => this.#loop.request(),
-      wake: () => this.#loop.wake(),
+      changed: () => this.loop.request(),
+      wake: () => this.loop.wake(),
     });
     this.add(this.#overlay);
-    this.#loop.onInterval = (ms) => this.#quality.recordRepaint(ms);
+    this.loop.onInterval = (ms) => this.#quality.recordRepaint(ms);
     this.setTheme(options.theme);
-    if (this.#surface.fit()) this.#loop.drawNow();
+    if (this.#surface.fit()) this.loop.drawNow();
     const { renderer } = this.#surface;
-    this.#cool = warmUp(renderer, this.#scene, this.#camera.camera, this.#robot.staleEffect, this.#tones);
-  }
-
-  get renderedFrames(): number {
-    return this.#loop.renderedFrames;
+    this.#cool = warmUp(renderer, this.#scene, this.#camera.camera, this.robot.staleEffect, this.#tones);
   }
 
   get resting(): boolean {
-    return this.#loop.resting && !this.#sharpen.pending;
+    return this.loop.resting && !this.#sharpen.pending;
   }
 
   /** Pixels drawn for each of CSS, along each side. */
@@ -134,29 +123,8 @@ export class RobotScene implements RowView {
     return this.#surface.renderer.info.render.triangles;
   }
 
-  addRobot(): RobotNode {
-    const robot = new RobotNode({
-      tones: this.#tones,
-      theme: () => this.#theme,
-      placeholder: () => this.#placeholders.make(this.#eye.reach * PLACEHOLDER_REACHES),
-      placed: () => this.#placed(),
-      framed: (eased) => this.#framed(eased),
-      changed: () => this.#loop.request(),
-    });
-    robot.staleEffect.setPixelRatio(this.pixelRatio);
-    this.#row.add(robot);
-    if (this.#row.several) this.#eye.home = 'front'; // from anywhere else they would hide each other
-    this.#scene.add(robot.object);
-    this.#loop.add(robot);
-    return robot;
-  }
-
-  get robots(): readonly RobotNode[] {
-    return this.#row.robots;
-  }
-
   topOf(robot: RobotNode): { x: number; y: number } | null {
-    const top = this.#row.topOf(robot, this.#camera.camera);
+    const top = this.row.topOf(robot, this.#camera.camera);
     const { width, height } = this.#size;
     return top === null ? null : { x: ((top.x + 1) / 2) * width, y: ((1 - top.y) / 2) * height };
   }
@@ -167,7 +135,7 @@ export class RobotScene implements RowView {
     this.#scene.add(part.object);
     part.setTheme?.(this.#theme);
     part.follow?.();
-    const rest = this.#loop.add({ advance: (seconds, nowMs) => part.advance?.(seconds, nowMs) ?? false });
+    const rest = this.loop.add({ advance: (seconds, nowMs) => part.advance?.(seconds, nowMs) ?? false });
     this.#drawShadows();
     return () => {
       rest();
@@ -180,36 +148,12 @@ export class RobotScene implements RowView {
 
   /** A part has changed by itself: a picture of it. */
   request(): void {
-    this.#loop.request();
-  }
-
-  load(
-    manifestUrl: string,
-    onProgress: (receivedBytes: number, totalBytes: number) => void,
-  ): Promise<ModelReport> {
-    return this.#robot.load(manifestUrl, onProgress);
+    this.loop.request();
   }
 
   /** The same for a robot whose files this browser has already. */
   loadLocal(robot: LocalRobot): Promise<ModelReport> {
-    return this.#robot.loadLocal(robot);
-  }
-
-  play(source: PoseSource | null): void {
-    this.#robot.play(source);
-    this.#loop.wake();
-  }
-
-  wake(): void {
-    this.#loop.wake();
-  }
-
-  setPose(pose: Pose, live: boolean): void {
-    this.#robot.setPose(pose, live);
-  }
-
-  setGrey(grey: boolean): void {
-    this.#robot.setGrey(grey);
+    return this.robot.loadLocal(robot);
   }
 
   setTheme(name: ThemeName): void {
@@ -221,156 +165,102 @@ export class RobotScene implements RowView {
     this.#placeholders.setColor(theme.caution);
     this.#tones.accent.value = theme.accent;
     this.#tones.caution.value = theme.caution;
-    this.#row.setTheme(theme);
+    this.row.setTheme(theme);
     for (const part of this.#parts) part.setTheme?.(theme);
-    this.#loop.request();
-  }
-
-  setCover(cover: Insets): void {
-    this.#eye.cover(cover);
-  }
-
-  look(view: ViewName): void {
-    this.#eye.look(view);
+    this.loop.request();
   }
 
   get finerBytes(): number | null {
-    return this.#robot.finerBytes;
+    return this.robot.finerBytes;
   }
 
   refine(onProgress: (receivedBytes: number, totalBytes: number) => void): Promise<void> {
-    return this.#robot.refine(onProgress);
+    return this.robot.refine(onProgress);
   }
 
-  get stand(): EyePlace | null {
-    return this.#eye.stand;
-  }
-
-  standAt(place: EyePlace): void {
-    this.#eye.standAt(place);
-  }
-
-  get eye(): EyePlace {
-    return this.#eye.eye;
-  }
-
-  focus(link: string): void {
-    const at = this.#robot.figure?.linkMatrix(link);
-    if (at !== undefined) this.#eye.focus(originOf(at.elements));
-  }
-
-  orbit(left: number, up: number): void {
-    this.#eye.orbit(left, up);
-  }
-
-  pan(dx: number, dy: number): void {
+  /** Over the floor or not, as the mouse does. */
+  override pan(dx: number, dy: number): void {
     this.#camera.pan(dx, dy);
-  }
-
-  zoom(factor: number): void {
-    this.#eye.zoom(factor);
   }
 
   setMouse(style: MouseStyle): void {
     this.#camera.setMouse(style);
   }
 
-  setFollow(mode: FollowMode): void {
-    this.#eye.followMode = mode;
-  }
-
   pick(clientX: number, clientY: number): string | null {
-    return this.#robot.pick(this.#camera.ray(this.#surface.place(clientX, clientY)));
+    return this.robot.pick(this.#camera.ray(this.#surface.place(clientX, clientY)));
   }
 
-  tree(): KinematicTree | null {
-    return this.#robot.tree();
-  }
-
-  setLinkLook(link: string, look: LinkLook): void {
-    this.#robot.setLinkLook(link, look);
-  }
-
-  showGhost(joints: ReadonlyMap<string, number> | null, limbs: readonly string[] | null = null): void {
-    this.#robot.showGhost(joints, limbs);
-  }
-
-  showSigns(readings: OverlayReadings | null, manner?: OverlayStyle, of = this.#robot): void {
+  showSigns(readings: OverlayReadings | null, manner?: OverlayStyle, of = this.robot): void {
     this.#overlay.show(of, readings, manner);
   }
 
-  get signs(): RowView['signs'] {
-    return this.signsOf(this.#robot);
-  }
-
-  signsOf(robot: RobotNode): RowView['signs'] {
+  signsOf(robot: RobotNode): SeenOverlay {
     return { ...this.#overlay.shown(robot), ghostLinks: robot.ghostLinks };
-  }
-
-  lockHeading(locked: boolean): void {
-    this.#robot.lockHeading(locked);
-  }
-
-  linkPoses(): Record<string, number[]> {
-    return this.#robot.linkPoses();
   }
 
   /** Never gives up pixels or detail again: for pictures that are kept, where it does not matter how long one takes. */
   keepSharp(): void {
-    this.#loop.onInterval = null;
+    this.loop.onInterval = null;
     this.#quality.reset();
   }
 
   dispose(): void {
-    this.#loop.stop();
+    this.loop.stop();
     this.#sharpen.cancel();
     this.#quality.dispose();
     this.#camera.dispose();
     for (const part of this.#parts) part.dispose();
-    this.#row.dispose();
+    this.row.dispose();
     this.#placeholders.dispose();
     this.#environment.dispose();
     this.#cool();
     this.#surface.dispose();
   }
 
-  #placed(): void {
-    const middle = this.#row.middle();
+  protected override make(host: NodeHost): RobotNode {
+    const robot = new RobotNode({
+      ...host,
+      tones: this.#tones,
+      theme: () => this.#theme,
+      placeholder: () => this.#placeholders.make(this.rig.reach * PLACEHOLDER_REACHES),
+    });
+    robot.staleEffect.setPixelRatio(this.pixelRatio);
+    this.#scene.add(robot.object);
+    return robot;
+  }
+
+  protected override placed(middle: { readonly x: number; readonly y: number } | null): void {
     if (middle !== null) {
-      const { x, y } = middle;
-      this.#environment.touch(this.#row.boxes);
-      this.#environment.follow(x, y);
-      this.#eye.follow(x, y, this.#row.heading);
+      this.#environment.touch(this.row.boxes);
+      this.#environment.follow(middle.x, middle.y);
     }
     for (const part of this.#parts) part.follow?.();
     this.#drawShadows();
   }
 
-  #framed(eased: boolean): void {
-    const bounds = this.#row.arrange();
-    if (bounds.isEmpty()) return;
-    this.#eye.frame(bounds.min.toArray(), bounds.max.toArray(), eased);
-    this.#environment.resize(this.#eye.reach);
+  protected override framed(): void {
+    this.#environment.resize(this.rig.reach);
     this.#overlay.measure();
     this.#drawShadows();
   }
 
   #drawShadows(): void {
     this.#surface.renderer.shadowMap.needsUpdate = true;
-    this.#loop.request();
+    this.loop.request();
   }
 
   #resized(width: number, height: number, pixelRatio: number): void {
-    this.#row.setPixelRatio(pixelRatio);
+    this.row.setPixelRatio(pixelRatio);
     if (this.#size.width === width && this.#size.height === height) return;
     this.#size = { width, height };
-    this.#eye.resize(width, height);
+    this.rig.resize(width, height);
     this.#overlay.setSize(width, height);
   }
 
-  #draw(): boolean {
+  protected override draw(): boolean {
     const { pixels } = this.#quality;
-    const moving = !this.#loop.resting;
+    const moving = !this.loop.resting;
     if (pixels < 1 && moving) {
       this.#surface.sharpness = pixels;
       this.#sharpen.restart();
@@ -378,9 +268,9 @@ export class RobotScene implements RowView {
     this.#overlay.prepare();
     const drawn = this.#surface.render(this.#scene, this.#camera.camera);
     this.#onDrawn();
-    if (drawn && this.#robot.pose !== null && this.#robot.figure !== null) {
-      markOnce(this.#robot.dressed ? 'posecast:skin' : 'posecast:skeleton');
-      if (this.#robot.dressed) this.#cool();
+    if (drawn && this.robot.pose !== null && this.robot.figure !== null) {
+      markOnce(this.robot.dressed ? 'posecast:skin' : 'posecast:skeleton');
+      if (this.robot.dressed) this.#cool();
     }
     return drawn;
   }
@@ -389,7 +279,7 @@ export class RobotScene implements RowView {
   #applyStep({ pixels, shadow, lowest }: QualityStep): void {
     this.#environment.shadowPixels = SHADOW_PIXELS * shadow;
     if (pixels === 1) this.#surface.sharpness = 1;
-    this.#row.keepCoarse(lowest);
+    this.row.keepCoarse(lowest);
     this.#drawShadows();
   }
 }

@@ -9,7 +9,7 @@ import type { Quat, Vec3 } from '../twin/rotation.ts';
 import type { PoseSource, RowMember } from './body_view.ts';
 import { type GhostRequest, ghostOf } from './ghost_pose.ts';
 import type { Moving } from './render_loop.ts';
-import type { RowItem } from './row_layout.ts';
+import type { Box, RowNode } from './robot_row.ts';
 
 export type OnProgress = (receivedBytes: number, totalBytes: number) => void;
 
@@ -49,7 +49,7 @@ export interface NodeHost {
 }
 
 /** One robot in a picture: its model on the way in, its pose, its ghost, and how old that is. */
-export abstract class FigureNode<F extends StagedFigure> implements RowMember, Moving, RowItem {
+export abstract class FigureNode<F extends StagedFigure> implements RowMember, Moving, RowNode {
   readonly #host: NodeHost;
   readonly #rootPose = new RootPose();
   #figure: F | null = null;
@@ -88,7 +88,14 @@ export abstract class FigureNode<F extends StagedFigure> implements RowMember, M
     return elements === undefined ? 0 : Math.atan2(elements[1]!, elements[0]!);
   }
 
-  abstract get size(): readonly [number, number, number] | null;
+  get size(): [number, number, number] | null {
+    const box = this.box();
+    if (box === null) return null;
+    const { min, max } = box;
+    return [max[0] - min[0], max[1] - min[1], max[2] - min[2]];
+  }
+
+  abstract box(): Box | null;
 
   abstract standAside(y: number): void;
 
