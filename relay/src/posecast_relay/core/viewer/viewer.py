@@ -149,11 +149,11 @@ class Viewer(FlowControl):
 
         Each that holds the bases and the description of this `version` joins `ready`: it now counts as given
         `frame`. Each that must be given more with it joins `lacking`, each that can't take it now `behind`.
-        It stands here, and field by field, because a call per viewer would double what a crowd costs.
+        It stands here, and writes field by field: a call for each viewer of each frame would be felt.
         """
         failed: list[tuple[Viewer, Exception]] = []
         key = frame if frame.is_key else frame.key
-        ref, is_key, is_ref = frame.ref, frame.is_key, frame.is_ref
+        ref, is_key = frame.ref, frame.is_key
         while True:  # once, and once more behind each viewer at whom it fails
             try:
                 for viewer in viewers:
@@ -168,12 +168,14 @@ class Viewer(FlowControl):
                         viewer.sent += 1
                         viewer.frame = frame
                         viewer.key = key
-                        if is_ref:
-                            viewer.ref = frame
                     else:
                         lacking.append(viewer)
-                return failed
+                break
             except Exception as error:
                 if failed and failed[-1][0] is viewer:
                     raise  # not at a viewer, but at the walk
                 failed.append((viewer, error))
+        if frame.is_ref:
+            for viewer in ready:
+                viewer.ref = frame
+        return failed
