@@ -74,6 +74,12 @@ describe('an answer of events', () => {
       ending(() => new Response('{}', { status, headers: type })),
     );
     expect((await Promise.all(codes)).map(({ code }) => code)).toEqual([4401, 4403, 1006, 1006]);
+    const absent = () =>
+      new Response('{"error":"no such robot"}', {
+        status: 404,
+        headers: { 'content-type': 'application/json' },
+      });
+    expect((await ending(absent)).code).toBe(4404);
     const none = () => {
       throw new TypeError('no network');
     };

@@ -110,7 +110,9 @@ export function openEvents(
     const type = answer.headers.get('content-type') ?? '';
     if (status !== 200 || body === null || !type.startsWith('text/event-stream')) {
       leave.abort();
-      return status === 401 ? 4401 : status === 403 ? 4403 : 1006;
+      if (status === 401 || status === 403) return 4000 + status;
+      // of a relay; a host that knows nothing of robots says 404 as well, with a page
+      return status === 404 && type.startsWith('application/json') ? 4404 : 1006;
     }
     handlers.opened();
     const reader = new EventReader();

@@ -6,6 +6,7 @@ import importlib
 
 import pytest
 from posecast_wire import BadFrame, Header, fnv1a32, frame_id, parse_header
+from posecast_wire.fnv import fnv1a32_in_python
 
 
 def test_hashing_is_done_in_c() -> None:
@@ -15,7 +16,13 @@ def test_hashing_is_done_in_c() -> None:
 
 
 def test_fnv_as_its_authors_publish_it() -> None:
-    assert [fnv1a32(s) for s in (b"", b"a", b"foobar")] == [0x811C9DC5, 0xE40C292C, 0xBF9CF968]
+    for hash_of in (fnv1a32, fnv1a32_in_python):
+        assert [hash_of(s) for s in (b"", b"a", b"foobar")] == [0x811C9DC5, 0xE40C292C, 0xBF9CF968]
+
+
+def test_both_hashes_agree() -> None:
+    for data in (bytes(range(256)) * 5, b"\0" * 33, "Gelenk ü".encode()):
+        assert fnv1a32_in_python(data) == fnv1a32(data)
 
 
 def test_headers() -> None:
