@@ -4,7 +4,7 @@ import { announcement } from '../src/app/status/announcement.ts';
 import type { Fault } from '../src/twin/alarms/fault_log.ts';
 import { Limits } from '../src/twin/limits/limits.ts';
 import { OverlayReader } from '../src/twin/overlay/reader.ts';
-import { ofRpy } from '../src/twin/rotation.ts';
+import { quatOfRpy } from '../src/twin/rotation.ts';
 import { codesWith, SCHEMA_TEXT } from './schema.ts';
 
 const WITH_IMU = JSON.parse(SCHEMA_TEXT) as { mapping: { sensors: Record<string, unknown> } };
@@ -16,7 +16,7 @@ const LIVE = { word: 'LIVE', cause: null, overShare: false } as const;
 
 /** A body that leans so, degrees. */
 function lean(roll: number, pitch: number): Record<string, number> {
-  const [w, x, y, z] = ofRpy([(roll * Math.PI) / 180, (pitch * Math.PI) / 180, 0.7]);
+  const [w, x, y, z] = quatOfRpy([(roll * Math.PI) / 180, (pitch * Math.PI) / 180, 0.7]);
   const code = (part: number) => Math.round(part * 1000);
   return {
     'quat.torso.w': code(w),

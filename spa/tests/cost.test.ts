@@ -13,7 +13,7 @@ import { moreEn } from '../src/app/text/more_en.ts';
 import { parseManifest, readRawManifest } from '../src/model/bundle.ts';
 import { chooseRelay, readConfig } from '../src/relay/config.ts';
 import { MirrorReader } from '../src/stream/firebase_mirror.ts';
-import { EventReader } from '../src/stream/sse.ts';
+import { SseParser } from '../src/stream/sse.ts';
 import { JointTable } from '../src/twin/joints.ts';
 import { KinematicTree } from '../src/twin/kinematic_tree.ts';
 import { limbsOf } from '../src/twin/limbs.ts';
@@ -78,7 +78,7 @@ describe('JSON', () => {
 
 describe('a stream', () => {
   const inPieces = (bytes: Uint8Array, size: number) => {
-    const reader = new EventReader();
+    const reader = new SseParser();
     for (let at = 0; at < bytes.length; at += size) reader.read(bytes.subarray(at, at + size));
   };
   test.each<[string, Make<string>]>([

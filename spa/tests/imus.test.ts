@@ -1,14 +1,14 @@
 import { parseSchema, type Schema } from '@posecast/wire';
 import { describe, expect, it } from 'vitest';
 import {
-  inverse,
-  NO_TURN,
-  ofRpy,
+  IDENTITY,
+  invertQuat,
+  multiplyQuats,
+  normalizeQuat,
   type Quat,
+  quatOfRpy,
+  rotateVector,
   rpyOf,
-  times,
-  turn,
-  unit,
   withoutHeading,
 } from '../src/twin/rotation.ts';
 import { ImuTable, leanOf, rootAttitude } from '../src/twin/sensors/imus.ts';
@@ -33,27 +33,31 @@ const TORSO = { torso: { kind: 'imu', name: 'chest', link: 'Body_Torso' } };
 
 describe('rotations', () => {
   const some: readonly Quat[] = [
-    ofRpy([0.3, -0.2, 1.1]),
-    ofRpy([-1.2, 0.9, -2.7]),
-    ofRpy([3, 0.1, 0.4]),
-    ofRpy([0, 1.5, -0.5]),
+    quatOfRpy([0.3, -0.2, 1.1]),
+    quatOfRpy([-1.2, 0.9, -2.7]),
+    quatOfRpy([3, 0.1, 0.4]),
+    quatOfRpy([0, 1.5, -0.5]),
   ];
 
   it('obey their laws', () => {
     for (const a of some) {
-      near(times(a, inverse(a)), NO_TURN);
-      near(ofRpy(rpyOf(a)), a);
+      near(multiplyQuats(a, invertQuat(a)), IDENTITY);
+      near(quatOfRpy(rpyOf(a)), a);
       for (const b of some) {
-        for (const [i, part] of turn(times(a, b), [1, 2, 3]).entries()) {
-          expect(part).toBeCloseTo(turn(a, turn(b, [1, 2, 3]))[i]!, 9);
+        for (const [i, part] of rotateVector(multiplyQuats(a, b), [1, 2, 3]).entries()) {
+          expect(part).toBeCloseTo(rotateVector(a, rotateVector(b, [1, 2, 3]))[i]!, 9);
         }
       }
     }
   });
 
   it('turn as fixed axes do: roll 90° takes y up, pitch 90° takes x down', () => {
-    expect(turn(ofRpy([Math.PI / 2, 0, 0]), [0, 1, 0])).toEqual([0, 0, 1].map((v) => expect.closeTo(v)));
-    expect(turn(ofRpy([0, Math.PI / 2, 0]), [1, 0, 0])).toEqual([0, 0, -1].map((v) => expect.closeTo(v)));
+    expect(rotateVector(quatOfRpy([Math.PI / 2, 0, 0]), [0, 1, 0])).toEqual(
+      [0, 0, 1].map((v) => expect.closeTo(v)),
+    );
+    expect(rotateVector(quatOfRpy([0, Math.PI / 2, 0]), [1, 0, 0])).toEqual(
+      [0, 0, -1].map((v) => expect.closeTo(v)),
+    );
   });
 
   it('are made of roll, pitch and yaw about fixed axes, by the textbook’s formula', () => {
@@ -62,7 +66,7 @@ describe('rotations', () => {
       Math.cos(a / 2),
       Math.sin(a / 2),
     ]) as [...[number, number, number, number, number, number]];
-    near(ofRpy([roll, pitch, yaw]), [
+    near(quatOfRpy([roll, pitch, yaw]), [
       cr * cp * cy + sr * sp * sy,
       sr * cp * cy - cr * sp * sy,
       cr * sp * cy + sr * cp * sy,
@@ -73,16 +77,16 @@ describe('rotations', () => {
   it('without heading lean as before: up stays where it was in the body', () => {
     for (const q of some) {
       const level = withoutHeading(q);
-      const up = turn(inverse(q), [0, 0, 1]);
-      expect(turn(inverse(level), [0, 0, 1])).toEqual(up.map((v) => expect.closeTo(v)));
+      const up = rotateVector(invertQuat(q), [0, 0, 1]);
+      expect(rotateVector(invertQuat(level), [0, 0, 1])).toEqual(up.map((v) => expect.closeTo(v)));
       expect(Math.abs(level[3])).toBeLessThan(1e-9);
-      near(withoutHeading(times(ofRpy([0, 0, 0.7]), q)), level);
+      near(withoutHeading(multiplyQuats(quatOfRpy([0, 0, 0.7]), q)), level);
     }
   });
 
   it('of length zero are none', () => {
-    expect(unit([0, 0, 0, 0])).toBeNull();
-    expect(unit([Number.NaN, 0, 0, 1])).toBeNull();
+    expect(normalizeQuat([0, 0, 0, 0])).toBeNull();
+    expect(normalizeQuat([Number.NaN, 0, 0, 1])).toBeNull();
   });
 });
 
@@ -104,7 +108,7 @@ describe('orientation sensors', () => {
     const table = new ImuTable(SCHEMA);
     const read = (changed: Parameters<typeof codesWith>[0]) =>
       table.read(codesWith(changed))[0]?.worldFromSensor;
-    near(read({}) ?? null, NO_TURN);
+    near(read({}) ?? null, IDENTITY);
     expect(read({ 'quat.torso.x': null })).toBeNull();
     expect(read({ 'quat.torso.w': 0 })).toBeNull();
     near(read({ 'quat.torso.w': 0, 'quat.torso.z': 3 }) ?? null, [0, 0, 0, 1]);
@@ -122,13 +126,13 @@ describe('orientation sensors', () => {
 
   it('lean the robot, seen through their mount and the joints below them', () => {
     const table = new ImuTable(schemaOf({ quat: QUAT }, { torso: { ...TORSO.torso, rpy: [0, 0, Math.PI] } }));
-    const worldFromRoot = ofRpy([0.1, -0.2, 0.8]);
-    const rootFromLink = ofRpy([0, 0, 0.5]);
-    const reading = times(times(worldFromRoot, rootFromLink), ofRpy([0, 0, Math.PI]));
+    const worldFromRoot = quatOfRpy([0.1, -0.2, 0.8]);
+    const rootFromLink = quatOfRpy([0, 0, 0.5]);
+    const reading = multiplyQuats(multiplyQuats(worldFromRoot, rootFromLink), quatOfRpy([0, 0, Math.PI]));
     const [imu] = table.read(codesOf(...reading));
     near(rootAttitude(imu!, rootFromLink), worldFromRoot);
     const lean = leanOf(imu!);
-    const [roll, pitch] = rpyOf(times(worldFromRoot, rootFromLink));
+    const [roll, pitch] = rpyOf(multiplyQuats(worldFromRoot, rootFromLink));
     expect(lean?.roll).toBeCloseTo(roll, 3);
     expect(lean?.pitch).toBeCloseTo(pitch, 3);
   });
@@ -137,9 +141,9 @@ describe('orientation sensors', () => {
     const table = new ImuTable(schemaOf({ tilt: ['torso.roll', 'torso.pitch'] }, TORSO));
     const [imu] = table.read(codesOf(0.1, -0.05));
     expect(leanOf(imu!)).toEqual({ roll: expect.closeTo(0.1, 3), pitch: expect.closeTo(-0.05, 3) });
-    near(rootAttitude(imu!, NO_TURN), withoutHeading(ofRpy([0.1, -0.05, 0])));
+    near(rootAttitude(imu!, IDENTITY), withoutHeading(quatOfRpy([0.1, -0.05, 0])));
     table.read(Int32Array.of(1000, -(2 ** 28)));
     expect(leanOf(imu!)).toBeNull();
-    expect(rootAttitude(imu!, NO_TURN)).toBeNull();
+    expect(rootAttitude(imu!, IDENTITY)).toBeNull();
   });
 });

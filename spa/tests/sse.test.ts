@@ -1,5 +1,5 @@
 import { afterEach, describe, expect, it, vi } from 'vitest';
-import { EventReader, frameBytes, openEvents, type StreamEvent } from '../src/stream/sse.ts';
+import { frameBytes, openEventStream, SseParser, type StreamEvent } from '../src/stream/sse.ts';
 
 const bytes = (text: string) => new TextEncoder().encode(text);
 
@@ -14,9 +14,9 @@ describe('server-sent events', () => {
 
   it('are read whole, however they were cut on their way', () => {
     const all = bytes(TEXT);
-    expect(new EventReader().read(all)).toEqual(EVENTS);
+    expect(new SseParser().read(all)).toEqual(EVENTS);
     for (let size = 1; size < all.length; size += 3) {
-      const reader = new EventReader();
+      const reader = new SseParser();
       const found: StreamEvent[] = [];
       for (let at = 0; at < all.length; at += size) found.push(...reader.read(all.subarray(at, at + size)));
       expect(found).toEqual(EVENTS);
@@ -24,13 +24,13 @@ describe('server-sent events', () => {
   });
 
   it('without end are refused before they fill the memory', () => {
-    const reader = new EventReader();
+    const reader = new SseParser();
     const more = bytes('x'.repeat(500_000));
     const line = bytes(`data: ${'x'.repeat(500_000)}\n`);
     expect(() => {
       for (let i = 0; i < 10; i++) reader.read(more);
     }).toThrow(RangeError);
-    const other = new EventReader();
+    const other = new SseParser();
     expect(() => {
       for (let i = 0; i < 10; i++) other.read(line);
     }).toThrow(RangeError);
@@ -49,7 +49,7 @@ describe('an answer of events', () => {
     vi.stubGlobal('fetch', async () => answer());
     const told: string[] = [];
     const code = await new Promise<number>((resolve) => {
-      openEvents('http://relay/live.sse', undefined, {
+      openEventStream('http://relay/live.sse', undefined, {
         nowMs: () => 0,
         wireVersion: 1,
         opened: () => told.push('opened'),

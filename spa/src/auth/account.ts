@@ -39,7 +39,7 @@ const known = new Promise<void>((done) => {
 });
 
 /** Resolves when it is known who is signed in, or when that takes too long. */
-export async function resumed(): Promise<void> {
+export async function restoreSession(): Promise<void> {
   await Promise.race([known, new Promise((late) => setTimeout(late, RESUME_LATE_MS))]);
 }
 

@@ -7,7 +7,7 @@ let asking: ReturnType<typeof relaySettled> | null = null;
 export function accessSettled(): ReturnType<typeof relaySettled> {
   asking ??= relaySettled().then(async (choice) => {
     if (accounts !== null && wasSignedIn()) {
-      await import('./account.ts').then(({ resumed }) => resumed()).catch(() => {}); // then without an account
+      await import('./account.ts').then(({ restoreSession }) => restoreSession()).catch(() => {}); // then without an account
     }
     return choice;
   });

@@ -1,4 +1,4 @@
-import { about, dot, plus } from '../model/vectors.ts';
+import { addScaled, dot, rotateAbout } from '../model/vectors.ts';
 import { AT, STRIDE, type Strokes } from '../overlays/strokes.ts';
 import type { Vec3 } from '../twin/rotation.ts';
 import type { FloorView } from './floor.ts';
@@ -47,7 +47,7 @@ export function paintStrokes(
     const at = i * STRIDE;
     if (strokes.numbers[at + AT.manner + 1]! > 0.5 !== over) continue;
     const stroke = strokeAt(strokes.numbers, at);
-    const middle = stroke.sweep === 0 ? plus(stroke.spot, stroke.axis, stroke.size / 2) : stroke.spot;
+    const middle = stroke.sweep === 0 ? addScaled(stroke.spot, stroke.axis, stroke.size / 2) : stroke.spot;
     order.push({ stroke, away: look.away(middle) });
   }
   order.sort((a, b) => b.away - a.away);
@@ -73,7 +73,7 @@ function lookOf({ screenFromWorld, reach }: FloorView): Look {
   const row = (i: number): Vec3 => [screenFromWorld[i]!, screenFromWorld[i + 1]!, screenFromWorld[i + 2]!];
   const ahead = row(8);
   const right = row(0);
-  const focal = Math.hypot(...plus(right, ahead, -dot(right, ahead)));
+  const focal = Math.hypot(...addScaled(right, ahead, -dot(right, ahead)));
   const away = (point: Vec3) => dot(ahead, point) + screenFromWorld[11]!;
   return {
     ahead,
@@ -109,7 +109,7 @@ function strokeAt(numbers: Float32Array, at: number): Stroke {
 function paintShaft(context: CanvasRenderingContext2D, look: Look, stroke: Stroke, leastPx: number): void {
   const { spot, axis, size, radius, endRadius } = stroke;
   const from = look.at(spot);
-  const to = look.at(plus(spot, axis, size));
+  const to = look.at(addScaled(spot, axis, size));
   if (from === null || to === null) return;
   const head = endRadius === 0;
   const ra = Math.max(radius * from.scale, head ? 0 : leastPx / 2);
@@ -172,7 +172,7 @@ function paintFan(context: CanvasRenderingContext2D, look: Look, stroke: Stroke)
 function round({ spot, start, axis, sweep }: Stroke, radius: number): Vec3[] {
   const steps = Math.max(2, Math.ceil((sweep / (2 * Math.PI)) * STEPS));
   return Array.from({ length: steps + 1 }, (_, i) =>
-    plus(spot, about(axis, (sweep * i) / steps, start), radius),
+    addScaled(spot, rotateAbout(axis, (sweep * i) / steps, start), radius),
   );
 }
 

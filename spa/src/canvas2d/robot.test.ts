@@ -4,7 +4,7 @@ import { type Lod, readLod } from '../model/lod.ts';
 import { type Manifest, readManifest } from '../model/manifest.ts';
 import { type SampleModel, sampleGlb, sampleManifest } from '../model/samples.ts';
 import type { Pose } from '../twin/playback/pose.ts';
-import { NO_TURN, ofRpy, type Quat } from '../twin/rotation.ts';
+import { IDENTITY, type Quat, quatOfRpy } from '../twin/rotation.ts';
 import { CameraRig } from '../view/camera_rig.ts';
 import { LIGHT_COLORS } from './colors.ts';
 import { Rasterizer } from './rasterizer.ts';
@@ -221,11 +221,11 @@ describe('a robot drawn by hand', () => {
       joints: new Map(),
       base: null,
       lean: {
-        ...{ site: 'torso', name: 'torso', link: null, linkFromSensor: NO_TURN, xyz: [0, 0, 0] as const },
+        ...{ site: 'torso', name: 'torso', link: null, linkFromSensor: IDENTITY, xyz: [0, 0, 0] as const },
         ...{ heading: true, worldFromSensor },
       },
     });
-    expect(setPose(lean(ofRpy([0.2, 0, 0.7])))).toBe(true);
+    expect(setPose(lean(quatOfRpy([0.2, 0, 0.7])))).toBe(true);
     const up = () => node.linkPoses()[link(first)]![10];
     expect(up()).toBeCloseTo(Math.cos(0.2));
     expect(node.heading).toBeCloseTo(0.7);

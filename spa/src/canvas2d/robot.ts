@@ -3,9 +3,9 @@ import { Kinematics, multiply, transform } from '../model/kinematics.ts';
 import type { Lod } from '../model/lod.ts';
 import { boxesOfLinks, type Manifest } from '../model/manifest.ts';
 import type { BodyJoint, LinkLook, LinkTint } from '../model/posed_body.ts';
-import { turnOf } from '../model/vectors.ts';
+import { quatOfTransform } from '../model/vectors.ts';
 import { UNREAD } from '../overlays/colors.ts';
-import { NO_TURN, type Quat, type Vec3 } from '../twin/rotation.ts';
+import { IDENTITY, type Quat, type Vec3 } from '../twin/rotation.ts';
 import type { FigureGhost, StagedFigure } from '../view/figure_node.ts';
 import type { LightColors } from './colors.ts';
 import type { Rasterizer } from './rasterizer.ts';
@@ -50,7 +50,7 @@ export class LightRobot implements StagedFigure {
   #shells: Shells | null = null;
   #tones: LightColors;
   #near = 0.01;
-  #worldFromRoot: readonly number[] = transform([0, 0, 0], NO_TURN);
+  #worldFromRoot: readonly number[] = transform([0, 0, 0], IDENTITY);
   /** How far its whole world lies to the side, metres; counts from the next `place` or `ground` on. */
   aside = 0;
 
@@ -104,7 +104,7 @@ export class LightRobot implements StagedFigure {
   rootTurn(name: string): Quat | null {
     const link = this.#linkOf.get(name);
     if (link === undefined) return null;
-    return turnOf(this.#kinematics.rootFromLink.subarray(link * 16, link * 16 + 16));
+    return quatOfTransform(this.#kinematics.rootFromLink.subarray(link * 16, link * 16 + 16));
   }
 
   joint(name: string): BodyJoint | undefined {
@@ -136,7 +136,7 @@ export class LightRobot implements StagedFigure {
     this.#ghost?.spread();
   }
 
-  ground(quat_wxyz: Quat = NO_TURN): void {
+  ground(quat_wxyz: Quat = IDENTITY): void {
     this.place([0, 0, 0], quat_wxyz);
     this.place([0, 0, -lowestOf(this.worldFromLink, this.boxOfLink)], quat_wxyz);
   }

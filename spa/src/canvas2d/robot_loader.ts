@@ -13,7 +13,7 @@ export async function loadRobot(manifestUrl: string, tones: LightColors): Promis
 }
 
 /** Dresses it in its coarsest level, where it has one. Rejects with one line that names the file. */
-export async function dress(
+export async function loadShells(
   robot: LightRobot,
   manifestUrl: string,
   signal: AbortSignal,

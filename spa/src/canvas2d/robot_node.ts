@@ -4,7 +4,7 @@ import { FigureNode, type OnProgress } from '../view/figure_node.ts';
 import type { Box } from '../view/robot_row.ts';
 import type { LightColors } from './colors.ts';
 import type { LightRobot } from './robot.ts';
-import { dress, loadRobot } from './robot_loader.ts';
+import { loadRobot, loadShells } from './robot_loader.ts';
 
 const DRAIN_SECONDS = 0.25;
 
@@ -61,7 +61,7 @@ export class LightRobotNode extends FigureNode<LightRobot> {
     report.missing = missing.map(({ uri }) => uri);
     report.problems.push(...missing.map(({ uri, reason }) => `${uri}: ${reason}`));
     try {
-      await dress(robot, manifestUrl, signal, onProgress);
+      await loadShells(robot, manifestUrl, signal, onProgress);
     } catch (cause) {
       signal.throwIfAborted();
       report.bare = cause instanceof Error ? cause.message : String(cause);

@@ -1,5 +1,5 @@
 import type { Base, Pose } from '../twin/playback/pose.ts';
-import { NO_TURN, type Quat, type Vec3, withoutHeading } from '../twin/rotation.ts';
+import { IDENTITY, type Quat, type Vec3, withoutHeading } from '../twin/rotation.ts';
 import { type Imu, rootAttitude } from '../twin/sensors/imus.ts';
 
 /** Where a robot's root link is in the world, by its odometry, else by its body's IMU, else upright. Readings that are no
@@ -37,10 +37,10 @@ export class RootPose {
   /** As the body's IMU has it, or last had it; upright without. */
   #attitude(rootTurn: (link: string) => Quat | null): Quat {
     const imu = this.#lean;
-    const rootFromLink = imu === null ? null : imu.link === null ? NO_TURN : rootTurn(imu.link);
-    if (imu === null || rootFromLink === null) return NO_TURN;
+    const rootFromLink = imu === null ? null : imu.link === null ? IDENTITY : rootTurn(imu.link);
+    if (imu === null || rootFromLink === null) return IDENTITY;
     this.#leaned = rootAttitude(imu, rootFromLink) ?? this.#leaned;
-    return this.#leaned ?? NO_TURN;
+    return this.#leaned ?? IDENTITY;
   }
 
   /** A base that is not numbers is no base report: the last one stays. */

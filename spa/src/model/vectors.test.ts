@@ -1,7 +1,16 @@
 import { Matrix4, Quaternion, Vector3 } from 'three';
 import { expect, it } from 'vitest';
 import type { Vec3 } from '../twin/rotation.ts';
-import { about, across, cross, directionThrough, dot, pointThrough, turnOf, unit } from './vectors.ts';
+import {
+  cross,
+  directionThrough,
+  dot,
+  normalize,
+  pointThrough,
+  quatOfTransform,
+  rejectFrom,
+  rotateAbout,
+} from './vectors.ts';
 
 const close = (v: Iterable<number>) => [...v].map((part) => expect.closeTo(part, 9));
 
@@ -16,7 +25,7 @@ it('agree with three.js, half turns included', () => {
           [1, -1, 0],
           [-1, 2, 3],
         ] as const
-      ).map((axis) => ({ axis: unit(axis), angle })),
+      ).map((axis) => ({ axis: normalize(axis), angle })),
     ),
   ];
   for (const { axis, angle } of turns) {
@@ -25,14 +34,14 @@ it('agree with three.js, half turns included', () => {
     const v: Vec3 = [0.2, -0.7, 1.1];
     expect([...pointThrough(m.elements, v)]).toEqual(close(new Vector3(...v).applyMatrix4(m)));
     expect([...directionThrough(m.elements, v)]).toEqual(close(new Vector3(...v).transformDirection(m)));
-    expect([...about(axis, angle, v)]).toEqual(close(new Vector3(...v).applyQuaternion(turn)));
-    const [w, x, y, z] = turnOf(m.elements);
+    expect([...rotateAbout(axis, angle, v)]).toEqual(close(new Vector3(...v).applyQuaternion(turn)));
+    const [w, x, y, z] = quatOfTransform(m.elements);
     expect(Math.abs(w * turn.w + x * turn.x + y * turn.y + z * turn.z)).toBeCloseTo(1, 9);
   }
 });
 
 it('have no direction where there is none', () => {
-  expect(unit([0, 0, 0])).toEqual([0, 0, 0]);
-  expect(dot(across([1, 2, 3], [0, 0, 1]), [0, 0, 1])).toBe(0);
+  expect(normalize([0, 0, 0])).toEqual([0, 0, 0]);
+  expect(dot(rejectFrom([1, 2, 3], [0, 0, 1]), [0, 0, 1])).toBe(0);
   expect(cross([1, 0, 0], [0, 1, 0])).toEqual([0, 0, 1]);
 });

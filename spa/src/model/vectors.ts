@@ -5,11 +5,11 @@ import type { Quat, Vec3 } from '../twin/rotation.ts';
 export type Transform = ArrayLike<number>;
 
 /** a + by · b */
-export function plus(a: Vec3, b: Vec3, by = 1): Vec3 {
+export function addScaled(a: Vec3, b: Vec3, by = 1): Vec3 {
   return [a[0] + by * b[0], a[1] + by * b[1], a[2] + by * b[2]];
 }
 
-export function times(a: Vec3, by: number): Vec3 {
+export function scale(a: Vec3, by: number): Vec3 {
   return [a[0] * by, a[1] * by, a[2] * by];
 }
 
@@ -22,20 +22,20 @@ export function cross(a: Vec3, b: Vec3): Vec3 {
 }
 
 /** What is left of a vector across a unit axis. */
-export function across(a: Vec3, axis: Vec3): Vec3 {
-  return plus(a, axis, -dot(a, axis));
+export function rejectFrom(a: Vec3, axis: Vec3): Vec3 {
+  return addScaled(a, axis, -dot(a, axis));
 }
 
 /** Made to length one; a vector without a direction stays as it is. */
-export function unit(a: Vec3): Vec3 {
+export function normalize(a: Vec3): Vec3 {
   const length = Math.hypot(...a);
-  return length > 0 ? times(a, 1 / length) : a;
+  return length > 0 ? scale(a, 1 / length) : a;
 }
 
 /** Turned about a unit axis, rad (Rodrigues' formula). */
-export function about(axis: Vec3, angle: number, v: Vec3): Vec3 {
+export function rotateAbout(axis: Vec3, angle: number, v: Vec3): Vec3 {
   const [c, s] = [Math.cos(angle), Math.sin(angle)];
-  return plus(plus(times(v, c), cross(axis, v), s), axis, dot(axis, v) * (1 - c));
+  return addScaled(addScaled(scale(v, c), cross(axis, v), s), axis, dot(axis, v) * (1 - c));
 }
 
 /** A point of the inner frame, seen from the outer one. */
@@ -49,7 +49,7 @@ export function pointThrough(m: Transform, [x, y, z]: Vec3): Vec3 {
 
 /** A direction of the inner frame, seen from the outer one, of length one; zero stays zero. */
 export function directionThrough(m: Transform, [x, y, z]: Vec3): Vec3 {
-  return unit([
+  return normalize([
     m[0]! * x + m[4]! * y + m[8]! * z,
     m[1]! * x + m[5]! * y + m[9]! * z,
     m[2]! * x + m[6]! * y + m[10]! * z,
@@ -62,7 +62,7 @@ export function originOf(m: Transform): Vec3 {
 }
 
 /** How a transform turns, by its largest part first, so that half turns are exact, too (Shepperd 1978). */
-export function turnOf(m: Transform): Quat {
+export function quatOfTransform(m: Transform): Quat {
   const [xx, yy, zz] = [m[0]!, m[5]!, m[10]!];
   const [yz, zx, xy] = [m[6]! - m[9]!, m[8]! - m[2]!, m[1]! - m[4]!];
   const [syz, szx, sxy] = [m[6]! + m[9]!, m[8]! + m[2]!, m[1]! + m[4]!];

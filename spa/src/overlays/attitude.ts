@@ -1,18 +1,24 @@
 import { lowestZ } from '../model/bounds.ts';
 import type { PosedBody } from '../model/posed_body.ts';
 import {
-  about,
+  addScaled,
   cross,
   directionThrough,
   dot,
+  normalize,
   originOf,
-  plus,
   pointThrough,
+  quatOfTransform,
+  rotateAbout,
   type Transform,
-  turnOf,
-  unit,
 } from '../model/vectors.ts';
-import { inverse, turn, times as turned, type Vec3, withoutHeading } from '../twin/rotation.ts';
+import {
+  invertQuat,
+  rotateVector,
+  multiplyQuats as turned,
+  type Vec3,
+  withoutHeading,
+} from '../twin/rotation.ts';
 import { type Imu, leanOf } from '../twin/sensors/imus.ts';
 import type { Paint, Strokes } from './strokes.ts';
 
@@ -88,8 +94,8 @@ function drawPlane(
   strokes.fan(at, WORLD_UP, WORLD_X, 2 * Math.PI, 0, PLANE * reach, plane);
   strokes.arc(at, WORLD_UP, WORLD_X, 2 * Math.PI, PLANE * reach, 0.003 * reach, rim);
   for (let quarter = 0; quarter < 4; quarter += 1) {
-    const along = about(WORLD_UP, (quarter * Math.PI) / 2, WORLD_X);
-    const from = plus(at, along, PLANE * reach * 0.93);
+    const along = rotateAbout(WORLD_UP, (quarter * Math.PI) / 2, WORLD_X);
+    const from = addScaled(at, along, PLANE * reach * 0.93);
     strokes.shaft(from, along, PLANE * reach * 0.14, 0.003 * reach, 0.003 * reach, rim);
   }
 }
@@ -111,8 +117,8 @@ function drawPlumb(
   const thin = 0.005 * reach;
   const head = Math.min(arrow, 0.06 * reach);
   strokes.shaft(at, DOWN, arrow - head * 0.9, thin, thin, gravity);
-  strokes.shaft(plus(at, DOWN, arrow - head), DOWN, head, 0.022 * reach, 0, gravity);
-  strokes.shaft(plus(at, DOWN, arrow), DOWN, Math.max(0, down - arrow), thin * 0.4, thin * 0.4, faint);
+  strokes.shaft(addScaled(at, DOWN, arrow - head), DOWN, head, 0.022 * reach, 0, gravity);
+  strokes.shaft(addScaled(at, DOWN, arrow), DOWN, Math.max(0, down - arrow), thin * 0.4, thin * 0.4, faint);
   const foot: Vec3 = [at[0], at[1], planeZ + LIFT * reach * 2];
   strokes.arc(foot, WORLD_UP, WORLD_X, 2 * Math.PI, 0.03 * reach, thin * 0.8, gravity);
 
@@ -121,7 +127,7 @@ function drawPlumb(
   if (angle < LEAST_LEAN) return;
   strokes.shaft(at, own, UP * reach, thin, thin * 0.6, gravity);
   strokes.shaft(at, WORLD_UP, UP * reach, thin * 0.5, thin * 0.5, faint);
-  strokes.fan(at, unit(cross(WORLD_UP, own)), WORLD_UP, angle, 0, UP * reach, lean);
+  strokes.fan(at, normalize(cross(WORLD_UP, own)), WORLD_UP, angle, 0, UP * reach, lean);
 }
 
 /** A ring as the foot's own IMU has it, facing as the foot does: beside a well sensor it lies along the sole. */
@@ -135,11 +141,11 @@ function drawFoot(
   const worldFromLink = linkOf(figure, imu);
   if (worldFromLink === undefined || imu.worldFromSensor === null || imu.link === null) return false;
   const at = pointThrough(worldFromLink, imu.xyz);
-  const [w, , , z] = turnOf(worldFromLink);
+  const [w, , , z] = quatOfTransform(worldFromLink);
   const heading = 2 * Math.atan2(z, w);
-  const measured = withoutHeading(turned(imu.worldFromSensor, inverse(imu.linkFromSensor)));
-  const up = about(WORLD_UP, heading, turn(measured, WORLD_UP));
-  const ahead = about(WORLD_UP, heading, turn(measured, WORLD_X));
+  const measured = withoutHeading(turned(imu.worldFromSensor, invertQuat(imu.linkFromSensor)));
+  const up = rotateAbout(WORLD_UP, heading, rotateVector(measured, WORLD_UP));
+  const ahead = rotateAbout(WORLD_UP, heading, rotateVector(measured, WORLD_X));
   strokes.arc(at, up, ahead, 2 * Math.PI, FOOT * reach, 0.0035 * reach, rim);
   strokes.shaft(at, ahead, FOOT * reach, 0.003 * reach, 0.003 * reach, rim);
   return true;

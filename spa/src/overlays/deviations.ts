@@ -1,5 +1,14 @@
 import type { PosedBody } from '../model/posed_body.ts';
-import { about, across, directionThrough, dot, originOf, plus, times, unit } from '../model/vectors.ts';
+import {
+  addScaled,
+  directionThrough,
+  dot,
+  normalize,
+  originOf,
+  rejectFrom,
+  rotateAbout,
+  scale,
+} from '../model/vectors.ts';
 import type { Deviation } from '../twin/overlay/deviations.ts';
 import type { Vec3 } from '../twin/rotation.ts';
 import type { Paint, Strokes } from './strokes.ts';
@@ -70,26 +79,26 @@ function drawArc(
   if (Math.abs(way) < LEAST) return at;
   const axis = directionThrough(worldFromLink, joint.axis);
   if (joint.slides) {
-    const along = times(axis, Math.sign(way));
+    const along = scale(axis, Math.sign(way));
     strokes.shaft(at, along, Math.abs(way), THICK * reach, THICK * reach, line);
-    return plus(at, along, Math.abs(way));
+    return addScaled(at, along, Math.abs(way));
   }
   const box = body.linkBox(joint.link);
-  const middle: Vec3 | undefined = box && times(plus(box.min, box.max), 0.5);
+  const middle: Vec3 | undefined = box && scale(addScaled(box.min, box.max), 0.5);
   const limb = limbAcross(axis, middle && directionThrough(worldFromLink, middle));
-  const size = box === undefined ? 0 : 0.7 * Math.hypot(...plus(box.max, box.min, -1));
+  const size = box === undefined ? 0 : 0.7 * Math.hypot(...addScaled(box.max, box.min, -1));
   const radius = Math.min(MOST_RADIUS * reach, Math.max(LEAST_RADIUS * reach, size));
   strokes.arc(at, axis, limb, way, radius, THICK * reach, line);
   strokes.fan(at, axis, limb, way, 0, radius, fill);
-  for (const spoke of [limb, about(axis, way, limb)]) {
+  for (const spoke of [limb, rotateAbout(axis, way, limb)]) {
     strokes.shaft(at, spoke, radius, SPOKE * reach, SPOKE * reach, line);
   }
-  return plus(at, about(axis, way / 2, limb), radius);
+  return addScaled(at, rotateAbout(axis, way / 2, limb), radius);
 }
 
 /** Along the limb: towards the middle of what the joint moves, as far as it lies across the axis; else down, else ahead. */
 function limbAcross(axis: Vec3, limb: Vec3 = [0, 0, -1]): Vec3 {
   const ways: readonly Vec3[] = [limb, [0, 0, -1], [1, 0, 0]];
-  const found = ways.map((way) => across(way, axis)).find((way) => dot(way, way) >= ALONG_AXIS);
-  return unit(found ?? [0, 1, 0]);
+  const found = ways.map((way) => rejectFrom(way, axis)).find((way) => dot(way, way) >= ALONG_AXIS);
+  return normalize(found ?? [0, 1, 0]);
 }

@@ -3,7 +3,7 @@ import { describe, expect, it } from 'vitest';
 import { OverlayMesh } from '../three/overlay_mesh.ts';
 import { sampleLeg } from '../three/robot/leg_sample.ts';
 import type { Deviation } from '../twin/overlay/deviations.ts';
-import { ofRpy, type Quat, type Vec3 } from '../twin/rotation.ts';
+import { type Quat, quatOfRpy, type Vec3 } from '../twin/rotation.ts';
 import type { Imu } from '../twin/sensors/imus.ts';
 import type { Arrow, Wrench } from '../twin/sensors/wrenches.ts';
 import { AttitudeOverlay } from './attitude.ts';
@@ -194,8 +194,8 @@ describe('what is level', () => {
   };
 
   it('is a plane at the lowest foot, with roll and pitch of the body and the feet’s own rings', () => {
-    const body = imu('torso', 'hip', ofRpy([0.1, -0.2, 0.5]));
-    const shown = level([body, imu('LF', 'foot', ofRpy([0, 0, 0]))], body);
+    const body = imu('torso', 'hip', quatOfRpy([0.1, -0.2, 0.5]));
+    const shown = level([body, imu('LF', 'foot', quatOfRpy([0, 0, 0]))], body);
     expect(shown.planeZ).toBeCloseTo(0);
     expect(shown.roll).toBeCloseTo(0.1);
     expect(shown.pitch).toBeCloseTo(-0.2);

@@ -1,4 +1,4 @@
-import { across, times, unit } from '../model/vectors.ts';
+import { normalize, rejectFrom, scale } from '../model/vectors.ts';
 import type { Vec3 } from '../twin/rotation.ts';
 
 /** Strokes in one picture; what is beyond that is not drawn. 200 joints that all deviate need 600. */
@@ -65,7 +65,7 @@ export class Strokes {
 
   /** A straight stroke from a place along a unit vector; metres. A head is one that ends in nothing. */
   shaft(from: Vec3, along: Vec3, length: number, radius: number, endRadius: number, paint: Paint): void {
-    const side = unit(across(Math.abs(along[0]) < 0.9 ? [1, 0, 0] : [0, 1, 0], along));
+    const side = normalize(rejectFrom(Math.abs(along[0]) < 0.9 ? [1, 0, 0] : [0, 1, 0], along));
     this.#stroke(from, side, along, [0, length, radius, endRadius], 1, paint);
   }
 
@@ -121,5 +121,5 @@ export class Strokes {
 
 /** A turn the other way round is a turn about the other end of the axis; a stroke's sweep is positive. */
 function rightWay(axis: Vec3, sweep: number): Vec3 {
-  return sweep < 0 ? times(axis, -1) : axis;
+  return sweep < 0 ? scale(axis, -1) : axis;
 }

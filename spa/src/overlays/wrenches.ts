@@ -1,7 +1,16 @@
 import type { Level } from '@posecast/wire';
 import type { PosedBody } from '../model/posed_body.ts';
-import { about, across, cross, directionThrough, dot, plus, pointThrough, unit } from '../model/vectors.ts';
-import { ofRpy, turn, type Vec3 } from '../twin/rotation.ts';
+import {
+  addScaled,
+  cross,
+  directionThrough,
+  dot,
+  normalize,
+  pointThrough,
+  rejectFrom,
+  rotateAbout,
+} from '../model/vectors.ts';
+import { quatOfRpy, rotateVector, type Vec3 } from '../twin/rotation.ts';
 import type { Arrow, Wrench } from '../twin/sensors/wrenches.ts';
 import type { Paint, Strokes } from './strokes.ts';
 
@@ -114,10 +123,10 @@ export class WrenchOverlay {
     for (const { site, name, mount, force, moment } of this.#wrenches) {
       const worldFromLink = body.linkMatrix(mount.link ?? '')?.elements;
       if (worldFromLink === undefined) continue; // a link that this model does not have
-      const linkFromSensor = ofRpy(mount.rpy);
+      const linkFromSensor = quatOfRpy(mount.rpy);
       const sensor: Sensor = {
         at: pointThrough(worldFromLink, mount.xyz),
-        inWorld: (direction) => directionThrough(worldFromLink, turn(linkFromSensor, direction)),
+        inWorld: (direction) => directionThrough(worldFromLink, rotateVector(linkFromSensor, direction)),
       };
       const silent = force.level === 'ok' && (lacks(force) || lacks(moment));
       drawFlange(strokes, sensor, reach, silent ? unread : paint(force.level));
@@ -175,9 +184,9 @@ function drawForce(
   const radius = SHAFT * reach * Math.min(1, head / (HEAD * reach));
   if (bare > 0) strokes.shaft(at, along, bare + head * 0.2, radius, radius, paint);
   for (let i = 0; i < heads; i += 1) {
-    strokes.shaft(plus(at, along, bare + head * 0.6 * i), along, head, wide, 0, paint);
+    strokes.shaft(addScaled(at, along, bare + head * 0.6 * i), along, head, wide, 0, paint);
   }
-  return { size: length, tip: plus(at, along, length) };
+  return { size: length, tip: addScaled(at, along, length) };
 }
 
 /** Returns the angle swept, rad. */
@@ -195,15 +204,26 @@ function drawMoment(
   const sweep = Math.min(part * SWEEP_AT_LIMIT, MOST_SWEEP);
   const radius = ARC * reach * Math.min(scale, 1.6);
   // Half to either side of the top, where it is seen best.
-  const top = across([0, 0, 1], axis);
-  const start = about(axis, -sweep / 2, unit(dot(top, top) < 0.01 ? across([1, 0, 0], axis) : top));
+  const top = rejectFrom([0, 0, 1], axis);
+  const start = rotateAbout(
+    axis,
+    -sweep / 2,
+    normalize(dot(top, top) < 0.01 ? rejectFrom([1, 0, 0], axis) : top),
+  );
   strokes.arc(at, axis, start, sweep, radius, ARC_THICK * reach, paint);
   const heads = HEADS[arrow.level];
   const head = HEAD * reach * 0.8 * Math.min(1, 0.4 + part * 2);
   for (let i = 0; i < heads; i += 1) {
-    const away = about(axis, sweep - (i * 0.55 * head) / radius, start);
+    const away = rotateAbout(axis, sweep - (i * 0.55 * head) / radius, start);
     const along = cross(axis, away);
-    strokes.shaft(plus(plus(at, away, radius), along, -head * 0.1), along, head, head * 0.45, 0, paint);
+    strokes.shaft(
+      addScaled(addScaled(at, away, radius), along, -head * 0.1),
+      along,
+      head,
+      head * 0.45,
+      0,
+      paint,
+    );
   }
   return sweep;
 }

@@ -1,4 +1,4 @@
-import { type EventsHandlers, frameBytes, openEvents as openStream, type StreamEvent } from './sse.ts';
+import { type EventsHandlers, frameBytes, openEventStream as openStream, type StreamEvent } from './sse.ts';
 
 export { frameBytes };
 
@@ -156,7 +156,7 @@ export class MirrorReader {
 }
 
 /** The same as for a relay's events, with a database at the other end. */
-export function openEvents(
+export function openEventStream(
   url: string,
   _token: string | undefined,
   handlers: EventsHandlers,

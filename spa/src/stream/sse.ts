@@ -10,7 +10,7 @@ export interface StreamEvent {
 }
 
 /** Reads `text/event-stream` as it comes (WHATWG HTML §9.2.6), as far as a relay speaks it. */
-export class EventReader {
+export class SseParser {
   /** Of a line whose end is still to come. */
   #pieces: string[] = [];
   #length = 0;
@@ -90,7 +90,7 @@ export interface EventsHandlers {
 }
 
 /** Not EventSource: that one sends no headers, tells no status, and comes back by rules of its own. */
-export function openEvents(
+export function openEventStream(
   url: string,
   token: string | undefined,
   handlers: EventsHandlers,
@@ -115,7 +115,7 @@ export function openEvents(
       return status === 404 && type.startsWith('application/json') ? 4404 : 1006;
     }
     handlers.opened();
-    const reader = new EventReader();
+    const reader = new SseParser();
     const chunks = body.getReader();
     for (;;) {
       const { done, value } = await chunks.read();

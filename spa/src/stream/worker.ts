@@ -100,7 +100,7 @@ function read(url: string, mirrored: boolean): void {
     if (events === mine && session !== null) perform(then(session));
   };
   (mirrored ? import('./firebase_mirror.ts') : import('./sse.ts')).then(
-    ({ openEvents, frameBytes }) => {
+    ({ openEventStream, frameBytes }) => {
       if (events !== mine) return;
       const hear = ({ name, data, writtenMs }: StreamEvent) =>
         unlessLeft((to) => {
@@ -108,7 +108,7 @@ function read(url: string, mirrored: boolean): void {
           const frame = name === 'frame' ? frameBytes(data) : null;
           return frame === null ? to.text(nowMs(), data) : to.binary(nowMs(), frame);
         });
-      mine.close = openEvents(url, token, {
+      mine.close = openEventStream(url, token, {
         nowMs,
         wireVersion: WIRE_VERSION,
         opened: () => unlessLeft((to) => to.opened(nowMs())),

@@ -2,16 +2,16 @@
 export type Quat = readonly [w: number, x: number, y: number, z: number];
 export type Vec3 = readonly [x: number, y: number, z: number];
 
-export const NO_TURN: Quat = [1, 0, 0, 0];
+export const IDENTITY: Quat = [1, 0, 0, 0];
 
 /** Made to length one; null when it has no direction (zero, NaN). */
-export function unit([w, x, y, z]: Quat): Quat | null {
+export function normalizeQuat([w, x, y, z]: Quat): Quat | null {
   const length = Math.hypot(w, x, y, z);
   return length > 1e-6 && Number.isFinite(length) ? [w / length, x / length, y / length, z / length] : null;
 }
 
 /** a_from_b · b_from_c */
-export function times([aw, ax, ay, az]: Quat, [bw, bx, by, bz]: Quat): Quat {
+export function multiplyQuats([aw, ax, ay, az]: Quat, [bw, bx, by, bz]: Quat): Quat {
   return [
     aw * bw - ax * bx - ay * by - az * bz,
     aw * bx + ax * bw + ay * bz - az * by,
@@ -20,23 +20,23 @@ export function times([aw, ax, ay, az]: Quat, [bw, bx, by, bz]: Quat): Quat {
   ];
 }
 
-export function inverse([w, x, y, z]: Quat): Quat {
+export function invertQuat([w, x, y, z]: Quat): Quat {
   return [w, -x, -y, -z];
 }
 
-export function turn(q: Quat, [x, y, z]: Vec3): Vec3 {
-  const [, rx, ry, rz] = times(times(q, [0, x, y, z]), inverse(q));
+export function rotateVector(q: Quat, [x, y, z]: Vec3): Vec3 {
+  const [, rx, ry, rz] = multiplyQuats(multiplyQuats(q, [0, x, y, z]), invertQuat(q));
   return [rx, ry, rz];
 }
 
 /** Fixed axes X, Y, Z, rad, as in URDF. */
-export function ofRpy([roll, pitch, yaw]: Vec3): Quat {
+export function quatOfRpy([roll, pitch, yaw]: Vec3): Quat {
   const about = (angle: number, axis: 1 | 2 | 3): Quat => {
     const q: [number, number, number, number] = [Math.cos(angle / 2), 0, 0, 0];
     q[axis] = Math.sin(angle / 2);
     return q;
   };
-  return times(about(yaw, 3), times(about(pitch, 2), about(roll, 1)));
+  return multiplyQuats(about(yaw, 3), multiplyQuats(about(pitch, 2), about(roll, 1)));
 }
 
 /** Fixed-axis roll, pitch, yaw (rad) as REP-103 has them. */
@@ -53,6 +53,6 @@ export function rpyOf([w, x, y, z]: Quat): Vec3 {
  *  that goes is the twist about the vertical, which is defined for every attitude but upside down. */
 export function withoutHeading(worldFromBody: Quat): Quat {
   const [w, , , z] = worldFromBody;
-  const twist = unit([w, 0, 0, z]);
-  return twist === null ? worldFromBody : times(inverse(twist), worldFromBody);
+  const twist = normalizeQuat([w, 0, 0, z]);
+  return twist === null ? worldFromBody : multiplyQuats(invertQuat(twist), worldFromBody);
 }

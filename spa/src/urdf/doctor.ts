@@ -1,7 +1,7 @@
 import type { MeshFacts } from '../model/mesh_facts.ts';
 import { meshFindings } from './doctor_meshes.ts';
 import { type Finding, general, quoted, worstFirst } from './finding.ts';
-import { treeOf } from './tree.ts';
+import { buildTree } from './tree.ts';
 import {
   type Joint,
   type Link,
@@ -32,7 +32,7 @@ export function diagnose(
   missing: ReadonlySet<string>,
   meshes: ReadonlyMap<string, MeshFacts> | null,
 ): Finding[] {
-  const tree = treeOf(urdf);
+  const tree = buildTree(urdf);
   const found: Finding[] = [...urdf.findings, ...tree.findings];
   const say: Say = (severity, code, text, line) => found.push({ severity, code, text, line });
   for (const joint of urdf.joints) examineJoint(joint, say);

@@ -1,6 +1,6 @@
 import { type Joint as ModelJoint, quaternionFromRpy } from '../model/kinematics.ts';
 import type { Manifest } from '../model/manifest.ts';
-import { type Tree, treeOf } from './tree.ts';
+import { buildTree, type Tree } from './tree.ts';
 import {
   type Joint,
   materialOf,
@@ -40,7 +40,7 @@ export class UrdfError extends Error {}
 
 /** Throws UrdfError when no link is the root. */
 export function modelOf(urdf: Urdf): UrdfModel {
-  const tree = treeOf(urdf);
+  const tree = buildTree(urdf);
   const { root, joints } = tree;
   if (root === null)
     throw new UrdfError(

@@ -23,7 +23,7 @@ export interface Follow {
   readonly offset: number;
 }
 
-export function treeOf(urdf: Urdf): Tree {
+export function buildTree(urdf: Urdf): Tree {
   const findings: Finding[] = [];
   const say = (code: string, text: string, line: number | null) =>
     findings.push({ severity: 'error', code, text, line });

@@ -99,6 +99,7 @@ function withoutLateDeclaration(text: string): string {
 function scan(text: string): { lines: number[]; declared: string } {
   const lines: number[] = [];
   const prefixes = new Set<string>();
+  const declared = new Set(['xml', 'xmlns']); // by the root: what holds further in only does not hold before
   const newlines = text.matchAll(/\r\n?|\n/g);
   let line = 1;
   let newline = newlines.next().value?.index ?? text.length;
@@ -127,8 +128,11 @@ function scan(text: string): { lines: number[]; declared: string } {
       end = TAG.lastIndex;
       break;
     }
-    root ??= tag.index + 1 + name.length;
     const names = `${name} ${attributes.replace(QUOTED, '""')}`; // what a value says is no name
+    if (root === null) {
+      root = tag.index + 1 + name.length;
+      for (const [, prefix] of names.matchAll(/\sxmlns:([\w.-]+)\s*=/g)) declared.add(prefix!);
+    }
     for (const [, prefix] of names.matchAll(/(?:^|\s)([\w.-]+):[\w.-]+/g)) prefixes.add(prefix!);
     if (prefixes.size > MAX_PREFIXES) throw new XmlRefused(`more than ${MAX_PREFIXES} prefixes`, line);
     lines.push(line);
@@ -140,8 +144,6 @@ function scan(text: string): { lines: number[]; declared: string } {
       break;
     }
   }
-  const declared = new Set(['xml', 'xmlns']);
-  for (const [, prefix] of text.matchAll(/xmlns:([\w.-]+)=/g)) declared.add(prefix!);
   const missing = [...prefixes].filter((prefix) => !declared.has(prefix));
   const more = missing.map((prefix) => ` xmlns:${prefix}="${prefix}"`).join('');
   return { lines, declared: root === null ? text : text.slice(0, root) + more + text.slice(root, end) };

@@ -1,5 +1,5 @@
 import { type Extent, extentOf } from '../model/bounds.ts';
-import { dot, plus } from '../model/vectors.ts';
+import { addScaled, dot } from '../model/vectors.ts';
 import type { Vec3 } from '../twin/rotation.ts';
 import { FIELD_OF_VIEW, fittingDistance, VIEWS, type ViewName } from './framing.ts';
 import { type Insets, ViewInsets } from './insets.ts';
@@ -102,7 +102,7 @@ export class CameraRig {
   get stand(): EyePlace | null {
     if (!this.#touched) return null;
     const floor: Vec3 = [this.#middle[0], this.#middle[1], 0];
-    return { position: plus(this.position, floor, -1), target: plus(this.target, floor, -1) };
+    return { position: addScaled(this.position, floor, -1), target: addScaled(this.target, floor, -1) };
   }
 
   /** The middle of the robot over the floor. */
@@ -187,8 +187,8 @@ export class CameraRig {
     const floor: Vec3 = [this.#middle[0], this.#middle[1], 0];
     const { radius } = this.#extent;
     const { distance, ...orbit } = orbitAt({
-      position: plus(place.position, floor),
-      target: plus(place.target, floor),
+      position: addScaled(place.position, floor),
+      target: addScaled(place.target, floor),
     });
     this.#now = {
       ...orbit,
@@ -276,9 +276,9 @@ export class CameraRig {
     const moved = (orbit: Orbit): Orbit => ({
       ...orbit,
       azimuth: orbit.azimuth + turn,
-      target: plus(orbit.target, step),
+      target: addScaled(orbit.target, step),
     });
-    this.#middle = plus(this.#middle, step);
+    this.#middle = addScaled(this.#middle, step);
     this.#now = moved(this.#now);
     this.#goal &&= moved(this.#goal);
     this.#options.changed();
@@ -361,7 +361,7 @@ export class CameraRig {
 }
 
 function orbitAt({ position, target }: EyePlace): Orbit {
-  const [dx, dy, dz] = plus(position, target, -1);
+  const [dx, dy, dz] = addScaled(position, target, -1);
   const flat = Math.hypot(dx, dy);
   return {
     azimuth: Math.atan2(dy, dx),

@@ -3,7 +3,7 @@ import { isolated } from '../../twin/names.ts';
 import type { DrawingTrouble } from '../../view/adaptive_quality.ts';
 import type { RowView } from '../../view/body_view.ts';
 import { showScene } from '../shell/debug_api.ts';
-import { type ThemeName, useTheme } from '../shell/theme.ts';
+import { type PageTheme, useTheme } from '../shell/theme.ts';
 import { changeSettings, type Settings, settings, useSettings } from '../state/settings.ts';
 import { say } from '../text/language.ts';
 import { loadThree } from './load_three.ts';
@@ -116,7 +116,7 @@ function wayFor(body: Settings['body']): '3d' | 'light' | 'chosen' {
   return body === 'light' ? 'chosen' : '3d';
 }
 
-type ThemeNow = RefObject<ThemeName>;
+type ThemeNow = RefObject<PageTheme>;
 
 /** The probe found a context, but the scene got none. */
 class NoContext extends Error {}

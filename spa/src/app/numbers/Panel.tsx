@@ -8,7 +8,7 @@ import { onSelection, selection, useSelectedJoint } from '../state/selection.ts'
 import { useTraces } from '../state/traces.ts';
 import { onLanguage, say, useText } from '../text/language.ts';
 import { FaultLine } from './alarms/FaultLine.tsx';
-import { make } from './grid/cells.ts';
+import { createElement } from './grid/cells.ts';
 import { refreshWith } from './grid/refresh.ts';
 import { JointView, type TableSources } from './table/joint_view.ts';
 
@@ -121,7 +121,7 @@ function JointNumbers({ link }: { link: RobotLink }) {
   const host = useRef<HTMLDivElement>(null);
   useEffect(() => {
     if (host.current === null) return;
-    host.current.replaceChildren(make('p', 'note late', say().noNumbersYet));
+    host.current.replaceChildren(createElement('p', 'note late', say().noNumbersYet));
     const sources: TableSources = {
       faults: link.faults.log,
       readings: link.past.readings,

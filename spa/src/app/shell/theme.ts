@@ -2,10 +2,10 @@ import { useEffect } from 'react';
 import { useSettings } from '../state/settings.ts';
 import { useMedia } from './media.ts';
 
-export type ThemeName = 'dark' | 'light';
+export type PageTheme = 'dark' | 'light';
 
 /** The theme in force: the person's choice, else the system's. */
-export function useTheme(): ThemeName {
+export function useTheme(): PageTheme {
   const { theme } = useSettings();
   const systemDark = useMedia('(prefers-color-scheme: dark)');
   if (theme !== 'system') return theme;

@@ -5,7 +5,7 @@ import {
   MeshLambertMaterial,
   type WebGLProgramParametersWithUniforms,
 } from 'three';
-import { after, bend } from './skin.ts';
+import { injectSkinning, insertAfter } from './skin.ts';
 import type { StaleEffect } from './stale_effect.ts';
 
 const OPACITY = 0.35;
@@ -34,7 +34,7 @@ export function glass(
     shader.uniforms.accent = accent;
     tint(shader);
     shader.uniforms.bones = bones;
-    bend(shader, BONES);
+    injectSkinning(shader, BONES);
   };
   material.customProgramCacheKey = () => 'glass';
   return material;
@@ -60,8 +60,8 @@ totalEmissiveRadiance += accent * (0.3 + 0.5 * edge);
 
 function tint(shader: WebGLProgramParametersWithUniforms): void {
   const head = 'uniform vec3 accent;\nflat varying vec2 look;\nvoid main() {';
-  shader.fragmentShader = [after('color_fragment', COLOR), after('emissivemap_fragment', EDGE)].reduce(
-    (text, change) => change(text),
-    shader.fragmentShader.replace('void main() {', head),
-  );
+  shader.fragmentShader = [
+    insertAfter('color_fragment', COLOR),
+    insertAfter('emissivemap_fragment', EDGE),
+  ].reduce((text, change) => change(text), shader.fragmentShader.replace('void main() {', head));
 }

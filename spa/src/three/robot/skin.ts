@@ -259,19 +259,23 @@ diffuseColor.rgb = mix(diffuseColor.rgb, accent, look.x * 0.35);
 
 function patch(shader: WebGLProgramParametersWithUniforms, uniforms: Uniforms): void {
   Object.assign(shader.uniforms, uniforms);
-  bend(shader, VERTEX_HEAD + PAINT_HEAD, BONE_NORMAL + VERTEX_PAINT);
-  shader.fragmentShader = [after('color_fragment', PAINT), after('emissivemap_fragment', GLOW)].reduce(
-    (text, change) => change(text),
-    shader.fragmentShader.replace('void main() {', FRAGMENT_HEAD),
-  );
+  injectSkinning(shader, VERTEX_HEAD + PAINT_HEAD, BONE_NORMAL + VERTEX_PAINT);
+  shader.fragmentShader = [
+    insertAfter('color_fragment', PAINT),
+    insertAfter('emissivemap_fragment', GLOW),
+  ].reduce((text, change) => change(text), shader.fragmentShader.replace('void main() {', FRAGMENT_HEAD));
 }
 
 /** Lets the vertices of a shader follow their bones; `head` declares them. */
-export function bend(shader: WebGLProgramParametersWithUniforms, head: string, normal = BONE_NORMAL): void {
+export function injectSkinning(
+  shader: WebGLProgramParametersWithUniforms,
+  head: string,
+  normal = BONE_NORMAL,
+): void {
   shader.vertexShader = [
-    after('skinbase_vertex', normal),
-    after('skinning_vertex', BONE_POSITION),
-    after('project_vertex', BONE_HIDE),
+    insertAfter('skinbase_vertex', normal),
+    insertAfter('skinning_vertex', BONE_POSITION),
+    insertAfter('project_vertex', BONE_HIDE),
   ].reduce(
     (text, change) => change(text),
     shader.vertexShader.replace('void main() {', `${head}void main() {`),
@@ -279,6 +283,6 @@ export function bend(shader: WebGLProgramParametersWithUniforms, head: string, n
 }
 
 /** Adds to a chunk of three's shaders. */
-export function after(chunk: string, more: string): (text: string) => string {
+export function insertAfter(chunk: string, more: string): (text: string) => string {
   return (text) => text.replace(`#include <${chunk}>`, `#include <${chunk}>\n${more}`);
 }

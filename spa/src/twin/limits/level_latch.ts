@@ -5,7 +5,7 @@ const HYSTERESIS = 0.05;
 
 const RANK: Readonly<Record<Level, number>> = { ok: 0, caution: 1, fault: 2 };
 
-export function worse(a: Level, b: Level): Level {
+export function worseOf(a: Level, b: Level): Level {
   return RANK[a] >= RANK[b] ? a : b;
 }
 
@@ -36,5 +36,5 @@ export class LevelLatch {
 function levelFurtherOut({ low, high, caution }: Threshold, value: number): Level {
   const above = level({ low: null, high, caution }, value + HYSTERESIS * Math.abs(high ?? 0));
   const below = level({ low, high: null, caution }, value - HYSTERESIS * Math.abs(low ?? 0));
-  return worse(above, below);
+  return worseOf(above, below);
 }

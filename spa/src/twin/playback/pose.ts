@@ -1,5 +1,5 @@
 import { JointMapping, type Schema } from '@posecast/wire';
-import { type Quat, unit, type Vec3 } from '../rotation.ts';
+import { normalizeQuat, type Quat, type Vec3 } from '../rotation.ts';
 import type { Imu } from '../sensors/imus.ts';
 import { valueAt } from '../values.ts';
 
@@ -60,7 +60,7 @@ export function baseOf(schema: Schema, codes: Int32Array): Base | null {
   const [qw, qx, qy, qz] = valuesOf(schema, codes, 'baseq', ['base.w', 'base.x', 'base.y', 'base.z']);
   if (x === undefined || y === undefined || z === undefined) return null;
   if (qw === undefined || qx === undefined || qy === undefined || qz === undefined) return null;
-  const quat = unit([qw, qx, qy, qz]);
+  const quat = normalizeQuat([qw, qx, qy, qz]);
   return quat === null ? null : { xyz: [x, y, z], quat_wxyz: quat };
 }
 

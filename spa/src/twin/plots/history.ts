@@ -10,7 +10,7 @@ const SAMPLES = (HISTORY_S * 1000) / STEP_MS;
 /** Whatever a robot has of channels; one with very many is remembered less far back. */
 const BYTES_MAX = 4_000_000;
 
-export interface Trace {
+export interface TraceHistory {
   /** Seconds before `nowMs`, oldest first, all ≤ 0. */
   readonly agoS: readonly number[];
   /** In the schema's unit; null where there was no reading. */
@@ -44,7 +44,7 @@ export class History {
   }
 
   /** One channel's last minute; empty when there is no such channel. */
-  trace(fieldName: string, label: string, nowMs: number): Trace {
+  trace(fieldName: string, label: string, nowMs: number): TraceHistory {
     const field = this.#schema?.field(fieldName) ?? null;
     const index = field?.labels.indexOf(label) ?? -1;
     if (field === null || index < 0) return { agoS: [], values: [] };

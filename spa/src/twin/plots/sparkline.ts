@@ -1,4 +1,4 @@
-import type { Trace } from './history.ts';
+import type { TraceHistory } from './history.ts';
 
 /** A gap of more than this breaks a line. */
 const GAP_S = 1.5;
@@ -16,7 +16,7 @@ export interface Strip {
  * @param leastRange above 0, in the unit of the values: the noise of a joint at rest must not fill the picture
  */
 export function strip(
-  traces: readonly Trace[],
+  traces: readonly TraceHistory[],
   width: number,
   height: number,
   spanS: number,

@@ -1,6 +1,15 @@
 import { type Field, JOINT, type Schema } from '@posecast/wire';
 import { isolated, placeOf } from '../names.ts';
-import { inverse, ofRpy, type Quat, rpyOf, times, unit, type Vec3, withoutHeading } from '../rotation.ts';
+import {
+  invertQuat,
+  multiplyQuats,
+  normalizeQuat,
+  type Quat,
+  quatOfRpy,
+  rpyOf,
+  type Vec3,
+  withoutHeading,
+} from '../rotation.ts';
 import { valueAt } from '../values.ts';
 
 /** One inertial sensor: where it sits, and how it says it is turned. */
@@ -37,7 +46,7 @@ export class ImuTable {
         site,
         name: isolated(mount?.name ?? site),
         link: mount?.link ?? null,
-        linkFromSensor: ofRpy(mount?.rpy ?? [0, 0, 0]),
+        linkFromSensor: quatOfRpy(mount?.rpy ?? [0, 0, 0]),
         xyz: mount?.xyz ?? [0, 0, 0],
         heading,
         worldFromSensor: null,
@@ -77,8 +86,8 @@ export class ImuTable {
  */
 export function rootAttitude(imu: Imu, rootFromLink: Quat): Quat | null {
   if (imu.worldFromSensor === null) return null;
-  const rootFromSensor = times(rootFromLink, imu.linkFromSensor);
-  const worldFromRoot = unit(times(imu.worldFromSensor, inverse(rootFromSensor)));
+  const rootFromSensor = multiplyQuats(rootFromLink, imu.linkFromSensor);
+  const worldFromRoot = normalizeQuat(multiplyQuats(imu.worldFromSensor, invertQuat(rootFromSensor)));
   if (worldFromRoot === null) return null;
   return imu.heading ? worldFromRoot : withoutHeading(worldFromRoot);
 }
@@ -86,7 +95,7 @@ export function rootAttitude(imu: Imu, rootFromLink: Quat): Quat | null {
 /** How the sensor's link leans: roll and pitch, rad; null is no reading. */
 export function leanOf(imu: Imu): { roll: number; pitch: number } | null {
   if (imu.worldFromSensor === null) return null;
-  const [roll, pitch] = rpyOf(times(imu.worldFromSensor, inverse(imu.linkFromSensor)));
+  const [roll, pitch] = rpyOf(multiplyQuats(imu.worldFromSensor, invertQuat(imu.linkFromSensor)));
   return { roll, pitch };
 }
 
@@ -107,9 +116,9 @@ function readSource(codes: Int32Array, source: Source): Quat | null {
   if ('quat' in source) {
     const [w, x, y, z] = source.quat.map((index) => valueAt(codes, source.field, index));
     if (w == null || x == null || y == null || z == null) return null;
-    return unit([w, x, y, z]);
+    return normalizeQuat([w, x, y, z]);
   }
   const roll = valueAt(codes, source.field, source.roll);
   const pitch = valueAt(codes, source.field, source.pitch);
-  return roll === null || pitch === null ? null : ofRpy([roll, pitch, 0]);
+  return roll === null || pitch === null ? null : quatOfRpy([roll, pitch, 0]);
 }

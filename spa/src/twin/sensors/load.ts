@@ -1,5 +1,5 @@
 import { JOINT, type Level, type Schema, type Threshold } from '@posecast/wire';
-import { LevelLatch, worse } from '../limits/level_latch.ts';
+import { LevelLatch, worseOf } from '../limits/level_latch.ts';
 import type { Limits } from '../limits/limits.ts';
 import { valueAt } from '../values.ts';
 
@@ -73,7 +73,7 @@ export class LoadTable {
         if (known === undefined) this.#loads.set(joint, { part, level });
         else {
           known.part = part === null ? known.part : Math.max(part, known.part ?? 0);
-          known.level = worse(known.level, level);
+          known.level = worseOf(known.level, level);
         }
       }
     });

@@ -2,7 +2,7 @@ import type { Field, Level, Schema } from '@posecast/wire';
 import { LevelLatch } from '../limits/level_latch.ts';
 import { Limits } from '../limits/limits.ts';
 import { isolated, placeOf } from '../names.ts';
-import { rpyOf, unit as unitQuat } from '../rotation.ts';
+import { rpyOf, normalizeQuat as unitQuat } from '../rotation.ts';
 import type { ChannelReader } from '../values.ts';
 import { valueAt } from '../values.ts';
 

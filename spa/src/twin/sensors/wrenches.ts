@@ -1,5 +1,5 @@
 import type { Field, Level, Schema, SensorMount, Threshold } from '@posecast/wire';
-import { LevelLatch, worse } from '../limits/level_latch.ts';
+import { LevelLatch, worseOf } from '../limits/level_latch.ts';
 import type { Limits } from '../limits/limits.ts';
 import { isolated, placeOf } from '../names.ts';
 import type { Vec3 } from '../rotation.ts';
@@ -58,7 +58,7 @@ export class WrenchTable {
       arrow.level = 'ok';
       for (const { axis, index, label, latch } of parts) {
         const value = valueAt(codes, field, index);
-        arrow.level = worse(arrow.level, latch.next(limits.threshold(field.name, label), value));
+        arrow.level = worseOf(arrow.level, latch.next(limits.threshold(field.name, label), value));
         if (value === null) whole = false;
         else vector[axis] = value;
       }

@@ -15,7 +15,7 @@ export class TextCell {
 }
 
 /** The same for a `data-` attribute, which the style sheet turns into a sign. */
-export class DataMark {
+export class DataAttribute {
   readonly #element: HTMLElement;
   readonly #name: string;
   #shown: string | null = null;
@@ -32,7 +32,7 @@ export class DataMark {
   }
 }
 
-export function make<K extends keyof HTMLElementTagNameMap>(
+export function createElement<K extends keyof HTMLElementTagNameMap>(
   tag: K,
   className: string,
   text?: string,
@@ -44,7 +44,7 @@ export function make<K extends keyof HTMLElementTagNameMap>(
 }
 
 /** Shows a button as pressed or not; the page is touched only when that changes. */
-export function press(button: HTMLElement, on: boolean): void {
+export function setPressed(button: HTMLElement, on: boolean): void {
   const pressed = String(on);
   if (button.getAttribute('aria-pressed') !== pressed) button.setAttribute('aria-pressed', pressed);
 }

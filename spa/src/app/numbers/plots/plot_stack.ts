@@ -18,7 +18,7 @@ import {
 import type { PowerWords } from '../../../twin/sensors/sensors.ts';
 import { say } from '../../text/language.ts';
 import type { More } from '../../text/more_en.ts';
-import { make, TextCell } from '../grid/cells.ts';
+import { createElement, TextCell } from '../grid/cells.ts';
 import { traceStyle } from './trace_style.ts';
 
 const HEIGHT_PX = { least: 130, most: 240 };
@@ -50,7 +50,7 @@ export class PlotStack {
   readonly #list: readonly Trace[];
   readonly #manner: PlotManner;
   readonly #resizes: ResizeObserver;
-  readonly #timeRoom = make('p', 'plot-time quiet');
+  readonly #timeRoom = createElement('p', 'plot-time quiet');
   readonly #time = new TextCell(this.#timeRoom);
   /** The schema whose values are shown. */
   #builtFor: History['schema'] | undefined;
@@ -97,10 +97,10 @@ export class PlotStack {
     this.#builtFor = history.schema;
     const parts: HTMLElement[] = [];
     this.#shown = plotGroups(history, this.#list, this.#manner.angle, words).map((group) => {
-      const figure = make('figure', 'plot');
-      const legend = make('ul', 'plot-legend');
+      const figure = createElement('figure', 'plot');
+      const legend = createElement('ul', 'plot-legend');
       const values = group.traces.map((_, i) => this.#entry(legend, group, i));
-      const canvas = make('div', 'plot-canvas');
+      const canvas = createElement('div', 'plot-canvas');
       canvas.setAttribute('role', 'img');
       const titles = group.traces.map(titleOf).join(', ');
       canvas.setAttribute('aria-label', words.plotOf(titles, HISTORY_S));
@@ -119,18 +119,18 @@ export class PlotStack {
     const { of, index, reading } = trace;
     const { words } = this.#manner;
     const { color, dash } = traceStyle(index, this.#manner.theme);
-    const entry = make('li', '');
+    const entry = createElement('li', '');
     entry.dataset.testid = 'trace';
     entry.dataset.field = of.field;
     entry.dataset.label = of.label;
-    const swatch = make('i', 'plot-swatch');
+    const swatch = createElement('i', 'plot-swatch');
     swatch.style.borderTop = `2px ${dash.length > 0 ? 'dashed' : 'solid'} ${color}`;
     const title = titleOf(trace);
-    const name = make('span', 'plot-name', title);
+    const name = createElement('span', 'plot-name', title);
     name.title = title;
-    const value = make('span', 'c-num');
-    const unit = make('span', 'unit', reading === null ? words.notReported : display.unit);
-    const remove = make('button', 'icon-button', '×');
+    const value = createElement('span', 'c-num');
+    const unit = createElement('span', 'unit', reading === null ? words.notReported : display.unit);
+    const remove = createElement('button', 'icon-button', '×');
     remove.type = 'button';
     remove.setAttribute('aria-label', words.takeAway(title));
     remove.addEventListener('click', () => this.#manner.remove(of));

@@ -4,7 +4,7 @@ import { nowMs } from '../../../stream/clock.ts';
 import type { RobotLink } from '../../state/robot_link.ts';
 import { onTraces } from '../../state/traces.ts';
 import { onLanguage, say } from '../../text/language.ts';
-import { make } from '../grid/cells.ts';
+import { createElement } from '../grid/cells.ts';
 import { refreshWith } from '../grid/refresh.ts';
 import { SensorView } from './sensor_view.ts';
 
@@ -13,7 +13,7 @@ export function Sensors({ link }: { link: RobotLink }) {
   const host = useRef<HTMLDivElement>(null);
   useEffect(() => {
     if (host.current === null) return;
-    host.current.replaceChildren(make('p', 'note late', say().noNumbersYet));
+    host.current.replaceChildren(createElement('p', 'note late', say().noNumbersYet));
     const view = new SensorView(host.current, link.twin, link.past.readings);
     const write = () => view.write(nowMs());
     const stop = refreshWith(link.twin, write, [onTraces, onLanguage]);

@@ -5,7 +5,7 @@ import { type Reading, type SensorGroup, SensorTable } from '../../../twin/senso
 import { settings } from '../../state/settings.ts';
 import { isPlotted, toggleTrace } from '../../state/traces.ts';
 import { more } from '../../text/more.ts';
-import { DataMark, make, press, TextCell } from '../grid/cells.ts';
+import { createElement, DataAttribute, setPressed, TextCell } from '../grid/cells.ts';
 import { NumberGrid } from '../grid/number_grid.ts';
 
 /** From here on a reading that is gone says how old it is. */
@@ -23,7 +23,7 @@ interface ReadingView {
   readonly last: Reading;
   readonly value: HTMLElement;
   readonly unit: TextCell;
-  readonly level: DataMark;
+  readonly level: DataAttribute;
   readonly plot: HTMLElement;
   readonly group: GroupView;
 }
@@ -75,7 +75,7 @@ export class SensorView {
         );
       unit.set(display.unit);
       level.set(reading.level);
-      press(plot, isPlotted(reading));
+      setPressed(plot, isPlotted(reading));
     }
     for (const { old, lostMs } of this.#groups) {
       const age = lostMs === null ? 0 : nowMs - lostMs;
@@ -121,11 +121,11 @@ export class SensorView {
     this.#views = [];
     this.#groups = [];
     if (table.groups.length === 0) {
-      this.#host.replaceChildren(make('p', 'note', text.noSensors));
+      this.#host.replaceChildren(createElement('p', 'note', text.noSensors));
       this.#root = null;
       return;
     }
-    const root = make('div', 'sensors');
+    const root = createElement('div', 'sensors');
     root.dataset.testid = 'sensor-table';
     table.groups.forEach((group, i) => {
       root.append(this.#group(group, this.#lastTable!.groups[i]!));
@@ -141,27 +141,27 @@ export class SensorView {
   }
 
   #group(group: SensorGroup, last: SensorGroup): HTMLTableElement {
-    const table = make('table', 'sensor');
-    const caption = make('caption', '', group.title);
-    caption.append(make('span', 'kind', kindWords(group.kind)));
-    const old = caption.appendChild(make('span', 'old'));
+    const table = createElement('table', 'sensor');
+    const caption = createElement('caption', '', group.title);
+    caption.append(createElement('span', 'kind', kindWords(group.kind)));
+    const old = caption.appendChild(createElement('span', 'old'));
     table.append(caption);
     const view: GroupView = { old: new TextCell(old), lostMs: null };
     this.#groups.push(view);
-    const body = make('tbody', '');
+    const body = createElement('tbody', '');
     group.readings.forEach((reading, i) => {
-      const row = make('tr', '');
-      const name = make('th', '');
+      const row = createElement('tr', '');
+      const name = createElement('th', '');
       name.scope = 'row';
-      const plot = make('button', '', reading.name);
+      const plot = createElement('button', '', reading.name);
       plot.type = 'button';
       plot.title = more().toPlots;
       name.append(plot);
-      const value = make('td', 'c-num');
+      const value = createElement('td', 'c-num');
       value.dataset.field = reading.field;
       value.dataset.label = reading.label;
       value.draggable = true;
-      const unit = make('td', 'unit');
+      const unit = createElement('td', 'unit');
       row.append(name, value, unit);
       body.append(row);
       this.#views.push({
@@ -169,7 +169,7 @@ export class SensorView {
         last: last.readings[i]!,
         value,
         unit: new TextCell(unit),
-        level: new DataMark(row, 'level'),
+        level: new DataAttribute(row, 'level'),
         plot,
         group: view,
       });

@@ -18,11 +18,11 @@ export function setFilter(next: string): void {
 }
 
 /** Whether a row that says `haystack` (lower case) is looked for: it holds every word. */
-export function passes(haystack: string): boolean {
+export function matchesFilter(haystack: string): boolean {
   return words.every((word) => haystack.includes(word));
 }
 
 /** Whether anything is looked for. */
-export function anyFilter(): boolean {
+export function hasFilter(): boolean {
   return words.length > 0;
 }

@@ -8,7 +8,7 @@ import { valueAt } from '../../../twin/values.ts';
 import { settings } from '../../state/settings.ts';
 import { isPlotted, toggleTrace } from '../../state/traces.ts';
 import { more } from '../../text/more.ts';
-import { make, press, TextCell } from '../grid/cells.ts';
+import { createElement, setPressed, TextCell } from '../grid/cells.ts';
 import { NumberGrid } from '../grid/number_grid.ts';
 
 /** What each quantity is called, and what it is, for who sees it for the first time. */
@@ -86,7 +86,7 @@ export class JointCardView {
       const words = [this.#limitWords(line)];
       if (lost !== null) words.unshift(more().lastRead(formatSpan(nowMs - lost.sinceMs)));
       limit.set(words.filter(Boolean).join(' · '));
-      press(plot, isPlotted({ field, label: this.#label }));
+      setPressed(plot, isPlotted({ field, label: this.#label }));
     }
     this.#angle = angle;
     for (const view of this.#strips) this.#draw(view, nowMs);
@@ -148,7 +148,7 @@ export class JointCardView {
     this.#builtFor = [schema, text];
     const has = (field: string) => schema.field(field)?.labels.includes(this.#label) ?? false;
     if (!has('pos') && !has('ref')) {
-      this.#host.replaceChildren(make('p', 'note', text.noSuchJoint));
+      this.#host.replaceChildren(createElement('p', 'note', text.noSuchJoint));
       this.#lines = [];
       this.#strips = [];
       return;
@@ -156,22 +156,22 @@ export class JointCardView {
     const shown = QUANTITIES.filter(({ field }) =>
       field === 'error' ? has('ref') && has('pos') : has(field),
     );
-    const list = make('dl', 'card-values');
+    const list = createElement('dl', 'card-values');
     const values: HTMLElement[] = [];
     this.#lines = shown.map(({ field, name, what }) => {
-      const row = make('div', '');
-      const term = make('dt', '', text[name]);
-      term.append(make('small', 'quiet', text[what]));
-      const value = make('dd', 'c-num');
+      const row = createElement('div', '');
+      const term = createElement('dt', '', text[name]);
+      term.append(createElement('small', 'quiet', text[what]));
+      const value = createElement('dd', 'c-num');
       value.dataset.field = field;
       values.push(value);
-      const unit = make('dd', 'unit');
-      const limit = make('dd', 'card-limit');
-      const plot = make('button', 'text-button', text.plotIt);
+      const unit = createElement('dd', 'unit');
+      const limit = createElement('dd', 'card-limit');
+      const plot = createElement('button', 'text-button', text.plotIt);
       plot.type = 'button';
       plot.dataset.testid = `plot-${field}`;
       plot.addEventListener('click', () => toggleTrace({ field, label: this.#label }));
-      const plotRoom = make('dd', 'card-plot');
+      const plotRoom = createElement('dd', 'card-plot');
       plotRoom.append(plot);
       row.append(term, value, unit, plotRoom, limit);
       list.append(row);
@@ -185,7 +185,7 @@ export class JointCardView {
     });
     this.#values = new NumberGrid(values);
     this.#strips = [];
-    const strips = make('div', 'strips');
+    const strips = createElement('div', 'strips');
     if (has('pos'))
       strips.append(this.#strip(has('ref') ? ['ref', 'pos'] : ['pos'], text.position, LEAST_RANGE.pos));
     if (has('cur')) strips.append(this.#strip(['cur'], text.current, LEAST_RANGE.cur));
@@ -193,9 +193,9 @@ export class JointCardView {
   }
 
   #strip(fields: StripView['fields'], name: string, leastRange: number): HTMLElement {
-    const figure = make('figure', 'strip');
-    const caption = make('figcaption', 'quiet', more().lastSeconds(name, HISTORY_S));
-    if (fields.length > 1) caption.append(make('span', 'strip-key', more().reference));
+    const figure = createElement('figure', 'strip');
+    const caption = createElement('figcaption', 'quiet', more().lastSeconds(name, HISTORY_S));
+    if (fields.length > 1) caption.append(createElement('span', 'strip-key', more().reference));
     const box = document.createElementNS(SVG, 'svg');
     box.setAttribute('viewBox', `0 0 ${STRIP.width} ${STRIP.height}`);
     box.setAttribute('preserveAspectRatio', 'none');
@@ -206,8 +206,8 @@ export class JointCardView {
       box.append(path);
       return path;
     });
-    const low = make('span', 'strip-low unit');
-    const high = make('span', 'strip-high unit');
+    const low = createElement('span', 'strip-low unit');
+    const high = createElement('span', 'strip-high unit');
     figure.append(caption, box, high, low);
     this.#strips.push({ fields, leastRange, paths, low: new TextCell(low), high: new TextCell(high) });
     return figure;

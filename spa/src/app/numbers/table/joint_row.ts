@@ -4,7 +4,7 @@ import type { JointRow, NumberName } from '../../../twin/joints.ts';
 import { isolated } from '../../../twin/names.ts';
 import { faultWords } from '../../status/fault_words.ts';
 import { say } from '../../text/language.ts';
-import { DataMark, make, TextCell } from '../grid/cells.ts';
+import { createElement, DataAttribute, TextCell } from '../grid/cells.ts';
 
 /** From here on a reading that is gone says how old it is. */
 const OLD_MS = 1500;
@@ -29,12 +29,12 @@ export class RowView {
   /** Where its numbers go, in the order of the columns. */
   readonly numbers: readonly HTMLElement[];
   readonly #states: readonly (readonly [name: StateName, cell: TextCell])[];
-  readonly #error: DataMark | null;
-  readonly #cur: DataMark | null;
-  readonly #temp: DataMark | null;
+  readonly #error: DataAttribute | null;
+  readonly #cur: DataAttribute | null;
+  readonly #temp: DataAttribute | null;
   readonly #flags: TextCell;
-  readonly #level: DataMark;
-  readonly #latched: DataMark;
+  readonly #level: DataAttribute;
+  readonly #latched: DataAttribute;
   #fault: Fault | null = null;
   #clearedMs: number | null = null;
   #old = '';
@@ -50,18 +50,18 @@ export class RowView {
     this.label = row.label;
     this.#named = `${row.label} ${row.plain ?? ''} ${limb}`;
     this.haystack = this.#named.toLowerCase();
-    const element = make('tr', '');
+    const element = createElement('tr', '');
     element.dataset.label = row.label;
-    const name = make('th', 'c-joint');
+    const name = createElement('th', 'c-joint');
     name.scope = 'row';
-    const open = make('button', '', isolated(row.label));
+    const open = createElement('button', '', isolated(row.label));
     open.type = 'button';
     name.append(open);
     name.title = row.plain ?? isolated(row.label);
     element.append(name);
-    const marks: Partial<Record<NumberName, DataMark>> = {};
+    const marks: Partial<Record<NumberName, DataAttribute>> = {};
     const cell = (field: string, className: string) => {
-      const td = make('td', className);
+      const td = createElement('td', className);
       td.dataset.field = field;
       td.dataset.label = row.label;
       element.append(td);
@@ -71,7 +71,7 @@ export class RowView {
       const td = cell(field, `c-num c-${field}`);
       td.draggable = true; // into a plot
       if (ownUnit !== null && POSITIONS.has(field)) td.dataset.unit = isolated(ownUnit);
-      marks[field] = new DataMark(td, 'level');
+      marks[field] = new DataAttribute(td, 'level');
       return td;
     });
     this.#error = marks.error ?? null;
@@ -80,8 +80,8 @@ export class RowView {
     this.#states = states.map((field) => [field, new TextCell(cell(field, 'c-state'))]);
     this.#flags = new TextCell(cell('flags', 'c-flags'));
     this.element = element;
-    this.#level = new DataMark(element, 'level');
-    this.#latched = new DataMark(element, 'latched');
+    this.#level = new DataAttribute(element, 'level');
+    this.#latched = new DataAttribute(element, 'latched');
   }
 
   /** What is wrong with it, and its states. `anew`: the row has changed. */

@@ -9,9 +9,9 @@ import { valueAt } from '../../../twin/values.ts';
 import { onSelection, selection, selectJoint } from '../../state/selection.ts';
 import { settings } from '../../state/settings.ts';
 import { say } from '../../text/language.ts';
-import { make, TextCell } from '../grid/cells.ts';
+import { createElement, TextCell } from '../grid/cells.ts';
 import { NumberGrid } from '../grid/number_grid.ts';
-import { anyFilter, filterText, onFilter, passes, setFilter } from './filter.ts';
+import { filterText, hasFilter, matchesFilter, onFilter, setFilter } from './filter.ts';
 import { type Lost, oldWords, RowView, STATES } from './joint_row.ts';
 import type { titledLimbs } from './limb_titles.ts';
 import { Ranks } from './ranks.ts';
@@ -195,12 +195,12 @@ export class JointView {
    *  wanted. The page is touched only when the order, or what the filter lets through, changes. */
   #arrange(nowMs: number, filterChanged = false): void {
     const { faultsFirst } = settings();
-    const filtered = anyFilter();
+    const filtered = hasFilter();
     const ranks = this.#shownRanks;
     let changed = filterChanged;
     for (let i = 0; i < this.#rows.length; i += 1) {
       const own = this.#ranks.of(i, nowMs);
-      const rank = filtered && !passes(this.#rows[i]!.haystack) ? HIDDEN : faultsFirst ? own : 0;
+      const rank = filtered && !matchesFilter(this.#rows[i]!.haystack) ? HIDDEN : faultsFirst ? own : 0;
       if (rank === ranks[i]) continue;
       ranks[i] = rank;
       changed = true;
@@ -268,7 +268,7 @@ export class JointView {
     this.#seen = new Uint8Array(table.rows.length).fill(1);
     this.#sight.disconnect();
     if (table.rows.length === 0) {
-      this.#host.replaceChildren(make('p', 'note', text.noJoints));
+      this.#host.replaceChildren(createElement('p', 'note', text.noJoints));
       this.#root = null;
       this.#rows = [];
       this.#columns = [];
@@ -277,10 +277,10 @@ export class JointView {
     }
     const numbers = NUMBERS.filter((name) => table.has(name));
     const states = STATES.filter((name) => table.has(name));
-    const root = make('table', 'joints');
+    const root = createElement('table', 'joints');
     root.dataset.testid = 'joint-table';
-    root.append(make('caption', 'unseen', text.joints));
-    const head = make('tr', '');
+    root.append(createElement('caption', 'unseen', text.joints));
+    const head = createElement('tr', '');
     head.append(headCell(text.joint, 'c-joint', text.jointWhat));
     this.#columns = numbers.map((name) => {
       const cell = headCell(text[name], `c-num c-${name}`, text[`${name}What`]);
@@ -289,14 +289,14 @@ export class JointView {
         name,
         values: table.numbers[name],
         field: table.column(name),
-        unit: new TextCell(cell.appendChild(make('span', 'unit'))),
+        unit: new TextCell(cell.appendChild(createElement('span', 'unit'))),
         display: displayOf('', 'rad'),
         own: null,
       };
     });
     for (const name of states) head.append(headCell(text[name], 'c-state', text[`${name}What`]));
     head.append(headCell(table.has('flags') ? text.flags : text.notes, 'c-flags', text.flagsWhat));
-    const thead = make('thead', '');
+    const thead = createElement('thead', '');
     thead.append(head);
     root.append(thead);
 
@@ -310,13 +310,13 @@ export class JointView {
     const all = [{ title: null, labels: [...placeOf.keys()] }];
     this.#bodies = (limbs ?? all).map(({ title, labels }) => {
       const rows = labels.flatMap((label) => placeOf.get(label) ?? []);
-      const element = make('tbody', '');
+      const element = createElement('tbody', '');
       if (title !== null) {
-        const name = make('th', '', title);
+        const name = createElement('th', '', title);
         name.scope = 'rowgroup';
         name.colSpan = head.childElementCount;
-        name.append(make('span', 'quiet', ` ${rows.length}`));
-        const heading = make('tr', 'limb');
+        name.append(createElement('span', 'quiet', ` ${rows.length}`));
+        const heading = createElement('tr', 'limb');
         heading.append(name);
         element.append(heading);
       }
@@ -329,7 +329,7 @@ export class JointView {
       if (label !== undefined) selectJoint(label);
     });
     this.#root = root;
-    this.#nothing = make('p', 'note');
+    this.#nothing = createElement('p', 'note');
     this.#nothing.hidden = true;
     this.#host.replaceChildren(root, this.#nothing);
     for (const { element } of this.#rows) this.#sight.observe(element);
@@ -339,7 +339,7 @@ export class JointView {
 }
 
 function headCell(text: string, className: string, title: string): HTMLTableCellElement {
-  const cell = make('th', className, text);
+  const cell = createElement('th', className, text);
   cell.scope = 'col';
   cell.title = title;
   return cell;
