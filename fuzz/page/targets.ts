@@ -22,7 +22,7 @@ import { readLod } from '../../spa/src/model/lod.ts';
 import { boxesOfLinks, readManifest } from '../../spa/src/model/manifest.ts';
 import { chooseRelay, readConfig } from '../../spa/src/relay/config.ts';
 import { MirrorReader } from '../../spa/src/stream/firebase_mirror.ts';
-import { EventReader, frameBytes } from '../../spa/src/stream/sse.ts';
+import { frameBytes, SseParser } from '../../spa/src/stream/sse.ts';
 import { DropError } from '../../spa/src/urdf/local_files.ts';
 import { modelOf, UrdfError } from '../../spa/src/urdf/manifest.ts';
 import { LodBuilder } from '../../spa/src/urdf/meshes/lod_builder.ts';
@@ -206,10 +206,10 @@ function embedded(text: string): unknown {
 }
 
 function events(bytes: Uint8Array): unknown {
-  const reader = new EventReader();
+  const reader = new SseParser();
   const half = bytes.length >> 1;
   const found = [...reader.read(bytes.subarray(0, half)), ...reader.read(bytes.subarray(half))];
-  const whole = new EventReader().read(bytes);
+  const whole = new SseParser().read(bytes);
   if (JSON.stringify(found) !== JSON.stringify(whole)) throw new Error('in two pieces it reads otherwise');
   return found.map(({ name, data }) => (name === 'frame' ? frameBytes(data) : parseRelayMessage(data)));
 }
@@ -217,7 +217,7 @@ function events(bytes: Uint8Array): unknown {
 /** What a database streams of a robot, read a tenth of a second apart. */
 function mirror(bytes: Uint8Array): unknown {
   const reader = new MirrorReader(1);
-  return new EventReader().read(bytes).map((event, i) => {
+  return new SseParser().read(bytes).map((event, i) => {
     reader.tick(100 * i);
     return reader.read(100 * i, event);
   });
