@@ -9,6 +9,7 @@ import json
 import os
 import struct
 import time
+import xml.etree.ElementTree as ElementTree
 import zlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -24,10 +25,10 @@ from posecast_edge.model.serve.bundle_dir import read_folder, write_folder
 from posecast_edge.model.urdf.reader import read_urdf
 from posecast_edge.model.urdf.resolver import OUTSIDE, Resolver
 
-SECONDS = (
-    1.0  # of this process. The goal is 0.5, which `pytest -s` shows; a busy machine takes longer for the same
-)
+HONEST_READINGS = 40  # some 1.1 s of a calm machine; the goal is 0.5 s, and `pytest -s` shows what each takes
 MEGABYTES = 50
+
+HONEST = "<honest>" + '<a b="c">d</a>' * 20_000 + "</honest>"
 
 
 @contextmanager
@@ -38,12 +39,21 @@ def bounded() -> Iterator[None]:
         Path("/proc/self/clear_refs").write_text("5")  # the peak starts anew
     except OSError:
         pytest.skip("no way to measure memory here")
-    before, start = _kilobytes("VmRSS"), time.process_time()
+    before, start = _kilobytes("VmRSS"), time.thread_time()
     yield
-    seconds, grown = time.process_time() - start, (_kilobytes("VmHWM") - before) / 1024
-    print(f"{seconds:.3f} s, {grown:.1f} MB")  # pytest -s shows what each case costs
-    assert seconds < SECONDS, f"{seconds:.2f} s"
+    seconds, grown = time.thread_time() - start, (_kilobytes("VmHWM") - before) / 1024
+    print(f"{seconds:.3f} s, {grown:.1f} MB")
+    assert seconds < HONEST_READINGS * (honest_s := honest_reading_s()), (
+        f"{seconds:.2f} s, honest: {honest_s:.3f} s"
+    )
     assert grown < MEGABYTES, f"{grown:.0f} MB"
+
+
+def honest_reading_s() -> float:
+    """What a harmless XML file of 20,000 elements takes the standard library, now: what shares the core slows it too."""
+    start = time.thread_time()
+    ElementTree.fromstring(HONEST)
+    return time.thread_time() - start
 
 
 def _kilobytes(name: str) -> int:
