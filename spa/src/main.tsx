@@ -4,6 +4,7 @@ import { createRoot } from 'react-dom/client';
 import { App } from './app/App.tsx';
 import { loadThree } from './app/body/load_three.ts';
 import { hasWebGl } from './app/body/use_body_view.ts';
+import { loadPanel } from './app/numbers/load_panel.ts';
 import { loadList } from './app/pages/list/index.ts';
 import { installDebugApi } from './app/shell/debug_api.ts';
 import { ErrorBoundary } from './app/shell/ErrorBoundary.tsx';
@@ -16,18 +17,17 @@ import { accessSettled } from './auth/settled.ts';
 import './app/styles/tokens.css';
 import './app/styles/page.css';
 import './app/styles/robot.css';
-import './app/numbers/numbers.css';
-import './app/numbers/table/joints.css';
 
 /** `embed/index.html` is the same page for an iframe. It asks for nothing before it is on the screen. */
 const EmbedPage = late(async () => (await import('./app/pages/embed/EmbedPage.tsx')).EmbedPage);
 const embedded = document.documentElement.dataset.page === 'embed';
 
 performance.mark('posecast:script');
-// Before the first render: it is the largest part of the page, and whoever opens a robot wants it.
+// Before the first render: they are the largest parts of the page, and whoever opens a robot wants them.
 const { page } = parseRoute(window.location.hash);
 if (!embedded && page === 'robot') {
-  if (hasWebGl()) loadThree().catch(() => {}); // the page asks again, and says what is wrong
+  loadPanel().catch(() => {}); // the page asks again, and says what is wrong
+  if (hasWebGl()) loadThree().catch(() => {});
 } else if (!embedded && page === 'list') loadList().catch(() => {});
 installDebugApi();
 const lend = () => applyLinkSettings(queryOf(window.location.hash));

@@ -1,3 +1,4 @@
+import '../styles/findings.css';
 import type { ModelReport } from '../../model/report.ts';
 import { isolated } from '../../twin/names.ts';
 import { useMore } from '../text/more.ts';

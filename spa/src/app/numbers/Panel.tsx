@@ -11,6 +11,8 @@ import { FaultLine } from './alarms/FaultLine.tsx';
 import { createElement } from './grid/cells.ts';
 import { refreshWith } from './grid/refresh.ts';
 import { JointView, type TableSources } from './table/joint_view.ts';
+import './numbers.css';
+import './table/joints.css';
 
 // The table is there at once; the rest comes when somebody looks for it.
 const TableTools = lateAfterBody(async () => (await import('./table/TableTools.tsx')).TableTools);

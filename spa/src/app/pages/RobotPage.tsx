@@ -1,12 +1,12 @@
 import { Suspense, useEffect, useLayoutEffect, useRef, useState } from 'react';
 import { Body } from '../body/Body.tsx';
-import { Panel, type Tab } from '../numbers/Panel.tsx';
+import { loadPanel } from '../numbers/load_panel.ts';
+import type { Tab } from '../numbers/Panel.tsx';
 import { showLink } from '../shell/debug_api.ts';
 import { useFullscreen } from '../shell/fullscreen.ts';
 import { BackIcon, FullscreenIcon, PanelIcon, SettingsIcon, ShareIcon } from '../shell/icons.tsx';
 import { late, lateAfterBody } from '../shell/late.tsx';
 import { SIDE_BY_SIDE, useMedia } from '../shell/media.ts';
-import { Sheet } from '../shell/Sheet.tsx';
 import { heightPx, type SheetHeight } from '../shell/sheet_heights.ts';
 import { type RobotLink, useRobotLink, useVersion, useWord } from '../state/robot_link.ts';
 import { onSelection, selection } from '../state/selection.ts';
@@ -14,6 +14,8 @@ import { changeSettings, useSettings } from '../state/settings.ts';
 import { Chip } from '../status/Chip.tsx';
 import { say, useText } from '../text/language.ts';
 
+const Panel = late(async () => (await loadPanel()).Panel);
+const Sheet = late(async () => (await import('../shell/Sheet.tsx')).Sheet);
 const Divider = late(async () => (await import('../shell/Divider.tsx')).Divider);
 const Announcer = lateAfterBody(async () => (await import('../status/Announcer.tsx')).Announcer);
 const ShareSheet = late(async () => (await import('../share/ShareSheet.tsx')).ShareSheet);
@@ -184,14 +186,18 @@ function Split({ link, alone }: { link: RobotLink; alone: boolean }) {
             />
           </Suspense>
           <aside className="split-panel" style={{ width: `${widthPx}px` }} aria-label={say().numbers}>
-            <Panel link={link} tab={tab} onTab={setTab} />
+            <Suspense fallback={null}>
+              <Panel link={link} tab={tab} onTab={setTab} />
+            </Suspense>
           </aside>
         </>
       )}
       {!sideBySide && !alone && (
-        <Sheet height={height} roomPx={size.height} onHeight={setHeight}>
-          <Panel link={link} tab={tab} onTab={setTab} />
-        </Sheet>
+        <Suspense fallback={null}>
+          <Sheet height={height} roomPx={size.height} onHeight={setHeight}>
+            <Panel link={link} tab={tab} onTab={setTab} />
+          </Sheet>
+        </Suspense>
       )}
     </main>
   );

@@ -1,7 +1,20 @@
 import '../styles/command.css';
 import { useState } from 'react';
 import { useListText } from '../text/list.ts';
-import { CheckIcon, CopyIcon } from './icons.tsx';
+import { Icon } from './icons.tsx';
+
+const CopyIcon = () => (
+  <Icon>
+    <rect x="8.5" y="8.5" width="11" height="11" rx="2" />
+    <path d="M15.5 8.5V6.5a2 2 0 0 0-2-2h-7a2 2 0 0 0-2 2v7a2 2 0 0 0 2 2h2" />
+  </Icon>
+);
+
+const CheckIcon = () => (
+  <Icon>
+    <path d="M5 12.5l4.5 4.5L19 7.5" />
+  </Icon>
+);
 
 /** A line to be used elsewhere, with a button that copies it. */
 export function Command({ what, line }: { what: string; line: string }) {

@@ -1,7 +1,7 @@
 import '../styles/dialog.css';
 import { type ReactNode, useEffect, useRef } from 'react';
 import { useText } from '../text/language.ts';
-import { CloseIcon } from './icons.tsx';
+import { Icon } from './icons.tsx';
 
 /** A sheet over the page. Escape, the cross and a tap beside it close it. */
 export function Dialog(props: { title: string; testId: string; onClose: () => void; children: ReactNode }) {
@@ -32,7 +32,9 @@ export function Dialog(props: { title: string; testId: string; onClose: () => vo
             aria-label={text.close}
             onClick={() => dialog.current?.close()}
           >
-            <CloseIcon />
+            <Icon>
+              <path d="M6 6l12 12M18 6L6 18" />
+            </Icon>
           </button>
         </header>
         {children}

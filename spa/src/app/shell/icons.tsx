@@ -1,7 +1,7 @@
 import type { ReactNode } from 'react';
 
 /** Drawn on a grid of 24; they take the colour and the size of the text around them. */
-function Icon({ children }: { children: ReactNode }) {
+export function Icon({ children }: { children: ReactNode }) {
   return (
     <svg
       className="icon"
@@ -21,15 +21,6 @@ function Icon({ children }: { children: ReactNode }) {
 export const BackIcon = () => (
   <Icon>
     <path d="M15 5l-7 7 7 7" />
-  </Icon>
-);
-
-/** An arrow, an arc and a level line. */
-export const SignsIcon = () => (
-  <Icon>
-    <path d="M8 17V6M4.8 9.2L8 6l3.2 3.2" />
-    <path d="M13 14a5 5 0 0 0 5-7.5M18.9 9.6l-.6-3.4-3.2 1.2" />
-    <path d="M4 20.5h16" />
   </Icon>
 );
 
@@ -58,25 +49,6 @@ export const SettingsIcon = () => (
     <path d="M4 7h9M19 7h1M4 17h1M11 17h9" />
     <circle cx="16" cy="7" r="2.6" />
     <circle cx="8" cy="17" r="2.6" />
-  </Icon>
-);
-
-export const CopyIcon = () => (
-  <Icon>
-    <rect x="8.5" y="8.5" width="11" height="11" rx="2" />
-    <path d="M15.5 8.5V6.5a2 2 0 0 0-2-2h-7a2 2 0 0 0-2 2v7a2 2 0 0 0 2 2h2" />
-  </Icon>
-);
-
-export const CheckIcon = () => (
-  <Icon>
-    <path d="M5 12.5l4.5 4.5L19 7.5" />
-  </Icon>
-);
-
-export const CloseIcon = () => (
-  <Icon>
-    <path d="M6 6l12 12M18 6L6 18" />
   </Icon>
 );
 

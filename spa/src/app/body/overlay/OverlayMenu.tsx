@@ -2,11 +2,20 @@ import '../../styles/choices.css';
 import '../../styles/signs.css';
 import { OverlayReader } from '../../../twin/overlay/reader.ts';
 import type { LoadField } from '../../../twin/sensors/load.ts';
-import { SignsIcon } from '../../shell/icons.tsx';
+import { Icon } from '../../shell/icons.tsx';
 import { usePopover } from '../../shell/popover.ts';
 import { type RobotLink, useVersion } from '../../state/robot_link.ts';
 import { changeSettings, type Settings, useSettings } from '../../state/settings.ts';
 import { useMore } from '../../text/more.ts';
+
+/** An arrow, an arc and a level line. */
+const SignsIcon = () => (
+  <Icon>
+    <path d="M8 17V6M4.8 9.2L8 6l3.2 3.2" />
+    <path d="M13 14a5 5 0 0 0 5-7.5M18.9 9.6l-.6-3.4-3.2 1.2" />
+    <path d="M4 20.5h16" />
+  </Icon>
+);
 
 /** What is drawn beside the bodies. Only what one of the robots can show is offered. */
 export function OverlayMenu({ links }: { links: readonly RobotLink[] }) {
