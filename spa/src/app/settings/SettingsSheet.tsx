@@ -16,106 +16,42 @@ const LimitSettings = late(async () => (await import('./LimitSettings.tsx')).Lim
 
 /** Few, and in one place. */
 export function SettingsSheet({ link, onClose }: { link: RobotLink | null; onClose: () => void }) {
-  const {
-    theme,
-    language,
-    angle,
-    faultsFirst,
-    body,
-    smooth,
-    palette,
-    arrowScale,
-    headingLocked,
-    follow,
-    mouse,
-  } = useSettings();
+  const settings = useSettings();
   const text = useText();
   const rest = useMore();
+  /** One setting as a row of values, of which one is chosen. */
+  const choice = <Name extends keyof Settings>(
+    name: Name,
+    legend: string,
+    ...choices: readonly (readonly [Settings[Name], string])[]
+  ) => (
+    <fieldset className="choice">
+      <legend>{legend}</legend>
+      <div className="segments">
+        {choices.map(([value, words]) => (
+          <label key={String(value)}>
+            <input
+              type="radio"
+              name={name}
+              checked={settings[name] === value}
+              onChange={() => changeSettings({ [name]: value })}
+            />
+            <span>{words}</span>
+          </label>
+        ))}
+      </div>
+    </fieldset>
+  );
   return (
     <Dialog title={text.settings} testId="settings" onClose={onClose}>
-      <Choice<Settings['theme']>
-        name="theme"
-        legend={rest.theme}
-        chosen={theme}
-        choices={[
-          ['system', rest.system],
-          ['dark', rest.dark],
-          ['light', rest.light],
-        ]}
-        onChoose={(chosen) => changeSettings({ theme: chosen })}
-      />
-      <Choice<Settings['language']>
-        name="language"
-        legend="Language · 언어"
-        chosen={language}
-        choices={[
-          ['system', rest.system],
-          ['en', 'English'],
-          ['ko', '한국어'],
-        ]}
-        onChoose={(chosen) => changeSettings({ language: chosen })}
-      />
-      <Choice<Settings['angle']>
-        name="angle"
-        legend={rest.angles}
-        chosen={angle}
-        choices={[
-          ['rad', 'rad'],
-          ['deg', rest.degrees],
-        ]}
-        onChoose={(chosen) => changeSettings({ angle: chosen })}
-      />
-      <Choice<'faults' | 'robot'>
-        name="order"
-        legend={rest.orderOfJoints}
-        chosen={faultsFirst ? 'faults' : 'robot'}
-        choices={[
-          ['faults', rest.faultsFirst],
-          ['robot', rest.asTheRobotHasThem],
-        ]}
-        onChoose={(chosen) => changeSettings({ faultsFirst: chosen === 'faults' })}
-      />
-      <Choice<Settings['body']>
-        name="body"
-        legend={rest.drawing}
-        chosen={body}
-        choices={[
-          ['auto', rest.byDevice],
-          ['3d', '3D'],
-          ['light', rest.lightView],
-        ]}
-        onChoose={(chosen) => changeSettings({ body: chosen })}
-      />
-      <Choice<'smooth' | 'raw'>
-        name="motion"
-        legend={rest.motion}
-        chosen={smooth ? 'smooth' : 'raw'}
-        choices={[
-          ['smooth', rest.smooth],
-          ['raw', rest.raw],
-        ]}
-        onChoose={(chosen) => changeSettings({ smooth: chosen === 'smooth' })}
-      />
-      <Choice<Settings['palette']>
-        name="palette"
-        legend={rest.colours}
-        chosen={palette}
-        choices={[
-          ['standard', rest.coloursStandard],
-          ['safe', rest.coloursSafe],
-        ]}
-        onChoose={(chosen) => changeSettings({ palette: chosen })}
-      />
-      <Choice<'free' | 'locked'>
-        name="heading"
-        legend={rest.heading}
-        chosen={headingLocked ? 'locked' : 'free'}
-        choices={[
-          ['free', rest.headingFree],
-          ['locked', rest.headingLocked],
-        ]}
-        onChoose={(chosen) => changeSettings({ headingLocked: chosen === 'locked' })}
-      />
+      {choice('theme', rest.theme, ['system', rest.system], ['dark', rest.dark], ['light', rest.light])}
+      {choice('language', 'Language · 언어', ['system', rest.system], ['en', 'English'], ['ko', '한국어'])}
+      {choice('angle', rest.angles, ['rad', 'rad'], ['deg', rest.degrees])}
+      {choice('faultsFirst', rest.orderOfJoints, [true, rest.faultsFirst], [false, rest.asTheRobotHasThem])}
+      {choice('body', rest.drawing, ['auto', rest.byDevice], ['3d', '3D'], ['light', rest.lightView])}
+      {choice('smooth', rest.motion, [true, rest.smooth], [false, rest.raw])}
+      {choice('palette', rest.colours, ['standard', rest.coloursStandard], ['safe', rest.coloursSafe])}
+      {choice('headingLocked', rest.heading, [false, rest.headingFree], [true, rest.headingLocked])}
       <label className="choice slider">
         <span>{rest.arrowLength}</span>
         <input
@@ -123,37 +59,24 @@ export function SettingsSheet({ link, onClose }: { link: RobotLink | null; onClo
           min={Math.log2(ARROWS.least)}
           max={Math.log2(ARROWS.most)}
           step={0.25}
-          value={Math.log2(arrowScale)}
+          value={Math.log2(settings.arrowScale)}
           onChange={(event) => changeSettings({ arrowScale: 2 ** Number(event.target.value) })}
         />
-        <output>{arrowScale.toFixed(2)} ×</output>
+        <output>{settings.arrowScale.toFixed(2)} ×</output>
       </label>
       {link !== null && (
         <Suspense fallback={null}>
           <LimitSettings link={link} />
         </Suspense>
       )}
-      <Choice<Settings['follow']>
-        name="follow"
-        legend={rest.follow}
-        chosen={follow}
-        choices={[
-          ['along', rest.followAlong],
-          ['turn', rest.followTurn],
-          ['stay', rest.followStay],
-        ]}
-        onChoose={(chosen) => changeSettings({ follow: chosen })}
-      />
-      <Choice<Settings['mouse']>
-        name="mouse"
-        legend={rest.mouse}
-        chosen={mouse}
-        choices={[
-          ['orbit', rest.mouseOrbit],
-          ['foxglove', rest.mouseFoxglove],
-        ]}
-        onChoose={(chosen) => changeSettings({ mouse: chosen })}
-      />
+      {choice(
+        'follow',
+        rest.follow,
+        ['along', rest.followAlong],
+        ['turn', rest.followTurn],
+        ['stay', rest.followStay],
+      )}
+      {choice('mouse', rest.mouse, ['orbit', rest.mouseOrbit], ['foxglove', rest.mouseFoxglove])}
       <details className="keys">
         <summary>{rest.keysOfTheCamera}</summary>
         <CameraKeys />
@@ -165,32 +88,5 @@ export function SettingsSheet({ link, onClose }: { link: RobotLink | null; onClo
       )}
       <p className="quiet">{rest.keptHere}</p>
     </Dialog>
-  );
-}
-
-function Choice<T extends string>(props: {
-  name: string;
-  legend: string;
-  chosen: T;
-  choices: readonly (readonly [T, string])[];
-  onChoose: (chosen: T) => void;
-}) {
-  return (
-    <fieldset className="choice">
-      <legend>{props.legend}</legend>
-      <div className="segments">
-        {props.choices.map(([value, text]) => (
-          <label key={value}>
-            <input
-              type="radio"
-              name={props.name}
-              checked={props.chosen === value}
-              onChange={() => props.onChoose(value)}
-            />
-            <span>{text}</span>
-          </label>
-        ))}
-      </div>
-    </fieldset>
   );
 }
