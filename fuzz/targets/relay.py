@@ -7,16 +7,16 @@ import functools
 import hashlib
 import json
 
-from posecast_relay.auth.addresses import networks, real_address
+from posecast_relay.auth.addresses import find_real_address, parse_networks
 from posecast_relay.auth.origins import may_show
 from posecast_relay.config.robots_file import RobotsError, read_robots
-from posecast_relay.core.edge_messages import edge_said
+from posecast_relay.core.edge_messages import read_edge_message
 from posecast_relay.core.limits import Limits
 from posecast_relay.core.policy.share_link import make_link, read_link
 from posecast_relay.core.state.stream import Stream
 from posecast_relay.models.cache import Absent, ModelCache, Unavailable
 from posecast_relay.redis.messages import pack, unpack, unpack_state
-from posecast_relay.streaming.request import BadRequest, NoSuchStream, bearer, read_target
+from posecast_relay.streaming.request import BadRequest, NoSuchStream, read_bearer, read_target
 from posecast_wire import Snapshot
 
 from fuzz.differ import difference
@@ -25,7 +25,7 @@ from fuzz.scratch import file_of
 from fuzz.target import Differs, Target
 
 LIMITS = Limits()
-PROXIES = networks("10.0.0.0/8, ::1")
+PROXIES = parse_networks("10.0.0.0/8, ::1")
 ORIGINS = ("https://course.example",)
 KEY = "k" * 43
 NOW_S = 1_800_000_000.25
@@ -33,12 +33,12 @@ NOW_S = 1_800_000_000.25
 
 def said(data: bytes) -> None:
     """What a relay takes of an edge reaches the page as it was said."""
-    doc = edge_said(data, LIMITS)
+    doc = read_edge_message(data, LIMITS)
     if doc is None:
         return
     if doc["type"] == "event":
         stream = Stream("demo", "public", LIMITS)
-        text = stream.number(doc, NOW_S).text
+        text = stream.number_event(doc, NOW_S).text
         seen = ask("message", text.encode())
         wanted = {name: doc[name] for name in ("type", "t", "level", "source", "text", "state")}
         apart = difference(wanted | {"n": 1, "at": NOW_S}, seen)
@@ -61,7 +61,7 @@ def absorbed(data: bytes) -> None:
         if (stream.version, stream.schema, stream.key, stream.info) != (0, None, None, {}):
             raise Differs("refused, and yet something changed") from None
         raise
-    stream.described(0)
+    stream.make_description(0)
     json.dumps(stream.info, ensure_ascii=False).encode()
 
 
@@ -90,10 +90,10 @@ def request(data: bytes) -> None:
 def headers(data: bytes) -> None:
     """Lines: X-Forwarded-For, Authorization, Origin, Host."""
     lines = [*data.decode("latin-1").split("\n"), "", "", "", ""]
-    if "," in real_address("10.1.2.3", lines[0], PROXIES):
+    if "," in find_real_address("10.1.2.3", lines[0], PROXIES):
         raise Differs("a list as an address")
-    real_address(lines[0], lines[1], PROXIES)
-    token = bearer(lines[1])
+    find_real_address(lines[0], lines[1], PROXIES)
+    token = read_bearer(lines[1])
     if token is not None:
         read_link(token, {"demo": KEY}, NOW_S)
     if may_show(lines[2], lines[3], ORIGINS) and lines[2] not in ORIGINS:

@@ -29,7 +29,7 @@ from posecast_relay.runtime.dispatcher import Dispatcher
 from posecast_relay.runtime.fan_out import FanOut
 from posecast_relay.store_memory import MemoryStore
 from posecast_relay.streaming.decode_cache import DecodeCache
-from posecast_relay.streaming.sse import http_protocol
+from posecast_relay.streaming.sse import make_http_protocol
 from posecast_relay.streaming.websocket import LiveSocket
 from posecast_wire import Close
 from websockets.frames import Frame, Opcode
@@ -63,7 +63,7 @@ class Echo(LiveSocket):
                 self._ws.fail(Close.NOT_UTF8)
                 self._send_own()
                 return
-        self.write(messages.packed(self._kind, text))
+        self.write(messages.pack_message(self._kind, text))
         self._kind = Opcode.TEXT  # short ones come without `_frame`
 
 
@@ -76,7 +76,7 @@ async def echo() -> AsyncIterator[int]:
     config = uvicorn.Config(
         lambda _scope, _receive, _send: None,
         ws=Echo,
-        http=http_protocol(access, DecodeCache()),
+        http=make_http_protocol(access, DecodeCache()),
         lifespan="off",
         log_config=None,
         port=port,

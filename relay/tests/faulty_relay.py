@@ -44,7 +44,10 @@ CLASSES = (
     ),
 )
 # must not fail: what is called when something has failed, and what the process does for everybody at once
-SOUND = {"failed", "cut", "abort", "report_fault", "_work", "_sweep", "recheck", "look_again", "change"}
+SOUND = {
+    *("end_after_fault", "cut", "abort", "report_fault", "_work", "_sweep"),
+    *("recheck_accounts", "recheck_once", "set_policy"),
+}
 
 
 class Fault(Exception):

@@ -20,7 +20,7 @@ from posecast_relay.core.limits import Limits
 from posecast_relay.core.policy.policy import PUBLIC
 from posecast_relay.core.state.stream import Stream
 from posecast_relay.core.viewer.viewer import Viewer
-from posecast_relay.http.robots import robot_summary
+from posecast_relay.http.robots import make_robot_summary
 from posecast_relay.redis import gateway as redis_gateway
 from posecast_relay.redis import store as redis_store
 from posecast_relay.redis.gateway import RedisGateway
@@ -80,7 +80,7 @@ class Ingest(Process, NoSource):
             url,
             self.hub,
             loop.time,
-            lambda of: robot_summary(of, of.rooms.get(PUBLIC), loop.time()),
+            lambda of: make_robot_summary(of, of.rooms.get(PUBLIC), loop.time()),
         )
         self.edges: list[FleetEdge] = []
         self.dispatcher = LoopPump(self.hub, self.store, FanOut(), self)  # type: ignore[arg-type]
@@ -104,12 +104,12 @@ class Ingest(Process, NoSource):
         there = any(edge.robot == robot for edge in self.edges)
         of = self.hub.robots.get(robot)
         if self.is_up and there != (of is not None and of.liveness.token):
-            self.dispatcher.carry_out(self.hub.token(robot, there, self.dispatcher.now()))
+            self.dispatcher.carry_out(self.hub.set_token(robot, there, self.dispatcher.now()))
 
     def frame(self, edge: FleetEdge, payload: bytes, stamp: Any) -> None:
         """Has come."""
         if self.is_up and edge in self.edges:
-            self.hub.frame(edge.robot, PUBLIC, payload, stamp, self.dispatcher.now())
+            self.hub.take_frame(edge.robot, PUBLIC, payload, stamp, self.dispatcher.now())
             self.dispatcher.flush()
 
     def request_snapshots(self, robot: str, _views: Sequence[str]) -> None:
@@ -124,7 +124,7 @@ class Ingest(Process, NoSource):
         if self.is_up and edge in self.edges:
             now = self.dispatcher.now()
             try:
-                self.hub.snapshot(edge.robot, PUBLIC, answer, stamp, now, waited_s=now - asked_at)
+                self.hub.take_snapshot(edge.robot, PUBLIC, answer, stamp, now, waited_s=now - asked_at)
             except ValueError:  # of a run that is retired
                 return
             self.dispatcher.flush()
@@ -137,7 +137,7 @@ class Gateway(Process):
         super().__init__(loop)
         self.delayed = DelayedHub(Limits())
         self.later = LoopPump(self.delayed, MemoryStore(), FanOut())  # type: ignore[arg-type]
-        self.store = RedisGateway(url, self.hub, loop.time, self.delayed.names)
+        self.store = RedisGateway(url, self.hub, loop.time, self.delayed.list_robots)
         self.dispatcher = LoopPump(
             *(self.hub, self.store, FanOut(), self.store),  # type: ignore[arg-type]
             changed=self._note,
@@ -169,14 +169,14 @@ class Gateway(Process):
 
     def watch_later(self, robot: str) -> Page:
         """A page that shows it with a delay."""
-        self.delayed.follow({(name, PUBLIC): DELAY_S for name in {robot, *self.delayed.names()}})
+        self.delayed.set_delays({(name, PUBLIC): DELAY_S for name in {robot, *self.delayed.list_robots()}})
         self.later_pages[robot] = self._page(self.later, robot, DELAY_S)
         return self.later_pages[robot]
 
     def leave(self) -> None:
         """All pages are closed."""
         for hub, viewer in self._viewers:
-            hub.leave(viewer)
+            hub.remove_viewer(viewer)
         self._viewers.clear()
         self.pages.clear()
         self.later_pages.clear()
@@ -189,7 +189,7 @@ class Gateway(Process):
             viewer.record_heard(dispatcher.now())
             if self.is_up and doc is not None:
                 dispatcher.carry_out(
-                    dispatcher.hub.message(viewer, json.dumps(doc).encode(), viewer.heard_at)
+                    dispatcher.hub.take_message(viewer, json.dumps(doc).encode(), viewer.heard_at)
                 )
 
         page.say = heard
@@ -200,7 +200,7 @@ class Gateway(Process):
     def _note(self, stream: Stream) -> None:
         robot = self.hub.robots.get(stream.robot)
         token = robot is not None and robot.liveness.token
-        if self.delayed.note(stream, token, self.later.now()):
+        if self.delayed.record_stream(stream, token, self.later.now()):
             self.later.arm()
 
 

@@ -156,19 +156,19 @@ class World:
     def publish(self, edge: Edge, payload: bytes | None = None, robot: str = "r") -> str:
         """A frame arrives at once and is handed out; returns what became of it."""
         data = edge.frame(self.now) if payload is None else payload
-        outcome = self.hub.frame(robot, "public", data, edge.stamp(self.now), self.now)
+        outcome = self.hub.take_frame(robot, "public", data, edge.stamp(self.now), self.now)
         self.flush()
         return outcome.value
 
     def answer(self, edge: Edge, robot: str = "r") -> None:
         """The edge's snapshot arrives."""
-        self.hub.snapshot(robot, "public", edge.snapshot(), edge.stamp(self.now), self.now)
+        self.hub.take_snapshot(robot, "public", edge.snapshot(), edge.stamp(self.now), self.now)
         self.flush()
 
     def on_air(self, of: Schema | None = None, ref_every: int = 0, robot: str = "r") -> Edge:
         """A robot whose token, first KEY and snapshot have come."""
         edge = Edge(0xABC, of or schema(), began_s=self.now - 5.0, ref_every=ref_every)
-        self.do(self.hub.token(robot, True, self.now))
+        self.do(self.hub.set_token(robot, True, self.now))
         self.publish(edge, robot=robot)
         self.answer(edge, robot)
         return edge
@@ -183,7 +183,7 @@ class World:
     def say(self, viewer: Viewer, **doc: object) -> None:
         """A viewer's message."""
         viewer.record_heard(self.now)
-        self.do(self.hub.message(viewer, json.dumps(doc).encode(), self.now))
+        self.do(self.hub.take_message(viewer, json.dumps(doc).encode(), self.now))
 
     def run(self, edge: Edge, seconds: float, hz: float = 30.0) -> None:
         """Frames at a steady rate."""

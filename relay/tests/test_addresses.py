@@ -8,9 +8,9 @@ from typing import Any
 import httpx
 import pytest
 import websockets
-from posecast_relay.auth.addresses import Addresses, networks, real_address
+from posecast_relay.auth.addresses import Addresses, find_real_address, parse_networks
 
-TRUSTED = networks("10.0.0.0/8, 127.0.0.1, fd00::/8")
+TRUSTED = parse_networks("10.0.0.0/8, 127.0.0.1, fd00::/8")
 
 
 @pytest.mark.parametrize(
@@ -34,11 +34,11 @@ TRUSTED = networks("10.0.0.0/8, 127.0.0.1, fd00::/8")
     ],
 )
 def test_the_real_address(peer: str, forwarded: str | None, address: str) -> None:
-    assert real_address(peer, forwarded, TRUSTED) == address
+    assert find_real_address(peer, forwarded, TRUSTED) == address
 
 
 def test_without_trusted_proxies_the_header_counts_for_nothing() -> None:
-    assert real_address("10.1.1.1", "1.2.3.4", ()) == "10.1.1.1"
+    assert find_real_address("10.1.1.1", "1.2.3.4", ()) == "10.1.1.1"
 
 
 def test_each_address_has_its_share_and_gets_it_back() -> None:

@@ -102,12 +102,12 @@ async def test_who_is_disabled_or_revoked_is_let_go_and_not_let_in(
     account = emulator.sign_up(email())
     other = emulator.sign_up(email())["idToken"]
     async with watching(doors, account["idToken"]) as viewer, watching(doors, other) as stays:
-        await doors.access.look_again()
+        await doors.access.recheck_once()
         assert len(doors.dispatcher.hub.viewers) == 2
         valid_since = str(int(time.time() + RECENT_S))
         change: dict[str, Any] = {"disableUser": True} if how == "disabled" else {"validSince": valid_since}
         emulator.change(account["localId"], **change)
-        await doors.access.look_again()
+        await doors.access.recheck_once()
         await viewer.wait_closed()
         assert viewer.close_code == Close.TOKEN
         assert (await doors.watch("lab", account["idToken"], "?auth=1"))[-1] == Close.TOKEN

@@ -38,7 +38,7 @@ AT_OTHER_TIMES = {
     "EventStream.shutdown",
     "HttpConnection.shutdown",
     "HttpConnection.timeout_keep_alive_handler",
-    "Access._again",
+    "Access._rejudge",
     "Access._judge_again",
     "Access.renew",
     "Addresses.leave",  # of an address that is counted: not of this machine's own
@@ -58,8 +58,8 @@ NAMED = {
     *(
         "EventStream.start",
         "EventStream.resume_writing",
-        "EventStreamEncoding.of",
-        "JsonEncoding.of",
+        "EventStreamEncoding.encode",
+        "JsonEncoding.encode",
         "Access.judge",
     ),
 }
@@ -68,11 +68,11 @@ ANSWERED = {
     *("HttpConnection._start_asgi_task", "HttpConnection._answer", "HttpConnection.on_headers_complete"),
     *("_Http._upgrade", "_Http._take_over", "_Http._enter", "_Http._enter_by", "LiveSocket._handshake"),
     *(
-        "AnswerCache.answer",
+        "AnswerCache.get_answer",
         "StateReader.read",
         "PendingRequests.wait",
-        "Access.frame_ancestors",
-        "Access.refusal",
+        "Access.list_frame_ancestors",
+        "Access.find_refusal",
         "Access.enter_address",
         "Addresses.enter",
     ),

@@ -6,7 +6,7 @@ import itertools
 import random
 
 import pytest
-from posecast_relay.core.viewer.cadence import Cadence, RateTimer, granted_hz
+from posecast_relay.core.viewer.cadence import Cadence, RateTimer, grant_hz
 
 from .sim import World
 
@@ -17,10 +17,10 @@ def due(source_hz: float, hz: float, frames: int, jitter_s: float = 0.0) -> list
     cadence, pace, found = Cadence(), RateTimer(hz), []
     for n in range(frames):
         stamp_s = 5.0 + n / source_hz
-        cadence.saw(stamp_s)
+        cadence.record_stamp(stamp_s)
         now = 1000.0 + stamp_s + chance.uniform(0.0, jitter_s)
         if pace.is_due(1, stamp_s, cadence.interval_s, now):
-            pace.sent(1, stamp_s, cadence.interval_s, now)
+            pace.record_sent(1, stamp_s, cadence.interval_s, now)
             found.append(n)
     return found
 
@@ -51,20 +51,20 @@ def test_a_viewer_faster_than_the_source_gets_every_frame() -> None:
 def test_frames_held_up_and_let_go_at_once_are_not_all_passed_on() -> None:
     cadence, pace = Cadence(), RateTimer(10)
     for n in range(30):
-        cadence.saw(n / 30)
+        cadence.record_stamp(n / 30)
     passed = 0
     for n in range(30, 60):  # a second's worth within 3 ms
         stamp_s, now = n / 30, 100.0 + n * 1e-4
-        cadence.saw(stamp_s)
+        cadence.record_stamp(stamp_s)
         if pace.is_due(1, stamp_s, cadence.interval_s, now):
-            pace.sent(1, stamp_s, cadence.interval_s, now)
+            pace.record_sent(1, stamp_s, cadence.interval_s, now)
             passed += 1
     assert passed == 1
 
 
 def test_a_new_run_is_due_at_once() -> None:
     pace = RateTimer(1)
-    pace.sent(1, 1000.0, 0.03, 50.0)
+    pace.record_sent(1, 1000.0, 0.03, 50.0)
     assert not pace.is_due(1, 1000.1, 0.03, 50.1)
     assert pace.is_due(2, 0.0, 0.03, 50.1)
 
@@ -73,7 +73,7 @@ def test_cadence_does_not_count_the_frames_an_unchanged_robot_skips() -> None:
     cadence, stamp_s = Cadence(), 0.0
     for n in range(64):
         stamp_s += 0.5 if n % 4 == 3 else 1 / 30
-        cadence.saw(stamp_s)
+        cadence.record_stamp(stamp_s)
     assert cadence.interval_s == pytest.approx(1 / 30)
 
 
@@ -93,16 +93,16 @@ def test_cadence_does_not_count_the_frames_an_unchanged_robot_skips() -> None:
     ],
 )
 def test_rates_are_granted_in_steps(asked_hz: float, granted: float) -> None:
-    assert granted_hz(asked_hz, 60.0) == granted
+    assert grant_hz(asked_hz, 60.0) == granted
 
 
 def test_no_rate_is_granted_beyond_what_the_policy_allows() -> None:
-    assert granted_hz(60.0, 10.26) == 10.26
-    assert granted_hz(0.001, 0.25) == 0.1
+    assert grant_hz(60.0, 10.26) == 10.26
+    assert grant_hz(0.001, 0.25) == 0.1
 
 
 def test_however_many_rates_are_asked_for_there_are_few_groups() -> None:
-    assert len({granted_hz(n / 1000, 60.0) for n in range(60_001)}) < 300
+    assert len({grant_hz(n / 1000, 60.0) for n in range(60_001)}) < 300
 
 
 @pytest.mark.parametrize("hz", [1e-320, 5e-324, 7e-310, 1e-9, 0.1])

@@ -16,7 +16,7 @@ from typing import Any
 
 import pytest
 from posecast_relay.auth.access import Access
-from posecast_relay.auth.addresses import networks, real_address
+from posecast_relay.auth.addresses import find_real_address, parse_networks
 from posecast_relay.auth.origins import may_show
 from posecast_relay.config.robots_file import read_robots
 from posecast_relay.core.hub import Hub
@@ -31,14 +31,14 @@ from posecast_relay.runtime.fan_out import FanOut
 from posecast_relay.store_memory import MemoryStore
 from posecast_relay.streaming.decode_cache import DecodeCache
 from posecast_relay.streaming.encodings import EventStreamEncoding
-from posecast_relay.streaming.request import bearer, joined, read_target
-from posecast_relay.streaming.viewer_frames import short_text
-from posecast_relay.streaming.websocket import live_protocol
+from posecast_relay.streaming.request import join_all, read_bearer, read_target
+from posecast_relay.streaming.viewer_frames import read_short_text
+from posecast_relay.streaming.websocket import make_live_protocol
 
 from .test_flood import BEGUN, MASK, PIECE, PING, Wire, request
 from .test_http_connection import CHUNKED, GET, POST, Desk
 
-TRUSTED = networks("10.0.0.0/8")
+TRUSTED = parse_networks("10.0.0.0/8")
 FILE = {"size": 1, "sha256": "0" * 64}
 
 
@@ -52,12 +52,12 @@ READERS: dict[str, tuple[Callable[[Any], object], Callable[[int], Any]]] = {
     "target: parameters": (read_target, lambda n: "/api/v1/robots/r/live?" + "a=1&" * n),
     "target: one parameter": (read_target, lambda n: "/api/v1/robots/r/live?hz=" + "%31" * n),
     "target: path": (read_target, lambda n: "/api/v1/robots/" * n),
-    "token": (bearer, lambda n: "Bearer " + " " * n + "x" + " " * n),
+    "token": (read_bearer, lambda n: "Bearer " + " " * n + "x" + " " * n),
     "share link": (lambda token: read_link(token, {}, 0.0), lambda n: "L1." + "a-" * n + "." + "1" * n),
     "origin": (lambda origin: may_show(origin, "x", ()), lambda n: "https://" + "a@:[" * n),
-    "forwarded": (lambda text: real_address("10.0.0.1", text, TRUSTED), lambda n: "10.0.0.1, " * n),
-    "headers": (joined, lambda n: ["x"] * n),
-    "short messages": (short_text, lambda n: b"\x81\x80" + bytes(n)),
+    "forwarded": (lambda text: find_real_address("10.0.0.1", text, TRUSTED), lambda n: "10.0.0.1, " * n),
+    "headers": (join_all, lambda n: ["x"] * n),
+    "short messages": (read_short_text, lambda n: b"\x81\x80" + bytes(n)),
     "manifest: files": (read_manifest, manifest),
     "manifest: one path": (
         read_manifest,
@@ -66,12 +66,12 @@ READERS: dict[str, tuple[Callable[[Any], object], Callable[[int], Any]]] = {
     "manifest: depth": (read_manifest, lambda n: b"[" * n + b"]" * n),
     "manifest: digits": (read_manifest, lambda n: b'{"files":[{"size":' + b"9" * n + b"}]}"),
     "events: lines": (
-        lambda data: EventStreamEncoding().of(data, None),  # type: ignore[arg-type]
-        lambda n: messages.text('{"type":"x",' + "\r" * n + '"a":1}'),
+        lambda data: EventStreamEncoding().encode(data, None),  # type: ignore[arg-type]
+        lambda n: messages.make_text('{"type":"x",' + "\r" * n + '"a":1}'),
     ),
     "events: messages": (
-        lambda data: EventStreamEncoding().of(data, None),  # type: ignore[arg-type]
-        lambda n: messages.text('{"type":"x"}') * n,
+        lambda data: EventStreamEncoding().encode(data, None),  # type: ignore[arg-type]
+        lambda n: messages.make_text('{"type":"x"}') * n,
     ),
     "names": (visible, lambda n: "\u202e" * n),
     "answers": (json_bytes, lambda n: {"a": [float("nan")] * n}),
@@ -171,7 +171,7 @@ def _text(data: bytes) -> bytes:
 @pytest.mark.parametrize("piece", [1, 256_000], ids=["byte by byte", "at once"])
 async def test_of_a_viewers_messages(kind: str, piece: int) -> None:
     dispatcher = Dispatcher(Hub(Limits()), MemoryStore(), FanOut(None))
-    made = live_protocol(Access(dispatcher), DecodeCache())
+    made = make_live_protocol(Access(dispatcher), DecodeCache())
 
     def read(data: bytes) -> None:
         viewer: Any = made(SimpleNamespace(), SimpleNamespace(connections=set()), None)  # type: ignore[arg-type]

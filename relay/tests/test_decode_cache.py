@@ -27,7 +27,7 @@ def decoded_in(
         world.pass_time(1 / 60)
         for name, edge in edges.items():
             world.publish(edge, robot=name)
-            found[name] += decoded.text(world.hub.robots[name].rooms["public"].stream) is not None
+            found[name] += decoded.make_text(world.hub.robots[name].rooms["public"].stream) is not None
     return found
 
 

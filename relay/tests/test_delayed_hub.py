@@ -25,7 +25,7 @@ class Late(World):
         self.past = World()
         self.past.hub = self.late = DelayedHub(Limits())
         self.past.now = self.now
-        self.late.follow({("r", "public"): DELAY_S})
+        self.late.set_delays({("r", "public"): DELAY_S})
 
     def do(self, actions: object) -> None:
         """Also what the adapter does with a Keep."""
@@ -35,7 +35,7 @@ class Late(World):
             if isinstance(action, Persist):
                 robot = self.hub.robots.get(action.stream.robot)
                 token = robot is not None and robot.liveness.token
-                self.late.note(action.stream, token, self.now)
+                self.late.record_stream(action.stream, token, self.now)
 
     def pass_time(self, seconds: float) -> None:
         """Both clocks are one."""
@@ -75,16 +75,16 @@ def test_events_info_runs_and_the_end_come_late_and_in_their_order() -> None:
     world.run(edge, 1.0)
     doc = {"type": "event", "t": 1.0, "level": "fault", "source": "RKN", "text": "jam", "state": "on"}
     stamp = edge.stamp(world.now)
-    world.do(world.hub.event("r", "public", json.dumps(doc).encode(), stamp, world.now, UNIX_S))
+    world.do(world.hub.take_event("r", "public", json.dumps(doc).encode(), stamp, world.now, UNIX_S))
     said = {"type": "info", "kv": {"mode": "walk"}}
-    world.do(world.hub.event("r", "public", json.dumps(said).encode(), stamp, world.now, UNIX_S))
+    world.do(world.hub.take_event("r", "public", json.dumps(said).encode(), stamp, world.now, UNIX_S))
     at = world.now
     world.run(edge, 0.5)
     again = Edge(0xDEF, schema(("A", "B", "C")), began_s=world.now)
     world.publish(again)
     world.answer(again)
     world.run(again, 1.0)
-    world.do(world.hub.token("r", False, world.now))
+    world.do(world.hub.set_token("r", False, world.now))
     left_at = world.now
 
     world.pass_time(at + DELAY_S - 0.01 - world.now)
@@ -156,7 +156,7 @@ def test_whatever_the_edge_does_the_past_decodes(seed: int) -> None:
         elif what < 0.05 and edge.seq >= 0:
             world.answer(edge)
         elif what < 0.07:
-            world.do(world.hub.token("r", random.random() < 0.5, world.now))
+            world.do(world.hub.set_token("r", random.random() < 0.5, world.now))
         else:
             data = edge.frame(world.now, force_key=random.random() < 0.1)
             if random.random() < 0.9:
@@ -175,11 +175,11 @@ def test_delays_may_change_while_it_runs() -> None:
     edge = world.on_air()
     _, screen = world.watch()
     world.run(edge, 7.0)
-    world.late.follow({("r", "public"): 1.0})
+    world.late.set_delays({("r", "public"): 1.0})
     world.run(edge, 1.0)
     assert 1.0 <= world.now - screen.states[-1].t_s < 1.2
-    world.late.follow({})
+    world.late.set_delays({})
     seen = len(screen.states)
     world.run(edge, 3.0)
     assert len(screen.states) == seen
-    assert world.late.names() == set()
+    assert world.late.list_robots() == set()

@@ -91,11 +91,13 @@ async def test_a_crowd_is_served_in_slices_and_frames_meanwhile_replace_each_oth
 
     def publish() -> None:
         now = dispatcher.now()
-        dispatcher.hub.frame("r", "public", edge.frame(now), edge.stamp(now), now)
+        dispatcher.hub.take_frame("r", "public", edge.frame(now), edge.stamp(now), now)
         dispatcher.flush()
 
     publish()
-    dispatcher.hub.snapshot("r", "public", edge.snapshot(), edge.stamp(dispatcher.now()), dispatcher.now())
+    dispatcher.hub.take_snapshot(
+        "r", "public", edge.snapshot(), edge.stamp(dispatcher.now()), dispatcher.now()
+    )
     screens = [Screen() for _ in range(2 * SLICE + 10)]
     viewers = [viewer(screen) for screen in screens]
     for one in viewers:
@@ -106,7 +108,7 @@ async def test_a_crowd_is_served_in_slices_and_frames_meanwhile_replace_each_oth
     assert all(len(screen.states) == 2 for screen in screens[:served])
     for _ in range(3):
         publish()
-    dispatcher.carry_out([Send(messages.pong(7.0), viewers[:1])])
+    dispatcher.carry_out([Send(messages.make_pong(7.0), viewers[:1])])
     assert not screens[0].told("pong")  # it was decided after the frame that not all have yet
     async with asyncio.timeout(20):
         while len(screens[-1].states) < 3:
@@ -164,11 +166,13 @@ def serving(store: MemoryStore) -> tuple[Dispatcher, Callable[[], None]]:
 
     def publish() -> None:
         now = dispatcher.now()
-        dispatcher.hub.frame("r", "public", edge.frame(now), edge.stamp(now), now)
+        dispatcher.hub.take_frame("r", "public", edge.frame(now), edge.stamp(now), now)
         dispatcher.flush()
 
     publish()
-    dispatcher.hub.snapshot("r", "public", edge.snapshot(), edge.stamp(dispatcher.now()), dispatcher.now())
+    dispatcher.hub.take_snapshot(
+        "r", "public", edge.snapshot(), edge.stamp(dispatcher.now()), dispatcher.now()
+    )
     return dispatcher, publish
 
 
@@ -189,7 +193,7 @@ async def test_ports_and_connections_that_fail_are_nobody_elses_trouble(
         publish()
     dispatcher.carry_out(dispatcher.hub.refuse(viewers[1], Close.BINARY, "binary"))
     told = Fault("r/public", ArithmeticError("told by the core"))
-    dispatcher.carry_out([told, Send(messages.pong(7.0), viewers[2:])])
+    dispatcher.carry_out([told, Send(messages.make_pong(7.0), viewers[2:])])
     sound = [screen for screen in screens[2:] if not isinstance(screen, Broken)]
     assert all(len(screen.states) == 6 and screen.told("pong") for screen in sound)
     # the first could not be verified

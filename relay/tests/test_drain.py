@@ -56,7 +56,7 @@ def test_who_left_by_itself_is_not_told() -> None:
     seats = [world.join() for _ in range(300)]
     world.do(world.hub.drain([viewer for viewer, _ in seats], world.now))
     viewer, screen = seats[-1]
-    world.hub.leave(viewer)
+    world.hub.remove_viewer(viewer)
     world.pass_time(5.0)
     assert screen.ended is None
     assert world.hub.endings[Close.DRAIN] == 299

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 
 import pytest
-from posecast_relay.core.edge_messages import conflict_event, edge_said
+from posecast_relay.core.edge_messages import make_conflict_event, read_edge_message
 from posecast_relay.core.limits import Limits
 
 EVENT = {"type": "event", "t": 1.5, "level": "fault", "source": "RKN", "text": "jam", "state": "on"}
@@ -13,7 +13,7 @@ EVENT = {"type": "event", "t": 1.5, "level": "fault", "source": "RKN", "text": "
 
 def said(doc: object) -> dict[str, object] | None:
     """As JSON."""
-    return edge_said(json.dumps(doc).encode(), Limits())
+    return read_edge_message(json.dumps(doc).encode(), Limits())
 
 
 def test_what_an_edge_says() -> None:
@@ -72,9 +72,9 @@ def test_an_event_that_not_every_viewer_could_read_is_none(change: dict[str, obj
     ],
 )
 def test_what_is_none_of_them(payload: bytes) -> None:
-    assert edge_said(payload, Limits()) is None
+    assert read_edge_message(payload, Limits()) is None
 
 
 def test_the_relays_own_event_can_be_read_whatever_the_robots_clock_says() -> None:
     for t_s in (0.0, 1e300, -1e300):
-        assert said(conflict_event(t_s, True)) is not None
+        assert said(make_conflict_event(t_s, True)) is not None

@@ -17,7 +17,7 @@ from posecast_relay.runtime.dispatcher import Dispatcher
 from posecast_relay.runtime.fan_out import FanOut
 from posecast_relay.store_memory import MemoryStore
 from posecast_relay.streaming.decode_cache import DecodeCache
-from posecast_relay.streaming.websocket import AFTER_END_BYTES, SLICE_BYTES, LiveSocket, live_protocol
+from posecast_relay.streaming.websocket import AFTER_END_BYTES, SLICE_BYTES, LiveSocket, make_live_protocol
 from posecast_wire import Close
 
 from .stage import Relay, Watcher
@@ -83,7 +83,7 @@ async def test_whatever_it_sends_a_few_are_looked_at(what: str, query: str, seen
     limits = Limits()
     dispatcher, wire = Dispatcher(Hub(limits), MemoryStore(), FanOut(None)), Wire()
     config, server = SimpleNamespace(), SimpleNamespace(connections=set())
-    made = live_protocol(Access(dispatcher, tokens=Tokens()), DecodeCache())
+    made = make_live_protocol(Access(dispatcher, tokens=Tokens()), DecodeCache())
     viewer: Any = made(config, server, None)  # type: ignore[arg-type]
     viewer.connection_made(wire)
     viewer.data_received(request(query))
@@ -99,7 +99,7 @@ async def test_whatever_it_sends_a_few_are_looked_at(what: str, query: str, seen
 @pytest.mark.parametrize("what", FLOODS)
 async def test_a_flood_behind_the_end_is_not_read(what: str, seen: list[int]) -> None:
     dispatcher, wire = Dispatcher(Hub(Limits()), MemoryStore(), FanOut(None)), Wire()
-    made = live_protocol(Access(dispatcher), DecodeCache())
+    made = make_live_protocol(Access(dispatcher), DecodeCache())
     viewer: Any = made(SimpleNamespace(), SimpleNamespace(connections=set()), None)  # type: ignore[arg-type]
     viewer.connection_made(wire)
     viewer.data_received(request())

@@ -25,7 +25,7 @@ def test_nothing_is_owed_before_the_first_acknowledgement() -> None:
     viewer = FlowControl(LIMITS, 0.0)
     assert all(offer(viewer, n / 10) for n in range(600))
     viewer.record_heard(60.0)
-    assert viewer.overdue(60.0) is None
+    assert viewer.find_overdue(60.0) is None
 
 
 def test_what_is_sent_a_second_after_an_acknowledgement_is_owed_one() -> None:
@@ -41,10 +41,10 @@ def test_what_is_sent_a_second_after_an_acknowledgement_is_owed_one() -> None:
     assert viewer.stalled
     assert viewer.blocked
     viewer.record_heard(16.0)
-    assert viewer.overdue(15.1) is None
-    assert viewer.overdue(15.3) is Close.NO_ACK
+    assert viewer.find_overdue(15.1) is None
+    assert viewer.find_overdue(15.3) is Close.NO_ACK
     viewer.record_ack(4, 15.4)
-    assert viewer.overdue(15.4) is None
+    assert viewer.find_overdue(15.4) is None
     assert offer(viewer, 15.5)
 
 
@@ -71,8 +71,8 @@ def test_an_undrained_socket_blocks_and_is_cut(acks: bool, patience_s: float) ->
         viewer.record_ack(0, 0.0)
     viewer.pause(1.0)
     assert not offer(viewer, 1.0)
-    assert viewer.overdue(0.9 + patience_s) is None
-    assert viewer.overdue(1.0 + patience_s) is Close.NO_ACK
+    assert viewer.find_overdue(0.9 + patience_s) is None
+    assert viewer.find_overdue(1.0 + patience_s) is Close.NO_ACK
     assert viewer.release() is None
     viewer.resume()
     assert viewer.blocked  # until what waits has been written
@@ -109,13 +109,13 @@ def test_a_stalled_viewer_is_not_released_by_its_socket() -> None:
 def test_silence_is_pinged_and_then_cut() -> None:
     viewer = FlowControl(LIMITS, 0.0)
     assert [now for now in range(13) if viewer.take_ping(now)] == [5, 10]
-    assert viewer.overdue(10.9) is None
-    assert viewer.overdue(11.0) is Close.HALF_OPEN
+    assert viewer.find_overdue(10.9) is None
+    assert viewer.find_overdue(11.0) is Close.HALF_OPEN
     viewer.record_heard(11.0)
-    assert viewer.overdue(21.9) is None
+    assert viewer.find_overdue(21.9) is None
     mute = FlowControl(LIMITS, 0.0, speaks=False)
     assert not mute.take_ping(100.0)
-    assert mute.overdue(100.0) is None
+    assert mute.find_overdue(100.0) is None
 
 
 def test_a_newcomer_has_time_to_read_what_it_was_given() -> None:
@@ -123,11 +123,11 @@ def test_a_newcomer_has_time_to_read_what_it_was_given() -> None:
     viewer.sent = 2
     viewer.begin_join_burst(16_000, 0.0)  # 20 s at 800 bytes a second
     viewer.pause(0.0)
-    assert viewer.overdue(LIMITS.join_burst_s + LIMITS.undrained_s - 0.1) is None
-    assert viewer.overdue(LIMITS.join_burst_s + LIMITS.undrained_s) is Close.NO_ACK  # never heard of
+    assert viewer.find_overdue(LIMITS.join_burst_s + LIMITS.undrained_s - 0.1) is None
+    assert viewer.find_overdue(LIMITS.join_burst_s + LIMITS.undrained_s) is Close.NO_ACK  # never heard of
     viewer.record_heard(19.0)  # a pong, from among the events
-    assert viewer.overdue(23.9) is None
-    assert viewer.overdue(25.1) is Close.NO_ACK
+    assert viewer.find_overdue(23.9) is None
+    assert viewer.find_overdue(25.1) is Close.NO_ACK
 
 
 def test_an_acknowledgement_beyond_the_first_burst_ends_its_privilege() -> None:
@@ -149,15 +149,15 @@ def test_a_relay_that_stood_still_moves_every_deadline() -> None:
         each.pause(1.6)
     viewer.shift_deadlines(60.0, 61.6)
     for now in range(2, 40):
-        assert viewer.overdue(now + 60.0) == other.overdue(now), now
+        assert viewer.find_overdue(now + 60.0) == other.find_overdue(now), now
     assert viewer.check_at == other.check_at + 60.0
     assert viewer.heard_at == 60.0
 
 
 def test_messages_are_counted_by_a_bucket() -> None:
     viewer = FlowControl(Limits(messages_burst=3, messages_per_s=2.0), 0.0)
-    assert [viewer.take_token(0.0) for _ in range(4)] == [True, True, True, False]
-    assert [viewer.take_token(1.0) for _ in range(3)] == [True, True, False]
+    assert [viewer.allow_message(0.0) for _ in range(4)] == [True, True, True, False]
+    assert [viewer.allow_message(1.0) for _ in range(3)] == [True, True, False]
 
 
 @pytest.mark.parametrize(("hz", "way_s", "pause_s"), [(30, 0.001, 0.25), (10, 0.03, 0.25), (60, 0.2, 0.9)])
@@ -174,7 +174,7 @@ def test_a_viewer_that_reads_in_gulps_is_never_cut(hz: int, way_s: float, pause_
             viewer.record_ack(acks.popleft()[1], now)
         if i % (60 // hz) == 0:
             viewer.record_heard(now)
-            assert viewer.overdue(now) is None, f"cut at {now:.1f} s"
+            assert viewer.find_overdue(now) is None, f"cut at {now:.1f} s"
             if viewer.blocked or (now >= viewer.check_at and not viewer.may_send(now)):
                 skipped += 1
             else:

@@ -6,7 +6,7 @@ import asyncio
 import gzip
 import os
 
-from posecast_relay.http.gzip_cache import GzipCache, packed_name
+from posecast_relay.http.gzip_cache import GzipCache, make_packed_name
 from posecast_relay.models.memory import ENTRY_BYTES, ModelMemory
 
 
@@ -26,12 +26,12 @@ async def test_what_shrinks_is_packed_once_and_unpacks_to_the_same() -> None:
     room = room_with(a=text)
     packed = GzipCache(room)
     sizes = await asyncio.gather(packed.pack("r", "a"), packed.pack("r", "a"))
-    made = room.get(packed_name("a"))
+    made = room.get(make_packed_name("a"))
     assert isinstance(made, bytes)
     assert set(sizes) == {len(made)}
     assert gzip.decompress(made) == text
     assert await packed.pack("r", "a") == len(made) < 100
-    assert room.get(packed_name("a")) is made
+    assert room.get(make_packed_name("a")) is made
     assert room.used == len(text) + len(made) + 2 * ENTRY_BYTES
 
 
@@ -39,7 +39,7 @@ async def test_what_does_not_shrink_is_left_alone_and_not_tried_twice() -> None:
     room = room_with(noise=os.urandom(10_000))
     packed = GzipCache(room)
     assert await packed.pack("r", "noise") == 0
-    assert room.get(packed_name("noise")) == b""
+    assert room.get(make_packed_name("noise")) == b""
     assert await packed.pack("r", "noise") == 0
     assert room.used == 10_000 + 2 * ENTRY_BYTES
 

@@ -16,8 +16,8 @@ from posecast_relay.runtime.dispatcher import Dispatcher
 from posecast_relay.runtime.fan_out import FanOut
 from posecast_relay.store_memory import MemoryStore
 from posecast_relay.streaming.decode_cache import DecodeCache
-from posecast_relay.streaming.sse import http_protocol
-from posecast_relay.streaming.websocket import LiveSocket, live_protocol
+from posecast_relay.streaming.sse import make_http_protocol
+from posecast_relay.streaming.websocket import LiveSocket, make_live_protocol
 
 from .stage import Relay
 
@@ -89,8 +89,8 @@ async def test_a_mistake_of_ours_leaves_no_connection_behind(
     config = uvicorn.Config(
         no_app,
         port=0,
-        ws=live_protocol(access, decoded),
-        http=http_protocol(access, decoded),
+        ws=make_live_protocol(access, decoded),
+        http=make_http_protocol(access, decoded),
         lifespan="off",
         log_config=None,
     )

@@ -30,9 +30,9 @@ from posecast_relay.streaming.http_connection import (
     TARGET_BYTES,
     HttpConnection,
 )
-from posecast_relay.streaming.request_timeouts import HEADS_BYTES, RequestTimeouts, guarded
-from posecast_relay.streaming.sse import http_protocol
-from posecast_relay.streaming.websocket import live_protocol
+from posecast_relay.streaming.request_timeouts import HEADS_BYTES, RequestTimeouts, add_timeouts
+from posecast_relay.streaming.sse import make_http_protocol
+from posecast_relay.streaming.websocket import make_live_protocol
 
 from .stage import Relay, Watcher
 
@@ -117,9 +117,9 @@ class Desk:
         access, decoded = Access(self.dispatcher), DecodeCache()
         self.cut: list[int] = []
         unasked = RequestTimeouts(self.dispatcher.now, self.cut.append)
-        self._class = guarded(http_protocol(access, decoded), unasked)
+        self._class = add_timeouts(make_http_protocol(access, decoded), unasked)
         self._config = uvicorn.Config(
-            no_app, ws=live_protocol(access, decoded), lifespan="off", log_config=None
+            no_app, ws=make_live_protocol(access, decoded), lifespan="off", log_config=None
         )
         self._config.load()
         self._state: Any = SimpleNamespace(connections=set(), tasks=set(), default_headers=[])

@@ -13,7 +13,7 @@ import httpx
 import pytest
 from fastapi import Request
 from posecast_relay.http.gzip_cache import GzipCache
-from posecast_relay.http.models import PIECE_BYTES, model_answer
+from posecast_relay.http.models import PIECE_BYTES, make_model_answer
 from posecast_relay.models.cache import RANGE_BYTES, ModelCache
 from posecast_relay.models.memory import IN_USE_S
 from posecast_relay.streaming.http_connection import AnswerAborted
@@ -56,7 +56,7 @@ async def never() -> Any:
 async def answered(models: ModelCache, edge: Edge, path: str, **headers: str) -> Reader:
     """The whole answer."""
     found = await models.file("r", edge.digest, path)
-    response = await model_answer(request(**headers), models, GzipCache(models.room), "r", found)
+    response = await make_model_answer(request(**headers), models, GzipCache(models.room), "r", found)
     reader = Reader()
     await response({"type": "http", "method": "GET"}, never, reader.send)
     return reader
@@ -91,7 +91,7 @@ async def test_what_has_to_go_meanwhile_breaks_off() -> None:
     edge = Edge({"a.stl": bytes_of(1, 600_000), "b.stl": bytes_of(2, 600_000)})
     models = ModelCache(edge, MB, lambda: clock.now)
     found = await models.file("r", edge.digest, "a.stl")
-    response = await model_answer(request(), models, GzipCache(models.room), "r", found)
+    response = await make_model_answer(request(), models, GzipCache(models.room), "r", found)
     taken = 0
 
     async def send(message: Any) -> None:

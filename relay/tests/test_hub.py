@@ -26,7 +26,7 @@ def event(world: World, edge: Edge, text: str = "jam", state: str = "on", **othe
         **other,
     }
     stamp = edge.stamp(world.now)
-    world.do(world.hub.event("r", "public", json.dumps(doc).encode(), stamp, world.now, UNIX_S))
+    world.do(world.hub.take_event("r", "public", json.dumps(doc).encode(), stamp, world.now, UNIX_S))
 
 
 def test_events_are_numbered_and_the_newest_hundred_are_told_at_join() -> None:
@@ -64,7 +64,7 @@ def test_events_wait_for_a_viewer_that_has_not_drained_and_come_first() -> None:
         event(world, edge, f"fault {n}")
         world.publish(edge)
     assert screen.told("event") == []
-    world.do(world.hub.drained(viewer))
+    world.do(world.hub.resume_viewer(viewer))
     assert [e["n"] for e in screen.told("event")] == [1, 2, 3, 4, 5]
     assert not viewer.blocked
 
@@ -109,7 +109,7 @@ def test_what_is_no_event_is_counted_and_goes_nowhere(payload: bytes) -> None:
     edge = world.on_air()
     _, screen = world.join()
     stamp = edge.stamp(world.now)
-    assert world.hub.event("r", "public", payload, stamp, world.now, UNIX_S) == []
+    assert world.hub.take_event("r", "public", payload, stamp, world.now, UNIX_S) == []
     assert world.hub.outcomes["bad"] == 1
     assert screen.told("event") == []
 
@@ -197,15 +197,15 @@ def test_an_edge_that_went_before_it_answered_is_waited_for_in_peace() -> None:
     """`pass_time` asserts that no tick asks for another one at once."""
     world = World()
     edge = Edge(0xABC, schema(), began_s=world.now - 5.0)
-    world.do(world.hub.token("r", True, world.now))
+    world.do(world.hub.set_token("r", True, world.now))
     world.publish(edge)
     world.pass_time(2.0)
-    world.do(world.hub.token("r", False, world.now))
+    world.do(world.hub.set_token("r", False, world.now))
     world.pass_time(20.0)
     asked = len(world.asked)
     world.pass_time(5.0)
     assert len(world.asked) == asked
-    world.do(world.hub.token("r", True, world.now))
+    world.do(world.hub.set_token("r", True, world.now))
     world.pass_time(0.2)
     assert len(world.asked) == asked + 1
 
@@ -231,7 +231,7 @@ def test_silent_after_a_second_and_a_half_offline_at_once() -> None:
     assert screen.told("status")[-1]["robot"] == "silent"
     assert screen.told("status")[-1]["age_ms"] >= 1500
     before = len(screen.told("status"))
-    world.do(world.hub.token("r", False, world.now))
+    world.do(world.hub.set_token("r", False, world.now))
     assert len(screen.told("status")) == before + 1
     assert screen.told("status")[-1]["robot"] == "offline"
 
@@ -240,7 +240,7 @@ def test_a_viewer_who_joins_a_dead_robot_never_sees_it_online() -> None:
     world = World()
     edge = world.on_air()
     world.run(edge, 1.0)
-    world.do(world.hub.token("r", False, world.now))
+    world.do(world.hub.set_token("r", False, world.now))
     world.pass_time(60.0)
     _, screen = world.join()
     viewer_words = screen.told("status")
@@ -252,7 +252,7 @@ def test_a_viewer_who_joins_a_dead_robot_never_sees_it_online() -> None:
 
 def test_a_robot_that_comes_on_air_is_asked_at_once_and_then_once_a_second() -> None:
     world = World()
-    world.do(world.hub.token("r", True, world.now))
+    world.do(world.hub.set_token("r", True, world.now))
     world.pass_time(0.06)
     assert world.asked == ["r"]
     world.pass_time(3.0)  # no answer yet: its source has not spoken
@@ -296,7 +296,7 @@ def test_changed_info_is_told_at_once_and_alone() -> None:
     screens = [world.join(hz)[1] for hz in (30.0, 0.0)]
     said = b'{"type":"info","kv":{"mode":"walking"}}'
     for stamp in (edge.stamp(world.now), Edge(9, edge.schema).stamp(world.now)):  # the latter: of no run yet
-        world.do(world.hub.event("r", "public", said, stamp, world.now, UNIX_S))
+        world.do(world.hub.take_event("r", "public", said, stamp, world.now, UNIX_S))
         said = said.replace(b"walking", b"flying")
     world.run(edge, 0.5)
     for screen in screens:
@@ -312,7 +312,7 @@ def test_another_model_is_told_at_once_and_alone() -> None:
     digest = "a" * 64
     for stamp in (edge.stamp(world.now), Edge(9, edge.schema).stamp(world.now)):  # the latter: of no run yet
         said = b'{"type":"model","hash":"%s"}' % digest.encode()
-        world.do(world.hub.event("r", "public", said, stamp, world.now, UNIX_S))
+        world.do(world.hub.take_event("r", "public", said, stamp, world.now, UNIX_S))
         digest = "b" * 64
     world.run(edge, 0.5)
     for screen in screens:
@@ -327,8 +327,8 @@ def test_robots_that_only_viewers_named_are_forgotten_with_them() -> None:
     viewers = [world.join(robot=f"x{n}")[0] for n in range(20)]
     assert len(world.hub.robots) == 20
     for viewer in viewers:
-        world.hub.leave(viewer)
-        world.hub.leave(viewer)
+        world.hub.remove_viewer(viewer)
+        world.hub.remove_viewer(viewer)
     assert world.hub.robots == {}
 
 
@@ -338,7 +338,7 @@ def test_a_robot_gone_for_an_hour_is_forgotten_unless_watched() -> None:
     world.on_air(robot="watched")
     viewer, _ = world.join(robot="watched")
     for robot in ("gone", "watched"):
-        world.do(world.hub.token(robot, False, world.now))
+        world.do(world.hub.set_token(robot, False, world.now))
     for _ in range(90):
         world.pass_time(1.0)
         viewer.record_heard(world.now)
@@ -347,8 +347,8 @@ def test_a_robot_gone_for_an_hour_is_forgotten_unless_watched() -> None:
 
 def test_a_robot_that_came_sent_nothing_and_went_is_soon_forgotten() -> None:
     world = World()
-    world.do(world.hub.token("name", True, world.now))
-    world.do(world.hub.token("name", False, world.now))
+    world.do(world.hub.set_token("name", True, world.now))
+    world.do(world.hub.set_token("name", False, world.now))
     world.pass_time(20.0)
     assert world.hub.robots == {}
 
@@ -392,7 +392,7 @@ def test_an_edge_whose_clock_stood_still_is_asked_and_online_again() -> None:
     asked = len(world.asked)
     world.run(edge, 1.0)
     assert len(world.asked) == asked + 1
-    world.hub.snapshot("r", "public", edge.snapshot(), edge.stamp(world.now), world.now, waited_s=0.01)
+    world.hub.take_snapshot("r", "public", edge.snapshot(), edge.stamp(world.now), world.now, waited_s=0.01)
     world.run(edge, 2.0)
     assert [s["robot"] for s in screen.told("status")][-2:] == ["online", "online"]
     assert screen.told("status")[-1]["age_ms"] < 100
@@ -401,7 +401,7 @@ def test_an_edge_whose_clock_stood_still_is_asked_and_online_again() -> None:
 def test_robots_that_never_answer_are_asked_in_turns_and_more_and_more_seldom() -> None:
     world = World()
     for n in range(500):
-        world.do(world.hub.token(f"r{n}", True, world.now))
+        world.do(world.hub.set_token(f"r{n}", True, world.now))
     asked_at = []
     for _ in range(6000):
         before = len(world.asked)
@@ -418,7 +418,7 @@ def test_a_full_relay_forgets_robots_that_are_gone_for_one_that_comes() -> None:
         world.on_air(robot=name)
     newcomer = Edge(0xDEF, schema(), began_s=world.now)
     assert world.publish(newcomer, robot="d") == "crowded"
-    world.do(world.hub.token("b", False, world.now))
+    world.do(world.hub.set_token("b", False, world.now))
     world.pass_time(10.0)
     assert set(world.hub.robots) == {"a", "c"}
     assert world.publish(newcomer, newcomer.frame(world.now, force_key=True), robot="d") == "no schema"

@@ -41,7 +41,7 @@ MODULES = (
     *("viewer.viewer", "viewer.flow_control", "viewer.cadence", "viewer.messages"),
 )
 
-BOUNDARIES = ("guard", "fail")  # where others stop
+BOUNDARIES = ("guard", "end_after_fault")  # where others stop
 
 
 class Injected(Exception):
@@ -87,7 +87,7 @@ class World:
         edge = self.edges[robot]
         payload, stamp = edge.frame(self.now), edge.stamp(self.now)
         try:
-            self.hub.edge_frame(robot, "public", payload, stamp, self.now)
+            self.hub.take_edge_frame(robot, "public", payload, stamp, self.now)
         except Exception as e:
             self.faults.append(Fault(robot, e))
 
@@ -96,7 +96,9 @@ class World:
         edge = self.edges[robot]
         try:
             self.hub.check_snapshot(robot, 500, self.now)
-            self.hub.snapshot(robot, "public", edge.snapshot(), edge.stamp(self.now), self.now, None, 0.01)
+            self.hub.take_snapshot(
+                robot, "public", edge.snapshot(), edge.stamp(self.now), self.now, None, 0.01
+            )
         except ValueError:
             pass
         except Exception as e:
@@ -116,7 +118,7 @@ class World:
         """Six seconds of everything: frames, events, infos, joins, rates, acks, pauses, silence, leaving."""
         hub = self.hub
         for robot in (MINE, OTHER):
-            self.do(hub.token, robot, True, self.now)
+            self.do(hub.set_token, robot, True, self.now)
         for n in range(180):
             self.now += 1 / 30
             self.do(hub.tick, self.now, UNIX_S)
@@ -126,7 +128,7 @@ class World:
             if n == 100:
                 self.do(hub.judge_load, 0.5, self.now)
         for robot in (MINE, OTHER):
-            self.do(hub.token, robot, False, self.now)
+            self.do(hub.set_token, robot, False, self.now)
 
     def step(self, robot: str, n: int) -> None:
         """What one robot and its viewers do in one thirtieth of a second."""
@@ -156,18 +158,18 @@ class World:
             if n == 90 and i == 0:
                 self.do(viewer.pause, self.now)
             if n == 110 and i == 0:
-                self.do(hub.drained, viewer)
+                self.do(hub.resume_viewer, viewer)
             if n == 170 and i == 1:
-                self.do(hub.leave, viewer)
+                self.do(hub.remove_viewer, viewer)
 
     def tell(self, robot: str, doc: dict[str, object]) -> None:
         """An event, info or model from the edge."""
         stamp = self.edges[robot].stamp(self.now)
-        self.do(self.hub.event, robot, "public", json.dumps(doc).encode(), stamp, self.now, UNIX_S)
+        self.do(self.hub.take_event, robot, "public", json.dumps(doc).encode(), stamp, self.now, UNIX_S)
 
     def say(self, viewer: Viewer, doc: dict[str, object]) -> None:
         """A message of a viewer."""
-        self.do(self.hub.message, viewer, json.dumps(doc).encode(), self.now)
+        self.do(self.hub.take_message, viewer, json.dumps(doc).encode(), self.now)
 
     def told(self) -> list[tuple[list[dict[str, Any]], list[object], object, object]]:
         """What the viewers of the other robot were told."""

@@ -22,7 +22,7 @@ class Machine:
         """One second of this; the ceiling after it."""
         self.now += 1.0
         for _ in range(10):
-            self.load.late(lag_s)
+            self.load.record_lag(lag_s)
         self.load.judge(busy, full, 100, fastest_hz, self.now)
         return self.load.ceiling_hz
 
@@ -41,7 +41,7 @@ def test_single_bad_seconds_and_one_long_stop_mean_nothing() -> None:
         assert machine.second(busy=1.0) == NO_CEILING
         assert machine.second() == NO_CEILING
     for lag_s in [0.001] * 5 + [30.0] + [0.001] * 4:
-        machine.load.late(lag_s)
+        machine.load.record_lag(lag_s)
     for _ in range(3):
         assert not machine.load.judge(0.1, 0, 100, 30.0, machine.now)
 
@@ -111,7 +111,7 @@ def test_viewers_are_told_and_served_less_often_then_as_they_asked() -> None:
     assert late_screen.told("hello")[0]["hz"] == 15.0  # taken, not refused
     world.say(slow, type="rate", hz=60)
     assert slow_screen.told("rate")[-1] == {"type": "rate", "hz": 15.0, "reason": "overload"}
-    world.do(world.hub.drained(blocked))
+    world.do(world.hub.resume_viewer(blocked))
     assert blocked_screen.told("rate")[-1]["hz"] == 15.0
     before = len(fast_screen.states)
     overload(world, 0.8, 4, edge)

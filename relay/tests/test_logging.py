@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 from posecast_relay import logging as logs
-from posecast_relay.logging import LINE_MAX, JsonLines, told, visible
+from posecast_relay.logging import LINE_MAX, JsonLines, describe_error, visible
 
 from .stage import Relay, until
 
@@ -72,7 +72,7 @@ def test_a_line_says_what_failed_and_where_and_no_more() -> None:
 def test_the_place_is_the_last_one_of_ours() -> None:
     with pytest.raises(TypeError) as refused:
         visible(None)  # type: ignore[arg-type]
-    assert "(logging.py:" in told(refused.value)
+    assert "(logging.py:" in describe_error(refused.value)
 
 
 FAILS = """

@@ -13,7 +13,7 @@ from websockets.uri import parse_uri
 @pytest.mark.parametrize("size", [0, 1, 125, 126, 127, 65535, 65536, 100_000])
 def test_packed_messages_are_what_the_library_reads(size: int) -> None:
     reader = ClientProtocol(parse_uri("ws://x/"), state=OPEN)
-    reader.receive_data(messages.binary(b"b" * size) + messages.text("t" * size) + messages.PING)
+    reader.receive_data(messages.make_binary(b"b" * size) + messages.make_text("t" * size) + messages.PING)
     read = [event for event in reader.events_received() if isinstance(event, Frame)]
     assert [frame.opcode for frame in read] == [Opcode.BINARY, Opcode.TEXT, Opcode.PING]
     assert [bytes(frame.data) for frame in read] == [b"b" * size, b"t" * size, b""]

@@ -55,16 +55,16 @@ class Mirrored:
         """As the policy shows it to anyone."""
         robot = self.world.hub.robots["r"]
         room = robot.rooms["public"]
-        return {"r": VisibleRobot(room.stream, robot.status(room, self.world.now), self.hz)}
+        return {"r": VisibleRobot(room.stream, robot.compute_status(room, self.world.now), self.hz)}
 
     def look(self, shown: dict[str, VisibleRobot] | None = None, works: bool = True) -> dict[str, NodeChange]:
         """One cycle."""
         found = self.shown() if shown is None else shown
-        changes = self.mirror.changes(found, self.world.now, UNIX_S + self.world.now)
+        changes = self.mirror.find_changes(found, self.world.now, UNIX_S + self.world.now)
         if not works:
-            self.mirror.lost(changes)
+            self.mirror.record_lost(changes)
             return changes
-        self.mirror.wrote(changes)
+        self.mirror.record_written(changes)
         if "r" in changes:
             self.reader.take(changes["r"].node)
         return changes
@@ -121,7 +121,7 @@ def test_a_rate_of_the_policy_is_kept() -> None:
 
 def test_what_is_hidden_is_deleted_and_what_was_found_and_is_not_shown_as_well() -> None:
     at = Mirrored()
-    at.mirror.found(["gone"])
+    at.mirror.record_existing(["gone"])
     assert at.look()["gone"].node is None
     at.look({}, works=False)
     assert at.look({})["r"].node is None  # until it has worked

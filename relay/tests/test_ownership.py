@@ -116,12 +116,12 @@ def test_whatever_it_is_called_nobody_else_writes_it(monkeypatch: pytest.MonkeyP
     for viewer in viewers:
         world.say(viewer, type="ack", n=viewer.sent)
         world.say(viewer, type="rate", hz=12)
-    world.do(world.hub.regrant(viewers[0], grants[1], world.now))
+    world.do(world.hub.replace_grant(viewers[0], grants[1], world.now))
     viewers[1].pause(world.now)
     edge.info = {"a": "b"}
     world.answer(edge)
     world.do(world.hub.judge_load(0.5, world.now))
-    world.do(world.hub.drained(viewers[1]))
+    world.do(world.hub.resume_viewer(viewers[1]))
     world.now += 5.0  # the process stood still
     world.run(edge, 20.0)
     assert world.hub.endings[Close.NO_ACK] + world.hub.endings[Close.HALF_OPEN] == 4

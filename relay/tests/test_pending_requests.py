@@ -71,18 +71,20 @@ async def test_beyond_the_bound_the_heaviest_address_loses_what_was_not_read_for
         under_way.wait(asker, "few", "few", lambda: None)
     for asker in many:
         under_way.wait(asker, "many", "many", lambda: None)
-    under_way.hold(many[0], REQUEST_BYTES)
-    under_way.hold(many[1], REQUEST_BYTES)
-    under_way.hold(many[0], REQUEST_BYTES // 2)  # it has taken some
+    under_way.record_held(many[0], REQUEST_BYTES)
+    under_way.record_held(many[1], REQUEST_BYTES)
+    under_way.record_held(many[0], REQUEST_BYTES // 2)  # it has taken some
     assert under_way.held_bytes == 8.5 * REQUEST_BYTES
-    under_way.hold(few[0], 2 * REQUEST_BYTES)
+    under_way.record_held(few[0], 2 * REQUEST_BYTES)
     assert [asker.was_cut for asker in many] == [False, False, True, False]
     assert not any(asker.was_cut for asker in few)
     assert under_way.held_bytes == 9.5 * REQUEST_BYTES
-    under_way.hold(many[3], 1 + REQUEST_BYTES // 2)  # now `many` is the heavier again, and 3 has just read
+    under_way.record_held(
+        many[3], 1 + REQUEST_BYTES // 2
+    )  # now `many` is the heavier again, and 3 has just read
     assert [asker.was_cut for asker in many] == [False, True, True, False]
     assert under_way.held_bytes <= room
-    under_way.hold(few[0], 20 * REQUEST_BYTES)  # more than there is room for
+    under_way.record_held(few[0], 20 * REQUEST_BYTES)  # more than there is room for
     assert few[0].was_cut
 
 

@@ -72,7 +72,7 @@ def test_a_grant_carries_its_rule() -> None:
     private = POLICY.judge(SOMEBODY, "lab")
     assert isinstance(private, Grant)
     assert not private.open
-    assert POLICY.delays_s() == {("open", "public"): 10.0}
+    assert POLICY.find_delays_s() == {("open", "public"): 10.0}
 
 
 def test_without_a_file_every_public_view_is_open_and_no_other() -> None:
@@ -95,8 +95,8 @@ def test_without_a_file_every_public_view_is_open_and_no_other() -> None:
     ],
 )
 def test_which_pages_may_frame_it(robot: str, pages: tuple[str, ...]) -> None:
-    assert POLICY.frame_ancestors(robot, ["https://listed.example"]) == pages
+    assert POLICY.list_frame_ancestors(robot, ["https://listed.example"]) == pages
 
 
 def test_without_a_file_any_page_may_frame_any_robot() -> None:
-    assert Policy().frame_ancestors("", ["https://listed.example"]) == ("*",)
+    assert Policy().list_frame_ancestors("", ["https://listed.example"]) == ("*",)

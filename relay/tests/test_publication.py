@@ -62,8 +62,8 @@ def test_viewers_are_capped_by_audience_and_leave_room_when_they_go() -> None:
     assert second.ended[0] is Close.FULL
     _, other = join(world, grant(viewers=1, by=Audience.LINK))
     assert other.ended is None
-    world.hub.leave(first)
-    world.hub.leave(first)
+    world.hub.remove_viewer(first)
+    world.hub.remove_viewer(first)
     _, third = join(world, grant(viewers=1))
     assert third.ended is None
 
@@ -72,12 +72,12 @@ def test_a_grant_that_changes_is_told() -> None:
     world = World()
     world.on_air()
     viewer, screen = join(world, grant())
-    world.do(world.hub.regrant(viewer, grant(hz=10.0), world.now))
+    world.do(world.hub.replace_grant(viewer, grant(hz=10.0), world.now))
     assert screen.told("rate")[-1] == {"type": "rate", "hz": 10.0, "reason": "limit"}
-    world.do(world.hub.regrant(viewer, grant(hz=60.0), world.now))
+    world.do(world.hub.replace_grant(viewer, grant(hz=60.0), world.now))
     world.say(viewer, type="rate", hz=60)
     assert screen.told("rate")[-1]["hz"] == 60.0
-    world.do(world.hub.regrant(viewer, grant(view="lab"), world.now))
+    world.do(world.hub.replace_grant(viewer, grant(view="lab"), world.now))
     assert screen.ended is not None
     assert screen.ended[0] is Close.AGE_LIMIT
 

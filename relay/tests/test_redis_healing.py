@@ -227,7 +227,7 @@ async def test_redis_that_is_loading_is_told_once_and_survived(
         await asyncio.to_thread(server.kill)
         await park.says("STALE relay degraded")
         server.launch()
-        await park.until("it loads", lambda: park.gateway.store.trouble() == "redis: BusyLoadingError")
+        await park.until("it loads", lambda: park.gateway.store.find_trouble() == "redis: BusyLoadingError")
         await park.is_live()
         lines = [record.getMessage() for record in caplog.records]
         assert len([line for line in lines if "loading the dataset" in line]) <= 2, lines

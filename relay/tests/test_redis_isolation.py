@@ -47,32 +47,32 @@ def always(*_args: Any, **_: Any) -> bool:
 
 Place = tuple[Any, str, Callable[..., bool]]
 AT_THE_GATEWAY: list[Place] = [
-    (RedisGateway, "_tell", of_robot),
-    (RedisGateway, "_taken", of_robot),
-    (RedisGateway, "_judge", of_robot),
-    (RedisGateway, "_look_after", of_robot),
+    (RedisGateway, "_read_message", of_robot),
+    (RedisGateway, "_take_states", of_robot),
+    (RedisGateway, "_judge_silence", of_robot),
+    (RedisGateway, "_maintain", of_robot),
     (RedisGateway, "_watch_pinned", always),
     (RedisGateway, "_exchange", always),
     (RedisSubscriber, "_ask", of_robot),
-    (ReplicaFeed, "update", of_robot),
-    (ReplicaFeed, "state", of_robot),
-    (ReplicaFeed, "standing", of_robot),
-    (ReplicaFeed, "counted", of_robot),
-    (ReplicaFeed, "event", of_robot),
-    (Hub, "frame", of_robot),
-    (Hub, "snapshot", of_robot),
+    (ReplicaFeed, "take_update", of_robot),
+    (ReplicaFeed, "take_state", of_robot),
+    (ReplicaFeed, "take_presence", of_robot),
+    (ReplicaFeed, "set_generation", of_robot),
+    (ReplicaFeed, "take_event", of_robot),
+    (Hub, "take_frame", of_robot),
+    (Hub, "take_snapshot", of_robot),
     (Stream, "append_numbered", of_robot),
 ]
 AT_THE_INGEST: list[Place] = [
-    (redis_store, "state_call", of_robot),
-    (redis_store, "standing_call", of_robot),
+    (redis_store, "make_state_call", of_robot),
+    (redis_store, "make_presence_call", of_robot),
     (redis_store, "unpack_events", always),
     (RedisStore, "_is_current", of_robot),
-    (RedisStore, "_hears", of_robot),
+    (RedisStore, "_hears_frames", of_robot),
     (RedisStore, "_resume_from", of_robot),
     (RedisStore, "_judge", of_robot),
     (RedisDirectory, "exchange", always),
-    (Stream, "resume", of_robot),
+    (Stream, "resume_events", of_robot),
 ]
 
 
@@ -115,7 +115,7 @@ def test_a_fault_at_one_robot_is_no_other_robots(
         patch.setattr(of, name, raising(of, name, where, hits))
         for room in ingest.hub.robots[HURT].rooms.values():
             doc: dict[str, object] = {"type": "event", "text": "jam"}
-            ingest.dispatcher.carry_out(ingest.hub.tell_all(room, doc, 1.0))
+            ingest.dispatcher.carry_out(ingest.hub.announce_event(room, doc, 1.0))
         history.wait(1.0)
         # what is done only now and then is done now
         for room in ingest.hub.robots[HURT].rooms.values():
@@ -123,7 +123,7 @@ def test_a_fault_at_one_robot_is_no_other_robots(
             room.stream.version += 1
         history.redis.lose(f"posecast:{{{HURT}}}:writer")
         ingest.store._superseded[HURT] = 0.0
-        gateway.store._listen_anew(HURT)
+        gateway.store._plan_subscription(HURT)
         history.wait(FAULTY_S)
     assert hits, "it was never called"
     assert {shown.word for shown in page.shown[said:]} == {"LIVE"}
@@ -158,8 +158,8 @@ def test_a_reader_that_fails_begins_anew(history: History, monkeypatch: pytest.M
     store = history.fleet.gateways[0].store
     hits: list[str] = []
     with monkeypatch.context() as patch:
-        patch.setattr(RedisGateway, "_next", raising(RedisGateway, "_next", always, hits))
-        store._listen_anew(HURT)
+        patch.setattr(RedisGateway, "_take_next", raising(RedisGateway, "_take_next", always, hits))
+        store._plan_subscription(HURT)
         history.wait(1.0)
     assert hits
     history.wait(2.0)

@@ -35,7 +35,7 @@ def test_events_come_once_and_in_their_order(world: World) -> None:
     said = ReplicaFeed(world.hub)
     _, screen = world.join()
     for n in (1, 2, 2, 1, 3):
-        world.do(said.event("r", "public", "a", told(n)))
+        world.do(said.take_event("r", "public", "a", told(n)))
     assert numbers(screen) == [1, 2, 3]
     _, late = world.join()
     assert numbers(late) == [1, 2, 3]
@@ -45,8 +45,8 @@ def test_another_count_begins_again_and_leaves_nothing_of_the_one_before(world: 
     said = ReplicaFeed(world.hub)
     _, screen = world.join()
     for n in range(1, 18):
-        world.do(said.event("r", "public", "a", told(n)))
-    world.do(said.event("r", "public", "b", told(1, "after the restart")))
+        world.do(said.take_event("r", "public", "a", told(n)))
+    world.do(said.take_event("r", "public", "b", told(1, "after the restart")))
     assert numbers(screen) == [*range(1, 18), 1]
     _, late = world.join()
     assert [(e["n"], e["text"]) for e in late.told("event")] == [(1, "after the restart")]
@@ -57,14 +57,14 @@ def test_what_is_no_numbered_event_changes_nothing(world: World, text: str) -> N
     said = ReplicaFeed(world.hub)
     _, screen = world.join()
     with pytest.raises(ValueError, match=r"."):
-        said.event("r", "public", "", text)
+        said.take_event("r", "public", "", text)
     assert screen.told("event") == []
 
 
 def test_an_event_of_a_view_too_many_is_left_out(world: World) -> None:
     said = ReplicaFeed(world.hub)
     for n in range(world.limits.views + 3):
-        world.do(said.event("r", f"view{n}", "a", told(1)))
+        world.do(said.take_event("r", f"view{n}", "a", told(1)))
     assert len(world.hub.robots["r"].rooms) == world.limits.views
 
 
@@ -73,14 +73,14 @@ def test_degraded_is_told_once_and_taken_back(world: World) -> None:
     _, screen = world.join()
     before = len(screen.texts)
     for _ in range(3):
-        world.do(said.degrade(True, world.now))
+        world.do(said.set_degraded(True, world.now))
     assert [doc.get("degraded") for doc in screen.texts[before:]] == [True]
     _, late = world.join()
     assert late.told("status")[0]["degraded"] is True
-    world.do(said.degrade(True, world.now, "r"))  # by one more reason
-    world.do(said.degrade(False, world.now))
+    world.do(said.set_degraded(True, world.now, "r"))  # by one more reason
+    world.do(said.set_degraded(False, world.now))
     assert screen.told("status")[-1]["degraded"] is True
-    world.do(said.degrade(False, world.now, "r"))
+    world.do(said.set_degraded(False, world.now, "r"))
     assert "degraded" not in screen.told("status")[-1]
 
 
@@ -108,7 +108,7 @@ class Far:
     def __init__(self) -> None:
         self.world = World()
         self.said = ReplicaFeed(self.world.hub)
-        self.said.listen("r")
+        self.said.get_source("r")
         self.edge = Edge(0xE, schema(), began_s=self.world.now)
         self.key = self.edge.frame(self.world.now)
         _, self.screen = self.world.join()
@@ -120,18 +120,18 @@ class Far:
 
     def reads(self, found: StreamState, told: Presence | None = None, under_way_s: float = 0.0) -> None:
         """What the store holds, and what was told last."""
-        self.said.counted("r", found.generation, self.said.listen("r").generation)
-        self.world.do(self.said.state("r", "public", found, self.now))
+        self.said.set_generation("r", found.generation, self.said.get_source("r").generation)
+        self.world.do(self.said.take_state("r", "public", found, self.now))
         if told is not None:
-            self.world.do(self.said.standing("r", told, under_way_s, self.now))
+            self.world.do(self.said.take_presence("r", told, under_way_s, self.now))
         self.world.flush()
 
     def hears(self, said: StreamUpdate | Presence, under_way_s: float | None = 0.0) -> None:
         """A message of the robot's channel."""
         if isinstance(said, Presence):
-            self.world.do(self.said.standing("r", said, under_way_s, self.now))
+            self.world.do(self.said.take_presence("r", said, under_way_s, self.now))
         else:
-            self.world.do(self.said.update("r", said, under_way_s, self.now))
+            self.world.do(self.said.take_update("r", said, under_way_s, self.now))
         self.world.flush()
 
     def status(self) -> dict[str, Any]:
@@ -159,10 +159,10 @@ def test_a_standing_that_is_read_again_says_nothing_new() -> None:
     far.reads(state(far.edge), told)
     assert far.status()["robot"] == "online"
     far.world.pass_time(3.0)
-    heard_at = far.said.listen("r").told_at
+    heard_at = far.said.get_source("r").told_at
     far.reads(state(far.edge), told)
     assert far.status()["robot"] == "silent"
-    assert far.said.listen("r").told_at == heard_at
+    assert far.said.get_source("r").told_at == heard_at
 
 
 def test_an_age_says_nothing_of_an_older_frame_than_the_one_it_was_told_of() -> None:
@@ -232,10 +232,10 @@ def test_after_an_outage_nothing_from_before_it_is_shown_as_live() -> None:
     far.reads(state(far.edge), standing(far.edge, 0.0))
     far.hears(update(far.edge, far.now, far.edge.frame(far.now)))
     assert far.status()["robot"] == "online"
-    far.world.do(far.said.lost(far.now))
+    far.world.do(far.said.mark_disconnected(far.now))
     assert far.status()["degraded"] is True
     far.world.pass_time(0.4)  # a pose is not stale yet
-    far.world.do(far.said.found(far.now))
+    far.world.do(far.said.mark_connected(far.now))
     assert far.status()["degraded"] is True
     far.hears(standing(far.edge, 0.4))  # of the very frame that stands here
     assert far.status()["degraded"] is True
@@ -250,8 +250,8 @@ def test_after_an_outage_nothing_from_before_it_is_shown_as_live() -> None:
 def test_after_an_outage_a_robot_that_sends_nothing_is_said_to_be_silent(told: str) -> None:
     far = Far()
     far.reads(state(far.edge), standing(far.edge, 0.0))
-    far.world.do(far.said.lost(far.now))
-    far.world.do(far.said.found(far.now))
+    far.world.do(far.said.mark_disconnected(far.now))
+    far.world.do(far.said.mark_connected(far.now))
     age_s = {"too old": 3.0, "never": None, "gone": 3.0}[told]
     far.hears(standing(far.edge, age_s, token=told != "gone"))
     assert "degraded" not in far.status()
@@ -261,10 +261,10 @@ def test_after_an_outage_a_robot_that_sends_nothing_is_said_to_be_silent(told: s
 def test_after_an_outage_a_newer_picture_of_which_the_age_is_told_is_news() -> None:
     far = Far()
     far.reads(state(far.edge), standing(far.edge, 0.0))
-    far.world.do(far.said.lost(far.now))
+    far.world.do(far.said.mark_disconnected(far.now))
     far.world.pass_time(3.0)
     far.reads(state(far.edge, newest=far.edge.frame(far.now)), standing(far.edge, 0.1))
-    far.world.do(far.said.found(far.now))
+    far.world.do(far.said.mark_connected(far.now))
     assert (far.status()["robot"], far.status()["seq"]) == ("online", far.edge.seq)
     assert far.screen.states[-1].seq == far.edge.seq
 
@@ -290,9 +290,9 @@ def test_a_view_that_the_newest_run_does_not_send_changes_no_run() -> None:
     far = Far()
     other = Edge(0xF, schema(), began_s=far.now)
     other.frame(far.now)
-    far.said.counted("r", 6, 0)
-    far.world.do(far.said.state("r", "public", state(other, 6), far.now))
-    far.world.do(far.said.state("r", "old", state(far.edge, 5), far.now))
+    far.said.set_generation("r", 6, 0)
+    far.world.do(far.said.take_state("r", "public", state(other, 6), far.now))
+    far.world.do(far.said.take_state("r", "old", state(far.edge, 5), far.now))
     assert far.world.hub.robots["r"].runs.current == 0xF
 
 
@@ -310,19 +310,19 @@ def test_what_only_an_answer_brought_takes_the_place_of_no_pose() -> None:
 def test_a_store_that_has_lost_count_is_believed() -> None:
     """But not an answer that a message has overtaken."""
     said = ReplicaFeed(World().hub)
-    said.listen("r").generation = 9
-    said.counted("r", 8, asked=7)
-    assert said.listen("r").generation == 9
-    said.counted("r", 3, asked=9)
-    assert said.listen("r").generation == 3
+    said.get_source("r").generation = 9
+    said.set_generation("r", 8, asked=7)
+    assert said.get_source("r").generation == 9
+    said.set_generation("r", 3, asked=9)
+    assert said.get_source("r").generation == 3
 
 
 def test_what_is_lacking_is_asked_for_at_once_and_then_not_too_often() -> None:
     far = Far()
-    assert far.said.lacks("nobody", far.now) == []
+    assert far.said.request_state("nobody", far.now) == []
 
     def asks() -> bool:
-        return any(isinstance(action, RequestSnapshot) for action in far.said.lacks("r", far.now))
+        return any(isinstance(action, RequestSnapshot) for action in far.said.request_state("r", far.now))
 
     assert asks()
     assert not asks()
@@ -338,17 +338,17 @@ def test_what_is_lacking_is_asked_for_at_once_and_then_not_too_often() -> None:
 def test_nobody_hears_the_robot_any_more() -> None:
     far = Far()
     far.reads(state(far.edge), standing(far.edge, 0.0))
-    far.world.do(far.said.degrade(True, far.now, "r"))
-    far.world.do(far.said.gone("r", far.now))
+    far.world.do(far.said.set_degraded(True, far.now, "r"))
+    far.world.do(far.said.clear_token("r", far.now))
     assert (far.status()["robot"], far.status().get("degraded")) == ("offline", None)
 
 
 def test_a_watched_robot_is_not_forgotten(world: World) -> None:
     said = ReplicaFeed(world.hub)
     viewer, _ = world.join()
-    said.forget("r")
-    said.forget("nobody")
+    said.forget_robot("r")
+    said.forget_robot("nobody")
     assert "r" in world.hub.robots
-    world.hub.leave(viewer)
-    said.forget("r")
+    world.hub.remove_viewer(viewer)
+    said.forget_robot("r")
     assert world.hub.robots == {}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from posecast_relay.streaming.request import BadRequest, NoSuchStream, StreamRequest, bearer, read_target
+from posecast_relay.streaming.request import BadRequest, NoSuchStream, StreamRequest, read_bearer, read_target
 
 LIVE = "/api/v1/robots/r/live"
 
@@ -59,4 +59,4 @@ def test_too_many_parameters() -> None:
     ("header", "token"), [("Bearer x", "x"), ("bearer  x ", "x"), ("Basic x", None), ("Bearer", None)]
 )
 def test_tokens(header: str, token: str | None) -> None:
-    assert bearer(header) == token
+    assert read_bearer(header) == token

@@ -32,13 +32,13 @@ async def test_the_slow_go_and_in_a_crowd_the_oldest_go_sooner() -> None:
     unasked = RequestTimeouts(lambda: now[0], cut.append)
     lines = [Line() for _ in range(CROWD + 7)]
     for line in lines:
-        unasked.came(cast(Any, line))
-    unasked.asked(cast(Any, lines[0]))  # it asked
+        unasked.start(cast(Any, line))
+    unasked.stop(cast(Any, lines[0]))  # it asked
     now[0] += HURRIED_S + 0.1
     await asyncio.sleep(2 * SWEEP_S)
     assert [n for n, line in enumerate(lines) if line.aborted] == [1, 2, 3, 4, 5, 6]
     for line in lines[7:57]:
-        unasked.asked(cast(Any, line))
+        unasked.stop(cast(Any, line))
     now[0] += ASK_S
     await asyncio.sleep(2 * SWEEP_S)
     assert [line.aborted for line in lines] == [False] + [True] * 6 + [False] * 50 + [True] * (CROWD - 50)

@@ -131,4 +131,4 @@ def test_share_links_are_made_and_ended(tmp_path: Path) -> None:
     assert read_link(again, keys, now_s) is not None
     robots(path, "unlink", "hubo")
     assert read_link(again, read_robots(path).link_keys(), now_s) is None
-    assert read_robots(path).policy().of("hubo")[Audience.LINK] == Rule("lab")
+    assert read_robots(path).policy().find_rules("hubo")[Audience.LINK] == Rule("lab")

@@ -45,11 +45,11 @@ def test_who_may_watch(tmp_path: Path) -> None:
         viewers = 0
         """
     policy = read_robots(write(tmp_path, text)).policy()
-    assert policy.of("hubo") == {
+    assert policy.find_rules("hubo") == {
         Audience.ANYONE: Rule(frames=("https://course.example", "http://10.0.0.5:8000")),
         Audience.SIGNED_IN: Rule("lab", 10.0, 0.5, 0),
     }
-    assert policy.of("g1") == {}
+    assert policy.find_rules("g1") == {}
 
 
 def test_an_empty_file_lets_nobody_in(tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ from posecast_wire import Stamp
 
 def hear(runs: Runs, run_id: int, now: float) -> None:
     """A frame of the current run."""
-    runs.arrived(Stamp(run_id, round(now * 1e9)), now)
+    runs.record_arrival(Stamp(run_id, round(now * 1e9)), now)
 
 
 def test_the_newest_run_wins_and_the_one_before_stays_retired() -> None:
@@ -28,12 +28,12 @@ def test_a_retired_run_that_goes_on_is_a_conflict_for_a_while() -> None:
     runs.adopt(2, 10.0)
     hear(runs, 2, 10.4)
     assert runs.is_retired(1, 10.5)  # was still on its way
-    assert not runs.conflict(10.5)
+    assert not runs.is_in_conflict(10.5)
     hear(runs, 2, 11.9)
     assert runs.is_retired(1, 12.0)
-    assert runs.conflict(12.0)
-    assert runs.conflict(14.9)
-    assert not runs.conflict(15.1)
+    assert runs.is_in_conflict(12.0)
+    assert runs.is_in_conflict(14.9)
+    assert not runs.is_in_conflict(15.1)
 
 
 def test_a_run_returns_when_the_newer_one_has_ended() -> None:
@@ -71,14 +71,14 @@ def test_retired_runs_are_bounded() -> None:
 def test_a_new_run_has_its_own_minimum() -> None:
     runs = Runs()
     runs.adopt(1, 0.0)
-    runs.arrived(Stamp(1, 0), 0.0)
+    runs.record_arrival(Stamp(1, 0), 0.0)
     runs.adopt(2, 50.0)
-    assert runs.arrived(Stamp(2, 0), 50.0) == 0.0
+    assert runs.record_arrival(Stamp(2, 0), 50.0) == 0.0
 
 
 def test_an_answer_of_another_run_says_nothing_of_this_ones_clock() -> None:
     runs = Runs()
     runs.adopt(1, 0.0)
-    runs.arrived(Stamp(1, 0), 0.0)
-    runs.answered(Stamp(2, 0), 0.0, 60.0)
-    assert runs.arrived(Stamp(1, 10 * 10**9), 70.0) > 59.0
+    runs.record_arrival(Stamp(1, 0), 0.0)
+    runs.record_answer(Stamp(2, 0), 0.0, 60.0)
+    assert runs.record_arrival(Stamp(1, 10 * 10**9), 70.0) > 59.0

@@ -29,7 +29,7 @@ class Story:
     seen: dict[Screen, int] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        self.world.do(self.world.hub.token("r", True, self.world.now))
+        self.world.do(self.world.hub.set_token("r", True, self.world.now))
         self.restart(0, 0)
 
     def restart(self, which: int, ref_every: int) -> None:
@@ -55,7 +55,7 @@ class Story:
 
     def check(self) -> None:
         """What was written since the last look is the newest state there is, true to the robot."""
-        newest = self.world.hub.robots["r"].room("public").stream.newest
+        newest = self.world.hub.robots["r"].get_room("public").stream.newest
         for _, screen in self.watching:
             if len(screen.states) == self.seen.get(screen, 0):
                 continue
@@ -103,12 +103,12 @@ def play(story: Story, name: str, args: tuple[object, ...]) -> None:
             world = story.world
             viewer.record_heard(world.now)
             if name == "leave":
-                world.hub.leave(viewer)
+                world.hub.remove_viewer(viewer)
                 story.watching.remove(found)
             elif name == "pause":
                 viewer.pause(world.now)
             elif name == "drain":
-                world.do(world.hub.drained(viewer))
+                world.do(world.hub.resume_viewer(viewer))
             elif name == "ack" and viewer in world.hub.viewers:
                 world.say(viewer, type="ack", n=viewer.sent)
             elif name == "rate" and viewer in world.hub.viewers:
@@ -128,11 +128,11 @@ def test_every_delivered_frame_decodes_to_the_newest_state(steps: list[tuple[obj
     world = story.world
     for viewer, screen in story.watching:
         if viewer in world.hub.viewers:
-            world.do(world.hub.drained(viewer))
+            world.do(world.hub.resume_viewer(viewer))
             viewer.record_heard(world.now)
             if viewer.acks:
                 viewer.record_ack(viewer.sent, world.now)
-                world.do(world.hub.drained(viewer))
+                world.do(world.hub.resume_viewer(viewer))
             assert screen.was_cut is None
     story.pass_time(1.01)
     for viewer, screen in story.watching:
@@ -170,7 +170,7 @@ def test_a_viewer_that_drains_late_gets_the_newest_within_a_period() -> None:
     viewer.pause(world.now)
     world.run(edge, 1.0)
     assert screen.states[-1].seq == 0
-    world.do(world.hub.drained(viewer))
+    world.do(world.hub.resume_viewer(viewer))
     world.pass_time(0.101)
     assert screen.states[-1].seq == edge.seq
 
@@ -206,7 +206,7 @@ def test_a_join_is_one_write_in_order() -> None:
     edge.info, edge.model = {"mode": "walking"}, "0" * 64
     world.answer(edge)
     world.do(
-        world.hub.event(
+        world.hub.take_event(
             "r",
             "public",
             b'{"type":"event","t":1.5,"level":"fault","source":"RKN","text":"jam","state":"on"}',
@@ -230,7 +230,7 @@ def test_one_frame_is_packed_once_for_all() -> None:
     viewers = [world.join() for _ in range(50)]
     world.run(edge, 0.2)
     world.pass_time(1 / 30)
-    world.hub.frame("r", "public", edge.frame(world.now), edge.stamp(world.now), world.now)
+    world.hub.take_frame("r", "public", edge.frame(world.now), edge.stamp(world.now), world.now)
     sends = [a for a in world.hub.flush(world.now, 0.0) if isinstance(a, Send)]
     assert [len(s.viewers) for s in sends] == [len(viewers)]
     newest = world.hub.robots["r"].rooms["public"].stream.newest

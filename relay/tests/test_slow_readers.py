@@ -72,7 +72,7 @@ def on_air(world: World, joints: int, events: int, event_text: int) -> Edge:
         doc = {"type": "event", "t": 1.0, "level": "fault", "source": f"joint_{i}", "state": "on"}
         doc["text"] = "x" * event_text
         said = json.dumps(doc).encode()
-        world.do(world.hub.event("r", "public", said, edge.stamp(world.now), world.now, UNIX_S))
+        world.do(world.hub.take_event("r", "public", said, edge.stamp(world.now), world.now, UNIX_S))
     return edge
 
 
@@ -90,7 +90,7 @@ def go_on(world: World, edge: Edge, viewer: Viewer, line: Line, seconds: float) 
         if viewer.paused_at is None and line.waiting > line.buffer_bytes:
             viewer.pause(world.now)
         elif viewer.paused_at is not None and line.waiting <= line.buffer_bytes:
-            world.do(world.hub.drained(viewer))
+            world.do(world.hub.resume_viewer(viewer))
         world.pass_time(STEP_S)
         if line.was_cut is None:
             line.read(world, viewer, STEP_S)

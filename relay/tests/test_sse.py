@@ -55,16 +55,16 @@ def test_a_decoded_frame_is_made_once_for_all_and_needs_no_bases() -> None:
     form, newest = JsonEncoding(DecodeCache()), stream.newest
     assert newest is not None
     assert newest.ref is not None
-    whole = stream.described(-1) + newest.key.packed + newest.ref.packed + newest.packed  # type: ignore[union-attr]
-    found = [(op, json.loads(payload)) for op, payload in split(form.of(whole, stream))]
+    whole = stream.make_description(-1) + newest.key.packed + newest.ref.packed + newest.packed  # type: ignore[union-attr]
+    found = [(op, json.loads(payload)) for op, payload in split(form.encode(whole, stream))]
     assert [(op, doc["type"]) for op, doc in found] == [(1, "schema"), (1, "frame")]
     assert found[1][1] == {
         "type": "frame", "seq": edge.seq, "t": round(newest.t_s, 6),
         "values": {"pos": [1.5, None], "flags": [3, 0]},
     }  # fmt: skip
-    once = form.of(newest.packed, stream)
-    assert form.of(newest.packed, stream) is once
-    assert form.of(messages.PING, stream) == messages.PING
+    once = form.encode(newest.packed, stream)
+    assert form.encode(newest.packed, stream) is once
+    assert form.encode(messages.PING, stream) == messages.PING
 
 
 def test_frames_that_do_not_decode_are_left_out_and_the_next_good_one_is_read() -> None:
@@ -74,9 +74,9 @@ def test_frames_that_do_not_decode_are_left_out_and_the_next_good_one_is_read() 
     decoded = DecodeCache()
     good = edge.frame(world.now)
     world.publish(edge, good[:-1] if len(good) > 8 else good + b"\x80")
-    assert decoded.text(stream) is None
+    assert decoded.make_text(stream) is None
     world.publish(edge)
-    text = decoded.text(stream)
+    text = decoded.make_text(stream)
     assert text is not None
     assert json.loads(text)["seq"] == edge.seq
 
@@ -85,9 +85,13 @@ def test_every_message_becomes_an_event_named_by_its_type() -> None:
     world = World()
     edge = world.on_air()
     stream = world.hub.robots["r"].rooms["public"].stream
-    data = messages.status("online", 12, 3) + messages.text('{"type":"x",\n"a":"b\u2028"}') + messages.PING
+    data = (
+        messages.make_status("online", 12, 3)
+        + messages.make_text('{"type":"x",\n"a":"b\u2028"}')
+        + messages.PING
+    )
     assert stream.newest is not None
-    events = parse_events(EventStreamEncoding().of(data + stream.newest.packed, stream).decode())
+    events = parse_events(EventStreamEncoding().encode(data + stream.newest.packed, stream).decode())
     assert [name for name, _ in events] == ["status", "x", "frame"]
     assert json.loads(events[1][1]) == {"type": "x", "a": "b\u2028"}
     assert base64.b64decode(events[2][1]) == stream.newest.payload

@@ -107,7 +107,7 @@ def test_a_snapshot_is_no_sign_of_life() -> None:
     world = World()
     edge = Edge(7, schema(), began_s=world.now)
     edge.frame(world.now)
-    world.do(world.hub.token("r", True, world.now))
+    world.do(world.hub.set_token("r", True, world.now))
     world.answer(edge)
     _, screen = world.join()
     assert screen.states[-1].codes == tuple(edge.codes)
@@ -179,17 +179,17 @@ def test_age_counts_the_time_under_way() -> None:
     world.pass_time(0.1)
     payload, stamp = edge.frame(world.now), edge.stamp(world.now)
     world.pass_time(2.0)  # held up
-    world.hub.frame("r", "public", payload, stamp, world.now)
+    world.hub.take_frame("r", "public", payload, stamp, world.now)
     stream = world.hub.robots["r"].rooms["public"].stream
-    assert stream.age_s(world.now) == pytest.approx(2.0, abs=0.01)
+    assert stream.compute_age_s(world.now) == pytest.approx(2.0, abs=0.01)
 
 
 def test_more_robots_or_views_than_allowed_are_dropped_and_counted() -> None:
     world = World(Limits(robots=2, views=1))
     edge = Edge(1, schema(), began_s=world.now)
     for robot in ("a", "b", "c"):
-        world.hub.frame(robot, "public", edge.frame(world.now), edge.stamp(world.now), world.now)
-    world.hub.frame("a", "second", edge.frame(world.now), edge.stamp(world.now), world.now)
+        world.hub.take_frame(robot, "public", edge.frame(world.now), edge.stamp(world.now), world.now)
+    world.hub.take_frame("a", "second", edge.frame(world.now), edge.stamp(world.now), world.now)
     assert world.hub.outcomes["crowded"] == 2
     assert set(world.hub.robots) == {"a", "b"}
 
@@ -208,48 +208,48 @@ def told(stream: Stream) -> list[tuple[int, str]]:
 def test_a_restarted_process_counts_on_from_where_the_one_before_stopped() -> None:
     before, after = (Stream("r", "public", Limits()) for _ in range(2))
     for text in "abc":
-        before.number(event(text), 1.0)
-    after.number(event("d"), 2.0)
-    after.resume("p", [kept.text for kept in before.events])
+        before.number_event(event(text), 1.0)
+    after.number_event(event("d"), 2.0)
+    after.resume_events("p", [kept.text for kept in before.events])
     assert told(after) == [(1, "a"), (2, "b"), (3, "c"), (4, "d")]
     assert after.numbering == "p"
-    assert after.number(event("e"), 3.0).n == 5
+    assert after.number_event(event("e"), 3.0).n == 5
 
 
 def test_who_takes_over_tells_nothing_twice() -> None:
     """Both hear the robot, one tells; what only the other heard comes after."""
     first, second = (Stream("r", "public", Limits()) for _ in range(2))
     for text in "ab":
-        first.number(event(text), 1.0)
-        second.number(event(text), 1.1)
-    second.resume("p", [kept.text for kept in first.events])
+        first.number_event(event(text), 1.0)
+        second.number_event(event(text), 1.1)
+    second.resume_events("p", [kept.text for kept in first.events])
     assert told(second) == [(1, "a"), (2, "b")]
     for text in "cd":
-        first.number(event(text), 2.0)
-        second.number(event(text), 2.1)
-    second.number(event("e"), 3.0)  # the first one is gone by now
-    second.resume("p", [kept.text for kept in first.events], told_n=2)
+        first.number_event(event(text), 2.0)
+        second.number_event(event(text), 2.1)
+    second.number_event(event("e"), 3.0)  # the first one is gone by now
+    second.resume_events("p", [kept.text for kept in first.events], told_n=2)
     assert told(second) == list(zip(range(1, 6), "abcde", strict=True))
 
 
 def test_events_told_long_ago_are_not_told_again() -> None:
     mine = Stream("r", "public", Limits())
     for text in "ab":
-        mine.number(event(text), 1.0)
+        mine.number_event(event(text), 1.0)
     theirs = [json.dumps(event(str(n)) | {"n": n, "at": 2.0}) for n in range(50, 150)]
-    mine.resume("p", theirs, told_n=2)
+    mine.resume_events("p", theirs, told_n=2)
     assert told(mine) == [(n, str(n)) for n in range(50, 150)]
 
 
 def test_whoever_kept_no_event_changes_no_number_and_broken_ones_change_nothing() -> None:
     stream = Stream("r", "public", Limits())
     for text in "ab":
-        stream.number(event(text), 1.0)
-    stream.resume("p", [])
+        stream.number_event(event(text), 1.0)
+    stream.resume_events("p", [])
     assert (told(stream), stream.numbering) == ([(1, "a"), (2, "b")], "p")
     for broken in ("", "[]", '{"n":"x"}', '{"text":"without"}'):
         with pytest.raises(ValueError, match=r"."):
-            stream.resume("q", ['{"n":1,"text":"sound"}', broken])
+            stream.resume_events("q", ['{"n":1,"text":"sound"}', broken])
     assert (told(stream), stream.numbering) == ([(1, "a"), (2, "b")], "p")
 
 
@@ -260,7 +260,7 @@ def test_long_schemas_have_one_bound_over_all_robots() -> None:
     screens = []
     for n in range(4):
         edge = Edge(0xABC, wide, began_s=world.now - 5.0)
-        world.do(world.hub.token(f"r{n}", True, world.now))
+        world.do(world.hub.set_token(f"r{n}", True, world.now))
         world.publish(edge, robot=f"r{n}")
         try:
             world.answer(edge, f"r{n}")

@@ -109,7 +109,7 @@ def test_the_pose_comes_before_what_has_happened_and_pings_lie_between() -> None
     for _ in range(100):
         doc = {"type": "event", "t": 1.0, "level": "fault", "source": "RKN", "text": "x" * 80, "state": "on"}
         said = json.dumps(doc).encode()
-        world.do(world.hub.event("r", "public", said, edge.stamp(world.now), world.now, 0.0))
+        world.do(world.hub.take_event("r", "public", said, edge.stamp(world.now), world.now, 0.0))
     _, screen = world.join(10.0)
     assert screen.writes == 1
     assert [text["type"] for text in screen.texts] == ["hello", "status", "schema", *["event"] * 100]
@@ -191,12 +191,12 @@ def test_a_relay_that_stood_still_blames_no_viewer() -> None:
 def test_what_a_viewer_may_not_say(payload: bytes, close: Close) -> None:
     world = World()
     viewer, screen = world.join()
-    world.do(world.hub.message(viewer, payload, world.now))
+    world.do(world.hub.take_message(viewer, payload, world.now))
     assert screen.ended is not None
     assert screen.ended[0] is close
     assert viewer not in world.hub.viewers
     assert world.hub.endings[close] == 1
-    assert world.hub.message(viewer, b'{"type":"ping","t":1}', world.now) == []
+    assert world.hub.take_message(viewer, b'{"type":"ping","t":1}', world.now) == []
 
 
 def test_too_many_messages() -> None:
@@ -243,7 +243,7 @@ def test_the_next_one_is_told_that_the_relay_is_full() -> None:
     _, screen = world.join()
     assert screen.ended == (Close.FULL, "as many viewers as this relay takes", 30.0)
     assert screen.texts == []
-    world.hub.leave(first)
+    world.hub.remove_viewer(first)
     _, screen = world.join()
     assert screen.ended is None
 

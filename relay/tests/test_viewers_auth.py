@@ -35,8 +35,8 @@ from posecast_relay.models.cache import ModelCache
 from posecast_relay.runtime.fan_out import FanOut
 from posecast_relay.store_memory import MemoryStore
 from posecast_relay.streaming.decode_cache import DecodeCache
-from posecast_relay.streaming.sse import http_protocol
-from posecast_relay.streaming.websocket import live_protocol
+from posecast_relay.streaming.sse import make_http_protocol
+from posecast_relay.streaming.websocket import make_live_protocol
 from posecast_relay.zenoh.models import EdgeModels
 from posecast_wire import Close
 
@@ -181,10 +181,10 @@ class Doors:
         for robot in ("open", "lab", "shared"):
             edge = Edge(0xE, schema(("RKN", f"secret-of-{robot}")), began_s=now)
             for view in ("public", "lab"):
-                self.dispatcher.carry_out(self.dispatcher.hub.token(robot, True, now))
+                self.dispatcher.carry_out(self.dispatcher.hub.set_token(robot, True, now))
                 data = edge.frame(now, force_key=True)
-                self.dispatcher.hub.frame(robot, view, data, edge.stamp(now), now)
-                self.dispatcher.hub.snapshot(robot, view, edge.snapshot(), edge.stamp(now), now)
+                self.dispatcher.hub.take_frame(robot, view, data, edge.stamp(now), now)
+                self.dispatcher.hub.take_snapshot(robot, view, edge.snapshot(), edge.stamp(now), now)
         self.dispatcher.flush()
         self.address = ""
 
@@ -195,8 +195,8 @@ class Doors:
         config = uvicorn.Config(
             app,
             port=0,
-            ws=live_protocol(self.access, decoded),
-            http=http_protocol(self.access, decoded),
+            ws=make_live_protocol(self.access, decoded),
+            http=make_http_protocol(self.access, decoded),
             lifespan="off",
             log_config=None,
         )
@@ -395,12 +395,12 @@ async def test_links_and_accounts_that_are_revoked_end_at_once(doors: Doors, goo
         await by_account.send(json.dumps({"type": "auth", "token": google.token()}))
         await _viewers(doors, 3)
         doors.tokens.set_link_keys({"shared": "n" * 43})
-        doors.access.change(Policy(RULES))
+        doors.access.set_policy(Policy(RULES))
         async with asyncio.timeout(10):
             await by_link.wait_closed()
         assert by_link.close_code == Close.TOKEN
         google.away = True  # what can't be found out changes nothing
-        await doors.access.look_again()
+        await doors.access.recheck_once()
         google.away = False
         assert len(doors.dispatcher.hub.viewers) == 2
 
@@ -408,7 +408,7 @@ async def test_links_and_accounts_that_are_revoked_end_at_once(doors: Doors, goo
             return None
 
         doors.tokens._accounts = SimpleNamespace(verify=revoked)
-        await doors.access.look_again()
+        await doors.access.recheck_once()
         async with asyncio.timeout(10):
             await by_account.wait_closed()
         assert by_account.close_code == Close.TOKEN

@@ -24,8 +24,8 @@ from posecast_relay.runtime.dispatcher import Dispatcher
 from posecast_relay.runtime.fan_out import FanOut
 from posecast_relay.store_memory import MemoryStore
 from posecast_relay.streaming.decode_cache import DecodeCache
-from posecast_relay.streaming.viewer_frames import short_text
-from posecast_relay.streaming.websocket import live_protocol
+from posecast_relay.streaming.viewer_frames import read_short_text
+from posecast_relay.streaming.websocket import make_live_protocol
 from posecast_wire import Close
 
 from . import autobahn
@@ -295,7 +295,7 @@ def test_a_short_text_is_read_as_the_library_would(size: int) -> None:
     for mask in (b"\0\0\0\0", b"\x01\xff\x80\x7e"):
         masked = bytes(byte ^ mask[n % 4] for n, byte in enumerate(text))
         frame = bytes((0x81, 0x80 | size)) + mask + masked
-        assert short_text(frame) == text
+        assert read_short_text(frame) == text
         for odd in (
             frame[:-1],
             frame + b"\x81",
@@ -303,9 +303,9 @@ def test_a_short_text_is_read_as_the_library_would(size: int) -> None:
             b"\x01" + frame[1:],
             b"\xc1" + frame[1:],
         ):
-            assert short_text(odd) is None
-    assert short_text(bytes((0x81, size)) + text) is None  # not masked
-    assert short_text(b"") is None
+            assert read_short_text(odd) is None
+    assert read_short_text(bytes((0x81, size)) + text) is None  # not masked
+    assert read_short_text(b"") is None
 
 
 class Wire:
@@ -342,7 +342,7 @@ async def test_messages_are_understood_however_the_network_cuts_them() -> None:
     for seed in range(200):
         random, wire = Random(seed), Wire()
         config, server = SimpleNamespace(), SimpleNamespace(connections=set())
-        viewer: Any = live_protocol(Access(dispatcher), DecodeCache())(config, server, None)  # type: ignore[arg-type]
+        viewer: Any = make_live_protocol(Access(dispatcher), DecodeCache())(config, server, None)  # type: ignore[arg-type]
         viewer.connection_made(wire)
         together = random.choice([0, 0, 3, 60])  # the first bytes may come with the request
         viewer.data_received(request + stream[:together])
@@ -365,7 +365,7 @@ async def test_a_connection_that_is_gone_is_gone_from_memory_without_a_collectio
     )
     gc.disable()
     try:
-        viewer: Any = live_protocol(Access(dispatcher), DecodeCache())(config, server, None)  # type: ignore[arg-type]
+        viewer: Any = make_live_protocol(Access(dispatcher), DecodeCache())(config, server, None)  # type: ignore[arg-type]
         wire: Any = Wire()
         wire.can_write_eof, wire.close, wire.abort = lambda: False, lambda: None, lambda: None
         viewer.connection_made(wire)

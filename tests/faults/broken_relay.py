@@ -35,7 +35,7 @@ def without_backpressure() -> None:
 
 def fifo_instead_of_mailbox() -> None:
     """Who can't take a frame now gets it later, and all those after it, in order."""
-    mailbox = Room._pass
+    mailbox = Room._send_frame
 
     def queue(
         self: Room,
@@ -49,11 +49,11 @@ def fifo_instead_of_mailbox() -> None:
         for viewer in viewers:
             waits = viewer.blocked or (now >= viewer.check_at and not viewer.may_send(now))
             if waits and viewer.frame is not frame:
-                viewer.reliable_queue = [*(viewer.reliable_queue or ()), self._lacking(viewer, frame)]
-                self._hand(viewer, frame)
+                viewer.reliable_queue = [*(viewer.reliable_queue or ()), self._collect_lacking(viewer, frame)]
+                self._record_given(viewer, frame)
         mailbox(self, group, viewers, frame, now, out)
 
-    Room._pass = queue  # type: ignore[method-assign]
+    Room._send_frame = queue  # type: ignore[method-assign]
 
 
 def unchecked_runs() -> None:
@@ -63,7 +63,7 @@ def unchecked_runs() -> None:
 
 def dropped_frames() -> None:
     """The robot counts as heard, and nothing of what it sends is handed on."""
-    take = Stream.take
+    take = Stream.take_frame
 
     def drop(
         self: Stream, payload: bytes, header: Header, run_id: int, stamp_s: float, now: float, late_s: float
@@ -73,12 +73,12 @@ def dropped_frames() -> None:
         self.live_at, self.late_s = now, late_s
         return FrameOutcome.TAKEN
 
-    Stream.take = drop  # type: ignore[method-assign]
+    Stream.take_frame = drop  # type: ignore[method-assign]
 
 
 def an_old_pose_again() -> None:
     """The same pose for ever, in frames that are new by number and time."""
-    take = Stream.take
+    take = Stream.take_frame
     kept: list[bytes] = []
     steps = count(1)
 
@@ -96,12 +96,12 @@ def an_old_pose_again() -> None:
         again = PLAIN.pack(tag, base, distance + step, ms + 33 * step) + kept[0][PLAIN.size :]
         return take(self, again, parse_header(again), run_id, stamp_s, now, late_s)
 
-    Stream.take = repeat  # type: ignore[method-assign]
+    Stream.take_frame = repeat  # type: ignore[method-assign]
 
 
 def old_frames_as_fresh() -> None:
     """Every frame some seconds late, and counted as sent just now."""
-    take = Stream.take
+    take = Stream.take_frame
     waiting: deque[tuple[float, bytes, Header, int]] = deque()
 
     def take_later(
@@ -113,7 +113,7 @@ def old_frames_as_fresh() -> None:
             take(self, old, its_header, its_run, stamp_s, now, late_s)
         return FrameOutcome.TAKEN
 
-    Stream.take = take_later  # type: ignore[method-assign]
+    Stream.take_frame = take_later  # type: ignore[method-assign]
 
 
 WAYS: dict[str, Callable[[], None]] = {

@@ -39,7 +39,7 @@ def visible(text: str, most: int = NAME_MAX) -> str:
     return escaped if len(escaped) <= most else escaped[: most - 1] + "…"
 
 
-def told(error: BaseException) -> str:
+def describe_error(error: BaseException) -> str:
     """An error in one line: its type, its message, and the place of ours that it went through last."""
     places = [(f.f_code.co_filename, line) for f, line in traceback.walk_tb(error.__traceback__)]
     ours = [place for place in places if OURS in place[0]]
@@ -53,7 +53,7 @@ def _event(record: logging.LogRecord) -> str:
     said = record.getMessage()
     error = record.exc_info[1] if record.exc_info else None
     if error is not None:
-        said = f"{said.rstrip()}: {told(error)}"
+        said = f"{said.rstrip()}: {describe_error(error)}"
     return visible(said, LINE_MAX)
 
 
@@ -108,7 +108,7 @@ class _Stderr(logging.StreamHandler[Any]):
             if said:
                 self.emit(record)
             elif self._timer is None:
-                self._look_again()
+                self._start_timer()
             return said
         finally:
             self.release()
@@ -117,7 +117,7 @@ class _Stderr(logging.StreamHandler[Any]):
         for record in self._repeats.sums(now_s):
             self.emit(record)
 
-    def _look_again(self) -> None:
+    def _start_timer(self) -> None:
         """What was left out last is told also when nothing follows it."""
         self._timer = threading.Timer(WINDOW_S, self._later)
         self._timer.daemon = True
@@ -129,7 +129,7 @@ class _Stderr(logging.StreamHandler[Any]):
             self._timer = None
             self._sum_up(time.monotonic())
             if self._repeats.owes:
-                self._look_again()
+                self._start_timer()
         finally:
             self.release()
 

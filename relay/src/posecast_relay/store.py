@@ -14,14 +14,14 @@ class StateStore(Protocol):
     def keep(self, stream: Stream) -> None:
         """This stream has changed. The store writes the newest it finds there when it gets to it."""
 
-    def trouble(self) -> str | None:
+    def find_trouble(self) -> str | None:
         """One line about what is wrong, None when all is well."""
 
-    def exchanges(self) -> tuple[Histogram, int] | None:
+    def get_exchanges(self) -> tuple[Histogram, int] | None:
         """How long those with a server took, and how often it was lost; None where there is no server."""
 
-    def robots(self) -> list[dict[str, Any]] | None:
+    def list_robots(self) -> list[dict[str, Any]] | None:
         """The robots on air as others tell of them; None where this process hears them itself."""
 
-    def viewers_elsewhere(self, robot: str) -> int:
+    def count_viewers_elsewhere(self, robot: str) -> int:
         """How many watch it at other processes."""

@@ -14,18 +14,18 @@ class MemoryStore:
     def keep(self, stream: Stream) -> None:
         """The stream holds its newest state already."""
 
-    def trouble(self) -> str | None:
+    def find_trouble(self) -> str | None:
         """Memory does not fail by itself."""
         return None
 
-    def exchanges(self) -> tuple[Histogram, int] | None:
+    def get_exchanges(self) -> tuple[Histogram, int] | None:
         """There are none."""
         return None
 
-    def robots(self) -> list[dict[str, Any]] | None:
+    def list_robots(self) -> list[dict[str, Any]] | None:
         """The core knows them."""
         return None
 
-    def viewers_elsewhere(self, robot: str) -> int:  # noqa: ARG002
+    def count_viewers_elsewhere(self, robot: str) -> int:  # noqa: ARG002
         """There is no elsewhere."""
         return 0

@@ -53,7 +53,7 @@ class Access:
         self.addresses = Addresses(live.hub.limits.per_address) if addresses is None else addresses
         self._renewals: set[asyncio.Task[None]] = set()
         if later is not None:
-            self._delayed.follow(policy.delays_s())
+            self._delayed.set_delays(policy.find_delays_s())
 
     @property
     def dispatchers(self) -> tuple[Dispatcher, ...]:
@@ -66,7 +66,7 @@ class Access:
         assert isinstance(self.later.hub, DelayedHub)
         return self.later.hub
 
-    def refusal(self, applicant: Applicant) -> Refusal | None:
+    def find_refusal(self, applicant: Applicant) -> Refusal | None:
         """What speaks against them already, also before it is known who they are."""
         decision = admit(applicant, self.policy)
         return decision if isinstance(decision, Refusal) else None
@@ -82,7 +82,7 @@ class Access:
 
         Refusal when they, or that address, may not have one at all.
         """
-        refusal = self.refusal(applicant)
+        refusal = self.find_refusal(applicant)
         if refusal is not None and refusal.at_door:
             return refusal
         address = self.addresses.enter(peer, forwarded)
@@ -92,12 +92,12 @@ class Access:
         assert isinstance(crowded, Refusal)
         return crowded
 
-    async def who(self, token: str) -> Principal | Close:
+    async def identify(self, token: str) -> Principal | Close:
         """Who has a token; TOKEN when it is not good, FULL when that can't be found out just now."""
         if self.tokens is None:
             return ANYONE
         try:
-            found = await self.tokens.who(token)
+            found = await self.tokens.identify(token)
         except Unverifiable as e:
             self.live.handshakes["unverifiable"] += 1
             log.warning("a token can't be verified: %s", e)
@@ -111,44 +111,48 @@ class Access:
         """Whether a page there may show what is not for everybody."""
         return may_show(origin, host, self.origins)
 
-    def frame_ancestors(self, robot: str) -> tuple[str, ...]:
+    def list_frame_ancestors(self, robot: str) -> tuple[str, ...]:
         """Pages that may frame a robot, as sources of CSP's `frame-ancestors`; "": any robot."""
-        return self.policy.frame_ancestors(robot, self.origins)
+        return self.policy.list_frame_ancestors(robot, self.origins)
 
-    def expires_at(self, grant: Grant) -> float:
+    def compute_expiry(self, grant: Grant) -> float:
         """By the core's clock."""
         return self.live.now() + grant.who.until_s - self.live.unix_s()
 
-    def dispatcher(self, grant: Grant) -> Dispatcher:
+    def find_dispatcher(self, grant: Grant) -> Dispatcher:
         """Whose viewers have such a grant."""
         return self.later if grant.delay_s > 0 and self.later is not None else self.live
 
-    def shown(self, grant: Grant) -> tuple[Robot, Room | None] | None:
+    def find_robot(self, grant: Grant) -> tuple[Robot, Room | None] | None:
         """The robot as the grant shows it, and the view; None when nothing was heard of it."""
-        of = self.dispatcher(grant).hub.robots.get(grant.robot)
+        of = self.find_dispatcher(grant).hub.robots.get(grant.robot)
         if of is None or of.heard_at is None:
             return None
         return of, of.rooms.get(grant.view)
 
-    def change(self, policy: Policy) -> None:
+    def set_policy(self, policy: Policy) -> None:
         """From now on. Viewers whose rights are others now are told; those who lost them are let go."""
         self.policy = policy
         if self.later is not None:
-            self._delayed.follow(policy.delays_s())
+            self._delayed.set_delays(policy.find_delays_s())
             live = self.live.hub.robots
-            for robot, view in policy.delays_s():  # what is here already is not told again
+            for robot, view in policy.find_delays_s():  # what is here already is not told again
                 if robot in live and view in live[robot].rooms:
-                    _pass_on(self.live.hub, self._delayed, self.later, live[robot].rooms[view].stream)
+                    _record_for_later(
+                        self.live.hub, self._delayed, self.later, live[robot].rooms[view].stream
+                    )
         for dispatcher in self.dispatchers:
             for viewer in tuple(dispatcher.hub.viewers):
                 if viewer.grant is None:
                     continue
                 who: Principal | Close = viewer.grant.who
                 if viewer.grant.who.audience is Audience.LINK and self.tokens is not None:
-                    who = self.tokens.of_link(viewer.grant.who.token) or Close.TOKEN  # its key may be another
-                self._again(viewer, who)
+                    who = (
+                        self.tokens.identify_link(viewer.grant.who.token) or Close.TOKEN
+                    )  # its key may be another
+                self._rejudge(viewer, who)
 
-    def _again(self, viewer: Viewer, who: Principal | Close) -> None:
+    def _rejudge(self, viewer: Viewer, who: Principal | Close) -> None:
         """A viewer that watches already is judged anew. One that can't be is let go."""
         dispatcher = next(
             (dispatcher for dispatcher in self.dispatchers if viewer in dispatcher.hub.viewers), None
@@ -167,35 +171,35 @@ class Access:
         if isinstance(found, Refusal):
             dispatcher.carry_out(dispatcher.hub.refuse(viewer, found.close, found.reason))
         else:
-            viewer.set_expiry(self.expires_at(found))
-            dispatcher.carry_out(dispatcher.hub.regrant(viewer, found, dispatcher.now()))
+            viewer.set_expiry(self.compute_expiry(found))
+            dispatcher.carry_out(dispatcher.hub.replace_grant(viewer, found, dispatcher.now()))
 
     def renew(self, viewer: Viewer, token: str) -> None:
         """Judge a viewer anew by a token that it has just sent, when it is known whose that is."""
 
         async def renew() -> None:
             try:
-                who = await self.who(token)
+                who = await self.identify(token)
             except Exception as e:
                 self.live.report_fault("a viewer's token", e)
                 who = Close.INTERNAL_ERROR
-            self._again(viewer, who)
+            self._rejudge(viewer, who)
 
         if self.tokens is not None and viewer.grant is not None and len(self._renewals) < RENEWALS_MAX:
             task = asyncio.create_task(renew(), name="token")
             self._renewals.add(task)
             task.add_done_callback(self._renewals.discard)
 
-    async def recheck(self) -> None:
+    async def recheck_accounts(self) -> None:
         """For ever: accounts of those who watch may have been disabled or signed out meanwhile."""
         while True:
             await asyncio.sleep(RECHECK_S)
             try:
-                await self.look_again()
+                await self.recheck_once()
             except Exception as e:
                 self.live.report_fault("looking at accounts again", e)
 
-    async def look_again(self) -> None:
+    async def recheck_once(self) -> None:
         """Once. Where it can't be found out, nothing changes."""
         judged: dict[str, Principal | Close] = {}
         for dispatcher in self.dispatchers:
@@ -203,9 +207,9 @@ class Access:
                 who = viewer.grant.who if viewer.grant is not None else ANYONE
                 if who.audience is Audience.SIGNED_IN:
                     if who.token not in judged:
-                        judged[who.token] = await self.who(who.token)
+                        judged[who.token] = await self.identify(who.token)
                     if judged[who.token] == Close.TOKEN:
-                        self._again(viewer, Close.TOKEN)
+                        self._rejudge(viewer, Close.TOKEN)
 
 
 def open_access(
@@ -228,14 +232,14 @@ def open_access(
         live, later = Dispatcher(hub, store, fan_out, source, renew), None
     else:
         later = Dispatcher(delayed, MemoryStore(), fan_out, verify=renew)
-        live = Dispatcher(hub, store, fan_out, source, renew, partial(_pass_on, hub, delayed, later))
+        live = Dispatcher(hub, store, fan_out, source, renew, partial(_record_for_later, hub, delayed, later))
     access = Access(live, policy, later, tokens, origins, addresses)
     return access
 
 
-def _pass_on(live: Hub, delayed: DelayedHub, later: Dispatcher, stream: Stream) -> None:
+def _record_for_later(live: Hub, delayed: DelayedHub, later: Dispatcher, stream: Stream) -> None:
     """Keep a stream as it is now for those who see it later, if anybody does."""
     robot = live.robots.get(stream.robot)
     token = robot is not None and robot.liveness.token
-    if delayed.note(stream, token, later.now()):
+    if delayed.record_stream(stream, token, later.now()):
         later.arm()

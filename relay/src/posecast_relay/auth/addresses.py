@@ -12,20 +12,20 @@ OWN_V6 = "::/64"
 PREFIX_V6 = 64  # one household, one server: as good as one address
 
 
-def networks(text: str) -> tuple[Network, ...]:
+def parse_networks(text: str) -> tuple[Network, ...]:
     """`10.0.0.0/8, 127.0.0.1`. ValueError."""
     return tuple(ipaddress.ip_network(part.strip(), strict=False) for part in text.split(",") if part.strip())
 
 
-def real_address(peer: str, forwarded: str | None, trusted: Sequence[Network]) -> str:
+def find_real_address(peer: str, forwarded: str | None, trusted: Sequence[Network]) -> str:
     """The nearest address that no trusted proxy is, from the right of `X-Forwarded-For`; else the peer's own.
 
     Without trusted proxies the header counts for nothing, since anybody may send it.
     """
-    found = _address(peer)
+    found = _parse_address(peer)
     hops = (forwarded or "")[-FORWARDED_MAX:].split(",") if trusted else []
     while found is not None and hops and any(found in network for network in trusted):
-        nearer = _address(hops.pop().strip())
+        nearer = _parse_address(hops.pop().strip())
         if nearer is None:
             break
         found = nearer
@@ -36,7 +36,7 @@ def real_address(peer: str, forwarded: str | None, trusted: Sequence[Network]) -
     return str(found)
 
 
-def _address(text: str) -> ipaddress.IPv4Address | ipaddress.IPv6Address | None:
+def _parse_address(text: str) -> ipaddress.IPv4Address | ipaddress.IPv6Address | None:
     try:
         found = ipaddress.ip_address(text.partition("%")[0])
     except ValueError:
@@ -57,7 +57,7 @@ class Addresses:
         """The address to `leave` by, or None when it has as many as it may. This machine itself may have any:
         a proxy here of which nobody told must not turn a hall away.
         """
-        address = real_address(peer, forwarded, self.trusted)
+        address = find_real_address(peer, forwarded, self.trusted)
         if address.startswith("127.") or address == OWN_V6:
             return ""
         if self._open[address] >= self.most:

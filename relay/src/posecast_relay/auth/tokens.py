@@ -38,10 +38,10 @@ class Tokens:
         self._accounts = accounts
         self._turn = asyncio.Semaphore(AT_ONCE)
 
-    async def who(self, token: str) -> Principal | None:
+    async def identify(self, token: str) -> Principal | None:
         """None when it is not good. Unverifiable."""
         if is_link(token) or self._accounts is None:
-            return self.of_link(token)
+            return self.identify_link(token)
         if len(token) > TOKEN_MAX:
             return None
         try:
@@ -54,6 +54,6 @@ class Tokens:
         """From now on. Whoever watches by a link is judged anew by Access."""
         self._link_keys = link_keys
 
-    def of_link(self, token: str) -> Principal | None:
+    def identify_link(self, token: str) -> Principal | None:
         """At once."""
         return read_link(token, self._link_keys, time.time())

@@ -10,7 +10,7 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import NoReturn, TypeVar
 
-from posecast_relay.auth.addresses import Network, networks
+from posecast_relay.auth.addresses import Network, parse_networks
 from posecast_relay.auth.origins import ORIGIN
 
 T = TypeVar("T")
@@ -135,7 +135,7 @@ def _file(text: str) -> Path:
 
 def _proxies(text: str) -> tuple[Network, ...]:
     try:
-        return networks(text)
+        return parse_networks(text)
     except ValueError:
         raise ValueError("use addresses or networks as 10.0.0.0/8, several separated by commas") from None
 

@@ -17,7 +17,7 @@ from posecast_wire import Schema, Snapshot, Stamp
 from posecast_relay.core.actions import Action
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
-from posecast_relay.core.replica_feed import ReplicaFeed, follow
+from posecast_relay.core.replica_feed import ReplicaFeed, adopt_run
 from posecast_relay.core.roster import Headcount
 from posecast_relay.core.state.stream import Event, StoredFrame, Stream
 from posecast_relay.core.timer_queue import NEVER
@@ -80,7 +80,7 @@ class _Ring:
             ref=stream.ref,
             newest=stream.newest,
             live=stream.newest is not self._newest and stream.live_at is not None,
-            late_s=stream.age_s(now) or 0.0,
+            late_s=stream.compute_age_s(now) or 0.0,
             numbering=stream.numbering,
             events=[event for event in stream.events if event.n > self._event_n],
         )
@@ -114,7 +114,7 @@ class DelayedHub(Hub):
         self._rings: dict[tuple[str, str], _Ring] = {}
         self._said = ReplicaFeed(self)
 
-    def follow(self, delays_s: Mapping[tuple[str, str], float]) -> None:
+    def set_delays(self, delays_s: Mapping[tuple[str, str], float]) -> None:
         """Keep these robots and views, so late, and no others."""
         for name in self._rings.keys() - delays_s.keys():
             del self._rings[name]
@@ -130,11 +130,11 @@ class DelayedHub(Hub):
         """What full rings had no room for."""
         return sum(ring.left_out for ring in self._rings.values())
 
-    def names(self) -> set[str]:
+    def list_robots(self) -> set[str]:
         """The robots that are followed."""
         return {robot for robot, _ in self._rings}
 
-    def note(self, stream: Stream, token: bool, now: float) -> bool:
+    def record_stream(self, stream: Stream, token: bool, now: float) -> bool:
         """The stream has changed. Whether it is one of those kept here: then `tick` is due by `wake_at`."""
         ring = self._rings.get((stream.robot, stream.view))
         if ring is None:
@@ -148,30 +148,30 @@ class DelayedHub(Hub):
         out: list[Action] = []
         for (robot, view), ring in self._rings.items():
             while (moment := ring.take(now)) is not None:
-                out += self.guard(None, partial(self._relive, robot, view, ring, moment, now, unix_s))
+                out += self.guard(None, partial(self._replay, robot, view, ring, moment, now, unix_s))
         if self.changed:
             out += self.flush(now, unix_s)
         out += super().tick(now, unix_s)
         self.wake_at = min(self.wake_at, *(ring.next_at for ring in self._rings.values()), NEVER)
         return out
 
-    def _relive(
+    def _replay(
         self, robot: str, view: str, ring: _Ring, moment: _Moment, now: float, unix_s: float
     ) -> list[Action]:
         out: list[Action] = []
         before = ring.fed
         if before is None or before.token != moment.token:
-            out += self.token(robot, moment.token, now)
+            out += self.set_token(robot, moment.token, now)
         if moment.schema is not None and moment.key is not None and moment.newest is not None:
-            self._show(robot, view, ring, moment, now)
+            self._replay_frame(robot, view, ring, moment, now)
         if moment.events:
             out += self.flush(now, unix_s)  # first the state that they happened in
             for event in moment.events:
-                out += self._said.event(robot, view, moment.numbering, event.text)
+                out += self._said.take_event(robot, view, moment.numbering, event.text)
         ring.fed = moment
         return out
 
-    def _show(self, robot: str, view: str, ring: _Ring, moment: _Moment, now: float) -> None:
+    def _replay_frame(self, robot: str, view: str, ring: _Ring, moment: _Moment, now: float) -> None:
         newest, key, ref, before = moment.newest, moment.key, moment.ref, ring.fed
         assert newest is not None
         assert key is not None
@@ -181,23 +181,25 @@ class DelayedHub(Hub):
         coming = newest if moment.live else None  # a picture is not handed on by itself
         bases_here = key in (ring.fed_key, coming) and ref in (None, ring.fed_ref, coming)
         stamp = Stamp(newest.run_id, round(newest.stamp_s * 1e9))
-        of = self.admit(robot)
+        of = self.admit_robot(robot)
         if of is not None:  # else nothing of it is taken
-            follow(of, newest.run_id, now)  # which run is current was decided then
+            adopt_run(of, newest.run_id, now)  # which run is current was decided then
             if moment.live:  # and how late its frame was: nobody can be asked now
-                of.runs.answered(stamp, moment.late_s, now)
+                of.runs.record_answer(stamp, moment.late_s, now)
         if not told or not bases_here:
             ref_bytes = None if ref is None else ref.payload
             snapshot = Snapshot(moment.schema.text, moment.info, key.payload, ref_bytes, moment.model)
             picture = None if moment.live else newest.payload  # else its KEY would stand for it, however old
             try:
-                self.snapshot(robot, view, snapshot, stamp, now, picture)
+                self.take_snapshot(robot, view, snapshot, stamp, now, picture)
             except ValueError:  # the stream itself has taken it
                 self.outcomes["bad"] += 1
                 return
         if moment.live:
-            self.frame(robot, view, newest.payload, stamp, now, moment.late_s)
+            self.take_frame(robot, view, newest.payload, stamp, now, moment.late_s)
             room = self.robots[robot].rooms.get(view)
             if room is not None:
-                room.stream.aged(moment.late_s, now)  # a KEY that came with the snapshot counts as well
+                room.stream.set_age_unless_live(
+                    moment.late_s, now
+                )  # a KEY that came with the snapshot counts as well
         ring.fed_key, ring.fed_ref = key, ref

@@ -22,7 +22,7 @@ class Drain:
         self._gone = 0
         self.wake_at = now
 
-    def due(self, now: float) -> Sequence[Viewer]:
+    def take_due(self, now: float) -> Sequence[Viewer]:
         """Those to go now. `wake_at` is set to when there are more; before that, nobody is to go."""
         if now < self.wake_at:
             return ()

@@ -15,7 +15,7 @@ LEVELS = ("fault", "caution", "info")
 STATES = ("on", "off")
 
 
-def edge_said(payload: bytes, limits: Limits) -> dict[str, object] | None:
+def read_edge_message(payload: bytes, limits: Limits) -> dict[str, object] | None:
     """An event, info or model (by its `type`), with the members that viewers know; None when it is none.
 
     What passes here can be written as JSON and as UTF-8 again, and is read by every viewer.
@@ -60,7 +60,7 @@ MEMBERS: dict[str, dict[str, Callable[[object], bool]]] = {
 }
 
 
-def conflict_event(t_s: float, present: bool) -> dict[str, object]:
+def make_conflict_event(t_s: float, present: bool) -> dict[str, object]:
     """The relay's own event: a second edge claims this robot, or no longer does. `t_s`: robot clock."""
     t_s = max(-TIME_MAX_S, min(t_s, TIME_MAX_S))
     return {

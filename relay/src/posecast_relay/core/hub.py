@@ -27,7 +27,7 @@ from posecast_relay.core.actions import (
     VerifyToken,
 )
 from posecast_relay.core.drain import Drain
-from posecast_relay.core.edge_messages import conflict_event
+from posecast_relay.core.edge_messages import make_conflict_event
 from posecast_relay.core.limits import Limits
 from posecast_relay.core.load_shedder import LoadShedder
 from posecast_relay.core.policy.admission import DRAIN_RETRY_S, GOING, Occupancy, find_no_room
@@ -73,26 +73,26 @@ class Hub(Uplink):
             try:
                 self._hand_out(room, now, unix_s, out)
             except Exception as error:
-                out += self.fail(room, error)
+                out += self.end_after_fault(room, error)
         return out
 
     def _hand_out(self, room: Room, now: float, unix_s: float, out: list[Action]) -> None:
         robot = self.robots[room.stream.robot]
-        out += room.describe()
-        age_s = room.stream.age_s(now)
+        out += room.send_description()
+        age_s = room.stream.compute_age_s(now)
         is_old = not room.stream.is_live or age_s is None or age_s > self.limits.silent_s
-        is_news = bool(room.viewers) and (self.has_news(robot, room, now) or is_old)
+        is_news = bool(room.viewers) and (self.record_status(robot, room, now) or is_old)
         if (
             is_news
         ):  # goes with the frame: nobody takes an old one for a sign of life, or the one before for new
-            room.owe_status(robot.status(room, now))
-        out += self.told(room.offer(now))
+            room.defer_status(robot.compute_status(room, now))
+        out += self.remove_ended(room.offer(now))
         out.append(Persist(room.stream))
         if is_news:
-            out += room.settle_status(now)
+            out += room.send_deferred_status(now)
         if room.viewers:
-            self.plan(room)
-        out += self._conflict(robot, now, unix_s)
+            self.plan_flush(room)
+        out += self._report_conflict(robot, now, unix_s)
 
     # ---- from the viewers ---------------------------------------------------
 
@@ -106,7 +106,8 @@ class Hub(Uplink):
         grant = viewer.grant
         here = 0 if grant is None else self.admitted[grant.robot, grant.by]
         occupancy = Occupancy(
-            *(self.headcount.total(), self.limits.viewers, here), is_draining=self.draining is not None
+            *(self.headcount.count_viewers(), self.limits.viewers, here),
+            is_draining=self.draining is not None,
         )
         refusal = find_no_room(grant, occupancy)
         if refusal is not None:
@@ -118,69 +119,69 @@ class Hub(Uplink):
         robot = self.robots.get(viewer.robot)
         if robot is None:  # it may come later; bounded by the number of viewers
             robot = self.robots[viewer.robot] = Robot(viewer.robot, self.limits)
-        room = robot.room(viewer.view)
+        room = robot.get_room(viewer.view)
         self.viewers[viewer] = room
-        self.statuses.setdefault(room, robot.status(room, now))
+        self.statuses.setdefault(room, robot.compute_status(room, now))
         room.set_degraded(self.degraded or robot.degraded)
         watch: list[Action] = [] if robot.has_viewers() else [SubscribeRobot(robot.name)]
-        return [room.join(viewer, robot.status(room, now), now, unix_s), *watch]
+        return [room.join(viewer, robot.compute_status(room, now), now, unix_s), *watch]
 
-    def message(self, viewer: Viewer, payload: bytes, now: float) -> list[Action]:
+    def take_message(self, viewer: Viewer, payload: bytes, now: float) -> list[Action]:
         """A text message from a viewer."""
         room = self.viewers.get(viewer)
         if room is None:
             return []
-        if not viewer.take_token(now):
-            return self.end(viewer, Close.TOO_MANY, "too many messages", 10.0)
+        if not viewer.allow_message(now):
+            return self.end_viewer(viewer, Close.TOO_MANY, "too many messages", 10.0)
         try:
             return self._answer(viewer, room, parse_viewer_message(payload), now)
         except MessageError as e:
-            return self.end(viewer, e.close, str(e), None)
+            return self.end_viewer(viewer, e.close, str(e), None)
         except Exception as error:
-            return self.fail(viewer, error)
+            return self.end_after_fault(viewer, error)
 
     def _answer(self, viewer: Viewer, room: Room, said: ViewerMessage, now: float) -> list[Action]:
         match said:
             case Ack(n):
                 was_blocked = viewer.blocked
                 viewer.record_ack(n, now)
-                return room.drained(viewer) if was_blocked else []
+                return room.send_waiting(viewer) if was_blocked else []
             case Rate(hz):
-                viewer.ask_rate(hz)
+                viewer.set_asked_rate(hz)
                 granted = min(viewer.asked_hz, self.load.ceiling_hz)
                 room.set_rate(viewer, granted, now)
-                self.plan(room)
+                self.plan_flush(room)
                 limited = "limit" if hz > viewer.max_hz else "asked"
                 reason = limited if granted == viewer.asked_hz else "overload"
-                return self.told(room.tell(viewer, messages.rate(granted, reason)))
+                return self.remove_ended(room.send_message(viewer, messages.make_rate(granted, reason)))
             case Ping(t):
-                return self.told(room.tell(viewer, messages.pong(t)))
+                return self.remove_ended(room.send_message(viewer, messages.make_pong(t)))
             case Auth(token):
                 return [VerifyToken(viewer, token)]
 
     def refuse(self, viewer: Viewer, close: Close, reason: str) -> list[Action]:
         """Let a viewer go because of what it sent (found below the messages: binary data)."""
-        return self.end(viewer, close, reason, None)
+        return self.end_viewer(viewer, close, reason, None)
 
-    def regrant(self, viewer: Viewer, grant: Grant, now: float) -> list[Action]:
+    def replace_grant(self, viewer: Viewer, grant: Grant, now: float) -> list[Action]:
         """What a viewer may see has been judged anew. Another view or delay takes another connection."""
         before, room = viewer.grant, self.viewers.get(viewer)
         if room is None or before is None:
             return []
         if (before.view, before.delay_s, before.by) != (grant.view, grant.delay_s, grant.by):
-            return self.end(viewer, Close.AGE_LIMIT, "what you may see has changed", RENEW_RETRY_S)
+            return self.end_viewer(viewer, Close.AGE_LIMIT, "what you may see has changed", RENEW_RETRY_S)
         if not viewer.set_grant(grant):
             return []
         granted = min(viewer.asked_hz, self.load.ceiling_hz)
         room.set_rate(viewer, granted, now)
-        self.plan(room)
-        return self.told(room.tell(viewer, messages.rate(granted, "limit")))
+        self.plan_flush(room)
+        return self.remove_ended(room.send_message(viewer, messages.make_rate(granted, "limit")))
 
-    def drained(self, viewer: Viewer) -> list[Action]:
+    def resume_viewer(self, viewer: Viewer) -> list[Action]:
         """A viewer's socket has taken everything."""
         viewer.resume()
         room = self.viewers.get(viewer)
-        return self.guard(viewer, partial(room.drained, viewer)) if room else []
+        return self.guard(viewer, partial(room.send_waiting, viewer)) if room else []
 
     def drain(self, order: Sequence[Viewer], now: float) -> list[Action]:
         """The relay goes: all viewers are told and let go in this order, over some seconds."""
@@ -189,9 +190,9 @@ class Hub(Uplink):
 
     def _move_away(self, drain: Drain, now: float) -> list[Action]:
         out: list[Action] = []
-        for viewer in drain.due(now):
+        for viewer in drain.take_due(now):
             if viewer in self.viewers:
-                out += self.end(viewer, Close.DRAIN, GOING, DRAIN_RETRY_S)
+                out += self.end_viewer(viewer, Close.DRAIN, GOING, DRAIN_RETRY_S)
         self.wake_at = min(self.wake_at, drain.wake_at)
         return out
 
@@ -212,18 +213,18 @@ class Hub(Uplink):
             try:
                 room.set_rate(viewer, granted, now)
                 if viewer.blocked:
-                    out += self.told(room.tell(viewer, messages.rate(granted, reason)))
+                    out += self.remove_ended(room.send_message(viewer, messages.make_rate(granted, reason)))
                 else:
                     told.setdefault(granted, []).append(viewer)
             except Exception as error:
-                out += self.fail(viewer, error)
-        out += [Send(messages.rate(hz, reason), viewers) for hz, viewers in told.items()]
+                out += self.end_after_fault(viewer, error)
+        out += [Send(messages.make_rate(hz, reason), viewers) for hz, viewers in told.items()]
         for room in set(self.viewers.values()):
-            out += self.guard(room, partial(self._planned, room))
+            out += self.guard(room, partial(self._plan_only, room))
         return out
 
-    def _planned(self, room: Room) -> list[Action]:
-        self.plan(room)
+    def _plan_only(self, room: Room) -> list[Action]:
+        self.plan_flush(room)
         return []
 
     # ---- time ---------------------------------------------------------------
@@ -237,20 +238,20 @@ class Hub(Uplink):
                 try:
                     viewer.shift_deadlines(held_up_s, now)
                 except Exception as error:
-                    out += self.fail(viewer, error)
-        for room in self.flushes.due(now):
+                    out += self.end_after_fault(viewer, error)
+        for room in self.flushes.take_due(now):
             out += self.guard(room, partial(self._flush, room, now))
-        for robot in self.questions.due(now, QUESTIONS_MAX):
+        for robot in self.questions.take_due(now, QUESTIONS_MAX):
             out += self.guard(None, partial(self._ask, robot, now))
         if now >= self._status_at:
             out += self._report(now)
         if now >= self._sweep_at:
             self._sweep_at = now + self.limits.sweep_s
             for robot in tuple(self.robots.values()):
-                if robot.is_to_be_asked(now):
+                if robot.should_ask(now):
                     self.questions.put(robot, now + QUESTIONS_S)
                 out += self.report_statuses(robot, now)
-                out += self.guard(None, partial(self._conflict, robot, now, unix_s))
+                out += self.guard(None, partial(self._report_conflict, robot, now, unix_s))
             out += self._sweep(now)
         questions_at = max(self.questions.next_at, now + QUESTIONS_S)
         self.wake_at = min(self.flushes.next_at, questions_at, self._sweep_at, self._status_at)
@@ -259,16 +260,16 @@ class Hub(Uplink):
         return out
 
     def _flush(self, room: Room, now: float) -> list[Action]:
-        out = self.told(room.flush(now))
-        self.plan(room)
+        out = self.remove_ended(room.flush(now))
+        self.plan_flush(room)
         return out
 
     def _ask(self, robot: Robot, now: float) -> list[Action]:
-        asks = robot.is_to_be_asked(now) and self.robots.get(robot.name) is robot
+        asks = robot.should_ask(now) and self.robots.get(robot.name) is robot
         if asks:
-            robot.asked(now)
+            robot.record_question(now)
         if robot.lacking and robot.ask_at > now:
-            self.ask_about(robot)
+            self.plan_question(robot)
         return [RequestSnapshot(robot.name, (*{PUBLIC, *robot.rooms},))] if asks else []
 
     def _report(self, now: float) -> list[Action]:
@@ -279,27 +280,27 @@ class Hub(Uplink):
             for room in robot.rooms.values():
                 if not room.viewers:
                     continue
-                out += self.guard(room, partial(self._status, robot, room, now))
+                out += self.guard(room, partial(self._report_room, robot, room, now))
         alone_s = self.limits.status_alone_s
         self._status_at = now + (alone_s if self._status_goes else self.limits.status_s - alone_s)
         return out
 
-    def _status(self, robot: Robot, room: Room, now: float) -> list[Action]:
+    def _report_room(self, robot: Robot, room: Room, now: float) -> list[Action]:
         if not self._status_goes:
-            return room.settle_status(now)
-        room.owe_status(robot.status(room, now))
+            return room.send_deferred_status(now)
+        room.defer_status(robot.compute_status(room, now))
         return []
 
-    def _overdue(self, viewer: Viewer, now: float, pings: list[Viewer]) -> list[Action]:
-        close = viewer.overdue(now)
+    def _check_deadlines(self, viewer: Viewer, now: float, pings: list[Viewer]) -> list[Action]:
+        close = viewer.find_overdue(now)
         if close is not None:
-            self.leave(viewer)
+            self.remove_viewer(viewer)
             self.endings[close] += 1
             return [Abort(viewer, close)]
         if now >= viewer.expires_at:
-            return self.end(viewer, Close.TOKEN, EXPIRED, None)
+            return self.end_viewer(viewer, Close.TOKEN, EXPIRED, None)
         if now >= viewer.until:
-            return self.end(viewer, Close.AGE_LIMIT, "time for a new connection", RENEW_RETRY_S)
+            return self.end_viewer(viewer, Close.AGE_LIMIT, "time for a new connection", RENEW_RETRY_S)
         if viewer.take_ping(now):
             pings.append(viewer)
         return []
@@ -308,7 +309,7 @@ class Hub(Uplink):
         out: list[Action] = []
         pings: list[Viewer] = []
         for viewer in tuple(self.viewers):
-            out += self.guard(viewer, partial(self._overdue, viewer, now, pings))
+            out += self.guard(viewer, partial(self._check_deadlines, viewer, now, pings))
         if pings:
             out.append(Send(messages.PING, pings))
         self._sweeps += 1
@@ -319,20 +320,20 @@ class Hub(Uplink):
                 kept_s = forget_s if robot.rooms else FORGET_FULL_S
                 gone = robot.heard_at is None or now - robot.heard_at > kept_s
                 if gone and not robot.liveness.token and not robot.has_viewers():
-                    self.drop(robot)
+                    self.drop_robot(robot)
         return out
 
     # ---- two edges with one name ----------------------------------------------
 
-    def _conflict(self, robot: Robot, now: float, unix_s: float) -> list[Action]:
+    def _report_conflict(self, robot: Robot, now: float, unix_s: float) -> list[Action]:
         """Tell when a second edge begins or ceases to claim this robot."""
-        conflict = robot.runs.conflict(now)
+        conflict = robot.runs.is_in_conflict(now)
         if conflict == robot.in_conflict:
             return []
         robot.set_conflict(conflict)
         out: list[Action] = []
         for room in robot.rooms.values():
             newest = room.stream.newest
-            doc = conflict_event(newest.t_s if newest else 0.0, conflict)
-            out += self.tell_all(room, doc, unix_s)
+            doc = make_conflict_event(newest.t_s if newest else 0.0, conflict)
+            out += self.announce_event(room, doc, unix_s)
         return out

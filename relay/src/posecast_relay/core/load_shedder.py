@@ -34,7 +34,7 @@ class LoadShedder:
         self._patience = CALM_SECONDS
         self._raised_at = float("-inf")
 
-    def late(self, lag_s: float) -> None:
+    def record_lag(self, lag_s: float) -> None:
         """A timer of the loop came so late; some ten times a second."""
         self._lags.append(lag_s)
 

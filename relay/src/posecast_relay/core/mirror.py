@@ -66,12 +66,14 @@ class Mirror:
     def __init__(self) -> None:
         self._nodes: dict[str, Written | None] = {}  # None: something may stand there, nobody knows what
 
-    def found(self, robots: Iterable[str]) -> None:
+    def record_existing(self, robots: Iterable[str]) -> None:
         """These nodes are there already, from an earlier life or of robots that are hidden by now."""
         for robot in robots:
             self._nodes.setdefault(robot, None)
 
-    def changes(self, shown: Mapping[str, VisibleRobot], now: float, unix_s: float) -> dict[str, NodeChange]:
+    def find_changes(
+        self, shown: Mapping[str, VisibleRobot], now: float, unix_s: float
+    ) -> dict[str, NodeChange]:
         """By robot. Each has to be answered by `wrote` or `lost` before the next call."""
         out = {robot: NodeChange(None, Written()) for robot in self._nodes if robot not in shown}
         for robot, this in shown.items():
@@ -83,7 +85,7 @@ class Mirror:
                 out[robot] = NodeChange(whole, change.after)
         return out
 
-    def wrote(self, changes: Mapping[str, NodeChange]) -> None:
+    def record_written(self, changes: Mapping[str, NodeChange]) -> None:
         """These are there."""
         for robot, change in changes.items():
             if change.node is None:
@@ -91,7 +93,7 @@ class Mirror:
             else:
                 self._nodes[robot] = change.after
 
-    def lost(self, changes: Mapping[str, NodeChange]) -> None:
+    def record_lost(self, changes: Mapping[str, NodeChange]) -> None:
         """Nobody knows whether these are there."""
         for robot in changes:
             self._nodes[robot] = None
@@ -126,7 +128,7 @@ def _base64(held: StoredFrame | None) -> str | None:
 
 
 def _status(this: VisibleRobot, frame: StoredFrame | None, now: float, unix_s: float) -> Status:
-    age_s = this.stream.age_s(now)
+    age_s = this.stream.compute_age_s(now)
     return {
         "robot": this.status,
         "age_ms": None if age_s is None else max(0, round(age_s * 1000)),

@@ -50,60 +50,62 @@ class ReplicaFeed:
         self._hub = hub
         self.sources: dict[str, ReplicaSource] = {}
 
-    def listen(self, robot: str) -> ReplicaSource:
+    def get_source(self, robot: str) -> ReplicaSource:
         """From now on others tell of this robot."""
         return self.sources.setdefault(robot, ReplicaSource())
 
     # ---- what is told -----------------------------------------------------
 
-    def update(self, robot: str, said: StreamUpdate, under_way_s: float | None, now: float) -> list[Action]:
+    def take_update(
+        self, robot: str, said: StreamUpdate, under_way_s: float | None, now: float
+    ) -> list[Action]:
         """A stream has changed. ValueError when an event in it is none."""
-        hub, source = self._hub, self.listen(robot)
+        hub, source = self._hub, self.get_source(robot)
         if said.generation < source.generation:
             hub.outcomes[FrameOutcome.RETIRED.value] += 1
-            return self.lacks(robot, now)  # if the store has lost count, what it holds will say so
-        found = hub.publisher(robot, said.view)
+            return self.request_state(robot, now)  # if the store has lost count, what it holds will say so
+        found = hub.admit_view(robot, said.view)
         if found is None:
             hub.outcomes[FrameOutcome.CROWDED.value] += 1
             return []
         of, room = found
         if said.frames:
-            follow(of, said.run_id, now)
+            adopt_run(of, said.run_id, now)
         source.generation = said.generation
         late_s = said.late_s + (under_way_s or 0.0)
         for ns, payload in said.frames:
             stamp = Stamp(said.run_id, ns)
             age_s = late_s + max(0, said.frames[-1][0] - ns) / 1e9  # bases may be much older than the newest
             if under_way_s is not None:  # then this is known, and not only above the least that came here
-                of.runs.answered(stamp, age_s, now)
-            hub.frame(robot, said.view, payload, stamp, now, age_s)
+                of.runs.record_answer(stamp, age_s, now)
+            hub.take_frame(robot, said.view, payload, stamp, now, age_s)
         out: list[Action] = []
         if source.before is not None and room.stream.newest is not source.before.get(said.view):
             source.before = None
             of.set_degraded(False)
             room.set_degraded(False)
-            room.owe_status(of.status(room, now))  # with the frame that shows it, in one write
-            out = self.degrade(False, now, robot)
+            room.defer_status(of.compute_status(room, now))  # with the frame that shows it, in one write
+            out = self.set_degraded(False, now, robot)
         for text in said.events:
-            out += self.event(robot, said.view, said.numbering, text)
+            out += self.take_event(robot, said.view, said.numbering, text)
         if of.lacking or source.versions.get(said.view) != said.version:
-            out += self.lacks(robot, now)
+            out += self.request_state(robot, now)
         return out
 
-    def counted(self, robot: str, generation: int, asked: int) -> None:
+    def set_generation(self, robot: str, generation: int, asked: int) -> None:
         """The store's newest state of a robot is of this generation. `asked`: the source's, when it was read.
 
         A lower one than the source's now was overtaken by a message on its way here; one that is lower than
         `asked` shows that the store has lost count, and what it holds counts.
         """
-        source = self.listen(robot)
+        source = self.get_source(robot)
         if generation > source.generation or generation < asked:
             source.generation = generation
 
-    def state(self, robot: str, view: str, said: StreamState, now: float) -> list[Action]:
+    def take_state(self, robot: str, view: str, said: StreamState, now: float) -> list[Action]:
         """All that the store holds of a stream. ValueError when it is of no use."""
-        hub, source = self._hub, self.listen(robot)
-        found = hub.publisher(robot, view)
+        hub, source = self._hub, self.get_source(robot)
+        found = hub.admit_view(robot, view)
         if found is None:
             hub.outcomes[FrameOutcome.CROWDED.value] += 1
             return []
@@ -113,22 +115,24 @@ class ReplicaFeed:
                 return []
             if not said.is_heard and room.stream.newest is not None:  # what stands here is no older
                 return []
-            follow(of, said.run_id, now)
+            adopt_run(of, said.run_id, now)
         stamp = Stamp(said.run_id, said.stamp_ns)
-        hub.snapshot(robot, view, said.snapshot, stamp, now, said.newest)
+        hub.take_snapshot(robot, view, said.snapshot, stamp, now, said.newest)
         source.versions[view] = said.version
         source.was_fed = True
         out: list[Action] = []
         for text in said.events:
-            out += self.event(robot, view, said.numbering, text)
+            out += self.take_event(robot, view, said.numbering, text)
         return out
 
-    def standing(self, robot: str, said: Presence, under_way_s: float | None, now: float) -> list[Action]:
+    def take_presence(
+        self, robot: str, said: Presence, under_way_s: float | None, now: float
+    ) -> list[Action]:
         """Take in how a robot is, `under_way_s` seconds after it was sent (None: nobody knows)."""
-        found = self._hub.admit(robot)
+        found = self._hub.admit_robot(robot)
         if found is None:
             return []
-        source, late_s = self.listen(robot), under_way_s or 0.0
+        source, late_s = self.get_source(robot), under_way_s or 0.0
         if (
             said.sent_s is not None and said.sent_s == source.sent_s
         ):  # it has come before, and is as old as then
@@ -139,63 +143,63 @@ class ReplicaFeed:
         for view, age_s in said.ages_s.items():
             room = found.rooms.get(view)
             if room is not None and age_s is not None and under_way_s is not None:
-                _vouch(room.stream, said.newest.get(view), age_s + late_s, now)
+                _confirm_age(room.stream, said.newest.get(view), age_s + late_s, now)
         if found.liveness.token != said.token:
-            out = self._hub.token(robot, said.token, now)
+            out = self._hub.set_token(robot, said.token, now)
         else:
             out = self._hub.report_statuses(found, now)
-        if source.before is None or not self._awaits(found, source, said, late_s):
+        if source.before is None or not self._awaits_frame(found, source, said, late_s):
             source.before = None
-            out += self.degrade(False, now, robot)
+            out += self.set_degraded(False, now, robot)
         return out
 
-    def gone(self, robot: str, now: float) -> list[Action]:
+    def clear_token(self, robot: str, now: float) -> list[Action]:
         """No relay hears this robot any more."""
-        source = self.listen(robot)
+        source = self.get_source(robot)
         source.before = None
-        return self._hub.token(robot, False, now) + self.degrade(False, now, robot)
+        return self._hub.set_token(robot, False, now) + self.set_degraded(False, now, robot)
 
-    def event(self, robot: str, view: str, numbering: str, text: str) -> list[Action]:
+    def take_event(self, robot: str, view: str, numbering: str, text: str) -> list[Action]:
         """An event that another relay has numbered. One that came before is left out. ValueError."""
-        found = self._hub.publisher(robot, view)
+        found = self._hub.admit_view(robot, view)
         if found is None:
             return []
         _, room = found
         event = room.stream.append_numbered(numbering, text)
-        return [] if event is None else self._hub.told(room.announce(event))
+        return [] if event is None else self._hub.remove_ended(room.send_event(event))
 
     # ---- what is lacking ----------------------------------------------------
 
-    def lacks(self, robot: str, now: float) -> list[Action]:
+    def request_state(self, robot: str, now: float) -> list[Action]:
         """Something of this robot changed that only a snapshot brings: ask for it, but not too often."""
         of, source = self._hub.robots.get(robot), self.sources.get(robot)
         if of is None or source is None:
             return []
         of.mark_lacking()
         if now - source.asked_at < (ASK_S if source.was_fed else AGAIN_S):
-            self._hub.ask_about(of)
+            self._hub.plan_question(of)
             return []
         source.asked_at, source.was_fed = now, False
         return [RequestSnapshot(robot, (*{PUBLIC, *of.rooms},))]
 
-    def lost(self, now: float) -> list[Action]:
+    def mark_disconnected(self, now: float) -> list[Action]:
         """The path to those who hear robots is gone. What stands here is from before it."""
         for name, source in self.sources.items():
             of = self._hub.robots.get(name)
             if of is not None:
                 source.before = {view: room.stream.newest for view, room in of.rooms.items()}
-        return self.degrade(True, now)
+        return self.set_degraded(True, now)
 
-    def found(self, now: float) -> list[Action]:
+    def mark_connected(self, now: float) -> list[Action]:
         """It is there again. Each robot is degraded on until there is news of it."""
         for name, source in self.sources.items():
             of = self._hub.robots.get(name)
             source.told_at = now  # judged anew, but not before it can have been heard
             if of is not None and source.before is not None:
                 of.set_degraded(True)
-        return self.degrade(False, now)
+        return self.set_degraded(False, now)
 
-    def _awaits(self, of: Robot, source: ReplicaSource, said: Presence, late_s: float) -> bool:
+    def _awaits_frame(self, of: Robot, source: ReplicaSource, said: Presence, late_s: float) -> bool:
         """Whether its frames come, so that a newer one than what stands here will be here in a moment."""
         before = source.before or {}
         limit_s = self._hub.limits.silent_s
@@ -203,7 +207,7 @@ class ReplicaFeed:
         come = any(age_s is not None and age_s + late_s <= limit_s for age_s in ages_s)
         return come and all(room.stream.newest is before.get(view) for view, room in of.rooms.items())
 
-    def degrade(self, degraded: bool, now: float, robot: str | None = None) -> list[Action]:
+    def set_degraded(self, degraded: bool, now: float, robot: str | None = None) -> list[Action]:
         """This relay ceases, or begins again, to hear of one robot or of all of them. Viewers are told."""
         hub = self._hub
         if robot is None:
@@ -218,29 +222,29 @@ class ReplicaFeed:
             for room in of.rooms.values():
                 if room.degraded != (hub.degraded or of.degraded):
                     room.set_degraded(not room.degraded)
-                    out += room.report(of.status(room, now), now)
+                    out += room.send_status(of.compute_status(room, now), now)
         return out
 
-    def forget(self, robot: str) -> None:
+    def forget_robot(self, robot: str) -> None:
         """Nobody here watches it, and this relay stops listening for it."""
         self.sources.pop(robot, None)
         of = self._hub.robots.get(robot)
         if of is not None and not of.has_viewers():
-            self._hub.drop(of)
+            self._hub.drop_robot(of)
 
 
-def follow(of: Robot, run_id: int, now: float) -> None:
+def adopt_run(of: Robot, run_id: int, now: float) -> None:
     """Make the run current that is current where the robot is heard."""
     if of.runs.current != run_id:
         of.runs.adopt(run_id, now)
         of.mark_lacking()  # its info and model may be others
 
 
-def _vouch(stream: Stream, named: tuple[int, int] | None, age_s: float, now: float) -> None:
+def _confirm_age(stream: Stream, named: tuple[int, int] | None, age_s: float, now: float) -> None:
     """The frame of this run and seq is so old: so is what stands here, if it is that one or a later one."""
     newest = stream.newest
     if newest is None or named is None or newest.run_id != named[0] or newest.seq < named[1]:
         return
-    known_s = stream.age_s(now)
+    known_s = stream.compute_age_s(now)
     if known_s is None or age_s < known_s:
         stream.set_age(age_s, now)

@@ -26,7 +26,7 @@ class Headcount:
         """Count these as well, as many as there are whenever somebody asks."""
         self._hubs.append(viewers)
 
-    def total(self) -> int:
+    def count_viewers(self) -> int:
         """Viewers of all hubs, now."""
         return sum(map(len, self._hubs))
 
@@ -53,7 +53,7 @@ class Roster:
         self.changed: dict[Room, None] = {}  # since the last flush
         self.statuses: dict[Room, str] = {}  # how its robot is, as its viewers were told last
 
-    def admit(self, name: str) -> Robot | None:
+    def admit_robot(self, name: str) -> Robot | None:
         """A robot that was heard of, made when it is new; None when there are as many as the limits allow."""
         robot = self.robots.get(name)
         if robot is not None and robot.counted:
@@ -66,24 +66,24 @@ class Roster:
         self.publishers += 1
         return robot
 
-    def publisher(self, name: str, view: str) -> tuple[Robot, Room] | None:
+    def admit_view(self, name: str, view: str) -> tuple[Robot, Room] | None:
         """Likewise, with the room of one of its views."""
-        robot = self.admit(name)
+        robot = self.admit_robot(name)
         if robot is None or (view not in robot.rooms and len(robot.rooms) >= self.limits.views):
             return None
-        return robot, robot.room(view)
+        return robot, robot.get_room(view)
 
-    def plan(self, room: Room) -> None:
+    def plan_flush(self, room: Room) -> None:
         """See to it that its `flush` is called in time."""
-        self.flushes.put(room, room.wake_at())
+        self.flushes.put(room, room.find_wake_at())
         self.wake_at = min(self.wake_at, self.flushes.next_at)
 
-    def ask_about(self, robot: Robot) -> None:
+    def plan_question(self, robot: Robot) -> None:
         """See to it that its edge is asked for what is lacking."""
         self.questions.put(robot, robot.ask_at)
         self.wake_at = min(self.wake_at, self.questions.next_at)
 
-    def drop(self, robot: Robot) -> None:
+    def drop_robot(self, robot: Robot) -> None:
         """Know nothing of this robot any more. Nobody may watch it."""
         del self.robots[robot.name]
         self.publishers -= robot.counted
@@ -93,7 +93,7 @@ class Roster:
             self.statuses.pop(room, None)
             self.changed.pop(room, None)
 
-    def leave(self, viewer: Viewer) -> None:
+    def remove_viewer(self, viewer: Viewer) -> None:
         """A viewer's connection is gone; harmless when it was let go of before."""
         room = self.viewers.pop(viewer, None)
         if room is None:
@@ -103,7 +103,7 @@ class Roster:
             self.admitted[viewer.robot, viewer.grant.by] -= 1
         robot = self.robots.get(viewer.robot)
         if robot is not None and robot.heard_at is None and not robot.has_viewers():
-            self.drop(robot)
+            self.drop_robot(robot)
 
     def set_degraded(self, degraded: bool) -> None:
         """Whether no robot is heard of. Who tells viewers so is ReplicaFeed."""
@@ -120,9 +120,9 @@ class Roster:
         try:
             return call()
         except Exception as error:
-            return self.fail(of, error)
+            return self.end_after_fault(of, error)
 
-    def fail(self, of: Viewer | Room | None, error: Exception) -> list[Action]:
+    def end_after_fault(self, of: Viewer | Room | None, error: Exception) -> list[Action]:
         """End those at whom the relay's own code has failed."""
         viewers = [of] if isinstance(of, Viewer) else list(of.viewers) if of is not None else []
         where = "" if of is None else f"{of.robot}/{of.view}"
@@ -130,7 +130,7 @@ class Roster:
         for viewer in viewers:
             room = self.viewers.get(viewer)
             try:
-                self.leave(viewer)
+                self.remove_viewer(viewer)
             except Exception as e:
                 out.append(Fault(where, e))
                 if room is not None:
@@ -139,22 +139,22 @@ class Roster:
             out.append(CloseConnection(viewer, Close.INTERNAL_ERROR, "a fault of the relay's own", None))
         return out
 
-    def end(self, viewer: Viewer, close: Close, reason: str, retry_s: float | None) -> list[Action]:
+    def end_viewer(self, viewer: Viewer, close: Close, reason: str, retry_s: float | None) -> list[Action]:
         """Let a viewer go, and count it."""
-        self.leave(viewer)
+        self.remove_viewer(viewer)
         self.endings[close] += 1
         return [CloseConnection(viewer, close, reason, retry_s)]
 
-    def told(self, actions: list[Action]) -> list[Action]:
+    def remove_ended(self, actions: list[Action]) -> list[Action]:
         """What a room returned; whoever it had to let go of is counted."""
         for action in actions:
             if isinstance(action, CloseConnection):
-                self.leave(action.viewer)
+                self.remove_viewer(action.viewer)
                 self.endings[action.close] += 1
         return actions
 
     @staticmethod
-    def kept(robot: Robot) -> list[Action]:
+    def persist_views(robot: Robot) -> list[Action]:
         """Every view of this robot is for the store."""
         return [Persist(room.stream) for room in robot.rooms.values()]
 
@@ -170,11 +170,15 @@ class Roster:
         """The same for one of its rooms."""
         if room in self.changed:
             return []  # the frame that it speaks of has not been handed out: `flush` tells both together
-        return room.report(robot.status(room, now), now) if self.has_news(robot, room, now) else []
+        return (
+            room.send_status(robot.compute_status(room, now), now)
+            if self.record_status(robot, room, now)
+            else []
+        )
 
-    def has_news(self, robot: Robot, room: Room, now: float) -> bool:
+    def record_status(self, robot: Robot, room: Room, now: float) -> bool:
         """Whether it is otherwise than its viewers were told last; the caller tells them."""
-        status, over_share = robot.status(room, now), bool(robot.share.over(now))
+        status, over_share = robot.compute_status(room, now), bool(robot.share.find_exceeded_limit(now))
         if self.statuses.get(room) == status and room.over_share == over_share:
             return False
         self.statuses[room] = status

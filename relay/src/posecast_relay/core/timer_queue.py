@@ -24,7 +24,7 @@ class TimerQueue(Generic[T]):
             self._count += 1
             heappush(self._heap, (at, self._count, who))
 
-    def due(self, now: float, most: int | None = None) -> list[T]:
+    def take_due(self, now: float, most: int | None = None) -> list[T]:
         """Those whose moment has come, `most` of them; they leave the queue."""
         found: list[T] = []
         while self._heap and self._heap[0][0] <= now and len(found) != most:

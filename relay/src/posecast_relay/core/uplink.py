@@ -9,7 +9,7 @@ from posecast_wire import Snapshot, Stamp
 from posecast_wire.frame import REF
 
 from posecast_relay.core.actions import Action, Persist
-from posecast_relay.core.edge_messages import edge_said
+from posecast_relay.core.edge_messages import read_edge_message
 from posecast_relay.core.histogram import Histogram
 from posecast_relay.core.limits import Limits
 from posecast_relay.core.roster import Headcount, Roster
@@ -26,30 +26,32 @@ class Uplink(Roster):
         self.outcomes: Counter[str] = Counter()  # of messages from edges
         self.lateness = Histogram()  # of frames from edges, as they came in
 
-    def edge_frame(self, robot: str, view: str, payload: bytes, stamp: Stamp, now: float) -> FrameOutcome:
+    def take_edge_frame(
+        self, robot: str, view: str, payload: bytes, stamp: Stamp, now: float
+    ) -> FrameOutcome:
         """Take a frame in from an edge itself, where that is within its robot's share."""
-        found = self.publisher(robot, view)
+        found = self.admit_view(robot, view)
         hashed = len(payload) > 0 and bool(payload[0] & REF)
-        if found is not None and not found[0].share.takes_frame(view, len(payload), hashed, now):
+        if found is not None and not found[0].share.allow_frame(view, len(payload), hashed, now):
             self.outcomes[FrameOutcome.OVER_SHARE.value] += 1
             return FrameOutcome.OVER_SHARE
-        return self.frame(robot, view, payload, stamp, now)
+        return self.take_frame(robot, view, payload, stamp, now)
 
-    def frame(
+    def take_frame(
         self, robot: str, view: str, payload: bytes, stamp: Stamp, now: float, late_s: float = 0.0
     ) -> FrameOutcome:
         """Take a frame in; `flush` then hands out the newest. `late_s`: as late as another relay found it."""
-        found = self.publisher(robot, view)
+        found = self.admit_view(robot, view)
         if found is None:
             outcome = FrameOutcome.CROWDED
         else:
             of, room = found
-            outcome = of.frame(room, payload, stamp, now, late_s)
+            outcome = of.take_frame(room, payload, stamp, now, late_s)
             if outcome is FrameOutcome.TAKEN:
                 self.changed[room] = None
                 self.lateness.add(of.runs.lateness_s)
             if of.lacking:
-                self.ask_about(of)
+                self.plan_question(of)
         self.outcomes[outcome.value] += 1
         return outcome
 
@@ -58,10 +60,10 @@ class Uplink(Roster):
         of = self.robots.get(robot)
         if of is None:
             raise ValueError("snapshot: of a robot that is not here")
-        if not of.share.takes_snapshot(size, now):
+        if not of.share.allow_snapshot(size, now):
             raise ValueError(f"snapshot: {size} bytes, more than this robot's share")
 
-    def snapshot(
+    def take_snapshot(
         self,
         robot: str,
         view: str,
@@ -75,12 +77,12 @@ class Uplink(Roster):
 
         Raises ValueError, one line, when it is of no use.
         """
-        found = self.publisher(robot, view)
+        found = self.admit_view(robot, view)
         if found is None:
             raise ValueError("snapshot: more robots or views than the relay takes")
         of, room = found
         self._check_room(room, len(snapshot.schema))
-        of.snapshot(room, snapshot, stamp, now, newest, waited_s)
+        of.take_snapshot(room, snapshot, stamp, now, newest, waited_s)
         self.changed[room] = None
 
     def _check_room(self, room: Room, size: int) -> None:
@@ -98,19 +100,19 @@ class Uplink(Roster):
         if size + sum(length for length in lengths if length > free) > self.limits.schemas_bytes:
             raise ValueError(f"snapshot: no room for another schema of {size} bytes")
 
-    def event(
+    def take_event(
         self, robot: str, view: str, payload: bytes, stamp: Stamp, now: float, unix_s: float
     ) -> list[Action]:
         """An event from an edge: number it, keep it, hand it to everybody. Or the robot's info or model."""
-        found = self.publisher(robot, view)
+        found = self.admit_view(robot, view)
         if found is None:
             self.outcomes[FrameOutcome.CROWDED.value] += 1
             return []
         of, room = found
-        if not of.share.takes_event(len(payload), now):
+        if not of.share.allow_event(len(payload), now):
             self.outcomes[FrameOutcome.OVER_SHARE.value] += 1
             return []
-        doc = edge_said(payload, self.limits)
+        doc = read_edge_message(payload, self.limits)
         if doc is None:
             self.outcomes[FrameOutcome.BAD.value] += 1
             return []
@@ -119,19 +121,19 @@ class Uplink(Roster):
             return []
         of.record_heard(now)
         if doc["type"] in ("info", "model"):
-            return self._informed(of, room, doc, stamp)
-        return self.tell_all(room, doc, unix_s)
+            return self._set_description(of, room, doc, stamp)
+        return self.announce_event(room, doc, unix_s)
 
-    def tell_all(self, room: Room, doc: dict[str, object], unix_s: float) -> list[Action]:
+    def announce_event(self, room: Room, doc: dict[str, object], unix_s: float) -> list[Action]:
         """Number an event and hand it to everybody. One that can't be told is dropped, and ends nobody."""
         try:
-            event = room.stream.number(doc, unix_s)
+            event = room.stream.number_event(doc, unix_s)
         except Exception as error:
             self.outcomes[FrameOutcome.FAULT.value] += 1
-            return self.fail(None, error)
-        return [*self.guard(room, lambda: self.told(room.announce(event))), Persist(room.stream)]
+            return self.end_after_fault(None, error)
+        return [*self.guard(room, lambda: self.remove_ended(room.send_event(event))), Persist(room.stream)]
 
-    def _informed(self, of: Robot, room: Room, doc: dict[str, object], stamp: Stamp) -> list[Action]:
+    def _set_description(self, of: Robot, room: Room, doc: dict[str, object], stamp: Stamp) -> list[Action]:
         if stamp.run_id != of.runs.current:  # its first KEY will bring the snapshot, and that all of it
             return []
         try:
@@ -142,20 +144,20 @@ class Uplink(Roster):
         except ValueError:
             self.outcomes[FrameOutcome.BAD.value] += 1
             return []
-        return [*self.guard(room, room.describe), Persist(room.stream)]
+        return [*self.guard(room, room.send_description), Persist(room.stream)]
 
-    def token(self, robot: str, present: bool, now: float) -> list[Action]:
+    def set_token(self, robot: str, present: bool, now: float) -> list[Action]:
         """An edge's liveliness token came or went."""
         if present:
-            found = self.admit(robot)
+            found = self.admit_robot(robot)
             if found is None:
                 self.outcomes[FrameOutcome.CROWDED.value] += 1
                 return []
-            found.came(now)
-            self.ask_about(found)
-            return self.kept(found) + self.report_statuses(found, now)
+            found.set_token(now)
+            self.plan_question(found)
+            return self.persist_views(found) + self.report_statuses(found, now)
         gone = self.robots.get(robot)
         if gone is None:
             return []
-        gone.liveness.left(now)
-        return self.kept(gone) + self.report_statuses(gone, now)
+        gone.liveness.clear_token(now)
+        return self.persist_views(gone) + self.report_statuses(gone, now)

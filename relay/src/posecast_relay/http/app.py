@@ -15,11 +15,11 @@ from starlette.exceptions import HTTPException as StarletteHTTPException
 from posecast_relay.auth.access import Access
 from posecast_relay.core.policy.admission import HIDDEN
 from posecast_relay.core.policy.policy import ANYONE
-from posecast_relay.http.auth import OPEN, asker, granted, shown_to
+from posecast_relay.http.auth import OPEN, identify_asker, make_sharing_headers, require_grant
 from posecast_relay.http.gzip_cache import GzipCache
-from posecast_relay.http.models import model_answer
+from posecast_relay.http.models import make_model_answer
 from posecast_relay.http.robot_state import StateReader
-from posecast_relay.http.robots import robot_document, robots_document
+from posecast_relay.http.robots import make_robot_document, make_robots_document
 from posecast_relay.http.static_page import Page
 from posecast_relay.models.cache import Absent, ModelCache, Unavailable
 from posecast_relay.runtime.dispatcher import Dispatcher
@@ -45,7 +45,7 @@ class AnswerCache:
         self._made: dict[str, tuple[float, bytes, str]] = {}
         self._bytes = 0
 
-    def answer(
+    def get_answer(
         self, request: Request, name: str, make: Callable[[], bytes], more: dict[str, str]
     ) -> Response:
         """The answer called `name`, or 304 when the asker has it. `more`: headers."""
@@ -103,7 +103,7 @@ def make_app(access: Access, models: ModelCache, decoded: DecodeCache, static: P
 
     page = static or (PACKED_PAGE if (PACKED_PAGE / "index.html").is_file() else None)
     if page is not None:
-        app.mount("/", Page(page, access.frame_ancestors))
+        app.mount("/", Page(page, access.list_frame_ancestors))
     else:
 
         @app.get("/", include_in_schema=False)
@@ -120,7 +120,7 @@ def _add_health(app: FastAPI, dispatcher: Dispatcher) -> None:
 
     @app.get("/readyz", summary="Whether viewers are accepted; `degraded` when the store is not there")
     async def readyz() -> JSONResponse:
-        trouble = dispatcher.store.trouble()
+        trouble = dispatcher.store.find_trouble()
         if dispatcher.draining:
             return JSONResponse({"status": "draining"}, 503)
         return JSONResponse({"status": "degraded", "why": trouble} if trouble else {"status": "ready"})
@@ -133,31 +133,31 @@ def _add_robots(app: FastAPI, access: Access, decoded: DecodeCache) -> None:
 
     @app.get(API, summary="Robots on air")
     async def robots(request: Request) -> Response:
-        who = await asker(access, request)
-        made = partial(robots_document, access, who, dispatcher.now())
-        headers = shown_to(request, who is ANYONE)
-        return answers.answer(request, f"{who.audience}/{who.robot}", made, headers)
+        who = await identify_asker(access, request)
+        made = partial(make_robots_document, access, who, dispatcher.now())
+        headers = make_sharing_headers(request, who is ANYONE)
+        return answers.get_answer(request, f"{who.audience}/{who.robot}", made, headers)
 
     @app.get(API + "/{robot}", summary="One robot: liveness, viewers, schema, model")
     async def one_robot(request: Request, robot: str) -> Response:
-        grant = await granted(access, request, robot)
+        grant = await require_grant(access, request, robot)
         await dispatcher.open_robot(robot)
-        found = access.shown(grant)
+        found = access.find_robot(grant)
         if found is None:
             raise HTTPException(404, HIDDEN)
-        made = partial(robot_document, access, grant, *found, dispatcher.now())
+        made = partial(make_robot_document, access, grant, *found, dispatcher.now())
         name = f"{robot}/{grant.view}/{grant.delay_s:g}"
-        return answers.answer(request, name, made, shown_to(request, grant.open))
+        return answers.get_answer(request, name, made, make_sharing_headers(request, grant.open))
 
     @app.get(API + "/{robot}/state", summary="The newest state with names and units")
     async def state(request: Request, robot: str, view: str | None = None) -> Response:
-        grant = await granted(access, request, robot, view)
+        grant = await require_grant(access, request, robot, view)
         await dispatcher.open_robot(robot)
-        of, room = access.shown(grant) or (None, None)
+        of, room = access.find_robot(grant) or (None, None)
         if of is None or room is None or room.stream.newest is None:
             raise HTTPException(404, HIDDEN)
         body = reader.read(of, room, grant.hz)
-        headers = {"cache-control": "no-cache"} | shown_to(request, grant.open)
+        headers = {"cache-control": "no-cache"} | make_sharing_headers(request, grant.open)
         return Response(body, media_type="application/json", headers=headers)
 
 
@@ -166,7 +166,7 @@ def _add_models(app: FastAPI, access: Access, models: ModelCache) -> None:
 
     @app.get(API + "/{robot}/model/{digest}/{path:path}", summary="A model's manifest.json and files")
     async def model(request: Request, robot: str, digest: str, path: str) -> Response:
-        grant = await granted(access, request, robot)
+        grant = await require_grant(access, request, robot)
         try:
             if path == "manifest.json":
                 found = await models.manifest(robot, digest)
@@ -176,8 +176,8 @@ def _add_models(app: FastAPI, access: Access, models: ModelCache) -> None:
             raise HTTPException(404, str(e)) from None
         except Unavailable as e:
             raise HTTPException(503, str(e), {"retry-after": "5"}) from None
-        answer = await model_answer(request, models, packed, robot, found)
+        answer = await make_model_answer(request, models, packed, robot, found)
         if not grant.open:
             del answer.headers["access-control-allow-origin"]
-            answer.headers.update(shown_to(request, False))
+            answer.headers.update(make_sharing_headers(request, False))
         return answer

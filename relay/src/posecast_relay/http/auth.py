@@ -10,54 +10,56 @@ from posecast_wire import Close
 from posecast_relay.auth.access import Access
 from posecast_relay.core.policy.admission import Applicant, Refusal
 from posecast_relay.core.policy.policy import ANYONE, Grant, Principal
-from posecast_relay.streaming.request import BadRequest, bearer, refuse_tokens
+from posecast_relay.streaming.request import BadRequest, read_bearer, refuse_tokens
 
 OPEN = {"access-control-allow-origin": "*"}  # public views: any page may read them
 
 
-async def asker(access: Access, request: Request) -> Principal:
+async def identify_asker(access: Access, request: Request) -> Principal:
     """By the `Authorization` header; anyone without one. HTTPException 400, 401, 403, 503."""
-    applicant = await _applicant(access, request, None, None)
+    applicant = await _identify_applicant(access, request, None, None)
     assert isinstance(applicant.who, Principal)  # else refused
     return applicant.who
 
 
-async def granted(access: Access, request: Request, robot: str, view: str | None = None) -> Grant:
+async def require_grant(access: Access, request: Request, robot: str, view: str | None = None) -> Grant:
     """HTTPException: the same for a robot that is not here and one that is not for the asker."""
-    decision = access.judge(await _applicant(access, request, robot, view))
+    decision = access.judge(await _identify_applicant(access, request, robot, view))
     if isinstance(decision, Refusal):
-        raise _answer(decision)
+        raise _make_error(decision)
     return decision
 
 
-async def _applicant(access: Access, request: Request, robot: str | None, view: str | None) -> Applicant:
+async def _identify_applicant(
+    access: Access, request: Request, robot: str | None, view: str | None
+) -> Applicant:
     """Who asks. HTTPException."""
     try:
         refuse_tokens(request.query_params)
     except BadRequest as e:
         raise HTTPException(e.status, str(e)) from None
-    token = bearer(request.headers.get("authorization"))
+    token = read_bearer(request.headers.get("authorization"))
     if token is None or access.tokens is None:
         return Applicant(robot, view, who=ANYONE)
     may_show = access.may_show(request.headers.get("origin"), request.headers.get("host"))
     applicant = Applicant(robot, view, shows_token=True, is_foreign=not may_show)
-    refusal = access.refusal(applicant)
+    refusal = access.find_refusal(applicant)
     if refusal is None:
-        applicant = replace(applicant, who=await access.who(token))
-        refusal = access.refusal(replace(applicant, robot=None))
+        applicant = replace(applicant, who=await access.identify(token))
+        refusal = access.find_refusal(replace(applicant, robot=None))
     if refusal is not None:
-        raise _answer(refusal)
+        raise _make_error(refusal)
     return applicant
 
 
-def _answer(refusal: Refusal) -> HTTPException:
+def _make_error(refusal: Refusal) -> HTTPException:
     headers = {} if refusal.retry_s is None else {"retry-after": f"{refusal.retry_s:.0f}"}
     if refusal.close is Close.TOKEN:
         headers["www-authenticate"] = "Bearer"
     return HTTPException(refusal.status, refusal.reason, headers)
 
 
-def shown_to(request: Request, everybody: bool) -> dict[str, str]:
+def make_sharing_headers(request: Request, everybody: bool) -> dict[str, str]:
     """Headers: any page may read what is for everybody; else the one that was let in, and nothing is kept."""
     if everybody:
         return OPEN

@@ -26,7 +26,7 @@ class GzipCache:
     async def pack(self, robot: str, name: str) -> int:
         """Bytes of `name` in gzip's format, now kept as `packed_name(name)`; 0 where that is not worth it, or
         not possible just now. `robot` is whose room it takes."""
-        known = cast("bytes | None", self._room.get(packed_name(name)))
+        known = cast("bytes | None", self._room.get(make_packed_name(name)))
         if known is not None:
             return len(known)
         task = self._under_way.get(name)
@@ -45,12 +45,12 @@ class GzipCache:
                 packed = await asyncio.to_thread(gzip.compress, plain, LEVEL, mtime=0)
                 if len(packed) > WORTH * len(plain):
                     packed = b""  # remembered, so that it is not tried again
-                self._room.keep(claim, packed_name(name), packed, len(packed))
+                self._room.keep(claim, make_packed_name(name), packed, len(packed))
             finally:
                 self._room.release(claim)
-            return len(packed) if self._room.get(packed_name(name)) is not None else 0
+            return len(packed) if self._room.get(make_packed_name(name)) is not None else 0
 
 
-def packed_name(name: str) -> str:
+def make_packed_name(name: str) -> str:
     """What it is kept as."""
     return f"{name}.gz"

@@ -54,22 +54,28 @@ class RelayCollector(Collector):
         endings: Counter[int] = sum((Counter(each.endings) for each in self._hubs), Counter())
         now = self._dispatcher.now()
         yield GaugeMetricFamily("posecast_viewers", "Viewers connected", viewers)
-        yield _by(
-            "posecast_robots", "Robots by liveness", "state", _words(self._dispatcher, now), GaugeMetricFamily
+        yield _make_labelled(
+            "posecast_robots",
+            "Robots by liveness",
+            "state",
+            _count_statuses(self._dispatcher, now),
+            GaugeMetricFamily,
         )
-        yield _by(
+        yield _make_labelled(
             "posecast_edge_frames",
             "Frames from edges by what became of them",
             "fate",
             hub.outcomes,
             CounterMetricFamily,
         )
-        over = sum(1 for robot in list(hub.robots.values()) if robot.share.over(now))
+        over = sum(1 for robot in list(hub.robots.values()) if robot.share.find_exceeded_limit(now))
         yield GaugeMetricFamily("posecast_robots_over_share", "Robots that send more than their share", over)
         faults: Counter[str] = sum(
             (Counter(dispatcher.faults) for dispatcher in self._dispatchers), Counter()
         )
-        yield _by("posecast_faults", "Faults of the relay's own code", "error", faults, CounterMetricFamily)
+        yield _make_labelled(
+            "posecast_faults", "Faults of the relay's own code", "error", faults, CounterMetricFamily
+        )
         yield CounterMetricFamily(
             "posecast_publishers_refused", "Edges that were not let in", self._refused()
         )
@@ -80,50 +86,62 @@ class RelayCollector(Collector):
             "posecast_skipped_frames", "Frames that viewers were due and could not take", skipped
         )
         shaken = self._dispatcher.handshakes
-        yield _by("posecast_handshakes", "Requests for a stream", "result", shaken, CounterMetricFamily)
+        yield _make_labelled(
+            "posecast_handshakes", "Requests for a stream", "result", shaken, CounterMetricFamily
+        )
         ended = {str(int(code)): count for code, count in endings.items()}
-        yield _by("posecast_endings", "Viewers let go, by close code", "code", ended, CounterMetricFamily)
+        yield _make_labelled(
+            "posecast_endings", "Viewers let go, by close code", "code", ended, CounterMetricFamily
+        )
         evicted = sum(endings[code] for code in EVICTIONS)
         yield CounterMetricFamily("posecast_evictions", "Viewers cut because they did not keep up", evicted)
         yield GaugeMetricFamily(
             "posecast_ceiling_hz", "Rate that overload leaves; +Inf = all", hub.load.ceiling_hz
         )
         yield GaugeMetricFamily("posecast_tasks", "Tasks on the event loop", self._dispatcher.tasks)
-        yield _times("posecast_frame_lateness_seconds", "Edge to relay, above the least", hub.lateness)
-        yield _times("posecast_fan_out_seconds", "To hand out what came in", self._dispatcher.fan_out)
-        yield _times("posecast_loop_lag_seconds", "How late the event loop is", self._dispatcher.loop_lag)
-        trouble = self._dispatcher.store.trouble()
+        yield _make_histogram(
+            "posecast_frame_lateness_seconds", "Edge to relay, above the least", hub.lateness
+        )
+        yield _make_histogram(
+            "posecast_fan_out_seconds", "To hand out what came in", self._dispatcher.fan_out
+        )
+        yield _make_histogram(
+            "posecast_loop_lag_seconds", "How late the event loop is", self._dispatcher.loop_lag
+        )
+        trouble = self._dispatcher.store.find_trouble()
         yield GaugeMetricFamily("posecast_store_up", "Whether the state store works", 0 if trouble else 1)
-        exchanges = self._dispatcher.store.exchanges()
+        exchanges = self._dispatcher.store.get_exchanges()
         if exchanges is not None:
             seconds, losses = exchanges
-            yield _times("posecast_store_seconds", "Exchanges with the store, given up at 0.25", seconds)
+            yield _make_histogram(
+                "posecast_store_seconds", "Exchanges with the store, given up at 0.25", seconds
+            )
             yield CounterMetricFamily("posecast_store_losses", "Times that the store was lost", losses)
         if self._mirror is not None:
             asked = {"sent": 0, "failed": 0} | self._mirror.written
-            yield _by(
+            yield _make_labelled(
                 "posecast_mirror_requests", "Requests to the mirror", "result", asked, CounterMetricFamily
             )
             left = 1 if self._mirror.breaker.is_open else 0
             yield GaugeMetricFamily("posecast_mirror_breaker_open", "Whether it is left alone", left)
 
 
-def _times(name: str, text: str, times: Histogram) -> Metric:
+def _make_histogram(name: str, text: str, times: Histogram) -> Metric:
     metric = HistogramMetricFamily(name, text)
     upto = [str(bound) for bound in BOUNDS_S] + ["+Inf"]
     metric.add_metric([], list(zip(upto, accumulate(times.counts), strict=True)), times.sum_s)
     return metric
 
 
-def _words(dispatcher: Dispatcher, now: float) -> dict[str, int]:
+def _count_statuses(dispatcher: Dispatcher, now: float) -> dict[str, int]:
     found = {"online": 0, "silent": 0, "offline": 0}
     for robot in list(dispatcher.hub.robots.values()):
         if robot.heard_at is not None:
-            found[robot.status(next(iter(list(robot.rooms.values())), None), now)] += 1
+            found[robot.compute_status(next(iter(list(robot.rooms.values())), None), now)] += 1
     return found
 
 
-def _by(
+def _make_labelled(
     name: str,
     text: str,
     label: str,

@@ -14,7 +14,7 @@ from fastapi import Request, Response
 from starlette.types import Receive, Scope, Send
 
 from posecast_relay.http.auth import OPEN
-from posecast_relay.http.gzip_cache import GzipCache, packed_name
+from posecast_relay.http.gzip_cache import GzipCache, make_packed_name
 from posecast_relay.models.cache import ModelCache, ModelFile
 from posecast_relay.streaming.http_connection import AnswerAborted
 
@@ -56,7 +56,7 @@ class PiecewiseResponse(Response):
                 await asyncio.sleep(0)
 
 
-async def model_answer(
+async def make_model_answer(
     request: Request, models: ModelCache, packed: GzipCache, robot: str, found: ModelFile
 ) -> Response:
     """304 if the asker has it."""
@@ -69,5 +69,5 @@ async def model_answer(
         packed_size = await packed.pack(robot, name)
         if packed_size:
             headers |= {"content-encoding": "gzip", "etag": f'W/"{name}"'}
-            name, size = packed_name(name), packed_size
+            name, size = make_packed_name(name), packed_size
     return PiecewiseResponse(models, name, size, type_, headers)

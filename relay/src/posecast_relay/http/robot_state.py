@@ -12,7 +12,7 @@ from posecast_relay.core.state.robot import Robot
 from posecast_relay.core.state.room import Room
 from posecast_relay.core.state.stream import Stream
 from posecast_relay.plain_json import json_bytes
-from posecast_relay.streaming.decode_cache import DecodeCache, field_values
+from posecast_relay.streaming.decode_cache import DecodeCache, list_field_values
 
 DECODE_S = 0.1  # at most ten times a second, however many ask
 
@@ -39,29 +39,31 @@ class StateReader:
         every_s = max(DECODE_S, 1 / hz)
         of_stream = self._known.setdefault(stream, {})  # by rate: as many as a policy names
         known = of_stream.get(every_s)
-        age_s = stream.age_s(now)
+        age_s = stream.compute_age_s(now)
         if known is None or now - known.at >= every_s:
-            frame = self._newest.frame(stream)
+            frame = self._newest.decode_frame(stream)
             if frame is not None:
-                known = of_stream[every_s] = _Known(now, age_s or 0.0, _told(frame))
+                known = of_stream[every_s] = _Known(now, age_s or 0.0, _encode_frame(frame))
         if known is not None:  # of what is shown: a newer frame may not have been decoded yet
             age_s = known.age_s + now - known.at
         document = {
             "robot": stream.robot,
             "view": stream.view,
-            "status": robot.status(room, now),
+            "status": robot.compute_status(room, now),
             "age_ms": None if age_s is None else max(0, round(age_s * 1000)),
             "info": stream.info,
         }
         return json_bytes(document)[:-1] + (b"" if known is None else known.text) + b"}"
 
 
-def _told(frame: Frame) -> bytes:
+def _encode_frame(frame: Frame) -> bytes:
     """Of a frame, after the document's other members: made once, however many ask."""
-    return b"," + json_bytes({"seq": frame.seq, "t": round(frame.t_s, 6), "fields": _fields(frame)})[1:-1]
+    return (
+        b"," + json_bytes({"seq": frame.seq, "t": round(frame.t_s, 6), "fields": _read_fields(frame)})[1:-1]
+    )
 
 
-def _fields(frame: Frame) -> dict[str, Any]:
+def _read_fields(frame: Frame) -> dict[str, Any]:
     """Values by field and label; a field of bits as the names of those set."""
     found: dict[str, Any] = {}
     for field in frame.schema.fields:
@@ -69,7 +71,7 @@ def _fields(frame: Frame) -> dict[str, Any]:
         if field.bits:
             values: list[Any] = [None if c == MISSING else field.bits_set(c) for c in codes]
         else:
-            values = list(field_values(frame, field))
+            values = list(list_field_values(frame, field))
         found[field.name] = {"unit": field.unit, "values": dict(zip(field.labels, values, strict=True))}
         if units := frame.schema.mapping.units.get(field.name):
             found[field.name]["units"] = dict(units)  # of channels whose unit is another

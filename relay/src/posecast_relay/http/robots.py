@@ -14,9 +14,9 @@ from posecast_relay.plain_json import json_bytes
 VEILED = {"age_ms": None, "seq": None, "hz": None, "model": None}
 
 
-def robots_document(access: Access, who: Principal, now: float) -> bytes:
+def make_robots_document(access: Access, who: Principal, now: float) -> bytes:
     """JSON: every robot whose edge has been heard, here or by those who fill the store, by name."""
-    told = access.live.store.robots()
+    told = access.live.store.list_robots()
     if told is None:
         names = [robot.name for robot in access.live.hub.robots.values() if robot.heard_at is not None]
         told = [{"robot": name} for name in sorted(names)]
@@ -24,29 +24,29 @@ def robots_document(access: Access, who: Principal, now: float) -> bytes:
     for doc in told:
         try:
             grant = access.judge(Applicant(doc["robot"], who=who))
-            summary = _summary(access, grant, doc, now) if isinstance(grant, Grant) else None
+            summary = _find_summary(access, grant, doc, now) if isinstance(grant, Grant) else None
             if summary is not None:
-                shown.append(json_bytes(summary | {"viewers": _viewers(access, doc["robot"])}))
+                shown.append(json_bytes(summary | {"viewers": _count_viewers(access, doc["robot"])}))
         except Exception as e:  # a mistake of ours: the others are shown
             access.live.report_fault("a robot in the list", e)
     return b'{"robots":[' + b",".join(shown) + b"]}"
 
 
-def _summary(access: Access, grant: Grant, doc: dict[str, Any], now: float) -> dict[str, Any] | None:
+def _find_summary(access: Access, grant: Grant, doc: dict[str, Any], now: float) -> dict[str, Any] | None:
     """In a line, as this asker may see it. `doc`: what another process says of the public view, undelayed."""
     if "status" in doc and grant.delay_s == 0:
         return doc if grant.view == PUBLIC else doc | VEILED | {"name": grant.robot}
-    found = access.shown(grant)
-    return robot_summary(*found, now) if found is not None else None
+    found = access.find_robot(grant)
+    return make_robot_summary(*found, now) if found is not None else None
 
 
-def robot_document(access: Access, grant: Grant, robot: Robot, room: Room | None, now: float) -> bytes:
+def make_robot_document(access: Access, grant: Grant, robot: Robot, room: Room | None, now: float) -> bytes:
     """JSON: one robot with the schema and info of the view that the asker may see."""
     stream = room.stream if room else None
     schema = stream.schema if stream else None
-    document = robot_summary(robot, room, now) | {
+    document = make_robot_summary(robot, room, now) | {
         "view": grant.view,
-        "viewers": _viewers(access, robot.name),
+        "viewers": _count_viewers(access, robot.name),
         "conflict": robot.in_conflict,
         "lateness_ms": round(robot.runs.lateness_s * 1000),
         "info": stream.info if stream else {},
@@ -56,24 +56,24 @@ def robot_document(access: Access, grant: Grant, robot: Robot, room: Room | None
     return json_bytes(document)[:-1] + b',"schema":' + told + b"}"
 
 
-def robot_summary(robot: Robot, room: Room | None, now: float) -> dict[str, Any]:
+def make_robot_summary(robot: Robot, room: Room | None, now: float) -> dict[str, Any]:
     """One robot in a line, as one of its views shows it."""
     stream = room.stream if room else None
-    age_s = stream.age_s(now) if stream else None
+    age_s = stream.compute_age_s(now) if stream else None
     interval_s = stream.cadence.interval_s if stream else 0.0
     return {
         "robot": robot.name,
         "name": stream.schema.robot if stream and stream.schema else robot.name,
-        "status": robot.status(room, now),
+        "status": robot.compute_status(room, now),
         "age_ms": None if age_s is None else max(0, round(age_s * 1000)),
         "seq": stream.newest.seq if stream and stream.newest else None,
         "hz": round(1 / interval_s, 1) if interval_s else None,
-        "viewers": robot.viewer_count(),
+        "viewers": robot.count_viewers(),
         "model": stream.model if stream else None,
     }
 
 
-def _viewers(access: Access, robot: str) -> int:
+def _count_viewers(access: Access, robot: str) -> int:
     """Over all processes."""
     here = [of for dispatcher in access.dispatchers if (of := dispatcher.hub.robots.get(robot)) is not None]
-    return sum(of.viewer_count() for of in here) + access.live.store.viewers_elsewhere(robot)
+    return sum(of.count_viewers() for of in here) + access.live.store.count_viewers_elsewhere(robot)

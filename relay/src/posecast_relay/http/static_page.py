@@ -58,16 +58,16 @@ class _Kept:
         return data
 
 
-def content_policy(page: Path) -> str | None:
+def read_content_policy(page: Path) -> str | None:
     """What a page says it may load; None: nothing. As a header it binds the page's workers as well."""
     try:
-        return _policy_in(page, page.stat().st_mtime_ns)
+        return _read_policy(page, page.stat().st_mtime_ns)
     except OSError:  # it is just being built anew
         return None
 
 
 @lru_cache(maxsize=16)
-def _policy_in(page: Path, _mtime_ns: int) -> str | None:
+def _read_policy(page: Path, _mtime_ns: int) -> str | None:
     found = POLICY.search(page.read_text(encoding="utf-8"))
     return None if found is None else " ".join(html.unescape(found[1]).split())
 
@@ -140,7 +140,7 @@ class Page(StaticFiles):
         response.headers["cache-control"] = "public, max-age=31536000, immutable" if hashed else "no-cache"
         response.headers["x-content-type-options"] = "nosniff"
         page = Path(full_path) if str(full_path).endswith(".html") else self._index if hashed else None
-        policy = None if page is None else content_policy(page)
+        policy = None if page is None else read_content_policy(page)
         if policy is not None:
             response.headers["content-security-policy"] = policy if hashed else f"{policy}; {FRAMES}"
         if page is not None and not hashed:

@@ -93,14 +93,14 @@ class FirebaseMirror:
             found = await self._ask(client, "GET", {"shallow": "true"})
             if found is None:
                 return
-            self._mirror.found(found)
+            self._mirror.record_existing(found)
             self._adopted = True
-        changes = self._mirror.changes(dict(self._shown()), live.now(), live.unix_s())
+        changes = self._mirror.find_changes(dict(self._shown()), live.now(), live.unix_s())
         for batch, body in batches(changes):
             if await self._ask(client, "PATCH", {"print": "silent"}, body) is None:
-                self._mirror.lost(changes)  # later batches as well: made anew
+                self._mirror.record_lost(changes)  # later batches as well: made anew
                 return
-            self._mirror.wrote(batch)
+            self._mirror.record_written(batch)
 
     def _shown(self) -> Iterator[tuple[str, VisibleRobot]]:
         """What anyone may see now. How many watch a mirror nobody knows, so a robot with a cap has none."""
@@ -118,10 +118,10 @@ class FirebaseMirror:
         grant = self._access.judge(Applicant(name, who=ANYONE))
         if not isinstance(grant, Grant) or grant.viewers is not None:
             return None
-        robot, room = self._access.shown(grant) or (None, None)
+        robot, room = self._access.find_robot(grant) or (None, None)
         if robot is None or room is None:
             return None
-        return VisibleRobot(room.stream, robot.status(room, self._access.live.now()), grant.hz)
+        return VisibleRobot(room.stream, robot.compute_status(room, self._access.live.now()), grant.hz)
 
     async def _ask(
         self, client: httpx.AsyncClient, method: str, parameters: dict[str, str], body: bytes | None = None

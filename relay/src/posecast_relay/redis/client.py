@@ -109,13 +109,13 @@ class RedisClient:
         for text in scripts:
             self._scripts[text] = await self.call(self.client.script_load(text))
 
-    def works(self) -> None:
+    def forget_failures(self) -> None:
         """Redis has been asked something and has answered as it should: failures are news again."""
         self._told.clear()
 
-    def news(self, error: BaseException) -> str | None:
+    def describe_new_failure(self, error: BaseException) -> str | None:
         """Why it failed, if it has not for such a reason since it worked."""
-        kind = name_of(error)
+        kind = name_error(error)
         if kind in self._told:
             return None
         self._told.add(kind)
@@ -174,7 +174,7 @@ class RedisClient:
                 await self._load(*{script for script, _, _ in batch})
                 answers = await self._exchange(batch)  # carried out twice, a call does no harm
             results += answers
-        return _each(results)
+        return _check_results(results)
 
     async def _exchange(self, batch: Sequence[Call]) -> list[Any]:
         pipe = self.client.pipeline(transaction=False)
@@ -187,9 +187,9 @@ class RedisClient:
         """What Redis answers to the commands that `ask` gives a pipeline, in one exchange; errors too."""
         pipe = self.client.pipeline(transaction=False)
         ask(pipe)
-        return _each(await self.call(pipe.execute(raise_on_error=False)))
+        return _check_results(await self.call(pipe.execute(raise_on_error=False)))
 
-    def listener(self, robot: str) -> tuple[tuple[str, int], Any]:
+    def open_listener(self, robot: str) -> tuple[tuple[str, int], Any]:
         """Where this robot's channel lives, and a client for that server alone. Cluster: `connect` first."""
         if not self.is_cluster:
             return ("", 0), self.client
@@ -199,7 +199,7 @@ class RedisClient:
         return (str(node.host), int(node.port)), redis.Redis(connection_pool=pool)
 
 
-def _each(results: list[Any]) -> list[Any]:
+def _check_results(results: list[Any]) -> list[Any]:
     """As they are, unless an error says more of Redis than of the one call: then that is raised."""
     errors = [result for result in results if isinstance(result, BaseException)]
     for error in errors:
@@ -209,7 +209,7 @@ def _each(results: list[Any]) -> list[Any]:
     return results
 
 
-async def end(*tasks: asyncio.Task[None] | None) -> None:
+async def cancel_tasks(*tasks: asyncio.Task[None] | None) -> None:
     """Cancel tasks, and wait for their end for a moment only."""
     going = {task for task in tasks if task is not None and not task.done()}
     for task in going:
@@ -218,6 +218,6 @@ async def end(*tasks: asyncio.Task[None] | None) -> None:
         await asyncio.wait(going, timeout=2 * TIMEOUT_S)
 
 
-def name_of(error: BaseException) -> str:
+def name_error(error: BaseException) -> str:
     """What went wrong, for everybody: no addresses."""
     return f"redis: {type(error).__name__}"

@@ -19,7 +19,7 @@ class RedisClock:
         self._most = float("inf")
         self._seen_at = 0.0
 
-    def saw(self, redis_s: float, asked_at: float, answered_at: float) -> None:
+    def record_time(self, redis_s: float, asked_at: float, answered_at: float) -> None:
         """Redis said its time between these two moments."""
         least, most = redis_s - answered_at, redis_s - asked_at
         parted = DRIFT * max(0.0, answered_at - self._seen_at)
@@ -27,15 +27,15 @@ class RedisClock:
         self._least, self._most = narrow if narrow[0] <= narrow[1] else (least, most)
         self._seen_at = answered_at
 
-    def at(self, now: float) -> float | None:
+    def estimate_time(self, now: float) -> float | None:
         """Redis's time; None before it was ever seen."""
         if self._most == float("inf"):
             return None
         return now + (self._least + self._most) / 2
 
-    def since(self, sent_s: float | None, now: float) -> float | None:
+    def compute_elapsed(self, sent_s: float | None, now: float) -> float | None:
         """How long ago something was written that carries this time; None when nobody knows."""
-        redis_s = self.at(now)
+        redis_s = self.estimate_time(now)
         if redis_s is None or sent_s is None:
             return None
         error_s = self._most - self._least + ERROR_S  # of the writer's reckoning and of this one's

@@ -78,11 +78,11 @@ class RedisDirectory:
         self._now = now
         self._elsewhere: dict[str, int] = {}
 
-    def viewers_elsewhere(self, robot: str) -> int:
+    def count_viewers_elsewhere(self, robot: str) -> int:
         """How many watch it at other processes."""
         return self._elsewhere.get(robot, 0)
 
-    def documents(self) -> list[dict[str, Any]]:
+    def list_documents(self) -> list[dict[str, Any]]:
         """The robots on air by name, aged to now; one that nobody hears any more is offline."""
         documents = []
         for robot, doc in sorted(self.robots.items()):
@@ -105,7 +105,7 @@ class RedisDirectory:
         asked_at = self._now()
         at, robots, counts, ingests = await self._link.run(BOARD, KEYS, *args)
         self.read_at = self._now()
-        self.clock.saw(float(at), asked_at, self.read_at)
+        self.clock.record_time(float(at), asked_at, self.read_at)
         self.robots, self.ages_s, self._elsewhere = {}, {}, {}
         self.ingests = len(ingests) // 2
         for robot, written, doc in _rows(robots):

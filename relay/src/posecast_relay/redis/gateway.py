@@ -23,8 +23,8 @@ from posecast_relay.redis.client import (
     REDIS_ERRORS,
     STATUS_MS,
     RedisClient,
-    end,
-    name_of,
+    cancel_tasks,
+    name_error,
     state_key,
     status_key,
 )
@@ -67,7 +67,9 @@ class RedisGateway:
         self._now = now
         self._pinned = pinned
         self._said = ReplicaFeed(hub)
-        self._subscriber = RedisSubscriber(self.link, self._heard, self._lost, self._fault)
+        self._subscriber = RedisSubscriber(
+            self.link, self._take_message, self._record_loss, self._handle_fault
+        )
         self._watched: dict[str, _Watched] = {}
         self._unheard: dict[str, None] = {}  # robots to listen for
         self._unread: dict[str, None] = {}  # robots to read
@@ -83,31 +85,31 @@ class RedisGateway:
     def keep(self, stream: Stream) -> None:
         """Redis has it already."""
 
-    def trouble(self) -> str | None:
+    def find_trouble(self) -> str | None:
         """What is wrong with Redis, if anything."""
         return self._trouble
 
-    def exchanges(self) -> tuple[Histogram, int] | None:
+    def get_exchanges(self) -> tuple[Histogram, int] | None:
         """With Redis."""
         return self.link.seconds, self.losses
 
-    def robots(self) -> list[dict[str, Any]] | None:
+    def list_robots(self) -> list[dict[str, Any]] | None:
         """As the directory says."""
-        return self.directory.documents()
+        return self.directory.list_documents()
 
-    def viewers_elsewhere(self, robot: str) -> int:
+    def count_viewers_elsewhere(self, robot: str) -> int:
         """As the directory says; none while Redis is gone."""
-        return 0 if self._trouble else self.directory.viewers_elsewhere(robot)
+        return 0 if self._trouble else self.directory.count_viewers_elsewhere(robot)
 
     async def start(self, dispatcher: Dispatcher) -> None:
         """Begin to listen, for the dispatcher's hub; Redis may come later."""
         self._dispatcher = dispatcher
-        dispatcher.carry_out(self._said.lost(self._now()))
+        dispatcher.carry_out(self._said.mark_disconnected(self._now()))
         self._task = asyncio.create_task(self._work(), name="redis gateway")
 
     async def stop(self) -> None:
         """Let go."""
-        await end(self._task, self._reader)
+        await cancel_tasks(self._task, self._reader)
         await self._subscriber.close()
         await self.link.close()
 
@@ -122,7 +124,7 @@ class RedisGateway:
                     await self._connect()
                 await self._beat()
             except Exception as e:  # whatever it was: all is begun anew
-                await self._failed(e)
+                await self._handle_failure(e)
                 await asyncio.sleep(RETRY_S)
                 continue
             with contextlib.suppress(TimeoutError):
@@ -132,7 +134,7 @@ class RedisGateway:
 
     async def _connect(self) -> None:
         await self.link.connect(BOARD)
-        await self._guarded_part(self._exchange)  # first Redis's clock: it tells how old all the rest is
+        await self._run_part(self._exchange)  # first Redis's clock: it tells how old all the rest is
         self._failure = None
         self._unheard = dict.fromkeys(self._watched)
         self._unread.clear()
@@ -140,92 +142,92 @@ class RedisGateway:
         if self._failure is not None:
             raise self._failure
         self._reader = asyncio.create_task(self._read_on(), name="redis reader")
-        self.link.works()
+        self.link.forget_failures()
         if self.failures:
             log.warning("redis is back")
         self._trouble = None
-        self._dispatcher.carry_out(self._said.found(self._now()))
+        self._dispatcher.carry_out(self._said.mark_connected(self._now()))
 
-    async def _failed(self, error: BaseException) -> None:
-        if why := self.link.news(error):
+    async def _handle_failure(self, error: BaseException) -> None:
+        if why := self.link.describe_new_failure(error):
             log.warning("redis: %s; viewers are told, trying on", why)
         self.failures += 1
         self.losses += self._trouble is None
         self._failure = None
-        self._trouble = name_of(error)  # /readyz is public: no addresses
-        self._dispatcher.carry_out(self._said.lost(self._now()))
-        await end(self._reader)
+        self._trouble = name_error(error)  # /readyz is public: no addresses
+        self._dispatcher.carry_out(self._said.mark_disconnected(self._now()))
+        await cancel_tasks(self._reader)
         subscriber, self._subscriber = (
             self._subscriber,
-            RedisSubscriber(self.link, self._heard, self._lost, self._fault),
+            RedisSubscriber(self.link, self._take_message, self._record_loss, self._handle_fault),
         )
         await subscriber.close()
         self._failure = None  # closing a subscriber may say so
         await self.link.reset()
 
-    def _lost(self, error: BaseException) -> None:
+    def _record_loss(self, error: BaseException) -> None:
         self._failure = error if isinstance(error, Exception) else ConnectionError(str(error))
         self._wake.set()
 
     async def _exchange(self) -> None:
         robots = self._dispatcher.hub.robots.values()
-        viewers = {robot.name: robot.viewer_count() for robot in robots if robot.has_viewers()}
+        viewers = {robot.name: robot.count_viewers() for robot in robots if robot.has_viewers()}
         await self.directory.exchange(viewers, None)
 
     async def _beat(self) -> None:
         for part in (self._exchange, self._watch_pinned):
-            await self._guarded_part(part)
+            await self._run_part(part)
         for robot in tuple(self._watched):
-            await self._guarded_part(partial(self._look_after, robot), robot)
+            await self._run_part(partial(self._maintain, robot), robot)
 
-    async def _guarded_part(self, part: Callable[[], Awaitable[None]], robot: str | None = None) -> None:
+    async def _run_part(self, part: Callable[[], Awaitable[None]], robot: str | None = None) -> None:
         """What Redis does to one part it does to all; what our own code does ends that part."""
         try:
             await part()
         except REDIS_ERRORS:
             raise
         except Exception as e:
-            self._fault(robot, e)
+            self._handle_fault(robot, e)
 
     async def _watch_pinned(self) -> None:
         for robot in self._pinned():
             if robot in self.directory.robots:
                 self.subscribe(robot)
 
-    async def _look_after(self, robot: str) -> None:
+    async def _maintain(self, robot: str) -> None:
         now, of = self._now(), self._dispatcher.hub.robots.get(robot)
         watched = self._watched[robot]
         if of is not None and of.has_viewers():
             watched.wanted_at = now
         elif now - watched.wanted_at > GRACE_S and watched.opened.is_set():
             del self._watched[robot]
-            self._said.forget(robot)
+            self._said.forget_robot(robot)
             await self._subscriber.unsubscribe(robot)
             return
-        if not self._subscriber.hears(robot):
-            self._listen_anew(robot)
-        self._judge(robot, now)
+        if not self._subscriber.is_subscribed(robot):
+            self._plan_subscription(robot)
+        self._judge_silence(robot, now)
 
-    def _judge(self, robot: str, now: float) -> None:
+    def _judge_silence(self, robot: str, now: float) -> None:
         """A robot whose relay tells nothing any more: has it left, is that relay gone, or am I deaf?"""
-        source = self._said.listen(robot)
+        source = self._said.get_source(robot)
         if source.told_at is None or now - source.told_at <= UNHEARD_S:
             return
         if self.directory.ages_s.get(robot, FRESH_S) < FRESH_S / 2:
             source.record_presence(now)
-            self._listen_anew(robot)  # which fails, and all is begun anew, if the connection is dead
+            self._plan_subscription(robot)  # which fails, and all is begun anew, if the connection is dead
         elif self.directory.ingests:  # a relay is there and does not know this robot
             source.record_presence(None)
-            self._dispatcher.carry_out(self._said.gone(robot, now))
+            self._dispatcher.carry_out(self._said.clear_token(robot, now))
         else:
-            self._dispatcher.carry_out(self._said.degrade(True, now, robot))
+            self._dispatcher.carry_out(self._said.set_degraded(True, now, robot))
 
-    def _fault(self, robot: str | None, error: Exception) -> None:
+    def _handle_fault(self, robot: str | None, error: Exception) -> None:
         """Our own code has failed: at this robot, whose state is then read anew, or at none of them."""
         self._dispatcher.hub.outcomes[FrameOutcome.FAULT.value] += 1
         self._dispatcher.carry_out([Fault(f"redis: {robot}" if robot else "redis", error)])
         if robot is not None:
-            self._dispatcher.carry_out(self._said.lacks(robot, self._now()))
+            self._dispatcher.carry_out(self._said.request_state(robot, self._now()))
 
     # ---- robots wanted ------------------------------------------------------
 
@@ -236,9 +238,9 @@ class RedisGateway:
             watched.wanted_at = self._now()
             return
         self._watched[robot] = _Watched(self._now())
-        self._listen_anew(robot)
+        self._plan_subscription(robot)
 
-    def _listen_anew(self, robot: str) -> None:
+    def _plan_subscription(self, robot: str) -> None:
         self._unheard[robot] = None
         self._asked.set()
 
@@ -262,26 +264,26 @@ class RedisGateway:
                 await self._asked.wait()
                 await self._catch_up()
         except Exception as e:  # Redis is gone; or a fault of ours, by which all is begun anew
-            self._lost(e)
+            self._record_loss(e)
 
     async def _catch_up(self) -> None:
         self._asked.clear()
         while self._unheard or self._unread:
-            new = self._next(self._unheard)
+            new = self._take_next(self._unheard)
             if new:
                 await self._subscriber.subscribe(*new)
-            await self._read(*new or self._next(self._unread))
+            await self._read(*new or self._take_next(self._unread))
             for robot in new:
                 if robot in self._watched:
                     self._watched[robot].opened.set()
 
-    def _next(self, waiting: dict[str, None]) -> list[str]:
+    def _take_next(self, waiting: dict[str, None]) -> list[str]:
         taken = list(waiting)[:AT_ONCE]
         for robot in taken:
             del waiting[robot]
         return [robot for robot in taken if robot in self._watched]
 
-    def _views(self, robot: str) -> Sequence[str]:
+    def _list_views(self, robot: str) -> Sequence[str]:
         of = self._dispatcher.hub.robots.get(robot)
         return (*{PUBLIC, *(of.rooms if of else ())},)
 
@@ -289,7 +291,9 @@ class RedisGateway:
 
     async def _read(self, *robots: str) -> None:
         """The snapshots: states as Redis has them, and the robots' standing, in one exchange."""
-        asked = [(robot, self._views(robot), self._said.listen(robot).generation) for robot in robots]
+        asked = [
+            (robot, self._list_views(robot), self._said.get_source(robot).generation) for robot in robots
+        ]
         if not asked:
             return
 
@@ -304,55 +308,55 @@ class RedisGateway:
             standing, states = next(answers), {view: next(answers) for view in views}
             if robot not in self._watched:
                 continue
-            self._guarded(robot, partial(self._taken, robot, states, generation))
+            self._run_guarded(robot, partial(self._take_states, robot, states, generation))
             if isinstance(standing, bytes):  # when the picture that it speaks of has gone out
-                self._guarded(robot, partial(self._tell, robot, standing, was_read=True))
+                self._run_guarded(robot, partial(self._read_message, robot, standing, was_read=True))
 
-    def _taken(self, robot: str, states: dict[str, Any], asked_generation: int) -> list[Action]:
+    def _take_states(self, robot: str, states: dict[str, Any], asked_generation: int) -> list[Action]:
         found: dict[str, StreamState] = {}
         for view, fields in states.items():
             try:
                 if isinstance(fields, dict) and fields:  # else there is none, or something of another type
                     found[view] = unpack_state(fields)
             except ValueError as e:
-                self._refuse(robot, e)
+                self._record_bad(robot, e)
         if found:
             newest = max(state.generation for state in found.values())
-            self._said.counted(robot, newest, asked_generation)
+            self._said.set_generation(robot, newest, asked_generation)
         now, out = self._now(), []
         for view, state in found.items():
             try:
-                out += self._said.state(robot, view, state, now)
+                out += self._said.take_state(robot, view, state, now)
             except ValueError as e:
-                self._refuse(robot, e)
+                self._record_bad(robot, e)
         return out
 
-    def _heard(self, robot: str, data: bytes) -> None:
+    def _take_message(self, robot: str, data: bytes) -> None:
         """A message of the robot's channel."""
         if robot in self._watched:
-            self._guarded(robot, partial(self._tell, robot, data))
+            self._run_guarded(robot, partial(self._read_message, robot, data))
 
-    def _guarded(self, robot: str, take: Callable[[], list[Action]]) -> None:
+    def _run_guarded(self, robot: str, take: Callable[[], list[Action]]) -> None:
         try:
             self._dispatcher.carry_out(take())
             self._dispatcher.flush()
         except Exception as e:
-            self._fault(robot, e)
+            self._handle_fault(robot, e)
 
-    def _tell(self, robot: str, data: bytes, was_read: bool = False) -> list[Action]:
+    def _read_message(self, robot: str, data: bytes, was_read: bool = False) -> list[Action]:
         now = self._now()
         try:
             said = unpack(data)
-            under_way_s = self.directory.clock.since(said.sent_s, now)
+            under_way_s = self.directory.clock.compute_elapsed(said.sent_s, now)
             if was_read and under_way_s is None:  # it may have stood there for as long as you like
                 return []
             if isinstance(said, Presence):
-                return self._said.standing(robot, said, under_way_s, now)
-            return self._said.update(robot, said, under_way_s, now)
+                return self._said.take_presence(robot, said, under_way_s, now)
+            return self._said.take_update(robot, said, under_way_s, now)
         except ValueError as e:
-            self._refuse(robot, e)
+            self._record_bad(robot, e)
             return []
 
-    def _refuse(self, robot: str, error: ValueError) -> None:
+    def _record_bad(self, robot: str, error: ValueError) -> None:
         self._dispatcher.hub.outcomes[FrameOutcome.BAD.value] += 1
         log.info("%s from redis: %.200s", robot, error)

@@ -10,7 +10,7 @@ from redis.exceptions import ResponseError
 
 from posecast_relay.core.hub import Hub
 from posecast_relay.models.cache import RANGE_BYTES, Absent, ModelCache, Unavailable
-from posecast_relay.redis.client import REDIS_ERRORS, TTL_S, RedisClient, bundle_key, end
+from posecast_relay.redis.client import REDIS_ERRORS, TTL_S, RedisClient, bundle_key, cancel_tasks
 
 log = logging.getLogger("posecast_relay")
 
@@ -70,9 +70,9 @@ class ModelUploader:
 
     async def stop(self) -> None:
         """Leave it as it is."""
-        await end(self._task)
+        await cancel_tasks(self._task)
         for task in list(self._carrying.values()):
-            await end(task)
+            await cancel_tasks(task)
 
     async def _work(self) -> None:
         while True:

@@ -23,9 +23,9 @@ from posecast_relay.redis.client import (
     REDIS_ERRORS,
     Call,
     RedisClient,
-    end,
+    cancel_tasks,
     generation_key,
-    name_of,
+    name_error,
     state_key,
     status_key,
     writer_key,
@@ -42,7 +42,7 @@ from posecast_relay.redis.guard import (
     STORED,
 )
 from posecast_relay.redis.messages import unpack_events
-from posecast_relay.redis.write_calls import Written, gives_way, standing_call, state_call
+from posecast_relay.redis.write_calls import Written, gives_way, make_presence_call, make_state_call
 
 T = TypeVar("T")
 
@@ -96,21 +96,21 @@ class RedisStore:
         self._dirty[stream] = None
         self._wake.set()
 
-    def trouble(self) -> str | None:
+    def find_trouble(self) -> str | None:
         """What is wrong with Redis, if anything."""
         return self._trouble
 
-    def exchanges(self) -> tuple[Histogram, int] | None:
+    def get_exchanges(self) -> tuple[Histogram, int] | None:
         """With Redis."""
         return self.link.seconds, self.losses
 
-    def robots(self) -> list[dict[str, Any]] | None:
+    def list_robots(self) -> list[dict[str, Any]] | None:
         """The core hears them."""
         return None
 
-    def viewers_elsewhere(self, robot: str) -> int:
+    def count_viewers_elsewhere(self, robot: str) -> int:
         """As the directory says; none while Redis is gone."""
-        return 0 if self._trouble else self.directory.viewers_elsewhere(robot)
+        return 0 if self._trouble else self.directory.count_viewers_elsewhere(robot)
 
     async def start(self) -> None:
         """Start the writing task; Redis may come later."""
@@ -118,11 +118,11 @@ class RedisStore:
 
     async def stop(self) -> None:
         """One last round, then let go."""
-        await end(self._task)
+        await cancel_tasks(self._task)
         with contextlib.suppress(Exception):  # it was worth a try
             async with asyncio.timeout(STOP_S):
                 if self._trouble is None:
-                    await self._round()
+                    await self._write_changed()
         await self.link.close()
 
     async def _work(self) -> None:
@@ -131,16 +131,16 @@ class RedisStore:
             try:
                 if self._trouble is not None:
                     await self._connect()
-                await self._round()
+                await self._write_changed()
                 if self._superseded and self._now() >= self._look_at:
                     self._look_at = self._now() + LOOK_S
-                    await self._look()
+                    await self._check_superseded()
                 if self._now() >= self._beat_at:
                     self._beat_at = self._now() + BEAT_S
                     await self._beat()
                 wait_s = BACKOFF_S[0]
             except Exception as e:  # whatever it was: all is written anew
-                await self._failed(e)
+                await self._handle_failure(e)
                 await asyncio.sleep(wait_s)
                 wait_s = min(2 * wait_s, BACKOFF_S[1])
                 continue
@@ -159,35 +159,35 @@ class RedisStore:
         for robot in self._hub.robots.values():
             self._dirty |= {room.stream: None for room in robot.rooms.values()}
         self._beat_at = 0.0
-        self.link.works()
+        self.link.forget_failures()
         if self.failures:
             log.warning("redis is back")
         self._trouble = None
 
-    async def _failed(self, error: BaseException) -> None:
-        if why := self.link.news(error):
+    async def _handle_failure(self, error: BaseException) -> None:
+        if why := self.link.describe_new_failure(error):
             log.warning("redis: %s; viewers here notice nothing, trying on", why)
         self.failures += 1
         self.losses += self._trouble is None
-        self._trouble = name_of(error)  # /readyz is public: no addresses
+        self._trouble = name_error(error)  # /readyz is public: no addresses
         await self.link.reset()
 
-    def _fault(self, robot: str, error: Exception) -> None:
+    def _handle_fault(self, robot: str, error: Exception) -> None:
         """What this robot brought with it can't be written: it is counted, and the others are."""
         self._hub.outcomes[FrameOutcome.FAULT.value] += 1
         log.error("redis: %s", robot, exc_info=error)
 
-    def _guarded(self, robot: str, make: Callable[[], T]) -> T | None:
+    def _run_guarded(self, robot: str, make: Callable[[], T]) -> T | None:
         """What our own code makes of this robot; None where it fails at it."""
         try:
             return make()
         except Exception as e:
-            self._fault(robot, e)
+            self._handle_fault(robot, e)
             return None
 
     # ---- what changed ------------------------------------------------------
 
-    async def _round(self) -> None:
+    async def _write_changed(self) -> None:
         """Write every stream that changed."""
         batch, self._dirty = self._dirty, {}
         try:
@@ -199,15 +199,17 @@ class RedisStore:
 
     async def _write(self, batch: Iterable[Stream]) -> None:
         current = [
-            stream for stream in batch if self._guarded(stream.robot, partial(self._is_current, stream))
+            stream for stream in batch if self._run_guarded(stream.robot, partial(self._is_current, stream))
         ]
         await self._claim(current)
         mine = [s for s in current if s.robot in self._turns and s.robot not in self._superseded]
         await self._resume(mine)
-        calls = {stream: self._guarded(stream.robot, partial(self._call, stream)) for stream in mine}
+        calls = {
+            stream: self._run_guarded(stream.robot, partial(self._make_state_call, stream)) for stream in mine
+        }
         made = {stream: call for stream, call in calls.items() if call is not None}
         for stream, result in zip(made, await self.link.run_all(list(made.values())), strict=True):
-            self._answered(stream, result)
+            self._record_result(stream, result)
         told = {stream.robot: self._hub.robots.get(stream.robot) for stream in batch}
         await self._tell([r for r in told.values() if r and self._tokens.get(r.name) != r.liveness.token])
 
@@ -217,13 +219,13 @@ class RedisStore:
         there = stream.newest is not None and stream.key is not None
         return there and robot is not None and stream.run_id == robot.runs.current
 
-    def _answered(self, stream: Stream, result: object) -> None:
+    def _record_result(self, stream: Stream, result: object) -> None:
         if result == STORED:
             self._told_n[stream] = self._written[stream].event_n
             return
         self._written.pop(stream, None)
         if isinstance(result, Exception):
-            self._fault(stream.robot, result)  # it is tried again with the next frame
+            self._handle_fault(stream.robot, result)  # it is tried again with the next frame
         elif result == REFUSED:
             self._supersede(stream.robot)
         else:
@@ -238,7 +240,9 @@ class RedisStore:
         for stream in streams:
             robot, turn = stream.robot, self._turns.get(stream.robot)
             if robot not in hears:
-                hears[robot] = bool(self._guarded(robot, partial(self._hears, self._hub.robots[robot])))
+                hears[robot] = bool(
+                    self._run_guarded(robot, partial(self._hears_frames, self._hub.robots[robot]))
+                )
             waits = turn is not None and turn.generation == UNCLAIMED and hears[robot]
             if turn is None or turn.run_id != stream.run_id or waits:
                 _, states = claimed.setdefault(robot, (stream.run_id, []))
@@ -249,7 +253,7 @@ class RedisStore:
             calls.append((CLAIM, keys, ["1" if hears[robot] else "0"]))
         for robot, generation in zip(claimed, await self.link.run_all(calls), strict=True):
             if isinstance(generation, Exception):
-                self._fault(robot, generation)
+                self._handle_fault(robot, generation)
                 continue
             self._turns[robot] = _Turn(claimed[robot][0], int(generation))
             if generation == UNCLAIMED:  # another process writes it, and this one hears no frames
@@ -273,7 +277,7 @@ class RedisStore:
                 pipe.hmget(state_key(stream.robot, stream.view), ["events", "numbering"])
 
         for stream, found in zip(new, await self.link.read_all(ask), strict=True):
-            self._guarded(stream.robot, partial(self._resume_from, stream, found))
+            self._run_guarded(stream.robot, partial(self._resume_from, stream, found))
             self._resumed.add(stream)
 
     def _resume_from(self, stream: Stream, found: Any) -> None:
@@ -282,20 +286,20 @@ class RedisStore:
         if not texts or not numbering:
             return
         try:
-            stream.resume(numbering.decode(), unpack_events(texts), self._told_n.get(stream, 0))
+            stream.resume_events(numbering.decode(), unpack_events(texts), self._told_n.get(stream, 0))
         except ValueError as e:
             log.warning("events of %s/%s in redis: %.200s", stream.robot, stream.view, e)
 
-    def _call(self, stream: Stream) -> Call:
+    def _make_state_call(self, stream: Stream) -> Call:
         now, generation = self._now(), self._turns[stream.robot].generation
         before, here = self._written.get(stream), self.directory
-        state, call = state_call(stream, before, generation, here.id, now, here.clock.at(now))
+        state, call = make_state_call(stream, before, generation, here.id, now, here.clock.estimate_time(now))
         self._written[stream] = state
         return call
 
     # ---- signs of life -----------------------------------------------------
 
-    async def _look(self) -> None:
+    async def _check_superseded(self) -> None:
         """Take over the robots that another process has ceased to write, or does not hear any more."""
         for robot in self._superseded.keys() - self._hub.robots.keys():
             del self._superseded[robot]
@@ -310,7 +314,7 @@ class RedisStore:
         answers = iter(await self.link.read_all(ask))
         for robot in robots:
             lease_ms, told = next(answers), next(answers)
-            self._guarded(robot, partial(self._judge, robot, 0 < lease_ms <= LEASE_MS, told))
+            self._run_guarded(robot, partial(self._judge, robot, 0 < lease_ms <= LEASE_MS, told))
 
     def _judge(self, robot: str, is_written: bool, told: object) -> None:
         of, now = self._hub.robots.get(robot), self._now()
@@ -320,16 +324,18 @@ class RedisStore:
             self._superseded[robot] = now
         if is_written and not gives_way(told, of.liveness.token):
             return
-        if self._hears(of) or now - self._superseded[robot] > SETTLE_S:  # who hears its frames comes first
+        if (
+            self._hears_frames(of) or now - self._superseded[robot] > SETTLE_S
+        ):  # who hears its frames comes first
             self._turns.pop(robot, None)
             del self._superseded[robot]
             for room in of.rooms.values():
                 self._resumed.discard(room.stream)
                 self.keep(room.stream)
 
-    def _hears(self, robot: Robot) -> bool:
+    def _hears_frames(self, robot: Robot) -> bool:
         """Whether frames of it come just now."""
-        ages_s = [room.stream.age_s(self._now()) for room in robot.rooms.values()]
+        ages_s = [room.stream.compute_age_s(self._now()) for room in robot.rooms.values()]
         return any(age_s is not None and age_s <= robot.limits.silent_s for age_s in ages_s)
 
     async def _beat(self) -> None:
@@ -346,31 +352,31 @@ class RedisStore:
             del self._tokens[name]
         await self._exchange(mine)
         for of_mine in heard:
-            of_mine.set_followed(self.directory.viewers_elsewhere(of_mine.name) > 0)
+            of_mine.set_followed(self.directory.count_viewers_elsewhere(of_mine.name) > 0)
 
     async def _exchange(self, mine: Iterable[Robot]) -> None:
-        viewers = {r.name: r.viewer_count() for r in self._hub.robots.values() if r.has_viewers()}
-        found = {robot.name: self._guarded(robot.name, partial(self._describe, robot)) for robot in mine}
+        viewers = {r.name: r.count_viewers() for r in self._hub.robots.values() if r.has_viewers()}
+        found = {robot.name: self._run_guarded(robot.name, partial(self._describe, robot)) for robot in mine}
         told = {name: document for name, document in found.items() if document is not None}
         try:
             await self.directory.exchange(viewers, told)
         except REDIS_ERRORS:
             raise
         except Exception as e:
-            self._fault("the board", e)
+            self._handle_fault("the board", e)
 
     async def _tell(self, robots: Iterable[Robot]) -> list[Robot]:
         """Returns those of which nobody else tells."""
         told: dict[Robot, Call] = {}
         for robot in robots:
             if robot.name not in self._superseded:
-                call = self._guarded(robot.name, partial(self._standing, robot))
+                call = self._run_guarded(robot.name, partial(self._make_presence_call, robot))
                 if call is not None:
                     told[robot] = call
         mine = []
         for robot, result in zip(told, await self.link.run_all(list(told.values())), strict=True):
             if isinstance(result, Exception):
-                self._fault(robot.name, result)
+                self._handle_fault(robot.name, result)
                 continue
             self._tokens[robot.name] = robot.liveness.token
             if result == INCOMPLETE:  # something of it was lost
@@ -381,8 +387,8 @@ class RedisStore:
                 mine.append(robot)
         return mine
 
-    def _standing(self, robot: Robot) -> Call:
+    def _make_presence_call(self, robot: Robot) -> Call:
         now, turn = self._now(), self._turns.get(robot.name)
         written = [view for view, room in robot.rooms.items() if room.stream in self._written]
         generation = turn.generation if turn else 0
-        return standing_call(robot, generation, written, now, self.directory.clock.at(now))
+        return make_presence_call(robot, generation, written, now, self.directory.clock.estimate_time(now))

@@ -8,7 +8,7 @@ from collections import Counter
 from collections.abc import Callable
 from typing import Any
 
-from posecast_relay.redis.client import REDIS_ERRORS, RedisClient, channel, end
+from posecast_relay.redis.client import REDIS_ERRORS, RedisClient, cancel_tasks, channel
 
 PREFIX, SUFFIX = "posecast:{", "}:live"
 
@@ -42,7 +42,7 @@ class RedisSubscriber:
             asked = [robot for robot in robots if await self._guarded(robot)]
         await self._link.call(asyncio.gather(*(self._confirmed[robot] for robot in asked)))
 
-    def hears(self, robot: str) -> bool:
+    def is_subscribed(self, robot: str) -> bool:
         """Whether this robot was subscribed to."""
         return robot in self._pubsubs
 
@@ -58,7 +58,7 @@ class RedisSubscriber:
         return True
 
     async def _ask(self, robot: str) -> None:
-        address, client = self._link.listener(robot)
+        address, client = self._link.open_listener(robot)
         self._confirmed[robot] = asyncio.get_running_loop().create_future()
         known = self._at.get(address)
         pubsub = client.pubsub() if known is None else known[0]
@@ -79,7 +79,7 @@ class RedisSubscriber:
     async def close(self) -> None:
         """Drop all connections."""
         listening, self._at = self._at, {}
-        await end(*(task for _, task in listening.values()))
+        await cancel_tasks(*(task for _, task in listening.values()))
         for pubsub, _ in listening.values():
             with contextlib.suppress(*REDIS_ERRORS):
                 await self._link.call(pubsub.aclose())
@@ -89,7 +89,7 @@ class RedisSubscriber:
             while True:
                 message = await pubsub.get_message(timeout=None)
                 if message is not None:
-                    self._take(message["type"], _robot(message["channel"]), message["data"])
+                    self._take(message["type"], _read_robot(message["channel"]), message["data"])
         except Exception as e:  # a connection that is lost, or closed under way; a message that is none
             self._lost(e)
 
@@ -108,5 +108,5 @@ class RedisSubscriber:
             raise ConnectionError("the channel has moved to another node")
 
 
-def _robot(name: bytes) -> str:
+def _read_robot(name: bytes) -> str:
     return name.decode().removeprefix(PREFIX).removesuffix(SUFFIX)

@@ -32,7 +32,7 @@ class Written(NamedTuple):
     is_heard: bool
 
 
-def state_call(
+def make_state_call(
     stream: Stream, before: Written | None, generation: int, writer: str, now: float, sent_s: float | None
 ) -> tuple[Written, Call]:
     """Write a stream's newest state, and tell its channel what others lack; what will stand there then.
@@ -56,7 +56,7 @@ def state_call(
         values += ["version", version, "numbering", stream.numbering]
         values += ["heard", "1" if state.is_heard else "0"]
     # what others lack, bases first; frames that were never live here come by the snapshot alone
-    age_s = stream.age_s(now)
+    age_s = stream.compute_age_s(now)
     lacking: list[StoredFrame] = []
     if age_s is not None:
         bases = [key if before is None or key is not before.key else None]
@@ -80,14 +80,14 @@ def state_call(
     return state, (GUARD, names, args)
 
 
-def standing_call(
+def make_presence_call(
     robot: Robot, generation: int, written: Iterable[str], now: float, sent_s: float | None
 ) -> Call:
     """Tell how a robot is. `written`: the views whose states are to be in Redis."""
     ages_s: dict[str, float | None] = {}
     newest: dict[str, tuple[int, int]] = {}
     for view, room in robot.rooms.items():
-        age_s, held = room.stream.age_s(now), room.stream.newest
+        age_s, held = room.stream.compute_age_s(now), room.stream.newest
         ages_s[view] = None if age_s is None else max(0.0, age_s)
         if held is not None:
             newest[view] = held.run_id, held.seq

@@ -15,7 +15,7 @@ FAULT = "a fault of the relay's own at this connection"
 class Bounded(Protocol):
     """A connection that ends by itself when something in it fails."""
 
-    def failed(self, error: Exception) -> None:
+    def end_after_fault(self, error: Exception) -> None:
         """Say so where that is still possible, count it, and end. Raises nothing."""
 
 
@@ -30,7 +30,7 @@ def isolated(callback: Callable[Concatenate[B, P], R]) -> Callable[Concatenate[B
         try:
             return callback(self, *args, **kwargs)
         except Exception as e:
-            self.failed(e)
+            self.end_after_fault(e)
             return None
 
     return call
@@ -46,7 +46,7 @@ def isolated_task(
         try:
             return await work(self, *args, **kwargs)
         except Exception as e:
-            self.failed(e)
+            self.end_after_fault(e)
             return None
 
     return call

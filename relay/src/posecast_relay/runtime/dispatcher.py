@@ -39,7 +39,7 @@ AGAIN_S = 0.1  # after the core has failed
 GRAIN_S = 0.002  # a timer this close is left as it is
 
 
-def _ended(viewer: Viewer, close: Close, reason: str) -> None:
+def _log_ended(viewer: Viewer, close: Close, reason: str) -> None:
     if log.isEnabledFor(logging.INFO):
         more = {"conn": viewer.number, "robot": viewer.robot, "code": int(close), "reason": reason}
         log.info("viewer let go", extra=more)
@@ -140,7 +140,7 @@ class Dispatcher:
         now = self.now()
         late_s = max(0.0, now - due)
         self.loop_lag.add(late_s)
-        self.hub.load.late(late_s)
+        self.hub.load.record_lag(late_s)
         if now - self._judged_at >= JUDGE_S:
             busy = (time.thread_time() - self._used_s) / (now - self._judged_at)
             self._judged_at, self._used_s = now, time.thread_time()
@@ -186,7 +186,7 @@ class Dispatcher:
             if self._walking:
                 self._loop.call_soon(self._walk)
             else:
-                self._walked()
+                self._finish_walk()
 
     def report_fault(self, where: str, error: Exception) -> None:
         """Count a fault of the relay's own, and log it: one line, its place included."""
@@ -218,7 +218,7 @@ class Dispatcher:
         self.report_fault(f"{viewer.robot}/{viewer.view}", error)
         try:
             self.hub.endings[Close.INTERNAL_ERROR] += 1
-            self.hub.leave(viewer)
+            self.hub.remove_viewer(viewer)
             viewer.outlet.cut(Close.INTERNAL_ERROR)
         except Exception as e:
             self.report_fault(f"{viewer.robot}/{viewer.view}", e)
@@ -238,10 +238,10 @@ class Dispatcher:
                     self._changed(stream)
             case CloseConnection(viewer, close, reason, retry_s):
                 viewer.outlet.end(close, reason, retry_s)
-                _ended(viewer, close, reason)
+                _log_ended(viewer, close, reason)
             case Abort(viewer, close):
                 viewer.outlet.cut(close)
-                _ended(viewer, close, "cut")
+                _log_ended(viewer, close, "cut")
             case RequestSnapshot(robot, views):
                 self._source.request_snapshots(robot, views)
             case VerifyToken(viewer, token):
@@ -249,7 +249,7 @@ class Dispatcher:
             case SubscribeRobot(robot):
                 self._source.subscribe(robot)
 
-    def _walked(self) -> None:
+    def _finish_walk(self) -> None:
         if self._flushed_at is not None:
             self.fan_out.add(self.now() - self._flushed_at)
             self._flushed_at = None

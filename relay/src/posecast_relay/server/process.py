@@ -39,10 +39,10 @@ from posecast_relay.runtime.io_uring import IoUring
 from posecast_relay.server.listener import BACKLOG, listen
 from posecast_relay.server.roles import RoleServices, open_part
 from posecast_relay.streaming.decode_cache import DecodeCache
-from posecast_relay.streaming.http_connection import plain_http
-from posecast_relay.streaming.request_timeouts import RequestTimeouts, guarded
-from posecast_relay.streaming.sse import http_protocol
-from posecast_relay.streaming.websocket import live_protocol
+from posecast_relay.streaming.http_connection import make_plain_http_protocol
+from posecast_relay.streaming.request_timeouts import RequestTimeouts, add_timeouts
+from posecast_relay.streaming.sse import make_http_protocol
+from posecast_relay.streaming.websocket import make_live_protocol
 from posecast_relay.zenoh.auth_failures import AuthFailures
 from posecast_relay.zenoh.router import ListenError, RouterSession, ZenohAuth
 
@@ -116,7 +116,7 @@ async def _serve(settings: Settings, robots: Robots | None) -> None:
     limits, headcount = _limits(settings), Headcount()
     hub = Hub(limits, headcount)
     delayed = None if robots is None else DelayedHub(limits, headcount)
-    part = open_part(settings, router, hub, tuple if delayed is None else delayed.names)
+    part = open_part(settings, router, hub, tuple if delayed is None else delayed.list_robots)
     access = _access(settings, robots, part, hub, delayed)
     dispatcher = access.live
     mirror = _mirror(settings, access)
@@ -149,8 +149,10 @@ async def _serve(settings: Settings, robots: Robots | None) -> None:
     unasked = RequestTimeouts(dispatcher.now, cut)
     config = uvicorn.Config(
         make_app(access, part.models, decoded, settings.static),
-        ws=live_protocol(access, decoded) if streams else "none",
-        http=guarded(http_protocol(access, decoded) if streams else plain_http(access), unasked),
+        ws=make_live_protocol(access, decoded) if streams else "none",
+        http=add_timeouts(
+            make_http_protocol(access, decoded) if streams else make_plain_http_protocol(access), unasked
+        ),
         lifespan="off",
         log_config=None,
         access_log=False,
@@ -272,14 +274,14 @@ def _follow(
     async def changed(to: Robots) -> None:
         if access.tokens is not None:
             access.tokens.set_link_keys(to.link_keys())
-        access.change(to.policy())
+        access.set_policy(to.policy())
         if router is not None:
             await part.admit(_admitted(settings, to))
 
     watch = RobotsWatcher(settings.robots, robots, changed)
 
     async def follow() -> None:
-        await asyncio.gather(watch.run(), access.recheck())
+        await asyncio.gather(watch.run(), access.recheck_accounts())
 
     return follow()
 

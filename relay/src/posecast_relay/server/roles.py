@@ -15,7 +15,7 @@ from posecast_relay.config.settings import Settings
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.policy.policy import PUBLIC
 from posecast_relay.core.state.robot import Robot
-from posecast_relay.http.robots import robot_summary
+from posecast_relay.http.robots import make_robot_summary
 from posecast_relay.models.cache import ModelCache
 from posecast_relay.runtime.dispatcher import Dispatcher, RobotSource
 from posecast_relay.store import StateStore
@@ -65,7 +65,7 @@ def _with_redis(url: str, hub: Hub, models: ModelCache, ingest: ZenohIngest) -> 
     from posecast_relay.redis.models import ModelUploader  # noqa: PLC0415 — half of the time to start
     from posecast_relay.redis.store import RedisStore  # noqa: PLC0415
 
-    store = RedisStore(url, hub, Dispatcher.now, _described)
+    store = RedisStore(url, hub, Dispatcher.now, _describe_robot)
     porter = ModelUploader(store.link, hub, models)
 
     async def start(dispatcher: Dispatcher) -> None:
@@ -81,8 +81,8 @@ def _with_redis(url: str, hub: Hub, models: ModelCache, ingest: ZenohIngest) -> 
     return RoleServices(models, store, ingest, start, stop, ingest.admit)
 
 
-def _described(robot: Robot) -> dict[str, Any]:
-    return robot_summary(robot, robot.rooms.get(PUBLIC), Dispatcher.now())
+def _describe_robot(robot: Robot) -> dict[str, Any]:
+    return make_robot_summary(robot, robot.rooms.get(PUBLIC), Dispatcher.now())
 
 
 def _gateway(url: str, hub: Hub, cache_bytes: int, pinned: Callable[[], Iterable[str]]) -> RoleServices:

@@ -78,12 +78,12 @@ class DecodeCache:
         self._turns = _Turns(now)
         self._readers: WeakKeyDictionary[Stream, _Reader] = WeakKeyDictionary()
 
-    def frame(self, stream: Stream) -> Frame | None:
+    def decode_frame(self, stream: Stream) -> Frame | None:
         """None when there is none, or none that decodes."""
         reader = self._read(stream)
         return reader.frame if reader else None
 
-    def text(self, stream: Stream) -> str | None:
+    def make_text(self, stream: Stream) -> str | None:
         """The `frame` message of `format=json`."""
         reader = self._read(stream)
         if reader is None or reader.frame is None:
@@ -105,7 +105,7 @@ class DecodeCache:
         return reader
 
 
-def field_values(frame: Frame, field: Field) -> list[float | None]:
+def list_field_values(frame: Frame, field: Field) -> list[float | None]:
     """Values in the field's unit (bits: the mask), None where there is no reading."""
     if field.bits:
         codes = frame.codes[field.start : field.start + field.size]
@@ -114,5 +114,5 @@ def field_values(frame: Frame, field: Field) -> list[float | None]:
 
 
 def _message(frame: Frame) -> DecodedFrame:
-    values = {field.name: field_values(frame, field) for field in frame.schema.fields}
+    values = {field.name: list_field_values(frame, field) for field in frame.schema.fields}
     return {"type": "frame", "seq": frame.seq, "t": round(frame.t_s, 6), "values": values}

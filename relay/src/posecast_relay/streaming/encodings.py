@@ -24,7 +24,7 @@ LINE_END = re.compile(r"\r\n|\r|\n")
 class Encoding(Protocol):
     """Another form of the same stream, as a viewer asked for it."""
 
-    def of(self, data: bytes, stream: Stream) -> bytes:
+    def encode(self, data: bytes, stream: Stream) -> bytes:
         """These WebSocket messages of this stream, put that way."""
 
 
@@ -35,14 +35,14 @@ class JsonEncoding:
         self._decoded = decoded
         self._last = (b"", b"")
 
-    def of(self, data: bytes, stream: Stream) -> bytes:
+    def encode(self, data: bytes, stream: Stream) -> bytes:
         """What is sent is always the newest frame, last in its write: that one is decoded."""
         if data is not self._last[0]:
-            found = list(messages.split(data))
-            parts = [messages.packed(opcode, payload) for opcode, payload in found if opcode != BINARY]
+            found = list(messages.split_messages(data))
+            parts = [messages.pack_message(opcode, payload) for opcode, payload in found if opcode != BINARY]
             if len(parts) < len(found):
-                text = self._decoded.text(stream)
-                parts += [messages.text(text)] if text is not None else []
+                text = self._decoded.make_text(stream)
+                parts += [messages.make_text(text)] if text is not None else []
             self._last = (data, b"".join(parts))
         return self._last[1]
 
@@ -70,15 +70,18 @@ class EventStreamEncoding:
         self._inner = inner
         self._last = (b"", b"")
 
-    def of(self, data: bytes, stream: Stream) -> bytes:
+    def encode(self, data: bytes, stream: Stream) -> bytes:
         """As lines of `text/event-stream`."""
         if data is not self._last[0]:
-            inner = self._inner.of(data, stream) if self._inner else data
-            self._last = (data, b"".join(_event(op, payload) for op, payload in messages.split(inner)))
+            inner = self._inner.encode(data, stream) if self._inner else data
+            self._last = (
+                data,
+                b"".join(_make_event(op, payload) for op, payload in messages.split_messages(inner)),
+            )
         return self._last[1]
 
 
-def _event(opcode: int, payload: bytes) -> bytes:
+def _make_event(opcode: int, payload: bytes) -> bytes:
     if opcode == BINARY:
         return b"event: frame\ndata: " + base64.b64encode(payload) + b"\n\n"
     if opcode != TEXT:

@@ -18,7 +18,7 @@ import httptools
 from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol, RequestResponseCycle
 
 from posecast_relay.auth.access import Access
-from posecast_relay.auth.addresses import real_address
+from posecast_relay.auth.addresses import find_real_address
 from posecast_relay.runtime.boundary import isolated
 from posecast_relay.runtime.socket_options import leave_unsent
 from posecast_relay.streaming.pending_requests import PendingRequests
@@ -114,7 +114,7 @@ class HttpConnection(HttpToolsProtocol):
     def pause_writing(self) -> None:
         """Some of the answer waits to be read."""
         super().pause_writing()
-        self.under_way.hold(self, self._unread_bytes())
+        self.under_way.record_held(self, self._unread_bytes())
 
     @isolated
     def resume_writing(self) -> None:
@@ -123,7 +123,7 @@ class HttpConnection(HttpToolsProtocol):
         if self._is_idle():
             self.under_way.leave(self)
         else:
-            self.under_way.hold(self, 0)
+            self.under_way.record_held(self, 0)
 
     @isolated
     def shutdown(self) -> None:
@@ -155,7 +155,7 @@ class HttpConnection(HttpToolsProtocol):
             if isinstance(e.__context__, RequestRefused):
                 self.refuse(e.__context__.status, str(e.__context__))
             elif isinstance(e.__context__, Exception):
-                self.failed(e.__context__)
+                self.end_after_fault(e.__context__)
             else:
                 self.refuse(HTTPStatus.BAD_REQUEST, MALFORMED)
         except httptools.HttpParserError:
@@ -224,7 +224,9 @@ class HttpConnection(HttpToolsProtocol):
     def _start_asgi_task(self, cycle: RequestResponseCycle, app: Any) -> None:
         """In its turn."""
         peer = (self.transport.get_extra_info("peername") or ("",))[0]
-        address = real_address(peer, self.header(cycle, b"x-forwarded-for"), self.access.addresses.trusted)
+        address = find_real_address(
+            peer, self.find_header(cycle, b"x-forwarded-for"), self.access.addresses.trusted
+        )
         line = f"{address} health" if cycle.scope["raw_path"] in HEALTH else address
         self.answering = cycle
         self.under_way.wait(self, address, line, partial(self._begin, cycle, app))
@@ -252,7 +254,7 @@ class HttpConnection(HttpToolsProtocol):
             cycle.disconnected = True
             self.transport.abort()
         except Exception as e:
-            self.failed(e)
+            self.end_after_fault(e)
 
     def on_response_complete(self) -> None:
         """The next one, if it has been asked already."""
@@ -310,7 +312,7 @@ class HttpConnection(HttpToolsProtocol):
         else:
             self.transport.close()
 
-    def failed(self, error: Exception) -> None:
+    def end_after_fault(self, error: Exception) -> None:
         """A fault of ours: 500, and nothing more on this connection."""
         self.access.live.report_fault("a request", error)
         try:
@@ -324,13 +326,13 @@ class HttpConnection(HttpToolsProtocol):
             self.transport.abort()
 
     @staticmethod
-    def header(cycle: RequestResponseCycle, name: bytes) -> str | None:
+    def find_header(cycle: RequestResponseCycle, name: bytes) -> str | None:
         """One that is there more than once is one list."""
         values = [value.decode("latin-1") for each, value in cycle.scope["headers"] if each == name]
         return ", ".join(values) or None
 
 
-def plain_http(of: Access) -> type[HttpConnection]:
+def make_plain_http_protocol(of: Access) -> type[HttpConnection]:
     """The class that uvicorn takes as its `http` option where there are no streams."""
 
     class Bound(HttpConnection):

@@ -49,12 +49,12 @@ class PendingRequests:
             self._addresses[asker] = address
             self._held.setdefault(address, OrderedDict())[asker] = 0
         self._line.setdefault(line, deque()).append((asker, start))
-        self.hold(asker, 0)
+        self.record_held(asker, 0)
         if not self._working:
             self._working = True
             asyncio.get_running_loop().call_soon(self._work)
 
-    def hold(self, asker: Requester, answer_bytes: int) -> None:
+    def record_held(self, asker: Requester, answer_bytes: int) -> None:
         """So much of its answer is now left to be taken; some of it was just taken, or it has just come."""
         address = self._addresses.get(asker)
         if address is None:

@@ -48,7 +48,7 @@ class StreamRequest:
         except ValueError as e:
             raise NoSuchStream(str(e)) from None
 
-    def applicant(self, shows_token: bool, is_foreign: bool) -> Applicant:
+    def make_applicant(self, shows_token: bool, is_foreign: bool) -> Applicant:
         """Who asks for it, as far as the request itself tells."""
         try:
             self.check()
@@ -57,12 +57,12 @@ class StreamRequest:
         return Applicant(self.robot, self.view, shows_token, is_foreign)
 
 
-def joined(values: Iterable[str]) -> str | None:
+def join_all(values: Iterable[str]) -> str | None:
     """A header that is there more than once is one list: a proxy may have added a line of its own."""
     return ", ".join(values) or None
 
 
-def bearer(header: str | None) -> str | None:
+def read_bearer(header: str | None) -> str | None:
     """The token of an `Authorization` header, if there is one."""
     kind, _, token = (header or "").partition(" ")
     return token.strip() or None if kind.lower() == "bearer" else None

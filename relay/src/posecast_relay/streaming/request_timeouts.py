@@ -30,13 +30,13 @@ class RequestTimeouts:
         self._heard_bytes = 0
         self._timer: asyncio.TimerHandle | None = None
 
-    def came(self, transport: asyncio.Transport) -> None:
+    def start(self, transport: asyncio.Transport) -> None:
         """Start the timeout of a connection's next request, unless it runs already."""
         self._since.setdefault(transport, self._now())
         if self._timer is None:
             self._timer = asyncio.get_running_loop().call_later(SWEEP_S, self._sweep)
 
-    def heard(self, transport: asyncio.Transport, size: int) -> None:
+    def record_bytes(self, transport: asyncio.Transport, size: int) -> None:
         """So many bytes of its request have come, and it is not whole."""
         if transport not in self._since:
             return
@@ -44,11 +44,11 @@ class RequestTimeouts:
         self._heard[transport] = size
         while self._heard_bytes > HEADS_BYTES:
             oldest = next(iter(self._heard))
-            self.asked(oldest)
+            self.stop(oldest)
             oldest.abort()
             self._cut(1)
 
-    def asked(self, transport: asyncio.Transport) -> None:
+    def stop(self, transport: asyncio.Transport) -> None:
         """Stop the timeout: the request is complete, or the connection is gone."""
         self._since.pop(transport, None)
         self._heard_bytes -= self._heard.pop(transport, 0)
@@ -62,7 +62,7 @@ class RequestTimeouts:
                 break
             late.append(transport)
         for transport in late:
-            self.asked(transport)
+            self.stop(transport)
             transport.abort()
         if late:
             self._cut(len(late))
@@ -70,32 +70,32 @@ class RequestTimeouts:
             self._timer = asyncio.get_running_loop().call_later(SWEEP_S, self._sweep)
 
 
-def guarded(base: type[HttpConnection], unasked: RequestTimeouts) -> type[HttpConnection]:
+def add_timeouts(base: type[HttpConnection], unasked: RequestTimeouts) -> type[HttpConnection]:
     """The same HTTP, which does not wait for ever."""
 
     class Guarded(base):  # type: ignore[misc, valid-type]
         @isolated
         def connection_made(self, transport: Any) -> None:
             super().connection_made(transport)
-            unasked.came(transport)
+            unasked.start(transport)
 
         @isolated
         def connection_lost(self, exc: Exception | None) -> None:
-            unasked.asked(self.transport)
+            unasked.stop(self.transport)
             super().connection_lost(exc)
 
         @isolated
         def data_received(self, data: bytes) -> None:
             super().data_received(data)
             if self._in_message:
-                unasked.heard(self.transport, self.request_bytes)
+                unasked.record_bytes(self.transport, self.request_bytes)
 
         def on_message_begin(self) -> None:
-            unasked.came(self.transport)
+            unasked.start(self.transport)
             super().on_message_begin()
 
         def on_message_complete(self) -> None:
-            unasked.asked(self.transport)
+            unasked.stop(self.transport)
             super().on_message_complete()
 
     return Guarded

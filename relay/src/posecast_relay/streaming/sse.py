@@ -33,8 +33,8 @@ from posecast_relay.streaming.request import (
     STREAM_PATH,
     BadRequest,
     StreamRequest,
-    bearer,
-    joined,
+    join_all,
+    read_bearer,
     read_target,
 )
 from posecast_relay.streaming.websocket import CLOSING_S
@@ -100,7 +100,7 @@ class EventStream(asyncio.Protocol):
         """The connection is gone, by whichever side."""
         with ExitStack() as each:  # all of it, whatever one of them raises
             each.callback(self._left)
-            each.callback(self._dispatcher.hub.leave, self._viewer)
+            each.callback(self._dispatcher.hub.remove_viewer, self._viewer)
             each.callback(self._connections.discard, self)
             if self._closing is not None:
                 each.callback(self._closing.cancel)
@@ -116,7 +116,7 @@ class EventStream(asyncio.Protocol):
     @isolated
     def resume_writing(self) -> None:
         """The socket has taken everything."""
-        self._dispatcher.carry_out(self._dispatcher.hub.drained(self._viewer))
+        self._dispatcher.carry_out(self._dispatcher.hub.resume_viewer(self._viewer))
 
     @isolated
     def shutdown(self) -> None:
@@ -129,19 +129,19 @@ class EventStream(asyncio.Protocol):
         """Messages, as events."""
         try:
             room = self._dispatcher.hub.viewers.get(self._viewer)
-            events = self._form.of(data, room.stream) if room is not None else b""
+            events = self._form.encode(data, room.stream) if room is not None else b""
             if events:
                 # When it was written, so that a reader, which can't acknowledge, sees how late it is.
                 self._transport.write(b"id: %d\n" % int(1000 * self._dispatcher.now()) + events)
         except Exception as e:
-            self.failed(e)
+            self.end_after_fault(e)
 
     def end(self, close: Close, reason: str, retry_s: float | None) -> None:
         """Say why and when to come again, then close."""
         if self._closing is not None:
             return
-        ((_, bye),) = messages.split(messages.bye(close, reason, retry_s))
-        wait_ms = _wait_ms(close, retry_s)
+        ((_, bye),) = messages.split_messages(messages.make_bye(close, reason, retry_s))
+        wait_ms = _choose_wait_ms(close, retry_s)
         self._transport.write(b"event: bye\ndata: " + bye + b"\nretry: %d\n\n" % wait_ms)
         self._transport.close()
         self._closing = asyncio.get_running_loop().call_later(CLOSING_S, self._transport.abort)
@@ -150,7 +150,7 @@ class EventStream(asyncio.Protocol):
         """Abort."""
         self._transport.abort()
 
-    def failed(self, error: Exception) -> None:
+    def end_after_fault(self, error: Exception) -> None:
         """A fault of ours in one of these calls: the viewer is told, and no other notices."""
         viewer, dispatcher = self._viewer, self._dispatcher
         dispatcher.report_fault("a viewer's connection", error)
@@ -167,7 +167,7 @@ class EventStream(asyncio.Protocol):
             self._transport.abort()
 
 
-def _wait_ms(close: Close, retry_s: float | None) -> int:
+def _choose_wait_ms(close: Close, retry_s: float | None) -> int:
     """A browser comes again by itself after exactly what it is told, so the dice are thrown here."""
     if retry_of(close) is Retry.WAIT:
         return round(1000 * (retry_s or 30.0) * random.uniform(1.0, 1.5))
@@ -223,10 +223,10 @@ class _Http(HttpConnection):
         except BadRequest as e:
             self.refuse(e.status, str(e))
             return
-        token = bearer(self._header(b"authorization")) if self.access.tokens is not None else None
+        token = read_bearer(self._header(b"authorization")) if self.access.tokens is not None else None
         may_show = self.access.may_show(self._header(b"origin"), self._header(b"host"))
-        applicant = asked.applicant(token is not None, not may_show)
-        refusal = self.access.refusal(applicant)
+        applicant = asked.make_applicant(token is not None, not may_show)
+        refusal = self.access.find_refusal(applicant)
         if refusal is not None:
             self.refuse(refusal.status, refusal.reason)
         elif token is None:
@@ -235,11 +235,11 @@ class _Http(HttpConnection):
             self._entering = asyncio.create_task(self._enter_by(asked, applicant, token), name="token")
 
     def _header(self, name: bytes) -> str | None:
-        return joined(value.decode("latin-1") for each, value in self.headers if each == name)
+        return join_all(value.decode("latin-1") for each, value in self.headers if each == name)
 
     @isolated_task
     async def _enter_by(self, asked: StreamRequest, applicant: Applicant, token: str) -> None:
-        who = await self.access.who(token)
+        who = await self.access.identify(token)
         if not self.transport.is_closing():
             self._enter(asked, replace(applicant, who=who))
 
@@ -254,7 +254,7 @@ class _Http(HttpConnection):
             self.refuse(address.status, address.reason)
             return
         self.connections.discard(self)
-        form, dispatcher = self.forms[asked.decoded], self.access.dispatcher(grant)
+        form, dispatcher = self.forms[asked.decoded], self.access.find_dispatcher(grant)
         pages = "*" if grant.open else self._header(b"origin")  # that one was let in
         left = partial(self.access.addresses.leave, address)
         try:
@@ -265,7 +265,7 @@ class _Http(HttpConnection):
         stream.start(pages)
 
 
-def http_protocol(of: Access, decoded: DecodeCache) -> type[_Http]:
+def make_http_protocol(of: Access, decoded: DecodeCache) -> type[_Http]:
     """The class that uvicorn takes as its `http` option."""
 
     class Bound(_Http):

@@ -5,7 +5,7 @@ from __future__ import annotations
 SHORT = 125  # bytes of a message whose size stands in the frame's second byte
 
 
-def short_text(data: bytes) -> bytes | None:
+def read_short_text(data: bytes) -> bytes | None:
     """The text, when `data` is one whole text message of a viewer, and a short one: as an acknowledgement is.
 
     A fifth of what the library takes for it. Whatever is not plainly that is the library's to judge.
@@ -17,7 +17,7 @@ def short_text(data: bytes) -> bytes | None:
     return (int.from_bytes(data[6:], "big") ^ int.from_bytes(mask, "big")).to_bytes(size, "big")
 
 
-def frame_bytes(size: int) -> int:
+def count_frame_bytes(size: int) -> int:
     """Bytes on the wire of a viewer's frame with a payload of `size` bytes: head and mask included."""
     return size + (6 if size <= SHORT else 8 if size < 1 << 16 else 14)
 

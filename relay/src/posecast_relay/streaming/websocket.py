@@ -30,8 +30,8 @@ from posecast_relay.runtime.boundary import FAULT, isolated, isolated_task
 from posecast_relay.runtime.socket_options import descriptor_of, use_small_buffers
 from posecast_relay.streaming.decode_cache import DecodeCache
 from posecast_relay.streaming.encodings import Encoding, JsonEncoding, JsonOutlet
-from posecast_relay.streaming.request import BadRequest, StreamRequest, bearer, joined, read_target
-from posecast_relay.streaming.viewer_frames import Fragments, frame_bytes, short_text
+from posecast_relay.streaming.request import BadRequest, StreamRequest, join_all, read_bearer, read_target
+from posecast_relay.streaming.viewer_frames import Fragments, count_frame_bytes, read_short_text
 
 if TYPE_CHECKING:
     from uvicorn.config import Config
@@ -99,7 +99,7 @@ class LiveSocket(asyncio.Protocol):
             if address is not None:
                 each.callback(self.access.addresses.leave, address)
             if viewer is not None:
-                each.callback(self.dispatcher.hub.leave, viewer)
+                each.callback(self.dispatcher.hub.remove_viewer, viewer)
             if self._closing is not None:
                 each.callback(self._closing.cancel)
             each.callback(self._waits_no_more)
@@ -118,7 +118,7 @@ class LiveSocket(asyncio.Protocol):
         if not self._over:
             self.descriptor = self._own_descriptor
         if self._viewer is not None:
-            self.dispatcher.carry_out(self.dispatcher.hub.drained(self._viewer))
+            self.dispatcher.carry_out(self.dispatcher.hub.resume_viewer(self._viewer))
 
     @isolated
     def data_received(self, data: bytes) -> None:
@@ -126,7 +126,7 @@ class LiveSocket(asyncio.Protocol):
         if self._viewer is not None:
             self._viewer.record_heard(self.dispatcher.now())
         if self._unread == 0 and not self._fragments and self._ws.state is OPEN:
-            text = short_text(data)
+            text = read_short_text(data)
             if text is not None:
                 self._text(text)
                 return
@@ -149,7 +149,7 @@ class LiveSocket(asyncio.Protocol):
                 if data.endswith(b"\r\n\r\n"):  # else what it read of a message is not known, nor will be
                     self._unread = 0
             elif isinstance(event, WebSocketFrame):
-                self._unread -= frame_bytes(len(event.data))
+                self._unread -= count_frame_bytes(len(event.data))
                 self._frame(event)
         self._send_own()
 
@@ -175,10 +175,11 @@ class LiveSocket(asyncio.Protocol):
         except BadRequest as e:
             self._reject(e.status, str(e), None)
             return
-        origin, host, authorization, forwarded = (joined(request.headers.get_all(name)) for name in HEADERS)
-        token = bearer(authorization)
+        origin, host, authorization, forwarded = (join_all(request.headers.get_all(name)) for name in HEADERS)
+        token = read_bearer(authorization)
         # a page's origin is looked at even where nobody verifies tokens
-        applicant = asked.applicant(asked.auth or token is not None, not self.access.may_show(origin, host))
+        is_foreign = not self.access.may_show(origin, host)
+        applicant = asked.make_applicant(asked.auth or token is not None, is_foreign)
         peer = (self._transport.get_extra_info("peername") or ("",))[0]
         address = self.access.enter_address(applicant, peer, forwarded)
         if isinstance(address, Refusal):
@@ -189,7 +190,7 @@ class LiveSocket(asyncio.Protocol):
         self._send_own()
         if self._ws.state is not OPEN:
             self.dispatcher.handshakes["refused"] += 1
-        elif (refusal := self.access.refusal(applicant)) is not None:
+        elif (refusal := self.access.find_refusal(applicant)) is not None:
             self._refuse_entry(refusal)
         elif self.access.tokens is not None and applicant.shows_token:
             self._wait_for_token(asked, applicant, token)
@@ -218,7 +219,7 @@ class LiveSocket(asyncio.Protocol):
 
     @isolated_task
     async def _enter_by(self, token: str) -> None:
-        asked, who = self._asked, await self.access.who(token)
+        asked, who = self._asked, await self.access.identify(token)
         if asked is not None and not self._over:
             self._enter(asked, replace(self._applicant, who=who))
 
@@ -240,7 +241,7 @@ class LiveSocket(asyncio.Protocol):
         if isinstance(grant, Refusal):
             self._refuse_entry(grant)
             return
-        dispatcher = self.dispatcher = self.access.dispatcher(grant)
+        dispatcher = self.dispatcher = self.access.find_dispatcher(grant)
         lives_s = dispatcher.hub.limits.max_age_s * random.uniform(0.9, 1.1)
         outlet = JsonOutlet(self, partial(self.write_as, self.json_form)) if asked.decoded else self
         limits, now = dispatcher.hub.limits, dispatcher.now()
@@ -248,7 +249,7 @@ class LiveSocket(asyncio.Protocol):
             *(outlet, asked.robot, grant.view, asked.hz, limits, now, lives_s, asked.decoded),
             grant=grant,
             asked_view=asked.view,
-            expires_at=self.access.expires_at(grant),
+            expires_at=self.access.compute_expiry(grant),
         )
         self._own_descriptor = descriptor_of(self._transport)
         dispatcher.join(self._viewer)
@@ -274,14 +275,14 @@ class LiveSocket(asyncio.Protocol):
     def _may_send(self) -> bool:
         """Pings, pieces and what comes before its token cost a viewer as much as messages do."""
         if self._viewer is not None:
-            return self._viewer.take_token(self.dispatcher.now())
+            return self._viewer.allow_message(self.dispatcher.now())
         self._early += 1
         return self._early <= self.dispatcher.hub.limits.messages_burst
 
     def _text(self, text: bytes) -> None:
         if self._viewer is not None:
             dispatcher = self.dispatcher
-            dispatcher.carry_out(dispatcher.hub.message(self._viewer, text, dispatcher.now()))
+            dispatcher.carry_out(dispatcher.hub.take_message(self._viewer, text, dispatcher.now()))
         elif self._asked is not None:
             try:
                 said = parse_viewer_message(text)
@@ -313,7 +314,7 @@ class LiveSocket(asyncio.Protocol):
             return
         if close is Close.TOO_MANY:
             self._read_no_more()
-        self._transport.write(messages.bye(close, reason, retry_s))
+        self._transport.write(messages.make_bye(close, reason, retry_s))
         self._write_no_more()
         self._ws.send_close(close, reason[:100])
         self._send_own()
@@ -328,7 +329,7 @@ class LiveSocket(asyncio.Protocol):
         self._transport.abort()
         self._write_no_more()
 
-    def failed(self, error: Exception) -> None:
+    def end_after_fault(self, error: Exception) -> None:
         """A fault of ours in one of these calls: the viewer is told, and no other notices."""
         viewer = self._viewer
         self.dispatcher.report_fault("a viewer's connection", error)
@@ -374,7 +375,7 @@ class LiveSocket(asyncio.Protocol):
         viewer, hub, sent = self._viewer, self.dispatcher.hub, self._ws.close_sent
         if viewer is None or viewer not in hub.viewers:
             return
-        hub.leave(viewer)
+        hub.remove_viewer(viewer)
         if self._ws.parser_exc is not None and sent is not None:
             hub.endings[sent.code] += 1
 
@@ -383,14 +384,13 @@ class LiveSocket(asyncio.Protocol):
         """The same in another form."""
         room = self.dispatcher.hub.viewers.get(self._viewer) if self._viewer else None
         if room is not None:
-            self.write(form.of(data, room.stream))
+            self.write(form.encode(data, room.stream))
 
     def _write_no_more(self) -> None:
-        self._over = True
-        self.descriptor = -1
+        self._over, self.descriptor = True, -1
 
 
-def live_protocol(of: Access, decoded: DecodeCache) -> type[LiveSocket]:
+def make_live_protocol(of: Access, decoded: DecodeCache) -> type[LiveSocket]:
     """The class that uvicorn takes as its `ws` option."""
 
     class Bound(LiveSocket):

@@ -194,14 +194,14 @@ class ZenohIngest:
             hub.outcomes[outcome.value] += count
             of = hub.robots.get(robot)
             if of is not None:
-                of.share.lose(count, of.share.limit or LOST, now)
+                of.share.record_lost(count, of.share.limit or LOST, now)
 
     def _frame(self, robot: str, view: str, payload: bytes, stamp: bytes) -> None:
         now = self._dispatcher.now()
         try:
             check_name("robot", robot)
             check_name("view", view)
-            outcome = self._dispatcher.hub.edge_frame(robot, view, payload, Stamp.unpack(stamp), now)
+            outcome = self._dispatcher.hub.take_edge_frame(robot, view, payload, Stamp.unpack(stamp), now)
         except ValueError as e:
             self._complain(robot, f"{view}/frame", e)
             return
@@ -223,7 +223,7 @@ class ZenohIngest:
             return
         bad = dispatcher.hub.outcomes[FrameOutcome.BAD.value]
         dispatcher.carry_out(
-            dispatcher.hub.event(robot, view, payload, at, dispatcher.now(), dispatcher.unix_s())
+            dispatcher.hub.take_event(robot, view, payload, at, dispatcher.now(), dispatcher.unix_s())
         )
         if dispatcher.hub.outcomes[FrameOutcome.BAD.value] > bad:
             self._say(robot, f"{view}/event", "no event, info or model as the wire format has them")
@@ -261,7 +261,7 @@ class ZenohIngest:
 
     def _token(self, robot: str, present: bool) -> None:
         hub = self._dispatcher.hub
-        self._dispatcher.carry_out(hub.token(robot, present, self._dispatcher.now()))
+        self._dispatcher.carry_out(hub.set_token(robot, present, self._dispatcher.now()))
         if present and robot not in hub.robots:
             self._waiting.add(robot)
             self._say(robot, "alive", "the relay has as many robots as it takes (--max-robots)")
@@ -278,7 +278,7 @@ class ZenohIngest:
                 raise ValueError(f"snapshot: over {hub.limits.snapshot_bytes} bytes")
             at = Stamp.unpack(stamp)
             hub.check_snapshot(robot, len(payload), now)
-            hub.snapshot(robot, view, Snapshot.unpack(payload), at, now, waited_s=now - asked_at)
+            hub.take_snapshot(robot, view, Snapshot.unpack(payload), at, now, waited_s=now - asked_at)
         except ValueError as e:
             self._complain(robot, f"{view}/snapshot", e)
 
@@ -290,13 +290,13 @@ class ZenohIngest:
             self._complain(robot, "echo", e)
             return  # unanswered
         of = self._dispatcher.hub.robots.get(robot)
-        if of is not None and not of.share.takes_message(0, now):
+        if of is not None and not of.share.allow_message(0, now):
             self._dispatcher.hub.outcomes[FrameOutcome.OVER_SHARE.value] += 1
             return  # unanswered
         run_id = of.runs.current if of else 0
         of_run = [r.stream.newest for r in of.rooms.values() if r.stream.newest] if of else []
         seq = max((held.seq for held in of_run if held.run_id == run_id), default=0)
-        over = of.share.over(now) if of else ""
+        over = of.share.find_exceeded_limit(now) if of else ""
         key = str(query.key_expr)
         try:
             query.reply(key, Echo(run_id, seq, self._dispatcher.unix_s(), over).pack())

@@ -80,13 +80,13 @@ class Policy:
 
     rules: Rules | None = None
 
-    def of(self, robot: str) -> Mapping[Audience, Rule]:
+    def find_rules(self, robot: str) -> Mapping[Audience, Rule]:
         """The rules of one robot; none for one that is not named."""
         return EVERYBODY if self.rules is None else self.rules.get(robot, {})
 
     def judge(self, who: Principal, robot: str, view: str | None = None) -> Grant | Close:
         """What `who` gets; or ABSENT, or FORBIDDEN for a view of a robot that shows another one to them."""
-        rules = self.of(robot)
+        rules = self.find_rules(robot)
         found = [
             Grant(robot, rule.view, rule.hz, rule.delay_s, rule.viewers, audience, who)
             for audience in dict.fromkeys((who.audience, Audience.ANYONE))
@@ -98,18 +98,18 @@ class Policy:
             return Close.ABSENT
         return next((grant for grant in found if view in (None, grant.view)), Close.FORBIDDEN)
 
-    def frame_ancestors(self, robot: str, listed: Collection[str]) -> tuple[str, ...]:
+    def list_frame_ancestors(self, robot: str, listed: Collection[str]) -> tuple[str, ...]:
         """Pages that may frame a robot, as sources of CSP's `frame-ancestors`; "": any robot.
 
         `listed`: pages elsewhere that may show what is not for everybody. Whoever asks for a frame proves
         nothing yet, so a robot that is hidden is answered like one that does not exist.
         """
-        rule = self.of(robot).get(Audience.ANYONE)
+        rule = self.find_rules(robot).get(Audience.ANYONE)
         if rule is None or rule.blackout:
             return ("'self'", *listed)
         return ("*",) if rule.frames is None else ("'self'", *rule.frames)
 
-    def delays_s(self) -> dict[tuple[str, str], float]:
+    def find_delays_s(self) -> dict[tuple[str, str], float]:
         """The delayed views, by robot and view."""
         return {
             (robot, rule.view): rule.delay_s

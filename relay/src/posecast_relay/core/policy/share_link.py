@@ -20,7 +20,7 @@ NO_KEY = "no such robot"  # signs nothing; a robot that is not here takes as lon
 def make_link(key: str, robot: str, until_s: int, name: str) -> str:
     """`name`: 8 letters of base64url, so that no two links are the same. `until_s`: unix."""
     said = f"{KIND}.{robot}.{until_s}.{name}"
-    return f"{said}.{_signature(key, said)}"
+    return f"{said}.{_sign(key, said)}"
 
 
 def is_link(token: str) -> bool:
@@ -35,12 +35,12 @@ def read_link(token: str, keys: Mapping[str, str], unix_s: float) -> Principal |
         return None
     said, robot, until_s, signature = found.groups()
     key = keys.get(robot)
-    good = hmac.compare_digest(_signature(NO_KEY if key is None else key, said), signature)
+    good = hmac.compare_digest(_sign(NO_KEY if key is None else key, said), signature)
     if key is None or not good or unix_s >= int(until_s):
         return None
     return Principal(Audience.LINK, robot, float(until_s), token)
 
 
-def _signature(key: str, said: str) -> str:
+def _sign(key: str, said: str) -> str:
     raw = hmac.digest(key.encode(), said.encode(), hashlib.sha256)
     return base64.urlsafe_b64encode(raw).rstrip(b"=").decode()

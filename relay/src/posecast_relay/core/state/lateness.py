@@ -32,7 +32,7 @@ class Lateness:
         self._questions = 0  # since the doubt began
         self._question_at = float("-inf")  # not before
 
-    def arrived(self, stamp_s: float, now: float) -> float:
+    def record_arrival(self, stamp_s: float, now: float) -> float:
         """Note a message's arrival; its lateness, s. `stamp_s`: the edge's clock when it was made."""
         offset_s = now - stamp_s
         before_s = self.seconds
@@ -42,17 +42,17 @@ class Lateness:
         self._doubted = self.seconds > DOUBT_S and (self._doubted or self.seconds - before_s > DOUBT_S)
         return self.seconds
 
-    def answered(self, stamp_s: float, waited_s: float, now: float) -> None:
+    def record_answer(self, stamp_s: float, waited_s: float, now: float) -> None:
         """Note an answer that came `waited_s` after its question: it can't be later than that."""
         self._raise_least(now)
         self._least_s = max(self._least_s, now - stamp_s - waited_s)
-        self.arrived(stamp_s, now)
+        self.record_arrival(stamp_s, now)
 
-    def doubts(self, now: float) -> bool:
+    def should_ask(self, now: float) -> bool:
         """Whether to ask now if the clock stood still: ever more seldom, for an answer costs the uplink."""
         return self._doubted and now >= self._question_at
 
-    def asked(self, now: float) -> None:
+    def record_question(self, now: float) -> None:
         """Note that the edge was asked; the next question waits longer."""
         if now - self._question_at > DOUBT_ENDS_S:
             self._questions = 0

@@ -14,16 +14,16 @@ class Liveness:
         self.token = False
         self._lost_at = float("-inf")
 
-    def came(self) -> None:
+    def set_token(self) -> None:
         """The edge's token is there."""
         self.token = True
 
-    def left(self, now: float) -> None:
+    def clear_token(self, now: float) -> None:
         """The edge's token is gone: it stopped, died, or its link was cut for the length of the lease."""
         self.token = False
         self._lost_at = now
 
-    def status(self, live_at: float | None, age_s: float | None, silent_s: float) -> RobotStatus:
+    def compute_status(self, live_at: float | None, age_s: float | None, silent_s: float) -> RobotStatus:
         """`live_at`: arrival of the newest live frame; `age_s`: its age, with the time it was under way."""
         fresh = age_s is not None and age_s <= silent_s
         if not self.token:

@@ -37,17 +37,17 @@ class Robot:
         self.followed = False  # somebody watches it at another relay
         self.degraded = False  # those who hear it do not answer
 
-    def room(self, view: str) -> Room:
+    def get_room(self, view: str) -> Room:
         """The room of a view, made when it is new."""
         room = self.rooms.get(view)
         if room is None:
             room = self.rooms[view] = Room(self.name, view, self.limits)
         return room
 
-    def came(self, now: float) -> None:
+    def set_token(self, now: float) -> None:
         """The edge's token appeared: everything it has may be new."""
         self.heard_at = now
-        self.liveness.came()
+        self.liveness.set_token()
         self.lacking = True
         self._unanswered = 0
         self.ask_at = max(self.ask_at, now + SETTLE_S)
@@ -76,12 +76,12 @@ class Robot:
         """Whether two edges claim it."""
         self.in_conflict = conflict
 
-    def frame(
+    def take_frame(
         self, room: Room, payload: bytes, stamp: Stamp, now: float, late_s: float = 0.0
     ) -> FrameOutcome:
         """A frame that the edge sent just now; `late_s`: as late as another relay found it."""
         stream = room.stream
-        header = stream.check(payload)
+        header = stream.check_frame(payload)
         if isinstance(header, FrameOutcome):
             return header
         self.heard_at = now
@@ -91,16 +91,16 @@ class Robot:
         if stamp.run_id != self.runs.current:
             if not header.is_key:
                 self.lacking = True
-                stream.hold(payload, stamp.run_id, stamp.elapsed_ns / 1e9, now, late_s)
+                stream.hold_for_base(payload, stamp.run_id, stamp.elapsed_ns / 1e9, now, late_s)
                 return FrameOutcome.NO_BASE
             self._adopt(stamp.run_id, now)
-        late_s = max(late_s, self.runs.arrived(stamp, now))
-        outcome = stream.take(payload, header, stamp.run_id, stamp.elapsed_ns / 1e9, now, late_s)
+        late_s = max(late_s, self.runs.record_arrival(stamp, now))
+        outcome = stream.take_frame(payload, header, stamp.run_id, stamp.elapsed_ns / 1e9, now, late_s)
         if outcome in (FrameOutcome.NO_BASE, FrameOutcome.NO_SCHEMA):
             self.lacking = True
         return outcome
 
-    def snapshot(
+    def take_snapshot(
         self,
         room: Room,
         snapshot: Snapshot,
@@ -118,9 +118,9 @@ class Robot:
         if self.runs.is_retired(stamp.run_id, now):
             raise ValueError("snapshot: of a retired run")
         if waited_s is not None:
-            if not room.stream.awaits(stamp.run_id) and not self.runs.may_follow(stamp.run_id, now):
+            if not room.stream.awaits_base(stamp.run_id) and not self.runs.may_adopt(stamp.run_id, now):
                 raise ValueError("snapshot: of a run that sends nothing")
-            self.runs.answered(stamp, waited_s, now)
+            self.runs.record_answer(stamp, waited_s, now)
         room.stream.apply_snapshot(snapshot, stamp.run_id, stamp.elapsed_ns / 1e9, newest)
         if stamp.run_id != self.runs.current:
             self._adopt(stamp.run_id, now)
@@ -130,35 +130,35 @@ class Robot:
         self.runs.adopt(run_id, now)
         self.lacking = True  # its info and model may be others, even when its schema is not
 
-    def is_to_be_asked(self, now: float) -> bool:
+    def should_ask(self, now: float) -> bool:
         """Whether its snapshots are to be asked for now."""
         there = self.liveness.token or (self.heard_at is not None and now - self.heard_at < HEARD_S)
         if now < self.ask_at or not there:
             return False
-        return self.lacking or self._stale(now) or self.runs.lateness.doubts(now)
+        return self.lacking or self._is_stale(now) or self.runs.lateness.should_ask(now)
 
-    def asked(self, now: float) -> None:
+    def record_question(self, now: float) -> None:
         """They were asked for. An edge that neither answers nor sends is asked more and more seldom."""
-        if self.runs.lateness.doubts(now):
-            self.runs.lateness.asked(now)
+        if self.runs.lateness.should_ask(now):
+            self.runs.lateness.record_question(now)
         self.ask_at = now + min(self.limits.ask_s * 2 ** max(0, self._unanswered - 2), UNANSWERED_S_MAX)
         self._unanswered = min(self._unanswered + 1, 16)
 
-    def _stale(self, now: float) -> bool:
+    def _is_stale(self, now: float) -> bool:
         watched = self.followed or self.has_viewers()
         return watched and self.liveness.token and now >= self.ask_at + REFRESH_S
 
-    def status(self, room: Room | None, now: float) -> RobotStatus:
+    def compute_status(self, room: Room | None, now: float) -> RobotStatus:
         """How the robot is, as far as this view shows; None: it has sent nothing of it yet."""
         if room is None:
             return "silent" if self.liveness.token else "offline"
         stream = room.stream
-        return self.liveness.status(stream.live_at, stream.age_s(now), self.limits.silent_s)
+        return self.liveness.compute_status(stream.live_at, stream.compute_age_s(now), self.limits.silent_s)
 
     def has_viewers(self) -> bool:
         """Whether anybody watches any view."""
         return any(room.viewers for room in self.rooms.values())
 
-    def viewer_count(self) -> int:
+    def count_viewers(self) -> int:
         """How many watch it, over all views."""
         return sum(len(room.viewers) for room in self.rooms.values())

@@ -56,22 +56,24 @@ class Room:
         stream = self.stream
         self.viewers[viewer] = None
         parts = [
-            messages.hello(
+            messages.make_hello(
                 *(unix_s, stream.robot, stream.view, viewer.hz, stream.model, self.limits),
                 viewer.max_hz,
                 viewer.grant.delay_s if viewer.grant else 0.0,
             ),
-            self._status(status, now),
+            self._make_status(status, now),
         ]
         if stream.schema is not None:
-            parts.append(stream.described(viewer.schema_n, with_model=False))  # hello has told the model
-        viewer.hold_description(stream.version, stream.schema_n)
+            parts.append(
+                stream.make_description(viewer.schema_n, with_model=False)
+            )  # hello has told the model
+        viewer.record_description(stream.version, stream.schema_n)
         group = self._enter(viewer)
         if group is not None and stream.newest is not None:
-            parts.append(self._lacking(viewer, stream.newest))
-            self._hand(viewer, stream.newest)
+            parts.append(self._collect_lacking(viewer, stream.newest))
+            self._record_given(viewer, stream.newest)
             if group.frame is None:
-                self._handed_out(group, stream.newest, now)
+                self._record_sent(group, stream.newest, now)
         unasked = sum(map(len, parts))
         for event in stream.events:
             if viewer.speaks and unasked >= self.limits.ping_bytes:  # who reads slowly shows that it does
@@ -147,11 +149,11 @@ class Room:
                 continue
             try:
                 if group.pace.is_due(newest.run_id, newest.stamp_s, interval_s, now):
-                    self._pass(group, group.viewers, newest, now, out)
+                    self._send_frame(group, group.viewers, newest, now, out)
                 elif group.flush_at == NEVER:
                     group.flush_at = now + group.pace.period_s
             except Exception as error:
-                out += self._fail(group.viewers, error)
+                out += self._end_after_fault(group.viewers, error)
         return out
 
     def flush(self, now: float) -> list[Action]:
@@ -162,16 +164,16 @@ class Room:
             try:
                 if newest is not None and group.frame is not newest:
                     if now >= group.flush_at:
-                        self._pass(group, group.viewers, newest, now, out)
+                        self._send_frame(group, group.viewers, newest, now, out)
                     elif now >= group.retry_at:
                         group.retry_at = NEVER  # the frame that waits will come to those behind as well
                 elif newest is not None and now >= group.retry_at:
-                    self._pass(group, tuple(group.behind), newest, now, out)
+                    self._send_frame(group, tuple(group.behind), newest, now, out)
             except Exception as error:
-                out += self._fail(group.viewers, error)
+                out += self._end_after_fault(group.viewers, error)
         return out
 
-    def _fail(self, viewers: Iterable[Viewer], error: Exception) -> list[Action]:
+    def _end_after_fault(self, viewers: Iterable[Viewer], error: Exception) -> list[Action]:
         """Let those go at whom the relay's own code has failed; the others of this room stay."""
         out: list[Action] = [Fault(f"{self.robot}/{self.view}", error)]
         for viewer in tuple(viewers):
@@ -179,11 +181,11 @@ class Room:
             out.append(CloseConnection(viewer, Close.INTERNAL_ERROR, "a fault of the relay's own", None))
         return out
 
-    def wake_at(self) -> float:
+    def find_wake_at(self) -> float:
         """When `flush` has something to do, at the earliest."""
         return min((min(g.flush_at, g.retry_at) for g in self.groups.values()), default=NEVER)
 
-    def _pass(
+    def _send_frame(
         self, group: RateGroup, viewers: Iterable[Viewer], frame: StoredFrame, now: float, out: list[Action]
     ) -> None:
         """One walk over viewers that are due. Nearly all hold the bases and share the frame's bytes."""
@@ -192,36 +194,36 @@ class Room:
         behind: set[Viewer] = set()
         status = b""
         if self._owed is not None and group not in self._told:
-            status = self._status(self._owed, now)
+            status = self._make_status(self._owed, now)
             self._told.add(group)
         failed = Viewer.share_frame(*(iter(viewers), frame, self.stream.version, now), ready, lacking, behind)
         for viewer in lacking:
             try:
-                out.append(Send(status + self._lacking(viewer, frame), (viewer,)))
-                self._hand(viewer, frame)
+                out.append(Send(status + self._collect_lacking(viewer, frame), (viewer,)))
+                self._record_given(viewer, frame)
             except Exception as e:
                 failed.append((viewer, e))
         if ready:
             self.delivered += len(ready)
             out.append(Send(status + frame.packed, ready))
         if group.frame is not frame:
-            self._handed_out(group, frame, now)
+            self._record_sent(group, frame, now)
         group.behind = behind
         self.skipped += len(behind)
         group.flush_at = NEVER
         group.retry_at = now + group.pace.period_s if behind else NEVER
         for viewer, error in failed:
-            out += self._fail((viewer,), error)
+            out += self._end_after_fault((viewer,), error)
 
-    def _handed_out(self, group: RateGroup, frame: StoredFrame, now: float) -> None:
+    def _record_sent(self, group: RateGroup, frame: StoredFrame, now: float) -> None:
         group.frame = frame
-        group.pace.sent(frame.run_id, frame.stamp_s, self.stream.cadence.interval_s, now)
+        group.pace.record_sent(frame.run_id, frame.stamp_s, self.stream.cadence.interval_s, now)
 
-    def _lacking(self, viewer: Viewer, frame: StoredFrame) -> bytes:
+    def _collect_lacking(self, viewer: Viewer, frame: StoredFrame) -> bytes:
         """What this viewer must be given so that it can read `frame`, and the frame."""
         parts: list[bytes] = []
         if viewer.version != self.stream.version:
-            parts.append(self.stream.described(viewer.schema_n))
+            parts.append(self.stream.make_description(viewer.schema_n))
         if frame.key is not None and viewer.key is not frame.key:
             parts.append(frame.key.packed)
         if frame.ref is not None and viewer.ref is not frame.ref:
@@ -229,77 +231,77 @@ class Room:
         parts.append(frame.packed)
         return b"".join(parts)
 
-    def _hand(self, viewer: Viewer, frame: StoredFrame) -> None:
+    def _record_given(self, viewer: Viewer, frame: StoredFrame) -> None:
         """Note that a viewer was given `frame` and what it lacked for it."""
-        viewer.hold_description(self.stream.version, self.stream.schema_n)
-        viewer.hold_frame(frame)
+        viewer.record_description(self.stream.version, self.stream.schema_n)
+        viewer.record_frame(frame)
         self.delivered += 1
 
     # ---- everything else --------------------------------------------------
 
-    def describe(self) -> list[Action]:
+    def send_description(self) -> list[Action]:
         """Schema, info or model has changed: tell those who can take it, the rest with their next frame."""
         stream = self.stream
         ready: dict[int, list[Viewer]] = {}  # by the schema they hold
         for viewer in self.viewers:
             if viewer.version != stream.version and not viewer.blocked:
                 ready.setdefault(viewer.schema_n, []).append(viewer)
-                viewer.hold_description(stream.version, stream.schema_n)
-        return [Send(stream.described(held), viewers) for held, viewers in ready.items()]
+                viewer.record_description(stream.version, stream.schema_n)
+        return [Send(stream.make_description(held), viewers) for held, viewers in ready.items()]
 
-    def announce(self, event: Event) -> list[Action]:
+    def send_event(self, event: Event) -> list[Action]:
         """An event goes to everybody, at once or by its reliable queue."""
         ready: list[Viewer] = []
         out: list[Action] = []
         for viewer in tuple(self.viewers):
             if viewer.blocked:
-                out += self._queue(viewer, event.packed)
+                out += self._enqueue(viewer, event.packed)
             else:
                 ready.append(viewer)
         return [*out, Send(event.packed, ready)] if ready else out
 
-    def tell(self, viewer: Viewer, data: bytes) -> list[Action]:
+    def send_message(self, viewer: Viewer, data: bytes) -> list[Action]:
         """A message for one viewer that must arrive."""
-        return self._queue(viewer, data) if viewer.blocked else [Send(data, (viewer,))]
+        return self._enqueue(viewer, data) if viewer.blocked else [Send(data, (viewer,))]
 
-    def _queue(self, viewer: Viewer, data: bytes) -> list[Action]:
+    def _enqueue(self, viewer: Viewer, data: bytes) -> list[Action]:
         if viewer.enqueue(data):
             return []
         self.leave(viewer)
         return [CloseConnection(viewer, Close.EVENTS_FULL, "too slow for the events", None)]
 
-    def drained(self, viewer: Viewer) -> list[Action]:
+    def send_waiting(self, viewer: Viewer) -> list[Action]:
         """A viewer may be able to take data again: first what it must not miss."""
         data = viewer.release()
         if data is None:
             return []
         if viewer.version != self.stream.version and viewer.hz <= 0:
-            data += self.stream.described(viewer.schema_n)
-            viewer.hold_description(self.stream.version, self.stream.schema_n)
+            data += self.stream.make_description(viewer.schema_n)
+            viewer.record_description(self.stream.version, self.stream.schema_n)
         return [Send(data, (viewer,))] if data else []
 
-    def report(self, status: RobotStatus, now: float) -> list[Action]:
+    def send_status(self, status: RobotStatus, now: float) -> list[Action]:
         """The status for everybody who can take it, at once."""
         self._owed = None
         ready = [v for v in self.viewers if not v.blocked]
-        return [Send(self._status(status, now), ready)] if ready else []
+        return [Send(self._make_status(status, now), ready)] if ready else []
 
-    def owe_status(self, status: RobotStatus) -> None:
+    def defer_status(self, status: RobotStatus) -> None:
         """The status is due again: each group's next frame takes it along, in the same write."""
         self._owed = status
         self._told.clear()
 
-    def settle_status(self, now: float) -> list[Action]:
+    def send_deferred_status(self, now: float) -> list[Action]:
         """By itself to those whom no frame has brought it."""
         status, self._owed = self._owed, None
         if status is None:
             return []
         ready = [v for v in self.viewers if not v.blocked and self.groups.get(v.hz) not in self._told]
-        return [Send(self._status(status, now), ready)] if ready else []
+        return [Send(self._make_status(status, now), ready)] if ready else []
 
-    def _status(self, status: RobotStatus, now: float) -> bytes:
-        age_s = self.stream.age_s(now)
+    def _make_status(self, status: RobotStatus, now: float) -> bytes:
+        age_s = self.stream.compute_age_s(now)
         newest = self.stream.newest
         age_ms = None if age_s is None else max(0, round(age_s * 1000))
         seq = newest.seq if newest else None
-        return messages.status(status, age_ms, seq, self.degraded, self.over_share)
+        return messages.make_status(status, age_ms, seq, self.degraded, self.over_share)

@@ -50,7 +50,7 @@ class Runs:
             self._conflict_until = now + CONFLICT_FOR_S
         return True
 
-    def may_follow(self, run_id: int, now: float) -> bool:
+    def may_adopt(self, run_id: int, now: float) -> bool:
         """Whether an answer makes this run current although no frame of it has come.
 
         Not while the current one sends, and not if it was current before: what it answers may be older than
@@ -72,16 +72,16 @@ class Runs:
         self._heard_at = now
         self.lateness = Lateness()
 
-    def conflict(self, now: float) -> bool:
+    def is_in_conflict(self, now: float) -> bool:
         """Whether another edge claims this robot at present."""
         return now < self._conflict_until
 
-    def arrived(self, stamp: Stamp, now: float) -> float:
+    def record_arrival(self, stamp: Stamp, now: float) -> float:
         """Note a frame of the current run; its lateness, s."""
         self._heard_at = now
-        return self.lateness.arrived(stamp.elapsed_ns / 1e9, now)
+        return self.lateness.record_arrival(stamp.elapsed_ns / 1e9, now)
 
-    def answered(self, stamp: Stamp, waited_s: float, now: float) -> None:
+    def record_answer(self, stamp: Stamp, waited_s: float, now: float) -> None:
         """Note an answer, which came `waited_s` after its question, when it is the current run's."""
         if stamp.run_id == self.current:
-            self.lateness.answered(stamp.elapsed_ns / 1e9, waited_s, now)
+            self.lateness.record_answer(stamp.elapsed_ns / 1e9, waited_s, now)

@@ -47,7 +47,7 @@ class Share:
         self._over_until = float("-inf")
         self.dropped = 0
 
-    def takes_frame(self, view: str, size: int, hashed: bool, now: float) -> bool:
+    def allow_frame(self, view: str, size: int, hashed: bool, now: float) -> bool:
         """Whether a frame of `size` bytes is within the share; then it is counted against it."""
         frames = self._views.get(view)
         if frames is None:
@@ -55,12 +55,12 @@ class Share:
         cost = HASHED * size if hashed else size
         if not frames.has(1, now):
             return self._drop(f"{self._limits.view_frames_per_s:g} frames a second in a view", now)
-        if not self.takes_message(cost, now):
+        if not self.allow_message(cost, now):
             return False
         frames.take(1)
         return True
 
-    def takes_message(self, size: float, now: float) -> bool:
+    def allow_message(self, size: float, now: float) -> bool:
         """The same for anything else that it sends by itself."""
         if not self._messages.has(1, now):
             return self._drop(f"{self._limits.robot_messages_per_s:g} messages a second", now)
@@ -70,32 +70,32 @@ class Share:
         self._bytes.take(size)
         return True
 
-    def takes_event(self, size: float, now: float) -> bool:
+    def allow_event(self, size: float, now: float) -> bool:
         """The same for what is told to every viewer at once: an event, its info or model."""
         if not self._events.has(1, now):
             return self._drop(f"{self._limits.robot_events_per_s:g} events a second", now)
-        if not self.takes_message(size, now):
+        if not self.allow_message(size, now):
             return False
         self._events.take(1)
         return True
 
-    def takes_snapshot(self, size: int, now: float) -> bool:
+    def allow_snapshot(self, size: int, now: float) -> bool:
         """The same for an answer, which costs more: its schema is parsed."""
         if not self._snapshot_bytes.has(size, now):
             return self._drop(f"{self._limits.snapshot_bytes_per_s:,.0f} bytes of snapshots a second", now)
         self._snapshot_bytes.take(size)
         return True
 
-    def lose(self, count: int, reason: str, now: float) -> None:
+    def record_lost(self, count: int, reason: str, now: float) -> None:
         """Count messages that were dropped before they came here: more waited than there is room for."""
         self.dropped += count
         self.limit = reason
         self._over_until = now + OVER_FOR_S
 
-    def over(self, now: float) -> str:
+    def find_exceeded_limit(self, now: float) -> str:
         """Of what it sends more than its share at present, and how much is allowed; "" when of nothing."""
         return self.limit if now < self._over_until else ""
 
     def _drop(self, reason: str, now: float) -> bool:
-        self.lose(1, reason, now)
+        self.record_lost(1, reason, now)
         return False

@@ -75,7 +75,7 @@ class StoredFrame:
     def packed(self) -> bytes:
         """The frame as one WebSocket message, made once for all viewers."""
         if self._packed is None:
-            self._packed = messages.binary(self.payload)
+            self._packed = messages.make_binary(self.payload)
         return self._packed
 
 
@@ -87,7 +87,7 @@ class Event:
     def __init__(self, n: int, text: str) -> None:
         self.n = n
         self.text = text
-        self.packed = messages.text(text)
+        self.packed = messages.make_text(text)
 
 
 class Stream:
@@ -120,7 +120,7 @@ class Stream:
 
     # ---- frames ----------------------------------------------------------
 
-    def check(self, payload: bytes) -> Header | FrameOutcome:
+    def check_frame(self, payload: bytes) -> Header | FrameOutcome:
         """The header of a sound frame, or why it is none."""
         if len(payload) > self.limits.frame_bytes:
             return FrameOutcome.OVERSIZED
@@ -131,7 +131,7 @@ class Stream:
         except BadFrame:
             return FrameOutcome.BAD
 
-    def take(
+    def take_frame(
         self, payload: bytes, header: Header, run_id: int, stamp_s: float, now: float, late_s: float
     ) -> FrameOutcome:
         """A frame that the edge sent just now, of a run that is not retired."""
@@ -140,23 +140,23 @@ class Stream:
             self.is_live = True
             self.live_at = now
             self.late_s = late_s
-            self.cadence.saw(stamp_s)
+            self.cadence.record_stamp(stamp_s)
         elif outcome in (FrameOutcome.NO_BASE, FrameOutcome.NO_SCHEMA):
-            self.hold(payload, run_id, stamp_s, now, late_s)
+            self.hold_for_base(payload, run_id, stamp_s, now, late_s)
         return outcome
 
-    def hold(self, payload: bytes, run_id: int, stamp_s: float, now: float, late_s: float) -> None:
+    def hold_for_base(self, payload: bytes, run_id: int, stamp_s: float, now: float, late_s: float) -> None:
         """Keep a frame that the edge sent just now until a snapshot, which is older, brings its base."""
         self._waiting = (payload, run_id, stamp_s, now, late_s)
 
-    def awaits(self, run_id: int) -> bool:
+    def awaits_base(self, run_id: int) -> bool:
         """Whether a frame of this run waits for its base."""
         return self._waiting is not None and self._waiting[1] == run_id
 
     def _place(self, payload: bytes, header: Header, run_id: int, stamp_s: float) -> FrameOutcome:
         base: StoredFrame | None = None
         if not header.is_key:
-            base = self._base(header.base_id) if run_id == self.run_id else None
+            base = self._find_base(header.base_id) if run_id == self.run_id else None
             if base is None:
                 return FrameOutcome.LATE if header.base_id == self._old_key_id else FrameOutcome.NO_BASE
             if header.is_ref and not base.is_key:
@@ -169,13 +169,13 @@ class Stream:
         if self.newest is not None and self._is_old(run_id, held.seq):
             return (
                 FrameOutcome.REPEATED
-                if payload == self.newest.payload or held.id == self._key_id()
+                if payload == self.newest.payload or held.id == self._get_key_id()
                 else FrameOutcome.LATE
             )
         if held.is_key:
             if run_id != self.run_id:
                 self.live_at = None  # of the run before
-            self._old_key_id = self._key_id() if run_id == self.run_id else None
+            self._old_key_id = self._get_key_id() if run_id == self.run_id else None
             self.key, self.ref, self.run_id = held, None, run_id
         elif held.is_ref:
             self.ref = held
@@ -187,7 +187,7 @@ class Stream:
         assert self.schema is not None
         return len(payload) > (self.schema.key_bytes_max if header.is_key else self.schema.frame_bytes_max)
 
-    def _base(self, base_id: int | None) -> StoredFrame | None:
+    def _find_base(self, base_id: int | None) -> StoredFrame | None:
         for base in (self.key, self.ref):
             if base is not None and base.id == base_id:
                 return base
@@ -198,7 +198,7 @@ class Stream:
             return False
         return (seq - self.newest.seq - 1) % SEQS >= SEQS // 2  # 0 comes after the last one
 
-    def _key_id(self) -> int | None:
+    def _get_key_id(self) -> int | None:
         return self.key.id if self.key else None
 
     # ---- the snapshot ----------------------------------------------------
@@ -210,7 +210,7 @@ class Stream:
 
         Its frames may be of any age, so they count as bases and as a picture, but never as a sign of life.
         """
-        key_header = self.check(snapshot.key)
+        key_header = self.check_frame(snapshot.key)
         if isinstance(key_header, FrameOutcome) or not key_header.is_key:
             raise ValueError("snapshot: its KEY is none")
         self._check_info(snapshot.info)
@@ -224,10 +224,10 @@ class Stream:
                 raise ValueError(f"snapshot: {e}") from None
             if self._is_old(run_id, key_header.seq):
                 raise ValueError("snapshot: older than what is here")
-        self._describe(schema, snapshot.info, snapshot.model)
+        self._set_description(schema, snapshot.info, snapshot.model)
         self._place(snapshot.key, key_header, run_id, stamp_s)
         for payload in (snapshot.ref, newest):
-            header = self.check(payload) if payload is not None else None
+            header = self.check_frame(payload) if payload is not None else None
             if payload is not None and isinstance(header, Header):
                 self._place(payload, header, run_id, stamp_s)
         if self._waiting is not None:
@@ -240,45 +240,45 @@ class Stream:
                     self.live_at = arrived
                     self.late_s = late_s
 
-    def _describe(self, schema: Schema, info: dict[str, str], model: str | None) -> None:
+    def _set_description(self, schema: Schema, info: dict[str, str], model: str | None) -> None:
         if schema is self.schema and info == self.info and model == self.model:
             return
         self.version += 1
         if schema is not self.schema:
             self.schema = schema
             self.schema_n += 1
-            self._schema_packed = messages.text(schema.text)
+            self._schema_packed = messages.make_text(schema.text)
         self.info = info
-        self._info_packed = messages.info(info) if info else b""
+        self._info_packed = messages.make_info(info) if info else b""
         self.model = model
 
     def set_info(self, info: dict[str, str]) -> None:
         """The edge says what is new of the robot's texts. ValueError when they are too long."""
         self._check_info(info)
         if self.schema is not None:  # else the snapshot brings it
-            self._describe(self.schema, info, self.model)
+            self._set_description(self.schema, info, self.model)
 
     def set_model(self, model: str) -> None:
         """The edge says that its robot looks otherwise by now: the SHA-256 of the model's manifest."""
         if self.schema is not None:
-            self._describe(self.schema, self.info, model)
+            self._set_description(self.schema, self.info, model)
 
     def _check_info(self, info: dict[str, str]) -> None:
         if sum(len(k) + len(v) for k, v in info.items()) > self.limits.info_bytes:
             raise ValueError(f"info over {self.limits.info_bytes} bytes")
 
-    def described(self, schema_n: int, with_model: bool = True) -> bytes:
+    def make_description(self, schema_n: int, with_model: bool = True) -> bytes:
         """Schema, info and model as WebSocket messages: what a viewer behind on `version` lacks.
 
         `schema_n`: of the schema it holds, which it is not told again.
         """
         schema = self._schema_packed if schema_n != self.schema_n else b""
-        model = messages.model(self.model) if self.model and with_model else b""
+        model = messages.make_model(self.model) if self.model and with_model else b""
         return schema + self._info_packed + model
 
     # ---- events ----------------------------------------------------------
 
-    def number(self, doc: dict[str, object], unix_s: float) -> Event:
+    def number_event(self, doc: dict[str, object], unix_s: float) -> Event:
         """Give an event its number and keep it among the newest."""
         self.event_n += 1
         numbered = doc | {"n": self.event_n, "at": round(unix_s, 3)}
@@ -291,7 +291,7 @@ class Stream:
 
         Another `numbering` began at 1 again, because whoever counted has lost count: so does this stream.
         """
-        n = _number(text)
+        n = _read_number(text)
         if numbering != self.numbering:
             self.numbering = numbering
             self.events.clear()
@@ -307,28 +307,28 @@ class Stream:
         """Name the count that `event_n` goes on with."""
         self.numbering = numbering
 
-    def resume(self, numbering: str, texts: Sequence[str], told_n: int = 0) -> None:
+    def resume_events(self, numbering: str, texts: Sequence[str], told_n: int = 0) -> None:
         """Go on where another process stopped: its events come first, and those of this one count from there.
 
         `told_n`: events of this process up to this one were told already. Others may have come to both.
         ValueError, and nothing changed, when one of `texts` is none.
         """
         for text in texts:
-            _number(text)
+            _read_number(text)
         own = [json.loads(event.text) for event in self.events if event.n > told_n]
         self.events.clear()
         self.event_n = 0
         self.numbering = numbering
         for text in texts:
             self.append_numbered(numbering, text)
-        known = {_happening(json.loads(text)) for text in texts}
+        known = {_identify_event(json.loads(text)) for text in texts}
         for doc in own:
-            if _happening(doc) not in known:
-                self.number(doc, doc["at"])
+            if _identify_event(doc) not in known:
+                self.number_event(doc, doc["at"])
 
     # ---- age -------------------------------------------------------------
 
-    def aged(self, age_s: float, now: float) -> None:
+    def set_age_unless_live(self, age_s: float, now: float) -> None:
         """How old its frames are, told by another relay: counts until one comes live."""
         if self.live_at is None and self.newest is not None:
             self.set_age(age_s, now)
@@ -337,12 +337,12 @@ class Stream:
         """Its newest frame is live, and so old by now, whenever it came here."""
         self.live_at, self.late_s = now - age_s, 0.0
 
-    def age_s(self, now: float) -> float | None:
+    def compute_age_s(self, now: float) -> float | None:
         """Age of the newest frame, with the time it was under way; None before any live one."""
         return None if self.live_at is None else now - self.live_at + self.late_s
 
 
-def _number(text: str) -> int:
+def _read_number(text: str) -> int:
     """Of an event that was given one. ValueError when it was not."""
     try:
         return int(json.loads(text)["n"])
@@ -350,6 +350,6 @@ def _number(text: str) -> int:
         raise ValueError(f"no numbered event: {type(e).__name__}") from None
 
 
-def _happening(event: dict[str, object]) -> str:
+def _identify_event(event: dict[str, object]) -> str:
     """What an event says of the robot: the same at every relay that heard it."""
     return json.dumps({name: said for name, said in event.items() if name not in ("n", "at")}, sort_keys=True)

@@ -16,7 +16,7 @@ WHOLE = 0.05  # how far, as a part of it, a ratio of rates may lie from a whole 
 BURST = 0.5  # frames held up under way and let go at once are passed on at no less than this part of a period
 
 
-def granted_hz(asked_hz: float, most_hz: float) -> float:
+def grant_hz(asked_hz: float, most_hz: float) -> float:
     """The rate that a viewer gets: in steps, so that however many ask, there are some 300 groups at most.
 
     The steps are 0.01 Hz up to 1, 0.1 Hz up to 10, then 0.5 Hz. 0 stays 0; nothing else is below 0.1 Hz.
@@ -37,7 +37,7 @@ class Cadence:
         self._last_s = 0.0
         self._steps: deque[float] = deque(maxlen=SAMPLES)
 
-    def saw(self, stamp_s: float) -> None:
+    def record_stamp(self, stamp_s: float) -> None:
         """A frame stamped `stamp_s` was taken."""
         step = stamp_s - self._last_s
         self._last_s = stamp_s
@@ -67,7 +67,7 @@ class RateTimer:
             return True
         return stamp_s >= self._due_s - interval_s / 2 and now >= self.sent_at + BURST * self.period_s
 
-    def sent(self, run_id: int, stamp_s: float, interval_s: float, now: float) -> None:
+    def record_sent(self, run_id: int, stamp_s: float, interval_s: float, now: float) -> None:
         """That frame went out."""
         ratio = self.period_s / interval_s if interval_s else 1.0
         counted = run_id == self._run_id and abs(stamp_s - self._due_s) <= self.period_s

@@ -152,7 +152,7 @@ class FlowControl:
         self.ping_at = now
         return True
 
-    def take_token(self, now: float) -> bool:
+    def allow_message(self, now: float) -> bool:
         """Whether it may send one more message now."""
         refill = (now - self.tokens_at) * self.limits.messages_per_s
         self.tokens = min(float(self.limits.messages_burst), self.tokens + refill)
@@ -162,7 +162,7 @@ class FlowControl:
         self.tokens -= 1.0
         return True
 
-    def overdue(self, now: float) -> Close | None:
+    def find_overdue(self, now: float) -> Close | None:
         """Why this connection is to be cut now, if it is: HALF_OPEN or NO_ACK."""
         limits = self.limits  # a ping, too, waits behind what it reads at first
         came = max(self.join_burst_arrives_by, min(self.heard_at, self.join_burst_read_by))

@@ -14,7 +14,7 @@ from posecast_relay.core.limits import Limits
 PING = b"\x89\x00"  # a whole WebSocket ping without payload
 
 
-def packed(opcode: int, payload: bytes) -> bytes:
+def pack_message(opcode: int, payload: bytes) -> bytes:
     """One message as bytes for the socket; `opcode` as in RFC 6455."""
     first, size = 0x80 | opcode, len(payload)
     if size < 126:
@@ -24,7 +24,7 @@ def packed(opcode: int, payload: bytes) -> bytes:
     return bytes((first, 127)) + size.to_bytes(8, "big") + payload
 
 
-def split(data: bytes) -> Iterator[tuple[int, bytes]]:
+def split_messages(data: bytes) -> Iterator[tuple[int, bytes]]:
     """Opcode and payload of each message in what was packed here."""
     at = 0
     while at < len(data):
@@ -36,22 +36,22 @@ def split(data: bytes) -> Iterator[tuple[int, bytes]]:
         at += size
 
 
-def binary(payload: bytes) -> bytes:
+def make_binary(payload: bytes) -> bytes:
     """A binary message as bytes for the socket: done once per frame, whoever gets it (RFC 6455 §5.2)."""
-    return packed(2, payload)
+    return pack_message(2, payload)
 
 
-def text(payload: str) -> bytes:
+def make_text(payload: str) -> bytes:
     """A text message as bytes for the socket."""
-    return packed(1, payload.encode())
+    return pack_message(1, payload.encode())
 
 
-def document(doc: Mapping[str, object]) -> bytes:
+def make_json(doc: Mapping[str, object]) -> bytes:
     """A JSON message as bytes for the socket."""
-    return text(json.dumps(doc, separators=(",", ":"), ensure_ascii=False))
+    return make_text(json.dumps(doc, separators=(",", ":"), ensure_ascii=False))
 
 
-def hello(
+def make_hello(
     unix_s: float,
     robot: str,
     view: str,
@@ -80,10 +80,10 @@ def hello(
         "limits": granted,
         "model": model,
     }
-    return document(doc)
+    return make_json(doc)
 
 
-def status(
+def make_status(
     robot_status: RobotStatus,
     age_ms: int | None,
     seq: int | None,
@@ -99,34 +99,34 @@ def status(
         doc["degraded"] = True
     if over_share:
         doc["over_share"] = True
-    return document(doc)
+    return make_json(doc)
 
 
-def info(kv: dict[str, str]) -> bytes:
+def make_info(kv: dict[str, str]) -> bytes:
     """The robot's slow strings."""
     doc: Info = {"type": "info", "kv": kv}
-    return document(doc)
+    return make_json(doc)
 
 
-def model(digest: str) -> bytes:
+def make_model(digest: str) -> bytes:
     """The robot's model changed."""
     doc: Model = {"type": "model", "hash": digest}
-    return document(doc)
+    return make_json(doc)
 
 
-def rate(hz: float, reason: str) -> bytes:
+def make_rate(hz: float, reason: str) -> bytes:
     """This viewer's rate is now `hz`."""
     doc: RateGranted = {"type": "rate", "hz": hz, "reason": reason}
-    return document(doc)
+    return make_json(doc)
 
 
-def pong(t: float) -> bytes:
+def make_pong(t: float) -> bytes:
     """Answer to a viewer's ping."""
     doc: Pong = {"type": "pong", "t": t}
-    return document(doc)
+    return make_json(doc)
 
 
-def bye(code: int, reason: str, retry_s: float | None) -> bytes:
+def make_bye(code: int, reason: str, retry_s: float | None) -> bytes:
     """Why the connection ends now."""
     doc: Bye = {"type": "bye", "code": code, "reason": reason, "retry_s": retry_s}
-    return document(doc)
+    return make_json(doc)

@@ -10,7 +10,7 @@ from posecast_wire import Close
 from posecast_relay.core.limits import Limits
 from posecast_relay.core.policy.policy import Grant
 from posecast_relay.core.state.stream import StoredFrame
-from posecast_relay.core.viewer.cadence import granted_hz
+from posecast_relay.core.viewer.cadence import grant_hz
 from posecast_relay.core.viewer.flow_control import FlowControl
 
 
@@ -78,7 +78,7 @@ class Viewer(FlowControl):
         self.grant = grant  # None: nobody asked for one
         self.asked_view = asked_view  # None: whichever the grant is for
         self.max_hz = min(limits.max_hz, grant.hz) if grant else limits.max_hz
-        self.hz = granted_hz(hz, self.max_hz)
+        self.hz = grant_hz(hz, self.max_hz)
         self.asked_hz = self.hz  # served less often while the process is overloaded
         self.until = now + lives_s
         self.expires_at = expires_at  # what it has shown is worth nothing from then on
@@ -102,16 +102,16 @@ class Viewer(FlowControl):
         self.max_hz = min(self.limits.max_hz, grant.hz)
         if self.asked_hz <= self.max_hz:
             return False
-        self.ask_rate(self.max_hz)
+        self.set_asked_rate(self.max_hz)
         return True
 
     def set_expiry(self, expires_at: float) -> None:
         """What it has shown is worth nothing from `expires_at` on, by the core's clock."""
         self.expires_at = expires_at
 
-    def ask_rate(self, hz: float) -> None:
+    def set_asked_rate(self, hz: float) -> None:
         """Note the rate that it wishes, as far as its grant allows; `set_rate` then serves it."""
-        self.asked_hz = granted_hz(hz, self.max_hz)
+        self.asked_hz = grant_hz(hz, self.max_hz)
 
     def set_rate(self, hz: float) -> None:
         """Note the rate that it is served at. Whoever groups viewers by rate does so at the same time."""
@@ -119,11 +119,11 @@ class Viewer(FlowControl):
 
     # ---- mailbox ----------------------------------------------------------
 
-    def hold_description(self, version: int, schema_n: int) -> None:
+    def record_description(self, version: int, schema_n: int) -> None:
         """It has been given a stream's schema, info and model of this version."""
         self.version, self.schema_n = version, schema_n
 
-    def hold_frame(self, frame: StoredFrame) -> None:
+    def record_frame(self, frame: StoredFrame) -> None:
         """It has been given `frame`, and before it the bases that it lacked."""
         if frame.key is not None and self.key is not frame.key and not self.decoded:
             self.sent += 1
