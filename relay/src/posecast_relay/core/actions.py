@@ -1,4 +1,4 @@
-"""What the core asks for: each call on it returns a list of these, to be carried out in order."""
+"""The actions that the core returns. The caller carries them out in order."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from posecast_relay.core.viewer.viewer import Viewer
 
 @dataclass(slots=True)
 class Send:
-    """The same ready-made bytes to each of these viewers, in one write each."""
+    """Write the same bytes to each of these viewers, in one write each."""
 
     data: bytes
     viewers: Sequence[Viewer]
@@ -21,7 +21,7 @@ class Send:
 
 @dataclass(slots=True)
 class CloseConnection:
-    """Tell this viewer why (`bye`), then close. The core has let go of it already."""
+    """Send this viewer `bye` with the reason, then close. The core has removed it already."""
 
     viewer: Viewer
     close: Close
@@ -47,21 +47,24 @@ class RequestSnapshot:
 
 @dataclass(slots=True)
 class Persist:
-    """This stream has changed: the store may want it."""
+    """Tell the store that this stream has changed."""
 
     stream: Stream
 
 
 @dataclass(slots=True)
 class SubscribeRobot:
-    """This robot has its first viewer: a relay that hears robots from others listens for it from now on."""
+    """Listen for this robot, which has its first viewer.
+
+    Only needed where robots are heard by other relays.
+    """
 
     robot: str
 
 
 @dataclass(slots=True)
 class VerifyToken:
-    """Find out whether this token, which a viewer sent while it watches, is good, and judge anew."""
+    """Verify a token that a connected viewer has sent, and decide anew what it may see."""
 
     viewer: Viewer
     token: str
@@ -69,7 +72,10 @@ class VerifyToken:
 
 @dataclass(slots=True)
 class Fault:
-    """The relay's own code failed. What it was about is ended or dropped already; nobody else is touched."""
+    """Report an error in the relay's own code.
+
+    The viewer or message concerned has been dealt with already.
+    """
 
     where: str
     error: Exception

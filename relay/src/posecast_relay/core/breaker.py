@@ -1,4 +1,4 @@
-"""Leaves a server alone that does not answer; tries it again after a pause that doubles."""
+"""Stops requests to a server that does not answer, and retries after a pause that doubles each time."""
 
 from __future__ import annotations
 
@@ -17,25 +17,25 @@ class Breaker:
 
     @property
     def is_open(self) -> bool:
-        """Whether it is left alone, or about to be tried for the first time since."""
+        """Whether requests have been stopped and none has succeeded since."""
         return self.failures >= FAILURES
 
     def allow(self, now: float) -> bool:
-        """Whether a try may be made now."""
+        """Whether a request may be made now."""
         return now >= self.open_until
 
     def record_success(self) -> bool:
-        """A try has worked; whether it was left alone until now."""
+        """Note that a request succeeded. True when requests had been stopped until now."""
         was_open = self.is_open
         self.failures, self._pause_s = 0, PAUSE_S
         return was_open
 
     def postpone(self, seconds: float) -> None:
-        """Try that much later than a pause is long."""
+        """Lengthen the current pause by this many seconds."""
         self.open_until += seconds
 
     def record_failure(self, now: float) -> bool:
-        """A try has failed; whether it is left alone from now on and was not before."""
+        """Note that a request failed. True when this failure is the one that stops further requests."""
         self.failures += 1
         if not self.is_open:
             return False

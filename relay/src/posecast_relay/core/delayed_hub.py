@@ -1,4 +1,4 @@
-"""What some audiences see later than it happens: a second hub, fed from one bounded ring per robot and view.
+"""The delayed hub: some audiences see a robot with a delay. One bounded buffer per robot and view feeds it.
 
 What goes into a ring is what the stream held at that moment, by reference: an entry costs its newest frame.
 A full ring leaves out what comes until there is room again: the next entry brings all the state, and the
@@ -107,7 +107,7 @@ class _Ring:
 
 
 class DelayedHub(Hub):
-    """The robots as they were. Viewers join it as they join any hub."""
+    """A hub that shows robots with a delay. Viewers join it as they join any hub."""
 
     def __init__(self, limits: Limits, headcount: Headcount | None = None) -> None:
         super().__init__(limits, headcount)
@@ -115,7 +115,7 @@ class DelayedHub(Hub):
         self._said = ReplicaFeed(self)
 
     def set_delays(self, delays_s: Mapping[tuple[str, str], float]) -> None:
-        """Keep these robots and views, so late, and no others."""
+        """Set which robots and views are kept, and their delays in seconds. All others are dropped."""
         for name in self._rings.keys() - delays_s.keys():
             del self._rings[name]
         for name, delay_s in delays_s.items():
@@ -127,15 +127,18 @@ class DelayedHub(Hub):
 
     @property
     def left_out(self) -> int:
-        """What full rings had no room for."""
+        """How many states were left out because their buffer was full."""
         return sum(ring.left_out for ring in self._rings.values())
 
     def list_robots(self) -> set[str]:
-        """The robots that are followed."""
+        """Return the names of the robots that are shown with a delay."""
         return {robot for robot, _ in self._rings}
 
     def record_stream(self, stream: Stream, token: bool, now: float) -> bool:
-        """The stream has changed. Whether it is one of those kept here: then `tick` is due by `wake_at`."""
+        """Record the state of a stream that has changed.
+
+        False when it is not shown with a delay. Else `wake_at` says by when `tick` has to be called.
+        """
         ring = self._rings.get((stream.robot, stream.view))
         if ring is None:
             return False
@@ -144,7 +147,7 @@ class DelayedHub(Hub):
         return True
 
     def tick(self, now: float, unix_s: float) -> list[Action]:
-        """Also what is due of the past."""
+        """Replay the recorded states that are due, then do what any hub does."""
         out: list[Action] = []
         for (robot, view), ring in self._rings.items():
             while (moment := ring.take(now)) is not None:

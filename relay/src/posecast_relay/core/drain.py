@@ -1,5 +1,4 @@
-"""How the viewers of a relay that goes are moved away: a few at a time, so that they do not all knock
-elsewhere at once."""
+"""Closes the viewers of a relay that stops, a few at a time, so that they do not all reconnect at once."""
 
 from __future__ import annotations
 
@@ -13,7 +12,9 @@ STEP_S = 0.1
 
 
 class Drain:
-    """Lets viewers go in `order` (shuffled by the caller: who came together need not return together)."""
+    """Picks viewers in `order`, which the caller shuffles: those who joined together should not return
+    together.
+    """
 
     def __init__(self, order: Sequence[Viewer], now: float) -> None:
         self._order = order
@@ -23,7 +24,7 @@ class Drain:
         self.wake_at = now
 
     def take_due(self, now: float) -> Sequence[Viewer]:
-        """Those to go now. `wake_at` is set to when there are more; before that, nobody is to go."""
+        """Return the viewers to close now, and set `wake_at` to when the next ones are due."""
         if now < self.wake_at:
             return ()
         elapsed_s = now + STEP_S - self._began

@@ -1,4 +1,4 @@
-"""What an edge says beside its frames: an event, its info or model. Read as a stranger's, told as JSON."""
+"""Checks the JSON messages that an edge sends beside its frames: events, its info and its model."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ STATES = ("on", "off")
 
 
 def read_edge_message(payload: bytes, limits: Limits) -> dict[str, object] | None:
-    """An event, info or model (by its `type`), with the members that viewers know; None when it is none.
+    """Parse an event, info or model (by its `type`) and keep the members that viewers know.
 
-    What passes here can be written as JSON and as UTF-8 again, and is read by every viewer.
+    None when the message is invalid. What is returned can be written as JSON and UTF-8 again.
     """
     if len(payload) > max(limits.event_bytes, limits.info_bytes):
         return None
@@ -61,7 +61,10 @@ MEMBERS: dict[str, dict[str, Callable[[object], bool]]] = {
 
 
 def make_conflict_event(t_s: float, present: bool) -> dict[str, object]:
-    """The relay's own event: a second edge claims this robot, or no longer does. `t_s`: robot clock."""
+    """Make the relay's own event: a second edge claims this robot, or no longer does.
+
+    `t_s`: seconds of the robot's clock.
+    """
     t_s = max(-TIME_MAX_S, min(t_s, TIME_MAX_S))
     return {
         "type": "event",

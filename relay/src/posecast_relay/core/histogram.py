@@ -1,4 +1,4 @@
-"""How long things took: counts in buckets, for whoever shows them."""
+"""A histogram of durations, as counts in buckets."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ BOUNDS_S = (0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 5
 
 
 class Histogram:
-    """Seconds. `counts` has one more place than BOUNDS_S, for what is longer than all of them."""
+    """Durations in seconds. `counts` has one more entry than BOUNDS_S, for longer ones than any bound."""
 
     __slots__ = ("counts", "sum_s")
 

@@ -1,4 +1,4 @@
-"""The whole relay without its sockets. Calls come in with the time; what to do comes back, in order."""
+"""The relay without its sockets. Each call takes the time and returns the actions to carry out, in order."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ HELD_UP_S = 0.1  # a tick that comes later than this shows that the process stoo
 
 
 class Hub(Uplink):
-    """What happens to the robots and viewers of one process."""
+    """All robots and viewers of one process, and every decision about them."""
 
     def __init__(self, limits: Limits, headcount: Headcount | None = None) -> None:
         super().__init__(limits, headcount)
@@ -66,7 +66,7 @@ class Hub(Uplink):
     # ---- from the edges to the viewers ---------------------------------------
 
     def flush(self, now: float, unix_s: float) -> list[Action]:
-        """Hand out what has changed since the last flush, each stream's newest frame only."""
+        """Send what has changed since the last flush: of each stream only the newest frame."""
         out: list[Action] = []
         changed, self.changed = self.changed, {}
         for room in changed:
@@ -97,7 +97,10 @@ class Hub(Uplink):
     # ---- from the viewers ---------------------------------------------------
 
     def join(self, viewer: Viewer, now: float, unix_s: float) -> list[Action]:
-        """A viewer came; it gets all it needs in one write, or is told that the relay goes or is full."""
+        """Add a viewer and send it all it needs in one write.
+
+        It is closed when the relay stops or is full.
+        """
         return self.guard(viewer, partial(self._join, viewer, now, unix_s))
 
     def _join(self, viewer: Viewer, now: float, unix_s: float) -> list[Action]:
@@ -127,7 +130,7 @@ class Hub(Uplink):
         return [room.join(viewer, robot.compute_status(room, now), now, unix_s), *watch]
 
     def take_message(self, viewer: Viewer, payload: bytes, now: float) -> list[Action]:
-        """A text message from a viewer."""
+        """Handle a text message from a viewer. An invalid one, or too many, end the viewer."""
         room = self.viewers.get(viewer)
         if room is None:
             return []
@@ -160,11 +163,14 @@ class Hub(Uplink):
                 return [VerifyToken(viewer, token)]
 
     def refuse(self, viewer: Viewer, close: Close, reason: str) -> list[Action]:
-        """Let a viewer go because of what it sent (found below the messages: binary data)."""
+        """End a viewer for a reason found outside the core, such as binary data that it sent."""
         return self.end_viewer(viewer, close, reason, None)
 
     def replace_grant(self, viewer: Viewer, grant: Grant, now: float) -> list[Action]:
-        """What a viewer may see has been judged anew. Another view or delay takes another connection."""
+        """Replace a viewer's grant.
+
+        Another view, delay or audience ends the connection, so that it reconnects.
+        """
         before, room = viewer.grant, self.viewers.get(viewer)
         if room is None or before is None:
             return []
@@ -178,13 +184,13 @@ class Hub(Uplink):
         return self.remove_ended(room.send_message(viewer, messages.make_rate(granted, "limit")))
 
     def resume_viewer(self, viewer: Viewer) -> list[Action]:
-        """A viewer's socket has taken everything."""
+        """Note that a viewer's socket has taken everything, and send what has waited."""
         viewer.resume()
         room = self.viewers.get(viewer)
         return self.guard(viewer, partial(room.send_waiting, viewer)) if room else []
 
     def drain(self, order: Sequence[Viewer], now: float) -> list[Action]:
-        """The relay goes: all viewers are told and let go in this order, over some seconds."""
+        """Begin to stop: close all viewers in this order, spread over some seconds."""
         self.draining = Drain(order, now)
         return self._move_away(self.draining, now)
 
@@ -197,7 +203,10 @@ class Hub(Uplink):
         return out
 
     def judge_load(self, busy: float, now: float) -> list[Action]:
-        """Once a second: serve less often, or as often again. `busy`: share of it that the loop computed."""
+        """Adapt the rates to the load; called once a second.
+
+        `busy`: the share of that second, 0 to 1, in which the event loop was computing.
+        """
         before = self.load.ceiling_hz
         full = sum(1 for viewer in self.viewers if viewer.paused_at is not None)
         fastest_hz = max((viewer.asked_hz for viewer in self.viewers), default=0.0)
@@ -230,7 +239,7 @@ class Hub(Uplink):
     # ---- time ---------------------------------------------------------------
 
     def tick(self, now: float, unix_s: float) -> list[Action]:
-        """Everything that time alone brings. Sets `wake_at` anew."""
+        """Do what is due at `now`: waiting frames, questions, statuses, timeouts. Sets `wake_at` anew."""
         out: list[Action] = []
         held_up_s = now - self._sweep_at  # a tick is due by then at the latest
         if held_up_s > HELD_UP_S and self._sweeps:
@@ -273,7 +282,7 @@ class Hub(Uplink):
         return [RequestSnapshot(robot.name, (*{PUBLIC, *robot.rooms},))] if asks else []
 
     def _report(self, now: float) -> list[Action]:
-        """The status travels with the next frame; those who get none within a moment are told by itself."""
+        """Send the statuses: with the next frame, or alone to viewers that get no frame soon."""
         out: list[Action] = []
         self._status_goes = not self._status_goes
         for robot in self.robots.values():
@@ -326,7 +335,7 @@ class Hub(Uplink):
     # ---- two edges with one name ----------------------------------------------
 
     def _report_conflict(self, robot: Robot, now: float, unix_s: float) -> list[Action]:
-        """Tell when a second edge begins or ceases to claim this robot."""
+        """Send an event when a second edge begins or stops claiming this robot."""
         conflict = robot.runs.is_in_conflict(now)
         if conflict == robot.in_conflict:
             return []

@@ -24,7 +24,7 @@ TOO_EARLY_S = 15.0  # a step down so soon after a step up
 
 
 class LoadShedder:
-    """Lag and shares in, `ceiling_hz` out: nobody is served more often than that."""
+    """Sets `ceiling_hz`, the highest rate in Hz at which any viewer is served, from the load measured."""
 
     def __init__(self) -> None:
         self.ceiling_hz = NO_CEILING
@@ -35,13 +35,13 @@ class LoadShedder:
         self._raised_at = float("-inf")
 
     def record_lag(self, lag_s: float) -> None:
-        """A timer of the loop came so late; some ten times a second."""
+        """Note how many seconds late a timer of the event loop was; called about ten times a second."""
         self._lags.append(lag_s)
 
     def judge(self, busy: float, full: int, viewers: int, fastest_hz: float, now: float) -> bool:
-        """Once a second; whether `ceiling_hz` has changed.
+        """Judge the last second; True when `ceiling_hz` has changed. Called once a second.
 
-        `busy`: share of the second that the loop computed; `full`: viewers whose sockets are full;
+        `busy`: the share of that second, 0 to 1, that the loop computed; `full`: viewers with full sockets;
         `fastest_hz`: the highest rate that is served or, under a ceiling, asked for.
         """
         lag_s = median(self._lags) if self._lags else 0.0

@@ -1,4 +1,4 @@
-"""What a mirror of the public views holds, and what has to be written so that it holds the newest.
+"""Works out what to write so that a mirror of the public views holds the newest state.
 
 One node for each robot, with these children:
 
@@ -7,8 +7,8 @@ One node for each robot, with these children:
                               its unix clock in ms, another one at every write, so that readers see whether
                               somebody still writes
 
-Nothing waits here: each call of `changes` looks at what there is now, so the newest wins whatever became of
-the last write.
+Nothing waits here: each call of `find_changes` looks at what there is now, so the newest wins whatever
+became of the last write.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ EMPTY: Node = dict.fromkeys(("schema", "key", "ref", "frame"))
 
 @dataclass(frozen=True)
 class VisibleRobot:
-    """One robot as anyone may see it just now. `hz`: at most."""
+    """One robot as anyone may see it now. `hz`: how often it may be written, at most."""
 
     stream: Stream
     status: RobotStatus
@@ -41,7 +41,7 @@ class VisibleRobot:
 
 @dataclass(frozen=True)
 class Written:
-    """What stands in a node. The objects themselves: they tell quickly whether they are others by now."""
+    """What was written to a node. It holds the objects themselves, so that a change is found by identity."""
 
     schema: str | None = None
     key: StoredFrame | None = None
@@ -54,27 +54,33 @@ class Written:
 
 @dataclass(frozen=True)
 class NodeChange:
-    """To one node. `node`: children to write, to delete where they are None; None: delete the node."""
+    """A change to one node.
+
+    `node`: the children to write, None for those to delete; None: delete the node.
+    """
 
     node: Node | None
     after: Written
 
 
 class Mirror:
-    """Remembers what was written. A write that may have failed is made anew, whole."""
+    """Remembers what was written. After a write that may have failed, the whole node is written again."""
 
     def __init__(self) -> None:
         self._nodes: dict[str, Written | None] = {}  # None: something may stand there, nobody knows what
 
     def record_existing(self, robots: Iterable[str]) -> None:
-        """These nodes are there already, from an earlier life or of robots that are hidden by now."""
+        """Note nodes that exist already: from an earlier run, or of robots that are hidden now."""
         for robot in robots:
             self._nodes.setdefault(robot, None)
 
     def find_changes(
         self, shown: Mapping[str, VisibleRobot], now: float, unix_s: float
     ) -> dict[str, NodeChange]:
-        """By robot. Each has to be answered by `wrote` or `lost` before the next call."""
+        """Return the changes to write, by robot.
+
+        Each has to be confirmed by `record_written` or `record_lost` before the next call.
+        """
         out = {robot: NodeChange(None, Written()) for robot in self._nodes if robot not in shown}
         for robot, this in shown.items():
             before = self._nodes.get(robot)
@@ -86,7 +92,7 @@ class Mirror:
         return out
 
     def record_written(self, changes: Mapping[str, NodeChange]) -> None:
-        """These are there."""
+        """Note that these changes were written."""
         for robot, change in changes.items():
             if change.node is None:
                 self._nodes.pop(robot, None)
@@ -94,7 +100,7 @@ class Mirror:
                 self._nodes[robot] = change.after
 
     def record_lost(self, changes: Mapping[str, NodeChange]) -> None:
-        """Nobody knows whether these are there."""
+        """Note that it is unknown whether these changes were written."""
         for robot in changes:
             self._nodes[robot] = None
 

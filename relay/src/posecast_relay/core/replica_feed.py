@@ -1,4 +1,4 @@
-"""What a gateway learns of robots: not from edges, but from relays that hear them, and numbered already.
+"""Feeds a gateway's hub with what relays that hear the robots' edges send. Their events are numbered already.
 
 Two things are decided here. *Who is right*: a robot's messages carry the generation of the process that
 writes it; the highest one says which run is current, whatever this hub would have made of the frames. *What
@@ -22,7 +22,7 @@ AGAIN_S = 0.2  # where the answer brought none: it may have been read a moment t
 
 
 class ReplicaSource:
-    """One robot, as others tell of it. Times are this process's clock."""
+    """What other relays have sent of one robot. Times are seconds of this process's clock."""
 
     def __init__(self) -> None:
         self.generation = 0  # of the newest process that was heard
@@ -36,14 +36,14 @@ class ReplicaSource:
         )
 
     def record_presence(self, at: float | None) -> None:
-        """Its presence was told at that moment; None: whoever told it knows it no more."""
+        """Note when its presence was received last; None: the relay that sent it knows the robot no more."""
         self.told_at = at
 
 
 class ReplicaFeed:
-    """Brings into a hub what other relays tell. Frames and snapshots come in as an edge's own do.
+    """Passes what other relays send to a hub. Frames and snapshots are handled like those of an edge.
 
-    `under_way_s` is how long ago that was sent; None when nobody knows.
+    `under_way_s` is how many seconds ago a message was sent; None when that is unknown.
     """
 
     def __init__(self, hub: Hub) -> None:
@@ -51,7 +51,7 @@ class ReplicaFeed:
         self.sources: dict[str, ReplicaSource] = {}
 
     def get_source(self, robot: str) -> ReplicaSource:
-        """From now on others tell of this robot."""
+        """Return the source of this robot, created when it is new."""
         return self.sources.setdefault(robot, ReplicaSource())
 
     # ---- what is told -----------------------------------------------------
@@ -59,7 +59,7 @@ class ReplicaFeed:
     def take_update(
         self, robot: str, said: StreamUpdate, under_way_s: float | None, now: float
     ) -> list[Action]:
-        """A stream has changed. ValueError when an event in it is none."""
+        """Take the changes of a stream. Raises ValueError when an event in it is invalid."""
         hub, source = self._hub, self.get_source(robot)
         if said.generation < source.generation:
             hub.outcomes[FrameOutcome.RETIRED.value] += 1
@@ -93,7 +93,9 @@ class ReplicaFeed:
         return out
 
     def set_generation(self, robot: str, generation: int, asked: int) -> None:
-        """The store's newest state of a robot is of this generation. `asked`: the source's, when it was read.
+        """Note the generation of the newest state that the store holds.
+
+        `asked`: the source's when it was read.
 
         A lower one than the source's now was overtaken by a message on its way here; one that is lower than
         `asked` shows that the store has lost count, and what it holds counts.
@@ -103,7 +105,7 @@ class ReplicaFeed:
             source.generation = generation
 
     def take_state(self, robot: str, view: str, said: StreamState, now: float) -> list[Action]:
-        """All that the store holds of a stream. ValueError when it is of no use."""
+        """Take all that the store holds of a stream. Raises ValueError when it can't be used."""
         hub, source = self._hub, self.get_source(robot)
         found = hub.admit_view(robot, view)
         if found is None:
@@ -128,7 +130,7 @@ class ReplicaFeed:
     def take_presence(
         self, robot: str, said: Presence, under_way_s: float | None, now: float
     ) -> list[Action]:
-        """Take in how a robot is, `under_way_s` seconds after it was sent (None: nobody knows)."""
+        """Take the presence of a robot: its token and the ages of its frames."""
         found = self._hub.admit_robot(robot)
         if found is None:
             return []
@@ -154,13 +156,16 @@ class ReplicaFeed:
         return out
 
     def clear_token(self, robot: str, now: float) -> list[Action]:
-        """No relay hears this robot any more."""
+        """Note that no relay hears this robot any more."""
         source = self.get_source(robot)
         source.before = None
         return self._hub.set_token(robot, False, now) + self.set_degraded(False, now, robot)
 
     def take_event(self, robot: str, view: str, numbering: str, text: str) -> list[Action]:
-        """An event that another relay has numbered. One that came before is left out. ValueError."""
+        """Take an event that another relay has numbered; one that came before is ignored.
+
+        Raises ValueError when it is invalid.
+        """
         found = self._hub.admit_view(robot, view)
         if found is None:
             return []
@@ -171,7 +176,7 @@ class ReplicaFeed:
     # ---- what is lacking ----------------------------------------------------
 
     def request_state(self, robot: str, now: float) -> list[Action]:
-        """Something of this robot changed that only a snapshot brings: ask for it, but not too often."""
+        """Request the stored state of a robot, since something is missing, but not too often."""
         of, source = self._hub.robots.get(robot), self.sources.get(robot)
         if of is None or source is None:
             return []
@@ -183,7 +188,7 @@ class ReplicaFeed:
         return [RequestSnapshot(robot, (*{PUBLIC, *of.rooms},))]
 
     def mark_disconnected(self, now: float) -> list[Action]:
-        """The path to those who hear robots is gone. What stands here is from before it."""
+        """Note that the connection to the relays that hear robots is lost. All viewers are told."""
         for name, source in self.sources.items():
             of = self._hub.robots.get(name)
             if of is not None:
@@ -191,7 +196,7 @@ class ReplicaFeed:
         return self.set_degraded(True, now)
 
     def mark_connected(self, now: float) -> list[Action]:
-        """It is there again. Each robot is degraded on until there is news of it."""
+        """Note that the connection is back. Each robot stays degraded until something new of it arrives."""
         for name, source in self.sources.items():
             of = self._hub.robots.get(name)
             source.told_at = now  # judged anew, but not before it can have been heard
@@ -208,7 +213,7 @@ class ReplicaFeed:
         return come and all(room.stream.newest is before.get(view) for view, room in of.rooms.items())
 
     def set_degraded(self, degraded: bool, now: float, robot: str | None = None) -> list[Action]:
-        """This relay ceases, or begins again, to hear of one robot or of all of them. Viewers are told."""
+        """Set whether this relay can't hear one robot, or all of them (`robot` None). Viewers are told."""
         hub = self._hub
         if robot is None:
             hub.set_degraded(degraded)
@@ -226,7 +231,7 @@ class ReplicaFeed:
         return out
 
     def forget_robot(self, robot: str) -> None:
-        """Nobody here watches it, and this relay stops listening for it."""
+        """Forget a robot that is no longer listened for, unless it has viewers."""
         self.sources.pop(robot, None)
         of = self._hub.robots.get(robot)
         if of is not None and not of.has_viewers():
@@ -234,7 +239,7 @@ class ReplicaFeed:
 
 
 def adopt_run(of: Robot, run_id: int, now: float) -> None:
-    """Make the run current that is current where the robot is heard."""
+    """Make this run the robot's current one, as it is where the robot is heard."""
     if of.runs.current != run_id:
         of.runs.adopt(run_id, now)
         of.mark_lacking()  # its info and model may be others

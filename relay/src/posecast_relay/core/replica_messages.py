@@ -1,7 +1,7 @@
-"""What one relay tells another about a robot: that a stream has changed, how the robot is, and what there is.
+"""The messages that one relay sends another about a robot: stream updates, presence, and stored states.
 
-`sent_s` in each is the clock of the store that they share, by the sender's reckoning; None where it did not
-know that clock.
+`sent_s` is when a message was sent, in seconds of the shared store's clock as the sender estimates it; None
+where it does not know that clock.
 """
 
 from __future__ import annotations
@@ -29,8 +29,10 @@ class StreamUpdate(NamedTuple):
 
 
 class Presence(NamedTuple):
-    """How a robot is. `ages_s`: of the newest frame by view, None before any live one. `newest`: which frame
-    that is, by run and seq."""
+    """Whether a robot's edge is there, and how old its newest frames are, in seconds by view.
+
+    An age is None before any live frame. `newest`: which frame that is, by run and seq.
+    """
 
     token: bool
     ages_s: Mapping[str, float | None]
@@ -39,7 +41,7 @@ class Presence(NamedTuple):
 
 
 class StreamState(NamedTuple):
-    """All there is of a stream, of whatever age."""
+    """All that the store holds of a stream, of any age."""
 
     generation: int
     run_id: int

@@ -1,4 +1,4 @@
-"""Who is here: the robots and viewers of one process, and who was told what of whom."""
+"""The robots and viewers of one process, and the status that viewers were told last."""
 
 from __future__ import annotations
 
@@ -17,25 +17,25 @@ from posecast_relay.core.viewer.viewer import Viewer
 
 
 class Headcount:
-    """How many viewers all hubs of one process have together: they share one limit."""
+    """Counts the viewers of all hubs of one process, which share one limit."""
 
     def __init__(self) -> None:
         self._hubs: list[Sized] = []
 
     def include(self, viewers: Sized) -> None:
-        """Count these as well, as many as there are whenever somebody asks."""
+        """Add a collection of viewers; its size is read at every count."""
         self._hubs.append(viewers)
 
     def count_viewers(self) -> int:
-        """Viewers of all hubs, now."""
+        """Return how many viewers all hubs have now."""
         return sum(map(len, self._hubs))
 
 
 class Roster:
-    """Comings and goings. What becomes of their messages is the hub's."""
+    """Adds and removes robots and viewers. Their messages are handled by `Uplink` and `Hub`."""
 
     def __init__(self, limits: Limits, headcount: Headcount | None = None) -> None:
-        """`headcount` is shared by the hubs of a process; None: there is no other one."""
+        """`headcount` is shared by all hubs of a process; None: this is the only hub."""
         self.limits = limits
         self.headcount = Headcount() if headcount is None else headcount
         self.robots: dict[str, Robot] = {}
@@ -54,7 +54,10 @@ class Roster:
         self.statuses: dict[Room, str] = {}  # how its robot is, as its viewers were told last
 
     def admit_robot(self, name: str) -> Robot | None:
-        """A robot that was heard of, made when it is new; None when there are as many as the limits allow."""
+        """Return the publishing robot of this name, created when it is new.
+
+        None when the limit is reached.
+        """
         robot = self.robots.get(name)
         if robot is not None and robot.counted:
             return robot
@@ -67,24 +70,27 @@ class Roster:
         return robot
 
     def admit_view(self, name: str, view: str) -> tuple[Robot, Room] | None:
-        """Likewise, with the room of one of its views."""
+        """Return the robot and the room of one of its views.
+
+        None when a limit on robots or views is reached.
+        """
         robot = self.admit_robot(name)
         if robot is None or (view not in robot.rooms and len(robot.rooms) >= self.limits.views):
             return None
         return robot, robot.get_room(view)
 
     def plan_flush(self, room: Room) -> None:
-        """See to it that its `flush` is called in time."""
+        """Plan the next `flush` of a room, and move `wake_at` forward if needed."""
         self.flushes.put(room, room.find_wake_at())
         self.wake_at = min(self.wake_at, self.flushes.next_at)
 
     def plan_question(self, robot: Robot) -> None:
-        """See to it that its edge is asked for what is lacking."""
+        """Plan the next request for this robot's snapshots, and move `wake_at` forward if needed."""
         self.questions.put(robot, robot.ask_at)
         self.wake_at = min(self.wake_at, self.questions.next_at)
 
     def drop_robot(self, robot: Robot) -> None:
-        """Know nothing of this robot any more. Nobody may watch it."""
+        """Forget a robot. It must have no viewers."""
         del self.robots[robot.name]
         self.publishers -= robot.counted
         for room in robot.rooms.values():
@@ -94,7 +100,7 @@ class Roster:
             self.changed.pop(room, None)
 
     def remove_viewer(self, viewer: Viewer) -> None:
-        """A viewer's connection is gone; harmless when it was let go of before."""
+        """Remove a viewer whose connection is gone. Does nothing when it was removed before."""
         room = self.viewers.pop(viewer, None)
         if room is None:
             return
@@ -106,24 +112,27 @@ class Roster:
             self.drop_robot(robot)
 
     def set_degraded(self, degraded: bool) -> None:
-        """Whether no robot is heard of. Who tells viewers so is ReplicaFeed."""
+        """Set whether this relay can hear any robot at all. ReplicaFeed tells the viewers."""
         self.degraded = degraded
 
     def set_wake(self, at: float) -> None:
-        """Want `tick` to be called at that moment, whatever was wanted before."""
+        """Set the time of the next `tick`, in seconds of the core's clock."""
         self.wake_at = at
 
     # ---- boundaries -------------------------------------------------------
 
     def guard(self, of: Viewer | Room | None, call: Callable[[], list[Action]]) -> list[Action]:
-        """What `call` returns. What it raises ends this viewer, or all of this room, and nothing else."""
+        """Return what `call` returns.
+
+        If it raises, only this viewer, or the viewers of this room, are ended.
+        """
         try:
             return call()
         except Exception as error:
             return self.end_after_fault(of, error)
 
     def end_after_fault(self, of: Viewer | Room | None, error: Exception) -> list[Action]:
-        """End those at whom the relay's own code has failed."""
+        """End the viewer, or all viewers of the room, at which the relay's own code has failed."""
         viewers = [of] if isinstance(of, Viewer) else list(of.viewers) if of is not None else []
         where = "" if of is None else f"{of.robot}/{of.view}"
         out: list[Action] = [Fault(where, error)]
@@ -140,13 +149,13 @@ class Roster:
         return out
 
     def end_viewer(self, viewer: Viewer, close: Close, reason: str, retry_s: float | None) -> list[Action]:
-        """Let a viewer go, and count it."""
+        """Remove a viewer, count why, and have its connection closed."""
         self.remove_viewer(viewer)
         self.endings[close] += 1
         return [CloseConnection(viewer, close, reason, retry_s)]
 
     def remove_ended(self, actions: list[Action]) -> list[Action]:
-        """What a room returned; whoever it had to let go of is counted."""
+        """Remove and count the viewers that these actions close. Returns the actions unchanged."""
         for action in actions:
             if isinstance(action, CloseConnection):
                 self.remove_viewer(action.viewer)
@@ -155,11 +164,11 @@ class Roster:
 
     @staticmethod
     def persist_views(robot: Robot) -> list[Action]:
-        """Every view of this robot is for the store."""
+        """Return an action for the store for every view of this robot."""
         return [Persist(room.stream) for room in robot.rooms.values()]
 
     def report_statuses(self, robot: Robot, now: float) -> list[Action]:
-        """Tell its viewers how it is, where that is not what they were told last."""
+        """Send the robot's status to the viewers of each of its rooms, where it has changed."""
         out: list[Action] = []
         for room in robot.rooms.values():
             if room.viewers:
@@ -167,7 +176,7 @@ class Roster:
         return out
 
     def report_status(self, robot: Robot, room: Room, now: float) -> list[Action]:
-        """The same for one of its rooms."""
+        """Send the robot's status to the viewers of one room, if it has changed."""
         if room in self.changed:
             return []  # the frame that it speaks of has not been handed out: `flush` tells both together
         return (
@@ -177,7 +186,7 @@ class Roster:
         )
 
     def record_status(self, robot: Robot, room: Room, now: float) -> bool:
-        """Whether it is otherwise than its viewers were told last; the caller tells them."""
+        """Note the robot's status in a room. True when it has changed, so that the caller has to send it."""
         status, over_share = robot.compute_status(room, now), bool(robot.share.find_exceeded_limit(now))
         if self.statuses.get(room) == status and room.over_share == over_share:
             return False

@@ -1,4 +1,4 @@
-"""Who is to be looked at when. A tick touches those whose moment has come, however many others there are."""
+"""A queue of items by due time. Taking those that are due costs nothing for the others."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ NEVER = float("inf")
 
 
 class TimerQueue(Generic[T]):
-    """One moment for each, the earliest given: who is looked at too early is to be put here again."""
+    """Holds one due time per item, the earliest given. Whoever takes an item too early puts it back."""
 
     def __init__(self) -> None:
         self._heap: list[tuple[float, int, T]] = []
@@ -18,14 +18,14 @@ class TimerQueue(Generic[T]):
         self._count = 0  # so that equal moments compare
 
     def put(self, who: T, at: float) -> None:
-        """Look at it then, or earlier if that stands here."""
+        """Add an item due at `at` seconds, unless it is due earlier already."""
         if at < self._at.get(who, NEVER):
             self._at[who] = at
             self._count += 1
             heappush(self._heap, (at, self._count, who))
 
     def take_due(self, now: float, most: int | None = None) -> list[T]:
-        """Those whose moment has come, `most` of them; they leave the queue."""
+        """Remove and return the items that are due, at most `most` of them."""
         found: list[T] = []
         while self._heap and self._heap[0][0] <= now and len(found) != most:
             at, _, who = heappop(self._heap)
@@ -36,5 +36,5 @@ class TimerQueue(Generic[T]):
 
     @property
     def next_at(self) -> float:
-        """When there is somebody, at the earliest."""
+        """The earliest due time; NEVER when the queue is empty."""
         return self._heap[0][0] if self._heap else NEVER

@@ -1,4 +1,4 @@
-"""What comes in from edges: frames, snapshots, events, tokens. Each is taken in or counted."""
+"""Takes in what edges send: frames, snapshots, events and tokens. What is not used is counted by reason."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from posecast_relay.core.state.stream import FrameOutcome
 
 
 class Uplink(Roster):
-    """The publishers' half of the hub."""
+    """The half of the hub that edges talk to. Viewers talk to the other half, `Hub`."""
 
     def __init__(self, limits: Limits, headcount: Headcount | None = None) -> None:
         super().__init__(limits, headcount)
@@ -29,7 +29,7 @@ class Uplink(Roster):
     def take_edge_frame(
         self, robot: str, view: str, payload: bytes, stamp: Stamp, now: float
     ) -> FrameOutcome:
-        """Take a frame in from an edge itself, where that is within its robot's share."""
+        """Take a frame that came from an edge directly. It is dropped when its robot exceeds its share."""
         found = self.admit_view(robot, view)
         hashed = len(payload) > 0 and bool(payload[0] & REF)
         if found is not None and not found[0].share.allow_frame(view, len(payload), hashed, now):
@@ -40,7 +40,10 @@ class Uplink(Roster):
     def take_frame(
         self, robot: str, view: str, payload: bytes, stamp: Stamp, now: float, late_s: float = 0.0
     ) -> FrameOutcome:
-        """Take a frame in; `flush` then hands out the newest. `late_s`: as late as another relay found it."""
+        """Take a frame; the next `flush` sends the newest one.
+
+        `late_s`: the lateness that another relay measured.
+        """
         found = self.admit_view(robot, view)
         if found is None:
             outcome = FrameOutcome.CROWDED
@@ -56,7 +59,10 @@ class Uplink(Roster):
         return outcome
 
     def check_snapshot(self, robot: str, size: int, now: float) -> None:
-        """Before it is parsed. Raises ValueError when an edge's answer is beyond its share of bytes."""
+        """Check a snapshot of `size` bytes before it is parsed.
+
+        Raises ValueError when the robot is unknown or has used up its share of snapshot bytes.
+        """
         of = self.robots.get(robot)
         if of is None:
             raise ValueError("snapshot: of a robot that is not here")
@@ -73,9 +79,10 @@ class Uplink(Roster):
         newest: bytes | None = None,
         waited_s: float | None = None,
     ) -> None:
-        """Take in what an edge answered `waited_s` after it was asked, or another relay with its `newest`.
+        """Take a snapshot that an edge sent `waited_s` after it was asked, or that another relay sent.
 
-        Raises ValueError, one line, when it is of no use.
+        `newest`: the newest frame, where another relay sent it along. Raises ValueError, one line, when the
+        snapshot can't be used.
         """
         found = self.admit_view(robot, view)
         if found is None:
@@ -86,7 +93,7 @@ class Uplink(Roster):
         self.changed[room] = None
 
     def _check_room(self, room: Room, size: int) -> None:
-        """Raise ValueError when all long schemas together, this one of `size` included, are too long."""
+        """Raise ValueError when a schema of `size` bytes would exceed the bound for all long schemas."""
         free = self.limits.schema_bytes_free
         if size <= free:
             return
@@ -103,7 +110,9 @@ class Uplink(Roster):
     def take_event(
         self, robot: str, view: str, payload: bytes, stamp: Stamp, now: float, unix_s: float
     ) -> list[Action]:
-        """An event from an edge: number it, keep it, hand it to everybody. Or the robot's info or model."""
+        """Take a message from an edge: an event, which is numbered and sent to all, or the robot's info or
+        model.
+        """
         found = self.admit_view(robot, view)
         if found is None:
             self.outcomes[FrameOutcome.CROWDED.value] += 1
@@ -125,7 +134,10 @@ class Uplink(Roster):
         return self.announce_event(room, doc, unix_s)
 
     def announce_event(self, room: Room, doc: dict[str, object], unix_s: float) -> list[Action]:
-        """Number an event and hand it to everybody. One that can't be told is dropped, and ends nobody."""
+        """Number an event and send it to all viewers of the room.
+
+        If that fails, only the event is dropped.
+        """
         try:
             event = room.stream.number_event(doc, unix_s)
         except Exception as error:
@@ -147,7 +159,7 @@ class Uplink(Roster):
         return [*self.guard(room, room.send_description), Persist(room.stream)]
 
     def set_token(self, robot: str, present: bool, now: float) -> list[Action]:
-        """An edge's liveliness token came or went."""
+        """Note whether the liveliness token of a robot's edge is present."""
         if present:
             found = self.admit_robot(robot)
             if found is None:

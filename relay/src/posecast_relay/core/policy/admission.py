@@ -1,4 +1,4 @@
-"""Who is let in: one pure function, asked by WebSockets, event streams and every HTTP route alike.
+"""Decides who is let in: one pure function, used by WebSockets, event streams and every HTTP route alike.
 
 What it takes I/O to find out (an address, a token) comes in as values, and as it becomes known: whoever asks
 may be judged again when more is known of them. A refusal says everything of itself, for every way in.
@@ -94,7 +94,9 @@ class Applicant:
 
 
 def admit(applicant: Applicant, policy: Policy) -> Grant | Refusal | None:
-    """What they get of a robot, or why not. None: nothing speaks against it, and no robot or nobody is known.
+    """Return what an applicant may see of a robot, or why they are refused.
+
+    None: there is no reason to refuse, but the robot or the applicant is not known yet.
 
     The order is that of cost: what stands in the request, then who asks, then what that one may see. Whether
     there is room is judged when they join, by `find_no_room`.

@@ -17,7 +17,7 @@ DELAY_MAX_S = 60.0
 
 
 class Audience(StrEnum):
-    """Named as in the file of `--robots`."""
+    """Who asks, by how they proved it. The values are the names used in the file of `--robots`."""
 
     ANYONE = "anyone"
     SIGNED_IN = "signed-in"
@@ -66,7 +66,7 @@ class Grant:
 
     @property
     def open(self) -> bool:
-        """Anyone may see it, on any page."""
+        """Whether the rule is that of `anyone`, so that any page may read it."""
         return self.by is Audience.ANYONE
 
 
@@ -76,16 +76,19 @@ EVERYBODY: Mapping[Audience, Rule] = {Audience.ANYONE: Rule()}
 
 @dataclass(frozen=True)
 class Policy:
-    """`rules` None: every robot's public view is open, as with --dev."""
+    """The rules of all robots. `rules` None: every robot's public view is open, as with --dev."""
 
     rules: Rules | None = None
 
     def find_rules(self, robot: str) -> Mapping[Audience, Rule]:
-        """The rules of one robot; none for one that is not named."""
+        """Return the rules of one robot by audience; empty for a robot that is not named."""
         return EVERYBODY if self.rules is None else self.rules.get(robot, {})
 
     def judge(self, who: Principal, robot: str, view: str | None = None) -> Grant | Close:
-        """What `who` gets; or ABSENT, or FORBIDDEN for a view of a robot that shows another one to them."""
+        """Return what `who` may see of a robot.
+
+        ABSENT when they may see nothing, FORBIDDEN when they may see another view than `view`.
+        """
         rules = self.find_rules(robot)
         found = [
             Grant(robot, rule.view, rule.hz, rule.delay_s, rule.viewers, audience, who)
@@ -99,7 +102,8 @@ class Policy:
         return next((grant for grant in found if view in (None, grant.view)), Close.FORBIDDEN)
 
     def list_frame_ancestors(self, robot: str, listed: Collection[str]) -> tuple[str, ...]:
-        """Pages that may frame a robot, as sources of CSP's `frame-ancestors`; "": any robot.
+        """Return the pages that may frame a robot, as sources of CSP's `frame-ancestors`; `robot` "": any
+        robot.
 
         `listed`: pages elsewhere that may show what is not for everybody. Whoever asks for a frame proves
         nothing yet, so a robot that is hidden is answered like one that does not exist.
@@ -110,7 +114,7 @@ class Policy:
         return ("*",) if rule.frames is None else ("'self'", *rule.frames)
 
     def find_delays_s(self) -> dict[tuple[str, str], float]:
-        """The delayed views, by robot and view."""
+        """Return the delays of the delayed views in seconds, by robot and view."""
         return {
             (robot, rule.view): rule.delay_s
             for robot, rules in (self.rules or {}).items()

@@ -18,18 +18,21 @@ NO_KEY = "no such robot"  # signs nothing; a robot that is not here takes as lon
 
 
 def make_link(key: str, robot: str, until_s: int, name: str) -> str:
-    """`name`: 8 letters of base64url, so that no two links are the same. `until_s`: unix."""
+    """Sign a link that opens `robot` until `until_s` (unix time in seconds).
+
+    `name`: 8 letters of base64url, so that no two links are the same.
+    """
     said = f"{KIND}.{robot}.{until_s}.{name}"
     return f"{said}.{_sign(key, said)}"
 
 
 def is_link(token: str) -> bool:
-    """Whether it claims to be one."""
+    """Whether a token has the form of a share link; its signature is not checked."""
     return token.startswith(KIND + ".")
 
 
 def read_link(token: str, keys: Mapping[str, str], unix_s: float) -> Principal | None:
-    """Who has it, or None when it is not good: malformed, signed otherwise, or expired. `keys` by robot."""
+    """Return who holds the link; None when it is malformed, wrongly signed or expired. `keys`: by robot."""
     found = FORM.fullmatch(token)
     if found is None:
         return None

@@ -22,7 +22,7 @@ DOUBT_ENDS_S = 60.0  # without a question: the next doubt begins with the first 
 
 
 class Lateness:
-    """The lateness of one run's messages. `seconds` is that of the newest."""
+    """Measures the lateness of one run's messages. `seconds` is the lateness of the newest one."""
 
     def __init__(self) -> None:
         self.seconds = 0.0
@@ -33,7 +33,10 @@ class Lateness:
         self._question_at = float("-inf")  # not before
 
     def record_arrival(self, stamp_s: float, now: float) -> float:
-        """Note a message's arrival; its lateness, s. `stamp_s`: the edge's clock when it was made."""
+        """Note a message's arrival and return its lateness in seconds.
+
+        `stamp_s`: the edge's clock when it was made.
+        """
         offset_s = now - stamp_s
         before_s = self.seconds
         self._raise_least(now)
@@ -43,17 +46,20 @@ class Lateness:
         return self.seconds
 
     def record_answer(self, stamp_s: float, waited_s: float, now: float) -> None:
-        """Note an answer that came `waited_s` after its question: it can't be later than that."""
+        """Note an answer that came `waited_s` seconds after its question: it is no later than that."""
         self._raise_least(now)
         self._least_s = max(self._least_s, now - stamp_s - waited_s)
         self.record_arrival(stamp_s, now)
 
     def should_ask(self, now: float) -> bool:
-        """Whether to ask now if the clock stood still: ever more seldom, for an answer costs the uplink."""
+        """Whether to ask the edge now, to find out if its clock stood still.
+
+        Intervals grow, to spare the uplink.
+        """
         return self._doubted and now >= self._question_at
 
     def record_question(self, now: float) -> None:
-        """Note that the edge was asked; the next question waits longer."""
+        """Note that the edge was asked. The next question waits longer."""
         if now - self._question_at > DOUBT_ENDS_S:
             self._questions = 0
         self._question_at = now + DOUBT_WAITS_S[min(self._questions, len(DOUBT_WAITS_S) - 1)]

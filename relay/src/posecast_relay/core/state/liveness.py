@@ -1,4 +1,4 @@
-"""Is the robot there? One word for every viewer, from the edge's token and the age of the newest frame."""
+"""Whether a robot is online, silent or offline: by its edge's token and the age of its newest frame."""
 
 from __future__ import annotations
 
@@ -8,23 +8,32 @@ REVIVE_S = 1.0  # a frame that comes this long after the token left was sent by 
 
 
 class Liveness:
-    """Follows one robot's token. `online`: frames come; `silent`: the edge is there; `offline`: it left."""
+    """Follows one robot's token.
+
+    `online`: frames arrive; `silent`: only the edge is there; `offline`: it left.
+    """
 
     def __init__(self) -> None:
         self.token = False
         self._lost_at = float("-inf")
 
     def set_token(self) -> None:
-        """The edge's token is there."""
+        """Note that the edge's token has appeared."""
         self.token = True
 
     def clear_token(self, now: float) -> None:
-        """The edge's token is gone: it stopped, died, or its link was cut for the length of the lease."""
+        """Note that the edge's token is gone: it stopped, crashed, or lost its link for longer than the
+        lease.
+        """
         self.token = False
         self._lost_at = now
 
     def compute_status(self, live_at: float | None, age_s: float | None, silent_s: float) -> RobotStatus:
-        """`live_at`: arrival of the newest live frame; `age_s`: its age, with the time it was under way."""
+        """Return the robot's status.
+
+        `live_at`: when the newest live frame arrived; `age_s`: its age, including the time it was under way;
+        `silent_s`: the age from which a robot counts as silent. All in seconds.
+        """
         fresh = age_s is not None and age_s <= silent_s
         if not self.token:
             # two edges with one robot id share one token: the frames of the one that stays say so

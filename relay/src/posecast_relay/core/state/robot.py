@@ -19,7 +19,10 @@ REFRESH_S = 10.0  # a watched robot is asked again, since a model changes withou
 
 
 class Robot:
-    """`heard_at` is when its edge was last heard, None for a robot that only viewers have named."""
+    """What is known of one robot.
+
+    `heard_at` is when its edge was last heard; None for a robot that only viewers have named.
+    """
 
     def __init__(self, name: str, limits: Limits) -> None:
         self.name = name
@@ -38,14 +41,17 @@ class Robot:
         self.degraded = False  # those who hear it do not answer
 
     def get_room(self, view: str) -> Room:
-        """The room of a view, made when it is new."""
+        """Return the room of a view, created when it is new."""
         room = self.rooms.get(view)
         if room is None:
             room = self.rooms[view] = Room(self.name, view, self.limits)
         return room
 
     def set_token(self, now: float) -> None:
-        """The edge's token appeared: everything it has may be new."""
+        """Note that the edge's token has appeared.
+
+        Its snapshots are asked for, since everything may be new.
+        """
         self.heard_at = now
         self.liveness.set_token()
         self.lacking = True
@@ -53,33 +59,33 @@ class Robot:
         self.ask_at = max(self.ask_at, now + SETTLE_S)
 
     def record_heard(self, now: float) -> None:
-        """Its edge was heard, by whichever message, here or at another relay."""
+        """Note that its edge was heard, here or at another relay."""
         self.heard_at = now
 
     def mark_counted(self) -> None:
-        """It is among those that publish from now on."""
+        """Count this robot among those that publish."""
         self.counted = True
 
     def mark_lacking(self) -> None:
-        """Something of it is missing that only a snapshot brings."""
+        """Note that something is missing that only a snapshot brings."""
         self.lacking = True
 
     def set_degraded(self, degraded: bool) -> None:
-        """Whether those who hear it do not answer."""
+        """Set whether the relays that hear it can't be reached."""
         self.degraded = degraded
 
     def set_followed(self, followed: bool) -> None:
-        """Whether somebody watches it at another relay."""
+        """Set whether it has viewers at another relay."""
         self.followed = followed
 
     def set_conflict(self, conflict: bool) -> None:
-        """Whether two edges claim it."""
+        """Set whether two edges claim it."""
         self.in_conflict = conflict
 
     def take_frame(
         self, room: Room, payload: bytes, stamp: Stamp, now: float, late_s: float = 0.0
     ) -> FrameOutcome:
-        """A frame that the edge sent just now; `late_s`: as late as another relay found it."""
+        """Take a frame that has just arrived. `late_s`: the lateness that another relay measured."""
         stream = room.stream
         header = stream.check_frame(payload)
         if isinstance(header, FrameOutcome):
@@ -109,9 +115,9 @@ class Robot:
         newest: bytes | None = None,
         waited_s: float | None = None,
     ) -> None:
-        """Take in what the edge answered, `waited_s` after it was asked (None: another relay tells it).
+        """Take a snapshot that came `waited_s` seconds after it was asked for (None: from another relay).
 
-        Raises ValueError when it does not hold together, its run is retired, or another run sends instead.
+        Raises ValueError when it is inconsistent, its run is retired, or another run is sending.
         """
         self.heard_at = now
         self._unanswered = 0
@@ -131,14 +137,17 @@ class Robot:
         self.lacking = True  # its info and model may be others, even when its schema is not
 
     def should_ask(self, now: float) -> bool:
-        """Whether its snapshots are to be asked for now."""
+        """Whether its edge should be asked for snapshots now."""
         there = self.liveness.token or (self.heard_at is not None and now - self.heard_at < HEARD_S)
         if now < self.ask_at or not there:
             return False
         return self.lacking or self._is_stale(now) or self.runs.lateness.should_ask(now)
 
     def record_question(self, now: float) -> None:
-        """They were asked for. An edge that neither answers nor sends is asked more and more seldom."""
+        """Note that snapshots were asked for.
+
+        An edge that neither answers nor sends is asked less and less often.
+        """
         if self.runs.lateness.should_ask(now):
             self.runs.lateness.record_question(now)
         self.ask_at = now + min(self.limits.ask_s * 2 ** max(0, self._unanswered - 2), UNANSWERED_S_MAX)
@@ -149,16 +158,18 @@ class Robot:
         return watched and self.liveness.token and now >= self.ask_at + REFRESH_S
 
     def compute_status(self, room: Room | None, now: float) -> RobotStatus:
-        """How the robot is, as far as this view shows; None: it has sent nothing of it yet."""
+        """Return the robot's status by the frames of one view; `room` None: it has sent none of that view
+        yet.
+        """
         if room is None:
             return "silent" if self.liveness.token else "offline"
         stream = room.stream
         return self.liveness.compute_status(stream.live_at, stream.compute_age_s(now), self.limits.silent_s)
 
     def has_viewers(self) -> bool:
-        """Whether anybody watches any view."""
+        """Whether any of its views has viewers."""
         return any(room.viewers for room in self.rooms.values())
 
     def count_viewers(self) -> int:
-        """How many watch it, over all views."""
+        """Return how many viewers it has, over all views."""
         return sum(len(room.viewers) for room in self.rooms.values())

@@ -1,4 +1,4 @@
-"""One stream and those who watch it: the send rule.
+"""One stream and its viewers, and the rule by which frames are sent to them.
 
 When a viewer is due at its rate and its socket has drained, it gets the schema and bases it lacks and then
 the newest frame, in that order, in one write. Joining, rates and slow viewers are all this one rule.
@@ -21,7 +21,7 @@ from posecast_relay.core.viewer.viewer import Viewer
 
 
 class RateGroup:
-    """The viewers of one rate."""
+    """The viewers of a room that are served at the same rate."""
 
     def __init__(self, hz: float) -> None:
         self.pace = RateTimer(hz)
@@ -33,7 +33,7 @@ class RateGroup:
 
 
 class Room:
-    """A stream, its viewers grouped by rate, and the delivery of everything to them."""
+    """A stream with its viewers, grouped by rate, and all that is sent to them."""
 
     def __init__(self, robot: str, view: str, limits: Limits) -> None:
         self.robot = robot
@@ -52,7 +52,10 @@ class Room:
     # ---- coming, going, changing rate -------------------------------------
 
     def join(self, viewer: Viewer, status: RobotStatus, now: float, unix_s: float) -> Send:
-        """Everything a new viewer needs, in one write: the pose before what has happened, a long list."""
+        """Add a viewer and return all it needs in one write.
+
+        The frame comes before the events, a long list.
+        """
         stream = self.stream
         self.viewers[viewer] = None
         parts = [
@@ -86,19 +89,22 @@ class Room:
         return Send(data, (viewer,))
 
     def leave(self, viewer: Viewer) -> None:
-        """Forget a viewer; harmless when it is gone already."""
+        """Remove a viewer. Does nothing when it is gone already."""
         self.viewers.pop(viewer, None)
         self._exit(viewer)
 
     def evict(self, viewer: Viewer) -> None:
-        """Forget a viewer wherever it stands, when `leave` has failed."""
+        """Remove a viewer from every group, when `leave` has failed."""
         self.viewers.pop(viewer, None)
         for group in self.groups.values():
             group.viewers.pop(viewer, None)
             group.behind.discard(viewer)
 
     def set_rate(self, viewer: Viewer, hz: float, now: float) -> None:
-        """Move a viewer to another rate; what it is due comes with the next frame, or within a period."""
+        """Serve a viewer at another rate.
+
+        A frame that it lacks comes with the next one, or within a period.
+        """
         self._exit(viewer)
         viewer.set_rate(hz)
         group = self._enter(viewer)
@@ -130,17 +136,17 @@ class Room:
     # ---- how its robot is -------------------------------------------------
 
     def set_degraded(self, degraded: bool) -> None:
-        """Whether this relay does not hear of the robot just now. The next status says so."""
+        """Set whether this relay can't hear the robot now. The next status says so."""
         self.degraded = degraded
 
     def set_over_share(self, over_share: bool) -> None:
-        """Whether the robot sends more than its share of this relay. The next status says so."""
+        """Set whether the robot sends more than its share. The next status says so."""
         self.over_share = over_share
 
     # ---- frames -----------------------------------------------------------
 
     def offer(self, now: float) -> list[Action]:
-        """The stream has changed: hand its newest frame to every group that is due."""
+        """Send the newest frame to every group that is due. Called when the stream has changed."""
         out: list[Action] = []
         newest = self.stream.newest
         interval_s = self.stream.cadence.interval_s
@@ -157,7 +163,7 @@ class Room:
         return out
 
     def flush(self, now: float) -> list[Action]:
-        """Hand the newest frame to whoever has waited for a period."""
+        """Send the newest frame to the viewers that have waited for a period."""
         out: list[Action] = []
         newest = self.stream.newest
         for group in tuple(self.groups.values()):
@@ -174,7 +180,7 @@ class Room:
         return out
 
     def _end_after_fault(self, viewers: Iterable[Viewer], error: Exception) -> list[Action]:
-        """Let those go at whom the relay's own code has failed; the others of this room stay."""
+        """End the viewers at which the relay's own code has failed; the others of this room stay."""
         out: list[Action] = [Fault(f"{self.robot}/{self.view}", error)]
         for viewer in tuple(viewers):
             self.leave(viewer)
@@ -182,7 +188,7 @@ class Room:
         return out
 
     def find_wake_at(self) -> float:
-        """When `flush` has something to do, at the earliest."""
+        """Return when `flush` has something to do next; NEVER when it has nothing."""
         return min((min(g.flush_at, g.retry_at) for g in self.groups.values()), default=NEVER)
 
     def _send_frame(
@@ -220,7 +226,7 @@ class Room:
         group.pace.record_sent(frame.run_id, frame.stamp_s, self.stream.cadence.interval_s, now)
 
     def _collect_lacking(self, viewer: Viewer, frame: StoredFrame) -> bytes:
-        """What this viewer must be given so that it can read `frame`, and the frame."""
+        """Return `frame`, and before it what this viewer needs to read it."""
         parts: list[bytes] = []
         if viewer.version != self.stream.version:
             parts.append(self.stream.make_description(viewer.schema_n))
@@ -232,7 +238,7 @@ class Room:
         return b"".join(parts)
 
     def _record_given(self, viewer: Viewer, frame: StoredFrame) -> None:
-        """Note that a viewer was given `frame` and what it lacked for it."""
+        """Note that a viewer was sent `frame` and what it needs to read it."""
         viewer.record_description(self.stream.version, self.stream.schema_n)
         viewer.record_frame(frame)
         self.delivered += 1
@@ -240,7 +246,9 @@ class Room:
     # ---- everything else --------------------------------------------------
 
     def send_description(self) -> list[Action]:
-        """Schema, info or model has changed: tell those who can take it, the rest with their next frame."""
+        """Send a changed schema, info or model to the viewers that can take it; to others with their next
+        frame.
+        """
         stream = self.stream
         ready: dict[int, list[Viewer]] = {}  # by the schema they hold
         for viewer in self.viewers:
@@ -250,7 +258,7 @@ class Room:
         return [Send(stream.make_description(held), viewers) for held, viewers in ready.items()]
 
     def send_event(self, event: Event) -> list[Action]:
-        """An event goes to everybody, at once or by its reliable queue."""
+        """Send an event to all viewers, at once or by their reliable queue."""
         ready: list[Viewer] = []
         out: list[Action] = []
         for viewer in tuple(self.viewers):
@@ -261,7 +269,7 @@ class Room:
         return [*out, Send(event.packed, ready)] if ready else out
 
     def send_message(self, viewer: Viewer, data: bytes) -> list[Action]:
-        """A message for one viewer that must arrive."""
+        """Send one viewer a message that must arrive: at once or by its reliable queue."""
         return self._enqueue(viewer, data) if viewer.blocked else [Send(data, (viewer,))]
 
     def _enqueue(self, viewer: Viewer, data: bytes) -> list[Action]:
@@ -271,7 +279,7 @@ class Room:
         return [CloseConnection(viewer, Close.EVENTS_FULL, "too slow for the events", None)]
 
     def send_waiting(self, viewer: Viewer) -> list[Action]:
-        """A viewer may be able to take data again: first what it must not miss."""
+        """Send what has waited in a viewer's reliable queue, if it can take data again."""
         data = viewer.release()
         if data is None:
             return []
@@ -281,18 +289,18 @@ class Room:
         return [Send(data, (viewer,))] if data else []
 
     def send_status(self, status: RobotStatus, now: float) -> list[Action]:
-        """The status for everybody who can take it, at once."""
+        """Send the status at once to every viewer that can take it."""
         self._owed = None
         ready = [v for v in self.viewers if not v.blocked]
         return [Send(self._make_status(status, now), ready)] if ready else []
 
     def defer_status(self, status: RobotStatus) -> None:
-        """The status is due again: each group's next frame takes it along, in the same write."""
+        """Send the status with each group's next frame, in the same write."""
         self._owed = status
         self._told.clear()
 
     def send_deferred_status(self, now: float) -> list[Action]:
-        """By itself to those whom no frame has brought it."""
+        """Send the deferred status alone to the viewers that no frame has brought it to."""
         status, self._owed = self._owed, None
         if status is None:
             return []

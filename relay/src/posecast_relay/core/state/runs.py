@@ -33,13 +33,13 @@ class Runs:
 
     @property
     def lateness_s(self) -> float:
-        """Of the newest frame."""
+        """Lateness of the newest frame, in seconds."""
         return self.lateness.seconds
 
     def is_retired(self, run_id: int, now: float) -> bool:
-        """Whether messages of this run are to be dropped; one that goes on regardless is a conflict.
+        """Whether messages of this run are to be dropped. If it goes on sending, that is noted as a conflict.
 
-        No longer when the run that retired it has sent no frame for RETURN_AFTER_S.
+        A run is retired no longer when the one that replaced it has sent no frame for RETURN_AFTER_S.
         """
         retired_at = self._retired.get(run_id)
         if retired_at is None:
@@ -51,9 +51,9 @@ class Runs:
         return True
 
     def may_adopt(self, run_id: int, now: float) -> bool:
-        """Whether an answer makes this run current although no frame of it has come.
+        """Whether an answer alone, without a frame, may make this run current.
 
-        Not while the current one sends, and not if it was current before: what it answers may be older than
+        Not while the current run sends, and not if this run was current before: the answer may be older than
         what was shown of it.
         """
         if self.current in (0, run_id):
@@ -61,7 +61,7 @@ class Runs:
         return run_id not in self._retired and now - self._heard_at > RETURN_AFTER_S
 
     def adopt(self, run_id: int, now: float) -> None:
-        """Make a run current; the caller has seen a KEY of it."""
+        """Make a run current. The caller has seen a KEY of it."""
         if self.current:
             self._retired[self.current] = now
             if len(self._retired) > RETIRED_MAX:
@@ -77,11 +77,11 @@ class Runs:
         return now < self._conflict_until
 
     def record_arrival(self, stamp: Stamp, now: float) -> float:
-        """Note a frame of the current run; its lateness, s."""
+        """Note a frame of the current run and return its lateness in seconds."""
         self._heard_at = now
         return self.lateness.record_arrival(stamp.elapsed_ns / 1e9, now)
 
     def record_answer(self, stamp: Stamp, waited_s: float, now: float) -> None:
-        """Note an answer, which came `waited_s` after its question, when it is the current run's."""
+        """Note an answer that came `waited_s` seconds after its question, if it is of the current run."""
         if stamp.run_id == self.current:
             self.lateness.record_answer(stamp.elapsed_ns / 1e9, waited_s, now)

@@ -13,7 +13,7 @@ HASHED = 2  # a KEY or REF costs twice its bytes: it is hashed and kept
 
 
 class TokenBucket:
-    """`rate` a second, and as much as comes in BURST_S at once, but never less than `least`."""
+    """Allows `rate` units a second, and at once as many as in BURST_S seconds, or `least` if that is more."""
 
     def __init__(self, rate: float, least: float = 1.0) -> None:
         self._rate = rate
@@ -22,19 +22,19 @@ class TokenBucket:
         self._filled_at = float("-inf")
 
     def has(self, cost: float, now: float) -> bool:
-        """Whether `cost` could be taken now."""
+        """Whether `cost` units are available now."""
         if now > self._filled_at:
             self._tokens = min(self._burst, self._tokens + (now - self._filled_at) * self._rate)
             self._filled_at = now
         return self._tokens >= cost
 
     def take(self, cost: float) -> None:
-        """Take what `has` found there."""
+        """Take `cost` units, which `has` has found available."""
         self._tokens -= cost
 
 
 class Share:
-    """What one robot may send. `dropped` counts its messages that went beyond."""
+    """How much one robot may send. `dropped` counts its messages beyond that."""
 
     def __init__(self, limits: Limits) -> None:
         self._limits = limits
@@ -48,7 +48,7 @@ class Share:
         self.dropped = 0
 
     def allow_frame(self, view: str, size: int, hashed: bool, now: float) -> bool:
-        """Whether a frame of `size` bytes is within the share; then it is counted against it."""
+        """Whether a frame of `size` bytes is within the share; if so, it is counted."""
         frames = self._views.get(view)
         if frames is None:
             frames = self._views[view] = TokenBucket(self._limits.view_frames_per_s)
@@ -61,7 +61,7 @@ class Share:
         return True
 
     def allow_message(self, size: float, now: float) -> bool:
-        """The same for anything else that it sends by itself."""
+        """Whether another message of `size` bytes is within the share; if so, it is counted."""
         if not self._messages.has(1, now):
             return self._drop(f"{self._limits.robot_messages_per_s:g} messages a second", now)
         if not self._bytes.has(size, now):
@@ -71,7 +71,7 @@ class Share:
         return True
 
     def allow_event(self, size: float, now: float) -> bool:
-        """The same for what is told to every viewer at once: an event, its info or model."""
+        """Whether an event, info or model of `size` bytes is within the share; if so, it is counted."""
         if not self._events.has(1, now):
             return self._drop(f"{self._limits.robot_events_per_s:g} events a second", now)
         if not self.allow_message(size, now):
@@ -80,20 +80,23 @@ class Share:
         return True
 
     def allow_snapshot(self, size: int, now: float) -> bool:
-        """The same for an answer, which costs more: its schema is parsed."""
+        """Whether a snapshot of `size` bytes is within the share; if so, it is counted.
+
+        Parsing one costs more.
+        """
         if not self._snapshot_bytes.has(size, now):
             return self._drop(f"{self._limits.snapshot_bytes_per_s:,.0f} bytes of snapshots a second", now)
         self._snapshot_bytes.take(size)
         return True
 
     def record_lost(self, count: int, reason: str, now: float) -> None:
-        """Count messages that were dropped before they came here: more waited than there is room for."""
+        """Count messages that were dropped earlier, because too many waited. `reason`: the limit exceeded."""
         self.dropped += count
         self.limit = reason
         self._over_until = now + OVER_FOR_S
 
     def find_exceeded_limit(self, now: float) -> str:
-        """Of what it sends more than its share at present, and how much is allowed; "" when of nothing."""
+        """Return the limit that the robot exceeds at present, as text; "" when none."""
         return self.limit if now < self._over_until else ""
 
     def _drop(self, reason: str, now: float) -> bool:

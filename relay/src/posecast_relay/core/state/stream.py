@@ -39,7 +39,10 @@ class FrameOutcome(StrEnum):
 
 
 class StoredFrame:
-    """A frame as it is kept. `stamp_s`: the edge's clock since the run began; `t_s`: the robot's clock."""
+    """A frame that is kept.
+
+    `stamp_s`: seconds of the edge's clock since its run began; `t_s`: robot's clock.
+    """
 
     __slots__ = (
         "_packed",
@@ -80,7 +83,7 @@ class StoredFrame:
 
 
 class Event:
-    """A numbered event, kept as the bytes every viewer gets."""
+    """A numbered event, kept as the bytes that every viewer gets."""
 
     __slots__ = ("n", "packed", "text")
 
@@ -91,7 +94,10 @@ class Event:
 
 
 class Stream:
-    """One robot and view. `version` grows with a change of schema, info or model, `schema_n` of schema."""
+    """The state of one robot's view.
+
+    `version` counts changes of schema, info or model, `schema_n` of the schema.
+    """
 
     def __init__(self, robot: str, view: str, limits: Limits) -> None:
         self.robot = robot
@@ -121,7 +127,7 @@ class Stream:
     # ---- frames ----------------------------------------------------------
 
     def check_frame(self, payload: bytes) -> Header | FrameOutcome:
-        """The header of a sound frame, or why it is none."""
+        """Return a frame's header, or why the frame is invalid."""
         if len(payload) > self.limits.frame_bytes:
             return FrameOutcome.OVERSIZED
         if payload and payload[0] >> 4 != VERSION:
@@ -134,7 +140,7 @@ class Stream:
     def take_frame(
         self, payload: bytes, header: Header, run_id: int, stamp_s: float, now: float, late_s: float
     ) -> FrameOutcome:
-        """A frame that the edge sent just now, of a run that is not retired."""
+        """Take a frame that has just arrived, of a run that is not retired."""
         outcome = self._place(payload, header, run_id, stamp_s)
         if outcome is FrameOutcome.TAKEN:
             self.is_live = True
@@ -146,7 +152,7 @@ class Stream:
         return outcome
 
     def hold_for_base(self, payload: bytes, run_id: int, stamp_s: float, now: float, late_s: float) -> None:
-        """Keep a frame that the edge sent just now until a snapshot, which is older, brings its base."""
+        """Keep a frame that has just arrived until a snapshot, which is older, brings its base."""
         self._waiting = (payload, run_id, stamp_s, now, late_s)
 
     def awaits_base(self, run_id: int) -> bool:
@@ -206,7 +212,7 @@ class Stream:
     def apply_snapshot(
         self, snapshot: Snapshot, run_id: int, stamp_s: float, newest: bytes | None = None
     ) -> None:
-        """Take what a snapshot brings. ValueError, and nothing changed, when it does not hold together.
+        """Apply a snapshot. Raises ValueError, with nothing changed, when it is inconsistent.
 
         Its frames may be of any age, so they count as bases and as a picture, but never as a sign of life.
         """
@@ -253,13 +259,13 @@ class Stream:
         self.model = model
 
     def set_info(self, info: dict[str, str]) -> None:
-        """The edge says what is new of the robot's texts. ValueError when they are too long."""
+        """Replace the robot's info texts. Raises ValueError when they are too long."""
         self._check_info(info)
         if self.schema is not None:  # else the snapshot brings it
             self._set_description(self.schema, info, self.model)
 
     def set_model(self, model: str) -> None:
-        """The edge says that its robot looks otherwise by now: the SHA-256 of the model's manifest."""
+        """Replace the robot's model, named by the SHA-256 of its manifest."""
         if self.schema is not None:
             self._set_description(self.schema, self.info, model)
 
@@ -268,9 +274,9 @@ class Stream:
             raise ValueError(f"info over {self.limits.info_bytes} bytes")
 
     def make_description(self, schema_n: int, with_model: bool = True) -> bytes:
-        """Schema, info and model as WebSocket messages: what a viewer behind on `version` lacks.
+        """Return schema, info and model as WebSocket messages, for a viewer that has an older `version`.
 
-        `schema_n`: of the schema it holds, which it is not told again.
+        `schema_n`: of the schema that it has; if that is the current one, it is left out.
         """
         schema = self._schema_packed if schema_n != self.schema_n else b""
         model = messages.make_model(self.model) if self.model and with_model else b""
@@ -279,7 +285,7 @@ class Stream:
     # ---- events ----------------------------------------------------------
 
     def number_event(self, doc: dict[str, object], unix_s: float) -> Event:
-        """Give an event its number and keep it among the newest."""
+        """Give an event the next number and keep it among the newest."""
         self.event_n += 1
         numbered = doc | {"n": self.event_n, "at": round(unix_s, 3)}
         event = Event(self.event_n, json.dumps(numbered, separators=(",", ":"), ensure_ascii=False))
@@ -287,9 +293,10 @@ class Stream:
         return event
 
     def append_numbered(self, numbering: str, text: str) -> Event | None:
-        """Keep an event that another relay has numbered; None when it is here already. ValueError.
+        """Keep an event that another relay has numbered; None when it is here already.
 
-        Another `numbering` began at 1 again, because whoever counted has lost count: so does this stream.
+        Another `numbering` than before means that the count began at 1 again: the older events are dropped.
+        Raises ValueError when the event has no number.
         """
         n = _read_number(text)
         if numbering != self.numbering:
@@ -304,14 +311,15 @@ class Stream:
         return event
 
     def set_numbering(self, numbering: str) -> None:
-        """Name the count that `event_n` goes on with."""
+        """Set the name of the count that `event_n` belongs to."""
         self.numbering = numbering
 
     def resume_events(self, numbering: str, texts: Sequence[str], told_n: int = 0) -> None:
-        """Go on where another process stopped: its events come first, and those of this one count from there.
+        """Continue the count of another process: its events come first, this process's own are numbered after
+        them.
 
-        `told_n`: events of this process up to this one were told already. Others may have come to both.
-        ValueError, and nothing changed, when one of `texts` is none.
+        `told_n`: the newest event of this process that was stored already. An event that both processes
+        received is kept once. Raises ValueError, with nothing changed, when one of `texts` has no number.
         """
         for text in texts:
             _read_number(text)
@@ -329,21 +337,21 @@ class Stream:
     # ---- age -------------------------------------------------------------
 
     def set_age_unless_live(self, age_s: float, now: float) -> None:
-        """How old its frames are, told by another relay: counts until one comes live."""
+        """Set the age of the newest frame, in seconds, unless a live frame has come."""
         if self.live_at is None and self.newest is not None:
             self.set_age(age_s, now)
 
     def set_age(self, age_s: float, now: float) -> None:
-        """Its newest frame is live, and so old by now, whenever it came here."""
+        """Set the age of the newest frame, in seconds, and count it as live."""
         self.live_at, self.late_s = now - age_s, 0.0
 
     def compute_age_s(self, now: float) -> float | None:
-        """Age of the newest frame, with the time it was under way; None before any live one."""
+        """Return the newest frame's age in seconds, with its time under way; None before any live frame."""
         return None if self.live_at is None else now - self.live_at + self.late_s
 
 
 def _read_number(text: str) -> int:
-    """Of an event that was given one. ValueError when it was not."""
+    """Return the number of a numbered event. Raises ValueError when it has none."""
     try:
         return int(json.loads(text)["n"])
     except (TypeError, LookupError, RecursionError) as e:
@@ -351,5 +359,5 @@ def _read_number(text: str) -> int:
 
 
 def _identify_event(event: dict[str, object]) -> str:
-    """What an event says of the robot: the same at every relay that heard it."""
+    """Return the event without its number and time, which is the same at every relay that heard it."""
     return json.dumps({name: said for name, said in event.items() if name not in ("n", "at")}, sort_keys=True)

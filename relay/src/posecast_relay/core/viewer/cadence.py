@@ -17,7 +17,7 @@ BURST = 0.5  # frames held up under way and let go at once are passed on at no l
 
 
 def grant_hz(asked_hz: float, most_hz: float) -> float:
-    """The rate that a viewer gets: in steps, so that however many ask, there are some 300 groups at most.
+    """Return the rate in Hz that a viewer gets, in steps, so that there are some 300 rates at most.
 
     The steps are 0.01 Hz up to 1, 0.1 Hz up to 10, then 0.5 Hz. 0 stays 0; nothing else is below 0.1 Hz.
     """
@@ -38,7 +38,7 @@ class Cadence:
         self._steps: deque[float] = deque(maxlen=SAMPLES)
 
     def record_stamp(self, stamp_s: float) -> None:
-        """A frame stamped `stamp_s` was taken."""
+        """Note the stamp, in seconds, of a frame that was taken."""
         step = stamp_s - self._last_s
         self._last_s = stamp_s
         if 0.0 < step < 10.0:
@@ -50,7 +50,7 @@ class Cadence:
 
 
 class RateTimer:
-    """Due or not, for one rate of one stream."""
+    """Decides which frames of one stream are due at one rate."""
 
     def __init__(self, hz: float) -> None:
         self.period_s = 1.0 / hz
@@ -59,7 +59,7 @@ class RateTimer:
         self._run_id = 0
 
     def is_due(self, run_id: int, stamp_s: float, interval_s: float, now: float) -> bool:
-        """Whether the frame stamped `stamp_s`, arriving at `now`, is one for this rate."""
+        """Whether a frame stamped `stamp_s` that arrives at `now` is due at this rate."""
         if run_id != self._run_id:
             return True
         ratio = self.period_s / interval_s if interval_s else 1.0
@@ -68,7 +68,7 @@ class RateTimer:
         return stamp_s >= self._due_s - interval_s / 2 and now >= self.sent_at + BURST * self.period_s
 
     def record_sent(self, run_id: int, stamp_s: float, interval_s: float, now: float) -> None:
-        """That frame went out."""
+        """Note that this frame was sent."""
         ratio = self.period_s / interval_s if interval_s else 1.0
         counted = run_id == self._run_id and abs(stamp_s - self._due_s) <= self.period_s
         whole = abs(ratio - round(ratio)) <= WHOLE * ratio

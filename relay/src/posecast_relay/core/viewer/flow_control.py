@@ -1,4 +1,4 @@
-"""When a viewer may be written to, and when it is cut: acknowledgements, pauses, signs of life, first reads.
+"""Decides when a viewer may be written to and when it is cut, by what it acknowledges, reads and answers.
 
 All times are seconds of the core's clock. Only this file writes these fields, but for `sent`: that one the
 walk over a crowd counts as well (`viewer.py`).
@@ -12,7 +12,7 @@ from posecast_relay.core.limits import Limits
 
 
 class FlowControl:
-    """Of one connection. Viewer is one, and has none: thousands are walked per frame, without a hop."""
+    """The flow control of one connection. Viewer inherits it: one object less to reach, for every frame."""
 
     __slots__ = (
         "acks",
@@ -67,23 +67,23 @@ class FlowControl:
     # ---- the socket -------------------------------------------------------
 
     def pause(self, now: float) -> None:
-        """Its socket did not take everything."""
+        """Note that the viewer's socket did not take everything."""
         self.paused_at = now
         self.blocked = True
 
     def resume(self) -> None:
-        """Its socket has taken everything. It stays blocked until `release`: what waited goes first."""
+        """Note that the socket has taken everything. The viewer stays blocked until `release`."""
         self.paused_at = None
 
     def enqueue(self, data: bytes) -> bool:
-        """Keep what must arrive until `release`. False: more waits than the limits allow, so let it go."""
+        """Keep data that must arrive until `release`. False: more waits than the limits allow."""
         if self.reliable_queue is None:
             self.reliable_queue = []
         self.reliable_queue.append(data)
         return len(self.reliable_queue) <= self.limits.reliable_queue
 
     def release(self) -> bytes | None:
-        """What waited, to be written first of all; None while it can't take anything yet."""
+        """Return what waited, which has to be written first; None while the viewer can't take anything."""
         if self.paused_at is not None or self.stalled:
             return None
         waited = b"".join(self.reliable_queue or ())
@@ -94,7 +94,7 @@ class FlowControl:
     # ---- acknowledgements -------------------------------------------------
 
     def may_send(self, now: float) -> bool:
-        """Called when `check_at` has passed: whether another message may go before it acknowledges.
+        """Whether another message may be sent before it acknowledges. Called when `check_at` has passed.
 
         A viewer acknowledges when a message arrives and a second has passed since its last acknowledgement.
         So the first message sent a second after that was heard here is sure to be answered, and is always let
@@ -115,7 +115,7 @@ class FlowControl:
         return False
 
     def record_ack(self, n: int, now: float) -> None:
-        """It has received `n` binary messages."""
+        """Note that the viewer has received `n` binary messages."""
         self.acks = True
         self.heard_ack_at = now
         if n > self.join_burst_n:
@@ -132,7 +132,7 @@ class FlowControl:
         self.blocked = self.paused_at is not None or self.reliable_queue is not None
 
     def begin_join_burst(self, size: int, now: float) -> None:
-        """It is given `size` bytes at once, because it has come: it has a while to read them."""
+        """Note that a new viewer was sent `size` bytes at once, and allow it time to read them."""
         limits = self.limits
         reads_s = size / limits.slowest_bytes_per_s
         self.join_burst_n = self.sent
@@ -142,18 +142,18 @@ class FlowControl:
     # ---- signs of life ----------------------------------------------------
 
     def record_heard(self, now: float) -> None:
-        """Something came from it, whatever it was."""
+        """Note that anything came from the viewer."""
         self.heard_at = now
 
     def take_ping(self, now: float) -> bool:
-        """Whether it is to be pinged now, having been silent for so long; then it counts as pinged."""
+        """Whether to ping the viewer now, since nothing came from it; if so, it counts as pinged."""
         if not self.speaks or now - max(self.heard_at, self.ping_at) < self.limits.ping_s:
             return False
         self.ping_at = now
         return True
 
     def allow_message(self, now: float) -> bool:
-        """Whether it may send one more message now."""
+        """Whether the viewer may send one more message now; if so, it is counted."""
         refill = (now - self.tokens_at) * self.limits.messages_per_s
         self.tokens = min(float(self.limits.messages_burst), self.tokens + refill)
         self.tokens_at = now
@@ -163,7 +163,7 @@ class FlowControl:
         return True
 
     def find_overdue(self, now: float) -> Close | None:
-        """Why this connection is to be cut now, if it is: HALF_OPEN or NO_ACK."""
+        """Return why this connection has to be cut now, HALF_OPEN or NO_ACK; None when it may stay."""
         limits = self.limits  # a ping, too, waits behind what it reads at first
         came = max(self.join_burst_arrives_by, min(self.heard_at, self.join_burst_read_by))
         if self.speaks and now - max(came, self.heard_at) >= limits.half_open_s:
@@ -176,7 +176,7 @@ class FlowControl:
         return None
 
     def shift_deadlines(self, seconds: float, now: float) -> None:
-        """The relay itself stood still for so long: what the viewer did meanwhile is still to be read."""
+        """Extend all deadlines, since the relay itself stood still for this many seconds."""
         self.heard_at = min(now, self.heard_at + seconds)
         self.join_burst_arrives_by += seconds
         self.join_burst_read_by += seconds

@@ -1,4 +1,4 @@
-"""What goes out to viewers, as ready WebSocket messages (unmasked, unfragmented, uncompressed)."""
+"""Makes the messages for viewers, as complete WebSocket frames (unmasked, unfragmented, uncompressed)."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ PING = b"\x89\x00"  # a whole WebSocket ping without payload
 
 
 def pack_message(opcode: int, payload: bytes) -> bytes:
-    """One message as bytes for the socket; `opcode` as in RFC 6455."""
+    """Return one WebSocket message as bytes; `opcode` as in RFC 6455."""
     first, size = 0x80 | opcode, len(payload)
     if size < 126:
         return bytes((first, size)) + payload
@@ -25,7 +25,7 @@ def pack_message(opcode: int, payload: bytes) -> bytes:
 
 
 def split_messages(data: bytes) -> Iterator[tuple[int, bytes]]:
-    """Opcode and payload of each message in what was packed here."""
+    """Yield the opcode and payload of each message in bytes that `pack_message` made."""
     at = 0
     while at < len(data):
         opcode, size, at = data[at] & 0x0F, data[at + 1], at + 2
@@ -37,17 +37,17 @@ def split_messages(data: bytes) -> Iterator[tuple[int, bytes]]:
 
 
 def make_binary(payload: bytes) -> bytes:
-    """A binary message as bytes for the socket: done once per frame, whoever gets it (RFC 6455 §5.2)."""
+    """Return a binary message as bytes (RFC 6455 §5.2). Made once per frame, for all viewers."""
     return pack_message(2, payload)
 
 
 def make_text(payload: str) -> bytes:
-    """A text message as bytes for the socket."""
+    """Return a text message as bytes."""
     return pack_message(1, payload.encode())
 
 
 def make_json(doc: Mapping[str, object]) -> bytes:
-    """A JSON message as bytes for the socket."""
+    """Return a JSON document as a text message."""
     return make_text(json.dumps(doc, separators=(",", ":"), ensure_ascii=False))
 
 
@@ -61,7 +61,10 @@ def make_hello(
     max_hz: float | None = None,
     delay_s: float = 0.0,
 ) -> bytes:
-    """First message of every connection. `max_hz`: of this viewer, where it is less than of any."""
+    """Make `hello`, the first message of every connection.
+
+    `max_hz`: this viewer's limit, if it has its own.
+    """
     granted: Granted = {
         "max_hz": limits.max_hz if max_hz is None else max_hz,
         "message_bytes": limits.message_bytes,
@@ -90,9 +93,10 @@ def make_status(
     degraded: bool = False,
     over_share: bool = False,
 ) -> bytes:
-    """How the robot is, and how old its newest frame. `degraded`: this relay does not hear of robots now.
+    """Make `status`: how the robot is, and how old its newest frame.
 
-    `over_share`: the robot sends more than its share, so some of its frames are dropped.
+    `degraded`: this relay can't hear the robot now. `over_share`: the robot sends more than its share, so
+    some of its frames are dropped.
     """
     doc: Status = {"type": "status", "robot": robot_status, "age_ms": age_ms, "seq": seq}
     if degraded:
@@ -103,30 +107,30 @@ def make_status(
 
 
 def make_info(kv: dict[str, str]) -> bytes:
-    """The robot's slow strings."""
+    """Make `info`: the robot's texts by name."""
     doc: Info = {"type": "info", "kv": kv}
     return make_json(doc)
 
 
 def make_model(digest: str) -> bytes:
-    """The robot's model changed."""
+    """Make `model`: the SHA-256 of the robot's model."""
     doc: Model = {"type": "model", "hash": digest}
     return make_json(doc)
 
 
 def make_rate(hz: float, reason: str) -> bytes:
-    """This viewer's rate is now `hz`."""
+    """Make `rate`: the rate in Hz at which a viewer is served from now on, and why."""
     doc: RateGranted = {"type": "rate", "hz": hz, "reason": reason}
     return make_json(doc)
 
 
 def make_pong(t: float) -> bytes:
-    """Answer to a viewer's ping."""
+    """Make `pong`, the answer to a viewer's ping."""
     doc: Pong = {"type": "pong", "t": t}
     return make_json(doc)
 
 
 def make_bye(code: int, reason: str, retry_s: float | None) -> bytes:
-    """Why the connection ends now."""
+    """Make `bye`: why the connection ends, and in how many seconds to try again."""
     doc: Bye = {"type": "bye", "code": code, "reason": reason, "retry_s": retry_s}
     return make_json(doc)

@@ -15,25 +15,25 @@ from posecast_relay.core.viewer.flow_control import FlowControl
 
 
 class Outlet(Protocol):
-    """A viewer's connection, as those who carry out actions need it. The core never calls it.
+    """A viewer's connection, for whoever carries out actions. The core never calls it.
 
-    `descriptor`: of the socket, while bytes may go straight to it; −1: only by `write`.
+    `descriptor`: the socket's, while bytes may be written straight to it; −1: only `write` may be used.
     """
 
     descriptor: int
 
     def write(self, data: bytes) -> None:
-        """Hand these bytes to the socket."""
+        """Write these bytes to the socket."""
 
     def end(self, close: Close, reason: str, retry_s: float | None) -> None:
-        """Say `bye`, then close."""
+        """Send `bye`, then close."""
 
     def cut(self, close: Close) -> None:
         """Abort the connection."""
 
 
 class Viewer(FlowControl):
-    """What the core knows of one connection. Slots, since thousands of these are walked per frame."""
+    """One viewer's connection, as the core knows it. It has slots, since a frame visits thousands of them."""
 
     __slots__ = (
         "asked_hz",
@@ -93,11 +93,11 @@ class Viewer(FlowControl):
     # ---- identity and rate ------------------------------------------------
 
     def set_number(self, number: int) -> None:
-        """Name its connection by how many joined before it."""
+        """Set the number of its connection, counted by the hub."""
         self.number = number
 
     def set_grant(self, grant: Grant) -> bool:
-        """Take what it may see from now on; whether it is thereby served less often than it asked."""
+        """Set what it may see. True when that lowers the rate that it asked for."""
         self.grant = grant
         self.max_hz = min(self.limits.max_hz, grant.hz)
         if self.asked_hz <= self.max_hz:
@@ -106,25 +106,25 @@ class Viewer(FlowControl):
         return True
 
     def set_expiry(self, expires_at: float) -> None:
-        """What it has shown is worth nothing from `expires_at` on, by the core's clock."""
+        """Set when its token expires, in seconds of the core's clock."""
         self.expires_at = expires_at
 
     def set_asked_rate(self, hz: float) -> None:
-        """Note the rate that it wishes, as far as its grant allows; `set_rate` then serves it."""
+        """Set the rate in Hz that it asks for, as far as its grant allows. `set_rate` makes it effective."""
         self.asked_hz = grant_hz(hz, self.max_hz)
 
     def set_rate(self, hz: float) -> None:
-        """Note the rate that it is served at. Whoever groups viewers by rate does so at the same time."""
+        """Set the rate in Hz at which it is served. Called by Room, which groups viewers by rate."""
         self.hz = hz
 
     # ---- mailbox ----------------------------------------------------------
 
     def record_description(self, version: int, schema_n: int) -> None:
-        """It has been given a stream's schema, info and model of this version."""
+        """Note that it was sent the stream's schema, info and model of this version."""
         self.version, self.schema_n = version, schema_n
 
     def record_frame(self, frame: StoredFrame) -> None:
-        """It has been given `frame`, and before it the bases that it lacked."""
+        """Note that it was sent `frame`, and before it the bases that it lacked."""
         if frame.key is not None and self.key is not frame.key and not self.decoded:
             self.sent += 1
         if frame.ref is not None and self.ref is not frame.ref and not self.decoded:
@@ -145,11 +145,11 @@ class Viewer(FlowControl):
         lacking: list[Viewer],
         behind: set[Viewer],
     ) -> list[tuple[Viewer, Exception]]:
-        """One walk over viewers that are due; returns at whom it failed, and why.
+        """Sort viewers that are due by what they need; returns those at which this failed, with the error.
 
-        Each that holds the bases and the description of this `version` joins `ready`: it now counts as given
-        `frame`. Each that must be given more with it joins `lacking`, each that can't take it now `behind`.
-        It stands here, and writes field by field: a call for each viewer of each frame would be felt.
+        Viewers with the bases and the description of this `version` go to `ready`, and count as having been
+        sent `frame`; those that need more go to `lacking`; those that can't take it now go to `behind`.
+        All in one function, since a call for each viewer of each frame would take too long.
         """
         failed: list[tuple[Viewer, Exception]] = []
         key = frame if frame.is_key else frame.key
