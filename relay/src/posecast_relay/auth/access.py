@@ -1,4 +1,4 @@
-"""Who gets what in this process: the policy in force, and the hub that each grant leads to."""
+"""Decides who may see what in this process, by the policy in force, and which hub serves each grant."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ RECHECK_S = 300.0  # accounts of those who watch: signed out, disabled, revoked?
 
 
 class Access:
-    """One per process. `later`: the dispatcher of a DelayedHub, where there is one."""
+    """Access control of one process. `later`: the dispatcher of a DelayedHub, where there is one."""
 
     def __init__(
         self,
@@ -57,7 +57,7 @@ class Access:
 
     @property
     def dispatchers(self) -> tuple[Dispatcher, ...]:
-        """Of live and of delayed viewers."""
+        """The dispatchers of live and of delayed viewers."""
         return (self.live,) if self.later is None else (self.live, self.later)
 
     @property
@@ -67,20 +67,25 @@ class Access:
         return self.later.hub
 
     def find_refusal(self, applicant: Applicant) -> Refusal | None:
-        """What speaks against them already, also before it is known who they are."""
+        """Return why an applicant is refused, as far as can be told already; None while nothing speaks
+        against it.
+        """
         decision = admit(applicant, self.policy)
         return decision if isinstance(decision, Refusal) else None
 
     def judge(self, applicant: Applicant) -> Grant | Refusal:
-        """What they get of a robot, or why not. It is known who they are, or why that can't be known."""
+        """Return the grant for a robot, or why it is refused.
+
+        The applicant has been identified, or can't be.
+        """
         decision = admit(applicant, self.policy)
         assert decision is not None
         return decision
 
     def enter_address(self, applicant: Applicant, peer: str, forwarded: str | None) -> str | Refusal:
-        """Count one more stream of an address, to be taken off when it ends (`addresses.leave`).
+        """Count one more stream of an address. `addresses.leave` takes it off when the stream ends.
 
-        Refusal when they, or that address, may not have one at all.
+        Returns a Refusal when the applicant, or that address, may not have one.
         """
         refusal = self.find_refusal(applicant)
         if refusal is not None and refusal.at_door:
@@ -93,7 +98,7 @@ class Access:
         return crowded
 
     async def identify(self, token: str) -> Principal | Close:
-        """Who has a token; TOKEN when it is not good, FULL when that can't be found out just now."""
+        """Return who holds a token; TOKEN when it is invalid, FULL when it can't be verified now."""
         if self.tokens is None:
             return ANYONE
         try:
@@ -108,30 +113,32 @@ class Access:
         return found
 
     def may_show(self, origin: str | None, host: str | None) -> bool:
-        """Whether a page there may show what is not for everybody."""
+        """Whether a page of this origin may show views that are not open to anyone."""
         return may_show(origin, host, self.origins)
 
     def list_frame_ancestors(self, robot: str) -> tuple[str, ...]:
-        """Pages that may frame a robot, as sources of CSP's `frame-ancestors`; "": any robot."""
+        """Return the pages that may frame a robot, as sources of CSP's `frame-ancestors`; `robot` "": any
+        robot.
+        """
         return self.policy.list_frame_ancestors(robot, self.origins)
 
     def compute_expiry(self, grant: Grant) -> float:
-        """By the core's clock."""
+        """Return when a grant expires, in seconds of the core's clock."""
         return self.live.now() + grant.who.until_s - self.live.unix_s()
 
     def find_dispatcher(self, grant: Grant) -> Dispatcher:
-        """Whose viewers have such a grant."""
+        """Return the dispatcher that serves viewers with this grant: the live or the delayed one."""
         return self.later if grant.delay_s > 0 and self.later is not None else self.live
 
     def find_robot(self, grant: Grant) -> tuple[Robot, Room | None] | None:
-        """The robot as the grant shows it, and the view; None when nothing was heard of it."""
+        """Return the robot as the grant shows it, and the room of its view; None when it was never heard."""
         of = self.find_dispatcher(grant).hub.robots.get(grant.robot)
         if of is None or of.heard_at is None:
             return None
         return of, of.rooms.get(grant.view)
 
     def set_policy(self, policy: Policy) -> None:
-        """From now on. Viewers whose rights are others now are told; those who lost them are let go."""
+        """Replace the policy. Connected viewers get their new rights; those without any are closed."""
         self.policy = policy
         if self.later is not None:
             self._delayed.set_delays(policy.find_delays_s())
@@ -153,7 +160,7 @@ class Access:
                 self._rejudge(viewer, who)
 
     def _rejudge(self, viewer: Viewer, who: Principal | Close) -> None:
-        """A viewer that watches already is judged anew. One that can't be is let go."""
+        """Judge a connected viewer anew. It is closed if that fails."""
         dispatcher = next(
             (dispatcher for dispatcher in self.dispatchers if viewer in dispatcher.hub.viewers), None
         )
@@ -175,7 +182,7 @@ class Access:
             dispatcher.carry_out(dispatcher.hub.replace_grant(viewer, found, dispatcher.now()))
 
     def renew(self, viewer: Viewer, token: str) -> None:
-        """Judge a viewer anew by a token that it has just sent, when it is known whose that is."""
+        """Judge a viewer anew by a token that it has just sent, once the token is verified."""
 
         async def renew() -> None:
             try:
@@ -191,7 +198,7 @@ class Access:
             task.add_done_callback(self._renewals.discard)
 
     async def recheck_accounts(self) -> None:
-        """For ever: accounts of those who watch may have been disabled or signed out meanwhile."""
+        """Check the accounts of connected viewers every RECHECK_S seconds, until cancelled."""
         while True:
             await asyncio.sleep(RECHECK_S)
             try:
@@ -200,7 +207,7 @@ class Access:
                 self.live.report_fault("looking at accounts again", e)
 
     async def recheck_once(self) -> None:
-        """Once. Where it can't be found out, nothing changes."""
+        """Close the viewers whose account is no longer valid. Where it can't be verified, nothing changes."""
         judged: dict[str, Principal | Close] = {}
         for dispatcher in self.dispatchers:
             for viewer in tuple(dispatcher.hub.viewers):
@@ -223,7 +230,7 @@ def open_access(
     origins: Collection[str] = (),
     addresses: Addresses | None = None,
 ) -> Access:
-    """Set up the dispatchers of a process, one for each hub, and who gets what of them."""
+    """Create the dispatchers of a process, one for each hub, and the access control in front of them."""
 
     def renew(viewer: Viewer, token: str) -> None:
         access.renew(viewer, token)  # made below: the two know each other
@@ -238,7 +245,7 @@ def open_access(
 
 
 def _record_for_later(live: Hub, delayed: DelayedHub, later: Dispatcher, stream: Stream) -> None:
-    """Keep a stream as it is now for those who see it later, if anybody does."""
+    """Record the state of a stream for the delayed hub, if it is shown there."""
     robot = live.robots.get(stream.robot)
     token = robot is not None and robot.liveness.token
     if delayed.record_stream(stream, token, later.now()):

@@ -1,4 +1,4 @@
-"""Whose connection it is, and how many streams each address has. A lecture hall may stand behind one."""
+"""Finds a connection's real address and counts the streams of each. A lecture hall may share one address."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ PREFIX_V6 = 64  # one household, one server: as good as one address
 
 
 def parse_networks(text: str) -> tuple[Network, ...]:
-    """`10.0.0.0/8, 127.0.0.1`. ValueError."""
+    """Parse networks like `10.0.0.0/8, 127.0.0.1`. Raises ValueError."""
     return tuple(ipaddress.ip_network(part.strip(), strict=False) for part in text.split(",") if part.strip())
 
 
 def find_real_address(peer: str, forwarded: str | None, trusted: Sequence[Network]) -> str:
-    """The nearest address that no trusted proxy is, from the right of `X-Forwarded-For`; else the peer's own.
+    """Return the last address of `X-Forwarded-For` that is no trusted proxy's; else the peer's own.
 
     Without trusted proxies the header counts for nothing, since anybody may send it.
     """
@@ -46,7 +46,7 @@ def _parse_address(text: str) -> ipaddress.IPv4Address | ipaddress.IPv6Address |
 
 
 class Addresses:
-    """Streams by address, at most so many of each."""
+    """Counts streams by address, and allows at most `most` of each."""
 
     def __init__(self, most: int, trusted: Sequence[Network] = ()) -> None:
         self.most = most
@@ -54,8 +54,9 @@ class Addresses:
         self._open: Counter[str] = Counter()
 
     def enter(self, peer: str, forwarded: str | None) -> str | None:
-        """The address to `leave` by, or None when it has as many as it may. This machine itself may have any:
-        a proxy here of which nobody told must not turn a hall away.
+        """Count a stream and return the address to `leave` with; None when it has as many as it may.
+
+        This machine itself has no limit: all viewers may come through a proxy here that was not configured.
         """
         address = find_real_address(peer, forwarded, self.trusted)
         if address.startswith("127.") or address == OWN_V6:
@@ -66,7 +67,7 @@ class Addresses:
         return address
 
     def leave(self, address: str) -> None:
-        """One is gone."""
+        """Take off one stream of this address."""
         if not address:
             return
         self._open[address] -= 1
@@ -74,5 +75,5 @@ class Addresses:
             del self._open[address]
 
     def __len__(self) -> int:
-        """Addresses with streams."""
+        """How many addresses have streams."""
         return len(self._open)

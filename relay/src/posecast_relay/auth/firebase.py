@@ -1,4 +1,4 @@
-"""Sign-in by Firebase: whether an ID token is good, and of whom. Needs `posecast-relay[firebase]`."""
+"""Verifies the ID tokens of Firebase sign-in. Needs `posecast-relay[firebase]`."""
 
 from __future__ import annotations
 
@@ -14,21 +14,24 @@ class _Nobody(credentials.Base):  # type: ignore[misc]
     """Signatures are checked by public certificates: that takes no rights, and no search for any."""
 
     def get_credential(self) -> AnonymousCredentials:
-        """None to speak of."""
+        """Return anonymous credentials."""
         return AnonymousCredentials()  # type: ignore[no-untyped-call]
 
 
 class Firebase:
-    """Accounts of one project. Its methods block: certificates are fetched now and then."""
+    """The accounts of one Firebase project. Its methods block, since they fetch certificates now and then."""
 
     def __init__(self, project: str, check_revoked: bool) -> None:
-        """`check_revoked` asks Google about the account each time, and takes a service account's rights."""
+        """`check_revoked`: ask Google about the account each time; this needs a service account."""
         known = credentials.ApplicationDefault() if check_revoked else _Nobody()
         self.app = firebase_admin.initialize_app(known, {"projectId": project}, "posecast")
         self._check_revoked = check_revoked
 
     def verify(self, token: str) -> Principal | None:
-        """None when the token is not good. Unverifiable when Google does not answer."""
+        """Return who holds an ID token; None when it is invalid.
+
+        Raises Unverifiable when Google does not answer.
+        """
         try:
             found = auth.verify_id_token(token, self.app, check_revoked=self._check_revoked)
             return Principal(Audience.SIGNED_IN, None, float(found["exp"]), token)

@@ -1,4 +1,4 @@
-"""Which pages may show what is not for everybody. No cookie is ever looked at, so this is a second lock."""
+"""Decides which pages may show views that are not open to anyone. Cookies are never used for that."""
 
 from __future__ import annotations
 
@@ -10,10 +10,12 @@ ORIGIN = re.compile(r"https?://(\[[0-9a-f:]+\]|[A-Za-z0-9._-]+)(:\d{1,5})?")
 
 
 def may_show(origin: str | None, host: str | None, listed: Collection[str]) -> bool:
-    """Whether a page of that `Origin` may. None: no browser asks, and whoever asks has shown a token.
+    """Whether a page of this `Origin` may show what is not open to anyone.
 
-    The relay's own pages may (`Origin` names the very host that was asked), and those that are listed, letter
-    by letter: `https://good.example.evil.example` is neither, nor is `null`.
+    None: no browser, so a token decides.
+
+    The relay's own pages may (their `Origin` is the `host` that was asked), and those of `listed`, compared
+    exactly: `https://good.example.evil.example` is neither, nor is `null`.
     """
     if origin is None:
         return True

@@ -1,4 +1,4 @@
-"""Who has a token, found out without keeping the event loop waiting. Nothing here is ever logged."""
+"""Verifies tokens without blocking the event loop. Nothing here is ever logged."""
 
 from __future__ import annotations
 
@@ -17,29 +17,32 @@ PATIENCE_S = 10.0
 
 
 class Unverifiable(RuntimeError):
-    """Whether a token is good can't be found out just now."""
+    """Raised when a token can't be verified now."""
 
 
 class Accounts(Protocol):
-    """Who signs people in."""
+    """A sign-in service that verifies tokens."""
 
     def verify(self, token: str) -> Principal | None:
-        """May take its time. None when the token is not good. Unverifiable."""
+        """Return who holds a token; None when it is invalid. May block. Raises Unverifiable."""
 
 
 class Tokens:
-    """Share links by the robots' keys, all else by whoever signs people in."""
+    """Verifies share links by the robots' keys, and all other tokens by the sign-in service."""
 
     def __init__(
         self, accounts: Accounts | None = None, link_keys: Mapping[str, str] = MappingProxyType({})
     ) -> None:
-        """`link_keys`: by robot, what its share links are signed with."""
+        """`link_keys`: the keys that sign share links, by robot."""
         self._link_keys = link_keys
         self._accounts = accounts
         self._turn = asyncio.Semaphore(AT_ONCE)
 
     async def identify(self, token: str) -> Principal | None:
-        """None when it is not good. Unverifiable."""
+        """Return who holds a token; None when it is invalid.
+
+        Raises Unverifiable when that can't be found out.
+        """
         if is_link(token) or self._accounts is None:
             return self.identify_link(token)
         if len(token) > TOKEN_MAX:
@@ -51,9 +54,9 @@ class Tokens:
             raise Unverifiable("took too long") from None
 
     def set_link_keys(self, link_keys: Mapping[str, str]) -> None:
-        """From now on. Whoever watches by a link is judged anew by Access."""
+        """Replace the keys of share links. Access then judges the viewers that came by a link anew."""
         self._link_keys = link_keys
 
     def identify_link(self, token: str) -> Principal | None:
-        """At once."""
+        """Return who holds a share link; None when it is invalid. Does not block."""
         return read_link(token, self._link_keys, time.time())

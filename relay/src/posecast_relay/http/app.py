@@ -1,4 +1,4 @@
-"""HTTP: what is on air, the state as plain JSON, models, health, and the page."""
+"""The HTTP routes: the list of robots, their state as JSON, models, health, and the page."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ PREFLIGHT = OPEN | {
 
 
 class AnswerCache:
-    """JSON answers, each made at most once a second however many ask; with an ETag."""
+    """Caches JSON answers with an ETag: each is made at most once a second, however many ask."""
 
     def __init__(self, now: Callable[[], float]) -> None:
         self._now = now
@@ -48,7 +48,7 @@ class AnswerCache:
     def get_answer(
         self, request: Request, name: str, make: Callable[[], bytes], more: dict[str, str]
     ) -> Response:
-        """The answer called `name`, or 304 when the asker has it. `more`: headers."""
+        """Return the answer called `name`, or 304 when the asker has it already. `more`: further headers."""
         now = self._now()
         made = self._made.get(name)
         if made is None or now - made[0] >= FRESH_S:
@@ -71,7 +71,7 @@ class AnswerCache:
 
 
 def make_app(access: Access, models: ModelCache, decoded: DecodeCache, static: Path | None) -> FastAPI:
-    """The relay's HTTP application. WebSocket upgrades never reach it."""
+    """Make the relay's HTTP application. WebSocket upgrades never reach it."""
     # FastAPI's own /docs loads its scripts from another origin; the built page brings them (spa/public/docs)
     app = FastAPI(title="Posecast relay", version="1", docs_url=None, redoc_url=None)
 

@@ -1,4 +1,4 @@
-"""Who asks over HTTP, what of a robot they may see, and which pages may read the answer."""
+"""Identifies who sends an HTTP request, what they may see of a robot, and which pages may read the answer."""
 
 from __future__ import annotations
 
@@ -16,14 +16,20 @@ OPEN = {"access-control-allow-origin": "*"}  # public views: any page may read t
 
 
 async def identify_asker(access: Access, request: Request) -> Principal:
-    """By the `Authorization` header; anyone without one. HTTPException 400, 401, 403, 503."""
+    """Return who asks, by the `Authorization` header; anyone without one.
+
+    Raises HTTPException 400, 401, 403 or 503.
+    """
     applicant = await _identify_applicant(access, request, None, None)
     assert isinstance(applicant.who, Principal)  # else refused
     return applicant.who
 
 
 async def require_grant(access: Access, request: Request, robot: str, view: str | None = None) -> Grant:
-    """HTTPException: the same for a robot that is not here and one that is not for the asker."""
+    """Return what the asker may see of a robot.
+
+    Raises HTTPException; the same one for a robot that does not exist as for one that the asker may not see.
+    """
     decision = access.judge(await _identify_applicant(access, request, robot, view))
     if isinstance(decision, Refusal):
         raise _make_error(decision)
@@ -33,7 +39,7 @@ async def require_grant(access: Access, request: Request, robot: str, view: str 
 async def _identify_applicant(
     access: Access, request: Request, robot: str | None, view: str | None
 ) -> Applicant:
-    """Who asks. HTTPException."""
+    """Return the applicant, with who asks. Raises HTTPException when that alone is a reason to refuse."""
     try:
         refuse_tokens(request.query_params)
     except BadRequest as e:
@@ -60,7 +66,10 @@ def _make_error(refusal: Refusal) -> HTTPException:
 
 
 def make_sharing_headers(request: Request, everybody: bool) -> dict[str, str]:
-    """Headers: any page may read what is for everybody; else the one that was let in, and nothing is kept."""
+    """Make the headers that say which pages may read an answer.
+
+    Any page, when it is open to everybody; else only the page that asked, and caches may not keep it.
+    """
     if everybody:
         return OPEN
     origin = request.headers.get("origin")

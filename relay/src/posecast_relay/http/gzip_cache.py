@@ -1,4 +1,4 @@
-"""Answers that never change, packed with gzip once for all who can unpack them."""
+"""Compresses answers that never change with gzip, once for all who accept it."""
 
 from __future__ import annotations
 
@@ -14,8 +14,9 @@ AT_ONCE = 2  # packed in threads; further ones wait
 
 
 class GzipCache:
-    """Compresses what a ModelMemory keeps, in a thread, and keeps it there as well. Without memory left, all
-    travels as it is.
+    """Compresses what a ModelMemory keeps, in a thread, and keeps the result there too.
+
+    Without memory left, answers are sent uncompressed.
     """
 
     def __init__(self, room: ModelMemory) -> None:
@@ -24,8 +25,10 @@ class GzipCache:
         self._under_way: dict[str, asyncio.Task[int]] = {}
 
     async def pack(self, robot: str, name: str) -> int:
-        """Bytes of `name` in gzip's format, now kept as `packed_name(name)`; 0 where that is not worth it, or
-        not possible just now. `robot` is whose room it takes."""
+        """Compress `name`, keep it as `make_packed_name(name)`, and return its size in bytes.
+
+        0 when it does not get much smaller, or there is no room now. `robot`: whose room it takes.
+        """
         known = cast("bytes | None", self._room.get(make_packed_name(name)))
         if known is not None:
             return len(known)
@@ -52,5 +55,5 @@ class GzipCache:
 
 
 def make_packed_name(name: str) -> str:
-    """What it is kept as."""
+    """Return the name under which the compressed form of `name` is kept."""
     return f"{name}.gz"

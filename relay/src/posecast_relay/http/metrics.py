@@ -1,4 +1,4 @@
-"""Prometheus, on a port of its own: nobody who watches a robot needs to see it."""
+"""Serves Prometheus metrics on a port of their own, since viewers need not see them."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ EVICTIONS = (Close.HALF_OPEN, Close.NO_ACK, Close.EVENTS_FULL)
 
 
 class MirrorStats(Protocol):
-    """Whoever writes a mirror. `written`: its requests, `sent` and `failed`."""
+    """The counters of a mirror. `written`: its requests, by `sent` and `failed`."""
 
     written: Counter[str]
     breaker: Breaker
@@ -35,9 +35,9 @@ class RelayCollector(Collector):
         mirror: MirrorStats | None = None,
         refused: Callable[[], int] = int,
     ) -> None:
-        """`dispatchers`: the live one first, then that of the viewers to whom all is shown with a delay.
+        """`dispatchers`: the live one first, then that of the delayed viewers.
 
-        `refused`: how many publishers were, so far.
+        `refused` returns how many publishers were refused so far.
         """
         self._refused = refused
         self._dispatcher = dispatchers[0]
@@ -46,7 +46,7 @@ class RelayCollector(Collector):
         self._mirror = mirror
 
     def collect(self) -> Iterable[Metric]:
-        """All figures, as they are now."""
+        """Yield all metrics with their present values."""
         hub = self._dispatcher.hub
         everywhere = [robot for each in self._hubs for robot in list(each.robots.values())]
         rooms = [room for robot in everywhere for room in list(robot.rooms.values())]
@@ -161,7 +161,10 @@ def start_metrics(
     mirror: MirrorStats | None = None,
     refused: Callable[[], int] = int,
 ) -> tuple[int, Callable[[], None]]:
-    """Serve on `host`:`port` (0 = any free); returns the real port and how to stop. OSError when in use."""
+    """Serve metrics on `host`:`port` (0 = any free); returns the port and a function that stops it.
+
+    Raises OSError when the port is in use.
+    """
     registry = CollectorRegistry()
     registry.register(RelayCollector(dispatchers, mirror, refused))
     server, thread = start_http_server(port, host, registry)

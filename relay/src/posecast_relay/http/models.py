@@ -1,4 +1,4 @@
-"""A model's file as an HTTP answer: for ever, packed where that helps, and in pieces.
+"""Sends a model's file as an HTTP answer: cacheable for ever, compressed where that helps, and in pieces.
 
 A piece is copied from what is kept when it is its turn. So an answer that nobody reads holds one piece of a
 file, and what is kept can go at any time: then the answer breaks off, and its asker asks anew.
@@ -30,7 +30,7 @@ PACK_UP_TO_BYTES = 4_000_000  # a finest level; packing more would keep its firs
 
 
 class PiecewiseResponse(Response):
-    """What `models` keep under a name."""
+    """An answer that sends what `models` keep under a name, piece by piece."""
 
     def __init__(
         self, models: ModelCache, name: str, size: int, type_: str, headers: Mapping[str, str]
@@ -41,7 +41,7 @@ class PiecewiseResponse(Response):
         self._size = size
 
     async def __call__(self, scope: Scope, _receive: Receive, send: Send) -> None:
-        """As ASGI has it. BrokenOff when it is no longer kept."""
+        """Send the answer, as ASGI defines. Raises AnswerAborted when the file is no longer kept."""
         await send({"type": "http.response.start", "status": self.status_code, "headers": self.raw_headers})
         if scope["method"] == "HEAD" or not self._size:
             await send({"type": "http.response.body", "body": b""})
@@ -59,7 +59,7 @@ class PiecewiseResponse(Response):
 async def make_model_answer(
     request: Request, models: ModelCache, packed: GzipCache, robot: str, found: ModelFile
 ) -> Response:
-    """304 if the asker has it."""
+    """Make the answer for a model's file; 304 if the asker has it already."""
     name, type_, size = found
     headers = MODEL_HEADERS | {"etag": f'"{name}"', "vary": "accept-encoding"}
     if headers["etag"] in request.headers.get("if-none-match", ""):

@@ -1,4 +1,4 @@
-"""The newest state as plain JSON, for curl, notebooks and students. Decoded only when somebody asks."""
+"""The newest state as plain JSON, for scripts and notebooks. Decoded only when somebody asks."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ DECODE_S = 0.1  # at most ten times a second, however many ask
 
 
 class _Known(NamedTuple):
-    """A frame as it was when it was decoded."""
+    """A decoded frame, as JSON, with its age at that time."""
 
     at: float
     age_s: float
@@ -34,7 +34,10 @@ class StateReader:
         self._known: WeakKeyDictionary[Stream, dict[float, _Known]] = WeakKeyDictionary()
 
     def read(self, robot: Robot, room: Room, hz: float) -> bytes:
-        """The JSON text. The stream has a newest frame."""
+        """Return a room's newest state as JSON; `hz`: how often it may be decoded.
+
+        There must be a newest frame.
+        """
         now, stream = self._now(), room.stream
         every_s = max(DECODE_S, 1 / hz)
         of_stream = self._known.setdefault(stream, {})  # by rate: as many as a policy names
@@ -57,14 +60,14 @@ class StateReader:
 
 
 def _encode_frame(frame: Frame) -> bytes:
-    """Of a frame, after the document's other members: made once, however many ask."""
+    """Encode a frame as the last members of the JSON document."""
     return (
         b"," + json_bytes({"seq": frame.seq, "t": round(frame.t_s, 6), "fields": _read_fields(frame)})[1:-1]
     )
 
 
 def _read_fields(frame: Frame) -> dict[str, Any]:
-    """Values by field and label; a field of bits as the names of those set."""
+    """Return the values by field and label; of a field of bits, the names of those that are set."""
     found: dict[str, Any] = {}
     for field in frame.schema.fields:
         codes = frame.codes[field.start : field.start + field.size]

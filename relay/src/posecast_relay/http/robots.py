@@ -1,4 +1,4 @@
-"""What is on air, as JSON documents: of each robot what the asker may see."""
+"""JSON documents about robots. Each shows only what the asker may see."""
 
 from __future__ import annotations
 
@@ -15,7 +15,9 @@ VEILED = {"age_ms": None, "seq": None, "hz": None, "model": None}
 
 
 def make_robots_document(access: Access, who: Principal, now: float) -> bytes:
-    """JSON: every robot whose edge has been heard, here or by those who fill the store, by name."""
+    """Return the list of robots as JSON: all whose edge was heard, here or by the processes that fill the
+    store.
+    """
     told = access.live.store.list_robots()
     if told is None:
         names = [robot.name for robot in access.live.hub.robots.values() if robot.heard_at is not None]
@@ -33,7 +35,10 @@ def make_robots_document(access: Access, who: Principal, now: float) -> bytes:
 
 
 def _find_summary(access: Access, grant: Grant, doc: dict[str, Any], now: float) -> dict[str, Any] | None:
-    """In a line, as this asker may see it. `doc`: what another process says of the public view, undelayed."""
+    """Return one robot's entry for this asker.
+
+    `doc`: the public view without delay, as another process saw it.
+    """
     if "status" in doc and grant.delay_s == 0:
         return doc if grant.view == PUBLIC else doc | VEILED | {"name": grant.robot}
     found = access.find_robot(grant)
@@ -41,7 +46,7 @@ def _find_summary(access: Access, grant: Grant, doc: dict[str, Any], now: float)
 
 
 def make_robot_document(access: Access, grant: Grant, robot: Robot, room: Room | None, now: float) -> bytes:
-    """JSON: one robot with the schema and info of the view that the asker may see."""
+    """Return one robot as JSON, with the schema and info of the view that the asker may see."""
     stream = room.stream if room else None
     schema = stream.schema if stream else None
     document = make_robot_summary(robot, room, now) | {
@@ -57,7 +62,7 @@ def make_robot_document(access: Access, grant: Grant, robot: Robot, room: Room |
 
 
 def make_robot_summary(robot: Robot, room: Room | None, now: float) -> dict[str, Any]:
-    """One robot in a line, as one of its views shows it."""
+    """Return one robot's entry in the list, by one of its views."""
     stream = room.stream if room else None
     age_s = stream.compute_age_s(now) if stream else None
     interval_s = stream.cadence.interval_s if stream else 0.0
@@ -74,6 +79,6 @@ def make_robot_summary(robot: Robot, room: Room | None, now: float) -> dict[str,
 
 
 def _count_viewers(access: Access, robot: str) -> int:
-    """Over all processes."""
+    """Return a robot's viewers over all processes."""
     here = [of for dispatcher in access.dispatchers if (of := dispatcher.hub.robots.get(robot)) is not None]
     return sum(of.count_viewers() for of in here) + access.live.store.count_viewers_elsewhere(robot)

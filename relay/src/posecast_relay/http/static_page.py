@@ -1,4 +1,4 @@
-"""The built page, served from memory: a thousand who open it at once wait for no disk and no thread."""
+"""Serves the built page from memory, so that a thousand requests at once wait for no disk and no thread."""
 
 from __future__ import annotations
 
@@ -36,14 +36,14 @@ POLICY = re.compile(r'(?i)<meta\s+http-equiv="content-security-policy"\s+content
 
 
 class _Kept:
-    """Files' bytes, as long as the disk says that they are the same."""
+    """Keeps files in memory until they change on disk."""
 
     def __init__(self) -> None:
         self._files: dict[str, tuple[int, int, bytes]] = {}
         self._bytes = 0
 
     def read(self, path: str, found: os.stat_result) -> bytes:
-        """Its bytes now. OSError."""
+        """Return a file's bytes. Raises OSError."""
         known = self._files.get(path)
         if known is not None and known[:2] == (found.st_mtime_ns, found.st_size):
             return known[2]
@@ -59,7 +59,10 @@ class _Kept:
 
 
 def read_content_policy(page: Path) -> str | None:
-    """What a page says it may load; None: nothing. As a header it binds the page's workers as well."""
+    """Return a page's content security policy; None when it has none.
+
+    As a header it binds its workers too.
+    """
     try:
         return _read_policy(page, page.stat().st_mtime_ns)
     except OSError:  # it is just being built anew
@@ -73,26 +76,29 @@ def _read_policy(page: Path, _mtime_ns: int) -> str | None:
 
 
 class _Shared(Response):
-    """The same bytes for all who ask: one that is not read holds nothing of its own."""
+    """An answer whose bytes all askers share, so that one that is not read takes no memory of its own."""
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """As ASGI has it."""
+        """Send the answer, as ASGI defines, marked as shared."""
         scope["shared"] = True
         await super().__call__(scope, receive, send)
 
 
 class Page(StaticFiles):
-    """The built page. Its index is asked for anew each time; files with a hash in their name never are."""
+    """The built page. Browsers ask for its index each time, and for files with a hash in their name once."""
 
     def __init__(self, folder: Path, frame_ancestors: Callable[[str], Sequence[str]]) -> None:
-        """`frame_ancestors` of a robot, "" for any: see Policy."""
+        """`frame_ancestors` returns the pages that may frame a robot ("": any robot); see Policy."""
         super().__init__(directory=folder, html=True)
         self._index = folder / "index.html"
         self._frame_ancestors = frame_ancestors
         self._kept = _Kept()
 
     async def get_response(self, path: str, scope: Scope) -> Response:
-        """A frame's page is the same file for every robot, with the robot's own header."""
+        """Return a file.
+
+        The page for frames is the same for every robot, with a header of the robot's own.
+        """
         framed = EMBED.fullmatch(scope["path"])
         if framed is None:
             return self._answer(path, scope)
@@ -125,7 +131,7 @@ class Page(StaticFiles):
     def file_response(
         self, full_path: Any, stat_result: os.stat_result, scope: Scope, status_code: int = 200
     ) -> Response:
-        """With the right cache header; packed where the build packed it and the browser can unpack."""
+        """Return a file with cache headers; compressed where the build did so and the browser accepts it."""
         packed = f"{full_path}.gz"
         unpacks = "gzip" in Headers(scope=scope).get("accept-encoding", "") and os.path.isfile(packed)
         served, found = (packed, os.stat(packed)) if unpacks else (full_path, stat_result)
