@@ -1,4 +1,7 @@
-"""What a state store is. The core's own memory always holds the newest state; a store shows it to others."""
+"""The state store's interface.
+
+The newest state is always in the core; a store shares it with other processes.
+"""
 
 from __future__ import annotations
 
@@ -9,19 +12,24 @@ from posecast_relay.core.state.stream import Stream
 
 
 class StateStore(Protocol):
-    """Never on the fan-out path: `keep` returns at once, whatever the store is doing."""
+    """A state store.
+
+    `keep` returns at once, whatever the store is doing, so that viewers never wait for it.
+    """
 
     def keep(self, stream: Stream) -> None:
-        """This stream has changed. The store writes the newest it finds there when it gets to it."""
+        """Note that a stream has changed. The store writes its newest state later."""
 
     def find_trouble(self) -> str | None:
-        """One line about what is wrong, None when all is well."""
+        """Return one line about what is wrong; None when all is well."""
 
     def get_exchanges(self) -> tuple[Histogram, int] | None:
-        """How long those with a server took, and how often it was lost; None where there is no server."""
+        """Return how long exchanges with the server took and how often it was lost; None without one."""
 
     def list_robots(self) -> list[dict[str, Any]] | None:
-        """The robots on air as others tell of them; None where this process hears them itself."""
+        """Return the robots that other processes hear, as documents; None where this process hears them
+        itself.
+        """
 
     def count_viewers_elsewhere(self, robot: str) -> int:
-        """How many watch it at other processes."""
+        """Return how many viewers a robot has at other processes."""

@@ -1,4 +1,4 @@
-"""`memory://`: nobody outside this process asks, so the core's memory is all the store there is."""
+"""The store `memory://`: it does nothing, since no other process needs the state."""
 
 from __future__ import annotations
 
@@ -9,23 +9,23 @@ from posecast_relay.core.state.stream import Stream
 
 
 class MemoryStore:
-    """Keeps nothing of its own."""
+    """A state store for a single process. It keeps nothing of its own."""
 
     def keep(self, stream: Stream) -> None:
-        """The stream holds its newest state already."""
+        """Do nothing: the stream holds its newest state itself."""
 
     def find_trouble(self) -> str | None:
-        """Memory does not fail by itself."""
+        """Return None: nothing can fail here."""
         return None
 
     def get_exchanges(self) -> tuple[Histogram, int] | None:
-        """There are none."""
+        """Return None: there is no server."""
         return None
 
     def list_robots(self) -> list[dict[str, Any]] | None:
-        """The core knows them."""
+        """Return None: this process hears all robots itself."""
         return None
 
     def count_viewers_elsewhere(self, robot: str) -> int:  # noqa: ARG002
-        """There is no elsewhere."""
+        """Return 0: there are no other processes."""
         return 0

@@ -110,11 +110,11 @@ class RedisClient:
             self._scripts[text] = await self.call(self.client.script_load(text))
 
     def forget_failures(self) -> None:
-        """Redis has been asked something and has answered as it should: failures are news again."""
+        """Note that Redis works again, so that every kind of failure is reported once more."""
         self._told.clear()
 
     def describe_new_failure(self, error: BaseException) -> str | None:
-        """Why it failed, if it has not for such a reason since it worked."""
+        """Return why it failed; None when such a failure was reported already since Redis last worked."""
         kind = name_error(error)
         if kind in self._told:
             return None
@@ -132,14 +132,14 @@ class RedisClient:
             self.client = self._open(self._url)
 
     async def close(self) -> None:
-        """Let go."""
+        """Close all connections."""
         try:
             await self.call(self.client.aclose())
         except REDIS_ERRORS:
             return
 
     async def call(self, asked: Awaitable[T]) -> T:
-        """One exchange, within TIMEOUT_S."""
+        """Wait for one exchange, at most TIMEOUT_S seconds."""
         began = time.monotonic()
         try:
             async with asyncio.timeout(TIMEOUT_S):  # wait_for may swallow a cancellation
@@ -150,7 +150,7 @@ class RedisClient:
             self.seconds.add(time.monotonic() - began)
 
     async def run(self, script: str, keys: Sequence[str], *args: bytes | str | int | float) -> Any:
-        """A script that `connect` was given."""
+        """Run a script that `connect` was given, and return its result."""
         try:
             return await self.call(self.client.evalsha(self._scripts[script], len(keys), *keys, *args))
         except NoScriptError:  # Redis was restarted, or rid of its scripts
@@ -158,9 +158,9 @@ class RedisClient:
             return await self.call(self.client.evalsha(self._scripts[script], len(keys), *keys, *args))
 
     async def run_all(self, calls: Sequence[Call]) -> list[Any]:
-        """Several scripts with their keys and arguments, BATCH to an exchange, and what each one returned.
+        """Run several scripts with their keys and arguments, BATCH to an exchange, and return their results.
 
-        A call that Redis refuses has its ResponseError in its place; what concerns them all is raised.
+        The result of a call that Redis refuses is its ResponseError; an error of all of them is raised.
         """
         results: list[Any] = []
         for at in range(0, len(calls), BATCH):
@@ -184,13 +184,18 @@ class RedisClient:
         return answers
 
     async def read_all(self, ask: Callable[[Any], None]) -> list[Any]:
-        """What Redis answers to the commands that `ask` gives a pipeline, in one exchange; errors too."""
+        """Send the commands that `ask` adds to a pipeline, in one exchange, and return the answers, errors
+        too.
+        """
         pipe = self.client.pipeline(transaction=False)
         ask(pipe)
         return _check_results(await self.call(pipe.execute(raise_on_error=False)))
 
     def open_listener(self, robot: str) -> tuple[tuple[str, int], Any]:
-        """Where this robot's channel lives, and a client for that server alone. Cluster: `connect` first."""
+        """Return the server of a robot's channel, and a client for it.
+
+        In a cluster, `connect` comes first.
+        """
         if not self.is_cluster:
             return ("", 0), self.client
         node = self.client.get_node_from_key(channel(robot))
@@ -210,7 +215,7 @@ def _check_results(results: list[Any]) -> list[Any]:
 
 
 async def cancel_tasks(*tasks: asyncio.Task[None] | None) -> None:
-    """Cancel tasks, and wait for their end for a moment only."""
+    """Cancel tasks and wait for their end, at most twice TIMEOUT_S seconds."""
     going = {task for task in tasks if task is not None and not task.done()}
     for task in going:
         task.cancel()
@@ -219,5 +224,5 @@ async def cancel_tasks(*tasks: asyncio.Task[None] | None) -> None:
 
 
 def name_error(error: BaseException) -> str:
-    """What went wrong, for everybody: no addresses."""
+    """Name an error for public answers, without addresses."""
     return f"redis: {type(error).__name__}"

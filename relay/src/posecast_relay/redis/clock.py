@@ -1,4 +1,4 @@
-"""Redis's clock by this process's: all that share a Redis can so tell how long ago another wrote something.
+"""Estimates Redis's clock, so that processes can tell how long ago another one wrote something.
 
 Hosts' clocks differ, and each process's own begins anywhere. Every exchange in which Redis says its time
 bounds the difference from both sides; the narrowest bounds hold until an exchange contradicts them, because
@@ -12,7 +12,10 @@ DRIFT = 1e-4  # two clocks part by up to 100 ppm
 
 
 class RedisClock:
-    """All times in seconds; `now`, `asked_at` and `answered_at` are this process's clock."""
+    """Estimates Redis's clock.
+
+    Times are in seconds; `now`, `asked_at`, `answered_at` of this process's clock.
+    """
 
     def __init__(self) -> None:
         self._least = float("-inf")  # of Redis's clock less this process's
@@ -20,7 +23,7 @@ class RedisClock:
         self._seen_at = 0.0
 
     def record_time(self, redis_s: float, asked_at: float, answered_at: float) -> None:
-        """Redis said its time between these two moments."""
+        """Note the time that Redis gave between these two moments."""
         least, most = redis_s - answered_at, redis_s - asked_at
         parted = DRIFT * max(0.0, answered_at - self._seen_at)
         narrow = max(least, self._least - parted), min(most, self._most + parted)
@@ -28,13 +31,15 @@ class RedisClock:
         self._seen_at = answered_at
 
     def estimate_time(self, now: float) -> float | None:
-        """Redis's time; None before it was ever seen."""
+        """Return Redis's time at `now`; None before any exchange."""
         if self._most == float("inf"):
             return None
         return now + (self._least + self._most) / 2
 
     def compute_elapsed(self, sent_s: float | None, now: float) -> float | None:
-        """How long ago something was written that carries this time; None when nobody knows."""
+        """Return how many seconds before `now` something was sent at Redis's time `sent_s`; None when
+        unknown.
+        """
         redis_s = self.estimate_time(now)
         if redis_s is None or sent_s is None:
             return None

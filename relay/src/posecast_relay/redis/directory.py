@@ -65,7 +65,7 @@ for name, limit_s in {"{forget}": FORGET_S, "{fresh}": FRESH_S, "{ingest}": INGE
 
 
 class RedisDirectory:
-    """What stood there at the last exchange, and when. `now` is the process's clock."""
+    """The directory as of the last exchange. `now` is this process's clock, in seconds."""
 
     def __init__(self, link: RedisClient, now: Callable[[], float]) -> None:
         self.id = secrets.token_hex(6)
@@ -79,11 +79,11 @@ class RedisDirectory:
         self._elsewhere: dict[str, int] = {}
 
     def count_viewers_elsewhere(self, robot: str) -> int:
-        """How many watch it at other processes."""
+        """Return how many viewers a robot has at other processes."""
         return self._elsewhere.get(robot, 0)
 
     def list_documents(self) -> list[dict[str, Any]]:
-        """The robots on air by name, aged to now; one that nobody hears any more is offline."""
+        """Return the robots by name, with ages as of now. One that no process hears any more is offline."""
         documents = []
         for robot, doc in sorted(self.robots.items()):
             age_s = self.ages_s[robot] + max(0.0, self._now() - self.read_at)
@@ -98,7 +98,9 @@ class RedisDirectory:
     async def exchange(
         self, viewers: Mapping[str, int], heard: Mapping[str, Mapping[str, Any]] | None
     ) -> None:
-        """Write this process's viewers and the robots it hears (None: it hears none); read the whole."""
+        """Write this process's viewers and the robots that it hears (None: it hears none); read all the
+        others.
+        """
         args: list[str] = [self.id, "0" if heard is None else "1", _compact(viewers)]
         for robot, doc in (heard or {}).items():
             args += [robot, _compact(doc)]
@@ -131,7 +133,7 @@ def _rows(flat: list[bytes]) -> Iterator[tuple[str, float, dict[str, Any]]]:
 
 
 def _is_summary(robot: str, doc: Mapping[str, Any]) -> bool:
-    """Whether it reads as what `robot_summary` writes."""
+    """Whether it has the form that `make_robot_summary` writes."""
     age_ms = doc.get("age_ms")
     aged = age_ms is None or (type(age_ms) is int and 0 <= age_ms < 1 << 53)
     return aged and doc.get("robot") == robot and doc.get("status") in ("online", "silent", "offline")

@@ -1,4 +1,4 @@
-"""Whether a host's name can be found at present, asked where nobody has to wait for the answer.
+"""Looks up a host's name in a thread, so that nothing else has to wait for the answer.
 
 A resolver that does not answer holds its caller for half a minute. The event loop's own lookups would pile up
 behind it, and keep the process from ending as long.
@@ -13,14 +13,17 @@ import threading
 
 
 class HostLookup:
-    """Looks up one host's name; one thread asks at a time, and the process may end without it."""
+    """Looks up one host's name, in one thread at a time that does not keep the process from ending."""
 
     def __init__(self, host: str) -> None:
         self._host = host
         self._under_way: asyncio.Future[None] | None = None
 
     async def find(self) -> None:
-        """Returns once the name is found. OSError when it is not. Who waits may give up at any time."""
+        """Return once the name is found.
+
+        Raises OSError when it is not. Waiting may be cancelled at any time.
+        """
         if self._under_way is None:
             self._under_way = asyncio.get_running_loop().create_future()
             threading.Thread(target=self._ask, args=(self._under_way,), daemon=True, name="lookup").start()

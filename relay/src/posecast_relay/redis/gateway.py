@@ -1,6 +1,7 @@
-"""The gateway's side of Redis: what other processes hear of robots, fed to the core by the calls that an
-edge's own messages take. Subscribe, then read: joining leaves no gap. Only robots that somebody watches are
-listened for.
+"""The gateway's side of Redis: passes what other processes hear of robots to the core, as if from an edge.
+
+A robot is subscribed to first and read then, so nothing is missed between. Only robots with viewers are
+subscribed to.
 """
 
 from __future__ import annotations
@@ -52,14 +53,14 @@ class _Watched:
 
 
 class RedisGateway:
-    """A store for the dispatcher (nothing is kept) and the RobotSource of everything it hands out."""
+    """A gateway's StateStore, which keeps nothing, and its RobotSource, which feeds the hub from Redis."""
 
     _dispatcher: Dispatcher  # from `start` on
 
     def __init__(
         self, url: str, hub: Hub, now: Callable[[], float], pinned: Callable[[], Iterable[str]] = tuple
     ) -> None:
-        """`pinned`: robots that are listened for, whoever watches."""
+        """`pinned` returns the robots that are subscribed to even without viewers."""
         self.link = RedisClient(url)
         self.directory = RedisDirectory(self.link, now)
         self.failures = 0
@@ -83,32 +84,32 @@ class RedisGateway:
     # ---- a store ----------------------------------------------------------
 
     def keep(self, stream: Stream) -> None:
-        """Redis has it already."""
+        """Do nothing: Redis has the state already."""
 
     def find_trouble(self) -> str | None:
-        """What is wrong with Redis, if anything."""
+        """Return what is wrong with Redis; None when all is well."""
         return self._trouble
 
     def get_exchanges(self) -> tuple[Histogram, int] | None:
-        """With Redis."""
+        """Return how long exchanges with Redis took, and how often it was lost."""
         return self.link.seconds, self.losses
 
     def list_robots(self) -> list[dict[str, Any]] | None:
-        """As the directory says."""
+        """Return the robots of the directory, as documents."""
         return self.directory.list_documents()
 
     def count_viewers_elsewhere(self, robot: str) -> int:
-        """As the directory says; none while Redis is gone."""
+        """Return how many viewers a robot has at other processes; 0 while Redis is away."""
         return 0 if self._trouble else self.directory.count_viewers_elsewhere(robot)
 
     async def start(self, dispatcher: Dispatcher) -> None:
-        """Begin to listen, for the dispatcher's hub; Redis may come later."""
+        """Begin to feed the dispatcher's hub. Redis need not be there yet."""
         self._dispatcher = dispatcher
         dispatcher.carry_out(self._said.mark_disconnected(self._now()))
         self._task = asyncio.create_task(self._work(), name="redis gateway")
 
     async def stop(self) -> None:
-        """Let go."""
+        """Stop the tasks and close all connections."""
         await cancel_tasks(self._task, self._reader)
         await self._subscriber.close()
         await self.link.close()
@@ -232,7 +233,7 @@ class RedisGateway:
     # ---- robots wanted ------------------------------------------------------
 
     def subscribe(self, robot: str) -> None:
-        """The first viewer of a robot came."""
+        """Listen for a robot from now on."""
         watched = self._watched.get(robot)
         if watched is not None:
             watched.wanted_at = self._now()
@@ -253,7 +254,7 @@ class RedisGateway:
             await asyncio.wait_for(self._watched[robot].opened.wait(), OPEN_S)
 
     def request_snapshots(self, robot: str, views: Sequence[str]) -> None:  # noqa: ARG002 — all are read
-        """The core lacks something."""
+        """Read the state of a robot from Redis soon."""
         self._unread[robot] = None
         self._asked.set()
 

@@ -35,7 +35,7 @@ SHA256 = re.compile("[0-9a-f]{64}")
 
 
 def pack(said: StreamUpdate | Presence) -> bytes:
-    """One line of JSON; of an update, the frames after it."""
+    """Encode a message of a robot's channel: a line of JSON, and after it the frames of an update."""
     if isinstance(said, Presence):
         return STANDING + dump(
             {
@@ -107,7 +107,7 @@ def unpack_events(data: bytes) -> tuple[str, ...]:
 
 
 def dump(doc: object) -> bytes:
-    """As JSON. Raises ValueError for what is JSON in Python only: 1e999, half a surrogate pair."""
+    """Encode as JSON. Raises ValueError for what is no valid JSON: 1e999, half a surrogate pair."""
     try:
         return json.dumps(doc, separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode()
     except RecursionError:

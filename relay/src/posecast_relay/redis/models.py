@@ -1,4 +1,4 @@
-"""Models in Redis: put there by who hears the robot, read there by gateways, which keep nothing on disk."""
+"""Models in Redis: written by the process that hears the robot, read by gateways."""
 
 from __future__ import annotations
 
@@ -19,22 +19,22 @@ MANIFEST = "manifest"
 
 
 class RedisModels:
-    """A ModelSource for gateways."""
+    """A gateway's ModelSource: it reads models from Redis."""
 
     def __init__(self, link: RedisClient, hub: Hub) -> None:
         self._link = link
         self._hub = hub
 
     def offers(self, robot: str, digest: str) -> bool:  # noqa: ARG002
-        """Redis knows; the robot need not be watched here."""
+        """Return True: only Redis knows, since the robot may not be listened for here."""
         return True
 
     async def manifest(self, robot: str, digest: str) -> bytes:
-        """Its bytes. Absent, Unavailable."""
+        """Return a model's manifest. Raises Absent or Unavailable."""
         return await self._field(robot, digest, MANIFEST)
 
     async def read(self, robot: str, digest: str, sha256: str, off: int, size: int) -> bytes:  # noqa: ARG002
-        """A range as it was put there. Absent, Unavailable."""
+        """Return the range of a file that begins at `off`. Raises Absent or Unavailable."""
         return await self._field(robot, digest, f"{sha256}:{off}")
 
     async def _field(self, robot: str, digest: str, field: str) -> bytes:
@@ -53,8 +53,9 @@ class RedisModels:
 
 
 class ModelUploader:
-    """Carries every model that robots announce from their edges to Redis: those of one robot one after the
-    other, and no robot waits for another's edge.
+    """Copies every model that robots announce from their edges to Redis.
+
+    The models of one robot are copied one after the other; robots do not wait for each other.
     """
 
     def __init__(self, link: RedisClient, hub: Hub, models: ModelCache) -> None:
@@ -65,11 +66,11 @@ class ModelUploader:
         self._carrying: dict[str, asyncio.Task[None]] = {}  # by robot
 
     def start(self) -> None:
-        """Begin."""
+        """Start copying."""
         self._task = asyncio.create_task(self._work(), name="models to redis")
 
     async def stop(self) -> None:
-        """Leave it as it is."""
+        """Stop copying, also in the middle of a model."""
         await cancel_tasks(self._task)
         for task in list(self._carrying.values()):
             await cancel_tasks(task)

@@ -65,7 +65,7 @@ class _Turn(NamedTuple):
 
 
 class RedisStore:
-    """See the module. `describe` gives a robot's document for the directory."""
+    """Writes all streams to Redis. `describe` returns a robot's document for the directory."""
 
     def __init__(
         self, url: str, hub: Hub, now: Callable[[], float], describe: Callable[[Robot], dict[str, Any]]
@@ -92,32 +92,32 @@ class RedisStore:
         self._task: asyncio.Task[None] | None = None
 
     def keep(self, stream: Stream) -> None:
-        """Put the stream on the list; returns at once."""
+        """Note that a stream has to be written; returns at once."""
         self._dirty[stream] = None
         self._wake.set()
 
     def find_trouble(self) -> str | None:
-        """What is wrong with Redis, if anything."""
+        """Return what is wrong with Redis; None when all is well."""
         return self._trouble
 
     def get_exchanges(self) -> tuple[Histogram, int] | None:
-        """With Redis."""
+        """Return how long exchanges with Redis took, and how often it was lost."""
         return self.link.seconds, self.losses
 
     def list_robots(self) -> list[dict[str, Any]] | None:
-        """The core hears them."""
+        """Return None: this process hears the robots itself."""
         return None
 
     def count_viewers_elsewhere(self, robot: str) -> int:
-        """As the directory says; none while Redis is gone."""
+        """Return how many viewers a robot has at other processes; 0 while Redis is away."""
         return 0 if self._trouble else self.directory.count_viewers_elsewhere(robot)
 
     async def start(self) -> None:
-        """Start the writing task; Redis may come later."""
+        """Start the writing task. Redis need not be there yet."""
         self._task = asyncio.create_task(self._work(), name="redis")
 
     async def stop(self) -> None:
-        """One last round, then let go."""
+        """Write once more what has changed, then close all connections."""
         await cancel_tasks(self._task)
         with contextlib.suppress(Exception):  # it was worth a try
             async with asyncio.timeout(STOP_S):

@@ -37,7 +37,7 @@ class RedisSubscriber:
         self._leaving: Counter[str] = Counter()  # robots whose unsubscription has not been confirmed
 
     async def subscribe(self, *robots: str) -> None:
-        """When this returns nothing said from now on is missed. REDIS_ERRORS."""
+        """Subscribe to robots. Once this returns, no later message is missed. Raises REDIS_ERRORS."""
         async with self._asking:  # who comes first opens a server's one connection
             asked = [robot for robot in robots if await self._guarded(robot)]
         await self._link.call(asyncio.gather(*(self._confirmed[robot] for robot in asked)))

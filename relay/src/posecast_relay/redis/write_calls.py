@@ -1,4 +1,4 @@
-"""What a process that hears a robot writes into Redis: calls of the guard's scripts."""
+"""Makes the script calls by which a process that hears a robot writes to Redis."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from posecast_relay.redis.messages import dump, pack, unpack
 
 
 class Written(NamedTuple):
-    """What of a stream stands in Redis."""
+    """The part of a stream's state that is in Redis."""
 
     generation: int
     key: StoredFrame
@@ -35,9 +35,9 @@ class Written(NamedTuple):
 def make_state_call(
     stream: Stream, before: Written | None, generation: int, writer: str, now: float, sent_s: float | None
 ) -> tuple[Written, Call]:
-    """Write a stream's newest state, and tell its channel what others lack; what will stand there then.
+    """Make the call that writes a stream's newest state and publishes what changed; also returns that state.
 
-    `before`: what stands there of this process's; None: write it whole. `writer` names the process; `sent_s`
+    `before`: what this process wrote last; None: write it whole. `writer` names the process; `sent_s`
     is Redis's clock.
     """
     key, newest, ref = stream.key, stream.newest, stream.ref
@@ -83,7 +83,10 @@ def make_state_call(
 def make_presence_call(
     robot: Robot, generation: int, written: Iterable[str], now: float, sent_s: float | None
 ) -> Call:
-    """Tell how a robot is. `written`: the views whose states are to be in Redis."""
+    """Make the call that publishes a robot's presence.
+
+    `written`: the views whose states should be in Redis.
+    """
     ages_s: dict[str, float | None] = {}
     newest: dict[str, tuple[int, int]] = {}
     for view, room in robot.rooms.items():
@@ -98,7 +101,7 @@ def make_presence_call(
 
 
 def gives_way(told: object, has_token: bool) -> bool:
-    """Whether this standing is of a relay that hears so little of the robot that another one comes first.
+    """Whether this presence is of a relay that hears so little of the robot that another one takes over.
 
     It has heard no frame for long, or sees no edge of the robot while the other one does (`has_token`).
     """
