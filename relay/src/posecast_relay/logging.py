@@ -40,7 +40,7 @@ def visible(text: str, most: int = NAME_MAX) -> str:
 
 
 def describe_error(error: BaseException) -> str:
-    """An error in one line: its type, its message, and the place of ours that it went through last."""
+    """Describe an error in one line: its type, its message, and the last place in our code."""
     places = [(f.f_code.co_filename, line) for f, line in traceback.walk_tb(error.__traceback__)]
     ours = [place for place in places if OURS in place[0]]
     where = "".join(f" ({path.rpartition('/')[2]}:{line})" for path, line in (ours or places)[-1:])
@@ -135,7 +135,7 @@ class _Stderr(logging.StreamHandler[Any]):
 
 
 def start_logging(level: str) -> None:
-    """To stderr, from `level` on; what fails in threads and callbacks of libraries goes there, too."""
+    """Log to stderr from `level` on, including errors in threads and in callbacks of libraries."""
     handler = _Stderr()
     handler.setFormatter(_Plain() if sys.stderr.isatty() else JsonLines())
     logging.basicConfig(level=level.upper(), handlers=[handler])

@@ -1,4 +1,4 @@
-"""Where one connection ends and the next begins: what a callback raises ends its own connection, by name."""
+"""Confines errors to one connection: what a callback raises ends that connection and no other."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ class Bounded(Protocol):
     """A connection that ends by itself when something in it fails."""
 
     def end_after_fault(self, error: Exception) -> None:
-        """Say so where that is still possible, count it, and end. Raises nothing."""
+        """Report and count the error, tell the other side if still possible, and end. Raises nothing."""
 
 
 B = TypeVar("B", bound=Bounded)
 
 
 def isolated(callback: Callable[Concatenate[B, P], R]) -> Callable[Concatenate[B, P], R | None]:
-    """A callback of a connection: nothing that it raises reaches its caller, which serves others as well."""
+    """Wrap a callback of a connection, so that what it raises ends the connection and not its caller."""
 
     @wraps(callback)
     def call(self: B, /, *args: P.args, **kwargs: P.kwargs) -> R | None:
@@ -39,7 +39,7 @@ def isolated(callback: Callable[Concatenate[B, P], R]) -> Callable[Concatenate[B
 def isolated_task(
     work: Callable[Concatenate[B, P], Coroutine[Any, Any, R]],
 ) -> Callable[Concatenate[B, P], Coroutine[Any, Any, R | None]]:
-    """The same for what a connection does in a task of its own, whose errors nobody would hear of."""
+    """Wrap a coroutine of a connection likewise, since errors of its task would go unnoticed."""
 
     @wraps(work)
     async def call(self: B, /, *args: P.args, **kwargs: P.kwargs) -> R | None:

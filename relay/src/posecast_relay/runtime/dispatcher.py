@@ -1,4 +1,4 @@
-"""Between the core and the world: carries out what the core decides, and calls it when its time has come."""
+"""Connects the core with sockets and clocks: carries out its actions, and calls it when it is due."""
 
 from __future__ import annotations
 
@@ -46,29 +46,29 @@ def _log_ended(viewer: Viewer, close: Close, reason: str) -> None:
 
 
 class RobotSource(Protocol):
-    """Where robots are heard: edges themselves, or other relays. It feeds the hub by the dispatcher."""
+    """Where robots are heard: from edges themselves, or by other relays. It feeds the dispatcher's hub."""
 
     def request_snapshots(self, robot: str, views: Sequence[str]) -> None:
-        """Ask for the snapshots of these views; the answers come in as everything does."""
+        """Ask for the snapshots of these views. The answers go to the hub like all messages."""
 
     def subscribe(self, robot: str) -> None:
-        """A robot has its first viewer: listen for it, where robots are listened for one by one."""
+        """Listen for a robot that has its first viewer, where each robot is listened for separately."""
 
     async def open(self, robot: str) -> None:
-        """For an HTTP request: wait a little until a robot that is on air elsewhere is heard here."""
+        """Wait a moment, for an HTTP request, until a robot that other relays hear is heard here."""
 
 
 class NoSource:
-    """Of a hub that is fed by calls: nobody can be asked."""
+    """The RobotSource of a hub that nothing can be asked for. All its methods do nothing."""
 
     def request_snapshots(self, robot: str, views: Sequence[str]) -> None:
-        """RobotSource."""
+        """Do nothing."""
 
     def subscribe(self, robot: str) -> None:
-        """RobotSource."""
+        """Do nothing."""
 
     async def open(self, robot: str) -> None:
-        """RobotSource."""
+        """Do nothing."""
 
 
 def _ignore(*_what: object) -> None:
@@ -87,7 +87,7 @@ class Dispatcher:
         verify: Callable[[Viewer, str], None] = _ignore,
         changed: Callable[[Stream], None] = _ignore,
     ) -> None:
-        """`verify` a viewer's new token, and judge it anew. `changed` is called with each stream that has."""
+        """`verify` is called with a viewer and its new token, `changed` with each stream that has changed."""
         self.hub = hub
         self.store = store
         self._fan_out = fan_out
@@ -112,26 +112,26 @@ class Dispatcher:
 
     @staticmethod
     def now() -> float:
-        """The clock every time in the core is of. The loop's own stands still while a turn of it lasts."""
+        """Return the core's clock in seconds. The event loop's own does not advance within one turn."""
         return time.monotonic()
 
     @staticmethod
     def unix_s() -> float:
-        """The wall clock, only ever shown."""
+        """Return the wall clock in unix seconds. It is only shown, never compared."""
         return time.time()
 
     @property
     def tasks(self) -> int:
-        """How many asyncio tasks there are; may be asked from another thread."""
+        """How many asyncio tasks there are; may be read in another thread."""
         return len(asyncio.all_tasks(self._loop))
 
     def start(self) -> None:
-        """Begin to follow the core's clock, and to watch the loop's own punctuality."""
+        """Start the core's timer, and measure how late the event loop is."""
         self.arm()
         self._watch(self.now())
 
     def stop(self) -> None:
-        """No more ticks."""
+        """Stop all timers."""
         for timer in (self._timer, self._watcher):
             if timer is not None:
                 timer.cancel()
@@ -154,7 +154,7 @@ class Dispatcher:
         self._watcher = self._loop.call_later(WATCH_S, self._watch, now + WATCH_S)
 
     def carry_out(self, actions: Iterable[Action]) -> None:
-        """Do what the core said, in its order, and see to it that it is called again in time.
+        """Carry out the core's actions in order, and set the timer for its next call.
 
         A crowd is walked in slices, one in each turn of the loop. Until the last is done the core is not
         asked for more: frames that come meanwhile replace each other there, so nothing piles up here.
@@ -189,7 +189,7 @@ class Dispatcher:
                 self._finish_walk()
 
     def report_fault(self, where: str, error: Exception) -> None:
-        """Count a fault of the relay's own, and log it: one line, its place included."""
+        """Count an error of the relay's own code, and log it with its place."""
         self.faults[type(error).__name__] += 1
         log.error("a fault of the relay's own%s", f" at {where}" if where else "", exc_info=error)
 
@@ -259,11 +259,11 @@ class Dispatcher:
             self.arm()
 
     async def open_robot(self, robot: str) -> None:
-        """Wait a little until the state of a robot is here, where there is any."""
+        """Wait a moment until the state of a robot is here, if there is any."""
         await self._source.open(robot)
 
     def join(self, viewer: Viewer) -> None:
-        """A viewer has connected."""
+        """Add a viewer that has connected."""
         self.carry_out(self.hub.join(viewer, self.now(), self.unix_s()))
         here = viewer in self.hub.viewers
         self.handshakes["accepted" if here else "told to go"] += 1
@@ -271,14 +271,14 @@ class Dispatcher:
             log.info("viewer came", extra={"conn": viewer.number, "robot": viewer.robot})
 
     def flush(self) -> None:
-        """Hand out what came in."""
+        """Send viewers what has come in."""
         self._flush_waits = self._walking
         if not self._walking:
             self._flushed_at = self.now()
             self.carry_out(self._decide(lambda: self.hub.flush(self.now(), self.unix_s())))
 
     def arm(self) -> None:
-        """Set the timer for the core's next moment, unless it stands early enough."""
+        """Set the timer for the core's next `tick`, unless it is early enough already."""
         wake_at = self.hub.wake_at
         if self._walking or wake_at >= self._armed_at - GRAIN_S:
             return
@@ -294,7 +294,7 @@ class Dispatcher:
             self.carry_out(self._decide(lambda: self.hub.tick(self.now(), self.unix_s())))
 
     def drain(self) -> None:
-        """Move the viewers away, since this relay goes; harmless when begun already."""
+        """Begin to close all viewers, since this relay stops. Does nothing when begun already."""
         if self.hub.draining is None:
             order = list(self.hub.viewers)
             random.shuffle(order)
@@ -302,10 +302,10 @@ class Dispatcher:
 
     @property
     def draining(self) -> bool:
-        """Whether this relay is about to go."""
+        """Whether this relay is about to stop."""
         return self.hub.draining is not None
 
     @property
     def drained(self) -> bool:
-        """Whether it may go: all viewers have been told."""
+        """Whether it may stop, since all viewers have been told."""
         return self.draining and not self.hub.viewers and not self._walking

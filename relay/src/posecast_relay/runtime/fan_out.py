@@ -1,4 +1,4 @@
-"""The same bytes to many viewers, past their transports and straight to the sockets."""
+"""Writes the same bytes to many viewers, straight to their sockets."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ FEW = 8  # so many are written to one by one: a batch has a price of its own
 
 
 class FanOut:
-    """By io_uring when there is a ring, else one write() per viewer."""
+    """Writes by io_uring when there is a ring, else with one write() per viewer."""
 
     def __init__(self, ring: IoUring | None) -> None:
         self._ring = ring
 
     def write(self, data: bytes, viewers: Sequence[Viewer]) -> list[tuple[Viewer, Exception]]:
-        """To at most SLICE viewers; returns at whom that failed.
+        """Write to at most SLICE viewers; returns those at which that failed, with the error.
 
-        What a socket does not take is its transport's to send.
+        What a socket does not take at once, its transport sends later.
         """
         failed: list[tuple[Viewer, Exception]] = []
         descriptors = [viewer.outlet.descriptor for viewer in viewers]

@@ -1,4 +1,4 @@
-"""Newest frames, decoded: once per frame, however many want them, and only when somebody does."""
+"""Decodes newest frames: once per frame, however many ask, and only when somebody does."""
 
 from __future__ import annotations
 
@@ -72,19 +72,19 @@ class _Turns:
 
 
 class DecodeCache:
-    """The newest frame of each stream."""
+    """Decodes the newest frame of each stream, at a bounded rate per robot."""
 
     def __init__(self, now: Callable[[], float] = time.monotonic) -> None:
         self._turns = _Turns(now)
         self._readers: WeakKeyDictionary[Stream, _Reader] = WeakKeyDictionary()
 
     def decode_frame(self, stream: Stream) -> Frame | None:
-        """None when there is none, or none that decodes."""
+        """Return the newest frame, decoded; None when there is none or it can't be decoded now."""
         reader = self._read(stream)
         return reader.frame if reader else None
 
     def make_text(self, stream: Stream) -> str | None:
-        """The `frame` message of `format=json`."""
+        """Return the newest frame as a `frame` message of `format=json`; None likewise."""
         reader = self._read(stream)
         if reader is None or reader.frame is None:
             return None
@@ -106,7 +106,7 @@ class DecodeCache:
 
 
 def list_field_values(frame: Frame, field: Field) -> list[float | None]:
-    """Values in the field's unit (bits: the mask), None where there is no reading."""
+    """Return a field's values in its unit (bits: the mask), None where there is no reading."""
     if field.bits:
         codes = frame.codes[field.start : field.start + field.size]
         return [None if code == MISSING else code for code in codes]

@@ -1,4 +1,4 @@
-"""The same stream in other forms. The core speaks ready WebSocket messages; here they are put another way.
+"""Converts the WebSocket messages that the core makes to other forms: JSON and server-sent events.
 
 The same bytes go to many viewers one after the other, so the last answer is kept: the work is done once per
 frame and rate, not per viewer.
@@ -22,10 +22,10 @@ LINE_END = re.compile(r"\r\n|\r|\n")
 
 
 class Encoding(Protocol):
-    """Another form of the same stream, as a viewer asked for it."""
+    """A form of the stream that a viewer can ask for."""
 
     def encode(self, data: bytes, stream: Stream) -> bytes:
-        """These WebSocket messages of this stream, put that way."""
+        """Convert WebSocket messages of this stream to that form."""
 
 
 class JsonEncoding:
@@ -36,7 +36,7 @@ class JsonEncoding:
         self._last = (b"", b"")
 
     def encode(self, data: bytes, stream: Stream) -> bytes:
-        """What is sent is always the newest frame, last in its write: that one is decoded."""
+        """Replace the binary messages by the newest frame as JSON; it is always the last one of a write."""
         if data is not self._last[0]:
             found = list(messages.split_messages(data))
             parts = [messages.pack_message(opcode, payload) for opcode, payload in found if opcode != BINARY]
@@ -48,7 +48,7 @@ class JsonEncoding:
 
 
 class JsonOutlet:
-    """The outlet of a viewer of `format=json`: `write` puts what it is given that way."""
+    """The outlet of a viewer that asked for `format=json`. Its `write` converts what it is given."""
 
     descriptor = -1
 
@@ -59,7 +59,7 @@ class JsonOutlet:
         self.cut = socket.cut
 
     def write(self, data: bytes) -> None:
-        """Outlet."""
+        """Convert these bytes and write them."""
         self._write(data)
 
 
@@ -71,7 +71,7 @@ class EventStreamEncoding:
         self._last = (b"", b"")
 
     def encode(self, data: bytes, stream: Stream) -> bytes:
-        """As lines of `text/event-stream`."""
+        """Convert WebSocket messages to lines of `text/event-stream`."""
         if data is not self._last[0]:
             inner = self._inner.encode(data, stream) if self._inner else data
             self._last = (

@@ -22,11 +22,11 @@ class Requester(Protocol):
     """A connection with a request under way."""
 
     def cut(self) -> None:
-        """Its answer is given up. Raises nothing."""
+        """Abort the connection. Raises nothing."""
 
 
 class PendingRequests:
-    """One per process, on the event loop."""
+    """The queue of HTTP requests of a process, and the bytes of answers that have not been read."""
 
     def __init__(self, most: int = HELD_MOST) -> None:
         self._most = most
@@ -55,7 +55,10 @@ class PendingRequests:
             asyncio.get_running_loop().call_soon(self._work)
 
     def record_held(self, asker: Requester, answer_bytes: int) -> None:
-        """So much of its answer is now left to be taken; some of it was just taken, or it has just come."""
+        """Note how many bytes of an answer have not been read.
+
+        Beyond the bound, the heaviest address is cut.
+        """
         address = self._addresses.get(asker)
         if address is None:
             return
@@ -71,7 +74,7 @@ class PendingRequests:
             longest.cut()
 
     def leave(self, asker: Requester) -> None:
-        """Its answer is taken, or it is gone; harmless when it is not here."""
+        """Forget a request that is answered or gone. Does nothing when it is unknown."""
         address = self._addresses.pop(asker, None)
         if address is None:
             return

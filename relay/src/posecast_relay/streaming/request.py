@@ -40,7 +40,7 @@ class StreamRequest:
     auth: bool = False  # a token comes as the first message
 
     def check(self) -> None:
-        """NoSuchStream when there can be no such robot or view for a viewer."""
+        """Raise NoSuchStream when the robot or view has no valid name."""
         try:
             check_name("robot", self.robot)
             if self.view is not None:
@@ -49,7 +49,7 @@ class StreamRequest:
             raise NoSuchStream(str(e)) from None
 
     def make_applicant(self, shows_token: bool, is_foreign: bool) -> Applicant:
-        """Who asks for it, as far as the request itself tells."""
+        """Return the applicant, as far as the request itself tells who asks."""
         try:
             self.check()
         except NoSuchStream as e:
@@ -58,24 +58,30 @@ class StreamRequest:
 
 
 def join_all(values: Iterable[str]) -> str | None:
-    """A header that is there more than once is one list: a proxy may have added a line of its own."""
+    """Join the values of a repeated header to one list, as a proxy may have added a line.
+
+    None without any.
+    """
     return ", ".join(values) or None
 
 
 def read_bearer(header: str | None) -> str | None:
-    """The token of an `Authorization` header, if there is one."""
+    """Return the bearer token of an `Authorization` header; None without one."""
     kind, _, token = (header or "").partition(" ")
     return token.strip() or None if kind.lower() == "bearer" else None
 
 
 def refuse_tokens(names: Container[str]) -> None:
-    """BadRequest where one of these parameters is a token's: it would stand in logs on the way."""
+    """Raise BadRequest when one of these parameters is a token's, since addresses are logged on the way."""
     if "token" in names or "access_token" in names:
         raise BadRequest("a token never stands in an address: send it as Authorization or first message")
 
 
 def read_target(target: str, suffix: str = "") -> StreamRequest:
-    """Of `/api/v1/robots/ROBOT/live?…`, or `…/live.sse?…` with that suffix. BadRequest says what is wrong."""
+    """Parse the target `/api/v1/robots/ROBOT/live?…`, or `…/live.sse?…` with that suffix.
+
+    Raises BadRequest, which says what is wrong.
+    """
     path, _, query = target.partition("?")
     found = STREAM_PATH.fullmatch(path)
     if found is None or (found[2] or "") != suffix:

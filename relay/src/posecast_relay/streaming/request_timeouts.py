@@ -1,4 +1,4 @@
-"""Connections that have not asked for anything yet: each may take a few seconds, and all only so many.
+"""Closes connections that do not complete a request in time, or hold too many bytes together.
 
 uvicorn waits for a request's head for ever. Whoever sends one byte a minute would hold a socket for ever.
 """
@@ -20,7 +20,7 @@ HEADS_BYTES = 8 << 20  # of unfinished requests over all connections; beyond, th
 
 
 class RequestTimeouts:
-    """Connections whose request is not whole yet, and since when; `cut` is told how many were dropped."""
+    """Connections whose request is incomplete, and since when. `cut` is called with how many were dropped."""
 
     def __init__(self, now: Callable[[], float], cut: Callable[[int], None]) -> None:
         self._now = now
@@ -37,7 +37,7 @@ class RequestTimeouts:
             self._timer = asyncio.get_running_loop().call_later(SWEEP_S, self._sweep)
 
     def record_bytes(self, transport: asyncio.Transport, size: int) -> None:
-        """So many bytes of its request have come, and it is not whole."""
+        """Note how many bytes of an incomplete request have arrived."""
         if transport not in self._since:
             return
         self._heard_bytes += size - self._heard.get(transport, 0)
@@ -71,7 +71,7 @@ class RequestTimeouts:
 
 
 def add_timeouts(base: type[HttpConnection], unasked: RequestTimeouts) -> type[HttpConnection]:
-    """The same HTTP, which does not wait for ever."""
+    """Return a subclass of `base` that limits how long a request may take."""
 
     class Guarded(base):  # type: ignore[misc, valid-type]
         @isolated

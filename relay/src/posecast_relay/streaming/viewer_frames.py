@@ -6,7 +6,7 @@ SHORT = 125  # bytes of a message whose size stands in the frame's second byte
 
 
 def read_short_text(data: bytes) -> bytes | None:
-    """The text, when `data` is one whole text message of a viewer, and a short one: as an acknowledgement is.
+    """Return the text when `data` is one whole, short text message of a viewer; else None.
 
     A fifth of what the library takes for it. Whatever is not plainly that is the library's to judge.
     """
@@ -18,12 +18,12 @@ def read_short_text(data: bytes) -> bytes | None:
 
 
 def count_frame_bytes(size: int) -> int:
-    """Bytes on the wire of a viewer's frame with a payload of `size` bytes: head and mask included."""
+    """Return the bytes of a viewer's frame with a payload of `size` bytes, head and mask included."""
     return size + (6 if size <= SHORT else 8 if size < 1 << 16 else 14)
 
 
 class Fragments:
-    """The parts of a message that has begun and not ended. The library bounds their sum."""
+    """The fragments of a message that is incomplete. The library bounds their sum."""
 
     def __init__(self) -> None:
         self._parts: list[bytes] = []
@@ -33,7 +33,7 @@ class Fragments:
         return bool(self._parts)
 
     def join(self, data: bytes | bytearray | memoryview, is_last: bool) -> bytes | None:
-        """The whole message, when this is the last part of it or all of it."""
+        """Add a fragment and return the whole message if it is the last one; else None."""
         if is_last and not self._parts:
             return bytes(data)
         self._parts.append(bytes(data))
