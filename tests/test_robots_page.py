@@ -10,7 +10,7 @@ from posecast_edge.pipeline.stream import Stream
 from posecast_edge.profile.field_defaults import UNITS
 from posecast_edge.profile.reader import SHIPPED, parse_profile
 from posecast_edge.profile.ros import ROLES
-from posecast_edge.profile.schema import profile_of, schema_text
+from posecast_edge.profile.schema import infer_profile, make_schema_text
 from posecast_edge.sources.hubo.state import LAYOUTS
 from posecast_edge.sources.jsonl import MAX_LINE, parse_line
 from posecast_edge.sources.registry import KINDS
@@ -37,9 +37,9 @@ def blocks(language: str, page: str) -> list[str]:
 def test_the_profile_on_the_page_is_one() -> None:
     (text,) = blocks("toml", GUIDE)
     profile = parse_profile(text)
-    Schema.parse(schema_text(profile))
+    Schema.parse(make_schema_text(profile))
     for view in profile.views.values():
-        Schema.parse(schema_text(profile.seen_as(view)))
+        Schema.parse(make_schema_text(profile.restrict_to_view(view)))
     assert set(profile.views) == {"public", "lab"}
     assert profile.mapping.joints["knuckle2"].terms == (("RF1", 0.8),)
 
@@ -99,7 +99,7 @@ def test_the_lines_of_a_program_on_its_page_make_frames() -> None:
         '[[fields]]\nname = "flags"\nbits = ["jam"]\n'
     )
     lines = [parse_line(line.encode(), 0.0)[0] for line in text.splitlines()]
-    for used in (profile, profile_of("r1", lines[0])):
+    for used in (profile, infer_profile("r1", lines[0])):
         said: list[str] = []
         stream = Stream(used, 4.0, said.append)
         events = [(e.source, e.text, e.on) for line in lines for e in stream.deliver(line, line.t_s)]

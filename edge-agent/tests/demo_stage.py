@@ -131,20 +131,20 @@ class Minute:
 
     def channel(self, name: str, label: str) -> Floats:
         """One channel over time."""
-        spec = self.profile.field_named(name)
+        spec = self.profile.find_field(name)
         assert spec is not None
         return np.asarray(self.field(name)[:, spec.labels.index(label)])
 
     def flag(self, channel: str, bit: str) -> npt.NDArray[np.bool_]:
         """One bit over time."""
-        spec = self.profile.field_named("flags")
+        spec = self.profile.find_field("flags")
         assert spec is not None
         masks = self.channel("flags", channel).astype(int)
         return np.asarray((masks >> spec.bits.index(bit)) % 2 == 1)
 
     def angles(self, name: str) -> dict[str, Floats]:
         """URDF joints of `ref` or `pos`."""
-        spec = self.profile.field_named(name)
+        spec = self.profile.find_field(name)
         assert spec is not None
         return joint_angles(self.profile, dict(zip(spec.labels, self.field(name).T, strict=True)))
 

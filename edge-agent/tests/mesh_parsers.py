@@ -11,11 +11,11 @@ import numpy as np
 from model_stage import PICTURE, cube_obj, cube_stl, cube_text_stl
 from parser_stage import Input, Parser, Work, Worst, written
 from PIL import Image
-from posecast_edge.model.builder.quantise import grid_of, pack
+from posecast_edge.model.builder.quantise import make_grid, pack_part
 from posecast_edge.model.builder.simplify import LodChain
 from posecast_edge.model.finding import ModelRefused
 from posecast_edge.model.meshes.reader import read_mesh
-from posecast_edge.model.meshes.weld import weld
+from posecast_edge.model.meshes.weld import weld_vertices
 from posecast_edge.model.urdf.resolver import Resolver
 
 
@@ -35,10 +35,10 @@ def level_work(given: Input, folder: Path) -> Work:
 
     def work() -> None:
         for surface in read_mesh(path, Resolver(folder / "robot.urdf")).surfaces:
-            whole = weld(surface)
+            whole = weld_vertices(surface)
             low, high = whole.positions.min(0), whole.positions.max(0)
-            faces = LodChain(whole, 1.0, 1.0).step(12)[1]
-            pack(whole, faces, grid_of(low, high, 14))
+            faces = LodChain(whole, 1.0, 1.0).get_rung(12)[1]
+            pack_part(whole, faces, make_grid(low, high, 14))
 
     return work
 
@@ -99,7 +99,7 @@ REFUSED = (ModelRefused,)
 PARSERS = (
     Parser(
         "obj",
-        ("model.meshes.obj.read_obj", "model.meshes.reader.read_mesh", "model.meshes.mesh.checked"),
+        ("model.meshes.obj.read_obj", "model.meshes.reader.read_mesh", "model.meshes.mesh.validate_mesh"),
         mesh_work("a.obj"),
         REFUSED,
         (OBJ, cube_obj(), cube_obj().replace(b".2\n", b".2 1 0 0\n")),

@@ -18,7 +18,7 @@ from posecast_edge.sources.hubo.achd_protocol import AchdParser, AchdProtocolErr
 from posecast_edge.sources.hubo.state import HuboDecoder, UnknownFrame
 from posecast_edge.sources.ros.cdr import CdrReader
 from posecast_edge.sources.ros.merge import MessageMerger
-from posecast_edge.sources.ros.messages import READERS, STRING, RosMessageError, read_message, text_of
+from posecast_edge.sources.ros.messages import READERS, STRING, RosMessageError, get_text, read_message
 from posecast_edge.sources.ros.rosbridge_protocol import MessageAssembler, Publish, RosbridgeProtocolError
 
 
@@ -45,8 +45,8 @@ def ach_work(given: Input, folder: Path) -> Work:
         channel = AchChannel(path)
         try:
             for _ in range(2):
-                channel.keep()
-                channel.fresh()
+                channel.save_frames()
+                channel.read_new_frames()
         finally:
             channel.close()
 
@@ -79,10 +79,10 @@ def report(message: object) -> None:
     merge = MessageMerger(True, lambda text: None)
     for type_name in READERS:
         with in_one_line(RosMessageError):
-            merge.take("/x", "pos", type_name, read_message(type_name, message), 1.0)
-    merge.sample(2.0)
+            merge.take_report("/x", "pos", type_name, read_message(type_name, message), 1.0)
+    merge.make_sample(2.0)
     with in_one_line(RosMessageError):
-        text_of(message).encode()
+        get_text(message).encode()
 
 
 def cbor_work(given: Input, folder: Path) -> Work:
@@ -204,7 +204,7 @@ PARSERS = (
     ),
     Parser(
         "ach",
-        ("sources.hubo.ach_channel.AchChannel.fresh",),
+        ("sources.hubo.ach_channel.AchChannel.read_new_frames",),
         ach_work,
         (ChannelError,),
         (ach_file(4), ach_file(60)),
@@ -255,7 +255,7 @@ PARSERS = (
         (
             "sources.ros.cdr.CdrReader.read",
             "sources.ros.messages.read_message",
-            "sources.ros.messages.checked_description",
+            "sources.ros.messages.validate_description",
         ),
         cdr_work,
         (),

@@ -13,11 +13,11 @@ from mesh_parsers import png
 from model_stage import PICTURE, ROBOT_OF_ALL, cube_stl, joint, link, mesh, robot
 from parser_stage import Input, Parser, Work, Worst, written
 from PIL import Image
-from posecast_edge.model.doctor.skeleton import examine
+from posecast_edge.model.doctor.skeleton import examine_model
 from posecast_edge.model.finding import ModelRefused
-from posecast_edge.model.meshes.texture import checked_picture, fitted, mean_colour
+from posecast_edge.model.meshes.texture import compute_mean_colour, fit_picture, validate_picture
 from posecast_edge.model.serve.bundle import ModelError, load_bundle
-from posecast_edge.model.serve.bundle_dir import entries_of
+from posecast_edge.model.serve.bundle_dir import list_entries
 from posecast_edge.model.urdf.reader import read_urdf
 from posecast_edge.model.urdf.tree import build_tree
 
@@ -27,7 +27,7 @@ def urdf_work(given: Input, folder: Path) -> Work:
 
     def work() -> None:
         urdf = read_urdf(io.BytesIO(given.data))
-        examine(urdf, build_tree(urdf), {})
+        examine_model(urdf, build_tree(urdf), {})
 
     return work
 
@@ -42,11 +42,11 @@ def picture_work(given: Input, folder: Path) -> Work:
     """As a texture."""
 
     def work() -> None:
-        fitted.cache_clear()
-        mean_colour.cache_clear()
-        checked_picture(given.data)
-        fitted(given.data, 128)
-        mean_colour(given.data)
+        fit_picture.cache_clear()
+        compute_mean_colour.cache_clear()
+        validate_picture(given.data)
+        fit_picture(given.data, 128)
+        compute_mean_colour(given.data)
 
     return work
 
@@ -157,7 +157,7 @@ PARSERS = (
             "model.serve.bundle.Bundle.read",
             "model.serve.bundle_dir.read_folder",
         ),
-        lambda given, folder: lambda: entries_of(given.data),
+        lambda given, folder: lambda: list_entries(given.data),
         REFUSED,
         (manifest([ENTRY]),),
         {
@@ -168,9 +168,9 @@ PARSERS = (
     Parser(
         "picture",
         (
-            "model.meshes.texture.checked_picture",
-            "model.meshes.texture.Pictures.checked",
-            "model.meshes.texture.fitted",
+            "model.meshes.texture.validate_picture",
+            "model.meshes.texture.Pictures.validate",
+            "model.meshes.texture.fit_picture",
         ),
         picture_work,
         REFUSED,

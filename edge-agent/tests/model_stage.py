@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 from PIL import Image
-from posecast_edge.model.builder.build import Built, build
+from posecast_edge.model.builder.build import Built, build_model
 from posecast_edge.model.meshes.mesh import Mesh
 from posecast_edge.model.meshes.reader import read_mesh
 from posecast_edge.model.urdf.resolver import Resolver
@@ -52,7 +52,7 @@ def read_mesh_of(folder: Path, name: str, data: bytes, **beside: bytes) -> Mesh:
 
 def build_robot(path: Path, *packages: Path) -> Built:
     """What is built of a URDF, without word of its progress."""
-    return build(path, Resolver(path, packages), nothing)
+    return build_model(path, Resolver(path, packages), nothing)
 
 
 def cube_stl(size: float = 0.2, header: bytes = b"cube") -> bytes:

@@ -19,7 +19,7 @@ from posecast_edge.sources.files.mcap import McapFile
 from posecast_edge.sources.files.playback import parse_playback
 from posecast_edge.sources.files.trajectory import TrajectorySource
 from posecast_edge.sources.jsonl import LineError, parse_line
-from posecast_edge.sources.mujoco.model import moving_parts
+from posecast_edge.sources.mujoco.model import strip_visuals
 from posecast_edge.sources.mujoco.source import ARM
 
 PROFILE = """
@@ -39,7 +39,7 @@ WALKER = parse_profile(PROFILE)
 def csv_work(given: Input, folder: Path) -> Work:
     """One pass."""
     path = written(given, folder, "a.csv")
-    return lambda: sum(1 for _ in Table(path, None).samples(0.0, True))
+    return lambda: sum(1 for _ in Table(path, None).read_samples(0.0, True))
 
 
 def trajectory_work(given: Input, folder: Path) -> Work:
@@ -66,7 +66,7 @@ def mcap_work(given: Input, folder: Path) -> Work:
     def work() -> None:
         file = McapFile(path, WALKER)
         file.on_urdf = lambda urdf: None
-        for _ in file.samples(0.0, True):
+        for _ in file.read_samples(0.0, True):
             pass
 
     return work
@@ -78,7 +78,7 @@ def jsonl_work(given: Input, folder: Path) -> Work:
 
 def mujoco_work(given: Input, folder: Path) -> Work:
     """What MuJoCo is given of a URDF. How MuJoCo itself reads is bounded by a trial (mujoco_trial.py)."""
-    return lambda: moving_parts(given.data)
+    return lambda: strip_visuals(given.data)
 
 
 def bag(compression: CompressionType = CompressionType.NONE, encoding: str = "cdr", count: int = 5) -> bytes:
@@ -132,7 +132,7 @@ ROWS = b"t,A,ref.B [deg],flags.A,info.mode,\n1.5,0.1,0.2,jam hot,walk,x\n2,1,2,3
 PARSERS = (
     Parser(
         "csv",
-        ("sources.files.csv.Table.samples",),
+        ("sources.files.csv.Table.read_samples",),
         csv_work,
         (SourceError,),
         (ROWS, b"\xef\xbb\xbftime_ms;A;B\r\n1;2;3\r\n4;5;6\r\n"),
@@ -162,7 +162,7 @@ PARSERS = (
     ),
     Parser(
         "playback",
-        ("sources.files.playback.parse_playback", "sources.files.playback.Recording.samples"),
+        ("sources.files.playback.parse_playback", "sources.files.playback.Recording.read_samples"),
         lambda given, folder: lambda: parse_playback("csv", given.data.decode("utf-8", "replace")),
         (SourceError,),
         (b"walk.csv?start=1.5&loop",),
@@ -171,9 +171,9 @@ PARSERS = (
     Parser(
         "mcap",
         (
-            "sources.files.mcap.McapFile.samples",
+            "sources.files.mcap.McapFile.read_samples",
             "sources.files.mcap_records.read_records",
-            "sources.files.mcap_records.unpacked",
+            "sources.files.mcap_records.unpack_chunk",
         ),
         mcap_work,
         (SourceError,),
@@ -202,7 +202,7 @@ PARSERS = (
     ),
     Parser(
         "mujoco",
-        ("sources.mujoco.model.load",),
+        ("sources.mujoco.model.load_simulation",),
         mujoco_work,
         (ModelRefused,),
         (ARM.read_bytes(),),

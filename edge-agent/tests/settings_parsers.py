@@ -9,7 +9,7 @@ from edge_stage import PROFILE
 from parser_stage import Input, Parser, Work, Worst, written
 from posecast_edge.cli.settings import UsageError, parse_settings
 from posecast_edge.profile.reader import ProfileError, load_profile
-from posecast_edge.profile.schema import schema_text
+from posecast_edge.profile.schema import make_schema_text
 from posecast_wire.credential import LINE_MAX
 from posecast_wire.schema import Schema
 
@@ -26,7 +26,7 @@ scales = { pos = 0.01 }
 def profile_work(given: Input, folder: Path) -> Work:
     """And the schema that is made of it."""
     path = written(given, folder, "p.toml")
-    return lambda: Schema.parse(schema_text(load_profile(path)))
+    return lambda: Schema.parse(make_schema_text(load_profile(path)))
 
 
 def credential_work(given: Input, folder: Path) -> Work:

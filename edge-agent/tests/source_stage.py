@@ -24,7 +24,7 @@ class Listening:
         self.source = source
         self.samples: list[Sample] = []
         self.urdfs: list[str] = []
-        self.source.describe_to(self.urdfs.append)
+        self.source.send_urdf_to(self.urdfs.append)
         self.stop = threading.Event()
         self.thread = threading.Thread(
             target=self.source.run, args=(self.samples.append, self.stop), daemon=True

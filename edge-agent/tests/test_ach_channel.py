@@ -25,7 +25,7 @@ def path(tmp_path: Path) -> Path:
 
 def newest(channel: AchChannel) -> bytes | None:
     """The newest frame, where only that is asked for."""
-    frames = channel.fresh()
+    frames = channel.read_new_frames()
     return frames[-1] if frames else None
 
 
@@ -48,37 +48,39 @@ def test_all_that_is_there_comes_once_and_in_order(path: Path) -> None:
     for i in range(3):
         writer.put(bytes([i]) * 3898)
     channel = AchChannel(path)
-    assert channel.holds(3898) == 7
-    assert channel.fresh() == [bytes([2]) * 3898], "what was before us is not news"
-    assert channel.fresh() == []
+    assert channel.count_slots(3898) == 7
+    assert channel.read_new_frames() == [bytes([2]) * 3898], "what was before us is not news"
+    assert channel.read_new_frames() == []
     at = 3
     for count in (1, 7, 2, 6, 7, 7, 3):
         for i in range(at, at + count):
             writer.put(bytes([i]) * 3898)
-        assert channel.fresh() == [bytes([i]) * 3898 for i in range(at, at + count)]
+        assert channel.read_new_frames() == [bytes([i]) * 3898 for i in range(at, at + count)]
         at += count
     for i in range(at, at + 30):
         writer.put(bytes([i]) * 3898)
-    assert channel.fresh() == [bytes([i]) * 3898 for i in range(at + 23, at + 30)], "what it still keeps"
+    assert channel.read_new_frames() == [bytes([i]) * 3898 for i in range(at + 23, at + 30)], (
+        "what it still keeps"
+    )
     assert channel.seq == at + 30
 
 
 def test_what_was_kept_comes_first_and_nothing_twice(path: Path) -> None:
     writer = Writer(path)
     channel = AchChannel(path)
-    channel.keep()
-    assert channel.fresh() == []
+    channel.save_frames()
+    assert channel.read_new_frames() == []
     writer.put(bytes(3898))
-    assert channel.fresh() == [bytes(3898)]
+    assert channel.read_new_frames() == [bytes(3898)]
     at = 1
     for batches in ((4, 3), (5, 5, 5), (7, 7), (0, 2), (2, 0)):
         for count in batches:
-            channel.keep()  # before the next could overwrite what is there
+            channel.save_frames()  # before the next could overwrite what is there
             for i in range(at, at + count):
                 writer.put(bytes([i]) * 3898)
             at += count
         came = sum(batches)
-        assert channel.fresh() == [bytes([i]) * 3898 for i in range(at - came, at)], batches
+        assert channel.read_new_frames() == [bytes([i]) * 3898 for i in range(at - came, at)], batches
         assert channel.seq == at
     assert channel.torn == 0
 
@@ -90,7 +92,7 @@ def test_a_kept_frame_that_the_writer_crossed_is_left_out(
     writer = Writer(path, frames=8, frame_size=size)
     writer.put(patterned(0, size))
     channel = AchChannel(path)
-    channel.fresh()
+    channel.read_new_frames()
     for i in range(1, 8):
         writer.put(patterned(i, size))
     really = os.pread
@@ -106,11 +108,11 @@ def test_a_kept_frame_that_the_writer_crossed_is_left_out(
         return crossed[0]
 
     monkeypatch.setattr("posecast_edge.sources.hubo.ach_channel.os.pread", slow)
-    channel.keep()
+    channel.save_frames()
     assert patterned(100 + 5, size) in crossed[0], "what was kept holds frames of a later time"
     for i in range(6, 12):
         writer.put(patterned(100 + i, size))
-    assert channel.fresh() == [patterned(i, size) for i in (6, 7, *range(104, 112))]
+    assert channel.read_new_frames() == [patterned(i, size) for i in (6, 7, *range(104, 112))]
 
 
 def test_a_large_channel_is_not_kept(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -120,13 +122,13 @@ def test_a_large_channel_is_not_kept(path: Path, monkeypatch: pytest.MonkeyPatch
     for i in range(3):
         writer.put(patterned(i, size))
     channel = AchChannel(path)
-    channel.fresh()
+    channel.read_new_frames()
     writer.put(patterned(3, size))
     with monkeypatch.context() as m:
         m.setattr("posecast_edge.sources.hubo.ach_channel.os.pread", None)
-        channel.keep()
+        channel.save_frames()
     writer.put(patterned(4, size))
-    assert channel.fresh() == [patterned(3, size), patterned(4, size)]
+    assert channel.read_new_frames() == [patterned(3, size), patterned(4, size)]
 
 
 def test_an_elder_frame_that_the_writer_crosses_is_left_out(
@@ -136,7 +138,7 @@ def test_an_elder_frame_that_the_writer_crosses_is_left_out(
     writer = Writer(path, frames=8, frame_size=size)
     writer.put(patterned(0, size))
     channel = AchChannel(path)
-    assert channel.fresh() == [patterned(0, size)]
+    assert channel.read_new_frames() == [patterned(0, size)]
     for i in range(1, 8):
         writer.put(patterned(i, size))
     really = os.pread
@@ -151,8 +153,8 @@ def test_an_elder_frame_that_the_writer_crosses_is_left_out(
 
     with monkeypatch.context() as m:
         m.setattr("posecast_edge.sources.hubo.ach_channel.os.pread", slow)
-        assert channel.fresh() == [patterned(i, size) for i in (5, 6, 7)]
-    assert channel.fresh() == [patterned(100 + i, size) for i in range(5)]
+        assert channel.read_new_frames() == [patterned(i, size) for i in (5, 6, 7)]
+    assert channel.read_new_frames() == [patterned(100 + i, size) for i in range(5)]
 
 
 def test_a_channel_begun_anew_in_its_place_is_followed(path: Path) -> None:
@@ -215,7 +217,7 @@ def test_frames_that_lie_far_apart_are_read_one_by_one(path: Path, monkeypatch: 
     for i in range(199):
         writer.put(patterned(i, size))
     channel = AchChannel(path)
-    channel.fresh()
+    channel.read_new_frames()
     for i in range(199, 202):
         writer.put(patterned(i, size))
     really = os.pread
@@ -226,7 +228,7 @@ def test_frames_that_lie_far_apart_are_read_one_by_one(path: Path, monkeypatch: 
         return really(fd, count, place)
 
     monkeypatch.setattr("posecast_edge.sources.hubo.ach_channel.os.pread", spy)
-    assert channel.fresh() == [patterned(i, size) for i in (199, 200, 201)]
+    assert channel.read_new_frames() == [patterned(i, size) for i in (199, 200, 201)]
     assert counts[1:-1] == [size] * 3
 
 
@@ -236,7 +238,7 @@ def test_a_look_is_three_reads_however_many_frames_it_brings(
     writer = Writer(path)
     writer.put(b"x" * 3898)
     channel = AchChannel(path)
-    channel.fresh()
+    channel.read_new_frames()
     really = os.pread
     reads = 0
 
@@ -250,10 +252,10 @@ def test_a_look_is_three_reads_however_many_frames_it_brings(
         for _ in range(count):
             writer.put(b"x" * 3898)
         reads = 0
-        assert len(channel.fresh()) == count
+        assert len(channel.read_new_frames()) == count
         assert reads == expected
     reads = 0
-    channel.keep()
+    channel.save_frames()
     assert reads == 3
 
 
@@ -296,8 +298,8 @@ def test_beside_a_real_writer_no_frame_is_torn(path: Path) -> None:
         deadline = time.monotonic() + 60
         while len(numbers) < 3000 and time.monotonic() < deadline:
             if len(numbers) % 2:
-                channel.keep()
-            for frame in channel.fresh():
+                channel.save_frames()
+            for frame in channel.read_new_frames():
                 number = int.from_bytes(frame[:8], "little")
                 assert frame == patterned(number, size), "a torn frame came through"
                 numbers.append(number)
@@ -345,7 +347,7 @@ def test_a_stub_a_shrunk_file_and_an_index_that_points_outside(path: Path) -> No
         AchChannel(path)
     damaged(path, HEADER + 8, struct.pack("<QQQ", 3898, 29_000, 1))
     with pytest.raises(ChannelError, match="its index points at byte 29000, 3898 long, of 30000"):
-        AchChannel(path).fresh()
+        AchChannel(path).read_new_frames()
     Writer(path).put(b"x" * 3898)
     channel = AchChannel(path)
     os.truncate(path, 200)
@@ -364,7 +366,7 @@ def test_the_reader_waits_for_a_channel_and_follows_a_new_one(
 
     def run() -> None:
         while not stop.is_set():
-            frames.extend(reader.frames(stop, 0.0))
+            frames.extend(reader.wait_for_frames(stop, 0.0))
 
     thread = threading.Thread(target=run)
     thread.start()

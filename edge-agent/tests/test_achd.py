@@ -17,14 +17,14 @@ from edge_stage import free_port, until
 from posecast_edge.sources.backoff import Backoff
 from posecast_edge.sources.hubo import achd as achd_module
 from posecast_edge.sources.hubo.achd import BATCH_BYTES, AchdReader, BatchTimer
-from posecast_edge.sources.hubo.achd_protocol import AchdParser, AchdProtocolError, request
+from posecast_edge.sources.hubo.achd_protocol import AchdParser, AchdProtocolError, make_request
 from posecast_edge.sources.hubo.reconnecting import KEPT_MAX
 
 OK = b"frame-count: 10\nframe-size: 3000\nstatus: 0 # ACH_OK\n.\n"
 
 
 def test_the_request_asks_to_be_sent_to_and_never_to_write() -> None:
-    assert request("hubo-state") == (
+    assert make_request("hubo-state") == (
         b"channel-name: hubo-state\ntransport: tcp\nget-last: 1\ndirection: push\n.\n"
     )
 
@@ -96,15 +96,15 @@ def test_backoff_doubles_and_forgets_after_a_good_connection() -> None:
     waits = []
     now_s = 0.0
     for _ in range(7):
-        assert b.due(now_s)
-        b.connected(now_s)
-        b.failed(now_s)
-        waits.append(next(x / 10 for x in range(1, 100) if b.due(now_s + x / 10)))
+        assert b.is_due(now_s)
+        b.record_success(now_s)
+        b.record_failure(now_s)
+        waits.append(next(x / 10 for x in range(1, 100) if b.is_due(now_s + x / 10)))
         now_s += waits[-1]
     assert waits == [0.2, 0.4, 0.8, 1.6, 3.2, 5.0, 5.0]
-    b.connected(now_s)
-    b.failed(now_s + 5)
-    assert b.due(now_s + 5.2)
+    b.record_success(now_s)
+    b.record_failure(now_s + 5)
+    assert b.is_due(now_s + 5.2)
 
 
 class Reading:
@@ -119,7 +119,7 @@ class Reading:
 
     def _run(self) -> None:
         while not self._stop.is_set():
-            self.frames += self.reader.frames(self._stop, 0.0)
+            self.frames += self.reader.wait_for_frames(self._stop, 0.0)
         self.reader.close()
 
     def end(self) -> None:
@@ -233,7 +233,7 @@ def test_a_reader_that_was_away_gets_the_newest_and_no_backlog(server: Achd) -> 
     server.instead = all_at_once
     got: list[bytes] = []
     while not got or got[-1][:4] != struct.pack("<I", 39):
-        frames = reader.frames(never, 0.0)
+        frames = reader.wait_for_frames(never, 0.0)
         connected.wait(10)
         time.sleep(0)
         if frames:
@@ -257,7 +257,7 @@ def test_a_flood_does_not_keep_the_newest_frame_from_coming_out(server: Achd) ->
     got = [0]
 
     def read() -> bool:
-        got[0] += bool(reader.frames(never, 0.0))
+        got[0] += bool(reader.wait_for_frames(never, 0.0))
         return got[0] > 100
 
     try:
@@ -291,7 +291,7 @@ def test_of_a_fast_source_the_frames_until_the_wanted_one_wake_the_reader_once_a
 
     def read(in_s: float) -> int:
         """How many frames came at once."""
-        came = reader.frames(never, time.monotonic() + in_s)
+        came = reader.wait_for_frames(never, time.monotonic() + in_s)
         got.extend(struct.unpack_from("<I", frame)[0] for frame in came)
         if len(came) >= 4:
             ages_s.append(time.monotonic() - struct.unpack_from("<d", came[-1], 4)[0])
@@ -316,11 +316,11 @@ def ages(
     now_s = arrivals_s[0]
     wanted_s = now_s
     while at < len(arrivals_s):
-        batch = timer.batch(wanted_s)
+        batch = timer.compute_batch(wanted_s)
         last = at + batch - 1
         due_s = arrivals_s[last] if last < len(arrivals_s) else float("inf")
-        if batch > 1 and due_s > (limit_s := max(now_s, timer.due_s(batch) + late_s)):
-            timer.late()
+        if batch > 1 and due_s > (limit_s := max(now_s, timer.predict_due_s(batch) + late_s)):
+            timer.reset()
             due_s = limit_s
         if due_s == float("inf"):
             break
@@ -329,7 +329,7 @@ def ages(
         wakes += 1
         at += came
         if came:
-            timer.came(came, now_s)
+            timer.record_batch(came, now_s)
             if now_s >= wanted_s:
                 found.append(now_s - arrivals_s[at - 1])
                 wanted_s = max(wanted_s + 1 / hz, now_s)
@@ -371,7 +371,7 @@ def test_a_batch_is_no_larger_than_what_the_kernel_keeps(server: Achd) -> None:
     lows: list[int] = []
 
     def read() -> bool:
-        reader.frames(over, time.monotonic() + 1.0)
+        reader.wait_for_frames(over, time.monotonic() + 1.0)
         lows.append(reader._low)
         return max(lows) > BATCH_BYTES // 2
 

@@ -98,17 +98,17 @@ def raises(*_: object, **__: object) -> Any:
 CALLS: list[tuple[str, Callable[[Running], object], bool]] = [
     ("deliver", lambda r: r.pipeline("public").stream, True),
     ("tick", lambda r: r.pipeline("public").stream, True),
-    ("idle", lambda r: r.pipeline("public").stream, False),
-    ("snapshot", lambda r: r.pipeline("public").stream, False),
+    ("check_time", lambda r: r.pipeline("public").stream, False),
+    ("make_snapshot", lambda r: r.pipeline("public").stream, False),
     ("encode", lambda r: r.pipeline("public").stream._encoder, True),  # type: ignore[union-attr]
     ("codes", lambda r: r.pipeline("public").stream._sampler._quantiser, True),  # type: ignore[union-attr]
     ("flatten", lambda r: r.pipeline("public").stream._flattener, True),  # type: ignore[union-attr]
-    ("sample", lambda r: r.pipeline("public").stream._watch, True),  # type: ignore[union-attr]
+    ("check_sample", lambda r: r.pipeline("public").stream._watch, True),  # type: ignore[union-attr]
     ("admit", lambda r: r.pipeline("public").stream._limit, False),  # type: ignore[union-attr]
     ("is_due", lambda r: r.pipeline("public").pacer, True),
-    ("left", lambda r: r.pipeline("public").pacer, True),
-    ("frame", lambda r: r.agent._publisher._view_publishers["public"], True),
-    ("take", lambda r: r.agent._publisher._view_publishers["public"], False),
+    ("record_frame", lambda r: r.pipeline("public").pacer, True),
+    ("send_frame", lambda r: r.agent._publisher._view_publishers["public"], True),
+    ("take_next", lambda r: r.agent._publisher._view_publishers["public"], False),
 ]
 
 
@@ -120,9 +120,9 @@ def test_what_one_view_raises_ends_there(
     healthy = getattr(owned, call)
     setattr(owned, call, raises)
     key = snapshot_key(ROBOT, "public")
-    if call == "snapshot":
+    if call == "make_snapshot":
         assert [reply.ok for reply in router.get(key)] == []
-    if call == "idle":
+    if call == "check_time":
         until(lambda: running.agent.exceptions.count("view public") > 0, "a look for silence")
     running.goes_on("lab", 30)
     n = len(running.frames("public"))
@@ -208,11 +208,11 @@ class Wire:
         self.frames: list[Frame] = []
         self.blocks: Callable[[], None] = lambda: None
 
-    def frame(self, _view: str, frame: Frame) -> None:
+    def send_frame(self, _view: str, frame: Frame) -> None:
         self.frames.append(frame)
         self.blocks()
 
-    def event(self, _view: str, event: Event) -> None:
+    def queue_event(self, _view: str, event: Event) -> None:
         pass
 
 
@@ -240,7 +240,7 @@ class Still:
 
     def look(self) -> None:
         """What the clock's thread does when a frame is due."""
-        if self.pipeline.rest_s(self.now_s) == 0:
+        if self.pipeline.compute_rest_s(self.now_s) == 0:
             self.agent._send(self.pipeline)
 
 
@@ -261,8 +261,8 @@ def test_every_frame_is_stamped_with_its_samples_arrival(monkeypatch: pytest.Mon
 def test_the_stamp_on_the_wire_is_when_the_sample_was_taken(running: Running) -> None:
     publisher = running.agent._publisher
     taken_s = clock.now_s() + 1000.0
-    publisher.frame("lab", Frame(running.frames("lab")[0].data, 0, taken_s))
-    stamp = publisher.run.stamp(taken_s)
+    publisher.send_frame("lab", Frame(running.frames("lab")[0].data, 0, taken_s))
+    stamp = publisher.run.make_stamp(taken_s)
     until(lambda: stamp in [f.stamp for f in running.frames("lab")], "the stamp")
 
 

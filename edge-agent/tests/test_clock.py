@@ -24,6 +24,6 @@ def test_a_stamp_says_when_its_sample_was_taken(monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setattr(clock, "now_ns", lambda: now_ns[0])
     run = Run()
     now_ns[0] = 61_500_000_000  # a minute asleep
-    assert run.stamp().elapsed_ns == 60_500_000_000
-    assert run.stamp(3.0).elapsed_ns == 2_000_000_000
-    assert run.stamp(0.5).elapsed_ns == 0, "of before the run began"
+    assert run.make_stamp().elapsed_ns == 60_500_000_000
+    assert run.make_stamp(3.0).elapsed_ns == 2_000_000_000
+    assert run.make_stamp(0.5).elapsed_ns == 0, "of before the run began"

@@ -22,17 +22,17 @@ def test_a_log_file_gets_a_line_every_five_seconds() -> None:
     out = io.StringIO()
     console = Console(out)
     for i in range(120):
-        if console.due(i / 10):
-            console.progress(f"at {i / 10:g}", i / 10)
+        if console.is_due(i / 10):
+            console.show_progress(f"at {i / 10:g}", i / 10)
     assert out.getvalue() == "at 0\nat 5\nat 10\n"
 
 
 def test_a_terminal_keeps_the_line_in_place_below_messages() -> None:
     out = Terminal()
     console = Console(out)
-    console.progress("one", 0.0)
+    console.show_progress("one", 0.0)
     console.emit(record("bad line"))
-    console.progress("two", 0.5)
+    console.show_progress("two", 0.5)
     console.finish()
     assert out.getvalue() == f"{CLEAR}one{CLEAR}posecast-edge: bad line\none{CLEAR}two\n"
 
@@ -47,7 +47,7 @@ def test_a_closed_stderr_is_no_reason_to_stop() -> None:
     out = io.StringIO()
     console = Console(out)
     out.close()
-    console.progress("x", 0.0)
+    console.show_progress("x", 0.0)
 
 
 def test_a_flood_of_lines_is_counted() -> None:
@@ -103,7 +103,7 @@ def test_a_pipe_that_nobody_reads_holds_nobody_up() -> None:
         os.set_blocking(write, True)
         for i in range(3):
             console.emit(record(f"lost {i}"))
-            console.progress("lost", clock[0])
+            console.show_progress("lost", clock[0])
         console.finish()
         os.set_blocking(read, False)
         while reader.read(1 << 16):

@@ -23,7 +23,7 @@ def table(tmp_path: Path, text: str, profile: str = "") -> Table:
 
 
 def samples(tmp_path: Path, text: str, start_s: float = 0, profile: str = "") -> list[Sample]:
-    return list(table(tmp_path, text, profile).samples(start_s, first_pass=True))
+    return list(table(tmp_path, text, profile).read_samples(start_s, first_pass=True))
 
 
 def test_columns_go_where_their_names_say(tmp_path: Path) -> None:
@@ -105,7 +105,7 @@ def test_separators_and_what_spreadsheets_write(tmp_path: Path, separator: str) 
 def test_a_byte_order_mark_tells_utf16(tmp_path: Path, encoding: str) -> None:
     path = tmp_path / "excel.csv"
     path.write_bytes("\ufefft\tA\r\n1\t2\r\n".encode(encoding))
-    (sample,) = Table(path, None).samples(0, first_pass=True)
+    (sample,) = Table(path, None).read_samples(0, first_pass=True)
     assert (sample.t_s, sample.values) == (1, {"pos": {"A": 2}})
 
 
@@ -115,7 +115,7 @@ def test_what_the_standard_library_writes(tmp_path: Path) -> None:
         writer = csv.writer(file, quoting=csv.QUOTE_ALL)
         writer.writerow(["t", "left, hip", "info.mode"])
         writer.writerow([0, 0.25, "up; down"])
-    (sample,) = Table(path, None).samples(0, first_pass=True)
+    (sample,) = Table(path, None).read_samples(0, first_pass=True)
     assert (sample.values, sample.info) == ({"pos": {"left, hip": 0.25}}, {"mode": "up; down"})
 
 
@@ -128,9 +128,9 @@ def test_a_bad_row_is_named_in_the_first_pass_and_skipped(
 ) -> None:
     file = table(tmp_path, f"t,A\n0,1\nx,2\n1,x\n2\n,5\n3,{'7' * MAX_LINE}\n4,8\n")
     with caplog.at_level(logging.WARNING):
-        first = [s.t_s for s in file.samples(0, first_pass=True)]
+        first = [s.t_s for s in file.read_samples(0, first_pass=True)]
         said = list(caplog.messages)
-        second = [s.t_s for s in file.samples(0, first_pass=False)]
+        second = [s.t_s for s in file.read_samples(0, first_pass=False)]
     assert first == second == [0, 4]
     assert caplog.messages == said
     assert said == [
@@ -172,4 +172,4 @@ def test_it_opens_as_a_source(tmp_path: Path) -> None:
     source = open_source(f"csv:{tmp_path}/a.csv?start=1", None)
     assert isinstance(source, Player)
     assert source.description == "csv a.csv"
-    assert [s.values for _, s in source.timeline()] == [{"pos": {"A": 2}}]
+    assert [s.values for _, s in source.schedule_samples()] == [{"pos": {"A": 2}}]

@@ -10,18 +10,18 @@ import pytest
 from demo_stage import Minute
 from posecast_edge.sample import Sample, SourceError
 from posecast_edge.sources import demo
-from posecast_edge.sources.registry import defaults_of, open_source
+from posecast_edge.sources.registry import find_defaults, open_source
 
 
 def test_it_brings_profile_and_model(bundle: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(demo, "BUNDLE", bundle)
-    defaults = defaults_of("demo")
+    defaults = find_defaults("demo")
     assert (defaults.urdf, defaults.model) == (bundle / "robot.urdf", None)
     (tmp_path / "demo" / "model").mkdir(parents=True)
     for made in ("robot.urdf", "model/manifest.json"):
         (tmp_path / "demo" / made).touch()
     monkeypatch.setattr(demo, "BUNDLE", tmp_path / "demo")
-    assert defaults_of("demo").model == tmp_path / "demo" / "model"
+    assert find_defaults("demo").model == tmp_path / "demo" / "model"
     monkeypatch.setattr(demo, "BUNDLE", bundle)
     assert defaults.profile is not None
     assert defaults.profile.is_file()
@@ -32,7 +32,7 @@ def test_without_a_bundle_one_line_says_how_to_make_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(demo, "BUNDLE", tmp_path / "none")
-    for attempt in (lambda: open_source("demo", None), lambda: defaults_of("demo")):
+    for attempt in (lambda: open_source("demo", None), lambda: find_defaults("demo")):
         with pytest.raises(SourceError, match=r"missing .*make it: python .*build\.py --out") as e:
             attempt()
         assert "\n" not in str(e.value)
@@ -82,14 +82,14 @@ def test_it_plays_on_the_clock_in_order(minute: Minute) -> None:
 
 
 def test_robot_time_goes_on_from_loop_to_loop(minute: Minute) -> None:
-    first, again = minute.motion.at(600), minute.motion.at(600 + 3 * minute.motion.samples)
+    first, again = minute.motion.make_sample(600), minute.motion.make_sample(600 + 3 * minute.motion.samples)
     assert again.t_s == pytest.approx(first.t_s + 180)
     assert again.values == first.values
     assert first.info == {"mode": "walking"}
 
 
 def test_missing_readings_are_none_and_flags_are_masks(minute: Minute) -> None:
-    sample = minute.motion.at(15 * 60)
+    sample = minute.motion.make_sample(15 * 60)
     quat, flags = sample.values["quat"], sample.values["flags"]
     assert isinstance(quat, list)
     assert isinstance(flags, list)

@@ -85,7 +85,7 @@ def test_the_profile_maps_every_joint_and_mounts_sensors_on_links(
 
 def test_motion_and_profile_have_the_same_channels(minute: Minute) -> None:
     for track in minute.motion.tracks:
-        spec = minute.profile.field_named(track.name)
+        spec = minute.profile.find_field(track.name)
         assert spec is not None, track.name
         assert len(track.columns) == len(spec.labels), track.name
     assert len(minute.motion.tracks) == len(minute.profile.fields)

@@ -48,7 +48,7 @@ def test_no_foot_enters_the_floor_and_a_swing_clears_it(minute: Minute, side: st
 
 def test_forces_of_the_feet_are_the_weight_while_standing(minute: Minute) -> None:
     total = minute.channel("ftf", "LF.fz") + minute.channel("ftf", "RF.fz")
-    mode = [minute.motion.at(k).info["mode"] for k in range(minute.motion.samples)]
+    mode = [minute.motion.make_sample(k).info["mode"] for k in range(minute.motion.samples)]
     still = np.isin(mode, ["standing", "waving", "reaching", "knee test", "homing fingers"])
     assert still.sum() > 1500
     assert abs(total[still] / WEIGHT_N - 1).max() < 0.05

@@ -18,8 +18,8 @@ from model_stage import (
     robot,
     written,
 )
-from posecast_edge.model.builder.model_files import facts_of, read_visual_files
-from posecast_edge.model.doctor.skeleton import examine
+from posecast_edge.model.builder.model_files import collect_facts, read_visual_files
+from posecast_edge.model.doctor.skeleton import examine_model
 from posecast_edge.model.finding import Finding, ModelRefused
 from posecast_edge.model.urdf.reader import read_urdf
 from posecast_edge.model.urdf.resolver import Resolver
@@ -153,7 +153,7 @@ def diagnose(path: Path) -> list[Finding]:
     with path.open("rb") as source:
         urdf = read_urdf(source)
     files = read_visual_files(urdf, Resolver(path), lambda *_: None)
-    return examine(urdf, build_tree(urdf), facts_of(files))
+    return examine_model(urdf, build_tree(urdf), collect_facts(files))
 
 
 @pytest.mark.parametrize("case", CORPUS, ids=[f"{i}-{c.code}" for i, c in enumerate(CORPUS)])
@@ -164,7 +164,7 @@ def test_each_gets_its_diagnosis(case: Case, tmp_path: Path) -> None:
     assert matching, findings
     assert {f.severity for f in matching} == {case.severity}
     assert case.line is None or case.line in {f.line for f in matching}
-    assert all(f.words("robot.urdf").isprintable() for f in findings)
+    assert all(f.format_line("robot.urdf").isprintable() for f in findings)
     # nothing worse than the thing itself, and what follows from it
     worse = [f for f in findings if f.severity == "error" and f.code != case.code]
     follows = {"several-roots", "joint-ends", "loop"}
@@ -211,7 +211,9 @@ def test_a_profile_that_does_not_fit() -> None:
             "battery": SensorMount("power", "battery", None),
         },
     )
-    findings = [f for f in examine(urdf, build_tree(urdf), None, meaning) if f.code.startswith("profile-")]
+    findings = [
+        f for f in examine_model(urdf, build_tree(urdf), None, meaning) if f.code.startswith("profile-")
+    ]
     assert {f.severity for f in findings} == {"warning"}
     assert sorted(f.text for f in findings) == [
         "the profile maps joint 'bc', which is fixed",

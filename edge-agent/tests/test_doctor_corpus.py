@@ -17,7 +17,7 @@ sys.path.insert(0, str(Path(__file__).parent))  # when run by itself
 from model_stage import joint, link, mesh, robot
 from posecast_edge import model
 from posecast_edge.model.doctor.meshes import MeshFacts
-from posecast_edge.model.doctor.skeleton import examine
+from posecast_edge.model.doctor.skeleton import examine_model
 from posecast_edge.model.finding import SEVERITIES
 from posecast_edge.model.urdf.reader import read_urdf
 from posecast_edge.model.urdf.tree import build_tree
@@ -123,7 +123,7 @@ def expected(text: str, meshes: list[MeshFacts] | None = None) -> dict[str, Any]
     """The robot with its list; None: no mesh was looked at."""
     urdf = read_urdf(io.BytesIO(text.encode()))
     facts = None if meshes is None else {fact.uri: fact for fact in meshes}
-    findings = [[f.severity, f.code, f.text, f.line] for f in examine(urdf, build_tree(urdf), facts)]
+    findings = [[f.severity, f.code, f.text, f.line] for f in examine_model(urdf, build_tree(urdf), facts)]
     if meshes is None:
         return {"urdf": text, "findings": findings}
     return {"urdf": text, "meshes": {fact.uri: told(fact) for fact in meshes}, "findings": findings}

@@ -25,7 +25,7 @@ def sample(
     watch: EventWatch, t: float, fz: float | None, a: int | None, b: int | None, now_s: float | None = None
 ) -> list[Event]:
     values: dict[str, list[float | None]] = {"ftf": [fz], "flags": [a, b]}
-    return watch.sample(t, values.__getitem__, t if now_s is None else now_s)
+    return watch.check_sample(t, values.__getitem__, t if now_s is None else now_s)
 
 
 def test_every_rise_and_fall_of_a_fault_bit_and_no_state_bit() -> None:
@@ -71,12 +71,12 @@ def test_a_limit_has_two_sides_and_hysteresis() -> None:
 
 def test_source_silent_and_back() -> None:
     watch = EventWatch(SCHEMA)
-    assert watch.tick(100.0) == []  # never delivered: nothing to miss
+    assert watch.check_time(100.0) == []  # never delivered: nothing to miss
     sample(watch, 7.0, 0.0, 0, 0, 100.0)
-    assert watch.tick(101.4) == []
-    assert watch.tick(101.5) == [Event(7.0, "caution", "source", "silent", True)]
+    assert watch.check_time(101.4) == []
+    assert watch.check_time(101.5) == [Event(7.0, "caution", "source", "silent", True)]
     assert watch.silent
-    assert watch.tick(102.0) == []
+    assert watch.check_time(102.0) == []
     assert sample(watch, 9.0, 0.0, 0, 0, 103.0) == [Event(9.0, "caution", "source", "silent", False)]
     assert not watch.silent
 

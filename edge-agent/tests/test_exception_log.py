@@ -10,7 +10,7 @@ def test_a_callback_that_raises_is_counted_and_said_once() -> None:
     def read(text: str) -> None:
         int(text)
 
-    call = exceptions.guarded("a snapshot", read)
+    call = exceptions.guard("a snapshot", read)
     for _ in range(1000):
         call("nonsense\u202e")
     call("5")

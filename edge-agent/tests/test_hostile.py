@@ -263,10 +263,10 @@ def test_nothing_outside_is_found(tmp_path: Path) -> None:
     before = sorted(tmp_path.rglob("*"))
     for uri in OUTSIDERS:
         with bounded(), pytest.raises(ModelRefused):
-            resolver.find(uri.format(outside=tmp_path / "ws"))
+            resolver.find_file(uri.format(outside=tmp_path / "ws"))
     for name in ("../../secret.stl", "../../../etc/passwd", "x\0.png", "http://127.0.0.1:1/t.png", ""):
         with pytest.raises(ModelRefused):
-            resolver.beside(folder / "meshes" / "a.obj", name)
+            resolver.find_beside(folder / "meshes" / "a.obj", name)
     assert sorted(tmp_path.rglob("*")) == before
 
 
@@ -275,7 +275,7 @@ def test_outside_says_nothing_of_what_is_there(tmp_path: Path) -> None:
     (tmp_path / "there.stl").write_bytes(cube_stl())
     for name in ("there", "not-there"):
         with pytest.raises(ModelRefused) as refused:
-            Resolver(path).find(f"../{name}.stl")
+            Resolver(path).find_file(f"../{name}.stl")
         assert refused.value.reason == OUTSIDE
 
 

@@ -28,8 +28,8 @@ from posecast_edge.sources.ros.messages import (
     STRING,
     Report,
     RosMessageError,
+    get_text,
     read_message,
-    text_of,
 )
 from posecast_edge.sources.ros.ros2 import BACKLOG_MAX, Inbox
 from posecast_edge.sources.ros.rosbridge import RosbridgeConnection
@@ -81,17 +81,17 @@ def test_texts_are_cut() -> None:
 
 def test_half_a_character_is_no_description() -> None:
     with pytest.raises(RosMessageError, match="half a character"):
-        text_of({"data": "<robot name='\ud800'/>"})
+        get_text({"data": "<robot name='\ud800'/>"})
     intake = RosInput("robot", None)
     with pytest.raises(RosMessageError, match="half a character"):
-        intake.describe("<robot name='\ud800'/>")
+        intake.take_urdf("<robot name='\ud800'/>")
 
 
 def test_a_payload_too_large_is_not_decoded() -> None:
     cdr = CdrReader()
     with pytest.raises(RosMessageError, match="too large"):
         cdr.read(JOINT_STATE, b"\0\1\0\0" + bytes(1 << 19))
-    assert text_of(cdr.read(STRING, ros_stage.text_message("x" * (1 << 19)))) == "x" * (1 << 19)
+    assert get_text(cdr.read(STRING, ros_stage.text_message("x" * (1 << 19)))) == "x" * (1 << 19)
 
 
 @pytest.mark.parametrize("count", [1 << 20, (1 << 31) - 1, (1 << 32) - 1])
@@ -110,8 +110,8 @@ def test_publishers_that_are_ever_new_push_each_other_out() -> None:
     merge = MessageMerger(True, lambda line: None)
     for k in range(300):
         names = {f"{k}.{i}": 1.0 for i in range(4000)}
-        merge.take(f"/t{k}", "pos", JOINT_STATE, Report(k + 1.0, {"pos": names}), k / 1000)
-    sample = merge.sample(0.3)
+        merge.take_report(f"/t{k}", "pos", JOINT_STATE, Report(k + 1.0, {"pos": names}), k / 1000)
+    sample = merge.make_sample(0.3)
     assert sample is not None
     assert 4000 <= len(sample.values["pos"]) <= 16384
 
@@ -120,7 +120,7 @@ def test_channels_told_twice_are_a_few_lines() -> None:
     said: list[str] = []
     merge = MessageMerger(True, said.append)
     for k in range(100):
-        merge.take(f"/t{k}", "pos", JOINT_STATE, Report(k + 1.0, {"pos": {"A": 1.0}}), k / 1000)
+        merge.take_report(f"/t{k}", "pos", JOINT_STATE, Report(k + 1.0, {"pos": {"A": 1.0}}), k / 1000)
     assert len(said) == 8
     assert said[-1].endswith("further ones are not said")
 
@@ -128,7 +128,7 @@ def test_channels_told_twice_are_a_few_lines() -> None:
 def test_bad_messages_of_a_thousand_topics_are_a_few_lines(caplog: pytest.LogCaptureFixture) -> None:
     intake = RosInput("robot", None)
     for k in range(1000):
-        intake.take(f"/t{k}/joint_states", JOINT_STATE, lambda: {"name": 5})
+        intake.take_message(f"/t{k}/joint_states", JOINT_STATE, lambda: {"name": 5})
     assert len(caplog.messages) == 9
 
 
@@ -138,10 +138,10 @@ def test_a_decoder_that_raises_costs_its_message(caplog: pytest.LogCaptureFixtur
     def decode() -> object:
         raise ZeroDivisionError("of the decoder's own")
 
-    intake.take("/joint_states", JOINT_STATE, decode)
+    intake.take_message("/joint_states", JOINT_STATE, decode)
     assert "of the decoder's own" in caplog.text
-    intake.take("/joint_states", JOINT_STATE, joint_states)
-    assert intake.sample() is not None
+    intake.take_message("/joint_states", JOINT_STATE, joint_states)
+    assert intake.make_sample() is not None
 
 
 def test_messages_without_content_take_room_too() -> None:
@@ -296,14 +296,14 @@ def test_frames_that_claim_the_channel(tmp_path: Path) -> None:
     writer = ach_stage.Writer(path, frames=60, frame_size=1 << 20)
     channel = AchChannel(path)
     writer.put(bytes(100))
-    assert len(channel.fresh()) == 1
+    assert len(channel.read_new_frames()) == 1
     for i in range(60):
         struct.pack_into("<QQQ", writer.map, writer.index + 24 * i, 60 << 20, 0, 100 + i)
     struct.pack_into("<Q", writer.map, 120, 0)
 
     def look() -> None:
         with pytest.raises(ChannelError, match="its index points at byte 0"):
-            channel.fresh()
+            channel.read_new_frames()
 
     assert held_bytes(look) < 1 << 20
 
@@ -326,6 +326,6 @@ def test_a_pipe_is_no_channel(tmp_path: Path) -> None:
 @pytest.mark.parametrize("wanted_s", [1e308, float("inf"), 1e-300])
 def test_a_batch_that_has_no_end(wanted_s: float) -> None:
     rhythm = BatchTimer()
-    rhythm.came(1, 0.0)
-    rhythm.came(1, 5e-324)
-    assert 1 <= rhythm.batch(wanted_s) <= 1 << 16
+    rhythm.record_batch(1, 0.0)
+    rhythm.record_batch(1, 5e-324)
+    assert 1 <= rhythm.compute_batch(wanted_s) <= 1 << 16

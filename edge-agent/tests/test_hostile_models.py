@@ -32,11 +32,11 @@ from posecast_edge.model.builder import visuals as figure
 from posecast_edge.model.builder.model_files import read_visual_files
 from posecast_edge.model.builder.simplify import LodChain
 from posecast_edge.model.finding import ModelRefused
-from posecast_edge.model.meshes.normals import crease_normals
-from posecast_edge.model.meshes.weld import CROWD_MAX, weld
+from posecast_edge.model.meshes.normals import compute_crease_normals
+from posecast_edge.model.meshes.weld import CROWD_MAX, weld_vertices
 from posecast_edge.model.serve import robot_description as described
 from posecast_edge.model.serve.bundle import ModelError, load_bundle
-from posecast_edge.model.serve.bundle_dir import entries_of
+from posecast_edge.model.serve.bundle_dir import list_entries
 from posecast_edge.model.urdf.reader import load_urdf, read_urdf
 from posecast_edge.model.urdf.resolver import Resolver
 from posecast_edge.model.urdf.tree import Follow, build_tree
@@ -126,7 +126,7 @@ def test_a_fan_is_smooth_in_whatever_order_it_comes() -> None:
     faces = np.stack([0 * i, i + 1, i + 2], axis=1).astype(np.int32)
     dice = np.random.default_rng(1)
     for order in (faces, faces[::-1], faces[dice.permutation(len(faces))]):
-        group, normals = crease_normals(positions, order, 40.0)
+        group, normals = compute_crease_normals(positions, order, 40.0)
         centre = group.reshape(-1, 3)[order == 0]
         assert len(set(centre.tolist())) == 1
         assert np.allclose(normals[centre[0]], (0, 0, 1))
@@ -134,7 +134,7 @@ def test_a_fan_is_smooth_in_whatever_order_it_comes() -> None:
 
 def test_triangles_about_a_crowded_vertex_stay_as_they_are(tmp_path: Path) -> None:
     few, many = (read_mesh_of(tmp_path, "a.obj", obj_polygon(n)) for n in (CROWD_MAX - 10, CROWD_MAX + 10))
-    coarse = [len(LodChain(weld(m.surfaces[0]), 2.0, 2.0).step(20)[1]) for m in (few, many)]
+    coarse = [len(LodChain(weld_vertices(m.surfaces[0]), 2.0, 2.0).get_rung(20)[1]) for m in (few, many)]
     assert coarse[0] < 200
     assert coarse[1] == CROWD_MAX + 8
 
@@ -153,7 +153,7 @@ def test_a_heap_as_large_as_the_robot_is_drawn_in_part(monkeypatch: pytest.Monke
         test(xy, *rest)
 
     monkeypatch.setattr(raster, "_test", counted)
-    triangle, _ = raster.draw(corners, raster.Camera(np.eye(3), np.zeros(3), 2.0, 64))
+    triangle, _ = raster.draw_triangles(corners, raster.Camera(np.eye(3), np.zeros(3), 2.0, 64))
     assert tests <= 1 << 22
     assert (triangle >= 0).all()
     assert (triangle == 1000).any()
@@ -273,7 +273,7 @@ def test_names_that_no_file_can_have(tmp_path: Path) -> None:
 def test_a_manifest_names_a_file_once() -> None:
     entry = {"path": "high.glb", "size": 1 << 28, "sha256": "a" * 64}
     with pytest.raises(ModelRefused, match="twice"):
-        entries_of(json.dumps({"v": 2, "files": [entry, entry]}).encode())
+        list_entries(json.dumps({"v": 2, "files": [entry, entry]}).encode())
 
 
 def test_a_file_name_that_is_no_text(tmp_path: Path) -> None:

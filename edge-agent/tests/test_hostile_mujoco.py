@@ -12,7 +12,7 @@ from posecast_edge.sources.registry import open_source
 pytest.importorskip("mujoco", reason="the extra [mujoco] is not installed")
 
 from posecast_edge.sources.mujoco import trial as mujoco_trial
-from posecast_edge.sources.mujoco.model import load
+from posecast_edge.sources.mujoco.model import load_simulation
 
 BODY = '<body pos="0 0 1"><joint name="j"/><geom size=".1" mass="1"/></body>'
 
@@ -43,7 +43,7 @@ REFUSED = {
 def test_models_that_are_refused(case: str, tmp_path: Path) -> None:
     text, reason = REFUSED[case]
     with pytest.raises(SourceError) as refused:
-        load(model(tmp_path, text))
+        load_simulation(model(tmp_path, text))
     assert reason in str(refused.value)
     assert str(refused.value).startswith(f"{tmp_path}/a.xml: ")
     assert "\n" not in str(refused.value)

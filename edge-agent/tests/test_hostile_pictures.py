@@ -18,9 +18,9 @@ from posecast_edge.model.meshes.texture import (
     BAND,
     PIXELS_CLAIMED,
     Pictures,
-    checked_picture,
-    fitted,
-    mean_colour,
+    compute_mean_colour,
+    fit_picture,
+    validate_picture,
 )
 
 
@@ -50,17 +50,17 @@ def tiff_claiming(width: int, height: int) -> bytes:
 )
 def test_a_picture_that_is_taken_can_be_shown(picture: bytes) -> None:
     try:
-        checked_picture(picture)
+        validate_picture(picture)
     except ModelRefused:
         return
-    assert fitted(picture, 128).type in ("image/png", "image/jpeg")
-    assert all(0 <= part <= 1 for part in mean_colour(picture))
+    assert fit_picture(picture, 128).type in ("image/png", "image/jpeg")
+    assert all(0 <= part <= 1 for part in compute_mean_colour(picture))
 
 
 def test_compressed_tiff_is_refused_in_one_line(capfd: pytest.CaptureFixture[str]) -> None:
     """Its decoder writes to stderr what it thinks of each of 65,535 tags."""
     with pytest.raises(ModelRefused, match="compressed TIFF"):
-        checked_picture(encoded(Image.new("RGB", (9, 9)), "TIFF", compression="tiff_lzw"))
+        validate_picture(encoded(Image.new("RGB", (9, 9)), "TIFF", compression="tiff_lzw"))
     assert capfd.readouterr().err == ""
 
 
@@ -70,17 +70,17 @@ def test_pixels_are_paid_for_with_bytes() -> None:
     claims = [tiff_claiming(side, side + i) for i in range(5)]
     for data in claims[:4]:
         with pytest.raises(ModelRefused, match="no picture that is read"):
-            pictures.checked(data)  # its pixels are not there; but they have been asked for
+            pictures.validate(data)  # its pixels are not there; but they have been asked for
     with pytest.raises(ModelRefused, match="left out"):
-        pictures.checked(claims[4])
-    assert pictures.checked(png(3000)) == png(3000)
+        pictures.validate(claims[4])
+    assert pictures.validate(png(3000)) == png(3000)
 
 
 @pytest.mark.parametrize("how", [{}, {"progressive": True}], ids=["PNG", "progressive JPEG"])
 def test_a_picture_that_would_fill_the_memory_is_refused(how: dict[str, bool]) -> None:
     data = encoded(Image.new("L", (5000, 5000)), "JPEG" if how else "PNG", **how)
     with pytest.raises(ModelRefused, match="a picture of 5000 × 5000 pixels; at most 4096 × 4096 are read"):
-        checked_picture(data)
+        validate_picture(data)
 
 
 LARGE = {"RGB": "PNG", "P": "PNG", "L": "JPEG"}
@@ -98,16 +98,16 @@ def test_a_large_picture_is_never_there_twice(mode: str, monkeypatch: pytest.Mon
         return convert(image, *given)
 
     monkeypatch.setattr(Image.Image, "convert", counted)
-    checked_picture(data)
-    assert mean_colour(data) == pytest.approx((200 / 255,) * 3, abs=0.01)
-    assert fitted(data, 128).type == "image/jpeg"
+    validate_picture(data)
+    assert compute_mean_colour(data) == pytest.approx((200 / 255,) * 3, abs=0.01)
+    assert fit_picture(data, 128).type == "image/jpeg"
     assert most <= 4096 * BAND
 
 
 def test_a_picture_of_more_scans_than_pixels_are_worth() -> None:
-    assert checked_picture(jpeg_scans(50)) == jpeg_scans(50)
+    assert validate_picture(jpeg_scans(50)) == jpeg_scans(50)
     with pytest.raises(ModelRefused, match="a JPEG of more than 100 scans"):
-        checked_picture(jpeg_scans(200))
+        validate_picture(jpeg_scans(200))
 
 
 def test_a_picture_is_looked_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

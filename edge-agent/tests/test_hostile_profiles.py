@@ -7,7 +7,7 @@ from pathlib import Path
 
 from edge_stage import PROFILE
 from posecast_edge.profile.reader import ProfileError, parse_profile
-from posecast_edge.profile.schema import schema_text
+from posecast_edge.profile.schema import make_schema_text
 from posecast_wire.schema import Schema
 from settings_parsers import VIEWS
 
@@ -24,7 +24,7 @@ def refusal(text: str) -> str | None:
         profile = parse_profile(text, "p.toml")
     except ProfileError as e:
         return str(e)
-    Schema.parse(schema_text(profile))
+    Schema.parse(make_schema_text(profile))
     return None
 
 

@@ -24,7 +24,7 @@ def table(folder: Path, data: bytes) -> Table:
 
 
 def rows(folder: Path, data: bytes) -> list[Sample]:
-    return list(table(folder, data).samples(0.0, True))
+    return list(table(folder, data).read_samples(0.0, True))
 
 
 def test_a_mask_without_end_is_a_bad_row(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
@@ -40,8 +40,8 @@ def test_a_time_that_no_frame_can_carry_is_a_bad_row(time: str, tmp_path: Path) 
 
 def test_a_clock_that_runs_backwards_leaves_nothing_out(tmp_path: Path) -> None:
     file = table(tmp_path, b"t,A\n3,1\n2,2\n5,3\n1,4\n")
-    assert [s.t_s for s in file.samples(0.0, True)] == [3.0, 2.0, 5.0, 1.0]
-    assert [s.t_s for s in file.samples(2.0, True)] == [5.0, 1.0]
+    assert [s.t_s for s in file.read_samples(0.0, True)] == [3.0, 2.0, 5.0, 1.0]
+    assert [s.t_s for s in file.read_samples(2.0, True)] == [5.0, 1.0]
 
 
 @pytest.mark.parametrize("end", ["\n", "\r", "\r\n"])
@@ -79,7 +79,7 @@ def test_units_stand_in_the_last_brackets(name: str, field: str, gain: float, tm
 def test_a_loop_takes_time_whatever_its_clock(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_bytes(b"t,A\n0,1\n1e-320,2\n")
     player = Player(Table(tmp_path / "a.csv", None), Playback(tmp_path / "a.csv", loop=True))
-    due = [due_s for _, (due_s, _) in zip(range(200), player.timeline(), strict=False)]
+    due = [due_s for _, (due_s, _) in zip(range(200), player.schedule_samples(), strict=False)]
     assert due[-1] > 0.09
 
 
@@ -104,7 +104,7 @@ def test_a_trajectory_that_is_emptied_while_it_plays_ends(tmp_path: Path) -> Non
 
 def played(folder: Path, data: bytes) -> list[Sample]:
     (folder / "a.mcap").write_bytes(data)
-    return list(McapFile(folder / "a.mcap", WALKER).samples(0.0, True))
+    return list(McapFile(folder / "a.mcap", WALKER).read_samples(0.0, True))
 
 
 def good(count: int = 3) -> bytes:
@@ -138,7 +138,7 @@ def test_an_attachment_is_passed_over(tmp_path: Path) -> None:
     data = MAGIC + record(9, bytes(60 << 20)) + good()[len(MAGIC) :]
     (tmp_path / "a.mcap").write_bytes(data)
     file = McapFile(tmp_path / "a.mcap", WALKER)
-    assert held_bytes(lambda: list(file.samples(0.0, True))) < 4 << 20
+    assert held_bytes(lambda: list(file.read_samples(0.0, True))) < 4 << 20
 
 
 def packed_chunk(compression: str, size: int, data: bytes) -> bytes:
@@ -173,7 +173,7 @@ def test_thousands_of_topics_are_a_few_lines(tmp_path: Path, caplog: pytest.LogC
     topics = b"".join(channel(i, f"/t{i}/" + "x" * 1000) for i in range(100, 3000))
     (tmp_path / "a.mcap").write_bytes(MAGIC + schema(1) + topics + good()[len(MAGIC) :])
     file = McapFile(tmp_path / "a.mcap", WALKER)
-    assert len(list(file.samples(0.0, True))) == 3
+    assert len(list(file.read_samples(0.0, True))) == 3
     assert len(caplog.messages) == 8
     assert caplog.messages[7].endswith("further ones are not said")
     assert all(len(line) < 500 for line in caplog.messages)

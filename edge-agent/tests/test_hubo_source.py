@@ -209,7 +209,7 @@ def test_time_that_stands_still_gives_no_sample_and_time_that_steps_back_does() 
         return bytes(s)
 
     def take(*times_s: float) -> list[tuple[float, bool]]:
-        return [(x.t_s, x.newest) for x in source.take([frame(t_s) for t_s in times_s], 0.0)]
+        return [(x.t_s, x.newest) for x in source.make_samples([frame(t_s) for t_s in times_s], 0.0)]
 
     assert [take(t_s) for t_s in (5.0, 5.0, 5.005)] == [[(5.0, True)], [], [(5.005, True)]]
     assert take(5.005, 1.0, 1.0, 1.005) == [(1.0, False), (1.005, True)]
@@ -222,7 +222,7 @@ def test_of_frames_that_came_at_once_the_last_that_is_one_is_the_newest() -> Non
     for k in range(4):
         s.time = k / 200
         frames.append(bytes(s))
-    taken = source.take([*frames, bytes(3632)], 0.0)
+    taken = source.make_samples([*frames, bytes(3632)], 0.0)
     assert [(x.t_s, x.newest) for x in taken] == [(0.0, False), (0.005, False), (0.01, False), (0.015, True)]
 
 

@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 import pytest
-from posecast_edge.profile.joint_mapping import TermError, resolve
+from posecast_edge.profile.joint_mapping import TermError, resolve_entries
 from posecast_wire.mapping import JointMap
 
 
@@ -15,7 +15,7 @@ def test_a_joint_that_follows_a_joint_ends_at_channels() -> None:
         "k1": joint(("M", 2.0), offset=1.0),
         "k2": joint(("k1", 3.0), ("N", 1.0)),
     }
-    assert resolve(entries, ["M", "N"]) == {
+    assert resolve_entries(entries, ["M", "N"]) == {
         "k3": joint(("M", 3.0), ("N", 0.5), offset=1.75),
         "k1": joint(("M", 2.0), offset=1.0),
         "k2": joint(("M", 6.0), ("N", 1.0), offset=3.0),
@@ -24,12 +24,12 @@ def test_a_joint_that_follows_a_joint_ends_at_channels() -> None:
 
 def test_a_name_that_is_both_means_the_channel() -> None:
     entries = {"A": joint(("A", 1.0), offset=0.5), "B": joint(("A", 1.0), ("C", 1.0))}
-    assert resolve(entries, ["A", "C"]) == entries
+    assert resolve_entries(entries, ["A", "C"]) == entries
 
 
 def test_differential_drives_share_channels() -> None:
     entries = {"pitch": joint(("L", 1.0), ("R", 1.0)), "roll": joint(("L", -1.0), ("R", 1.0))}
-    assert resolve(entries, ["L", "R"]) == entries
+    assert resolve_entries(entries, ["L", "R"]) == entries
 
 
 @pytest.mark.parametrize(
@@ -51,6 +51,6 @@ def test_differential_drives_share_channels() -> None:
 )
 def test_what_cannot_be(entries: dict[str, JointMap], where: tuple[str, int | None], reason: str) -> None:
     with pytest.raises(TermError) as caught:
-        resolve(entries, ["M"])
+        resolve_entries(entries, ["M"])
     assert (caught.value.joint, caught.value.term) == where
     assert caught.value.reason == reason

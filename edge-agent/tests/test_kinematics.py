@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 import yourdfpy
 from model_stage import joint, link, robot, written
-from posecast_edge.model.builder.manifest import encode, home, skeleton
-from posecast_edge.model.kinematics import link_poses, quaternion_from_rpy
+from posecast_edge.model.builder.manifest import compute_home, encode_manifest, make_skeleton
+from posecast_edge.model.kinematics import compute_link_poses, quaternion_from_rpy
 from posecast_edge.model.urdf.reader import load_urdf
 from posecast_edge.model.urdf.tree import build_tree
 from shared_stage import ROBOTS, shared_robot
@@ -29,7 +29,7 @@ MILLIMETRE = 1e-3
 def manifest_of(path: Path) -> dict[str, Any]:
     """As a viewer gets it: through its bytes."""
     urdf = load_urdf(path)
-    document: dict[str, Any] = json.loads(encode(skeleton(urdf, build_tree(urdf))))
+    document: dict[str, Any] = json.loads(encode_manifest(make_skeleton(urdf, build_tree(urdf))))
     return document
 
 
@@ -53,7 +53,7 @@ def compare(path: Path, seed: int) -> None:
     for _ in range(CONFIGURATIONS):
         readings = {name: chance.uniform(-math.pi, math.pi) for name in free}  # limits do not count
         other.update_cfg(readings)
-        poses = link_poses(manifest, readings)
+        poses = compute_link_poses(manifest, readings)
         assert list(poses) == manifest["links"]
         assert set(poses) == set(other.link_map)
         for name, pose in poses.items():
@@ -108,17 +108,17 @@ def test_a_floating_joint(tmp_path: Path) -> None:
         moved = transformations.quaternion_matrix([quat[3], *quat[:3]])
         moved[:3, 3] = x, y, z
         readings = {f"j/{part}": v for part, v in zip(FLOATING, (x, y, z, *quat), strict=True)}
-        assert np.allclose(link_poses(manifest, readings)["b"], origin @ moved)
+        assert np.allclose(compute_link_poses(manifest, readings)["b"], origin @ moved)
 
 
 def test_a_floating_joint_of_which_little_is_known(tmp_path: Path) -> None:
     manifest, origin = free_joint(tmp_path, "floating")
-    assert np.allclose(link_poses(manifest, {"j": 1.0})["b"], origin)
+    assert np.allclose(compute_link_poses(manifest, {"j": 1.0})["b"], origin)
     slid = origin @ transformations.translation_matrix([0, 2, 0])
-    assert np.allclose(link_poses(manifest, {"j/trans_y": 2.0})["b"], slid)
-    assert np.allclose(link_poses(manifest, {"j/trans_y": 2.0, "j/rot_w": 0.0})["b"], slid)
+    assert np.allclose(compute_link_poses(manifest, {"j/trans_y": 2.0})["b"], slid)
+    assert np.allclose(compute_link_poses(manifest, {"j/trans_y": 2.0, "j/rot_w": 0.0})["b"], slid)
     half = origin @ transformations.rotation_matrix(math.pi / 2, [0, 0, 1])
-    assert np.allclose(link_poses(manifest, {"j/rot_z": 1.0})["b"], half)  # with rot_w at rest, 1
+    assert np.allclose(compute_link_poses(manifest, {"j/rot_z": 1.0})["b"], half)  # with rot_w at rest, 1
 
 
 @pytest.mark.parametrize(
@@ -145,8 +145,10 @@ def test_a_planar_joint(
     assert y is None or np.allclose(v, y)
     moved = transformations.rotation_matrix(0.7, normal)
     moved[:3, 3] = 0.3 * u - 2 * v
-    assert np.allclose(link_poses(manifest, {"j/x": 0.3, "j/y": -2.0, "j/theta": 0.7})["b"], origin @ moved)
-    assert np.allclose(link_poses(manifest, {"j": 1.0})["b"], origin)
+    assert np.allclose(
+        compute_link_poses(manifest, {"j/x": 0.3, "j/y": -2.0, "j/theta": 0.7})["b"], origin @ moved
+    )
+    assert np.allclose(compute_link_poses(manifest, {"j": 1.0})["b"], origin)
 
 
 def test_order_and_root_do_not_depend_on_the_file(tmp_path: Path) -> None:
@@ -169,11 +171,13 @@ def test_mimics_of_mimics_are_resolved(tmp_path: Path) -> None:
     ]
     manifest = manifest_of(written(tmp_path, robot(*parts)))
     assert manifest["joints"][2]["mimic"] == {"joint": 0, "multiplier": -6, "offset": 0.2}
-    poses = link_poses(manifest, {"x": 0.1})
+    poses = compute_link_poses(manifest, {"x": 0.1})
     turn = 0.1 + (2 * 0.1 + 0.1) + (-6 * 0.1 + 0.2)
     assert poses["d"][0][0] == pytest.approx(math.cos(turn))
     # a reading of its own wins
-    assert link_poses(manifest, {"x": 0.1, "z": 1.0})["d"][0][0] == pytest.approx(math.cos(0.1 + 0.3 + 1.0))
+    assert compute_link_poses(manifest, {"x": 0.1, "z": 1.0})["d"][0][0] == pytest.approx(
+        math.cos(0.1 + 0.3 + 1.0)
+    )
 
 
 def test_home_is_zero_or_the_nearest_limit(tmp_path: Path) -> None:
@@ -183,7 +187,7 @@ def test_home_is_zero_or_the_nearest_limit(tmp_path: Path) -> None:
         joint("y", "b", "c", limit='<limit lower="0.5" upper="1"/>'),
         joint("z", "c", "d", limit='<limit lower="-2" upper="-1"/>'),
     ]
-    assert home(manifest_of(written(tmp_path, robot(*parts)))) == {"x": 0, "y": 0.5, "z": -1}
+    assert compute_home(manifest_of(written(tmp_path, robot(*parts)))) == {"x": 0, "y": 0.5, "z": -1}
 
 
 def test_a_deep_chain(tmp_path: Path) -> None:
@@ -193,7 +197,7 @@ def test_a_deep_chain(tmp_path: Path) -> None:
             link(f"l{i + 1}"),
             joint(f"j{i}", f"l{i}", f"l{i + 1}", "fixed", '<origin xyz="0 0 0.01"/>', ""),
         ]
-    poses = link_poses(manifest_of(written(tmp_path, robot(*parts))), {})
+    poses = compute_link_poses(manifest_of(written(tmp_path, robot(*parts))), {})
     assert poses["l900"][2][3] == pytest.approx(9.0)
 
 

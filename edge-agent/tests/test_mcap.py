@@ -52,7 +52,7 @@ def file_of(tmp_path: Path, content: bytes, profile: str = PROFILE) -> McapFile:
 
 
 def samples(tmp_path: Path, content: bytes, profile: str = PROFILE, start_s: float = 0) -> list[Sample]:
-    return list(file_of(tmp_path, content, profile).samples(start_s, first_pass=True))
+    return list(file_of(tmp_path, content, profile).read_samples(start_s, first_pass=True))
 
 
 @pytest.mark.parametrize("compression", PACKED)
@@ -94,9 +94,9 @@ def test_a_recorded_description_is_handed_on_also_from_a_later_start(tmp_path: P
     source = open_source(f"mcap:{tmp_path}/a.mcap?start=0.4&loop", parse_profile(PROFILE))
     assert isinstance(source, Discovering)
     given: list[str] = []
-    source.describe_to(given.append)
+    source.send_urdf_to(given.append)
     assert isinstance(source, Player)
-    played = [s.values["pos"] for _, s in itertools.islice(source.timeline(), 15)]
+    played = [s.values["pos"] for _, s in itertools.islice(source.schedule_samples(), 15)]
     assert played[:11] == [{"A": k} for k in (40, 41, 42, 43, 44, 45, 46, 47, 48, 49, 40)]
     assert given == ["<robot name='x'/>"]
     assert source.offers == [
@@ -159,8 +159,8 @@ def test_a_bad_message_is_named(tmp_path: Path, caplog: pytest.LogCaptureFixture
         bag.add("/joint_states", "sensor_msgs/msg/JointState", t_ns, joint_state(t_ns, A=k)[:cut])
     file = file_of(tmp_path, bag.finish())
     with caplog.at_level(logging.WARNING):
-        found = list(file.samples(0, first_pass=True))
-        again = list(file.samples(0, first_pass=False))
+        found = list(file.read_samples(0, first_pass=True))
+        again = list(file.read_samples(0, first_pass=False))
     assert [s.values for s in found] == [s.values for s in again] == [{"pos": {"A": 0}}, {"pos": {"A": 2}}]
     assert len(caplog.messages) == 1
     assert caplog.messages[0].startswith(

@@ -24,7 +24,7 @@ from model_stage import (
     volume,
 )
 from posecast_edge.model.finding import ModelRefused
-from posecast_edge.model.meshes.mesh import fans
+from posecast_edge.model.meshes.mesh import triangulate_fans
 from posecast_edge.model.meshes.reader import read_mesh
 from shared_stage import SHARED
 
@@ -48,7 +48,7 @@ CUBES = {
 def test_cubes(name: str, tmp_path: Path) -> None:
     mesh = read_mesh_of(tmp_path, name, CUBES[name])
     assert mesh.triangles == 12
-    assert np.allclose(mesh.box(), np.array([[0, 0, 0], [0.2, 0.2, 0.2]]))
+    assert np.allclose(mesh.compute_box(), np.array([[0, 0, 0], [0.2, 0.2, 0.2]]))
     assert volume(mesh) == pytest.approx(0.008, rel=1e-5)
 
 
@@ -65,7 +65,7 @@ def test_collada_transforms_in_order(tmp_path: Path) -> None:
     )
     mesh = read_mesh_of(tmp_path, "a.dae", cube_collada(node=node, unit="0.1"))
     # x → 0.5 … 0.7; scaled y 0 … 0.4; turned: x' = −y, y' = x; moved; tenths of a metre
-    assert np.allclose(mesh.box(), [[0.06, 0.25, 0.3], [0.1, 0.27, 0.32]], atol=1e-6)
+    assert np.allclose(mesh.compute_box(), [[0.06, 0.25, 0.3], [0.1, 0.27, 0.32]], atol=1e-6)
     assert [code for code, _ in mesh.notes] == ["collada-unit"]
     assert volume(mesh) > 0
 
@@ -145,7 +145,7 @@ def test_glb_scene_and_colour(tmp_path: Path) -> None:
         ]
 
     mesh = read_mesh_of(tmp_path, "a.glb", cube_glb(moved))
-    assert np.allclose(mesh.box(), [[0.6, 0, 0], [1, 0.4, 0.4]], atol=1e-6)
+    assert np.allclose(mesh.compute_box(), [[0.6, 0, 0], [1, 0.4, 0.4]], atol=1e-6)
     [surface] = mesh.surfaces
     assert surface.paint is not None
     assert surface.paint.rgba == pytest.approx((1, 0, 0, 1))
@@ -162,11 +162,11 @@ def test_glb_of_small_integers(tmp_path: Path) -> None:
         {"buffer": 0, "byteOffset": 64, "byteLength": 36},
     ]
     mesh = read_mesh_of(tmp_path, "a.glb", pack_glb(document, corners.tobytes() + faces))
-    assert np.allclose(mesh.box(), [[0, 0, 0], [1, 1, 1]])
+    assert np.allclose(mesh.compute_box(), [[0, 0, 0], [1, 1, 1]])
 
 
 def test_fans() -> None:
-    assert fans(np.array([3, 5, 2, 4])).tolist() == [
+    assert triangulate_fans(np.array([3, 5, 2, 4])).tolist() == [
         [0, 1, 2],
         [3, 4, 5],
         [3, 5, 6],
@@ -193,4 +193,4 @@ def test_shared_meshes_as_another_library_reads_them(pattern: str) -> None:
             io.BytesIO(path.read_bytes()), file_type=path.suffix[1:].lower(), force="mesh", process=False
         )
         assert mesh.triangles == len(other.faces), path.name
-        assert np.abs(np.array(mesh.box()) - other.bounds).max() < 1e-6, path.name
+        assert np.abs(np.array(mesh.compute_box()) - other.bounds).max() < 1e-6, path.name

@@ -28,11 +28,11 @@ from model_stage import (
 )
 from numpy.typing import NDArray
 from PIL import Image
-from posecast_edge.model.builder.build import Built, triangles_of
-from posecast_edge.model.builder.manifest import home
-from posecast_edge.model.builder.raster import camera_towards, silhouette
+from posecast_edge.model.builder.build import Built, collect_triangles
+from posecast_edge.model.builder.manifest import compute_home
+from posecast_edge.model.builder.raster import aim_camera, draw_silhouette
 from posecast_edge.model.finding import ModelRefused
-from posecast_edge.model.kinematics import from_quaternion, link_poses, quaternion_from_rpy
+from posecast_edge.model.kinematics import compute_link_poses, matrix_from_quaternion, quaternion_from_rpy
 from posecast_edge.sources.demo import BUNDLE
 from shared_stage import ROBOTS, shared_robot
 
@@ -47,7 +47,7 @@ SIZES = {  # bytes of a level at most; the issue's, and what the others should n
 
 
 def poses_of(built: Built) -> list[NDArray[np.float64]]:
-    return [np.array(p) for p in link_poses(built.document, home(built.document)).values()]
+    return [np.array(p) for p in compute_link_poses(built.document, compute_home(built.document)).values()]
 
 
 def original(built: Built) -> NDArray[np.float64]:
@@ -55,7 +55,7 @@ def original(built: Built) -> NDArray[np.float64]:
     poses, corners = poses_of(built), []
     for visual in built.figure.visuals:
         at = poses[visual.link] @ np.array(
-            from_quaternion(visual.pose.xyz, quaternion_from_rpy(visual.pose.rpy))
+            matrix_from_quaternion(visual.pose.xyz, quaternion_from_rpy(visual.pose.rpy))
         )
         for surface, _, _ in built.figure.looks[visual.looks].skins:
             points = surface.positions.astype(np.float64) @ at[:3, :3].T + at[:3, 3]
@@ -97,10 +97,10 @@ def test_silhouettes(shared: tuple[str, Built]) -> None:
     _, built = shared
     corners, poses = original(built), poses_of(built)
     for view in VIEWS:
-        camera = camera_towards(view, corners.reshape(-1, 3), PIXELS)
-        expected = silhouette(corners, camera)
+        camera = aim_camera(view, corners.reshape(-1, 3), PIXELS)
+        expected = draw_silhouette(corners, camera)
         for name, level in built.levels.items():
-            shown = silhouette(triangles_of(level, built.figure, poses)[0], camera)
+            shown = draw_silhouette(collect_triangles(level, built.figure, poses)[0], camera)
             same = (shown & expected).sum() / (shown | expected).sum()
             assert same > SAME[name], f"{name} from {view}: {same:.4f}"
 
@@ -134,7 +134,7 @@ def test_layout(shared: tuple[str, Built]) -> None:
                 drawn += accessor["count"] // 3
                 points.append(positions[slots] * node["scale"][0])
             x, y, z, w = node.get("rotation", (0, 0, 0, 1))
-            at = np.array(from_quaternion(node.get("translation", (0, 0, 0)), (w, x, y, z)))
+            at = np.array(matrix_from_quaternion(node.get("translation", (0, 0, 0)), (w, x, y, z)))
             placed = np.concatenate(points) @ at[:3, :3].T + at[:3, 3]
             low, high = np.array(visual["box"])
             slack = level["error_m"] * 1.5 + 1e-4
@@ -233,7 +233,7 @@ def test_scale_and_mirror(tmp_path: Path) -> None:
     inside = mesh("meshes/a.stl", ' scale="1 -2 0.5"')
     built = build_robot(written(tmp_path, robot(link("a", inside)), a_stl=cube_stl(1)))
     assert built.document["visuals"][0]["box"] == [[0, -2, 0], [1, 0, 0.5]]
-    corners, normals, _ = triangles_of(built.levels["high"], built.figure, poses_of(built))
+    corners, normals, _ = collect_triangles(built.levels["high"], built.figure, poses_of(built))
     outward = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     centre = np.array([0.5, -1, 0.25])
     assert (np.einsum("nk,nk->n", outward, corners.mean(1) - centre) > 0).all()

@@ -20,11 +20,11 @@ from model_stage import (
     link,
     robot,
 )
-from posecast_edge.model.doctor.skeleton import examine
+from posecast_edge.model.doctor.skeleton import examine_model
 from posecast_edge.model.finding import ModelRefused
 from posecast_edge.model.meshes.collada import read_collada
 from posecast_edge.model.meshes.gltf import read_gltf
-from posecast_edge.model.meshes.mesh import Mesh, checked
+from posecast_edge.model.meshes.mesh import Mesh, validate_mesh
 from posecast_edge.model.meshes.obj import read_obj
 from posecast_edge.model.meshes.stl import read_stl
 from posecast_edge.model.urdf.reader import read_urdf
@@ -73,7 +73,7 @@ def test_meshes(kind: str, changes: list[tuple[int, int, bytes]]) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # numbers beyond float32
         try:
-            mesh = checked(read(damaged(data, changes)))
+            mesh = validate_mesh(read(damaged(data, changes)))
         except ModelRefused as refused:
             said = refused.reason
         else:
@@ -95,7 +95,7 @@ def test_urdfs(changes: list[tuple[int, int, bytes]]) -> None:
         said = ""
     assert said.isprintable()
     tree = build_tree(urdf)
-    assert all(f.words("x").isprintable() for f in examine(urdf, tree, {}))
+    assert all(f.format_line("x").isprintable() for f in examine_model(urdf, tree, {}))
     assert [tree.index[j.child] for j in tree.joints] == list(range(1, len(tree.links)))
     assert all(tree.index[j.parent] < tree.index[j.child] for j in tree.joints)
 

@@ -10,12 +10,19 @@ import pytest
 from command_stage import run_edge
 from posecast_edge.model.urdf.reader import load_urdf
 from posecast_edge.sample import Sample, SourceError
-from posecast_edge.sources.registry import defaults_of, open_source
+from posecast_edge.sources.registry import find_defaults, open_source
 from shared_stage import shared_robot
 
 mujoco = pytest.importorskip("mujoco", reason="the extra [mujoco] is not installed")
 
-from posecast_edge.sources.mujoco.model import GO_S, STAY_S, TURN_S, Simulation, load, moving_parts  # noqa: E402
+from posecast_edge.sources.mujoco.model import (  # noqa: E402
+    GO_S,
+    STAY_S,
+    TURN_S,
+    Simulation,
+    load_simulation,
+    strip_visuals,
+)
 from posecast_edge.sources.mujoco.source import ARM  # noqa: E402
 
 WALKER = """
@@ -51,14 +58,14 @@ WALKER = """
 def mjcf(tmp_path: Path, text: str = WALKER) -> Simulation:
     path = tmp_path / "model.xml"
     path.write_text(text)
-    return load(path)
+    return load_simulation(path)
 
 
 def play(simulation: Simulation, seconds: float) -> list[Sample]:
     found = []
     for _ in range(round(seconds / 0.01)):
         simulation.advance(0.01)
-        found.append(simulation.sample())
+        found.append(simulation.make_sample())
     return found
 
 
@@ -106,7 +113,7 @@ def test_keyframes_are_gone_through(tmp_path: Path) -> None:
 
 
 def test_the_arm_moves_each_joint_and_holds_the_others() -> None:
-    simulation = load(ARM)
+    simulation = load_simulation(ARM)
     joints = [s.joint for s in simulation.servos]
     assert joints == ["turn", "lift", "elbow", "wrist", "finger_left", "finger_right"]
     samples = play(simulation, TURN_S * len(joints))
@@ -121,7 +128,7 @@ def test_the_arm_moves_each_joint_and_holds_the_others() -> None:
 
 def test_the_arm_keeps_to_its_limits_and_the_doctor_likes_it() -> None:
     limits = {j.name: j.limit for j in load_urdf(ARM).joints}
-    for sample in play(load(ARM), TURN_S * 6):
+    for sample in play(load_simulation(ARM), TURN_S * 6):
         for joint, limit in limits.items():
             position = value(sample, "pos", joint)
             assert limit is not None
@@ -137,7 +144,7 @@ def test_a_joint_that_mimics_another_follows_it(tmp_path: Path) -> None:
     tie = '<mimic joint="finger_left" multiplier="0.5"/></joint>'
     head, _, tail = ARM.read_text().rpartition("</joint>")
     path.write_text(head + tie + tail)
-    simulation = load(path)
+    simulation = load_simulation(path)
     assert "finger_right" not in [s.joint for s in simulation.servos]
     ends = play(simulation, TURN_S * 4.5)[-1]
     assert value(ends, "pos", "finger_right") == pytest.approx(
@@ -146,11 +153,11 @@ def test_a_joint_that_mimics_another_follows_it(tmp_path: Path) -> None:
 
 
 def test_a_urdf_is_what_is_seen_too_and_meshes_are_no_hindrance(tmp_path: Path) -> None:
-    assert defaults_of("mujoco").urdf == ARM
-    assert defaults_of(f"mujoco:{tmp_path}/a.urdf").urdf == tmp_path / "a.urdf"
-    assert defaults_of(f"mujoco:{tmp_path}/a.xml").urdf is None
+    assert find_defaults("mujoco").urdf == ARM
+    assert find_defaults(f"mujoco:{tmp_path}/a.urdf").urdf == tmp_path / "a.urdf"
+    assert find_defaults(f"mujoco:{tmp_path}/a.xml").urdf is None
     mesh = b'<visual><geometry><mesh filename="package://nobody/has.dae"/></geometry></visual><inertial>'
-    assert b"nobody" not in moving_parts(ARM.read_bytes().replace(b"<inertial>", mesh, 1)).encode()
+    assert b"nobody" not in strip_visuals(ARM.read_bytes().replace(b"<inertial>", mesh, 1)).encode()
 
 
 def test_an_unstable_model_begins_anew_and_time_goes_on(
@@ -191,7 +198,7 @@ def test_a_model_that_is_not_there() -> None:
 
 @pytest.mark.parametrize("name", ["hubo2plus-collision", "drchubo", "g1"])
 def test_real_robots_hold_still_and_move_as_told(name: str, caplog: pytest.LogCaptureFixture) -> None:
-    simulation = load(shared_robot(name))
+    simulation = load_simulation(shared_robot(name))
     assert len(simulation.servos) == len(simulation.joints)
     for sample in play(simulation, 2 * TURN_S):
         for servo in simulation.servos:

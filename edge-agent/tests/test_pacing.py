@@ -25,8 +25,8 @@ def ages(source_hz: float, hz: float, seconds: float, last: int | None = None) -
         if now_s * source_hz >= sampled and (last is None or sampled < last):
             sampled, sampled_s = sampled + 1, now_s
             is_due = pacer.is_due(now_s)
-        if is_due or (sampled != carried and pacer.wait_s(now_s) == 0):
-            pacer.left(now_s)
+        if is_due or (sampled != carried and pacer.compute_wait_s(now_s) == 0):
+            pacer.record_frame(now_s)
             if sampled != carried:
                 carried = sampled
                 found.append(now_s - sampled_s)
@@ -59,7 +59,7 @@ def test_a_thousand_samples_a_second_become_thirty_frames_each_of_the_newest() -
         t_s = n / 1000
         stream.deliver(Sample(t_s, {"pos": [n * 0.001, 0.0]}), t_s)
         if pacer.is_due(t_s):
-            pacer.left(t_s)
+            pacer.record_frame(t_s)
             frame = stream.tick(t_s)
             assert frame is not None
             behind.append(n * 0.001 - (decoder.decode(frame.data).values("pos")[0] or 0.0))

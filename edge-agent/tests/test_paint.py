@@ -28,7 +28,7 @@ from posecast_edge.model.builder.build import Built
 from posecast_edge.model.meshes.mesh import Floats, Paint, Surface
 from posecast_edge.model.meshes.primitives import tessellate
 from posecast_edge.model.meshes.reader import read_mesh
-from posecast_edge.model.meshes.vertex_colour import COLOURS_MAX, by_colour
+from posecast_edge.model.meshes.vertex_colour import COLOURS_MAX, split_by_colour
 
 RED, GREEN, BLUE = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 
@@ -174,7 +174,7 @@ def test_colours_of_vertices_become_parts() -> None:
     cube = Surface(
         positions, np.arange(36, dtype=np.int32).reshape(-1, 3), colours=np.repeat(of_face, 3, axis=0)
     )
-    parts = {s.paint.rgba[:3]: len(s.faces) for s in by_colour(cube) if s.paint}
+    parts = {s.paint.rgba[:3]: len(s.faces) for s in split_by_colour(cube) if s.paint}
     assert parts == {RED: 4, GREEN: 6, BLUE: 2}
 
 
@@ -182,9 +182,9 @@ def test_colours_of_vertices_tint_the_paint() -> None:
     positions = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32)
     tint = np.full((3, 3), 0.5, np.float32)
     face = np.array([[0, 1, 2]], np.int32)
-    [tinted] = by_colour(Surface(positions, face, None, Paint((1.0, 0.5, 0.0, 0.7)), tint))
+    [tinted] = split_by_colour(Surface(positions, face, None, Paint((1.0, 0.5, 0.0, 0.7)), tint))
     assert tinted.paint == Paint((0.5, 0.25, 0.0, 0.7))
-    [plain] = by_colour(Surface(positions, face, None, Paint((1.0, 0.5, 0.0, 0.7)), tint * 0))
+    [plain] = split_by_colour(Surface(positions, face, None, Paint((1.0, 0.5, 0.0, 0.7)), tint * 0))
     assert plain.paint == Paint((1.0, 0.5, 0.0, 0.7))  # a layer of colours that nobody filled
 
 
@@ -202,11 +202,11 @@ def sheet(side: int) -> Surface:
 def test_a_shade_becomes_few_colours_and_a_scan_its_mean() -> None:
     plain = sheet(64)
     shade: Floats = np.repeat(plain.positions[:, :1] / np.float32(64), 3, axis=1).astype(np.float32)
-    parts = list(by_colour(Surface(plain.positions, plain.faces, colours=shade)))
+    parts = list(split_by_colour(Surface(plain.positions, plain.faces, colours=shade)))
     assert 4 <= len(parts) <= COLOURS_MAX
     assert sum(len(p.faces) for p in parts) == len(plain.faces)
     noise: Floats = np.random.default_rng(1).random((len(plain.positions), 3), np.float32)
-    [mean] = by_colour(Surface(plain.positions, plain.faces, colours=noise))
+    [mean] = split_by_colour(Surface(plain.positions, plain.faces, colours=noise))
     assert mean.paint is not None
     assert mean.paint.rgba[:3] == pytest.approx((0.5, 0.5, 0.5), abs=0.02)
 

@@ -17,13 +17,11 @@ from parser_stage import Input, in_one_line
 from posecast_edge.sources.registry import KINDS
 
 PACKAGE = Path(posecast_edge.__file__).parent
-READS = re.compile(r"(?:checked|decode|feed|fitted|fresh|load|parse|read|samples|unpacked)(?:_|$)")
+READS = re.compile(r"(?:decode|feed|fit|load|parse|read|unpack|validate)(?:_|$)")
 # what is called so and reads nothing that a stranger wrote, or is measured elsewhere
 ELSEWHERE = {
     "sources.demo.read_motion": "a file of our own",
-    "sources.mujoco.model.load": "test_hostile_mujoco.py: MuJoCo reads",
-    "pipeline.sampler.Sampler.fresh": "what a source has delivered",
-    "pipeline.stream.Stream.fresh": "what a sampler has",
+    "sources.mujoco.model.load_simulation": "test_hostile_mujoco.py: MuJoCo reads",
 }
 # the kinds of sources, and which parsers read for each
 BY_KIND = {

@@ -21,7 +21,7 @@ class Times:
         self.passes: list[bool] = []
         self._times_s = times_s
 
-    def samples(self, start_s: float, first_pass: bool) -> Iterator[Sample]:
+    def read_samples(self, start_s: float, first_pass: bool) -> Iterator[Sample]:
         self.passes.append(first_pass)
         for t_s in self._times_s:
             if t_s - self._times_s[0] >= start_s:
@@ -31,7 +31,7 @@ class Times:
 def timeline(*times_s: float, count: int = 100, **how: float) -> list[tuple[float, float]]:
     """(when due, robot time) of the first `count` samples."""
     player = Player(Times(*times_s), Playback(Path("x"), **how))  # type: ignore[arg-type]
-    return [(due_s, sample.t_s) for due_s, sample in islice(player.timeline(), count)]
+    return [(due_s, sample.t_s) for due_s, sample in islice(player.schedule_samples(), count)]
 
 
 @pytest.mark.parametrize(
@@ -96,7 +96,7 @@ def test_from_a_start() -> None:
 def test_in_a_loop_robot_time_goes_on_and_complaints_do_not() -> None:
     recording = Times(5, 6, 8)
     player = Player(recording, Playback(Path("x"), start_s=1, loop=True))
-    found = [(due_s, s.t_s, s.values["pos"]) for due_s, s in islice(player.timeline(), 5)]
+    found = [(due_s, s.t_s, s.values["pos"]) for due_s, s in islice(player.schedule_samples(), 5)]
     assert found == [
         (0, 6, {"A": 6}),
         (2, 8, {"A": 8}),

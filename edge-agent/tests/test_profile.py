@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from edge_stage import PROFILE
 from posecast_edge.profile.reader import ProfileError, find_profile, load_profile, parse_profile
-from posecast_edge.profile.schema import schema_text
+from posecast_edge.profile.schema import make_schema_text
 from posecast_wire.mapping import JointMap, SensorMount, Threshold
 from posecast_wire.schema import Schema
 from settings_parsers import BASE, VIEWS
@@ -170,7 +170,7 @@ def test_every_profile_in_the_package_parses_and_makes_a_schema() -> None:
     files = sorted((Path(__file__).parents[1] / "src/posecast_edge/profiles").glob("*.toml"))
     assert files
     for file in files:
-        assert Schema.parse(schema_text(load_profile(file))).size > 0
+        assert Schema.parse(make_schema_text(load_profile(file))).size > 0
 
 
 def test_a_joint_may_follow_a_joint_and_a_channel_have_a_unit_of_its_own() -> None:
@@ -180,20 +180,20 @@ def test_a_joint_may_follow_a_joint_and_a_channel_have_a_unit_of_its_own() -> No
     assert p.mapping.joints == {"k1": JointMap((("A", 2.0),), 1.0), "k2": JointMap((("A", 1.0),), 0.5)}
     assert p.mapping.unit("pos", "B") == "mm"
     assert p.mapping.unit("pos", "A") is None
-    assert Schema.parse(schema_text(p)).mapping.unit("pos", "B") == "mm"
+    assert Schema.parse(make_schema_text(p)).mapping.unit("pos", "B") == "mm"
 
 
 def test_a_view_holds_nothing_of_what_is_not_in_it() -> None:
     p = parse_profile(PROFILE + VIEWS)
-    public, lab = (p.seen_as(p.views[name]) for name in ("public", "lab"))
+    public, lab = (p.restrict_to_view(p.views[name]) for name in ("public", "lab"))
     assert (p.views["public"].hz, p.views["lab"].hz) == (10, None)
-    text = schema_text(public)
+    text = make_schema_text(public)
     assert not [word for word in ("ftf", "RF", "foot", "500", '"ref"', '"rel"') if word in text], text
     schema = Schema.parse(text)
     assert [(f.name, f.scale, f.rel) for f in schema.fields] == [("pos", 0.01, None), ("flags", 1, None)]
     assert schema.mapping.joints == p.mapping.joints
     assert schema.mapping.names == {"RKN": "right knee"}
-    assert schema_text(lab) == schema_text(p)
+    assert make_schema_text(lab) == make_schema_text(p)
 
 
 @pytest.mark.parametrize(
@@ -207,12 +207,12 @@ def test_a_view_holds_nothing_of_what_is_not_in_it() -> None:
 )
 def test_a_view_has_the_texts_that_it_names(view: str, texts: tuple[str, ...] | None) -> None:
     p = parse_profile(f"{PROFILE}[views.public]\n{view}\n")
-    assert p.seen_as(p.views["public"]).info == texts
+    assert p.restrict_to_view(p.views["public"]).info == texts
 
 
 def test_a_view_without_joints_tells_nothing_of_the_body() -> None:
     p = parse_profile(PROFILE + '[views.force]\nfields = ["ftf"]\n')
-    schema = Schema.parse(schema_text(p.seen_as(p.views["force"])))
+    schema = Schema.parse(make_schema_text(p.restrict_to_view(p.views["force"])))
     assert (schema.mapping.joints, schema.mapping.tolerances, schema.mapping.severities) == ({}, {}, {})
     assert set(schema.mapping.sensors) == {"RF"}
 

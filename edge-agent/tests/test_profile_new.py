@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 from command_stage import run_edge
-from posecast_edge.cli.profile_new import profile_text, words_of
+from posecast_edge.cli.profile_new import make_profile_text, split_name
 from posecast_edge.model.urdf.reader import load_urdf
 from posecast_edge.profile.reader import load_profile, parse_profile
 from posecast_wire.mapping import SensorMount
@@ -21,7 +21,7 @@ G1_HANDS = G1_URDF.with_name("g1_29dof_with_hand_rev_1_0.urdf")
 @pytest.mark.skipif(not SHARED.is_dir(), reason="no robot models beside this checkout")
 def test_of_real_robots(path: Path) -> None:
     urdf = load_urdf(path)
-    profile = parse_profile(profile_text(urdf, path.name))
+    profile = parse_profile(make_profile_text(urdf, path.name))
     moving = [j.name for j in urdf.joints if j.type in ("revolute", "continuous", "prismatic")]
     assert set(profile.labels["joint"]) == set(moving)
     assert profile.root in {link.name for link in urdf.links}
@@ -34,7 +34,7 @@ def test_every_kind_of_joint_and_a_sensor(tmp_path: Path) -> None:
         '<sensor name="wrist ft" type="force_torque"><parent link="hand"/><origin xyz="0 0 0.1"/></sensor>'
     )
     path.write_text(URDF.replace("</robot>", f"{sensor}</robot>"), encoding="utf-8")
-    profile = parse_profile(profile_text(load_urdf(path), "arm.urdf"))
+    profile = parse_profile(make_profile_text(load_urdf(path), "arm.urdf"))
     assert profile.labels["joint"] == ("shoulder", "elbow", "wrist", "lift")  # grip follows by itself
     assert [f.name for f in profile.fields] == ["ref", "pos", "vel", "ftf", "ftm"]
     assert (profile.mapping.unit("pos", "lift"), profile.mapping.unit("pos", "elbow")) == ("m", None)
@@ -51,7 +51,7 @@ def test_names_that_bite(tmp_path: Path) -> None:
         '<parent link="l"/><child link="m"/></joint></robot>',
         encoding="utf-8",
     )
-    profile = parse_profile(profile_text(load_urdf(path), "odd.urdf"))
+    profile = parse_profile(make_profile_text(load_urdf(path), "odd.urdf"))
     assert profile.labels["joint"] == ('a "b" \\ #1.x',)
 
 
@@ -67,7 +67,7 @@ def test_names_that_bite(tmp_path: Path) -> None:
     ],
 )
 def test_words(name: str, words: str) -> None:
-    assert words_of(name) == words
+    assert split_name(name) == words
 
 
 def test_the_command_writes_a_file_once(tmp_path: Path) -> None:

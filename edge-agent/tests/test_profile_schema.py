@@ -8,14 +8,14 @@ from edge_stage import PROFILE
 from posecast_edge.pipeline.stream import Stream
 from posecast_edge.profile.field_defaults import FLAG_BITS
 from posecast_edge.profile.reader import parse_profile
-from posecast_edge.profile.schema import profile_of, schema_text
+from posecast_edge.profile.schema import infer_profile, make_schema_text
 from posecast_edge.sample import Sample, SourceError, Values
 from posecast_wire.schema import Schema
 
 
 def test_a_profile_survives_the_wire() -> None:
     profile = parse_profile(PROFILE)
-    schema = Schema.parse(schema_text(profile))
+    schema = Schema.parse(make_schema_text(profile))
     assert schema.robot == "two-joints"
     assert schema.mapping == profile.mapping
     assert [(f.name, f.labels, f.unit, f.scale, f.rel, f.bits) for f in schema.fields] == [
@@ -24,7 +24,7 @@ def test_a_profile_survives_the_wire() -> None:
 
 
 def of(**values: Values) -> Schema:
-    return Schema.parse(schema_text(profile_of("r1", Sample(0.0, values))))
+    return Schema.parse(make_schema_text(infer_profile("r1", Sample(0.0, values))))
 
 
 def test_the_first_sample_names_the_channels() -> None:
@@ -76,7 +76,7 @@ def test_masks_have_bits_without_names() -> None:
 )
 def test_what_a_sample_cannot_say(values: dict[str, Values], message: str) -> None:
     with pytest.raises(SourceError) as caught:
-        profile_of("r1", Sample(0.0, values))
+        infer_profile("r1", Sample(0.0, values))
     assert str(caught.value).startswith(message)
 
 
@@ -97,7 +97,7 @@ def test_a_first_sample_costs_what_it_is_long(kind: str) -> None:
         sample = Sample(0.0, FIRST[kind](n))
 
         def show() -> None:
-            stream = Stream(profile_of("r", sample), 4.0, lambda line: None)
+            stream = Stream(infer_profile("r", sample), 4.0, lambda line: None)
             stream.deliver(sample, 0.0)
             assert stream.tick(0.0) is not None
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from model_stage import cube_stl, link, robot, written
 from posecast_edge.model.finding import ModelRefused
-from posecast_edge.model.urdf.resolver import Resolver, package_folders
+from posecast_edge.model.urdf.resolver import Resolver, list_package_folders
 
 
 def placed(path: Path) -> Path:
@@ -39,9 +39,9 @@ def test_beside_and_above(tmp_path: Path) -> None:
         "model://foo_description/meshes/arm.STL",
         " ../meshes/arm.STL".strip(),
     ):
-        assert resolver.find(uri).path == arm, uri
-        assert resolver.find(uri).hint is None
-    assert resolver.find("package://bar/b.stl").path == bar
+        assert resolver.find_file(uri).path == arm, uri
+        assert resolver.find_file(uri).hint is None
+    assert resolver.find_file("package://bar/b.stl").path == bar
 
 
 def test_found_with_leniency(tmp_path: Path) -> None:
@@ -54,7 +54,7 @@ def test_found_with_leniency(tmp_path: Path) -> None:
         ("package://renamed/meshes/Arm.STL", "model's own folder"),
         ("package://old/deep/path/meshes/Arm.STL", "model's own folder"),
     ):
-        found = resolver.find(uri)
+        found = resolver.find_file(uri)
         assert found.path == arm, uri
         assert found.hint is not None
         assert words in found.hint
@@ -66,23 +66,23 @@ def test_package_folders_of_the_user(tmp_path: Path) -> None:
     two = placed(named(tmp_path / "two/src/other-name", "arm_two") / "a.stl")
     direct = placed(tmp_path / "three/arm_three/a.stl")
     with pytest.raises(ModelRefused, match=r"no package 'arm_pkg'.*--packages"):
-        Resolver(urdf).find("package://arm_pkg/meshes/a.stl")
+        Resolver(urdf).find_file("package://arm_pkg/meshes/a.stl")
     resolver = Resolver(
         urdf, [tmp_path / "one", tmp_path / "two", tmp_path / "three/arm_three", tmp_path / "gone"]
     )
-    assert resolver.find("package://arm_pkg/meshes/a.stl").path == one
-    assert resolver.find("package://arm_two/a.stl").path == two
-    assert resolver.find("package://arm_three/a.stl").path == direct
-    assert resolver.find(f"file://{one}").path == one
+    assert resolver.find_file("package://arm_pkg/meshes/a.stl").path == one
+    assert resolver.find_file("package://arm_two/a.stl").path == two
+    assert resolver.find_file("package://arm_three/a.stl").path == direct
+    assert resolver.find_file(f"file://{one}").path == one
     with pytest.raises(ModelRefused, match="no such file"):
-        resolver.find("package://arm_pkg/meshes/gone.stl")
+        resolver.find_file("package://arm_pkg/meshes/gone.stl")
 
 
 def test_ros_says_where_packages_are() -> None:
     environment = {"AMENT_PREFIX_PATH": "/opt/ros/x:/ws/install", "ROS_PACKAGE_PATH": "/src:/more"}
     expected = ["/opt/ros/x/share", "/ws/install/share", "/src", "/more"]
-    assert [str(p) for p in package_folders(environment)] == expected
-    assert package_folders({}) == []
+    assert [str(p) for p in list_package_folders(environment)] == expected
+    assert list_package_folders({}) == []
 
 
 def test_what_lies_beside_a_mesh(tmp_path: Path) -> None:
@@ -94,14 +94,14 @@ def test_what_lies_beside_a_mesh(tmp_path: Path) -> None:
     near = tmp_path / "model/meshes/near.jpg"
     near.write_bytes(b"x")
     resolver = Resolver(urdf)
-    assert resolver.beside(mesh, "../textures/skin.PNG") == picture
-    assert resolver.beside(mesh, "..\\textures\\skin.png") == picture
-    assert resolver.beside(mesh, "near.jpg") == near
-    assert resolver.beside(mesh, "C:\\Users\\artist\\near.jpg") == near
-    assert resolver.beside(mesh, "/home/artist/near.jpg") == near
+    assert resolver.find_beside(mesh, "../textures/skin.PNG") == picture
+    assert resolver.find_beside(mesh, "..\\textures\\skin.png") == picture
+    assert resolver.find_beside(mesh, "near.jpg") == near
+    assert resolver.find_beside(mesh, "C:\\Users\\artist\\near.jpg") == near
+    assert resolver.find_beside(mesh, "/home/artist/near.jpg") == near
     for name in ("gone.png", "a.obj", "robot.urdf"):
         with pytest.raises(ModelRefused):
-            resolver.beside(mesh, name)
+            resolver.find_beside(mesh, name)
 
 
 def test_a_home_is_no_package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -111,6 +111,6 @@ def test_a_home_is_no_package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
     placed(home / "private.stl")
     urdf = written(home / "robots/r", robot(link("a")))
     with pytest.raises(ModelRefused):
-        Resolver(urdf).find("package://ada/private.stl")
+        Resolver(urdf).find_file("package://ada/private.stl")
     with pytest.raises(ModelRefused):
-        Resolver(urdf).find("package://home/ada/private.stl")
+        Resolver(urdf).find_file("package://home/ada/private.stl")

@@ -31,17 +31,17 @@ class Robot:
         self.now_s = 100.0
 
     def pos(self, values: Any, stamp_s: float | None, topic: str = "/joint_states") -> None:
-        self.merge.take(topic, "pos", JOINT_STATE, Report(stamp_s, values), self.now_s)
+        self.merge.take_report(topic, "pos", JOINT_STATE, Report(stamp_s, values), self.now_s)
 
     def take(self, role: str, type_name: str, values: Any, stamp_s: float | None, topic: str = "") -> None:
-        self.merge.take(topic or f"/{role}", role, type_name, Report(stamp_s, values), self.now_s)
+        self.merge.take_report(topic or f"/{role}", role, type_name, Report(stamp_s, values), self.now_s)
 
     def values(self) -> Any:
-        sample = self.merge.sample(self.now_s)
+        sample = self.merge.make_sample(self.now_s)
         return None if sample is None else sample.values
 
     def t_s(self) -> float | None:
-        sample = self.merge.sample(self.now_s)
+        sample = self.merge.make_sample(self.now_s)
         return None if sample is None else sample.t_s
 
 
@@ -112,8 +112,8 @@ def test_of_two_topics_with_one_channel_the_first_name_counts_whatever_comes_las
 
 def test_without_a_profile_the_first_sample_waits_for_all_there_is() -> None:
     robot = Robot(settled=False)
-    robot.merge.expect("/joint_states")
-    robot.merge.expect("/battery")
+    robot.merge.expect_topic("/joint_states")
+    robot.merge.expect_topic("/battery")
     robot.pos(ARM, 1.0)
     assert robot.values() is None
     robot.now_s += SETTLED_S
@@ -124,7 +124,7 @@ def test_without_a_profile_the_first_sample_waits_for_all_there_is() -> None:
 
 def test_but_not_for_ever() -> None:
     robot = Robot(settled=False)
-    robot.merge.expect("/never")
+    robot.merge.expect_topic("/never")
     robot.pos(ARM, 1.0)
     assert robot.values() is None
     robot.now_s += SETTLE_S
@@ -157,10 +157,10 @@ def test_time_that_stands_still_is_silence_and_noticed() -> None:
 
 def test_a_clock_steps_back_once_when_a_simulation_begins_anew() -> None:
     clock = RobotClock()
-    assert clock.moved(50.0, 0.0)
-    assert not clock.moved(1.0, 0.1)
-    assert clock.moved(1.1, HOLD_S)
-    assert clock.moved(1.2, HOLD_S + 0.01)
+    assert clock.advance(50.0, 0.0)
+    assert not clock.advance(1.0, 0.1)
+    assert clock.advance(1.1, HOLD_S)
+    assert clock.advance(1.2, HOLD_S + 0.01)
     assert clock.t_s == 1.2
 
 
@@ -169,10 +169,10 @@ def test_two_computers_whose_clocks_differ_do_not_make_time_flap() -> None:
     times = []
     for k in range(100):
         now_s = k / 100
-        clock.moved(1000 + now_s, now_s)
+        clock.advance(1000 + now_s, now_s)
         times.append(clock.t_s)
-        clock.moved(995 + now_s, now_s)  # five seconds behind
-        clock.moved(None, now_s)  # and one without a clock
+        clock.advance(995 + now_s, now_s)  # five seconds behind
+        clock.advance(None, now_s)  # and one without a clock
         times.append(clock.t_s)
     assert times == sorted(times)
     assert times[-1] == pytest.approx(1000.99)
@@ -180,20 +180,20 @@ def test_two_computers_whose_clocks_differ_do_not_make_time_flap() -> None:
 
 def test_without_stamps_time_is_that_of_arrival() -> None:
     clock = RobotClock()
-    assert clock.moved(None, 7.0)
-    assert clock.moved(None, 7.1)
+    assert clock.advance(None, 7.0)
+    assert clock.advance(None, 7.1)
     assert clock.t_s == 7.1
-    assert clock.moved(3.0, 7.1 + HOLD_S)  # now somebody has a clock
+    assert clock.advance(3.0, 7.1 + HOLD_S)  # now somebody has a clock
     assert clock.t_s == 3.0
 
 
 def test_texts_without_end_do_not_fill_the_memory() -> None:
     robot = Robot()
-    robot.merge.take("/d", "diagnostics", "", Report(1.0, {}, {"motor": "hot"}), robot.now_s)
+    robot.merge.take_report("/d", "diagnostics", "", Report(1.0, {}, {"motor": "hot"}), robot.now_s)
     for k in range(2 * TEXTS_MAX):
-        robot.merge.take("/d", "diagnostics", "", Report(1.0, {}, {f"name{k}": "x"}), robot.now_s)
-    robot.merge.take("/d", "diagnostics", "", Report(1.0, {}, {"motor": "well"}), robot.now_s)
+        robot.merge.take_report("/d", "diagnostics", "", Report(1.0, {}, {f"name{k}": "x"}), robot.now_s)
+    robot.merge.take_report("/d", "diagnostics", "", Report(1.0, {}, {"motor": "well"}), robot.now_s)
     robot.pos(ARM, 1.0)
-    sample = robot.merge.sample(robot.now_s)
+    sample = robot.merge.make_sample(robot.now_s)
     assert sample is not None
     assert (len(sample.info), sample.info["motor"]) == (TEXTS_MAX, "well")

@@ -17,9 +17,9 @@ from posecast_edge.sources.ros.messages import (
     ODOMETRY,
     WRENCH,
     RosMessageError,
+    get_text,
     read_message,
-    short_type,
-    text_of,
+    shorten_type,
 )
 
 ROS_2 = {"stamp": {"sec": 5, "nanosec": 250_000_000}, "frame_id": "pelvis"}
@@ -216,13 +216,13 @@ def test_a_message_that_is_not_its_type_is_named(type_name: str, message: Any, w
 
 
 def test_a_text() -> None:
-    assert text_of({"data": "<robot/>"}) == "<robot/>"
+    assert get_text({"data": "<robot/>"}) == "<robot/>"
     with pytest.raises(RosMessageError):
-        text_of({"data": 5})
+        get_text({"data": 5})
 
 
 @pytest.mark.parametrize(
     "name", ["sensor_msgs/JointState", "sensor_msgs/msg/JointState", "sensor_msgs::msg::dds_::JointState_"]
 )
 def test_a_type_has_one_short_name(name: str) -> None:
-    assert short_type(name) == JOINT_STATE
+    assert shorten_type(name) == JOINT_STATE

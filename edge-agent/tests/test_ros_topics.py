@@ -15,7 +15,7 @@ from posecast_edge.sources.ros.messages import (
     STRING,
     WRENCH,
 )
-from posecast_edge.sources.ros.topics import TYPES_OF_ROLE, Route, Routes, matches
+from posecast_edge.sources.ros.topics import TYPES_OF_ROLE, Route, Routes, match_topic
 
 FIELDS = '[[fields]]\nname = "pos"\nlabels = ["a"]\n'
 
@@ -43,15 +43,15 @@ FIELDS = '[[fields]]\nname = "pos"\nlabels = ["a"]\n'
     ],
 )
 def test_by_name_and_type(topic: str, type_name: str, route: Route | None) -> None:
-    assert Routes(None).of(topic, type_name) == route
+    assert Routes(None).find_route(topic, type_name) == route
 
 
 def test_only_below_a_namespace() -> None:
     routes = Routes(None, "/r1")
-    assert routes.of("/r1/joint_states", JOINT_STATE) == Route("pos")
-    assert routes.of("/r2/joint_states", JOINT_STATE) is None
-    assert routes.of("/r10/joint_states", JOINT_STATE) is None
-    assert routes.of("/r1/battery", BATTERY) == Route("battery", "main")
+    assert routes.find_route("/r1/joint_states", JOINT_STATE) == Route("pos")
+    assert routes.find_route("/r2/joint_states", JOINT_STATE) is None
+    assert routes.find_route("/r10/joint_states", JOINT_STATE) is None
+    assert routes.find_route("/r1/battery", BATTERY) == Route("battery", "main")
 
 
 def routes_of(ros: str, namespace: str = "") -> Routes:
@@ -63,21 +63,21 @@ def test_a_profile_names_topics_and_sites() -> None:
         'pos = ["/a/state", "/hands/*/state"]\nref = "/target"\nimu = { torso = "/imu" }\n'
         'wrench = []\nbase = "/odom"'
     )
-    assert routes.of("/a/state", JOINT_STATE) == Route("pos")
-    assert routes.of("/hands/left/state", JOINT_STATE) == Route("pos")
-    assert routes.of("/joint_states", JOINT_STATE) is None  # what is named excludes the usual
-    assert routes.of("/target", JOINT_STATE) == Route("ref")
-    assert routes.of("/target", CONTROLLER_STATE) == Route("ref")
-    assert routes.of("/imu", IMU) == Route("imu", "torso")
-    assert routes.of("/other", IMU) is None
-    assert routes.of("/ft", WRENCH) is None
-    assert routes.of("/odom", ODOMETRY) == Route("base")
-    assert routes.of("/battery", BATTERY) == Route("battery", "main")
+    assert routes.find_route("/a/state", JOINT_STATE) == Route("pos")
+    assert routes.find_route("/hands/left/state", JOINT_STATE) == Route("pos")
+    assert routes.find_route("/joint_states", JOINT_STATE) is None  # what is named excludes the usual
+    assert routes.find_route("/target", JOINT_STATE) == Route("ref")
+    assert routes.find_route("/target", CONTROLLER_STATE) == Route("ref")
+    assert routes.find_route("/imu", IMU) == Route("imu", "torso")
+    assert routes.find_route("/other", IMU) is None
+    assert routes.find_route("/ft", WRENCH) is None
+    assert routes.find_route("/odom", ODOMETRY) == Route("base")
+    assert routes.find_route("/battery", BATTERY) == Route("battery", "main")
 
 
 def test_what_a_profile_names_may_lie_outside_the_namespace() -> None:
     routes = routes_of('diagnostics = "/diagnostics"', "r1")
-    assert routes.of("/diagnostics", DIAGNOSTICS) == Route("diagnostics")
+    assert routes.find_route("/diagnostics", DIAGNOSTICS) == Route("diagnostics")
 
 
 @pytest.mark.parametrize(
@@ -98,27 +98,27 @@ def test_what_a_profile_names_may_lie_outside_the_namespace() -> None:
     ],
 )
 def test_patterns(pattern: str, topic: str, fits: bool) -> None:
-    assert matches(pattern, topic) is fits
+    assert match_topic(pattern, topic) is fits
 
 
 def test_what_is_asked_for_holds_every_topic_once() -> None:
-    wanted = Routes(None).wanted()
+    wanted = Routes(None).list_patterns()
     assert ("/**", JOINT_STATE) in wanted
     assert ("/**/robot_description", STRING) in wanted
     assert [t for _, t in wanted if t == ODOMETRY] == []
     assert len({t for _, t in wanted}) == len(wanted)
-    narrow = routes_of('pos = "/a"\nref = ["/b", "/c/*"]').wanted()
+    narrow = routes_of('pos = "/a"\nref = ["/b", "/c/*"]').list_patterns()
     assert [p for p, t in narrow if t == JOINT_STATE] == ["/a", "/b", "/c/*"]
-    half = routes_of('pos = "/a"').wanted()
+    half = routes_of('pos = "/a"').list_patterns()
     assert [p for p, t in half if t == JOINT_STATE] == ["/**"]
 
 
 def test_topics_to_ask_for_by_name() -> None:
-    assert Routes(None, "/r1").named() == [
+    assert Routes(None, "/r1").list_topics() == [
         ("/r1/joint_states", Route("pos")),
         ("/r1/robot_description", Route("description")),
     ]
-    named = routes_of('pos = ["/a", "/b/*"]\nimu = { torso = "/imu" }').named()
+    named = routes_of('pos = ["/a", "/b/*"]\nimu = { torso = "/imu" }').list_topics()
     assert named == [
         ("/a", Route("pos")),
         ("/imu", Route("imu", "torso")),

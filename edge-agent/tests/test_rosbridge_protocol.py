@@ -19,8 +19,8 @@ from posecast_edge.sources.ros.rosbridge_protocol import (
     Publish,
     RosbridgeProtocolError,
     RosbridgeStatus,
-    call_service,
-    subscribe,
+    make_service_call,
+    make_subscribe,
 )
 from rosbridge_stage import fragments
 
@@ -28,7 +28,7 @@ MESSAGE = json.dumps({"op": "publish", "topic": "/a", "msg": {"position": [1.0, 
 
 
 def test_what_is_asked_for() -> None:
-    assert json.loads(subscribe("/a", "sensor_msgs/JointState", "cbor", 15)) == {
+    assert json.loads(make_subscribe("/a", "sensor_msgs/JointState", "cbor", 15)) == {
         "op": "subscribe",
         "id": "posecast/a",
         "topic": "/a",
@@ -37,8 +37,8 @@ def test_what_is_asked_for() -> None:
         "queue_length": 1,  # without it the last value before a pause would be dropped
         "compression": "cbor",
     }
-    assert set(json.loads(subscribe("/a", None, "json", 0))) == {"op", "id", "topic"}
-    assert json.loads(call_service("/rosapi/publishers", "p", topic="/a"))["args"] == {"topic": "/a"}
+    assert set(json.loads(make_subscribe("/a", None, "json", 0))) == {"op", "id", "topic"}
+    assert json.loads(make_service_call("/rosapi/publishers", "p", topic="/a"))["args"] == {"topic": "/a"}
 
 
 def test_what_is_heard() -> None:

@@ -88,13 +88,13 @@ def test_a_sample_that_is_too_old_is_left_over_and_the_next_one_goes() -> None:
     s.offer(5.0, [0.1, 0.2], taken_s=10.0)
     assert s.tick(20.0, oldest_s=19.5) is None
     assert not s.fresh, "nobody waits for it any more"
-    left = s.left_over(oldest_s=19.0)
+    left = s.find_unsent(oldest_s=19.0)
     assert left is not None
     assert (left.t_s, left.values) == (5.0, [0.1, 0.2])
-    assert s.left_over(oldest_s=9.0) is None, "it may still be sent"
+    assert s.find_unsent(oldest_s=9.0) is None, "it may still be sent"
     s.offer(5.5, [0.3, 0.2], taken_s=20.0)
     assert s.tick(20.0, oldest_s=19.5) == Due([300, 200], 5.5, True, 20.0)
-    assert s.left_over(oldest_s=99.0) is None
+    assert s.find_unsent(oldest_s=99.0) is None
 
 
 def test_a_confirmation_is_as_old_as_its_sample() -> None:
@@ -110,7 +110,7 @@ def test_a_confirmation_is_as_old_as_its_sample() -> None:
 def test_what_can_not_be_sent_is_not_tried_again() -> None:
     s = sampler()
     s.offer(0.0, [0.1, 0.2], 0.0)
-    s.skip()
+    s.skip_sample()
     assert not s.fresh
     s.offer(0.1, [0.1, 0.2], 0.1)
     assert s.tick(0.1) == Due([100, 200], 0.1, True, 0.1)

@@ -42,12 +42,12 @@ def test_what_is_decoded_is_what_was_sent_to_half_a_step() -> None:
 
 def test_no_snapshot_before_the_first_frame() -> None:
     s = stream()
-    assert s.snapshot("ab", 0.0) is None
+    assert s.make_snapshot("ab", 0.0) is None
     s.deliver(Sample(0.0, {"pos": [0.0, 0.0]}, {"mode": "x"}), 0.0)
-    assert s.snapshot(None, 0.0) is None
+    assert s.make_snapshot(None, 0.0) is None
     frame = s.tick(0.0)
     assert frame is not None
-    snapshot = s.snapshot(None, 0.0)
+    snapshot = s.make_snapshot(None, 0.0)
     assert snapshot is not None
     assert (snapshot.schema, snapshot.key, snapshot.ref, snapshot.info) == (
         s.schema.text,
@@ -73,7 +73,7 @@ def test_info_stays_bounded() -> None:
     assert said == ["line 64: info 'k64' is left out: at most 64 texts, 12000 bytes in all"]
     s.deliver(Sample(0.0, {"pos": [0.0, 0.0]}, {"k0": "new"}), 0.0)
     s.tick(0.0)
-    snapshot = s.snapshot(None, 0.0)
+    snapshot = s.make_snapshot(None, 0.0)
     assert snapshot is not None
     assert len(snapshot.info) == 64
     assert snapshot.info["k0"] == "new"
@@ -135,11 +135,11 @@ def test_what_was_never_sent_is_a_picture_for_who_asks_and_no_frame() -> None:
     first = s.tick(0.0)
     assert first is not None
     s.deliver(Sample(9.0, {"pos": [2.0, 0.0]}), 8.0)
-    just = s.snapshot(None, 8.5)
+    just = s.make_snapshot(None, 8.5)
     assert just is not None
     assert just.key == first.data, "it may be sent yet"
     assert s.tick(20.0, oldest_s=19.0) is None
-    asked = [s.snapshot(None, 20.0), s.snapshot(None, 21.0)]
+    asked = [s.make_snapshot(None, 20.0), s.make_snapshot(None, 21.0)]
     assert asked[0] == asked[1], "one picture, however often it is asked for"
     assert asked[0] is not None
     decoder = Decoder()
@@ -151,7 +151,7 @@ def test_what_was_never_sent_is_a_picture_for_who_asks_and_no_frame() -> None:
     assert after is not None
     assert after.data[0] & 1, "nothing is coded against a picture"
     assert after.seq == 2
-    then = s.snapshot(None, 30.0)
+    then = s.make_snapshot(None, 30.0)
     assert then is not None
     assert then.key == after.data
 

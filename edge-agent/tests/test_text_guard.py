@@ -6,7 +6,7 @@ import json
 
 import pytest
 from posecast_edge.pipeline.text_guard import TextGuard
-from posecast_edge.profile.schema import profile_of, schema_text
+from posecast_edge.profile.schema import infer_profile, make_schema_text
 from posecast_edge.sample import Sample, Values
 from posecast_wire.schema import Schema
 
@@ -59,6 +59,6 @@ def test_a_schema_is_made_of_the_names_that_are_texts() -> None:
     assert named.values == {"pos": {"A": 1.0}, "flags": {"A": ["jam"]}, "order": [1.0, 2.0]}
     assert said == ["line 1: pos.'\\ud800' is left out: it holds half a character, no text"]
     del named.values["order"]  # type: ignore[attr-defined]
-    schema = Schema.parse(schema_text(profile_of("r", named)))
+    schema = Schema.parse(make_schema_text(infer_profile("r", named)))
     json.loads(schema.text.encode())
     assert [(f.name, f.labels) for f in schema.fields] == [("pos", ("A",)), ("flags", ("A",))]

@@ -13,6 +13,6 @@ def test_so_many_at_once_and_then_so_many_a_second() -> None:
 def test_what_costs_more_than_there_can_be_waits_for_all() -> None:
     allowance = TokenBucket(per_s=1.0, most=4.0)
     assert allowance.take(0.0, 10.0)
-    assert allowance.wait_s(1.0, 10.0) == 9.0
+    assert allowance.compute_wait_s(1.0, 10.0) == 9.0
     assert not allowance.take(9.0, 10.0)
     assert allowance.take(10.0, 10.0)

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 from posecast_edge.profile.reader import SHIPPED
-from posecast_edge.profile.toml_lines import line_of, lines_of
+from posecast_edge.profile.toml_lines import find_line, index_lines
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -38,7 +38,7 @@ when = 1979-05-27T07:32:00Z
 
 
 def test_every_key_and_item_has_its_line() -> None:
-    assert lines_of(TEXT) == {
+    assert index_lines(TEXT) == {
         "title": 2, "robot": 3, "robot.name": 4, "robot.quoted.key": 7, "labels": 8, "labels.joint": 9,
         "labels.joint[0]": 10, "labels.joint[1]": 10, "labels.joint[2]": 11, "labels.joint[2][0]": 11,
         "labels.joint[2][1]": 11, "labels.joint[3]": 13, "labels.joint[3].x": 13, "labels.joint[3].y": 13,
@@ -49,17 +49,17 @@ def test_every_key_and_item_has_its_line() -> None:
 
 
 def test_what_is_not_there_is_named_by_what_is_around_it() -> None:
-    lines = lines_of(TEXT)
-    assert line_of(lines, "fields[1].scale") == 18
-    assert line_of(lines, "labels.joint[9]") == 9
-    assert line_of(lines, "nowhere") is None
-    assert line_of(lines, "") is None
+    lines = index_lines(TEXT)
+    assert find_line(lines, "fields[1].scale") == 18
+    assert find_line(lines, "labels.joint[9]") == 9
+    assert find_line(lines, "nowhere") is None
+    assert find_line(lines, "") is None
 
 
 @pytest.mark.parametrize("path", sorted(SHIPPED.glob("*.toml")), ids=lambda p: p.stem)
 def test_a_real_profile(path: Path) -> None:
     text = path.read_text(encoding="utf-8")
-    lines = lines_of(text)
+    lines = index_lines(text)
     rows = text.splitlines()
 
     def check(value: object, where: str) -> None:

@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 import pytest
-from posecast_edge.visible import LINE_MAX, quoted, visible
+from posecast_edge.visible import LINE_MAX, make_visible, quote
 
 
 @pytest.mark.parametrize(
@@ -18,23 +18,23 @@ from posecast_edge.visible import LINE_MAX, quoted, visible
     ],
 )
 def test_what_is_hidden_is_written_out(text: str, shown: str) -> None:
-    assert visible(text) == shown
-    visible(text).encode()
+    assert make_visible(text) == shown
+    make_visible(text).encode()
 
 
 def test_every_line_has_an_end() -> None:
-    assert len(visible("x" * 10_000_000)) == LINE_MAX
-    assert len(visible("\u202e" * 10_000)) <= LINE_MAX
-    assert visible("x" * 5, 5) == "xxxxx"
-    assert visible("x" * 6, 5) == "xxxx…"
+    assert len(make_visible("x" * 10_000_000)) == LINE_MAX
+    assert len(make_visible("\u202e" * 10_000)) <= LINE_MAX
+    assert make_visible("x" * 5, 5) == "xxxxx"
+    assert make_visible("x" * 6, 5) == "xxxx…"
 
 
 def test_any_value_can_be_quoted() -> None:
     deep: list[object] = []
     for _ in range(100_000):
         deep = [deep]
-    assert quoted("a\u202e") == "'a\\u202e'"
-    assert quoted(10**5000) == "a number of thousands of digits"
-    assert quoted(deep) == "a list nested too deep"
-    assert len(quoted("x" * 10_000_000)) <= 60
-    assert len(quoted(list(range(10_000)))) <= 60
+    assert quote("a\u202e") == "'a\\u202e'"
+    assert quote(10**5000) == "a number of thousands of digits"
+    assert quote(deep) == "a list nested too deep"
+    assert len(quote("x" * 10_000_000)) <= 60
+    assert len(quote(list(range(10_000)))) <= 60

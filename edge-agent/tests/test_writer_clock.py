@@ -44,22 +44,22 @@ class Written:
         self._times_s, self._clock = times_s, clock
         self._seen, self._kept = 0, list[bytes]()  # what it has shown
 
-    def keep(self) -> None:
+    def save_frames(self) -> None:
         before, now_s = self._seen, self._clock.now_s
         self.looks_s.append(now_s)
         while self._seen < len(self._times_s) and self._times_s[self._seen] <= now_s:
             self._seen += 1
         self._kept += [b"%d" % k for k in range(max(before, self._seen - KEEPS), self._seen)]
 
-    def fresh(self) -> list[bytes]:
-        self.keep()
+    def read_new_frames(self) -> list[bytes]:
+        self.save_frames()
         self.seq, kept, self._kept = self._seen, self._kept, []
         return kept
 
-    def holds(self, size: int) -> int:
+    def count_slots(self, size: int) -> int:
         return KEEPS
 
-    def replaced(self, path: Path) -> bool:
+    def is_replaced(self, path: Path) -> bool:
         return False
 
 

@@ -10,15 +10,15 @@ import unicodedata
 from collections.abc import Callable
 from typing import Any
 
-from posecast_edge.cli.profile_new import profile_text
-from posecast_edge.model.doctor.skeleton import examine
+from posecast_edge.cli.profile_new import make_profile_text
+from posecast_edge.model.doctor.skeleton import examine_model
 from posecast_edge.model.finding import Finding, ModelRefused
 from posecast_edge.model.meshes.collada import read_collada
 from posecast_edge.model.meshes.gltf import read_gltf
-from posecast_edge.model.meshes.mesh import Mesh, checked
+from posecast_edge.model.meshes.mesh import Mesh, validate_mesh
 from posecast_edge.model.meshes.obj import read_obj
 from posecast_edge.model.meshes.stl import read_stl
-from posecast_edge.model.meshes.vertex_colour import by_colours
+from posecast_edge.model.meshes.vertex_colour import split_all_by_colour
 from posecast_edge.model.urdf.reader import read_urdf
 from posecast_edge.model.urdf.tree import build_tree
 from posecast_edge.model.urdf.types import Geometry, Material, Pose, Shape, Urdf
@@ -57,12 +57,12 @@ def body(data: bytes) -> None:
     """What is made of a URDF: its tree, what the doctor says, a profile that can be read."""
     found = read_urdf(io.BytesIO(data))
     tree = build_tree(found)
-    for finding in examine(found, tree, {}):
-        said = finding.words("robot.urdf")
+    for finding in examine_model(found, tree, {}):
+        said = finding.format_line("robot.urdf")
         if not said.isprintable() or len(said) > 600:
             raise Differs(f"the doctor says {said[:100].encode('ascii', 'backslashreplace').decode()}")
     try:
-        text = profile_text(found, "robot.urdf")
+        text = make_profile_text(found, "robot.urdf")
     except (ModelRefused, ProfileError):
         return
     parse_profile(text)
@@ -72,7 +72,7 @@ def mesh_of(read: Callable[[bytes], Mesh]) -> Callable[[bytes], None]:
     """A case of a mesh, looked at as a build does."""
 
     def call(data: bytes) -> None:
-        by_colours(checked(read(data)).surfaces)
+        split_all_by_colour(validate_mesh(read(data)).surfaces)
 
     return call
 

@@ -13,7 +13,7 @@ from collections.abc import Iterable
 from posecast_edge.pipeline.stream import Stream
 from posecast_edge.pipeline.text_guard import TextGuard
 from posecast_edge.profile.reader import ProfileError, load_profile, parse_profile
-from posecast_edge.profile.schema import profile_of, schema_text
+from posecast_edge.profile.schema import infer_profile, make_schema_text
 from posecast_edge.profile.types import Profile
 from posecast_edge.sample import Sample, SourceError
 from posecast_edge.sources.files.csv import Table
@@ -25,7 +25,7 @@ from posecast_edge.sources.hubo.state import HuboDecoder, UnknownFrame
 from posecast_edge.sources.jsonl import LineError, parse_line
 from posecast_edge.sources.ros.cdr import CdrReader
 from posecast_edge.sources.ros.merge import MessageMerger
-from posecast_edge.sources.ros.messages import STRING, RosMessageError, read_message, text_of
+from posecast_edge.sources.ros.messages import STRING, RosMessageError, get_text, read_message
 from posecast_edge.sources.ros.rosbridge_protocol import MessageAssembler, Publish, RosbridgeProtocolError
 from posecast_edge.sources.ros.topics import TYPES, Routes
 from posecast_wire import Decoder, SchemaError, Snapshot
@@ -71,7 +71,7 @@ def shown(samples: Iterable[Sample], profile: Profile | None = None) -> None:
         now_s = i / 30
         sample = guard.clean(sample, now_s)  # noqa: PLW2901 - as an agent does
         if stream is None:
-            made = profile or profile_of("demo", guard.clean_names(sample, now_s))
+            made = profile or infer_profile("demo", guard.clean_names(sample, now_s))
             stream = Stream(made, 4.0, hear)
             decoder.add_schema(stream.schema.text)
         events = stream.deliver(sample, now_s)
@@ -79,7 +79,7 @@ def shown(samples: Iterable[Sample], profile: Profile | None = None) -> None:
         frame = stream.tick(now_s)
         if frame is not None and decoder.decode(frame.data).seq != frame.seq:
             raise Differs("a frame reads as another")
-    snapshot = stream.snapshot(None, SAMPLES_MAX) if stream else None
+    snapshot = stream.make_snapshot(None, SAMPLES_MAX) if stream else None
     if snapshot is not None and Snapshot.unpack(snapshot.pack()) != snapshot:
         raise Differs("a snapshot reads as another")
 
@@ -103,14 +103,14 @@ def jsonl(data: bytes) -> None:
 
 def csv(data: bytes) -> None:
     """A table."""
-    shown(Table(file_of(data, "table.csv"), None).samples(0.0, True))
+    shown(Table(file_of(data, "table.csv"), None).read_samples(0.0, True))
 
 
 def mcap(data: bytes) -> None:
     """A recording."""
     recording = McapFile(file_of(data, "recording.mcap"), None)
     recording.on_urdf = drop
-    shown(recording.samples(0.0, True))
+    shown(recording.read_samples(0.0, True))
 
 
 @functools.cache
@@ -133,7 +133,7 @@ def profile(data: bytes) -> None:
     file = file_of(data, "robot.toml")
     found = load_profile(file)
     Stream(found, 4.0, hear)
-    schema_text(found)
+    make_schema_text(found)
 
 
 def achd(data: bytes) -> None:
@@ -147,8 +147,8 @@ def ach(data: bytes) -> None:
     """Shared memory, as a writer that went mad may leave it."""
     channel = AchChannel(file_of(data, "channel"))
     try:
-        channel.keep()
-        for frame in channel.fresh():
+        channel.save_frames()
+        for frame in channel.read_new_frames():
             hubo(frame)
     finally:
         channel.close()
@@ -175,12 +175,12 @@ def cdr(data: bytes) -> None:
 def ros_message(name: str, message: object) -> None:
     """A message of any encoding."""
     if name == STRING:
-        text_of(message)
+        get_text(message)
         return
     report = read_message(name, message)
     merge = MessageMerger(True, hear)
-    merge.take("/topic", "pos", name, report, 1.0)
-    sample = merge.sample(1.0)
+    merge.take_report("/topic", "pos", name, report, 1.0)
+    sample = merge.make_sample(1.0)
     if sample is not None:
         shown([sample])
 
@@ -196,7 +196,7 @@ def rosbridge(data: bytes) -> None:
             heard = ear.feed(part)
             if isinstance(heard, Publish):
                 for name in ROS_TYPES:
-                    if routes.of(heard.topic, name) is not None:
+                    if routes.find_route(heard.topic, name) is not None:
                         ros_message(name, heard.message)
         except (RosbridgeProtocolError, RosMessageError, *DOWNSTREAM) as e:
             refused = e

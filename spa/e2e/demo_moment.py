@@ -10,11 +10,11 @@ from posecast_edge.profile.reader import load_profile
 from posecast_edge.sources.demo import BUNDLE, PROFILE, read_motion
 
 motion = read_motion((BUNDLE / "motion.bin").read_bytes())
-sample = motion.at(round(float(sys.argv[1]) * motion.rate_hz))
+sample = motion.make_sample(round(float(sys.argv[1]) * motion.rate_hz))
 profile = load_profile(PROFILE)
 values: dict[str, dict[str, float | None]] = {}
 for name, readings in sample.values.items():
-    spec = profile.field_named(name)
+    spec = profile.find_field(name)
     if spec is None or not isinstance(readings, list):
         continue
     values[name] = {

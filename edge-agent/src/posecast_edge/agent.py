@@ -25,7 +25,7 @@ from posecast_edge.pipeline.events import Event
 from posecast_edge.pipeline.stream import Stream
 from posecast_edge.pipeline.text_guard import TextGuard
 from posecast_edge.pipeline.view_pipeline import ViewPipeline
-from posecast_edge.profile.schema import profile_of
+from posecast_edge.profile.schema import infer_profile
 from posecast_edge.profile.types import PUBLIC, Profile
 from posecast_edge.rate_limited_log import RateLimitedLog
 from posecast_edge.sample import Sample, SourceError
@@ -33,7 +33,7 @@ from posecast_edge.sources.base import Source
 from posecast_edge.uplink.certificate import Certificate
 from posecast_edge.uplink.lateness import RateControl
 from posecast_edge.uplink.publisher import ZenohPublisher
-from posecast_edge.visible import visible
+from posecast_edge.visible import make_visible
 
 log = logging.getLogger("posecast_edge")
 
@@ -58,10 +58,10 @@ class AgentSettings:
 class ProgressLine(Protocol):
     """Where the agent says now and then how things are. Times are seconds of clock.now_s()."""
 
-    def due(self, now_s: float) -> bool:
+    def is_due(self, now_s: float) -> bool:
         """Whether it is time for a new text."""
 
-    def progress(self, text: str, now_s: float) -> None:
+    def show_progress(self, text: str, now_s: float) -> None:
         """Show this text in place of the last one."""
 
     def finish(self) -> None:
@@ -104,10 +104,10 @@ class Agent:
         self._source_ended = False
         self._failure: str | None = None
 
-    def offer(self, bundle: Bundle) -> None:
+    def set_model(self, bundle: Bundle) -> None:
         """Show the robot by this model from now on. From any thread, also before `run`."""
         self._model = bundle.hash
-        self._publisher.offer(bundle)
+        self._publisher.set_model(bundle)
 
     def stop(self) -> None:
         """End soon. Safe inside a signal handler: it takes no lock."""
@@ -124,10 +124,10 @@ class Agent:
                 echoes = self._publisher.echoes
                 self._adapt(now_s)
             for pipeline in self._pipelines:
-                if pipeline.rest_s(now_s) == 0:
+                if pipeline.compute_rest_s(now_s) == 0:
                     self._send(pipeline)
             self._chores(now_s)
-            if self._bell.wait(min(NAP_S, *(pipeline.rest_s(now_s) for pipeline in self._pipelines))):
+            if self._bell.wait(min(NAP_S, *(pipeline.compute_rest_s(now_s) for pipeline in self._pipelines))):
                 self._bell.clear()
         self._source_stop.set()
         if self._source_ended:
@@ -144,33 +144,33 @@ class Agent:
 
     def _adapt(self, now_s: float) -> None:
         before_hz, late_s = self._rate.hz, self._publisher.late_s
-        self._rate.note(late_s, now_s)
+        self._rate.record_lateness(late_s, now_s)
         if self._rate.hz < before_hz:
             log.warning("frames arrive %.1f s late: %g Hz instead of %g", late_s, self._rate.hz, before_hz)
         elif self._rate.hz > before_hz:
             log.info("frames arrive in time: %g Hz again", self._rate.hz)
-        for line in self._publisher.news():
-            log.warning("%s", visible(line))
+        for line in self._publisher.list_changes():
+            log.warning("%s", make_visible(line))
 
     def _chores(self, now_s: float) -> None:
         for pipeline in self._pipelines:
             self._look_for_silence(pipeline, now_s)
-        if self._progress_line.due(now_s):
-            self._progress_line.progress(self._progress(now_s), now_s)
+        if self._progress_line.is_due(now_s):
+            self._progress_line.show_progress(self._progress(now_s), now_s)
 
     def _look_for_silence(self, pipeline: ViewPipeline, now_s: float) -> None:
         try:
             if pipeline.stream is not None:
-                self._send_events(pipeline, pipeline.stream.idle(now_s))
+                self._send_events(pipeline, pipeline.stream.check_time(now_s))
         except Exception as e:
             self._failed(pipeline, e)
 
     def _send_events(self, pipeline: ViewPipeline, events: list[Event]) -> None:
         for event in events:
-            self._publisher.event(pipeline.view, event)
+            self._publisher.queue_event(pipeline.view, event)
 
     def _progress(self, now_s: float) -> str:
-        link = self._publisher.word()
+        link = self._publisher.describe_state()
         if link == "late":
             link = f"late {self._publisher.late_s:.1f} s, asked for {self._rate.hz:g} Hz"
         if self._publisher.over:
@@ -179,7 +179,7 @@ class Agent:
         source = "no sample yet" if stream is None or not stream.started else "live"
         if stream is not None and stream.silent:
             source = "silent"
-        flow = self._meter.take(now_s)
+        flow = self._meter.take_summary(now_s)
         return f"{self._settings.robot} | {link} | {flow} | {self._source.description}: {source}"
 
     # --- the source's thread, which also sends: nobody has to be woken up for a frame
@@ -191,15 +191,15 @@ class Agent:
                 now_s = clock.now_s()
                 if pipeline.ended:
                     return
-                pipeline.left(now_s, self._rate.hz)
+                pipeline.record_frame(now_s, self._rate.hz)
                 # without a link, or with a queue in it, nothing is encoded: the newest sample waits, only
                 # the newest, and not for long
                 if pipeline.stream is None or not self._publisher.open:
                     return
-                frame = pipeline.stream.tick(now_s, pipeline.oldest_s(now_s))
+                frame = pipeline.stream.tick(now_s, pipeline.compute_oldest_s(now_s))
                 if frame is not None:
-                    self._publisher.frame(pipeline.view, frame)
-                    self._meter.frame(len(frame.data))
+                    self._publisher.send_frame(pipeline.view, frame)
+                    self._meter.count_frame(len(frame.data))
         except Exception as e:
             self._failed(pipeline, e)
 
@@ -250,7 +250,7 @@ class Agent:
         if stream is None:
             try:
                 named = self._guard.clean_names(sample, now_s)
-                stream = self._new_stream(profile_of(self._settings.robot, named))
+                stream = self._new_stream(infer_profile(self._settings.robot, named))
             except (SourceError, SchemaError) as e:
                 self._useless.add(f"{sample.where}: {e}" if sample.where else str(e), now_s)
                 return
@@ -259,7 +259,7 @@ class Agent:
         if events:
             self._send_events(pipeline, events)
         if stream.info is not info:
-            self._publisher.info(pipeline.view, stream.info)
+            self._publisher.queue_info(pipeline.view, stream.info)
         pipeline.stream = stream  # seen by the clock only now, with its first sample in it
         if sample.newest and pipeline.pacer.is_due(now_s):
             self._send(pipeline)
@@ -274,7 +274,9 @@ class Agent:
             stream = self._new_stream(profile) if profile else None
             return [ViewPipeline(PUBLIC, hz, stream, now_s)]
         pipelines = [
-            ViewPipeline(name, min(view.hz or hz, hz), self._new_stream(profile.seen_as(view)), now_s)
+            ViewPipeline(
+                name, min(view.hz or hz, hz), self._new_stream(profile.restrict_to_view(view)), now_s
+            )
             for name, view in profile.views.items()
         ]
         return sorted(pipelines, key=lambda pipeline: -pipeline.hz)
@@ -286,7 +288,7 @@ class Agent:
 
     def _snapshot(self, view: str) -> Snapshot | None:
         stream = self._pipeline_of(view).stream
-        return stream.snapshot(self._model, clock.now_s()) if stream else None
+        return stream.make_snapshot(self._model, clock.now_s()) if stream else None
 
     def _force_key(self, view: str) -> None:
         pipeline = self._pipeline_of(view)
@@ -304,12 +306,12 @@ class Meter:
         self._frames = 0
         self._bytes = 0
 
-    def frame(self, size: int) -> None:
+    def count_frame(self, size: int) -> None:
         """A frame of `size` bytes went out."""
         self._frames += 1
         self._bytes += size
 
-    def take(self, now_s: float) -> str:
+    def take_summary(self, now_s: float) -> str:
         """Rate and mean size since the last call (monotonic seconds)."""
         passed_s = now_s - self._since_s if self._since_s is not None else 0.0
         frames, total = self._frames, self._bytes

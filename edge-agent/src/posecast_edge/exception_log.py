@@ -8,7 +8,7 @@ from collections.abc import Callable
 from typing import TypeVar
 
 from posecast_edge.rate_limited_log import RateLimitedLog
-from posecast_edge.visible import visible
+from posecast_edge.visible import make_visible
 
 log = logging.getLogger("posecast_edge")
 
@@ -26,18 +26,18 @@ class ExceptionLog:
     def add(self, place: str, error: BaseException) -> None:
         """`error` was raised in `place`, one of a few fixed words."""
         log.debug("%s", place, exc_info=error)
-        text = f"{place}: {type(error).__name__}: {visible(str(error), 200)}"
-        self.of(place).add(text, time.monotonic())
+        text = f"{place}: {type(error).__name__}: {make_visible(str(error), 200)}"
+        self.get_log(place).add(text, time.monotonic())
 
     def count(self, place: str) -> int:
         """How many so far."""
-        return self.of(place).total
+        return self.get_log(place).total
 
-    def of(self, place: str) -> RateLimitedLog:
+    def get_log(self, place: str) -> RateLimitedLog:
         """What is told of one place."""
         return self._by_place.setdefault(place, RateLimitedLog(self._say, f"faults in {place}", SAY_EVERY_S))
 
-    def guarded(self, place: str, call: Callable[[T], None]) -> Callable[[T], None]:
+    def guard(self, place: str, call: Callable[[T], None]) -> Callable[[T], None]:
         """`call` as a callback of a library, into which it raises nothing."""
 
         def guarded_call(argument: T) -> None:

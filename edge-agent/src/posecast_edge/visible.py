@@ -12,7 +12,7 @@ _UNSEEN = re.compile(
 )
 
 
-def visible(text: str, most: int = LINE_MAX) -> str:
+def make_visible(text: str, most: int = LINE_MAX) -> str:
     """`text` with everything that can't be seen, or turns the direction of what follows, written out as in
     Python (`\\u202e`), cut to `most` characters."""
     shown = text[: most + 1]
@@ -27,7 +27,7 @@ def _escaped(c: str) -> str:
     return c.encode("unicode_escape").decode()
 
 
-def quoted(value: object, most: int = WORD_MAX) -> str:
+def quote(value: object, most: int = WORD_MAX) -> str:
     """A value from outside as a message quotes it: `repr`, cut; never an exception."""
     if isinstance(value, str):
         value = value[: most + 1]  # a long one is not copied whole
@@ -37,4 +37,4 @@ def quoted(value: object, most: int = WORD_MAX) -> str:
         shown = f"a {type(value).__name__} nested too deep"
     except ValueError:  # Python writes no integer of more than 4300 digits
         shown = "a number of thousands of digits"
-    return visible(shown, most)
+    return make_visible(shown, most)

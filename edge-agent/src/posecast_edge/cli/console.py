@@ -13,7 +13,7 @@ import time
 from collections.abc import Callable
 from typing import TextIO
 
-from posecast_edge.visible import visible
+from posecast_edge.visible import make_visible
 
 TTY_EVERY_S = 0.5
 PLAIN_EVERY_S = 5.0
@@ -60,16 +60,16 @@ class Console(logging.Handler):
             self._left_out += 1
             return
         clear = CLEAR if self._shown else ""
-        self._write(f"{clear}posecast-edge: {visible(text)}\n{self._shown}")
+        self._write(f"{clear}posecast-edge: {make_visible(text)}\n{self._shown}")
 
-    def due(self, now_s: float) -> bool:
+    def is_due(self, now_s: float) -> bool:
         """Whether it is time for the next progress line (monotonic seconds)."""
         return now_s >= self._next_s
 
-    def progress(self, text: str, now_s: float) -> None:
+    def show_progress(self, text: str, now_s: float) -> None:
         """Show the progress line."""
         self._begin_second(self._now_s())
-        text = visible(text)
+        text = make_visible(text)
         self._next_s = now_s + (TTY_EVERY_S if self._in_place else PLAIN_EVERY_S)
         if not self._has_room():
             return

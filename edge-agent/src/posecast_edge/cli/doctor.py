@@ -10,10 +10,10 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from posecast_wire.mapping import JOINT, JointMap
 
-from posecast_edge.model.finding import Finding, quoted, worst_first
+from posecast_edge.model.finding import Finding, quote_name, sort_by_severity
 from posecast_edge.model.urdf.types import Joint, Urdf
 from posecast_edge.pipeline.source_stats import POSITION, WAIT_S, ChannelStats, SourceStats
-from posecast_edge.profile.field_defaults import unit_hint
+from posecast_edge.profile.field_defaults import guess_unit
 from posecast_edge.profile.types import FieldSpec, Profile
 
 MOVING = ("revolute", "continuous", "prismatic")
@@ -38,7 +38,7 @@ def examine_source(seen: SourceStats, urdf: Urdf | None, hz: float, given: bool 
     found += _sensors(seen, profile)
     if urdf is not None:
         found += _joints(seen, profile, urdf)
-    return worst_first(found)
+    return sort_by_severity(found)
 
 
 # --- time
@@ -79,12 +79,12 @@ def _rate(seen: SourceStats, hz: float) -> Iterator[Finding]:
 
 def _units(seen: SourceStats, profile: Profile, urdf: Urdf | None) -> Iterator[Finding]:
     for name, channels in seen.fields.items():
-        spec = profile.field_named(name)
+        spec = profile.find_field(name)
         if spec is None or spec.bits:
             continue
         by_doubt: dict[str, list[str]] = {}
         for label in _doubted(name, channels, profile, urdf):
-            by_doubt.setdefault(unit_hint(name, channels[label].largest) or "", []).append(label)
+            by_doubt.setdefault(guess_unit(name, channels[label].largest) or "", []).append(label)
         for doubt, labels in by_doubt.items():
             most = max(channels[label].largest for label in labels)
             text = f"{name} of {_names(labels)} reaches {most:.4g} {spec.unit}: are these {doubt}?"
@@ -104,13 +104,13 @@ def _doubted(
         maps = profile.mapping.joints
         sliding = {j.name for j in urdf.joints if j.type == "prismatic"}
         apart |= sliding | {c for joint in sliding & set(maps) for c, _ in maps[joint].terms}
-    return [label for label, c in channels.items() if label not in apart and unit_hint(name, c.largest)]
+    return [label for label, c in channels.items() if label not in apart and guess_unit(name, c.largest)]
 
 
 def _fields(seen: SourceStats, profile: Profile) -> Iterator[Finding]:
     for name in seen.fields:
-        if profile.field_named(name) is None:
-            yield Finding("hint", "field-unused", f"the source has {quoted(name)}, the profile does not")
+        if profile.find_field(name) is None:
+            yield Finding("hint", "field-unused", f"the source has {quote_name(name)}, the profile does not")
     for spec in profile.fields:
         if spec.name in seen.wrong_lengths:
             text = f"{spec.name} has {seen.wrong_lengths[spec.name]} values, the profile {len(spec.labels)}"
@@ -119,7 +119,7 @@ def _fields(seen: SourceStats, profile: Profile) -> Iterator[Finding]:
         channels = seen.fields.get(spec.name)
         if channels is None:
             yield Finding(
-                "warning", "field-missing", f"the profile has {quoted(spec.name)}, the source does not"
+                "warning", "field-missing", f"the profile has {quote_name(spec.name)}, the source does not"
             )
             continue
         unknown = [label for label in channels if label not in spec.labels]
@@ -174,7 +174,7 @@ def _sensors(seen: SourceStats, profile: Profile) -> Iterator[Finding]:
 
 def _joints(seen: SourceStats, profile: Profile, urdf: Urdf) -> Iterator[Finding]:
     moving = {j.name: j for j in urdf.joints if j.type in MOVING}
-    spec = next((f for n in POSITION if (f := profile.field_named(n)) and n in seen.fields), None)
+    spec = next((f for n in POSITION if (f := profile.find_field(n)) and n in seen.fields), None)
     if spec is None or spec.label_set != JOINT:
         yield Finding("error", "no-positions", "neither pos nor ref of any joint: the body can't move")
         return
@@ -212,11 +212,11 @@ def _couplings(
         missing = [c for c, _ in how.terms if c in dead]
         if len(how.terms) > 1 and missing:
             needs = _names([c for c, _ in how.terms])
-            text = f"joint {quoted(name)} needs {needs}; no reading of {_names(missing)}"
+            text = f"joint {quote_name(name)} needs {needs}; no reading of {_names(missing)}"
             yield Finding("warning", "coupling-dead", text)
         for channel, gain in how.terms:
             if gain == 0:
-                text = f"joint {quoted(name)} takes channel {quoted(channel)} times 0"
+                text = f"joint {quote_name(name)} takes channel {quote_name(channel)} times 0"
                 yield Finding("warning", "coupling-zero", text)
             if (
                 name in moving
@@ -225,11 +225,12 @@ def _couplings(
                 and channel in labels
                 and channel not in maps
             ):
-                text = f"channel {quoted(channel)} moves two joints, {quoted(channel)} and {quoted(name)}"
+                quoted = quote_name(channel)
+                text = f"channel {quoted} moves two joints, {quoted} and {quote_name(name)}"
                 yield Finding("warning", "coupling-shared", text)
         joint = moving.get(name)
         if joint is not None and joint.mimic is not None:
-            text = f"joint {quoted(name)} mimics another in the model; the profile overrules that"
+            text = f"joint {quote_name(name)} mimics another in the model; the profile overrules that"
             yield Finding("hint", "coupling-mimic", text)
 
 
@@ -247,14 +248,14 @@ def _within(
     factor, instead = (1e-3, "millimetres") if joint.type == "prismatic" else (math.pi / 180, "degrees")
     if len(how.terms) > 1:
         from_what = ", ".join(f"{c} {channels[c].largest:.3g}" for c, _ in how.terms if c in channels)
-        text = f"joint {quoted(joint.name)} {shown}: is the coupling right for {from_what}?"
+        text = f"joint {quote_name(joint.name)} {shown}: is the coupling right for {from_what}?"
         yield Finding("warning", "coupling-limit", text, joint.line)
     elif _fits(where, factor, low, high) and where.largest > 3 * max(abs(low), abs(high), 0.1):
         yield Finding(
-            "error", "unit", f"joint {quoted(joint.name)} {shown}: are these {instead}?", joint.line
+            "error", "unit", f"joint {quote_name(joint.name)} {shown}: are these {instead}?", joint.line
         )
     else:
-        yield Finding("warning", "limit-exceeded", f"joint {quoted(joint.name)} {shown}", joint.line)
+        yield Finding("warning", "limit-exceeded", f"joint {quote_name(joint.name)} {shown}", joint.line)
 
 
 def _fits(where: ChannelStats, factor: float, low: float, high: float) -> bool:
@@ -266,7 +267,7 @@ def _the(what: str, names: Sequence[str]) -> str:
 
 
 def _names(names: Sequence[str]) -> str:
-    shown = ", ".join(quoted(name) for name in names[:SHOWN])
+    shown = ", ".join(quote_name(name) for name in names[:SHOWN])
     return f"{shown} and {len(names) - SHOWN} more" if len(names) > SHOWN else shown
 
 

@@ -15,12 +15,12 @@ from posecast_wire.schema import SchemaError
 from posecast_edge.cli.console import Console
 from posecast_edge.cli.settings import Settings, UsageError, parse_settings
 from posecast_edge.model.serve.bundle import ModelError, load_built, load_bundle
-from posecast_edge.model.urdf.resolver import package_folders
+from posecast_edge.model.urdf.resolver import list_package_folders
 from posecast_edge.profile.reader import ProfileError, load_profile
 from posecast_edge.sample import SourceError
 from posecast_edge.sources.base import Discovering
-from posecast_edge.sources.registry import defaults_of, open_source
-from posecast_edge.visible import visible
+from posecast_edge.sources.registry import find_defaults, open_source
+from posecast_edge.visible import make_visible
 
 if TYPE_CHECKING:
     from posecast_edge.model.serve.background import BackgroundBuild
@@ -65,7 +65,9 @@ def _open_closed_streams() -> None:
 
 def _log_thread_end(ended: threading.ExceptHookArgs) -> None:
     name = ended.thread.name if ended.thread else "?"
-    log.warning("thread %s ended: %s: %s", name, ended.exc_type.__name__, visible(str(ended.exc_value), 200))
+    log.warning(
+        "thread %s ended: %s: %s", name, ended.exc_type.__name__, make_visible(str(ended.exc_value), 200)
+    )
 
 
 def _command(argv: list[str], console: Console) -> int:
@@ -102,13 +104,13 @@ def _leave(status: int) -> NoReturn:
 
 
 def _run(settings: Settings, console: Console) -> int:
-    defaults = defaults_of(settings.source)
+    defaults = find_defaults(settings.source)
     profile_path = settings.profile or defaults.profile
     urdf = settings.urdf or defaults.urdf
     model = settings.model or (None if settings.urdf else defaults.model)
     profile = load_profile(profile_path) if profile_path else None
     built = load_built(model) if model else None
-    raw = load_bundle(urdf, package_folders(os.environ)) if urdf and not built else None
+    raw = load_bundle(urdf, list_package_folders(os.environ)) if urdf and not built else None
     if raw:
         raw.log_missing()
     source = open_source(settings.source, profile)
@@ -120,17 +122,17 @@ def _run(settings: Settings, console: Console) -> int:
     )
     agent = Agent(sending, source, profile, console)
     if built:
-        agent.offer(built)
+        agent.set_model(built)
     build: BackgroundBuild | DescribedModel | None = None
     if urdf and raw:
         from posecast_edge.model.serve.background import BackgroundBuild  # noqa: PLC0415 - the same
 
-        build = BackgroundBuild(urdf, raw, agent.offer)
+        build = BackgroundBuild(urdf, raw, agent.set_model)
     elif isinstance(source, Discovering) and not built:
         from posecast_edge.model.serve.robot_description import DescribedModel  # noqa: PLC0415 - the same
 
-        build = DescribedModel(package_folders(os.environ), agent.offer)
-        source.describe_to(build.take)
+        build = DescribedModel(list_package_folders(os.environ), agent.set_model)
+        source.send_urdf_to(build.take_urdf)
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: agent.stop())
     if build:

@@ -13,20 +13,20 @@ from typing import Any, NoReturn
 from posecast_edge.cli.doctor import examine_source
 from posecast_edge.cli.progress_bar import Bar
 from posecast_edge.model.builder.manifest import FINDINGS_MAX
-from posecast_edge.model.doctor.skeleton import examine
-from posecast_edge.model.finding import EXTRA, SEVERITIES, Finding, ModelRefused, quoted
+from posecast_edge.model.doctor.skeleton import examine_model
+from posecast_edge.model.finding import EXTRA, SEVERITIES, Finding, ModelRefused, quote_name
 from posecast_edge.model.serve.bundle_dir import MANIFEST, write_folder
-from posecast_edge.model.serve.cache import Cache, cache_folder
+from posecast_edge.model.serve.cache import Cache, find_cache_folder
 from posecast_edge.model.urdf.reader import load_urdf, read_urdf
-from posecast_edge.model.urdf.resolver import Resolver, package_folders
+from posecast_edge.model.urdf.resolver import Resolver, list_package_folders
 from posecast_edge.model.urdf.tree import build_tree
 from posecast_edge.model.urdf.types import Urdf
-from posecast_edge.pipeline.source_stats import observe
+from posecast_edge.pipeline.source_stats import observe_source
 from posecast_edge.profile.reader import ProfileError, find_profile, load_profile
 from posecast_edge.profile.types import Profile
 from posecast_edge.sample import SourceError
 from posecast_edge.sources.base import Discovering
-from posecast_edge.sources.registry import defaults_of, open_source
+from posecast_edge.sources.registry import find_defaults, open_source
 
 DESCRIPTION = "robot_description"
 NEEDS_EXTRA = f"needs the mesh tools: {EXTRA}"
@@ -62,10 +62,12 @@ def run_command(argv: Sequence[str], environment: Mapping[str, str]) -> int:
         file = args.urdf
         if args.command == "doctor" and not (args.urdf or args.profile or args.source):
             raise ModelRefused("doctor: give --urdf, --profile, --source, or several of them")
-        packages = [*args.packages, *package_folders(environment)]
+        packages = [*args.packages, *list_package_folders(environment)]
         if args.command == "doctor":
             return _doctor(args, packages)
-        return _build(args.urdf, packages, args.out, None if args.no_cache else cache_folder(environment))
+        return _build(
+            args.urdf, packages, args.out, None if args.no_cache else find_cache_folder(environment)
+        )
     except ModelRefused as e:
         where = "" if file is None else f"{file}: " if e.line is None else f"{file}:{e.line}: "
         _print(sys.stderr, f"posecast-edge: {where}{e.reason}")
@@ -95,35 +97,35 @@ def _doctor(args: argparse.Namespace, packages: Sequence[Path]) -> int:
 
 def _model(path: Path, urdf: Urdf, packages: Sequence[Path], profile: Profile | None) -> list[Finding]:
     try:
-        from posecast_edge.model.builder.model_files import facts_of, read_visual_files  # noqa: PLC0415 - an extra
+        from posecast_edge.model.builder.model_files import collect_facts, read_visual_files  # noqa: PLC0415 - an extra
     except ImportError:
         facts = None
         _print(sys.stderr, f"posecast-edge: meshes not looked at: {NEEDS_EXTRA}")
     else:
         with Bar(sys.stderr) as bar:
-            files = read_visual_files(urdf, Resolver(path, packages), bar.show)
-        facts = facts_of(files)
-    findings = examine(urdf, build_tree(urdf), facts, profile.mapping if profile else None)
-    _list(findings, lambda finding: finding.words(str(path)))
+            files = read_visual_files(urdf, Resolver(path, packages), bar.show_progress)
+        facts = collect_facts(files)
+    findings = examine_model(urdf, build_tree(urdf), facts, profile.mapping if profile else None)
+    _list(findings, lambda finding: finding.format_line(str(path)))
     counts = f"{_many(len(urdf.links), 'link')}, {_many(len(urdf.joints), 'joint')}"
-    _print(sys.stdout, f"{path}: robot {quoted(urdf.name)}, {counts}: {_counted(findings)}")
+    _print(sys.stdout, f"{path}: robot {quote_name(urdf.name)}, {counts}: {_counted(findings)}")
     return findings
 
 
 def _source(args: argparse.Namespace, profile: Profile | None, urdf: Urdf | None) -> list[Finding]:
     """What shows only while the source speaks."""
-    path = defaults_of(args.source).profile if profile is None else None
+    path = find_defaults(args.source).profile if profile is None else None
     profile = load_profile(path) if path else profile
     source = open_source(args.source, profile)
     described: list[str] = []
     if urdf is None and isinstance(source, Discovering):
-        source.describe_to(described.append)
-    seen = observe(source, args.seconds, profile)
+        source.send_urdf_to(described.append)
+    seen = observe_source(source, args.seconds, profile)
     if described:
         urdf = read_urdf(BytesIO(described[-1].encode()))
     findings = examine_source(seen, urdf, args.hz, given=profile is not None)
     # a line is the URDF's
-    _list(findings, lambda f: f.words(str(args.urdf or DESCRIPTION) if f.line else args.source))
+    _list(findings, lambda f: f.format_line(str(args.urdf or DESCRIPTION) if f.line else args.source))
     rate = f"{_many(seen.samples, 'sample')}, {seen.rate_hz:.1f} a second"
     _print(sys.stdout, f"{args.source}: {rate}: {_counted(findings)}")
     return findings
@@ -148,7 +150,7 @@ def _many(number: int, what: str) -> str:
 
 def _build(path: Path, packages: Sequence[Path], out: Path, cache: Path | None) -> int:
     try:
-        from posecast_edge.model.builder.build import build  # noqa: PLC0415 - an extra
+        from posecast_edge.model.builder.build import build_model  # noqa: PLC0415 - an extra
     except ImportError:
         raise ModelRefused(NEEDS_EXTRA) from None
     kept = Cache(cache, path, packages) if cache is not None else None
@@ -156,7 +158,7 @@ def _build(path: Path, packages: Sequence[Path], out: Path, cache: Path | None) 
     if files is None:
         resolver = Resolver(path, packages)
         with Bar(sys.stderr) as bar:
-            built = build(path, resolver, bar.show)
+            built = build_model(path, resolver, bar.show_progress)
         files = {**built.files, MANIFEST: built.manifest}
         if kept is not None:
             kept.put(files, resolver)
@@ -169,7 +171,7 @@ def _report(path: Path, out: Path, manifest: Mapping[str, Any]) -> None:
     for finding in manifest.get("findings", []):
         if finding["severity"] != "hint":
             said = Finding(finding["severity"], finding["code"], finding["text"], finding.get("line"))
-            _print(sys.stderr, said.words(str(path)))
+            _print(sys.stderr, said.format_line(str(path)))
     stand_ins = sum("placeholder" in v for v in manifest["visuals"])
     more = f", {_many(stand_ins, 'stand-in')} among them" if stand_ins else ""
     links, visuals = _many(len(manifest["links"]), "link"), _many(len(manifest["visuals"]), "visual")

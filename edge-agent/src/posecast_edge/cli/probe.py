@@ -8,13 +8,13 @@ import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 
-from posecast_edge.pipeline.source_stats import WAIT_S, ChannelStats, SourceStats, observe
-from posecast_edge.profile.field_defaults import unit_hint, unit_of
+from posecast_edge.pipeline.source_stats import WAIT_S, ChannelStats, SourceStats, observe_source
+from posecast_edge.profile.field_defaults import find_usual_unit, guess_unit
 from posecast_edge.profile.reader import ProfileError, find_profile, load_profile
 from posecast_edge.sample import SourceError
 from posecast_edge.sources.base import Discovering
-from posecast_edge.sources.registry import KINDS, defaults_of, open_source
-from posecast_edge.visible import visible
+from posecast_edge.sources.registry import KINDS, find_defaults, open_source
+from posecast_edge.visible import make_visible
 
 log = logging.getLogger("posecast_edge")
 
@@ -37,28 +37,28 @@ def run_probe(argv: Sequence[str]) -> int:
     )
     args = parser.parse_args(argv)
     try:
-        path: Path | None = args.profile or defaults_of(args.source).profile
+        path: Path | None = args.profile or find_defaults(args.source).profile
         profile = load_profile(path) if path else None
         source = open_source(args.source, profile)
     except (SourceError, ProfileError) as e:
         log.error("%s", e)
         return WRONG
     try:
-        seen = observe(source, args.seconds, profile)
+        seen = observe_source(source, args.seconds, profile)
     except SourceError as e:
         log.error("%s", e)
         return SILENT
     except KeyboardInterrupt:
         return FINE
-    lines = report(source.description, seen)
+    lines = describe_source(source.description, seen)
     if isinstance(source, Discovering):
         lines += ["", "topics:", *(f"  {line}" for line in source.offers or ["none"])]
     for line in lines:
-        print(visible(line, SHOWN_MAX))
+        print(make_visible(line, SHOWN_MAX))
     return FINE if seen.samples else SILENT
 
 
-def report(description: str, seen: SourceStats) -> list[str]:
+def describe_source(description: str, seen: SourceStats) -> list[str]:
     """Lines for a person."""
     if not seen.samples:
         what = "ended without a sample" if seen.ended else f"no sample within {WAIT_S:g} s"
@@ -74,7 +74,7 @@ def report(description: str, seen: SourceStats) -> list[str]:
         lines.append(_field(name, channels))
     joints = next((seen.fields[name] for name in ("pos", "ref") if name in seen.fields), {})
     if joints:
-        names = " ".join(visible(name, NAME_SHOWN) for name in joints)
+        names = " ".join(make_visible(name, NAME_SHOWN) for name in joints)
         lines += [
             "",
             *textwrap.wrap(f"joints: {names}", WIDTH, break_long_words=False, break_on_hyphens=False),
@@ -96,8 +96,8 @@ def _field(name: str, channels: dict[str, ChannelStats]) -> str:
     numbers = [c for c in read.values() if c.last is not None]
     low = f"{min(c.low for c in numbers):.4g}" if numbers else "—"
     high = f"{max(c.high for c in numbers):.4g}" if numbers else "—"
-    doubt = next((d for c in numbers if (d := unit_hint(name, c.largest))), None)
-    unit = f"{unit_of(name) or '—'}{f' or {doubt}?' if doubt else ''}"
+    doubt = next((d for c in numbers if (d := guess_unit(name, c.largest))), None)
+    unit = f"{find_usual_unit(name) or '—'}{f' or {doubt}?' if doubt else ''}"
     bits = sorted(set().union(*(c.bits for c in read.values())))
     if bits:
         shown = ", ".join(bits[:8])

@@ -40,7 +40,7 @@ def run_profile(argv: Sequence[str]) -> int:
     args = parser.parse_args(argv)
     try:
         urdf = load_urdf(args.urdf)
-        text = profile_text(urdf, args.urdf.name)
+        text = make_profile_text(urdf, args.urdf.name)
         if args.out is None:
             sys.stdout.write(text)
         else:
@@ -76,7 +76,7 @@ def _write(path: Path, text: str) -> None:
         raise
 
 
-def profile_text(urdf: Urdf, file: str) -> str:
+def make_profile_text(urdf: Urdf, file: str) -> str:
     """TOML. ModelRefused when the model has no joint that moves."""
     tree = build_tree(urdf)
     joints = [j for j in tree.joints if j.type in MOVING and j.mimic is None]
@@ -119,7 +119,7 @@ def profile_text(urdf: Urdf, file: str) -> str:
         *(f"{_key(name)} = 0.005" for name in sliding),
         "",
         "[names]",
-        *(f"{_key(j.name)} = {_text(words_of(j.name))}" for j in joints),
+        *(f"{_key(j.name)} = {_text(split_name(j.name))}" for j in joints),
         *_mimics(tree.joints),
     ]
     text = "\n".join(out) + "\n"
@@ -138,7 +138,7 @@ MORE = (
 )
 
 
-def words_of(name: str) -> str:
+def split_name(name: str) -> str:
     """`left_hip_pitch_joint` → `left hip pitch`, `HeadYaw` → `head yaw`; an abbreviation stays."""
     words = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name)
     parts = [w for w in re.split(r"[_\-./\s]+", words) if w]

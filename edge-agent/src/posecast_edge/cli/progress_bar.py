@@ -26,7 +26,7 @@ class Bar:
             self._out.write("\r\x1b[K")
             self._out.flush()
 
-    def show(self, done: int, total: int, what: str) -> None:
+    def show_progress(self, done: int, total: int, what: str) -> None:
         """`done` of `total`, busy with `what`."""
         if not self._out.isatty():
             return

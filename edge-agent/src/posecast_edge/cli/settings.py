@@ -18,7 +18,7 @@ from posecast_edge.profile.reader import find_profile
 from posecast_edge.sample import SourceError
 from posecast_edge.sources.registry import KINDS, split_spec
 from posecast_edge.uplink.certificate import Certificate
-from posecast_edge.visible import quoted
+from posecast_edge.visible import quote
 
 ENDPOINT = re.compile(r"(tcp|tls|quic)/(\[[0-9a-fA-F:.]+\]|[A-Za-z0-9._-]+):([0-9]{1,5})")
 
@@ -65,7 +65,7 @@ def _source(text: str) -> str:
 def _relay(text: str) -> str:
     match = ENDPOINT.fullmatch(text)
     if not match or not 0 < int(match[3]) < 65536:
-        raise argparse.ArgumentTypeError(f"{quoted(text)} is no endpoint like tcp/127.0.0.1:7447")
+        raise argparse.ArgumentTypeError(f"{quote(text)} is no endpoint like tcp/127.0.0.1:7447")
     return text
 
 
@@ -133,7 +133,7 @@ def _number(low: float, high: float) -> Callable[[str], float]:
         except ValueError:
             value = float("nan")
         if not low <= value <= high:
-            raise argparse.ArgumentTypeError(f"{quoted(text)} is no number from {low:g} to {high:g}")
+            raise argparse.ArgumentTypeError(f"{quote(text)} is no number from {low:g} to {high:g}")
         return value
 
     return parse

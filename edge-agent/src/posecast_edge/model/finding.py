@@ -27,24 +27,24 @@ class Finding:
     text: str
     line: int | None = None
 
-    def words(self, file: str) -> str:
+    def format_line(self, file: str) -> str:
         """`robot.urdf:12: error: text [code]`, the form editors and CI understand."""
         where = file if self.line is None else f"{file}:{self.line}"
         return f"{where}: {self.severity}: {self.text} [{self.code}]"
 
 
-def worst_first(findings: list[Finding]) -> list[Finding]:
+def sort_by_severity(findings: list[Finding]) -> list[Finding]:
     """By severity, then line; each only once."""
     unique = list(dict.fromkeys(findings))
     return sorted(unique, key=lambda f: (SEVERITIES.index(f.severity), f.line or 0, f.code, f.text))
 
 
-def quoted(name: str, longest: int = 80) -> str:
+def quote_name(name: str, longest: int = 80) -> str:
     """A name from a stranger's file, safe to print: no control characters, not endless."""
-    shown = printable(name[: longest + 1])
+    shown = make_printable(name[: longest + 1])
     return f"'{shown}'" if len(shown) <= longest else f"'{shown[:longest]}…'"
 
 
-def printable(text: str) -> str:
+def make_printable(text: str) -> str:
     """The same with a sign of its own for what moves the cursor, ends a line or turns the writing round."""
     return "".join(c if c.isprintable() else "�" for c in text)

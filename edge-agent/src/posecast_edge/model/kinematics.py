@@ -31,12 +31,12 @@ def identity() -> Matrix:
     return [[float(i == j) for j in range(4)] for i in range(4)]
 
 
-def product(a: Matrix, b: Matrix) -> Matrix:
+def multiply(a: Matrix, b: Matrix) -> Matrix:
     """a · b."""
     return [[sum(a[i][k] * b[k][j] for k in range(4)) for j in range(4)] for i in range(4)]
 
 
-def from_quaternion(xyz: Sequence[float], quat: Sequence[float]) -> Matrix:
+def matrix_from_quaternion(xyz: Sequence[float], quat: Sequence[float]) -> Matrix:
     """Translation and unit quaternion (w, x, y, z)."""
     w, x, y, z = quat
     return [
@@ -57,7 +57,9 @@ def quaternion_from_rpy(rpy: Sequence[float]) -> tuple[float, float, float, floa
     return (w, x, y, z) if w >= 0 else (-w, -x, -y, -z)
 
 
-def plane_of(axis: Sequence[float]) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
+def compute_plane_axes(
+    axis: Sequence[float],
+) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
     """x and y of the plane across a unit axis: the frame's, by the shortest turn that takes z to the axis."""
     a, b, c = axis
     if c < -1 + 1e-9:  # every turn by 180° is as short: about x
@@ -66,18 +68,18 @@ def plane_of(axis: Sequence[float]) -> tuple[tuple[float, float, float], tuple[f
     return (1 - a * a * d, -a * b * d, -a), (-a * b * d, 1 - b * b * d, -b)
 
 
-def variables_of(name: str, kind: str) -> list[tuple[str, float]]:
+def list_variables(name: str, kind: str) -> list[tuple[str, float]]:
     """Names of the readings that a joint takes, each with the value it has without one."""
     return [(f"{name}/{part}" if part else name, rest) for part, rest in VARIABLES[kind]]
 
 
-def motion(joint: Mapping[str, Any], q: Sequence[float]) -> Matrix:
+def compute_motion(joint: Mapping[str, Any], q: Sequence[float]) -> Matrix:
     """What a joint adds at q, the values of its variables."""
     kind, axis = joint["type"], joint["axis"]
     if kind in ("revolute", "continuous"):
         return _turned((0.0, 0.0, 0.0), axis, q[0])
     if kind == "prismatic":
-        return from_quaternion([q[0] * a for a in axis], (1.0, 0.0, 0.0, 0.0))
+        return matrix_from_quaternion([q[0] * a for a in axis], (1.0, 0.0, 0.0, 0.0))
     if kind == "planar":
         u, v = joint["plane"]
         return _turned([q[0] * u[i] + q[1] * v[i] for i in range(3)], axis, q[2])
@@ -85,16 +87,16 @@ def motion(joint: Mapping[str, Any], q: Sequence[float]) -> Matrix:
         x, y, z, w = q[3:]
         length = math.hypot(w, x, y, z)
         quat = (w / length, x / length, y / length, z / length) if length > 1e-6 else (1.0, 0.0, 0.0, 0.0)
-        return from_quaternion(q[:3], quat)
+        return matrix_from_quaternion(q[:3], quat)
     return identity()
 
 
 def _turned(xyz: Sequence[float], axis: Sequence[float], angle: float) -> Matrix:
     s = math.sin(angle / 2)
-    return from_quaternion(xyz, (math.cos(angle / 2), *(s * a for a in axis)))
+    return matrix_from_quaternion(xyz, (math.cos(angle / 2), *(s * a for a in axis)))
 
 
-def joint_values(manifest: Mapping[str, Any], readings: Mapping[str, float]) -> list[list[float]]:
+def compute_joint_values(manifest: Mapping[str, Any], readings: Mapping[str, float]) -> list[list[float]]:
     """The values of every joint's variables: each its reading, else what it mimics, else its rest."""
     joints = manifest["joints"]
 
@@ -103,16 +105,16 @@ def joint_values(manifest: Mapping[str, Any], readings: Mapping[str, float]) -> 
         if mimic and name not in readings:
             leader = readings.get(joints[mimic["joint"]]["name"], 0.0)
             return [mimic["multiplier"] * leader + mimic["offset"]]
-        return [readings.get(variable, rest) for variable, rest in variables_of(name, joint["type"])]
+        return [readings.get(variable, rest) for variable, rest in list_variables(name, joint["type"])]
 
     return [values(joint) for joint in joints]
 
 
-def link_poses(manifest: Mapping[str, Any], readings: Mapping[str, float]) -> dict[str, Matrix]:
+def compute_link_poses(manifest: Mapping[str, Any], readings: Mapping[str, float]) -> dict[str, Matrix]:
     """root_from_link of every link, by name."""
     poses = [identity()]
-    for joint, q in zip(manifest["joints"], joint_values(manifest, readings), strict=True):
-        parent_from_joint = from_quaternion(joint["xyz"], joint["quat"])
-        moved = product(parent_from_joint, motion(joint, q))
-        poses.append(product(poses[joint["parent"]], moved))
+    for joint, q in zip(manifest["joints"], compute_joint_values(manifest, readings), strict=True):
+        parent_from_joint = matrix_from_quaternion(joint["xyz"], joint["quat"])
+        moved = multiply(parent_from_joint, compute_motion(joint, q))
+        poses.append(multiply(poses[joint["parent"]], moved))
     return dict(zip(manifest["links"], poses, strict=True))

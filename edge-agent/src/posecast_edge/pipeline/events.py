@@ -168,7 +168,9 @@ class EventWatch:
         """Whether a sample has come yet."""
         return self._last_s is not None
 
-    def sample(self, t_s: float, values_of: Callable[[str], Values | None], now_s: float) -> list[Event]:
+    def check_sample(
+        self, t_s: float, values_of: Callable[[str], Values | None], now_s: float
+    ) -> list[Event]:
         """A sample: `values_of` gives the values of the field of that name in the order of its labels, None
         when it has none; it is asked for those that can make an event. Returns what the sample changed."""
         events: list[Event] = []
@@ -182,7 +184,7 @@ class EventWatch:
                 events += watched.look(t_s, values)
         return events
 
-    def tick(self, now_s: float) -> list[Event]:
+    def check_time(self, now_s: float) -> list[Event]:
         """Called between samples: says when the source falls silent (once it has delivered)."""
         if self.silent or self._last_s is None or now_s - self._last_s < SILENT_S:
             return []

@@ -11,7 +11,7 @@ from posecast_wire.schema import Field, Schema
 
 from posecast_edge.rate_limited_log import RateLimitedLog
 from posecast_edge.sample import Reading, Sample
-from posecast_edge.visible import WORD_MAX, quoted, visible
+from posecast_edge.visible import WORD_MAX, make_visible, quote
 
 Flat = list[float | None]
 
@@ -93,8 +93,8 @@ class SampleFlattener:
             with suppress(OverflowError):
                 return float(value)
         wanted = "a list or mask of its bits" if field.bits else "a number"
-        channel = visible(f"{field.name}.{field.labels[i]}", WORD_MAX)
-        self._complain(sample, f"{channel} is {quoted(value, 40)}, not {wanted}", now_s)
+        channel = make_visible(f"{field.name}.{field.labels[i]}", WORD_MAX)
+        self._complain(sample, f"{channel} is {quote(value, 40)}, not {wanted}", now_s)
         return None
 
     def _mask(self, field: Field, names: Sequence[object], sample: Sample) -> int:
@@ -120,4 +120,4 @@ class SampleFlattener:
         self._unknown.add(key)
         more = "; further unknown names are not said" if len(self._unknown) == MAX_NAMED else ""
         where = f"{sample.where}: " if sample.where else ""
-        self._say(f"{where}unknown {what} {quoted(name)} is ignored{more}")
+        self._say(f"{where}unknown {what} {quote(name)} is ignored{more}")

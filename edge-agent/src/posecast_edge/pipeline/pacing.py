@@ -33,10 +33,10 @@ class FramePacer:
         """A sample arrives: whether a frame leaves with it."""
         return now_s >= self.from_s
 
-    def wait_s(self, now_s: float) -> float:
+    def compute_wait_s(self, now_s: float) -> float:
         """How long a sample that waits goes on waiting when no newer one arrives; 0: it leaves now."""
         return max(0.0, self._next_s + LATE / self.hz - now_s)
 
-    def left(self, now_s: float) -> None:
+    def record_frame(self, now_s: float) -> None:
         """A frame left. One that was late is not made up for: it would be an old pose."""
         self._next_s = max(self._next_s + 1 / self.hz, now_s)

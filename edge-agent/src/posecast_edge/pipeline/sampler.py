@@ -58,14 +58,14 @@ class Sampler:
         """A sample waits that no frame has carried."""
         return self._newest[0] != self._seen_sample
 
-    def left_over(self, oldest_s: float) -> LeftOver | None:
+    def find_unsent(self, oldest_s: float) -> LeftOver | None:
         """The newest sample, when no frame has carried it and it was taken before `oldest_s`."""
         number, t_s, values, taken_s = self._newest
         if number == self._sent_sample or taken_s >= oldest_s:
             return None
         return LeftOver(number, t_s, values() if callable(values) else values)
 
-    def skip(self) -> None:
+    def skip_sample(self) -> None:
         """The newest sample can't be sent: wait for the next."""
         self._seen_sample = self._newest[0]
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 
 from posecast_wire.mapping import JOINT, JointMap
 
-from posecast_edge.profile.schema import profile_of
+from posecast_edge.profile.schema import infer_profile
 from posecast_edge.profile.types import Profile
 from posecast_edge.sample import Reading, Sample, SourceError
 from posecast_edge.sources.base import Source
@@ -93,7 +93,7 @@ class SourceStats:
         if self.samples == 0:
             if self.profile is None:
                 with suppress(SourceError):
-                    self.profile = profile_of("robot", sample)
+                    self.profile = infer_profile("robot", sample)
                     self._learn(self.profile)
             self.arrivals_s, self.times_s = (now_s, now_s), (sample.t_s, sample.t_s)
         self.longest_gap_s = max(self.longest_gap_s, now_s - self.arrivals_s[1])
@@ -161,7 +161,7 @@ def _position(how: JointMap, channels: Mapping[str, Reading]) -> float | None:
     return total
 
 
-def observe(source: Source, seconds: float, profile: Profile | None = None) -> SourceStats:
+def observe_source(source: Source, seconds: float, profile: Profile | None = None) -> SourceStats:
     """Watch a source for so many seconds after its first sample, for which WAIT_S are waited.
 
     SourceError when the source fails; one that ends is enough for what it was.

@@ -21,11 +21,11 @@ from posecast_wire.schema import Schema
 from posecast_edge.pipeline.events import Event, EventLimit, EventWatch
 from posecast_edge.pipeline.flattener import SampleFlattener
 from posecast_edge.pipeline.sampler import NEVER, LeftOver, Sampler
-from posecast_edge.profile.schema import schema_text
+from posecast_edge.profile.schema import make_schema_text
 from posecast_edge.profile.types import Profile
 from posecast_edge.rate_limited_log import RateLimitedLog
 from posecast_edge.sample import Sample
-from posecast_edge.visible import quoted
+from posecast_edge.visible import quote
 
 INFO_MAX = 64  # texts kept of a robot; further names are ignored
 INFO_BYTES = 12_000  # of all of them together: a relay refuses a robot that says much more
@@ -46,7 +46,7 @@ class Stream:
 
     def __init__(self, profile: Profile, key_interval_s: float, say: Callable[[str], None]) -> None:
         """SchemaError when the wire cannot carry the profile. `say` takes lines about bad input."""
-        self.schema = Schema.parse(schema_text(profile))
+        self.schema = Schema.parse(make_schema_text(profile))
         self._flattener = SampleFlattener(self.schema, say)
         self._untimed = RateLimitedLog(say, "samples without a time")
         self._deadbands = {f.name: f.deadband for f in profile.fields}
@@ -101,7 +101,7 @@ class Stream:
         if sample.info:
             self._take_info(sample, now_s)
         with self._events_lock:
-            events = self._watch.sample(sample.t_s, values.get, now_s)
+            events = self._watch.check_sample(sample.t_s, values.get, now_s)
             return self._limit.admit(events, now_s) if events else events
 
     def _take_info(self, sample: Sample, now_s: float) -> None:
@@ -122,7 +122,7 @@ class Stream:
                 continue
             where = f"{sample.where}: " if sample.where else ""
             most = f"{INFO_MAX} texts, {INFO_BYTES} bytes in all"
-            self._too_much.add(f"{where}info {quoted(name)} is left out: at most {most}", now_s)
+            self._too_much.add(f"{where}info {quote(name)} is left out: at most {most}", now_s)
 
     def _flat(self, values: Mapping[str, Sequence[float | None]]) -> list[float | None]:
         """Values in channel order."""
@@ -132,10 +132,10 @@ class Stream:
             flat += [None] * f.size if of_field is None else of_field
         return flat
 
-    def idle(self, now_s: float) -> list[Event]:
+    def check_time(self, now_s: float) -> list[Event]:
         """Events that time alone makes; to be called now and then."""
         with self._events_lock:
-            return self._limit.admit(self._watch.tick(now_s), now_s)
+            return self._limit.admit(self._watch.check_time(now_s), now_s)
 
     def force_key(self) -> None:
         """Somebody new listens: the next frame stands alone and comes at once."""
@@ -152,10 +152,10 @@ class Stream:
 
     def recover(self) -> None:
         """Something went wrong with a frame: the next sample makes one that stands alone."""
-        self._sampler.skip()
+        self._sampler.skip_sample()
         self._sampler.force_key()
 
-    def snapshot(self, model: str | None, now_s: float) -> Snapshot | None:
+    def make_snapshot(self, model: str | None, now_s: float) -> Snapshot | None:
         """All a late joiner needs, None before the first frame. `model`: the manifest's hash.
 
         Where the newest sample could not be sent while it was new, its KEY is in it: a picture, which nobody
@@ -163,7 +163,7 @@ class Stream:
         """
         with self._frames_lock:
             key, ref = self._encoder.key, self._encoder.ref
-            left = self._sampler.left_over(now_s - PICTURE_S)
+            left = self._sampler.find_unsent(now_s - PICTURE_S)
             if left is not None:
                 key, ref = self._picture_of(left, now_s), None
         if key is None:

@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 
 from posecast_edge.rate_limited_log import RateLimitedLog
 from posecast_edge.sample import Reading, Sample, Values
-from posecast_edge.visible import quoted
+from posecast_edge.visible import quote
 
 
 def is_text(value: object) -> bool:
@@ -53,12 +53,12 @@ class TextGuard:
         values: dict[str, Values] = {}
         for name, of_field in sample.values.items():
             if not is_text(name):
-                self._report(f"the field {quoted(name)}", sample, now_s)
+                self._report(f"the field {quote(name)}", sample, now_s)
             elif isinstance(of_field, Mapping):
                 values[name] = {
                     label: _bits(reading)
                     for label, reading in of_field.items()
-                    if is_text(label) or self._report(f"{name}.{quoted(label)}", sample, now_s)
+                    if is_text(label) or self._report(f"{name}.{quote(label)}", sample, now_s)
                 }
             else:
                 values[name] = [_bits(reading) for reading in of_field]
@@ -68,7 +68,7 @@ class TextGuard:
         return {
             name: text
             for name, text in given.items()
-            if (is_text(name) and is_text(text)) or self._report(f"{what} {quoted(name)}", sample, now_s)
+            if (is_text(name) and is_text(text)) or self._report(f"{what} {quote(name)}", sample, now_s)
         }
 
     def _report(self, what: str, sample: Sample, now_s: float) -> bool:

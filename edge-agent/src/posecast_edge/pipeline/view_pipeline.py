@@ -25,13 +25,13 @@ class ViewPipeline:
         self.lock = threading.Lock()  # frames leave one after the other, in the order of their numbers
         self.ended = False
 
-    def rest_s(self, now_s: float) -> float:
+    def compute_rest_s(self, now_s: float) -> float:
         """How long no frame is due as things are; 0: now."""
         if self.at_once:
             return 0.0
-        return self.pacer.wait_s(now_s) if self.stream and self.stream.fresh else math.inf
+        return self.pacer.compute_wait_s(now_s) if self.stream and self.stream.fresh else math.inf
 
-    def oldest_s(self, now_s: float) -> float:
+    def compute_oldest_s(self, now_s: float) -> float:
         """When a sample must have been taken to be sent now."""
         return now_s - OLD_S - self.pacer.longest_s
 
@@ -40,8 +40,8 @@ class ViewPipeline:
         with self.lock:
             self.ended = True
 
-    def left(self, now_s: float, most_hz: float) -> None:
+    def record_frame(self, now_s: float, most_hz: float) -> None:
         """A frame leaves; not more than `most_hz` of them shall."""
         self.at_once = False
         self.pacer.hz = min(self.hz, most_hz)
-        self.pacer.left(now_s)
+        self.pacer.record_frame(now_s)

@@ -143,14 +143,14 @@ MOST = {
 }
 
 
-def unit_hint(field: str, largest: float) -> str | None:
+def guess_unit(field: str, largest: float) -> str | None:
     """The unit that a field's readings seem to be in when `largest`, the largest magnitude among them, can
     hardly be in the field's usual unit; None when it can."""
     most, instead = MOST.get(field, (float("inf"), ""))
     return instead if largest > most else None
 
 
-def unit_of(field: str) -> str:
+def find_usual_unit(field: str) -> str:
     """What a field of that name is usually in; "" when nobody says."""
     known = WELL_KNOWN.get(field)
     return known.unit if known else ""

@@ -25,7 +25,7 @@ class TermError(ValueError):
         self.reason = reason
 
 
-def resolve(entries: Mapping[str, JointMap], channels: Sequence[str]) -> dict[str, JointMap]:
+def resolve_entries(entries: Mapping[str, JointMap], channels: Sequence[str]) -> dict[str, JointMap]:
     """Every entry in terms of channels, in the order given.
 
     TermError: an unknown name, a loop, two joints that claim one channel, more than the bounds above.

@@ -28,12 +28,12 @@ from posecast_wire.schema import BITS_MAX, CHANNELS_MAX, FIELD_NAME, SchemaError
 
 from posecast_edge.profile.columns import Columns
 from posecast_edge.profile.field_defaults import PLAIN, WELL_KNOWN
-from posecast_edge.profile.joint_mapping import TermError, resolve
-from posecast_edge.profile.schema import schema_text
+from posecast_edge.profile.joint_mapping import TermError, resolve_entries
+from posecast_edge.profile.schema import make_schema_text
 from posecast_edge.profile.types import FieldSpec, Profile, RosTopics, Trajectory, View
 from posecast_edge.profile.values import REASON_MAX, ProfileError, Values
 from posecast_edge.profile.views import VIEWS_MAX, read_view
-from posecast_edge.visible import quoted, visible
+from posecast_edge.visible import make_visible, quote
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -66,7 +66,7 @@ def find_profile(name: str) -> Path:
 
 def load_profile(path: Path) -> Profile:
     """Read and parse a profile file. ProfileError when it cannot be read or does not fit."""
-    name = visible(str(path), NAME_MAX)
+    name = make_visible(str(path), NAME_MAX)
     try:
         with path.open("rb") as file:
             content = file.read(PROFILE_BYTES_MAX + 1)
@@ -99,10 +99,10 @@ def parse_profile(text: str, file: str = "profile") -> Profile:
     except RecursionError:
         raise ProfileError(f"{file}: nested too deep") from None
     except ValueError as e:  # TOMLDecodeError is one; others come of dates and numbers
-        raise ProfileError(f"{file}: {visible(str(e), REASON_MAX)}") from None
+        raise ProfileError(f"{file}: {make_visible(str(e), REASON_MAX)}") from None
     reader = ProfileReader(file, text)
-    profile = reader.profile(document)
-    reader.check(profile)
+    profile = reader.build_profile(document)
+    reader.check_wire_bounds(profile)
     return profile
 
 
@@ -113,20 +113,20 @@ class ProfileReader(Values):
         super().__init__(file, text)
         self.units: dict[str, dict[str, str]] = {}  # by field and label, where it is not the field's
 
-    def check(self, profile: Profile) -> None:
+    def check_wire_bounds(self, profile: Profile) -> None:
         """The wire has bounds of its own: what it can't carry is an error in this file too."""
         self._check(profile, "")
         for name, view in profile.views.items():
-            self._check(profile.seen_as(view), f"views.{name}")
+            self._check(profile.restrict_to_view(view), f"views.{name}")
 
     def _check(self, profile: Profile, view: str) -> None:
         try:
-            schema_text(profile)
+            make_schema_text(profile)
         except SchemaError as e:
             where, _, reason = str(e).partition(": ")
             self.fail(view or where.removeprefix("mapping."), str(e) if view else reason)
 
-    def profile(self, doc: dict[str, Any]) -> Profile:
+    def build_profile(self, doc: dict[str, Any]) -> Profile:
         keys = (
             "robot",
             "labels",
@@ -139,53 +139,53 @@ class ProfileReader(Values):
             "names",
             "views",
         )
-        self.table(doc, "", (*keys, "trajectory", "ros"))
-        robot = self.table(doc.get("robot", {}), "robot", ("name", "root"))
+        self.check_table(doc, "", (*keys, "trajectory", "ros"))
+        robot = self.check_table(doc.get("robot", {}), "robot", ("name", "root"))
         labels = {
-            name: self.unique(value, f"labels.{name}")
-            for name, value in self.table(doc.get("labels", {}), "labels").items()
+            name: self.check_unique_texts(value, f"labels.{name}")
+            for name, value in self.check_table(doc.get("labels", {}), "labels").items()
         }
-        by_name = self.fields(doc.get("fields"), labels)
+        by_name = self.build_fields(doc.get("fields"), labels)
         fields = tuple(by_name.values())
         for f in fields:
             labels.setdefault(f.label_set, f.labels)
         joint = labels.get(JOINT, ())
         everything = tuple(dict.fromkeys(label for f in fields for label in f.labels))
-        sensors = self.sensors(doc.get("sensors", {}))
+        sensors = self.build_sensors(doc.get("sensors", {}))
         named = frozenset((*everything, *sensors, *(label.split(".")[0] for label in everything)))
         return Profile(
-            name=self.text(robot.get("name", "robot"), "robot.name"),
-            root=self.text(robot["root"], "robot.root") if "root" in robot else None,
+            name=self.check_text(robot.get("name", "robot"), "robot.name"),
+            root=self.check_text(robot["root"], "robot.root") if "root" in robot else None,
             fields=fields,
             labels=labels,
             mapping=Meaning(
-                joints=self.joints(doc.get("joints", {}), joint),
+                joints=self.build_joints(doc.get("joints", {}), joint),
                 sensors=sensors,
-                names=self.names(doc.get("names", {}), named),
-                thresholds=self.thresholds(doc.get("thresholds", {}), by_name),
-                tolerances=self.tolerances(doc.get("tolerance", {}), joint),
-                severities=self.severities(doc.get("severity", {}), by_name),
+                names=self.build_names(doc.get("names", {}), named),
+                thresholds=self.build_thresholds(doc.get("thresholds", {}), by_name),
+                tolerances=self.build_tolerances(doc.get("tolerance", {}), joint),
+                severities=self.build_severities(doc.get("severity", {}), by_name),
                 units=self.units,
             ),
-            trajectory=self.trajectory(doc["trajectory"], fields) if "trajectory" in doc else None,
-            ros=self.ros(doc["ros"]) if "ros" in doc else None,
-            views=self.views(doc.get("views", {}), by_name),
+            trajectory=self.build_trajectory(doc["trajectory"], fields) if "trajectory" in doc else None,
+            ros=self.build_ros_topics(doc["ros"]) if "ros" in doc else None,
+            views=self.build_views(doc.get("views", {}), by_name),
         )
 
-    def fields(self, value: object, labels: Mapping[str, tuple[str, ...]]) -> dict[str, FieldSpec]:
+    def build_fields(self, value: object, labels: Mapping[str, tuple[str, ...]]) -> dict[str, FieldSpec]:
         if not isinstance(value, list) or not value:
             self.fail("fields", "at least one [[fields]] is needed")
         fields: dict[str, FieldSpec] = {}
         size = 0
         for i, item in enumerate(value):
-            spec = self.field(item, f"fields[{i}]", labels, fields)
+            spec = self.build_field(item, f"fields[{i}]", labels, fields)
             fields[spec.name] = spec
             size += len(spec.labels)
             if size > CHANNELS_MAX:
                 self.fail(f"fields[{i}]", f"more than {CHANNELS_MAX} channels in all")
         return fields
 
-    def field(
+    def build_field(
         self,
         value: object,
         where: str,
@@ -193,10 +193,10 @@ class ProfileReader(Values):
         before: Mapping[str, FieldSpec],
     ) -> FieldSpec:
         keys = ("name", "labels", "unit", "units", "scale", "deadband", "rel", "bits", "slow")
-        item = self.table(value, where, keys)
-        name = self.text(item.get("name"), f"{where}.name")
+        item = self.check_table(value, where, keys)
+        name = self.check_text(item.get("name"), f"{where}.name")
         if not FIELD_NAME.fullmatch(name):
-            self.fail(f"{where}.name", f"{quoted(name)} must be letters, digits and _, the first no digit")
+            self.fail(f"{where}.name", f"{quote(name)} must be letters, digits and _, the first no digit")
         if name in before:
             self.fail(f"{where}.name", f"{name!r} stands there twice")
         self.field_paths[f"fields.{name}"] = where
@@ -204,9 +204,9 @@ class ProfileReader(Values):
         default = WELL_KNOWN.get(name, PLAIN)
         given = item.get("labels", JOINT if default.joints else name)
         if isinstance(given, str):
-            label_set, own = self.known(given, labels, "label set", f"{where}.labels"), labels[given]
+            label_set, own = self.check_choice(given, labels, "label set", f"{where}.labels"), labels[given]
         else:
-            label_set, own = name, self.unique(given, f"{where}.labels")
+            label_set, own = name, self.check_unique_texts(given, f"{where}.labels")
             if label_set in labels and labels[label_set] != own:
                 self.fail(f"{where}.labels", f"differs from [labels] {label_set}")
         rel = item.get("rel", default.rel if "rel" not in item else None)
@@ -214,43 +214,47 @@ class ProfileReader(Values):
             other = before.get(rel) if isinstance(rel, str) else None
             if other is None:
                 if "rel" in item:
-                    self.fail(f"{where}.rel", f"{quoted(rel)} is no earlier field")
+                    self.fail(f"{where}.rel", f"{quote(rel)} is no earlier field")
                 rel = None
             elif len(other.labels) != len(own):
                 self.fail(f"{where}.rel", f"{rel!r} has {len(other.labels)} channels, {name!r} {len(own)}")
-        bits = self.unique(item["bits"], f"{where}.bits") if "bits" in item else ()
+        bits = self.check_unique_texts(item["bits"], f"{where}.bits") if "bits" in item else ()
         if len(bits) > BITS_MAX:
             self.fail(f"{where}.bits", f"{len(bits)} bits; at most {BITS_MAX}")
         unit = item.get("unit", default.unit)
         known = frozenset(own) if "units" in item else ()
         others = {
-            self.known(label, known, "label", f"{where}.units.{label}"): self.unit(
+            self.check_choice(label, known, "label", f"{where}.units.{label}"): self.check_unit(
                 u, f"{where}.units.{label}"
             )
-            for label, u in self.table(item.get("units", {}), f"{where}.units").items()
+            for label, u in self.check_table(item.get("units", {}), f"{where}.units").items()
         }
         if others:
             self.units[name] = others
         slow = item.get("slow", False)
         if not isinstance(slow, bool):
-            self.fail(f"{where}.slow", f"must be true or false, not {quoted(slow)}")
+            self.fail(f"{where}.slow", f"must be true or false, not {quote(slow)}")
         return FieldSpec(
             name=name,
             label_set=label_set,
             labels=own,
-            unit=self.unit(unit, f"{where}.unit"),
-            scale=1.0 if bits else self.number(item.get("scale", default.scale), f"{where}.scale", above=0),
-            deadband=self.number(item.get("deadband", 0.3), f"{where}.deadband", low=0, most=DEADBAND_MAX),
+            unit=self.check_unit(unit, f"{where}.unit"),
+            scale=1.0
+            if bits
+            else self.check_number(item.get("scale", default.scale), f"{where}.scale", above=0),
+            deadband=self.check_number(
+                item.get("deadband", 0.3), f"{where}.deadband", low=0, most=DEADBAND_MAX
+            ),
             rel=rel,
             bits=bits,
             slow=slow,
         )
 
-    def joints(self, value: object, channels: Sequence[str]) -> dict[str, JointMap]:
+    def build_joints(self, value: object, channels: Sequence[str]) -> dict[str, JointMap]:
         joints: dict[str, JointMap] = {}
-        for name, entry in self.table(value, "joints").items():
+        for name, entry in self.check_table(value, "joints").items():
             where = f"joints.{name}"
-            item = self.table(entry, where, ("terms", "offset_rad", "offset_deg"))
+            item = self.check_table(entry, where, ("terms", "offset_rad", "offset_deg"))
             given = item.get("terms", [[name, 1.0]])
             if not isinstance(given, list):
                 self.fail(f"{where}.terms", "must be a list of [channel, gain]")
@@ -259,74 +263,82 @@ class ProfileReader(Values):
                 at = f"{where}.terms[{i}]"
                 if not isinstance(term, list) or len(term) != 2:
                     self.fail(at, "must be [channel, gain]")
-                terms.append((self.text(term[0], at), self.number(term[1], at)))
+                terms.append((self.check_text(term[0], at), self.check_number(term[1], at)))
             if "offset_rad" in item and "offset_deg" in item:
                 self.fail(where, "give offset_rad or offset_deg, not both")
-            offset_rad = self.number(item.get("offset_rad", 0.0), f"{where}.offset_rad")
+            offset_rad = self.check_number(item.get("offset_rad", 0.0), f"{where}.offset_rad")
             if "offset_deg" in item:
-                offset_rad = math.radians(self.number(item["offset_deg"], f"{where}.offset_deg"))
+                offset_rad = math.radians(self.check_number(item["offset_deg"], f"{where}.offset_deg"))
             joints[name] = JointMap(tuple(terms), offset_rad)
         try:
-            return resolve(joints, channels)
+            return resolve_entries(joints, channels)
         except TermError as e:
             term = "" if e.term is None else f".terms[{e.term}]"
             self.fail(f"joints.{e.joint}{term}", e.reason)
 
-    def sensors(self, value: object) -> dict[str, SensorMount]:
+    def build_sensors(self, value: object) -> dict[str, SensorMount]:
         sensors: dict[str, SensorMount] = {}
-        for site, entry in self.table(value, "sensors").items():
+        for site, entry in self.check_table(value, "sensors").items():
             where = f"sensors.{site}"
-            item = self.table(entry, where, ("kind", "name", "link", "xyz", "rpy"))
+            item = self.check_table(entry, where, ("kind", "name", "link", "xyz", "rpy"))
             sensors[site] = SensorMount(
-                kind=self.known(
-                    self.text(item.get("kind"), f"{where}.kind"), SENSOR_KINDS, "kind", f"{where}.kind"
+                kind=self.check_choice(
+                    self.check_text(item.get("kind"), f"{where}.kind"), SENSOR_KINDS, "kind", f"{where}.kind"
                 ),
-                name=self.text(item.get("name", site), f"{where}.name"),
-                link=self.text(item["link"], f"{where}.link") if "link" in item else None,
-                xyz=self.xyz(item.get("xyz", [0, 0, 0]), f"{where}.xyz"),
-                rpy=self.xyz(item.get("rpy", [0, 0, 0]), f"{where}.rpy"),
+                name=self.check_text(item.get("name", site), f"{where}.name"),
+                link=self.check_text(item["link"], f"{where}.link") if "link" in item else None,
+                xyz=self.check_xyz(item.get("xyz", [0, 0, 0]), f"{where}.xyz"),
+                rpy=self.check_xyz(item.get("rpy", [0, 0, 0]), f"{where}.rpy"),
             )
         return sensors
 
-    def severities(self, value: object, fields: Mapping[str, FieldSpec]) -> dict[str, dict[str, Severity]]:
+    def build_severities(
+        self, value: object, fields: Mapping[str, FieldSpec]
+    ) -> dict[str, dict[str, Severity]]:
         severities: dict[str, dict[str, Severity]] = {}
-        for name, entry in self.table(value, "severity").items():
+        for name, entry in self.check_table(value, "severity").items():
             where = f"severity.{name}"
-            bits = fields[self.known(name, fields, "field", where)].bits
+            bits = fields[self.check_choice(name, fields, "field", where)].bits
             severities[name] = {
-                self.known(bit, bits, "bit", f"{where}.{bit}"): cast(
+                self.check_choice(bit, bits, "bit", f"{where}.{bit}"): cast(
                     Severity,
-                    self.known(self.text(word, f"{where}.{bit}"), SEVERITIES, "severity", f"{where}.{bit}"),
+                    self.check_choice(
+                        self.check_text(word, f"{where}.{bit}"), SEVERITIES, "severity", f"{where}.{bit}"
+                    ),
                 )
-                for bit, word in self.table(entry, where).items()
+                for bit, word in self.check_table(entry, where).items()
             }
         return severities
 
-    def names(self, value: object, known: Collection[str]) -> dict[str, str]:
+    def build_names(self, value: object, known: Collection[str]) -> dict[str, str]:
         return {
-            self.known(k, known, "channel or site", f"names.{k}"): self.text(v, f"names.{k}")
-            for k, v in self.table(value, "names").items()
+            self.check_choice(k, known, "channel or site", f"names.{k}"): self.check_text(v, f"names.{k}")
+            for k, v in self.check_table(value, "names").items()
         }
 
-    def tolerances(self, value: object, joint: Sequence[str]) -> dict[str, float]:
+    def build_tolerances(self, value: object, joint: Sequence[str]) -> dict[str, float]:
         known = frozenset((*joint, ANY))
         return {
-            self.known(k, known, "joint", f"tolerance.{k}"): self.number(v, f"tolerance.{k}", above=0)
-            for k, v in self.table(value, "tolerance").items()
+            self.check_choice(k, known, "joint", f"tolerance.{k}"): self.check_number(
+                v, f"tolerance.{k}", above=0
+            )
+            for k, v in self.check_table(value, "tolerance").items()
         }
 
-    def thresholds(self, value: object, fields: Mapping[str, FieldSpec]) -> dict[str, dict[str, Threshold]]:
+    def build_thresholds(
+        self, value: object, fields: Mapping[str, FieldSpec]
+    ) -> dict[str, dict[str, Threshold]]:
         thresholds: dict[str, dict[str, Threshold]] = {}
-        for name, entry in self.table(value, "thresholds").items():
-            of_field = fields[self.known(name, fields, "field", f"thresholds.{name}")]
+        for name, entry in self.check_table(value, "thresholds").items():
+            of_field = fields[self.check_choice(name, fields, "field", f"thresholds.{name}")]
             labels = frozenset((*of_field.labels, ANY))
             thresholds[name] = {}
-            for label, limits in self.table(entry, f"thresholds.{name}").items():
+            for label, limits in self.check_table(entry, f"thresholds.{name}").items():
                 where = f"thresholds.{name}.{label}"
-                self.known(label, labels, "label", where)
-                item = self.table(limits, where, ("low", "high", "caution"))
+                self.check_choice(label, labels, "label", where)
+                item = self.check_table(limits, where, ("low", "high", "caution"))
                 low, high, caution = (
-                    self.number(item[k], f"{where}.{k}") if k in item else None
+                    self.check_number(item[k], f"{where}.{k}") if k in item else None
                     for k in ("low", "high", "caution")
                 )
                 if low is None and high is None:
@@ -340,38 +352,40 @@ class ProfileReader(Values):
                 thresholds[name][label] = Threshold(low, high, caution)
         return thresholds
 
-    def views(self, value: object, fields: Mapping[str, FieldSpec]) -> dict[str, View]:
+    def build_views(self, value: object, fields: Mapping[str, FieldSpec]) -> dict[str, View]:
         views: dict[str, View] = {}
-        for name, entry in self.table(value, "views").items():
+        for name, entry in self.check_table(value, "views").items():
             if len(views) == VIEWS_MAX:
                 self.fail(f"views.{name}", f"more than {VIEWS_MAX} views")
             views[name] = read_view(self, name, entry, fields)
         return views
 
-    def ros(self, value: object) -> RosTopics:
+    def build_ros_topics(self, value: object) -> RosTopics:
         from posecast_edge.profile.ros import read_ros  # noqa: PLC0415 - few robots have it
 
         return read_ros(self, value)
 
-    def trajectory(self, value: object, fields: Sequence[FieldSpec]) -> Trajectory:
-        item = self.table(value, "trajectory", ("columns", "fewest", "rate_hz", "unit", "lag_s", "header"))
-        columns = self.texts(item.get("columns"), "trajectory.columns")
+    def build_trajectory(self, value: object, fields: Sequence[FieldSpec]) -> Trajectory:
+        item = self.check_table(
+            value, "trajectory", ("columns", "fewest", "rate_hz", "unit", "lag_s", "header")
+        )
+        columns = self.check_texts(item.get("columns"), "trajectory.columns")
         known, seen = Columns(fields), set[str]()
         for i, column in enumerate(columns):
             if column == SKIP:
                 continue
             if known.find(column) is None:
-                self.fail(f"trajectory.columns[{i}]", f"unknown channel {quoted(column)}")
+                self.fail(f"trajectory.columns[{i}]", f"unknown channel {quote(column)}")
             if column in seen:
-                self.fail(f"trajectory.columns[{i}]", f"{quoted(column)} stands there twice")
+                self.fail(f"trajectory.columns[{i}]", f"{quote(column)} stands there twice")
             seen.add(column)
-        header = self.whole(item.get("header", 0), "trajectory.header", 0, HEADER_MAX)
-        fewest = self.whole(item.get("fewest", len(columns)), "trajectory.fewest", 1, len(columns))
+        header = self.check_integer(item.get("header", 0), "trajectory.header", 0, HEADER_MAX)
+        fewest = self.check_integer(item.get("fewest", len(columns)), "trajectory.fewest", 1, len(columns))
         return Trajectory(
             columns=columns,
             fewest=fewest,
-            rate_hz=self.number(item.get("rate_hz"), "trajectory.rate_hz", above=0, most=RATE_HZ_MAX),
-            unit=self.known(item.get("unit", "rad"), ("rad", "deg"), "unit", "trajectory.unit"),
-            lag_s=self.number(item.get("lag_s", 0.0), "trajectory.lag_s", low=0, most=LAG_S_MAX),
+            rate_hz=self.check_number(item.get("rate_hz"), "trajectory.rate_hz", above=0, most=RATE_HZ_MAX),
+            unit=self.check_choice(item.get("unit", "rad"), ("rad", "deg"), "unit", "trajectory.unit"),
+            lag_s=self.check_number(item.get("lag_s", 0.0), "trajectory.lag_s", low=0, most=LAG_S_MAX),
             header=header,
         )

@@ -6,7 +6,7 @@ import re
 from typing import TYPE_CHECKING
 
 from posecast_edge.profile.types import RosTopics
-from posecast_edge.visible import quoted
+from posecast_edge.visible import quote
 
 if TYPE_CHECKING:
     from posecast_edge.profile.reader import ProfileReader
@@ -21,9 +21,9 @@ DOMAIN_MAX = 232  # ROS 2's
 
 def read_ros(reader: ProfileReader, value: object) -> RosTopics:
     """The table's value → topics. ProfileError names the line."""
-    item = reader.table(value, "ros", (*ROLES, "domain", "encoding"))
-    domain = reader.whole(item["domain"], "ros.domain", 0, DOMAIN_MAX) if "domain" in item else None
-    encoding = reader.known(item.get("encoding", "json"), ENCODINGS, "encoding", "ros.encoding")
+    item = reader.check_table(value, "ros", (*ROLES, "domain", "encoding"))
+    domain = reader.check_integer(item["domain"], "ros.domain", 0, DOMAIN_MAX) if "domain" in item else None
+    encoding = reader.check_choice(item.get("encoding", "json"), ENCODINGS, "encoding", "ros.encoding")
     topics = {role: _patterns(reader, item[role], role) for role in ROLES if role in item}
     return RosTopics(topics, domain, encoding)
 
@@ -41,7 +41,7 @@ def _patterns(reader: ProfileReader, value: object, role: str) -> tuple[tuple[st
 
 
 def _pattern(reader: ProfileReader, value: object, where: str) -> str:
-    text = reader.text(value, where)
+    text = reader.check_text(value, where)
     if not PATTERN.fullmatch(text):
-        reader.fail(where, f"{quoted(text)} is no topic; as in /joint_states, /arm/*/state, /**/imu")
+        reader.fail(where, f"{quote(text)} is no topic; as in /joint_states, /arm/*/state, /**/imu")
     return text

@@ -11,12 +11,12 @@ from posecast_wire.schema import BITS_MAX, CHANNELS_MAX, FIELD_NAME, build_schem
 from posecast_edge.profile.field_defaults import DIAG_BITS, FLAG_BITS, PLAIN, SITES_OF, STATE_BITS, WELL_KNOWN
 from posecast_edge.profile.types import FieldSpec, Profile
 from posecast_edge.sample import Reading, Sample, SourceError, Values
-from posecast_edge.visible import quoted
+from posecast_edge.visible import quote
 
 FLAGS, DIAG = "flags", "diag"
 
 
-def schema_text(profile: Profile) -> str:
+def make_schema_text(profile: Profile) -> str:
     """The schema's JSON text. posecast_wire.SchemaError when the wire cannot carry the profile."""
     used = dict.fromkeys(f.label_set for f in profile.fields)
     fields = [
@@ -63,7 +63,7 @@ def _threshold(t: Threshold) -> dict[str, float]:
     return {k: v for k, v in limits.items() if v is not None}
 
 
-def profile_of(robot: str, sample: Sample) -> Profile:
+def infer_profile(robot: str, sample: Sample) -> Profile:
     """A profile for a robot that has none: fields and labels as the first sample names them, units and scales
     by well-known field name. A field or label that appears later is not in it.
 
@@ -80,7 +80,7 @@ def profile_of(robot: str, sample: Sample) -> Profile:
         values = sample.values[name]
         default = WELL_KNOWN.get(name, PLAIN)
         if not FIELD_NAME.fullmatch(name):
-            raise SourceError(f"{quoted(name)} is no field name: letters, digits and _, the first no digit")
+            raise SourceError(f"{quote(name)} is no field name: letters, digits and _, the first no digit")
         if default.joints:
             label_set, own = JOINT, joints
         elif isinstance(values, Mapping):

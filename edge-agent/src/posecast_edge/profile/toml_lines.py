@@ -15,14 +15,14 @@ _SCALAR = re.compile(r"[^,\]}\s#][^,\]}\n#]*")
 _STRING = re.compile(r'"""(?:[^\\]|\\.)*?"{3,5}|\'\'\'.*?\'{3,5}|"(?:[^"\\\n]|\\.)*"|\'[^\'\n]*\'', re.DOTALL)
 
 
-def lines_of(text: str) -> dict[str, int]:
+def index_lines(text: str) -> dict[str, int]:
     """Path → line, counted from 1. A path is written `fields[0].name`, keys without their quotes."""
     walk = _Walk(text)
     walk.document()
     return walk.lines
 
 
-def line_of(lines: dict[str, int], path: str) -> int | None:
+def find_line(lines: dict[str, int], path: str) -> int | None:
     """The line of `path`, or of the nearest table or list around it that has one."""
     while path:
         if path in lines:

@@ -78,11 +78,11 @@ class Profile:
     views: Mapping[str, View] = field(default_factory=dict)  # none: everything is public
     info: tuple[str, ...] | None = None  # texts that are sent; None: all
 
-    def field_named(self, name: str) -> FieldSpec | None:
+    def find_field(self, name: str) -> FieldSpec | None:
         """The field of that name, or None."""
         return next((f for f in self.fields if f.name == name), None)
 
-    def seen_as(self, view: View) -> Profile:
+    def restrict_to_view(self, view: View) -> Profile:
         """What is left of the profile in a view: nothing of a field that is not in it."""
         seen, fields, names = frozenset(view.fields), list[FieldSpec](), set[str]()
         for f in self.fields:

@@ -10,8 +10,8 @@ from typing import Any, NoReturn
 from posecast_wire.mapping import Xyz
 
 from posecast_edge.profile.field_defaults import UNITS
-from posecast_edge.profile.toml_lines import line_of, lines_of
-from posecast_edge.visible import quoted, visible
+from posecast_edge.profile.toml_lines import find_line, index_lines
+from posecast_edge.visible import make_visible, quote
 
 WHERE_MAX = 120  # characters
 REASON_MAX = 400
@@ -31,11 +31,11 @@ class Values:
 
     def fail(self, where: str, reason: str) -> NoReturn:
         try:
-            line = line_of(lines_of(self._text), self._path(where))
+            line = find_line(index_lines(self._text), self._path(where))
         except RecursionError:  # nested deeper than can be walked
             line = None
         place = self.file if line is None else f"{self.file}:{line}"
-        raise ProfileError(f"{place}: {visible(where, WHERE_MAX)}: {visible(reason, REASON_MAX)}")
+        raise ProfileError(f"{place}: {make_visible(where, WHERE_MAX)}: {make_visible(reason, REASON_MAX)}")
 
     def _path(self, where: str) -> str:
         """`fields.pos.unit`, as a person says it, → `fields[1].unit`, as the file has it."""
@@ -44,7 +44,7 @@ class Values:
                 return meant + where[len(said) :]
         return where
 
-    def table(self, value: object, where: str, keys: Sequence[str] | None = None) -> dict[str, Any]:
+    def check_table(self, value: object, where: str, keys: Sequence[str] | None = None) -> dict[str, Any]:
         if not isinstance(value, dict):
             self.fail(where, "must be a table")
         if keys is not None:
@@ -53,12 +53,12 @@ class Values:
                     self.fail(f"{where}.{key}" if where else key, f"unknown key; known: {', '.join(keys)}")
         return value
 
-    def text(self, value: object, where: str) -> str:
+    def check_text(self, value: object, where: str) -> str:
         if not isinstance(value, str) or not value or not value.isprintable():
-            self.fail(where, f"must be a text, not {quoted(value)}")
+            self.fail(where, f"must be a text, not {quote(value)}")
         return value
 
-    def number(
+    def check_number(
         self,
         value: object,
         where: str,
@@ -71,7 +71,7 @@ class Values:
             with suppress(OverflowError):  # an integer past every float
                 number = float(value)
         if not math.isfinite(number):
-            self.fail(where, f"must be a number, not {quoted(value)}")
+            self.fail(where, f"must be a number, not {quote(value)}")
         if number < low:
             self.fail(where, f"must be at least {low:g}, not {number:g}")
         if number <= above:
@@ -80,37 +80,37 @@ class Values:
             self.fail(where, f"must be at most {most:g}, not {number:g}")
         return number
 
-    def whole(self, value: object, where: str, low: int, most: int) -> int:
+    def check_integer(self, value: object, where: str, low: int, most: int) -> int:
         if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= most:
-            self.fail(where, f"must lie in {low}…{most}, not {quoted(value)}")
+            self.fail(where, f"must lie in {low}…{most}, not {quote(value)}")
         return value
 
-    def texts(self, value: object, where: str) -> tuple[str, ...]:
+    def check_texts(self, value: object, where: str) -> tuple[str, ...]:
         if not isinstance(value, list) or not value:
             self.fail(where, "must be a list of texts")
-        return tuple(self.text(v, f"{where}[{i}]") for i, v in enumerate(value))
+        return tuple(self.check_text(v, f"{where}[{i}]") for i, v in enumerate(value))
 
-    def unique(self, value: object, where: str) -> tuple[str, ...]:
-        texts = self.texts(value, where)
+    def check_unique_texts(self, value: object, where: str) -> tuple[str, ...]:
+        texts = self.check_texts(value, where)
         seen: set[str] = set()
         for i, v in enumerate(texts):
             if v in seen:
-                self.fail(f"{where}[{i}]", f"{quoted(v)} stands there twice")
+                self.fail(f"{where}[{i}]", f"{quote(v)} stands there twice")
             seen.add(v)
         return texts
 
-    def xyz(self, value: object, where: str) -> Xyz:
+    def check_xyz(self, value: object, where: str) -> Xyz:
         if not isinstance(value, list) or len(value) != 3:
             self.fail(where, "must be three numbers")
-        x, y, z = (self.number(v, f"{where}[{i}]") for i, v in enumerate(value))
+        x, y, z = (self.check_number(v, f"{where}[{i}]") for i, v in enumerate(value))
         return (x, y, z)
 
-    def unit(self, value: object, where: str) -> str:
+    def check_unit(self, value: object, where: str) -> str:
         if not isinstance(value, str) or value not in UNITS:
-            self.fail(where, f"unknown unit {quoted(value)}; known: {', '.join(u for u in UNITS if u)}")
+            self.fail(where, f"unknown unit {quote(value)}; known: {', '.join(u for u in UNITS if u)}")
         return UNITS[value]
 
-    def known(self, name: object, allowed: Collection[str], what: str, where: str) -> str:
+    def check_choice(self, name: object, allowed: Collection[str], what: str, where: str) -> str:
         if not isinstance(name, str) or name not in allowed:
-            self.fail(where, f"unknown {what} {quoted(name)}")
+            self.fail(where, f"unknown {what} {quote(name)}")
         return name

@@ -23,21 +23,21 @@ def read_view(reader: ProfileReader, name: str, value: object, fields: Mapping[s
         check_name("view", name)
     except ValueError as e:
         reader.fail(where, str(e))
-    item = reader.table(value, where, ("fields", "hz", "scales", "info"))
-    seen = reader.unique(item.get("fields", list(fields)), f"{where}.fields")
+    item = reader.check_table(value, where, ("fields", "hz", "scales", "info"))
+    seen = reader.check_unique_texts(item.get("fields", list(fields)), f"{where}.fields")
     for i, field_name in enumerate(seen):
-        reader.known(field_name, fields, "field", f"{where}.fields[{i}]")
+        reader.check_choice(field_name, fields, "field", f"{where}.fields[{i}]")
     known = frozenset(seen)
     scales = {
-        reader.known(k, known, "field of this view", f"{where}.scales.{k}"): reader.number(
+        reader.check_choice(k, known, "field of this view", f"{where}.scales.{k}"): reader.check_number(
             v, f"{where}.scales.{k}", above=0
         )
-        for k, v in reader.table(item.get("scales", {}), f"{where}.scales").items()
+        for k, v in reader.check_table(item.get("scales", {}), f"{where}.scales").items()
     }
     for k in scales:
         if fields[k].bits:
             reader.fail(f"{where}.scales.{k}", "a field of bits has no scale")
-    hz = reader.number(item["hz"], f"{where}.hz", low=HZ_MIN) if "hz" in item else None
+    hz = reader.check_number(item["hz"], f"{where}.hz", low=HZ_MIN) if "hz" in item else None
     return View(seen, hz, scales, _info(reader, item, where))
 
 
@@ -47,4 +47,4 @@ def _info(reader: ProfileReader, item: Mapping[str, object], where: str) -> tupl
     """
     if "info" not in item:
         return () if "fields" in item else None
-    return () if item["info"] == [] else reader.unique(item["info"], f"{where}.info")
+    return () if item["info"] == [] else reader.check_unique_texts(item["info"], f"{where}.info")

@@ -15,15 +15,15 @@ class Backoff:
         self._next_s = float("-inf")
         self._connected_s: float | None = None
 
-    def due(self, now_s: float) -> bool:
+    def is_due(self, now_s: float) -> bool:
         """Whether to try now."""
         return now_s >= self._next_s
 
-    def connected(self, now_s: float) -> None:
+    def record_success(self, now_s: float) -> None:
         """A try succeeded, so far."""
         self._connected_s = now_s
 
-    def failed(self, now_s: float) -> None:
+    def record_failure(self, now_s: float) -> None:
         """A try or a connection came to its end."""
         if self._connected_s is not None and now_s - self._connected_s >= STEADY_S:
             self._pause_s = FIRST_S

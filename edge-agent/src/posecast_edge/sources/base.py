@@ -42,5 +42,5 @@ class Discovering(Source, Protocol):
     def offers(self) -> list[str]:
         """Lines for `probe`: what was found, and as what it is read."""
 
-    def describe_to(self, take: Callable[[str], None]) -> None:
+    def send_urdf_to(self, take: Callable[[str], None]) -> None:
         """Hand every new robot_description (URDF) to `take`, which returns at once. Before `run`."""

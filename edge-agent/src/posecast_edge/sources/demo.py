@@ -34,7 +34,7 @@ MISSING = -32768
 MAX_BEHIND_S = 1.0  # a machine that slept goes on where it stood
 
 
-def defaults(address: str) -> Defaults:
+def find_defaults(address: str) -> Defaults:
     """The demo's own profile and model, built where that was done. SourceError when there is no bundle."""
     del address
     urdf = BUNDLE / "robot.urdf"
@@ -85,7 +85,7 @@ class Motion:
         """Length of the loop."""
         return self.samples / self.rate_hz
 
-    def at(self, index: int) -> Sample:
+    def make_sample(self, index: int) -> Sample:
         """The index-th sample since the start; robot time goes on from loop to loop."""
         k = index % self.samples
         values: dict[str, list[float | int | None]] = {}
@@ -148,7 +148,7 @@ class DemoSource:
         rate_hz = self._motion.rate_hz
         start_s, index = time.monotonic(), 0
         while not stop.is_set():
-            deliver(self._motion.at(index))
+            deliver(self._motion.make_sample(index))
             due = int((time.monotonic() - start_s) * rate_hz)
             if due - index > MAX_BEHIND_S * rate_hz:
                 start_s, due = start_s + (due - index) / rate_hz, index

@@ -26,7 +26,7 @@ from posecast_edge import clock
 from posecast_edge.rate_limited_log import RateLimitedLog
 from posecast_edge.sample import Sample, SourceError
 from posecast_edge.sources.base import Deliver, Source
-from posecast_edge.visible import visible
+from posecast_edge.visible import make_visible
 
 if TYPE_CHECKING:
     from posecast_edge.profile.types import Profile
@@ -88,7 +88,7 @@ class JsonlSource:
         while not stop.is_set() and chunk != b"":
             chunk = self._read()
             self._bad.tick(clock.now_s())
-            for line in self._lines.end() if chunk == b"" else self._lines.feed(chunk or b""):
+            for line in self._lines.flush() if chunk == b"" else self._lines.feed(chunk or b""):
                 self._number += 1
                 self._take(line, deliver, stop)
                 if stop.is_set():
@@ -184,7 +184,7 @@ class LineSplitter:
             yield from self._complete()
             self._overlong = True
 
-    def end(self) -> Iterator[bytes]:
+    def flush(self) -> Iterator[bytes]:
         """What came after the last end of a line."""
         if self._rest:
             yield from self._complete()
@@ -212,7 +212,7 @@ def parse_line(line: bytes, arrival_s: float, where: str = "") -> tuple[Sample, 
     fields = {name: values for name, values in value.items() if isinstance(values, (list, dict))}
     if len(fields) < len(value):
         wrong += [
-            f"{visible(name, NAME_SHOWN)} is {_json(values)}, not a list or an object"
+            f"{make_visible(name, NAME_SHOWN)} is {_json(values)}, not a list or an object"
             for name, values in value.items()
             if name not in fields
         ]
@@ -248,7 +248,7 @@ def _integer(digits: str) -> int | float:
 def _json(value: object) -> str:
     """As it stood in the line, cut."""
     try:
-        return visible(json.dumps(value), VALUE_SHOWN)
+        return make_visible(json.dumps(value), VALUE_SHOWN)
     except RecursionError:
         return "nested too deep"
 
@@ -264,5 +264,5 @@ def _info(value: object, wrong: list[str]) -> dict[str, str]:
         if isinstance(text, (str, int, float)):
             info[key[:MAX_INFO_CHARS]] = str(text)[:MAX_INFO_CHARS]
         else:
-            wrong.append(f"info.{visible(key, NAME_SHOWN)} is not a text")
+            wrong.append(f"info.{make_visible(key, NAME_SHOWN)} is not a text")
     return info

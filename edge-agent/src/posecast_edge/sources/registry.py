@@ -4,7 +4,7 @@ A kind is a module with two functions:
 
 * `open_source(address, profile) -> Source`: `address` is what stands after `KIND:` ("" when nothing does);
   raises `SourceError` with one line when the address or the profile does not fit.
-* `defaults(address) -> Defaults` (optional): the profile and URDF the kind brings when the user gives none.
+* `find_defaults(address) -> Defaults` (optional): the profile and URDF the kind brings when none is given.
 """
 
 from __future__ import annotations
@@ -53,10 +53,10 @@ def _module(kind: str) -> ModuleType:
     return importlib.import_module(f"posecast_edge.sources.{KINDS[kind]}")
 
 
-def defaults_of(spec: str) -> Defaults:
+def find_defaults(spec: str) -> Defaults:
     """The profile and URDF that the kind of `spec` brings itself. SourceError when the kind is unknown."""
     kind, address = split_spec(spec)
-    defaults = getattr(_module(kind), "defaults", None)
+    defaults = getattr(_module(kind), "find_defaults", None)
     return Defaults() if defaults is None else cast(Defaults, defaults(address))
 
 

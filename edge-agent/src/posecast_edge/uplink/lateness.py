@@ -31,7 +31,7 @@ class EchoWatch:
         self._asked_s: float | None = None  # a question is under way
         self.late_s = 0.0
 
-    def link(self, connected: bool) -> None:
+    def record_link(self, connected: bool) -> None:
         """The link came up or went down: what was known of the relay is void."""
         self._connected = connected
         self._echo = None
@@ -51,7 +51,7 @@ class EchoWatch:
         """Note that an echo was asked for at `now_s` (monotonic seconds)."""
         self._asked_s = now_s
 
-    def full(self, now_s: float) -> bool:
+    def is_queue_full(self, now_s: float) -> bool:
         """A relay that has answered before takes its time over a question: that waits in a queue on the way,
         and what is sent now would wait behind it. So nothing is sent until it is answered or given up."""
         if self._asked_s is None or self._echo is None or self._quickest_s is None:
@@ -90,7 +90,7 @@ class EchoWatch:
         """Of what the robot sends more than its share, "" for nothing, as far as is known."""
         return "" if self._echo is None else self._echo.over
 
-    def word(self, now_s: float) -> str:
+    def describe_state(self, now_s: float) -> str:
         """One of: no link, no relay, refused, on air, late, waiting."""
         if not self._connected:
             return "no link"
@@ -110,7 +110,7 @@ class News:
         self._over = ""
         self._over_s = 0.0  # when that was last so
 
-    def lines(self, word: str, over: str, now_s: float) -> list[str]:
+    def list_changes(self, word: str, over: str, now_s: float) -> list[str]:
         """What is new since the last call, as EchoWatch has it at monotonic `now_s`."""
         lines: list[str] = []
         if word == "refused" and not self._refused:
@@ -139,7 +139,7 @@ class RateControl:
         self._changed_s = float("-inf")
         self._calm_since_s: float | None = None
 
-    def note(self, late_s: float, now_s: float) -> None:
+    def record_lateness(self, late_s: float, now_s: float) -> None:
         """A new measurement of lateness (seconds) at monotonic `now_s`."""
         if late_s >= CALM_S:
             self._calm_since_s = None

@@ -14,7 +14,7 @@ from posecast_edge.exception_log import ExceptionLog
 from posecast_edge.model.serve.bundle import RANGE_MAX, Bundle
 from posecast_edge.token_bucket import TokenBucket
 from posecast_edge.uplink.run import Run
-from posecast_edge.visible import visible
+from posecast_edge.visible import make_visible
 
 WAITING_MAX = 64  # questions; a relay asks for a few at a time
 BYTES_S = 16e6  # a whole model goes at once,
@@ -38,7 +38,7 @@ class ModelServer:
             self._closed = True
             self._some.notify()
 
-    def enqueue(self, query: zenoh.Query) -> None:
+    def enqueue_query(self, query: zenoh.Query) -> None:
         """Queue a question, or refuse it when WAITING_MAX wait. By Zenoh's threads; returns at once."""
         with self._some:
             if not self._begun:
@@ -57,7 +57,7 @@ class ModelServer:
                 self._some.wait_for(lambda: self._waiting or self._closed)
                 if self._closed:
                     return
-                wait_s = self._bucket.wait_s(time.monotonic(), RANGE_MAX)
+                wait_s = self._bucket.compute_wait_s(time.monotonic(), RANGE_MAX)
                 if wait_s > 0:
                     self._some.wait_for(lambda: self._closed, wait_s)
                     continue
@@ -73,10 +73,10 @@ class ModelServer:
             try:
                 data = self._range(part, query.parameters)
             except (KeyError, ValueError, OSError) as e:
-                query.reply_err(visible(f"{part[:64]}: {e}", 200).encode())
+                query.reply_err(make_visible(f"{part[:64]}: {e}", 200).encode())
                 return
             self._bucket.take(time.monotonic(), len(data))
-            query.reply(model_key(self._robot, part), data, attachment=self._run.stamp().pack())
+            query.reply(model_key(self._robot, part), data, attachment=self._run.make_stamp().pack())
 
     def _range(self, part: str, parameters: zenoh.Parameters) -> bytes:
         """KeyError, ValueError, OSError: there is no such file or range."""

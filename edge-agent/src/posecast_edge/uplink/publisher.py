@@ -57,7 +57,7 @@ ECHO_REPLIES_MAX = 8  # to one question: there may be several relays
 HEARD_BYTES_MAX = 1 << 18  # of one message towards the edge: it hears questions and echoes only
 
 
-def zenoh_config(relay: str, credential: Credential | Certificate | None = None) -> zenoh.Config:
+def make_zenoh_config(relay: str, credential: Credential | Certificate | None = None) -> zenoh.Config:
     """A client of one relay that finds nobody else. `relay`: a Zenoh endpoint, `tcp/host:port`."""
     link: dict[str, object] = {
         "tx": {"lease": LEASE_MS, "keep_alive": 4, "batch_size": BATCH_BYTES},
@@ -133,7 +133,7 @@ class ZenohPublisher:
         """Begin to connect."""
         self._thread.start()
 
-    def frame(self, view: str, frame: Frame) -> None:
+    def send_frame(self, view: str, frame: Frame) -> None:
         """Send a frame, or discard it when there is no link."""
         view_publisher = self._view_publishers[view]
         if not view_publisher.declared:
@@ -141,21 +141,21 @@ class ZenohPublisher:
         if view == self._measured:
             with self._watch_lock:
                 self._watch.record_frame(frame.seq, time.monotonic())
-        view_publisher.frame(frame.data, frame.taken_s)
+        view_publisher.send_frame(frame.data, frame.taken_s)
 
-    def event(self, view: str, event: Event) -> None:
+    def queue_event(self, view: str, event: Event) -> None:
         """Send an event as soon as somebody listens."""
         with self._wake:
             self._view_publishers[view].events.append(event)
             self._wake.notify_all()
 
-    def info(self, view: str, texts: dict[str, str]) -> None:
+    def queue_info(self, view: str, texts: dict[str, str]) -> None:
         """Send what the robot says of itself, all of it, as soon as somebody listens."""
         with self._wake:
             self._view_publishers[view].info = texts
             self._wake.notify_all()
 
-    def offer(self, bundle: Bundle) -> None:
+    def set_model(self, bundle: Bundle) -> None:
         """Answer for this model from now on, and tell its hash as soon as somebody listens."""
         with self._wake:
             self._desk.bundle = bundle
@@ -179,23 +179,23 @@ class ZenohPublisher:
     @property
     def open(self) -> bool:
         """Whether a frame is worth sending: there is a link, somebody listens, and no queue is before it."""
-        if not self.connected or self._watch.full(time.monotonic()):
+        if not self.connected or self._watch.is_queue_full(time.monotonic()):
             return False
         return self._view_publishers[self._measured].has_listener
 
-    def word(self) -> str:
+    def describe_state(self) -> str:
         """The state of the link in a word or two."""
-        return self._watch.word(time.monotonic())
+        return self._watch.describe_state(time.monotonic())
 
     @property
     def over(self) -> str:
         """Of what the relay drops some, "" for nothing."""
         return self._watch.over
 
-    def news(self) -> list[str]:
+    def list_changes(self) -> list[str]:
         """What the newest echo changes, in lines for people."""
         now_s = time.monotonic()
-        return self._news.lines(self._watch.word(now_s), self._watch.over, now_s)
+        return self._news.list_changes(self._watch.describe_state(now_s), self._watch.over, now_s)
 
     # --- the link's thread
 
@@ -211,7 +211,7 @@ class ZenohPublisher:
                 self.exceptions.add("the link", e)
             self.connected = False
             with self._watch_lock:
-                self._watch.link(False)
+                self._watch.record_link(False)
             self._declared.clear()
             with self._wake:
                 self._wake.wait_for(lambda: self._stopping, RETRY_MS[1] / 1000)
@@ -233,7 +233,7 @@ class ZenohPublisher:
     def _open(self) -> zenoh.Session | None:
         while not self._stopping:
             try:
-                return zenoh.open(zenoh_config(self._relay, self._credential))
+                return zenoh.open(make_zenoh_config(self._relay, self._credential))
             except zenoh.ZError:  # which only ever says that time ran out
                 self._diagnose()
             except Exception as e:
@@ -259,8 +259,8 @@ class ZenohPublisher:
     def _declare(self, session: zenoh.Session) -> None:
         """All that this agent is on the network. Who sees the token asks for the snapshot, and who has that
         for the model: so they are declared the other way round."""
-        on_transport = self.exceptions.guarded("the link", self._on_transport)
-        on_model = self.exceptions.guarded("a question about the model", self._desk.enqueue)
+        on_transport = self.exceptions.guard("the link", self._on_transport)
+        on_model = self.exceptions.guard("a question about the model", self._desk.enqueue_query)
         self._declared += [
             session.info.declare_transport_events_listener(on_transport, history=True),
             session.declare_queryable(model_key(self._robot, "**"), on_model),
@@ -281,7 +281,7 @@ class ZenohPublisher:
                     self._wake.wait(0.1 if waiting else LOOK_S)
                 return not self._stopping
             try:
-                send = ready.take()
+                send = ready.take_next()
             except Exception as e:
                 self.exceptions.add(f"what is told of {ready.view}", e)
                 self._wake.wait(0.1)
@@ -297,7 +297,7 @@ class ZenohPublisher:
     def _on_transport(self, event: zenoh.TransportEvent) -> None:
         self.connected = event.kind == zenoh.SampleKind.PUT
         with self._watch_lock:
-            self._watch.link(self.connected)
+            self._watch.record_link(self.connected)
         with self._wake:
             self._just_linked = self.connected  # ask before a queue can build up: how quick is an answer?
             self._linked_s = time.monotonic()

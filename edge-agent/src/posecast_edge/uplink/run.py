@@ -16,7 +16,7 @@ class Run:
         self.id = int.from_bytes(os.urandom(8), "big") or 1
         self._start_ns = clock.now_ns()
 
-    def stamp(self, at_s: float | None = None) -> Stamp:
+    def make_stamp(self, at_s: float | None = None) -> Stamp:
         """The attachment of what became true at `at_s` (clock.now_s()), or of what is said now."""
         at_ns = clock.now_ns() if at_s is None else round(at_s * 1e9)
         return Stamp(self.id, max(0, at_ns - self._start_ns))

@@ -63,8 +63,8 @@ class ViewPublisher:
             reliability=zenoh.Reliability.RELIABLE,
             congestion_control=zenoh.CongestionControl.BLOCK,
         )
-        on_matching = self._exceptions.guarded(f"the link of {self.view}", self._on_matching)
-        on_snapshot = self._exceptions.guarded(f"a snapshot of {self.view}", self._on_snapshot)
+        on_matching = self._exceptions.guard(f"the link of {self.view}", self._on_matching)
+        on_snapshot = self._exceptions.guard(f"a snapshot of {self.view}", self._on_snapshot)
         listener = frames.declare_matching_listener(on_matching)
         on_matching(_matching(frames))  # it may have matched before anybody listened for it
         return [listener, session.declare_queryable(snapshot_key(self._robot, self.view), on_snapshot)]
@@ -86,11 +86,11 @@ class ViewPublisher:
             self._matched = _matching(self._frames).matching  # in case the listener was too early to know
         return self._matched
 
-    def frame(self, data: bytes, taken_s: float) -> None:
+    def send_frame(self, data: bytes, taken_s: float) -> None:
         """Send a frame, or discard it when there is no link. `taken_s`: when its sample came."""
         frames = self._frames
         if frames is not None:
-            frames.put(data, attachment=self._run.stamp(taken_s).pack())
+            frames.put(data, attachment=self._run.make_stamp(taken_s).pack())
             self._frame_since_heard = True
 
     @property
@@ -111,7 +111,7 @@ class ViewPublisher:
             return False
         return self._frame_since_heard or clock.now_s() - self._heard_s > KEY_FIRST_S
 
-    def take(self) -> Callable[[], None]:
+    def take_next(self) -> Callable[[], None]:
         """The next that waits, as what sends it: to be called without the lock."""
         if self.info is not None and self._info_is_due:
             document: dict[str, object] = {"type": "info", "kv": self.info}
@@ -126,7 +126,7 @@ class ViewPublisher:
 
         def send() -> None:
             text = json.dumps(document, ensure_ascii=False, separators=(",", ":"))
-            publisher.put(text.encode(), attachment=self._run.stamp().pack())
+            publisher.put(text.encode(), attachment=self._run.make_stamp().pack())
 
         return send
 
@@ -146,7 +146,7 @@ class ViewPublisher:
                 return
             if self._answer is None or self._answer[0] != snapshot:
                 self._answer = snapshot, snapshot.pack()
-            stamp = self._run.stamp().pack()
+            stamp = self._run.make_stamp().pack()
             query.reply(snapshot_key(self._robot, self.view), self._answer[1], attachment=stamp)
 
 

@@ -15,23 +15,23 @@ from numpy.typing import NDArray
 from posecast_edge.model.builder.lod import Body, Level, LodSettings, Placed, Skin, make_level
 from posecast_edge.model.builder.manifest import (
     VERSION,
-    encode,
-    file_entry,
-    finding_entries,
-    home,
-    near,
-    short,
-    skeleton,
+    compute_home,
+    encode_manifest,
+    is_within_reach,
+    make_file_entry,
+    make_finding_entries,
+    make_skeleton,
+    round_digits,
 )
-from posecast_edge.model.builder.model_files import Progress, facts_of, read_visual_files
-from posecast_edge.model.builder.simplify import LodChain, rungs_in_all
-from posecast_edge.model.builder.thumbnail import picture, png
+from posecast_edge.model.builder.model_files import Progress, collect_facts, read_visual_files
+from posecast_edge.model.builder.simplify import LodChain, count_rungs
+from posecast_edge.model.builder.thumbnail import draw_thumbnail, encode_png
 from posecast_edge.model.builder.visuals import Appearance, Figure, Visual, build_figure
-from posecast_edge.model.doctor.skeleton import examine
-from posecast_edge.model.finding import Finding, ModelRefused, quoted
-from posecast_edge.model.kinematics import from_quaternion, link_poses, quaternion_from_rpy
+from posecast_edge.model.doctor.skeleton import examine_model
+from posecast_edge.model.finding import Finding, ModelRefused, quote_name
+from posecast_edge.model.kinematics import compute_link_poses, matrix_from_quaternion, quaternion_from_rpy
 from posecast_edge.model.meshes.mesh import Paint
-from posecast_edge.model.meshes.texture import mean_colour
+from posecast_edge.model.meshes.texture import compute_mean_colour
 from posecast_edge.model.urdf.reader import NAME_MAX, load_urdf
 from posecast_edge.model.urdf.resolver import URI_MAX, Resolver
 from posecast_edge.model.urdf.tree import build_tree
@@ -58,7 +58,7 @@ class LodBudget:
     bits: int
     pixels: int
 
-    def suits(self, level: Level, slack: float) -> bool:
+    def is_met_by(self, level: Level, slack: float) -> bool:
         """Whether a level is within that many times of both."""
         return len(level.data) <= self.size * slack and level.triangles <= self.triangles * slack
 
@@ -84,7 +84,7 @@ class Built:
     document: dict[str, Any]
 
 
-def build(urdf_path: Path, resolver: Resolver, progress: Progress) -> Built:
+def build_model(urdf_path: Path, resolver: Resolver, progress: Progress) -> Built:
     """Make a bundle. ModelRefused when there is no robot in it at all."""
     urdf = load_urdf(urdf_path)
     tree = build_tree(urdf)
@@ -93,21 +93,23 @@ def build(urdf_path: Path, resolver: Resolver, progress: Progress) -> Built:
         reason = next(unexpanded, tree.findings[-1])
         raise ModelRefused(reason.text, reason.line)
     for joint in tree.joints:
-        if not near(joint.pose):
-            raise ModelRefused(f"joint {quoted(joint.name)}: an origin more than 10,000 km away", joint.line)
+        if not is_within_reach(joint.pose):
+            raise ModelRefused(
+                f"joint {quote_name(joint.name)}: an origin more than 10,000 km away", joint.line
+            )
     files = read_visual_files(urdf, resolver, progress)
     figure = build_figure(urdf, tree, files)
-    document: dict[str, Any] = {"v": VERSION, "robot": urdf.name[:NAME_MAX], **skeleton(urdf, tree)}
-    poses = [np.array(p) for p in link_poses(document, home(document)).values()]
+    document: dict[str, Any] = {"v": VERSION, "robot": urdf.name[:NAME_MAX], **make_skeleton(urdf, tree)}
+    poses = [np.array(p) for p in compute_link_poses(document, compute_home(document)).values()]
     box = _robot_box(figure, poses)
     size = float(np.linalg.norm(box[1] - box[0])) if box is not None else 0.0
     levels = _levels(figure, size, progress)
-    drawn = triangles_of(next(iter(levels.values())), figure, poses, THUMBNAIL_MAX)
-    thumbnail = png(picture(*drawn))
-    findings = examine(urdf, tree, facts_of(files))
+    drawn = collect_triangles(next(iter(levels.values())), figure, poses, THUMBNAIL_MAX)
+    thumbnail = encode_png(draw_thumbnail(*drawn))
+    findings = examine_model(urdf, tree, collect_facts(files))
     contents = {f"{name}.glb": level.data for name, level in levels.items()}
-    entries = [file_entry(path, data, "model/gltf-binary") for path, data in contents.items()]
-    entries.append(file_entry("thumbnail.png", thumbnail, "image/png"))
+    entries = [make_file_entry(path, data, "model/gltf-binary") for path, data in contents.items()]
+    entries.append(make_file_entry("thumbnail.png", thumbnail, "image/png"))
     document |= {
         "files": entries,
         "levels": [
@@ -118,7 +120,7 @@ def build(urdf_path: Path, resolver: Resolver, progress: Progress) -> Built:
                 "sha256": entry["sha256"],
                 "triangles": level.triangles,
                 "vertices": level.vertices,
-                "error_m": short(level.error_m),
+                "error_m": round_digits(level.error_m),
             }
             for (name, level), entry in zip(levels.items(), entries, strict=False)
         ],
@@ -126,27 +128,27 @@ def build(urdf_path: Path, resolver: Resolver, progress: Progress) -> Built:
         "visuals": [_visual(i, v, figure.looks[v.looks]) for i, v in enumerate(figure.visuals)],
     }
     document |= {"box": _corners(*box)} if box is not None else {}
-    missing = [{"uri": uri[:URI_MAX], "reason": reason} for uri, reason in files.missing().items()]
+    missing = [{"uri": uri[:URI_MAX], "reason": reason} for uri, reason in files.list_missing().items()]
     document |= {"missing": missing} if missing else {}
-    document |= {"findings": finding_entries(findings)} if findings else {}
+    document |= {"findings": make_finding_entries(findings)} if findings else {}
     contents["thumbnail.png"] = thumbnail
-    return Built(encode(document), contents, tuple(findings), figure, levels, document)
+    return Built(encode_manifest(document), contents, tuple(findings), figure, levels, document)
 
 
 def _levels(figure: Figure, size: float, progress: Progress) -> dict[str, Level]:
     """Coarsest first; one that would be no smaller than the next finer one is left out."""
     bodies, sizes = [], []
     for looks in figure.looks:
-        low, high = looks.mesh.box()
+        low, high = looks.mesh.compute_box()
         sizes.append(float((high - low).max()))
         skins = tuple(Skin(LodChain(s, sizes[-1], size), paint, mark) for s, paint, mark in looks.skins)
         bodies.append(Body(skins, low, high))
     placed = [Placed(f"v{i}", v.pose, v.looks) for i, v in enumerate(figure.visuals)]
-    rungs = rungs_in_all(sizes, size)
+    rungs = count_rungs(sizes, size)
     made: dict[str, Level] = {}
     finer = None
     for number, aim in enumerate(AIMS):
-        if finer is not None and aim.suits(finer, NEAR):
+        if finer is not None and aim.is_met_by(finer, NEAR):
             continue
         progress(number, len(AIMS), f"level {aim.name}")
 
@@ -165,10 +167,10 @@ def _fitted(
     """The finest level that is about what it should be; the coarsest there is where none is that small."""
 
     def triangles(step: int) -> int:
-        return sum(len(s.ladder.step(step)[1]) for b in bodies for s in b.skins)
+        return sum(len(s.ladder.get_rung(step)[1]) for b in bodies for s in b.skins)
 
     def drawn(step: int) -> int:
-        return sum(len(s.ladder.step(step)[1]) for p in placed for s in bodies[p.body].skins)
+        return sum(len(s.ladder.get_rung(step)[1]) for p in placed for s in bodies[p.body].skins)
 
     def small(step: int) -> bool:
         return triangles(step) * per_triangle <= aim.size and drawn(step) <= aim.triangles
@@ -176,7 +178,7 @@ def _fitted(
     per_triangle, made = 8.0, dict[int, Level]()
     while True:
         step = bisect_left(range(rungs - 1), True, key=small)
-        while step in made and not aim.suits(made[step], 1) and step < rungs - 1:
+        while step in made and not aim.is_met_by(made[step], 1) and step < rungs - 1:
             step += 1
         if step in made:
             break
@@ -184,7 +186,7 @@ def _fitted(
         per_triangle = len(made[step].data) / max(triangles(step), 1)
     if step > ROUGH:
         smoother = at(ROUGH)
-        if aim.suits(smoother, PATIENCE):
+        if aim.is_met_by(smoother, PATIENCE):
             return smoother
     return made[step]
 
@@ -204,7 +206,7 @@ def _box(looks: Appearance, at: Vectors) -> tuple[Vectors, Vectors]:
 
 def _matrix(visual: Visual) -> Vectors:
     """link_from_mesh."""
-    return np.array(from_quaternion(visual.pose.xyz, quaternion_from_rpy(visual.pose.rpy)))
+    return np.array(matrix_from_quaternion(visual.pose.xyz, quaternion_from_rpy(visual.pose.rpy)))
 
 
 def _visual(number: int, visual: Visual, looks: Appearance) -> dict[str, Any]:
@@ -224,22 +226,22 @@ def _corners(low: Vectors, high: Vectors) -> list[list[float]]:
 
 def _colour(looks: Appearance) -> str:
     """The mean of the paints by number of triangles, as #rrggbb."""
-    colours = np.array([display_colour(paint) for _, paint, _ in looks.skins])
+    colours = np.array([compute_display_colour(paint) for _, paint, _ in looks.skins])
     weights = np.array([len(s.faces) for s, _, _ in looks.skins], np.float64)
     mean = (colours * weights[:, None]).sum(0) / weights.sum()
     return "#" + "".join(f"{round(float(v) * 255):02x}" for v in mean)
 
 
-def display_colour(paint: Paint) -> tuple[float, float, float]:
+def compute_display_colour(paint: Paint) -> tuple[float, float, float]:
     """A paint's mean colour as display values."""
     r, g, b = paint.rgba[:3]
     if paint.texture is None:
         return (r, g, b)
-    x, y, z = mean_colour(paint.texture)
+    x, y, z = compute_mean_colour(paint.texture)
     return (r * x, g * y, b * z)
 
 
-def triangles_of(
+def collect_triangles(
     level: Level, figure: Figure, poses: Sequence[Vectors], most: int | None = None
 ) -> Triangles:
     """What a level shows with the links at these poses (root_from_link); of more than `most` triangles every
@@ -250,10 +252,10 @@ def triangles_of(
         at = poses[visual.link] @ _matrix(visual)
         drawn = level.drawn[visual.looks]
         for skin, part in drawn.parts:
-            points = drawn.grid.metres(part.positions) @ at[:3, :3].T + at[:3, 3]
+            points = drawn.grid.to_metres(part.positions) @ at[:3, :3].T + at[:3, 3]
             faces = part.faces[::step]
             corners.append(points[faces])
             normals.append(((part.normals[:, :3] / 127.0) @ at[:3, :3].T)[faces])
-            colour = display_colour(figure.looks[visual.looks].skins[skin][1])
+            colour = compute_display_colour(figure.looks[visual.looks].skins[skin][1])
             colours.append(np.tile(colour, (len(faces), 1)))
     return np.concatenate(corners), np.concatenate(normals), np.concatenate(colours)

@@ -28,26 +28,26 @@ class GlbWriter:
         self._binary = bytearray()
         self._plain = 0  # bytes that the compressed views have when unpacked
 
-    def raw(self, data: bytes) -> int:
+    def add_raw_view(self, data: bytes) -> int:
         """A view that is kept as it is, for pictures."""
         offset = self._append(data)
         self._views.append({"buffer": 0, "byteOffset": offset, "byteLength": len(data)})
         return len(self._views) - 1
 
-    def attributes(self, values: NDArray[Any]) -> int:
+    def add_attribute_view(self, values: NDArray[Any]) -> int:
         """A view of (n, k) values, compressed; a row is a multiple of 4 bytes."""
         meshoptimizer.encode_vertex_version(0)  # what EXT_meshopt_compression means
         return self._compressed(
             meshoptimizer.encode_vertex_buffer(values), len(values), values.strides[0], "ATTRIBUTES"
         )
 
-    def triangles(self, indices: NDArray[np.uint32], vertices: int) -> int:
+    def add_index_view(self, indices: NDArray[np.uint32], vertices: int) -> int:
         """A view of triangles' indices, compressed."""
         meshoptimizer.encode_index_version(1)
         data = meshoptimizer.encode_index_buffer(indices, len(indices), vertices)
         return self._compressed(data, len(indices), 4, "TRIANGLES")
 
-    def accessor(self, view: int, component: int, kind: str, count: int, more: Mapping[str, Any]) -> int:
+    def add_accessor(self, view: int, component: int, kind: str, count: int, more: Mapping[str, Any]) -> int:
         """An accessor of that view."""
         self._accessors.append(
             {"bufferView": view, "componentType": component, "type": kind, "count": count, **more}
@@ -72,7 +72,7 @@ class GlbWriter:
         self._binary += data + b"\0" * (-len(data) % 4)
         return offset
 
-    def bytes(self) -> bytes:
+    def encode(self) -> bytes:
         """The file."""
         fallback = {"byteLength": self._plain, "extensions": {"EXT_meshopt_compression": {"fallback": True}}}
         document = {

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 
 from posecast_edge.model.builder.glb import BYTE, FLOAT, SHORT, UINT, GlbWriter
-from posecast_edge.model.builder.quantise import Grid, Part, grid_of, pack
+from posecast_edge.model.builder.quantise import Grid, Part, make_grid, pack_part
 from posecast_edge.model.builder.simplify import LodChain
 from posecast_edge.model.kinematics import quaternion_from_rpy
 from posecast_edge.model.meshes.mesh import Floats, Paint
-from posecast_edge.model.meshes.texture import fitted
+from posecast_edge.model.meshes.texture import fit_picture
 from posecast_edge.model.urdf.types import Pose
 
 ROUGHNESS = 0.7
@@ -77,7 +77,7 @@ class Level:
 def make_level(bodies: Sequence[Body], placed: Sequence[Placed], fineness: LodSettings) -> Level:
     """All bodies at that fineness, and a node for each visual."""
     drawn = [_draw(body, fineness) for body in bodies]
-    error = max((s.ladder.step(fineness.step)[0] for b in bodies for s in b.skins), default=0.0)
+    error = max((s.ladder.get_rung(fineness.step)[0] for b in bodies for s in b.skins), default=0.0)
     writer = GlbWriter()
     mesh_of = _write_meshes(writer, bodies, drawn, fineness.picture)
     nodes = [_node(p, drawn[p.body].grid, mesh_of.get(p.body)) for p in placed]
@@ -85,14 +85,14 @@ def make_level(bodies: Sequence[Body], placed: Sequence[Placed], fineness: LodSe
     writer.document |= {"scene": 0, "scenes": [scene]} | ({"nodes": nodes} if nodes else {})
     triangles = sum(len(part.faces) for p in placed for _, part in drawn[p.body].parts)
     vertices = sum(len(part.positions) for d in drawn for _, part in d.parts)
-    return Level(writer.bytes(), triangles, vertices, error, tuple(drawn))
+    return Level(writer.encode(), triangles, vertices, error, tuple(drawn))
 
 
 def _draw(body: Body, fineness: LodSettings) -> Drawn:
-    grid = grid_of(body.low, body.high, fineness.bits)
+    grid = make_grid(body.low, body.high, fineness.bits)
     parts = []
     for number, skin in enumerate(body.skins):
-        part = pack(skin.ladder.surface, skin.ladder.step(fineness.step)[1], grid)
+        part = pack_part(skin.ladder.surface, skin.ladder.get_rung(fineness.step)[1], grid)
         if len(part.faces):
             parts.append((number, part))
     return Drawn(grid, tuple(parts))
@@ -111,7 +111,7 @@ def _write_meshes(
     indices = [
         p.faces.reshape(-1).astype(np.uint32) + np.uint32(s) for p, s in zip(parts, starts, strict=False)
     ]
-    view = writer.triangles(np.concatenate(indices), vertices)
+    view = writer.add_index_view(np.concatenate(indices), vertices)
     materials = _Materials(writer, picture)
     meshes: list[dict[str, Any]] = []
     mesh_of: dict[int, int] = {}
@@ -119,7 +119,7 @@ def _write_meshes(
     for i, (body, d) in enumerate(zip(bodies, drawn, strict=True)):
         primitives = []
         for skin, part in d.parts:
-            slot = writer.accessor(view, UINT, "SCALAR", part.faces.size, {"byteOffset": offset})
+            slot = writer.add_accessor(view, UINT, "SCALAR", part.faces.size, {"byteOffset": offset})
             offset += 4 * part.faces.size
             attributes = {k: v for k, v in shared.items() if k != "TEXCOORD_0" or part.uv is not None}
             primitives.append(
@@ -145,13 +145,15 @@ def _shared(writer: GlbWriter, parts: Sequence[Part]) -> dict[str, int]:
     box = {"min": corners.min(0).tolist(), "max": corners.max(0).tolist()}
     normals = np.concatenate([p.normals for p in parts])
     shared = {
-        "POSITION": writer.accessor(writer.attributes(positions), SHORT, "VEC3", count, box),
-        "NORMAL": writer.accessor(writer.attributes(normals), BYTE, "VEC3", count, {"normalized": True}),
+        "POSITION": writer.add_accessor(writer.add_attribute_view(positions), SHORT, "VEC3", count, box),
+        "NORMAL": writer.add_accessor(
+            writer.add_attribute_view(normals), BYTE, "VEC3", count, {"normalized": True}
+        ),
     }
     if any(p.uv is not None for p in parts):
         uv = [np.zeros((len(p.positions), 2), np.float32) if p.uv is None else p.uv for p in parts]
-        shared["TEXCOORD_0"] = writer.accessor(
-            writer.attributes(np.concatenate(uv)), FLOAT, "VEC2", count, {}
+        shared["TEXCOORD_0"] = writer.add_accessor(
+            writer.add_attribute_view(np.concatenate(uv)), FLOAT, "VEC2", count, {}
         )
     return shared
 
@@ -212,9 +214,9 @@ class _Materials:
 
     def _texture(self, data: bytes) -> int:
         if data not in self._images:
-            picture = fitted(data, self._picture)
+            picture = fit_picture(data, self._picture)
             self._images[data] = len(self._document["images"])
-            image = {"bufferView": self._writer.raw(picture.data), "mimeType": picture.type}
+            image = {"bufferView": self._writer.add_raw_view(picture.data), "mimeType": picture.type}
             self._document["images"].append(image)
             self._document["textures"].append({"source": self._images[data]})
         return self._images[data]

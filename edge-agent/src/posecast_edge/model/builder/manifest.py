@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from posecast_edge.model.finding import Finding
-from posecast_edge.model.kinematics import plane_of, quaternion_from_rpy
+from posecast_edge.model.kinematics import compute_plane_axes, quaternion_from_rpy
 from posecast_edge.model.urdf.tree import Tree
 from posecast_edge.model.urdf.types import FAR_M, SCALAR_TYPES, UNBOUNDED, Pose, Sensor, Urdf, Vector
 
@@ -17,9 +17,9 @@ VERSION = 2
 FINDINGS_MAX = 200
 
 
-def skeleton(urdf: Urdf, tree: Tree) -> dict[str, Any]:
+def make_skeleton(urdf: Urdf, tree: Tree) -> dict[str, Any]:
     """`links`, `joints` and `sensors`."""
-    sensors = [_sensor(s, tree) for s in urdf.sensors if s.link in tree.index and near(s.pose)]
+    sensors = [_sensor(s, tree) for s in urdf.sensors if s.link in tree.index and is_within_reach(s.pose)]
     return {
         "links": [link.name for link in tree.links],
         "joints": [_joint(tree, i) for i in range(len(tree.joints))],
@@ -27,7 +27,7 @@ def skeleton(urdf: Urdf, tree: Tree) -> dict[str, Any]:
     }
 
 
-def home(manifest: Mapping[str, Any]) -> dict[str, float]:
+def compute_home(manifest: Mapping[str, Any]) -> dict[str, float]:
     """Every joint at 0, or at the limit nearest to it."""
     at: dict[str, float] = {}
     for joint in manifest["joints"]:
@@ -38,17 +38,17 @@ def home(manifest: Mapping[str, Any]) -> dict[str, float]:
     return at
 
 
-def encode(manifest: Mapping[str, Any]) -> bytes:
+def encode_manifest(manifest: Mapping[str, Any]) -> bytes:
     """The exact bytes, whose SHA-256 names the model."""
     return json.dumps(manifest, separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode()
 
 
-def file_entry(path: str, data: bytes, kind: str) -> dict[str, Any]:
+def make_file_entry(path: str, data: bytes, kind: str) -> dict[str, Any]:
     """One of `files`."""
     return {"path": path, "size": len(data), "sha256": hashlib.sha256(data).hexdigest(), "type": kind}
 
 
-def finding_entries(findings: Sequence[Finding]) -> list[dict[str, Any]]:
+def make_finding_entries(findings: Sequence[Finding]) -> list[dict[str, Any]]:
     """`findings`, at most FINDINGS_MAX."""
     return [
         {"severity": f.severity, "code": f.code, "text": f.text}
@@ -57,17 +57,17 @@ def finding_entries(findings: Sequence[Finding]) -> list[dict[str, Any]]:
     ]
 
 
-def near(pose: Pose) -> bool:
+def is_within_reach(pose: Pose) -> bool:
     """Whether it is no further away than anything of a robot can be."""
     return max(map(abs, pose.xyz)) <= FAR_M
 
 
-def short(value: float) -> float:
+def round_digits(value: float) -> float:
     """Nine digits; no negative zero."""
     return float(f"{value:.9g}") + 0.0
 
 
-def unit(axis: Vector | None) -> Vector:
+def normalise_axis(axis: Vector | None) -> Vector:
     """The axis at length 1; x where there is none."""
     longest = max(map(abs, axis)) if axis is not None else 0.0
     if axis is None or longest < 1e-9:
@@ -85,10 +85,12 @@ def _joint(tree: Tree, number: int) -> dict[str, Any]:
         "parent": tree.index[joint.parent],
         "child": tree.index[joint.child],
         **_pose(joint.pose),
-        "axis": [short(v) for v in unit(joint.axis)],
+        "axis": [round_digits(v) for v in normalise_axis(joint.axis)],
     }
     if joint.type == "planar":
-        entry["plane"] = [[short(v) for v in way] for way in plane_of(unit(joint.axis))]
+        entry["plane"] = [
+            [round_digits(v) for v in way] for way in compute_plane_axes(normalise_axis(joint.axis))
+        ]
     if limit is not None and joint.type in SCALAR_TYPES:
         bounded = joint.type != "continuous"
         given = {
@@ -99,12 +101,12 @@ def _joint(tree: Tree, number: int) -> dict[str, Any]:
         }
         if not bounded or max(abs(limit.lower or 0.0), abs(limit.upper or 0.0)) >= UNBOUNDED:
             given["lower"] = given["upper"] = None
-        entry["limits"] = {name: short(v) for name, v in given.items() if v is not None}
+        entry["limits"] = {name: round_digits(v) for name, v in given.items() if v is not None}
     if follow is not None:
         entry["mimic"] = {
             "joint": follow.joint,
-            "multiplier": short(follow.multiplier),
-            "offset": short(follow.offset),
+            "multiplier": round_digits(follow.multiplier),
+            "offset": round_digits(follow.offset),
         }
     return entry
 
@@ -114,4 +116,7 @@ def _sensor(sensor: Sensor, tree: Tree) -> dict[str, Any]:
 
 
 def _pose(pose: Pose) -> dict[str, Any]:
-    return {"xyz": [short(v) for v in pose.xyz], "quat": [short(v) for v in quaternion_from_rpy(pose.rpy)]}
+    return {
+        "xyz": [round_digits(v) for v in pose.xyz],
+        "quat": [round_digits(v) for v in quaternion_from_rpy(pose.rpy)],
+    }

@@ -12,7 +12,7 @@ from posecast_edge.model.meshes.mesh import Mesh
 from posecast_edge.model.meshes.reader import read_mesh
 from posecast_edge.model.meshes.side_files import SideFiles
 from posecast_edge.model.urdf.resolver import Resolver
-from posecast_edge.model.urdf.types import Urdf, material_of
+from posecast_edge.model.urdf.types import Urdf, find_material
 
 TRIANGLES_MAX = 10_000_000  # of all meshes
 
@@ -54,7 +54,7 @@ class Files:
 
     def _read(self, uri: str) -> MeshFile:
         try:
-            found = self._resolver.find(uri)
+            found = self._resolver.find_file(uri)
         except ModelRefused as e:
             return MeshFile(uri, None, None, e.reason, None, 0)
         key = (found.path, uri in self._textured)
@@ -66,17 +66,17 @@ class Files:
             return MeshFile(uri, found.path, None, loaded, found.hint, size)
         return MeshFile(uri, found.path, loaded, None, found.hint, size)
 
-    def picture(self, uri: str) -> bytes | None:
+    def find_picture(self, uri: str) -> bytes | None:
         """The picture behind a URI; None when there is none, and `missing` says why."""
         if uri not in self._pictures:
             try:
-                self._pictures[uri] = self._shelf.picture(self._resolver.find(uri).path)
+                self._pictures[uri] = self._shelf.get_picture(self._resolver.find_file(uri).path)
             except ModelRefused as e:
                 self._pictures[uri] = e.reason
         found = self._pictures[uri]
         return found if isinstance(found, bytes) else None
 
-    def missing(self) -> dict[str, str]:
+    def list_missing(self) -> dict[str, str]:
         """URI → why it can't be used."""
         reasons = {file.uri: file.reason for file in self if file.reason}
         return reasons | {uri: why for uri, why in self._pictures.items() if isinstance(why, str)}
@@ -99,13 +99,13 @@ def read_visual_files(urdf: Urdf, resolver: Resolver, progress: Progress) -> Fil
     pictures: dict[str, None] = {}
     textured: set[str] = set()
     for shape in (s for link in urdf.links for s in link.visuals):
-        material = material_of(shape, urdf.materials)
+        material = find_material(shape, urdf.materials)
         if shape.geometry is not None and material is not None and material.texture:
             pictures[material.texture] = None
             textured.add(shape.geometry.uri)
     files = Files(resolver, textured)
     for uri in pictures:
-        files.picture(uri)
+        files.find_picture(uri)
     shapes = [s.geometry for link in urdf.links for s in link.visuals if s.geometry is not None]
     uris = list(dict.fromkeys(g.uri for g in shapes if g.kind == "mesh"))
     for number, uri in enumerate(uris):
@@ -114,16 +114,16 @@ def read_visual_files(urdf: Urdf, resolver: Resolver, progress: Progress) -> Fil
     return files
 
 
-def facts_of(files: Files) -> dict[str, MeshFacts]:
+def collect_facts(files: Files) -> dict[str, MeshFacts]:
     """For the doctor."""
-    lost = {uri: MeshFacts(uri, reason) for uri, reason in files.missing().items()}
+    lost = {uri: MeshFacts(uri, reason) for uri, reason in files.list_missing().items()}
     return lost | {file.uri: _facts(file) for file in files}
 
 
 def _facts(file: MeshFile) -> MeshFacts:
     if file.mesh is None:
         return MeshFacts(file.uri, file.reason or "can't be read", file.hint, file.size)
-    low, high = (tuple(float(v) for v in corner) for corner in file.mesh.box())
+    low, high = (tuple(float(v) for v in corner) for corner in file.mesh.compute_box())
     return MeshFacts(
         file.uri,
         None,

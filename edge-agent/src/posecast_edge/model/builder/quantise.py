@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from posecast_edge.model.meshes.mesh import Faces, Floats, Surface
-from posecast_edge.model.meshes.normals import crease_normals, face_normals
-from posecast_edge.model.meshes.weld import crowded_faces, unique_faces, used_only
+from posecast_edge.model.meshes.normals import compute_crease_normals, compute_face_normals
+from posecast_edge.model.meshes.weld import drop_duplicate_faces, drop_unused_vertices, find_crowded_faces
 
 CREASE_DEG = 40.0
 
@@ -23,7 +23,7 @@ class Grid:
     step: float
     bits: int
 
-    def metres(self, grid: NDArray[np.int16]) -> NDArray[np.float64]:
+    def to_metres(self, grid: NDArray[np.int16]) -> NDArray[np.float64]:
         """Positions (n, 3) from the first three columns."""
         return self.centre + self.step * grid[:, :3]
 
@@ -39,31 +39,31 @@ class Part:
     faces: Faces
 
 
-def grid_of(low: Floats, high: Floats, bits: int) -> Grid:
+def make_grid(low: Floats, high: Floats, bits: int) -> Grid:
     """A grid of so many bits along the longest side of a box."""
     a, b = low.astype(np.float64), high.astype(np.float64)
     half = max(float((b - a).max()) / 2, 1e-9)
     return Grid((a + b) / 2, half / ((1 << (bits - 1)) - 1), bits)
 
 
-def pack(surface: Surface, faces: Faces, grid: Grid) -> Part:
+def pack_part(surface: Surface, faces: Faces, grid: Grid) -> Part:
     """The vertices that these faces use. No faces are left of a surface smaller than the grid."""
-    used, faces = used_only(faces)
+    used, faces = drop_unused_vertices(faces)
     at = np.round((surface.positions[used] - grid.centre) / grid.step).astype(np.int64)
     uv = surface.uv[used] if surface.uv is not None else None
     # Corners that fell onto one grid point are one vertex,
     key = ((at[:, 0] + 32768) << 42) | ((at[:, 1] + 32768) << 21) | (at[:, 2] + 32768)
     rows = key if uv is None else np.column_stack([key, np.round(uv * 65536).astype(np.int64)])
     first, place = np.unique(rows, axis=0, return_index=True, return_inverse=True)[1:]
-    faces = unique_faces(place.reshape(-1)[faces], len(first))
+    faces = drop_duplicate_faces(place.reshape(-1)[faces], len(first))
     at, uv = at[first], uv[first] if uv is not None else None
-    faces = faces[face_normals(at.astype(np.float32), faces)[1] > 0]
+    faces = faces[compute_face_normals(at.astype(np.float32), faces)[1] > 0]
     # but one for each side of a crease.
-    group, normals = crease_normals(at.astype(np.float32), faces, CREASE_DEG)
+    group, normals = compute_crease_normals(at.astype(np.float32), faces, CREASE_DEG)
     groups = max(len(normals), 1)
     pair = faces.reshape(-1).astype(np.int64) * groups + group
     pairs, corner = np.unique(pair, return_inverse=True)
-    order, faces = used_only(_in_cache_order(corner.reshape(-1, 3).astype(np.int32), len(pairs)))
+    order, faces = drop_unused_vertices(_in_cache_order(corner.reshape(-1, 3).astype(np.int32), len(pairs)))
     pairs = pairs[order]
     positions = np.zeros((len(order), 4), np.int16)
     positions[:, :3] = at[pairs // groups]
@@ -73,7 +73,7 @@ def pack(surface: Surface, faces: Faces, grid: Grid) -> Part:
 
 
 def _in_cache_order(faces: Faces, vertices: int) -> Faces:
-    crowded = crowded_faces(faces)
+    crowded = find_crowded_faces(faces)
     if crowded.any():
         return np.concatenate([_in_cache_order(faces[~crowded], vertices), faces[crowded]])
     if not len(faces):

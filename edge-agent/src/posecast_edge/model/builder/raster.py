@@ -36,7 +36,7 @@ class Camera:
         )
 
 
-def camera_towards(direction: Vectors, points: Vectors, pixels: int, margin: float = 1.06) -> Camera:
+def aim_camera(direction: Vectors, points: Vectors, pixels: int, margin: float = 1.06) -> Camera:
     """A camera that looks against `direction` (from the body to the eye), world z up, and sees all points."""
     forward = direction / np.linalg.norm(direction)
     up = np.array([0.0, 0.0, 1.0]) if abs(forward[2]) < 0.99 else np.array([1.0, 0.0, 0.0])
@@ -49,7 +49,7 @@ def camera_towards(direction: Vectors, points: Vectors, pixels: int, margin: flo
     return Camera(axes, (low + high) / 2 @ axes, span, pixels)
 
 
-def draw(corners: Vectors, camera: Camera) -> tuple[NDArray[np.int64], Vectors]:
+def draw_triangles(corners: Vectors, camera: Camera) -> tuple[NDArray[np.int64], Vectors]:
     """The triangle seen in each pixel (pixels, pixels), -1 for none, of corners (m, 3, 3) in metres;
     and where in it: (pixels, pixels, 3) weights of its corners."""
     side = camera.pixels
@@ -82,9 +82,9 @@ def _affordable(powers: NDArray[np.int64]) -> NDArray[np.bool_]:
     return drawn
 
 
-def silhouette(corners: Vectors, camera: Camera) -> NDArray[np.bool_]:
+def draw_silhouette(corners: Vectors, camera: Camera) -> NDArray[np.bool_]:
     """(pixels, pixels): covered or not."""
-    return draw(corners, camera)[0] >= 0
+    return draw_triangles(corners, camera)[0] >= 0
 
 
 def _test(

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from posecast_edge.model.meshes.mesh import Faces, Surface
-from posecast_edge.model.meshes.weld import crowded_faces
+from posecast_edge.model.meshes.weld import find_crowded_faces
 
 LARGEST = 0.02  # of the mesh's size: no surface moves further, however small the level should be
 FINEST = 1e-5  # of the robot's size: the first rung
@@ -33,7 +33,7 @@ class LodChain:
         self._most = mesh_size * LARGEST
         self._rungs: dict[int, tuple[float, Faces]] = {}
 
-    def step(self, k: int) -> tuple[float, Faces]:
+    def get_rung(self, k: int) -> tuple[float, Faces]:
         """Bound in metres, and the triangles (numbers of the surface's vertices)."""
         if k < 0:
             return 0.0, self.surface.faces
@@ -68,12 +68,12 @@ class LodChain:
 
 def _crowded(surface: Surface) -> NDArray[np.bool_]:
     if surface.uv is None:  # welded: one vertex a place
-        return crowded_faces(surface.faces)
+        return find_crowded_faces(surface.faces)
     _, place = np.unique(surface.positions, axis=0, return_inverse=True)
-    return crowded_faces(surface.faces, place.reshape(-1))
+    return find_crowded_faces(surface.faces, place.reshape(-1))
 
 
-def rungs_in_all(mesh_sizes: list[float], robot_size: float) -> int:
+def count_rungs(mesh_sizes: list[float], robot_size: float) -> int:
     """From this rung on nothing changes any more."""
     largest = max(mesh_sizes, default=0.0) * LARGEST
     if largest <= robot_size * FINEST:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from posecast_edge.model.builder.raster import Vectors, camera_towards, draw
+from posecast_edge.model.builder.raster import Vectors, aim_camera, draw_triangles
 
 SIDE = 256
 BYTES_MAX = 30_000
@@ -21,15 +21,15 @@ LIGHTS = (  # towards the light, in axes right, up, towards the eye; and how bri
 AMBIENT = 0.26
 
 
-def picture(
+def draw_thumbnail(
     corners: Vectors, normals: Vectors, colours: Vectors, side: int = SIDE, eye: Vectors = FRONT_LEFT_ABOVE
 ) -> NDArray[np.uint8]:
     """(side, side, 4) of triangles' corners and corner normals (m, 3, 3) and display colours 0 … 1 (m, 3)."""
     pixels = side * SUPERSAMPLE
     if not len(corners):
         return np.zeros((side, side, 4), np.uint8)
-    camera = camera_towards(eye, corners.reshape(-1, 3), pixels)
-    triangle, weights = draw(corners, camera)
+    camera = aim_camera(eye, corners.reshape(-1, 3), pixels)
+    triangle, weights = draw_triangles(corners, camera)
     seen = triangle >= 0
     number = triangle[seen]
     facing = np.einsum("nk,nkx->nx", weights[seen], normals[number]) @ camera.axes.T
@@ -49,7 +49,7 @@ def picture(
     return rounded
 
 
-def png(image: NDArray[np.uint8]) -> bytes:
+def encode_png(image: NDArray[np.uint8]) -> bytes:
     """A PNG of at most BYTES_MAX: with fewer colours where it has to."""
     whole = Image.fromarray(image, "RGBA")
     for colours in (None, 128, 32, 8):

@@ -7,15 +7,24 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from posecast_edge.model.builder.manifest import near
+from posecast_edge.model.builder.manifest import is_within_reach
 from posecast_edge.model.builder.model_files import TRIANGLES_MAX, Files
 from posecast_edge.model.finding import ModelRefused
-from posecast_edge.model.meshes.mesh import SHOWN_AGAIN_MAX, Mesh, Paint, Surface, checked
-from posecast_edge.model.meshes.primitives import box, tessellate
-from posecast_edge.model.meshes.texture import mean_colour
-from posecast_edge.model.meshes.weld import weld
+from posecast_edge.model.meshes.mesh import SHOWN_AGAIN_MAX, Mesh, Paint, Surface, validate_mesh
+from posecast_edge.model.meshes.primitives import make_box, tessellate
+from posecast_edge.model.meshes.texture import compute_mean_colour
+from posecast_edge.model.meshes.weld import weld_vertices
 from posecast_edge.model.urdf.tree import Tree
-from posecast_edge.model.urdf.types import SHAPES_MAX, ZERO, Geometry, Pose, Shape, Urdf, Vector, material_of
+from posecast_edge.model.urdf.types import (
+    SHAPES_MAX,
+    ZERO,
+    Geometry,
+    Pose,
+    Shape,
+    Urdf,
+    Vector,
+    find_material,
+)
 
 GREY = Paint((0.72, 0.74, 0.77, 1.0))
 STAND_IN = Paint((0.93, 0.55, 0.14, 1.0))
@@ -82,7 +91,7 @@ class _Maker:
             fallback = self._paint(shape)
             source = shape.geometry.uri or shape.geometry.kind
             try:
-                if not near(shape.pose):
+                if not is_within_reach(shape.pose):
                     raise ModelRefused("its origin is more than 10,000 km away")
                 number = self._drawn_as(shape.geometry, fallback, None)
                 yield Visual(link, shape.pose, number, source, None)
@@ -106,7 +115,7 @@ class _Maker:
         key = (file.path if file else geometry.kind, geometry.dims, geometry.scale, paint, mark)
         if key not in self._numbers:
             made = file.mesh if file else None
-            mesh = made or checked(tessellate(geometry.kind, geometry.dims))
+            mesh = made or validate_mesh(tessellate(geometry.kind, geometry.dims))
             self._made += mesh.triangles
             if self._made > SHOWN_AGAIN_MAX + self._files.triangles:  # another scale or paint is another body
                 raise ModelRefused("left out: large meshes are shown in too many sizes and colours")
@@ -124,7 +133,7 @@ class _Maker:
             by_paint.setdefault(painted, []).append(surface)
         skins = []
         for (paint, extra), surfaces in by_paint.items():
-            welded = weld(_joined(surfaces, keep_uv=paint.texture is not None))
+            welded = weld_vertices(_joined(surfaces, keep_uv=paint.texture is not None))
             if len(welded.faces):
                 skins.append((welded, paint, extra))
         if not skins:
@@ -142,7 +151,7 @@ class _Maker:
             if other.geometry is None or other.geometry.uri == source:
                 continue
             try:
-                if not near(other.pose):
+                if not is_within_reach(other.pose):
                     continue
                 number = self._drawn_as(other.geometry, None, "placeholder")
             except ModelRefused:
@@ -150,20 +159,20 @@ class _Maker:
             found = True
             yield Visual(link, other.pose, number, source, reason)
         if not found:
-            at = shape.pose.xyz if near(shape.pose) else ZERO
+            at = shape.pose.xyz if is_within_reach(shape.pose) else ZERO
             looks = self._add(self._box(link, at), None, "placeholder")
             yield Visual(link, Pose(), looks, source, reason)
 
     def _box(self, link: int, xyz: Vector) -> Mesh:
         points = [xyz, *self._joints.get(self._tree.links[link].name, [])]
         low, high = np.min(points, axis=0) - LITTLE, np.max(points, axis=0) + LITTLE
-        return box((low + high) / 2, high - low)
+        return make_box((low + high) / 2, high - low)
 
     def _paint(self, shape: Shape) -> Paint | None:
-        material = material_of(shape, self._urdf.materials)
+        material = find_material(shape, self._urdf.materials)
         if material is None:
             return None
-        picture = self._files.picture(material.texture) if material.texture else None
+        picture = self._files.find_picture(material.texture) if material.texture else None
         if picture is not None:  # the picture alone, as RViz does
             return Paint((1.0, 1.0, 1.0, material.rgba[3] if material.rgba else 1.0), picture)
         return Paint(material.rgba) if material.rgba is not None else None
@@ -173,7 +182,7 @@ def _without_picture(paint: Paint) -> Paint:
     if paint.texture is None:
         return paint
     try:
-        r, g, b = mean_colour(paint.texture)
+        r, g, b = compute_mean_colour(paint.texture)
     except ModelRefused:
         return Paint(paint.rgba)
     return Paint((r * paint.rgba[0], g * paint.rgba[1], b * paint.rgba[2], paint.rgba[3]))
@@ -189,7 +198,7 @@ def _scaled(mesh: Mesh, scale: Vector) -> Mesh:
             replace(s, positions=s.positions * factor, faces=s.faces[:, ::-1] if mirrored else s.faces)
             for s in mesh.surfaces
         )
-    return checked(Mesh(scaled))
+    return validate_mesh(Mesh(scaled))
 
 
 def _joined(surfaces: Sequence[Surface], keep_uv: bool) -> Surface:

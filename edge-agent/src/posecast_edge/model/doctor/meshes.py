@@ -7,11 +7,11 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import product as corners_of
 
-from posecast_edge.model.finding import Finding, quoted
-from posecast_edge.model.kinematics import Matrix, from_quaternion, product, quaternion_from_rpy
+from posecast_edge.model.finding import Finding, quote_name
+from posecast_edge.model.kinematics import Matrix, matrix_from_quaternion, multiply, quaternion_from_rpy
 from posecast_edge.model.urdf.resolver import OUTSIDE
 from posecast_edge.model.urdf.tree import Tree
-from posecast_edge.model.urdf.types import Geometry, Shape, Urdf, Vector, material_of
+from posecast_edge.model.urdf.types import Geometry, Shape, Urdf, Vector, find_material
 
 LARGE_M = 20.0
 SMALL_M = 0.05
@@ -36,7 +36,7 @@ class MeshFacts:
     has_uv: bool = False
 
 
-def mesh_findings(urdf: Urdf, tree: Tree, facts: Mapping[str, MeshFacts] | None) -> Iterator[Finding]:
+def examine_meshes(urdf: Urdf, tree: Tree, facts: Mapping[str, MeshFacts] | None) -> Iterator[Finding]:
     """All of them. Without facts only what the URDF itself tells."""
     shapes = [(link.name, s) for link in urdf.links for s in link.visuals if s.geometry is not None]
     if urdf.links and not shapes:
@@ -62,10 +62,10 @@ def _scale(name: str, shape: Shape) -> Iterator[Finding]:
         return
     x, y, z = geometry.scale
     if x * y * z < 0:
-        text = f"link {quoted(name)}: a mirrored mesh (negative scale); some programs turn it inside out"
+        text = f"link {quote_name(name)}: a mirrored mesh (negative scale); some programs turn it inside out"
         yield Finding("hint", "scale-mirrored", text, geometry.line)
     if max(abs(x), abs(y), abs(z)) > 1.01 * min(abs(x), abs(y), abs(z)):
-        text = f"link {quoted(name)}: a mesh stretched by {x:g} {y:g} {z:g}"
+        text = f"link {quote_name(name)}: a mesh stretched by {x:g} {y:g} {z:g}"
         yield Finding("hint", "scale-uneven", text, geometry.line)
 
 
@@ -85,15 +85,15 @@ def _files(shapes: list[tuple[str, Shape]], facts: Mapping[str, MeshFacts]) -> I
         if fact.reason is not None:
             code = OUTSIDE_CODES.get(fact.reason, "mesh-broken")
             code = "mesh-missing" if fact.reason.startswith("no package") else code
-            of = f" of link {quoted(links[uri][0])}" + (" and others" if len(set(links[uri])) > 1 else "")
-            yield Finding("error", code, f"mesh {quoted(uri)}{of}: {fact.reason}", line)
+            of = f" of link {quote_name(links[uri][0])}" + (" and others" if len(set(links[uri])) > 1 else "")
+            yield Finding("error", code, f"mesh {quote_name(uri)}{of}: {fact.reason}", line)
         if fact.hint is not None:
-            yield Finding("hint", "mesh-found", f"mesh {quoted(uri)}: {fact.hint}", line)
+            yield Finding("hint", "mesh-found", f"mesh {quote_name(uri)}: {fact.hint}", line)
         for note in fact.notes:
             lenient.setdefault(note, []).append(uri)
     for (code, text), uris in lenient.items():
         more = f" and {len(uris) - 1} more" if len(uris) > 1 else ""
-        yield Finding("hint", code, f"mesh {quoted(uris[0])}{more}: {text}", first[uris[0]])
+        yield Finding("hint", code, f"mesh {quote_name(uris[0])}{more}: {text}", first[uris[0]])
 
 
 def _textures(
@@ -102,19 +102,19 @@ def _textures(
     """Pictures that the URDF itself names, and that can't be shown."""
     told: set[str] = set()
     for name, shape in shapes:
-        material = material_of(shape, urdf.materials)
+        material = find_material(shape, urdf.materials)
         if material is None or not material.texture:
             continue
         lost = facts.get(material.texture)
         if lost is not None and lost.reason is not None:
             if material.texture not in told:
-                text = f"texture {quoted(material.texture)} of link {quoted(name)}: {lost.reason}"
+                text = f"texture {quote_name(material.texture)} of link {quote_name(name)}: {lost.reason}"
                 yield Finding("error", "texture-missing", text, material.line)
             told.add(material.texture)
             continue
         fact = facts.get(shape.geometry.uri) if shape.geometry is not None else None
         if fact is not None and fact.reason is None and not fact.has_uv:
-            text = f"link {quoted(name)}: its mesh has no texture coordinates; the mean colour is shown"
+            text = f"link {quote_name(name)}: its mesh has no texture coordinates; the mean colour is shown"
             yield Finding("hint", "texture-coordinates", text, shape.line)
 
 
@@ -123,7 +123,7 @@ def _size(name: str, shape: Shape, facts: Mapping[str, MeshFacts]) -> Iterator[F
     if box is None or shape.geometry is None:
         return
     longest = max(b - a for a, b in zip(*box, strict=True))
-    what = f"link {quoted(name)}: its {shape.geometry.kind}"
+    what = f"link {quote_name(name)}: its {shape.geometry.kind}"
     if longest > LARGE_M:
         advice = ': millimetres? scale="0.001 0.001 0.001"' if shape.geometry.kind == "mesh" else ""
         yield Finding("warning", "mesh-large", f"{what} is {longest:.3g} m long{advice}", shape.geometry.line)
@@ -137,16 +137,18 @@ def _whole(tree: Tree, facts: Mapping[str, MeshFacts]) -> Iterator[Finding]:
     low, high = [math.inf] * 3, [-math.inf] * 3
     for number, link in enumerate(tree.links):
         if number == 0:
-            poses.append(from_quaternion((0, 0, 0), (1, 0, 0, 0)))
+            poses.append(matrix_from_quaternion((0, 0, 0), (1, 0, 0, 0)))
         else:
             joint = tree.joints[number - 1]
-            at = from_quaternion(joint.pose.xyz, quaternion_from_rpy(joint.pose.rpy))
-            poses.append(product(poses[tree.index[joint.parent]], at))
+            at = matrix_from_quaternion(joint.pose.xyz, quaternion_from_rpy(joint.pose.rpy))
+            poses.append(multiply(poses[tree.index[joint.parent]], at))
         for shape in link.visuals:
             box = _box(shape.geometry, facts)
             if box is None:
                 continue
-            at = product(poses[number], from_quaternion(shape.pose.xyz, quaternion_from_rpy(shape.pose.rpy)))
+            at = multiply(
+                poses[number], matrix_from_quaternion(shape.pose.xyz, quaternion_from_rpy(shape.pose.rpy))
+            )
             for corner in corners_of(*zip(*box, strict=True)):
                 point = [sum(at[i][k] * corner[k] for k in range(3)) + at[i][3] for i in range(3)]
                 low, high = [*map(min, low, point)], [*map(max, high, point)]

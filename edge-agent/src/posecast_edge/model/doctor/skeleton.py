@@ -11,11 +11,11 @@ from collections.abc import Iterator, Mapping
 
 from posecast_wire.mapping import Mapping as Meaning
 
-from posecast_edge.model.doctor.meshes import MeshFacts, mesh_findings
-from posecast_edge.model.finding import Finding, quoted, worst_first
-from posecast_edge.model.kinematics import variables_of
+from posecast_edge.model.doctor.meshes import MeshFacts, examine_meshes
+from posecast_edge.model.finding import Finding, quote_name, sort_by_severity
+from posecast_edge.model.kinematics import list_variables
 from posecast_edge.model.urdf.tree import Tree
-from posecast_edge.model.urdf.types import SCALAR_TYPES, UNBOUNDED, Joint, Link, Urdf, material_of
+from posecast_edge.model.urdf.types import SCALAR_TYPES, UNBOUNDED, Joint, Link, Urdf, find_material
 
 TURN = 2 * math.pi
 FAR = 10.0  # m, from one joint to the next: more than that is a unit mistaken
@@ -23,7 +23,7 @@ SHOWN = 6  # names in one line
 UNIT = 1e-3  # how far an axis may be from length 1
 
 
-def examine(
+def examine_model(
     urdf: Urdf, tree: Tree, facts: Mapping[str, MeshFacts] | None, meaning: Meaning | None = None
 ) -> list[Finding]:
     """Everything, worst first. `facts`: the meshes by URI, None when they were not looked at; `meaning`: what
@@ -35,17 +35,17 @@ def examine(
         found += _link(link)
     found += _materials(urdf)
     found += _mentions(urdf)
-    found += mesh_findings(urdf, tree, facts)
+    found += examine_meshes(urdf, tree, facts)
     if meaning is not None:
         found += _profile(urdf, meaning)
-    return worst_first(found)
+    return sort_by_severity(found)
 
 
 def _joint(joint: Joint) -> Iterator[Finding]:
-    what = f"joint {quoted(joint.name)}"
+    what = f"joint {quote_name(joint.name)}"
     yield from _origin(what, joint.pose.xyz, joint.pose.rpy, joint.line)
     if joint.type in ("floating", "planar"):
-        channels = ", ".join(map(quoted, _variables(joint)))
+        channels = ", ".join(map(quote_name, _variables(joint)))
         yield Finding(
             "hint", "joint-free", f"{what} is {joint.type}: it moves by channels {channels}", joint.line
         )
@@ -112,17 +112,19 @@ def _origin(what: str, xyz: tuple[float, ...], rpy: tuple[float, ...], line: int
 
 def _link(link: Link) -> Iterator[Finding]:
     for shape in link.visuals:
-        yield from _origin(f"link {quoted(link.name)}, visual", shape.pose.xyz, shape.pose.rpy, shape.line)
+        yield from _origin(
+            f"link {quote_name(link.name)}, visual", shape.pose.xyz, shape.pose.rpy, shape.line
+        )
     inertial = link.inertial
     if inertial is not None:
         ixx, ixy, ixz, iyy, iyz, izz = inertial.inertia
         if inertial.mass < 0:
-            text = f"link {quoted(link.name)}: a mass of {inertial.mass:g} kg"
+            text = f"link {quote_name(link.name)}: a mass of {inertial.mass:g} kg"
             yield Finding("warning", "mass-negative", text, inertial.line)
         elif (
             min(ixx, iyy, izz) < 0 or ixx * iyy < ixy * ixy or ixx * izz < ixz * ixz or iyy * izz < iyz * iyz
         ):
-            text = f"link {quoted(link.name)}: no body has such an inertia; simulators refuse it"
+            text = f"link {quote_name(link.name)}: no body has such an inertia; simulators refuse it"
             yield Finding("hint", "inertia", text, inertial.line)
 
 
@@ -133,12 +135,12 @@ def _materials(urdf: Urdf) -> Iterator[Finding]:
         for shape in link.visuals:
             own = shape.material
             if own is not None and own.name and not own.texture:
-                found = material_of(shape, urdf.materials)
+                found = find_material(shape, urdf.materials)
                 if found is None or (found.rgba is None and not found.texture):
                     lines.setdefault(own.name, []).append(own.line)
     for name, where in lines.items():
         times = f", {len(where)} times" if len(where) > 1 else ""
-        text = f"material {quoted(name)} has no colour anywhere{times}; grey is shown"
+        text = f"material {quote_name(name)} has no colour anywhere{times}; grey is shown"
         yield Finding("hint", "material-colour", text, where[0])
 
 
@@ -147,13 +149,13 @@ def _mentions(urdf: Urdf) -> Iterator[Finding]:
     links, joints = {x.name for x in urdf.links}, {x.name for x in urdf.joints}
     for sensor in urdf.sensors:
         if sensor.link not in links:
-            where = f"link {quoted(sensor.link)}, which there is not" if sensor.link else "no link"
-            text = f"sensor {quoted(sensor.name)} sits on {where}"
+            where = f"link {quote_name(sensor.link)}, which there is not" if sensor.link else "no link"
+            text = f"sensor {quote_name(sensor.name)} sits on {where}"
             yield Finding("warning", "sensor-link", text, sensor.line)
     for mention in urdf.references:
         known = joints if mention.what == "joint" else links | joints
         if mention.name not in known:
-            text = f"{mention.by} speaks of {mention.what} {quoted(mention.name)}, which there is not"
+            text = f"{mention.by} speaks of {mention.what} {quote_name(mention.name)}, which there is not"
             yield Finding("warning", "reference", text, mention.line)
 
 
@@ -161,15 +163,14 @@ def _profile(urdf: Urdf, meaning: Meaning) -> Iterator[Finding]:
     links, joints = {x.name for x in urdf.links}, {x.name: x for x in urdf.joints}
     for site, mount in meaning.sensors.items():
         if mount.link is not None and mount.link not in links:
-            text = (
-                f"the profile mounts sensor {quoted(site)} on link {quoted(mount.link)}, which there is not"
-            )
+            link = quote_name(mount.link)
+            text = f"the profile mounts sensor {quote_name(site)} on link {link}, which there is not"
             yield Finding("warning", "profile-sensor", text)
     known = {name for joint in urdf.joints for name in _variables(joint)}
     gone = [name for name in meaning.joints if name not in known and name not in joints]
     if gone:  # in one line: with another robot's profile it is all of them
         many = f" and {len(gone) - SHOWN} more" if len(gone) > SHOWN else ""
-        which = f"joint{'s' if len(gone) > 1 else ''} {', '.join(map(quoted, gone[:SHOWN]))}{many}"
+        which = f"joint{'s' if len(gone) > 1 else ''} {', '.join(map(quote_name, gone[:SHOWN]))}{many}"
         text = f"the profile maps {which}, which there {'are' if len(gone) > 1 else 'is'} not"
         yield Finding("warning", "profile-joint", text)
     for name in meaning.joints:
@@ -181,10 +182,10 @@ def _profile(urdf: Urdf, meaning: Meaning) -> Iterator[Finding]:
         if joint.type == "fixed":
             text = "which is fixed"
         else:
-            text = f"which is {joint.type}: map {', '.join(map(quoted, _variables(joint)))}"
-        yield Finding("warning", "profile-joint", f"the profile maps joint {quoted(name)}, {text}")
+            text = f"which is {joint.type}: map {', '.join(map(quote_name, _variables(joint)))}"
+        yield Finding("warning", "profile-joint", f"the profile maps joint {quote_name(name)}, {text}")
 
 
 def _variables(joint: Joint) -> list[str]:
     """Names of the readings that move it."""
-    return [name for name, _ in variables_of(joint.name, joint.type)]
+    return [name for name, _ in list_variables(joint.name, joint.type)]

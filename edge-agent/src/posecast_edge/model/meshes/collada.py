@@ -16,9 +16,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from posecast_edge.model.finding import ModelRefused, printable
-from posecast_edge.model.meshes.collada_materials import Materials, target_of
-from posecast_edge.model.meshes.collada_numbers import float_of, floats_of, integers_of
+from posecast_edge.model.finding import ModelRefused, make_printable
+from posecast_edge.model.meshes.collada_materials import Materials, find_target
+from posecast_edge.model.meshes.collada_numbers import convert_float, extract_floats, extract_integers
 from posecast_edge.model.meshes.mesh import (
     TEXT_MAX,
     Expansion,
@@ -27,8 +27,8 @@ from posecast_edge.model.meshes.mesh import (
     Notes,
     Paint,
     Surface,
-    fans,
-    used_vertices,
+    select_used_vertices,
+    triangulate_fans,
 )
 from posecast_edge.model.meshes.texture import Pictures
 from posecast_edge.model.urdf.xml_tree import Element, read_xml
@@ -78,7 +78,7 @@ def read_collada(data: bytes, load: Load, keep_uv: bool = False, pictures: Pictu
         io.BytesIO(data), bytes_max=TEXT_MAX, elements_max=ELEMENTS_MAX, depth_max=DEPTH_MAX, texts=True
     )
     if root.tag.rpartition(":")[2] != "COLLADA":
-        raise ModelRefused(f"its root is <{printable(root.tag[:40])}>, not <COLLADA>", root.line)
+        raise ModelRefused(f"its root is <{make_printable(root.tag[:40])}>, not <COLLADA>", root.line)
     with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is refused in the end
         return _Reader(root, load, keep_uv, pictures or Pictures(), len(data)).mesh()
 
@@ -108,29 +108,29 @@ class _Reader:
             waiting += reversed(element.children)
 
     def mesh(self) -> Mesh:
-        unit = self._root.first("asset", "unit")
-        metre = float_of(unit.get("meter") if unit else None, 1.0)
+        unit = self._root.find_first("asset", "unit")
+        metre = convert_float(unit.get("meter") if unit else None, 1.0)
         if not 1e-9 < metre < 1e9:
             raise ModelRefused(f"its unit is {metre:g} m")
         if metre != 1:
             self._notes.add("collada-unit", f"its unit is {metre:g} m; applied")
-        axis = self._root.first("asset", "up_axis")
+        axis = self._root.find_first("asset", "up_axis")
         if axis is not None and axis.text.strip() not in ("", "Z_UP"):
             self._notes.add("collada-axis", f"it says {axis.text.strip()[:10]}; ignored, as RViz does")
-        scene = self._root.first("scene", "instance_visual_scene")
-        visual = self._target(scene.get("url") if scene else None) or self._root.first(
+        scene = self._root.find_first("scene", "instance_visual_scene")
+        visual = self._target(scene.get("url") if scene else None) or self._root.find_first(
             "library_visual_scenes", "visual_scene"
         )
         base = np.diag([metre, metre, metre, 1.0])
         if visual is not None:
-            surfaces = [s for node in visual.all("node") for s in self._node(node, base, 0)]
+            surfaces = [s for node in visual.find_all("node") for s in self._node(node, base, 0)]
         else:
-            library = self._root.first("library_geometries")
+            library = self._root.find_first("library_geometries")
             surfaces = [s for g in (library.children if library else []) for s in self._geometry(g, base, {})]
-        return Mesh(tuple(surfaces), self._notes.entries())
+        return Mesh(tuple(surfaces), self._notes.list_entries())
 
     def _target(self, url: str | None) -> Element | None:
-        return target_of(self._ids, url)
+        return find_target(self._ids, url)
 
     # ---- scene ----
 
@@ -178,12 +178,12 @@ class _Reader:
 
     def _read_base(self, controller: Element) -> tuple[Transform, Element] | None:
         """What a controller bends, and where it was bound."""
-        how = controller.first("skin") or controller.first("morph")
+        how = controller.find_first("skin") or controller.find_first("morph")
         source = self._target(how.get("source")) if how else None
         if how is None or source is None:
             return None
-        bind = how.first("bind_shape_matrix")
-        values = floats_of(bind) if bind else np.zeros(0)
+        bind = how.find_first("bind_shape_matrix")
+        values = extract_floats(bind) if bind else np.zeros(0)
         known = len(values) == 16 and bool(np.isfinite(values).all())
         return values.reshape(4, 4) if known else np.eye(4), source
 
@@ -192,8 +192,8 @@ class _Reader:
         if id(geometry) not in self._pieces:
             self._pieces[id(geometry)] = list(self._read_pieces(geometry))
         for piece in self._pieces[id(geometry)]:
-            self._expansion.place(len(piece.faces))
-            paint = self._materials.paint(bound.get(piece.symbol) or piece.url)
+            self._expansion.add_part(len(piece.faces))
+            paint = self._materials.find_paint(bound.get(piece.symbol) or piece.url)
             textured = self._keep_uv or (paint is not None and paint.texture is not None)
             yield _placed(piece, at, paint, textured)
 
@@ -205,7 +205,7 @@ class _Reader:
     # ---- geometry ----
 
     def _read_pieces(self, geometry: Element) -> Iterator[_Piece]:
-        mesh = geometry.first("mesh")
+        mesh = geometry.find_first("mesh")
         for element in mesh.children if mesh else ():
             if element.tag not in ("triangles", "polylist", "polygons", "tristrips", "trifans"):
                 continue
@@ -218,7 +218,7 @@ class _Reader:
                 continue
             offset, source = inputs["POSITION"]
             positions = self._source(source, 3)
-            kept, faces = used_vertices(numbers[corners, offset].reshape(-1), len(positions))
+            kept, faces = select_used_vertices(numbers[corners, offset].reshape(-1), len(positions))
             uv, colours = (
                 self._of_corners(inputs, semantic, width, numbers, corners)
                 for semantic, width in (("TEXCOORD", 2), ("COLOR", 3))
@@ -245,8 +245,8 @@ class _Reader:
     def _inputs(self, element: Element) -> dict[str, Input]:
         """Offset and source by semantic; the first set of each."""
         found: dict[str, Input] = {}
-        for entry in element.all("input"):
-            offset = int(float_of(entry.get("offset"), 0))
+        for entry in element.find_all("input"):
+            offset = int(convert_float(entry.get("offset"), 0))
             target = self._target(entry.get("source"))
             if not 0 <= offset < 64 or target is None:
                 continue
@@ -262,7 +262,7 @@ class _Reader:
         if id(vertices) not in self._vertices:
             found: dict[str, Element] = {}
             self._vertices[id(vertices)] = found
-            for entry in vertices.all("input"):
+            for entry in vertices.find_all("input"):
                 semantic, target = entry.get("semantic") or "", self._target(entry.get("source"))
                 if semantic in SEMANTICS and target is not None:
                     found.setdefault(semantic, target)
@@ -270,15 +270,15 @@ class _Reader:
 
     def _source(self, source: Element, width: int) -> NDArray[np.float64]:
         """(n, width) floats; ModelRefused when the array is shorter than it says."""
-        accessor = source.first("technique_common", "accessor")
-        array = self._target(accessor.get("source") if accessor else None) or source.first("float_array")
+        accessor = source.find_first("technique_common", "accessor")
+        array = self._target(accessor.get("source") if accessor else None) or source.find_first("float_array")
         if array is None:
             raise ModelRefused("vertices without numbers", source.line)
         if id(array) not in self._arrays:
-            self._arrays[id(array)] = floats_of(array)
+            self._arrays[id(array)] = extract_floats(array)
         values = self._arrays[id(array)]
-        stride = int(float_of(accessor.get("stride") if accessor else None, width))
-        offset = int(float_of(accessor.get("offset") if accessor else None, 0))
+        stride = int(convert_float(accessor.get("stride") if accessor else None, width))
+        offset = int(convert_float(accessor.get("offset") if accessor else None, 0))
         if not width <= stride <= 256 or not 0 <= offset <= len(values):
             raise ModelRefused("vertices of an impossible stride", source.line)
         rows = (len(values) - offset) // stride
@@ -295,7 +295,7 @@ INSTANCES = {
 
 
 def _bindings(instance: Element) -> dict[str, str]:
-    common = instance.first("bind_material", "technique_common")
+    common = instance.find_first("bind_material", "technique_common")
     return {e.get("symbol") or "": e.get("target") or "" for e in (common.children if common else ())}
 
 
@@ -319,9 +319,9 @@ def _placed(piece: _Piece, at: Transform, paint: Paint | None, textured: bool) -
 
 def _corners(element: Element, stride: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """All corners' indices (n, stride), and the triangles (m, 3) as numbers of corners."""
-    lists = [integers_of(p) for p in element.all("p")]
-    for hole in element.all("ph"):
-        lists += [integers_of(p) for p in hole.all("p")]
+    lists = [extract_integers(p) for p in element.find_all("p")]
+    for hole in element.find_all("ph"):
+        lists += [extract_integers(p) for p in hole.find_all("p")]
     numbers = np.concatenate(lists) if lists else np.zeros(0, np.int64)
     if any(len(x) % stride for x in lists):
         raise ModelRefused("a list of corners ends within a corner", element.line)
@@ -330,13 +330,13 @@ def _corners(element: Element, stride: int) -> tuple[NDArray[np.int64], NDArray[
     if element.tag == "triangles":
         return numbers, np.arange(len(numbers) // 3 * 3).reshape(-1, 3)
     if element.tag == "polylist":
-        vcount = element.first("vcount")
-        counts = integers_of(vcount) if vcount else np.zeros(0, np.int64)
+        vcount = element.find_first("vcount")
+        counts = extract_integers(vcount) if vcount else np.zeros(0, np.int64)
         if len(counts) and (counts.min() < 0 or counts.max() > len(numbers) or counts.sum() > len(numbers)):
             raise ModelRefused("polygons of more corners than there are", element.line)
-        return numbers, fans(counts)
+        return numbers, triangulate_fans(counts)
     if element.tag in ("polygons", "trifans"):
-        return numbers, fans(lengths)
+        return numbers, triangulate_fans(lengths)
     strips = []
     for first, length in zip(np.cumsum(lengths) - lengths, lengths, strict=True):
         i = np.arange(max(length - 2, 0)) + first
@@ -347,7 +347,7 @@ def _corners(element: Element, stride: int) -> tuple[NDArray[np.int64], NDArray[
 
 def _transform(element: Element) -> Transform:
     matrix = np.eye(4)
-    values = floats_of(element)
+    values = extract_floats(element)
     if len(values) != {"matrix": 16, "rotate": 4}.get(element.tag, 3) or not np.isfinite(values).all():
         raise ModelRefused(f"a <{element.tag}> of {len(values)} numbers", element.line)
     if element.tag == "matrix":

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from posecast_edge.model.finding import ModelRefused, quoted
-from posecast_edge.model.meshes.collada_numbers import float_of, rgba_of
+from posecast_edge.model.finding import ModelRefused, quote_name
+from posecast_edge.model.meshes.collada_numbers import convert_float, extract_rgba
 from posecast_edge.model.meshes.mesh import Load, Notes, Paint
 from posecast_edge.model.meshes.texture import Pictures
 from posecast_edge.model.urdf.xml_tree import Element
@@ -17,7 +17,7 @@ NAME_MAX = 4096  # characters
 SHADERS = ("phong", "lambert", "blinn", "constant")
 
 
-def target_of(ids: Mapping[str, Element], url: str | None) -> Element | None:
+def find_target(ids: Mapping[str, Element], url: str | None) -> Element | None:
     """The element that `#id` names."""
     return ids.get(url[1:]) if url and url.startswith("#") else None
 
@@ -33,12 +33,12 @@ class Materials:
         self._paints: dict[str, Paint | None] = {}  # by URL
         self._effects: dict[int, Paint | None] = {}
 
-    def paint(self, url: str) -> Paint | None:
+    def find_paint(self, url: str) -> Paint | None:
         """Of the material that a URL names; None when it names none, or the material none."""
         if url not in self._paints:
-            material = target_of(self._ids, url)
-            instance = material.first("instance_effect") if material else None
-            effect = target_of(self._ids, instance.get("url")) if instance else None
+            material = find_target(self._ids, url)
+            instance = material.find_first("instance_effect") if material else None
+            effect = find_target(self._ids, instance.get("url")) if instance else None
             self._paints[url] = self._of_effect(effect) if effect else None
         return self._paints[url]
 
@@ -49,31 +49,31 @@ class Materials:
         return self._effects[id(effect)]
 
     def _read_paint(self, effect: Element) -> Paint | None:
-        profile = effect.first("profile_COMMON")
-        technique = profile.first("technique") if profile else None
+        profile = effect.find_first("profile_COMMON")
+        technique = profile.find_first("technique") if profile else None
         shader = next((c for c in technique.children if c.tag in SHADERS), None) if technique else None
         if profile is None or shader is None:
             return None
-        colour = shader.first("emission" if shader.tag == "constant" else "diffuse")
+        colour = shader.find_first("emission" if shader.tag == "constant" else "diffuse")
         alpha = self._opacity(shader)
-        texture = colour.first("texture") if colour else None
+        texture = colour.find_first("texture") if colour else None
         if texture is not None:
             picture = self._picture(profile, texture.get("texture") or "")
             return Paint((1.0, 1.0, 1.0, alpha) if picture else (0.8, 0.8, 0.8, alpha), picture)
-        color = colour.first("color") if colour else None
+        color = colour.find_first("color") if colour else None
         if color is None:
             return None
-        r, g, b, _ = rgba_of(color)
+        r, g, b, _ = extract_rgba(color)
         return Paint((r, g, b, alpha))
 
     def _opacity(self, shader: Element) -> float:
-        transparent = shader.first("transparent")
-        amount = shader.first("transparency", "float")
+        transparent = shader.find_first("transparent")
+        amount = shader.find_first("transparency", "float")
         if transparent is None and amount is None:
             return 1.0
-        color = transparent.first("color") if transparent else None
-        r, g, b, a = rgba_of(color) if color else (1.0, 1.0, 1.0, 1.0)
-        factor = float_of(amount.text if amount else None, 1.0)
+        color = transparent.find_first("color") if transparent else None
+        r, g, b, a = extract_rgba(color) if color else (1.0, 1.0, 1.0, 1.0)
+        factor = convert_float(amount.text if amount else None, 1.0)
         mode = (transparent.get("opaque") if transparent else None) or "A_ONE"
         light = 0.2126 * r + 0.7152 * g + 0.0722 * b
         alpha = {"RGB_ZERO": 1 - light * factor, "A_ZERO": 1 - a * factor, "RGB_ONE": light * factor}.get(
@@ -85,22 +85,22 @@ class Materials:
 
     def _picture(self, profile: Element, name: str) -> bytes | None:
         """sampler → surface → image, or the image at once, as some exporters write it."""
-        params = {p.get("sid") or "": p for p in profile.all("newparam")}
+        params = {p.get("sid") or "": p for p in profile.find_all("newparam")}
         for path in (("sampler2D", "source"), ("surface", "init_from")):
             param = params.get(name)
-            inner = param.first(*path) if param else None
+            inner = param.find_first(*path) if param else None
             if inner is not None:
                 name = _name(inner)
         param = params.get(name)
-        instance = param.first("sampler2D", "instance_image") if param else None  # 1.5
-        image = target_of(self._ids, instance.get("url")) if instance else self._ids.get(name)
-        source = image.first("init_from") if image else None
-        ref = source.first("ref") if source else None
+        instance = param.find_first("sampler2D", "instance_image") if param else None  # 1.5
+        image = find_target(self._ids, instance.get("url")) if instance else self._ids.get(name)
+        source = image.find_first("init_from") if image else None
+        ref = source.find_first("ref") if source else None
         file = _name(ref) if ref else _name(source) if source else name.strip()
         try:
-            return self._pictures.checked(self._load(file))
+            return self._pictures.validate(self._load(file))
         except ModelRefused as e:
-            self._notes.add("texture", f"its texture {quoted(file)}: {e.reason}")
+            self._notes.add("texture", f"its texture {quote_name(file)}: {e.reason}")
             return None
 
 

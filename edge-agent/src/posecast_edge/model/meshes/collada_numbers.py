@@ -16,21 +16,21 @@ from posecast_edge.model.urdf.xml_tree import Element
 T = TypeVar("T", np.float64, np.int64)
 
 
-def rgba_of(element: Element) -> Rgba:
+def extract_rgba(element: Element) -> Rgba:
     """Four numbers from 0 to 1; light grey where they are none."""
-    values = floats_of(element)
+    values = extract_floats(element)
     if len(values) < 3 or not np.isfinite(values).all():
         return (0.8, 0.8, 0.8, 1.0)
     r, g, b, a = (min(max(float(v), 0.0), 1.0) for v in (*values[:3], values[3] if len(values) > 3 else 1.0))
     return (r, g, b, a)
 
 
-def floats_of(element: Element) -> NDArray[np.float64]:
+def extract_floats(element: Element) -> NDArray[np.float64]:
     """All numbers in it. ModelRefused when something else stands there."""
     return _numbers(element, np.float64)
 
 
-def integers_of(element: Element) -> NDArray[np.int64]:
+def extract_integers(element: Element) -> NDArray[np.int64]:
     """All whole numbers in it. ModelRefused when something else stands there."""
     return _numbers(element, np.int64)
 
@@ -46,7 +46,7 @@ def _numbers(element: Element, kind: type[T]) -> NDArray[T]:
             raise ModelRefused("a list of numbers that are none", element.line) from None
 
 
-def float_of(text: str | None, default: float) -> float:
+def convert_float(text: str | None, default: float) -> float:
     """One finite number; the default where there is none."""
     try:
         value = float(text) if text is not None else default

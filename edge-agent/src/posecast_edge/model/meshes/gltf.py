@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from posecast_edge.model.finding import ModelRefused, printable, quoted
-from posecast_edge.model.kinematics import from_quaternion
+from posecast_edge.model.finding import ModelRefused, make_printable, quote_name
+from posecast_edge.model.kinematics import matrix_from_quaternion
 from posecast_edge.model.meshes.mesh import (
     Expansion,
     Floats,
@@ -20,8 +20,8 @@ from posecast_edge.model.meshes.mesh import (
     Notes,
     Paint,
     Surface,
-    share,
-    used_vertices,
+    clip_to_unit,
+    select_used_vertices,
 )
 from posecast_edge.model.meshes.texture import Pictures
 
@@ -38,9 +38,9 @@ def read_gltf(data: bytes, load: Load, pictures: Pictures | None = None) -> Mesh
     document, binary = _chunks(data) if data[:4] == b"glTF" else (_json(data), None)
     try:
         reader = _Reader(document, binary, load, pictures or Pictures(), len(data))
-        return Mesh(tuple(reader.surfaces()), reader.notes.entries())
+        return Mesh(tuple(reader.surfaces()), reader.notes.list_entries())
     except (LookupError, TypeError, AttributeError, ValueError, ArithmeticError, RecursionError) as e:
-        said = printable(f"{type(e).__name__} {str(e)[:60]}")
+        said = make_printable(f"{type(e).__name__} {str(e)[:60]}")
         raise ModelRefused(f"its glTF is broken: {said}") from None
 
 
@@ -88,7 +88,7 @@ class _Reader:
         self.notes = Notes()
         unknown = sorted({name for name in document.get("extensionsRequired", []) if name not in KNOWN})
         if unknown:
-            raise ModelRefused(f"it needs {printable(unknown[0][:60])}; export it without compression")
+            raise ModelRefused(f"it needs {make_printable(unknown[0][:60])}; export it without compression")
 
     def surfaces(self) -> Iterator[Surface]:
         document = self._document
@@ -117,19 +117,19 @@ class _Reader:
     def _primitive(self, primitive: dict[str, Any], at: NDArray[np.float64]) -> Surface | None:
         mode = primitive.get("mode", 4)
         if mode not in (4, 5, 6):
-            self._expansion.place(0)
+            self._expansion.add_part(0)
             return None  # points and lines
         attributes = primitive["attributes"]
         count = len(self._accessor(attributes["POSITION"], 3)[0])
         indices = self._accessor(primitive["indices"], 1)[0] if "indices" in primitive else None
         corners = count if indices is None else len(indices)
         triangles = corners // 3 if mode == 4 else max(corners - 2, 0)
-        self._expansion.place(triangles)
+        self._expansion.add_part(triangles)
         if not triangles:
             return None
         corners = 3 * triangles if mode == 4 else corners
         numbers = np.arange(corners) if indices is None else indices[:corners, 0].astype(np.int64)
-        kept, place = used_vertices(numbers, count)
+        kept, place = select_used_vertices(numbers, count)
         uv = None
         if "TEXCOORD_0" in attributes:
             uv = self._values(attributes["TEXCOORD_0"], 2, kept, count).astype(np.float32)
@@ -193,7 +193,7 @@ class _Reader:
                 self._buffers[number] = self._binary
             else:
                 self._buffers[number] = data = self._resource(uri)
-                self._expansion.hold(len(data))
+                self._expansion.add_bytes(len(data))
         return self._buffers[number]
 
     def _resource(self, uri: Any) -> bytes:
@@ -211,7 +211,7 @@ class _Reader:
         try:
             return self._load(uri)
         except ModelRefused as e:
-            raise ModelRefused(f"its file {quoted(uri, 40)}: {e.reason}") from None
+            raise ModelRefused(f"its file {quote_name(uri, 40)}: {e.reason}") from None
 
     def _paint(self, index: int | None) -> Paint | None:
         if index is None:
@@ -223,7 +223,7 @@ class _Reader:
 
     def _read_paint(self, material: dict[str, Any]) -> Paint:
         pbr = material.get("pbrMetallicRoughness", {})
-        r, g, b, a = (share(float(x)) for x in pbr.get("baseColorFactor", (1, 1, 1, 1)))
+        r, g, b, a = (clip_to_unit(float(x)) for x in pbr.get("baseColorFactor", (1, 1, 1, 1)))
         alpha = a if material.get("alphaMode") == "BLEND" and a >= 0.02 else 1.0
         rgba = (_display(r), _display(g), _display(b), alpha)
         texture = pbr.get("baseColorTexture")
@@ -235,7 +235,7 @@ class _Reader:
         if number not in self._images:
             try:
                 data = self._image(_at(self._document["images"], number))
-                self._images[number] = self._pictures.checked(data)
+                self._images[number] = self._pictures.validate(data)
             except ModelRefused as e:
                 self.notes.add("texture", f"a texture in it: {e.reason}")
                 self._images[number] = None
@@ -271,7 +271,9 @@ def _local(node: dict[str, Any]) -> NDArray[np.float64]:
         matrix = np.array(node["matrix"], np.float64).reshape(4, 4).T
     else:
         x, y, z, w = node.get("rotation", (0, 0, 0, 1))
-        matrix = np.array(from_quaternion(node.get("translation", (0, 0, 0)), (w, x, y, z)), np.float64)
+        matrix = np.array(
+            matrix_from_quaternion(node.get("translation", (0, 0, 0)), (w, x, y, z)), np.float64
+        )
         matrix[:3, :3] *= np.array(node.get("scale", (1, 1, 1)), np.float64)
     if not np.isfinite(matrix).all():
         raise ModelRefused("a node that is not finite")

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from posecast_edge.model.finding import ModelRefused, printable
+from posecast_edge.model.finding import ModelRefused, make_printable
 from posecast_edge.model.urdf.types import FAR_M
 
 FILE_MAX = 256 << 20  # bytes of one mesh file
@@ -60,7 +60,7 @@ class Mesh:
         """How many triangles all surfaces have."""
         return sum(len(s.faces) for s in self.surfaces)
 
-    def box(self) -> tuple[Floats, Floats]:
+    def compute_box(self) -> tuple[Floats, Floats]:
         """Lowest and highest corner (x, y, z), metres, of the vertices that triangles use."""
         used = [s.positions[np.unique(s.faces)] for s in self.surfaces]
         return np.min([p.min(0) for p in used], axis=0), np.max([p.max(0) for p in used], axis=0)
@@ -75,11 +75,11 @@ class Expansion:
         self._left = SHOWN_AGAIN_MAX + size
         self._triangles = 0
 
-    def hold(self, size: int) -> None:
+    def add_bytes(self, size: int) -> None:
         """Count `size` bytes that lie beside the file as its own."""
         self._left += size
 
-    def place(self, triangles: int) -> None:
+    def add_part(self, triangles: int) -> None:
         """Count one more part. Raises ModelRefused when the scene is larger than its file may make it."""
         self._triangles += triangles
         self._left -= triangles + PLACING
@@ -100,21 +100,23 @@ class Notes:
     def add(self, code: str, text: str) -> None:
         """Note `text` under `code`, as one line of at most 200 characters."""
         if len(self._found) < NOTES_MAX:
-            self._found[code, printable(text[:200])] = None
+            self._found[code, make_printable(text[:200])] = None
 
-    def entries(self) -> tuple[tuple[str, str], ...]:
+    def list_entries(self) -> tuple[tuple[str, str], ...]:
         """What was noted: (code, text), in the order it came."""
         return tuple(self._found)
 
 
-def share(value: float) -> float:
+def clip_to_unit(value: float) -> float:
     """`value` clipped to 0 … 1. Raises ValueError for what is not finite."""
     if not math.isfinite(value):
         raise ValueError(f"{value} is no share")
     return min(max(value, 0.0), 1.0)
 
 
-def used_vertices(numbers: NDArray[np.int64], count: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def select_used_vertices(
+    numbers: NDArray[np.int64], count: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """The used ones of `count` vertices, ascending, and `numbers` in terms of these: a file's vertices may be
     shared by many surfaces, each of which would else carry all of them.
 
@@ -130,7 +132,7 @@ def used_vertices(numbers: NDArray[np.int64], count: int) -> tuple[NDArray[np.in
     return np.flatnonzero(used), (np.cumsum(used) - 1)[numbers]
 
 
-def checked(mesh: Mesh) -> Mesh:
+def validate_mesh(mesh: Mesh) -> Mesh:
     """The mesh without empty surfaces. Raises ModelRefused when nothing is left, or it can't be drawn."""
     surfaces = []
     for surface in mesh.surfaces:
@@ -155,7 +157,7 @@ def checked(mesh: Mesh) -> Mesh:
     return replace(mesh, surfaces=tuple(surfaces))
 
 
-def fans(counts: NDArray[np.int64]) -> NDArray[np.int64]:
+def triangulate_fans(counts: NDArray[np.int64]) -> NDArray[np.int64]:
     """Corner numbers (m, 3) of triangles that fill polygons of `counts` corners, corners counted through."""
     triangles = np.maximum(counts - 2, 0)
     first = np.repeat(np.cumsum(counts) - counts, triangles)

@@ -10,7 +10,7 @@ from posecast_edge.model.meshes.mesh import Faces, Floats
 Vectors = NDArray[np.float64]
 
 
-def face_normals(positions: Floats, faces: Faces) -> tuple[Vectors, NDArray[np.float64]]:
+def compute_face_normals(positions: Floats, faces: Faces) -> tuple[Vectors, NDArray[np.float64]]:
     """Unit normals (m, 3), 0 for a triangle without area; and areas (m), m²."""
     p = positions.astype(np.float64)
     cross = np.cross(p[faces[:, 1]] - p[faces[:, 0]], p[faces[:, 2]] - p[faces[:, 0]])
@@ -18,14 +18,16 @@ def face_normals(positions: Floats, faces: Faces) -> tuple[Vectors, NDArray[np.f
     return cross / np.where(length > 0, length, 1)[:, None], length / 2
 
 
-def crease_normals(positions: Floats, faces: Faces, crease_deg: float) -> tuple[NDArray[np.int64], Vectors]:
+def compute_crease_normals(
+    positions: Floats, faces: Faces, crease_deg: float
+) -> tuple[NDArray[np.int64], Vectors]:
     """Group of each corner (3m), and the groups' unit normals.
 
     Corners at one vertex are in one group when a chain of edges less sharp than the crease joins their
     triangles. Each triangle counts by its area times its angle at the corner: large flat faces stay flat, and
     a chamfer beside them takes the turn.
     """
-    normals, areas = face_normals(positions, faces)
+    normals, areas = compute_face_normals(positions, faces)
     group = _groups(faces, normals, float(np.cos(np.radians(crease_deg))))
     weights = (_angles(positions, faces) * areas[:, None]).reshape(-1)
     per_corner = np.repeat(normals, 3, axis=0) * weights[:, None]
@@ -62,10 +64,10 @@ def _groups(faces: Faces, normals: Vectors, least_cosine: float) -> NDArray[np.i
     turned = a[one] != a[two]  # neighbours of one orientation run along the edge in opposite ways
     left = np.concatenate([start[one], end[one]])
     right = np.concatenate([np.where(turned, end[two], start[two]), np.where(turned, start[two], end[two])])
-    return np.unique(joined(faces.size, left, right), return_inverse=True)[1].reshape(-1)
+    return np.unique(label_connected(faces.size, left, right), return_inverse=True)[1].reshape(-1)
 
 
-def joined(count: int, left: NDArray[np.int64], right: NDArray[np.int64]) -> NDArray[np.int64]:
+def label_connected(count: int, left: NDArray[np.int64], right: NDArray[np.int64]) -> NDArray[np.int64]:
     """The lowest of the numbers 0 … count - 1 that each hangs together with over the pairs (left, right).
 
     Each round hangs every set's lowest number below a lower one that a pair leads to, and forgets the pairs

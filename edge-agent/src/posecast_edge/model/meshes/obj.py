@@ -7,7 +7,7 @@ from itertools import chain
 
 import numpy as np
 
-from posecast_edge.model.finding import ModelRefused, quoted
+from posecast_edge.model.finding import ModelRefused, quote_name
 from posecast_edge.model.meshes.mesh import (
     TEXT_MAX,
     TRIANGLES_MAX,
@@ -18,9 +18,9 @@ from posecast_edge.model.meshes.mesh import (
     Paint,
     Rgba,
     Surface,
-    fans,
-    share,
-    used_vertices,
+    clip_to_unit,
+    select_used_vertices,
+    triangulate_fans,
 )
 from posecast_edge.model.meshes.texture import Pictures
 
@@ -78,7 +78,7 @@ def read_obj(data: bytes, load: Load, keep_uv: bool = False, pictures: Pictures 
             paint = library.paint(name)
             pictured = keep_uv or (paint is not None and paint.texture is not None)
             surfaces.append(_surface(group, positions, uv if pictured else None, paint, colours))
-    return Mesh(tuple(surfaces), notes.entries())
+    return Mesh(tuple(surfaces), notes.list_entries())
 
 
 def _face(group: _Group, rest: bytes, vertices: int, textures: int) -> int:
@@ -123,8 +123,8 @@ def _words(line: bytes, count: int) -> list[bytes]:
 def _surface(
     group: _Group, positions: Floats, uv: Floats | None, paint: Paint | None, colours: Floats | None
 ) -> Surface:
-    corners = fans(np.array(group.counts, np.int64))
-    kept, vertex = used_vertices(np.array(group.vertex, np.int64), len(positions))
+    corners = triangulate_fans(np.array(group.counts, np.int64))
+    kept, vertex = select_used_vertices(np.array(group.vertex, np.int64), len(positions))
     texture = np.array(group.texture, np.int64)
     if uv is None or texture.min() < 0 or texture.max() >= len(uv):
         own = None if colours is None else colours[kept]
@@ -163,7 +163,7 @@ class _Library:
         try:
             text = self._load(name).decode("utf-8", "replace")
         except ModelRefused as e:
-            self._notes.add("material-file", f"its material library {quoted(name)}: {e.reason}")
+            self._notes.add("material-file", f"its material library {quote_name(name)}: {e.reason}")
             return
         paints: dict[str, Paint] = {}
         current = ""
@@ -182,17 +182,17 @@ class _Library:
         rgba: Rgba = paint.rgba
         try:
             if key == "kd" and len(words) >= 3:
-                r, g, b = (share(float(word)) for word in words[:3])
+                r, g, b = (clip_to_unit(float(word)) for word in words[:3])
                 rgba = (r, g, b, paint.rgba[3])
             elif key in ("d", "tr"):
                 a = float(words[-1]) if key == "d" else 1 - float(words[0])
                 rgba = (*paint.rgba[:3], a if 0.02 < a < 1 else 1.0)
             elif key == "map_kd":
-                return Paint(rgba, self._pictures.checked(self._load(_picture_name(words))))
+                return Paint(rgba, self._pictures.validate(self._load(_picture_name(words))))
         except ValueError:
             return paint
         except ModelRefused as e:
-            self._notes.add("texture", f"its texture {quoted(rest[-80:])}: {e.reason}")
+            self._notes.add("texture", f"its texture {quote_name(rest[-80:])}: {e.reason}")
             return paint
         return Paint(rgba, paint.texture)
 

@@ -17,7 +17,7 @@ def tessellate(kind: str, dims: Sequence[float]) -> Mesh:
     """box (x, y, z), cylinder or capsule (radius, length), sphere (radius); metres. A picture lies on each
     side of a box, around a cylinder and on its ends, and as a map of the world on a sphere."""
     if kind == "box":
-        return box(np.zeros(3), np.array(dims))
+        return make_box(np.zeros(3), np.array(dims))
     if kind == "cylinder":
         radius, length = dims
         side = _turned([(radius, -length / 2), (radius, length / 2)])
@@ -31,7 +31,7 @@ def tessellate(kind: str, dims: Sequence[float]) -> Mesh:
     return Mesh((_turned(profile),))
 
 
-def box(centre: NDArray[np.float64], size: NDArray[np.float64]) -> Mesh:
+def make_box(centre: NDArray[np.float64], size: NDArray[np.float64]) -> Mesh:
     """A box of that size (x, y, z) about a centre."""
     corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * size / 2 + centre
     # each side from its lower left, against the clock

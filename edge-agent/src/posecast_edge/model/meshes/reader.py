@@ -5,14 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from posecast_edge.model.finding import ModelRefused, quoted
+from posecast_edge.model.finding import ModelRefused, quote_name
 from posecast_edge.model.meshes.collada import read_collada
 from posecast_edge.model.meshes.gltf import read_gltf
-from posecast_edge.model.meshes.mesh import FILE_MAX, Mesh, checked
+from posecast_edge.model.meshes.mesh import FILE_MAX, Mesh, validate_mesh
 from posecast_edge.model.meshes.obj import read_obj
 from posecast_edge.model.meshes.side_files import SideFiles, read_bounded
 from posecast_edge.model.meshes.stl import read_stl
-from posecast_edge.model.meshes.vertex_colour import by_colours
+from posecast_edge.model.meshes.vertex_colour import split_all_by_colour
 from posecast_edge.model.urdf.resolver import Resolver
 
 
@@ -22,14 +22,14 @@ def read_mesh(path: Path, resolver: Resolver, keep_uv: bool = False, shelf: Side
     `keep_uv`: the URDF has a picture for it, so coordinates matter also where the file itself names none.
     `shelf`: of the robot, where meshes share what they name.
     """
-    mesh = checked(_read(path, resolver, keep_uv, shelf or SideFiles()))
-    return replace(mesh, surfaces=tuple(by_colours(mesh.surfaces)))
+    mesh = validate_mesh(_read(path, resolver, keep_uv, shelf or SideFiles()))
+    return replace(mesh, surfaces=tuple(split_all_by_colour(mesh.surfaces)))
 
 
 def _read(path: Path, resolver: Resolver, keep_uv: bool, shelf: SideFiles) -> Mesh:
     data = read_bounded(path, FILE_MAX)
     _refuse_the_obvious(data)
-    suffix, load = path.suffix.lower(), shelf.of(path, resolver)
+    suffix, load = path.suffix.lower(), shelf.make_loader(path, resolver)
     if data[:4] == b"glTF" or suffix == ".gltf":
         return read_gltf(data, load, shelf.pictures)
     if suffix == ".stl":
@@ -40,7 +40,7 @@ def _read(path: Path, resolver: Resolver, keep_uv: bool, shelf: SideFiles) -> Me
         return read_obj(data, load, keep_uv, shelf.pictures)
     if suffix == ".glb":
         raise ModelRefused("no glTF 2.0 binary")
-    raise ModelRefused(f"{quoted(suffix)} is no kind of mesh that is read")
+    raise ModelRefused(f"{quote_name(suffix)} is no kind of mesh that is read")
 
 
 def _refuse_the_obvious(data: bytes) -> None:

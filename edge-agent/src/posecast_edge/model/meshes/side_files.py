@@ -39,7 +39,7 @@ class SideFiles:
         self._held: dict[Path, bytes] = {}
         self._left = {kind: bound.all for kind, bound in BOUNDS.items()}
 
-    def of(self, mesh: Path, resolver: Resolver) -> Load:
+    def make_loader(self, mesh: Path, resolver: Resolver) -> Load:
         """What gives the files that this mesh names; ModelRefused says why there is none."""
         told: dict[str, bytes | ModelRefused] = {}
 
@@ -48,7 +48,7 @@ class SideFiles:
                 raise ModelRefused(f"it names more than {NAMES_MAX} files")
             if name not in told:
                 try:
-                    told[name] = self._read(resolver.beside(mesh, name))
+                    told[name] = self._read(resolver.find_beside(mesh, name))
                 except ModelRefused as e:
                     told[name] = e
             found = told[name]
@@ -58,9 +58,9 @@ class SideFiles:
 
         return load
 
-    def picture(self, path: Path) -> bytes:
+    def get_picture(self, path: Path) -> bytes:
         """The bytes of a picture file. Raises ModelRefused when it can't be read or shown."""
-        return self.pictures.checked(self._read(path))
+        return self.pictures.validate(self._read(path))
 
     def _read(self, path: Path) -> bytes:
         if path in self._held:

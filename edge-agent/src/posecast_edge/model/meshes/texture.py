@@ -11,7 +11,7 @@ from functools import lru_cache
 
 from PIL import Image
 
-from posecast_edge.model.finding import ModelRefused, printable
+from posecast_edge.model.finding import ModelRefused, make_printable
 
 FORMATS = ("PNG", "JPEG", "BMP", "TGA", "TIFF", "WEBP", "GIF")
 PIXELS_MAX = 4096 * 4096  # of one picture, which a file of 50 kB can unpack to; they take four bytes each
@@ -46,7 +46,7 @@ class Pictures:
         self._reasons: dict[bytes, str] = {}  # why a picture can't be used, "" where it can
         self._pixels = self._claimed = 0
 
-    def checked(self, data: bytes) -> bytes:
+    def validate(self, data: bytes) -> bytes:
         """The same. ModelRefused when it is no picture, a broken one, or too large."""
         if data not in self._reasons:
             self._reasons[data] = self._look_at(data)
@@ -73,7 +73,7 @@ class Pictures:
 
 
 @lru_cache(LOOKS_MAX)
-def fitted(data: bytes, side_max: int) -> Picture:
+def fit_picture(data: bytes, side_max: int) -> Picture:
     """At most `side_max` pixels a side; a PNG or JPEG that fits is kept. ModelRefused when it is none."""
     with _reading():
         image = _opened(data)
@@ -94,13 +94,13 @@ def fitted(data: bytes, side_max: int) -> Picture:
         return Picture(out.getvalue(), "image/jpeg")
 
 
-def checked_picture(data: bytes) -> bytes:
+def validate_picture(data: bytes) -> bytes:
     """The same. ModelRefused when it is no picture, a broken one, or far too large."""
-    return Pictures().checked(data)
+    return Pictures().validate(data)
 
 
 @lru_cache(LOOKS_MAX)
-def mean_colour(data: bytes) -> tuple[float, float, float]:
+def compute_mean_colour(data: bytes) -> tuple[float, float, float]:
     """Its mean as display values 0 … 1. ModelRefused when it is no picture."""
     with _reading():
         shown = _plain(_opened(data), LOOK).convert("RGB")
@@ -154,5 +154,5 @@ def _reading() -> Iterator[None]:
     except ModelRefused:
         raise
     except Exception as e:
-        said = printable(str(e)[:60])
+        said = make_printable(str(e)[:60])
         raise ModelRefused(f"no picture that is read: {said or type(e).__name__}") from None

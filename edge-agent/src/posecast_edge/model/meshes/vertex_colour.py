@@ -21,16 +21,16 @@ FEW = 1000  # triangles: so few may be parted however they like
 RAGGED = 0.3  # of all edges lying between colours: no parts, but a picture
 
 
-def by_colours(surfaces: Sequence[Surface]) -> list[Surface]:
+def split_all_by_colour(surfaces: Sequence[Surface]) -> list[Surface]:
     """Surfaces of one paint each. Where all vertices of a file without materials have one colour, that is
     spare: such a layer is more often an exporter's habit than the robot's colour, and RViz shows none."""
-    parts = [part for surface in surfaces for part in by_colour(surface)]
+    parts = [part for surface in surfaces for part in split_by_colour(surface)]
     if any(surface.paint for surface in surfaces) or len({part.paint for part in parts}) > 1:
         return parts
     return [replace(part, paint=None, spare=part.paint) for part in parts]
 
 
-def by_colour(surface: Surface) -> Iterator[Surface]:
+def split_by_colour(surface: Surface) -> Iterator[Surface]:
     """Surfaces of one paint each; the same where there are no colours, or only black: a layer left empty."""
     if surface.colours is None or surface.colours.max() < DARK:
         yield replace(surface, colours=None)

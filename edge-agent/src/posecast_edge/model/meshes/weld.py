@@ -11,7 +11,7 @@ CELLS = 1 << 20  # along the longest side: what is nearer than this is one verte
 CROWD_MAX = 1000  # triangles at one vertex; the densest of real robots have some hundred
 
 
-def weld(surface: Surface) -> Surface:
+def weld_vertices(surface: Surface) -> Surface:
     """The same with one vertex per place (and texture coordinate); without triangles that have no area, or
     stand twice."""
     positions = surface.positions
@@ -25,11 +25,11 @@ def weld(surface: Surface) -> Surface:
     else:
         rows = np.column_stack([key, np.round(np.clip(uv, -1e6, 1e6) * 65536).astype(np.int64)])
         _, first, number = np.unique(rows, axis=0, return_index=True, return_inverse=True)
-    faces = unique_faces(number.reshape(-1)[surface.faces], len(first))
+    faces = drop_duplicate_faces(number.reshape(-1)[surface.faces], len(first))
     return Surface(positions[first], faces, None if uv is None else uv[first], surface.paint)
 
 
-def unique_faces(faces: NDArray[np.int64], vertices: int) -> Faces:
+def drop_duplicate_faces(faces: NDArray[np.int64], vertices: int) -> Faces:
     """Triangles with three different corners, each once (its back is another one), in their order."""
     a, b, c = faces[:, 0], faces[:, 1], faces[:, 2]
     faces = faces[(a != b) & (b != c) & (c != a)]
@@ -44,7 +44,7 @@ def unique_faces(faces: NDArray[np.int64], vertices: int) -> Faces:
     return kept
 
 
-def crowded_faces(
+def find_crowded_faces(
     faces: NDArray[np.int64] | Faces, place: NDArray[np.int64] | None = None
 ) -> NDArray[np.bool_]:
     """Which triangles touch a vertex that more than CROWD_MAX of them share: what goes round a vertex again
@@ -54,7 +54,7 @@ def crowded_faces(
     return np.asarray(crowded.any(axis=1), np.bool_)
 
 
-def used_only(faces: Faces) -> tuple[NDArray[np.int64], Faces]:
+def drop_unused_vertices(faces: Faces) -> tuple[NDArray[np.int64], Faces]:
     """Numbers of the used vertices in the order of first use, and the faces in terms of these."""
     flat = faces.reshape(-1)
     used, first, number = np.unique(flat, return_index=True, return_inverse=True)

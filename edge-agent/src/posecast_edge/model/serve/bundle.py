@@ -16,10 +16,10 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from urllib.parse import unquote, urlsplit
 
-from posecast_edge.model.finding import ModelRefused, printable
+from posecast_edge.model.finding import ModelRefused, make_printable
 from posecast_edge.model.serve.bundle_dir import check_folder
 from posecast_edge.model.urdf.reader import load_urdf
-from posecast_edge.model.urdf.resolver import URI_MAX, Resolver, real_path
+from posecast_edge.model.urdf.resolver import URI_MAX, Resolver, resolve_links
 from posecast_edge.model.urdf.types import Urdf
 
 log = logging.getLogger("posecast_edge.model")
@@ -97,8 +97,8 @@ def load_bundle(urdf: Path, packages: Sequence[Path] = ()) -> Bundle:
     found, or lies outside the model's folders (resolve.py), stands in `missing`."""
     try:
         uris = list(dict.fromkeys(_uris(load_urdf(urdf))))
-        name = printable(urdf.name)
-        files = [_file(real_path(urdf), name, name)]
+        name = make_printable(urdf.name)
+        files = [_file(resolve_links(urdf), name, name)]
     except ModelRefused as e:
         raise ModelError(
             f"{urdf}: {e.reason}" if e.line is None else f"{urdf}: line {e.line}: {e.reason}"
@@ -119,7 +119,7 @@ def load_bundle(urdf: Path, packages: Sequence[Path] = ()) -> Bundle:
 
 def _found(resolver: Resolver, uri: str, taken: Counter[str]) -> BundleFile | None:
     try:
-        path = resolver.find(uri).path
+        path = resolver.find_file(uri).path
         return _file(path, _free_path(uri, taken), uri) if path.suffix.lower() in TYPES else None
     except (ModelRefused, OSError):
         return None

@@ -68,7 +68,7 @@ def read_folder(folder: Path) -> dict[str, bytes]:
 def check_folder(folder: Path) -> tuple[bytes, list[BundleEntry]]:
     """The manifest, and its files by name. ModelRefused unless each is what the manifest says; OSError."""
     manifest = _read(folder / MANIFEST, MANIFEST_MAX)
-    entries = entries_of(manifest)
+    entries = list_entries(manifest)
     for path, size, digest in entries:
         sha, length = hashlib.sha256(), 0
         for chunk in _chunks(folder / path, size):
@@ -79,7 +79,7 @@ def check_folder(folder: Path) -> tuple[bytes, list[BundleEntry]]:
     return manifest, entries
 
 
-def entries_of(manifest: bytes) -> list[BundleEntry]:
+def list_entries(manifest: bytes) -> list[BundleEntry]:
     """The files that a version 2 manifest names. ModelRefused when it is none."""
     try:
         document: dict[str, Any] = json.loads(manifest)
@@ -111,7 +111,7 @@ def _fits(entry: BundleEntry) -> bool:
 def _names_in(folder: Path) -> set[str]:
     """The files of the bundle that lies there, none in an empty folder."""
     try:
-        return {path for path, _, _ in entries_of(_read(folder / MANIFEST, MANIFEST_MAX))}
+        return {path for path, _, _ in list_entries(_read(folder / MANIFEST, MANIFEST_MAX))}
     except FileNotFoundError:
         if any(folder.iterdir()):
             raise ModelRefused("the folder is not empty and holds no bundle; nothing was written") from None

@@ -17,14 +17,14 @@ from pathlib import Path
 
 from posecast_edge.model.finding import ModelRefused
 from posecast_edge.model.serve.bundle_dir import read_folder, write_folder
-from posecast_edge.model.urdf.resolver import Resolver, real_path
+from posecast_edge.model.urdf.resolver import Resolver, resolve_links
 
 ENTRIES = 16
 INPUTS = "inputs.json"
 BUILDER = 6  # goes up when the same input gives another bundle
 
 
-def cache_folder(environment: Mapping[str, str]) -> Path | None:
+def find_cache_folder(environment: Mapping[str, str]) -> Path | None:
     """Where the entries lie (XDG base directories); None for a user without a home."""
     base = environment.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
     return Path(base, "posecast", "models") if os.path.isabs(base) else None
@@ -34,9 +34,9 @@ class Cache:
     """Entries for one URDF and its package folders."""
 
     def __init__(self, folder: Path, urdf: Path, packages: Sequence[Path]) -> None:
-        self._urdf = real_path(urdf)
+        self._urdf = resolve_links(urdf)
         self._packages = packages
-        name = "\0".join(map(str, (BUILDER, self._urdf, *map(real_path, packages))))
+        name = "\0".join(map(str, (BUILDER, self._urdf, *map(resolve_links, packages))))
         self._entry = folder / hashlib.sha256(os.fsencode(name)).hexdigest()[:32]
 
     def get(self) -> dict[str, bytes] | None:
@@ -69,7 +69,9 @@ class Cache:
         for name, beside, path, digest in asked:
             try:
                 found = (
-                    resolver.beside(Path(name or ""), beside) if beside else resolver.find(name or "").path
+                    resolver.find_beside(Path(name or ""), beside)
+                    if beside
+                    else resolver.find_file(name or "").path
                 )
             except ModelRefused:
                 found = None

@@ -40,7 +40,7 @@ class DescribedModel:
         """Begin to wait for descriptions."""
         self._thread.start()
 
-    def take(self, urdf: str) -> None:
+    def take_urdf(self, urdf: str) -> None:
         """A description. Returns at once."""
         with self._wake:
             self._newest = urdf

@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import BinaryIO
 
-from posecast_edge.model.finding import Finding, ModelRefused, printable, quoted
+from posecast_edge.model.finding import Finding, ModelRefused, make_printable, quote_name
 from posecast_edge.model.urdf.types import (
     JOINT_TYPES,
     ONES,
@@ -70,7 +70,7 @@ def read_urdf(source: BinaryIO) -> Urdf:
     """Read a stream. ModelRefused when it is no URDF at all."""
     root = read_xml(source, bytes_max=BYTES_MAX, elements_max=ELEMENTS_MAX, depth_max=DEPTH_MAX, texts=True)
     if root.tag != "robot":
-        other = f"the root element is <{printable(root.tag[:40])}>, not <robot>"
+        other = f"the root element is <{make_printable(root.tag[:40])}>, not <robot>"
         reason = ROOTS_OF_OTHERS.get(root.tag, other)
         raise ModelRefused(reason, root.line)
     return _Reader(root).urdf
@@ -83,7 +83,7 @@ class _Reader:
             self._note("hint", "robot-name", "<robot> has no name", root)
         self._shapes = 0
         self._xacro(root)
-        for element in root.all("material"):
+        for element in root.find_all("material"):
             self._define(self._material(element))
         readers = {
             "link": self._link,
@@ -122,7 +122,9 @@ class _Reader:
             return
         first = self.urdf.materials.setdefault(material.name, material)
         if (first.rgba, first.texture) != (material.rgba, material.texture):
-            text = f"material {quoted(material.name)} has two meanings; the first (line {first.line}) counts"
+            text = (
+                f"material {quote_name(material.name)} has two meanings; the first (line {first.line}) counts"
+            )
             self.urdf.findings.append(Finding("hint", "material-doubled", text, material.line))
 
     def _link(self, element: Element) -> None:
@@ -131,38 +133,39 @@ class _Reader:
             return
         if len(self.urdf.links) >= LINKS_MAX:
             raise ModelRefused(f"more than {LINKS_MAX} links", element.line)
-        what = f"link {quoted(name)}"
-        visuals = tuple(self._shape(e, what) for e in element.all("visual"))
-        collisions = tuple(self._shape(e, what) for e in element.all("collision"))
-        inertial = element.first("inertial")
+        what = f"link {quote_name(name)}"
+        visuals = tuple(self._shape(e, what) for e in element.find_all("visual"))
+        collisions = tuple(self._shape(e, what) for e in element.find_all("collision"))
+        inertial = element.find_first("inertial")
         mass = self._inertial(inertial, what) if inertial else None
         self.urdf.links.append(Link(name, visuals, collisions, mass, element.line))
-        for sensor in element.all("sensor"):
+        for sensor in element.find_all("sensor"):
             self._add_sensor(sensor, name)
 
     def _joint(self, element: Element) -> None:
         name = self._name(element, "joint")
         if name is None:
             return
-        what = f"joint {quoted(name)}"
+        what = f"joint {quote_name(name)}"
         kind = element.get("type") or ""
         if kind not in JOINT_TYPES:
-            text = f"{what}: unknown type {quoted(kind)}" if kind else f"{what}: no type"
+            text = f"{what}: unknown type {quote_name(kind)}" if kind else f"{what}: no type"
             self._note("error", "joint-type", f"{text}; shown as fixed", element)
             kind = "fixed"
         ends = []
         for end in ("parent", "child"):
-            found = element.first(end)
+            found = element.find_first(end)
             link = found.get("link") if found else None
             if not link:
                 self._note("error", "joint-ends", f"{what}: no {end} link", element)
             ends.append(link or "")
-        axis = element.first("axis")
+        axis = element.find_first("axis")
         self.urdf.joints.append(
             Joint(
                 name, kind, ends[0], ends[1], self._pose(element, what),
                 self._vector(axis, "xyz", (1.0, 0.0, 0.0), what) if axis else None,
-                self._limit(element.first("limit"), what), self._mimic(element.first("mimic"), what),
+                self._limit(element.find_first("limit"), what),
+                self._mimic(element.find_first("mimic"), what),
                 element.line,
             )
         )  # fmt: skip
@@ -184,7 +187,7 @@ class _Reader:
         return Mimic(joint, 1.0 if multiplier is None else multiplier, offset or 0.0, element.line)
 
     def _inertial(self, element: Element, what: str) -> Inertial | None:
-        mass, inertia = element.first("mass"), element.first("inertia")
+        mass, inertia = element.find_first("mass"), element.find_first("inertia")
         value = self._number(mass, "value", None, what) if mass else None
         if value is None:
             return None
@@ -199,8 +202,8 @@ class _Reader:
         if self._shapes > 2 * SHAPES_MAX:
             raise ModelRefused(f"more than {2 * SHAPES_MAX} visuals and collisions", element.line)
         pose = self._pose(element, what)
-        material = element.first("material") or element.first("geometry", "material")
-        holder = element.first("geometry")
+        material = element.find_first("material") or element.find_first("geometry", "material")
+        holder = element.find_first("geometry")
         geometry = self._geometry(holder, what) if holder else None
         if geometry is None:
             text = f"{what}: a {element.tag} without a geometry"
@@ -214,7 +217,7 @@ class _Reader:
         known = [e for e in holder.children if e.tag == "mesh" or e.tag in SHAPES]
         for e in holder.children:
             if e.tag not in ("mesh", "material") and e.tag not in SHAPES:
-                self._note("warning", "shape-unknown", f"{what}: unknown shape {quoted(e.tag)}", e)
+                self._note("warning", "shape-unknown", f"{what}: unknown shape {quote_name(e.tag)}", e)
         if len(known) > 1:
             text = f"{what}: several shapes in one geometry; the first counts"
             self._note("warning", "shape-several", text, holder)
@@ -244,8 +247,10 @@ class _Reader:
 
     def _material(self, element: Element, what: str = "material") -> Material:
         name = element.get("name") or ""
-        what = f"{what}, material {quoted(name)}" if what != "material" else f"material {quoted(name)}"
-        color, texture = element.first("color"), element.first("texture")
+        what = (
+            f"{what}, material {quote_name(name)}" if what != "material" else f"material {quote_name(name)}"
+        )
+        color, texture = element.find_first("color"), element.find_first("texture")
         rgba = None
         if color is not None:
             values = _floats(color.get("rgba") or "")
@@ -264,12 +269,12 @@ class _Reader:
         return Material(name, rgba, (texture.get("filename") or None) if texture else None, element.line)
 
     def _sensor(self, element: Element) -> None:
-        parent = element.first("parent")
+        parent = element.find_first("parent")
         self._add_sensor(element, (parent.get("link") if parent else None) or "")
 
     def _add_sensor(self, element: Element, link: str) -> None:
         kind = element.get("type") or next((c.tag for c in element.children if c.tag in _SENSOR_TAGS), "")
-        pose_tag = element.first("pose")  # SDF's way, inside <gazebo>
+        pose_tag = element.find_first("pose")  # SDF's way, inside <gazebo>
         if pose_tag is not None:
             numbers = _floats(pose_tag.text) or []
             ok = len(numbers) == 6 and all(map(math.isfinite, numbers))
@@ -284,11 +289,11 @@ class _Reader:
         reference = element.get("reference")
         if reference:
             self.urdf.references.append(Reference("link or joint", reference, "<gazebo>", element.line))
-        for sensor in element.all("sensor"):
+        for sensor in element.find_all("sensor"):
             self._add_sensor(sensor, reference or "")
 
     def _transmission(self, element: Element) -> None:
-        for joint in element.all("joint"):
+        for joint in element.find_all("joint"):
             if name := joint.get("name"):
                 self.urdf.references.append(Reference("joint", name, "<transmission>", joint.line))
 
@@ -300,18 +305,18 @@ class _Reader:
             self._note("error", "name-missing", f"a {what} without a name; left out", element)
             return None
         if len(name) > NAME_MAX or not all(c.isprintable() for c in name):
-            text = f"{what} {quoted(name)}: longer than {NAME_MAX} or with control characters; left out"
+            text = f"{what} {quote_name(name)}: longer than {NAME_MAX} or with control characters; left out"
             self._note("error", "name-unusable", text, element)
             return None
         if name != name.strip():
-            self._note("warning", "name-odd", f"{what} {quoted(name)}: spaces around the name", element)
+            self._note("warning", "name-odd", f"{what} {quote_name(name)}: spaces around the name", element)
         elif name in ("__proto__", "constructor", "prototype") or any(c in "<>&\"'`" for c in name):
-            text = f"{what} {quoted(name)}: a name that trips other programs"
+            text = f"{what} {quote_name(name)}: a name that trips other programs"
             self._note("warning", "name-odd", text, element)
         return name
 
     def _pose(self, element: Element, what: str) -> Pose:
-        origin = element.first("origin")
+        origin = element.find_first("origin")
         if origin is None:
             return Pose()
         return Pose(self._vector(origin, "xyz", ZERO, what), self._vector(origin, "rpy", ZERO, what))
@@ -344,13 +349,14 @@ class _Reader:
         text = element.get(name) or ""
         values = _floats(text)
         if values is None and "," in text and (values := _floats(_uncomma(text))) is not None:
-            say = f"{what}: <{element.tag} {name}> with commas: {quoted(text, 40)}; other programs refuse it"
+            place = f"{what}: <{element.tag} {name}>"
+            say = f"{place} with commas: {quote_name(text, 40)}; other programs refuse it"
             self._note("warning", "number-commas", say, element)
         if values is None or not all(map(math.isfinite, values)):
             wrong = "is no number" if values is None else "is not finite"
             wrong = "was not expanded by xacro" if "${" in text or "$(" in text else wrong
             self._note(
-                "error", "number", f"{what}: <{element.tag} {name}> {wrong}: {quoted(text, 40)}", element
+                "error", "number", f"{what}: <{element.tag} {name}> {wrong}: {quote_name(text, 40)}", element
             )
             return None
         return values

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from urllib.parse import unquote, urlsplit
 
-from posecast_edge.model.finding import ModelRefused, quoted
+from posecast_edge.model.finding import ModelRefused, quote_name
 from posecast_edge.model.urdf.xml_tree import read_xml
 
 MESHES = (".stl", ".dae", ".obj", ".glb", ".gltf", ".ply")
@@ -35,13 +35,13 @@ class Resolved:
     hint: str | None = None
 
 
-def package_folders(environment: Mapping[str, str]) -> list[Path]:
+def list_package_folders(environment: Mapping[str, str]) -> list[Path]:
     """Where ROS looks for packages: AMENT_PREFIX_PATH/share and ROS_PACKAGE_PATH."""
     ament = [Path(p, "share") for p in environment.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if p]
     return ament + [Path(p) for p in environment.get("ROS_PACKAGE_PATH", "").split(os.pathsep) if p]
 
 
-def real_path(path: Path) -> Path:
+def resolve_links(path: Path) -> Path:
     """Without links; those in a circle stay, as an OSError for whoever opens them."""
     return Path(os.path.realpath(path))
 
@@ -50,25 +50,25 @@ class Resolver:
     """Finds the files that one URDF and its meshes name."""
 
     def __init__(self, urdf: Path, packages: Sequence[Path] = ()) -> None:
-        real = real_path(urdf)
+        real = resolve_links(urdf)
         self._folder = folder = real.parent
         self._above = list(real.parents)[: LEVELS_UP + 1]
         package = next((p for p in self._above if (p / "package.xml").is_file()), None)
         beside = (folder.parent / "meshes").is_dir() and not (folder / "meshes").is_dir()
         self._root = package or (folder.parent if beside else folder)
-        self._given = [real_path(p) for p in packages if p.is_dir()]
+        self._given = [resolve_links(p) for p in packages if p.is_dir()]
         self._named: dict[str, list[Path]] | None = None
         self._spellings: dict[Path, dict[str, str]] = {}  # of folders looked into
         self.asked: dict[tuple[str, str], Path | None] = {}  # (URI, "") or (mesh, name): what was found
 
-    def find(self, uri: str) -> Resolved:
+    def find_file(self, uri: str) -> Resolved:
         """The mesh or picture behind a URDF's URI. ModelRefused says why there is none."""
         self.asked[uri, ""] = None
         found = self._find(uri)
         self.asked[uri, ""] = found.path
         return found
 
-    def beside(self, mesh: Path, name: str) -> Path:
+    def find_beside(self, mesh: Path, name: str) -> Path:
         """A texture or material library that a mesh names, relative to it. ModelRefused."""
         self.asked[str(mesh), name] = None
         found = self.asked[str(mesh), name] = self._beside(mesh, name)
@@ -131,12 +131,12 @@ class Resolver:
         for i in range(len(names)):
             found = self._look(self._root.joinpath(*names[i:]), [self._root], MESHES + BESIDE)
             if isinstance(found, Resolved):
-                hint = f"package {quoted(package)} not found; taken from the model's own folder"
+                hint = f"package {quote_name(package)} not found; taken from the model's own folder"
                 return Resolved(found.path, hint)
             if found.reason == OUTSIDE:
                 raise found
         where = "near the URDF; name its folder with --packages or ROS_PACKAGE_PATH"
-        raise refused or ModelRefused(f"no package {quoted(package)} {where}")
+        raise refused or ModelRefused(f"no package {quote_name(package)} {where}")
 
     def _roots_of(self, package: str) -> Iterator[Path]:
         """Folders of that package, the likeliest first."""
@@ -145,7 +145,7 @@ class Resolver:
             for root in (folder, folder / package):
                 # a package called like the user would be all that the user has
                 if root.name == package and _is_folder(root) and not home.is_relative_to(root):
-                    yield real_path(root)
+                    yield resolve_links(root)
         if self._named is None:
             self._named = self._read_names()
         yield from self._named.get(package, ())
@@ -164,7 +164,7 @@ class Resolver:
                 candidates += level
         for folder in candidates:
             if name := _package_name(folder / "package.xml"):
-                named.setdefault(name, []).append(real_path(folder))
+                named.setdefault(name, []).append(resolve_links(folder))
         return named
 
     def _packages_of(self, mesh: Path) -> list[Path]:
@@ -181,11 +181,11 @@ class Resolver:
 
     def _look(self, path: Path, roots: Sequence[Path], suffixes: Sequence[str]) -> Resolved | ModelRefused:
         try:
-            found = self._inside_of([real_path(root) for root in roots], path)
+            found = self._inside_of([resolve_links(root) for root in roots], path)
         except (OSError, ValueError):  # a name too long
             return ModelRefused("no such file")
         if isinstance(found, Resolved) and found.path.suffix.lower() not in suffixes:
-            return ModelRefused(f"{quoted(found.path.suffix)} is no kind of mesh or picture that is read")
+            return ModelRefused(f"{quote_name(found.path.suffix)} is no kind of mesh or picture that is read")
         return found
 
     def _inside_of(self, roots: Sequence[Path], path: Path) -> Resolved | ModelRefused:
@@ -197,9 +197,9 @@ class Resolver:
             other = self._in_other_letters(plain)
             if other is None:
                 return ModelRefused("no such file")
-            hint = f"the file is called {quoted(other.name)}, in other letters"
+            hint = f"the file is called {quote_name(other.name)}, in other letters"
             path = other
-        real = real_path(path)
+        real = resolve_links(path)
         if not any(real.is_relative_to(root) for root in roots):
             return ModelRefused(OUTSIDE)
         return Resolved(real, hint) if real.is_file() else ModelRefused("is no file")
@@ -241,7 +241,7 @@ def _package_name(file: Path) -> str | None:
             root = read_xml(source, bytes_max=1 << 16, elements_max=1000, depth_max=16, texts=True)
     except (OSError, ModelRefused):
         return None
-    name = root.first("name")
+    name = root.find_first("name")
     return name.text.strip() if name else None
 
 

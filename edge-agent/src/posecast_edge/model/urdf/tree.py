@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from posecast_edge.model.finding import Finding, quoted
+from posecast_edge.model.finding import Finding, quote_name
 from posecast_edge.model.urdf.types import SCALAR_TYPES, Joint, Link, Urdf
 
 
@@ -65,7 +65,7 @@ def _unique_links(urdf: Urdf, findings: list[Finding]) -> dict[str, Link]:
     links: dict[str, Link] = {}
     for link in urdf.links:
         if first := links.get(link.name):
-            text = f"link {quoted(link.name)} stands twice (first in line {first.line}); the first counts"
+            text = f"link {quote_name(link.name)} stands twice (first in line {first.line}); the first counts"
             findings.append(Finding("error", "link-doubled", text, link.line))
         else:
             links[link.name] = link
@@ -77,19 +77,19 @@ def _joints_by_parent(urdf: Urdf, links: dict[str, Link], findings: list[Finding
     names: dict[str, Joint] = {}
     held: dict[str, Joint] = {}
     for joint in urdf.joints:
-        what = f"joint {quoted(joint.name)}"
+        what = f"joint {quote_name(joint.name)}"
         problem = None
         if first := names.get(joint.name):
             problem = ("joint-doubled", f"{what} stands twice (first in line {first.line})")
         elif joint.parent and joint.parent not in links:
-            problem = ("joint-parent", f"{what}: there is no parent link {quoted(joint.parent)}")
+            problem = ("joint-parent", f"{what}: there is no parent link {quote_name(joint.parent)}")
         elif joint.child and joint.child not in links:
-            problem = ("joint-child", f"{what}: there is no child link {quoted(joint.child)}")
+            problem = ("joint-child", f"{what}: there is no child link {quote_name(joint.child)}")
         elif joint.parent and joint.parent == joint.child:
-            problem = ("loop", f"{what} joins link {quoted(joint.parent)} to itself")
+            problem = ("loop", f"{what} joins link {quote_name(joint.parent)} to itself")
         elif other := held.get(joint.child):
-            both = f"{quoted(other.name)} and {quoted(joint.name)}"
-            problem = ("two-parents", f"link {quoted(joint.child)} is child of two joints, {both}")
+            both = f"{quote_name(other.name)} and {quote_name(joint.name)}"
+            problem = ("two-parents", f"link {quote_name(joint.child)} is child of two joints, {both}")
         names.setdefault(joint.name, joint)
         if problem:
             findings.append(Finding("error", problem[0], f"{problem[1]}; this joint is left out", joint.line))
@@ -116,12 +116,14 @@ def _name_the_rest(
     for other, joints in trees.items():
         if other != root:
             size = f" with the {len(joints)} below it" if joints else ""
-            text = f"link {quoted(other)}{size} hangs on nothing (the root is {quoted(root)}); not shown"
+            text = (
+                f"link {quote_name(other)}{size} hangs on nothing (the root is {quote_name(root)}); not shown"
+            )
             findings.append(Finding("error", "several-roots", text, links[other].line))
     reached = set(trees) | {j.child for joints in trees.values() for j in joints}
     lost = [link for name, link in links.items() if name not in reached]
     if lost:
-        text = f"joints go round in a circle: {', '.join(quoted(x.name) for x in lost[:4])}; not shown"
+        text = f"joints go round in a circle: {', '.join(quote_name(x.name) for x in lost[:4])}; not shown"
         findings.append(Finding("error", "loop", text, lost[0].line))
 
 
@@ -135,7 +137,7 @@ def _follows(urdf: Urdf, order: list[Joint], findings: list[Finding]) -> tuple[F
             if isinstance(found, Follow):
                 follow = found
             else:
-                text = f"joint {quoted(joint.name)} {found.text}"
+                text = f"joint {quote_name(joint.name)} {found.text}"
                 findings.append(Finding("error", found.code, text, joint.mimic.line))
         follows.append(follow)
     return tuple(follows)
@@ -169,14 +171,14 @@ class _Leaders:
             target = at.mimic.joint
             if target not in self._index:
                 left_out = ", which is left out" if target in self._known else ", which there is not"
-                end = _Problem("mimic-unknown", f"mimics joint {quoted(target)}{left_out}")
+                end = _Problem("mimic-unknown", f"mimics joint {quote_name(target)}{left_out}")
             else:
                 at = self._order[self._index[target]]
                 end = self._end(at)
         in_circle = end is None
         for one in reversed(chain.values()):
             if end is None or in_circle:
-                end = _Problem("mimic-loop", f"mimics in a circle, over {quoted(one.name)}")
+                end = _Problem("mimic-loop", f"mimics in a circle, over {quote_name(one.name)}")
                 in_circle = one is not at  # it is closed there; those before lead into it
             else:
                 end = _behind(one, end)
@@ -190,7 +192,9 @@ class _Leaders:
             return self._found.get(at.name)
         if at.type not in SCALAR_TYPES:
             lack = "no value" if at.type == "fixed" else "more than one value"
-            return _Problem("mimic-fixed", f"mimics the {at.type} joint {quoted(at.name)}, which has {lack}")
+            return _Problem(
+                "mimic-fixed", f"mimics the {at.type} joint {quote_name(at.name)}, which has {lack}"
+            )
         return Follow(self._index[at.name], 1.0, 0.0)
 
 

@@ -149,7 +149,7 @@ class Urdf:
     findings: list[Finding] = field(default_factory=list)
 
 
-def material_of(shape: Shape, materials: Mapping[str, Material]) -> Material | None:
+def find_material(shape: Shape, materials: Mapping[str, Material]) -> Material | None:
     """A visual's material: what its name stands for in the robot, else its own."""
     own = shape.material
     return None if own is None else materials.get(own.name, own)

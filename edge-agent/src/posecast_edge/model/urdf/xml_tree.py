@@ -44,11 +44,11 @@ class Element:
         else:
             self.children = [child]
 
-    def all(self, tag: str) -> Iterator[Element]:
+    def find_all(self, tag: str) -> Iterator[Element]:
         """Children with that tag."""
         return (c for c in self.children if c.tag == tag)
 
-    def first(self, *path: str) -> Element | None:
+    def find_first(self, *path: str) -> Element | None:
         """The first child with that tag, its first child with the next tag, and so on."""
         found: Element | None = self
         for tag in path:

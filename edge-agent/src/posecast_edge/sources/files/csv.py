@@ -31,7 +31,7 @@ from posecast_edge.rate_limited_log import RateLimitedLog
 from posecast_edge.sample import TIME_MAX_S, Reading, Sample, SourceError
 from posecast_edge.sources.base import Source
 from posecast_edge.sources.files.playback import EndlessLine, Player, parse_playback, skip_line
-from posecast_edge.visible import visible
+from posecast_edge.visible import make_visible
 
 if TYPE_CHECKING:
     from posecast_edge.profile.types import Profile
@@ -90,7 +90,7 @@ class Table:
         self._clock, self._clock_s = self._find_clock()
         self._columns = self._find_columns()
 
-    def samples(self, start_s: float, first_pass: bool) -> Iterator[Sample]:
+    def read_samples(self, start_s: float, first_pass: bool) -> Iterator[Sample]:
         """One pass; see Recording."""
         began_s: float | None = None
         begun = start_s == 0
@@ -165,7 +165,7 @@ class Table:
             if not label:
                 field, label = JOINTS, said
             if (field, label) in taken:
-                twice = visible(f"{field}.{label}", 80)
+                twice = make_visible(f"{field}.{label}", 80)
                 raise SourceError(f"{self._path}:1: column {i + 1}: {twice} stands there twice")
             taken.add((field, label))
             columns.append(Column(i, field, label, TO_OURS.get(unit or "", 1.0), field in self._bits))

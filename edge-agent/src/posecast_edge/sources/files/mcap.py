@@ -19,7 +19,7 @@ from posecast_edge.sources.base import Source
 from posecast_edge.sources.files.playback import Playback, Player, parse_playback
 from posecast_edge.sources.ros.input import TOPICS_MAX
 from posecast_edge.sources.ros.merge import SETTLED_S, MessageMerger
-from posecast_edge.sources.ros.messages import STRING, RosMessageError, read_message, short_type, text_of
+from posecast_edge.sources.ros.messages import STRING, RosMessageError, get_text, read_message, shorten_type
 from posecast_edge.sources.ros.rosbridge_protocol import MESSAGE_MAX, RosbridgeProtocolError, parse_json
 from posecast_edge.sources.ros.topics import TOPIC_MAX, TYPES, Route, Routes
 
@@ -60,7 +60,7 @@ class McapPlayer(Player):
         """Topics met so far, for `probe`."""
         return [f"{topic}  {use}" for topic, use in sorted(self._file.topics.items())]
 
-    def describe_to(self, take: Callable[[str], None]) -> None:
+    def send_urdf_to(self, take: Callable[[str], None]) -> None:
         """Hand a recorded robot_description to `take`."""
         self._file.on_urdf = take
 
@@ -85,7 +85,7 @@ class McapFile:
         if not is_mcap:
             raise SourceError(f"{path}: no MCAP file")
 
-    def samples(self, start_s: float, first_pass: bool) -> Iterator[Sample]:
+    def read_samples(self, start_s: float, first_pass: bool) -> Iterator[Sample]:
         """One pass; see Recording."""
         one = _Pass(
             self.topics,
@@ -160,12 +160,12 @@ class _Pass:
     def learn(self, record: Schema | Channel) -> None:
         """A schema or channel."""
         if isinstance(record, Schema):
-            self._schemas[record.id] = short_type(record.name[:TOPIC_MAX])
+            self._schemas[record.id] = shorten_type(record.name[:TOPIC_MAX])
         elif record.id not in self._seen:
             self._seen.add(record.id)
             type_name = self._schemas.get(record.schema_id, "")
             topic = record.topic[:TOPIC_MAX]
-            route = self._routes.of(record.topic, type_name)
+            route = self._routes.find_route(record.topic, type_name)
             if len(self._topics) < TOPICS_MAX:
                 self._topics[topic] = f"{type_name} → {route.role}" if route else f"{type_name}, not read"
             if type_name not in TYPES:
@@ -175,7 +175,7 @@ class _Pass:
             elif route is not None and type_name == STRING:
                 self._descriptions[record.id] = record
             elif route is not None:
-                self._merge.expect(record.topic)
+                self._merge.expect_topic(record.topic)
                 self._channels[record.id] = (record, type_name, route)
 
     def urdf_in(self, message: Message) -> str | None:
@@ -184,7 +184,7 @@ class _Pass:
         if channel is None:
             return None
         try:
-            return text_of(self._decode(channel.message_encoding, STRING, message.data))
+            return get_text(self._decode(channel.message_encoding, STRING, message.data))
         except RosMessageError as e:
             self.complain(f"{channel.topic}: {e}")
             return None
@@ -205,14 +205,14 @@ class _Pass:
         except RosMessageError as e:
             self.complain(f"{where}: {e}")
             return None
-        self._merge.take(channel.topic, route.role, type_name, report, self._now_s)
-        sample = self._merge.sample(self._now_s)
+        self._merge.take_report(channel.topic, route.role, type_name, report, self._now_s)
+        sample = self._merge.make_sample(self._now_s)
         self._delivered |= sample is not None
         return None if sample is None else sample._replace(where=f"{self._name}: {where}")
 
     def last(self) -> Sample | None:
         """What a recording that is over while others would still be waited for has to say."""
-        return None if self._delivered else self._merge.sample(self._now_s + SETTLED_S)
+        return None if self._delivered else self._merge.make_sample(self._now_s + SETTLED_S)
 
     def complain(self, text: str) -> None:
         """Something can't be read."""

@@ -57,7 +57,7 @@ def read_records(file: IO[bytes], complain: Complain) -> Iterator[Record]:
 
 def _of_chunk(data: bytes) -> Iterator[Record]:
     """Those of one chunk. What `unpacked` raises, and ValueError where they break off."""
-    content = unpacked(Chunk.read(ReadDataStream(BytesIO(data))))
+    content = unpack_chunk(Chunk.read(ReadDataStream(BytesIO(data))))
     begins = 0
     while begins < len(content):
         opcode, length = HEAD.unpack_from(content, begins)
@@ -78,7 +78,7 @@ def _record(opcode: int, data: bytes) -> Record:
     return record
 
 
-def unpacked(chunk: Chunk) -> bytes:
+def unpack_chunk(chunk: Chunk) -> bytes:
     """What is in it. ValueError and the compressions' own when it is damaged or too large."""
     size = chunk.uncompressed_size
     if size > UNPACKED_MAX:

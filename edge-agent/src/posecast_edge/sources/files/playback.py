@@ -45,7 +45,7 @@ class Recording(Protocol):
 
     description: str
 
-    def samples(self, start_s: float, first_pass: bool) -> Iterator[Sample]:
+    def read_samples(self, start_s: float, first_pass: bool) -> Iterator[Sample]:
         """In the order of the file, from `start_s` after its first. What is wrong is said in the first pass
         only. SourceError, one line that names file and record, when there is no going on."""
 
@@ -95,7 +95,7 @@ class Player:
         """Deliver every sample at its instant until the end or `stop`. SourceError when nothing can be read
         (any more)."""
         began_s = time.monotonic()
-        for due_s, sample in self.timeline():
+        for due_s, sample in self.schedule_samples():
             behind_s = time.monotonic() - began_s - due_s
             if behind_s > MAX_BEHIND_S:
                 began_s += behind_s
@@ -105,14 +105,14 @@ class Player:
                 return
             deliver(sample)
 
-    def timeline(self) -> Iterator[tuple[float, Sample]]:
+    def schedule_samples(self) -> Iterator[tuple[float, Sample]]:
         """Every sample, and when it is due: seconds after the first."""
         due_s = shift_s = step_s = 0.0
         first_pass = True
         while True:
             began_s: float | None = None
             previous_s = 0.0
-            for sample in self._recording.samples(self._playback.start_s, first_pass):
+            for sample in self._recording.read_samples(self._playback.start_s, first_pass):
                 if began_s is None:
                     began_s = sample.t_s
                 elif 0 <= sample.t_s - previous_s <= MAX_PAUSE_S:

@@ -109,9 +109,9 @@ class TrajectorySource:
             self._index += 1
             row = next(self._rows)
             if row is not None:
-                self._pose.follow(row)
+                self._pose.apply_row(row)
                 moved = True
-        return Sample(self._index / self._trajectory.rate_hz, self._pose.values()) if moved else None
+        return Sample(self._index / self._trajectory.rate_hz, self._pose.copy_values()) if moved else None
 
     def _open(self) -> TextIO:
         try:
@@ -179,19 +179,19 @@ class Pose:
             if found is None:
                 continue
             name, channel = found
-            spec = profile.field_named(name)
+            spec = profile.find_field(name)
             assert spec is not None
             values = self._values.setdefault(name, [None] * len(spec.labels))
             degrees = trajectory.unit == "deg" and name in ("ref", "pos")
             self._targets.append((i, values, channel, math.pi / 180 if degrees else 1.0))
         self._ref = self._values.get("ref")
         self._pos: list[float | None] | None = None
-        if self._ref is not None and profile.field_named("pos") is not None:
+        if self._ref is not None and profile.find_field("pos") is not None:
             self._pos = self._values["pos"] = [None] * len(self._ref)
         step_s = 1 / trajectory.rate_hz
         self._gain = 1.0 if trajectory.lag_s == 0 else -math.expm1(-step_s / trajectory.lag_s)
 
-    def follow(self, row: Row) -> None:
+    def apply_row(self, row: Row) -> None:
         """One row later: ref stands there, pos is on its way."""
         for column, values, channel, gain in self._targets:
             values[channel] = row[column] * gain
@@ -200,6 +200,6 @@ class Pose:
                 pos = self._pos[i]
                 self._pos[i] = ref if ref is None or pos is None else pos + self._gain * (ref - pos)
 
-    def values(self) -> dict[str, list[float | None]]:
+    def copy_values(self) -> dict[str, list[float | None]]:
         """A copy: the sample outlives the next row."""
         return {name: list(values) for name, values in self._values.items()}

@@ -61,7 +61,7 @@ class AchChannel:
         """Close the file."""
         os.close(self._fd)
 
-    def replaced(self, path: Path) -> bool:
+    def is_replaced(self, path: Path) -> bool:
         """Another file stands at `path`, or none: the daemon has made its channels anew."""
         try:
             there, here = os.stat(path), os.fstat(self._fd)
@@ -69,14 +69,14 @@ class AchChannel:
             return True
         return (there.st_dev, there.st_ino) != (here.st_dev, here.st_ino)
 
-    def keep(self) -> None:
+    def save_frames(self) -> None:
         """Save what is there for the next `fresh`, before the writer overwrites it: three reads and no more,
         for whoever is woken for it finds cold caches. Not of a large channel, which keeps enough itself."""
         if self._data_size <= SPAN_MAX:
             head = self._head()
             self._kept.append((head, os.pread(self._fd, self._data_size, self._data), self._head()))
 
-    def fresh(self) -> list[bytes]:
+    def read_new_frames(self) -> list[bytes]:
         """The frames since the last call that are still there or were kept, oldest first, at most KEPT_MAX;
         of the first call the newest only. Without those of now when the writer is too quick.
 
@@ -104,7 +104,7 @@ class AchChannel:
             raise ChannelError(f"its index points at byte {offset}, {size} long, of {self._data_size}")
         return found[-KEPT_MAX:]
 
-    def holds(self, size: int) -> int:
+    def count_slots(self, size: int) -> int:
         """How many frames of that size the channel keeps."""
         return max(1, min(self._count, self._data_size // size))
 

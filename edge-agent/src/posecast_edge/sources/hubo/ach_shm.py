@@ -18,7 +18,7 @@ FORGET = 0.99  # of how late looks were, from look to look
 LATE_S = 0.015  # so long after its time a frame is waited for when others are there; then they count
 
 
-def channel_path(name: str) -> Path:
+def find_channel_path(name: str) -> Path:
     """Where libach keeps the channel of that name."""
     return Path(f"/dev/shm/achshm-{name}")
 
@@ -50,15 +50,15 @@ class ShmReader(PersistentReader):
         assert channel is not None
         now_s = time.monotonic()
         end_s = now_s + WAIT_S
-        aim = self._beat.aim(wanted_s, end_s - LATE_S, self._holds, self._late_s)
+        aim = self._beat.plan_look(wanted_s, end_s - LATE_S, self._holds, self._late_s)
         for keep_s in aim.keep_s:
             self._sleep(now_s, keep_s)
             if stop.is_set():
                 return []
-            channel.keep()
+            channel.save_frames()
             now_s = time.monotonic()
         frames = self._look(channel, aim, now_s, end_s)
-        if not frames and channel.replaced(self._path):
+        if not frames and channel.is_replaced(self._path):
             raise ChannelError("the channel was made anew")
         return frames
 
@@ -72,14 +72,14 @@ class ShmReader(PersistentReader):
         while True:
             self._sleep(now_s, min(look_s, end_s))
             before = channel.seq
-            new = channel.fresh()
+            new = channel.read_new_frames()
             now_s = time.monotonic()
             if new:
                 frames += new
                 written += channel.seq - before if 0 < before < channel.seq else 1
-                self._holds = channel.holds(len(new[-1]))
+                self._holds = channel.count_slots(len(new[-1]))
             if written >= enough:
-                self._beat.came(written, now_s, 0.0 if too_early_s is None else now_s - too_early_s)
+                self._beat.record_look(written, now_s, 0.0 if too_early_s is None else now_s - too_early_s)
                 return frames
             if frames and now_s >= late_s:
                 self._beat = WriterClock()

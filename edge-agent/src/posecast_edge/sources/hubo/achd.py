@@ -9,7 +9,7 @@ import threading
 import time
 from collections import deque
 
-from posecast_edge.sources.hubo.achd_protocol import HEAD, AchdParser, AchdProtocolError, request
+from posecast_edge.sources.hubo.achd_protocol import HEAD, AchdParser, AchdProtocolError, make_request
 from posecast_edge.sources.hubo.reconnecting import KEPT_MAX, WAIT_S, PersistentReader
 
 ANSWER_S = 3.0  # to connect, and again until the server has answered
@@ -32,24 +32,24 @@ class BatchTimer:
         self._seen_s: float | None = None  # when the newest came
         self._period_s = 0.0  # from frame to frame, smoothed; 0: not known
 
-    def came(self, frames: int, now_s: float) -> None:
+    def record_batch(self, frames: int, now_s: float) -> None:
         """So many frames came at once."""
         if self._seen_s is not None:
             period_s = (now_s - self._seen_s) / frames
             self._period_s += (period_s - self._period_s) / 4 if self._period_s else period_s
         self._seen_s = now_s
 
-    def late(self) -> None:
+    def reset(self) -> None:
         """A batch did not come in time: the source has slowed down, or paused."""
         self._period_s, self._seen_s = 0.0, None
 
-    def batch(self, wanted_s: float) -> int:
+    def compute_batch(self, wanted_s: float) -> int:
         """How many frames from now on it takes until the first one that comes at `wanted_s` or later."""
         if not self._period_s or self._seen_s is None:
             return 1
         return max(1, math.ceil(min((wanted_s - self._seen_s) / self._period_s, BATCH_BYTES)))
 
-    def due_s(self, frames: int) -> float:
+    def predict_due_s(self, frames: int) -> float:
         """When the last of so many frames should have come."""
         return (self._seen_s or 0.0) + frames * self._period_s
 
@@ -80,7 +80,7 @@ class AchdReader(PersistentReader):
         self._socket = connection = _connected(*self._address)
         # a robot that was unplugged sends no farewell
         connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
-        connection.sendall(request(self._channel))
+        connection.sendall(make_request(self._channel))
         connection.setblocking(False)
         self._poll = select.poll()
         self._poll.register(connection, select.POLLIN)
@@ -92,19 +92,19 @@ class AchdReader(PersistentReader):
         del stop
         connection = self._socket
         assert connection is not None
-        batch = min(self._rhythm.batch(wanted_s), BATCH_BYTES // self._size) if self._size else 1
+        batch = min(self._rhythm.compute_batch(wanted_s), BATCH_BYTES // self._size) if self._size else 1
         self._wake_for(connection, batch)
-        wait_s = WAIT_S if batch <= 1 else self._rhythm.due_s(batch) + BATCH_LATE_S - time.monotonic()
+        wait_s = WAIT_S if batch <= 1 else self._rhythm.predict_due_s(batch) + BATCH_LATE_S - time.monotonic()
         if not self._poll.poll(max(0.0, wait_s) * 1e3):
             if batch > 1:
-                self._rhythm.late()
+                self._rhythm.reset()
             else:
                 self._nothing_came()
                 return []
         frames = self._drain(connection)
         if frames:
             self._size = HEAD.size + len(frames[-1])
-            self._rhythm.came(len(frames), time.monotonic())
+            self._rhythm.record_batch(len(frames), time.monotonic())
         return frames
 
     def _drain(self, connection: socket.socket) -> list[bytes]:

@@ -34,7 +34,7 @@ class AchdProtocolError(ReaderError):
     """What the server said is an error, or not this protocol. One line."""
 
 
-def request(channel: str) -> bytes:
+def make_request(channel: str) -> bytes:
     """The client's header: frames of `channel`, and after a pause only the newest."""
     return f"channel-name: {channel}\ntransport: tcp\nget-last: 1\ndirection: push\n.\n".encode()
 

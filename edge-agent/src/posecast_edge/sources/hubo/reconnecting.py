@@ -32,7 +32,7 @@ class PersistentReader(ABC):
         self._in_trouble = False
         self._trouble = RateLimitedLog(log.warning, f"failures of {name}", SAY_EVERY_S)
 
-    def frames(self, stop: threading.Event, wanted_s: float) -> list[bytes]:
+    def wait_for_frames(self, stop: threading.Event, wanted_s: float) -> list[bytes]:
         """What has come since the last call, oldest first, at most KEPT_MAX; [] when nothing comes within
         WAIT_S. It may wait for the first frame at or after `wanted_s` (monotonic), if that is soon.
 
@@ -40,17 +40,17 @@ class PersistentReader(ABC):
         """
         try:
             if not self._opened:
-                if not self._backoff.due(time.monotonic()):
+                if not self._backoff.is_due(time.monotonic()):
                     stop.wait(WAIT_S / 4)
                     return []
                 self._open()
                 self._opened = True
-                self._backoff.connected(time.monotonic())
+                self._backoff.record_success(time.monotonic())
             frames = self._next(stop, wanted_s)
         except (OSError, ReaderError) as e:
             self.close()
             now_s = time.monotonic()
-            self._backoff.failed(now_s)
+            self._backoff.record_failure(now_s)
             self._in_trouble = True
             self._trouble.add(f"{self.name}: {self._reason(e)}; trying on", now_s)
             return []

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING
 from posecast_edge.rate_limited_log import RateLimitedLog
 from posecast_edge.sample import Sample, SourceError
 from posecast_edge.sources.base import Deliver, Source
-from posecast_edge.sources.hubo.ach_shm import ShmReader, channel_path
+from posecast_edge.sources.hubo.ach_shm import ShmReader, find_channel_path
 from posecast_edge.sources.hubo.achd import AchdReader
 from posecast_edge.sources.hubo.achd_protocol import PORT
 from posecast_edge.sources.hubo.reconnecting import SAY_EVERY_S, PersistentReader
@@ -42,7 +42,7 @@ def open_source(address: str, profile: Profile | None) -> Source:
     """SourceError when the address is none; a robot that is not there yet is waited for."""
     if address == "shm" or address.startswith("shm:"):
         path = address.partition(":")[2]
-        reader: PersistentReader = ShmReader(Path(path) if path else channel_path(CHANNEL))
+        reader: PersistentReader = ShmReader(Path(path) if path else find_channel_path(CHANNEL))
     else:
         match = ADDRESS.fullmatch(address)
         port = int(match[2] or PORT) if match else 0
@@ -72,13 +72,15 @@ class HuboAchSource:
         wanted_s: float | None = None
         try:
             while not stop.is_set():
-                samples = self.take(self._reader.frames(stop, wanted_s or 0.0), time.monotonic())
+                samples = self.make_samples(
+                    self._reader.wait_for_frames(stop, wanted_s or 0.0), time.monotonic()
+                )
                 for sample in samples:
                     wanted_s = deliver(sample)
         finally:
             self._reader.close()
 
-    def take(self, frames: Sequence[bytes], now_s: float) -> list[Sample]:
+    def make_samples(self, frames: Sequence[bytes], now_s: float) -> list[Sample]:
         """What came at once, oldest first, as samples, without those that are no hubo_state or whose time is
         the one before."""
         found = [taken for frame in frames if (taken := self._taken(frame, now_s)) is not None]

@@ -72,7 +72,7 @@ class Layout:
         """Offset in a joint's record, bytes, of its flag `active`."""
         return self.joint_size - 2
 
-    def place_of(self, double: str) -> int:
+    def find_offset(self, double: str) -> int:
         """Offset in a joint's record, bytes, of its member `double`."""
         i = self.joint_doubles.index(double)
         return 8 * i + (self.comply if i else 0)
@@ -139,7 +139,7 @@ class HuboDecoder:
             if layout is None:
                 known = ", ".join(map(str, sorted(LAYOUTS)))
                 raise UnknownFrame(f"a frame of {len(frame)} bytes is no hubo_state known here ({known})")
-            wanted = wanted_of(self._profile)
+            wanted = list_wanted_fields(self._profile)
             plan = self._plans[len(frame)] = _Plan(layout, wanted, named=self._profile is None)
             self.unknown = plan.unknown
         return plan.decode(frame)
@@ -154,7 +154,7 @@ class Wanted:
     bits: tuple[str, ...] = ()
 
 
-def wanted_of(profile: Profile | None) -> list[Wanted]:
+def list_wanted_fields(profile: Profile | None) -> list[Wanted]:
     """The fields to fill: those of the profile that hubo-ach has a word for, or all there is."""
     if profile is not None:
         offered = {*JOINT_FIELDS, *HEAD, *POWER}
@@ -201,7 +201,7 @@ class _Plan:
                 # where the daemon divides by its period it multiplies for fingers: 40,000 times too fast
                 wrong = FINGERS if field.name == "vel" else frozenset[str]()
                 places = [None if s is None or JOINTS[s] in wrong else s for s in slots]
-                before = layout.place_of(field.name)
+                before = layout.find_offset(field.name)
                 one = f"{before}xd{layout.joint_size - before - 8}x"
                 self._numbers[field.name] = numbers = _Numbers("<" + one * SLOTS, JOINT_START, places, True)
                 # 0 °C is what a board without a thermometer says

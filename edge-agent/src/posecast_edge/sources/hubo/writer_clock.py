@@ -41,7 +41,7 @@ class WriterClock:
         self._in_time = UNMET  # looks in a row
         self._jumps = 0
 
-    def aim(self, wanted_s: float, latest_s: float, holds: int, late_s: float) -> Aim:
+    def plan_look(self, wanted_s: float, latest_s: float, holds: int, late_s: float) -> Aim:
         """For the first frame that is written at `wanted_s` or later, or else for the last before `latest_s`,
         where so many frames are held and looks come up to `late_s` late."""
         if self._written_s is None:
@@ -57,7 +57,7 @@ class WriterClock:
         ]
         return Aim(frames, self._written_s + frames * self.period_s, keep_s)
 
-    def came(self, frames: int, now_s: float, blind_s: float) -> None:
+    def record_look(self, frames: int, now_s: float, blind_s: float) -> None:
         """So many frames came, the newest before `now_s`. `blind_s`: how long before another look had been
         too early for it, 0: none was."""
         if self._written_s is None:

@@ -62,7 +62,7 @@ URDF_KEPT = (
 COMPILER = '<mujoco><compiler boundmass="0.001" boundinertia="0.000001" balanceinertia="true"/></mujoco>'
 
 
-def load(path: Path) -> Simulation:
+def load_simulation(path: Path) -> Simulation:
     """Read MJCF or URDF. SourceError, one line, when that fails."""
     try:
         with path.open("rb") as file:
@@ -74,7 +74,7 @@ def load(path: Path) -> Simulation:
     try:
         if path.suffix.lower() == ".urdf" or b"<robot" in content:
             urdf = read_urdf(io.BytesIO(content))
-            spec = mujoco.MjSpec.from_string(moving_parts(content))
+            spec = mujoco.MjSpec.from_string(strip_visuals(content))
             _follow(spec, urdf)
         else:
             spec = mujoco.MjSpec.from_file(str(path))
@@ -96,7 +96,7 @@ def load(path: Path) -> Simulation:
     return simulation
 
 
-def moving_parts(urdf: bytes) -> str:
+def strip_visuals(urdf: bytes) -> str:
     """The URDF with nothing but masses and joints. ModelRefused."""
     root = read_xml(io.BytesIO(urdf), bytes_max=BYTES_MAX, elements_max=ELEMENTS_MAX, depth_max=DEPTH_MAX)
 
@@ -203,7 +203,7 @@ class Simulation:
                 text = f"the simulation became unstable at {self.t_s:.2f} s and begins anew"
                 self._unstable.add(text, time.monotonic())
 
-    def sample(self) -> Sample:
+    def make_sample(self) -> Sample:
         """All that is known now."""
         model, data = self._model, self._data
         position: dict[str, Reading] = {}

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 
 from posecast_edge.sample import SourceError
 from posecast_edge.sources.base import Defaults, Deliver, Source
-from posecast_edge.sources.mujoco.trial import try_out
+from posecast_edge.sources.mujoco.trial import check_loads
 
 if TYPE_CHECKING:
     from posecast_edge.profile.types import Profile
@@ -34,7 +34,7 @@ SAMPLE_S = 0.01  # of simulated and of real time
 MAX_BEHIND_S = 0.5  # a model too heavy for this machine runs slower than time, it does not pile up
 
 
-def defaults(address: str) -> Defaults:
+def find_defaults(address: str) -> Defaults:
     """The model is what is seen, too, where it is a URDF."""
     if not address:
         return Defaults(ARM_PROFILE, ARM)
@@ -46,15 +46,15 @@ def open_source(address: str, profile: Profile | None) -> Source:
     """Load the model. SourceError, one line, without MuJoCo or when it refuses the model."""
     del profile  # labels are matched later, where samples of every source meet the schema
     try:
-        from posecast_edge.sources.mujoco.model import load  # noqa: PLC0415 - an extra
+        from posecast_edge.sources.mujoco.model import load_simulation  # noqa: PLC0415 - an extra
     except ModuleNotFoundError as e:
         if e.name != "mujoco":
             raise
         raise SourceError("mujoco: not installed; pip install 'posecast-edge[mujoco]'") from None
     path = Path(address) if address else ARM
     if address:
-        try_out(path)
-    return MujocoSource(load(path), path.name)
+        check_loads(path)
+    return MujocoSource(load_simulation(path), path.name)
 
 
 class MujocoSource:
@@ -69,7 +69,7 @@ class MujocoSource:
         began_s, told = time.monotonic(), False
         while not stop.is_set():
             self._simulation.advance(SAMPLE_S)
-            deliver(self._simulation.sample())
+            deliver(self._simulation.make_sample())
             ahead_s = began_s + self._simulation.t_s - time.monotonic()
             if ahead_s > 0:
                 stop.wait(ahead_s)

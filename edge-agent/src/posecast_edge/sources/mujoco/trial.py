@@ -18,7 +18,7 @@ ASKED_MAX = 2 << 30  # bytes that it may ask for meanwhile
 SAMPLE_S = 0.01
 
 
-def try_out(path: Path) -> None:
+def check_loads(path: Path) -> None:
     """SourceError, one line, when the model can't be loaded within these bounds."""
     command = [sys.executable, "-m", "posecast_edge.sources.mujoco.trial", str(path)]
     try:
@@ -42,12 +42,12 @@ def try_out(path: Path) -> None:
 def main(path: Path) -> int:
     """Load it and simulate a moment; what is wrong goes to stderr."""
     resource.setrlimit(resource.RLIMIT_DATA, (ASKED_MAX, ASKED_MAX))
-    from posecast_edge.sources.mujoco.model import load  # noqa: PLC0415 - within the bound
+    from posecast_edge.sources.mujoco.model import load_simulation  # noqa: PLC0415 - within the bound
 
     try:
-        simulation = load(path)
+        simulation = load_simulation(path)
         simulation.advance(SAMPLE_S)
-        simulation.sample()
+        simulation.make_sample()
         size = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss << 10
         if size > MEMORY_MAX:
             raise SourceError(f"{path}: takes {size >> 20} MiB, at most {MEMORY_MAX >> 20}")

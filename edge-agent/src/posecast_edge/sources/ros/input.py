@@ -16,9 +16,9 @@ from posecast_edge.sources.ros.merge import STREAM_S, MessageMerger
 from posecast_edge.sources.ros.messages import (
     STRING,
     RosMessageError,
-    checked_description,
+    get_text,
     read_message,
-    text_of,
+    validate_description,
 )
 from posecast_edge.sources.ros.topics import TOPIC_MAX, TYPES, Route, Routes
 
@@ -48,7 +48,7 @@ class RosInput:
         self._urdf = ""
         self._told_still = False
 
-    def found(self, topic: str, type_name: str) -> Route | None:
+    def add_topic(self, topic: str, type_name: str) -> Route | None:
         """There is such a topic, of a short type: how it is read, None for not at all. A type nobody can read
         is told once."""
         key = (topic, type_name)
@@ -56,39 +56,39 @@ class RosInput:
             return self._topics[key]
         if len(self._topics) >= TOPICS_MAX or len(topic) > TOPIC_MAX or len(type_name) > TOPIC_MAX:
             return None
-        route = self._topics[key] = self.routes.of(topic, type_name)
+        route = self._topics[key] = self.routes.find_route(topic, type_name)
         if route is not None and type_name != STRING:
-            self._merge.expect(topic)
+            self._merge.expect_topic(topic)
         elif type_name not in TYPES and type_name not in self._ignored and len(self._ignored) < NAMED_MAX:
             self._ignored.add(type_name)
             more = "; further types are not said" if len(self._ignored) == NAMED_MAX else ""
             log.info("%s: %s is ignored: nothing here reads %s%s", self._name, topic, type_name, more)
         return route
 
-    def take(self, topic: str, type_name: str, decode: Callable[[], Any]) -> None:
+    def take_message(self, topic: str, type_name: str, decode: Callable[[], Any]) -> None:
         """A message came. What is wrong with it is told, and it counts for nothing."""
         now_s = time.monotonic()
-        route = self.found(topic, type_name)
+        route = self.add_topic(topic, type_name)
         if route is None:
             return
         self._messages[topic] = self._messages.get(topic, 0) + 1
         try:
             message = decode()
             if route.role == "description":
-                self.describe(text_of(message))
+                self.take_urdf(get_text(message))
                 return
             field_name = "ref" if route.role == "ref" else "pos"
             report = read_message(type_name, message, route.site, field_name)
         except RosMessageError as e:
-            self.bad(topic, str(e))
+            self.report_bad(topic, str(e))
             return
         except Exception as e:  # one message, whatever it did, ends nothing but itself
             log.debug("message of %s", topic, exc_info=True)
-            self.bad(topic, f"{type(e).__name__}: {str(e)[:200]}")
+            self.report_bad(topic, f"{type(e).__name__}: {str(e)[:200]}")
             return
-        self._merge.take(topic, route.role, type_name, report, now_s)
+        self._merge.take_report(topic, route.role, type_name, report, now_s)
 
-    def bad(self, topic: str, text: str) -> None:
+    def report_bad(self, topic: str, text: str) -> None:
         """Something that came is wrong: the first of a topic is told at once, then they are counted; topics
         beyond the first NAMED_MAX are counted together."""
         of = topic if topic in self._bad or len(self._bad) < NAMED_MAX else ""
@@ -97,12 +97,12 @@ class RosInput:
             self._bad[of] = RateLimitedLog(log.warning, noun, SAY_EVERY_S)
         self._bad[of].add(f"{topic[:TOPIC_MAX]}: {text}", time.monotonic())
 
-    def sample(self) -> Sample | None:
+    def make_sample(self) -> Sample | None:
         """What there is to deliver. To be called often: it also says what has been held back."""
         now_s = time.monotonic()
         for bad in tuple(self._bad.values()):
             bad.tick(now_s)
-        sample = self._merge.sample(now_s)
+        sample = self._merge.make_sample(now_s)
         since_s = self._merge.stands_since_s
         if since_s is None:
             self._told_still = False
@@ -111,7 +111,7 @@ class RosInput:
             log.warning("%s: messages come, but their stamps stand still", self._name)
         return sample
 
-    def offers(self) -> list[str]:
+    def list_topics(self) -> list[str]:
         """Lines for `probe`: every topic, its type, and what it is read as."""
         rows = []
         for (topic, type_name), route in sorted(self._topics.copy().items()):
@@ -122,9 +122,9 @@ class RosInput:
         widths = [max((len(row[i]) for row in rows), default=0) for i in range(3)] + [0]
         return ["  ".join(map(str.ljust, row, widths)).rstrip() for row in rows]
 
-    def describe(self, urdf: str) -> None:
+    def take_urdf(self, urdf: str) -> None:
         """The robot says what it looks like. MessageError when it says too much."""
-        checked_description(urdf)
+        validate_description(urdf)
         if urdf == self._urdf or not urdf.strip():
             return
         self._urdf = urdf

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from posecast_edge.sources.ros.messages import short_type
+from posecast_edge.sources.ros.messages import shorten_type
 
 ANY_DOMAIN = "*"
 BRIDGE_TOKENS = "@/*/@ros2_lv/MP/**"
@@ -26,40 +26,40 @@ class Found:
     key: str | None = None
 
 
-def dds_type(type_name: str) -> str:
+def make_dds_type(type_name: str) -> str:
     """`sensor_msgs/JointState` → `sensor_msgs::msg::dds_::JointState_`."""
     package, _, name = type_name.partition("/")
     return f"{package}::msg::dds_::{name}_"
 
 
-def data_key(pattern: str, type_name: str, domain: int | None) -> str:
+def make_data_key(pattern: str, type_name: str, domain: int | None) -> str:
     """The key expression of rmw_zenoh's data on the topics a pattern (topics.matches) names."""
     parts = [p if p in ("*", "**") else p.replace("*", "$*") for p in pattern.strip("/").split("/")]
     where = ANY_DOMAIN if domain is None else domain
-    return f"{where}/{'/'.join(parts)}/{dds_type(type_name)}/*"
+    return f"{where}/{'/'.join(parts)}/{make_dds_type(type_name)}/*"
 
 
-def token_key(domain: int | None) -> str:
+def make_token_key(domain: int | None) -> str:
     """The key expression of rmw_zenoh's publishers."""
     return f"@ros2_lv/{ANY_DOMAIN if domain is None else domain}/*/*/*/MP/**"
 
 
-def topic_of(key: str) -> Found | None:
+def match_data_key(key: str) -> Found | None:
     """What a sample of rmw_zenoh is of; None when the key is none of its."""
     parts = key.split("/")
     if len(parts) < 4 or not parts[0].isdigit() or "::" not in parts[-2]:
         return None
-    return Found("/" + "/".join(parts[1:-2]), short_type(parts[-2]))
+    return Found("/" + "/".join(parts[1:-2]), shorten_type(parts[-2]))
 
 
-def token_of(key: str) -> Found | None:
+def match_token_key(key: str) -> Found | None:
     """What a publisher's token tells; None when it is none."""
     parts = key.split("/")
     if parts[0] == "@ros2_lv" and len(parts) == 13 and parts[5] == "MP":
-        return Found(_slashes(parts[9], "%"), short_type(parts[10]))
+        return Found(_slashes(parts[9], "%"), shorten_type(parts[10]))
     if parts[0] == "@" and len(parts) == 7 and parts[2:4] == ["@ros2_lv", "MP"]:
         topic = _slashes(parts[4], "§")
-        return Found(topic, short_type(parts[5].replace("§", "/")), topic.lstrip("/"))
+        return Found(topic, shorten_type(parts[5].replace("§", "/")), topic.lstrip("/"))
     return None
 
 

@@ -35,7 +35,7 @@ class RobotClock:
         self._stamped = False
         self._moved_s: float | None = None
 
-    def moved(self, stamp_s: float | None, now_s: float) -> bool:
+    def advance(self, stamp_s: float | None, now_s: float) -> bool:
         """A message of that stamp came at monotonic `now_s`: whether it is later than what there was."""
         stamped = stamp_s is not None
         if self._moved_s is not None and now_s - self._moved_s < HOLD_S:
@@ -75,12 +75,12 @@ class MessageMerger:
         self._doubled: set[tuple[str, str]] = set()
         self.stands_since_s: float | None = None  # positions come, but their time does not go on
 
-    def expect(self, topic: str) -> None:
+    def expect_topic(self, topic: str) -> None:
         """A topic that there is: the first sample waits for it, SETTLE_S at most."""
         if len(self._expected) < STRANDS_MAX:
             self._expected.setdefault(topic, False)
 
-    def take(self, topic: str, role: str, type_name: str, report: Report, now_s: float) -> None:
+    def take_report(self, topic: str, role: str, type_name: str, report: Report, now_s: float) -> None:
         """One message's report. `role`: see topics.TYPES_OF_ROLE."""
         if topic in self._expected:
             self._expected[topic] = True
@@ -104,12 +104,12 @@ class MessageMerger:
                 known.update((name, text) for name, text in told.items() if name in known)
         if not self._drives(role, now_s):
             return
-        if self._clock.moved(report.stamp_s, now_s):
+        if self._clock.advance(report.stamp_s, now_s):
             self._news, self.stands_since_s = True, None
         elif self.stands_since_s is None:
             self.stands_since_s = now_s
 
-    def sample(self, now_s: float) -> Sample | None:
+    def make_sample(self, now_s: float) -> Sample | None:
         """All that is known, when something came since the last call and time went on; else None."""
         if not self._news or not self._ready(now_s):
             return None

@@ -64,7 +64,7 @@ class Report:
     links: Mapping[str, str] = field(default_factory=dict)
 
 
-def short_type(name: str) -> str:
+def shorten_type(name: str) -> str:
     """`sensor_msgs/msg/JointState`, `sensor_msgs::msg::dds_::JointState_` → `sensor_msgs/JointState`."""
     parts = name.replace("::", "/").split("/")
     parts = [p for p in parts if p not in ("msg", "dds_", "")]
@@ -86,12 +86,12 @@ def read_message(type_name: str, message: Any, site: str = "", field_name: str =
         raise RosMessageError(f"{type(e).__name__}: {str(e)[:200]}") from None
 
 
-def text_of(message: Any) -> str:
+def get_text(message: Any) -> str:
     """The text of a std_msgs/String. MessageError, also when it is longer than any robot description."""
-    return checked_description(_member(message, "data"))
+    return validate_description(_member(message, "data"))
 
 
-def checked_description(urdf: Any) -> str:
+def validate_description(urdf: Any) -> str:
     """The same. MessageError when it is no text, or longer than any robot description."""
     text = _text(urdf, "data")
     if len(text) > DESCRIPTION_MAX:
@@ -99,7 +99,7 @@ def checked_description(urdf: Any) -> str:
     return text
 
 
-def site_of(name: str) -> str:
+def make_site_name(name: str) -> str:
     """A frame's or topic's name as a site: a dot would divide site and component."""
     return name.strip("/").replace(".", "_").replace("/", "_")
 
@@ -302,7 +302,7 @@ def _site(message: Any, site: str, otherwise: str) -> tuple[str, dict[str, str]]
     frame = _text(_member(_member(message, "header"), "frame_id"), "frame_id").strip("/")
     if len(frame) > NAME_MAX:
         raise RosMessageError(f"frame_id has {len(frame)} characters, at most {NAME_MAX}")
-    return (site_of(frame), {site_of(frame): frame}) if frame else (otherwise, {})
+    return (make_site_name(frame), {make_site_name(frame): frame}) if frame else (otherwise, {})
 
 
 def _stamp(message: Any) -> float | None:

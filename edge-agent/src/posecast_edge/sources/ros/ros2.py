@@ -28,7 +28,14 @@ from posecast_edge.rate_limited_log import RateLimitedLog
 from posecast_edge.sample import SourceError
 from posecast_edge.sources.base import Deliver, Source
 from posecast_edge.sources.ros.input import EXTRA, SAY_EVERY_S, RosInput
-from posecast_edge.sources.ros.keys import BRIDGE_TOKENS, Found, data_key, token_key, token_of, topic_of
+from posecast_edge.sources.ros.keys import (
+    BRIDGE_TOKENS,
+    Found,
+    make_data_key,
+    make_token_key,
+    match_data_key,
+    match_token_key,
+)
 from posecast_edge.sources.ros.messages import DESCRIPTION_MAX, PAYLOAD_MAX, STRING
 
 if TYPE_CHECKING:
@@ -77,9 +84,9 @@ class Ros2Source:
     @property
     def offers(self) -> list[str]:
         """What there is, for `probe`."""
-        return self._intake.offers()
+        return self._intake.list_topics()
 
-    def describe_to(self, take: Callable[[str], None]) -> None:
+    def send_urdf_to(self, take: Callable[[str], None]) -> None:
         """Hand every new robot_description to `take`, in the source's thread."""
         self._intake.on_urdf = take
 
@@ -98,12 +105,12 @@ class Ros2Source:
                     held.append(self._subscribe(session, self._bridged.popleft()))
                 messages, lost = self._inbox.take(WAIT_S)
                 for topic, type_name, payload in messages:
-                    self._intake.take(topic, type_name, partial(cdr.read, type_name, payload))
+                    self._intake.take_message(topic, type_name, partial(cdr.read, type_name, payload))
                 now_s = time.monotonic()
                 if lost:
                     self._dropped.add(f"{lost} messages came too fast and were dropped, the oldest", now_s)
                 self._dropped.tick(now_s)
-                sample = self._intake.sample()
+                sample = self._intake.make_sample()
                 if sample is not None:
                     deliver(sample)
                 stop.wait(REST_S)
@@ -127,11 +134,11 @@ class Ros2Source:
             session.info.declare_transport_events_listener(self._on_transport, history=True),
             *(
                 session.liveliness().declare_subscriber(key, self._on_token, history=True)
-                for key in (token_key(self._domain), BRIDGE_TOKENS)
+                for key in (make_token_key(self._domain), BRIDGE_TOKENS)
             ),
         ]
-        for pattern, type_name in self._intake.routes.wanted():
-            key = data_key(pattern, type_name, self._domain)
+        for pattern, type_name in self._intake.routes.list_patterns():
+            key = make_data_key(pattern, type_name, self._domain)
             held.append(self._subscribe(session, key, latched=type_name == STRING))
         return held
 
@@ -151,22 +158,22 @@ class Ros2Source:
         log.info("%s %s", "robot's router linked:" if linked else "robot's router lost:", self._endpoint)
 
     def _on_token(self, sample: zenoh.Sample) -> None:
-        found = token_of(str(sample.key_expr)) if sample.kind == zenoh.SampleKind.PUT else None
+        found = match_token_key(str(sample.key_expr)) if sample.kind == zenoh.SampleKind.PUT else None
         if found is None:
             return
-        route = self._intake.found(found.topic, found.type_name)
+        route = self._intake.add_topic(found.topic, found.type_name)
         if found.key and route and found.key not in self._of_key and len(self._of_key) < BRIDGED_MAX:
             self._of_key[found.key] = found
             self._bridged.append(found.key)
 
     def _on_data(self, sample: zenoh.Sample) -> None:
         key = str(sample.key_expr)
-        found = self._of_key.get(key) or topic_of(key)
+        found = self._of_key.get(key) or match_data_key(key)
         if found is None or sample.kind != zenoh.SampleKind.PUT:
             return
         size = len(sample.payload)
         if size > (DESCRIPTION_MAX if found.type_name == STRING else PAYLOAD_MAX):
-            self._intake.bad(found.topic, f"a message of {size} bytes is too large")
+            self._intake.report_bad(found.topic, f"a message of {size} bytes is too large")
             return
         self._inbox.put(found.topic, found.type_name, sample.payload.to_bytes())
 

@@ -23,16 +23,16 @@ from posecast_edge.sample import SourceError
 from posecast_edge.sources.backoff import Backoff
 from posecast_edge.sources.base import Deliver, Source
 from posecast_edge.sources.ros.input import EXTRA, SAY_EVERY_S, RosInput
-from posecast_edge.sources.ros.messages import CONTROLLER_STATE, RosMessageError, short_type
+from posecast_edge.sources.ros.messages import CONTROLLER_STATE, RosMessageError, shorten_type
 from posecast_edge.sources.ros.rosbridge_protocol import (
     MESSAGE_MAX,
     Answer,
     MessageAssembler,
     Publish,
     RosbridgeProtocolError,
-    call_service,
+    make_service_call,
+    make_subscribe,
     parse_json,
-    subscribe,
 )
 from posecast_edge.sources.ros.topics import TYPES_OF_ROLE, Route
 
@@ -94,9 +94,9 @@ class RosbridgeSource:
     @property
     def offers(self) -> list[str]:
         """What there is, for `probe`."""
-        return self._intake.offers()
+        return self._intake.list_topics()
 
-    def describe_to(self, take: Callable[[str], None]) -> None:
+    def send_urdf_to(self, take: Callable[[str], None]) -> None:
         """Hand every new robot_description to `take`, in the source's thread."""
         self._intake.on_urdf = take
         self._wants_urdf = True
@@ -109,7 +109,7 @@ class RosbridgeSource:
         while not stop.is_set():
             now_s = time.monotonic()
             self._trouble.tick(now_s)
-            if not self._backoff.due(now_s):
+            if not self._backoff.is_due(now_s):
                 stop.wait(WAIT_S / 4)
                 continue
             try:
@@ -124,12 +124,12 @@ class RosbridgeSource:
                     proxy=None,
                     logger=SILENT,
                 ) as connection:
-                    self._backoff.connected(time.monotonic())
+                    self._backoff.record_success(time.monotonic())
                     log.info("robot's rosbridge linked: %s", self._url)
-                    self._talk(connection).go_on(deliver, stop)
+                    self._talk(connection).run(deliver, stop)
             except (OSError, WebSocketException) as e:
                 now_s = time.monotonic()
-                self._backoff.failed(now_s)
+                self._backoff.record_failure(now_s)
                 if not stop.is_set():
                     self._trouble.add(f"{self._url}: {_reason(e)}; trying on", now_s)
 
@@ -160,13 +160,13 @@ class RosbridgeConnection:
         self._looked_s = float("-inf")
         self._listed: bool | None = None  # rosapi answers; None: nobody knows yet
 
-    def go_on(self, deliver: Deliver, stop: threading.Event) -> None:
+    def run(self, deliver: Deliver, stop: threading.Event) -> None:
         """Until `stop`. OSError or WebSocketException when the connection ends."""
         while not stop.is_set():
             self._chores(time.monotonic())
             for data in self._newest():
                 self._receive(data)
-            sample = self._intake.sample()
+            sample = self._intake.make_sample()
             if sample is not None:
                 deliver(sample)
 
@@ -197,7 +197,7 @@ class RosbridgeConnection:
             if self._listed is False:
                 self._subscribe_named()
             self._looked_s = now_s
-            self._connection.send(call_service("/rosapi/topics", "topics"))
+            self._connection.send(make_service_call("/rosapi/topics", "topics"))
         for topic, since_s in list(self._counting.items()):
             if now_s - since_s > ANSWER_S:
                 self._subscribe(topic, 0)
@@ -208,18 +208,18 @@ class RosbridgeConnection:
             if isinstance(heard, Publish):
                 type_name = self._type_of(heard)
                 if type_name:
-                    self._intake.take(heard.topic, type_name, lambda: heard.message)
+                    self._intake.take_message(heard.topic, type_name, lambda: heard.message)
             elif isinstance(heard, Answer):
                 self._answer(heard)
             elif heard is not None and heard.level in ("error", "warning"):
                 self._words.add(f"rosbridge says: {heard.text[:200]}", time.monotonic())
         except (RosbridgeProtocolError, RosMessageError) as e:
-            self._intake.bad("rosbridge", str(e))
+            self._intake.report_bad("rosbridge", str(e))
 
     def _type_of(self, heard: Publish) -> str:
         if heard.topic in self._types:
-            return short_type(self._types[heard.topic])
-        route = dict(self._intake.routes.named()).get(heard.topic)
+            return shorten_type(self._types[heard.topic])
+        route = dict(self._intake.routes.list_topics()).get(heard.topic)
         if route is None:
             return ""
         of_controller = isinstance(heard.message, dict) and "joint_names" in heard.message
@@ -251,13 +251,13 @@ class RosbridgeConnection:
         self._listed = True
         for topic, type_name in zip(names, types, strict=True):
             if isinstance(topic, str) and isinstance(type_name, str):
-                route = self._intake.found(topic, short_type(type_name))
+                route = self._intake.add_topic(topic, shorten_type(type_name))
                 if route and topic not in self._subscribed and topic not in self._counting:
                     self._types[topic] = type_name
                     self._want(topic, route)
         ros_1 = any(isinstance(t, str) and t.count("/") == 1 for t in types)
         if first and ros_1 and self._wants_urdf:  # there it is a parameter, not a topic
-            question = call_service(
+            question = make_service_call(
                 "/rosapi/get_param", "description", name="/robot_description", default='""'
             )
             self._connection.send(question)
@@ -269,24 +269,24 @@ class RosbridgeConnection:
             self._subscribe(topic, 0, described=route.role == "description")
             return
         self._counting[topic] = time.monotonic()
-        self._connection.send(call_service("/rosapi/publishers", f"publishers {topic}", topic=topic))
+        self._connection.send(make_service_call("/rosapi/publishers", f"publishers {topic}", topic=topic))
 
     def _subscribe(self, topic: str, throttle_ms: int, described: bool = False) -> None:
         self._counting.pop(topic, None)
         self._subscribed.add(topic)
         encoding = "json" if described else self._encoding  # a description is longer than CBOR may be
-        self._connection.send(subscribe(topic, self._types.get(topic), encoding, throttle_ms))
+        self._connection.send(make_subscribe(topic, self._types.get(topic), encoding, throttle_ms))
 
     def _subscribe_named(self) -> None:
         """Also again: a topic without a publisher has no type, and the server forgets who asked for it."""
-        for topic, route in self._intake.routes.named():
+        for topic, route in self._intake.routes.list_topics():
             self._subscribe(topic, 0, described=route.role == "description")
 
     def _parameter(self, value: object) -> None:
         """A ROS 1 parameter, which rosapi gives as JSON. ProtocolError, MessageError."""
         text = parse_json(value) if isinstance(value, str) else None
         if isinstance(text, str):
-            self._intake.describe(text)
+            self._intake.take_urdf(text)
 
 
 def _reason(e: Exception) -> str:

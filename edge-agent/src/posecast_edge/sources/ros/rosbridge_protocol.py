@@ -59,7 +59,7 @@ class RosbridgeStatus:
 Received = Publish | Answer | RosbridgeStatus
 
 
-def subscribe(topic: str, type_name: str | None, encoding: str, throttle_ms: int) -> str:
+def make_subscribe(topic: str, type_name: str | None, encoding: str, throttle_ms: int) -> str:
     """Ask for a topic. `type_name` as the server spells it; None: the server looks.
 
     A throttle alone drops what comes too soon, also the last value before a pause. With a queue of one the
@@ -75,7 +75,7 @@ def subscribe(topic: str, type_name: str | None, encoding: str, throttle_ms: int
     return json.dumps(wish)
 
 
-def call_service(service: str, call_id: str, **arguments: object) -> str:
+def make_service_call(service: str, call_id: str, **arguments: object) -> str:
     """The message that calls a service of rosapi, all of which only report."""
     wish = {"op": "call_service", "id": call_id, "service": service, "args": arguments}
     return json.dumps(wish)

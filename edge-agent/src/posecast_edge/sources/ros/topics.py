@@ -17,7 +17,7 @@ from posecast_edge.sources.ros.messages import (
     ODOMETRY,
     STRING,
     WRENCH,
-    site_of,
+    make_site_name,
 )
 
 # what a profile may name topics for (profile.ros.ROLES) → the types that can serve
@@ -55,21 +55,21 @@ class Routes:
         self._given = (given or RosTopics()).topics
         self._namespace = f"/{namespace.strip('/')}" if namespace.strip("/") else ""
 
-    def of(self, topic: str, type_name: str) -> Route | None:
+    def find_route(self, topic: str, type_name: str) -> Route | None:
         """How this topic is read; None: not at all. `type_name`: short."""
         if len(topic) > TOPIC_MAX:
             return None
         for role, types in TYPES_OF_ROLE.items():
             if type_name in types and role in self._given:
                 for pattern, site in self._given[role]:
-                    if matches(pattern, topic):
+                    if match_topic(pattern, topic):
                         return Route(role, site)
         if self._namespace and not topic.startswith(f"{self._namespace}/"):
             return None
         route = _by_name(topic[len(self._namespace) :], type_name)
         return route if route is not None and route.role not in self._given else None
 
-    def wanted(self) -> list[tuple[str, str]]:
+    def list_patterns(self) -> list[tuple[str, str]]:
         """(pattern, type) of every topic that may be read, for those who can ask by pattern."""
         everything = f"{self._namespace}/**"
         usual = {"description": [f"{everything}/robot_description"], "base": []}
@@ -83,7 +83,7 @@ class Routes:
             found += [(pattern, type_name) for pattern in whole]
         return found
 
-    def named(self) -> list[tuple[str, Route]]:
+    def list_topics(self) -> list[tuple[str, Route]]:
         """Topics to ask for where nobody lists those there are: what the profile names without a pattern, and
         the usual names of what it does not name."""
         given = [
@@ -102,7 +102,7 @@ def _by_name(topic: str, type_name: str) -> Route | None:
         return Route("ref") if COMMAND.fullmatch(last) else Route("pos") if STATE.fullmatch(last) else None
     if type_name == BATTERY:
         words = [w for w in topic.strip("/").split("/") if not BATTERY_WORDS.fullmatch(w)]
-        return Route("battery", site_of("_".join(words)) or "main")
+        return Route("battery", make_site_name("_".join(words)) or "main")
     if type_name == STRING:
         return Route("description") if last == "robot_description" else None
     roles = {CONTROLLER_STATE: "ref", IMU: "imu", WRENCH: "wrench", DIAGNOSTICS: "diagnostics"}
@@ -112,7 +112,7 @@ def _by_name(topic: str, type_name: str) -> Route | None:
     return Route(role) if role else None
 
 
-def matches(pattern: str, topic: str) -> bool:
+def match_topic(pattern: str, topic: str) -> bool:
     """`*` stands for anything within one part of a topic's name, `**` for any number of parts."""
     return _expression(pattern).fullmatch(topic) is not None
 
