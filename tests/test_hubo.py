@@ -39,7 +39,7 @@ async def test_from_achd_to_the_viewer(stack: Any, name: str) -> None:
     from achd_stage import Achd
     from hubo_stage import Walker
     from posecast_edge.profile.reader import find_profile, load_profile
-    from posecast_wire.mapping import joint_values
+    from posecast_wire.mapping import compute_joint_values
 
     profile = load_profile(find_profile(name))
     server = Achd()
@@ -63,7 +63,7 @@ async def test_from_achd_to_the_viewer(stack: Any, name: str) -> None:
                 elif joint in told:
                     assert ref[joint] == pytest.approx(told[joint], abs=0.0009), joint
         _, frame = viewer.frames[-1]
-        body = joint_values(frame.schema, frame.codes, "ref")
+        body = compute_joint_values(frame.schema, frame.codes, "ref")
         offset = math.radians(15) if name == "hubo2plus" else 0.0
         assert body["LSR"] == pytest.approx(walker.row(frame.t_s)["LSR"] + offset, abs=0.0009)
         url = f"http://{http}/api/v1/robots/demo/state"

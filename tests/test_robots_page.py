@@ -109,7 +109,7 @@ def test_the_lines_of_a_program_on_its_page_make_frames() -> None:
         decoder = Decoder()
         decoder.add_schema(stream.schema.text)
         decoded = decoder.decode(frame.data)
-        pos = stream.schema.field("pos")
+        pos = stream.schema.find_field("pos")
         assert pos is not None
         assert dict(zip(pos.labels, decoded.values("pos"), strict=True)) == pytest.approx(
             {"RKN": 0.6, "LKN": 0.1}

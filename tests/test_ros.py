@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from posecast_wire.mapping import joint_values
+from posecast_wire.mapping import compute_joint_values
 
 EDGE_TESTS = Path(__file__).parents[1] / "edge-agent" / "tests"
 SHARED = Path(os.environ.get("POSECAST_SHARED", Path(__file__).parents[2] / "shared"))
@@ -79,7 +79,7 @@ async def test_one_command_puts_a_robot_that_describes_itself_on_air(stack: Any,
         stack.edge(zenoh, "--source", robot.source)
         viewer = await seen(stack, http)
         for _, frame in viewer.frames:
-            body = joint_values(frame.schema, frame.codes, "pos")
+            body = compute_joint_values(frame.schema, frame.codes, "pos")
             assert body == {"elbow": pytest.approx(swing(frame.t_s), abs=0.002)}
 
         about = f"http://{http}/api/v1/robots/demo"

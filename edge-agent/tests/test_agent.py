@@ -101,7 +101,7 @@ CALLS: list[tuple[str, Callable[[Running], object], bool]] = [
     ("check_time", lambda r: r.pipeline("public").stream, False),
     ("make_snapshot", lambda r: r.pipeline("public").stream, False),
     ("encode", lambda r: r.pipeline("public").stream._encoder, True),  # type: ignore[union-attr]
-    ("codes", lambda r: r.pipeline("public").stream._sampler._quantiser, True),  # type: ignore[union-attr]
+    ("quantise", lambda r: r.pipeline("public").stream._sampler._quantiser, True),  # type: ignore[union-attr]
     ("flatten", lambda r: r.pipeline("public").stream._flattener, True),  # type: ignore[union-attr]
     ("check_sample", lambda r: r.pipeline("public").stream._watch, True),  # type: ignore[union-attr]
     ("admit", lambda r: r.pipeline("public").stream._limit, False),  # type: ignore[union-attr]

@@ -76,7 +76,7 @@ def test_an_obstacle_parts_ref_and_pos_of_the_left_arm(minute: Minute) -> None:
     assert 2 < apart.sum() / minute.motion.rate_hz < 6
     force = minute.channel("ftf", "LH.fz")
     limit = minute.profile.mapping.thresholds["ftf"]["LH.fz"]
-    levels = {limit.level(f) for f in force}
+    levels = {limit.find_level(f) for f in force}
     assert levels == {"ok", "caution", "fault"}
     assert minute.flag("LSP", "comply").any()
 
@@ -91,9 +91,9 @@ def test_the_right_knee_jams_in_the_air_and_comes_free(minute: Minute) -> None:
     assert abs(minute.channel("cur", "RKN")[jam]).min() > 5
     assert minute.flag("RKN", "bigError").any()
     assert minute.channel("ftf", "RF.fz")[jam].max() < 10, "the foot is in the air"
-    limit = minute.profile.mapping.threshold("temp", "RKN")
+    limit = minute.profile.mapping.find_threshold("temp", "RKN")
     assert limit is not None
-    assert {limit.level(c) for c in minute.channel("temp", "RKN")} == {"ok", "caution"}
+    assert {limit.find_level(c) for c in minute.channel("temp", "RKN")} == {"ok", "caution"}
 
 
 def test_some_readings_are_missing_for_a_while_some_for_ever(minute: Minute) -> None:

@@ -178,9 +178,9 @@ def test_a_joint_may_follow_a_joint_and_a_channel_have_a_unit_of_its_own() -> No
         BASE + "units={B='mm'}\n[joints]\nk1={terms=[['A',2]],offset_rad=1}\nk2.terms=[['k1',0.5]]\n"
     )
     assert p.mapping.joints == {"k1": JointMap((("A", 2.0),), 1.0), "k2": JointMap((("A", 1.0),), 0.5)}
-    assert p.mapping.unit("pos", "B") == "mm"
-    assert p.mapping.unit("pos", "A") is None
-    assert Schema.parse(make_schema_text(p)).mapping.unit("pos", "B") == "mm"
+    assert p.mapping.find_unit("pos", "B") == "mm"
+    assert p.mapping.find_unit("pos", "A") is None
+    assert Schema.parse(make_schema_text(p)).mapping.find_unit("pos", "B") == "mm"
 
 
 def test_a_view_holds_nothing_of_what_is_not_in_it() -> None:

@@ -37,8 +37,11 @@ def test_every_kind_of_joint_and_a_sensor(tmp_path: Path) -> None:
     profile = parse_profile(make_profile_text(load_urdf(path), "arm.urdf"))
     assert profile.labels["joint"] == ("shoulder", "elbow", "wrist", "lift")  # grip follows by itself
     assert [f.name for f in profile.fields] == ["ref", "pos", "vel", "ftf", "ftm"]
-    assert (profile.mapping.unit("pos", "lift"), profile.mapping.unit("pos", "elbow")) == ("m", None)
-    assert profile.mapping.tolerance("lift") == 0.005
+    assert (profile.mapping.find_unit("pos", "lift"), profile.mapping.find_unit("pos", "elbow")) == (
+        "m",
+        None,
+    )
+    assert profile.mapping.find_tolerance("lift") == 0.005
     assert profile.labels["ftm"] == ("wrist ft.mx", "wrist ft.my", "wrist ft.mz")
     assert profile.mapping.sensors == {"wrist ft": SensorMount("wrench", "wrist ft", "hand", (0.0, 0.0, 0.1))}
 

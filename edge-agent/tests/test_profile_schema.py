@@ -48,17 +48,17 @@ def test_the_first_sample_names_the_channels() -> None:
         ("acc", "gyro", ("t.x", "t.y"), "m/s²"),
         ("wind", "wind", ("n",), ""),
     ]
-    pos, flags = schema.field("pos"), schema.field("flags")
+    pos, flags = schema.find_field("pos"), schema.find_field("flags")
     assert pos is not None
     assert pos.rel == "ref"
     assert flags is not None
     assert flags.bits == (*FLAG_BITS, "odd")
-    assert schema.mapping.severity("flags", "homed") == "state"
-    assert schema.mapping.severity("flags", "odd") == "fault"
+    assert schema.mapping.find_severity("flags", "homed") == "state"
+    assert schema.mapping.find_severity("flags", "odd") == "fault"
 
 
 def test_masks_have_bits_without_names() -> None:
-    flags = of(flags={"A": 5}).field("flags")
+    flags = of(flags={"A": 5}).find_field("flags")
     assert flags is not None
     assert flags.bits[:2] == ("bit0", "bit1")
 

@@ -30,7 +30,7 @@ def test_it_parses_and_names_every_joint(path: Path) -> None:
     profile = load_profile(path)
     assert set(profile.labels["joint"]) <= set(profile.mapping.names)
     assert profile.root
-    assert profile.mapping.tolerance("anything") == pytest.approx(0.055, abs=0.01)
+    assert profile.mapping.find_tolerance("anything") == pytest.approx(0.055, abs=0.01)
 
 
 @shared

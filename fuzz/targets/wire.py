@@ -18,8 +18,8 @@ from posecast_wire import (
     Schema,
     SchemaError,
     Snapshot,
+    compute_joint_values,
     frame_id,
-    joint_values,
     parse_viewer_message,
 )
 from posecast_wire.credential import SECRET
@@ -51,7 +51,7 @@ def mapping(data: bytes) -> None:
     def joints() -> dict[str, dict[str, float]]:
         found = Schema.parse(text)
         codes = codes_in(tail, found.size)
-        return {name: joint_values(found, codes, name) for name in ("pos", "ref")}
+        return {name: compute_joint_values(found, codes, name) for name in ("pos", "ref")}
 
     agree(joints, lambda: ask("mapping", text.encode() + b"\n" + tail), (SchemaError,), dict, ALONE)
 

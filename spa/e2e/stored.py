@@ -24,7 +24,7 @@ def main(url: str, robot: str) -> None:
     for base in (b"ref", b"frame"):
         if state.get(base):
             frame = decoder.decode(state[base])
-    labels = frame.schema.field("pos")
+    labels = frame.schema.find_field("pos")
     values = dict(zip(labels.labels if labels else (), frame.values("pos"), strict=True))
     json.dump({"seq": frame.seq, "pos": values}, sys.stdout)
 

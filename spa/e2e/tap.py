@@ -18,7 +18,7 @@ import zenoh
 from posecast_wire.decoder import Decoder, Frame
 from posecast_wire.frame import BaseUnknown, FrameError
 from posecast_wire.keys import Snapshot, frame_key, snapshot_key
-from posecast_wire.mapping import joint_values
+from posecast_wire.mapping import compute_joint_values
 
 VIEW = "public"
 
@@ -29,7 +29,7 @@ def described(frame: Frame) -> dict[str, Any]:
         field.name: dict(zip(field.labels, frame.values(field.name), strict=True))
         for field in frame.schema.fields
     }
-    joints = joint_values(frame.schema, frame.codes, "pos")
+    joints = compute_joint_values(frame.schema, frame.codes, "pos")
     return {
         "seq": frame.seq,
         "t_s": frame.t_s,

@@ -21,7 +21,7 @@ LATE_SAMPLES = 5 * 30
 
 def codes_that_stick() -> None:
     """The robot moves, and its frames say that it does not."""
-    tick, codes = Sampler.tick, Quantiser.codes
+    tick, codes = Sampler.tick, Quantiser.quantise
     sent: list[Due] = []
 
     def count(self: Sampler, now_s: float, oldest_s: float = NEVER) -> Due | None:
@@ -34,7 +34,7 @@ def codes_that_stick() -> None:
         return codes(self, values) if len(sent) < WELL else sent[-1].codes
 
     Sampler.tick = count  # type: ignore[method-assign]
-    Quantiser.codes = stick  # type: ignore[method-assign, assignment]
+    Quantiser.quantise = stick  # type: ignore[method-assign, assignment]
 
 
 def old_samples_as_fresh() -> None:

@@ -47,7 +47,7 @@ def measure(text: str, name: str, ref_every: int) -> float:
     quantise_ns, encode_ns, decode_ns = [], [], []
     for seq, (t_s, sample) in enumerate(zip(times, values, strict=True)):
         t0 = clock()
-        codes = quantiser.codes(sample)
+        codes = quantiser.quantise(sample)
         t1 = clock()
         frame = encoder.encode(codes, seq, t_s, seq / 30)
         t2 = clock()

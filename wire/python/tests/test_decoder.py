@@ -160,7 +160,7 @@ def test_values_by_field() -> None:
     schema = Schema.parse(build_schema_text("r", labels, fields))
     frame = decoder_of(schema).decode(Encoder(schema).encode([3, MISSING, 2, MISSING], 1, 0.0, 0.0))
     assert frame.values("pos") == [1.5, None]
-    flags = schema.field("flags")
+    flags = schema.find_field("flags")
     assert flags is not None
     assert [flags.bits_set(c) for c in frame.codes[2:]] == [["jam"], []]
     assert flags.bits_set(1 << 27) == ["bit 27"]

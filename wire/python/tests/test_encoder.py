@@ -16,7 +16,7 @@ from posecast_wire import (
     frame_id,
     parse_header,
 )
-from posecast_wire.encoder import ORDER_STEPS, golomb
+from posecast_wire.encoder import ORDER_STEPS, encode_golomb
 
 ONE = Schema.parse(build_schema_text("one", {"x": ["x"]}, [{"name": "x", "labels": "x"}]))
 
@@ -112,8 +112,8 @@ def test_order_steps_are_the_formula() -> None:
 
 
 def test_golomb_codes() -> None:
-    assert [golomb(z, 0) for z in range(4)] == ["1", "010", "011", "00100"]
-    assert [golomb(z, 2) for z in (0, 3, 4)] == ["100", "111", "01000"]
+    assert [encode_golomb(z, 0) for z in range(4)] == ["1", "010", "011", "00100"]
+    assert [encode_golomb(z, 2) for z in (0, 3, 4)] == ["100", "111", "01000"]
 
 
 @pytest.mark.parametrize(

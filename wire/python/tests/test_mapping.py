@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 import pytest
-from posecast_wire import JointMap, Schema, SensorMount, Threshold, build_schema_text, joint_values
+from posecast_wire import JointMap, Schema, SensorMount, Threshold, build_schema_text, compute_joint_values
 
 MAPPED = Schema.parse(
     build_schema_text(
@@ -36,12 +36,19 @@ def test_parts() -> None:
         "main": SensorMount("power", "main", None),
     }
     assert mapping.names == {"RKN": "right knee"}
-    assert mapping.threshold("temp", "RKN") == Threshold(None, 80.0, 0.9)
-    assert mapping.threshold("temp", "LKN") == Threshold(None, 70.0)
-    assert mapping.threshold("cur", "RKN") is None
-    assert (mapping.tolerance("RKN"), mapping.tolerance("LKN")) == (0.08, 0.05)
-    assert (mapping.severity("flags", "homed"), mapping.severity("flags", "jam")) == ("state", "fault")
-    assert (mapping.unit("pos", "NK1"), mapping.unit("pos", "RKN"), mapping.unit("cur", "NK1")) == (
+    assert mapping.find_threshold("temp", "RKN") == Threshold(None, 80.0, 0.9)
+    assert mapping.find_threshold("temp", "LKN") == Threshold(None, 70.0)
+    assert mapping.find_threshold("cur", "RKN") is None
+    assert (mapping.find_tolerance("RKN"), mapping.find_tolerance("LKN")) == (0.08, 0.05)
+    assert (mapping.find_severity("flags", "homed"), mapping.find_severity("flags", "jam")) == (
+        "state",
+        "fault",
+    )
+    assert (
+        mapping.find_unit("pos", "NK1"),
+        mapping.find_unit("pos", "RKN"),
+        mapping.find_unit("cur", "NK1"),
+    ) == (
         "mm",
         None,
         None,
@@ -49,7 +56,7 @@ def test_parts() -> None:
 
 
 def test_joint_values_are_in_radians_by_urdf_name() -> None:
-    assert joint_values(MAPPED, [1000, -500], "pos") == {"LSR": 1.25, "RKN": -0.5}
+    assert compute_joint_values(MAPPED, [1000, -500], "pos") == {"LSR": 1.25, "RKN": -0.5}
 
 
 @pytest.mark.parametrize(
@@ -65,4 +72,4 @@ def test_joint_values_are_in_radians_by_urdf_name() -> None:
     ],
 )  # fmt: skip
 def test_levels(threshold: Threshold, levels: dict[float | None, str]) -> None:
-    assert {v: threshold.level(v) for v in levels} == levels
+    assert {v: threshold.find_level(v) for v in levels} == levels

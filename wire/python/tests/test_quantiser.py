@@ -25,11 +25,11 @@ SCHEMA = Schema.parse(
 
 
 def temps(quantiser: Quantiser, *values: float | None) -> list[int]:
-    return [quantiser.codes([0.0, v, 0])[1] for v in values]
+    return [quantiser.quantise([0.0, v, 0])[1] for v in values]
 
 
 def test_rounds_half_up() -> None:
-    fresh = [Quantiser(SCHEMA, 0.0).codes([v / 1000, v, 0])[1] for v in (-1.5, -0.5, 0.49, 0.5, 1.5)]
+    fresh = [Quantiser(SCHEMA, 0.0).quantise([v / 1000, v, 0])[1] for v in (-1.5, -0.5, 0.49, 0.5, 1.5)]
     assert fresh == [-1, 0, 0, 1, 2]
 
 
@@ -65,19 +65,19 @@ def test_saturates_and_never_reads_as_missing() -> None:
 def test_masks_have_no_deadband_and_must_be_whole() -> None:
     quantiser = Quantiser(SCHEMA, 5.0)
     masks: list[float | None] = [0, 1, 3, 2, True, CODE_MAX, CODE_MAX + 1, -1, 0.5, None, math.nan]
-    assert [quantiser.codes([0.0, 0.0, m])[2] for m in masks] == [
+    assert [quantiser.quantise([0.0, 0.0, m])[2] for m in masks] == [
         0, 1, 3, 2, 1, CODE_MAX, MISSING, MISSING, MISSING, MISSING, MISSING,
     ]  # fmt: skip
 
 
 def test_codes_are_the_callers_own() -> None:
     quantiser = Quantiser(SCHEMA)
-    quantiser.codes([1.0, 1.0, 1])[1] = 99
-    assert quantiser.codes([1.0, 1.0, 1]) == [1000, 1, 1]
+    quantiser.quantise([1.0, 1.0, 1])[1] = 99
+    assert quantiser.quantise([1.0, 1.0, 1]) == [1000, 1, 1]
 
 
 def test_wrong_use_is_refused() -> None:
     with pytest.raises(ValueError, match="2 values for 3 channels"):
-        Quantiser(SCHEMA).codes([1.0, 2.0])
+        Quantiser(SCHEMA).quantise([1.0, 2.0])
     with pytest.raises(ValueError, match="deadband of pos"):
         Quantiser(SCHEMA, {"pos": -1})

@@ -31,8 +31,8 @@ def test_layout() -> None:
     ]  # fmt: skip
     assert schema.size == 7
     assert schema.id == fnv1a32(text.encode())
-    assert schema.field("pos") is schema.fields[2]
-    assert schema.field("vel") is None
+    assert schema.find_field("pos") is schema.fields[2]
+    assert schema.find_field("vel") is None
     assert json.loads(text)["fields"][2] == {"name": "pos", "labels": "joint", "rel": "ref"}
     assert json.loads(text)["fields"][0] == {"name": "ref", "labels": "joint", "unit": "rad", "scale": 0.001}
 

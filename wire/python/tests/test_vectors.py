@@ -14,7 +14,7 @@ from posecast_wire import (
     Encoder,
     Schema,
     SchemaError,
-    joint_values,
+    compute_joint_values,
 )
 
 from wire.python.tools import make_schema_vectors, make_vectors
@@ -103,5 +103,5 @@ def test_mapping_vector() -> None:
     doc = load("schemas.json")["mapping"]
     schema = Schema.parse(doc["text"])
     for field, joints in doc["joints"].items():
-        got = joint_values(schema, doc["codes"], field)
+        got = compute_joint_values(schema, doc["codes"], field)
         assert {k: None if v != v else v for k, v in got.items()} == joints

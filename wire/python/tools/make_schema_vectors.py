@@ -7,7 +7,7 @@ import math
 from pathlib import Path
 from typing import Any
 
-from posecast_wire import MISSING, Schema, SchemaError, build_schema_text, joint_values
+from posecast_wire import MISSING, Schema, SchemaError, build_schema_text, compute_joint_values
 
 FOLDER = Path(__file__).resolve().parents[2] / "vectors"
 
@@ -153,7 +153,7 @@ def schemas() -> dict[str, Any]:
     schema = Schema.parse(mapped)
     codes = [1000, 2000, 3000, -500, 1010, MISSING, 3000, -499, 7, 8]
     values = {
-        name: {k: None if math.isnan(v) else v for k, v in joint_values(schema, codes, name).items()}
+        name: {k: None if math.isnan(v) else v for k, v in compute_joint_values(schema, codes, name).items()}
         for name in ("ref", "pos", "aux", "none")
     }
     texts = [{"where": w, "text": t if isinstance(t, str) else json.dumps(t)} for w, t in bad]

@@ -147,11 +147,11 @@ class EventWatch:
         """A bit whose severity is `state` makes no event. Limits are those of the schema's mapping."""
         self._watched: list[_Bits | _Limits] = []
         for field in schema.fields:
-            levels = [schema.mapping.severity(field.name, bit) for bit in field.bits]
+            levels = [schema.mapping.find_severity(field.name, bit) for bit in field.bits]
             told = [(1 << i, field.bits[i], level) for i, level in enumerate(levels) if level != "state"]
             if told:
                 self._watched.append(_Bits(field, told))
-            thresholds = [schema.mapping.threshold(field.name, label) for label in field.labels]
+            thresholds = [schema.mapping.find_threshold(field.name, label) for label in field.labels]
             limits = [
                 _Limit(i, label, field.unit, threshold)
                 for i, (label, threshold) in enumerate(zip(field.labels, thresholds, strict=True))

@@ -86,7 +86,7 @@ class Sampler:
         if taken_s < oldest_s:
             self._seen_sample = number
             return None
-        codes = self._quantiser.codes(values() if callable(values) else values)
+        codes = self._quantiser.quantise(values() if callable(values) else values)
         force_key = force != self._seen_force
         if not force_key and codes == self._codes and now_s - self._sent_s < CONFIRM_S:
             return None

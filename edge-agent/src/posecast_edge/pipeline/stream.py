@@ -172,7 +172,7 @@ class Stream:
 
     def _picture_of(self, left: LeftOver, now_s: float) -> bytes:
         if self._picture is None or self._picture[0] != left.number:
-            codes = Quantiser(self.schema, self._deadbands).codes(left.values)
+            codes = Quantiser(self.schema, self._deadbands).quantise(left.values)
             key = Encoder(self.schema).encode(codes, self._next_seq(), left.t_s, now_s)
             self._picture = left.number, key
             self._sampler.force_key()  # nothing is coded against a picture

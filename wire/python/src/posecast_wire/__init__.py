@@ -19,7 +19,7 @@ from posecast_wire.keys import (
     model_key,
     snapshot_key,
 )
-from posecast_wire.mapping import JointMap, Mapping, SensorMount, Threshold, joint_values
+from posecast_wire.mapping import JointMap, Mapping, SensorMount, Threshold, compute_joint_values
 from posecast_wire.messages import (
     MESSAGE_BYTES_MAX,
     Ack,
@@ -97,12 +97,12 @@ __all__ = [
     "build_schema_text",
     "check_name",
     "clamp_hz",
+    "compute_joint_values",
     "echo_key",
     "event_key",
     "fnv1a32",
     "frame_id",
     "frame_key",
-    "joint_values",
     "model_key",
     "parse_header",
     "parse_viewer_message",

@@ -24,10 +24,10 @@ class SchemaError(ValueError):
 
 def fail(where: str, reason: str) -> NoReturn:
     """Raise SchemaError `where: reason`."""
-    raise SchemaError(f"{visible(where)}: {visible(reason)}")
+    raise SchemaError(f"{make_visible(where)}: {make_visible(reason)}")
 
 
-def visible(text: str) -> str:
+def make_visible(text: str) -> str:
     """A stranger's text in a line of ours: 160 characters; what is unseen or turns direction is escaped."""
     if len(text) > SHOWN_MAX:
         text = f"{text[: SHOWN_MAX - 60]}…{text[-59:]}"
@@ -103,7 +103,7 @@ def is_number(value: object, low: float, high: float) -> TypeGuard[float]:
     return isinstance(value, (int, float)) and not isinstance(value, bool) and low <= value <= high
 
 
-def table(value: object, where: str) -> dict[str, object]:
+def check_table(value: object, where: str) -> dict[str, object]:
     """An object; absent (None) reads as empty."""
     if value is None:
         return {}
@@ -112,27 +112,27 @@ def table(value: object, where: str) -> dict[str, object]:
     return value
 
 
-def entries(value: object, where: str) -> Iterator[tuple[str, object, str]]:
+def check_entries(value: object, where: str) -> Iterator[tuple[str, object, str]]:
     """An object's names, values, and where those stand; every name is a text. Absent reads as empty."""
-    for name, found in table(value, where).items():
-        yield text(name, f"{where} key"), found, f"{where}.{name}"
+    for name, found in check_table(value, where).items():
+        yield check_text(name, f"{where} key"), found, f"{where}.{name}"
 
 
-def items(value: object, where: str) -> list[object]:
+def check_list(value: object, where: str) -> list[object]:
     """A list."""
     if not isinstance(value, list):
         fail(where, "must be a list")
     return value
 
 
-def text(value: object, where: str) -> str:
+def check_text(value: object, where: str) -> str:
     """A text of 1 to 200 characters, none of them a control character or half a surrogate pair."""
     if not is_text(value):
         fail(where, f"must be a text of 1 to {TEXT_MAX} characters without control characters")
     return value
 
 
-def number(value: object, where: str) -> float:
+def check_number(value: object, where: str) -> float:
     """A finite number."""
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         fail(where, "must be a number")
@@ -145,14 +145,14 @@ def number(value: object, where: str) -> float:
     return result
 
 
-def texts(value: object, where: str, most: int) -> tuple[str, ...]:
+def check_texts(value: object, where: str, most: int) -> tuple[str, ...]:
     """A list of texts, `most` of them, none twice."""
-    listed = items(value, where)
+    listed = check_list(value, where)
     if len(listed) > most:
         fail(where, f"more than {most} names")
     found: dict[str, None] = {}
     for i, item in enumerate(listed):
-        name = text(item, f"{where}[{i}]")
+        name = check_text(item, f"{where}[{i}]")
         if name in found:
             fail(where, f"'{name}' stands there twice")
         found[name] = None

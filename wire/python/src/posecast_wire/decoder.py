@@ -24,7 +24,7 @@ class Frame:
 
     def values(self, name: str) -> list[float | None]:
         """One field in its unit, None where there is no reading. KeyError when the schema lacks it."""
-        found = self.schema.field(name)
+        found = self.schema.find_field(name)
         if found is None:
             raise KeyError(name)
         return found.values(self.codes)
@@ -126,7 +126,7 @@ def _read_codes(bits: _Bits, schema: Schema, base: Sequence[int], orders: Sequen
     moved: list[int] = []
     for f in schema.fields:
         n = bits.take(4)
-        partner = schema.field(f.rel) if f.rel else None
+        partner = schema.find_field(f.rel) if f.rel else None
         offset = partner.start - f.start if partner else 0
         if n == ALL_ZERO:
             moved += moved[partner.start : partner.start + f.size] if partner else [0] * f.size

@@ -23,7 +23,7 @@ KEPT_CODES = 1024  # per order: 0.15 MB, and a robot needs few of the 16 orders
 ORDER_STEPS = tuple(1.0247924945978928 * (1 << k) for k in range(1, ORDER_MAX + 1))
 
 
-def golomb(z: int, k: int) -> str:
+def encode_golomb(z: int, k: int) -> str:
     """Exp-Golomb code of z ≥ 0 at order k, as a text of 0 and 1."""
     bits = f"{z + (1 << k):b}"
     return "0" * (len(bits) - 1 - k) + bits
@@ -37,7 +37,7 @@ class _Codes(dict[int, str]):
         self._k = k
 
     def __missing__(self, z: int) -> str:
-        code = golomb(z, self._k)
+        code = encode_golomb(z, self._k)
         if z < KEPT_CODES:
             self[z] = code
         return code
@@ -153,7 +153,7 @@ class Encoder:
                 parts.append(ALL_ZERO)
                 continue
             z = [v + v if v >= 0 else -v - v - 1 for v in r]
-            parts.append(rows.shortest(start, stop, z))
+            parts.append(rows.choose_shortest(start, stop, z))
             if learn:
                 self._z_sums[start:stop] = map(add, self._z_sums[start:stop], z)
         return "".join(parts)
@@ -174,7 +174,7 @@ class _Span(NamedTuple):
 
     @classmethod
     def of(cls, schema: Schema, f: Field) -> _Span:
-        partner = schema.field(f.rel) if f.rel else None
+        partner = schema.find_field(f.rel) if f.rel else None
         return cls(f.start, f.start + f.size, partner.start if partner else None, f.slow)
 
 
@@ -185,15 +185,15 @@ class _Rows:
         self._orders = orders
         self._rows: dict[tuple[int, int], _Row] = {}
 
-    def shortest(self, start: int, stop: int, z: list[int]) -> str:
+    def choose_shortest(self, start: int, stop: int, z: list[int]) -> str:
         """Nibble and codes of one field: walks downhill from what the mean z suggests."""
         suggested = bisect_right(ORDER_STEPS, sum(z) / len(z))
         usual = sum(self._orders[start:stop]) // len(z)
         n = max(0, min(NIBBLE_MAX, suggested - usual + 4))
-        least = self._row(start, stop, n).bits(z)
+        least = self._row(start, stop, n).to_bits(z)
         for step in (1, -1):
             m = n + step
-            while 0 <= m <= NIBBLE_MAX and (bits := self._row(start, stop, m).bits(z)) < least:
+            while 0 <= m <= NIBBLE_MAX and (bits := self._row(start, stop, m).to_bits(z)) < least:
                 least, n, m = bits, m, m + step
             if m != n + step:
                 break  # it was downhill this way, so it is uphill the other way
@@ -218,7 +218,7 @@ class _Row(NamedTuple):
     def of(cls, orders: list[int]) -> _Row:
         return cls([CODES[k] for k in orders], [1 << k for k in orders], sum(orders) + len(orders))
 
-    def bits(self, z: list[int]) -> int:
+    def to_bits(self, z: list[int]) -> int:
         """How long the codes would be, without making them: each has as many zeros before its first 1 as bits
         after it, but for the order."""
         return 2 * sum(map(int.bit_length, map(add, z, self.powers))) - self.fixed_bits

@@ -9,7 +9,7 @@ import re
 import struct
 from typing import NamedTuple
 
-from posecast_wire.checked import TEXT_MAX, is_number, is_text, loads, visible
+from posecast_wire.checked import TEXT_MAX, is_number, is_text, loads, make_visible
 from posecast_wire.messages import TIME_MAX_S
 
 ROBOT_ID = re.compile(r"[a-z0-9][a-z0-9-]{0,62}")
@@ -21,7 +21,7 @@ REPLY_BYTES_MAX = 1 << 20  # a schema of 256 KiB as JSON in JSON, two frames in 
 def check_name(kind: str, name: str) -> str:
     """`name` when it may name a robot or view, else ValueError: Zenoh itself would allow wildcards."""
     if not ROBOT_ID.fullmatch(name):
-        raise ValueError(f"{kind} '{visible(name)}': use 1 to 63 of a-z, 0-9 and -, not starting with -")
+        raise ValueError(f"{kind} '{make_visible(name)}': use 1 to 63 of a-z, 0-9 and -, not starting with -")
     return name
 
 
@@ -52,7 +52,7 @@ def snapshot_key(robot: str, view: str) -> str:
 def model_key(robot: str, part: str) -> str:
     """Queryable of the edge: `manifest`, or a file by its SHA-256, or `**` for all of them."""
     if not re.fullmatch(r"manifest|[0-9a-f]{64}|\*\*", part):
-        raise ValueError(f"model part '{visible(part)}': use manifest, ** or a SHA-256")
+        raise ValueError(f"model part '{make_visible(part)}': use manifest, ** or a SHA-256")
     return _key(robot, "model", part)
 
 

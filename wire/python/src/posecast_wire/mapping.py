@@ -8,7 +8,7 @@ from collections.abc import Mapping as ReadOnly
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal, TypeVar, cast
 
-from posecast_wire.checked import entries, fail, items, number, table, text
+from posecast_wire.checked import check_entries, check_list, check_number, check_table, check_text, fail
 
 if TYPE_CHECKING:
     from posecast_wire.schema import Schema
@@ -51,7 +51,7 @@ class Threshold:
     high: float | None = None
     caution: float = 1.0
 
-    def level(self, value: float | None) -> Level:
+    def find_level(self, value: float | None) -> Level:
         """`fault` past a limit, `caution` past the fraction of it that points to rest, else `ok`."""
         if value is None or math.isnan(value):
             return "ok"
@@ -80,53 +80,53 @@ class Mapping:
     severities: ReadOnly[str, ReadOnly[str, Severity]] = field(default_factory=dict)
     units: ReadOnly[str, ReadOnly[str, str]] = field(default_factory=dict)
 
-    def unit(self, field_name: str, label: str) -> str | None:
+    def find_unit(self, field_name: str, label: str) -> str | None:
         """The unit of one channel where it is not its field's, else None."""
         return self.units.get(field_name, {}).get(label)
 
-    def threshold(self, field_name: str, label: str) -> Threshold | None:
+    def find_threshold(self, field_name: str, label: str) -> Threshold | None:
         """The limits of one channel, else those of `*` in its field, else None."""
         of_field = self.thresholds.get(field_name, {})
         return of_field.get(label) or of_field.get(ANY)
 
-    def tolerance(self, channel: str) -> float | None:
+    def find_tolerance(self, channel: str) -> float | None:
         """How far ref and pos may part before it shows (rad or m)."""
         return self.tolerances.get(channel, self.tolerances.get(ANY))
 
-    def severity(self, field_name: str, bit: str) -> Severity:
+    def find_severity(self, field_name: str, bit: str) -> Severity:
         """A bit nobody classified counts as a fault: better a false alarm than a hidden one."""
         return self.severities.get(field_name, {}).get(bit, "fault")
 
 
 def parse_mapping(value: object) -> Mapping:
     """The `mapping` member of a schema, parsed from JSON. SchemaError names what and where."""
-    doc = table(value, "mapping")
+    doc = check_table(value, "mapping")
 
     def part(name: str) -> Iterator[tuple[str, object, str]]:
-        return entries(doc.get(name), f"mapping.{name}")
+        return check_entries(doc.get(name), f"mapping.{name}")
 
     return Mapping(
         joints={k: _joint(v, at) for k, v, at in part("joints")},
         sensors={k: _sensor(v, at, k) for k, v, at in part("sensors")},
-        names={k: text(v, at) for k, v, at in part("names")},
+        names={k: check_text(v, at) for k, v, at in part("names")},
         thresholds={k: _each(v, at, _threshold) for k, v, at in part("thresholds")},
         tolerances={k: _at_least_zero(v, at) for k, v, at in part("tolerance")},
         severities={k: _each(v, at, _severity) for k, v, at in part("severity")},
-        units={k: _each(v, at, text) for k, v, at in part("units")},
+        units={k: _each(v, at, check_text) for k, v, at in part("units")},
     )
 
 
 def _each(value: object, where: str, read: Callable[[object, str], T]) -> dict[str, T]:
-    return {name: read(found, at) for name, found, at in entries(value, where)}
+    return {name: read(found, at) for name, found, at in check_entries(value, where)}
 
 
-def joint_values(schema: Schema, codes: Sequence[int], field_name: str) -> dict[str, float]:
+def compute_joint_values(schema: Schema, codes: Sequence[int], field_name: str) -> dict[str, float]:
     """URDF joint → position (rad or m) from one field (`pos` or `ref`) of one frame's codes.
 
     NaN where a term has no reading or its channel is not in the field; {} when the schema lacks the field.
     A channel of the label set `joint` that no entry maps drives the joint of its own name.
     """
-    found = schema.field(field_name)
+    found = schema.find_field(field_name)
     if found is None:
         return {}
     values = dict(zip(found.labels, found.values(codes), strict=True))
@@ -143,44 +143,46 @@ def joint_values(schema: Schema, codes: Sequence[int], field_name: str) -> dict[
 
 
 def _joint(value: object, where: str) -> JointMap:
-    doc = table(value, where)
+    doc = check_table(value, where)
     terms: list[tuple[str, float]] = []
-    for i, item in enumerate(items(doc.get("terms"), f"{where}.terms")):
+    for i, item in enumerate(check_list(doc.get("terms"), f"{where}.terms")):
         at = f"{where}.terms[{i}]"
-        pair = items(item, at)
+        pair = check_list(item, at)
         if len(pair) != 2:
             fail(at, "must be [channel, gain]")
-        terms.append((text(pair[0], f"{at}[0]"), number(pair[1], f"{at}[1]")))
-    return JointMap(tuple(terms), number(doc.get("offset", 0.0), f"{where}.offset"))
+        terms.append((check_text(pair[0], f"{at}[0]"), check_number(pair[1], f"{at}[1]")))
+    return JointMap(tuple(terms), check_number(doc.get("offset", 0.0), f"{where}.offset"))
 
 
 def _sensor(value: object, where: str, site: str) -> SensorMount:
-    doc = table(value, where)
-    kind = text(doc.get("kind"), f"{where}.kind")
+    doc = check_table(value, where)
+    kind = check_text(doc.get("kind"), f"{where}.kind")
     if kind not in SENSOR_KINDS:
         fail(f"{where}.kind", f"'{kind}' is none of {', '.join(SENSOR_KINDS)}")
     link = doc.get("link")
     return SensorMount(
         kind=kind,
-        name=text(doc.get("name", site), f"{where}.name"),
-        link=None if link is None else text(link, f"{where}.link"),
+        name=check_text(doc.get("name", site), f"{where}.name"),
+        link=None if link is None else check_text(link, f"{where}.link"),
         xyz=_xyz(doc.get("xyz", [0, 0, 0]), f"{where}.xyz"),
         rpy=_xyz(doc.get("rpy", [0, 0, 0]), f"{where}.rpy"),
     )
 
 
 def _xyz(value: object, where: str) -> Xyz:
-    found = items(value, where)
+    found = check_list(value, where)
     if len(found) != 3:
         fail(where, "must be three numbers")
-    x, y, z = (number(v, f"{where}[{i}]") for i, v in enumerate(found))
+    x, y, z = (check_number(v, f"{where}[{i}]") for i, v in enumerate(found))
     return (x, y, z)
 
 
 def _threshold(value: object, where: str) -> Threshold:
-    doc = table(value, where)
-    low, high = (None if doc.get(k) is None else number(doc[k], f"{where}.{k}") for k in ("low", "high"))
-    caution = number(doc.get("caution", 1.0), f"{where}.caution")
+    doc = check_table(value, where)
+    low, high = (
+        None if doc.get(k) is None else check_number(doc[k], f"{where}.{k}") for k in ("low", "high")
+    )
+    caution = check_number(doc.get("caution", 1.0), f"{where}.caution")
     if not 0 < caution <= 1:
         fail(f"{where}.caution", "must lie above 0 and not above 1")
     if low is not None and high is not None and low >= high:
@@ -189,7 +191,7 @@ def _threshold(value: object, where: str) -> Threshold:
 
 
 def _at_least_zero(value: object, where: str) -> float:
-    found = number(value, where)
+    found = check_number(value, where)
     if found < 0:
         fail(where, "must not be negative")
     return found

@@ -21,7 +21,7 @@ class Quantiser:
                 raise ValueError(f"deadband of {f.name}: {h} is not a number of code steps")
             self._fields.append(_FieldCodes(f, h))
 
-    def codes(self, values: Sequence[float | None]) -> list[int]:
+    def quantise(self, values: Sequence[float | None]) -> list[int]:
         """Codes of one sample, values in the schema's channel order and units. ValueError on a wrong length.
 
         None, NaN and ±inf have no reading: MISSING. Numbers past the range saturate. A bit mask that is no
@@ -31,7 +31,7 @@ class Quantiser:
             raise ValueError(f"{len(values)} values for {self._size} channels")
         codes: list[int] = []
         for f in self._fields:
-            codes += f.codes(values[f.start : f.stop])
+            codes += f.quantise(values[f.start : f.stop])
         return codes
 
 
@@ -46,7 +46,7 @@ class _FieldCodes:
         self._values: Sequence[float | None] = ()
         self._codes = [MISSING] * f.size
 
-    def codes(self, values: Sequence[float | None]) -> list[int]:
+    def quantise(self, values: Sequence[float | None]) -> list[int]:
         if values == self._values:
             return self._codes
         self._values = values

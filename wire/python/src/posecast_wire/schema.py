@@ -10,7 +10,17 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import cast
 
-from posecast_wire.checked import SchemaError, entries, fail, items, loads, number, table, text, texts
+from posecast_wire.checked import (
+    SchemaError,
+    check_entries,
+    check_list,
+    check_number,
+    check_table,
+    check_text,
+    check_texts,
+    fail,
+    loads,
+)
 from posecast_wire.fnv import fnv1a32
 from posecast_wire.mapping import Mapping, parse_mapping
 
@@ -77,7 +87,7 @@ class Schema:
         """Likewise of a REF or plain frame."""
         return 9 + (4 * len(self.fields) + 63 * self.size + 7) // 8
 
-    def field(self, name: str) -> Field | None:
+    def find_field(self, name: str) -> Field | None:
         """The field of that name, or None."""
         return self._by_name.get(name)
 
@@ -101,16 +111,16 @@ class Schema:
 
 
 def _parse(whole: str, schema_id: int, document: object) -> Schema:
-    doc = table(document, "schema")
+    doc = check_table(document, "schema")
     if doc.get("type") != "schema":
         fail("type", 'must be "schema"')
     if doc.get("v") != 1 or isinstance(doc.get("v"), bool):
         fail("v", "this reader knows version 1 only")
-    sets = {k: texts(v, at, CHANNELS_MAX) for k, v, at in entries(doc.get("labels"), "labels")}
+    sets = {k: check_texts(v, at, CHANNELS_MAX) for k, v, at in check_entries(doc.get("labels"), "labels")}
     fields: dict[str, Field] = {}
     size = 0
-    for i, item in enumerate(items(doc.get("fields"), "fields")):
-        found = _field(table(item, f"fields[{i}]"), f"fields[{i}]", sets, fields, size)
+    for i, item in enumerate(check_list(doc.get("fields"), "fields")):
+        found = _field(check_table(item, f"fields[{i}]"), f"fields[{i}]", sets, fields, size)
         fields[found.name] = found
         size += found.size
         if size > CHANNELS_MAX:
@@ -118,7 +128,9 @@ def _parse(whole: str, schema_id: int, document: object) -> Schema:
     if not fields:
         fail("fields", "must name at least one field")
     mapping = parse_mapping(doc.get("mapping"))
-    return Schema(whole, schema_id, text(doc.get("robot"), "robot"), tuple(fields.values()), size, mapping)
+    return Schema(
+        whole, schema_id, check_text(doc.get("robot"), "robot"), tuple(fields.values()), size, mapping
+    )
 
 
 def _field(
@@ -128,25 +140,25 @@ def _field(
     earlier: dict[str, Field],
     start: int,
 ) -> Field:
-    name = text(doc.get("name"), f"{where}.name")
+    name = check_text(doc.get("name"), f"{where}.name")
     if not FIELD_NAME.fullmatch(name):
         fail(f"{where}.name", f"'{name}' must be a letter or _ and then letters, digits or _, 63 at most")
     if name in earlier:
         fail(f"{where}.name", f"'{name}' stands there twice")
-    label_set = text(doc.get("labels"), f"{where}.labels")
+    label_set = check_text(doc.get("labels"), f"{where}.labels")
     labels = sets.get(label_set)
     if not labels:
         fail(f"{where}.labels", f"no such label set, or an empty one: '{label_set}'")
-    scale = number(doc.get("scale", 1), f"{where}.scale")
+    scale = check_number(doc.get("scale", 1), f"{where}.scale")
     if not 1e-12 <= scale <= 1e12:
         fail(f"{where}.scale", "must lie between 1e-12 and 1e12")
     unit = doc.get("unit", "")
-    bits = texts(doc.get("bits", []), f"{where}.bits", BITS_MAX)
+    bits = check_texts(doc.get("bits", []), f"{where}.bits", BITS_MAX)
     if bits and scale != 1:
         fail(f"{where}.scale", "a field of bits has scale 1")
     rel = doc.get("rel")
     if rel is not None:
-        partner = earlier.get(text(rel, f"{where}.rel"))
+        partner = earlier.get(check_text(rel, f"{where}.rel"))
         if partner is None:
             fail(f"{where}.rel", f"no earlier field '{rel}'")
         if partner.size != len(labels):
@@ -158,7 +170,7 @@ def _field(
         name=name,
         labels=labels,
         label_set=label_set,
-        unit=text(unit, f"{where}.unit") if unit != "" else "",
+        unit=check_text(unit, f"{where}.unit") if unit != "" else "",
         scale=scale,
         rel=cast("str | None", rel),
         bits=bits,
