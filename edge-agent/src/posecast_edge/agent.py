@@ -1,7 +1,7 @@
-"""Source thread, clock and link, wired together.
+"""Wires source, clock and uplink together and runs them until the source ends.
 
-Whatever goes wrong in one view ends that view's frame, whatever the source raises ends its turn: it is said,
-counted, and everybody else goes on.
+An exception in one view costs that view one frame; after an unexpected exception the source is run again.
+Both are logged and counted, and everything else continues.
 """
 
 from __future__ import annotations
@@ -45,8 +45,9 @@ WELL_S = 60.0  # a turn of its that lasted so long counts as a good one
 
 @dataclass(frozen=True)
 class AgentSettings:
-    """Who sends (`robot`), to which `relay` (a Zenoh endpoint), how often (`hz` at most; a KEY at least every
-    `key_interval_s` seconds), and what proves that it may."""
+    """`robot`: the robot's id; `relay`: the Zenoh endpoint to connect to; `hz`: highest frame rate;
+    `key_interval_s`: longest time between two KEY frames; `credential`: what proves to the relay that this is
+    the robot."""
 
     robot: str
     relay: str
@@ -56,20 +57,20 @@ class AgentSettings:
 
 
 class ProgressLine(Protocol):
-    """Where the agent says now and then how things are. Times are seconds of clock.now_s()."""
+    """Where the agent shows its status line. Times are seconds of clock.now_s()."""
 
     def is_due(self, now_s: float) -> bool:
-        """Whether it is time for a new text."""
+        """Whether it is time to show a new status text."""
 
     def show_progress(self, text: str, now_s: float) -> None:
-        """Show this text in place of the last one."""
+        """Show `text` in place of the previous status line."""
 
     def finish(self) -> None:
-        """No text follows."""
+        """End the status line; no further text follows."""
 
 
 class Agent:
-    """Runs until the source ends, fails, or `stop` is called."""
+    """Reads one source and sends its frames until the source ends, fails, or `stop` is called."""
 
     def __init__(
         self,
@@ -105,16 +106,17 @@ class Agent:
         self._failure: str | None = None
 
     def set_model(self, bundle: Bundle) -> None:
-        """Show the robot by this model from now on. From any thread, also before `run`."""
+        """Serve this model from now on. May be called from any thread, also before `run`."""
         self._model = bundle.hash
         self._publisher.set_model(bundle)
 
     def stop(self) -> None:
-        """End soon. Safe inside a signal handler: it takes no lock."""
+        """Ask `run` to return soon. Takes no lock, so it is safe inside a signal handler."""
         self._stopping = True
 
     def run(self) -> int:
-        """Exit status: 0 when told to end or the source ended, 1 when the source failed."""
+        """Run until the source ends or `stop` is called. Returns the exit status: 0 in these cases, 1 when
+        the source failed."""
         self._publisher.start()
         threading.Thread(target=self._read_source, name="source", daemon=True).start()
         echoes = 0
@@ -299,7 +301,7 @@ class Agent:
 
 
 class Meter:
-    """Frames and bytes since it was last read."""
+    """Counts frames and bytes between two readings."""
 
     def __init__(self) -> None:
         self._since_s: float | None = None
@@ -307,12 +309,13 @@ class Meter:
         self._bytes = 0
 
     def count_frame(self, size: int) -> None:
-        """A frame of `size` bytes went out."""
+        """Count one frame of `size` bytes that was sent."""
         self._frames += 1
         self._bytes += size
 
     def take_summary(self, now_s: float) -> str:
-        """Rate and mean size since the last call (monotonic seconds)."""
+        """Return frame rate (Hz) and mean frame size (bytes) since the last call as text; `now_s` is
+        monotonic seconds."""
         passed_s = now_s - self._since_s if self._since_s is not None else 0.0
         frames, total = self._frames, self._bytes
         self._since_s, self._frames, self._bytes = now_s, 0, 0

@@ -1,4 +1,4 @@
-"""Where a mistake ends: whatever is raised in one call is counted and said, and nobody else notices."""
+"""Counts and logs exceptions that must not reach other parts of the agent."""
 
 from __future__ import annotations
 
@@ -17,28 +17,29 @@ T = TypeVar("T")
 
 
 class ExceptionLog:
-    """Counts exceptions by where they were raised. From any thread."""
+    """Counts exceptions by the place that raised them. May be used from any thread."""
 
     def __init__(self, say: Callable[[str], None] = log.warning) -> None:
         self._say = say
         self._by_place: dict[str, RateLimitedLog] = {}
 
     def add(self, place: str, error: BaseException) -> None:
-        """`error` was raised in `place`, one of a few fixed words."""
+        """Count and log an exception. `place` is one of a few fixed words that say where it was raised."""
         log.debug("%s", place, exc_info=error)
         text = f"{place}: {type(error).__name__}: {make_visible(str(error), 200)}"
         self.get_log(place).add(text, time.monotonic())
 
     def count(self, place: str) -> int:
-        """How many so far."""
+        """How many exceptions this place has raised so far."""
         return self.get_log(place).total
 
     def get_log(self, place: str) -> RateLimitedLog:
-        """What is told of one place."""
+        """The rate-limited log for the exceptions of one place."""
         return self._by_place.setdefault(place, RateLimitedLog(self._say, f"faults in {place}", SAY_EVERY_S))
 
     def guard(self, place: str, call: Callable[[T], None]) -> Callable[[T], None]:
-        """`call` as a callback of a library, into which it raises nothing."""
+        """Wrap `call` as a library's callback: an exception is logged under `place` and never reaches the
+        library."""
 
         def guarded_call(argument: T) -> None:
             try:

@@ -1,4 +1,4 @@
-"""What is wrong with the input, said without a flood: the first at once, then a count once a second."""
+"""Logs problems with the input without flooding the log: the first at once, then a count once a second."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 
 class RateLimitedLog:
-    """Rate limit for one kind of complaint. Time is an argument (monotonic seconds)."""
+    """Rate limit for one kind of message. Times are arguments, in monotonic seconds."""
 
     def __init__(self, say: Callable[[str], None], noun: str, every_s: float = 1.0) -> None:
         self._say = say
@@ -18,7 +18,7 @@ class RateLimitedLog:
         self.total = 0
 
     def add(self, text: str, now_s: float) -> None:
-        """One more. Said now when none was said in the last second, else counted."""
+        """Log `text` now when nothing was logged in the last second; otherwise only count it."""
         self.total += 1
         if self._said_s is None or (self._held == 0 and now_s - self._said_s >= self._every_s):
             self._said_s = now_s
@@ -29,12 +29,12 @@ class RateLimitedLog:
         self.tick(now_s)
 
     def tick(self, now_s: float) -> None:
-        """Say the count when a second has passed."""
+        """Log the count of messages held back when a second has passed since the last line."""
         if self._held and self._said_s is not None and now_s - self._said_s >= self._every_s:
             self.flush(now_s)
 
     def flush(self, now_s: float) -> None:
-        """Say the count now, if any."""
+        """Log the count of messages held back now, if there are any."""
         if self._held:
             self._say(f"{self._held} more {self._noun}, the newest: {self._newest}")
             self._held = 0

@@ -15,7 +15,7 @@ TIME_MAX_S = 1e12  # robot time: beyond it milliseconds are lost in a double
 
 
 class SourceError(Exception):
-    """A source that cannot open or cannot go on. The text is one line for a person."""
+    """A source cannot open or cannot continue. Its text is one line for the user."""
 
 
 NOTHING: Mapping[str, str] = MappingProxyType({})

@@ -1,4 +1,4 @@
-"""Text from outside as a person may read it: in one line, of bounded length, with nothing hidden in it."""
+"""Makes text from outside safe to print: one line, of bounded length, with no invisible characters."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ _UNSEEN = re.compile(
 
 
 def make_visible(text: str, most: int = LINE_MAX) -> str:
-    """`text` with everything that can't be seen, or turns the direction of what follows, written out as in
-    Python (`\\u202e`), cut to `most` characters."""
+    """Escape characters of `text` that are invisible or change the writing direction as Python does
+    (`\u202e`), and cut the result to `most` characters."""
     shown = text[: most + 1]
     if not shown.isascii() or not shown.isprintable():
         shown = "".join(_escaped(c) for c in shown)
@@ -28,7 +28,7 @@ def _escaped(c: str) -> str:
 
 
 def quote(value: object, most: int = WORD_MAX) -> str:
-    """A value from outside as a message quotes it: `repr`, cut; never an exception."""
+    """`repr` of a value from outside for use in a message, cut to `most` characters. Never raises."""
     if isinstance(value, str):
         value = value[: most + 1]  # a long one is not copied whole
     try:

@@ -1,7 +1,7 @@
-"""The agent's stderr: lines for people, and one progress line that a terminal keeps in place.
+"""The agent's stderr: log lines, and one progress line that a terminal updates in place.
 
-Nobody can make it a flood: a second brings LINES_MAX lines at most, and then one that counts the rest. Nor
-does it wait for whoever reads it: what finds no room is left out and counted.
+At most LINES_MAX lines are written a second, then one line that counts the rest. Writing never blocks: output
+that does not fit into the terminal or pipe is dropped and counted.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class Console(logging.Handler):
         self._next_s = 0.0
 
     def emit(self, record: logging.LogRecord) -> None:
-        """A line of its own, above the progress line."""
+        """Write a log record on a line of its own, above the progress line."""
         self._begin_second(self._now_s())
         ours = record.name.partition(".")[0] == OURS
         if self._lines >= LINES_MAX and not (ours and record.levelno >= logging.ERROR):
@@ -80,7 +80,7 @@ class Console(logging.Handler):
             self._write(f"{text}\n")
 
     def finish(self) -> None:
-        """Leave the last progress line standing."""
+        """Leave the last progress line on the screen and end it."""
         if self._shown and self._has_room():
             self._shown = ""
             self._write("\n")

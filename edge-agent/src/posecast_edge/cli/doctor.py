@@ -1,6 +1,6 @@
-"""Profile, model and what the source delivers, held against each other, in plain words. Pure.
+"""Checks profile, model and the data that a source delivers against each other. Does no I/O.
 
-model/doctor/ looks at the model alone; here is what shows only while the robot speaks.
+model/doctor/ checks the model alone; this module finds what shows only while the robot sends data.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ SHOWN = 6  # names in one line
 
 
 def examine_source(seen: SourceStats, urdf: Urdf | None, hz: float, given: bool = True) -> list[Finding]:
-    """Everything, worst first. `hz`: the rate asked for; `given`: somebody wrote the profile, it was not made
-    from the first sample."""
+    """All findings, worst first. `hz`: the requested frame rate; `given`: the user has written the profile,
+    it was not inferred from the first sample."""
     profile = seen.profile
     if not seen.samples:
         return [Finding("error", "source-silent", f"no sample within {WAIT_S:g} s")]

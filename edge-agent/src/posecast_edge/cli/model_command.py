@@ -1,4 +1,4 @@
-"""`posecast-edge model build` and `posecast-edge doctor`: what they are told, what they say, how they end."""
+"""The commands `posecast-edge model build` and `posecast-edge doctor`: arguments, output and exit status."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class _Parser(argparse.ArgumentParser):
 
 
 def run_command(argv: Sequence[str], environment: Mapping[str, str]) -> int:
-    """Run `model build …` or `doctor …`; the exit status."""
+    """Run `model build …` or `doctor …` and return the exit status."""
     parser = _Parser(prog="posecast-edge")
     commands = parser.add_subparsers(dest="command", required=True)
     model = commands.add_parser("model").add_subparsers(dest="action", required=True)

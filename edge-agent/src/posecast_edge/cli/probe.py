@@ -1,4 +1,4 @@
-"""`posecast-edge probe SOURCE`: what a source offers, before there is any profile."""
+"""The command `posecast-edge probe SOURCE`: shows what a source offers, without needing a profile."""
 
 from __future__ import annotations
 
@@ -26,7 +26,8 @@ WIDTH = 100  # characters of a line of names
 
 
 def run_probe(argv: Sequence[str]) -> int:
-    """`probe …` without the word; the exit status: 0 it delivers, 1 it is silent or fails, 2 it cannot be."""
+    """Run the command with the arguments after `probe`. Exit status: 0 the source delivers, 1 it is silent or
+    fails, 2 the arguments are wrong."""
     parser = argparse.ArgumentParser(
         prog="posecast-edge probe", description="Watch a source for a while and say what it offers."
     )
@@ -59,7 +60,7 @@ def run_probe(argv: Sequence[str]) -> int:
 
 
 def describe_source(description: str, seen: SourceStats) -> list[str]:
-    """Lines for a person."""
+    """Format the statistics of a source as lines for the user."""
     if not seen.samples:
         what = "ended without a sample" if seen.ended else f"no sample within {WAIT_S:g} s"
         return [f"{description}: {what}"]

@@ -1,7 +1,7 @@
-"""`posecast-edge profile new`: a profile to start from, made of a URDF.
+"""The command `posecast-edge profile new`: writes an initial profile for a URDF.
 
-Channels are named as the model's joints are. Who reports other names changes them in [labels] and says under
-[joints] which joint each moves; `posecast-edge doctor` tells what is still amiss.
+Channels are named like the model's joints. If the robot reports other names, change them in [labels] and say
+under [joints] which joint each moves; `posecast-edge doctor` tells what is still wrong.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ DONE, REFUSED = 0, 2
 
 
 def run_profile(argv: Sequence[str]) -> int:
-    """`profile …` without the word; the exit status."""
+    """Run the command with the arguments after `profile` and return the exit status."""
     parser = argparse.ArgumentParser(prog="posecast-edge profile")
     commands = parser.add_subparsers(dest="command", required=True)
     new = commands.add_parser("new", help="a profile to start from, made of a URDF")
@@ -77,7 +77,7 @@ def _write(path: Path, text: str) -> None:
 
 
 def make_profile_text(urdf: Urdf, file: str) -> str:
-    """TOML. ModelRefused when the model has no joint that moves."""
+    """The profile as TOML text. Raises ModelRefused when no joint of the model moves."""
     tree = build_tree(urdf)
     joints = [j for j in tree.joints if j.type in MOVING and j.mimic is None]
     if not joints:
@@ -139,7 +139,8 @@ MORE = (
 
 
 def split_name(name: str) -> str:
-    """`left_hip_pitch_joint` → `left hip pitch`, `HeadYaw` → `head yaw`; an abbreviation stays."""
+    """Split an identifier into words: `left_hip_pitch_joint` → `left hip pitch`, `HeadYaw` → `head yaw`.
+    Abbreviations stay as they are."""
     words = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name)
     parts = [w for w in re.split(r"[_\-./\s]+", words) if w]
     if len(parts) > 1 and parts[-1].lower() in ("joint", "jnt", "j"):

@@ -1,4 +1,4 @@
-"""A bar on a terminal; nothing where there is none."""
+"""A progress bar on a terminal; prints nothing elsewhere."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ NAME = 40
 
 
 class Bar:
-    """`with Bar(sys.stderr) as bar: bar.show(3, 10, "arm.stl")`; it is wiped away at the end."""
+    """A progress bar, erased at the end: `with Bar(sys.stderr) as bar: bar.show_progress(3, 10,
+    "arm.stl")`."""
 
     def __init__(self, out: TextIO) -> None:
         self._out = out
@@ -27,7 +28,7 @@ class Bar:
             self._out.flush()
 
     def show_progress(self, done: int, total: int, what: str) -> None:
-        """`done` of `total`, busy with `what`."""
+        """Show that `done` of `total` steps are complete and `what` is being worked on."""
         if not self._out.isatty():
             return
         full = WIDTH * done // max(total, 1)

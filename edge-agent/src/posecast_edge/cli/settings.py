@@ -1,4 +1,4 @@
-"""Flags and POSECAST_* variables become one frozen value, or one clear line and exit 2."""
+"""Turns flags and POSECAST_* variables into one immutable value, or into one error line and exit status 2."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class UsageError(Exception):
 
 @dataclass(frozen=True)
 class Settings:
-    """What `posecast-edge run` was told."""
+    """The settings of `posecast-edge run`."""
 
     robot: str
     source: str
@@ -140,7 +140,8 @@ def _number(low: float, high: float) -> Callable[[str], float]:
 
 
 def parse_settings(argv: Sequence[str], environment: Mapping[str, str]) -> Settings:
-    """UsageError with one line when something is wrong; SystemExit(0) after --help."""
+    """Parse the arguments of `run`. Raises UsageError with one line when something is wrong, SystemExit(0)
+    after --help."""
     parser = _Parser(prog="posecast-edge", description="Put a robot on a URL: reads it, never commands it.")
     commands = parser.add_subparsers(dest="command", metavar="run|probe|doctor|model|profile")
     commands.add_parser("model", help="model build: a URDF and its meshes, made small for phones")

@@ -1,1 +1,1 @@
-"""From a sample to a frame and its events: checked, flattened, sampled, paced, encoded. No I/O."""
+"""Turns samples into frames and events: checks, flattens, samples, paces and encodes. Does no I/O."""

@@ -1,10 +1,10 @@
-"""Samples that have lain on their way, told from those that are new. Pure: time comes in as an argument.
+"""Recognises samples that were delayed on their way to the agent. Does no I/O; time is an argument.
 
-When the source or this process stood still (a link that hung, SIGSTOP), what follows first may be what was
-said long before: it waits in pipes and sockets, and arrives all at once. The robot's clock shows it: such a
-sample comes later, by that clock, than the one before the pause did.
+After the source or this process was paused (a link that hung, SIGSTOP), pipes and sockets still hold samples
+from before the pause, which then arrive all at once. The robot's clock tells them apart: such a sample shows
+less robot time since the last one than has really passed.
 
-A robot's clock may also stop and jump, so nothing but the moment after a pause is judged by it.
+A robot's clock may also stop and jump, so it is consulted only in the moment after a pause.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ HOLD_S = 1.0  # after the pause; then the robot's clock has stood still as well
 
 
 class Backlog:
-    """Follows one source. Times are seconds of clock.now_s(), but for the robot's own."""
+    """Follows the samples of one source. Times are seconds of clock.now_s(), except for robot time."""
 
     def __init__(self) -> None:
         self._came_s: float | None = None
@@ -28,7 +28,7 @@ class Backlog:
         self._since_s = 0.0  # the first sample after the pause
 
     def is_old(self, t_s: float, now_s: float) -> bool:
-        """Whether a sample that arrives now, of robot time `t_s`, was sent long before."""
+        """Whether the sample of robot time `t_s` that arrives now was sent long before."""
         if not math.isfinite(t_s):
             return False
         before_s, self._came_s = self._came_s, now_s

@@ -1,7 +1,8 @@
-"""Things that happen once: faults that come and go, a source that falls silent, a limit crossed. Pure.
+"""Makes events: faults that appear and clear, a source that falls silent, a limit that is crossed. Does no
+I/O.
 
-Every sample the source delivers is looked at, not only the sampled ones, so a fault of one sample at 200 Hz
-becomes two events.
+Every sample that the source delivers is checked, not only those that are sent, so a fault present in a single
+sample at 200 Hz becomes two events.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ LEVELS = ("info", "caution", "fault")
 
 @dataclass(frozen=True)
 class Event:
-    """What the relay is told. `t_s`: robot clock; `on`: it began (True) or ended (False)."""
+    """An event for the relay. `t_s`: robot clock, seconds; `on`: True when it began, False when it ended."""
 
     t_s: float
     level: str
@@ -31,7 +32,7 @@ class Event:
 
 
 class EventLimit:
-    """At most PER_SECOND events a second, then one that counts the rest, which are dropped."""
+    """Lets at most PER_SECOND events a second through; drops the rest and adds one event that counts them."""
 
     def __init__(self) -> None:
         self._since_s = -math.inf
@@ -40,7 +41,8 @@ class EventLimit:
         self._count = 0
 
     def admit(self, events: Sequence[Event], now_s: float) -> list[Event]:
-        """Which of `events` go out now (monotonic seconds). Also called without any, to say the count."""
+        """Return those of `events` that may be sent now (monotonic seconds). Call it without events, too: it
+        then adds the count of dropped ones when that is due."""
         out: list[Event] = []
         if now_s - self._since_s >= 1.0:
             if self._count:
@@ -141,7 +143,8 @@ class _Limits:
 
 
 class EventWatch:
-    """Samples in, events out. One thread calls it, or a lock stands around it."""
+    """Compares each sample with the one before and makes events. Not thread-safe: use one thread or a
+    lock."""
 
     def __init__(self, schema: Schema) -> None:
         """A bit whose severity is `state` makes no event. Limits are those of the schema's mapping."""
@@ -165,14 +168,14 @@ class EventWatch:
 
     @property
     def started(self) -> bool:
-        """Whether a sample has come yet."""
+        """Whether a sample has been checked yet."""
         return self._last_s is not None
 
     def check_sample(
         self, t_s: float, values_of: Callable[[str], Values | None], now_s: float
     ) -> list[Event]:
-        """A sample: `values_of` gives the values of the field of that name in the order of its labels, None
-        when it has none; it is asked for those that can make an event. Returns what the sample changed."""
+        """Return the events that a sample causes. `values_of` gives a field's values in the order of its
+        labels, None when the sample lacks the field; it is called only for fields that can cause an event."""
         events: list[Event] = []
         self._last_s, self._t_s = now_s, t_s
         if self.silent:
@@ -185,7 +188,7 @@ class EventWatch:
         return events
 
     def check_time(self, now_s: float) -> list[Event]:
-        """Called between samples: says when the source falls silent (once it has delivered)."""
+        """Return the event that the source has fallen silent, when that is so. Call it between samples."""
         if self.silent or self._last_s is None or now_s - self._last_s < SILENT_S:
             return []
         self.silent = True

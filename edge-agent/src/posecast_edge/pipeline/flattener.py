@@ -1,4 +1,4 @@
-"""Samples of every source meet the schema here: named or ordered values become one flat list."""
+"""Turns the values of a sample, given by name or in order, into one list in the schema's channel order."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _INTS = {int, type(None)}
 
 
 class SampleFlattener:
-    """Knows where each label of each field stands. Not thread-safe: one source thread uses it."""
+    """Knows the position of each label of each field. Not thread-safe: the source's thread uses it."""
 
     def __init__(self, schema: Schema, say: Callable[[str], None]) -> None:
         self._say = say
@@ -34,9 +34,11 @@ class SampleFlattener:
         self._wrong = RateLimitedLog(say, "wrong values")
 
     def flatten(self, sample: Sample, now_s: float) -> Flat:
-        """Values in channel order, None where the sample has no (usable) reading. Bits become an int mask.
+        """Values in channel order, None where the sample has no usable reading. Lists of bit names become an
+        integer mask.
 
-        What does not fit is said, rate-limited, and becomes "no reading"; nothing is shifted or guessed.
+        What does not fit the schema is logged (rate-limited) and becomes "no reading"; nothing is shifted or
+        guessed.
         """
         self._wrong.tick(now_s)
         flat: Flat = [None] * self._size

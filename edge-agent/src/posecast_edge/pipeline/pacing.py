@@ -1,7 +1,7 @@
-"""When a frame goes out: as its sample arrives, and no more often than asked for. Pure.
+"""Decides when frames are sent: when a sample arrives, and at most at the requested rate. Does no I/O.
 
-A clock of its own would pick up samples of any age up to the source's period. So a frame that is due waits
-for the next sample and leaves with it; when none comes, the last one goes out after all.
+A timer independent of the samples would send samples of any age up to the source's period. So a frame that is
+due waits for the next sample; when none arrives in time, the newest sample so far is sent.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ LATE = 5 / 4
 
 
 class FramePacer:
-    """One stream's rate. Times are monotonic seconds; `hz` may change at any time."""
+    """Paces the frames of one stream. Times are monotonic seconds; `hz` may change at any time."""
 
     def __init__(self, hz: float, now_s: float) -> None:
         self.hz = hz
@@ -21,22 +21,22 @@ class FramePacer:
 
     @property
     def from_s(self) -> float:
-        """From when on a sample that arrives makes a frame."""
+        """Time from which an arriving sample is sent at once."""
         return self._next_s - EARLY / self.hz
 
     @property
     def longest_s(self) -> float:
-        """How long a sample waits at most."""
+        """The longest time that a sample waits, in seconds."""
         return (1 + LATE) / self.hz
 
     def is_due(self, now_s: float) -> bool:
-        """A sample arrives: whether a frame leaves with it."""
+        """Whether a sample that arrives now is to be sent as a frame at once."""
         return now_s >= self.from_s
 
     def compute_wait_s(self, now_s: float) -> float:
-        """How long a sample that waits goes on waiting when no newer one arrives; 0: it leaves now."""
+        """How many more seconds a waiting sample is held if no newer one arrives; 0: send it now."""
         return max(0.0, self._next_s + LATE / self.hz - now_s)
 
     def record_frame(self, now_s: float) -> None:
-        """A frame left. One that was late is not made up for: it would be an old pose."""
+        """Note that a frame is sent now. A late frame does not make the next one earlier."""
         self._next_s = max(self._next_s + 1 / self.hz, now_s)

@@ -1,4 +1,5 @@
-"""The newest sample at the sampling rate, as codes. Pure: time comes in as an argument."""
+"""Keeps the newest sample and hands it out as codes at the sampling rate. Does no I/O; time is an
+argument."""
 
 from __future__ import annotations
 
@@ -15,8 +16,8 @@ NEVER = float("-inf")
 
 @dataclass(frozen=True)
 class Due:
-    """A frame to encode: codes in channel order, the robot's clock, whether it must be a KEY, and when its
-    sample was taken."""
+    """A frame to encode. `codes`: all channels in the schema's order; `t_s`: robot clock; `force_key`: it
+    must be a KEY; `taken_s`: when the sample came from the source. Times are seconds."""
 
     codes: list[int]
     t_s: float
@@ -25,7 +26,7 @@ class Due:
 
 
 class LeftOver(NamedTuple):
-    """A sample that was never sent. `number`: which of all."""
+    """A sample that was never sent. `number`: its position among all samples."""
 
     number: int
     t_s: float
@@ -33,7 +34,7 @@ class LeftOver(NamedTuple):
 
 
 class Sampler:
-    """Holds one sample: the newest. A source faster than the ticks loses samples here, and only here.
+    """Holds only the newest sample: a source faster than the ticks loses samples here, and nowhere else.
 
     `offer` and `force_key` may be called from other threads than `tick`.
     """
@@ -49,35 +50,36 @@ class Sampler:
         self._sent_s = 0.0
 
     def offer(self, t_s: float, values: Values, taken_s: float) -> None:
-        """A sample: values in channel order, or what gives them; robot time in seconds; when it was taken
-        from the source. It replaces the one before."""
+        """Replace the held sample. `values`: in channel order, or a function that returns them; `t_s`: robot
+        time, and `taken_s`: when it came from the source, both in seconds."""
         self._newest = (self._newest[0] + 1, t_s, values, taken_s)
 
     @property
     def fresh(self) -> bool:
-        """A sample waits that no frame has carried."""
+        """Whether the newest sample has not been sent yet."""
         return self._newest[0] != self._seen_sample
 
     def find_unsent(self, oldest_s: float) -> LeftOver | None:
-        """The newest sample, when no frame has carried it and it was taken before `oldest_s`."""
+        """The newest sample, if it was never sent and was taken before `oldest_s`; otherwise None."""
         number, t_s, values, taken_s = self._newest
         if number == self._sent_sample or taken_s >= oldest_s:
             return None
         return LeftOver(number, t_s, values() if callable(values) else values)
 
     def skip_sample(self) -> None:
-        """The newest sample can't be sent: wait for the next."""
+        """Give up the newest sample, which can't be sent, and wait for the next."""
         self._seen_sample = self._newest[0]
 
     def force_key(self) -> None:
-        """The next frame is a KEY and goes out even when nothing changed (if the source delivers)."""
+        """Make the next frame a KEY and send it even if nothing has changed, provided that the source
+        delivers."""
         self._force += 1
 
     def tick(self, now_s: float, oldest_s: float = NEVER) -> Due | None:
-        """What is to be sent now: nothing without a new sample, nothing while the codes stand still, except
-        that an unchanged robot is confirmed every CONFIRM_S. Time and sequence never count as a change.
+        """What to send now, or None without a new sample or while the codes do not change; unchanged codes
+        are still sent every CONFIRM_S. Changes of time and sequence number do not count.
 
-        A sample that was taken before `oldest_s` is not sent any more: who saw it come would take it for new.
+        A sample taken before `oldest_s` is not sent: viewers would take it for a new one.
         """
         number, t_s, values, taken_s = self._newest
         force = self._force

@@ -1,4 +1,4 @@
-"""What a source delivers, watched for some seconds: `probe` and `doctor` report on it."""
+"""Statistics of what a source delivers within some seconds, for the reports of `probe` and `doctor`."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class ChannelStats:
     bits: set[str] = field(default_factory=set)
 
     def add(self, value: Reading) -> None:
-        """One more sample; None and what is no number are no reading."""
+        """Count one reading; None and values that are not numbers count as no reading."""
         if isinstance(value, (list, tuple)):
             self.bits |= {str(name) for name in value[: MAX_BITS - len(self.bits)]}
             self.readings += 1
@@ -50,14 +50,15 @@ class ChannelStats:
 
     @property
     def moves(self) -> bool:
-        """It had more than one value."""
+        """Whether it had more than one value."""
         return self.low < self.high
 
 
 class SourceStats:
-    """Adds samples up. Pure: arrival times (monotonic seconds) are arguments.
+    """Collects statistics of samples. Does no I/O: arrival times are arguments, in monotonic seconds.
 
-    `fields`: field → label → channel. `joints`: what the profile makes of them, by joint of the model.
+    `fields`: field → label → channel. `joints`: values that the profile computes from them, by joint of the
+    model.
     """
 
     def __init__(self, profile: Profile | None = None) -> None:
@@ -80,16 +81,16 @@ class SourceStats:
 
     @property
     def duration_s(self) -> float:
-        """From the first sample to the last."""
+        """Seconds from the first sample to the last."""
         return self.arrivals_s[1] - self.arrivals_s[0]
 
     @property
     def rate_hz(self) -> float:
-        """Samples a second; 0 for fewer than two."""
+        """Mean sample rate in Hz; 0 for fewer than two samples."""
         return (self.samples - 1) / self.duration_s if self.samples > 1 and self.duration_s > 0 else 0.0
 
     def add(self, sample: Sample, now_s: float) -> None:
-        """One more sample."""
+        """Count one sample that arrived at `now_s`."""
         if self.samples == 0:
             if self.profile is None:
                 with suppress(SourceError):
@@ -162,9 +163,9 @@ def _position(how: JointMap, channels: Mapping[str, Reading]) -> float | None:
 
 
 def observe_source(source: Source, seconds: float, profile: Profile | None = None) -> SourceStats:
-    """Watch a source for so many seconds after its first sample, for which WAIT_S are waited.
+    """Watch a source for `seconds` after its first sample, which may take up to WAIT_S to arrive.
 
-    SourceError when the source fails; one that ends is enough for what it was.
+    Raises SourceError when the source fails. A source that ends early is reported on as far as it went.
     """
     seen = SourceStats(profile)
     stop = threading.Event()

@@ -1,7 +1,8 @@
-"""One robot's stream from sample to frame: schema, layout, sampler, events, encoder. No I/O, time comes in.
+"""One view of a robot, from sample to frame: schema, layout, sampler, events and encoder. Does no I/O; time
+is an argument.
 
-`deliver` is called by the source's thread, `snapshot` by the network's, `tick` by one thread at a time. Times
-are seconds of clock.now_s(), but for the robot's own.
+The source's thread calls `deliver`, the network's threads call `make_snapshot`, and `tick` is called by one
+thread at a time. Times are seconds of clock.now_s(), except for robot time.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ PICTURE_S = 1.0  # a sample that nobody was sent for so long is shown to who ask
 
 @dataclass(frozen=True)
 class Frame:
-    """An encoded frame, ready to send. `taken_s`: when its sample came from the source."""
+    """An encoded frame, ready to send. `taken_s`: when its sample came from the source, seconds."""
 
     data: bytes
     seq: int
@@ -42,7 +43,7 @@ class Frame:
 
 
 class Stream:
-    """The public view of one robot."""
+    """Encodes one view of one robot, with the channels of that view's profile."""
 
     def __init__(self, profile: Profile, key_interval_s: float, say: Callable[[str], None]) -> None:
         """SchemaError when the wire cannot carry the profile. `say` takes lines about bad input."""
@@ -66,26 +67,27 @@ class Stream:
 
     @property
     def started(self) -> bool:
-        """The source has delivered at least once."""
+        """Whether the source has delivered at least one sample."""
         return self._watch.started
 
     @property
     def fresh(self) -> bool:
-        """A sample waits that no frame has carried."""
+        """Whether the newest sample has not been sent yet."""
         return self._sampler.fresh
 
     @property
     def silent(self) -> bool:
-        """The source has stopped delivering."""
+        """Whether the source has stopped delivering."""
         return self._watch.silent
 
     @property
     def info(self) -> dict[str, str]:
-        """The texts of the robot; another object whenever one has changed."""
+        """The robot's texts by name. A new mapping replaces it whenever a text changes, so compare by
+        identity."""
         return self._info
 
     def deliver(self, sample: Sample, now_s: float) -> list[Event]:
-        """Take a sample, which came just now; returns the events it makes."""
+        """Take a sample that arrives now and return the events that it causes."""
         if not math.isfinite(sample.t_s):
             self._untimed.add(f"a sample of time {sample.t_s} is dropped", now_s)
             return []
@@ -133,16 +135,16 @@ class Stream:
         return flat
 
     def check_time(self, now_s: float) -> list[Event]:
-        """Events that time alone makes; to be called now and then."""
+        """Return events caused by the passing of time alone, such as a silent source. Call it regularly."""
         with self._events_lock:
             return self._limit.admit(self._watch.check_time(now_s), now_s)
 
     def force_key(self) -> None:
-        """Somebody new listens: the next frame stands alone and comes at once."""
+        """Make the next frame a KEY that is sent at once, because a new listener has joined."""
         self._sampler.force_key()
 
     def tick(self, now_s: float, oldest_s: float = NEVER) -> Frame | None:
-        """The frame that is due, or None. A sample taken before `oldest_s` is not sent any more."""
+        """The frame to send now, or None. A sample taken before `oldest_s` is not sent."""
         due = self._sampler.tick(now_s, oldest_s)
         if due is None:
             return None
@@ -151,15 +153,16 @@ class Stream:
             return Frame(data, self._seq, due.taken_s)
 
     def recover(self) -> None:
-        """Something went wrong with a frame: the next sample makes one that stands alone."""
+        """Start again with a KEY at the next sample, after encoding or sending a frame has failed."""
         self._sampler.skip_sample()
         self._sampler.force_key()
 
     def make_snapshot(self, model: str | None, now_s: float) -> Snapshot | None:
-        """All a late joiner needs, None before the first frame. `model`: the manifest's hash.
+        """All that a late joiner needs, or None before the first frame. `model`: SHA-256 of the model's
+        manifest.
 
-        Where the newest sample could not be sent while it was new, its KEY is in it: a picture, which nobody
-        takes for a sign of life.
+        If the newest sample became too old to be sent, the snapshot contains its KEY: it shows the last known
+        pose without counting as a sign of life.
         """
         with self._frames_lock:
             key, ref = self._encoder.key, self._encoder.ref

@@ -1,6 +1,6 @@
-"""The first door for text: what no message can carry is named and left out, whichever source brings it.
+"""Removes names and texts that no message can carry, from whichever source, and logs them.
 
-A lone half of a surrogate pair is a Python string and valid JSON, but no text: nothing can write it as UTF-8.
+A lone half of a surrogate pair is valid in a Python string and in JSON, but cannot be encoded as UTF-8.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from posecast_edge.visible import quote
 
 
 def is_text(value: object) -> bool:
-    """Whether every character is one: a Unicode scalar value."""
+    """Whether `value` is a string of Unicode scalar values only (no lone surrogates)."""
     if not isinstance(value, str):
         return False
     if value.isascii():
@@ -26,14 +26,14 @@ def is_text(value: object) -> bool:
 
 
 class TextGuard:
-    """Looks at the texts of every sample. One thread uses it."""
+    """Checks the texts of every sample. Not thread-safe."""
 
     def __init__(self, say: Callable[[str], None]) -> None:
         self._bad = RateLimitedLog(say, "names and texts that are none")
         self._good: Mapping[str, str] | None = None  # looked at before: most samples say the same again
 
     def clean(self, sample: Sample, now_s: float) -> Sample:
-        """The sample without those of its `info` and `links` that are no texts."""
+        """The sample without entries of `info` and `links` that are not valid text."""
         self._bad.tick(now_s)
         info, links = sample.info, sample.links
         if info and info != self._good:
@@ -48,8 +48,9 @@ class TextGuard:
         return sample
 
     def clean_names(self, sample: Sample, now_s: float) -> Sample:
-        """The sample without fields, channels and bits whose names are no texts: one from which a schema is
-        made. Later ones need no such look, since what the schema does not name is left out anyway."""
+        """The sample without fields, channels and bits whose names are not valid text. Needed only for the
+        sample that a schema is made from: names that the schema lacks are dropped from later samples
+        anyway."""
         values: dict[str, Values] = {}
         for name, of_field in sample.values.items():
             if not is_text(name):

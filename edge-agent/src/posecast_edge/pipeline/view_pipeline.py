@@ -1,4 +1,4 @@
-"""One view on its way from samples to frames: its stream, its pace, and the order of its frames."""
+"""One view's way from samples to frames: its stream, its pacing, and the order of its frames."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ OLD_S = 0.5
 
 
 class ViewPipeline:
-    """One view as it is sent. `stream` is None until the first sample of a robot without a profile."""
+    """State of one view. `stream` is None until the first sample of a robot without a profile."""
 
     def __init__(self, view: str, hz: float, stream: Stream | None, now_s: float) -> None:
         self.view = view
@@ -26,22 +26,22 @@ class ViewPipeline:
         self.ended = False
 
     def compute_rest_s(self, now_s: float) -> float:
-        """How long no frame is due as things are; 0: now."""
+        """Seconds until a frame is due if nothing changes; 0: a frame is due now."""
         if self.at_once:
             return 0.0
         return self.pacer.compute_wait_s(now_s) if self.stream and self.stream.fresh else math.inf
 
     def compute_oldest_s(self, now_s: float) -> float:
-        """When a sample must have been taken to be sent now."""
+        """The earliest time at which a sample may have been taken to be still sent now, in seconds."""
         return now_s - OLD_S - self.pacer.longest_s
 
     def end(self) -> None:
-        """No frame leaves any more, nor is one just leaving."""
+        """Stop sending: after this returns no frame is being sent or will be sent."""
         with self.lock:
             self.ended = True
 
     def record_frame(self, now_s: float, most_hz: float) -> None:
-        """A frame leaves; not more than `most_hz` of them shall."""
+        """Note that a frame is sent now, and limit the rate to `most_hz`."""
         self.at_once = False
         self.pacer.hz = min(self.hz, most_hz)
         self.pacer.record_frame(now_s)

@@ -1,4 +1,4 @@
-"""What a column of a trajectory file means: which field, which channel of it."""
+"""Assigns the columns of a trajectory file to fields and channels."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 class Columns:
-    """Where each column of a file goes, however many there are."""
+    """Looks up the field and channel of columns, in time independent of the number of channels."""
 
     def __init__(self, fields: Sequence[FieldSpec]) -> None:
         joints = [f for name in ("ref", "pos") for f in fields if f.name == name and f.label_set == JOINT]
@@ -25,10 +25,10 @@ class Columns:
                 self._channels[field.name] = _endings(field.labels)
 
     def find(self, column: str) -> tuple[str, int] | None:
-        """(field, channel) of a column: a joint's name is in ref, `FIELD.LABEL` in that field.
+        """The (field, channel index) that a column's name stands for, or None: a joint's name belongs to
+        `ref` (to `pos` if the profile has no `ref`), `FIELD.LABEL` to that field.
 
-        A field with one site needs the component alone: `baseq.w` is `base.w` in `baseq`.
-        None when there is no such channel. Without a field `ref` the joints go to `pos`.
+        In a field with one site the component is enough: `baseq.w` is `base.w` in `baseq`.
         """
         if column in self._joints:
             return self._joints[column]
@@ -47,5 +47,5 @@ def _endings(labels: Sequence[str]) -> dict[str, int | None]:
 
 
 def find_column(fields: Sequence[FieldSpec], column: str) -> tuple[str, int] | None:
-    """As Columns.find, of a single column."""
+    """Look up a single column; see Columns.find."""
     return Columns(fields).find(column)

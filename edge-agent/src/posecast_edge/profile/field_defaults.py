@@ -1,4 +1,4 @@
-"""What a field's name says by itself: its unit, its step, its label set. The profile may say otherwise."""
+"""Defaults that follow from a field's name: unit, step and label set. A profile may override them."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ UNITS = {
 
 @dataclass(frozen=True)
 class WellKnown:
-    """Defaults of one field name. `scale`: unit per code step."""
+    """Defaults of one field name. `scale`: units per code step."""
 
     unit: str
     scale: float
@@ -144,13 +144,13 @@ MOST = {
 
 
 def guess_unit(field: str, largest: float) -> str | None:
-    """The unit that a field's readings seem to be in when `largest`, the largest magnitude among them, can
-    hardly be in the field's usual unit; None when it can."""
+    """The unit that readings seem to have when `largest`, their largest magnitude, is implausible in the
+    field's usual unit; None when it is plausible."""
     most, instead = MOST.get(field, (float("inf"), ""))
     return instead if largest > most else None
 
 
 def find_usual_unit(field: str) -> str:
-    """What a field of that name is usually in; "" when nobody says."""
+    """The usual unit of a field with this name; "" for an unknown name."""
     known = WELL_KNOWN.get(field)
     return known.unit if known else ""

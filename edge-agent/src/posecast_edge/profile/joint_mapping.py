@@ -1,8 +1,8 @@
-"""What moves which joint: a profile's [joints] resolved down to channels. Pure.
+"""Resolves a profile's [joints] to channels. Does no I/O.
 
-A term names a channel or, where there is no such channel, another entry of [joints]: `knuckle2` may follow
-`knuckle1`, as a mimic joint of a URDF does. The wire knows channels only, so such terms are replaced here by
-what they stand for.
+A term names a channel or, if there is no such channel, another entry of [joints]: `knuckle2` may follow
+`knuckle1`, like a mimic joint of a URDF. Schemas contain only channels, so such terms are replaced by the
+terms of the entry they name.
 """
 
 from __future__ import annotations
@@ -16,7 +16,8 @@ TERMS_MAX = 1 << 16  # of all joints, once they stand for channels
 
 
 class TermError(ValueError):
-    """An entry that can't be. `joint`: whose; `term`: which of its terms, None for the whole entry."""
+    """An invalid entry. `joint`: the entry's name; `term`: index of the wrong term, None for the whole
+    entry."""
 
     def __init__(self, joint: str, term: int | None, reason: str) -> None:
         super().__init__(reason)
@@ -26,9 +27,10 @@ class TermError(ValueError):
 
 
 def resolve_entries(entries: Mapping[str, JointMap], channels: Sequence[str]) -> dict[str, JointMap]:
-    """Every entry in terms of channels, in the order given.
+    """Express every entry in terms of channels, keeping the order.
 
-    TermError: an unknown name, a loop, two joints that claim one channel, more than the bounds above.
+    Raises TermError for an unknown name, a cycle, two joints that use one channel, or entries beyond the
+    bounds above.
     """
     known = frozenset(channels)
     owners: dict[str, str] = {}

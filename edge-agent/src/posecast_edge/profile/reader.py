@@ -1,7 +1,7 @@
-"""A profile's TOML text → Profile.
+"""Reads a profile's TOML text.
 
-Every table is optional but `[[fields]]`. An unknown key, joint, label or unit is an error that names file,
-line and place: a typing mistake must not become a silently missing limb.
+Every table except `[[fields]]` is optional. An unknown key, joint, label or unit is an error that names file,
+line and place, so that a typing mistake does not become a silently missing limb.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ _DOTTED = re.compile(r"""(?<![A-Za-z0-9_-])(?:(?:[A-Za-z0-9_-]+|"[^"\n]*"|'[^'\n
 
 
 def find_profile(name: str) -> Path:
-    """The file of that name, or the profile of that name that comes with the agent (`hubo2plus`)."""
+    """The file at this path, or the profile of this name that is installed with the agent (`hubo2plus`)."""
     path, shipped = Path(name), SHIPPED / f"{name}.toml"
     try:
         return shipped if not path.exists() and shipped.parent == SHIPPED and shipped.is_file() else path
@@ -65,7 +65,7 @@ def find_profile(name: str) -> Path:
 
 
 def load_profile(path: Path) -> Profile:
-    """Read and parse a profile file. ProfileError when it cannot be read or does not fit."""
+    """Read and parse a profile file. Raises ProfileError when it cannot be read or is invalid."""
     name = make_visible(str(path), NAME_MAX)
     try:
         with path.open("rb") as file:
@@ -85,7 +85,8 @@ def load_profile(path: Path) -> Profile:
 
 
 def parse_profile(text: str, file: str = "profile") -> Profile:
-    """TOML text → Profile. ProfileError `file:line: where: reason`, of bounded length, whatever is wrong."""
+    """Parse TOML text. Raises ProfileError, `file:line: where: reason` of bounded length, whatever is wrong
+    with it."""
     for pattern, what in (
         (_DIGITS, "a number of more than 400 digits"),
         (_DOTTED, "a key of more than 32 parts"),
@@ -107,14 +108,15 @@ def parse_profile(text: str, file: str = "profile") -> Profile:
 
 
 class ProfileReader(Values):
-    """The tables of a profile."""
+    """Builds each part of a profile from its TOML table. Its methods raise ProfileError."""
 
     def __init__(self, file: str, text: str) -> None:
         super().__init__(file, text)
         self.units: dict[str, dict[str, str]] = {}  # by field and label, where it is not the field's
 
     def check_wire_bounds(self, profile: Profile) -> None:
-        """The wire has bounds of its own: what it can't carry is an error in this file too."""
+        """Raise ProfileError when the schema of the profile or of one of its views exceeds the wire format's
+        bounds."""
         self._check(profile, "")
         for name, view in profile.views.items():
             self._check(profile.restrict_to_view(view), f"views.{name}")

@@ -1,4 +1,4 @@
-"""The [ros] of a profile: which topics are read as what."""
+"""Reads a profile's [ros] table: which topics are read, and as what."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ DOMAIN_MAX = 232  # ROS 2's
 
 
 def read_ros(reader: ProfileReader, value: object) -> RosTopics:
-    """The table's value → topics. ProfileError names the line."""
+    """Parse the table. Raises ProfileError, which names the line."""
     item = reader.check_table(value, "ros", (*ROLES, "domain", "encoding"))
     domain = reader.check_integer(item["domain"], "ros.domain", 0, DOMAIN_MAX) if "domain" in item else None
     encoding = reader.check_choice(item.get("encoding", "json"), ENCODINGS, "encoding", "ros.encoding")

@@ -1,4 +1,4 @@
-"""What the edge says its channels are: from the profile, or from the first sample where there is none."""
+"""Makes the schema from the profile, and a profile from the first sample where there is none."""
 
 from __future__ import annotations
 
@@ -17,7 +17,8 @@ FLAGS, DIAG = "flags", "diag"
 
 
 def make_schema_text(profile: Profile) -> str:
-    """The schema's JSON text. posecast_wire.SchemaError when the wire cannot carry the profile."""
+    """The schema as JSON text. Raises posecast_wire.SchemaError when the wire format cannot express the
+    profile."""
     used = dict.fromkeys(f.label_set for f in profile.fields)
     fields = [
         {
@@ -64,10 +65,11 @@ def _threshold(t: Threshold) -> dict[str, float]:
 
 
 def infer_profile(robot: str, sample: Sample) -> Profile:
-    """A profile for a robot that has none: fields and labels as the first sample names them, units and scales
-    by well-known field name. A field or label that appears later is not in it.
+    """Make a profile for a robot without one from its first sample: fields and labels as named there, units
+    and scales by well-known field names. Fields and labels that appear only later are not included.
 
-    SourceError when the sample cannot say it: values without labels, nothing usable, too many channels.
+    Raises SourceError when the sample is not enough: values without labels, nothing usable, too many
+    channels.
     """
     joints = _joint_labels(sample)
     labels: dict[str, tuple[str, ...]] = {}

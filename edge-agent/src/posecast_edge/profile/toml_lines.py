@@ -1,6 +1,6 @@
-"""On which line of a TOML text each key and list item stands: Python's parser does not say. Pure.
+"""Finds the line number of each key and list item in a TOML text, which Python's parser does not report.
 
-The text has been parsed already, so it is valid TOML; this walks over it and remembers places, nothing else.
+Expects text that has been parsed successfully; it is scanned only for positions. Does no I/O.
 """
 
 from __future__ import annotations
@@ -16,14 +16,15 @@ _STRING = re.compile(r'"""(?:[^\\]|\\.)*?"{3,5}|\'\'\'.*?\'{3,5}|"(?:[^"\\\n]|\\
 
 
 def index_lines(text: str) -> dict[str, int]:
-    """Path → line, counted from 1. A path is written `fields[0].name`, keys without their quotes."""
+    """Map each path to its line number, counted from 1. Paths look like `fields[0].name`, with keys
+    unquoted."""
     walk = _Walk(text)
     walk.document()
     return walk.lines
 
 
 def find_line(lines: dict[str, int], path: str) -> int | None:
-    """The line of `path`, or of the nearest table or list around it that has one."""
+    """The line of `path`, or of the nearest enclosing table or list that has one."""
     while path:
         if path in lines:
             return lines[path]

@@ -1,4 +1,4 @@
-"""A profile: all that is particular to one robot, frozen and typed. reader.py makes it of TOML."""
+"""A profile: all that is specific to one robot, as immutable typed values. Made from TOML by reader.py."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ PUBLIC = "public"
 
 @dataclass(frozen=True)
 class FieldSpec:
-    """One field. `scale`: unit per code step. `deadband`: in steps. `bits`: names, lowest bit first."""
+    """One field. `scale`: units per code step; `deadband`: in steps; `bits`: bit names, lowest bit first."""
 
     name: str
     label_set: str
@@ -28,9 +28,10 @@ class FieldSpec:
 
 @dataclass(frozen=True)
 class Trajectory:
-    """How a text file of joint angles is read. `header`: lines to skip. `lag_s`: servo lag, ref to pos.
+    """How to read a text file of joint angles. `header`: lines to skip; `lag_s`: lag of the servos from ref
+    to pos, seconds.
 
-    `unit` is that of the joint columns. `fewest`: a file may stop after this many columns.
+    `unit`: of the joint columns; `fewest`: rows may end after this many columns.
     """
 
     columns: tuple[str, ...]
@@ -43,8 +44,8 @@ class Trajectory:
 
 @dataclass(frozen=True)
 class RosTopics:
-    """Which topics of a ROS graph are read. `topics`: role (sources/ros/topics.py) → (pattern, site or "");
-    what is not in it goes by type and name. `domain`: ROS_DOMAIN_ID, None for any."""
+    """Which ROS topics are read. `topics`: role (sources/ros/topics.py) → (pattern, site or ""); topics not
+    listed are assigned by type and name. `domain`: ROS_DOMAIN_ID, None for any."""
 
     topics: Mapping[str, tuple[tuple[str, str], ...]] = field(default_factory=dict)
     domain: int | None = None
@@ -53,9 +54,10 @@ class RosTopics:
 
 @dataclass(frozen=True)
 class View:
-    """What one audience gets: some fields, perhaps coarser, perhaps at a lower rate. `scales`: by field.
+    """What one audience receives: some of the fields, possibly with coarser `scales` (by field) and a lower
+    rate.
 
-    `info`: its texts, by name; None: all of them.
+    `info`: names of the texts it receives; None: all.
     """
 
     fields: tuple[str, ...]
@@ -66,7 +68,8 @@ class View:
 
 @dataclass(frozen=True)
 class Profile:
-    """One robot. Mappings keep the order of the file. `mapping`: what channels mean for the model."""
+    """All settings of one robot. Mappings keep the order of the file; `mapping`: what channels mean for the
+    model."""
 
     name: str
     fields: tuple[FieldSpec, ...]
@@ -83,7 +86,7 @@ class Profile:
         return next((f for f in self.fields if f.name == name), None)
 
     def restrict_to_view(self, view: View) -> Profile:
-        """What is left of the profile in a view: nothing of a field that is not in it."""
+        """The profile as this view sees it, without anything that belongs to fields outside the view."""
         seen, fields, names = frozenset(view.fields), list[FieldSpec](), set[str]()
         for f in self.fields:
             if f.name in seen:

@@ -1,4 +1,4 @@
-"""Values out of a TOML document, each looked at: what is wrong is one line that names file, line, place."""
+"""Checks values of a TOML document; an error is one line that names file, line and place."""
 
 from __future__ import annotations
 
@@ -18,11 +18,12 @@ REASON_MAX = 400
 
 
 class ProfileError(ValueError):
-    """A profile that cannot be used: `file:line: where: reason`, one line."""
+    """An unusable profile: one line, `file:line: where: reason`."""
 
 
 class Values:
-    """Takes values out of a TOML document and says where one is wrong."""
+    """Checks the values of one TOML document. `where` is a path such as `fields[0].name`; every method raises
+    ProfileError when the value is not what it should be."""
 
     def __init__(self, file: str, text: str) -> None:
         self.file = file
@@ -30,6 +31,7 @@ class Values:
         self.field_paths: dict[str, str] = {}  # `fields.pos` → `fields[1]`
 
     def fail(self, where: str, reason: str) -> NoReturn:
+        """Raise ProfileError with the line on which `where` stands."""
         try:
             line = find_line(index_lines(self._text), self._path(where))
         except RecursionError:  # nested deeper than can be walked
@@ -45,6 +47,7 @@ class Values:
         return where
 
     def check_table(self, value: object, where: str, keys: Sequence[str] | None = None) -> dict[str, Any]:
+        """Return `value` if it is a table and, if `keys` are given, has no other keys."""
         if not isinstance(value, dict):
             self.fail(where, "must be a table")
         if keys is not None:
@@ -54,6 +57,7 @@ class Values:
         return value
 
     def check_text(self, value: object, where: str) -> str:
+        """Return `value` if it is a valid text."""
         if not isinstance(value, str) or not value or not value.isprintable():
             self.fail(where, f"must be a text, not {quote(value)}")
         return value
@@ -66,6 +70,8 @@ class Values:
         above: float = -math.inf,
         most: float = math.inf,
     ) -> float:
+        """Return `value` as float if it is a finite number, at least `low`, greater than `above` and at most
+        `most`."""
         number = math.nan
         if isinstance(value, (int, float)) and not isinstance(value, bool):
             with suppress(OverflowError):  # an integer past every float
@@ -81,16 +87,19 @@ class Values:
         return number
 
     def check_integer(self, value: object, where: str, low: int, most: int) -> int:
+        """Return `value` if it is an integer from `low` to `most`."""
         if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= most:
             self.fail(where, f"must lie in {low}…{most}, not {quote(value)}")
         return value
 
     def check_texts(self, value: object, where: str) -> tuple[str, ...]:
+        """Return `value` as a tuple if it is a list of texts."""
         if not isinstance(value, list) or not value:
             self.fail(where, "must be a list of texts")
         return tuple(self.check_text(v, f"{where}[{i}]") for i, v in enumerate(value))
 
     def check_unique_texts(self, value: object, where: str) -> tuple[str, ...]:
+        """Return `value` as a tuple if it is a list of texts without duplicates."""
         texts = self.check_texts(value, where)
         seen: set[str] = set()
         for i, v in enumerate(texts):
@@ -100,17 +109,20 @@ class Values:
         return texts
 
     def check_xyz(self, value: object, where: str) -> Xyz:
+        """Return `value` as a tuple if it is a list of three numbers."""
         if not isinstance(value, list) or len(value) != 3:
             self.fail(where, "must be three numbers")
         x, y, z = (self.check_number(v, f"{where}[{i}]") for i, v in enumerate(value))
         return (x, y, z)
 
     def check_unit(self, value: object, where: str) -> str:
+        """Return `value` if it is a valid unit."""
         if not isinstance(value, str) or value not in UNITS:
             self.fail(where, f"unknown unit {quote(value)}; known: {', '.join(u for u in UNITS if u)}")
         return UNITS[value]
 
     def check_choice(self, name: object, allowed: Collection[str], what: str, where: str) -> str:
+        """Return `name` if it is one of `allowed`; `what` says in the error what kind of name it is."""
         if not isinstance(name, str) or name not in allowed:
             self.fail(where, f"unknown {what} {quote(name)}")
         return name

@@ -1,4 +1,4 @@
-"""The [views] of a profile: what of a robot each audience gets."""
+"""Reads a profile's [views] table: which part of the robot each audience receives."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ HZ_MIN = 0.1  # as on the wire
 
 
 def read_view(reader: ProfileReader, name: str, value: object, fields: Mapping[str, FieldSpec]) -> View:
-    """One table → view. ProfileError names the line."""
+    """Parse the table of one view. Raises ProfileError, which names the line."""
     where = f"views.{name}"
     try:
         check_name("view", name)

@@ -1,1 +1,1 @@
-"""Where samples come from: each kind of source has `open_source` in a module of its own."""
+"""Sources of samples: each kind is a module that offers `open_source`."""

@@ -1,4 +1,4 @@
-"""When to try again. Pure: time comes in as an argument."""
+"""Decides when to retry a connection. Does no I/O; time is an argument."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ STEADY_S = 5.0  # a connection that lasted so long was a good one
 
 
 class Backoff:
-    """Doubles the pause with every failure; a connection that lasted begins anew. Monotonic seconds."""
+    """Doubles the pause with every failure; after a connection that lasted it starts again with the shortest
+    one. Times are monotonic seconds."""
 
     def __init__(self) -> None:
         self._pause_s = FIRST_S
@@ -20,11 +21,11 @@ class Backoff:
         return now_s >= self._next_s
 
     def record_success(self, now_s: float) -> None:
-        """A try succeeded, so far."""
+        """Note that a connection was made."""
         self._connected_s = now_s
 
     def record_failure(self, now_s: float) -> None:
-        """A try or a connection came to its end."""
+        """Note that an attempt failed or a connection ended, and plan the next attempt."""
         if self._connected_s is not None and now_s - self._connected_s >= STEADY_S:
             self._pause_s = FIRST_S
         self._connected_s = None

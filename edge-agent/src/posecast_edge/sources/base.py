@@ -1,4 +1,4 @@
-"""What a source is. It reads; it never commands."""
+"""The interface of a source. A source only reads from the robot and never commands it."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Deliver = Callable[[Sample], float | None]
 
 @dataclass(frozen=True)
 class Defaults:
-    """What a kind of source brings itself."""
+    """The profile and model that a kind of source brings with it."""
 
     profile: Path | None = None
     urdf: Path | None = None
@@ -26,21 +26,23 @@ class Defaults:
 
 
 class Source(Protocol):
-    """Delivers samples from a thread of its own, at its own pace."""
+    """Delivers samples from a thread of its own at the source's own pace."""
 
     description: str
 
     def run(self, deliver: Deliver, stop: threading.Event) -> None:
-        """Deliver every sample until the data ends or `stop` is set. Raises SourceError (one line)."""
+        """Deliver every sample until the data ends or `stop` is set. Raises SourceError with a one-line
+        text."""
 
 
 @runtime_checkable
 class Discovering(Source, Protocol):
-    """A source that finds out by itself what there is."""
+    """A source that discovers by itself which data the robot offers."""
 
     @property
     def offers(self) -> list[str]:
-        """Lines for `probe`: what was found, and as what it is read."""
+        """Lines for `probe`: what was found, and as what each is read."""
 
     def send_urdf_to(self, take: Callable[[str], None]) -> None:
-        """Hand every new robot_description (URDF) to `take`, which returns at once. Before `run`."""
+        """Pass every new robot_description (URDF text) to `take`, which must return at once. Call it before
+        `run`."""

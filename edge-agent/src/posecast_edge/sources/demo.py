@@ -1,7 +1,7 @@
-"""Source `demo`: one minute in the life of a humanoid of this project's own, for ever.
+"""Source `demo`: a one-minute motion of a humanoid robot made for this project, repeated for ever.
 
-It brings profile and model. `edge-agent/demo/build.py` makes the bundle (URDF, meshes, motion); packing.py
-there says how the motion is stored.
+It brings its own profile and model. `edge-agent/demo/build.py` makes the bundle (URDF, meshes, motion);
+packing.py there describes how the motion is stored.
 """
 
 from __future__ import annotations
@@ -35,7 +35,8 @@ MAX_BEHIND_S = 1.0  # a machine that slept goes on where it stood
 
 
 def find_defaults(address: str) -> Defaults:
-    """The demo's own profile and model, built where that was done. SourceError when there is no bundle."""
+    """The demo's profile and model, the built model if there is one. Raises SourceError when the bundle is
+    missing."""
     del address
     urdf = BUNDLE / "robot.urdf"
     if not urdf.is_file():
@@ -45,7 +46,7 @@ def find_defaults(address: str) -> Defaults:
 
 
 def open_source(address: str, profile: Profile | None) -> Source:
-    """Open the demo. SourceError when an address is given or the bundle has not been made."""
+    """Open the demo. Raises SourceError when an address is given or the bundle has not been made."""
     del profile  # labels are matched later, where samples of every source meet the schema
     if address:
         raise SourceError(f"demo takes no address, not {address!r}")
@@ -60,9 +61,9 @@ def open_source(address: str, profile: Profile | None) -> Source:
 
 @dataclass(frozen=True)
 class Track:
-    """One field: a column of counts per label, int16 each. `scale`: unit per count, 1 for masks.
+    """The samples of one field: one int16 column per label. `scale`: units per count, 1 for bit masks.
 
-    `gaps`: some count is MISSING.
+    `gaps`: whether some counts are MISSING.
     """
 
     name: str
@@ -73,7 +74,7 @@ class Track:
 
 @dataclass(frozen=True)
 class Motion:
-    """A loop. `phases`: from when (s into the loop) the robot is in which mode, in order."""
+    """A motion that is repeated. `phases`: (start in seconds, mode of the robot), in order of time."""
 
     rate_hz: float
     samples: int
@@ -82,11 +83,12 @@ class Motion:
 
     @property
     def period_s(self) -> float:
-        """Length of the loop."""
+        """Length of the motion in seconds."""
         return self.samples / self.rate_hz
 
     def make_sample(self, index: int) -> Sample:
-        """The index-th sample since the start; robot time goes on from loop to loop."""
+        """The sample with this index, counted from the start; robot time continues from one repetition to the
+        next."""
         k = index % self.samples
         values: dict[str, list[float | int | None]] = {}
         for track in self.tracks:
@@ -104,7 +106,8 @@ class Motion:
 
 
 def read_motion(content: bytes) -> Motion:
-    """Bytes of motion.bin → Motion. ValueError, KeyError, TypeError or zlib.error when they are none."""
+    """Parse the content of motion.bin. Raises ValueError, KeyError, TypeError or zlib.error when it is
+    invalid."""
     if not content.startswith(MAGIC):
         raise ValueError("wrong first line")
     end = content.index(b"\n", len(MAGIC))
@@ -137,14 +140,15 @@ def _column(low: bytes, high: bytes) -> array[int]:
 
 
 class DemoSource:
-    """Plays a motion on the monotonic clock."""
+    """Plays a motion in real time on the monotonic clock."""
 
     def __init__(self, motion: Motion) -> None:
         self.description = f"demo, a loop of {motion.period_s:g} s"
         self._motion = motion
 
     def run(self, deliver: Deliver, stop: threading.Event) -> None:
-        """Deliver every sample at its instant until `stop`; when late, only the newest that is due."""
+        """Deliver every sample when it is due until `stop`; when late, deliver only the newest one that is
+        due."""
         rate_hz = self._motion.rate_hz
         start_s, index = time.monotonic(), 0
         while not stop.is_set():

@@ -48,11 +48,11 @@ BACKLOG_S = 0.5  # a writer who has been ahead of his reader for so long is alwa
 
 
 class LineError(ValueError):
-    """A line that is no sample; the text says why."""
+    """A line that can't be turned into a sample; the text gives the reason."""
 
 
 def open_source(address: str, profile: Profile | None) -> Source:
-    """Open stdin ("") or a path. SourceError when the path cannot be opened."""
+    """Open stdin ("") or a path. Raises SourceError when the path can't be opened."""
     del profile  # labels are matched later, where samples of every source meet the schema
     if not address:
         return JsonlSource(sys.stdin.fileno(), "stdin")
@@ -83,7 +83,7 @@ class JsonlSource:
         self._stalled = False  # what is read has lain there for nobody knows how long
 
     def run(self, deliver: Deliver, stop: threading.Event) -> None:
-        """Deliver every good line until the end or `stop`. SourceError when reading fails."""
+        """Deliver every valid line until the end or `stop`. Raises SourceError when reading fails."""
         chunk: bytes | None = None
         while not stop.is_set() and chunk != b"":
             chunk = self._read()
@@ -166,7 +166,8 @@ class JsonlSource:
 
 
 class LineSplitter:
-    """Bytes in, lines out, without their ends. Of one over `most` bytes most + 1 come: enough to refuse."""
+    """Splits bytes into lines without line ends. Of a line longer than `most` bytes it yields the first most
+    + 1, enough to recognise it as too long."""
 
     def __init__(self, most: int) -> None:
         self._most = most
@@ -174,7 +175,7 @@ class LineSplitter:
         self._overlong = False  # the rest of a line that was refused
 
     def feed(self, chunk: bytes) -> Iterator[bytes]:
-        """The lines that end in `chunk`, and one that is too long already."""
+        """Yield the lines that end in `chunk`, and the beginning of one that is already too long."""
         first, *others = chunk.split(b"\n")
         self._keep(first)
         for part in others:
@@ -185,7 +186,7 @@ class LineSplitter:
             self._overlong = True
 
     def flush(self) -> Iterator[bytes]:
-        """What came after the last end of a line."""
+        """Yield the last line if the data did not end with a line end."""
         if self._rest:
             yield from self._complete()
 
@@ -201,8 +202,8 @@ class LineSplitter:
 
 
 def parse_line(line: bytes, arrival_s: float, where: str = "") -> tuple[Sample, list[str]]:
-    """One line → Sample, and what is wrong with members of it, which are left out. LineError says why there
-    is no sample at all. NaN and Infinity are "no reading"."""
+    """Parse a line into a sample and a list of complaints about members that were left out. NaN and Infinity
+    are "no reading". Raises LineError when there is no sample at all."""
     value = _object(line)
     t_s = value.pop("t", arrival_s)
     if isinstance(t_s, bool) or not isinstance(t_s, (int, float)) or not abs(t_s) < MAX_T_S:

@@ -41,7 +41,8 @@ class _Kind(Protocol):
 
 
 def split_spec(spec: str) -> tuple[str, str]:
-    """`KIND[:ADDRESS]` → (kind, address). SourceError names the kinds when the kind is unknown."""
+    """Split `KIND[:ADDRESS]` into (kind, address). Raises SourceError, which lists the kinds, when it is
+    unknown."""
     kind, _, address = spec.partition(":")
     if kind not in KINDS:
         raise SourceError(f"unknown source {kind!r}: one of {', '.join(KINDS)}")
@@ -54,13 +55,15 @@ def _module(kind: str) -> ModuleType:
 
 
 def find_defaults(spec: str) -> Defaults:
-    """The profile and URDF that the kind of `spec` brings itself. SourceError when the kind is unknown."""
+    """The profile and model that the kind of source in `spec` brings. Raises SourceError when the kind is
+    unknown."""
     kind, address = split_spec(spec)
     defaults = getattr(_module(kind), "find_defaults", None)
     return Defaults() if defaults is None else cast(Defaults, defaults(address))
 
 
 def open_source(spec: str, profile: Profile | None) -> Source:
-    """Open `KIND[:ADDRESS]`. SourceError (one line) when the kind is unknown or the address does not open."""
+    """Open `KIND[:ADDRESS]`. Raises SourceError (one line) when the kind is unknown or the address can't be
+    opened."""
     kind, address = split_spec(spec)
     return cast(_Kind, _module(kind)).open_source(address, profile)

@@ -1,1 +1,1 @@
-"""The one outbound link: publishes frames and events, answers questions, tells how late frames arrive."""
+"""The agent's single outbound connection: publishes frames and events, answers queries, measures lateness."""

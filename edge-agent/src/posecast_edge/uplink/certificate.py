@@ -1,4 +1,4 @@
-"""How a robot proves who it is where the relay wants a certificate instead of a password (mutual TLS)."""
+"""The certificate a robot uses where the relay demands mutual TLS instead of a password."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from pathlib import Path
 
 @dataclass(frozen=True)
 class Certificate:
-    """PEM files. Zenoh reads them anew for every connection, so they may be renewed in place.
+    """Paths of PEM files. Zenoh reads them anew for every connection, so they may be renewed in place.
 
-    `chain`: the robot's own certificate, then those between it and the authority. `ca`: what signed the
-    relay's; None when that is an authority the whole web trusts.
+    `chain`: the robot's certificate followed by the intermediate ones. `ca`: the authority that signed the
+    relay's certificate; None when it is one that browsers trust.
     """
 
     chain: Path
@@ -19,7 +19,7 @@ class Certificate:
     ca: Path | None = None
 
     def check(self) -> None:
-        """ValueError, one line, when they can't be used."""
+        """Raise ValueError with one line when the files can't be used."""
         import ssl  # noqa: PLC0415 - over 1 MB, which an edge without a certificate does without
 
         context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)

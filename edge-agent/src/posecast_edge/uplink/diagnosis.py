@@ -1,4 +1,5 @@
-"""Why there is no link. Zenoh only says that time ran out, so the relay's door is tried by other means."""
+"""Finds out why there is no link. Zenoh reports only a timeout, so this connects to the relay by other
+means."""
 
 from __future__ import annotations
 
@@ -13,7 +14,8 @@ KNOCK = bytes(2)  # an empty batch: Zenoh says goodbye to it, and the relay coun
 
 
 def diagnose_link(relay: str, credential: Credential | Certificate | None) -> str:
-    """What is wrong, to be said after the relay's name. `relay`: a Zenoh endpoint, `tls/host:port`."""
+    """Say what is wrong, as text to be appended to the relay's name. `relay`: a Zenoh endpoint,
+    `tls/host:port`."""
     scheme, _, address = relay.partition("/")
     host, _, port = address.rpartition(":")
     host = host.strip("[]")

@@ -1,4 +1,5 @@
-"""The half of `diagnosis.py` that speaks TLS: apart, since it brings five megabytes that few agents need."""
+"""The TLS part of `diagnosis.py`, a separate module because importing it costs five megabytes that few
+need."""
 
 from __future__ import annotations
 
@@ -16,8 +17,8 @@ ALERT_S = 1.0  # TLS 1.3: whether the relay takes our certificate shows after th
 def shake_hands(
     plain: socket.socket, host: str, credential: Credential | Certificate | None
 ) -> tuple[str | None, str | None]:
-    """(what is wrong with the relay's TLS, what it has against our certificate), None where nothing is.
-    OSError when it falls silent."""
+    """Try a TLS handshake on a connected socket. Returns (what is wrong with the relay's TLS, why the
+    relay rejects ours), None for each that is fine. Raises OSError when the relay does not answer."""
     try:
         with _trust(credential).wrap_socket(plain, server_hostname=host) as link:
             return None, _alert(link)

@@ -1,4 +1,5 @@
-"""What the relay's echo tells: on air, refused or late, and the rate that follows from it. Pure."""
+"""Derives the state of the link (on air, refused, late) and the frame rate from the relay's echoes. Does no
+I/O."""
 
 from __future__ import annotations
 
@@ -18,7 +19,7 @@ SENT_MAX = 2048  # frames remembered: half a minute at 60 Hz; older ones are for
 
 
 class EchoWatch:
-    """Follows one run's frames and the relay's answers about them. Times are monotonic seconds."""
+    """Compares the frames sent in one run with the relay's echoes. Times are monotonic seconds."""
 
     def __init__(self, run_id: int) -> None:
         self._run_id = run_id
@@ -32,7 +33,7 @@ class EchoWatch:
         self.late_s = 0.0
 
     def record_link(self, connected: bool) -> None:
-        """The link came up or went down: what was known of the relay is void."""
+        """Note that the link came up or went down, and forget what was known about the relay."""
         self._connected = connected
         self._echo = None
         self._asked_s = None
@@ -52,14 +53,14 @@ class EchoWatch:
         self._asked_s = now_s
 
     def is_queue_full(self, now_s: float) -> bool:
-        """A relay that has answered before takes its time over a question: that waits in a queue on the way,
-        and what is sent now would wait behind it. So nothing is sent until it is answered or given up."""
+        """Whether to hold frames back: the relay has answered before but is slow now, so queries and frames
+        are waiting in a queue on the way. True until the pending query is answered or given up."""
         if self._asked_s is None or self._echo is None or self._quickest_s is None:
             return False
         return now_s - self._asked_s > LATE_S + self._quickest_s
 
     def record_answer(self, echo: Echo | None, asked_s: float, now_s: float) -> None:
-        """Learn from the echo that was asked for at `asked_s`; None when none came, or too late."""
+        """Evaluate the echo that was requested at `asked_s`; None when none arrived in time."""
         self._echo = echo
         self._asked_s = None
         round_trip_s = now_s - asked_s
@@ -87,11 +88,11 @@ class EchoWatch:
 
     @property
     def over(self) -> str:
-        """Of what the robot sends more than its share, "" for nothing, as far as is known."""
+        """Which limit of the relay the robot exceeds, by the newest echo; "" for none."""
         return "" if self._echo is None else self._echo.over
 
     def describe_state(self, now_s: float) -> str:
-        """One of: no link, no relay, refused, on air, late, waiting."""
+        """The state of the link: "no link", "no relay", "refused", "on air", "late" or "waiting"."""
         if not self._connected:
             return "no link"
         if self._echo is None:
@@ -103,7 +104,7 @@ class EchoWatch:
 
 
 class News:
-    """What of all this is worth a line: each change once."""
+    """Selects the changes of the link's state that are worth a log line; reports each change once."""
 
     def __init__(self) -> None:
         self._refused = False
@@ -111,7 +112,8 @@ class News:
         self._over_s = 0.0  # when that was last so
 
     def list_changes(self, word: str, over: str, now_s: float) -> list[str]:
-        """What is new since the last call, as EchoWatch has it at monotonic `now_s`."""
+        """Lines for what has changed since the last call. `word` and `over` come from EchoWatch at monotonic
+        `now_s`."""
         lines: list[str] = []
         if word == "refused" and not self._refused:
             self._refused = True
@@ -131,7 +133,7 @@ class News:
 
 
 class RateControl:
-    """Halves the rate while frames arrive late and doubles it back when they don't."""
+    """Halves the frame rate while frames arrive late and doubles it again when they no longer do."""
 
     def __init__(self, hz: float) -> None:
         self._full_hz = hz
@@ -140,7 +142,7 @@ class RateControl:
         self._calm_since_s: float | None = None
 
     def record_lateness(self, late_s: float, now_s: float) -> None:
-        """A new measurement of lateness (seconds) at monotonic `now_s`."""
+        """Adjust the rate to a new measurement of lateness (seconds) at monotonic `now_s`."""
         if late_s >= CALM_S:
             self._calm_since_s = None
         elif self._calm_since_s is None:

@@ -1,5 +1,5 @@
-"""Questions about the model, answered one after the other by a thread of their own: whoever asks too much, or
-asks over a thin uplink, holds up neither Zenoh's threads nor the frames."""
+"""Answers queries about the model one after the other in a thread of its own, so that many queries or a slow
+uplink delay neither Zenoh's threads nor the frames."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ BYTES_AT_ONCE = 64e6  # whoever asks for it over and over gets it at this pace
 
 
 class ModelServer:
-    """Answers for one robot. `bundle`: the model it has now."""
+    """Answers the model queries of one robot. `bundle`: the model it has now."""
 
     def __init__(self, robot: str, run: Run, exceptions: ExceptionLog) -> None:
         self.bundle: Bundle | None = None
@@ -33,13 +33,14 @@ class ModelServer:
         self._begun = self._closed = False
 
     def close(self) -> None:
-        """Answer no more. From any thread; returns at once."""
+        """Stop answering. May be called from any thread; returns at once."""
         with self._some:
             self._closed = True
             self._some.notify()
 
     def enqueue_query(self, query: zenoh.Query) -> None:
-        """Queue a question, or refuse it when WAITING_MAX wait. By Zenoh's threads; returns at once."""
+        """Queue a query, or refuse it when WAITING_MAX are waiting already. Called by Zenoh's threads;
+        returns at once."""
         with self._some:
             if not self._begun:
                 self._begun = True

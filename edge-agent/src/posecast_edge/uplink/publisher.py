@@ -58,7 +58,8 @@ HEARD_BYTES_MAX = 1 << 18  # of one message towards the edge: it hears questions
 
 
 def make_zenoh_config(relay: str, credential: Credential | Certificate | None = None) -> zenoh.Config:
-    """A client of one relay that finds nobody else. `relay`: a Zenoh endpoint, `tcp/host:port`."""
+    """A Zenoh client that connects only to this relay and discovers nobody else. `relay`: an endpoint,
+    `tcp/host:port`."""
     link: dict[str, object] = {
         "tx": {"lease": LEASE_MS, "keep_alive": 4, "batch_size": BATCH_BYTES},
         "rx": {"max_message_size": HEARD_BYTES_MAX},
@@ -88,7 +89,7 @@ def make_zenoh_config(relay: str, credential: Credential | Certificate | None = 
 
 
 class ZenohPublisher:
-    """Keeps the link in a thread of its own. Every method returns at once."""
+    """Maintains the link in its own thread. Every method except `stop` returns at once."""
 
     def __init__(
         self,
@@ -130,7 +131,7 @@ class ZenohPublisher:
     # --- for the agent
 
     def start(self) -> None:
-        """Begin to connect."""
+        """Start connecting."""
         self._thread.start()
 
     def send_frame(self, view: str, frame: Frame) -> None:
@@ -144,19 +145,19 @@ class ZenohPublisher:
         view_publisher.send_frame(frame.data, frame.taken_s)
 
     def queue_event(self, view: str, event: Event) -> None:
-        """Send an event as soon as somebody listens."""
+        """Send an event as soon as the relay listens."""
         with self._wake:
             self._view_publishers[view].events.append(event)
             self._wake.notify_all()
 
     def queue_info(self, view: str, texts: dict[str, str]) -> None:
-        """Send what the robot says of itself, all of it, as soon as somebody listens."""
+        """Send the robot's texts, always all of them, as soon as the relay listens."""
         with self._wake:
             self._view_publishers[view].info = texts
             self._wake.notify_all()
 
     def set_model(self, bundle: Bundle) -> None:
-        """Answer for this model from now on, and tell its hash as soon as somebody listens."""
+        """Answer queries with this model from now on, and announce its hash as soon as the relay listens."""
         with self._wake:
             self._desk.bundle = bundle
             for view_publisher in self._view_publishers.values():
@@ -164,7 +165,8 @@ class ZenohPublisher:
             self._wake.notify_all()
 
     def stop(self, timeout_s: float) -> None:
-        """Send what waits, close. A link's thread that is not done by then is left where it sits."""
+        """Send what is waiting, then close. Gives up waiting for the link's thread after `timeout_s`
+        seconds."""
         with self._wake:
             self._stopping = True
             self._wake.notify_all()
@@ -173,27 +175,27 @@ class ZenohPublisher:
 
     @property
     def late_s(self) -> float:
-        """How late frames arrive, s, by the newest echo."""
+        """How late frames arrive at the relay, in seconds, by the newest echo."""
         return self._watch.late_s
 
     @property
     def open(self) -> bool:
-        """Whether a frame is worth sending: there is a link, somebody listens, and no queue is before it."""
+        """Whether frames should be sent: there is a link, the relay listens, and no queue has built up."""
         if not self.connected or self._watch.is_queue_full(time.monotonic()):
             return False
         return self._view_publishers[self._measured].has_listener
 
     def describe_state(self) -> str:
-        """The state of the link in a word or two."""
+        """The state of the link in a word or two; see EchoWatch.describe_state."""
         return self._watch.describe_state(time.monotonic())
 
     @property
     def over(self) -> str:
-        """Of what the relay drops some, "" for nothing."""
+        """Which limit of the relay the robot exceeds, so that some data is dropped; "" for none."""
         return self._watch.over
 
     def list_changes(self) -> list[str]:
-        """What the newest echo changes, in lines for people."""
+        """Lines for the user about what the newest echo has changed."""
         now_s = time.monotonic()
         return self._news.list_changes(self._watch.describe_state(now_s), self._watch.over, now_s)
 

@@ -1,4 +1,4 @@
-"""One view on its way out: what waits for somebody to listen, and in which order it goes."""
+"""Publishes one view: what waits until the relay listens, and in which order it is sent."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ KEY_FIRST_S = 1.0  # events wait this long for the KEY that makes the relay adop
 
 
 class ViewPublisher:
-    """Frames, events and the snapshot of one view. What waits is guarded by the publisher's lock."""
+    """Frames, events and the snapshot of one view. The publisher's lock guards what is waiting."""
 
     def __init__(
         self,
@@ -52,7 +52,7 @@ class ViewPublisher:
         self._frame_since_heard = False
 
     def declare(self, session: zenoh.Session) -> list[object]:
-        """Come into being on the network; what is returned must be held."""
+        """Declare this view's Zenoh entities. The caller must keep the returned objects alive."""
         self._frames = frames = session.declare_publisher(
             frame_key(self._robot, self.view),
             congestion_control=zenoh.CongestionControl.DROP,
@@ -70,7 +70,7 @@ class ViewPublisher:
         return [listener, session.declare_queryable(snapshot_key(self._robot, self.view), on_snapshot)]
 
     def close(self) -> None:
-        """Forget the publishers of a link that is gone: no frame leaves any more."""
+        """Drop the publishers of a lost link; no frame is sent any more."""
         self._frames = self._events = None
         self._matched = False
 
@@ -87,7 +87,8 @@ class ViewPublisher:
         return self._matched
 
     def send_frame(self, data: bytes, taken_s: float) -> None:
-        """Send a frame, or discard it when there is no link. `taken_s`: when its sample came."""
+        """Send a frame, or discard it when there is no link. `taken_s`: when its sample came from the source,
+        seconds."""
         frames = self._frames
         if frames is not None:
             frames.put(data, attachment=self._run.make_stamp(taken_s).pack())
@@ -104,7 +105,7 @@ class ViewPublisher:
 
     @property
     def ready(self) -> bool:
-        """Something may be told now: somebody listens, and the KEY went first."""
+        """Whether waiting data may be sent now: the relay listens and a KEY has been sent first."""
         if not (self.events or self.model is not None or self._info_is_due):
             return False
         if self._events is None or not _matching(self._events).matching:
@@ -112,7 +113,8 @@ class ViewPublisher:
         return self._frame_since_heard or clock.now_s() - self._heard_s > KEY_FIRST_S
 
     def take_next(self) -> Callable[[], None]:
-        """The next that waits, as what sends it: to be called without the lock."""
+        """Remove the next item that waits and return a function that sends it, to be called without holding
+        the lock."""
         if self.info is not None and self._info_is_due:
             document: dict[str, object] = {"type": "info", "kv": self.info}
             self.info, self._info_sent_s = None, clock.now_s()

@@ -67,7 +67,7 @@ class Files:
         return MeshFile(uri, found.path, loaded, None, found.hint, size)
 
     def find_picture(self, uri: str) -> bytes | None:
-        """The picture behind a URI; None when there is none, and `missing` says why."""
+        """The picture behind a URI; None when there is none, and `list_missing` says why."""
         if uri not in self._pictures:
             try:
                 self._pictures[uri] = self._shelf.get_picture(self._resolver.find_file(uri).path)

@@ -50,12 +50,12 @@ INFO, FLAGS = "info", "flags"
 
 
 class CellError(ValueError):
-    """A row that is no sample; the text says why."""
+    """A row that can't be turned into a sample; the text gives the reason."""
 
 
 @dataclass(frozen=True)
 class Column:
-    """Where a column's cells go. `gain`: its unit in ours."""
+    """The field and label that a column belongs to. `gain`: factor from the column's unit to the field's."""
 
     index: int
     field: str
@@ -65,13 +65,13 @@ class Column:
 
 
 def open_source(address: str, profile: Profile | None) -> Source:
-    """Open a file. SourceError without a path, a clock or a single column that means something."""
+    """Open a file. Raises SourceError without a path, a time column or at least one column that is known."""
     playback = parse_playback("csv", address)
     return Player(Table(playback.path, profile), playback)
 
 
 class Table:
-    """A file that is read as it plays, and never kept in memory."""
+    """A CSV file that is read while it plays and never held in memory."""
 
     def __init__(self, path: Path, profile: Profile | None) -> None:
         self.description = f"csv {path.name}"
@@ -91,7 +91,7 @@ class Table:
         self._columns = self._find_columns()
 
     def read_samples(self, start_s: float, first_pass: bool) -> Iterator[Sample]:
-        """One pass; see Recording."""
+        """Read the file once; see Recording."""
         began_s: float | None = None
         begun = start_s == 0
         with self._open() as file:

@@ -43,13 +43,13 @@ NAMED_MAX = 8  # topics of no use that are said
 
 
 def open_source(address: str, profile: Profile | None) -> Source:
-    """Open a file. SourceError without a path or when it is no MCAP file."""
+    """Open a file. Raises SourceError without a path or when the file is not MCAP."""
     playback = parse_playback("mcap", address)
     return McapPlayer(McapFile(playback.path, profile), playback)
 
 
 class McapPlayer(Player):
-    """Plays one file; it knows what is in it (see Discovering)."""
+    """Plays one file and reports which topics it contains (see Discovering)."""
 
     def __init__(self, file: McapFile, playback: Playback) -> None:
         super().__init__(file, playback)
@@ -57,16 +57,16 @@ class McapPlayer(Player):
 
     @property
     def offers(self) -> list[str]:
-        """Topics met so far, for `probe`."""
+        """Lines for `probe` about the topics met so far."""
         return [f"{topic}  {use}" for topic, use in sorted(self._file.topics.items())]
 
     def send_urdf_to(self, take: Callable[[str], None]) -> None:
-        """Hand a recorded robot_description to `take`."""
+        """Pass a recorded robot_description (URDF text) to `take`."""
         self._file.on_urdf = take
 
 
 class McapFile:
-    """A file that is read as it plays, chunk by chunk."""
+    """An MCAP file that is read chunk by chunk while it plays."""
 
     def __init__(self, path: Path, profile: Profile | None) -> None:
         self.description = f"mcap {path.name}"
@@ -86,7 +86,7 @@ class McapFile:
             raise SourceError(f"{path}: no MCAP file")
 
     def read_samples(self, start_s: float, first_pass: bool) -> Iterator[Sample]:
-        """One pass; see Recording."""
+        """Read the file once; see Recording."""
         one = _Pass(
             self.topics,
             self._routes,

@@ -1,7 +1,7 @@
-"""The records of an MCAP file that matter for playing it: schemas, channels, messages, one after the other.
+"""Reads the records of an MCAP file that are needed to play it: schemas, channels and messages.
 
-A record is read only when all of it is there and it is of use, so what a file claims costs nothing; beside a
-chunk that is unpacked, one record at a time is in memory. (The extra `mcap`.)
+A record is read only if it is complete and useful, so sizes claimed by the file cost nothing. Besides the
+unpacked chunk only one record at a time is in memory. Needs the extra `mcap`.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ Complain = Callable[[str], None]
 
 
 def read_records(file: IO[bytes], complain: Complain) -> Iterator[Record]:
-    """In the order of the file, until its end or where it breaks off. `complain` takes a line about each
-    record or chunk that is left out. OSError when the file can't be read any more."""
+    """Read records in file order up to the end or to where the file breaks off. `complain` gets a line about
+    each record or chunk that is left out. Raises OSError when the file can't be read any more."""
     size = file.seek(0, 2)
     begins = file.seek(len(MAGIC))
     while True:
@@ -56,7 +56,7 @@ def read_records(file: IO[bytes], complain: Complain) -> Iterator[Record]:
 
 
 def _of_chunk(data: bytes) -> Iterator[Record]:
-    """Those of one chunk. What `unpacked` raises, and ValueError where they break off."""
+    """Those of one chunk. What `unpack_chunk` raises, and ValueError where they break off."""
     content = unpack_chunk(Chunk.read(ReadDataStream(BytesIO(data))))
     begins = 0
     while begins < len(content):
@@ -79,7 +79,8 @@ def _record(opcode: int, data: bytes) -> Record:
 
 
 def unpack_chunk(chunk: Chunk) -> bytes:
-    """What is in it. ValueError and the compressions' own when it is damaged or too large."""
+    """Decompress the records of a chunk. Raises ValueError or the compression library's error when the chunk
+    is damaged or too large."""
     size = chunk.uncompressed_size
     if size > UNPACKED_MAX:
         raise ValueError(f"{size} bytes unpacked, at most {UNPACKED_MAX}")

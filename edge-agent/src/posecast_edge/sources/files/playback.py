@@ -1,9 +1,10 @@
-"""A recording, played at the pace of its own clock. `timeline` decides, `run` waits.
+"""Plays a recording at the pace of its own clock. `schedule_samples` computes when samples are due, `run`
+waits.
 
-    KIND:PATH[?start=SECONDS][&loop]   from so many seconds after its beginning; again and again
+    KIND:PATH[?start=SECONDS][&loop]   start so many seconds after the beginning; repeat for ever
 
-A gap of more than MAX_PAUSE_S between two samples, or a step back, is gone over at once. In a loop robot time
-goes on from pass to pass.
+A gap of more than MAX_PAUSE_S between two samples, or a step back, is skipped. In a loop robot time continues
+from one repetition to the next.
 """
 
 from __future__ import annotations
@@ -28,12 +29,12 @@ LONE_STEP_S = 0.1  # from pass to pass of a recording with a single instant
 
 
 class EndlessLine(ValueError):
-    """A file that is no lines of text; the text says why."""
+    """A file that does not consist of text lines; the text gives the reason."""
 
 
 @dataclass(frozen=True)
 class Playback:
-    """Which file, from where, how often."""
+    """Which file to play, from which second, and whether to repeat it."""
 
     path: Path
     start_s: float = 0.0
@@ -41,17 +42,20 @@ class Playback:
 
 
 class Recording(Protocol):
-    """A file of samples. `samples` may be called again and again, each time for one pass."""
+    """A file of samples that can be read any number of times."""
 
     description: str
 
     def read_samples(self, start_s: float, first_pass: bool) -> Iterator[Sample]:
-        """In the order of the file, from `start_s` after its first. What is wrong is said in the first pass
-        only. SourceError, one line that names file and record, when there is no going on."""
+        """Samples in file order, from `start_s` seconds after the first. Problems are logged in the first
+        pass only.
+
+        Raises SourceError, one line that names file and record, when reading cannot continue.
+        """
 
 
 def skip_line(file: TextIO, step: int) -> None:
-    """The rest of an overlong line. EndlessLine when it has no end."""
+    """Skip the rest of an overlong line. Raises EndlessLine when the line does not end."""
     skipped = 0
     while rest := file.readline(step):
         if rest.endswith(("\n", "\r")):
@@ -62,7 +66,7 @@ def skip_line(file: TextIO, step: int) -> None:
 
 
 def parse_playback(kind: str, address: str) -> Playback:
-    """What stands after `KIND:`. SourceError with one line when it doesn't fit."""
+    """Parse the text after `KIND:`. Raises SourceError with one line when it is invalid."""
     name, _, words = address.partition("?")
     if not name or "\0" in name:
         raise SourceError(f"{kind}: a path is needed, as in {kind}:walk.{kind}")
@@ -92,8 +96,8 @@ class Player:
         self._playback = playback
 
     def run(self, deliver: Deliver, stop: threading.Event) -> None:
-        """Deliver every sample at its instant until the end or `stop`. SourceError when nothing can be read
-        (any more)."""
+        """Deliver every sample when it is due until the end or `stop`. Raises SourceError when the file can't
+        be read."""
         began_s = time.monotonic()
         for due_s, sample in self.schedule_samples():
             behind_s = time.monotonic() - began_s - due_s
@@ -106,7 +110,7 @@ class Player:
             deliver(sample)
 
     def schedule_samples(self) -> Iterator[tuple[float, Sample]]:
-        """Every sample, and when it is due: seconds after the first."""
+        """Yield (due time in seconds after the first sample, sample) for every sample."""
         due_s = shift_s = step_s = 0.0
         first_pass = True
         while True:

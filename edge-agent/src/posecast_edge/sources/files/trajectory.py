@@ -1,9 +1,9 @@
-"""Source `trajectory:PATH`: a text file of joint angles, one row an instant, played for ever.
+"""Source `trajectory:PATH`: plays a text file of joint angles, one row per time step, for ever.
 
-The profile's [trajectory] names the columns, the rate, the unit. Separators are blanks, commas, semicolons.
-What the file says becomes `ref`; `pos` follows it as a servo would, with a lag of first order. A row that
-does not fit is named on stderr (on the first pass) and skipped, its instant passes. The file is read as it
-plays and never kept in memory.
+The profile's [trajectory] names the columns, the rate and the unit. Columns are separated by blanks, commas
+or semicolons. The angles become `ref`; `pos` follows them like a servo, with a first-order lag. An invalid
+row is logged (in the first pass) and skipped, but its time step still passes. The file is read while it plays
+and never held in memory.
 """
 
 from __future__ import annotations
@@ -37,11 +37,12 @@ Row = list[float]
 
 
 class RowError(ValueError):
-    """A line that is no row; the text says why."""
+    """A line that is not a valid row; the text gives the reason."""
 
 
 def open_source(address: str, profile: Profile | None) -> Source:
-    """Open a file. SourceError without a path, a profile with [trajectory], or a single row that fits."""
+    """Open a file. Raises SourceError without a path, a profile with [trajectory], or at least one valid
+    row."""
     if not address:
         raise SourceError("trajectory: a path is needed, as in trajectory:walk.traj")
     if profile is None or profile.trajectory is None:
@@ -50,7 +51,8 @@ def open_source(address: str, profile: Profile | None) -> Source:
 
 
 def parse_row(line: str, columns: int) -> Row:
-    """One line → numbers. RowError when the count differs or something is not a finite number."""
+    """Parse a line into numbers. Raises RowError when their count is not `columns` or one is not a finite
+    number."""
     if len(line) > MAX_LINE:
         raise RowError(f"over {MAX_LINE} characters")
     words = line.replace(",", " ").replace(";", " ").split()
@@ -68,7 +70,7 @@ def parse_row(line: str, columns: int) -> Row:
 
 
 class TrajectorySource:
-    """Plays one file. `advance` decides, `run` waits."""
+    """Plays one file. `advance` decides what is delivered, `run` waits until it is due."""
 
     def __init__(self, path: Path, profile: Profile, trajectory: Trajectory) -> None:
         self.description = f"trajectory {path.name}, {trajectory.rate_hz:g} Hz"
@@ -82,7 +84,7 @@ class TrajectorySource:
         self._index = -1  # of the newest row taken, over all passes
 
     def run(self, deliver: Deliver, stop: threading.Event) -> None:
-        """Deliver until `stop`. SourceError when the file cannot be read any more."""
+        """Deliver samples until `stop`. Raises SourceError when the file can't be read any more."""
         with self._file:
             start_s = time.monotonic()
             while not stop.is_set():
@@ -99,11 +101,12 @@ class TrajectorySource:
 
     @property
     def next_s(self) -> float:
-        """When the next row is due, seconds after the first."""
+        """When the next row is due, in seconds after the first."""
         return (self._index + 1) / self._trajectory.rate_hz
 
     def advance(self, elapsed_s: float) -> Sample | None:
-        """Take every row due by `elapsed_s`; the newest as a sample, None when none was due."""
+        """Read every row due by `elapsed_s` seconds. Returns the newest as a sample, or None when no row was
+        due."""
         moved = False
         while self.next_s <= elapsed_s:
             self._index += 1
@@ -169,7 +172,7 @@ class TrajectorySource:
 
 
 class Pose:
-    """Where the robot stands: rows in, values of the profile's fields out."""
+    """The current pose: takes rows and gives the values of the profile's fields."""
 
     def __init__(self, profile: Profile, trajectory: Trajectory, columns: int) -> None:
         self._values: dict[str, list[float | None]] = {}
@@ -192,7 +195,7 @@ class Pose:
         self._gain = 1.0 if trajectory.lag_s == 0 else -math.expm1(-step_s / trajectory.lag_s)
 
     def apply_row(self, row: Row) -> None:
-        """One row later: ref stands there, pos is on its way."""
+        """Advance by one time step: set `ref` to the row and move `pos` towards it."""
         for column, values, channel, gain in self._targets:
             values[channel] = row[column] * gain
         if self._ref is not None and self._pos is not None:
@@ -201,5 +204,5 @@ class Pose:
                 self._pos[i] = ref if ref is None or pos is None else pos + self._gain * (ref - pos)
 
     def copy_values(self) -> dict[str, list[float | None]]:
-        """A copy: the sample outlives the next row."""
+        """A copy of the current values, which does not change with the next row."""
         return {name: list(values) for name, values in self._values.items()}

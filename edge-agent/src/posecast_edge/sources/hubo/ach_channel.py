@@ -4,7 +4,7 @@ ACH's own readers hold a mutex while they copy, and so delay the real-time loop 
 the index entries of the frames it is about to overwrite *before* it copies, so a reader that finds its entry
 unchanged after copying has copied a whole frame. The file is read with pread(2): a mapping would kill this
 process when somebody shrinks the file. Three reads are a look, however many frames it brings: the index, the
-frames, the index again. What was `kept` has been read just so, and is looked into later.
+frames, the index again. What `save_frames` keeps has been read in the same way and is evaluated later.
 
 Layout: ach 2.0 on x86-64 with glibc; anything else shows in the guards and is refused.
 """
@@ -38,11 +38,11 @@ TRIES = 8  # looks at one frame; a writer that laps us more often is not followe
 
 
 class ChannelError(ReaderError):
-    """A file that is no channel this reader knows. One line, without the file's name."""
+    """A file that is not an ACH channel of the known layout. One line, without the file's name."""
 
 
 class AchChannel:
-    """One open channel. Not thread-safe."""
+    """One open channel file. Not thread-safe."""
 
     def __init__(self, path: Path) -> None:
         """OSError when the file cannot be read, ChannelError when it is no such channel."""
@@ -62,7 +62,7 @@ class AchChannel:
         os.close(self._fd)
 
     def is_replaced(self, path: Path) -> bool:
-        """Another file stands at `path`, or none: the daemon has made its channels anew."""
+        """Whether `path` now names another file or none: the daemon has created its channels anew."""
         try:
             there, here = os.stat(path), os.fstat(self._fd)
         except OSError:
@@ -70,17 +70,19 @@ class AchChannel:
         return (there.st_dev, there.st_ino) != (here.st_dev, here.st_ino)
 
     def save_frames(self) -> None:
-        """Save what is there for the next `fresh`, before the writer overwrites it: three reads and no more,
-        for whoever is woken for it finds cold caches. Not of a large channel, which keeps enough itself."""
+        """Copy the frames that are there for the next `read_new_frames`, before the writer overwrites them.
+        Takes three reads only, because the caller is woken just for this. Does nothing for a large channel,
+        which keeps enough."""
         if self._data_size <= SPAN_MAX:
             head = self._head()
             self._kept.append((head, os.pread(self._fd, self._data_size, self._data), self._head()))
 
     def read_new_frames(self) -> list[bytes]:
-        """The frames since the last call that are still there or were kept, oldest first, at most KEPT_MAX;
-        of the first call the newest only. Without those of now when the writer is too quick.
+        """Frames written since the last call that still exist or were saved, oldest first, at most KEPT_MAX;
+        the first call returns only the newest. Without the current frames when the writer overwrites them too
+        quickly.
 
-        ChannelError when the channel's own numbers contradict each other and go on doing so.
+        Raises ChannelError when the channel's index contradicts itself and continues to do so.
         """
         found: list[bytes] = []
         kept, self._kept = self._kept, []
@@ -105,7 +107,7 @@ class AchChannel:
         return found[-KEPT_MAX:]
 
     def count_slots(self, size: int) -> int:
-        """How many frames of that size the channel keeps."""
+        """How many frames of `size` bytes the channel can hold."""
         return max(1, min(self._count, self._data_size // size))
 
     def _news(self, head: bytes) -> list[Entry]:

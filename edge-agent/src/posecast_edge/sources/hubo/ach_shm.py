@@ -1,4 +1,4 @@
-"""Frames of a channel on this machine, by looking at its file in the writer's rhythm."""
+"""Reads a channel on this machine by polling its file in step with the writer."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ LATE_S = 0.015  # so long after its time a frame is waited for when others are t
 
 
 def find_channel_path(name: str) -> Path:
-    """Where libach keeps the channel of that name."""
+    """The path under which libach stores the channel of this name."""
     return Path(f"/dev/shm/achshm-{name}")
 
 
 class ShmReader(PersistentReader):
-    """One channel file."""
+    """Reads one channel file."""
 
     def __init__(self, path: Path) -> None:
         super().__init__(str(path))
@@ -35,7 +35,7 @@ class ShmReader(PersistentReader):
         self._late_s = 0.0  # how late looks are on this machine
 
     def close(self) -> None:
-        """Give the file up."""
+        """Close the file."""
         super().close()
         if self._channel is not None:
             self._channel.close()

@@ -1,4 +1,4 @@
-"""Frames of a channel through `achd`. What has piled up is taken at once, every frame of it."""
+"""Reads a channel through the TCP server `achd`. All frames that have accumulated are read at once."""
 
 from __future__ import annotations
 
@@ -25,37 +25,38 @@ SEGMENT_BYTES = 1400
 
 
 class BatchTimer:
-    """How many frames to wake up for, so that the last of them is the one that is wanted: waking up costs ten
-    times what reading one does, and the last is as fresh as ever when it comes. Pure, monotonic seconds."""
+    """Computes how many frames to wait for, so that the last of them is the one that is wanted: a wake-up
+    costs ten times as much as reading a frame, and the last frame of a batch is no older for it. Does no I/O;
+    times are monotonic seconds."""
 
     def __init__(self) -> None:
         self._seen_s: float | None = None  # when the newest came
         self._period_s = 0.0  # from frame to frame, smoothed; 0: not known
 
     def record_batch(self, frames: int, now_s: float) -> None:
-        """So many frames came at once."""
+        """Note that `frames` frames arrived together."""
         if self._seen_s is not None:
             period_s = (now_s - self._seen_s) / frames
             self._period_s += (period_s - self._period_s) / 4 if self._period_s else period_s
         self._seen_s = now_s
 
     def reset(self) -> None:
-        """A batch did not come in time: the source has slowed down, or paused."""
+        """Forget the period, because a batch did not arrive in time: the source has slowed down or paused."""
         self._period_s, self._seen_s = 0.0, None
 
     def compute_batch(self, wanted_s: float) -> int:
-        """How many frames from now on it takes until the first one that comes at `wanted_s` or later."""
+        """The number of frames, counted from now, up to the first one expected at `wanted_s` or later."""
         if not self._period_s or self._seen_s is None:
             return 1
         return max(1, math.ceil(min((wanted_s - self._seen_s) / self._period_s, BATCH_BYTES)))
 
     def predict_due_s(self, frames: int) -> float:
-        """When the last of so many frames should have come."""
+        """When the last of `frames` frames is expected."""
         return (self._seen_s or 0.0) + frames * self._period_s
 
 
 class AchdReader(PersistentReader):
-    """One channel of one server."""
+    """Reads one channel of one server."""
 
     def __init__(self, host: str, port: int, channel: str) -> None:
         super().__init__(f"{host}:{port}")
@@ -70,7 +71,7 @@ class AchdReader(PersistentReader):
         self._low = 1  # bytes that wake us up
 
     def close(self) -> None:
-        """Give the connection up."""
+        """Close the connection."""
         super().close()
         if self._socket is not None:
             self._socket.close()

@@ -31,16 +31,16 @@ STATUS = (
 
 
 class AchdProtocolError(ReaderError):
-    """What the server said is an error, or not this protocol. One line."""
+    """The server reported an error or does not speak this protocol. One line."""
 
 
 def make_request(channel: str) -> bytes:
-    """The client's header: frames of `channel`, and after a pause only the newest."""
+    """The client's header: asks for the frames of `channel`, and for only the newest after a pause."""
     return f"channel-name: {channel}\ntransport: tcp\nget-last: 1\ndirection: push\n.\n".encode()
 
 
 class AchdParser:
-    """Bytes of the server in, frames out: the reply's header first, then the frames that are whole."""
+    """Parses the server's bytes: first the header of its reply, then frames."""
 
     def __init__(self) -> None:
         self.accepted = False  # the server has said OK
@@ -49,9 +49,10 @@ class AchdParser:
         self._head: dict[str, str] = {}
 
     def feed(self, data: bytes) -> list[bytes]:
-        """Take bytes as they came; what they make whole, oldest first, the newest KEPT_MAX.
+        """Parse received bytes and return the frames that are now complete, oldest first, at most the newest
+        KEPT_MAX.
 
-        ProtocolError when the server refuses or talks nonsense: the connection is of no use any more.
+        Raises AchdProtocolError when the server refuses or sends nonsense; the connection is then useless.
         """
         if self.accepted and not self._buffer:  # as nearly always: the data begins with a frame
             frames, taken = _frames(data)
@@ -68,7 +69,7 @@ class AchdParser:
 
     @property
     def pending(self) -> int:
-        """Bytes of a frame whose rest has not come yet."""
+        """Bytes received of a frame that is not complete yet."""
         return len(self._buffer)
 
     def _read_head(self) -> None:

@@ -1,4 +1,4 @@
-"""What both ways to a channel have in common: they try again, for ever, and say so without a flood."""
+"""Common part of both channel readers: retries for ever, and logs failures at a limited rate."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ KEPT_MAX = 64  # frames taken at once; of more only the newest so many are looke
 
 
 class ReaderError(Exception):
-    """What was opened is of no use any more. One line."""
+    """The open file or connection can't be used any more. One line."""
 
 
 class PersistentReader(ABC):
-    """Where frames come from. `frames` is called again and again by one thread."""
+    """Base class of the channel readers. One thread calls `wait_for_frames` repeatedly."""
 
     def __init__(self, name: str) -> None:
         self.name = name
@@ -33,10 +33,11 @@ class PersistentReader(ABC):
         self._trouble = RateLimitedLog(log.warning, f"failures of {name}", SAY_EVERY_S)
 
     def wait_for_frames(self, stop: threading.Event, wanted_s: float) -> list[bytes]:
-        """What has come since the last call, oldest first, at most KEPT_MAX; [] when nothing comes within
-        WAIT_S. It may wait for the first frame at or after `wanted_s` (monotonic), if that is soon.
+        """Frames that arrived since the last call, oldest first, at most KEPT_MAX; [] when none arrives
+        within WAIT_S. It may wait for the first frame at or after `wanted_s` (monotonic seconds) if that is
+        soon.
 
-        Whatever goes wrong is said (the first at once, then counts) and tried again.
+        Errors are logged (the first at once, then counts) and the channel is opened again.
         """
         try:
             if not self._opened:
@@ -60,7 +61,7 @@ class PersistentReader(ABC):
         return frames
 
     def close(self) -> None:
-        """Let go of what is open."""
+        """Close the file or connection."""
         self._opened = False
 
     @abstractmethod
@@ -69,7 +70,7 @@ class PersistentReader(ABC):
 
     @abstractmethod
     def _next(self, stop: threading.Event, wanted_s: float) -> list[bytes]:
-        """As `frames`. OSError or ReaderError: close, and try again later."""
+        """As `wait_for_frames`. OSError or ReaderError: close, and try again later."""
 
     def _reason(self, e: Exception) -> str:
         return str((e.strerror if isinstance(e, OSError) else None) or e)

@@ -39,7 +39,8 @@ STANDSTILL_S = 1.5  # robot time unchanged for so long is worth a word
 
 
 def open_source(address: str, profile: Profile | None) -> Source:
-    """SourceError when the address is none; a robot that is not there yet is waited for."""
+    """Open the source. Raises SourceError when the address is invalid; a robot that is not reachable yet is
+    waited for."""
     if address == "shm" or address.startswith("shm:"):
         path = address.partition(":")[2]
         reader: PersistentReader = ShmReader(Path(path) if path else find_channel_path(CHANNEL))
@@ -54,7 +55,7 @@ def open_source(address: str, profile: Profile | None) -> Source:
 
 
 class HuboAchSource:
-    """Frames of a reader → samples."""
+    """Turns the frames of a channel reader into samples."""
 
     def __init__(self, reader: PersistentReader, profile: Profile | None) -> None:
         self.description = f"hubo-ach {reader.name}"
@@ -81,8 +82,8 @@ class HuboAchSource:
             self._reader.close()
 
     def make_samples(self, frames: Sequence[bytes], now_s: float) -> list[Sample]:
-        """What came at once, oldest first, as samples, without those that are no hubo_state or whose time is
-        the one before."""
+        """Decode frames that arrived together, oldest first. Leaves out those that are not hubo_state and
+        those with the same time as the one before."""
         found = [taken for frame in frames if (taken := self._taken(frame, now_s)) is not None]
         last = len(found) - 1
         exact = self._decoder.exact

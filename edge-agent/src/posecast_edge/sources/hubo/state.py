@@ -53,7 +53,7 @@ BITS = ("homed", "enabled", "active", "comply", *(name for name in STATUS if nam
 
 @dataclass(frozen=True)
 class Layout:
-    """One version of the struct. Offsets in bytes; those of a joint are from the joint's first byte."""
+    """One version of the struct. Offsets are in bytes; those of a joint count from the joint's first byte."""
 
     size: int
     joint_size: int
@@ -115,11 +115,11 @@ POWER = {"volt": 0, "amp": 1, "watt": 2}  # label `main`
 
 
 class UnknownFrame(ValueError):
-    """A frame of a length no known version has."""
+    """A frame whose length belongs to no known version."""
 
 
 class HuboDecoder:
-    """Frames → values. Keeps masks and layouts of earlier frames; one thread uses it."""
+    """Decodes frames into values. Keeps masks and layouts of earlier frames; not thread-safe."""
 
     def __init__(self, profile: Profile | None) -> None:
         """With a profile, its fields in the order of its labels; without, everything by name.
@@ -132,7 +132,8 @@ class HuboDecoder:
         self._plans: dict[int, _Plan] = {}
 
     def decode(self, frame: bytes) -> tuple[float, Mapping[str, Values]]:
-        """Robot time (s) and values. UnknownFrame when the length is none of LAYOUTS."""
+        """Return robot time (seconds) and values. Raises UnknownFrame when the frame's length is none of
+        LAYOUTS."""
         plan = self._plans.get(len(frame))
         if plan is None:
             layout = LAYOUTS.get(len(frame))
@@ -147,7 +148,7 @@ class HuboDecoder:
 
 @dataclass(frozen=True)
 class Wanted:
-    """One field as somebody wants it. `bits`: not empty for a mask."""
+    """One field to be filled. `bits`: bit names, not empty for a mask."""
 
     name: str
     labels: tuple[str, ...]
@@ -155,7 +156,8 @@ class Wanted:
 
 
 def list_wanted_fields(profile: Profile | None) -> list[Wanted]:
-    """The fields to fill: those of the profile that hubo-ach has a word for, or all there is."""
+    """The fields to fill: those of the profile that hubo-ach can provide, or all of them without a
+    profile."""
     if profile is not None:
         offered = {*JOINT_FIELDS, *HEAD, *POWER}
         return [Wanted(f.name, f.labels, f.bits) for f in profile.fields if f.bits or f.name in offered]
@@ -254,7 +256,8 @@ class _Plan:
 
 
 class Readings(Mapping[str, "Values"]):
-    """One frame's fields. Numbers are unpacked when asked for: of 200 frames a second 30 are sent."""
+    """The fields of one frame. Numbers are unpacked only when requested: of 200 frames a second about 30 are
+    sent."""
 
     __slots__ = ("_dead", "_frame", "_masks", "_numbers")
 
@@ -276,7 +279,7 @@ class Readings(Mapping[str, "Values"]):
         return self._numbers[name].read(self._frame, self._dead)
 
     def get(self, name: str, default: Any = None) -> Any:
-        """As of any mapping; but for every frame, hence in one step."""
+        """Same as Mapping.get, but in one step because it is called for every frame."""
         masks = self._masks.get(name)
         if masks is not None:
             return masks

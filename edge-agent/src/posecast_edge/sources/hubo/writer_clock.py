@@ -1,4 +1,5 @@
-"""When somebody writes next who wakes nobody up: his beat, from looks at what he has written. Pure."""
+"""Predicts when a writer that does not notify its readers writes next, from earlier observations. Does no
+I/O."""
 
 from __future__ import annotations
 
@@ -22,8 +23,8 @@ LOOKS_HZ = 100  # a writer quicker than this and its channel is not followed fra
 
 
 class Aim(NamedTuple):
-    """The next look: for how many frames from now on, when, and when before that to keep what is there, lest
-    it be overwritten."""
+    """A plan: look at `look_s` for the `frames`-th frame from now on; before that, save frames at the times
+    `keep_s` so that the writer does not overwrite them unseen. Times are monotonic seconds."""
 
     frames: int
     look_s: float
@@ -31,7 +32,7 @@ class Aim(NamedTuple):
 
 
 class WriterClock:
-    """A writer's period and phase. Frames are counted by the writer, times are monotonic seconds."""
+    """Estimates the writer's period and phase. Times are monotonic seconds."""
 
     def __init__(self) -> None:
         self.period_s = 0.0  # 0: not known
@@ -42,8 +43,8 @@ class WriterClock:
         self._jumps = 0
 
     def plan_look(self, wanted_s: float, latest_s: float, holds: int, late_s: float) -> Aim:
-        """For the first frame that is written at `wanted_s` or later, or else for the last before `latest_s`,
-        where so many frames are held and looks come up to `late_s` late."""
+        """Plan to see the first frame written at `wanted_s` or later, or else the last one before `latest_s`.
+        `holds`: how many frames the channel keeps; `late_s`: how late a look may be, seconds."""
         if self._written_s is None:
             return Aim(1, 0.0)
         if not self._learned:
@@ -58,8 +59,8 @@ class WriterClock:
         return Aim(frames, self._written_s + frames * self.period_s, keep_s)
 
     def record_look(self, frames: int, now_s: float, blind_s: float) -> None:
-        """So many frames came, the newest before `now_s`. `blind_s`: how long before another look had been
-        too early for it, 0: none was."""
+        """Note that `frames` new frames were found, the newest written before `now_s`. `blind_s`: seconds
+        since the last look that found it not yet written; 0 if there was no such look."""
         if self._written_s is None:
             self._written_s = now_s
             return

@@ -1,4 +1,4 @@
-"""A MuJoCo model: loaded, given servos where it has none, moved, and read as fields."""
+"""Loads a MuJoCo model, adds servos if it has none, simulates its motion, and reads its state as fields."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ COMPILER = '<mujoco><compiler boundmass="0.001" boundinertia="0.000001" balancei
 
 
 def load_simulation(path: Path) -> Simulation:
-    """Read MJCF or URDF. SourceError, one line, when that fails."""
+    """Read MJCF or URDF. Raises SourceError with one line when that fails."""
     try:
         with path.open("rb") as file:
             content = file.read(FILE_MAX + 1)
@@ -97,7 +97,7 @@ def load_simulation(path: Path) -> Simulation:
 
 
 def strip_visuals(urdf: bytes) -> str:
-    """The URDF with nothing but masses and joints. ModelRefused."""
+    """The URDF reduced to masses and joints. Raises ModelRefused."""
     root = read_xml(io.BytesIO(urdf), bytes_max=BYTES_MAX, elements_max=ELEMENTS_MAX, depth_max=DEPTH_MAX)
 
     def text(element: Element) -> Iterator[str]:
@@ -153,7 +153,8 @@ def _add_servos(spec: Any) -> None:
 
 @dataclass(frozen=True)
 class Servo:
-    """What holds a joint where it is told to be. `home`: there it begins; `swing`: so far it may go."""
+    """A servo that holds a joint at its target. `home`: target at the start; `swing`: largest deviation from
+    it."""
 
     actuator: int
     joint: str
@@ -163,7 +164,7 @@ class Servo:
 
 
 class Simulation:
-    """One model and where it stands. Not thread-safe."""
+    """One model and its current state. Not thread-safe."""
 
     def __init__(self, model: Any) -> None:
         self._model = model
@@ -188,7 +189,7 @@ class Simulation:
 
     @property
     def t_s(self) -> float:
-        """Simulated time; it goes on when a simulation that has blown up begins anew."""
+        """Simulated time in seconds; it continues when an unstable simulation is restarted."""
         return self._resets_s + float(self._data.time)
 
     def advance(self, seconds: float) -> None:
@@ -204,7 +205,7 @@ class Simulation:
                 self._unstable.add(text, time.monotonic())
 
     def make_sample(self) -> Sample:
-        """All that is known now."""
+        """The current state as a sample."""
         model, data = self._model, self._data
         position: dict[str, Reading] = {}
         speed: dict[str, Reading] = {}
@@ -274,7 +275,7 @@ class Simulation:
 
 @dataclass(frozen=True)
 class SiteSensor:
-    """Where a sensor's values lie and what they are."""
+    """Where the values of one sensor are stored and what they mean."""
 
     field: str
     site: str

@@ -35,7 +35,7 @@ MAX_BEHIND_S = 0.5  # a model too heavy for this machine runs slower than time, 
 
 
 def find_defaults(address: str) -> Defaults:
-    """The model is what is seen, too, where it is a URDF."""
+    """The model itself as the one to be shown, if it is a URDF."""
     if not address:
         return Defaults(ARM_PROFILE, ARM)
     path = Path(address)
@@ -58,7 +58,7 @@ def open_source(address: str, profile: Profile | None) -> Source:
 
 
 class MujocoSource:
-    """A simulation in real time."""
+    """Runs a simulation in real time."""
 
     def __init__(self, simulation: Simulation, name: str) -> None:
         self.description = f"mujoco {name}"

@@ -1,6 +1,5 @@
-"""A model is loaded by a process of its own first: hanging, crashing or filling the memory, as a file can
-make MuJoCo do, ends there. `python -m posecast_edge.sources.mujoco.trial PATH`
-"""
+"""Loads a model in a separate process first: a file may make MuJoCo hang, crash or exhaust the memory.
+`python -m posecast_edge.sources.mujoco.trial PATH`"""
 
 from __future__ import annotations
 
@@ -19,7 +18,7 @@ SAMPLE_S = 0.01
 
 
 def check_loads(path: Path) -> None:
-    """SourceError, one line, when the model can't be loaded within these bounds."""
+    """Raise SourceError with one line when the model can't be loaded within the bounds on time and memory."""
     command = [sys.executable, "-m", "posecast_edge.sources.mujoco.trial", str(path)]
     try:
         tried = subprocess.run(
@@ -40,7 +39,7 @@ def check_loads(path: Path) -> None:
 
 
 def main(path: Path) -> int:
-    """Load it and simulate a moment; what is wrong goes to stderr."""
+    """Load the model and simulate a moment. Returns the exit status; errors go to stderr."""
     resource.setrlimit(resource.RLIMIT_DATA, (ASKED_MAX, ASKED_MAX))
     from posecast_edge.sources.mujoco.model import load_simulation  # noqa: PLC0415 - within the bound
 

@@ -1,4 +1,4 @@
-"""CDR payloads → messages, by rosbags (the extra [ros])."""
+"""Decodes CDR payloads with rosbags (the extra [ros])."""
 
 from __future__ import annotations
 
@@ -24,14 +24,15 @@ LITTLE_OR_BIG = (b"\0\1", b"\0\0")
 
 
 class CdrReader:
-    """Knows the types of messages.py. One thread uses it."""
+    """Knows the message types of messages.py. Not thread-safe."""
 
     def __init__(self) -> None:
         self._store = get_typestore(Stores.ROS2_HUMBLE)  # the types read here are the same in every ROS 2
         self._store.register(get_types_from_msg(CONTROLLER_HEAD, HEAD))
 
     def read(self, type_name: str, payload: bytes) -> object:
-        """The message, its members as attributes. `type_name`: short. MessageError."""
+        """Decode a payload into an object with the message's members as attributes. `type_name`: short form.
+        Raises RosMessageError."""
         most = DESCRIPTION_MAX if type_name == STRING else PAYLOAD_MAX
         if len(payload) > most:
             raise RosMessageError(f"a message of {len(payload)} bytes is too large")

@@ -1,6 +1,6 @@
-"""What both ways into a ROS graph have in common: topics are found, their messages become samples.
+"""Common part of both ROS sources: takes discovered topics and their messages and makes samples.
 
-One thread takes messages and samples; topics may be found by another.
+Messages and samples belong to one thread; topics may be added by another.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ NAMED_MAX = 8  # types of no use said aloud, topics told of one by one; `probe` 
 
 
 class RosInput:
-    """One robot's topics."""
+    """The topics of one robot."""
 
     def __init__(self, name: str, profile: Profile | None, namespace: str = "") -> None:
         self.routes = Routes(profile.ros if profile else None, namespace)
@@ -49,8 +49,8 @@ class RosInput:
         self._told_still = False
 
     def add_topic(self, topic: str, type_name: str) -> Route | None:
-        """There is such a topic, of a short type: how it is read, None for not at all. A type nobody can read
-        is told once."""
+        """Add a discovered topic and return how it is read, None if it is not. `type_name`: short form. A
+        type that can't be read is logged once."""
         key = (topic, type_name)
         if key in self._topics:
             return self._topics[key]
@@ -66,7 +66,7 @@ class RosInput:
         return route
 
     def take_message(self, topic: str, type_name: str, decode: Callable[[], Any]) -> None:
-        """A message came. What is wrong with it is told, and it counts for nothing."""
+        """Take one message. An invalid one is logged and ignored."""
         now_s = time.monotonic()
         route = self.add_topic(topic, type_name)
         if route is None:
@@ -89,8 +89,8 @@ class RosInput:
         self._merge.take_report(topic, route.role, type_name, report, now_s)
 
     def report_bad(self, topic: str, text: str) -> None:
-        """Something that came is wrong: the first of a topic is told at once, then they are counted; topics
-        beyond the first NAMED_MAX are counted together."""
+        """Log that a message is invalid: the first of each topic at once, later ones as counts. Topics beyond
+        the first NAMED_MAX are counted together."""
         of = topic if topic in self._bad or len(self._bad) < NAMED_MAX else ""
         if of not in self._bad:
             noun = f"bad messages of {of}" if of else "bad messages of further topics"
@@ -98,7 +98,8 @@ class RosInput:
         self._bad[of].add(f"{topic[:TOPIC_MAX]}: {text}", time.monotonic())
 
     def make_sample(self) -> Sample | None:
-        """What there is to deliver. To be called often: it also says what has been held back."""
+        """The next sample to deliver, or None. Call it often: it also logs the messages that were held
+        back."""
         now_s = time.monotonic()
         for bad in tuple(self._bad.values()):
             bad.tick(now_s)
@@ -112,7 +113,7 @@ class RosInput:
         return sample
 
     def list_topics(self) -> list[str]:
-        """Lines for `probe`: every topic, its type, and what it is read as."""
+        """Lines for `probe`: every topic, its type, and as what it is read."""
         rows = []
         for (topic, type_name), route in sorted(self._topics.copy().items()):
             use = "not read" if route is None else f"→ {route.role}{f' {route.site}' if route.site else ''}"
@@ -123,7 +124,7 @@ class RosInput:
         return ["  ".join(map(str.ljust, row, widths)).rstrip() for row in rows]
 
     def take_urdf(self, urdf: str) -> None:
-        """The robot says what it looks like. MessageError when it says too much."""
+        """Take the robot's description (URDF text). Raises RosMessageError when it is too long."""
         validate_description(urdf)
         if urdf == self._urdf or not urdf.strip():
             return

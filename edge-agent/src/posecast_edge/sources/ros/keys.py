@@ -18,8 +18,8 @@ BRIDGE_TOKENS = "@/*/@ros2_lv/MP/**"
 
 @dataclass(frozen=True)
 class Found:
-    """A topic that somebody publishes. `type_name`: short. `key`: where a bridge has its data, None of
-    rmw_zenoh, whose keys say it all."""
+    """A topic that somebody publishes. `type_name`: short form. `key`: where a bridge publishes its data;
+    None for rmw_zenoh, whose key follows from topic and type."""
 
     topic: str
     type_name: str
@@ -27,25 +27,25 @@ class Found:
 
 
 def make_dds_type(type_name: str) -> str:
-    """`sensor_msgs/JointState` → `sensor_msgs::msg::dds_::JointState_`."""
+    """Convert `sensor_msgs/JointState` to `sensor_msgs::msg::dds_::JointState_`."""
     package, _, name = type_name.partition("/")
     return f"{package}::msg::dds_::{name}_"
 
 
 def make_data_key(pattern: str, type_name: str, domain: int | None) -> str:
-    """The key expression of rmw_zenoh's data on the topics a pattern (topics.matches) names."""
+    """The key expression of rmw_zenoh's data for all topics that match `pattern` (see topics.match_topic)."""
     parts = [p if p in ("*", "**") else p.replace("*", "$*") for p in pattern.strip("/").split("/")]
     where = ANY_DOMAIN if domain is None else domain
     return f"{where}/{'/'.join(parts)}/{make_dds_type(type_name)}/*"
 
 
 def make_token_key(domain: int | None) -> str:
-    """The key expression of rmw_zenoh's publishers."""
+    """The key expression of the liveliness tokens of rmw_zenoh's publishers."""
     return f"@ros2_lv/{ANY_DOMAIN if domain is None else domain}/*/*/*/MP/**"
 
 
 def match_data_key(key: str) -> Found | None:
-    """What a sample of rmw_zenoh is of; None when the key is none of its."""
+    """The topic and type that a data key of rmw_zenoh names; None for any other key."""
     parts = key.split("/")
     if len(parts) < 4 or not parts[0].isdigit() or "::" not in parts[-2]:
         return None
@@ -53,7 +53,7 @@ def match_data_key(key: str) -> Found | None:
 
 
 def match_token_key(key: str) -> Found | None:
-    """What a publisher's token tells; None when it is none."""
+    """The topic and type that a publisher's liveliness token names; None for any other key."""
     parts = key.split("/")
     if parts[0] == "@ros2_lv" and len(parts) == 13 and parts[5] == "MP":
         return Found(_slashes(parts[9], "%"), shorten_type(parts[10]))

@@ -27,8 +27,8 @@ STREAMS = ("pos", "ref", "imu", "wrench", "base")
 
 
 class RobotClock:
-    """Robot time: the newest stamp of whoever keeps it. A step back (a simulation begins anew) counts once
-    nobody has moved it on for HOLD_S; without stamps it is the time of arrival."""
+    """Robot time: the newest stamp of any message. A step back (a restarted simulation) counts
+    once nobody has advanced the time for HOLD_S; without stamps, robot time is the time of arrival."""
 
     def __init__(self) -> None:
         self.t_s = 0.0
@@ -36,7 +36,8 @@ class RobotClock:
         self._moved_s: float | None = None
 
     def advance(self, stamp_s: float | None, now_s: float) -> bool:
-        """A message of that stamp came at monotonic `now_s`: whether it is later than what there was."""
+        """Take the stamp of a message that arrived at monotonic `now_s`. Returns whether robot time has
+        advanced."""
         stamped = stamp_s is not None
         if self._moved_s is not None and now_s - self._moved_s < HOLD_S:
             if stamped != self._stamped or (stamp_s is not None and stamp_s <= self.t_s):
@@ -58,7 +59,8 @@ class _Strand:
 
 
 class MessageMerger:
-    """One robot. `settled`: its channels are known beforehand. `say` takes lines about double channels."""
+    """Merges the messages of one robot. `settled`: its channels are known beforehand. `say` gets lines about
+    channels that two topics report."""
 
     def __init__(self, settled: bool, say: Callable[[str], None]) -> None:
         self._say = say
@@ -76,12 +78,12 @@ class MessageMerger:
         self.stands_since_s: float | None = None  # positions come, but their time does not go on
 
     def expect_topic(self, topic: str) -> None:
-        """A topic that there is: the first sample waits for it, SETTLE_S at most."""
+        """Make the first sample wait for this topic, at most SETTLE_S seconds."""
         if len(self._expected) < STRANDS_MAX:
             self._expected.setdefault(topic, False)
 
     def take_report(self, topic: str, role: str, type_name: str, report: Report, now_s: float) -> None:
-        """One message's report. `role`: see topics.TYPES_OF_ROLE."""
+        """Take the content of one message. `role`: see topics.TYPES_OF_ROLE."""
         if topic in self._expected:
             self._expected[topic] = True
         key = (topic, tuple(label for readings in report.values.values() for label in readings))
@@ -110,7 +112,8 @@ class MessageMerger:
             self.stands_since_s = now_s
 
     def make_sample(self, now_s: float) -> Sample | None:
-        """All that is known, when something came since the last call and time went on; else None."""
+        """All that is known, if something arrived since the last call and robot time has advanced; else
+        None."""
         if not self._news or not self._ready(now_s):
             return None
         self._news = False

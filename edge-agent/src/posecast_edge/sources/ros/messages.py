@@ -46,15 +46,15 @@ TEXT_MAX = 200  # characters of a text that is shown
 
 
 class RosMessageError(ValueError):
-    """A message that is not what its type says. One line, without the topic."""
+    """A message that does not match its type. One line, without the topic."""
 
 
 @dataclass(frozen=True)
 class Report:
-    """What one message says.
+    """The content of one message.
 
-    `stamp_s`: its header's time, seconds; None without one (a stamp of zero is none). `values`: field → label
-    → reading, None where the message says that there is none. `info`: texts. `links`: site → link of the
+    `stamp_s`: the header's time in seconds; None if there is none or it is zero. `values`: field → label →
+    reading, None where the message states that there is none. `info`: texts. `links`: site → link of the
     model, where the message names it.
     """
 
@@ -65,17 +65,19 @@ class Report:
 
 
 def shorten_type(name: str) -> str:
-    """`sensor_msgs/msg/JointState`, `sensor_msgs::msg::dds_::JointState_` → `sensor_msgs/JointState`."""
+    """Convert `sensor_msgs/msg/JointState` or `sensor_msgs::msg::dds_::JointState_` to
+    `sensor_msgs/JointState`."""
     parts = name.replace("::", "/").split("/")
     parts = [p for p in parts if p not in ("msg", "dds_", "")]
     return "/".join(p.rstrip("_") if i == len(parts) - 1 else p for i, p in enumerate(parts))
 
 
 def read_message(type_name: str, message: Any, site: str = "", field_name: str = "pos") -> Report:
-    """One message of one of READERS (a short type).
+    """Read one message whose (short) type is one of READERS. Raises RosMessageError when it does not match
+    its type.
 
-    `site`: what its sensor is called, "" for the frame it names. `field_name`: of a JointState's positions,
-    `pos` or `ref`; a `ref` has no velocities. MessageError when the message does not fit its type.
+    `site`: the sensor's name, "" for the frame that the message names. `field_name`: the field of a
+    JointState's positions, `pos` or `ref`; with `ref` there are no velocities.
     """
     reader = READERS[type_name]
     try:
@@ -87,12 +89,12 @@ def read_message(type_name: str, message: Any, site: str = "", field_name: str =
 
 
 def get_text(message: Any) -> str:
-    """The text of a std_msgs/String. MessageError, also when it is longer than any robot description."""
+    """The text of a std_msgs/String. Raises RosMessageError if it is longer than any robot description."""
     return validate_description(_member(message, "data"))
 
 
 def validate_description(urdf: Any) -> str:
-    """The same. MessageError when it is no text, or longer than any robot description."""
+    """Return the robot description if it is a text of acceptable length. Raises RosMessageError otherwise."""
     text = _text(urdf, "data")
     if len(text) > DESCRIPTION_MAX:
         raise RosMessageError(f"a robot description of {len(text)} characters, at most {DESCRIPTION_MAX}")
@@ -100,7 +102,7 @@ def validate_description(urdf: Any) -> str:
 
 
 def make_site_name(name: str) -> str:
-    """A frame's or topic's name as a site: a dot would divide site and component."""
+    """Turn a frame's or topic's name into a site name. Replaces dots, which separate site and component."""
     return name.strip("/").replace(".", "_").replace("/", "_")
 
 

@@ -56,7 +56,8 @@ BRIDGED_MAX = 64  # topics of bridges
 
 
 def open_source(address: str, profile: Profile | None) -> Source:
-    """SourceError when the address is none or the extra is missing; a robot not there yet is waited for."""
+    """Open the source. Raises SourceError when the address is invalid or the extra is missing; a robot that
+    is not reachable yet is waited for."""
     match = ADDRESS.fullmatch(address)
     port = int(match[2] or PORT) if match else 0
     if match is None or not 0 < port < 65536:
@@ -69,7 +70,7 @@ def open_source(address: str, profile: Profile | None) -> Source:
 
 
 class Ros2Source:
-    """Messages of a graph → samples."""
+    """Turns messages of a ROS 2 graph into samples."""
 
     def __init__(self, host: str, port: int, namespace: str, profile: Profile | None) -> None:
         self.description = f"ros2 {host}:{port}{namespace}"
@@ -83,11 +84,11 @@ class Ros2Source:
 
     @property
     def offers(self) -> list[str]:
-        """What there is, for `probe`."""
+        """Lines for `probe` about the topics found."""
         return self._intake.list_topics()
 
     def send_urdf_to(self, take: Callable[[str], None]) -> None:
-        """Hand every new robot_description to `take`, in the source's thread."""
+        """Pass every new robot_description (URDF text) to `take`, in the source's thread."""
         self._intake.on_urdf = take
 
     def run(self, deliver: Deliver, stop: threading.Event) -> None:
@@ -179,7 +180,8 @@ class Ros2Source:
 
 
 class Inbox:
-    """Payloads from Zenoh's threads to ours: BACKLOG_MAX bytes; when it is full the oldest go."""
+    """Hands payloads from Zenoh's threads to the source's: at most BACKLOG_MAX bytes, then the oldest are
+    dropped."""
 
     def __init__(self) -> None:
         self._waiting: deque[tuple[str, str, bytes]] = deque()
@@ -188,7 +190,7 @@ class Inbox:
         self._some = threading.Condition()
 
     def put(self, topic: str, type_name: str, payload: bytes) -> None:
-        """One more. From any thread."""
+        """Add one payload. May be called from any thread."""
         with self._some:
             self._waiting.append((topic, type_name, payload))
             self._bytes += len(payload) + WAITING
@@ -198,7 +200,8 @@ class Inbox:
             self._some.notify()
 
     def take(self, wait_s: float) -> tuple[list[tuple[str, str, bytes]], int]:
-        """All that waits, after `wait_s` at most, and how many were lost since."""
+        """Wait up to `wait_s` seconds; return all waiting (topic, type, payload) and how many were dropped
+        since the last call."""
         with self._some:
             if not self._waiting:
                 self._some.wait(wait_s)

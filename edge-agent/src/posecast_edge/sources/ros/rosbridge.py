@@ -64,7 +64,8 @@ THROTTLE_MS = 15  # twice as often as the fastest stream needs it
 
 
 def open_source(address: str, profile: Profile | None) -> Source:
-    """SourceError when the address is none or the extra is missing; a robot not there yet is waited for."""
+    """Open the source. Raises SourceError when the address is invalid or the extra is missing; a robot that
+    is not reachable yet is waited for."""
     match = ADDRESS.fullmatch(address)
     port = int(match[3] or PORT) if match else 0
     if match is None or not 0 < port < 65536:
@@ -79,7 +80,7 @@ def open_source(address: str, profile: Profile | None) -> Source:
 
 
 class RosbridgeSource:
-    """Messages of a server → samples."""
+    """Turns messages of a rosbridge server into samples."""
 
     def __init__(self, url: str, profile: Profile | None) -> None:
         self.description = f"rosbridge {url}"
@@ -93,16 +94,17 @@ class RosbridgeSource:
 
     @property
     def offers(self) -> list[str]:
-        """What there is, for `probe`."""
+        """Lines for `probe` about the topics found."""
         return self._intake.list_topics()
 
     def send_urdf_to(self, take: Callable[[str], None]) -> None:
-        """Hand every new robot_description to `take`, in the source's thread."""
+        """Pass every new robot_description (URDF text) to `take`, in the source's thread."""
         self._intake.on_urdf = take
         self._wants_urdf = True
 
     def run(self, deliver: Deliver, stop: threading.Event) -> None:
-        """Deliver what comes, until `stop`. A connection that ends is made anew, with all it asked for."""
+        """Deliver samples until `stop`. When the connection ends, connect again and repeat all
+        subscriptions."""
         from websockets.exceptions import WebSocketException  # noqa: PLC0415 - an extra
         from websockets.sync.client import connect  # noqa: PLC0415
 
@@ -138,7 +140,7 @@ class RosbridgeSource:
 
 
 class RosbridgeConnection:
-    """One connection: asks which topics there are, subscribes to those of use, hears."""
+    """One connection: asks for the list of topics, subscribes to the useful ones, and receives messages."""
 
     def __init__(
         self,
@@ -161,7 +163,7 @@ class RosbridgeConnection:
         self._listed: bool | None = None  # rosapi answers; None: nobody knows yet
 
     def run(self, deliver: Deliver, stop: threading.Event) -> None:
-        """Until `stop`. OSError or WebSocketException when the connection ends."""
+        """Exchange messages until `stop`. Raises OSError or WebSocketException when the connection ends."""
         while not stop.is_set():
             self._chores(time.monotonic())
             for data in self._newest():

@@ -1,6 +1,7 @@
-"""The rosbridge protocol v2, a client's side: what is said, what what comes means. Pure, without I/O.
+"""The client's side of the rosbridge protocol v2: makes requests and parses what the server sends. Does no
+I/O.
 
-Only these are ever said: `subscribe`, and `call_service` of rosapi's questions. Nothing is published.
+The only requests are `subscribe` and `call_service` for the queries of rosapi. Nothing is published.
 """
 
 from __future__ import annotations
@@ -29,12 +30,12 @@ TYPED_ARRAYS = {64: "B", 69: "H", 70: "I", 71: "Q", 72: "b", 77: "h", 78: "i", 7
 
 
 class RosbridgeProtocolError(ValueError):
-    """What came is not rosbridge's. One line."""
+    """The server sent something that is not rosbridge's protocol. One line."""
 
 
 @dataclass(frozen=True)
 class Publish:
-    """A message of a topic, as mappings and lists."""
+    """A message on a topic, as mappings and lists."""
 
     topic: str
     message: Any
@@ -42,7 +43,7 @@ class Publish:
 
 @dataclass(frozen=True)
 class Answer:
-    """A service's answer to the call of that id. `values`: None when the call failed."""
+    """A service's response to the call with this id. `values`: None when the call failed."""
 
     id: str
     values: dict[str, Any] | None
@@ -50,7 +51,7 @@ class Answer:
 
 @dataclass(frozen=True)
 class RosbridgeStatus:
-    """A word of the server's about what was asked."""
+    """A status message of the server about a request."""
 
     level: str
     text: str
@@ -60,10 +61,11 @@ Received = Publish | Answer | RosbridgeStatus
 
 
 def make_subscribe(topic: str, type_name: str | None, encoding: str, throttle_ms: int) -> str:
-    """Ask for a topic. `type_name` as the server spells it; None: the server looks.
+    """The request to subscribe to a topic. `type_name`: in the server's spelling, None to let the server find
+    it.
 
-    A throttle alone drops what comes too soon, also the last value before a pause. With a queue of one the
-    server keeps the newest and sends it when its time has come.
+    With a throttle alone the server drops messages that come too soon, even the last one before a pause. A
+    queue of length one makes it keep the newest and send it when the interval has passed.
     """
     wish: dict[str, object] = {"op": "subscribe", "id": f"posecast{topic}", "topic": topic}
     if type_name:
@@ -76,7 +78,7 @@ def make_subscribe(topic: str, type_name: str | None, encoding: str, throttle_ms
 
 
 def make_service_call(service: str, call_id: str, **arguments: object) -> str:
-    """The message that calls a service of rosapi, all of which only report."""
+    """The request to call a service of rosapi; all of them only report."""
     wish = {"op": "call_service", "id": call_id, "service": service, "args": arguments}
     return json.dumps(wish)
 
@@ -91,15 +93,18 @@ class _Parts:
 
 
 class MessageAssembler:
-    """Puts the messages of one connection together from what it receives."""
+    """Assembles complete messages from what one connection receives."""
 
     def __init__(self) -> None:
         self._parts: OrderedDict[str, _Parts] = OrderedDict()
         self._chars = 0  # of all fragments kept
 
     def feed(self, data: str | bytes) -> Received | None:
-        """A whole WebSocket message: text is JSON, bytes CBOR. None when it is of no interest, or its rest
-        has yet to come. Raises RosbridgeProtocolError; messages before and after stay good."""
+        """Parse a WebSocket message: text as JSON, bytes as CBOR. None if it is of no interest or only a
+        fragment.
+
+        Raises RosbridgeProtocolError; earlier and later messages are not affected.
+        """
         document = parse_json(data) if isinstance(data, str) else _cbor(data)
         if isinstance(document, dict) and document.get("op") == "fragment":
             whole = self._fragment(document)
@@ -171,7 +176,7 @@ def _word(document: dict[str, Any], name: str) -> str:
 
 
 def parse_json(text: str) -> Any:
-    """JSON as servers write it; NaN and Infinity are null. ProtocolError."""
+    """Parse JSON as servers write it, with NaN and Infinity as null. Raises RosbridgeProtocolError."""
     if sum(text.count(sign) for sign in ",[{") > ITEMS_MAX:
         raise RosbridgeProtocolError(f"JSON of more than {ITEMS_MAX:,} values")
     try:

@@ -1,4 +1,5 @@
-"""Which topic of a ROS graph means what: by the profile's [ros], else by type and name. Pure."""
+"""Decides what each topic of a ROS graph means: by the profile's [ros], else by type and name. Does no
+I/O."""
 
 from __future__ import annotations
 
@@ -42,21 +43,21 @@ BATTERY_WORDS = re.compile(r"battery(?:_state)?s?|power|state|status")
 
 @dataclass(frozen=True)
 class Route:
-    """What a topic is read as. `site`: "" for the frame its messages name."""
+    """What a topic is read as. `site`: the sensor's site, "" for the frame that its messages name."""
 
     role: str
     site: str = ""
 
 
 class Routes:
-    """Topics of one robot. `namespace`: only topics below it count, "" for all."""
+    """The routes of one robot's topics. `namespace`: only topics below it count, "" for all."""
 
     def __init__(self, given: RosTopics | None, namespace: str = "") -> None:
         self._given = (given or RosTopics()).topics
         self._namespace = f"/{namespace.strip('/')}" if namespace.strip("/") else ""
 
     def find_route(self, topic: str, type_name: str) -> Route | None:
-        """How this topic is read; None: not at all. `type_name`: short."""
+        """How this topic is read; None: not at all. `type_name`: short form."""
         if len(topic) > TOPIC_MAX:
             return None
         for role, types in TYPES_OF_ROLE.items():
@@ -70,7 +71,7 @@ class Routes:
         return route if route is not None and route.role not in self._given else None
 
     def list_patterns(self) -> list[tuple[str, str]]:
-        """(pattern, type) of every topic that may be read, for those who can ask by pattern."""
+        """(pattern, type) of every topic that may be read, for sources that can subscribe by pattern."""
         everything = f"{self._namespace}/**"
         usual = {"description": [f"{everything}/robot_description"], "base": []}
         found: list[tuple[str, str]] = []
@@ -84,8 +85,8 @@ class Routes:
         return found
 
     def list_topics(self) -> list[tuple[str, Route]]:
-        """Topics to ask for where nobody lists those there are: what the profile names without a pattern, and
-        the usual names of what it does not name."""
+        """Topics to request if the server does not list them: those the profile names without a pattern, and
+        the usual names of the roles that the profile leaves open."""
         given = [
             (pattern, Route(role, site))
             for role, entries in self._given.items()
@@ -113,7 +114,8 @@ def _by_name(topic: str, type_name: str) -> Route | None:
 
 
 def match_topic(pattern: str, topic: str) -> bool:
-    """`*` stands for anything within one part of a topic's name, `**` for any number of parts."""
+    """Whether `topic` matches: `*` stands for any text within one part of the name, `**` for any number of
+    parts."""
     return _expression(pattern).fullmatch(topic) is not None
 
 
