@@ -1,1 +1,1 @@
-"""The robot's model, as the agent serves it: a manifest and files."""
+"""The robot's model, which the agent serves as a manifest and files."""

@@ -1,4 +1,4 @@
-"""What is wrong with a model, in plain words: one finding, one line."""
+"""A finding: one problem of a model, as one line of text."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ SEVERITIES = ("error", "warning", "hint")
 
 
 class ModelRefused(Exception):
-    """A model or a file of it that cannot be used: one line, without the file's name."""
+    """A model or one of its files can't be used: one line, without the file's name."""
 
     def __init__(self, reason: str, line: int | None = None) -> None:
         super().__init__(reason)
@@ -28,23 +28,24 @@ class Finding:
     line: int | None = None
 
     def format_line(self, file: str) -> str:
-        """`robot.urdf:12: error: text [code]`, the form editors and CI understand."""
+        """The form that editors and CI understand: `robot.urdf:12: error: text [code]`."""
         where = file if self.line is None else f"{file}:{self.line}"
         return f"{where}: {self.severity}: {self.text} [{self.code}]"
 
 
 def sort_by_severity(findings: list[Finding]) -> list[Finding]:
-    """By severity, then line; each only once."""
+    """Sort findings by severity, then line, and remove duplicates."""
     unique = list(dict.fromkeys(findings))
     return sorted(unique, key=lambda f: (SEVERITIES.index(f.severity), f.line or 0, f.code, f.text))
 
 
 def quote_name(name: str, longest: int = 80) -> str:
-    """A name from a stranger's file, safe to print: no control characters, not endless."""
+    """Quote a name from a stranger's file so that it is safe to print: no control characters, bounded
+    length."""
     shown = make_printable(name[: longest + 1])
     return f"'{shown}'" if len(shown) <= longest else f"'{shown[:longest]}…'"
 
 
 def make_printable(text: str) -> str:
-    """The same with a sign of its own for what moves the cursor, ends a line or turns the writing round."""
+    """Replace characters that move the cursor, end a line or change the writing direction by visible ones."""
     return "".join(c if c.isprintable() else "�" for c in text)

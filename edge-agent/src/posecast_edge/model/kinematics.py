@@ -1,4 +1,4 @@
-"""Where each link is, from nothing but a bundle's manifest: what a viewer must compute, in plain Python.
+"""Forward kinematics from a bundle's manifest alone, in plain Python: what every viewer must compute.
 
 Matrices are 4 × 4, row by row, parent_from_child; lengths in metres, angles in radians.
 """
@@ -27,17 +27,17 @@ VARIABLES = {
 
 
 def identity() -> Matrix:
-    """No motion."""
+    """The identity matrix."""
     return [[float(i == j) for j in range(4)] for i in range(4)]
 
 
 def multiply(a: Matrix, b: Matrix) -> Matrix:
-    """a · b."""
+    """The matrix product a · b."""
     return [[sum(a[i][k] * b[k][j] for k in range(4)) for j in range(4)] for i in range(4)]
 
 
 def matrix_from_quaternion(xyz: Sequence[float], quat: Sequence[float]) -> Matrix:
-    """Translation and unit quaternion (w, x, y, z)."""
+    """The matrix of a translation (metres) and a unit quaternion (w, x, y, z)."""
     w, x, y, z = quat
     return [
         [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y), xyz[0]],
@@ -48,7 +48,7 @@ def matrix_from_quaternion(xyz: Sequence[float], quat: Sequence[float]) -> Matri
 
 
 def quaternion_from_rpy(rpy: Sequence[float]) -> tuple[float, float, float, float]:
-    """(w, x, y, z) of Rz(yaw) · Ry(pitch) · Rx(roll), w ≥ 0."""
+    """The unit quaternion (w, x, y, z), w ≥ 0, of Rz(yaw) · Ry(pitch) · Rx(roll); angles in radians."""
     (cr, sr), (cp, sp), (cy, sy) = ((math.cos(a / 2), math.sin(a / 2)) for a in rpy)
     w = cr * cp * cy + sr * sp * sy
     x = sr * cp * cy - cr * sp * sy
@@ -60,7 +60,8 @@ def quaternion_from_rpy(rpy: Sequence[float]) -> tuple[float, float, float, floa
 def compute_plane_axes(
     axis: Sequence[float],
 ) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
-    """x and y of the plane across a unit axis: the frame's, by the shortest turn that takes z to the axis."""
+    """The x and y axes of the plane perpendicular to a unit axis: the frame's x and y, turned by the shortest
+    rotation that takes z to the axis."""
     a, b, c = axis
     if c < -1 + 1e-9:  # every turn by 180° is as short: about x
         return (1.0, 0.0, 0.0), (0.0, -1.0, 0.0)
@@ -69,12 +70,12 @@ def compute_plane_axes(
 
 
 def list_variables(name: str, kind: str) -> list[tuple[str, float]]:
-    """Names of the readings that a joint takes, each with the value it has without one."""
+    """The names of the readings that move a joint, each with the value used when there is no reading."""
     return [(f"{name}/{part}" if part else name, rest) for part, rest in VARIABLES[kind]]
 
 
 def compute_motion(joint: Mapping[str, Any], q: Sequence[float]) -> Matrix:
-    """What a joint adds at q, the values of its variables."""
+    """The transform that a joint adds at `q`, the values of its variables (rad or m)."""
     kind, axis = joint["type"], joint["axis"]
     if kind in ("revolute", "continuous"):
         return _turned((0.0, 0.0, 0.0), axis, q[0])
@@ -97,7 +98,7 @@ def _turned(xyz: Sequence[float], axis: Sequence[float], angle: float) -> Matrix
 
 
 def compute_joint_values(manifest: Mapping[str, Any], readings: Mapping[str, float]) -> list[list[float]]:
-    """The values of every joint's variables: each its reading, else what it mimics, else its rest."""
+    """The values of every joint's variables: the reading, else the value it mimics, else its default."""
     joints = manifest["joints"]
 
     def values(joint: Mapping[str, Any]) -> list[float]:

@@ -1,1 +1,1 @@
-"""From a URDF to a bundle: visuals, levels of detail, thumbnail, manifest."""
+"""Builds a bundle from a URDF: visuals, levels of detail, thumbnail, manifest."""

@@ -1,4 +1,5 @@
-"""From a URDF to a bundle: three levels, a thumbnail and a manifest. Same input, same bytes."""
+"""Builds a bundle from a URDF: three levels of detail, a thumbnail and a manifest. The same input gives the
+same bytes."""
 
 from __future__ import annotations
 
@@ -49,8 +50,8 @@ NEAR = 1.25  # a level that is that near to the next coarser one spares it
 
 @dataclass(frozen=True)
 class LodBudget:
-    """What a level should be: bytes and drawn triangles at most, bits of a position's longest side, pixels of
-    a picture's side."""
+    """Limits of one level: file size in bytes, drawn triangles, bits along the longest side for positions,
+    pixels along a picture's side."""
 
     name: str
     size: int
@@ -59,7 +60,7 @@ class LodBudget:
     pixels: int
 
     def is_met_by(self, level: Level, slack: float) -> bool:
-        """Whether a level is within that many times of both."""
+        """Whether the level's size and triangle count are within `slack` times the budget."""
         return len(level.data) <= self.size * slack and level.triangles <= self.triangles * slack
 
 
@@ -74,7 +75,7 @@ AIMS = (
 
 @dataclass(frozen=True)
 class Built:
-    """A bundle in memory: the manifest's bytes, files by path, and what was found."""
+    """A bundle in memory: the manifest's bytes, files by path, and findings."""
 
     manifest: bytes
     files: dict[str, bytes]
@@ -85,7 +86,7 @@ class Built:
 
 
 def build_model(urdf_path: Path, resolver: Resolver, progress: Progress) -> Built:
-    """Make a bundle. ModelRefused when there is no robot in it at all."""
+    """Build the bundle of a URDF. Raises ModelRefused when the file contains no robot at all."""
     urdf = load_urdf(urdf_path)
     tree = build_tree(urdf)
     if not tree.links:
@@ -233,7 +234,7 @@ def _colour(looks: Appearance) -> str:
 
 
 def compute_display_colour(paint: Paint) -> tuple[float, float, float]:
-    """A paint's mean colour as display values."""
+    """The mean colour of a paint as display (sRGB) values 0 … 1."""
     r, g, b = paint.rgba[:3]
     if paint.texture is None:
         return (r, g, b)
@@ -244,8 +245,8 @@ def compute_display_colour(paint: Paint) -> tuple[float, float, float]:
 def collect_triangles(
     level: Level, figure: Figure, poses: Sequence[Vectors], most: int | None = None
 ) -> Triangles:
-    """What a level shows with the links at these poses (root_from_link); of more than `most` triangles every
-    second, every third, …"""
+    """The triangles that a level draws with the links at `poses` (root_from_link). If there are more than
+    `most`, only every second, third, … of them."""
     step = 1 if most is None else -(-level.triangles // most) or 1
     corners, normals, colours = [np.zeros((0, 3, 3))], [np.zeros((0, 3, 3))], [np.zeros((0, 3))]
     for visual in figure.visuals:

@@ -1,4 +1,4 @@
-"""Writes glTF 2.0 in one binary file, with EXT_meshopt_compression. Same input, same bytes."""
+"""Writes binary glTF 2.0 files (GLB) with EXT_meshopt_compression. The same input gives the same bytes."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ FLOAT, BYTE, SHORT, UINT = 5126, 5120, 5122, 5125
 
 
 class GlbWriter:
-    """Collects buffer views; `document` holds everything else."""
+    """Collects buffer views; `document` is the rest of the glTF JSON."""
 
     def __init__(self) -> None:
         self.document: dict[str, Any] = {
@@ -29,26 +29,27 @@ class GlbWriter:
         self._plain = 0  # bytes that the compressed views have when unpacked
 
     def add_raw_view(self, data: bytes) -> int:
-        """A view that is kept as it is, for pictures."""
+        """Add an uncompressed view, for pictures, and return its number."""
         offset = self._append(data)
         self._views.append({"buffer": 0, "byteOffset": offset, "byteLength": len(data)})
         return len(self._views) - 1
 
     def add_attribute_view(self, values: NDArray[Any]) -> int:
-        """A view of (n, k) values, compressed; a row is a multiple of 4 bytes."""
+        """Add a compressed view of values (n, k) and return its number. A row must be a multiple of 4
+        bytes."""
         meshoptimizer.encode_vertex_version(0)  # what EXT_meshopt_compression means
         return self._compressed(
             meshoptimizer.encode_vertex_buffer(values), len(values), values.strides[0], "ATTRIBUTES"
         )
 
     def add_index_view(self, indices: NDArray[np.uint32], vertices: int) -> int:
-        """A view of triangles' indices, compressed."""
+        """Add a compressed view of triangle indices and return its number."""
         meshoptimizer.encode_index_version(1)
         data = meshoptimizer.encode_index_buffer(indices, len(indices), vertices)
         return self._compressed(data, len(indices), 4, "TRIANGLES")
 
     def add_accessor(self, view: int, component: int, kind: str, count: int, more: Mapping[str, Any]) -> int:
-        """An accessor of that view."""
+        """Add an accessor of a view and return its number."""
         self._accessors.append(
             {"bufferView": view, "componentType": component, "type": kind, "count": count, **more}
         )
@@ -73,7 +74,7 @@ class GlbWriter:
         return offset
 
     def encode(self) -> bytes:
-        """The file."""
+        """The whole GLB file."""
         fallback = {"byteLength": self._plain, "extensions": {"EXT_meshopt_compression": {"fallback": True}}}
         document = {
             **self.document,

@@ -1,4 +1,5 @@
-"""One level of detail: every body at one rung of its ladder, as a GLB. docs/MODEL.md describes the layout."""
+"""Makes one level of detail: a GLB with every body simplified to the same degree. docs/MODEL.md describes
+it."""
 
 from __future__ import annotations
 
@@ -21,7 +22,7 @@ ROUGHNESS = 0.7
 
 @dataclass(frozen=True)
 class Skin:
-    """A surface's ladder and how it is painted; `mark` goes into the material's extras."""
+    """A surface's simplified versions and its paint; `mark` is written into the material's extras."""
 
     ladder: LodChain
     paint: Paint
@@ -30,7 +31,8 @@ class Skin:
 
 @dataclass(frozen=True)
 class Body:
-    """A mesh that one or more visuals show, in metres, mesh scale baked in. `low`, `high`: its box."""
+    """A mesh shown by one or more visuals, in metres, with the mesh scale applied. `low`, `high`: corners of
+    its box."""
 
     skins: tuple[Skin, ...]
     low: Floats
@@ -39,7 +41,7 @@ class Body:
 
 @dataclass(frozen=True)
 class Placed:
-    """A visual: its node, link_from_mesh, and which body."""
+    """One visual: its node, its pose link_from_mesh, and its body."""
 
     node: str
     pose: Pose
@@ -48,7 +50,8 @@ class Placed:
 
 @dataclass(frozen=True)
 class LodSettings:
-    """How a level is packed: rung, bits of a position's longest side, pixels of a picture's side."""
+    """Settings of a level: degree of simplification, bits along the longest side for positions, pixels along
+    a picture's side."""
 
     step: int
     bits: int
@@ -57,7 +60,7 @@ class LodSettings:
 
 @dataclass(frozen=True)
 class Drawn:
-    """A body as a level shows it: its grid, and its parts with the number of their skin."""
+    """A body as a level draws it: its grid, and its parts, each with the number of its skin."""
 
     grid: Grid
     parts: tuple[tuple[int, Part], ...]
@@ -65,7 +68,7 @@ class Drawn:
 
 @dataclass(frozen=True)
 class Level:
-    """The file and what is in it. `triangles` counts what is drawn, so a body shown twice counts twice."""
+    """The GLB file and its content. `triangles` counts drawn triangles: a body shown twice counts twice."""
 
     data: bytes
     triangles: int
@@ -75,7 +78,7 @@ class Level:
 
 
 def make_level(bodies: Sequence[Body], placed: Sequence[Placed], fineness: LodSettings) -> Level:
-    """All bodies at that fineness, and a node for each visual."""
+    """Make a GLB of all bodies with these settings and one node for each visual."""
     drawn = [_draw(body, fineness) for body in bodies]
     error = max((s.ladder.get_rung(fineness.step)[0] for b in bodies for s in b.skins), default=0.0)
     writer = GlbWriter()

@@ -1,4 +1,4 @@
-"""The manifest of a bundle, version 2 (docs/MODEL.md): the skeleton, and what lies where."""
+"""Makes the manifest of a bundle, version 2 (docs/MODEL.md): the skeleton and the list of files."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ FINDINGS_MAX = 200
 
 
 def make_skeleton(urdf: Urdf, tree: Tree) -> dict[str, Any]:
-    """`links`, `joints` and `sensors`."""
+    """The manifest's members `links`, `joints` and `sensors`."""
     sensors = [_sensor(s, tree) for s in urdf.sensors if s.link in tree.index and is_within_reach(s.pose)]
     return {
         "links": [link.name for link in tree.links],
@@ -28,7 +28,7 @@ def make_skeleton(urdf: Urdf, tree: Tree) -> dict[str, Any]:
 
 
 def compute_home(manifest: Mapping[str, Any]) -> dict[str, float]:
-    """Every joint at 0, or at the limit nearest to it."""
+    """The home position of every joint (rad or m): 0, or the limit nearest to it."""
     at: dict[str, float] = {}
     for joint in manifest["joints"]:
         limits = joint.get("limits", {})
@@ -39,17 +39,17 @@ def compute_home(manifest: Mapping[str, Any]) -> dict[str, float]:
 
 
 def encode_manifest(manifest: Mapping[str, Any]) -> bytes:
-    """The exact bytes, whose SHA-256 names the model."""
+    """The manifest's exact bytes; their SHA-256 identifies the model."""
     return json.dumps(manifest, separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode()
 
 
 def make_file_entry(path: str, data: bytes, kind: str) -> dict[str, Any]:
-    """One of `files`."""
+    """One entry of the manifest's `files`."""
     return {"path": path, "size": len(data), "sha256": hashlib.sha256(data).hexdigest(), "type": kind}
 
 
 def make_finding_entries(findings: Sequence[Finding]) -> list[dict[str, Any]]:
-    """`findings`, at most FINDINGS_MAX."""
+    """The manifest's `findings`, at most FINDINGS_MAX."""
     return [
         {"severity": f.severity, "code": f.code, "text": f.text}
         | ({} if f.line is None else {"line": f.line})
@@ -58,17 +58,17 @@ def make_finding_entries(findings: Sequence[Finding]) -> list[dict[str, Any]]:
 
 
 def is_within_reach(pose: Pose) -> bool:
-    """Whether it is no further away than anything of a robot can be."""
+    """Whether the pose is near enough to be a plausible part of a robot."""
     return max(map(abs, pose.xyz)) <= FAR_M
 
 
 def round_digits(value: float) -> float:
-    """Nine digits; no negative zero."""
+    """Round to nine significant digits, without negative zero."""
     return float(f"{value:.9g}") + 0.0
 
 
 def normalise_axis(axis: Vector | None) -> Vector:
-    """The axis at length 1; x where there is none."""
+    """The axis scaled to length 1; the x axis if there is none."""
     longest = max(map(abs, axis)) if axis is not None else 0.0
     if axis is None or longest < 1e-9:
         return (1.0, 0.0, 0.0)

@@ -1,4 +1,4 @@
-"""Every file a URDF names, found and read once."""
+"""Finds and reads each file that a URDF names once."""
 
 from __future__ import annotations
 
@@ -21,7 +21,8 @@ Progress = Callable[[int, int, str], None]  # done, of how many, what
 
 @dataclass(frozen=True)
 class MeshFile:
-    """What a URI led to: a mesh, or the reason why there is none. `hint`: how it was found all the same."""
+    """The mesh behind a URI, or the reason why there is none. `hint`: how it was found despite a wrong
+    URI."""
 
     uri: str
     path: Path | None
@@ -32,7 +33,8 @@ class MeshFile:
 
 
 class Files:
-    """The meshes and pictures that one URDF names, read when asked for. Bounded by TRIANGLES_MAX in all."""
+    """The meshes and pictures that one URDF names, read on demand, with at most TRIANGLES_MAX triangles in
+    total."""
 
     def __init__(self, resolver: Resolver, textured: Collection[str] = ()) -> None:
         """`textured`: URIs of meshes for which the URDF has a picture."""
@@ -67,7 +69,7 @@ class Files:
         return MeshFile(uri, found.path, loaded, None, found.hint, size)
 
     def find_picture(self, uri: str) -> bytes | None:
-        """The picture behind a URI; None when there is none, and `list_missing` says why."""
+        """The picture behind a URI, or None; `list_missing` then gives the reason."""
         if uri not in self._pictures:
             try:
                 self._pictures[uri] = self._shelf.get_picture(self._resolver.find_file(uri).path)
@@ -77,7 +79,7 @@ class Files:
         return found if isinstance(found, bytes) else None
 
     def list_missing(self) -> dict[str, str]:
-        """URI → why it can't be used."""
+        """Map each URI that can't be used to the reason."""
         reasons = {file.uri: file.reason for file in self if file.reason}
         return reasons | {uri: why for uri, why in self._pictures.items() if isinstance(why, str)}
 
@@ -95,7 +97,7 @@ class Files:
 
 
 def read_visual_files(urdf: Urdf, resolver: Resolver, progress: Progress) -> Files:
-    """What is drawn, read, with word of how far it is."""
+    """Read all files that visuals need, and report progress."""
     pictures: dict[str, None] = {}
     textured: set[str] = set()
     for shape in (s for link in urdf.links for s in link.visuals):
@@ -115,7 +117,7 @@ def read_visual_files(urdf: Urdf, resolver: Resolver, progress: Progress) -> Fil
 
 
 def collect_facts(files: Files) -> dict[str, MeshFacts]:
-    """For the doctor."""
+    """What the doctor needs to know of each mesh, by URI."""
     lost = {uri: MeshFacts(uri, reason) for uri, reason in files.list_missing().items()}
     return lost | {file.uri: _facts(file) for file in files}
 

@@ -1,4 +1,5 @@
-"""A simplified surface as vertices for a GPU: positions on a grid, normals in bytes, ordered to compress."""
+"""Converts a simplified surface to GPU vertices: positions on a grid, normals in bytes, ordered to compress
+well."""
 
 from __future__ import annotations
 
@@ -17,21 +18,21 @@ CREASE_DEG = 40.0
 
 @dataclass(frozen=True)
 class Grid:
-    """The grid that positions are rounded to: metres = centre + step × grid."""
+    """The grid to which positions are rounded: metres = centre + step · grid value."""
 
     centre: NDArray[np.float64]
     step: float
     bits: int
 
     def to_metres(self, grid: NDArray[np.int16]) -> NDArray[np.float64]:
-        """Positions (n, 3) from the first three columns."""
+        """Convert the first three columns of grid values to positions (n, 3) in metres."""
         return self.centre + self.step * grid[:, :3]
 
 
 @dataclass(frozen=True)
 class Part:
-    """positions (n, 4) on the grid and normals (n, 4) × 127, the fourth columns padding; uv (n, 2) or None;
-    faces (m, 3)."""
+    """Vertices and faces. Positions (n, 4) in grid units and normals (n, 4) · 127, each with a padding
+    column; uv (n, 2) or None; faces (m, 3)."""
 
     positions: NDArray[np.int16]
     normals: NDArray[np.int8]
@@ -40,14 +41,14 @@ class Part:
 
 
 def make_grid(low: Floats, high: Floats, bits: int) -> Grid:
-    """A grid of so many bits along the longest side of a box."""
+    """A grid with `bits` bits along the longest side of the box from `low` to `high` (metres)."""
     a, b = low.astype(np.float64), high.astype(np.float64)
     half = max(float((b - a).max()) / 2, 1e-9)
     return Grid((a + b) / 2, half / ((1 << (bits - 1)) - 1), bits)
 
 
 def pack_part(surface: Surface, faces: Faces, grid: Grid) -> Part:
-    """The vertices that these faces use. No faces are left of a surface smaller than the grid."""
+    """Quantise the vertices that `faces` use. A surface smaller than the grid's step keeps no faces."""
     used, faces = drop_unused_vertices(faces)
     at = np.round((surface.positions[used] - grid.centre) / grid.step).astype(np.int64)
     uv = surface.uv[used] if surface.uv is not None else None

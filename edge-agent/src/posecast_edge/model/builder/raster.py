@@ -18,8 +18,8 @@ TESTS_IN_ALL = 1 << 26  # of one picture: a second or two
 
 @dataclass(frozen=True)
 class Camera:
-    """`axes` are right, up and towards the eye; `centre` is shown in the middle, `span` metres fill the
-    picture's side."""
+    """An orthographic camera. `axes`: right, up and towards the eye; `centre`: the point in the middle of the
+    picture; `span`: metres along the picture's side."""
 
     axes: Vectors
     centre: Vectors
@@ -27,7 +27,7 @@ class Camera:
     pixels: int
 
     def project(self, points: Vectors) -> Vectors:
-        """(…, 3) pixels right and down, and metres away from the eye."""
+        """Convert points (…, 3) in metres to pixels right, pixels down, and metres away from the eye."""
         seen = (points - self.centre) @ self.axes.T
         scale = self.pixels / self.span
         middle = self.pixels / 2
@@ -37,7 +37,8 @@ class Camera:
 
 
 def aim_camera(direction: Vectors, points: Vectors, pixels: int, margin: float = 1.06) -> Camera:
-    """A camera that looks against `direction` (from the body to the eye), world z up, and sees all points."""
+    """A camera that sees all points, placed in `direction` from them, with world z up. `margin` scales the
+    visible span."""
     forward = direction / np.linalg.norm(direction)
     up = np.array([0.0, 0.0, 1.0]) if abs(forward[2]) < 0.99 else np.array([1.0, 0.0, 0.0])
     right = np.cross(up, forward)
@@ -50,8 +51,8 @@ def aim_camera(direction: Vectors, points: Vectors, pixels: int, margin: float =
 
 
 def draw_triangles(corners: Vectors, camera: Camera) -> tuple[NDArray[np.int64], Vectors]:
-    """The triangle seen in each pixel (pixels, pixels), -1 for none, of corners (m, 3, 3) in metres;
-    and where in it: (pixels, pixels, 3) weights of its corners."""
+    """Draw triangles with corners (m, 3, 3) in metres. Returns, for each pixel, the number of the visible
+    triangle (pixels, pixels), -1 for none, and the barycentric weights of its corners (pixels, pixels, 3)."""
     side = camera.pixels
     screen = camera.project(corners)
     depth = screen[..., 2]
@@ -83,7 +84,7 @@ def _affordable(powers: NDArray[np.int64]) -> NDArray[np.bool_]:
 
 
 def draw_silhouette(corners: Vectors, camera: Camera) -> NDArray[np.bool_]:
-    """(pixels, pixels): covered or not."""
+    """Which pixels the triangles cover, as booleans (pixels, pixels)."""
     return draw_triangles(corners, camera)[0] >= 0
 
 

@@ -1,4 +1,4 @@
-"""Coarser and coarser versions of a surface, each within a known distance of the original."""
+"""Makes coarser and coarser versions of a surface, each within a known distance of the original."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ BELOW = 6  # rungs: an eighth of the error
 
 
 class LodChain:
-    """Versions of one welded surface. Rung k is within `robot_size · FINEST · STEP**k` of the original, by
-    meshoptimizer's estimate, and within LARGEST of the mesh's own size."""
+    """Simplified versions of one welded surface. Version k is within `robot_size · FINEST · STEP**k` of the
+    original, as estimated by meshoptimizer, and within LARGEST of the mesh's own size."""
 
     def __init__(self, surface: Surface, mesh_size: float, robot_size: float) -> None:
         self.surface = surface
@@ -34,7 +34,8 @@ class LodChain:
         self._rungs: dict[int, tuple[float, Faces]] = {}
 
     def get_rung(self, k: int) -> tuple[float, Faces]:
-        """Bound in metres, and the triangles (numbers of the surface's vertices)."""
+        """Version k: its error bound in metres, and its triangles as indices of the surface's vertices.
+        Negative k: the original."""
         if k < 0:
             return 0.0, self.surface.faces
         bound, faces = self._rung(k)
@@ -74,7 +75,7 @@ def _crowded(surface: Surface) -> NDArray[np.bool_]:
 
 
 def count_rungs(mesh_sizes: list[float], robot_size: float) -> int:
-    """From this rung on nothing changes any more."""
+    """The number of versions after which nothing changes any more."""
     largest = max(mesh_sizes, default=0.0) * LARGEST
     if largest <= robot_size * FINEST:
         return 1

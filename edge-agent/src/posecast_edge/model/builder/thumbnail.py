@@ -1,4 +1,4 @@
-"""A small picture of the robot, for lists and while the model loads."""
+"""Draws a small picture of the robot, for lists and while the model loads."""
 
 from __future__ import annotations
 
@@ -24,7 +24,8 @@ AMBIENT = 0.26
 def draw_thumbnail(
     corners: Vectors, normals: Vectors, colours: Vectors, side: int = SIDE, eye: Vectors = FRONT_LEFT_ABOVE
 ) -> NDArray[np.uint8]:
-    """(side, side, 4) of triangles' corners and corner normals (m, 3, 3) and display colours 0 … 1 (m, 3)."""
+    """Draw triangles with corners and corner normals (m, 3, 3) and display colours 0 … 1 (m, 3). Returns RGBA
+    pixels (side, side, 4)."""
     pixels = side * SUPERSAMPLE
     if not len(corners):
         return np.zeros((side, side, 4), np.uint8)
@@ -50,7 +51,7 @@ def draw_thumbnail(
 
 
 def encode_png(image: NDArray[np.uint8]) -> bytes:
-    """A PNG of at most BYTES_MAX: with fewer colours where it has to."""
+    """Encode a PNG of at most BYTES_MAX bytes, with fewer colours if necessary."""
     whole = Image.fromarray(image, "RGBA")
     for colours in (None, 128, 32, 8):
         reduced = whole.quantize(colours, Image.Quantize.FASTOCTREE) if colours else whole

@@ -1,4 +1,4 @@
-"""The robot as it is drawn: each visual with its body, made from meshes, shapes and stand-ins."""
+"""Collects what is drawn of the robot: each visual with its body, made from meshes, shapes and stand-ins."""
 
 from __future__ import annotations
 
@@ -33,19 +33,19 @@ LITTLE = 0.02  # m, half a side of a stand-in of which nothing is known
 
 @dataclass(frozen=True)
 class Appearance:
-    """What a body is made of, before simplification: welded surfaces with their paint and mark."""
+    """The welded surfaces of a body with their paints and marks, before simplification."""
 
     skins: tuple[tuple[Surface, Paint, str | None], ...]
 
     @property
     def mesh(self) -> Mesh:
-        """All surfaces."""
+        """A mesh of all its surfaces."""
         return Mesh(tuple(s for s, _, _ in self.skins))
 
 
 @dataclass(frozen=True)
 class Visual:
-    """One thing that is drawn. `reason`: why it is a stand-in."""
+    """One visual. `reason`: why a stand-in is drawn instead of it."""
 
     link: int
     pose: Pose
@@ -56,14 +56,14 @@ class Visual:
 
 @dataclass(frozen=True)
 class Figure:
-    """All that is drawn; visuals share looks."""
+    """All visuals of the robot; several visuals may share an appearance."""
 
     visuals: tuple[Visual, ...]
     looks: tuple[Appearance, ...]
 
 
 def build_figure(urdf: Urdf, tree: Tree, files: Files) -> Figure:
-    """Every visual of every link in the tree that has a geometry."""
+    """Collect every visual that has a geometry, of every link in the tree."""
     maker = _Maker(urdf, tree, files)
     visuals = tuple(v for i in range(len(tree.links)) for v in maker.visuals(i))
     return Figure(visuals, tuple(maker.looks))

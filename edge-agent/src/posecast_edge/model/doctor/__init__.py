@@ -1,1 +1,1 @@
-"""What is wrong with a robot's description, in plain words."""
+"""Finds problems in a robot's description."""

@@ -1,4 +1,4 @@
-"""What is wrong with a robot's meshes: missing, of another size than meant, or read with leniency."""
+"""Finds problems with a robot's meshes: missing, of an unlikely size, or readable only with leniency."""
 
 from __future__ import annotations
 
@@ -22,8 +22,9 @@ OUTSIDE_CODES = {OUTSIDE: "mesh-outside", "no such file": "mesh-missing"}
 
 @dataclass(frozen=True)
 class MeshFacts:
-    """What is known of one URI. `reason`: why there is no mesh; `hint`: how it was found all the same; `low`,
-    `high`: its box in the file's axes, m, before the URDF's scale; `has_uv`: a picture knows where to lie."""
+    """What is known of the mesh of one URI. `reason`: why there is none; `hint`: how it was found despite a
+    wrong URI; `low`, `high`: corners of its box in the file's axes, metres, before the URDF's scale;
+    `has_uv`: it has texture coordinates."""
 
     uri: str
     reason: str | None = None
@@ -37,7 +38,7 @@ class MeshFacts:
 
 
 def examine_meshes(urdf: Urdf, tree: Tree, facts: Mapping[str, MeshFacts] | None) -> Iterator[Finding]:
-    """All of them. Without facts only what the URDF itself tells."""
+    """Yield all findings about meshes; without `facts` only those that follow from the URDF itself."""
     shapes = [(link.name, s) for link in urdf.links for s in link.visuals if s.geometry is not None]
     if urdf.links and not shapes:
         yield Finding("warning", "nothing-drawn", "no link has a visual: there is nothing to draw", None)

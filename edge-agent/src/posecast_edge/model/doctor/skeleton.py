@@ -1,7 +1,7 @@
-"""What is wrong with a robot's description, in plain words. Pure: over parsed values, no files.
+"""Finds problems in a robot's description. Works on parsed values and reads no files.
 
-The reader (urdf/reader.py) and the tree have named what could not be read or does not hang together; here is
-the rest: what can be read, and is probably not meant.
+The URDF reader (urdf/reader.py) and the tree report what can't be read or connected; this module reports what
+can be read but is probably not intended.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ UNIT = 1e-3  # how far an axis may be from length 1
 def examine_model(
     urdf: Urdf, tree: Tree, facts: Mapping[str, MeshFacts] | None, meaning: Meaning | None = None
 ) -> list[Finding]:
-    """Everything, worst first. `facts`: the meshes by URI, None when they were not looked at; `meaning`: what
-    a profile says of joints and sensors."""
+    """All findings, worst first. `facts`: the meshes by URI, None if they were not read; `meaning`: what a
+    profile says about joints and sensors."""
     found = [*urdf.findings, *tree.findings]
     for joint in urdf.joints:
         found += _joint(joint)

@@ -1,1 +1,1 @@
-"""Mesh and texture files of any format as triangles with paints."""
+"""Reads mesh and texture files of any format as triangles with paints."""

@@ -1,9 +1,9 @@
-"""Collada (1.4 and 1.5): triangles and the scene they stand in.
+"""Reads Collada (1.4 and 1.5): triangles and the scene that places them.
 
-As RViz does: <unit> is applied, <up_axis> ignored (exporters write it and rotate the vertices as well).
+Like RViz it applies <unit> and ignores <up_axis>, because exporters write it and rotate the vertices as well.
 
-Whatever is shown from several places is read once, and what it shows is counted before it is made: a file may
-name its parts far more often than it has room for.
+A part shown in several places is read once, and its triangles are counted before they are made: a small file
+may show its parts far more often than memory allows.
 """
 
 from __future__ import annotations
@@ -73,7 +73,8 @@ class _Node:
 
 
 def read_collada(data: bytes, load: Load, keep_uv: bool = False, pictures: Pictures | None = None) -> Mesh:
-    """ModelRefused when it is none; a missing texture only costs the texture. `keep_uv`: also without one."""
+    """Read a file. Raises ModelRefused when it is not Collada; a missing texture is only noted. `keep_uv`:
+    keep texture coordinates even without a texture."""
     root = read_xml(
         io.BytesIO(data), bytes_max=TEXT_MAX, elements_max=ELEMENTS_MAX, depth_max=DEPTH_MAX, texts=True
     )

@@ -1,4 +1,4 @@
-"""What Collada's surfaces are painted with.
+"""Reads the materials of a Collada file.
 
 An opacity of 0 is read as 1: exporters mean the opposite of what the specification says.
 """
@@ -18,12 +18,12 @@ SHADERS = ("phong", "lambert", "blinn", "constant")
 
 
 def find_target(ids: Mapping[str, Element], url: str | None) -> Element | None:
-    """The element that `#id` names."""
+    """The element that the URL `#id` refers to, or None."""
     return ids.get(url[1:]) if url and url.startswith("#") else None
 
 
 class Materials:
-    """The materials of one file. A missing texture only costs the texture."""
+    """The materials of one file. A missing texture is only noted."""
 
     def __init__(self, ids: Mapping[str, Element], load: Load, pictures: Pictures, notes: Notes) -> None:
         self._ids = ids
@@ -34,7 +34,8 @@ class Materials:
         self._effects: dict[int, Paint | None] = {}
 
     def find_paint(self, url: str) -> Paint | None:
-        """Of the material that a URL names; None when it names none, or the material none."""
+        """The paint of the material that a URL refers to; None when there is no such material or it defines
+        none."""
         if url not in self._paints:
             material = find_target(self._ids, url)
             instance = material.find_first("instance_effect") if material else None

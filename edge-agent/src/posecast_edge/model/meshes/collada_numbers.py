@@ -1,4 +1,4 @@
-"""Lists of numbers in Collada's elements."""
+"""Reads lists of numbers in Collada's elements."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ T = TypeVar("T", np.float64, np.int64)
 
 
 def extract_rgba(element: Element) -> Rgba:
-    """Four numbers from 0 to 1; light grey where they are none."""
+    """The four numbers 0 … 1 in the element; light grey if it does not contain them."""
     values = extract_floats(element)
     if len(values) < 3 or not np.isfinite(values).all():
         return (0.8, 0.8, 0.8, 1.0)
@@ -26,12 +26,12 @@ def extract_rgba(element: Element) -> Rgba:
 
 
 def extract_floats(element: Element) -> NDArray[np.float64]:
-    """All numbers in it. ModelRefused when something else stands there."""
+    """All numbers in the element. Raises ModelRefused when it contains anything else."""
     return _numbers(element, np.float64)
 
 
 def extract_integers(element: Element) -> NDArray[np.int64]:
-    """All whole numbers in it. ModelRefused when something else stands there."""
+    """All integers in the element. Raises ModelRefused when it contains anything else."""
     return _numbers(element, np.int64)
 
 
@@ -47,7 +47,7 @@ def _numbers(element: Element, kind: type[T]) -> NDArray[T]:
 
 
 def convert_float(text: str | None, default: float) -> float:
-    """One finite number; the default where there is none."""
+    """Convert a text to a finite number, or return the default when it is not one."""
     try:
         value = float(text) if text is not None else default
     except ValueError:

@@ -1,4 +1,5 @@
-"""glTF 2.0, as GLB or with files beside it: triangles and base colours, in its own axes as in RViz."""
+"""Reads glTF 2.0, as GLB or with separate files: triangles and base colours, in the file's axes as RViz
+does."""
 
 from __future__ import annotations
 
@@ -34,7 +35,7 @@ WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 
 
 def read_gltf(data: bytes, load: Load, pictures: Pictures | None = None) -> Mesh:
-    """ModelRefused when it is none, or is compressed."""
+    """Read a file. Raises ModelRefused when it is not glTF or uses compression."""
     document, binary = _chunks(data) if data[:4] == b"glTF" else (_json(data), None)
     try:
         reader = _Reader(document, binary, load, pictures or Pictures(), len(data))

@@ -50,14 +50,14 @@ class Surface:
 
 @dataclass(frozen=True)
 class Mesh:
-    """`notes`: what a reader had to be lenient about, (code, text)."""
+    """Surfaces with their paints. `notes`: (code, text) of what a reader had to tolerate."""
 
     surfaces: tuple[Surface, ...]
     notes: tuple[tuple[str, str], ...] = ()
 
     @property
     def triangles(self) -> int:
-        """How many triangles all surfaces have."""
+        """Number of triangles of all surfaces."""
         return sum(len(s.faces) for s in self.surfaces)
 
     def compute_box(self) -> tuple[Floats, Floats]:
@@ -67,8 +67,8 @@ class Mesh:
 
 
 class Expansion:
-    """What a file's scene grows to. A part may be shown many times, so a small file can stand for a huge
-    scene: it is counted before anything is made."""
+    """Counts how large a file's scene becomes. A part may be shown many times, so a small file can describe a
+    huge scene; it is counted before anything is made."""
 
     def __init__(self, size: int) -> None:
         """`size`: bytes of the file; a triangle that stands in it takes one at least."""
@@ -76,11 +76,12 @@ class Expansion:
         self._triangles = 0
 
     def add_bytes(self, size: int) -> None:
-        """Count `size` bytes that lie beside the file as its own."""
+        """Count `size` bytes of another file that this file refers to as its own."""
         self._left += size
 
     def add_part(self, triangles: int) -> None:
-        """Count one more part. Raises ModelRefused when the scene is larger than its file may make it."""
+        """Count one more part with this many triangles. Raises ModelRefused when the scene grows too large
+        for its file."""
         self._triangles += triangles
         self._left -= triangles + PLACING
         if self._triangles > TRIANGLES_MAX:
@@ -92,7 +93,7 @@ class Expansion:
 
 
 class Notes:
-    """What a reader had to be lenient about: each once, at most NOTES_MAX."""
+    """What a reader had to tolerate, without duplicates and at most NOTES_MAX."""
 
     def __init__(self) -> None:
         self._found: dict[tuple[str, str], None] = {}
@@ -108,7 +109,7 @@ class Notes:
 
 
 def clip_to_unit(value: float) -> float:
-    """`value` clipped to 0 … 1. Raises ValueError for what is not finite."""
+    """`value` clipped to 0 … 1. Raises ValueError when it is not finite."""
     if not math.isfinite(value):
         raise ValueError(f"{value} is no share")
     return min(max(value, 0.0), 1.0)
@@ -117,10 +118,10 @@ def clip_to_unit(value: float) -> float:
 def select_used_vertices(
     numbers: NDArray[np.int64], count: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """The used ones of `count` vertices, ascending, and `numbers` in terms of these: a file's vertices may be
-    shared by many surfaces, each of which would else carry all of them.
+    """Return the used ones of `count` vertices, ascending, and `numbers` renumbered to index these. Surfaces
+    may share a file's vertices, and each would otherwise carry all of them.
 
-    ModelRefused when one is named that there is not.
+    Raises ModelRefused when a number is out of range.
     """
     if len(numbers) and (numbers.min() < 0 or numbers.max() >= count):
         raise ModelRefused("a triangle names a vertex that there is not")
@@ -133,7 +134,8 @@ def select_used_vertices(
 
 
 def validate_mesh(mesh: Mesh) -> Mesh:
-    """The mesh without empty surfaces. Raises ModelRefused when nothing is left, or it can't be drawn."""
+    """Return the mesh without empty surfaces. Raises ModelRefused when nothing is left or it can't be
+    drawn."""
     surfaces = []
     for surface in mesh.surfaces:
         if not len(surface.faces):
@@ -158,7 +160,8 @@ def validate_mesh(mesh: Mesh) -> Mesh:
 
 
 def triangulate_fans(counts: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Corner numbers (m, 3) of triangles that fill polygons of `counts` corners, corners counted through."""
+    """Divide polygons with `counts` corners into triangles (m, 3) of corner numbers. Corners are numbered
+    through all polygons."""
     triangles = np.maximum(counts - 2, 0)
     first = np.repeat(np.cumsum(counts) - counts, triangles)
     step = np.arange(triangles.sum()) - np.repeat(np.cumsum(triangles) - triangles, triangles)

@@ -11,7 +11,7 @@ Vectors = NDArray[np.float64]
 
 
 def compute_face_normals(positions: Floats, faces: Faces) -> tuple[Vectors, NDArray[np.float64]]:
-    """Unit normals (m, 3), 0 for a triangle without area; and areas (m), m²."""
+    """Unit normals (m, 3), 0 for a triangle without area, and areas (m) in m²."""
     p = positions.astype(np.float64)
     cross = np.cross(p[faces[:, 1]] - p[faces[:, 0]], p[faces[:, 2]] - p[faces[:, 0]])
     length = np.linalg.norm(cross, axis=1)
@@ -21,11 +21,11 @@ def compute_face_normals(positions: Floats, faces: Faces) -> tuple[Vectors, NDAr
 def compute_crease_normals(
     positions: Floats, faces: Faces, crease_deg: float
 ) -> tuple[NDArray[np.int64], Vectors]:
-    """Group of each corner (3m), and the groups' unit normals.
+    """Return the group of each corner (3m), and the unit normals of the groups.
 
-    Corners at one vertex are in one group when a chain of edges less sharp than the crease joins their
-    triangles. Each triangle counts by its area times its angle at the corner: large flat faces stay flat, and
-    a chamfer beside them takes the turn.
+    Corners at one vertex belong to one group when a chain of edges less sharp than `crease_deg` (degrees)
+    connects their triangles. Each triangle is weighted by its area times its angle at the corner: large flat
+    faces stay flat, and a chamfer beside them takes the turn.
     """
     normals, areas = compute_face_normals(positions, faces)
     group = _groups(faces, normals, float(np.cos(np.radians(crease_deg))))
@@ -68,11 +68,12 @@ def _groups(faces: Faces, normals: Vectors, least_cosine: float) -> NDArray[np.i
 
 
 def label_connected(count: int, left: NDArray[np.int64], right: NDArray[np.int64]) -> NDArray[np.int64]:
-    """The lowest of the numbers 0 … count - 1 that each hangs together with over the pairs (left, right).
+    """For each of the numbers 0 … count - 1, the lowest number it is connected with by the pairs (left,
+    right).
 
-    Each round hangs every set's lowest number below a lower one that a pair leads to, and forgets the pairs
-    within a set: after a logarithm of rounds nothing is left (Liu and Tarjan 2019), in whatever order they
-    come.
+    Each round attaches every set's lowest number to a lower one that a pair leads to, and drops the pairs
+    within a set. This ends after a logarithmic number of rounds (Liu and Tarjan 2019), whatever the order of
+    the pairs.
     """
     lowest = np.arange(count, dtype=np.int64)
     while True:

@@ -40,7 +40,8 @@ class _Group:
 
 
 def read_obj(data: bytes, load: Load, keep_uv: bool = False, pictures: Pictures | None = None) -> Mesh:
-    """ModelRefused when it is none; a missing library only costs colours. `keep_uv`: even without picture."""
+    """Read a file. Raises ModelRefused when it is not OBJ; a missing library only costs colours. `keep_uv`:
+    keep texture coordinates even without a picture."""
     if len(data) > TEXT_MAX:
         raise ModelRefused(f"an OBJ over {TEXT_MAX >> 20} MiB")
     notes = Notes()

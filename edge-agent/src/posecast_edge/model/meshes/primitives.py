@@ -1,4 +1,5 @@
-"""URDF's shapes as meshes, about their own centre, z along the length. Fine; the levels simplify them."""
+"""Makes meshes of URDF's shapes, centred, with z along the length. They are fine; the levels simplify
+them."""
 
 from __future__ import annotations
 
@@ -14,8 +15,8 @@ RINGS = 24  # of a sphere, pole to pole
 
 
 def tessellate(kind: str, dims: Sequence[float]) -> Mesh:
-    """box (x, y, z), cylinder or capsule (radius, length), sphere (radius); metres. A picture lies on each
-    side of a box, around a cylinder and on its ends, and as a map of the world on a sphere."""
+    """Make a mesh of a box (x, y, z), cylinder or capsule (radius, length) or sphere (radius); metres.
+    Textures cover each side of a box, the side and ends of a cylinder, and a sphere like a world map."""
     if kind == "box":
         return make_box(np.zeros(3), np.array(dims))
     if kind == "cylinder":
@@ -32,7 +33,7 @@ def tessellate(kind: str, dims: Sequence[float]) -> Mesh:
 
 
 def make_box(centre: NDArray[np.float64], size: NDArray[np.float64]) -> Mesh:
-    """A box of that size (x, y, z) about a centre."""
+    """A box of this size (x, y, z) around a centre, metres."""
     corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * size / 2 + centre
     # each side from its lower left, against the clock
     quads = np.array([[4, 6, 7, 5], [2, 0, 1, 3], [6, 2, 3, 7], [0, 4, 5, 1], [1, 5, 7, 3], [2, 6, 4, 0]])

@@ -1,4 +1,4 @@
-"""Reads a mesh file of any kind. What it is, is judged by its first bytes, then by its name."""
+"""Reads a mesh file of any format, recognised by its first bytes, then by its name."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from posecast_edge.model.urdf.resolver import Resolver
 
 
 def read_mesh(path: Path, resolver: Resolver, keep_uv: bool = False, shelf: SideFiles | None = None) -> Mesh:
-    """The checked mesh, one paint a surface. ModelRefused says why it can't be shown.
+    """Read and check a mesh. Raises ModelRefused, which says why it can't be shown.
 
-    `keep_uv`: the URDF has a picture for it, so coordinates matter also where the file itself names none.
-    `shelf`: of the robot, where meshes share what they name.
+    `keep_uv`: the URDF gives it a picture, so texture coordinates are needed even if the file names no
+    picture. `shelf`: files that the robot's meshes share.
     """
     mesh = validate_mesh(_read(path, resolver, keep_uv, shelf or SideFiles()))
     return replace(mesh, surfaces=tuple(split_all_by_colour(mesh.surfaces)))

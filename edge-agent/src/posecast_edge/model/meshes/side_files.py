@@ -1,5 +1,5 @@
-"""What meshes name beside themselves: buffers, material libraries, pictures. Bounded for each and for all of
-a robot, since a thousand meshes may name the same large file."""
+"""Reads files that meshes refer to: buffers, material libraries, pictures. Sizes are bounded per file and per
+robot, because a thousand meshes may name the same large file."""
 
 from __future__ import annotations
 
@@ -17,7 +17,8 @@ NAMES_MAX = 1000  # that one mesh names; further ones are not looked for
 
 @dataclass(frozen=True)
 class Bound:
-    """Bytes: of one file, and of all that a robot's meshes are given. What is beyond is left out."""
+    """Limits in bytes for one file and for all files that a robot's meshes are given; what exceeds them is
+    left out."""
 
     one: int
     all: int
@@ -32,7 +33,7 @@ BOUNDS = {
 
 
 class SideFiles:
-    """The files beside the meshes of one robot."""
+    """The files that the meshes of one robot refer to."""
 
     def __init__(self) -> None:
         self.pictures = Pictures()
@@ -40,7 +41,7 @@ class SideFiles:
         self._left = {kind: bound.all for kind, bound in BOUNDS.items()}
 
     def make_loader(self, mesh: Path, resolver: Resolver) -> Load:
-        """What gives the files that this mesh names; ModelRefused says why there is none."""
+        """A function that loads the files this mesh names. It raises ModelRefused when one can't be used."""
         told: dict[str, bytes | ModelRefused] = {}
 
         def load(name: str) -> bytes:
@@ -82,7 +83,7 @@ class SideFiles:
 
 
 def read_bounded(path: Path, most: int) -> bytes:
-    """A file's bytes. ModelRefused when it is larger than that, or can't be read."""
+    """Read a file. Raises ModelRefused when it is larger than `most` bytes or can't be read."""
     try:
         if path.stat().st_size > most:
             raise ModelRefused(f"over {most >> 20} MiB")

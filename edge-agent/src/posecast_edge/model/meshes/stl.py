@@ -1,4 +1,4 @@
-"""STL, binary and text. A binary one may begin with "solid", so only its length tells them apart."""
+"""Reads STL, binary and text. A binary file may begin with "solid", so only the length tells them apart."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ VERTEX = re.compile(rb"vertex\s+(\S+)\s+(\S+)\s+(\S+)", re.IGNORECASE)
 
 
 def read_stl(data: bytes) -> Mesh:
-    """ModelRefused when the header and the length disagree, or the text is none."""
+    """Read a file. Raises ModelRefused when header and length disagree or the text is not STL."""
     count = int.from_bytes(data[80:84], "little") if len(data) >= HEADER else 0
     room = (len(data) - HEADER) // RECORD.itemsize
     notes: list[tuple[str, str]] = []

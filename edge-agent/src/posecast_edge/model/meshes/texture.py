@@ -1,4 +1,4 @@
-"""Pictures on surfaces: made small enough for each level, in a format that every browser draws."""
+"""Prepares textures: scaled down for each level, in a format that every browser displays."""
 
 from __future__ import annotations
 
@@ -33,21 +33,21 @@ LOOKS_MAX = (
 
 @dataclass(frozen=True)
 class Picture:
-    """An encoded picture: `type` is image/png or image/jpeg."""
+    """An encoded picture; `type` is image/png or image/jpeg."""
 
     data: bytes
     type: str
 
 
 class Pictures:
-    """The pictures of one robot: each is looked at once, however many surfaces name it."""
+    """The pictures of one robot; each is checked once, however many surfaces use it."""
 
     def __init__(self) -> None:
         self._reasons: dict[bytes, str] = {}  # why a picture can't be used, "" where it can
         self._pixels = self._claimed = 0
 
     def validate(self, data: bytes) -> bytes:
-        """The same. ModelRefused when it is no picture, a broken one, or too large."""
+        """Return `data`. Raises ModelRefused when it is not a picture, damaged, or too large."""
         if data not in self._reasons:
             self._reasons[data] = self._look_at(data)
         if reason := self._reasons[data]:
@@ -74,7 +74,8 @@ class Pictures:
 
 @lru_cache(LOOKS_MAX)
 def fit_picture(data: bytes, side_max: int) -> Picture:
-    """At most `side_max` pixels a side; a PNG or JPEG that fits is kept. ModelRefused when it is none."""
+    """Scale a picture to at most `side_max` pixels a side; a PNG or JPEG that fits is kept as it is. Raises
+    ModelRefused when it is not a picture."""
     with _reading():
         image = _opened(data)
         fits = max(image.size) <= side_max
@@ -95,13 +96,14 @@ def fit_picture(data: bytes, side_max: int) -> Picture:
 
 
 def validate_picture(data: bytes) -> bytes:
-    """The same. ModelRefused when it is no picture, a broken one, or far too large."""
+    """Return `data`. Raises ModelRefused when it is not a picture, damaged, or far too large."""
     return Pictures().validate(data)
 
 
 @lru_cache(LOOKS_MAX)
 def compute_mean_colour(data: bytes) -> tuple[float, float, float]:
-    """Its mean as display values 0 … 1. ModelRefused when it is no picture."""
+    """The picture's mean colour as display (sRGB) values 0 … 1. Raises ModelRefused when it is not a
+    picture."""
     with _reading():
         shown = _plain(_opened(data), LOOK).convert("RGB")
         r, g, b = shown.resize((1, 1), Image.Resampling.BOX).getpixel((0, 0))  # type: ignore[misc]

@@ -1,7 +1,7 @@
-"""Colours that a mesh gives to each of its vertices, as paints: a few colours, each on triangles of its own.
+"""Converts vertex colours to paints: a few colours, each on triangles of its own.
 
-The levels know paints, not vertex colours (docs/MODEL.md). Exporters use them for parts of a body, so a few
-colours are right; a scan's colours are no parts, and become their mean.
+Levels of detail have paints but no vertex colours (docs/MODEL.md). Exporters use vertex colours to mark parts
+of a body, so a few colours are kept; the many colours of a scan are replaced by their mean.
 """
 
 from __future__ import annotations
@@ -22,8 +22,9 @@ RAGGED = 0.3  # of all edges lying between colours: no parts, but a picture
 
 
 def split_all_by_colour(surfaces: Sequence[Surface]) -> list[Surface]:
-    """Surfaces of one paint each. Where all vertices of a file without materials have one colour, that is
-    spare: such a layer is more often an exporter's habit than the robot's colour, and RViz shows none."""
+    """Split into surfaces of one paint each. If a file without materials gives all vertices the same colour,
+    it becomes the spare paint: that is usually an exporter's default and not the robot's colour, and RViz
+    ignores it."""
     parts = [part for surface in surfaces for part in split_by_colour(surface)]
     if any(surface.paint for surface in surfaces) or len({part.paint for part in parts}) > 1:
         return parts
@@ -31,7 +32,8 @@ def split_all_by_colour(surfaces: Sequence[Surface]) -> list[Surface]:
 
 
 def split_by_colour(surface: Surface) -> Iterator[Surface]:
-    """Surfaces of one paint each; the same where there are no colours, or only black: a layer left empty."""
+    """Split a surface into surfaces of one paint each. It is left as it is if it has no colours or only
+    black, which is an unused layer."""
     if surface.colours is None or surface.colours.max() < DARK:
         yield replace(surface, colours=None)
         return

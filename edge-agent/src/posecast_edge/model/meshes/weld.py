@@ -1,4 +1,5 @@
-"""Joins the corners of loose triangles, so that a surface is one again: STL has six copies of each vertex."""
+"""Joins the corners of separate triangles into shared vertices; STL, for one, stores about six copies of
+each."""
 
 from __future__ import annotations
 
@@ -12,8 +13,8 @@ CROWD_MAX = 1000  # triangles at one vertex; the densest of real robots have som
 
 
 def weld_vertices(surface: Surface) -> Surface:
-    """The same with one vertex per place (and texture coordinate); without triangles that have no area, or
-    stand twice."""
+    """The surface with one vertex per position (and texture coordinate), without duplicate triangles and
+    those that have no area."""
     positions = surface.positions
     low = positions.min(0)
     cell = max(float((positions.max(0) - low).max()), 1e-12) / CELLS
@@ -30,7 +31,8 @@ def weld_vertices(surface: Surface) -> Surface:
 
 
 def drop_duplicate_faces(faces: NDArray[np.int64], vertices: int) -> Faces:
-    """Triangles with three different corners, each once (its back is another one), in their order."""
+    """Triangles with three different corners, each once and in order; the reverse side counts as a different
+    triangle."""
     a, b, c = faces[:, 0], faces[:, 1], faces[:, 2]
     faces = faces[(a != b) & (b != c) & (c != a)]
     turn = np.argmin(faces, axis=1)[:, None]
@@ -47,15 +49,17 @@ def drop_duplicate_faces(faces: NDArray[np.int64], vertices: int) -> Faces:
 def find_crowded_faces(
     faces: NDArray[np.int64] | Faces, place: NDArray[np.int64] | None = None
 ) -> NDArray[np.bool_]:
-    """Which triangles touch a vertex that more than CROWD_MAX of them share: what goes round a vertex again
-    and again takes the square of their number. `place`: of each vertex, where several lie at one."""
+    """Which triangles touch a vertex shared by more than CROWD_MAX of them; simplification takes time in the
+    square of that number. `place`: the position number of each vertex, if several vertices are at one
+    position."""
     corners = faces if place is None else place[faces]
     crowded = np.bincount(corners.reshape(-1))[corners] > CROWD_MAX
     return np.asarray(crowded.any(axis=1), np.bool_)
 
 
 def drop_unused_vertices(faces: Faces) -> tuple[NDArray[np.int64], Faces]:
-    """Numbers of the used vertices in the order of first use, and the faces in terms of these."""
+    """Return the numbers of the used vertices in order of first use, and the faces renumbered to index
+    these."""
     flat = faces.reshape(-1)
     used, first, number = np.unique(flat, return_index=True, return_inverse=True)
     order = np.argsort(first, kind="stable")

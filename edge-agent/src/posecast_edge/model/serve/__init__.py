@@ -1,1 +1,1 @@
-"""A bundle as it is kept, cached and served to those who ask."""
+"""A bundle as it is stored, cached and served."""

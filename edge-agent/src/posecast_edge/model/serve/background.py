@@ -1,6 +1,5 @@
-"""Builds the model of a robot that is on air already: in a process of its own, so that the agent stays small
-and its clock undisturbed. What was built before comes from the cache within a moment (serve/cache.py).
-"""
+"""Builds the model of a robot that is already on air, in a separate process, so that the agent stays small
+and on time. A model built before is taken from the cache at once (serve/cache.py)."""
 
 from __future__ import annotations
 
@@ -34,7 +33,8 @@ def can_build() -> bool:
 
 
 class BackgroundBuild:
-    """`ready` gets the built bundle, or the raw one when it can't be built: at once without mesh tools."""
+    """Calls `ready` with the built bundle, or with the raw one if it can't be built; at once if the mesh
+    tools are missing."""
 
     def __init__(self, urdf: Path, raw: Bundle, ready: Callable[[Bundle], None]) -> None:
         self._urdf, self._raw, self._ready = urdf, raw, ready
@@ -45,7 +45,7 @@ class BackgroundBuild:
         self._thread = threading.Thread(target=self._run, name="model", daemon=True)
 
     def start(self) -> None:
-        """Begin; `ready` is called by another thread."""
+        """Start the build; `ready` is called by another thread."""
         if can_build():
             self._thread.start()
             return
@@ -55,7 +55,7 @@ class BackgroundBuild:
         self._ready(self._raw)
 
     def stop(self) -> None:
-        """End the process if it still runs. The files it made are gone afterwards."""
+        """Terminate the process if it still runs, and delete its files."""
         with self._lock:
             self._stopping = True
             if self._process is not None:

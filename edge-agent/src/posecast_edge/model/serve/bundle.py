@@ -43,12 +43,12 @@ TYPES = {
 
 
 class ModelError(Exception):
-    """A URDF that cannot be served: `file: reason`, one line."""
+    """A URDF that can't be served: one line, `file: reason`."""
 
 
 @dataclass(frozen=True)
 class BundleFile:
-    """One file: where it lies, and what the manifest says of it."""
+    """One file: its path and its entry in the manifest."""
 
     source: Path
     path: str
@@ -58,7 +58,7 @@ class BundleFile:
 
 
 class Bundle:
-    """A model as it was when the agent started."""
+    """A model as it was when it was loaded."""
 
     def __init__(self, manifest: bytes, files: list[BundleFile], missing: list[str]) -> None:
         self.manifest = manifest
@@ -68,16 +68,16 @@ class Bundle:
         self._by_hash = {f.sha256: f for f in files}
 
     def log_missing(self) -> None:
-        """Log which files the model names and lacks, in one line."""
+        """Log the files that the model names but that are missing, in one line."""
         if self.missing:
             shown = ", ".join(self.missing[:3]) + (" …" if len(self.missing) > 3 else "")
             total = len(self.files) + len(self.missing)
             log.warning("model: %d of %d files missing: %s", len(self.missing), total, shown)
 
     def read(self, part: str, offset: int, length: int) -> bytes:
-        """A range of `manifest` or of the file with that SHA-256.
+        """Read up to `length` bytes at `offset` of `manifest` or of the file with the SHA-256 `part`.
 
-        KeyError: no such file. ValueError: no such range. OSError: the file is gone.
+        Raises KeyError for an unknown file, ValueError for an invalid range, OSError when the file is gone.
         """
         file = None if part == "manifest" else self._by_hash.get(part)
         if file is None and part != "manifest":
@@ -93,8 +93,8 @@ class Bundle:
 
 
 def load_bundle(urdf: Path, packages: Sequence[Path] = ()) -> Bundle:
-    """Read a URDF and find the files it names. ModelError when the URDF cannot be used; a file that cannot be
-    found, or lies outside the model's folders (resolve.py), stands in `missing`."""
+    """Read a URDF and find the files it names. Files that are missing or outside the model's folders
+    (resolver.py) are listed in `missing`. Raises ModelError when the URDF can't be used."""
     try:
         uris = list(dict.fromkeys(_uris(load_urdf(urdf))))
         name = make_printable(urdf.name)
@@ -139,7 +139,8 @@ def _uris(urdf: Urdf) -> Iterator[str]:
 
 
 def load_built(folder: Path) -> Bundle:
-    """What `posecast-edge model build` made. ModelError unless every file is what its manifest says."""
+    """Load the output of `posecast-edge model build`. Raises ModelError unless every file matches the
+    manifest."""
     try:
         manifest, entries = check_folder(folder)
     except FileNotFoundError as e:

@@ -1,4 +1,4 @@
-"""A bundle as a folder: who finds its manifest finds everything, and it is read only if it is whole."""
+"""Stores a bundle as a folder. The manifest is written last, so a folder with a manifest is complete."""
 
 from __future__ import annotations
 
@@ -23,10 +23,11 @@ SHA256 = re.compile(r"[0-9a-f]{64}")
 
 
 def write_folder(folder: Path, files: Mapping[str, bytes]) -> None:
-    """Write a bundle's files, the manifest last, each in one move once there was room for all. What an older
-    bundle left there goes.
+    """Write a bundle's files and remove those of an older bundle. All are written under temporary names first
+    and then moved into place, the manifest last.
 
-    ModelRefused when the folder holds something else than a bundle; OSError. Then it stays as it was.
+    Raises ModelRefused when the folder contains something else than a bundle, or OSError; the folder is then
+    unchanged.
     """
     folder.mkdir(parents=True, exist_ok=True)
     old = _names_in(folder)
@@ -52,7 +53,7 @@ def _remove(path: Path) -> None:
 
 
 class BundleEntry(NamedTuple):
-    """A file as a manifest names it."""
+    """A file as the manifest names it."""
 
     path: str
     size: int
@@ -60,13 +61,15 @@ class BundleEntry(NamedTuple):
 
 
 def read_folder(folder: Path) -> dict[str, bytes]:
-    """A bundle's files with its manifest. ModelRefused unless each is what the manifest says; OSError."""
+    """Read a bundle's files and its manifest. Raises ModelRefused unless each matches the manifest, or
+    OSError."""
     manifest, entries = check_folder(folder)
     return {MANIFEST: manifest} | {e.path: _read(folder / e.path, e.size) for e in entries}
 
 
 def check_folder(folder: Path) -> tuple[bytes, list[BundleEntry]]:
-    """The manifest, and its files by name. ModelRefused unless each is what the manifest says; OSError."""
+    """Return the manifest and its entries. Raises ModelRefused unless each file matches the manifest, or
+    OSError."""
     manifest = _read(folder / MANIFEST, MANIFEST_MAX)
     entries = list_entries(manifest)
     for path, size, digest in entries:
@@ -80,7 +83,7 @@ def check_folder(folder: Path) -> tuple[bytes, list[BundleEntry]]:
 
 
 def list_entries(manifest: bytes) -> list[BundleEntry]:
-    """The files that a version 2 manifest names. ModelRefused when it is none."""
+    """The files that a version 2 manifest names. Raises ModelRefused when it is not such a manifest."""
     try:
         document: dict[str, Any] = json.loads(manifest)
         if document["v"] != 2:

@@ -1,7 +1,7 @@
-"""Bundles that were built before. One is used again only if every file it was made from is still the same:
-each name is resolved anew, and what it leads to is compared by SHA-256.
+"""Caches built bundles. An entry is used only if every input file is still the same: each name is resolved
+again, and the file it leads to is compared by SHA-256.
 
-An entry is a folder of the bundle's files and `inputs.json`. The newest ENTRIES are kept.
+An entry is a folder with the bundle's files and `inputs.json`. The newest ENTRIES are kept.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ BUILDER = 6  # goes up when the same input gives another bundle
 
 
 def find_cache_folder(environment: Mapping[str, str]) -> Path | None:
-    """Where the entries lie (XDG base directories); None for a user without a home."""
+    """The folder of the entries (XDG base directories); None for a user without a home folder."""
     base = environment.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
     return Path(base, "posecast", "models") if os.path.isabs(base) else None
 
 
 class Cache:
-    """Entries for one URDF and its package folders."""
+    """The cache entry for one URDF and its package folders."""
 
     def __init__(self, folder: Path, urdf: Path, packages: Sequence[Path]) -> None:
         self._urdf = resolve_links(urdf)
@@ -40,7 +40,8 @@ class Cache:
         self._entry = folder / hashlib.sha256(os.fsencode(name)).hexdigest()[:32]
 
     def get(self) -> dict[str, bytes] | None:
-        """The bundle's files with `manifest.json`; None when there is none, or an input has changed."""
+        """The bundle's files including `manifest.json`; None when there is no entry or an input has
+        changed."""
         try:
             inputs = json.loads((self._entry / INPUTS).read_bytes())
             if inputs["urdf"] != _digest(self._urdf) or not self._same(inputs["asked"]):
@@ -52,7 +53,7 @@ class Cache:
         return files
 
     def put(self, files: Mapping[str, bytes], resolver: Resolver) -> None:
-        """Keep a bundle. A cache that can't be written is done without."""
+        """Store a bundle. Does nothing if the cache can't be written."""
         asked = [[*name, str(path) if path else None, _digest(path)] for name, path in resolver.asked.items()]
         inputs = json.dumps({"urdf": _digest(self._urdf), "asked": asked}).encode()
         with contextlib.suppress(OSError):

@@ -1,7 +1,7 @@
-"""The model of a robot that describes itself: its robot_description, served as if it lay in a file.
+"""Serves the model that a robot publishes as its robot_description, as if it were a file.
 
-Meshes are found where ROS finds them (ROS_PACKAGE_PATH, AMENT_PREFIX_PATH); what is not on this machine is
-shown by stand-ins. A new description replaces the old one.
+Meshes are found where ROS finds them (ROS_PACKAGE_PATH, AMENT_PREFIX_PATH); stand-ins replace those that are
+not on this machine. A new description replaces the old one.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ DEPTH = "a/robot/that/describes/itself"
 
 
 class DescribedModel:
-    """`ready` gets a bundle for every description that can be used, from another thread."""
+    """Calls `ready` from another thread with a bundle for every usable description."""
 
     def __init__(self, packages: Sequence[Path], ready: Callable[[Bundle], None]) -> None:
         self._packages = packages
@@ -37,17 +37,17 @@ class DescribedModel:
         self._thread = threading.Thread(target=self._run, name="described", daemon=True)
 
     def start(self) -> None:
-        """Begin to wait for descriptions."""
+        """Start waiting for descriptions."""
         self._thread.start()
 
     def take_urdf(self, urdf: str) -> None:
-        """A description. Returns at once."""
+        """Take a new description (URDF text). Returns at once."""
         with self._wake:
             self._newest = urdf
             self._wake.notify()
 
     def stop(self) -> None:
-        """End. The files made are gone afterwards."""
+        """Stop, and delete the files that were made."""
         with self._wake:
             self._stopping = True
             self._wake.notify()

@@ -1,6 +1,5 @@
-"""Reads a URDF. Tolerant: what can't be read is replaced by what the standard says for an absent value, and
-named in `findings`, so that the rest of the robot can still be shown.
-"""
+"""Reads a URDF tolerantly: what can't be read is replaced by the standard's default for an absent value and
+reported in `findings`, so that the rest of the robot can still be shown."""
 
 from __future__ import annotations
 
@@ -58,7 +57,7 @@ ROOTS_OF_OTHERS = {
 
 
 def load_urdf(path: Path) -> Urdf:
-    """Read a file. ModelRefused when it is no URDF at all."""
+    """Read a file. Raises ModelRefused when it is not a URDF at all."""
     try:
         with path.open("rb") as source:
             return read_urdf(source)
@@ -67,7 +66,7 @@ def load_urdf(path: Path) -> Urdf:
 
 
 def read_urdf(source: BinaryIO) -> Urdf:
-    """Read a stream. ModelRefused when it is no URDF at all."""
+    """Read a stream. Raises ModelRefused when it is not a URDF at all."""
     root = read_xml(source, bytes_max=BYTES_MAX, elements_max=ELEMENTS_MAX, depth_max=DEPTH_MAX, texts=True)
     if root.tag != "robot":
         other = f"the root element is <{make_printable(root.tag[:40])}>, not <robot>"

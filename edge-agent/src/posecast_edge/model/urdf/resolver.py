@@ -29,20 +29,21 @@ OUTSIDE = "lies outside the model's folders; name its folder with --packages or 
 
 @dataclass(frozen=True)
 class Resolved:
-    """Where it lies; `hint` when it was found only by leniency."""
+    """The path of a file; `hint`: how it was found if the URI was not quite right."""
 
     path: Path
     hint: str | None = None
 
 
 def list_package_folders(environment: Mapping[str, str]) -> list[Path]:
-    """Where ROS looks for packages: AMENT_PREFIX_PATH/share and ROS_PACKAGE_PATH."""
+    """The folders in which ROS looks for packages: AMENT_PREFIX_PATH/share and ROS_PACKAGE_PATH."""
     ament = [Path(p, "share") for p in environment.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if p]
     return ament + [Path(p) for p in environment.get("ROS_PACKAGE_PATH", "").split(os.pathsep) if p]
 
 
 def resolve_links(path: Path) -> Path:
-    """Without links; those in a circle stay, as an OSError for whoever opens them."""
+    """The path with symbolic links resolved. A cycle of links is kept, and raises OSError when the path is
+    opened."""
     return Path(os.path.realpath(path))
 
 
@@ -62,14 +63,15 @@ class Resolver:
         self.asked: dict[tuple[str, str], Path | None] = {}  # (URI, "") or (mesh, name): what was found
 
     def find_file(self, uri: str) -> Resolved:
-        """The mesh or picture behind a URDF's URI. ModelRefused says why there is none."""
+        """The mesh or picture that a URI of the URDF refers to. Raises ModelRefused, which says why there is
+        none."""
         self.asked[uri, ""] = None
         found = self._find(uri)
         self.asked[uri, ""] = found.path
         return found
 
     def find_beside(self, mesh: Path, name: str) -> Path:
-        """A texture or material library that a mesh names, relative to it. ModelRefused."""
+        """A texture or material library that a mesh names, relative to the mesh. Raises ModelRefused."""
         self.asked[str(mesh), name] = None
         found = self.asked[str(mesh), name] = self._beside(mesh, name)
         return found

@@ -1,4 +1,5 @@
-"""A URDF's links and joints as one tree, ready for kinematics. What does not fit is left out and named."""
+"""Connects a URDF's links and joints into one tree for kinematics. What does not fit is left out and
+reported."""
 
 from __future__ import annotations
 
@@ -11,7 +12,8 @@ from posecast_edge.model.urdf.types import SCALAR_TYPES, Joint, Link, Urdf
 
 @dataclass(frozen=True)
 class Follow:
-    """This joint = multiplier × the joint of that index + offset. Chains are resolved."""
+    """This joint = multiplier · the joint with index `joint` + offset. Chains of mimic joints are already
+    resolved."""
 
     joint: int
     multiplier: float
@@ -20,7 +22,7 @@ class Follow:
 
 @dataclass(frozen=True)
 class Tree:
-    """`links[0]` is the root and `links[i + 1]` the child of `joints[i]`, whose parent comes before it.
+    """`links[0]` is the root; `links[i + 1]` is the child of `joints[i]`, whose parent comes before it.
 
     Without a root there are no links, and a finding says why.
     """
@@ -33,7 +35,7 @@ class Tree:
 
 
 def build_tree(urdf: Urdf) -> Tree:
-    """The tree that hangs on the root with the most links."""
+    """Build the tree of the root that has the most links."""
     findings: list[Finding] = []
     links = _unique_links(urdf, findings)
     below = _joints_by_parent(urdf, links, findings)

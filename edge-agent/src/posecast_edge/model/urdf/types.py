@@ -70,7 +70,7 @@ class Inertial:
 
 @dataclass(frozen=True)
 class Link:
-    """A body."""
+    """A link of the robot."""
 
     name: str
     visuals: tuple[Shape, ...]
@@ -81,7 +81,7 @@ class Link:
 
 @dataclass(frozen=True)
 class Limit:
-    """None: not given."""
+    """Limits of a joint; None: not given."""
 
     lower: float | None
     upper: float | None
@@ -102,7 +102,7 @@ class Mimic:
 
 @dataclass(frozen=True)
 class Joint:
-    """`axis` as written, None when absent."""
+    """A joint; `axis` as written in the file, None if absent."""
 
     name: str
     type: str
@@ -128,7 +128,7 @@ class Sensor:
 
 @dataclass(frozen=True)
 class Reference:
-    """A mention of a joint or link outside the tree itself: transmission, gazebo."""
+    """A mention of a joint or link in another element: transmission or gazebo."""
 
     what: str
     name: str
@@ -138,7 +138,7 @@ class Reference:
 
 @dataclass
 class Urdf:
-    """The whole file. Lists keep the file's order, with doubles."""
+    """The content of a URDF. Lists keep the file's order and duplicates."""
 
     name: str
     links: list[Link] = field(default_factory=list)
@@ -150,6 +150,6 @@ class Urdf:
 
 
 def find_material(shape: Shape, materials: Mapping[str, Material]) -> Material | None:
-    """A visual's material: what its name stands for in the robot, else its own."""
+    """A visual's material: the robot's material of that name, else the one defined in the visual."""
     own = shape.material
     return None if own is None else materials.get(own.name, own)

@@ -1,7 +1,7 @@
-"""XML from strangers: small, flat trees with line numbers.
+"""Reads XML from untrusted files as small trees with line numbers.
 
-No document type, so no entities and nothing external; counted while reading, so that a hostile file costs no
-more than its first pages.
+Document types are refused, so there are no entities and nothing external is loaded. Elements are counted
+while reading, so a hostile file is rejected early.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ NO_ATTRIBUTES: Mapping[str, str] = {}
 
 
 class Element:
-    """One element. `text` is the characters directly inside it, "" unless asked for."""
+    """One element. `text`: the characters directly inside it, "" unless requested."""
 
     __slots__ = ("_firsts", "attributes", "children", "line", "tag", "text")
 
@@ -45,11 +45,12 @@ class Element:
             self.children = [child]
 
     def find_all(self, tag: str) -> Iterator[Element]:
-        """Children with that tag."""
+        """Yield the children with this tag."""
         return (c for c in self.children if c.tag == tag)
 
     def find_first(self, *path: str) -> Element | None:
-        """The first child with that tag, its first child with the next tag, and so on."""
+        """Follow a path of tags: the first child with the first tag, its first child with the next tag, and
+        so on."""
         found: Element | None = self
         for tag in path:
             if found is None:
@@ -66,16 +67,16 @@ class Element:
         return self._firsts.get(tag)
 
     def get(self, name: str) -> str | None:
-        """An attribute."""
+        """The value of an attribute, or None."""
         return self.attributes.get(name)
 
 
 def read_xml(
     source: BinaryIO, *, bytes_max: int, elements_max: int, depth_max: int, texts: bool = False
 ) -> Element:
-    """Read a whole tree. ModelRefused says what is wrong, with the line.
+    """Read a whole tree. Raises ModelRefused, which says what is wrong and on which line.
 
-    `texts` keeps character data too (bounded by bytes_max).
+    `texts`: keep character data too (bounded by `bytes_max`).
     """
     parser = expat.ParserCreate()
     parser.buffer_text = True
