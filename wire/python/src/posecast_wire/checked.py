@@ -1,4 +1,4 @@
-"""Typed values out of JSON that strangers wrote: a failure is one short line that says where and why."""
+"""Checks values of JSON from untrusted senders; an error is one short line that says where and why."""
 
 from __future__ import annotations
 
@@ -19,16 +19,17 @@ UNSEEN |= frozenset(map(chr, (*range(0xFE00, 0xFE10), *range(0xE0100, 0xE01F0)))
 
 
 class SchemaError(ValueError):
-    """A schema that cannot be used: one line, `where: reason`."""
+    """An unusable schema: one line, `where: reason`."""
 
 
 def fail(where: str, reason: str) -> NoReturn:
-    """Raise SchemaError `where: reason`."""
+    """Raise SchemaError with the text `where: reason`."""
     raise SchemaError(f"{make_visible(where)}: {make_visible(reason)}")
 
 
 def make_visible(text: str) -> str:
-    """A stranger's text in a line of ours: 160 characters; what is unseen or turns direction is escaped."""
+    """Make untrusted text safe for a one-line message: at most 160 characters, with invisible characters and
+    those that change the writing direction escaped."""
     if len(text) > SHOWN_MAX:
         text = f"{text[: SHOWN_MAX - 60]}…{text[-59:]}"
     if text.isprintable() and UNSEEN.isdisjoint(text):
@@ -41,7 +42,8 @@ def _refuse_constant(name: str) -> NoReturn:
 
 
 def loads(text: str | bytes) -> object:
-    """Parse JSON as browsers do, as far as `check_document` lets it pass (SPEC §1); else ValueError."""
+    """Parse JSON as browsers do. Raises ValueError for invalid JSON and for what `check_document` refuses
+    (SPEC §1)."""
     if isinstance(text, bytes):
         text = text.decode()  # json would guess at UTF-16, and take half a surrogate pair
     if not is_unicode(text):
@@ -55,10 +57,11 @@ def loads(text: str | bytes) -> object:
 
 
 def check_document(document: object) -> None:
-    """ValueError where parsed JSON holds what not everybody can read, or write again.
+    """Raise ValueError when parsed JSON contains something that not every reader can parse or write again: a
+    text that is not valid Unicode, a number that is not finite as a double, or more than 64 levels of
+    nesting.
 
-    That is a text that is not Unicode, a number that is not finite as a double, and more than 64 levels. It
-    takes time in proportion to the document, and no recursion.
+    Takes time in proportion to the document and does not recurse.
     """
     level = [document]
     for _ in range(DEPTH_MAX):
@@ -89,22 +92,23 @@ def _checked(level: list[object]) -> list[object]:
 
 
 def is_unicode(text: str) -> bool:
-    """Whether every character of `text` is one: no half of a surrogate pair, which UTF-8 cannot say."""
+    """Whether `text` can be encoded as UTF-8, that is, contains no half of a surrogate pair."""
     return text.isascii() or SURROGATE.search(text) is None
 
 
 def is_text(value: object) -> TypeGuard[str]:
-    """Whether it is a text of 1 to 200 characters, none a control character or half a surrogate pair."""
+    """Whether `value` is a text of 1 to 200 characters without control characters and halves of surrogate
+    pairs."""
     return isinstance(value, str) and 0 < len(value) <= TEXT_MAX and UNFIT.search(value) is None
 
 
 def is_number(value: object, low: float, high: float) -> TypeGuard[float]:
-    """Whether it is a number (True and False are none) from `low` to `high`."""
+    """Whether `value` is a number from `low` to `high`; True and False are not numbers."""
     return isinstance(value, (int, float)) and not isinstance(value, bool) and low <= value <= high
 
 
 def check_table(value: object, where: str) -> dict[str, object]:
-    """An object; absent (None) reads as empty."""
+    """Return `value` if it is an object; None becomes an empty one. Raises SchemaError."""
     if value is None:
         return {}
     if not isinstance(value, dict):
@@ -113,27 +117,28 @@ def check_table(value: object, where: str) -> dict[str, object]:
 
 
 def check_entries(value: object, where: str) -> Iterator[tuple[str, object, str]]:
-    """An object's names, values, and where those stand; every name is a text. Absent reads as empty."""
+    """Yield (name, value, where it stands) for each member of an object, checking that names are texts; None
+    counts as an empty object. Raises SchemaError."""
     for name, found in check_table(value, where).items():
         yield check_text(name, f"{where} key"), found, f"{where}.{name}"
 
 
 def check_list(value: object, where: str) -> list[object]:
-    """A list."""
+    """Return `value` if it is a list. Raises SchemaError."""
     if not isinstance(value, list):
         fail(where, "must be a list")
     return value
 
 
 def check_text(value: object, where: str) -> str:
-    """A text of 1 to 200 characters, none of them a control character or half a surrogate pair."""
+    """Return `value` if it is a text as in `is_text`. Raises SchemaError."""
     if not is_text(value):
         fail(where, f"must be a text of 1 to {TEXT_MAX} characters without control characters")
     return value
 
 
 def check_number(value: object, where: str) -> float:
-    """A finite number."""
+    """Return `value` as float if it is a finite number. Raises SchemaError."""
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         fail(where, "must be a number")
     try:
@@ -146,7 +151,8 @@ def check_number(value: object, where: str) -> float:
 
 
 def check_texts(value: object, where: str, most: int) -> tuple[str, ...]:
-    """A list of texts, `most` of them, none twice."""
+    """Return `value` as a tuple if it is a list of at most `most` texts without duplicates. Raises
+    SchemaError."""
     listed = check_list(value, where)
     if len(listed) > most:
         fail(where, f"more than {most} names")

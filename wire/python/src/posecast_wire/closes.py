@@ -1,4 +1,5 @@
-"""How a stream may end: every close code, and what the viewer does next (also in `wire/closes.json`)."""
+"""The reasons for which a stream may end: every close code, and what the viewer does next (also
+`wire/closes.json`)."""
 
 from __future__ import annotations
 
@@ -7,7 +8,7 @@ from typing import NamedTuple
 
 
 class Close(IntEnum):
-    """WebSocket close codes a viewer meets; 1001 comes from proxies only."""
+    """The WebSocket close codes that a viewer may receive; 1001 is sent by proxies only."""
 
     GOING_AWAY = 1001
     BINARY = 1003
@@ -28,7 +29,7 @@ class Close(IntEnum):
 
 
 class Retry(str, Enum):
-    """What a viewer does after an ending."""
+    """What a viewer does after a stream has ended."""
 
     BACKOFF = "backoff"  # full jitter: random(0 … min(30 s, 0.5 s × 2^attempt))
     SPREAD = "spread"  # first after random(0 … retry_s of `bye`, 10 s when it told none), then backoff
@@ -37,7 +38,7 @@ class Retry(str, Enum):
 
 
 class Ending(NamedTuple):
-    """Short name, what happened in words a viewer understands, and what comes next."""
+    """Short name of a close code, a description for the viewer's user, and what the viewer does next."""
 
     name: str
     meaning: str
@@ -67,6 +68,6 @@ ENDINGS: dict[Close, Ending] = {
 
 
 def retry_of(code: int) -> Retry:
-    """What to do after a close code; one that is not in the table (1006, a proxy's own) means BACKOFF."""
+    """What to do after a close code; an unknown one (1006, or a proxy's own) means BACKOFF."""
     known = code in Close._value2member_map_
     return ENDINGS[Close(code)].retry if known else Retry.BACKOFF

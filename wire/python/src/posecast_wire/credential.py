@@ -17,15 +17,16 @@ LINE_MAX = 20_000
 
 @dataclass(frozen=True)
 class Credential:
-    """`robot` is its Zenoh user, `secret` the password. `ca`: what signed the relay's certificate, as PEM;
-    None when that is an authority the whole web trusts."""
+    """A robot's password. `robot`: its Zenoh user name; `secret`: the password; `ca`: the authority that
+    signed the relay's certificate, as PEM, None when it is one that browsers trust."""
 
     robot: str
     secret: str = field(repr=False)
     ca: str | None = None
 
     def line(self) -> str:
-        """`posecast1:ROBOT:SECRET`, then `:` and the authority in base64 (DER) if there is one."""
+        """The credential as text: `posecast1:ROBOT:SECRET`, then `:` and the authority in base64 (DER) if
+        there is one."""
         import ssl  # noqa: PLC0415 - over 1 MB, which an edge without a certificate does without
 
         ca = [] if self.ca is None else [base64.b64encode(ssl.PEM_cert_to_DER_cert(self.ca)).decode()]
@@ -33,7 +34,8 @@ class Credential:
 
     @classmethod
     def parse(cls, text: str) -> Credential:
-        """ValueError, which never quotes the secret, when `text` is no credential."""
+        """Parse the text of a credential. Raises ValueError, whose message never contains the secret, when it
+        is invalid."""
         lines = [line for raw in text[: LINE_MAX + 1].splitlines() if (line := raw.strip())]
         if len(text) > LINE_MAX or len(lines) != 1:
             raise ValueError("no credential: want the one line that `posecast-relay robots add` printed")

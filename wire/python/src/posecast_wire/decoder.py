@@ -1,4 +1,4 @@
-"""Frames to codes. Atomic: a frame that does not decode leaves the decoder as it was."""
+"""Decodes frames into codes. A frame that can't be decoded leaves the decoder unchanged."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ REFS_MAX = 4  # the newest; a sender names only the very newest, the rest is for
 
 @dataclass(frozen=True)
 class Frame:
-    """One decoded frame. `t_s`: robot clock, s; `codes`: all channels in the schema's order."""
+    """One decoded frame. `t_s`: robot clock, seconds; `codes`: all channels in the schema's order."""
 
     schema: Schema
     seq: int
@@ -23,7 +23,8 @@ class Frame:
     codes: tuple[int, ...]
 
     def values(self, name: str) -> list[float | None]:
-        """One field in its unit, None where there is no reading. KeyError when the schema lacks it."""
+        """The values of one field in its unit, None where there is no reading. Raises KeyError when the
+        schema lacks it."""
         found = self.schema.find_field(name)
         if found is None:
             raise KeyError(name)
@@ -37,7 +38,8 @@ class _Base:
 
 
 class Decoder:
-    """Keeps the newest `max_schemas` schemas, the newest KEY and its newest REFs; forgets what is older."""
+    """Decodes the frames of a stream. It keeps the newest `max_schemas` schemas, the newest KEY and its
+    newest REFs."""
 
     def __init__(self, max_schemas: int = 4) -> None:
         self._max_schemas = max_schemas
@@ -46,7 +48,7 @@ class Decoder:
         self._refs: dict[int, _Base] = {}
 
     def add_schema(self, text: str) -> Schema:
-        """Learn a schema from its exact text. SchemaError when it is none."""
+        """Add a schema given as its exact text. Raises SchemaError when it is invalid."""
         schema = Schema.parse(text)
         self._schemas.pop(schema.id, None)
         self._schemas[schema.id] = schema
@@ -55,7 +57,7 @@ class Decoder:
         return schema
 
     def decode(self, frame: bytes) -> Frame:
-        """The state a frame carries. BadFrame, or BaseUnknown when its schema or base is not here."""
+        """Decode a frame. Raises BadFrame, or BaseUnknown when its schema or base has not been received."""
         header = parse_header(frame)
         return self._decode_key(frame, header) if header.is_key else self._decode_from(frame, header)
 

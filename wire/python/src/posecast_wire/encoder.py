@@ -1,4 +1,4 @@
-"""Codes to frames (SPEC "Frames"). Pure Python, about 0.15 ms for 244 channels."""
+"""Encodes codes as frames (SPEC "Frames"). Pure Python, about 0.15 ms for 244 channels."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ ORDER_STEPS = tuple(1.0247924945978928 * (1 << k) for k in range(1, ORDER_MAX + 
 
 
 def encode_golomb(z: int, k: int) -> str:
-    """Exp-Golomb code of z ≥ 0 at order k, as a text of 0 and 1."""
+    """The Exp-Golomb code of z ≥ 0 with order k, as a string of 0 and 1."""
     bits = f"{z + (1 << k):b}"
     return "0" * (len(bits) - 1 - k) + bits
 
@@ -47,9 +47,11 @@ CODES = [_Codes(k) for k in range(ORDER_MAX + 1)]
 
 
 class Encoder:
-    """One stream of one run. KEYs are timed by the monotonic clock passed in, never by robot time.
+    """Encodes one stream of one run. The interval between KEYs is measured on the monotonic clock, not in
+    robot time.
 
-    `slow` fields stand still between REFs when `ref_every` > 0; without REFs they move with every frame.
+    With `ref_every` > 0, channels of `slow` fields change only in KEYs and REFs; otherwise they change in
+    every frame.
     """
 
     def __init__(self, schema: Schema, key_interval_s: float = 4.0, ref_every: int = 0) -> None:
@@ -76,10 +78,10 @@ class Encoder:
     def encode(
         self, codes: Sequence[int], seq: int, t_s: float, now_s: float, force_key: bool = False
     ) -> bytes:
-        """One frame. `seq` u32, growing; `t_s`: robot clock, s; `now_s`: monotonic clock, s.
+        """Encode a frame. `seq`: u32, growing; `t_s`: robot clock; `now_s`: monotonic clock; both in seconds.
 
-        `force_key` when the link came up; a new run or schema takes a new Encoder. ValueError on codes, seq
-        or t_s that no frame can carry.
+        Set `force_key` after the link came up; use a new Encoder for a new run or schema. Raises ValueError
+        when codes, seq or t_s are out of range.
         """
         if len(codes) != self.schema.size:
             raise ValueError(f"{len(codes)} codes for {self.schema.size} channels")

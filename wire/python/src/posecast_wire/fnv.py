@@ -1,4 +1,4 @@
-"""FNV-1a, 32 bits: names a schema by its text and a base by its bytes."""
+"""FNV-1a hash of 32 bits: identifies a schema by its text and a base frame by its bytes."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ PRIME, OFFSET = 0x01000193, 0x811C9DC5
 
 
 def fnv1a32_in_python(data: bytes) -> int:
-    """The same as `fnv1a32`, 150 times as slow: for Python 3.10, which the one in C has no wheels for."""
+    """The same hash as `fnv1a32`, 150 times as slow; for Python 3.10, for which the C version has no
+    wheels."""
     value = OFFSET
     for byte in data:
         value = (value ^ byte) * PRIME & 0xFFFFFFFF
@@ -27,9 +28,9 @@ _fnv1a_32 = _fastest()
 
 
 def fnv1a32(data: bytes) -> int:
-    """Hash of `data`, 0 … 2^32-1. A name and a checksum against accidents, not against forgers.
+    """Hash of `data`, 0 … 2^32-1. Serves as an identifier and detects accidental damage, not forgery.
 
-    In C where a relay runs, since it hashes what strangers send.
-    Source: Fowler, Noll, Vo, `FNV-1a` (RFC 9923).
+    Uses C code where available, since a relay hashes what untrusted senders send. Source: Fowler, Noll, Vo,
+    `FNV-1a` (RFC 9923).
     """
     return _fnv1a_32(data)

@@ -1,4 +1,4 @@
-"""The frame's header: what a relay reads, and all it ever reads."""
+"""Parses a frame's header, the only part of a frame that a relay reads."""
 
 from __future__ import annotations
 
@@ -21,19 +21,20 @@ TAG_PLAIN = VERSION << 4
 
 
 class FrameError(ValueError):
-    """A frame that cannot be decoded; it changed nothing."""
+    """A frame that can't be decoded; the decoder is unchanged."""
 
 
 class BadFrame(FrameError):
-    """Not a frame of wire format 1, or a damaged one."""
+    """Not a frame of wire format 1, or damaged."""
 
 
 class BaseUnknown(FrameError):
-    """Sound as far as can be seen, but its schema or base is not here: ask for the snapshot."""
+    """A frame that seems valid, but its schema or base has not been received: request the snapshot."""
 
 
 class Header(NamedTuple):
-    """`seq`, `t`: of a KEY absolute (u32; s, robot clock), else distances from the base (u16; ms)."""
+    """A frame's header. `seq`, `t`: absolute in a KEY (u32; seconds, robot clock), else relative to the base
+    (u16; ms)."""
 
     is_key: bool
     is_ref: bool  # later frames may name this one as their base; true for every KEY
@@ -44,7 +45,7 @@ class Header(NamedTuple):
 
 
 def parse_header(frame: bytes) -> Header:
-    """Read a frame's header. BadFrame when it is none. The body is not looked at."""
+    """Parse a frame's header without looking at its body. Raises BadFrame when it is invalid."""
     if not frame:
         raise BadFrame("empty frame")
     if len(frame) > FRAME_BYTES_MAX:
@@ -70,5 +71,5 @@ def parse_header(frame: bytes) -> Header:
 
 
 def frame_id(frame: bytes) -> int:
-    """The id by which later frames name this KEY or REF: FNV-1a-32 of the whole message."""
+    """The id by which later frames refer to this KEY or REF: FNV-1a-32 of all its bytes."""
     return fnv1a32(frame)

@@ -1,4 +1,5 @@
-"""The Zenoh side, shared by edge and relay: key names, the attachment, the snapshot and the echo."""
+"""Zenoh names and payloads that edge and relay share: key expressions, the attachment, the snapshot and the
+echo."""
 
 from __future__ import annotations
 
@@ -19,7 +20,8 @@ REPLY_BYTES_MAX = 1 << 20  # a schema of 256 KiB as JSON in JSON, two frames in 
 
 
 def check_name(kind: str, name: str) -> str:
-    """`name` when it may name a robot or view, else ValueError: Zenoh itself would allow wildcards."""
+    """Return `name` if it may name a robot or view, else raise ValueError. Zenoh itself would accept
+    wildcards."""
     if not ROBOT_ID.fullmatch(name):
         raise ValueError(f"{kind} '{make_visible(name)}': use 1 to 63 of a-z, 0-9 and -, not starting with -")
     return name
@@ -30,50 +32,51 @@ def _key(robot: str, *rest: str) -> str:
 
 
 def alive_key(robot: str) -> str:
-    """The edge's liveliness token."""
+    """Key of the edge's liveliness token."""
     return _key(robot, "alive")
 
 
 def frame_key(robot: str, view: str) -> str:
-    """Frames, attachment Stamp."""
+    """Key on which the edge publishes frames, each with a Stamp as attachment."""
     return _key(robot, check_name("view", view), "frame")
 
 
 def event_key(robot: str, view: str) -> str:
-    """Events as JSON text without `n`, attachment Stamp."""
+    """Key on which the edge publishes events as JSON text without `n`, each with a Stamp as attachment."""
     return _key(robot, check_name("view", view), "event")
 
 
 def snapshot_key(robot: str, view: str) -> str:
-    """Queryable of the edge: Snapshot, attachment Stamp."""
+    """Key on which the edge answers with a Snapshot and a Stamp as attachment."""
     return _key(robot, check_name("view", view), "snapshot")
 
 
 def model_key(robot: str, part: str) -> str:
-    """Queryable of the edge: `manifest`, or a file by its SHA-256, or `**` for all of them."""
+    """Key on which the edge answers about its model. `part`: `manifest`, the SHA-256 of a file, or `**` for
+    all of them."""
     if not re.fullmatch(r"manifest|[0-9a-f]{64}|\*\*", part):
         raise ValueError(f"model part '{make_visible(part)}': use manifest, ** or a SHA-256")
     return _key(robot, "model", part)
 
 
 def echo_key(robot: str) -> str:
-    """Queryable of the relay: Echo."""
+    """Key on which the relay answers with an Echo."""
     return _key(robot, "echo")
 
 
 class Stamp(NamedTuple):
-    """Attachment of every frame, event and reply. Runs are random and are never ordered by value."""
+    """The attachment of every frame, event and reply. Run ids are random and are never ordered by value."""
 
     run_id: int  # u64, never 0
     elapsed_ns: int  # u64, the edge's monotonic clock since the run began
 
     def pack(self) -> bytes:
-        """16 bytes, little endian."""
+        """Encode as 16 bytes, little endian."""
         return STAMP.pack(*self)
 
     @classmethod
     def unpack(cls, data: bytes) -> Stamp:
-        """ValueError when `data` is no stamp."""
+        """Decode a stamp. Raises ValueError when `data` is invalid."""
         if len(data) != STAMP.size:
             raise ValueError(f"stamp of {len(data)} bytes, {STAMP.size} wanted")
         stamp = cls(*STAMP.unpack(data))
@@ -83,7 +86,8 @@ class Stamp(NamedTuple):
 
 
 class Snapshot(NamedTuple):
-    """All a late joiner needs before the next frame. `model`: SHA-256 of the manifest, hexadecimal."""
+    """All that a late joiner needs before the next frame. `model`: SHA-256 of the model's manifest,
+    hexadecimal."""
 
     schema: str
     info: dict[str, str]
@@ -92,7 +96,7 @@ class Snapshot(NamedTuple):
     model: str | None
 
     def pack(self) -> bytes:
-        """JSON, frames in base64."""
+        """Encode as JSON, with frames in base64."""
         ref = None if self.ref is None else base64.b64encode(self.ref).decode()
         doc = {"v": 1, "schema": self.schema, "info": self.info, "model": self.model}
         doc |= {"key": base64.b64encode(self.key).decode(), "ref": ref}
@@ -100,7 +104,8 @@ class Snapshot(NamedTuple):
 
     @classmethod
     def unpack(cls, data: bytes) -> Snapshot:
-        """ValueError when `data` is no snapshot. Schema and frames are not looked into."""
+        """Decode a snapshot without checking its schema and frames. Raises ValueError when `data` is
+        invalid."""
         doc = _document(data, "snapshot")
         schema, info, model = doc.get("schema"), doc.get("info"), doc.get("model")
         if not isinstance(schema, str):
@@ -116,9 +121,9 @@ class Snapshot(NamedTuple):
 
 
 class Echo(NamedTuple):
-    """What the relay has of a robot. `run_id` 0 = nothing; `relay_time_s`: unix, s.
+    """What the relay has received from a robot. `run_id`: 0 if nothing; `relay_time_s`: Unix time, seconds.
 
-    `over`: of what the robot sends more than its share, and how much is allowed; "" = of nothing.
+    `over`: which limit of the relay the robot exceeds and what is allowed; "" for none.
     """
 
     run_id: int
@@ -127,7 +132,8 @@ class Echo(NamedTuple):
     over: str = ""
 
     def pack(self) -> bytes:
-        """JSON; the run id as 16 hexadecimal digits, since a browser's numbers end at 2^53."""
+        """Encode as JSON, with the run id as 16 hexadecimal digits, since numbers in browsers are exact only
+        up to 2^53."""
         doc: dict[str, object] = {"run": f"{self.run_id:016x}", "seq": self.seq, "time": self.relay_time_s}
         if self.over:
             doc["over"] = self.over
@@ -135,7 +141,7 @@ class Echo(NamedTuple):
 
     @classmethod
     def unpack(cls, data: bytes) -> Echo:
-        """ValueError when `data` is no echo."""
+        """Decode an echo. Raises ValueError when `data` is invalid."""
         doc = _document(data, "echo")
         run, seq, time_s = doc.get("run"), doc.get("seq"), doc.get("time")
         if not isinstance(run, str) or not re.fullmatch("[0-9a-f]{16}", run):

@@ -1,4 +1,4 @@
-"""What channels mean for the model: joints, mounts, names, limits. The schema's `mapping` member."""
+"""The schema's member `mapping`: what channels mean for the model (joints, sensor mounts, names, limits)."""
 
 from __future__ import annotations
 
@@ -26,7 +26,8 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class JointMap:
-    """URDF joint = Σ gain × channel + offset, for pos and ref alike (rad, or m for a sliding joint)."""
+    """Position of a URDF joint = Σ gain · channel + offset, for both pos and ref (rad, or m for a prismatic
+    joint)."""
 
     terms: tuple[tuple[str, float], ...]
     offset: float = 0.0
@@ -34,7 +35,8 @@ class JointMap:
 
 @dataclass(frozen=True)
 class SensorMount:
-    """Where a sensor sits. `xyz` m, `rpy` rad (fixed axes X, Y, Z as in URDF), from its link."""
+    """Where a sensor is mounted, relative to its link: `xyz` in metres, `rpy` in rad (fixed axes X, Y, Z as
+    in URDF)."""
 
     kind: str
     name: str
@@ -45,14 +47,15 @@ class SensorMount:
 
 @dataclass(frozen=True)
 class Threshold:
-    """Limits in the field's unit; `caution` in (0, 1]: how near to a limit yellow starts."""
+    """Limits in the field's unit. `caution` in (0, 1]: the fraction of a limit at which caution begins."""
 
     low: float | None = None
     high: float | None = None
     caution: float = 1.0
 
     def find_level(self, value: float | None) -> Level:
-        """`fault` past a limit, `caution` past the fraction of it that points to rest, else `ok`."""
+        """`fault` beyond a limit, else `caution` from the fraction `caution` of a limit on (for a lower limit
+        above zero: from limit / caution down), else `ok`."""
         if value is None or math.isnan(value):
             return "ok"
         worst: Level = "ok"
@@ -70,7 +73,8 @@ class Threshold:
 
 @dataclass(frozen=True)
 class Mapping:
-    """All parts are optional; keys are channels, sites, fields and bits by name."""
+    """What channels mean for the model. All parts are optional and keyed by names of channels, sites, fields
+    and bits."""
 
     joints: ReadOnly[str, JointMap] = field(default_factory=dict)
     sensors: ReadOnly[str, SensorMount] = field(default_factory=dict)
@@ -81,25 +85,27 @@ class Mapping:
     units: ReadOnly[str, ReadOnly[str, str]] = field(default_factory=dict)
 
     def find_unit(self, field_name: str, label: str) -> str | None:
-        """The unit of one channel where it is not its field's, else None."""
+        """The unit of a channel if it differs from its field's unit, else None."""
         return self.units.get(field_name, {}).get(label)
 
     def find_threshold(self, field_name: str, label: str) -> Threshold | None:
-        """The limits of one channel, else those of `*` in its field, else None."""
+        """The limits of a channel, else those of `*` in its field, else None."""
         of_field = self.thresholds.get(field_name, {})
         return of_field.get(label) or of_field.get(ANY)
 
     def find_tolerance(self, channel: str) -> float | None:
-        """How far ref and pos may part before it shows (rad or m)."""
+        """By how much ref and pos may differ before it is shown (rad or m), or None."""
         return self.tolerances.get(channel, self.tolerances.get(ANY))
 
     def find_severity(self, field_name: str, bit: str) -> Severity:
-        """A bit nobody classified counts as a fault: better a false alarm than a hidden one."""
+        """The severity of a bit. An unclassified bit counts as a fault: a false alarm is better than a hidden
+        one."""
         return self.severities.get(field_name, {}).get(bit, "fault")
 
 
 def parse_mapping(value: object) -> Mapping:
-    """The `mapping` member of a schema, parsed from JSON. SchemaError names what and where."""
+    """Parse a schema's `mapping` member, already decoded from JSON. Raises SchemaError, which says what is
+    wrong and where."""
     doc = check_table(value, "mapping")
 
     def part(name: str) -> Iterator[tuple[str, object, str]]:
@@ -121,10 +127,10 @@ def _each(value: object, where: str, read: Callable[[object, str], T]) -> dict[s
 
 
 def compute_joint_values(schema: Schema, codes: Sequence[int], field_name: str) -> dict[str, float]:
-    """URDF joint → position (rad or m) from one field (`pos` or `ref`) of one frame's codes.
+    """Compute URDF joint → position (rad or m) from one field (`pos` or `ref`) of a frame's codes.
 
-    NaN where a term has no reading or its channel is not in the field; {} when the schema lacks the field.
-    A channel of the label set `joint` that no entry maps drives the joint of its own name.
+    NaN where a term has no reading or its channel is not in the field; {} when the schema lacks the field. A
+    channel of the label set `joint` that no entry uses moves the joint of its own name.
     """
     found = schema.find_field(field_name)
     if found is None:

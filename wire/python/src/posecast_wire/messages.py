@@ -19,7 +19,8 @@ RobotStatus = Literal["online", "silent", "offline"]
 
 
 class Limits(TypedDict, total=False):
-    """What this viewer may do, as far as the relay limits it. `delay_s`: all it sees happened so long ago."""
+    """What this viewer is allowed, as far as the relay limits it. `delay_s`: everything it receives is
+    delayed by this."""
 
     max_hz: float
     max_age_s: float
@@ -28,7 +29,7 @@ class Limits(TypedDict, total=False):
 
 
 class Hello(TypedDict):
-    """First message of every connection. `server_time`: unix, s; `hz`: the rate granted."""
+    """The first message of every connection. `server_time`: Unix time, seconds; `hz`: the granted rate."""
 
     type: Literal["hello"]
     wire: int
@@ -48,10 +49,11 @@ class _StatusBase(TypedDict):
 
 
 class Status(_StatusBase, total=False):
-    """After hello, then at least once a second. `age_ms`, `seq`: of the newest frame; None before any.
+    """Sent after hello and then at least once a second. `age_ms`, `seq`: of the newest frame; None before the
+    first.
 
-    `degraded`: the relay does not hear of robots just now, for a reason of its own (a gateway without Redis).
-    `over_share`: the robot sends more than its share of the relay, so some of its frames are dropped.
+    `degraded`: the relay itself can't receive from robots now (a gateway without Redis). `over_share`: the
+    robot sends more than the relay accepts from it, so some of its frames are dropped.
     """
 
     degraded: bool
@@ -59,7 +61,7 @@ class Status(_StatusBase, total=False):
 
 
 class Info(TypedDict):
-    """Slow strings about the robot, all of them each time."""
+    """Texts about the robot that change rarely; each message contains all of them."""
 
     type: Literal["info"]
     kv: dict[str, str]
@@ -75,7 +77,8 @@ class _EventBase(TypedDict):
 
 
 class Event(_EventBase, total=False):
-    """Something that rose or fell. `t`: robot clock, s. The relay adds its number `n` and `at` (unix, s)."""
+    """A condition that began or ended. `t`: robot clock, seconds. The relay adds a number `n` and `at` (Unix
+    time, s)."""
 
     n: int
     at: float
@@ -97,14 +100,15 @@ class Model(TypedDict):
 
 
 class Pong(TypedDict):
-    """Answer to ping, its `t` returned."""
+    """The reply to a ping, with its `t`."""
 
     type: Literal["pong"]
     t: float
 
 
 class Bye(TypedDict):
-    """Why the relay closes now. `retry_s`: see the retry rule of `code`; None when it has nothing to say."""
+    """Why the relay closes the connection. `retry_s`: see the retry rule of `code`; None if the relay
+    suggests nothing."""
 
     type: Literal["bye"]
     code: int
@@ -147,7 +151,7 @@ class Auth:
 
 @dataclass(frozen=True)
 class Ping:
-    """`t` comes back in pong."""
+    """A ping; `t` is returned in the pong."""
 
     t: float
 
@@ -158,7 +162,7 @@ _ACK = re.compile(rb'\{"type":"ack","n":(0|[1-9][0-9]{0,14})\}')  # as our page 
 
 
 class MessageError(ValueError):
-    """A viewer's message that ends the connection, with the close code that says why."""
+    """A viewer's message that ends the connection, with the close code that gives the reason."""
 
     def __init__(self, close: Close, reason: str) -> None:
         super().__init__(reason)
@@ -166,7 +170,8 @@ class MessageError(ValueError):
 
 
 def parse_viewer_message(text: str | bytes) -> ViewerMessage:
-    """What a viewer sent. MessageError 1007 not UTF-8, 1009 over 4 KiB, 1008 anything else than the four."""
+    """Parse a viewer's message. Raises MessageError: 1007 if it is not UTF-8, 1009 above 4 KiB, 1008 if it is
+    none of the four messages."""
     if isinstance(text, bytes) and (found := _ACK.fullmatch(text)) is not None:
         return Ack(int(found[1]))  # nearly all that a relay hears, so it is spared the rest
     doc = _document(text)
@@ -189,7 +194,7 @@ def parse_viewer_message(text: str | bytes) -> ViewerMessage:
 
 
 def clamp_hz(hz: float) -> float:
-    """The rate that a viewer's wish `hz`, 0 … 1000, stands for: below 0.1 only 0 itself is less (SPEC §6)."""
+    """Raise a requested rate below 0.1 Hz to 0.1 Hz; 0 stays 0 (SPEC §6)."""
     return max(hz, HZ_MIN) if hz > 0 else 0
 
 

@@ -1,4 +1,4 @@
-"""Readings to codes, with hysteresis so that sensor flicker costs nothing."""
+"""Converts readings to codes, with hysteresis so that sensor noise costs no bytes."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ from posecast_wire.schema import CODE_MAX, MISSING, Field, Schema
 
 
 class Quantiser:
-    """Holds the last code of every channel; a code moves only when its value leaves it by 0.5 + deadband."""
+    """Keeps the last code of every channel; a code changes only when the value differs from it by more than
+    0.5 + deadband steps."""
 
     def __init__(self, schema: Schema, deadband_lsb: float | Mapping[str, float] = 0.3) -> None:
         """`deadband_lsb`: in code steps, for all fields or by field name (0.3 where unnamed); 0 = round."""
@@ -22,10 +23,11 @@ class Quantiser:
             self._fields.append(_FieldCodes(f, h))
 
     def quantise(self, values: Sequence[float | None]) -> list[int]:
-        """Codes of one sample, values in the schema's channel order and units. ValueError on a wrong length.
+        """Convert one sample's values, in the schema's channel order and units, to codes. Raises ValueError
+        on a wrong length.
 
-        None, NaN and ±inf have no reading: MISSING. Numbers past the range saturate. A bit mask that is no
-        whole number in 0 … 2^28-1 has no reading.
+        None, NaN and ±inf become MISSING, as does a bit mask that is not an integer in 0 … 2^28-1. Numbers
+        out of range are clipped.
         """
         if len(values) != self._size:
             raise ValueError(f"{len(values)} values for {self._size} channels")

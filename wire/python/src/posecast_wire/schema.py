@@ -1,4 +1,4 @@
-"""The schema: which channels a stream has, in which order, and what a code of each is worth."""
+"""The schema: which channels a stream has, in which order, and the unit and step of their codes."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ __all__ = ["CODE_MAX", "MISSING", "Field", "Schema", "SchemaError", "build_schem
 
 @dataclass(frozen=True)
 class Field:
-    """Channels `start` … `start + size - 1` of the code vector; value = code × scale, in `unit`."""
+    """A field: channels `start` … `start + size - 1` of the code vector; value = code · scale, in `unit`."""
 
     name: str
     labels: tuple[str, ...]
@@ -54,12 +54,13 @@ class Field:
         return len(self.labels)
 
     def values(self, codes: Sequence[int]) -> list[float | None]:
-        """This field's part of a whole code vector, in `unit`; None where there is no reading."""
+        """This field's values from a complete code vector, in `unit`; None where there is no reading."""
         scale = self.scale
         return [None if c == MISSING else c * scale for c in codes[self.start : self.start + self.size]]
 
     def bits_set(self, code: int) -> list[str]:
-        """Names of the bits set in one code of a `bits` field; a bit without a name reads `bit N`."""
+        """Names of the bits that are set in a code of a `bits` field; a bit without a name is called `bit
+        N`."""
         if code == MISSING:
             return []
         named = self.bits
@@ -68,7 +69,8 @@ class Field:
 
 @dataclass(frozen=True)
 class Schema:
-    """A parsed schema. `text` is the exact text received; `id` its FNV-1a-32, which KEY frames name."""
+    """A parsed schema. `text`: the exact text received; `id`: its FNV-1a-32, by which KEY frames refer to
+    it."""
 
     text: str
     id: int
@@ -79,12 +81,12 @@ class Schema:
 
     @property
     def key_bytes_max(self) -> int:
-        """No KEY of this schema is longer (SPEC §4): a code takes 63 bits at most, its order 4."""
+        """Upper bound for the bytes of a KEY frame (SPEC §4): a code takes 63 bits at most, its order 4."""
         return 17 + (4 * len(self.fields) + 67 * self.size + 7) // 8
 
     @property
     def frame_bytes_max(self) -> int:
-        """Likewise of a REF or plain frame."""
+        """Upper bound for the bytes of a REF or plain frame."""
         return 9 + (4 * len(self.fields) + 63 * self.size + 7) // 8
 
     def find_field(self, name: str) -> Field | None:
@@ -97,7 +99,8 @@ class Schema:
 
     @classmethod
     def parse(cls, text: str) -> Schema:
-        """Read a schema's JSON text, ignoring unknown members. SchemaError names what is wrong and where."""
+        """Parse a schema's JSON text, ignoring unknown members. Raises SchemaError, which says what is wrong
+        and where."""
         try:
             raw = text.encode()
             if len(raw) > TEXT_BYTES_MAX:
@@ -185,10 +188,11 @@ def build_schema_text(
     fields: Sequence[ReadOnly[str, object]],
     mapping: ReadOnly[str, object] | None = None,
 ) -> str:
-    """The JSON text an edge publishes, compact, members in a fixed order; checked, so SchemaError when wrong.
+    """Make the JSON text of a schema, compact and with members in a fixed order. Raises SchemaError when it
+    is invalid.
 
     `fields`: objects with the members of SPEC's table (`name`, `labels`, `unit`, `scale`, `rel`, `bits`,
-    `slow`); a member that says nothing (its default, None or empty) is left out.
+    `slow`); members that are None, empty or equal to their default are left out.
     """
     silent: dict[str, object] = {"unit": "", "scale": 1, "rel": None, "bits": [], "slow": False}
     order = ("name", "labels", *silent)
