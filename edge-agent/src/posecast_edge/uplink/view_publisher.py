@@ -81,9 +81,10 @@ class ViewPublisher:
 
     @property
     def has_listener(self) -> bool:
-        """Whether a relay subscribes to this view: only then does a frame leave the machine."""
+        """Whether a relay subscribes to this view: only then does a frame leave the machine. `heard` has been
+        called before this is first true, so that the first frame is a KEY."""
         if not self._matched and self._frames is not None:
-            self._matched = _matching(self._frames).matching  # in case the listener was too early to know
+            self._on_matching(_matching(self._frames))  # Zenoh's thread may say so later than it is so
         return self._matched
 
     def send_frame(self, data: bytes, taken_s: float) -> None:
@@ -133,8 +134,9 @@ class ViewPublisher:
         return send
 
     def _on_matching(self, status: zenoh.MatchingStatus) -> None:
+        newly = status.matching and not self._matched
         self._matched = status.matching
-        if status.matching:
+        if newly:
             self._heard_s, self._frame_since_heard = clock.now_s(), False
             self._heard()
 
