@@ -6,7 +6,7 @@ from __future__ import annotations
 import binascii
 import json
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -84,6 +84,8 @@ class _Reader:
         self._picture_bytes = size  # that pictures inside it may have together: they do not overlap
         self._paints: dict[int, Paint] = {}
         self._images: dict[int, bytes | None] = {}
+        self._places: dict[int, NDArray[np.float64]] = {}  # of nodes, in their parents
+        self._parts: dict[int, _Part] = {}  # by the identity of what the document says of them
         self._expansion = Expansion(size)
         self._visited = 0
         self.notes = Notes()
@@ -106,20 +108,31 @@ class _Reader:
         if self._visited > NODES_MAX or depth > DEPTH_MAX:
             raise ModelRefused(f"a scene of more than {NODES_MAX:,} nodes, or more than {DEPTH_MAX} deep")
         node = _at(self._document["nodes"], index)
-        at = parent @ _local(node)
+        if index not in self._places:
+            self._places[index] = _local(node)
+        at = parent @ self._places[index]
         if "mesh" in node:
             for primitive in _at(self._document["meshes"], node["mesh"])["primitives"]:
-                surface = self._primitive(primitive, at)
-                if surface is not None:
-                    yield surface
+                part = self._part(primitive)
+                if part is not None:
+                    yield part.placed(at)
         for child in node.get("children", []):
             yield from self._node(child, at, depth + 1)
 
-    def _primitive(self, primitive: dict[str, Any], at: NDArray[np.float64]) -> Surface | None:
+    def _part(self, primitive: dict[str, Any]) -> _Part | None:
+        """A mesh's primitive, read once however often the scene shows it; None for points and lines."""
+        known = self._parts.get(id(primitive))
+        if known is None:
+            known = self._parts[id(primitive)] = self._read_part(primitive)
+        else:
+            self._expansion.add_part(known.triangles)
+        return known if known.triangles else None
+
+    def _read_part(self, primitive: dict[str, Any]) -> _Part:
         mode = primitive.get("mode", 4)
         if mode not in (4, 5, 6):
             self._expansion.add_part(0)
-            return None  # points and lines
+            return _Part(0)
         attributes = primitive["attributes"]
         count = len(self._accessor(attributes["POSITION"], 3)[0])
         indices = self._accessor(primitive["indices"], 1)[0] if "indices" in primitive else None
@@ -127,7 +140,7 @@ class _Reader:
         triangles = corners // 3 if mode == 4 else max(corners - 2, 0)
         self._expansion.add_part(triangles)
         if not triangles:
-            return None
+            return _Part(0)
         corners = 3 * triangles if mode == 4 else corners
         numbers = np.arange(corners) if indices is None else indices[:corners, 0].astype(np.int64)
         kept, place = select_used_vertices(numbers, count)
@@ -136,12 +149,9 @@ class _Reader:
             uv = self._values(attributes["TEXCOORD_0"], 2, kept, count).astype(np.float32)
         paint = self._paint(primitive.get("material"))
         colours = self._colours(attributes, kept, count)
-        faces = _faces(place, mode)
-        if np.linalg.det(at[:3, :3]) < 0:
-            faces = faces[:, ::-1]
-        placed = self._values(attributes["POSITION"], 3, kept, count) @ at[:3, :3].T + at[:3, 3]
-        with np.errstate(over="ignore"):  # beyond single precision: infinite, which is refused later
-            return Surface(placed.astype(np.float32), faces.astype(np.int32), uv, paint, colours)
+        faces = _faces(place, mode).astype(np.int32)
+        positions = self._values(attributes["POSITION"], 3, kept, count)
+        return _Part(triangles, positions, faces, uv, paint, colours)
 
     def _colours(self, attributes: dict[str, Any], kept: NDArray[np.int64], count: int) -> Floats | None:
         """Display values (n, 3) of vertices that have colours of their own."""
@@ -250,6 +260,26 @@ class _Reader:
         if self._picture_bytes < 0:
             raise ModelRefused("its pictures are larger together than the file")
         return bytes(inside)
+
+
+class _Part(NamedTuple):
+    """A primitive in its mesh's own space. Its surfaces share all arrays but the positions."""
+
+    triangles: int
+    positions: NDArray[np.float64] = np.empty((0, 3))
+    faces: NDArray[np.int32] = np.empty((0, 3), np.int32)
+    uv: Floats | None = None
+    paint: Paint | None = None
+    colours: Floats | None = None
+
+    def placed(self, at: NDArray[np.float64]) -> Surface:
+        """The surface where `at` (4 x 4) puts it; a mirrored one is turned to face outwards."""
+        (a, b, c), (d, e, f), (g, h, i) = at[:3, :3].tolist()
+        mirrored = a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g) < 0
+        faces = self.faces[:, ::-1] if mirrored else self.faces
+        placed = self.positions @ at[:3, :3].T + at[:3, 3]
+        with np.errstate(over="ignore"):  # beyond single precision: infinite, which is refused later
+            return Surface(placed.astype(np.float32), faces, self.uv, self.paint, self.colours)
 
 
 def _at(items: list[Any], index: Any) -> Any:
