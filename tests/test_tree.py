@@ -23,8 +23,6 @@ SAME_MEANING = {
     *("Event", "Frame", "Stream", "Lateness", "Player", "Settings", "TokenBucket"),
     *("Page", "Robot", "Viewer"),  # of the load tests: what they play
 }
-# Two meanings, still to be settled.
-TO_SETTLE = {"Finding", "Limits", "Pose", "Reader", "Skin", "Source", "Written"}
 
 
 def classes(path: Path) -> list[str]:
@@ -43,8 +41,8 @@ def test_a_class_name_has_one_meaning() -> None:
                 continue  # the same codec once more
             files[name].add(path.relative_to(REPO))
     twice = {name for name, found in files.items() if len(found) > 1}
-    assert {name: files[name] for name in twice - SAME_MEANING - TO_SETTLE} == {}
-    assert twice >= SAME_MEANING | TO_SETTLE, "settled: take it off the list"
+    assert {name: files[name] for name in twice - SAME_MEANING} == {}
+    assert twice >= SAME_MEANING, "settled: take it off the list"
 
 
 def test_no_folder_is_crowded() -> None:

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from posecast_loadtests.rfc6455 import (
     Opcode,
     ProtocolError,
-    Reader,
+    WebSocketReader,
     check_upgrade,
     client_frame,
     upgrade_request,
@@ -26,19 +26,19 @@ def server_frame(opcode: int, payload: bytes, final: bool = True) -> bytes:
 @given(st.lists(st.binary(max_size=400), max_size=6), st.integers(1, 50))
 def test_messages_come_out_whole_however_the_bytes_are_cut(payloads: list[bytes], size: int) -> None:
     stream = b"".join(server_frame(2, payload) for payload in payloads)
-    reader = Reader()
+    reader = WebSocketReader()
     got = [m for at in range(0, len(stream), size) for m in reader.feed(stream[at : at + size])]
     assert got == [(Opcode.BINARY, payload) for payload in payloads]
 
 
 def test_long_messages() -> None:
     payload = bytes(70_000)
-    assert list(Reader().feed(server_frame(1, payload))) == [(Opcode.TEXT, payload)]
+    assert list(WebSocketReader().feed(server_frame(1, payload))) == [(Opcode.TEXT, payload)]
 
 
 def test_a_ping_between_fragments_comes_first() -> None:
     stream = server_frame(2, b"ab", final=False) + server_frame(9, b"p") + server_frame(0, b"cd")
-    assert list(Reader().feed(stream)) == [(Opcode.PING, b"p"), (Opcode.BINARY, b"abcd")]
+    assert list(WebSocketReader().feed(stream)) == [(Opcode.PING, b"p"), (Opcode.BINARY, b"abcd")]
 
 
 @pytest.mark.parametrize(
@@ -53,7 +53,7 @@ def test_a_ping_between_fragments_comes_first() -> None:
 )
 def test_what_breaks_the_protocol(stream: bytes) -> None:
     with pytest.raises(ProtocolError):
-        list(Reader().feed(stream))
+        list(WebSocketReader().feed(stream))
 
 
 def test_a_client_frame_is_masked() -> None:

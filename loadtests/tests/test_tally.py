@@ -1,5 +1,5 @@
 import pytest
-from posecast_loadtests.tally import Limits, Tally, breaches, report
+from posecast_loadtests.tally import LoadLimits, Tally, breaches, report
 
 
 def full(viewers: int = 3) -> Tally:
@@ -35,11 +35,11 @@ def test_processes_add_up() -> None:
 
 
 def test_the_verdict_names_every_breach() -> None:
-    assert breaches(full(), Limits()) == []
-    assert "all limits kept" in report(full(), Limits())
+    assert breaches(full(), LoadLimits()) == []
+    assert "all limits kept" in report(full(), LoadLimits())
     bad = full()
     bad.duplicates, bad.missed, bad.undecodable = 2, 100, 1
-    text = "\n".join(breaches(bad, Limits(p99_ms=50)))
+    text = "\n".join(breaches(bad, LoadLimits(p99_ms=50)))
     for part in ("2 duplicates", "1 undecodable", "missed 50.00%", "p99 lateness"):
         assert part in text
-    assert breaches(Tally(), Limits()) == ["no viewer got a frame"]
+    assert breaches(Tally(), LoadLimits()) == ["no viewer got a frame"]

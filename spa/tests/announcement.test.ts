@@ -2,7 +2,7 @@ import { parseSchema } from '@posecast/wire';
 import { describe, expect, it } from 'vitest';
 import { announcement } from '../src/app/status/announcement.ts';
 import type { Fault } from '../src/twin/alarms/fault_log.ts';
-import { Limits } from '../src/twin/limits/limits.ts';
+import { ValueLimits } from '../src/twin/limits/limits.ts';
 import { OverlayReader } from '../src/twin/overlay/reader.ts';
 import { quatOfRpy } from '../src/twin/rotation.ts';
 import { codesWith, SCHEMA_TEXT } from './schema.ts';
@@ -10,7 +10,7 @@ import { codesWith, SCHEMA_TEXT } from './schema.ts';
 const WITH_IMU = JSON.parse(SCHEMA_TEXT) as { mapping: { sensors: Record<string, unknown> } };
 WITH_IMU.mapping.sensors.torso = { kind: 'imu', name: 'chest', link: 'torso' };
 const SCHEMA = parseSchema(JSON.stringify(WITH_IMU));
-const LIMITS = new Limits(SCHEMA.mapping);
+const LIMITS = new ValueLimits(SCHEMA.mapping);
 const CHOICE = { shown: 'pos', lens: false, forces: true, level: true, load: 'off' } as const;
 const LIVE = { word: 'LIVE', cause: null, overShare: false } as const;
 

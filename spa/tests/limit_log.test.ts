@@ -1,6 +1,6 @@
 import { describe, expect, it } from 'vitest';
 import { CROSSING_LIMIT, LimitLog } from '../src/twin/alarms/limit_log.ts';
-import { Limits, type Threshold, withEdit } from '../src/twin/limits/limits.ts';
+import { type Threshold, ValueLimits, withEdit } from '../src/twin/limits/limits.ts';
 import { SensorTable } from '../src/twin/sensors/sensors.ts';
 import { codesWith, SCHEMA } from './schema.ts';
 
@@ -10,7 +10,7 @@ function watched(threshold: Threshold | null = OWN) {
   const table = new SensorTable(SCHEMA);
   const log = new LimitLog();
   const edits = threshold === null ? new Map() : withEdit(new Map(), 'ftf', 'RF.fz', threshold);
-  const limits = new Limits(SCHEMA.mapping, edits);
+  const limits = new ValueLimits(SCHEMA.mapping, edits);
   const look = (newtons: number | null, atMs: number, by = limits) =>
     log.look(table.read(codesWith({ 'ftf.RF.fz': newtons }), by), by, atMs);
   const told = () =>
@@ -50,7 +50,7 @@ describe("what the viewer's own limits see", () => {
   it('is forgotten when the limit goes back to the profile', () => {
     const { look, told } = watched();
     look(310, 1);
-    expect(look(310, 2, new Limits(SCHEMA.mapping))).toBe(false);
+    expect(look(310, 2, new ValueLimits(SCHEMA.mapping))).toBe(false);
     look(310, 3);
     expect(told()).toHaveLength(2);
   });

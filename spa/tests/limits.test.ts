@@ -4,9 +4,9 @@ import { moreEn } from '../src/app/text/more_en.ts';
 import { LevelLatch } from '../src/twin/limits/level_latch.ts';
 import {
   editsText,
-  Limits,
   NO_EDITS,
   readEdits,
+  ValueLimits,
   whyNoThreshold,
   withEdit,
 } from '../src/twin/limits/limits.ts';
@@ -63,7 +63,7 @@ describe('a level with hysteresis', () => {
 describe('limits', () => {
   it('are the viewer’s own before those of the profile, label by label', () => {
     const mine = { low: null, high: 100, caution: 1 };
-    const limits = new Limits(SCHEMA.mapping, withEdit(NO_EDITS, 'ftf', 'RF.fz', mine));
+    const limits = new ValueLimits(SCHEMA.mapping, withEdit(NO_EDITS, 'ftf', 'RF.fz', mine));
     expect(limits.threshold('ftf', 'RF.fz')).toEqual(mine);
     expect(limits.profile('ftf', 'RF.fz')).toEqual({ low: null, high: 500, caution: 0.5 });
     expect(limits.threshold('temp', 'LKN')?.high).toBe(70);
@@ -75,7 +75,7 @@ describe('limits', () => {
     const edits = withEdit(NO_EDITS, 'ftf', 'RF.fz', FOOT);
     const back = withEdit(edits, 'ftf', 'RF.fz', null);
     expect(back.size).toBe(0);
-    expect(new Limits(SCHEMA.mapping, back).threshold('ftf', 'RF.fz')?.high).toBe(500);
+    expect(new ValueLimits(SCHEMA.mapping, back).threshold('ftf', 'RF.fz')?.high).toBe(500);
     expect(edits.size, 'the edits before are left alone').toBe(1);
   });
 

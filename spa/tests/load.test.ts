@@ -1,9 +1,9 @@
 import { describe, expect, it } from 'vitest';
-import { Limits, NO_EDITS, withEdit } from '../src/twin/limits/limits.ts';
+import { NO_EDITS, ValueLimits, withEdit } from '../src/twin/limits/limits.ts';
 import { LoadTable } from '../src/twin/sensors/load.ts';
 import { codesWith, SCHEMA } from './schema.ts';
 
-const LIMITS = new Limits(SCHEMA.mapping);
+const LIMITS = new ValueLimits(SCHEMA.mapping);
 
 describe('load on the body', () => {
   it('is temperature from that of a room to the limit, by URDF joint', () => {
@@ -28,7 +28,7 @@ describe('load on the body', () => {
   });
 
   it('is measured on both sides: −6 A of a limit of ±12 A is one half', () => {
-    const limits = new Limits(
+    const limits = new ValueLimits(
       SCHEMA.mapping,
       withEdit(NO_EDITS, 'cur', 'RKN', { low: -12, high: 12, caution: 0.6 }),
     );
@@ -39,7 +39,7 @@ describe('load on the body', () => {
   });
 
   it('has one scale in parts of each limit where limits differ', () => {
-    const limits = new Limits(
+    const limits = new ValueLimits(
       SCHEMA.mapping,
       withEdit(NO_EDITS, 'temp', 'RKN', { low: null, high: 90, caution: 0.8 }),
     );

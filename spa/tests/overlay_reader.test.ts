@@ -2,12 +2,12 @@ import { parseSchema } from '@posecast/wire';
 import { describe, expect, it } from 'vitest';
 import { moreEn } from '../src/app/text/more_en.ts';
 import { limitChannels } from '../src/twin/alarms/limit_channels.ts';
-import { Limits } from '../src/twin/limits/limits.ts';
+import { ValueLimits } from '../src/twin/limits/limits.ts';
 import { type OverlayChoice, OverlayReader } from '../src/twin/overlay/reader.ts';
 import { codesWith, SCHEMA } from './schema.ts';
 
 const ALL: OverlayChoice = { shown: 'pos', lens: true, forces: true, level: true, load: 'temp' };
-const LIMITS = new Limits(SCHEMA.mapping);
+const LIMITS = new ValueLimits(SCHEMA.mapping);
 const BARE = parseSchema(
   JSON.stringify({
     type: 'schema',
@@ -53,7 +53,7 @@ describe('the signs of a robot', () => {
     });
     const bare = new OverlayReader(BARE);
     expect(bare.can).toEqual({ forces: false, level: false, lens: false, loads: [] });
-    expect(bare.read(Int32Array.of(1), new Limits(BARE.mapping), ALL).loads).toBeNull();
+    expect(bare.read(Int32Array.of(1), new ValueLimits(BARE.mapping), ALL).loads).toBeNull();
   });
 });
 

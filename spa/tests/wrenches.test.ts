@@ -1,10 +1,10 @@
 import { parseSchema } from '@posecast/wire';
 import { describe, expect, it } from 'vitest';
-import { Limits, NO_EDITS, withEdit } from '../src/twin/limits/limits.ts';
+import { NO_EDITS, ValueLimits, withEdit } from '../src/twin/limits/limits.ts';
 import { WrenchTable } from '../src/twin/sensors/wrenches.ts';
 import { codesWith, SCHEMA } from './schema.ts';
 
-const LIMITS = new Limits(SCHEMA.mapping);
+const LIMITS = new ValueLimits(SCHEMA.mapping);
 const foot = (changed: Parameters<typeof codesWith>[0] = {}, limits = LIMITS) =>
   new WrenchTable(SCHEMA).read(codesWith(changed), limits)[0]!;
 
@@ -24,7 +24,7 @@ describe('wrenches', () => {
   it('take their colour from the newest value, two-sided, by the limits of the viewer', () => {
     expect(foot({ 'ftf.RF.fz': 251 }).force.level).toBe('caution');
     expect(foot({ 'ftf.RF.fz': 501 }).force.level).toBe('fault');
-    const mine = new Limits(
+    const mine = new ValueLimits(
       SCHEMA.mapping,
       withEdit(NO_EDITS, 'ftf', 'RF.fz', { low: -5, high: 9, caution: 1 }),
     );

@@ -14,7 +14,7 @@ import time
 
 from posecast_loadtests.check import Clock, Viewer
 from posecast_loadtests.connection import Connection
-from posecast_loadtests.rfc6455 import Opcode, Reader, client_frame
+from posecast_loadtests.rfc6455 import Opcode, WebSocketReader, client_frame
 from posecast_loadtests.tally import Tally
 
 ACK_S = 1.0
@@ -26,7 +26,7 @@ class Watched:
     def __init__(self, address: str, clock: Clock) -> None:
         self.link = Connection(address)
         self.link.socket.setblocking(False)
-        self._reader = Reader()
+        self._reader = WebSocketReader()
         self._viewer = Viewer(Tally(), clock, 1, decode=False)
         self._acknowledged_s = 0.0
         self.late_s: list[float] = []

@@ -12,7 +12,7 @@ from urllib.parse import urlsplit
 from posecast_loadtests.rfc6455 import (
     Opcode,
     ProtocolError,
-    Reader,
+    WebSocketReader,
     check_upgrade,
     client_frame,
     upgrade_request,
@@ -40,7 +40,7 @@ class Connection:
         except BaseException:
             self.close()
             raise
-        self._reader = Reader()
+        self._reader = WebSocketReader()
         self._binaries = 0
         self._acknowledged = 0
         self._acknowledged_s = time.monotonic()

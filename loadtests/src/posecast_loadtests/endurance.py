@@ -28,7 +28,7 @@ class Point(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Finding:
+class SoakResult:
     """One line of the table."""
 
     name: str
@@ -61,12 +61,12 @@ def slope(points: Sequence[Point]) -> Slope:
     return Slope(median(slopes), slopes[max(0, low)], slopes[min(pairs - 1, high)])
 
 
-def judge_growth(name: str, points: Sequence[Point], minutes: float) -> Finding:
+def judge_growth(name: str, points: Sequence[Point], minutes: float) -> SoakResult:
     """Memory, MB. Kept up to the limit; broken when it is surely steeper. A run that is shorter than the full
     one can't tell a slow leak from warming up: there only a large growth is a breach."""
     limit = f"≤ {GROWTH_MB_PER_H:g} MB/h"
     if len(points) < 3:
-        return Finding(name, f"{len(points)} readings", limit, NOT_SHOWN)
+        return SoakResult(name, f"{len(points)} readings", limit, NOT_SHOWN)
     per_h = Slope(*(value * 3600 for value in slope(points)))
     third = max(1, len(points) // 3)
     first, last = (median(p.value for p in part) for part in (points[:third], points[-third:]))
@@ -77,21 +77,21 @@ def judge_growth(name: str, points: Sequence[Point], minutes: float) -> Finding:
         verdict = BROKEN
     else:
         verdict = NOT_SHOWN
-    return Finding(name, figure, limit, verdict)
+    return SoakResult(name, figure, limit, verdict)
 
 
-def judge_return(name: str, before: float, after: float, within: int = RETURN_WITHIN) -> Finding:
+def judge_return(name: str, before: float, after: float, within: int = RETURN_WITHIN) -> SoakResult:
     """A count at rest, before the load and after it."""
     verdict = KEPT if abs(after - before) <= within else BROKEN
-    return Finding(name, f"{before:g} → {after:g}", f"back within {within}", verdict)
+    return SoakResult(name, f"{before:g} → {after:g}", f"back within {within}", verdict)
 
 
-def judge_heap(name: str, points: Sequence[Point], minutes: float) -> Finding:
+def judge_heap(name: str, points: Sequence[Point], minutes: float) -> SoakResult:
     """MB after forced collections: the least of the first third against the least of the last. What has just
     been thrown away may stand in a single reading; a leak raises the floor."""
     limit = f"differs by ≤ {HEAP_MB:g} MB"
     if len(points) < 2:
-        return Finding(name, f"{len(points)} readings", limit, NOT_SHOWN)
+        return SoakResult(name, f"{len(points)} readings", limit, NOT_SHOWN)
     third = max(1, len(points) // 3)
     first, last = (min(part, key=lambda p: p.value) for part in (points[:third], points[-third:]))
     more_mb = last.value - first.value
@@ -102,10 +102,10 @@ def judge_heap(name: str, points: Sequence[Point], minutes: float) -> Finding:
         verdict = KEPT
     else:
         verdict = BROKEN if minutes >= FULL_MINUTES or more_mb > LEAK_MB else NOT_SHOWN
-    return Finding(name, figure, limit, verdict)
+    return SoakResult(name, figure, limit, verdict)
 
 
-def table(findings: Sequence[Finding]) -> str:
+def table(findings: Sequence[SoakResult]) -> str:
     """For a person."""
     lines = [(f.name, f.figure, f.limit, f.verdict) for f in findings]
     widths = [max(len(line[i]) for line in lines) for i in range(4)]

@@ -69,7 +69,7 @@ def client_frame(opcode: Opcode, payload: bytes) -> bytes:
     return bytes((0x80 | opcode, 0x80 | len(payload))) + mask + masked
 
 
-class Reader:
+class WebSocketReader:
     """Bytes in, whole messages out."""
 
     def __init__(self) -> None:

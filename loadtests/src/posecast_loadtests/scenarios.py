@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from posecast_loadtests.tally import Limits
+from posecast_loadtests.tally import LoadLimits
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class Scenario:
     slow: float = 0.0  # read SLOW_BYTES_PER_S
     frozen: float = 0.0  # stop reading, like a phone put away
     robots: int = 0  # a fleet of as many, 30 Hz each; 0: the demo robot
-    limits: Limits = field(default_factory=Limits)
+    limits: LoadLimits = field(default_factory=LoadLimits)
 
     @property
     def seconds(self) -> float:

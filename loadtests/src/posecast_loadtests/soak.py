@@ -29,8 +29,8 @@ from posecast_loadtests.endurance import (
     FULL_MINUTES,
     NOT_SHOWN,
     RETURN_WITHIN,
-    Finding,
     Point,
+    SoakResult,
     judge_growth,
     judge_heap,
     judge_return,
@@ -39,7 +39,7 @@ from posecast_loadtests.endurance import (
 from posecast_loadtests.page_heap import Page, PageError, page
 from posecast_loadtests.scenarios import SOAK
 from posecast_loadtests.stage import OwnRelay, ends_on_term, ends_with, own_relay, started
-from posecast_loadtests.tally import Limits, Tally, breaches
+from posecast_loadtests.tally import LoadLimits, Tally, breaches
 from posecast_loadtests.vitals import figures, gauge, redis_mb, vitals
 
 READINGS = 360  # in one run, at most one a second
@@ -236,7 +236,7 @@ def soak(asked: argparse.Namespace, log: TextIO, chromium: str | None) -> tuple[
     return record, Tally.sum([json.loads(counts.read_text())])
 
 
-def judge(record: Record, minutes: float, no_page: str) -> list[Finding]:
+def judge(record: Record, minutes: float, no_page: str) -> list[SoakResult]:
     """Against the limits. `no_page`: why there was none."""
     warm_s = minutes * 60 / WARM
     found = [judge_growth(name, record.warm(name, warm_s), minutes) for name in GROWING]
@@ -244,7 +244,7 @@ def judge(record: Record, minutes: float, no_page: str) -> list[Finding]:
         within = RETURN_WITHIN + (POOL if name.endswith("threads") else 0)
         found.append(judge_return(name, record.newest(BEFORE + name), record.newest(AFTER + name), within))
     if no_page:
-        return [*found, Finding(HEAP, no_page, "", NOT_SHOWN)]
+        return [*found, SoakResult(HEAP, no_page, "", NOT_SHOWN)]
     # the 3D view and the light one take different room: each is judged by itself
     heaps = [name for name in record.series if name.startswith(HEAP)] or [HEAP]
     return found + [judge_heap(name, record.series.get(name, []), minutes) for name in heaps]
@@ -266,7 +266,7 @@ def main() -> int:
         sys.exit(f"soak: {e}, see {asked.out}/soak.log")
     findings = judge(record, asked.minutes, no_page)
     # a busy machine may be late and lower rates; what may never happen may not in half an hour either
-    never = breaches(replace(tally, lowered=0), Limits(missed_share=1.0, p99_ms=float("inf"), jain=0.0))
+    never = breaches(replace(tally, lowered=0), LoadLimits(missed_share=1.0, p99_ms=float("inf"), jain=0.0))
     print(table(findings))
     print(f"{tally.frames} frames to viewers, {tally.missed} missed; {tally.evicted} frozen viewers cut")
     print("the relay says", ", ".join(f"{name} {value:.0f}" for name, value in record.told.items()))

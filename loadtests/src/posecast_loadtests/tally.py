@@ -78,7 +78,7 @@ class Tally:
 
 
 @dataclass(frozen=True)
-class Limits:
+class LoadLimits:
     """What a load test must keep. `p99_ms` is held against the control viewer where there is one."""
 
     missed_share: float = 0.001
@@ -86,7 +86,7 @@ class Limits:
     jain: float = 0.99
 
 
-def breaches(tally: Tally, limits: Limits, control: Tally | None = None) -> list[str]:
+def breaches(tally: Tally, limits: LoadLimits, control: Tally | None = None) -> list[str]:
     """One line for every limit that did not hold. `control`: what a viewer in a process of its own saw."""
     found: list[str] = []
     if tally.frames == 0:
@@ -117,7 +117,7 @@ def breaches(tally: Tally, limits: Limits, control: Tally | None = None) -> list
     return found
 
 
-def report(tally: Tally, limits: Limits, control: Tally | None = None) -> str:
+def report(tally: Tally, limits: LoadLimits, control: Tally | None = None) -> str:
     """The test's last words, for a person."""
 
     def late(of: Tally) -> str:

@@ -18,7 +18,7 @@ from posecast_loadtests.check import Clock, Viewer
 from posecast_loadtests.connection import Connection
 from posecast_loadtests.rfc6455 import Opcode, ProtocolError
 from posecast_loadtests.scenarios import SCENARIOS, SOAK, Scenario, Stage
-from posecast_loadtests.tally import Limits, Tally, breaches, report
+from posecast_loadtests.tally import LoadLimits, Tally, breaches, report
 
 # every tenth frame goes into Locust's own statistics, every fiftieth viewer decodes in full
 _REPORTED = 10
@@ -178,7 +178,7 @@ class ViewerUser(User):
 
 
 def _arguments(parser: ArgumentParser) -> None:
-    limits = Limits()
+    limits = LoadLimits()
     parser.add_argument("--robot", default="demo", help="whom to watch")
     parser.add_argument("--hz", type=float, default=10.0, help="frames a second each viewer asks for")
     parser.add_argument("--source-hz", type=float, default=30.0, help="frames a second the robot sends")
@@ -212,7 +212,7 @@ def _verdict(environment: Environment, **_: Any) -> None:
             Path(options.counts).write_text(json.dumps(whole.counts()))
         environment.process_exit_code = 0
         return
-    limits = Limits(options.max_missed, options.max_p99_ms, options.min_jain)
+    limits = LoadLimits(options.max_missed, options.max_p99_ms, options.min_jain)
     print(report(whole, limits))
     environment.process_exit_code = 1 if breaches(whole, limits) else 0
 

@@ -74,7 +74,7 @@ export async function readLod(bytes: Uint8Array, visuals: number): Promise<Lod> 
   const glb = await Glb.read(bytes);
   const nodes = glb.list('nodes');
   if (nodes.length !== visuals) throw new GlbError(`${nodes.length} nodes for ${visuals} visuals`);
-  const source = new Source(glb);
+  const source = new GlbLodSource(glb);
   let room = MAX_UNPACKED_BYTES; // many nodes may show one mesh
   const shown = nodes.map(({ mesh }) => {
     const parts = mesh === undefined ? [] : source.primitives(mesh);
@@ -150,7 +150,7 @@ export function assembleLod(
 }
 
 /** The arrays that all primitives of a level share, and what they are painted with. */
-class Source implements LodSource {
+class GlbLodSource implements LodSource {
   readonly paints: Float32Array;
   readonly pictures: readonly Blob[];
   positions = new Int16Array();

@@ -1,7 +1,7 @@
 import { type Field, type Level, MISSING, type Schema, type Severity } from '@posecast/wire';
 import { flagWords } from './format.ts';
 import { LevelLatch } from './limits/level_latch.ts';
-import { Limits, type Threshold } from './limits/limits.ts';
+import { type Threshold, ValueLimits } from './limits/limits.ts';
 import { plainName } from './names.ts';
 import { valueAt } from './values.ts';
 
@@ -50,20 +50,20 @@ export class JointTable {
   /** Of each row: counts how often anything but its numbers has changed. */
   readonly changes: Uint32Array;
   readonly #schema: Schema;
-  readonly #profileLimits: Limits;
+  readonly #profileLimits: ValueLimits;
   readonly #latches: readonly { cur: LevelLatch; temp: LevelLatch }[];
   readonly #flagsOfMask = new Map<number, readonly Flag[]>();
   readonly #columns: Columns;
   readonly #tolerances: readonly (number | null)[];
   /** Of each row, while the same limits hold. */
-  #thresholds: { of: Limits; cur: (Threshold | null)[]; temp: (Threshold | null)[] } | null = null;
+  #thresholds: { of: ValueLimits; cur: (Threshold | null)[]; temp: (Threshold | null)[] } | null = null;
   readonly #homedBit: number;
   readonly #enabledBit: number;
   readonly #complianceBit: number;
 
   constructor(schema: Schema) {
     this.#schema = schema;
-    this.#profileLimits = new Limits(schema.mapping);
+    this.#profileLimits = new ValueLimits(schema.mapping);
     const main = schema.field('pos') ?? schema.field('ref');
     const column = (name: string): Field | null => {
       const field = schema.field(name);
@@ -115,7 +115,7 @@ export class JointTable {
     return this.#columns[name];
   }
 
-  read(codes: Int32Array, limits: Limits = this.#profileLimits): readonly JointRow[] {
+  read(codes: Int32Array, limits: ValueLimits = this.#profileLimits): readonly JointRow[] {
     const { ref, pos, error, cur, temp } = this.numbers;
     for (const name of NUMBERS) readColumn(codes, this.#columns[name], this.numbers[name]);
     const thresholds = this.#thresholdsOf(limits);
@@ -141,7 +141,7 @@ export class JointTable {
   }
 
   /** Looked up once, not in every frame. */
-  #thresholdsOf(limits: Limits) {
+  #thresholdsOf(limits: ValueLimits) {
     if (this.#thresholds?.of !== limits) {
       const of = (field: string) => this.rows.map(({ label }) => limits.threshold(field, label));
       this.#thresholds = { of: limits, cur: of('cur'), temp: of('temp') };

@@ -1,7 +1,7 @@
 import type { EventMessage, Schema } from '@posecast/wire';
 import { JointTable } from './joints.ts';
 import type { KinematicTree } from './kinematic_tree.ts';
-import { Limits, NO_EDITS, type ThresholdEdits } from './limits/limits.ts';
+import { NO_EDITS, type ThresholdEdits, ValueLimits } from './limits/limits.ts';
 import type { Evidence, Status } from './liveness.ts';
 import { isolated } from './names.ts';
 import { valueAt } from './values.ts';
@@ -41,7 +41,7 @@ export class RobotTwin {
   /** How the links of the model hang together; null while there is none on the page. */
   tree: KinematicTree | null = null;
   /** Which limits hold: the profile's, and what the viewer has set instead; null until there is a schema. */
-  limits: Limits | null = null;
+  limits: ValueLimits | null = null;
   edits: ThresholdEdits = NO_EDITS;
   readonly evidence: Evidence;
   /** Counts changes, so that a listener can tell cheaply whether it is up to date. */
@@ -89,7 +89,7 @@ export class RobotTwin {
   acceptSchema(schema: Schema): void {
     if (this.schema?.id === schema.id) return;
     this.schema = schema;
-    this.limits = new Limits(schema.mapping, this.edits);
+    this.limits = new ValueLimits(schema.mapping, this.edits);
     this.state = null;
     this.#joints = null;
     this.#changed();
@@ -176,7 +176,7 @@ export class RobotTwin {
   /** The viewer's own thresholds. They hold for whatever schema comes. */
   acceptEdits(edits: ThresholdEdits): void {
     this.edits = edits;
-    if (this.schema !== null) this.limits = new Limits(this.schema.mapping, edits);
+    if (this.schema !== null) this.limits = new ValueLimits(this.schema.mapping, edits);
     this.#changed();
   }
 

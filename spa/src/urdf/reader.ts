@@ -47,10 +47,10 @@ export function readUrdf(root: XmlElement): Urdf {
     const other = Object.hasOwn(ROOTS_OF_OTHERS, root.tag) ? ROOTS_OF_OTHERS[root.tag] : undefined;
     throw new XmlRefused(other ?? `the root element is <${root.tag.slice(0, 40)}>, not <robot>`, root.line);
   }
-  return new Reader(root);
+  return new UrdfReader(root);
 }
 
-class Reader implements Urdf {
+class UrdfReader implements Urdf {
   readonly name: string;
   links: Link[] = [];
   readonly joints: Joint[] = [];

@@ -42,7 +42,7 @@ from posecast_relay.redis.guard import (
     STORED,
 )
 from posecast_relay.redis.messages import unpack_events
-from posecast_relay.redis.write_calls import Written, gives_way, make_presence_call, make_state_call
+from posecast_relay.redis.write_calls import WrittenState, gives_way, make_presence_call, make_state_call
 
 T = TypeVar("T")
 
@@ -78,7 +78,7 @@ class RedisStore:
         self._now = now
         self._describe = describe
         self._dirty: dict[Stream, None] = {}
-        self._written: dict[Stream, Written] = {}
+        self._written: dict[Stream, WrittenState] = {}
         self._turns: dict[str, _Turn] = {}  # by robot
         self._tokens: dict[str, bool] = {}  # as told last
         self._superseded: dict[str, float] = {}  # robots that another process writes; when it last did

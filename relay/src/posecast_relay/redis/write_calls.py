@@ -21,7 +21,7 @@ from posecast_relay.redis.guard import GUARD, STATUS
 from posecast_relay.redis.messages import dump, pack, unpack
 
 
-class Written(NamedTuple):
+class WrittenState(NamedTuple):
     """The part of a stream's state that is in Redis."""
 
     generation: int
@@ -33,8 +33,13 @@ class Written(NamedTuple):
 
 
 def make_state_call(
-    stream: Stream, before: Written | None, generation: int, writer: str, now: float, sent_s: float | None
-) -> tuple[Written, Call]:
+    stream: Stream,
+    before: WrittenState | None,
+    generation: int,
+    writer: str,
+    now: float,
+    sent_s: float | None,
+) -> tuple[WrittenState, Call]:
     """Make the call that writes a stream's newest state and publishes what changed; also returns that state.
 
     `before`: what this process wrote last; None: write it whole. `writer` names the process; `sent_s`
@@ -43,7 +48,7 @@ def make_state_call(
     key, newest, ref = stream.key, stream.newest, stream.ref
     assert key is not None
     assert newest is not None
-    state = Written(generation, key, ref, stream.version, stream.event_n, stream.live_at is not None)
+    state = WrittenState(generation, key, ref, stream.version, stream.event_n, stream.live_at is not None)
     light = before is not None and before == state._replace(ref=before.ref)
     version = f"{writer}:{stream.version}"
     values: list[bytes | str | int] = ["frame", newest.payload, "stamp", _ns(newest)]

@@ -1,6 +1,6 @@
 import type { Level, Threshold } from '@posecast/wire';
 import { displayOf } from '../format.ts';
-import type { Limits } from '../limits/limits.ts';
+import type { ValueLimits } from '../limits/limits.ts';
 import type { SensorGroup } from '../sensors/sensors.ts';
 
 /** A reading that went past a limit of the viewer's own, or came back. */
@@ -29,7 +29,7 @@ export class LimitLog {
   #next = 1;
 
   /** The readings of a frame that has just come. True when there is something new to tell. */
-  look(groups: readonly SensorGroup[], limits: Limits, atMs: number): boolean {
+  look(groups: readonly SensorGroup[], limits: ValueLimits, atMs: number): boolean {
     const { length } = this.crossings;
     const last = this.crossings.at(-1);
     for (const { title, readings } of groups) {

@@ -13,7 +13,7 @@ const EDITS_MAX = 4096;
 export const ANY = '*';
 
 /** The limits that hold on this page: the viewer's own, else the profile's. */
-export class Limits {
+export class ValueLimits {
   readonly #mapping: Mapping;
   readonly #edits: ThresholdEdits;
 

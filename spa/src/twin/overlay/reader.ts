@@ -1,5 +1,5 @@
 import type { Schema } from '@posecast/wire';
-import type { Limits } from '../limits/limits.ts';
+import type { ValueLimits } from '../limits/limits.ts';
 import { type Imu, ImuTable } from '../sensors/imus.ts';
 import { type Load, type LoadField, type LoadScale, LoadTable } from '../sensors/load.ts';
 import { type Wrench, WrenchTable } from '../sensors/wrenches.ts';
@@ -54,7 +54,7 @@ export class OverlayReader {
     };
   }
 
-  read(codes: Int32Array, limits: Limits, choice: OverlayChoice): OverlayReadings {
+  read(codes: Int32Array, limits: ValueLimits, choice: OverlayChoice): OverlayReadings {
     const { forces, level, lens, shown } = choice;
     return {
       wrenches: forces ? this.#wrenches.read(codes, limits) : [],
@@ -78,7 +78,7 @@ export class OverlayReader {
   }
 
   /** What the colours of load mean; null while there are none. */
-  loadScale(limits: Limits, field: OverlayChoice['load']): LoadScale | null {
+  loadScale(limits: ValueLimits, field: OverlayChoice['load']): LoadScale | null {
     return this.#loads(field)?.scale(limits) ?? null;
   }
 

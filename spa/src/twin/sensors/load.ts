@@ -1,6 +1,6 @@
 import { JOINT, type Level, type Schema, type Threshold } from '@posecast/wire';
 import { LevelLatch, worseOf } from '../limits/level_latch.ts';
-import type { Limits } from '../limits/limits.ts';
+import type { ValueLimits } from '../limits/limits.ts';
 import { valueAt } from '../values.ts';
 
 export type LoadField = 'cur' | 'temp';
@@ -56,7 +56,7 @@ export class LoadTable {
   }
 
   /** URDF joint → load, the worst of the channels that move it. The same map every time. */
-  read(codes: Int32Array, limits: Limits): ReadonlyMap<string, Load> {
+  read(codes: Int32Array, limits: ValueLimits): ReadonlyMap<string, Load> {
     const field = this.#schema.field(this.#field);
     this.#loads.clear();
     for (let index = 0; index < (field?.size ?? 0); index += 1) {
@@ -80,7 +80,7 @@ export class LoadTable {
     return this.#loads;
   }
 
-  scale(limits: Limits): LoadScale {
+  scale(limits: ValueLimits): LoadScale {
     const field = this.#schema.field(this.#field);
     const rest = REST[this.#field];
     const base = { field: this.#field, unit: field?.unit ?? '', rest };

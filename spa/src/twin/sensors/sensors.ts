@@ -1,6 +1,6 @@
 import type { Field, Level, Schema } from '@posecast/wire';
 import { LevelLatch } from '../limits/level_latch.ts';
-import { Limits } from '../limits/limits.ts';
+import { ValueLimits } from '../limits/limits.ts';
 import { isolated, placeOf } from '../names.ts';
 import { rpyOf, normalizeQuat as unitQuat } from '../rotation.ts';
 import type { ChannelReader } from '../values.ts';
@@ -73,13 +73,13 @@ export class SensorTable {
   readonly groups: readonly SensorGroup[];
   readonly #schema: Schema;
   readonly #power: PowerWords;
-  readonly #profileLimits: Limits;
+  readonly #profileLimits: ValueLimits;
   readonly #all: { reading: Reading; source: Source; latch: LevelLatch }[] = [];
 
   constructor(schema: Schema, power: PowerWords = { power: 'Power' }) {
     this.#schema = schema;
     this.#power = power;
-    this.#profileLimits = new Limits(schema.mapping);
+    this.#profileLimits = new ValueLimits(schema.mapping);
     const groups = new Map<string, { kind: SensorGroup['kind']; site: string; readings: Reading[] }>();
     const main = schema.field('pos') ?? schema.field('ref');
     for (const field of schema.fields) {
@@ -122,7 +122,7 @@ export class SensorTable {
       .map((group) => ({ ...group, title: this.#title(group.kind, group.site) }));
   }
 
-  read(codes: Int32Array, limits: Limits = this.#profileLimits): readonly SensorGroup[] {
+  read(codes: Int32Array, limits: ValueLimits = this.#profileLimits): readonly SensorGroup[] {
     for (const { reading, source, latch } of this.#all) {
       reading.value = readFrom(codes, source);
       const threshold = 'from' in source ? limits.threshold(reading.field, reading.label) : null;

@@ -1,6 +1,6 @@
 import type { Field, Level, Schema, SensorMount, Threshold } from '@posecast/wire';
 import { LevelLatch, worseOf } from '../limits/level_latch.ts';
-import type { Limits } from '../limits/limits.ts';
+import type { ValueLimits } from '../limits/limits.ts';
 import { isolated, placeOf } from '../names.ts';
 import type { Vec3 } from '../rotation.ts';
 import { valueAt } from '../values.ts';
@@ -51,7 +51,7 @@ export class WrenchTable {
     });
   }
 
-  read(codes: Int32Array, limits: Limits): readonly Wrench[] {
+  read(codes: Int32Array, limits: ValueLimits): readonly Wrench[] {
     for (const { arrow, field, parts } of this.#sources) {
       const vector: [number, number, number] = [0, 0, 0];
       let whole = true;

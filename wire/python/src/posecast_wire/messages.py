@@ -18,7 +18,7 @@ TIME_MAX_S = 1e12  # of any clock, either way: 31,700 years, and milliseconds st
 RobotStatus = Literal["online", "silent", "offline"]
 
 
-class Limits(TypedDict, total=False):
+class HelloLimits(TypedDict, total=False):
     """What this viewer is allowed, as far as the relay limits it. `delay_s`: everything it receives is
     delayed by this."""
 
@@ -37,7 +37,7 @@ class Hello(TypedDict):
     robot: str
     view: str
     hz: float
-    limits: Limits
+    limits: HelloLimits
     model: str | None
 
 

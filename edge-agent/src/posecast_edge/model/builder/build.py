@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from posecast_edge.model.builder.lod import Body, Level, LodSettings, Placed, Skin, make_level
+from posecast_edge.model.builder.lod import Body, Level, LodSettings, PaintedLods, Placed, make_level
 from posecast_edge.model.builder.manifest import (
     VERSION,
     compute_home,
@@ -142,7 +142,9 @@ def _levels(figure: Figure, size: float, progress: Progress) -> dict[str, Level]
     for looks in figure.looks:
         low, high = looks.mesh.compute_box()
         sizes.append(float((high - low).max()))
-        skins = tuple(Skin(LodChain(s, sizes[-1], size), paint, mark) for s, paint, mark in looks.skins)
+        skins = tuple(
+            PaintedLods(LodChain(s, sizes[-1], size), paint, mark) for s, paint, mark in looks.skins
+        )
         bodies.append(Body(skins, low, high))
     placed = [Placed(f"v{i}", v.pose, v.looks) for i, v in enumerate(figure.visuals)]
     rungs = count_rungs(sizes, size)

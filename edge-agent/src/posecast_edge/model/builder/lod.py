@@ -21,7 +21,7 @@ ROUGHNESS = 0.7
 
 
 @dataclass(frozen=True)
-class Skin:
+class PaintedLods:
     """A surface's simplified versions and its paint; `mark` is written into the material's extras."""
 
     ladder: LodChain
@@ -34,7 +34,7 @@ class Body:
     """A mesh shown by one or more visuals, in metres, with the mesh scale applied. `low`, `high`: corners of
     its box."""
 
-    skins: tuple[Skin, ...]
+    skins: tuple[PaintedLods, ...]
     low: Floats
     high: Floats
 
@@ -194,7 +194,7 @@ class _Materials:
         self._images: dict[bytes, int] = {}
         self._document: dict[str, list[dict[str, Any]]] = {"materials": [], "textures": [], "images": []}
 
-    def number(self, skin: Skin) -> int:
+    def number(self, skin: PaintedLods) -> int:
         key = (skin.paint, skin.mark)
         if key not in self._numbers:
             self._numbers[key] = len(self._numbers)
@@ -205,7 +205,7 @@ class _Materials:
         """For the document."""
         return {name: items for name, items in self._document.items() if items}
 
-    def _material(self, skin: Skin) -> dict[str, Any]:
+    def _material(self, skin: PaintedLods) -> dict[str, Any]:
         r, g, b, a = skin.paint.rgba
         color = [round(_linear(v), 5) for v in (r, g, b)] + [round(a, 4)]
         pbr: dict[str, Any] = {"baseColorFactor": color, "metallicFactor": 0, "roughnessFactor": ROUGHNESS}

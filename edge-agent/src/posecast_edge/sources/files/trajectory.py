@@ -79,7 +79,7 @@ class TrajectorySource:
         self._bad = RateLimitedLog(log.warning, "bad rows")
         self._file = self._open()
         self._columns = self._count_columns()
-        self._pose = Pose(profile, trajectory, self._columns)
+        self._pose = TrajectoryPose(profile, trajectory, self._columns)
         self._rows = self._play()
         self._index = -1  # of the newest row taken, over all passes
 
@@ -171,7 +171,7 @@ class TrajectorySource:
         raise SourceError(f"{self._path}: no rows any more")
 
 
-class Pose:
+class TrajectoryPose:
     """The current pose: takes rows and gives the values of the profile's fields."""
 
     def __init__(self, profile: Profile, trajectory: Trajectory, columns: int) -> None:

@@ -6,7 +6,7 @@ import json
 from collections.abc import Iterator, Mapping
 
 from posecast_wire import WIRE_VERSION
-from posecast_wire import Limits as Granted
+from posecast_wire import HelloLimits as Granted
 from posecast_wire.messages import Bye, Hello, Info, Model, Pong, RateGranted, RobotStatus, Status
 
 from posecast_relay.core.limits import Limits
