@@ -1,43 +1,27 @@
-import { type ReactNode, Suspense, useRef, useState } from 'react';
+import { Suspense, useRef, useState } from 'react';
 import type { BodyView } from '../../view/body_view.ts';
 import { late } from '../shell/late.tsx';
 import { type RobotLink, useVersion } from '../state/robot_link.ts';
 import { bytesWords } from '../status/words.ts';
 import { useMore } from '../text/more.ts';
+import { CameraViews } from './CameraViews.tsx';
 import { ShownChoice } from './overlay/ShownChoice.tsx';
 
 const OverlayMenu = late(async () => (await import('./overlay/OverlayMenu.tsx')).OverlayMenu);
 
 /** What to look at and from where. */
 export function BodyTools({ link, view, shown }: { link: RobotLink; view: BodyView; shown: boolean }) {
-  const text = useMore();
   useVersion(link);
   const hasRef = link.twin.schema?.field('ref') != null;
   return (
     <div className="stage-tools">
       {hasRef && <ShownChoice />}
-      <fieldset className="segments">
-        <legend className="unseen">{text.camera}</legend>
-        <Tool onClick={() => view.look('home')} title={text.firstView}>
-          ↺
-        </Tool>
-        <Tool onClick={() => view.look('front')}>{text.front}</Tool>
-        <Tool onClick={() => view.look('side')}>{text.side}</Tool>
-        <Tool onClick={() => view.look('top')}>{text.top}</Tool>
-      </fieldset>
+      <CameraViews scene={view} />
       <Suspense fallback={null}>
         <OverlayMenu links={[link]} />
       </Suspense>
       {shown && <Finer scene={view} />}
     </div>
-  );
-}
-
-function Tool({ onClick, title, children }: { onClick: () => void; title?: string; children: ReactNode }) {
-  return (
-    <button type="button" onClick={onClick} title={title} aria-label={title}>
-      {children}
-    </button>
   );
 }
 

@@ -3,28 +3,20 @@ import { more } from '../text/more.ts';
 
 /** Sentences about the picture of a body. */
 
+const VIEW_WORDS = {
+  lost: 'viewLost',
+  pixels: 'viewPixels',
+  detail: 'viewDetail',
+  light: 'viewLight',
+  'light-pixels': 'viewLightPixels',
+  slow: 'viewSlow',
+  'given-up': 'viewGivenUp',
+  chosen: 'viewChosen',
+} as const;
+
 /** How the body is drawn, when that is not as one would expect. */
-export function viewWords(
-  trouble: 'lost' | 'pixels' | 'detail' | 'light' | 'light-pixels' | 'slow' | 'given-up' | 'chosen',
-): string {
-  switch (trouble) {
-    case 'lost':
-      return more().viewLost;
-    case 'pixels':
-      return more().viewPixels;
-    case 'detail':
-      return more().viewDetail;
-    case 'light':
-      return more().viewLight;
-    case 'light-pixels':
-      return more().viewLightPixels;
-    case 'chosen':
-      return more().viewChosen;
-    case 'slow':
-      return more().viewSlow;
-    case 'given-up':
-      return more().viewGivenUp;
-  }
+export function viewWords(trouble: keyof typeof VIEW_WORDS): string {
+  return more()[VIEW_WORDS[trouble]];
 }
 
 /** Of joints that stand where they did when they were last read. */

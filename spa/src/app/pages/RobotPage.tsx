@@ -4,7 +4,7 @@ import { loadPanel } from '../numbers/load_panel.ts';
 import type { Tab } from '../numbers/Panel.tsx';
 import { showLink } from '../shell/debug_api.ts';
 import { useFullscreen } from '../shell/fullscreen.ts';
-import { BackIcon, FullscreenIcon, PanelIcon, SettingsIcon, ShareIcon } from '../shell/icons.tsx';
+import { BackIcon, FullscreenIcon, IconButton, PanelIcon, SettingsIcon, ShareIcon } from '../shell/icons.tsx';
 import { late, lateAfterBody } from '../shell/late.tsx';
 import { SIDE_BY_SIDE, useMedia } from '../shell/media.ts';
 import { heightPx, type SheetHeight } from '../shell/sheet_heights.ts';
@@ -78,44 +78,30 @@ function Loaded({ link, onSettings }: { link: RobotLink; onSettings: () => void 
         </h1>
         <Chip link={link} />
         <span className="grow" />
-        <button
-          type="button"
+        <IconButton
           className="icon-button wide-only"
-          aria-label={text.showNumbers}
+          label={text.showNumbers}
           aria-pressed={panelOpen}
           title={`${text.numbers} (T)`}
           onClick={() => changeSettings({ panelOpen: !panelOpen })}
         >
           <PanelIcon />
-        </button>
-        <button
-          type="button"
+        </IconButton>
+        <IconButton
           className="icon-button fullscreen-button"
-          aria-label={text.fullscreen}
+          label={text.fullscreen}
           aria-pressed={fullscreen !== 'off'}
           title={`${text.fullscreen} (F)`}
           onClick={toggle}
         >
           <FullscreenIcon />
-        </button>
-        <button
-          type="button"
-          className="icon-button"
-          aria-label={text.share}
-          title={`${text.share} (S)`}
-          onClick={() => setSheet('share')}
-        >
+        </IconButton>
+        <IconButton label={text.share} title={`${text.share} (S)`} onClick={() => setSheet('share')}>
           <ShareIcon />
-        </button>
-        <button
-          type="button"
-          className="icon-button"
-          aria-label={text.settings}
-          title={text.settings}
-          onClick={onSettings}
-        >
+        </IconButton>
+        <IconButton label={text.settings} title={text.settings} onClick={onSettings}>
           <SettingsIcon />
-        </button>
+        </IconButton>
       </header>
       <Split link={link} alone={fullscreen === 'page'} />
       <Suspense fallback={null}>

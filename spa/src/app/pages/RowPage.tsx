@@ -4,6 +4,7 @@ import { manifestUrl } from '../../relay/addresses.ts';
 import { isolated } from '../../twin/names.ts';
 import type { RowMember, RowView } from '../../view/body_view.ts';
 import { bindBody } from '../body/body_link.ts';
+import { CameraViews } from '../body/CameraViews.tsx';
 import { useCameraControls } from '../body/controls/use_camera_controls.ts';
 import { LoadLegend } from '../body/overlay/LoadLegend.tsx';
 import { OverlayMenu } from '../body/overlay/OverlayMenu.tsx';
@@ -11,7 +12,7 @@ import { bindOverlay, type OverlayLink } from '../body/overlay/overlay_link.ts';
 import { ShownChoice } from '../body/overlay/ShownChoice.tsx';
 import { useBodyView } from '../body/use_body_view.ts';
 import { ViewNote } from '../body/ViewNote.tsx';
-import { BackIcon, SettingsIcon } from '../shell/icons.tsx';
+import { BackIcon, IconButton, SettingsIcon } from '../shell/icons.tsx';
 import { type RobotLink, useRobotLink, useVersion } from '../state/robot_link.ts';
 import { robotHref } from '../state/route.ts';
 import { Chip } from '../status/Chip.tsx';
@@ -41,15 +42,9 @@ export function RowPage({ robots, onSettings }: { robots: readonly string[]; onS
         </a>
         <h1 className="robot-name">{rest.robotsSideBySide(robots.length)}</h1>
         <span className="grow" />
-        <button
-          type="button"
-          className="icon-button"
-          aria-label={text.settings}
-          title={text.settings}
-          onClick={onSettings}
-        >
+        <IconButton label={text.settings} title={text.settings} onClick={onSettings}>
           <SettingsIcon />
-        </button>
+        </IconButton>
       </header>
       <main className="split">
         <div className="split-body">
@@ -86,19 +81,7 @@ export function RowPage({ robots, onSettings }: { robots: readonly string[]; onS
             {scene !== null && (
               <div className="stage-tools">
                 <Shown links={links} />
-                <fieldset className="segments">
-                  <legend className="unseen">{rest.camera}</legend>
-                  {(['home', 'front', 'side', 'top'] as const).map((view) => (
-                    <button
-                      key={view}
-                      type="button"
-                      onClick={() => scene.look(view)}
-                      aria-label={view === 'home' ? rest.firstView : undefined}
-                    >
-                      {view === 'home' ? '↺' : rest[view]}
-                    </button>
-                  ))}
-                </fieldset>
+                <CameraViews scene={scene} />
                 <OverlayMenu links={links} />
               </div>
             )}

@@ -7,6 +7,7 @@ import type { RobotLink } from '../state/robot_link.ts';
 import { ARROWS, changeSettings, type Settings, useSettings } from '../state/settings.ts';
 import { useText } from '../text/language.ts';
 import { useMore } from '../text/more.ts';
+import { SettingChoice } from './SettingChoice.tsx';
 import '../styles/choices.css';
 import '../styles/signs.css';
 
@@ -16,29 +17,18 @@ const LimitSettings = late(async () => (await import('./LimitSettings.tsx')).Lim
 
 /** Few, and in one place. */
 export function SettingsSheet({ link, onClose }: { link: RobotLink | null; onClose: () => void }) {
-  const settings = useSettings();
+  const { arrowScale } = useSettings();
   const text = useText();
   const rest = useMore();
-  /** One setting as a row of values, of which one is chosen. */
   const choice = <Name extends keyof Settings>(
     name: Name,
     legend: string,
-    ...choices: readonly (readonly [Settings[Name], string])[]
+    ...values: readonly (readonly [Settings[Name], string])[]
   ) => (
     <fieldset className="choice">
       <legend>{legend}</legend>
       <div className="segments">
-        {choices.map(([value, words]) => (
-          <label key={String(value)}>
-            <input
-              type="radio"
-              name={name}
-              checked={settings[name] === value}
-              onChange={() => changeSettings({ [name]: value })}
-            />
-            <span>{words}</span>
-          </label>
-        ))}
+        <SettingChoice name={name} values={values} />
       </div>
     </fieldset>
   );
@@ -59,10 +49,10 @@ export function SettingsSheet({ link, onClose }: { link: RobotLink | null; onClo
           min={Math.log2(ARROWS.least)}
           max={Math.log2(ARROWS.most)}
           step={0.25}
-          value={Math.log2(settings.arrowScale)}
+          value={Math.log2(arrowScale)}
           onChange={(event) => changeSettings({ arrowScale: 2 ** Number(event.target.value) })}
         />
-        <output>{settings.arrowScale.toFixed(2)} ×</output>
+        <output>{arrowScale.toFixed(2)} ×</output>
       </label>
       {link !== null && (
         <Suspense fallback={null}>

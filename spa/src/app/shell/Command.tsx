@@ -1,7 +1,7 @@
 import '../styles/command.css';
 import { useState } from 'react';
 import { useListText } from '../text/list.ts';
-import { Icon } from './icons.tsx';
+import { Icon, IconButton } from './icons.tsx';
 
 const CopyIcon = () => (
   <Icon>
@@ -35,14 +35,9 @@ export function Command({ what, line }: { what: string; line: string }) {
       <pre>
         <code>{line}</code>
       </pre>
-      <button
-        type="button"
-        className="icon-button"
-        onClick={copy}
-        aria-label={copied ? rest.copied : rest.copy}
-      >
+      <IconButton onClick={copy} label={copied ? rest.copied : rest.copy}>
         {copied ? <CheckIcon /> : <CopyIcon />}
-      </button>
+      </IconButton>
     </figure>
   );
 }

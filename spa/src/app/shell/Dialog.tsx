@@ -1,7 +1,7 @@
 import '../styles/dialog.css';
 import { type ReactNode, useEffect, useRef } from 'react';
 import { useText } from '../text/language.ts';
-import { Icon } from './icons.tsx';
+import { Icon, IconButton } from './icons.tsx';
 
 /** A sheet over the page. Escape, the cross and a tap beside it close it. */
 export function Dialog(props: { title: string; testId: string; onClose: () => void; children: ReactNode }) {
@@ -26,16 +26,11 @@ export function Dialog(props: { title: string; testId: string; onClose: () => vo
       <div className="settings-inner">
         <header>
           <h2>{title}</h2>
-          <button
-            type="button"
-            className="icon-button"
-            aria-label={text.close}
-            onClick={() => dialog.current?.close()}
-          >
+          <IconButton label={text.close} onClick={() => dialog.current?.close()}>
             <Icon>
               <path d="M6 6l12 12M18 6L6 18" />
             </Icon>
-          </button>
+          </IconButton>
         </header>
         {children}
       </div>

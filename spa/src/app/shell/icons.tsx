@@ -1,4 +1,4 @@
-import type { ReactNode } from 'react';
+import type { ComponentPropsWithRef, ReactNode } from 'react';
 
 /** Drawn on a grid of 24; they take the colour and the size of the text around them. */
 export function Icon({ children }: { children: ReactNode }) {
@@ -16,6 +16,11 @@ export function Icon({ children }: { children: ReactNode }) {
       {children}
     </svg>
   );
+}
+
+/** A button that shows nothing but an icon; `label` says to screen readers what it does. */
+export function IconButton({ label, ...rest }: { label: string } & ComponentPropsWithRef<'button'>) {
+  return <button type="button" className="icon-button" aria-label={label} {...rest} />;
 }
 
 export const BackIcon = () => (

@@ -3,6 +3,7 @@ import type { Ending } from '../../stream/messages.ts';
 import { formatClock, formatSpan } from '../../twin/format.ts';
 import type { Cause, Verdict } from '../../twin/liveness.ts';
 import { isolated } from '../../twin/names.ts';
+import type { Text } from '../text/en.ts';
 import { say } from '../text/language.ts';
 
 /** Every sentence that depends on the state of things: what happened, what the page does about it, what you can do. */
@@ -79,6 +80,22 @@ export function causeWords(cause: Cause | null): string {
   }
 }
 
+/** The sentence for each close code. */
+const ENDING_WORDS: Readonly<Record<number, `ended${string}` & keyof Text>> = {
+  1001: 'endedRestarting',
+  1003: 'endedUnlike',
+  1007: 'endedUnlike',
+  1008: 'endedUnlike',
+  1009: 'endedUnlike',
+  1011: 'endedFailed',
+  1012: 'endedRestarting',
+  1013: 'endedFull',
+  4401: 'endedToken',
+  4403: 'endedForbidden',
+  4404: 'endedAbsent',
+  4429: 'endedTooMany',
+};
+
 /** The line over the body when the picture is not live; null when it is. */
 export function stageWords(verdict: Verdict, link: Link, nowMs: number): string | null {
   if (verdict.word === 'OFFLINE') {
@@ -100,30 +117,7 @@ function connectionWords(link: Link, nowMs: number): string {
 }
 
 export function endingWords(ending: Ending | null): string {
-  switch (ending?.code) {
-    case 1001:
-    case 1012:
-      return say().endedRestarting;
-    case 1003:
-    case 1007:
-    case 1008:
-    case 1009:
-      return say().endedUnlike;
-    case 1011:
-      return say().endedFailed;
-    case 1013:
-      return say().endedFull;
-    case 4401:
-      return say().endedToken;
-    case 4403:
-      return say().endedForbidden;
-    case 4404:
-      return say().endedAbsent;
-    case 4429:
-      return say().endedTooMany;
-    default:
-      return say().endedLost;
-  }
+  return say()[ENDING_WORDS[ending?.code ?? 0] ?? 'endedLost'];
 }
 
 /** What keeps the stream from being understood. */

@@ -83,11 +83,6 @@ def _affordable(powers: NDArray[np.int64]) -> NDArray[np.bool_]:
     return drawn
 
 
-def draw_silhouette(corners: Vectors, camera: Camera) -> NDArray[np.bool_]:
-    """Which pixels the triangles cover, as booleans (pixels, pixels)."""
-    return draw_triangles(corners, camera)[0] >= 0
-
-
 def _test(
     xy: Vectors,
     steps: Vectors,

@@ -2,6 +2,7 @@ import '../../styles/choices.css';
 import '../../styles/signs.css';
 import { OverlayReader } from '../../../twin/overlay/reader.ts';
 import type { LoadField } from '../../../twin/sensors/load.ts';
+import { SettingChoice } from '../../settings/SettingChoice.tsx';
 import { Icon } from '../../shell/icons.tsx';
 import { usePopover } from '../../shell/popover.ts';
 import { type RobotLink, useVersion } from '../../state/robot_link.ts';
@@ -57,17 +58,7 @@ export function OverlayMenu({ links }: { links: readonly RobotLink[] }) {
             <fieldset className="choice">
               <legend>{rest.coloursOfBody}</legend>
               <div className="segments">
-                {loads.map(([value, text]) => (
-                  <label key={value}>
-                    <input
-                      type="radio"
-                      name="load"
-                      checked={load === value}
-                      onChange={() => changeSettings({ load: value })}
-                    />
-                    <span>{text}</span>
-                  </label>
-                ))}
+                <SettingChoice name="load" values={loads} />
               </div>
             </fieldset>
           )}

@@ -3,7 +3,7 @@ import { useEffect, useRef } from 'react';
 import { nowMs } from '../../../stream/clock.ts';
 import { flagWords, formatClockSeconds } from '../../../twin/format.ts';
 import { isolated, plainName } from '../../../twin/names.ts';
-import { BackIcon } from '../../shell/icons.tsx';
+import { BackIcon, IconButton } from '../../shell/icons.tsx';
 import { useFaults } from '../../state/fault_keeper.ts';
 import { type RobotLink, useVersion } from '../../state/robot_link.ts';
 import { selection, selectJoint } from '../../state/selection.ts';
@@ -51,16 +51,9 @@ export function JointCard({ link, joint }: { link: RobotLink; joint: string }) {
   return (
     <section className="joint-card" data-testid="joint-card" aria-label={name}>
       <header>
-        <button
-          type="button"
-          className="icon-button"
-          aria-label={text.closeCard}
-          title={text.closeByEscape}
-          ref={back}
-          onClick={() => close(joint)}
-        >
+        <IconButton label={text.closeCard} title={text.closeByEscape} ref={back} onClick={() => close(joint)}>
           <BackIcon />
-        </button>
+        </IconButton>
         <h2 title={name}>{name}</h2>
         {plain !== undefined && <span className="quiet">{plain}</span>}
       </header>

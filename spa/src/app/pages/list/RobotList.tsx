@@ -3,7 +3,7 @@ import { Suspense, useState } from 'react';
 import { accounts, home, relayChoice } from '../../../relay/relay.ts';
 import { formatSpan } from '../../../twin/format.ts';
 import { Command } from '../../shell/Command.tsx';
-import { SettingsIcon } from '../../shell/icons.tsx';
+import { IconButton, SettingsIcon } from '../../shell/icons.tsx';
 import { late } from '../../shell/late.tsx';
 import { MOST_SIDE_BY_SIDE, robotHref } from '../../state/route.ts';
 import { Sign } from '../../status/Chip.tsx';
@@ -42,9 +42,9 @@ export function RobotList({ onSettings }: { onSettings: () => void }) {
             <SignIn />
           </Suspense>
         )}
-        <button type="button" className="icon-button" onClick={onSettings} aria-label={text.settings}>
+        <IconButton onClick={onSettings} label={text.settings}>
           <SettingsIcon />
-        </button>
+        </IconButton>
       </header>
       <main className="list">
         <h1>{rest.onAir}</h1>

@@ -6,7 +6,7 @@ import type { LocalRobot } from '../../../urdf/local_robot.ts';
 import { useCameraControls } from '../../body/controls/use_camera_controls.ts';
 import { loadThree } from '../../body/load_three.ts';
 import { showScene } from '../../shell/debug_api.ts';
-import { BackIcon } from '../../shell/icons.tsx';
+import { BackIcon, IconButton } from '../../shell/icons.tsx';
 import { useTheme } from '../../shell/theme.ts';
 import { useSettings } from '../../state/settings.ts';
 import { say, useText } from '../../text/language.ts';
@@ -28,9 +28,9 @@ export function LocalPage({ robot, urdfs }: { robot: LocalRobot; urdfs: readonly
   return (
     <div className="robot-page" data-testid="local-page">
       <header className="top">
-        <button type="button" className="icon-button" onClick={closeLocal} aria-label={rest.closeRobot}>
+        <IconButton onClick={closeLocal} label={rest.closeRobot}>
           <BackIcon />
-        </button>
+        </IconButton>
         <h1 className="robot-name">{isolated(robot.name)}</h1>
         <span className="quiet">{rest.onlyHere}</span>
       </header>
