@@ -1,1 +1,1 @@
-"""Settings of a relay, and the file of robots: read, followed and edited."""
+"""Reads the settings of a relay; reads, follows and edits the file of robots."""

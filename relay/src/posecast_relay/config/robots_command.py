@@ -32,7 +32,10 @@ class _Parser(argparse.ArgumentParser):
 
 
 def run_robots(argv: Sequence[str], environ: Mapping[str, str]) -> None:
-    """SettingsError, one line, when something is wrong."""
+    """Carry out one `posecast-relay robots` command; a new credential or link goes to stdout.
+
+    Raises SettingsError, with one line, for wrong arguments and for a file that is wrong or can't be written.
+    """
     asked = _parse(argv, environ)
     path = Path(asked.robots)
     try:
@@ -141,7 +144,7 @@ def _authority(file: str | None) -> str | None:
 
 
 def _document(path: Path) -> tomlkit.TOMLDocument:
-    """The file as it is, comments and all; a new one when there is none."""
+    """Parse the file, comments included; begin a new one when there is none."""
     if not path.exists():
         doc = tomlkit.document()
         doc.add(tomlkit.comment(HEAD))
@@ -151,7 +154,7 @@ def _document(path: Path) -> tomlkit.TOMLDocument:
 
 
 def _changed(doc: tomlkit.TOMLDocument, asked: argparse.Namespace, ca: str | None) -> str | None:
-    """Does it; the credential's line if there is a new one."""
+    """Change `doc` as it was asked for, and return the new credential's line or the share link, if any."""
     if "robots" not in doc:
         doc["robots"] = tomlkit.table(is_super_table=True)
     robots: Any = doc["robots"]
@@ -181,7 +184,7 @@ def _changed(doc: tomlkit.TOMLDocument, asked: argparse.Namespace, ca: str | Non
 
 
 def _link(robot: Any, asked: argparse.Namespace) -> str | None:
-    """A share link, signed by the robot's key; made when there is none, and anew for `unlink`."""
+    """Make a share link and, if there is none, the key that signs it; for `unlink` replace the key only."""
     if asked.do == "unlink" or "link_key" not in robot:
         robot["link_key"] = secrets.token_urlsafe(32)
     if asked.do == "unlink":
@@ -210,7 +213,7 @@ def _list(robots: Robots) -> None:
 
 
 def _shown(rule: Rule) -> str:
-    """What an audience gets, in a few words."""
+    """Describe what an audience gets, in a few words."""
     if rule.blackout:
         return "nothing for now"
     limits = [f"{rule.hz:g} Hz"] if rule.hz < 60 else []
@@ -221,7 +224,7 @@ def _shown(rule: Rule) -> str:
 
 @contextlib.contextmanager
 def _locked(path: Path) -> Iterator[None]:
-    """One change after the other."""
+    """Hold a lock on the file's folder, so that no two commands change the file at once."""
     folder = os.open(path.parent, os.O_RDONLY)
     try:
         fcntl.flock(folder, fcntl.LOCK_EX)
@@ -231,7 +234,7 @@ def _locked(path: Path) -> Iterator[None]:
 
 
 def _write(path: Path, text: str) -> None:
-    """All of it or nothing of it, readable by its owner (and group, if it was) only."""
+    """Replace the file in one step; only its owner may read it, and its group if it could before."""
     mode = path.stat().st_mode & 0o770 if path.exists() else 0o600
     handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
     try:

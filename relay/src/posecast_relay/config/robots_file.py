@@ -1,4 +1,4 @@
-"""The file of `--robots`: who may publish, and who may see what of it. Read at start and when it changes.
+"""Reads the file of `--robots`, which says who may publish and who may watch what.
 
     [robots.hubo]
     secret = "…"            # by `posecast-relay robots add`; without one it may show a certificate
@@ -38,12 +38,12 @@ ENDLESS = re.compile(
 
 
 class RobotsError(ValueError):
-    """What is wrong with the file: one line that names the file and the place, and quotes no secret."""
+    """The file is wrong. The message is one line that names the file and the place, and quotes no secret."""
 
 
 @dataclass(frozen=True)
 class RobotEntry:
-    """A robot of the file. Without a secret it can publish by certificate only. `expires_s`: unix."""
+    """A robot of the file, valid until `expires_s` (unix). Without a secret it has to show a certificate."""
 
     secret: str | None = field(default=None, repr=False)
     expires_s: float = float("inf")
@@ -53,30 +53,30 @@ class RobotEntry:
 
 @dataclass(frozen=True)
 class Robots:
-    """All of the file."""
+    """The content of the file: its robots, by name."""
 
     enrolled: Mapping[str, RobotEntry]
 
     def secrets(self, unix_s: float) -> dict[str, str]:
-        """Of the robots that may publish now by password."""
+        """Return the passwords of the robots that may publish by password at this time, by robot."""
         valid = {name: self.enrolled[name].secret for name in self.valid(unix_s)}
         return {name: secret for name, secret in valid.items() if secret is not None}
 
     def valid(self, unix_s: float) -> list[str]:
-        """The robots that may publish now, those by certificate among them."""
+        """Return the robots that may publish at this time, by password or by certificate."""
         return [name for name, robot in self.enrolled.items() if robot.expires_s > unix_s]
 
     def link_keys(self) -> dict[str, str]:
-        """Of the robots that have share links."""
+        """Return the keys that sign share links, by robot; robots without a key are left out."""
         return {name: robot.link_key for name, robot in self.enrolled.items() if robot.link_key is not None}
 
     def policy(self) -> Policy:
-        """Who may see what."""
+        """Return the policy that says who may watch what."""
         return Policy({name: robot.rules for name, robot in self.enrolled.items()})
 
 
 def read_robots(path: Path) -> Robots:
-    """RobotsError."""
+    """Read and check the file. Raises RobotsError if it can't be read, is wrong, or is open to everybody."""
     try:
         with path.open("rb") as file:
             mode = stat.S_IMODE(path.stat().st_mode)
@@ -191,7 +191,7 @@ def _unix_s(doc: Mapping[str, Any], name: str, where: str) -> float:
 
 
 def known(doc: Mapping[str, Any], names: tuple[str, ...], where: str) -> None:
-    """RobotsError for a field that there is not: a misspelt limit must not be no limit."""
+    """Raise RobotsError for a field that is not in `names`: a misspelt limit must not be no limit."""
     for name in doc:
         if name not in names:
             shown = re.sub(r"[^\w-]", "?", name)[:60]

@@ -1,4 +1,4 @@
-"""Follows the file of `--robots` while the relay runs, and the credentials that expire meanwhile."""
+"""Watches the file of `--robots` while the relay runs, and the credentials in it that expire."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ LOOK_S = 0.5
 
 
 class RobotsWatcher:
-    """`changed` is called with what the file says now, and whenever a credential has expired.
+    """Calls `changed` with the robots whenever the file has changed or a credential has expired.
 
     A file that is wrong, gone or empty (an editor has just begun to write it, or the disk is full) changes
-    nothing: what was read last holds on, and one line says so.
+    nothing: what was read last stays in force, and one line of the log says so.
     """
 
     def __init__(self, path: Path, robots: Robots, changed: Callable[[Robots], Awaitable[None]]) -> None:
@@ -32,7 +32,7 @@ class RobotsWatcher:
         self._looked_s = time.time()
 
     async def run(self) -> None:
-        """Until cancelled."""
+        """Check the file twice a second, until cancelled."""
         while True:
             await asyncio.sleep(LOOK_S)
             try:
@@ -41,7 +41,7 @@ class RobotsWatcher:
                 log.error("%s can't be followed", self._path, exc_info=e)
 
     async def look(self, unix_s: float) -> None:
-        """Once."""
+        """Check the file once, and call `changed` if need be. `unix_s` is the time now, in unix seconds."""
         seen = _state(self._path)
         expired = self.robots.valid(self._looked_s) != self.robots.valid(unix_s)
         self._looked_s = unix_s

@@ -1,4 +1,4 @@
-"""Settings: flags and POSECAST_* variables, read once into one frozen object. A flag wins over a variable."""
+"""Reads flags and POSECAST_* variables once, into one frozen object. A flag wins over a variable."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ T = TypeVar("T")
 
 
 class SettingsError(ValueError):
-    """A wrong setting: one line that names it."""
+    """A setting is wrong. The message is one line that names it."""
 
 
 class StartError(RuntimeError):
-    """The relay cannot start as it was asked to: one line that says why."""
+    """The relay can't start as it was asked to. The message is one line that says why."""
 
 
 @dataclass(frozen=True)
 class Settings:
-    """What `posecast-relay run` was asked for."""
+    """What `posecast-relay run` was asked for. See FLAGS for what each field means, and its unit."""
 
     dev: bool
     role: str
@@ -266,7 +266,7 @@ def _is_loopback(endpoint: str) -> bool:
 
 
 def parse(argv: Sequence[str], environ: Mapping[str, str]) -> Settings:
-    """Settings from arguments and environment. SettingsError names what is wrong; SystemExit 0 on --help."""
+    """Read the settings from arguments and environment. Raises SettingsError; SystemExit 0 on --help."""
     asked = vars(_parser().parse_args(argv))
     values = {flag.name: _value(flag, asked[flag.name], environ) for flag in FLAGS}
     assert set(values) == {f.name for f in fields(Settings)}

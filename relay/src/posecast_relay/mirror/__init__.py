@@ -1,1 +1,1 @@
-"""Copies of the public views in other databases."""
+"""Copies the public views to other databases."""

@@ -1,8 +1,8 @@
-"""A mirror of the public views in a Firebase Realtime Database, for pages that reach no relay.
+"""Copies the public views to a Firebase Realtime Database, for pages that reach no relay.
 
-A task of its own: one request at a time, given up after 5 s, none at all for a while when three in a row have
-failed. What anyone may not see is never written, and deleted where it stands. It speaks the database's REST
-API itself: firebase-admin would block a thread for seconds when the database is away.
+It runs in a task of its own and sends one request at a time, each given up after 5 s; after three failures in
+a row it pauses. What not everybody may see is never written, and deleted if it is there. It speaks the
+database's REST API itself: firebase-admin would block a thread for seconds when the database is away.
 """
 
 from __future__ import annotations
@@ -37,13 +37,13 @@ OWNER = "owner"  # what emulators and test doubles take for a service account
 
 
 class Rights:
-    """The service account's, as `GOOGLE_APPLICATION_CREDENTIALS` or the platform gives them."""
+    """The rights of the service account that `GOOGLE_APPLICATION_CREDENTIALS` or the platform names."""
 
     def __init__(self) -> None:
         self._credentials: Credentials | None = None
 
     async def token(self) -> str:
-        """Google is asked once an hour, in a thread. GoogleAuthError."""
+        """Return an access token; ask Google for one once an hour, in a thread. Raises GoogleAuthError."""
         found = self._credentials
         if found is None or not found.valid:
             found = self._credentials = await asyncio.to_thread(self._fetch)
@@ -59,7 +59,7 @@ class Rights:
 
 
 class FirebaseMirror:
-    """Writes what `access` shows to anyone, twice a second at most, into the database at `url`."""
+    """Writes what `access` shows to everybody into the database at `url`, at 2 Hz at most."""
 
     def __init__(self, url: str, access: Access) -> None:
         self.written: Counter[str] = Counter()  # requests: sent, failed
@@ -71,7 +71,7 @@ class FirebaseMirror:
         self._adopted = False
 
     async def run(self) -> None:
-        """Until cancelled. What stands there says by itself, by its age, that nobody writes it any more."""
+        """Write changes until cancelled. What was written stays; its age shows that it is not updated."""
         now = self._access.live.now
         async with httpx.AsyncClient(timeout=GIVE_UP_S, trust_env=self._rights is not None) as client:
             due = now()
@@ -87,7 +87,7 @@ class FirebaseMirror:
                     self._failed("a mistake in the relay")
 
     async def _look(self, client: httpx.AsyncClient) -> None:
-        """Once: all that has changed since the last time."""
+        """Write all that has changed since the last time."""
         live = self._access.live
         if not self._adopted:
             found = await self._ask(client, "GET", {"shallow": "true"})
@@ -103,7 +103,7 @@ class FirebaseMirror:
             self._mirror.record_written(batch)
 
     def _shown(self) -> Iterator[tuple[str, VisibleRobot]]:
-        """What anyone may see now. How many watch a mirror nobody knows, so a robot with a cap has none."""
+        """Yield what everybody may see now, but no robot with a cap: a mirror's viewers can't be counted."""
         live = self._access.live
         for name in [robot.name for robot in live.hub.robots.values() if robot.heard_at is not None]:
             try:
@@ -126,7 +126,7 @@ class FirebaseMirror:
     async def _ask(
         self, client: httpx.AsyncClient, method: str, parameters: dict[str, str], body: bytes | None = None
     ) -> list[str] | None:
-        """The names in the answer; None when it has failed, which is counted."""
+        """Send a request and return the names in the answer; count a failure and return None."""
         try:
             async with asyncio.timeout(GIVE_UP_S):
                 token = OWNER if self._rights is None else await self._rights.token()
@@ -159,7 +159,9 @@ class FirebaseMirror:
 
 
 def batches(changes: Mapping[str, NodeChange]) -> Iterator[tuple[dict[str, NodeChange], bytes]]:
-    """In requests of a bearable size, each with its body: a multi-path update, atomic in the database."""
+    """Split changes into requests of about BATCH_BYTES at most, each with its body: a multi-path update,
+    which the database applies as a whole.
+    """
     batch: dict[str, NodeChange] = {}
     parts: list[str] = []
     size = 0

@@ -1,1 +1,1 @@
-"""Robots' models in this process: fetched, verified and kept in bounded memory."""
+"""Fetches robots' models, verifies them, and keeps them in bounded memory."""

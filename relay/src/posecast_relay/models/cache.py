@@ -1,10 +1,10 @@
-"""Robots' models, fetched from their edges when somebody asks, verified, kept in bounded memory.
+"""Fetches robots' models from their edges when somebody asks, verifies them, keeps them in bounded memory.
 
-A model is named by the SHA-256 of its manifest, each file by its own; so what is here never changes, and the
-same bytes of several robots are kept once. But who knows a hash need not have the file: what a robot names in
-its manifest it has to deliver itself, before anybody gets it in its name. Files
-come in small ranges one by one at low priority: one large reply would cut a thin uplink's connection. What
-nobody waits for any more is not fetched to its end.
+A model is named by the SHA-256 of its manifest, each file by its own. So what is kept never changes, and the
+same bytes of several robots are kept once. But a robot may name a hash whose file it does not have, so its
+own edge has to deliver each file once before it is served as that robot's. Files are fetched in small ranges,
+one by one at low priority: one large reply would cut a thin uplink's connection. A fetch that nobody waits
+for any more is cancelled.
 """
 
 from __future__ import annotations
@@ -54,28 +54,28 @@ T = TypeVar("T")
 
 
 class Absent(LookupError):
-    """No such model or file."""
+    """There is no such model or file."""
 
 
 class Unavailable(RuntimeError):
-    """The edge does not deliver it just now: one line."""
+    """The model can't be had just now. The message is one line that says why."""
 
 
 class ModelSource(Protocol):
-    """Where models come from."""
+    """Where a ModelCache fetches models from. A `digest` names a model by the SHA-256 of its manifest."""
 
     def offers(self, robot: str, digest: str) -> bool:
-        """Whether it is worth asking for."""
+        """Whether this model is worth asking for."""
 
     async def manifest(self, robot: str, digest: str) -> bytes:
-        """Its bytes. Absent, Unavailable."""
+        """Return the bytes of a model's manifest, not verified. Raises Absent or Unavailable."""
 
     async def read(self, robot: str, digest: str, sha256: str, off: int, size: int) -> bytes:
-        """`size` ≤ RANGE_BYTES bytes of a file. Absent, Unavailable."""
+        """Return `size` bytes of a file from `off` on, at most RANGE_BYTES. Raises Absent or Unavailable."""
 
 
 class ModelFile(NamedTuple):
-    """A file whose bytes are here now: under what name (its SHA-256), the type to serve it as, its size."""
+    """A file that is in memory now: its SHA-256 as its name, the type to serve it as, its size in bytes."""
 
     name: str
     type: str
@@ -84,14 +84,14 @@ class ModelFile(NamedTuple):
 
 @dataclass
 class _Shared:
-    """Work that several wait for."""
+    """A fetch that several wait for."""
 
     task: asyncio.Task[Any]
     askers: int = 0
 
 
 class ModelCache:
-    """Fetches and keeps. All that is here or on its way counts against one bound (see `ModelMemory`)."""
+    """Fetches models and keeps them: at most `cache_bytes` kept or being fetched, see ModelMemory."""
 
     def __init__(
         self, source: ModelSource, cache_bytes: int, now: Callable[[], float] = time.monotonic
@@ -102,12 +102,12 @@ class ModelCache:
         self._turns: weakref.WeakValueDictionary[str, asyncio.Semaphore] = weakref.WeakValueDictionary()
 
     async def manifest(self, robot: str, digest: str) -> ModelFile:
-        """The manifest itself. Absent, Unavailable."""
+        """Fetch a model's manifest, unless it is kept. Raises Absent or Unavailable."""
         await self._manifest(robot, digest)
         return ModelFile(digest, "application/json", len(self.data(digest) or b""))
 
     async def file(self, robot: str, digest: str, path: str) -> ModelFile:
-        """One file of a model by its path in the manifest. Absent, Unavailable."""
+        """Fetch a file by its path in the manifest, unless it is kept. Raises Absent or Unavailable."""
         entry = (await self._manifest(robot, digest)).get(path)
         if entry is None:
             raise Absent(f"no file '{visible(path)}' in this model")
@@ -119,16 +119,16 @@ class ModelCache:
         return ModelFile(entry.sha256, kind, entry.size)
 
     def data(self, name: str) -> bytes | bytearray | None:
-        """What is kept under a name. Not to be held for longer: what holds it is not counted."""
+        """Return the bytes kept under a name, or None. Don't hold on to them: that memory is not counted."""
         return cast("bytes | bytearray | None", self.room.get(name))
 
     def piece(self, name: str, off: int, size: int) -> bytes | None:
-        """A copy of a part of what is kept under a name; None when it is no longer kept."""
+        """Copy up to `size` bytes, from `off` on, of what is kept under a name; None when it is not kept."""
         data = self.data(name)
         return None if data is None else bytes(memoryview(data)[off : off + size])
 
     async def entries(self, robot: str, digest: str) -> dict[str, Entry]:
-        """The model's files by path. Absent, Unavailable."""
+        """Return a model's files by path; fetch the manifest if needed. Raises Absent or Unavailable."""
         return await self._manifest(robot, digest)
 
     async def _manifest(self, robot: str, digest: str) -> dict[str, Entry]:
@@ -140,7 +140,7 @@ class ModelCache:
         return await self._once((robot, digest), lambda: self._fetch_manifest(robot, digest))
 
     async def _once(self, name: tuple[str, str], fetch: Callable[[], Coroutine[Any, Any, T]]) -> T:
-        """However many ask at once, the edge is asked once, and no longer than one of them waits."""
+        """Fetch once for all who ask at the same time, and only while one of them still waits."""
         shared = self._under_way.get(name)
         if shared is None:
             shared = self._under_way[name] = _Shared(asyncio.create_task(fetch(), name="model"))
@@ -208,7 +208,7 @@ class ModelCache:
             raise
 
     async def _read(self, robot: str, digest: str, sha256: str, off: int, size: int) -> bytes:
-        """A range: on a bad uplink one that is lost should not cost the whole file."""
+        """Read a range, TRIES times if needed: one that a bad uplink loses should not cost the whole file."""
         for _ in range(TRIES - 1):
             with contextlib.suppress(Unavailable):
                 return await self._source.read(robot, digest, sha256, off, size)
@@ -216,7 +216,7 @@ class ModelCache:
 
     @contextlib.asynccontextmanager
     async def _room_for(self, robot: str, size: int) -> AsyncIterator[Claim]:
-        """Room while something is under way. Unavailable when there is none, or others need it more."""
+        """Claim room during a fetch. Raises Unavailable when there is none, or other robots need it more."""
         # weakly: a task that is held by its own error goes only with a collection, which is rare
         fetching: weakref.ref[asyncio.Task[Any]] = weakref.ref(cast(Any, asyncio.current_task()))
         gave_way = False
@@ -244,5 +244,5 @@ class ModelCache:
 
 
 def _delivered(robot: str, sha256: str) -> str:
-    """Under what is kept that this robot's edge has delivered this file."""
+    """Return the name under which is kept that this robot's edge has delivered this file."""
     return f"{robot}+{sha256}"

@@ -1,4 +1,4 @@
-"""What a model's manifest says of its files. A robot wrote it, so nothing in it is believed unread."""
+"""Reads a model's manifest, the list of its files. A robot wrote it, so everything in it is checked."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ TYPE = re.compile(r"[a-z]{1,40}/[a-z0-9.+-]{1,60}|")
 
 
 class ManifestError(ValueError):
-    """What is wrong with a manifest: one line that quotes nothing of it."""
+    """A manifest is wrong. The message is one line that quotes nothing of it."""
 
 
 class Entry(NamedTuple):
-    """A file: its bytes are named by their SHA-256."""
+    """A file of a model: the SHA-256 of its bytes in hex, its size in bytes, its media type or ''."""
 
     sha256: str
     size: int
@@ -31,7 +31,7 @@ class Entry(NamedTuple):
 
 
 def read_manifest(data: bytes) -> dict[str, Entry]:
-    """The files by path. ManifestError; the cost is in proportion to the bytes."""
+    """Read the files by path, in time proportional to the size. Raises ManifestError."""
     if len(data) > BYTES_MAX:
         raise ManifestError(f"over {BYTES_MAX} bytes")
     try:

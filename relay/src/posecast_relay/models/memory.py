@@ -1,8 +1,8 @@
-"""Bytes of models in this process, kept and under way: within one bound, and shared among robots.
+"""Bounds the memory for models, for files kept and files being fetched, and shares it among robots.
 
-A robot may use all the room while nobody else needs it. Who needs some takes, in this order, what nobody has
-asked for lately, what is its own, and what robots hold that have more than it has: their kept files, then
-what is under way for them.
+A robot may use all the room while no other needs it. When a robot needs room, these go, in this order: what
+nobody has asked for lately, files of its own, and what is held by robots that hold more than it does, first
+their kept files, then what is being fetched for them.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ IN_USE_S = 60.0  # what was asked for within this is left to robots that have no
 
 @dataclass
 class Kept:
-    """Something under a name that never means anything else."""
+    """A value that is kept under a name; the name never means another value."""
 
     robot: str
     value: object
@@ -28,7 +28,7 @@ class Kept:
 
 @dataclass(eq=False)
 class Claim:
-    """Room for bytes that are under way. `give_up` is called when they must give way."""
+    """Room for bytes that are being fetched. `give_up` is called when other robots need it more."""
 
     robot: str
     size: int  # counted
@@ -36,7 +36,7 @@ class Claim:
 
 
 class ModelMemory:
-    """`most` bytes. Times are `now()`'s, in seconds."""
+    """Room for `most` bytes, for all robots together. `now` is a clock in seconds."""
 
     def __init__(self, most: int, now: Callable[[], float]) -> None:
         self.most = most
@@ -48,7 +48,7 @@ class ModelMemory:
         self._waiting: list[asyncio.Future[None]] = []
 
     def get(self, name: str) -> object:
-        """What is kept under a name, or None; it was asked for now."""
+        """Return what is kept under a name, or None, and note that it was asked for now."""
         kept = self._kept.get(name)
         if kept is None:
             return None
@@ -57,7 +57,7 @@ class ModelMemory:
         return kept.value
 
     def claim(self, robot: str, size: int, give_up: Callable[[], None]) -> Claim | None:
-        """Room for `size` more bytes of a robot; None when there is none just now: nothing was taken then."""
+        """Claim room for `size` more bytes of a robot; return None, and drop nothing, when there is none."""
         size += ENTRY_BYTES
         lacking = self.used + size - self.most
         if lacking > 0 and not self._take(robot, size, lacking):
@@ -68,14 +68,17 @@ class ModelMemory:
         return claim
 
     def release(self, claim: Claim) -> None:
-        """Nothing of it is under way any more; harmless when it has given way."""
+        """Give back what is left of a claim. Does nothing when that has happened already."""
         if claim in self._claims:
             del self._claims[claim]
             self._count(claim.robot, -claim.size)
             self._free()
 
     def keep(self, claim: Claim, name: str, value: object, size: int) -> None:
-        """It is here, and takes no more than is left of its claim, which goes on for the rest."""
+        """Keep a value of `size` bytes under a name, in room of the claim, which must be large enough.
+
+        Does nothing when the claim has had to give way.
+        """
         if claim not in self._claims:
             return
         size += ENTRY_BYTES
@@ -85,13 +88,13 @@ class ModelMemory:
         self._kept[name] = Kept(claim.robot, value, size, self._now())
 
     async def freed(self) -> None:
-        """Return when something has gone."""
+        """Wait until room has become free, maybe too little."""
         waiting = asyncio.get_running_loop().create_future()
         self._waiting.append(waiting)
         await waiting
 
     def _take(self, robot: str, size: int, lacking: int) -> bool:
-        """Make room, if as much as is lacking can be taken."""
+        """Drop `lacking` bytes or more, and return True; drop nothing when there is not so much to drop."""
         chosen: list[str | Claim] = []
         for each, of in self._takeable(robot, size):
             chosen.append(each)
@@ -109,7 +112,7 @@ class ModelMemory:
         return True
 
     def _takeable(self, robot: str, size: int) -> Iterator[tuple[str | Claim, int]]:
-        """In the order in which it goes, with its size. Who has most gives first, and while it has more."""
+        """Yield what may be dropped, with its size, in the order that the docstring of this module gives."""
         now, mine, left = self._now(), self._sums[robot] + size, Counter(self._sums)
         files: dict[str, deque[str]] = {}
         for name, kept in self._kept.items():
