@@ -1,1 +1,1 @@
-"""Zenoh: the router that edges connect to, and what they send through it."""
+"""Runs the Zenoh router that edges connect to, and takes in what they send through it."""

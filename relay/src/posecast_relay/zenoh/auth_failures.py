@@ -1,4 +1,4 @@
-"""What Zenoh says of edges that it did not let in: only in its log, and that only on stdout."""
+"""Counts and logs edges that Zenoh refused. It tells of them only in its own log, on stdout."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class AuthFailures:
     """
 
     def __init__(self, may_publish: Callable[[str], bool]) -> None:
-        """`may_publish`: who shows a certificate of that name."""
+        """`may_publish` says whether an edge with a certificate of this name may publish."""
         self.count = 0
         self._may_publish = may_publish
         self._said_at = float("-inf")
@@ -64,7 +64,7 @@ class AuthFailures:
                     self.refused(STRANGER, time.monotonic())  # linked, and denied everything
 
     def refused(self, why: str, now: float) -> None:
-        """Count one refused publisher; log at most one of them in SAY_S seconds, with `why`."""
+        """Count a refused publisher; log at most one in SAY_S seconds, with `why`. `now` is in seconds."""
         self.count += 1
         if now - self._said_at >= SAY_S:
             self._said_at = now

@@ -1,4 +1,4 @@
-"""What robots have sent and the loop has not taken in yet: an inbox for each, bounded, emptied in turns."""
+"""Holds what robots have sent until the loop takes it in: a bounded inbox for each, emptied in turns."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ OTHERS = ""  # under which the messages of those are counted
 
 @dataclass(slots=True)
 class Message:
-    """Something to take in. `take_in` is called on the loop, and takes as long as `cost` frames.
+    """Something of `size` bytes that waits for `take_in`, which is called on the loop.
 
-    `is_frame`: a newer one makes up for it.
+    `cost`: so many frames take as long. `is_frame`: it may be dropped, since a newer frame replaces it.
     """
 
     take_in: Callable[[], None]
@@ -33,7 +33,7 @@ class _Inbox:
 
 
 class Inboxes:
-    """Filled by Zenoh's threads, emptied by the loop. A robot that floods loses what is its own."""
+    """An inbox per robot, filled by threads, emptied by the loop. A robot that floods loses only its own."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -42,7 +42,7 @@ class Inboxes:
         self._lost: Counter[str] = Counter()  # by robot
 
     def put(self, robot: str, message: Message, now: float) -> None:
-        """Keep a message until its robot's turn comes; the oldest go for it where there is no room."""
+        """Keep a message until its robot's turn comes; drop its oldest ones when its inbox is full."""
         with self._lock:
             if message.is_frame and robot in self._closed_until:
                 if now < self._closed_until[robot]:
@@ -62,7 +62,7 @@ class Inboxes:
                 self._lost[robot] += 1
 
     def pop(self) -> Message | None:
-        """The oldest message of the robot whose turn it is; then it is the next one's."""
+        """Take the oldest message of the robot whose turn it is, if any, and pass the turn on."""
         with self._lock:
             if not self._waiting:
                 return None
@@ -76,7 +76,7 @@ class Inboxes:
             return message
 
     def close(self, robot: str, until: float) -> None:
-        """Drop the frames of this robot, those that wait and those that come until then."""
+        """Drop the frames of this robot, those that wait and those that come before `until` (seconds)."""
         with self._lock:
             self._closed_until[robot] = until
             inbox = self._waiting.get(robot)
@@ -89,16 +89,16 @@ class Inboxes:
                 del self._waiting[robot]
 
     def open(self, now: float) -> None:
-        """Forget about closed inboxes whose moment has passed."""
+        """Forget inboxes that were closed until a time that has passed."""
         with self._lock:
             self._closed_until = {r: until for r, until in self._closed_until.items() if now < until}
 
     def take_lost(self) -> Counter[str]:
-        """How many messages were dropped since the last call, by robot."""
+        """Return how many messages were dropped since the last call, by robot."""
         with self._lock:
             lost, self._lost = self._lost, Counter()
             return lost
 
     def __bool__(self) -> bool:
-        """Whether anything waits."""
+        """Return whether any message waits."""
         return bool(self._waiting)

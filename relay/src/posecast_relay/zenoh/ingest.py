@@ -1,8 +1,8 @@
-"""Edges in: frames, events, tokens and snapshots from Zenoh's threads to the event loop.
+"""Takes in what edges send: frames, events, tokens and snapshots, from Zenoh's threads to the event loop.
 
-Zenoh calls back in a thread per subscriber. Those threads only take the bytes out and put them into the
-robot's inbox; one wake-up of the loop is pending at most. It takes from the inboxes in turns, so much in one
-turn of its own, and lets viewers have theirs in between.
+Zenoh calls back in a thread per subscriber. These threads only copy the bytes into the robot's inbox; at most
+one wake-up of the loop is pending. The loop takes from the inboxes in turns, a bounded amount in each turn of
+its own, so that viewers are served in between.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ LOST = "there is room for"
 
 
 class _Token:
-    """A robot's token as it was heard of last, and as it was told."""
+    """A robot's token: whether it was there when last heard of, and when the hub was told of it last."""
 
     def __init__(self) -> None:
         self.present = False
@@ -50,7 +50,7 @@ class _Token:
 
 
 class _Question:
-    """One view's snapshot was asked for; the first answer counts."""
+    """A question for one view's snapshot; only the first answer counts."""
 
     def __init__(self, asked_at: float) -> None:
         self.asked_at = asked_at
@@ -58,7 +58,7 @@ class _Question:
 
 
 class ZenohIngest:
-    """Subscriptions, the echo, and the questions about snapshots: a RobotSource."""
+    """A RobotSource for edges: subscribes to what they send, answers echoes, and asks for snapshots."""
 
     _dispatcher: Dispatcher  # from `start` on
 
@@ -76,17 +76,17 @@ class ZenohIngest:
         self._given_up: asyncio.TimerHandle | None = None
 
     def start(self, dispatcher: Dispatcher) -> None:
-        """Subscribe: from here on the dispatcher's hub is fed with what edges send."""
+        """Subscribe: from now on what edges send goes to the dispatcher's hub."""
         self._dispatcher = dispatcher
         self._declare()
 
     def stop(self) -> None:
-        """No more timers."""
+        """Stop the timer for robots that have not come back after a new session."""
         if self._given_up is not None:
             self._given_up.cancel()
 
     async def admit(self, secrets: dict[str, str]) -> None:
-        """Let in these robots, by name, and no others: see RouterSession."""
+        """Let these robots publish, by name and secret, and no others: see RouterSession."""
         await self._router.admit(secrets, self._leave_off, self._go_on)
 
     def _leave_off(self) -> None:
@@ -229,7 +229,7 @@ class ZenohIngest:
             self._say(robot, f"{view}/event", "no event, info or model as the wire format has them")
 
     def _heard_token(self, opening: int, robot: str, present: bool) -> None:
-        """A token that comes and goes all the time is told of ten times a second at most: as it is then."""
+        """Pass on whether a token is there, at most once in TOKENS_S seconds for each robot."""
         if opening != self._opening:
             return
         self._missing.discard(robot)
@@ -305,7 +305,7 @@ class ZenohIngest:
         query.drop()  # type: ignore[no-untyped-call]
 
     def request_snapshots(self, robot: str, views: Sequence[str]) -> None:
-        """Ask the robot's edge."""
+        """Ask the robot's edge for the snapshots of these views. The answers go to the hub."""
         for view in views:  # not `*`: the edge's `model/**` would match it too
             on_snapshot = partial(self._on_snapshot, _Question(self._dispatcher.now()))
             try:
@@ -314,18 +314,18 @@ class ZenohIngest:
                 log.warning("snapshot of %s/%s: %s", robot, view, e)
 
     def subscribe(self, robot: str) -> None:
-        """All robots are listened for."""
+        """Do nothing: all robots are listened for."""
 
     async def open(self, robot: str) -> None:
-        """Whatever is on air is here."""
+        """Return at once: every robot that is on air is heard here."""
 
     def _complain(self, robot: str, what: str, error: Exception) -> None:
-        """Count every bad message, log one now and then."""
+        """Count a bad message, and log one now and then."""
         self._dispatcher.hub.outcomes[FrameOutcome.BAD.value] += 1
         self._say(robot, what, error)
 
     def _say(self, robot: str, what: str, why: Exception | str) -> None:
-        """Log it, unless something was said of this robot lately: no robot keeps a line from another one."""
+        """Log it, unless this robot had a line within COMPLAIN_S: no robot keeps others out of the log."""
         now, known = self._dispatcher.now(), robot if robot in self._dispatcher.hub.robots else ""
         if now - self._complained_at.get(known, float("-inf")) < COMPLAIN_S:
             return
@@ -336,7 +336,6 @@ class ZenohIngest:
 
 
 def _names(key: zenoh.KeyExpr) -> tuple[str, str]:
-    """The robot and the view of a key. A publisher may have left them open (`posecast/**`): then they are no
-    names, as whoever checks them says."""
+    """Return the robot and the view of a key. Callers check them: in `posecast/**` they are no names."""
     _, _, robot, view, *_ = *str(key).split("/"), "", "", "", ""
     return robot, view

@@ -1,4 +1,4 @@
-"""Models as edges answer for them over Zenoh."""
+"""Reads models from edges over Zenoh."""
 
 from __future__ import annotations
 
@@ -17,27 +17,27 @@ RANGE_TIMEOUT_S = 10.0
 
 
 class EdgeModels:
-    """A ModelSource: only what a robot announces now is asked for."""
+    """A ModelSource that asks robots' edges, for models that they announce now."""
 
     def __init__(self, router: RouterSession, hub: Hub) -> None:
         self._router = router
         self._hub = hub
 
     def offers(self, robot: str, digest: str) -> bool:
-        """Whether the robot announces this model."""
+        """Return whether the robot announces this model now."""
         of = self._hub.robots.get(robot)
         return of is not None and any(room.stream.model == digest for room in of.rooms.values())
 
     async def manifest(self, robot: str, digest: str) -> bytes:  # noqa: ARG002 — an edge has one
-        """Its bytes, whichever the edge has now. Unavailable."""
+        """Return the manifest that the edge has now, maybe another than `digest`. Raises Unavailable."""
         return await self._get(model_key(robot, "manifest"), BYTES_MAX)
 
     async def read(self, robot: str, digest: str, sha256: str, off: int, size: int) -> bytes:  # noqa: ARG002
-        """A range of a file. Unavailable."""
+        """Return `size` bytes of a file from `off` on, maybe fewer. Raises Unavailable."""
         return await self._get(f"{model_key(robot, sha256)}?off={off};len={size}", size)
 
     async def _get(self, selector: str, most: int) -> bytes:
-        """The first reply to a question, at most so many bytes. Unavailable when none comes."""
+        """Return the first reply to a query. Raises Unavailable if none comes, or one over `most` bytes."""
         loop = asyncio.get_running_loop()
         ended: asyncio.Future[None] = loop.create_future()
         replies: list[bytes | None] = []  # of one

@@ -1,7 +1,7 @@
-"""The relay's own Zenoh session: on one machine it is the router that edges connect to.
+"""Opens the relay's own Zenoh session: it is the router that edges connect to.
 
-Zenoh reads its users and their rights only when a session is opened, so for a robot that is enrolled or
-revoked the session, and nothing else, is closed and opened anew.
+Zenoh reads its users and their rights only when a session is opened. So when a robot is enrolled or revoked,
+the session, and nothing else, is closed and opened anew.
 """
 
 from __future__ import annotations
@@ -35,15 +35,15 @@ SESSIONS_MAX = 4000  # edges; Zenoh's own figure is 1,000
 
 
 class ListenError(OSError):
-    """The listener could not be opened: one line, with the endpoint."""
+    """The listener can't be opened. The message is one line that names the endpoint."""
 
 
 @dataclass(frozen=True)
 class ZenohAuth:
-    """Who is let in: `secrets` by robot. With a certificate and its key, endpoints may be `tls/…`.
+    """Who may publish: `secrets` by robot. With `cert` and its `key`, endpoints may be `tls/…`.
 
-    `ca`: robots show a certificate of this authority with their name as its common name; no password is asked
-    for, and secrets are empty.
+    With `ca`, robots show a certificate of this authority whose common name is theirs. Then no password is
+    asked for, and the secrets are empty.
     """
 
     secrets: Mapping[str, str] = field(repr=False)
@@ -71,7 +71,7 @@ OUT_OF_ALL: Rights = {
 
 
 def access_control(robots: Sequence[str], known_by: str = "usernames") -> dict[str, Any]:
-    """Zenoh's `access_control`: each robot its own keys, by its name in `known_by`; default deny."""
+    """Return Zenoh's `access_control`: each robot, known by `known_by`, has its own keys and no others."""
     rules: list[dict[str, Any]] = []
 
     def add(name: str, flow: str, rights: Rights, of: str) -> list[str]:
@@ -134,7 +134,7 @@ def _config(endpoints: Sequence[str], auth: ZenohAuth | None, passwords: str | N
 
 @contextmanager
 def _passwords(auth: ZenohAuth | None) -> Iterator[str | None]:
-    """The file that Zenoh wants them in, `user:password`, for as long as it takes to read it."""
+    """Write the file of `user:password` lines that Zenoh reads when it opens; delete it at the end."""
     if auth is None or auth.ca is not None:
         yield None
         return
@@ -149,7 +149,7 @@ def _passwords(auth: ZenohAuth | None) -> Iterator[str | None]:
 
 
 def _with_port(endpoint: str) -> str:
-    """`tcp/host:0` with a port that is free just now: Zenoh would not say which it took."""
+    """Replace port 0 by one that is free just now, since Zenoh does not say which one it took."""
     scheme, _, address = endpoint.partition("/")
     host, _, port = address.rpartition(":")
     if port != "0":
@@ -161,7 +161,10 @@ def _with_port(endpoint: str) -> str:
 
 
 def open_router(endpoints: Sequence[str], auth: ZenohAuth | None = None) -> tuple[zenoh.Session, list[str]]:
-    """The session and the endpoints it listens on. Without a gate anybody may publish. ListenError."""
+    """Return a session and the endpoints that it listens on. `auth` None: anybody may publish.
+
+    Raises ListenError when an endpoint can't be listened on.
+    """
     for tries_left in reversed(range(PORT_TRIES)):
         real = [_with_port(e) for e in endpoints]
         try:
@@ -174,7 +177,7 @@ def open_router(endpoints: Sequence[str], auth: ZenohAuth | None = None) -> tupl
 
 
 def _refused(endpoints: Sequence[str], error: zenoh.ZError) -> ListenError:
-    """In Zenoh's words, without where in its sources they stand."""
+    """Make an error of Zenoh's message, without the place in its sources."""
     said = str(error).splitlines()[0].partition(" at /")[0]
     return ListenError(
         f"zenoh listener {', '.join(endpoints)}: {'address already in use' if 'in use' in said else said}"
@@ -187,7 +190,7 @@ def _open(endpoints: Sequence[str], auth: ZenohAuth | None) -> zenoh.Session:
 
 
 def reopen_router(endpoints: Sequence[str], auth: ZenohAuth) -> zenoh.Session:
-    """The same endpoints with other users. Raises ListenError when the port does not come free again."""
+    """Open a session for other users on endpoints just closed. Raises ListenError after REOPEN_S seconds."""
     give_up_at = time.monotonic() + REOPEN_S
     while True:
         try:
@@ -199,7 +202,7 @@ def reopen_router(endpoints: Sequence[str], auth: ZenohAuth) -> zenoh.Session:
 
 
 class RouterSession:
-    """The relay's session as a Zenoh router: open, but for the milliseconds of a change of its users."""
+    """The relay's session as a Zenoh router. A change of its users closes it for some milliseconds."""
 
     def __init__(self, endpoints: Sequence[str], auth: ZenohAuth | None) -> None:
         """Raises ListenError when an endpoint can't be listened on. `auth` None: anybody may publish."""
@@ -209,15 +212,16 @@ class RouterSession:
         self.changes = 0
 
     def lets_in(self, robot: str) -> bool:
-        """Whether it may publish now."""
+        """Return whether this robot may publish now."""
         return self._auth is None or robot in self._auth.secrets
 
     async def admit(
         self, secrets: dict[str, str], closing: Callable[[], None], opened: Callable[[], None]
     ) -> None:
-        """Let in these robots, by name, and no others.
+        """Let these robots publish, by name and secret, and no others.
 
-        If that takes another session, `closing` is called before this one goes, `opened` when that is there.
+        If that takes a new session, `closing` is called before the old one closes, `opened` when the new one
+        is open. If it can't be opened, that is logged, and nobody may publish until the next change.
         """
         async with self._changing:
             before = self._auth
