@@ -1,1 +1,1 @@
-"""One relay process: its role, its listener, from its first socket to its last."""
+"""Runs one relay process: opens its listener and what its role needs, serves, and closes it all."""

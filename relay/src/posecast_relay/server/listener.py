@@ -1,4 +1,4 @@
-"""Where viewers connect, and what the kernel does for every connection that comes this way."""
+"""Opens the socket that viewers connect to, with the options that its connections inherit."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ UNREAD_MS = 120_000
 
 
 def listen(host: str, port: int) -> socket.socket:
-    """Port 0: any free one. StartError."""
+    """Open a listening socket; port 0 means any free one. Raises StartError when it can't be opened."""
     try:
         family, kind, proto, _, address = socket.getaddrinfo(
             host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE

@@ -1,4 +1,4 @@
-"""One relay process from its first socket to its last: opens everything, serves, closes everything."""
+"""Runs one relay process: opens everything, serves, and closes everything."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ END_S = 9.5  # after SIGTERM; platforms kill a process at 10 s
 
 
 class _Server(uvicorn.Server):
-    """uvicorn without its signal handlers: they close everybody at once, with the signal as status."""
+    """uvicorn without its signal handlers, which close all connections at once and exit by the signal."""
 
     def __init__(
         self, config: uvicorn.Config, dispatchers: Sequence[Dispatcher], serving: Callable[[], None]
@@ -69,7 +69,7 @@ class _Server(uvicorn.Server):
         self._serving = serving
 
     def leave(self) -> None:
-        """SIGTERM or Ctrl-C: move the viewers away, then stop. A second one: at once."""
+        """Move the viewers away, then stop; at once when called again. Called at SIGTERM and Ctrl-C."""
         going = self._dispatchers[0].draining
         self.force_exit = self.should_exit = going
         if not going:
@@ -80,22 +80,22 @@ class _Server(uvicorn.Server):
             dispatcher.drain()
 
     async def on_tick(self, counter: int) -> bool:
-        """Ten times a second: whether to stop."""
+        """Return whether to stop. uvicorn calls this ten times a second."""
         return await super().on_tick(counter) or all(dispatcher.drained for dispatcher in self._dispatchers)
 
     @contextlib.contextmanager
     def capture_signals(self) -> Iterator[None]:
-        """Signals are the loop's."""
+        """Leave signals alone: handlers of the event loop take them."""
         yield
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
-        """Say so when connections are accepted."""
+        """Start as uvicorn does, then call `serving`, since connections are accepted now."""
         await super().startup(sockets)
         self._serving()
 
 
 def run(settings: Settings) -> None:
-    """Serve until SIGTERM or SIGINT. StartError when a port is in use."""
+    """Serve until SIGTERM or SIGINT. Raises StartError when something can't be opened, as a port in use."""
     sys.setswitchinterval(SWITCH_S)
     start_logging(settings.log_level)
     logging.getLogger("websockets").setLevel(logging.WARNING)  # else two lines for every viewer
@@ -225,7 +225,7 @@ def _accounts(settings: Settings) -> Accounts | None:
 def _publishers(
     settings: Settings, robots: Robots | None
 ) -> tuple[RouterSession | None, AuthFailures | None]:
-    """The session that edges connect to, and who counts those that it refuses. ListenError."""
+    """Open the session that edges connect to, and what counts those that it refuses. Raises ListenError."""
     router: RouterSession | None = None
     refusals: AuthFailures | None = None
     if robots is not None and not settings.dev and settings.role != "gateway":
@@ -235,7 +235,7 @@ def _publishers(
 
 
 def _router(settings: Settings, robots: Robots | None) -> RouterSession | None:
-    """None for a gateway, which hears no edges. ListenError."""
+    """Open the session that edges connect to; None for a gateway, which hears none. Raises ListenError."""
     if settings.role == "gateway":
         return None
     if settings.dev or robots is None:
@@ -249,13 +249,13 @@ def _router(settings: Settings, robots: Robots | None) -> RouterSession | None:
 def _beside(
     following: Coroutine[Any, Any, None] | None, mirror: FirebaseMirror | None
 ) -> list[asyncio.Task[None]]:
-    """What goes on beside the serving."""
+    """Start the tasks that run while the relay serves."""
     tasks = [] if following is None else [asyncio.create_task(following, name="robots file")]
     return tasks if mirror is None else [*tasks, asyncio.create_task(mirror.run(), name="mirror")]
 
 
 def _admitted(settings: Settings, robots: Robots) -> dict[str, str]:
-    """Who may publish now, and by which password: none where a certificate is asked for."""
+    """Return the password of each robot that may publish now; '' where a certificate is asked for."""
     now_s = time.time()
     return robots.secrets(now_s) if settings.zenoh_ca is None else dict.fromkeys(robots.valid(now_s), "")
 
@@ -267,7 +267,7 @@ def _follow(
     part: RoleServices,
     access: Access,
 ) -> Coroutine[Any, Any, None] | None:
-    """What the file of robots says from now on."""
+    """Return what follows the file of robots while the relay serves; None without a file."""
     if settings.robots is None or robots is None:
         return None
 
@@ -293,13 +293,13 @@ def _ring() -> IoUring | None:
 
 
 def _end() -> None:
-    """What is still waited for by now (a library's thread, a name server) is not worth being killed."""
+    """End the process: what is still waited for (a library's thread, a name server) is not worth a kill."""
     log.warning("not all is closed %g s after the signal: ending as it is", END_S)
     os._exit(0)
 
 
 def _allow_sockets(viewers: int) -> None:
-    """A socket per viewer: more than the 1,024 open files that shells usually allow, less than they may."""
+    """Raise the limit of open files, usually 1,024, so that each viewer can have a socket."""
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     wanted = viewers + SPARE_FILES
     if hard != resource.RLIM_INFINITY:
@@ -337,7 +337,7 @@ def _metrics(
 
 
 async def _close(router: RouterSession | None) -> None:
-    """Zenoh's close may wait for a peer that does not answer; the process need not."""
+    """Close Zenoh's session, but wait for CLOSE_ZENOH_S at most: a peer may never answer."""
     if router is None:
         return
     closing = threading.Thread(target=router.session.close, daemon=True)

@@ -1,4 +1,4 @@
-"""What a process does, by its role: where it hears robots, keeps their state, and finds models.
+"""Decides by its role where a process hears robots, keeps their state, and finds their models.
 
 all       Zenoh → viewers, and → Redis when there is one, so that gateways beside it can serve
 ingest    Zenoh → Redis
@@ -43,7 +43,10 @@ class RoleServices:
 def open_part(
     settings: Settings, router: RouterSession | None, hub: Hub, pinned: Callable[[], Iterable[str]]
 ) -> RoleServices:
-    """`router` is None for a gateway only; `pinned`: robots that it hears, whoever watches."""
+    """Make the services of the role that `settings` asks for.
+
+    `router` is None for a gateway only. `pinned` names robots that a gateway hears even if nobody watches.
+    """
     cache_bytes = settings.model_cache_mb << 20
     if router is None:
         return _gateway(settings.store, hub, cache_bytes, pinned)
@@ -90,7 +93,7 @@ def _gateway(url: str, hub: Hub, cache_bytes: int, pinned: Callable[[], Iterable
     from posecast_relay.redis.models import RedisModels  # noqa: PLC0415 — half of the time to start
 
     async def admit(_secrets: dict[str, str]) -> None:
-        """Nobody publishes here."""
+        """Do nothing: nobody publishes here."""
 
     gateway = RedisGateway(url, hub, Dispatcher.now, pinned)
     models = ModelCache(RedisModels(gateway.link, hub), cache_bytes)

@@ -1,7 +1,7 @@
-"""uvicorn's HTTP with bounds: on what a request may bring, what waits for an answer, and what a fault hurts.
+"""uvicorn's HTTP with limits: on the size of requests, on how many wait, and on what an error can end.
 
-The same limits as the proxy's (infra/Caddyfile), for whoever reaches the relay's own port. What goes beyond
-is refused before it is kept, and the connection closed.
+The limits are those of the proxy (infra/Caddyfile), for whoever reaches the relay's own port. A request that
+exceeds one is refused before it is kept, and its connection closed.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ MALFORMED = "not a request in HTTP/1"
 
 
 class RequestRefused(Exception):
-    """What came is not taken: answered with `status`, then closed."""
+    """A request is refused: it is answered with `status` and the message, then the connection is closed."""
 
     def __init__(self, status: HTTPStatus, reason: str) -> None:
         super().__init__(reason)
@@ -46,11 +46,11 @@ class RequestRefused(Exception):
 
 
 class AnswerAborted(Exception):
-    """The rest of an answer can't be given: it ends in the middle."""
+    """The rest of an answer can't be sent: the connection is aborted in the middle of it."""
 
 
 class HttpConnection(HttpToolsProtocol):
-    """One connection of somebody who asks over HTTP."""
+    """One HTTP connection, within the limits above. Its errors end this connection and no other."""
 
     access: ClassVar[Access]
     under_way: ClassVar[PendingRequests]
@@ -66,26 +66,26 @@ class HttpConnection(HttpToolsProtocol):
 
     @property
     def counts(self) -> Counter[str]:
-        """What became of requests."""
+        """How many requests ended in which way."""
         return self.access.live.handshakes
 
     @property
     def request_bytes(self) -> int:
-        """Of a request that is not whole yet, about: what is kept of it."""
+        """About how many bytes are kept of a request that has not arrived whole yet."""
         return min(self._fed, HEAD_BYTES) + self._head_bytes
 
     # ---- asyncio ----------------------------------------------------------
 
     @isolated
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
-        """Nothing but the newest write may lie in the transport: then it is known how much that is."""
+        """Start, and let the transport report every write that the socket does not take at once."""
         self.transport = transport
         super().connection_made(transport)
         leave_unsent(transport)
 
     @isolated
     def connection_lost(self, exc: Exception | None) -> None:
-        """The asker has left: so does what is done for it."""
+        """Cancel the answer that was being made: the client has left."""
         with ExitStack() as each:  # all of it, whatever one of them raises
             each.callback(super().connection_lost, exc)
             each.callback(self._abandon)
@@ -95,7 +95,7 @@ class HttpConnection(HttpToolsProtocol):
 
     @isolated
     def data_received(self, data: bytes) -> None:
-        """A slice at a time, since the parser takes apart all that it is given."""
+        """Parse what has come, in slices: the parser works through all that it is given."""
         for at in range(0, len(data), SLICE_BYTES):
             if self._deaf:
                 # behind a refusal: a little of it, so that the refusal can be read
@@ -107,18 +107,18 @@ class HttpConnection(HttpToolsProtocol):
 
     @isolated
     def eof_received(self) -> None:
-        """Nothing more will come: asyncio closes."""
+        """Let asyncio close the connection: the client sends no more."""
         super().eof_received()
 
     @isolated
     def pause_writing(self) -> None:
-        """Some of the answer waits to be read."""
+        """Note how much of the answer the client has not read yet."""
         super().pause_writing()
         self.under_way.record_held(self, self._unread_bytes())
 
     @isolated
     def resume_writing(self) -> None:
-        """All that was written is taken."""
+        """Note that the socket has taken all that was written."""
         super().resume_writing()
         if self._is_idle():
             self.under_way.leave(self)
@@ -127,12 +127,12 @@ class HttpConnection(HttpToolsProtocol):
 
     @isolated
     def shutdown(self) -> None:
-        """uvicorn stops."""
+        """Close, since uvicorn stops; an answer under way is finished first."""
         super().shutdown()
 
     @isolated
     def timeout_keep_alive_handler(self) -> None:
-        """Nothing was asked for a while."""
+        """Close, since no request has come for a while."""
         super().timeout_keep_alive_handler()
 
     # ---- the parser ---------------------------------------------------------
@@ -162,7 +162,7 @@ class HttpConnection(HttpToolsProtocol):
             self.refuse(HTTPStatus.BAD_REQUEST, MALFORMED)
 
     def _measure(self) -> None:
-        """Of what the parser has not handed over yet, since its end has not come."""
+        """Check the size of what the parser holds of an unfinished head or body. Raises RequestRefused."""
         if not self._in_message or self._in_head:
             if self._fed > HEAD_BYTES:
                 raise RequestRefused(TOO_LARGE, f"over {HEAD_BYTES} bytes of header")
@@ -170,7 +170,7 @@ class HttpConnection(HttpToolsProtocol):
             raise RequestRefused(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, f"over {BODY_BYTES} bytes of body")
 
     def on_message_begin(self) -> None:
-        """A request begins."""
+        """Begin a request."""
         self._unset_keepalive_if_required()
         self._in_message = self._in_head = True
         self._lines = self._head_bytes = 0
@@ -178,13 +178,13 @@ class HttpConnection(HttpToolsProtocol):
         super().on_message_begin()
 
     def on_url(self, url: bytes) -> None:
-        """A part of its target."""
+        """Take a part of the request's target. Raises RequestRefused when it is too long."""
         if len(self.url) + len(url) > TARGET_BYTES:
             raise RequestRefused(HTTPStatus.REQUEST_URI_TOO_LONG, f"over {TARGET_BYTES} bytes of address")
         super().on_url(url)
 
     def on_header(self, name: bytes, value: bytes) -> None:
-        """One line of the head; or of a trailer, in which there is nothing for us."""
+        """Take a header line; ignore one of a trailer. Raises RequestRefused if they are too many or long."""
         self._lines += 1
         self._head_bytes += len(name) + len(value) + 4
         if self._lines > LINES or self._head_bytes > HEAD_BYTES:
@@ -193,7 +193,7 @@ class HttpConnection(HttpToolsProtocol):
             super().on_header(name, value)
 
     def on_headers_complete(self) -> None:
-        """The head is here: the request waits for its turn."""
+        """Queue the request, whose head is complete. Raises RequestRefused when too many wait."""
         self._ends_head()
         if len(self.pipeline) >= PIPELINED:
             raise RequestRefused(HTTPStatus.TOO_MANY_REQUESTS, f"over {PIPELINED} requests at once")
@@ -211,10 +211,10 @@ class HttpConnection(HttpToolsProtocol):
             raise RequestRefused(HTTPStatus.BAD_REQUEST, "no such address")
 
     def on_body(self, _body: bytes) -> None:
-        """Nothing that the relay answers has a body."""
+        """Ignore a request's body: the relay answers nothing that needs one."""
 
     def on_message_complete(self) -> None:
-        """The request is whole."""
+        """End the request, which is complete."""
         self._in_message = False
         self._fed = 0
         super().on_message_complete()
@@ -222,7 +222,7 @@ class HttpConnection(HttpToolsProtocol):
     # ---- answers --------------------------------------------------------------
 
     def _start_asgi_task(self, cycle: RequestResponseCycle, app: Any) -> None:
-        """In its turn."""
+        """Answer the request when its turn has come."""
         peer = (self.transport.get_extra_info("peername") or ("",))[0]
         address = find_real_address(
             peer, self.find_header(cycle, b"x-forwarded-for"), self.access.addresses.trusted
@@ -243,7 +243,7 @@ class HttpConnection(HttpToolsProtocol):
     async def _answer(
         self, cycle: RequestResponseCycle, app: Any, scope: Any, receive: Any, send: Any
     ) -> None:
-        """By the application. It ends when its asker has left, and a fault in it ends this connection."""
+        """Run the application. It ends when the client has left, and an error in it ends this connection."""
         try:
             await app(scope, receive, send)
         except asyncio.CancelledError:
@@ -257,7 +257,7 @@ class HttpConnection(HttpToolsProtocol):
             self.end_after_fault(e)
 
     def on_response_complete(self) -> None:
-        """The next one, if it has been asked already."""
+        """Go on with the next request, if one waits."""
         self._task = None
         super().on_response_complete()
         if self._is_idle() and not self.flow.write_paused:
@@ -267,12 +267,12 @@ class HttpConnection(HttpToolsProtocol):
         return self.answering is None or (self.answering.response_complete and not self.pipeline)
 
     def _unread_bytes(self) -> int:
-        """What is the same for all who ask, and kept anyway, is no burden."""
+        """Return the bytes that wait for this client alone: those of a shared answer are kept anyway."""
         shared = self.answering is not None and "shared" in self.answering.scope
         return 0 if shared else self.transport.get_write_buffer_size()
 
     def _abandon(self) -> None:
-        """Nobody waits for this answer any more."""
+        """Cancel the answer under way and those that wait."""
         self.pipeline.clear()
         if self.answering is not None:
             self.answering.disconnected = True
@@ -284,12 +284,12 @@ class HttpConnection(HttpToolsProtocol):
     # ---- ends -------------------------------------------------------------------
 
     def cut(self) -> None:
-        """Too much lies here that nobody reads."""
+        """Abort the connection, whose client does not read, and count it."""
         self.counts["unread"] += 1
         self.transport.abort()
 
     def refuse(self, status: HTTPStatus, reason: str) -> None:
-        """Say so if nothing else is being said, and close."""
+        """Answer with this error, unless another answer is under way, and close."""
         self.counts["refused"] += 1
         self._deaf = True
         last = self.answering
@@ -313,7 +313,7 @@ class HttpConnection(HttpToolsProtocol):
             self.transport.close()
 
     def end_after_fault(self, error: Exception) -> None:
-        """A fault of ours: 500, and nothing more on this connection."""
+        """Report an error of the relay's own, answer 500 if that is still possible, and close."""
         self.access.live.report_fault("a request", error)
         try:
             answering = self.answering
@@ -327,13 +327,13 @@ class HttpConnection(HttpToolsProtocol):
 
     @staticmethod
     def find_header(cycle: RequestResponseCycle, name: bytes) -> str | None:
-        """One that is there more than once is one list."""
+        """Return a header's value, None if there is none; repeated ones are joined by commas."""
         values = [value.decode("latin-1") for each, value in cycle.scope["headers"] if each == name]
         return ", ".join(values) or None
 
 
 def make_plain_http_protocol(of: Access) -> type[HttpConnection]:
-    """The class that uvicorn takes as its `http` option where there are no streams."""
+    """Make the class for uvicorn's `http` option where there are no streams."""
 
     class Bound(HttpConnection):
         access = of

@@ -1,4 +1,4 @@
-"""Server-sent events: the stream for networks that break WebSockets.
+"""Sends the stream as server-sent events, for networks that break WebSockets.
 
 The request is taken over from uvicorn like a WebSocket upgrade, so that the send rule sees the real socket: a
 response that goes through ASGI would fill buffers that nobody can look into.
@@ -49,7 +49,7 @@ USER_TIMEOUT_MS = 11_000
 
 
 class EventStream(asyncio.Protocol):
-    """One viewer's response, from its head to its end."""
+    """One viewer's event stream: an HTTP response, from its head to its end."""
 
     descriptor = -1  # what is written is made into events first
 
@@ -83,7 +83,7 @@ class EventStream(asyncio.Protocol):
 
     @isolated
     def start(self, pages: str | None) -> None:
-        """Join; the first write brings everything. `pages`: origin of those that may read it."""
+        """Send the response's head and join the hub. `pages`: the origin whose pages may read the stream."""
         self._transport.set_protocol(self)
         self._connections.add(self)
         use_small_buffers(self._transport)
@@ -97,7 +97,7 @@ class EventStream(asyncio.Protocol):
 
     @isolated
     def connection_lost(self, _exc: Exception | None) -> None:
-        """The connection is gone, by whichever side."""
+        """Remove the viewer: the connection is gone, whichever side ended it."""
         with ExitStack() as each:  # all of it, whatever one of them raises
             each.callback(self._left)
             each.callback(self._dispatcher.hub.remove_viewer, self._viewer)
@@ -106,27 +106,27 @@ class EventStream(asyncio.Protocol):
                 each.callback(self._closing.cancel)
 
     def data_received(self, _data: bytes) -> None:
-        """There is nothing to say on this connection."""
+        """Ignore what comes: a viewer has nothing to say on this connection."""
 
     @isolated
     def pause_writing(self) -> None:
-        """The socket did not take everything."""
+        """Pause the viewer: the socket did not take everything."""
         self._viewer.pause(self._dispatcher.now())
 
     @isolated
     def resume_writing(self) -> None:
-        """The socket has taken everything."""
+        """Resume the viewer: the socket has taken everything."""
         self._dispatcher.carry_out(self._dispatcher.hub.resume_viewer(self._viewer))
 
     @isolated
     def shutdown(self) -> None:
-        """uvicorn stops."""
+        """End the stream, since uvicorn stops."""
         self.end(Close.DRAIN, GOING, DRAIN_RETRY_S)
 
     # ---- what it is sent (Outlet) -------------------------------------------
 
     def write(self, data: bytes) -> None:
-        """Messages, as events."""
+        """Send messages as events."""
         try:
             room = self._dispatcher.hub.viewers.get(self._viewer)
             events = self._form.encode(data, room.stream) if room is not None else b""
@@ -137,7 +137,7 @@ class EventStream(asyncio.Protocol):
             self.end_after_fault(e)
 
     def end(self, close: Close, reason: str, retry_s: float | None) -> None:
-        """Say why and when to come again, then close."""
+        """Tell the viewer why, and when to come again, then close. `retry_s` is in seconds."""
         if self._closing is not None:
             return
         ((_, bye),) = messages.split_messages(messages.make_bye(close, reason, retry_s))
@@ -147,11 +147,11 @@ class EventStream(asyncio.Protocol):
         self._closing = asyncio.get_running_loop().call_later(CLOSING_S, self._transport.abort)
 
     def cut(self, _close: Close) -> None:
-        """Abort."""
+        """Abort the connection."""
         self._transport.abort()
 
     def end_after_fault(self, error: Exception) -> None:
-        """A fault of ours in one of these calls: the viewer is told, and no other notices."""
+        """Report an error of the relay's own, tell this viewer, and end its stream. Raises nothing."""
         viewer, dispatcher = self._viewer, self._dispatcher
         dispatcher.report_fault("a viewer's connection", error)
         first, self._failed = not self._failed, True
@@ -168,14 +168,14 @@ class EventStream(asyncio.Protocol):
 
 
 def _choose_wait_ms(close: Close, retry_s: float | None) -> int:
-    """A browser comes again by itself after exactly what it is told, so the dice are thrown here."""
+    """Choose after how long the browser comes again. It does so exactly then, so chance is added here."""
     if retry_of(close) is Retry.WAIT:
         return round(1000 * (retry_s or 30.0) * random.uniform(1.0, 1.5))
     return round(1000 * random.uniform(0.1, retry_s or 10.0))
 
 
 class _Http(HttpConnection):
-    """HTTP, less the requests for event streams."""
+    """HTTP, but requests for event streams become an EventStream."""
 
     forms: ClassVar[dict[bool, Encoding]]
     doorway: ClassVar[HandshakeQueue]
@@ -185,7 +185,7 @@ class _Http(HttpConnection):
     _entering: asyncio.Task[None] | None = None
 
     def on_headers_complete(self) -> None:
-        """Look whose request it is."""
+        """Find out whether an event stream is asked for; queue any other request."""
         if self._taken:
             return
         found = STREAM_PATH.fullmatch(self.url.partition(b"?")[0].decode("latin-1"))
@@ -198,7 +198,7 @@ class _Http(HttpConnection):
             super().on_headers_complete()
 
     def on_message_complete(self) -> None:
-        """Take the connection over; whatever else it brings is of no interest."""
+        """Take the connection over for an event stream, and ignore whatever else it brings."""
         if not self._wanted:
             super().on_message_complete()
         elif not self._taken:
@@ -206,7 +206,7 @@ class _Http(HttpConnection):
             self._take_over()
 
     def handle_websocket_upgrade(self) -> None:
-        """In its turn. Until then nothing further is read from this connection."""
+        """Upgrade when its turn has come. Until then nothing more is read from this connection."""
         self.transport.pause_reading()
         self.doorway.admit(self._upgrade)
 
@@ -266,7 +266,7 @@ class _Http(HttpConnection):
 
 
 def make_http_protocol(of: Access, decoded: DecodeCache) -> type[_Http]:
-    """The class that uvicorn takes as its `http` option."""
+    """Make the class for uvicorn's `http` option."""
 
     class Bound(_Http):
         access = of

@@ -1,7 +1,7 @@
-"""The stream's own way in: a WebSocket upgrade is taken over from uvicorn before ASGI.
+"""Serves the stream over WebSockets. A connection is taken over from uvicorn before ASGI.
 
 The handshake, and everything a viewer sends, goes through the sans-I/O protocol of the `websockets` library.
-A viewer is sent messages that the core has made ready, straight to the transport: no task, no queue, no copy.
+Messages to a viewer are made by the core and go straight to the transport: no task, no queue, no copy.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ FAILED = b"HTTP/1.1 500 Internal Server Error\r\ncontent-length: 0\r\nconnection
 
 
 class LiveSocket(asyncio.Protocol):
-    """One viewer's connection, from its HTTP request to its end."""
+    """One viewer's WebSocket connection, from its HTTP request to its end."""
 
     access: ClassVar[Access]
     json_form: ClassVar[Encoding]
@@ -82,14 +82,14 @@ class LiveSocket(asyncio.Protocol):
 
     @isolated
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """uvicorn hands its transport over."""
+        """Take the transport over from uvicorn."""
         self._transport = cast(asyncio.Transport, transport)
         self._connections.add(self)
         use_small_buffers(self._transport)
 
     @isolated
     def connection_lost(self, _exc: Exception | None) -> None:
-        """The connection is gone, by whichever side."""
+        """Remove the viewer: the connection is gone, whichever side ended it."""
         viewer, address = self._viewer, self._address
         with ExitStack() as each:  # all of it, whatever one of them raises
             # nothing that is left may hold itself in a circle: a collection comes after 50,000 objects only
@@ -107,14 +107,14 @@ class LiveSocket(asyncio.Protocol):
 
     @isolated
     def pause_writing(self) -> None:
-        """The socket did not take everything."""
+        """Pause the viewer: the socket did not take everything."""
         self.descriptor = -1
         if self._viewer is not None:
             self._viewer.pause(self.dispatcher.now())
 
     @isolated
     def resume_writing(self) -> None:
-        """The socket has taken everything."""
+        """Resume the viewer: the socket has taken everything."""
         if not self._over:
             self.descriptor = self._own_descriptor
         if self._viewer is not None:
@@ -122,7 +122,7 @@ class LiveSocket(asyncio.Protocol):
 
     @isolated
     def data_received(self, data: bytes) -> None:
-        """Bytes from the viewer (first of all its HTTP request, as uvicorn read it)."""
+        """Take in bytes from the viewer: at first its HTTP request, as uvicorn has read it."""
         if self._viewer is not None:
             self._viewer.record_heard(self.dispatcher.now())
         if self._unread == 0 and not self._fragments and self._ws.state is OPEN:
@@ -155,13 +155,13 @@ class LiveSocket(asyncio.Protocol):
 
     @isolated
     def eof_received(self) -> None:
-        """The viewer will send no more: there is no half-open stream here."""
+        """Close, since the viewer sends no more: streams are never half open."""
         self._ws.receive_eof()
         self._send_own()
 
     @isolated
     def shutdown(self) -> None:
-        """uvicorn stops. Viewers were moved away before, unless somebody was in a hurry."""
+        """End the stream, since uvicorn stops. Usually all viewers have been moved away before."""
         if self._viewer is None:
             self._transport.close()
         else:
@@ -198,7 +198,7 @@ class LiveSocket(asyncio.Protocol):
             self._enter(asked, replace(applicant, who=ANYONE))
 
     def _reject(self, status: HTTPStatus, reason: str, retry_s: float | None) -> None:
-        """Answer the upgrade by an HTTP status: there is no stream."""
+        """Answer the upgrade with an HTTP error: there is no stream."""
         self.dispatcher.handshakes["refused"] += 1
         response = self._ws.reject(status, f"{reason}\n")
         if retry_s is not None:
@@ -206,7 +206,7 @@ class LiveSocket(asyncio.Protocol):
         self._ws.send_response(response)
 
     def _wait_for_token(self, asked: StreamRequest, applicant: Applicant, token: str | None) -> None:
-        """It comes with the request, or as the first message within a few seconds."""
+        """Wait for the token: it comes with the request, or as the first message within TOKEN_S seconds."""
         self._asked, self._applicant = asked, applicant
         loop, late = asyncio.get_running_loop(), REFUSALS[Close.TOKEN]
         self._no_token = loop.call_later(TOKEN_S, self._refuse_entry, late)
@@ -273,7 +273,7 @@ class LiveSocket(asyncio.Protocol):
                 self._text(whole)
 
     def _may_send(self) -> bool:
-        """Pings, pieces and what comes before its token cost a viewer as much as messages do."""
+        """Count a ping, a fragment or what comes before the token as a message; return if it is allowed."""
         if self._viewer is not None:
             return self._viewer.allow_message(self.dispatcher.now())
         self._early += 1
@@ -304,12 +304,12 @@ class LiveSocket(asyncio.Protocol):
     # ---- what it is sent (Outlet) -------------------------------------------
 
     def write(self, data: bytes) -> None:
-        """Ready-made messages, to the socket."""
+        """Send ready-made messages to the socket."""
         if not self._over:
             self._transport.write(data)
 
     def end(self, close: Close, reason: str, retry_s: float | None) -> None:
-        """Say why, close, and do not wait for long."""
+        """Tell the viewer why, and close. If it does not answer in CLOSING_S seconds, it is cut off."""
         if self._ws.state is not OPEN:
             return
         if close is Close.TOO_MANY:
@@ -325,12 +325,12 @@ class LiveSocket(asyncio.Protocol):
         self._transport.pause_reading()
 
     def cut(self, _close: Close) -> None:
-        """Abort: nothing gets through to a viewer that does not read."""
+        """Abort the connection: a viewer that does not read can't be told why."""
         self._transport.abort()
         self._write_no_more()
 
     def end_after_fault(self, error: Exception) -> None:
-        """A fault of ours in one of these calls: the viewer is told, and no other notices."""
+        """Report an error of the relay's own, tell this viewer, and end its stream. Raises nothing."""
         viewer = self._viewer
         self.dispatcher.report_fault("a viewer's connection", error)
         first, self._failed = not self._failed, True
@@ -355,7 +355,7 @@ class LiveSocket(asyncio.Protocol):
             self._closing = asyncio.get_running_loop().call_later(CLOSING_S, self._transport.abort)
 
     def _send_own(self) -> None:
-        """What the library itself wants to send: the handshake, pongs, closes, the end."""
+        """Send what the library itself has to send: the handshake, pongs, closes, the end."""
         for data in self._ws.data_to_send():
             if data:
                 self._transport.write(data)
@@ -370,7 +370,7 @@ class LiveSocket(asyncio.Protocol):
                 self._hurry()
 
     def _let_go(self) -> None:
-        """Nothing more may be written. An ending for a broken rule (1002, 1009) is counted by its code."""
+        """Remove the viewer, write no more, and count by its code an end for a broken rule (1002, 1009)."""
         self._write_no_more()
         viewer, hub, sent = self._viewer, self.dispatcher.hub, self._ws.close_sent
         if viewer is None or viewer not in hub.viewers:
@@ -381,7 +381,7 @@ class LiveSocket(asyncio.Protocol):
 
     @isolated
     def write_as(self, form: Encoding, data: bytes) -> None:
-        """The same in another form."""
+        """Send ready-made messages in another encoding."""
         room = self.dispatcher.hub.viewers.get(self._viewer) if self._viewer else None
         if room is not None:
             self.write(form.encode(data, room.stream))
@@ -391,7 +391,7 @@ class LiveSocket(asyncio.Protocol):
 
 
 def make_live_protocol(of: Access, decoded: DecodeCache) -> type[LiveSocket]:
-    """The class that uvicorn takes as its `ws` option."""
+    """Make the class for uvicorn's `ws` option."""
 
     class Bound(LiveSocket):
         access = of
