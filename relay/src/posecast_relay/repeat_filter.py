@@ -1,7 +1,7 @@
-"""Which lines of a log are written: what repeats is said a few times, then counted.
+"""Decides which lines of a log are written: lines that repeat are written a few times, then counted.
 
-Whatever a stranger does, no more than LINES_PER_S lines a second are written, and none is lost without a
-number: `… and 1,234 more in 10 s`.
+Whatever strangers do, at most LINES_PER_S lines a second are written. Lines left out are counted in a line of
+their own: `… and 1,234 more in 10 s`.
 """
 
 from __future__ import annotations
@@ -29,10 +29,10 @@ class _Window:
 
 
 class RepeatFilter:
-    """Asked before each line. Lines at level debug are not counted: whoever asks for them wants them all."""
+    """Asked before each line. Lines at level debug always pass: whoever asks for them wants them all."""
 
     def __init__(self, shown: Callable[[logging.LogRecord], str] = logging.LogRecord.getMessage) -> None:
-        """`shown`: what a record says, in one line."""
+        """`shown` returns the text of a record, in one line."""
         self._shown = shown
         self._kinds: dict[Kind, _Window] = {}
         self._second = float("-inf")
@@ -40,11 +40,11 @@ class RepeatFilter:
 
     @property
     def owes(self) -> bool:
-        """Whether lines were left out that no number has told of yet."""
+        """Whether lines were left out that no line has counted yet."""
         return any(window.more for window in self._kinds.values())
 
     def says(self, record: logging.LogRecord, now_s: float) -> bool:
-        """Whether this line is written; else it is counted."""
+        """Return whether this line is written; if not, count it. `now_s` is a clock in seconds."""
         if record.levelno <= logging.DEBUG:
             return True
         kind = _kind(record)
@@ -62,7 +62,7 @@ class RepeatFilter:
         return False
 
     def sums(self, now_s: float) -> list[logging.LogRecord]:
-        """A line for each kind whose window has passed and of which lines were left out."""
+        """End the windows that have passed; return a line for each in which lines were left out."""
         found = []
         for kind, window in list(self._kinds.items()):
             if now_s - window.since_s < WINDOW_S and now_s >= window.since_s:
@@ -82,7 +82,7 @@ class RepeatFilter:
 
 
 def _kind(record: logging.LogRecord) -> Kind:
-    """By where it is written, not by what it names: names are a stranger's to choose."""
+    """Tell kinds of lines apart by where they come from, not by text: strangers choose names in it."""
     error = record.exc_info[1] if record.exc_info else None
     trace = error.__traceback__ if error is not None else None
     while trace is not None and trace.tb_next is not None:

@@ -1,7 +1,7 @@
 """The directory in Redis: which robots are on air and how many watch them, over all processes.
 
 Each process writes its part once a second and reads the whole in the same call, by Redis's own clock:
-hosts' clocks differ. What no process of ours writes there is taken away, or left out.
+hosts' clocks differ. Whatever does not have the form that relays write is deleted or ignored.
 
     posecast:{-}:robots    hash: robot → time, its document; written by whoever hears it
     posecast:{-}:viewers   hash: process → time, viewers by robot
@@ -98,8 +98,9 @@ class RedisDirectory:
     async def exchange(
         self, viewers: Mapping[str, int], heard: Mapping[str, Mapping[str, Any]] | None
     ) -> None:
-        """Write this process's viewers and the robots that it hears (None: it hears none); read all the
-        others.
+        """Write this process's viewers and the robots that it hears, and read those of all processes.
+
+        `heard` None: this process hears no robots. Raises one of REDIS_ERRORS when Redis does not answer.
         """
         args: list[str] = [self.id, "0" if heard is None else "1", _compact(viewers)]
         for robot, doc in (heard or {}).items():

@@ -1,6 +1,6 @@
-"""How relays write to each other through Redis: messages of a robot's channel, and the hash of a stream.
+"""Encodes what relays tell each other through Redis: messages of a robot's channel, the hash of a stream.
 
-Whatever is read there is a stranger's: it is refused with a ValueError of one line, whatever it holds.
+What is read there isn't trusted: whatever is malformed raises ValueError with a message of one line.
 """
 
 from __future__ import annotations

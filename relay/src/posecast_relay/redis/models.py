@@ -1,4 +1,4 @@
-"""Models in Redis: written by the process that hears the robot, read by gateways."""
+"""Keeps models in Redis: the process that hears a robot writes them, gateways read them."""
 
 from __future__ import annotations
 

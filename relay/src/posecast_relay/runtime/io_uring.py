@@ -1,8 +1,8 @@
-"""The same bytes to hundreds of sockets in one system call: Linux's io_uring, by ctypes.
+"""Sends the same bytes to hundreds of sockets in one system call: Linux's io_uring, by ctypes.
 
 A send() per viewer enters and leaves the kernel each time; a batch does so once. That is a fifth of what a
 message costs (`make bench`), so it is used where the kernel lets us. Container platforms often do not:
-`IoUring.open` answers None there, and `write_each` is the same, one by one.
+`IoUring.open` returns None there, and the function `write_each` does the same with a write() per socket.
 
 Only one thread has the ring, and the kernel looks at it only within that thread's own calls: no kernel thread
 polls it, and no request waits (MSG_DONTWAIT). So no memory barriers are needed, and when a call returns, all
@@ -32,7 +32,7 @@ Short = list[tuple[int, int]]  # index, and bytes taken of what was to be sent; 
 
 
 def write_each(descriptors: Sequence[int], data: bytes) -> Short:
-    """Send `data` to each socket, without waiting. Answers for those that did not take all of it."""
+    """Send `data` to each socket, without waiting. Returns those that did not take all of it."""
     short: Short = []
     size, write = len(data), os.write
     for index, descriptor in enumerate(descriptors):
@@ -46,10 +46,10 @@ def write_each(descriptors: Sequence[int], data: bytes) -> Short:
 
 
 class IoUring:
-    """One io_uring, for one thread."""
+    """One io_uring, for use by one thread."""
 
     def __init__(self) -> None:
-        """OSError where the kernel has none, or forbids it, or has an old one."""
+        """Raises OSError where the kernel has no io_uring, forbids it, or is too old."""
         if sys.platform != "linux":
             raise OSError("no io_uring here")
         self._syscall = ctypes.CDLL(None, use_errno=True).syscall
@@ -79,7 +79,7 @@ class IoUring:
 
     @classmethod
     def open(cls) -> IoUring | None:
-        """A ring that has proved itself, or None."""
+        """Return a ring that has been tried out, or None where there is none that works."""
         try:
             ring = cls()
         except (OSError, AttributeError):  # AttributeError: a C library without syscall()
@@ -90,11 +90,11 @@ class IoUring:
         return None
 
     def close(self) -> None:
-        """Give it back."""
+        """Close the ring."""
         os.close(self._fd)
 
     def write_each(self, descriptors: Sequence[int], data: bytes) -> Short:
-        """As the function of this name, for at most BATCH sockets."""
+        """Do as the function of this name, in one system call, for at most BATCH sockets."""
         count, size = len(descriptors), len(data)
         tail, head = self._sq_tail[0], self._cq_head[0]
         turn = -tail % BATCH
@@ -133,7 +133,7 @@ class IoUring:
         return memoryview(mmap.mmap(self._fd, size, offset=offset)).cast("I")
 
     def _proves_itself(self) -> bool:
-        """A sandbox may answer without meaning it."""
+        """Try the ring out: a sandbox may accept its calls without carrying them out."""
         near, far = socket.socketpair()
         with near, far:
             closed = os.dup(near.fileno())
