@@ -113,9 +113,9 @@ def link(data: bytes) -> None:
 def robots(data: bytes) -> None:
     """The file of `--robots`."""
     found = read_robots(file_of(data, "robots.toml"))
-    found.secrets(NOW_S)
-    found.link_keys()
-    found.policy()
+    found.find_secrets(NOW_S)
+    found.find_link_keys()
+    found.make_policy()
 
 
 class _OneManifest:

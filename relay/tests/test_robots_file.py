@@ -29,8 +29,8 @@ def test_who_may_publish_when(tmp_path: Path) -> None:
         [robots.later]
         """
     robots = read_robots(write(tmp_path, text))
-    assert robots.secrets(99.0).keys() == {"hubo", "g1"}
-    assert robots.secrets(100.0) == {"hubo": SECRET}
+    assert robots.find_secrets(99.0).keys() == {"hubo", "g1"}
+    assert robots.find_secrets(100.0) == {"hubo": SECRET}
     assert SECRET not in repr(robots)
 
 
@@ -44,7 +44,7 @@ def test_who_may_watch(tmp_path: Path) -> None:
         delay_s = 0.5
         viewers = 0
         """
-    policy = read_robots(write(tmp_path, text)).policy()
+    policy = read_robots(write(tmp_path, text)).make_policy()
     assert policy.find_rules("hubo") == {
         Audience.ANYONE: Rule(frames=("https://course.example", "http://10.0.0.5:8000")),
         Audience.SIGNED_IN: Rule("lab", 10.0, 0.5, 0),
@@ -53,7 +53,7 @@ def test_who_may_watch(tmp_path: Path) -> None:
 
 
 def test_an_empty_file_lets_nobody_in(tmp_path: Path) -> None:
-    assert read_robots(write(tmp_path, "")).secrets(0.0) == {}
+    assert read_robots(write(tmp_path, "")).find_secrets(0.0) == {}
 
 
 @pytest.mark.parametrize(

@@ -34,36 +34,36 @@ class Watched:
 
 async def test_a_change_is_told_once(tmp_path: Path) -> None:
     of = Watched(tmp_path, "[robots.a]\n")
-    await of.watch.look(1.0)
+    await of.watch.check_file(1.0)
     assert of.told == []
     of.write(f"[robots.a]\nsecret = '{SECRET}'\n")
     for at in (2.0, 3.0):
-        await of.watch.look(at)
-    assert [robots.secrets(0.0) for robots in of.told] == [{"a": SECRET}]
+        await of.watch.check_file(at)
+    assert [robots.find_secrets(0.0) for robots in of.told] == [{"a": SECRET}]
 
 
 async def test_a_wrong_or_vanished_file_changes_nothing(tmp_path: Path) -> None:
     of = Watched(tmp_path, f"[robots.a]\nsecret = '{SECRET}'\n")
     of.write("[robots.a]\nsecrte = 1\n")
-    await of.watch.look(1.0)
-    await of.watch.look(2.0)
+    await of.watch.check_file(1.0)
+    await of.watch.check_file(2.0)
     of.path.unlink()
-    await of.watch.look(3.0)
+    await of.watch.check_file(3.0)
     of.write("")
-    await of.watch.look(3.5)
+    await of.watch.check_file(3.5)
     assert of.told == []
     assert of.watch.refused == 3
-    assert of.watch.robots.secrets(0.0) == {"a": SECRET}
+    assert of.watch.robots.find_secrets(0.0) == {"a": SECRET}
     of.write("# nobody\n")
-    await of.watch.look(4.0)
-    assert [robots.secrets(0.0) for robots in of.told] == [{}]
+    await of.watch.check_file(4.0)
+    assert [robots.find_secrets(0.0) for robots in of.told] == [{}]
 
 
 async def test_a_credential_that_expires_is_told(tmp_path: Path) -> None:
     of = Watched(tmp_path, f"[robots.a]\nsecret = '{SECRET}'\nexpires = 2100-01-01T00:00:00Z\n")
     expires_s = of.watch.robots.enrolled["a"].expires_s
-    await of.watch.look(expires_s - 1)
+    await of.watch.check_file(expires_s - 1)
     assert of.told == []
-    await of.watch.look(expires_s)
-    await of.watch.look(expires_s + 1)
-    assert [robots.secrets(expires_s) for robots in of.told] == [{}]
+    await of.watch.check_file(expires_s)
+    await of.watch.check_file(expires_s + 1)
+    assert [robots.find_secrets(expires_s) for robots in of.told] == [{}]

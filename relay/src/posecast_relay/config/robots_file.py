@@ -57,20 +57,20 @@ class Robots:
 
     enrolled: Mapping[str, RobotEntry]
 
-    def secrets(self, unix_s: float) -> dict[str, str]:
+    def find_secrets(self, unix_s: float) -> dict[str, str]:
         """Return the passwords of the robots that may publish by password at this time, by robot."""
-        valid = {name: self.enrolled[name].secret for name in self.valid(unix_s)}
+        valid = {name: self.enrolled[name].secret for name in self.list_publishers(unix_s)}
         return {name: secret for name, secret in valid.items() if secret is not None}
 
-    def valid(self, unix_s: float) -> list[str]:
+    def list_publishers(self, unix_s: float) -> list[str]:
         """Return the robots that may publish at this time, by password or by certificate."""
         return [name for name, robot in self.enrolled.items() if robot.expires_s > unix_s]
 
-    def link_keys(self) -> dict[str, str]:
+    def find_link_keys(self) -> dict[str, str]:
         """Return the keys that sign share links, by robot; robots without a key are left out."""
         return {name: robot.link_key for name, robot in self.enrolled.items() if robot.link_key is not None}
 
-    def policy(self) -> Policy:
+    def make_policy(self) -> Policy:
         """Return the policy that says who may watch what."""
         return Policy({name: robot.rules for name, robot in self.enrolled.items()})
 
@@ -106,7 +106,7 @@ def read_robots(path: Path) -> Robots:
 
 
 def _robots(doc: Mapping[str, Any]) -> Robots:
-    known(doc, ("robots",), "the file")
+    check_fields(doc, ("robots",), "the file")
     robots = doc.get("robots", {})
     if not isinstance(robots, dict):
         raise RobotsError("robots: want tables [robots.NAME]")
@@ -121,7 +121,7 @@ def _enrolled(name: str, doc: object) -> RobotEntry:
         raise RobotsError(str(e)) from None
     if not isinstance(doc, dict):
         raise RobotsError(f"{where}: want a table")
-    known(doc, ROBOT_FIELDS, where)
+    check_fields(doc, ROBOT_FIELDS, where)
     secret, link_key = _secret(doc, "secret", where), _secret(doc, "link_key", where)
     rules = {a: _rule(doc[a.value], f"[robots.{name}.{a.value}]") for a in Audience if a.value in doc}
     delays_s: dict[str, float] = {}
@@ -143,7 +143,7 @@ def _secret(doc: Mapping[str, Any], name: str, where: str) -> str | None:
 def _rule(doc: object, where: str) -> Rule:
     if not isinstance(doc, dict):
         raise RobotsError(f"{where}: want a table")
-    known(doc, RULE_FIELDS, where)
+    check_fields(doc, RULE_FIELDS, where)
     view, blackout, viewers = doc.get("view", PUBLIC), doc.get("blackout", False), doc.get("viewers")
     try:
         check_name("view", view if isinstance(view, str) else "")
@@ -190,7 +190,7 @@ def _unix_s(doc: Mapping[str, Any], name: str, where: str) -> float:
     return (at if at.tzinfo else at.replace(tzinfo=UTC)).timestamp()
 
 
-def known(doc: Mapping[str, Any], names: tuple[str, ...], where: str) -> None:
+def check_fields(doc: Mapping[str, Any], names: tuple[str, ...], where: str) -> None:
     """Raise RobotsError for a field that is not in `names`: a misspelt limit must not be no limit."""
     for name in doc:
         if name not in names:

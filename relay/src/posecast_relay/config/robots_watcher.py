@@ -36,14 +36,14 @@ class RobotsWatcher:
         while True:
             await asyncio.sleep(LOOK_S)
             try:
-                await self.look(time.time())
+                await self.check_file(time.time())
             except Exception as e:  # a mistake of ours: the next change is followed again
                 log.error("%s can't be followed", self._path, exc_info=e)
 
-    async def look(self, unix_s: float) -> None:
+    async def check_file(self, unix_s: float) -> None:
         """Check the file once, and call `changed` if need be. `unix_s` is the time now, in unix seconds."""
         seen = _state(self._path)
-        expired = self.robots.valid(self._looked_s) != self.robots.valid(unix_s)
+        expired = self.robots.list_publishers(self._looked_s) != self.robots.list_publishers(unix_s)
         self._looked_s = unix_s
         if seen != self._seen:
             self._seen = seen

@@ -208,8 +208,8 @@ def _access(
     ports = (hub, delayed, part.store, FanOut(_ring()), part.source)
     if robots is None:
         return open_access(*ports, addresses=addresses)
-    tokens = Tokens(_accounts(settings), robots.link_keys())
-    return open_access(*ports, robots.policy(), tokens, settings.origins, addresses)
+    tokens = Tokens(_accounts(settings), robots.find_link_keys())
+    return open_access(*ports, robots.make_policy(), tokens, settings.origins, addresses)
 
 
 def _accounts(settings: Settings) -> Accounts | None:
@@ -257,7 +257,11 @@ def _beside(
 def _admitted(settings: Settings, robots: Robots) -> dict[str, str]:
     """Return the password of each robot that may publish now; '' where a certificate is asked for."""
     now_s = time.time()
-    return robots.secrets(now_s) if settings.zenoh_ca is None else dict.fromkeys(robots.valid(now_s), "")
+    return (
+        robots.find_secrets(now_s)
+        if settings.zenoh_ca is None
+        else dict.fromkeys(robots.list_publishers(now_s), "")
+    )
 
 
 def _follow(
@@ -273,8 +277,8 @@ def _follow(
 
     async def changed(to: Robots) -> None:
         if access.tokens is not None:
-            access.tokens.set_link_keys(to.link_keys())
-        access.set_policy(to.policy())
+            access.tokens.set_link_keys(to.find_link_keys())
+        access.set_policy(to.make_policy())
         if router is not None:
             await part.admit(_admitted(settings, to))
 
