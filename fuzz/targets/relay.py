@@ -127,7 +127,7 @@ class _OneManifest:
     def offers(self, robot: str, digest: str) -> bool:  # noqa: ARG002
         return True
 
-    async def manifest(self, robot: str, digest: str) -> bytes:  # noqa: ARG002
+    async def fetch_manifest(self, robot: str, digest: str) -> bytes:  # noqa: ARG002
         return self._data
 
     async def read(self, robot: str, digest: str, sha256: str, off: int, size: int) -> bytes:  # noqa: ARG002
@@ -146,8 +146,8 @@ def manifest(data: bytes) -> None:
 
     async def read() -> None:
         models = ModelCache(_OneManifest(data), 1 << 20)
-        for path in [*await models.entries("demo", digest)][:3]:
-            await models.file("demo", digest, path)
+        for path in [*await models.load_entries("demo", digest)][:3]:
+            await models.load_file("demo", digest, path)
 
     loop().run(read())
 

@@ -55,7 +55,7 @@ async def never() -> Any:
 
 async def answered(models: ModelCache, edge: Edge, path: str, **headers: str) -> Reader:
     """The whole answer."""
-    found = await models.file("r", edge.digest, path)
+    found = await models.load_file("r", edge.digest, path)
     response = await make_model_answer(request(**headers), models, GzipCache(models.room), "r", found)
     reader = Reader()
     await response({"type": "http", "method": "GET"}, never, reader.send)
@@ -90,7 +90,7 @@ async def test_what_has_to_go_meanwhile_breaks_off() -> None:
     clock = SimpleNamespace(now=0.0)
     edge = Edge({"a.stl": bytes_of(1, 600_000), "b.stl": bytes_of(2, 600_000)})
     models = ModelCache(edge, MB, lambda: clock.now)
-    found = await models.file("r", edge.digest, "a.stl")
+    found = await models.load_file("r", edge.digest, "a.stl")
     response = await make_model_answer(request(), models, GzipCache(models.room), "r", found)
     taken = 0
 
@@ -99,7 +99,7 @@ async def test_what_has_to_go_meanwhile_breaks_off() -> None:
         taken += len(message.get("body", b""))
         if taken >= 5 * PIECE_BYTES:
             clock.now += IN_USE_S
-            await models.file("r", edge.digest, "b.stl")
+            await models.load_file("r", edge.digest, "b.stl")
 
     with pytest.raises(AnswerAborted):
         await response({"type": "http", "method": "GET"}, never, send)

@@ -37,7 +37,7 @@ class Edge:
     def offers(self, _robot: str, digest: str) -> bool:
         return digest == self.digest
 
-    async def manifest(self, _robot: str, _digest: str) -> bytes:
+    async def fetch_manifest(self, _robot: str, _digest: str) -> bytes:
         self.asked.append(("manifest", 0))
         await asyncio.sleep(0)
         return self.spoil(self.bytes)
@@ -54,8 +54,8 @@ class Edge:
 
 async def read(models: ModelCache, edge: Edge, path: str, robot: str = "r") -> bytes:
     """A file's bytes, as an answer takes them."""
-    name, _, size = await models.file(robot, edge.digest, path)
-    data = models.piece(name, 0, size)
+    name, _, size = await models.load_file(robot, edge.digest, path)
+    data = models.copy_piece(name, 0, size)
     assert data is not None
     return data
 
@@ -94,9 +94,9 @@ async def test_the_oldest_goes_when_memory_is_full() -> None:
     for path in ("0.stl", "1.stl", "0.stl", "2.stl"):  # 1 is then the one asked for longest ago
         assert await read(models, edge, path) == files[path]
     for path in ("0.stl", "2.stl"):
-        await models.file("r", edge.digest, path)
+        await models.load_file("r", edge.digest, path)
     assert [len(edge.asked_for(files[f"{i}.stl"])) for i in range(3)] == [2, 2, 2]
-    await models.file("r", edge.digest, "1.stl")
+    await models.load_file("r", edge.digest, "1.stl")
     assert len(edge.asked_for(files["1.stl"])) == 4
 
 
@@ -104,7 +104,7 @@ async def test_a_file_larger_than_all_room_is_not_begun() -> None:
     data = bytes_of(1, MB)
     edge = Edge({"a.stl": data})
     with pytest.raises(Unavailable, match="more than this relay keeps"):
-        await ModelCache(edge, MB - 1).file("r", edge.digest, "a.stl")
+        await ModelCache(edge, MB - 1).load_file("r", edge.digest, "a.stl")
     assert edge.asked_for(data) == []
 
 
@@ -129,7 +129,7 @@ async def test_an_edge_that_stays_away_is_asked_a_few_times() -> None:
     data = bytes_of(1, RANGE_BYTES)
     edge = Edge({"a.stl": data})
     models = ModelCache(edge, MB)
-    await models.manifest("r", edge.digest)
+    await models.load_manifest("r", edge.digest)
 
     def away(_answer: bytes) -> bytes:
         raise Unavailable("the edge does not answer: timeout")
@@ -137,7 +137,7 @@ async def test_an_edge_that_stays_away_is_asked_a_few_times() -> None:
     edge.spoil = away
     for n in (1, 2):
         with pytest.raises(Unavailable, match="does not answer"):
-            await models.file("r", edge.digest, "a.stl")
+            await models.load_file("r", edge.digest, "a.stl")
         assert len(edge.asked_for(data)) == n * TRIES
 
 
@@ -150,10 +150,10 @@ async def test_what_is_not_what_its_name_says_is_never_kept(spoil: Callable[[byt
     data = bytes_of(1, 1000)
     edge = Edge({"a.stl": data})
     models = ModelCache(edge, MB)
-    await models.manifest("r", edge.digest)
+    await models.load_manifest("r", edge.digest)
     edge.spoil = spoil
     with pytest.raises(Unavailable):
-        await models.file("r", edge.digest, "a.stl")
+        await models.load_file("r", edge.digest, "a.stl")
     edge.spoil = lambda answer: answer
     assert await read(models, edge, "a.stl") == data
 
@@ -163,9 +163,9 @@ async def test_what_nobody_offers_is_absent(digest: str) -> None:
     edge = Edge({"a.stl": b"1"})
     models = ModelCache(edge, MB)
     with pytest.raises(Absent):
-        await models.manifest("r", digest)
+        await models.load_manifest("r", digest)
     with pytest.raises(Absent, match="no file"):
-        await models.file("r", edge.digest, "b.stl")
+        await models.load_file("r", edge.digest, "b.stl")
     assert len(edge.asked) == 1
 
 
@@ -191,7 +191,7 @@ GOOD = {"path": "a", "size": 1, "sha256": "0" * 64}
 async def test_a_manifest_that_is_none(document: Any) -> None:
     edge = Edge({}, document)
     with pytest.raises(Unavailable) as refused:
-        await ModelCache(edge, MB).manifest("r", edge.digest)
+        await ModelCache(edge, MB).load_manifest("r", edge.digest)
     assert "manifest" in str(refused.value)
 
 
@@ -199,7 +199,7 @@ async def test_a_type_that_could_act_is_not_told() -> None:
     data = b"<script>"
     entry = {"path": "a.html", "size": len(data), "sha256": sha256(data), "type": "text/html"}
     edge = Edge({"a.html": data}, {"files": [entry]})
-    found = await ModelCache(edge, MB).file("r", edge.digest, "a.html")
+    found = await ModelCache(edge, MB).load_file("r", edge.digest, "a.html")
     assert found.type == "application/octet-stream"
 
 
@@ -231,10 +231,10 @@ class Liar(Edge):
 async def test_declared_files_never_take_more_than_the_room_and_nothing_once_their_askers_have_left() -> None:
     edge = Liar(40, 8 * MB)
     models = ModelCache(edge, 10 * MB)
-    await models.manifest("r", edge.digest)
+    await models.load_manifest("r", edge.digest)
     tracemalloc.start()
     try:
-        asking = [asyncio.create_task(models.file("r", edge.digest, f"{n}.glb")) for n in range(40)]
+        asking = [asyncio.create_task(models.load_file("r", edge.digest, f"{n}.glb")) for n in range(40)]
         most = 0
         while len(edge.asked) < 150:
             await asyncio.sleep(0)
@@ -262,7 +262,7 @@ async def test_a_size_that_is_only_claimed_takes_no_memory() -> None:
     models = ModelCache(edge, 100 * MB)
     tracemalloc.start()
     try:
-        asking = asyncio.create_task(models.file("r", edge.digest, "0.glb"))
+        asking = asyncio.create_task(models.load_file("r", edge.digest, "0.glb"))
         while len(edge.asked) < 2:
             await asyncio.sleep(0)
         assert tracemalloc.get_traced_memory()[1] < MB
@@ -276,7 +276,7 @@ async def test_the_last_of_several_askers_ends_the_work_and_a_new_one_begins_it_
     edge = Liar(1, 4 * RANGE_BYTES)
     edge.answers.clear()
     models = ModelCache(edge, 10 * MB)
-    first, second = (asyncio.create_task(models.file("r", edge.digest, "0.glb")) for _ in range(2))
+    first, second = (asyncio.create_task(models.load_file("r", edge.digest, "0.glb")) for _ in range(2))
     await turns()
     assert edge.asked == [("manifest", 0), (sha256(b"0"), 0)]
     first.cancel()
@@ -286,7 +286,7 @@ async def test_the_last_of_several_askers_ends_the_work_and_a_new_one_begins_it_
     second.cancel()
     await turns()
     assert models.room.used < 4 * RANGE_BYTES
-    third = asyncio.create_task(models.file("r", edge.digest, "0.glb"))
+    third = asyncio.create_task(models.load_file("r", edge.digest, "0.glb"))
     await turns()
     assert edge.asked.count((sha256(b"0"), 0)) == 2
     third.cancel()
@@ -302,8 +302,8 @@ class Several:
     def offers(self, robot: str, digest: str) -> bool:
         return self.edges[robot].offers(robot, digest)
 
-    async def manifest(self, robot: str, digest: str) -> bytes:
-        return await self.edges[robot].manifest(robot, digest)
+    async def fetch_manifest(self, robot: str, digest: str) -> bytes:
+        return await self.edges[robot].fetch_manifest(robot, digest)
 
     async def read(self, robot: str, digest: str, wanted: str, off: int, size: int) -> bytes:
         return await self.edges[robot].read(robot, digest, wanted, off, size)
@@ -313,7 +313,7 @@ async def test_a_robot_whose_edge_does_not_answer_keeps_no_other_waiting() -> No
     stuck, good = Liar(40, 3 * MB), Edge({"a.stl": bytes_of(1, 4 * MB)})
     stuck.answers.clear()
     models = ModelCache(Several(stuck=stuck, good=good), 10 * MB)
-    askers = [asyncio.create_task(models.file("stuck", stuck.digest, f"{n}.glb")) for n in range(40)]
+    askers = [asyncio.create_task(models.load_file("stuck", stuck.digest, f"{n}.glb")) for n in range(40)]
     await turns()
     assert len(stuck.asked) == 1 + 3, "its manifest, and as many files as there is room for"
     assert await read(models, good, "a.stl", "good") == bytes_of(1, 4 * MB)
@@ -330,13 +330,13 @@ async def test_what_waits_for_room_gets_it_when_there_is_some(monkeypatch: pytes
     stuck.answers.clear()
     models = ModelCache(Several(stuck=stuck, good=good), 10 * MB)
     for each, robot in ((stuck, "stuck"), (good, "good")):
-        await models.manifest(robot, each.digest)
-    first = asyncio.create_task(models.file("stuck", stuck.digest, "0.glb"))
+        await models.load_manifest(robot, each.digest)
+    first = asyncio.create_task(models.load_file("stuck", stuck.digest, "0.glb"))
     await turns()
     with monkeypatch.context() as patched:  # the other has as much, and is just being asked for
         patched.setattr("posecast_relay.models.cache.WAIT_S", 0.0)
         with pytest.raises(Unavailable, match="no room"):
-            await models.file("good", good.digest, "b")
+            await models.load_file("good", good.digest, "b")
     second = asyncio.create_task(read(models, good, "b", "good"))
     await turns()
     assert good.asked_for(bytes_of(2, 6 * MB)) == []
@@ -348,7 +348,7 @@ async def test_a_robot_has_a_few_files_under_way_at_once() -> None:
     edge = Liar(40, 1000)
     edge.answers.clear()
     models = ModelCache(edge, 10 * MB)
-    askers = [asyncio.create_task(models.file("r", edge.digest, f"{n}.glb")) for n in range(40)]
+    askers = [asyncio.create_task(models.load_file("r", edge.digest, f"{n}.glb")) for n in range(40)]
     await turns()
     assert len(edge.asked) == 1 + AT_ONCE
     for each in askers:
@@ -372,7 +372,7 @@ async def test_who_knows_the_hash_of_anothers_file_does_not_have_it() -> None:
     models = ModelCache(Several(hidden=hidden, thief=thief), 10 * MB)
     assert await read(models, hidden, "a.stl", "hidden") == data
     with pytest.raises(Unavailable, match="0 bytes at 0 of 2000"):
-        await models.file("thief", thief.digest, "a.stl")
+        await models.load_file("thief", thief.digest, "a.stl")
     thief.spoil = lambda answer: answer
     assert await read(models, thief, "a.stl", "thief") == data
     asked = len(thief.asked)
@@ -391,22 +391,22 @@ async def test_a_manifest_that_gives_a_file_another_size_is_not_believed(size: i
     false = {"path": "b.stl", "size": size, "sha256": sha256(data), "type": "model/stl"}
     source.edges["r"] = later = Edge({"b.stl": data}, {"v": 2, "files": [false]})
     with pytest.raises(Unavailable, match="not of the size"):
-        await models.file("r", later.digest, "b.stl")
+        await models.load_file("r", later.digest, "b.stl")
 
 
 async def test_a_short_range_is_no_range() -> None:
     edge = Edge({"a.stl": bytes_of(1, 2000)})
     models = ModelCache(edge, MB)
-    await models.manifest("r", edge.digest)
+    await models.load_manifest("r", edge.digest)
     edge.spoil = lambda data: data[:1]
     with pytest.raises(Unavailable, match="1 bytes at 0 of 2000"):
-        await models.file("r", edge.digest, "a.stl")
+        await models.load_file("r", edge.digest, "a.stl")
     assert len(edge.asked) == 2
 
 
 async def test_a_path_from_outside_is_shown_as_what_it_is() -> None:
     edge = Edge({"a.stl": b"1"})
     with pytest.raises(Absent) as refused:
-        await ModelCache(edge, MB).file("r", edge.digest, "\u202e" + "x" * 10_000)
+        await ModelCache(edge, MB).load_file("r", edge.digest, "\u202e" + "x" * 10_000)
     assert str(refused.value).isprintable()
     assert len(str(refused.value)) < 200

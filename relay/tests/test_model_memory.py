@@ -83,7 +83,7 @@ async def test_who_waits_hears_when_something_has_gone() -> None:
     room = ModelMemory(100 * KB, Clock())
     claim = room.claim("a", 90 * KB, lambda: None)
     assert claim is not None
-    waiting = [asyncio.create_task(room.freed()) for _ in range(3)]
+    waiting = [asyncio.create_task(room.wait_for_release()) for _ in range(3)]
     await asyncio.sleep(0)
     waiting[0].cancel()
     await asyncio.sleep(0)

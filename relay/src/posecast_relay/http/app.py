@@ -169,9 +169,9 @@ def _add_models(app: FastAPI, access: Access, models: ModelCache) -> None:
         grant = await require_grant(access, request, robot)
         try:
             if path == "manifest.json":
-                found = await models.manifest(robot, digest)
+                found = await models.load_manifest(robot, digest)
             else:
-                found = await models.file(robot, digest, path)
+                found = await models.load_file(robot, digest, path)
         except Absent as e:
             raise HTTPException(404, str(e)) from None
         except Unavailable as e:

@@ -36,7 +36,7 @@ class PiecewiseResponse(Response):
         self, models: ModelCache, name: str, size: int, type_: str, headers: Mapping[str, str]
     ) -> None:
         super().__init__(None, HTTPStatus.OK, {**headers, "content-length": str(size)}, type_)
-        self._piece: Callable[[str, int, int], bytes | None] = models.piece
+        self._piece: Callable[[str, int, int], bytes | None] = models.copy_piece
         self._name = name
         self._size = size
 

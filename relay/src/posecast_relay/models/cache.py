@@ -67,7 +67,7 @@ class ModelSource(Protocol):
     def offers(self, robot: str, digest: str) -> bool:
         """Whether this model is worth asking for."""
 
-    async def manifest(self, robot: str, digest: str) -> bytes:
+    async def fetch_manifest(self, robot: str, digest: str) -> bytes:
         """Return the bytes of a model's manifest, not verified. Raises Absent or Unavailable."""
 
     async def read(self, robot: str, digest: str, sha256: str, off: int, size: int) -> bytes:
@@ -101,39 +101,36 @@ class ModelCache:
         self._under_way: dict[tuple[str, str], _Shared] = {}
         self._turns: weakref.WeakValueDictionary[str, asyncio.Semaphore] = weakref.WeakValueDictionary()
 
-    async def manifest(self, robot: str, digest: str) -> ModelFile:
+    async def load_manifest(self, robot: str, digest: str) -> ModelFile:
         """Fetch a model's manifest, unless it is kept. Raises Absent or Unavailable."""
-        await self._manifest(robot, digest)
-        return ModelFile(digest, "application/json", len(self.data(digest) or b""))
+        await self.load_entries(robot, digest)
+        return ModelFile(digest, "application/json", len(self.find_data(digest) or b""))
 
-    async def file(self, robot: str, digest: str, path: str) -> ModelFile:
+    async def load_file(self, robot: str, digest: str, path: str) -> ModelFile:
         """Fetch a file by its path in the manifest, unless it is kept. Raises Absent or Unavailable."""
-        entry = (await self._manifest(robot, digest)).get(path)
+        entry = (await self.load_entries(robot, digest)).get(path)
         if entry is None:
             raise Absent(f"no file '{visible(path)}' in this model")
-        if self.data(entry.sha256) is None or self.room.get(_delivered(robot, entry.sha256)) is None:
+        if self.find_data(entry.sha256) is None or self.room.get(_delivered(robot, entry.sha256)) is None:
             await self._once((robot, entry.sha256), lambda: self._fetch_file(robot, digest, entry))
-        elif len(self.data(entry.sha256) or b"") != entry.size:  # another manifest has told the truth
+        elif len(self.find_data(entry.sha256) or b"") != entry.size:  # another manifest has told the truth
             raise Unavailable(f"'{visible(path)}' is not of the size that the manifest says")
         kind = entry.type if entry.type in TYPES else "application/octet-stream"
         return ModelFile(entry.sha256, kind, entry.size)
 
-    def data(self, name: str) -> bytes | bytearray | None:
+    def find_data(self, name: str) -> bytes | bytearray | None:
         """Return the bytes kept under a name, or None. Don't hold on to them: that memory is not counted."""
         return cast("bytes | bytearray | None", self.room.get(name))
 
-    def piece(self, name: str, off: int, size: int) -> bytes | None:
+    def copy_piece(self, name: str, off: int, size: int) -> bytes | None:
         """Copy up to `size` bytes, from `off` on, of what is kept under a name; None when it is not kept."""
-        data = self.data(name)
+        data = self.find_data(name)
         return None if data is None else bytes(memoryview(data)[off : off + size])
 
-    async def entries(self, robot: str, digest: str) -> dict[str, Entry]:
+    async def load_entries(self, robot: str, digest: str) -> dict[str, Entry]:
         """Return a model's files by path; fetch the manifest if needed. Raises Absent or Unavailable."""
-        return await self._manifest(robot, digest)
-
-    async def _manifest(self, robot: str, digest: str) -> dict[str, Entry]:
         known = cast("dict[str, Entry] | None", self.room.get(f"{robot}/{digest}"))
-        if known is not None and self.data(digest) is not None:
+        if known is not None and self.find_data(digest) is not None:
             return known
         if not SHA256.fullmatch(digest) or not self._source.offers(robot, digest):
             raise Absent("no such model")
@@ -167,7 +164,7 @@ class ModelCache:
     async def _fetch_manifest(self, robot: str, digest: str) -> dict[str, Entry]:
         most = min((1 + READ_TIMES) * BYTES_MAX, self.room.most // 2)
         async with self._room_for(robot, most) as claim:
-            data = await self._source.manifest(robot, digest)
+            data = await self._source.fetch_manifest(robot, digest)
             taken = (1 + READ_TIMES) * len(data) + ENTRY_BYTES
             if taken > most or hashlib.sha256(data).hexdigest() != digest:
                 raise Unavailable("the edge's manifest is another one by now, or too large")
@@ -230,7 +227,7 @@ class ModelCache:
         try:
             async with asyncio.timeout(WAIT_S):
                 while (claim := self.room.claim(robot, size, give_up)) is None:
-                    await self.room.freed()
+                    await self.room.wait_for_release()
         except TimeoutError:
             raise Unavailable("no room for this model just now") from None
         try:

@@ -87,8 +87,8 @@ class ModelMemory:
         self._drop(name)
         self._kept[name] = Kept(claim.robot, value, size, self._now())
 
-    async def freed(self) -> None:
-        """Wait until room has become free, maybe too little."""
+    async def wait_for_release(self) -> None:
+        """Wait until a claim is released. The room that has become free may be too little."""
         waiting = asyncio.get_running_loop().create_future()
         self._waiting.append(waiting)
         await waiting

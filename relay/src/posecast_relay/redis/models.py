@@ -29,7 +29,7 @@ class RedisModels:
         """Return True: only Redis knows, since the robot may not be listened for here."""
         return True
 
-    async def manifest(self, robot: str, digest: str) -> bytes:
+    async def fetch_manifest(self, robot: str, digest: str) -> bytes:
         """Return a model's manifest. Raises Absent or Unavailable."""
         return await self._field(robot, digest, MANIFEST)
 
@@ -113,16 +113,16 @@ class ModelUploader:
                 raise
             # somebody else put something there
             await link.call(link.client.delete(key))
-        for path in await self._models.entries(robot, digest):
-            name, _, size = await self._models.file(robot, digest, path)
+        for path in await self._models.load_entries(robot, digest):
+            name, _, size = await self._models.load_file(robot, digest, path)
             for off in range(0, size, RANGE_BYTES):
                 await link.call(link.client.hset(key, f"{name}:{off}", self._piece(name, off, RANGE_BYTES)))
-        name, _, size = await self._models.manifest(robot, digest)
+        name, _, size = await self._models.load_manifest(robot, digest)
         await link.call(link.client.hset(key, MANIFEST, self._piece(name, 0, size)))
         await link.call(link.client.expire(key, TTL_S))
 
     def _piece(self, name: str, off: int, size: int) -> bytes:
-        piece = self._models.piece(name, off, size)
+        piece = self._models.copy_piece(name, off, size)
         if piece is None:
             raise Unavailable("this model had to give way to other robots'")
         return piece

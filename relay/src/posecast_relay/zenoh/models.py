@@ -28,7 +28,7 @@ class EdgeModels:
         of = self._hub.robots.get(robot)
         return of is not None and any(room.stream.model == digest for room in of.rooms.values())
 
-    async def manifest(self, robot: str, digest: str) -> bytes:  # noqa: ARG002 — an edge has one
+    async def fetch_manifest(self, robot: str, digest: str) -> bytes:  # noqa: ARG002 — an edge has one
         """Return the manifest that the edge has now, maybe another than `digest`. Raises Unavailable."""
         return await self._get(model_key(robot, "manifest"), BYTES_MAX)
 
