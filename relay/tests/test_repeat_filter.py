@@ -23,9 +23,9 @@ def test_a_flood_of_one_kind_is_said_a_few_times_and_counted() -> None:
     repeats, said, told = RepeatFilter(), 0, list[logging.LogRecord]()
     for number in range(5000):
         now_s = number / 100
-        told += repeats.sums(now_s)
-        said += repeats.says(record(1, f"name {number}"), now_s)
-    told += repeats.sums(50 + WINDOW_S)
+        told += repeats.take_summaries(now_s)
+        said += repeats.allow_record(record(1, f"name {number}"), now_s)
+    told += repeats.take_summaries(50 + WINDOW_S)
     assert said == OF_A_KIND * 50 / WINDOW_S
     assert said + counted(told) == 5000
     assert told[0].getMessage() == "name 0 … and 990 more in 10 s"
@@ -38,16 +38,16 @@ def test_no_attack_writes_more_than_ten_lines_a_second_and_each_is_counted() -> 
     lines = 0
     for number in range(20_000):
         now_s = number / 500
-        found = repeats.sums(now_s)
+        found = repeats.take_summaries(now_s)
         sums += found
         written += [now_s] * len(found)
-        if repeats.says(record(number % 200), now_s):  # 200 kinds
+        if repeats.allow_record(record(number % 200), now_s):  # 200 kinds
             written.append(now_s)
             lines += 1
     now_s = 40.0
     while repeats.owes:
         now_s += 1.0
-        sums += repeats.sums(now_s)
+        sums += repeats.take_summaries(now_s)
     assert lines + counted(sums) == 20_000
     for second in range(40):
         assert sum(1 for at in written if second <= at < second + 1) <= LINES_PER_S
@@ -66,21 +66,21 @@ def test_a_kind_is_a_place_and_an_error_and_not_a_name() -> None:
             return made
 
     for number in range(OF_A_KIND):
-        assert repeats.says(failed(ValueError(f"name {number}")), 0.1 * number)
-    assert not repeats.says(failed(ValueError("another")), 1.5)
-    assert repeats.says(failed(KeyError("another")), 1.5)
+        assert repeats.allow_record(failed(ValueError(f"name {number}")), 0.1 * number)
+    assert not repeats.allow_record(failed(ValueError("another")), 1.5)
+    assert repeats.allow_record(failed(KeyError("another")), 1.5)
 
 
 def test_who_asks_for_level_debug_gets_it_all() -> None:
     repeats = RepeatFilter()
-    assert all(repeats.says(record(1, level=logging.DEBUG), 0.0) for _ in range(1000))
+    assert all(repeats.allow_record(record(1, level=logging.DEBUG), 0.0) for _ in range(1000))
 
 
 def test_what_is_remembered_holds_no_error() -> None:
     repeats = RepeatFilter()
     made = record(1)
     made.exc_info = (ValueError, ValueError("x"), None)
-    repeats.says(made, 0.0)
+    repeats.allow_record(made, 0.0)
     (window,) = repeats._kinds.values()
     assert made not in vars(window).values()
     assert isinstance(window.first, str)

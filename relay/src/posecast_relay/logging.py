@@ -104,7 +104,7 @@ class _Stderr(logging.StreamHandler[Any]):
         try:
             now_s = time.monotonic()
             self._sum_up(now_s)
-            said = self._repeats.says(record, now_s)
+            said = self._repeats.allow_record(record, now_s)
             if said:
                 self.emit(record)
             elif self._timer is None:
@@ -114,7 +114,7 @@ class _Stderr(logging.StreamHandler[Any]):
             self.release()
 
     def _sum_up(self, now_s: float) -> None:
-        for record in self._repeats.sums(now_s):
+        for record in self._repeats.take_summaries(now_s):
             self.emit(record)
 
     def _start_timer(self) -> None:

@@ -43,7 +43,7 @@ class RepeatFilter:
         """Whether lines were left out that no line has counted yet."""
         return any(window.more for window in self._kinds.values())
 
-    def says(self, record: logging.LogRecord, now_s: float) -> bool:
+    def allow_record(self, record: logging.LogRecord, now_s: float) -> bool:
         """Return whether this line is written; if not, count it. `now_s` is a clock in seconds."""
         if record.levelno <= logging.DEBUG:
             return True
@@ -61,7 +61,7 @@ class RepeatFilter:
         window.more += 1
         return False
 
-    def sums(self, now_s: float) -> list[logging.LogRecord]:
+    def take_summaries(self, now_s: float) -> list[logging.LogRecord]:
         """End the windows that have passed; return a line for each in which lines were left out."""
         found = []
         for kind, window in list(self._kinds.items()):
