@@ -17,7 +17,7 @@ from typing import Any
 import httpx
 import pytest
 import zenoh
-from posecast_relay.zenoh.router import access_control
+from posecast_relay.zenoh.router import make_access_control
 from posecast_wire import Stamp, alive_key, echo_key, event_key, frame_key
 
 from tests.conftest import BIN, Part, Stack, free_port, until
@@ -116,7 +116,7 @@ def mesh(stack: Stack) -> Mesh:
 
 def test_a_robot_may_do_at_a_router_what_it_may_do_at_the_relay() -> None:
     shown = json.loads(zenoh.Config.from_file(str(FILE)).get_json("access_control"))
-    ours = access_control(["hubo"], "cert_common_names")
+    ours = make_access_control(["hubo"], "cert_common_names")
     assert shown["default_permission"] == "deny"
     assert [rule for rule in map(said, shown["rules"]) if rule["id"] != "mesh"] == ours["rules"]
     assert said(shown["subjects"][-1]) == ours["subjects"][0]

@@ -13,7 +13,7 @@ from typing import Any
 import httpx
 import pytest
 from posecast_relay.core.mirror import Mirror, NodeChange, VisibleRobot, Written
-from posecast_relay.mirror.firebase import BATCH_BYTES, batches
+from posecast_relay.mirror.firebase import BATCH_BYTES, split_batches
 from posecast_wire import Decoder
 
 from tests.rtdb_double import Double
@@ -148,11 +148,11 @@ def test_a_request_has_a_bound_and_no_robot_is_torn_apart() -> None:
     changes = {f"r{i}": NodeChange(dict(node), Written()) for i in range(10)} | {
         "gone": NodeChange(None, Written())
     }
-    made = list(batches(changes))
+    made = list(split_batches(changes))
     assert sum(len(batch) for batch, _ in made) == 11
     assert max(len(body) for _, body in made) < BATCH_BYTES + 400_000
     assert json.loads(made[-1][1])["gone"] is None
-    assert list(batches({})) == []
+    assert list(split_batches({})) == []
 
 
 # ---- against the double ------------------------------------------------------------

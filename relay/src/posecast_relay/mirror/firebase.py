@@ -36,13 +36,13 @@ SCOPES = tuple(f"https://www.googleapis.com/auth/{name}" for name in ("firebase.
 OWNER = "owner"  # what emulators and test doubles take for a service account
 
 
-class Rights:
-    """The rights of the service account that `GOOGLE_APPLICATION_CREDENTIALS` or the platform names."""
+class ServiceAccount:
+    """The service account that `GOOGLE_APPLICATION_CREDENTIALS` or the platform names."""
 
     def __init__(self) -> None:
         self._credentials: Credentials | None = None
 
-    async def token(self) -> str:
+    async def get_token(self) -> str:
         """Return an access token; ask Google for one once an hour, in a thread. Raises GoogleAuthError."""
         found = self._credentials
         if found is None or not found.valid:
@@ -66,14 +66,15 @@ class FirebaseMirror:
         self.breaker = Breaker()
         self._url = f"{url.rstrip('/')}/{ROOT}.json"
         self._access = access
-        self._rights = Rights() if url.startswith("https:") else None  # in the clear: on this machine
+        # a database in the clear is on this machine, and asks for no account
+        self._account = ServiceAccount() if url.startswith("https:") else None
         self._mirror = Mirror()
         self._adopted = False
 
     async def run(self) -> None:
         """Write changes until cancelled. What was written stays; its age shows that it is not updated."""
         now = self._access.live.now
-        async with httpx.AsyncClient(timeout=GIVE_UP_S, trust_env=self._rights is not None) as client:
+        async with httpx.AsyncClient(timeout=GIVE_UP_S, trust_env=self._account is not None) as client:
             due = now()
             while True:
                 await asyncio.sleep(max(0.0, due - now()))
@@ -96,7 +97,7 @@ class FirebaseMirror:
             self._mirror.record_existing(found)
             self._adopted = True
         changes = self._mirror.find_changes(dict(self._shown()), live.now(), live.unix_s())
-        for batch, body in batches(changes):
+        for batch, body in split_batches(changes):
             if await self._ask(client, "PATCH", {"print": "silent"}, body) is None:
                 self._mirror.record_lost(changes)  # later batches as well: made anew
                 return
@@ -129,7 +130,7 @@ class FirebaseMirror:
         """Send a request and return the names in the answer; count a failure and return None."""
         try:
             async with asyncio.timeout(GIVE_UP_S):
-                token = OWNER if self._rights is None else await self._rights.token()
+                token = OWNER if self._account is None else await self._account.get_token()
                 answer = await client.request(
                     method,
                     self._url,
@@ -158,9 +159,10 @@ class FirebaseMirror:
         self.breaker.postpone(random.random())  # several relays do not come back as one
 
 
-def batches(changes: Mapping[str, NodeChange]) -> Iterator[tuple[dict[str, NodeChange], bytes]]:
-    """Split changes into requests of about BATCH_BYTES at most, each with its body: a multi-path update,
-    which the database applies as a whole.
+def split_batches(changes: Mapping[str, NodeChange]) -> Iterator[tuple[dict[str, NodeChange], bytes]]:
+    """Split changes into requests of about BATCH_BYTES, each with its body.
+
+    A body is a multi-path update, which the database applies as a whole.
     """
     batch: dict[str, NodeChange] = {}
     parts: list[str] = []

@@ -37,7 +37,7 @@ from posecast_relay.runtime.dispatcher import Dispatcher
 from posecast_relay.runtime.fan_out import FanOut
 from posecast_relay.runtime.io_uring import IoUring
 from posecast_relay.server.listener import BACKLOG, listen
-from posecast_relay.server.roles import RoleServices, open_part
+from posecast_relay.server.roles import RoleServices, make_role_services
 from posecast_relay.streaming.decode_cache import DecodeCache
 from posecast_relay.streaming.http_connection import make_plain_http_protocol
 from posecast_relay.streaming.request_timeouts import RequestTimeouts, add_timeouts
@@ -116,8 +116,8 @@ async def _serve(settings: Settings, robots: Robots | None) -> None:
     limits, headcount = _limits(settings), Headcount()
     hub = Hub(limits, headcount)
     delayed = None if robots is None else DelayedHub(limits, headcount)
-    part = open_part(settings, router, hub, tuple if delayed is None else delayed.list_robots)
-    access = _access(settings, robots, part, hub, delayed)
+    services = make_role_services(settings, router, hub, tuple if delayed is None else delayed.list_robots)
+    access = _access(settings, robots, services, hub, delayed)
     dispatcher = access.live
     mirror = _mirror(settings, access)
     try:
@@ -148,7 +148,7 @@ async def _serve(settings: Settings, robots: Robots | None) -> None:
 
     unasked = RequestTimeouts(dispatcher.now, cut)
     config = uvicorn.Config(
-        make_app(access, part.models, decoded, settings.static),
+        make_app(access, services.models, decoded, settings.static),
         ws=make_live_protocol(access, decoded) if streams else "none",
         http=add_timeouts(
             make_http_protocol(access, decoded) if streams else make_plain_http_protocol(access), unasked
@@ -164,10 +164,10 @@ async def _serve(settings: Settings, robots: Robots | None) -> None:
     loop = asyncio.get_running_loop()
     for number in (signal.SIGTERM, signal.SIGINT):
         loop.add_signal_handler(number, server.leave)
-    await part.start(dispatcher)
+    await services.start(dispatcher)
     for each in access.dispatchers:
         each.start()
-    beside = _beside(_follow(settings, robots, router, part, access), mirror)
+    beside = _beside(_follow(settings, robots, router, services, access), mirror)
     try:
         await server.serve(sockets=[listener])
     finally:
@@ -175,7 +175,7 @@ async def _serve(settings: Settings, robots: Robots | None) -> None:
             each.stop()
         for task in beside:
             task.cancel()
-        await part.stop()
+        await services.stop()
         stop_metrics()
         await _close(router)
 
@@ -202,10 +202,10 @@ def _limits(settings: Settings) -> Limits:
 
 
 def _access(
-    settings: Settings, robots: Robots | None, part: RoleServices, hub: Hub, delayed: DelayedHub | None
+    settings: Settings, robots: Robots | None, services: RoleServices, hub: Hub, delayed: DelayedHub | None
 ) -> Access:
     addresses = Addresses(settings.max_per_address, settings.trusted_proxies)
-    ports = (hub, delayed, part.store, FanOut(_ring()), part.source)
+    ports = (hub, delayed, services.store, FanOut(_ring()), services.source)
     if robots is None:
         return open_access(*ports, addresses=addresses)
     tokens = Tokens(_accounts(settings), robots.find_link_keys())
@@ -268,7 +268,7 @@ def _follow(
     settings: Settings,
     robots: Robots | None,
     router: RouterSession | None,
-    part: RoleServices,
+    services: RoleServices,
     access: Access,
 ) -> Coroutine[Any, Any, None] | None:
     """Return what follows the file of robots while the relay serves; None without a file."""
@@ -280,7 +280,7 @@ def _follow(
             access.tokens.set_link_keys(to.find_link_keys())
         access.set_policy(to.make_policy())
         if router is not None:
-            await part.admit(_admitted(settings, to))
+            await services.admit(_admitted(settings, to))
 
     watch = RobotsWatcher(settings.robots, robots, changed)
 

@@ -40,7 +40,7 @@ class RoleServices:
     admit: Callable[[dict[str, str]], Awaitable[None]]
 
 
-def open_part(
+def make_role_services(
     settings: Settings, router: RouterSession | None, hub: Hub, pinned: Callable[[], Iterable[str]]
 ) -> RoleServices:
     """Make the services of the role that `settings` asks for.

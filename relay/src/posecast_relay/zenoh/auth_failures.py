@@ -59,11 +59,11 @@ class AuthFailures:
                 if OF_ZENOH.search(line) is None:  # somebody else's
                     os.write(self._stdout, raw)
                 elif (said := SAID.search(line)) is not None:
-                    self.refused(MEANINGS[said[1] or said[2]], time.monotonic())
+                    self.record_refusal(MEANINGS[said[1] or said[2]], time.monotonic())
                 elif (named := NAMED.search(line)) is not None and not self._may_publish(named[1]):
-                    self.refused(STRANGER, time.monotonic())  # linked, and denied everything
+                    self.record_refusal(STRANGER, time.monotonic())  # linked, and denied everything
 
-    def refused(self, why: str, now: float) -> None:
+    def record_refusal(self, why: str, now: float) -> None:
         """Count a refused publisher; log at most one in SAY_S seconds, with `why`. `now` is in seconds."""
         self.count += 1
         if now - self._said_at >= SAY_S:

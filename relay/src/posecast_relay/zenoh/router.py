@@ -70,8 +70,8 @@ OUT_OF_ALL: Rights = {
 }
 
 
-def access_control(robots: Sequence[str], known_by: str = "usernames") -> dict[str, Any]:
-    """Return Zenoh's `access_control`: each robot, known by `known_by`, has its own keys and no others."""
+def make_access_control(robots: Sequence[str], known_by: str = "usernames") -> dict[str, Any]:
+    """Return Zenoh's `access_control`: each robot, by its name in `known_by`, has its own keys, no others."""
     rules: list[dict[str, Any]] = []
 
     def add(name: str, flow: str, rights: Rights, of: str) -> list[str]:
@@ -117,7 +117,7 @@ def _config(endpoints: Sequence[str], auth: ZenohAuth | None, passwords: str | N
     }
     if auth is not None:
         known_by = "usernames" if auth.ca is None else "cert_common_names"
-        settings["access_control"] = access_control(sorted(auth.secrets), known_by)
+        settings["access_control"] = make_access_control(sorted(auth.secrets), known_by)
         if passwords is not None:
             settings["transport/auth/usrpwd/dictionary_file"] = passwords
         if auth.ca is not None:
