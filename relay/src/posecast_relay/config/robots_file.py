@@ -38,7 +38,7 @@ ENDLESS = re.compile(
 
 
 class RobotsError(ValueError):
-    """The file is wrong. The message is one line that names the file and the place, and quotes no secret."""
+    """The file of robots is wrong. The message is one line that names the file and the place, not secrets."""
 
 
 @dataclass(frozen=True)
@@ -191,7 +191,7 @@ def _unix_s(doc: Mapping[str, Any], name: str, where: str) -> float:
 
 
 def check_fields(doc: Mapping[str, Any], names: tuple[str, ...], where: str) -> None:
-    """Raise RobotsError for a field that is not in `names`: a misspelt limit must not be no limit."""
+    """Raise RobotsError for a field that is not in `names`, so that no misspelt limit is ignored."""
     for name in doc:
         if name not in names:
             shown = re.sub(r"[^\w-]", "?", name)[:60]

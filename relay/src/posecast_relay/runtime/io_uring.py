@@ -32,7 +32,7 @@ Short = list[tuple[int, int]]  # index, and bytes taken of what was to be sent; 
 
 
 def write_each(descriptors: Sequence[int], data: bytes) -> Short:
-    """Send `data` to each socket, without waiting. Returns those that did not take all of it."""
+    """Send `data` to each socket, without waiting. Return those that did not take all of it: see Short."""
     short: Short = []
     size, write = len(data), os.write
     for index, descriptor in enumerate(descriptors):

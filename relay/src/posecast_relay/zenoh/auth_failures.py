@@ -35,7 +35,8 @@ STRANGER = "a certificate of a name that the file of --robots does not let publi
 class AuthFailures:
     """Counts publishers that Zenoh refused, and logs one now and then.
 
-    One per process: it takes stdout's place, before Zenoh writes its first line.
+    One per process, made before Zenoh writes its first line: it reads the process's stdout, and passes on
+    what is not Zenoh's.
     """
 
     def __init__(self, may_publish: Callable[[str], bool]) -> None:

@@ -89,7 +89,7 @@ class Inboxes:
                 del self._waiting[robot]
 
     def open(self, now: float) -> None:
-        """Forget inboxes that were closed until a time that has passed."""
+        """Forget which inboxes were closed, if that time is over. `now` is in seconds."""
         with self._lock:
             self._closed_until = {r: until for r, until in self._closed_until.items() if now < until}
 

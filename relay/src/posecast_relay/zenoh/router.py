@@ -71,7 +71,10 @@ OUT_OF_ALL: Rights = {
 
 
 def make_access_control(robots: Sequence[str], known_by: str = "usernames") -> dict[str, Any]:
-    """Return Zenoh's `access_control`: each robot, by its name in `known_by`, has its own keys, no others."""
+    """Make Zenoh's `access_control`: each robot may use its own keys, and nothing else.
+
+    Zenoh knows a robot by `known_by`: "usernames" or "cert_common_names".
+    """
     rules: list[dict[str, Any]] = []
 
     def add(name: str, flow: str, rights: Rights, of: str) -> list[str]:
