@@ -57,7 +57,7 @@ def test_a_closed_inbox_takes_no_frames_but_all_else() -> None:
     inboxes, said = Inboxes(), list[str]()
     put(inboxes, "r", said, "frame", frame=True)
     put(inboxes, "r", said, "event")
-    inboxes.close("r", until=1.0)
+    inboxes.close("r", 0.0, until=1.0)
     put(inboxes, "r", said, "late frame", frame=True)
     put(inboxes, "r", said, "token")
     inboxes.put("r", Message(lambda: said.append("frame again"), 1, True), 1.0)
@@ -73,3 +73,10 @@ def test_the_number_of_inboxes_is_bounded() -> None:
     assert inboxes.take_lost() == {OTHERS: 5}
     empty(inboxes)
     assert len(said) == ROBOTS_MAX
+
+
+def test_robots_that_went_while_they_were_closed_are_forgotten() -> None:
+    inboxes = Inboxes()
+    for n in range(3 * ROBOTS_MAX):
+        inboxes.close(f"r{n}", float(n), until=n + 0.01)
+    assert len(inboxes._closed_until) <= ROBOTS_MAX

@@ -75,9 +75,12 @@ class Inboxes:
                 del self._waiting[robot]
             return message
 
-    def close(self, robot: str, until: float) -> None:
-        """Drop the frames of this robot, those that wait and those that come before `until` (seconds)."""
+    def close(self, robot: str, now: float, until: float) -> None:
+        """Drop the frames of this robot, those that wait and those that come before `until`. Times are
+        in seconds."""
         with self._lock:
+            if len(self._closed_until) >= ROBOTS_MAX:  # robots that never sent another frame
+                self._closed_until = {r: end for r, end in self._closed_until.items() if now < end}
             self._closed_until[robot] = until
             inbox = self._waiting.get(robot)
             if inbox is None:
@@ -87,11 +90,6 @@ class Inboxes:
             inbox.messages, inbox.size = kept, sum(m.size for m in kept)
             if not kept:
                 del self._waiting[robot]
-
-    def open(self, now: float) -> None:
-        """Forget which inboxes were closed, if that time is over. `now` is in seconds."""
-        with self._lock:
-            self._closed_until = {r: until for r, until in self._closed_until.items() if now < until}
 
     def take_lost(self) -> Counter[str]:
         """Return how many messages were dropped since the last call, by robot."""

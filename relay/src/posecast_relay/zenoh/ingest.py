@@ -206,7 +206,7 @@ class ZenohIngest:
             self._complain(robot, f"{view}/frame", e)
             return
         if outcome is FrameOutcome.OVER_SHARE:
-            self._inboxes.close(robot, now + CLOSED_S)
+            self._inboxes.close(robot, now, now + CLOSED_S)
         elif outcome in WHY:
             self._say(robot, f"{view}/frame", WHY[outcome])
         elif robot in self._waiting and outcome is not FrameOutcome.CROWDED:
