@@ -1,9 +1,10 @@
-/** Acknowledgements are this far apart at least. */
+/** Least time between two acknowledgements. */
 const ACK_EVERY_MS = 1000;
-/** Far away: the relay receives an acknowledgement so late that it would hold frames back while it waits for the next. */
+/** A longer round trip counts as far away: there the relay would hold frames back while it waits for acknowledgements.
+ *  */
 const FAR_MS = 500;
 
-/** How many binary messages of one connection have come, and when the relay is to be told. */
+/** Counts the binary messages of one connection and decides when to acknowledge them to the relay. */
 export class Acknowledgements {
   #received = 0;
   #acknowledged = 0;
@@ -13,7 +14,8 @@ export class Acknowledgements {
     this.#received += 1;
   }
 
-  /** The number to acknowledge now, at most once a second (twice, from afar), and never left owing; null: nothing is due. */
+  /** The count to acknowledge now, or null when nothing is due. At most once a second, twice a second on a slow round
+   *  trip. */
   takeDue(nowMs: number, roundTripMs: number | null): number | null {
     if (this.#received === this.#acknowledged) return null;
     const far = (roundTripMs ?? 0) > FAR_MS;

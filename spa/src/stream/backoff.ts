@@ -6,12 +6,11 @@ const SPREAD_S = 10;
 const WAIT_S = 30;
 
 /**
- * How long to wait before the next try; null: not by itself. Always with full jitter, anywhere between nothing and a
- * ceiling that doubles: a hall that lost its relay together must not come back together.
+ * Milliseconds to wait before the next try; null: don't retry unasked. The wait is random between 0 and a ceiling that
+ * doubles with each failure ("full jitter"), so that viewers who lost their relay together don't come back together.
  *
- * @param failures tries that failed before this one since the stream last worked
- * @param random in [0, 1)
- * @param retryS what the relay asked for in its `bye`
+ * `failures` counts failed tries since the stream last worked, `random` is in [0, 1), and `retryS` is the wait in
+ * seconds that the relay asked for in its `bye`.
  */
 export function retryDelayMs(
   rule: Retry,

@@ -7,17 +7,18 @@ import type { Ending, FromStream, Phase, Problem, ToStream } from './messages.ts
 import { PageVisibility } from './page_visibility.ts';
 import type { Transport } from './transport.ts';
 
-/** The connection as the page tells of it. A new object at every change, so that a listener can compare. */
+/** The state of the connection, as the page shows it. Every change makes a new object, so listeners can compare by
+ *  identity. */
 export interface Link {
-  /** What carries it, or is to. */
+  /** The transport in use, or the one being tried. */
   by: Transport;
   phase: Phase;
   retryAtMs: number | null;
   ending: Ending | null;
-  /** What the relay granted, and why it is less than was asked. */
+  /** The frame rate that the relay granted, and the reason when it is less than was asked for. */
   grantedHz: number | null;
   rateReason: string | null;
-  /** Measured. */
+  /** Measured frames per second. */
   hz: number;
   roundTripMs: number | null;
   problem: Problem | null;
@@ -35,7 +36,8 @@ const UNKNOWN: Link = {
   problem: null,
 };
 
-/** The page's end of the stream: takes the worker, writes what it says into the twin, tells it what the page sees. */
+/** The page's end of the stream: writes the worker's messages into the twin, and tells the worker whether the page is
+ *  visible. */
 export class StreamClient {
   link: Link = UNKNOWN;
   readonly #twin: RobotTwin;
@@ -77,12 +79,12 @@ export class StreamClient {
     return () => this.#listeners.delete(listener);
   }
 
-  /** Try now rather than later. */
+  /** Reconnects now instead of waiting for the next retry. */
   wake(): void {
     this.#tell({ kind: 'wake', sleptMs: countSleep() });
   }
 
-  /** Every pose again, though the rate was lowered. */
+  /** Asks for the full frame rate again after the relay or a slow network lowered it. */
   wishAll(): void {
     this.#tell({ kind: 'wish-all' });
   }

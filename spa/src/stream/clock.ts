@@ -1,4 +1,4 @@
-/** The clock of the wall running ahead of ours by this much means that the device slept. */
+/** When the wall clock (`Date.now()`) gains this much on ours between two looks, the device slept. */
 const SLEPT_MS = 2000;
 
 let sleptMs = 0;
@@ -12,8 +12,8 @@ export function nowMs(): number {
   return performance.timeOrigin + performance.now() + sleptMs;
 }
 
-/** Takes in what the device has slept since the last call; ms in all. The page counts and tells the worker, so that both
- *  have the same. */
+/** Adds the time that the device slept since the last call; returns the total in ms. Only the page counts, and it
+ *  passes the total to the worker (`setSlept`), so that both clocks agree. */
 export function countSleep(): number {
   const aheadMs = Date.now() - nowMs() - wallAheadMs;
   if (aheadMs > SLEPT_MS) sleptMs += aheadMs;
@@ -21,7 +21,7 @@ export function countSleep(): number {
   return sleptMs;
 }
 
-/** @param ms what the page has counted */
+/** Sets the total sleep, as counted by the page, in the worker's clock. */
 export function setSlept(ms: number): void {
   sleptMs = ms;
 }

@@ -3,8 +3,8 @@ import { countSleep } from './clock.ts';
 import type { FromStream, ToStream } from './messages.ts';
 
 /**
- * A stream's worker, started before the page that reads it is there: on a slow line the page's own code is a second
- * away, and the connection and the first frames need not wait for it. What the worker says meanwhile is kept.
+ * A stream's worker, started before the page's own code has loaded: on a slow line that takes a second, and the
+ * connection and the first frames need not wait for it. Messages that come in the meantime are kept.
  */
 export interface StartedStream {
   readonly worker: Worker;
@@ -12,12 +12,13 @@ export interface StartedStream {
   readonly messages: readonly FromStream[];
 }
 
-/** When so many messages wait, the page that would take them is not coming: worker and messages are dropped. */
+/** When more messages than this wait, the page is assumed not to come: worker and messages are dropped. */
 const MAX_MESSAGES = 200;
 
 let early: { readonly url: string; readonly worker: Worker; readonly messages: FromStream[] } | null = null;
 
-/** Starts the stream of an address; `onModel` is called with every model hash that comes before the page. */
+/** Starts the stream at `url` early; `onModel` gets every model hash that arrives before the page takes the stream
+ *  over. */
 export function startEarly(url: string, hz: number, onModel: (hash: string) => void): void {
   abandon();
   const worker = start(url, hz);
@@ -31,7 +32,7 @@ export function startEarly(url: string, hz: number, onModel: (hash: string) => v
   worker.onerror = abandon; // the page starts another, and tells if that fails, too
 }
 
-/** The stream of an address: the one that was started early, or a new one. */
+/** Hands over the stream at `url`: the one started early if it has the same address, else a new one. */
 export function takeStream(url: string, hz: number): StartedStream {
   const taken = early;
   if (taken?.url !== url) {

@@ -2,50 +2,51 @@ import { type EventsHandlers, frameBytes, openEventStream as openStream, type St
 
 export { frameBytes };
 
-/** As often as a relay writes. */
+/** How often a relay writes to its mirror. */
 const MIRROR_HZ = 2;
 const TICK_MS = 250;
-/** A relay writes at least once a second. Without that what stands there may be of any age. */
+/** A relay writes at least once a second. When it has not, the data in the mirror may be of any age. */
 const UNWRITTEN_MS = 1400;
-/** The first time there is a round trip of somebody else's to wait for. */
+/** The first write is waited for longer: it may need the relay's own round trip to the database. */
 const FIRST_MS = 2500;
 const SAY_EVERY_MS = 1000;
-/** Written until now, and suddenly no more: it may be this connection that is dead. A new one tells. */
+/** When writes stop for this long, this connection may be the dead part: a new one is opened to find out. */
 const DOUBT_MS = 8000;
-/** The database says `keep-alive` every 30 s. */
+/** Silence after which the connection is dead: the database sends `keep-alive` every 30 s. */
 const DEAD_MS = 45_000;
 
-/** What a relay says of itself and its robot in the mirror. */
+/** The `status` that a relay writes to the mirror about itself and its robot. */
 interface Written {
   readonly robot: string;
   readonly age_ms: number | null;
   readonly seq: number | null;
   readonly model: string | null;
-  /** Its clock, ms. */
+  /** The relay's clock at the write, ms. */
   readonly at: number;
 }
 
 /**
- * Translates what a Firebase Realtime Database streams of a robot's node into what a relay would say. Pure: events and the
- * clock come in. A node outlives its relay, so nothing that stands there counts as a sign of life: only that it changes.
+ * Translates a robot's node in a Firebase Realtime Database, as it is streamed, into the messages of a relay. Pure:
+ * events and the clock come in. A node outlives its relay, so only a change of the node is a sign of life, not its
+ * content.
  */
 export class MirrorReader {
   readonly #wireVersion: number;
   #node: unknown = null;
   #told: Record<string, unknown> = {};
-  /** Of the newest word of a relay that lives. */
+  /** The newest status that was written while we listened. */
   #written: Written | null = null;
   #writtenMs = 0;
   #begunMs: number | null = null;
   #saidMs = 0;
-  /** A relay's clock that was set back goes on from where it was. */
+  /** Added to the relay's timestamps, so that they go on rising when the relay's clock is set back. */
   #shiftMs = 0;
 
   constructor(wireVersion: number) {
     this.#wireVersion = wireVersion;
   }
 
-  /** @returns what a relay would have said; a number is the close code of what is over */
+  /** The events that a relay would have sent for this one, or the close code (a number) when the stream is over. */
   read(nowMs: number, { name, data }: Pick<StreamEvent, 'name' | 'data'>): StreamEvent[] | number {
     if (name === 'cancel' || name === 'auth_revoked') return 4403;
     if (name !== 'put' && name !== 'patch') return [];
@@ -61,7 +62,7 @@ export class MirrorReader {
     return this.#news(nowMs, first);
   }
 
-  /** What has to be said though nothing came. */
+  /** Status events that are due although the database sent nothing. */
   tick(nowMs: number): StreamEvent[] {
     if (this.#begunMs === null || nowMs - this.#saidMs < SAY_EVERY_MS) return [];
     if (this.#node === null) return [this.#status(nowMs, 'offline', null, false)];
@@ -72,7 +73,7 @@ export class MirrorReader {
     return [this.#status(nowMs, robot, age_ms === null ? null : age_ms + this.#unwrittenMs(nowMs), true)];
   }
 
-  /** Whether another connection might know more. */
+  /** Whether writes have stopped for so long that this connection may be dead and another should be tried. */
   doubtful(nowMs: number): boolean {
     return this.#written !== null && this.#node !== null && this.#unwrittenMs(nowMs) > DOUBT_MS;
   }
@@ -81,7 +82,8 @@ export class MirrorReader {
     return nowMs - this.#writtenMs;
   }
 
-  /** `own`: objects that this event has made, and may change. */
+  /** Sets the value at `path` in a copy of the node. `own`: objects already copied for this event, which may be
+   *  changed. */
   #put(path: string, value: unknown, own: Set<unknown>): void {
     const [child, ...deeper] = path.split('/').filter((part) => part !== '');
     if (child === undefined) {
@@ -155,7 +157,7 @@ export class MirrorReader {
   }
 }
 
-/** The same as for a relay's events, with a database at the other end. */
+/** Like `openEventStream` of `sse.ts`, but reads a robot's node in a Firebase database; `_token` is not used. */
 export function openEventStream(
   url: string,
   _token: string | undefined,
@@ -196,7 +198,7 @@ export function openEventStream(
   return { close: leave };
 }
 
-/** The object itself where this event has made it, else a copy of it. */
+/** The object itself if this event has already copied it, else a new copy, which is added to `own`. */
 function ownOf(value: unknown, own: Set<unknown>): Record<string, unknown> {
   if (own.has(value)) return value as Record<string, unknown>;
   const copy = isRecord(value) ? { ...value } : {};
@@ -204,7 +206,7 @@ function ownOf(value: unknown, own: Set<unknown>): Record<string, unknown> {
   return copy;
 }
 
-/** A member of its own, whatever it is called. */
+/** Sets an own property. Unlike an assignment, this is safe for a name like `__proto__`. */
 function define(object: object, name: string, value: unknown): void {
   Object.defineProperty(object, name, { value, writable: true, enumerable: true, configurable: true });
 }
@@ -225,7 +227,7 @@ function isWritten(value: unknown): value is Written {
   return isRecord(value) && typeof value.at === 'number' && typeof value.robot === 'string';
 }
 
-/** UTF-8 text that stands there in base64; null when it is none. */
+/** Base64 decoded to UTF-8 text; null when the value is no base64. */
 function decoded(base64: unknown): string | null {
   const bytes = typeof base64 === 'string' ? frameBytes(base64) : null;
   return bytes && new TextDecoder().decode(bytes);

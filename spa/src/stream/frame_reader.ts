@@ -3,27 +3,27 @@ import { poseDiffers } from '../twin/pose_change.ts';
 import type { FromStream } from './messages.ts';
 import { RateMeter } from './rate_meter.ts';
 
-/** After a longer pause between frames nobody knows whether the pose moved meanwhile. */
+/** After a longer pause between frames the pose may have moved meanwhile, so it counts as changed. */
 const GAP_MS = 2500;
 
-/** Of a frame's first byte: later frames may build on this one. */
+/** Bit of a frame's first byte: this is a KEY or REF, which later frames may be coded against. */
 const BASE = 0x02;
 
 type Told = Extract<RelayMessage, { type: 'status' | 'schema' | 'info' | 'event' | 'model' }>;
 
 /**
- * What one connection brings of the robot, read: bytes and messages go in, what the page is to know comes out by
- * `post`. The relay keeps per connection what a viewer was given, so each connection has a reader of its own.
+ * Decodes the frames and messages of one connection, and passes the results to the page through `post`. The relay
+ * remembers per connection which base frames the viewer has, so each connection needs a new reader.
  */
 export class FrameReader {
   readonly #post: (message: FromStream) => void;
   readonly #decoder = new Decoder();
   readonly #rate = new RateMeter();
   #shownSchemaId: number | null = null;
-  /** The newest frame that the relay has told of, and when it was new: null when the relay does not know. */
+  /** The newest frame that the relay's status named, and when it was new (null when the relay does not know). */
   #told: { seq: number; bornMs: number | null } | null = null;
   #freshMs: number | null = null;
-  /** Poses are asked for: what comes is new, not what the relay had for a while. */
+  /** Frames flow without a break. False after a pause: the next frame may be one that the relay has had for a while. */
   #flows = true;
   #changedMs = 0;
   #newest: { schemaId: number; seq: number; codes: Int32Array; leftMs: number } | null = null;
@@ -32,17 +32,17 @@ export class FrameReader {
     this.#post = post;
   }
 
-  /** Frames a second, over the last two seconds. */
+  /** Frames per second over the last two seconds. */
   hz(nowMs: number): number {
     return this.#rate.hz(nowMs);
   }
 
-  /** Poses were not asked for until now: the next may be of any moment since the newest status. */
+  /** Poses are asked for again after a pause: the next one may be as old as the newest status. */
   resumed(): void {
     this.#flows = false;
   }
 
-  /** `lateMs`: how long it had waited on its way, as far as that is known. */
+  /** Takes a relay message. `lateMs`: how long it was delayed on its way, as far as that is known. */
   message(nowMs: number, lateMs: number, message: Told): void {
     switch (message.type) {
       case 'status':
@@ -68,12 +68,12 @@ export class FrameReader {
     try {
       frame = this.#decoder.decode(bytes);
     } catch (error) {
-      // A frame we can't read changes nothing: the relay brings its base, and at the latest the next KEY mends it.
+      // A frame that can't be read is skipped: the relay sends its base, and the next KEY needs none.
       if (error instanceof FrameError) return;
       throw error;
     }
     const { schema, seq, codes } = frame;
-    // A KEY or REF that the relay had something newer than is there to be built upon: no news of the robot.
+    // A KEY or REF older than the relay's newest frame is only a base for later frames: no news of the robot.
     if (bytes[0]! & BASE && seq < (this.#told?.seq ?? 0)) return;
     const leftMs = nowMs - lateMs;
     const before = this.#newest;
@@ -107,7 +107,8 @@ export class FrameReader {
     const leftMs = nowMs - lateMs;
     const { seq, age_ms } = status;
     this.#told = seq === null ? null : { seq, bornMs: age_ms === null ? null : leftMs - age_ms };
-    // Its age is of when it left the relay. Of a frame that is here we know more: it is at least as old as it has been here.
+    // The age was true when the status left the relay. A frame that is already here is at least as old as its stay
+    // here.
     const heldMs = this.#newest?.seq === status.seq ? leftMs - this.#newest.leftMs : 0;
     this.#post({
       kind: 'status',

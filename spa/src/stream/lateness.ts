@@ -1,26 +1,27 @@
-/** Later than this a pose is not worth waiting for. */
+/** Events that come later than this count as too late. */
 const LATE_MS = 2000;
 const TIMES = 2;
-/** Between two looks that count. */
+/** Time between two looks at the lateness. */
 const LOOK_MS = 1000;
-/** A connection that has just begun has its schema on the way, too. */
+/** A new connection is not judged for this long: its first messages, such as the schema, are large and delay the rest.
+ *  */
 const SETTLING_MS = 8000;
 const STEPS_HZ = [10, 5, 2, 1] as const;
 
 /**
- * How late events are. Nobody acknowledges them, so what lies between fills its buffers with old poses, and the stream
- * would run on, seconds behind, looking live. Each event tells when the relay wrote it, by a clock of the relay's own:
- * how much later than the quickest one of its connection it came is its lateness.
+ * How late server-sent events arrive. They are not acknowledged, so on a slow network the buffers on the way fill with
+ * old poses, and the stream would run seconds behind while looking live. Each event carries the time of its writing by
+ * the relay's clock; its lateness (ms) is its delay beyond that of the quickest event of the connection.
  */
 export class Lateness {
   #quickestMs = Number.POSITIVE_INFINITY;
   #sinceMs = 0;
   #lookedMs = 0;
   #times = 0;
-  /** Of the newest event. */
+  /** Lateness of the newest event, ms. */
   ms = 0;
 
-  /** A new connection, which begins without old poses on their way. */
+  /** Starts anew with a new connection, on which no old poses can be on their way. */
   begin(nowMs: number): void {
     this.#quickestMs = Number.POSITIVE_INFINITY;
     this.#sinceMs = nowMs;
@@ -29,13 +30,13 @@ export class Lateness {
     this.ms = 0;
   }
 
-  /** @param writtenMs when the relay wrote what comes now, by its own clock */
+  /** Measures an event that arrives at `nowMs` and was written at `writtenMs` of the relay's own clock. */
   stamped(nowMs: number, writtenMs: number): void {
     this.#quickestMs = Math.min(this.#quickestMs, nowMs - writtenMs);
     this.ms = nowMs - writtenMs - this.#quickestMs;
   }
 
-  /** Whether the stream has been late twice: then it is asked for anew, more seldom. */
+  /** Whether the stream was too late at two looks in a row: then it should be asked for anew at a lower rate. */
   tooLate(nowMs: number): boolean {
     if (nowMs - this.#sinceMs < SETTLING_MS || nowMs - this.#lookedMs < LOOK_MS) return false;
     this.#lookedMs = nowMs;
@@ -45,35 +46,36 @@ export class Lateness {
 }
 
 /**
- * A silence that the page had to call its pose old in, or that this thread itself slept through. What comes first after it has
- * been on its way, or lain here, nobody knows for how long: it counts as of before the silence until something shows that
- * the backlog has been read.
+ * A silence long enough that the page called its pose old, or during which this thread itself slept. The first data
+ * after it were delayed by an unknown time, so they count as old as the start of the silence, until something shows
+ * that the backlog has been read.
  */
 export class Silence {
   #sinceMs: number | null = null;
 
-  /** It was silent from `sinceMs` on; what is not yet behind us from an earlier silence goes on counting from there. */
+  /** A silence began at `sinceMs`. If the backlog of an earlier one is not yet read, that one's start stays. */
   begin(sinceMs: number): void {
     this.#sinceMs ??= sinceMs;
   }
 
-  /** What comes now comes at once. */
+  /** The backlog has been read: data arrive without delay again. */
   end(): void {
     this.#sinceMs = null;
   }
 
-  /** What comes was written at `writtenMs` of our own clock: after the page had called its pose old, it is no backlog. */
+  /** Ends the silence if data were written (at `writtenMs` of our clock) after the page called its pose old: no
+   *  backlog. */
   endIfWrittenAfter(writtenMs: number, oldAfterMs: number): void {
     if (this.#sinceMs !== null && writtenMs > this.#sinceMs + oldAfterMs) this.#sinceMs = null;
   }
 
-  /** For how many ms what comes now may have been on its way; 0 where there was no silence. */
+  /** For how many ms data that arrive now may have been delayed; 0 when there was no silence. */
   ageMs(nowMs: number): number {
     return this.#sinceMs === null ? 0 : Math.max(0, nowMs - this.#sinceMs);
   }
 }
 
-/** The next rate below; the lowest stays. */
+/** The next lower rate of 10, 5, 2 and 1 Hz; a rate of 1 Hz or less stays. */
 export function lowerHz(hz: number): number {
   return STEPS_HZ.find((step) => step < hz) ?? Math.min(hz, 1);
 }

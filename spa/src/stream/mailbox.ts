@@ -1,13 +1,14 @@
 /**
- * One slot between the worker and the page. While the page is still busy with the last item a newer one replaces the
- * one that waits: an old pose is worth nothing.
+ * A slot for one item between the worker and the page. While the page is busy with the last item, a newer item replaces
+ * the one that waits, because an old pose is worth nothing.
  */
 export class Mailbox<T> {
   #waiting: T | null = null;
   #busy = false;
+  /** How many items were replaced before they were handed over. */
   replaced = 0;
 
-  /** Returns what to hand over now, if anything. */
+  /** Adds an item. Returns what to hand over now, if anything. */
   put(item: T): T | null {
     if (!this.#busy) {
       this.#busy = true;
@@ -26,7 +27,7 @@ export class Mailbox<T> {
     return next;
   }
 
-  /** What waits has lost its meaning. */
+  /** Drops the item that waits. */
   clear(): void {
     this.#waiting = null;
   }

@@ -3,15 +3,17 @@ import type { Status } from '../twin/liveness.ts';
 import type { RobotState } from '../twin/robot.ts';
 import type { Transport } from './transport.ts';
 
-/** Why a connection ended, in the close table's terms. */
+/** Why a connection ended: a WebSocket close code (see the close table in wire/SPEC.md) and a reason in words. */
 export interface Ending {
   code: number;
   reason: string;
 }
 
+/** `waiting`: for the next retry. `ended`: no further try unless the person asks. */
 export type Phase = 'connecting' | 'open' | 'waiting' | 'ended';
 
-/** Worker → page. Control messages are few (status once a second, events 20 a second at most); states pass a mailbox. */
+/** Messages from the worker to the page. Most are rare (status once a second, events 20 a second at most); states,
+ *  which come at frame rate, pass through a `Mailbox`. */
 export type FromStream =
   | { kind: 'link'; by: Transport; phase: Phase; retryAtMs: number | null; ending: Ending | null }
   | { kind: 'schema'; schema: Schema }
@@ -26,14 +28,14 @@ export type FromStream =
   | { kind: 'pace'; hz: number; roundTripMs: number | null }
   | { kind: 'problem'; problem: Problem };
 
-/** What keeps the stream from being understood. `newer`: the relay speaks another wire format. */
+/** Why the stream can't be read. `newer`: the relay speaks another version of the wire format. */
 export interface Problem {
   readonly what: 'newer' | 'schema' | 'worker';
-  /** In English: for who builds the robot. */
+  /** In English, for the person who builds the robot. */
   readonly detail: string;
 }
 
-/** Page → worker. */
+/** Messages from the page to the worker. */
 export type ToStream =
   | {
       kind: 'open';
@@ -41,23 +43,24 @@ export type ToStream =
       hz: number;
       visible: boolean;
       token: string | undefined;
-      /** What the page's clock counts of sleep (`clock.ts`). */
+      /** How long the device has slept, as counted by the page's clock (`clock.ts`), ms. */
       sleptMs: number;
     }
+  /** The page has taken the last state and is ready for the next. */
   | { kind: 'taken' }
-  /** A newer token, another one, or none any more. */
+  /** The token has been renewed, replaced or removed. */
   | { kind: 'token'; token: string | undefined }
   | { kind: 'visible'; visible: boolean }
   /** Something changed outside (back online, back from sleep, the person asks): try now rather than later. */
   | { kind: 'wake'; sleptMs: number }
-  /** A rate that was lowered is asked for in full again. */
+  /** Ask for the full frame rate again after it was lowered. */
   | { kind: 'wish-all' }
   | { kind: 'close' };
 
-/** What the worker must do for its session, in this order. */
+/** What a `Session` asks its worker to do; a list of actions is performed in order. */
 export type Action =
   | { do: 'connect'; by: Transport; url: string }
-  /** Open a WebSocket beside what stands; if it opens, it takes over. */
+  /** Open a WebSocket beside the present connection; if it opens, it takes over. */
   | { do: 'try'; url: string }
   | { do: 'send'; text: string }
   | { do: 'drop' }

@@ -1,6 +1,6 @@
 /**
- * Whether somebody can see this page: its tab is in front, and where it stands inside another page, that part of it is
- * on the screen. What nobody sees asks the relay for no poses.
+ * Whether this page can be seen: its tab is in front and, where it is embedded in another page, its frame is scrolled
+ * into view. A page that nobody sees asks the relay for no poses.
  */
 export class PageVisibility {
   #onScreen = true;
@@ -8,7 +8,7 @@ export class PageVisibility {
   readonly #tell: (seen: boolean) => void;
   readonly #leave = new AbortController();
 
-  /** `tell` is called at every change. */
+  /** `tell` is called at every change, but not for the first value (see `visible`). */
   constructor(tell: (seen: boolean) => void) {
     this.#tell = tell;
     this.#seen = !document.hidden;

@@ -1,15 +1,15 @@
 const WINDOW_MS = 2000;
 
-/** How often frames come, measured over two seconds. */
+/** Measures the frame rate over the last two seconds. */
 export class RateMeter {
   #arrivals: number[] = [];
 
-  /** Counts a frame that came now. */
+  /** Counts a frame that has just arrived. */
   recordArrival(nowMs: number): void {
     this.#arrivals.push(nowMs);
   }
 
-  /** Frames a second; 0 while there are fewer than two. */
+  /** Frames per second; 0 with fewer than two frames. */
   hz(nowMs: number): number {
     this.#arrivals = this.#arrivals.filter((atMs) => nowMs - atMs <= WINDOW_MS);
     const [first] = this.#arrivals;

@@ -13,31 +13,33 @@ import { Lateness, lowerHz, Silence } from './lateness.ts';
 import type { Action, Ending, FromStream, Phase } from './messages.ts';
 import { type Transport, TransportChoice } from './transport.ts';
 
-/** status comes at least once a second: three of them missing is a dead socket that nobody told us about. */
+/** A status comes at least once a second: when three are missing, the socket is dead although it did not close. */
 export const SILENT_LIMIT_MS = 3000;
+/** A connection that has not opened within this time has failed. */
 export const CONNECT_LIMIT_MS = 8000;
 const PING_EVERY_MS = 5000;
 const PACE_EVERY_MS = 1000;
-/** Between two rate wishes, so that a person flipping through tabs is no flood. */
+/** Least time between two rate requests, so that a person flipping through tabs does not flood the relay. */
 const RATE_EVERY_MS = 500;
-/** The same on events, where another rate is another connection. */
+/** The same on server-sent events, where every other rate needs a new connection. */
 const REASK_EVERY_MS = 2000;
-/** A connection that stood this long worked: the next failure starts the backoff anew. */
+/** After a connection has lasted this long, the next failure starts the backoff from the beginning. */
 const WORKED_MS = 5000;
-/** A rate that needs no explanation. */
+/** Reasons for a rate that the page need not explain. */
 const AS_WISHED = new Set(['', 'asked', 'recovered']);
 const SLOW_NETWORK = 'slow network';
 
 /**
- * One viewer's connection to one robot, without a socket, a timer or a clock: what happened and when goes in, what to
- * do comes out.
+ * One viewer's connection to one robot as a pure state machine, without a socket, a timer or a clock: each method takes
+ * an event and its time (ms of the viewer's clock) and returns the actions to perform.
  *
  *   connecting ──opened──► open ──closed, silent──► waiting ──time, wake──► connecting
  *        └──failed, slow──────────────────────────────┘
  *   open ──closed with a code that says "not again"──► ended ──wake──► connecting
  *
- * What carries it, `TransportChoice` decides at every connecting. On events nothing can be said to the relay: another rate
- * is another connection, and the stream stays open meanwhile. A mirror, which is any address but a WebSocket's, has one rate.
+ * `TransportChoice` picks the transport at every connecting. Server-sent events are one-way: another rate needs another
+ * connection, and the phase stays `open` meanwhile. A mirror (any address that is not a WebSocket's) has one fixed
+ * rate.
  */
 export class Session {
   readonly #url: string;
@@ -48,7 +50,7 @@ export class Session {
   #phase: Phase = 'ended';
   #sinceMs = 0;
   #heardMs = 0;
-  /** When this thread last did anything. */
+  /** When this thread last ran, to tell whether it slept. */
   #aliveMs = 0;
   readonly #silence = new Silence();
   #retryAtMs: number | null = null;
@@ -67,9 +69,9 @@ export class Session {
 
   readonly #choice: TransportChoice;
   readonly #lateness = new Lateness();
-  /** What a slow network is asked for, on events; null: all that is wanted. */
+  /** Lowered rate for a slow network, on events only; null: the full rate. */
   #slowHz: number | null = null;
-  /** The relay has said something on this connection. */
+  /** Whether a text message has come on this connection. */
   #greeted = false;
 
   #actions: Action[] = [];
@@ -96,7 +98,7 @@ export class Session {
   opened(nowMs: number): Action[] {
     const stoodMs = nowMs - this.#aliveMs;
     if (stoodMs > STALE_AFTER_MS && this.#onEvents) {
-      this.#connect(nowMs); // of what has come meanwhile nobody can tell how old it is
+      this.#connect(nowMs); // the thread slept: the age of what came meanwhile is unknown
       return this.#take();
     }
     this.#phase = 'open';
@@ -110,7 +112,7 @@ export class Session {
     return this.#take();
   }
 
-  /** The WebSocket that was tried beside the events has opened: it carries the stream from now on. */
+  /** The WebSocket that was tried beside the server-sent events has opened: it carries the stream from now on. */
   moved(nowMs: number): Action[] {
     this.#choice.now = 'websocket';
     this.#slowHz = null;
@@ -118,13 +120,13 @@ export class Session {
     return this.opened(nowMs);
   }
 
-  /** Bytes came on events: a long message on a slow line is no silence. */
+  /** Bytes came on server-sent events, perhaps only part of a message: a long message on a slow line is no silence. */
   heard(nowMs: number): Action[] {
     this.#hear(nowMs);
     return this.#take();
   }
 
-  /** What comes next on events was written at this time of the relay's own clock. */
+  /** The next server-sent event was written at `writtenMs` of the relay's own clock. */
   stamped(nowMs: number, writtenMs: number): void {
     this.#lateness.stamped(nowMs, writtenMs);
     this.#silence.endIfWrittenAfter(nowMs - this.#lateness.ms, this.#oldAfterMs);
@@ -170,7 +172,7 @@ export class Session {
         }
         if (this.#choice.now === 'events' && this.#askedHz > 0 && this.#lateness.tooLate(nowMs)) {
           this.#slowHz = lowerHz(this.#askedHz);
-          this.#reask(nowMs, this.#slowHz); // what is on its way is old: it goes with its connection
+          this.#reask(nowMs, this.#slowHz); // closing the old connection drops the old poses on their way
         }
       }
     } else if (this.#phase === 'connecting' && this.#choice.isOverdue(nowMs)) {
@@ -193,7 +195,7 @@ export class Session {
     return this.#take();
   }
 
-  /** Back online, back from sleep, or the person asks. A socket that may have died in the meantime is not trusted. */
+  /** Back online, back from sleep, or the person asks. A connection that was quiet for half the limit is replaced. */
   wake(nowMs: number): Action[] {
     this.#choice.retrySoon(nowMs);
     if (this.#phase === 'connecting') return this.#take();
@@ -206,7 +208,7 @@ export class Session {
     return this.#take();
   }
 
-  /** A newer token prolongs a WebSocket. Where none was before, or none is any more, another connection shows other things. */
+  /** Takes another token. A renewed one is sent on an open WebSocket; signing in or out needs a new connection. */
   renew(nowMs: number, token: string | undefined): Action[] {
     const before = this.#token;
     this.#token = token;
@@ -219,7 +221,7 @@ export class Session {
     return this.#take();
   }
 
-  /** The person wants every pose, whatever the network or the relay made of it. */
+  /** The person asks for the full rate, whatever the network or the relay lowered it to. */
   wishAll(nowMs: number): Action[] {
     this.#slowHz = null;
     this.#askedHz = Number.NaN;
@@ -266,7 +268,7 @@ export class Session {
     this.#actions.push({ do: 'connect', by, url: this.#address(by, this.#askedHz) });
   }
 
-  /** Nothing can be said there. */
+  /** The transport is one-way (events or mirror): nothing can be sent to the relay. */
   get #onEvents(): boolean {
     return this.#choice.now !== 'websocket';
   }
@@ -277,12 +279,12 @@ export class Session {
 
   #address(by: Transport, hz: number): string {
     if (by === 'mirror') return this.#url;
-    // Events have a header for the token.
+    // On events the token goes in a header.
     if (by === 'events') return `${this.#url.replace(/^ws/, 'http')}.sse?hz=${hz}`;
     return `${this.#url}?hz=${hz}${this.#token ? '&auth=1' : ''}`;
   }
 
-  /** Another rate on events. The page need not know: until the new answer is there, what it has goes on ageing. */
+  /** Reconnects for another rate on events. The page is not told: until the new answer comes, its pose just ages. */
   #reask(nowMs: number, hz: number): void {
     this.#begin(nowMs, hz);
     this.#heardMs = nowMs;
@@ -332,7 +334,7 @@ export class Session {
         return;
       case 'pong':
         this.#roundTripMs = Math.max(0, nowMs - message.t);
-        if (message.t >= this.#pingMs) this.#silence.end(); // it came behind all that was on its way
+        if (message.t >= this.#pingMs) this.#silence.end(); // the pong came after all of the backlog
         return;
       case 'bye':
         this.#bye = { code: message.code, reason: message.reason, retryS: message.retry_s };
@@ -343,8 +345,8 @@ export class Session {
     }
   }
 
-  /** A silence ends with the answer to a ping, on events with one that was written late enough. In a mirror it is usual, and what
-   *  is no news there counts as nothing anyway. */
+  /** Something came: notes whether there was a silence before it. Such a silence ends with the answer to a ping, on
+   *  events with an event that was written late enough. In a mirror silence is normal and is not counted. */
   #hear(nowMs: number): void {
     this.#aliveMs = nowMs;
     if (nowMs - this.#heardMs > this.#oldAfterMs && this.#choice.now !== 'mirror') {
@@ -358,8 +360,8 @@ export class Session {
     return this.#visible ? STALE_AFTER_MS : QUIET_AFTER_MS;
   }
 
-  /** How long what comes now has been on its way. A WebSocket is held up by what it owes in acknowledgements long before it
-   *  is late. */
+  /** How long data that arrive now were delayed, ms. Only events are measured: on a WebSocket the relay waits for
+   *  acknowledgements long before it runs late. */
   #lateMs(nowMs: number): number {
     return Math.max(this.#onEvents ? this.#lateness.ms : 0, this.#silence.ageMs(nowMs));
   }

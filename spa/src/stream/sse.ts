@@ -1,4 +1,4 @@
-/** More than any message is: a schema of a thousand joints has a tenth of it. What has no end is no stream of ours. */
+/** Longest event, in characters. A schema of a thousand joints has a tenth of it. */
 const LONGEST = 4_000_000;
 
 /** One server-sent event. */
@@ -9,9 +9,9 @@ export interface StreamEvent {
   readonly writtenMs: number;
 }
 
-/** Reads `text/event-stream` as it comes (WHATWG HTML §9.2.6), as far as a relay speaks it. */
+/** Incremental parser of `text/event-stream` (WHATWG HTML §9.2.6), for the part of the format that a relay uses. */
 export class SseParser {
-  /** Of a line whose end is still to come. */
+  /** Pieces of a line whose end is still to come. */
   #pieces: string[] = [];
   #length = 0;
   #name = '';
@@ -20,7 +20,7 @@ export class SseParser {
   #writtenMs = Number.NaN;
   readonly #utf8 = new TextDecoder();
 
-  /** Events that are whole now. Throws RangeError on one without end. */
+  /** Takes the next bytes and returns the events that they complete. Throws RangeError when one grows too long. */
   read(bytes: Uint8Array): StreamEvent[] {
     const found: StreamEvent[] = [];
     const [first = '', ...lines] = this.#utf8.decode(bytes, { stream: true }).split('\n');
@@ -67,7 +67,7 @@ export class SseParser {
   }
 }
 
-/** Base64 as the relay writes frames; null when it is none. */
+/** Decodes a frame from base64; null when the text is no base64. */
 export function frameBytes(base64: string): Uint8Array | null {
   try {
     return Uint8Array.from(atob(base64), (char) => char.charCodeAt(0));
@@ -76,20 +76,22 @@ export function frameBytes(base64: string): Uint8Array | null {
   }
 }
 
+/** Callbacks and settings for `openEventStream`. */
 export interface EventsHandlers {
-  /** The worker's own: WebKit runs a worker's script a second time for a chunk that imports from it. */
+  /** Passed in, not imported: WebKit runs the worker's script a second time for a chunk that imports from it. */
   nowMs(): number;
   readonly wireVersion: number;
   /** The relay has begun to answer. */
   opened(): void;
-  /** Bytes came, of whatever. */
+  /** Any bytes came, even if no event is complete. */
   heard(): void;
   event(event: StreamEvent): void;
-  /** The stream ended, or never began. A code of the close table, or 1006. */
+  /** The stream ended, or never began. The code is one of the close table (wire/SPEC.md), or 1006. */
   closed(code: number, reason: string): void;
 }
 
-/** Not EventSource: that one sends no headers, tells no status, and comes back by rules of its own. */
+/** Opens a stream of server-sent events with `fetch`. `EventSource` can't send headers, hides the HTTP status and
+ *  reconnects by its own rules. */
 export function openEventStream(
   url: string,
   token: string | undefined,
@@ -111,7 +113,7 @@ export function openEventStream(
     if (status !== 200 || body === null || !type.startsWith('text/event-stream')) {
       leave.abort();
       if (status === 401 || status === 403) return 4000 + status;
-      // of a relay; a host that knows nothing of robots says 404 as well, with a page
+      // a relay answers 404 with JSON; any other host does so with a page
       return status === 404 && type.startsWith('application/json') ? 4404 : 1006;
     }
     handlers.opened();

@@ -1,18 +1,20 @@
-/** What carries a stream: a WebSocket, or server-sent events over plain HTTP where no WebSocket gets through; or a mirror of
- *  the relay in a database. */
+/** What carries a stream: a WebSocket; server-sent events over plain HTTP, where no WebSocket gets through; or a copy
+ *  of the relay's data in a database (`mirror`). */
 export type Transport = 'websocket' | 'events' | 'mirror';
 
-/** After so many failed openings, or so many ms without a WebSocket, the stream is asked for over plain HTTP. */
+/** After this many failed openings, or this long without a working WebSocket, the stream is asked for over plain HTTP.
+ *  */
 export const FAILED_OPENINGS = 2;
 export const WITHOUT_MS = 5000;
-/** On events a WebSocket is tried beside them, at once and then less and less often. */
+/** While on events, a WebSocket is tried at once, and then at intervals that double from the first to the second of
+ *  these. */
 const TRY_AGAIN_MS = 30_000;
 const SELDOM_MS = 300_000;
 
 /** Which transport the next connection takes, and when a stream on server-sent events tries a WebSocket beside them.
- *  Without a socket or a clock. */
+ *  Pure: without a socket or a clock. */
 export class TransportChoice {
-  /** The transport of the newest connection. Where there is a mirror it is never another. */
+  /** The transport of the newest connection. A mirror never changes to another. */
   now: Transport;
   readonly #random: () => number;
   #failed = 0;
@@ -28,7 +30,8 @@ export class TransportChoice {
     this.now = mirrored ? 'mirror' : 'websocket';
   }
 
-  /** Chooses the transport of a connection that begins now. Once WebSockets are in doubt, the two take turns until one works. */
+  /** Chooses the transport for a new connection. After failed WebSockets the two transports take turns until one works.
+   *  */
   chooseNext(nowMs: number): Transport {
     if (this.now === 'mirror') return this.now;
     this.#withoutMs ??= nowMs;
@@ -40,7 +43,7 @@ export class TransportChoice {
     return this.now;
   }
 
-  /** Whether an opening that has begun is given up for the other transport. */
+  /** Whether an opening WebSocket has taken so long that events should be tried instead. */
   isOverdue(nowMs: number): boolean {
     return this.now === 'websocket' && nowMs >= this.#deadlineMs;
   }
@@ -68,7 +71,7 @@ export class TransportChoice {
   /** Whether a stream on server-sent events tries a WebSocket now; if so, the next try is put off. */
   shouldTryWebSocket(nowMs: number): boolean {
     if (this.now !== 'events' || nowMs < this.#tryAtMs) return false;
-    this.#tryAtMs = nowMs + this.#tryAgainMs * (0.5 + this.#random()); // a hall behind one proxy does not try as one
+    this.#tryAtMs = nowMs + this.#tryAgainMs * (0.5 + this.#random()); // viewers behind one proxy don't try in step
     this.#tryAgainMs = Math.min(SELDOM_MS, 2 * this.#tryAgainMs);
     return true;
   }

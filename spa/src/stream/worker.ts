@@ -6,7 +6,7 @@ import type { Action, FromStream, ToStream } from './messages.ts';
 import { Session } from './session.ts';
 import type { StreamEvent } from './sse.ts';
 
-/** The thread that owns the socket: it does what the session says, and tells the session what happened. */
+/** The worker thread that owns the socket: it performs the session's actions and reports events to the session. */
 
 const TICK_MS = 250;
 
@@ -17,7 +17,7 @@ type StateMessage = Extract<FromStream, { kind: 'state' }>;
 const states = new Mailbox<StateMessage>();
 let session: Session | null = null;
 let socket: WebSocket | null = null;
-/** A WebSocket that is tried while the stream stands on events. */
+/** A WebSocket that is tried while server-sent events carry the stream. */
 let trial: WebSocket | null = null;
 let events: { close(): void } | null = null;
 let token: string | undefined;
@@ -75,7 +75,7 @@ function connect(url: string): void {
 function own(opened: WebSocket): void {
   socket = opened;
   opened.binaryType = 'arraybuffer';
-  const mine = () => socket === opened; // what an abandoned socket still says is nobody's business
+  const mine = () => socket === opened; // events of an abandoned socket are ignored
   opened.onmessage = (event: MessageEvent<string | ArrayBuffer>) => {
     if (!mine() || session === null) return;
     perform(
@@ -91,7 +91,7 @@ function own(opened: WebSocket): void {
   };
 }
 
-/** Only a network that lets no WebSocket through needs the reader of events, only some links that of a mirror. */
+/** Opens events or a mirror. Their readers are loaded on demand, because most viewers need neither. */
 function read(url: string, mirrored: boolean): void {
   drop();
   const mine = { close: () => {} };
