@@ -12,6 +12,7 @@ export const NO_READING = '—';
 
 const DEGREES = 180 / Math.PI;
 
+/** How numbers of one unit are shown: a value times `factor`, with so many decimals, followed by `unit`. */
 export interface Display {
   unit: string;
   decimals: number;
@@ -58,22 +59,22 @@ export function formatNumber(value: number | null, display: Display): string {
 /** 10⁰ … 10⁶: as many decimals as are ever shown. */
 const POWERS = [1, 10, 100, 1e3, 1e4, 1e5, 1e6] as const;
 
-/** The value counted in steps of the last digit shown; NaN is no reading. Two values of the same steps look the same, so
- *  that a table need not even make a text of what it shows already. */
+/** The value as a whole number of steps of the last shown digit; NaN is no reading. Values with equal steps look the
+ *  same, so a table can skip formatting what it already shows. */
 export function stepsOf(value: number | null, { decimals, factor }: Display): number {
   if (value === null) return Number.NaN;
   const steps = Math.abs(value * factor) * (POWERS[decimals] ?? 1);
-  // Beyond that a double has no digit behind the point, and rounding would only blur it. What rounds to zero has no sign: a
-  // flickering minus says nothing.
+  // Beyond 1e15 a double has no useful decimals, and rounding would only blur it. A value that rounds to zero gets no
+  // sign, so that no minus flickers.
   const whole = steps < 1e15 ? Math.round(steps) : steps;
   return value < 0 && whole !== 0 ? -whole : whole;
 }
 
-/** ".000" … ".999", made when they are first wanted. */
+/** ".000" … ".999" for each number of decimals, made on first use. */
 const FRACTIONS: (readonly string[])[] = [];
 
-/** Without room for a sign: where numbers stand right-aligned it has its column anyway, and a text that is all Latin is
- *  quicker to set. */
+/** The text for a number of steps (see `stepsOf`), without room for a sign: right-aligned numbers don't need it, and
+ *  browsers lay out a purely Latin text faster. */
 export function stepsText(steps: number, { decimals }: Display): string {
   if (!Number.isFinite(steps)) return NO_READING;
   const sign = steps < 0 ? MINUS : '';
@@ -91,7 +92,7 @@ function fractionOf(part: number, decimals: number, power: number): string {
   return FRACTIONS[decimals][part]!;
 }
 
-/** A stretch of time: "38 ms", "3.2 s", "12 s", "4 min", "2 h". */
+/** A duration in words: "38 ms", "3.2 s", "12 s", "4 min", "2 h". */
 export function formatSpan(spanMs: number): string {
   const ms = Math.max(0, spanMs);
   if (ms < 1000) return `${Math.round(ms)} ms`;

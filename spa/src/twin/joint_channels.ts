@@ -1,6 +1,6 @@
 import { JointMapping, type Schema } from '@posecast/wire';
 
-/** Which channels move which joints of the model: the mapping, looked up from either end. */
+/** Looks up which of the robot's channels move which joints of the URDF model, in both directions. */
 export class JointChannels {
   readonly #jointsOf = new Map<string, string[]>();
   readonly #channelOf = new Map<string, { channel: string; gain: number }>();
@@ -14,12 +14,12 @@ export class JointChannels {
     }
   }
 
-  /** URDF joints in whose sum the channel stands with a gain other than zero. */
+  /** URDF joints that the channel contributes to with a gain other than zero. */
   jointsOf(channel: string): readonly string[] {
     return this.#jointsOf.get(channel) ?? [];
   }
 
-  /** The channel that moves a URDF joint most, the first of several that do so alike; null when none does. */
+  /** The channel with the largest gain for a URDF joint, the first of equal ones; null when there is none. */
   channelOf(joint: string): string | null {
     return this.#channelOf.get(joint)?.channel ?? null;
   }

@@ -6,48 +6,50 @@ import { plainName } from './names.ts';
 import { valueAt } from './values.ts';
 
 export interface Flag {
-  /** As the robot says it. */
+  /** The bit's name, as the robot reports it. */
   name: string;
-  /** As a person reads it. */
+  /** The name in words for people, see `flagWords`. */
   words: string;
   severity: Severity;
 }
 
+/** One row of the joint table, without its numbers (see `JointTable.numbers`). */
 export interface JointRow {
   readonly label: string;
   /** The plain name ("right knee"), when the profile has one. */
   readonly plain: string | null;
   homed: boolean | null;
   enabled: boolean | null;
-  /** What is set and worth saying: faults first, then cautions, then states other than homed and enabled. */
+  /** The flags that are set, without homed and enabled: faults first, then cautions, then states. */
   flags: readonly Flag[];
-  /** The worst of flags and limits. */
+  /** The worst of flags, limits and `apart`. */
   level: Level;
   curLevel: Level;
   tempLevel: Level;
-  /** Yields on purpose: where it is then is no fault of its. */
+  /** The joint yields on purpose, so a deviation from its command is no trouble. */
   compliant: boolean;
-  /** Further from its command than the profile tolerates, and not on purpose. */
+  /** Further from its command than the profile's tolerance, and not compliant. */
   apart: boolean;
 }
 
-/** Columns of numbers, as the table has them. All but `error`, which is ref − pos, come straight from a field. */
+/** The table's columns of numbers. All but `error` (ref − pos) come straight from a field of the schema. */
 export const NUMBERS = ['ref', 'pos', 'error', 'vel', 'effort', 'cur', 'temp'] as const;
 export type NumberName = (typeof NUMBERS)[number];
 type Columns = Readonly<Record<NumberName | 'flags', Field | null>>;
 
 const RANK: Readonly<Record<Severity, number>> = { fault: 0, caution: 1, state: 2 };
-/** Of the tolerance: how far ref and pos must come together again before a deviation counts as gone. */
+/** Hysteresis: a deviation ends when |ref − pos| falls below this part of the tolerance. */
 export const CLOSE_AGAIN = 0.8;
 const SHOWN_AS_COLUMNS = new Set(['homed', 'enabled']);
 const NO_FLAGS: readonly Flag[] = [];
 
-/** The rows of the joint table for one schema. `read` rewrites them in place: no garbage at frame rate. */
+/** The joint table of one schema. `read` rewrites its rows and numbers in place, so that it makes no garbage at frame
+ *  rate. */
 export class JointTable {
   readonly rows: readonly JointRow[];
-  /** Column by column, row by row, side by side in memory; NaN is no reading. */
+  /** For each column an array with one number a row, in the schema's unit; NaN is no reading. */
   readonly numbers: Readonly<Record<NumberName, Float64Array>>;
-  /** Of each row: counts how often anything but its numbers has changed. */
+  /** For each row, how often anything but its numbers has changed. */
   readonly changes: Uint32Array;
   readonly #schema: Schema;
   readonly #profileLimits: ValueLimits;
@@ -55,7 +57,7 @@ export class JointTable {
   readonly #flagsOfMask = new Map<number, readonly Flag[]>();
   readonly #columns: Columns;
   readonly #tolerances: readonly (number | null)[];
-  /** Of each row, while the same limits hold. */
+  /** The thresholds of each row, cached for the limits `of`. */
   #thresholds: { of: ValueLimits; cur: (Threshold | null)[]; temp: (Threshold | null)[] } | null = null;
   readonly #homedBit: number;
   readonly #enabledBit: number;
@@ -96,7 +98,7 @@ export class JointTable {
     this.#tolerances = this.rows.map(({ label }) => schema.mapping.tolerance(label));
   }
 
-  /** Whether the robot reports this at all: a column that never has a reading is not worth its room. */
+  /** Whether the robot reports this column at all; the page leaves out the others. */
   has(column: NumberName | 'flags' | 'homed' | 'enabled'): boolean {
     switch (column) {
       case 'error':
@@ -110,11 +112,12 @@ export class JointTable {
     }
   }
 
-  /** Where a column of numbers comes from; null when the robot does not report it, and of what is computed. */
+  /** The field of a column of numbers; null for `error`, which is computed, and for what the robot does not report. */
   column(name: NumberName): Field | null {
     return this.#columns[name];
   }
 
+  /** Reads a frame's codes into `rows`, `numbers` and `changes`. */
   read(codes: Int32Array, limits: ValueLimits = this.#profileLimits): readonly JointRow[] {
     const { ref, pos, error, cur, temp } = this.numbers;
     for (const name of NUMBERS) readColumn(codes, this.#columns[name], this.numbers[name]);
@@ -133,14 +136,14 @@ export class JointTable {
       row.compliant = this.#bit(mask, this.#complianceBit) === true;
       row.apart = !row.compliant && isApart(error[i]!, apart, this.#tolerances[i]!);
       row.level = levelOfRow(row);
-      // Flags, homed and enabled come of one reading: other flags are another list.
+      // Flag lists are cached by their bit mask, so comparing the lists by identity compares the flags.
       const same = flags === row.flags && curLevel === row.curLevel && tempLevel === row.tempLevel;
       if (!same || apart !== row.apart) this.changes[i]! += 1;
     }
     return this.rows;
   }
 
-  /** Looked up once, not in every frame. */
+  /** The thresholds of all rows, looked up once for each set of limits instead of in every frame. */
   #thresholdsOf(limits: ValueLimits) {
     if (this.#thresholds?.of !== limits) {
       const of = (field: string) => this.rows.map(({ label }) => limits.threshold(field, label));
@@ -164,7 +167,7 @@ export class JointTable {
         severity: this.#schema.mapping.severity('flags', name),
       }))
       .sort((a, b) => RANK[a.severity] - RANK[b.severity]);
-    // A robot has a handful of masks; one that walks through all of them must not fill the memory.
+    // A robot uses a handful of masks; one that goes through all of them must not fill the memory.
     if (this.#flagsOfMask.size >= 256) this.#flagsOfMask.clear();
     this.#flagsOfMask.set(mask, flags);
     return flags;
@@ -179,7 +182,8 @@ function readColumn(codes: Int32Array, field: Field | null, into: Float64Array):
   }
 }
 
-/** Nothing is apart that has no reading. */
+/** Whether a joint is off its command by more than its tolerance, with hysteresis. Without a reading (NaN) it is not.
+ *  */
 function isApart(error: number, before: boolean, tolerated: number | null): boolean {
   return tolerated !== null && Math.abs(error) > tolerated * (before ? CLOSE_AGAIN : 1);
 }

@@ -1,13 +1,13 @@
-/** A link of the model, and how it hangs on the one before it. */
+/** A link of the model, its parent link and the joint between them. */
 export interface TreeLink {
   readonly link: string;
   /** null for the root. */
   readonly parent: string | null;
-  /** The joint that moves it; null for the root, and for what is fixed to its parent. */
+  /** The joint that moves it; null for the root and for a link fixed to its parent. */
   readonly joint: string | null;
 }
 
-/** Which joint moves which links, whatever the model was read from. Names as in the URDF. */
+/** Which joint moves which links, for any kind of model. Names are those of the URDF. */
 export class KinematicTree {
   readonly #links: ReadonlyMap<string, TreeLink>;
   readonly #linkOf: ReadonlyMap<string, string>;
@@ -22,24 +22,24 @@ export class KinematicTree {
     return [...this.#linkOf.keys()];
   }
 
-  /** The link whose origin is where the joint sits; null for a joint that the model does not have. */
+  /** The child link of a joint, whose origin is at the joint; null for a joint that the model does not have. */
   linkOf(joint: string): string | null {
     return this.#linkOf.get(joint) ?? null;
   }
 
-  /** All that the joint moves as one body: its link, and what is fixed to that. */
+  /** The links that a joint moves as one rigid body: its child link and all links fixed to it. */
   bodyOf(joint: string): string[] {
     return [...this.#links.keys()].filter((link) => this.jointOf(link) === joint);
   }
 
-  /** The joint that moves a link, or what it is fixed to; null for what no joint moves. */
+  /** The joint that moves a link, or the link it is fixed to; null when no joint moves it. */
   jointOf(link: string): string | null {
     const entry = this.#links.get(link);
     if (entry === undefined) return null;
     return entry.joint ?? (entry.parent === null ? null : this.jointOf(entry.parent));
   }
 
-  /** The joint before this one on the way to the root. */
+  /** The next joint on the way to the root; null when there is none. */
   before(joint: string): string | null {
     const parent = this.#links.get(this.linkOf(joint) ?? '')?.parent ?? null;
     return parent === null ? null : this.jointOf(parent);

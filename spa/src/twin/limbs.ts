@@ -3,18 +3,18 @@ import { JointChannels } from './joint_channels.ts';
 import type { KinematicTree } from './kinematic_tree.ts';
 import { isolated } from './names.ts';
 
-/** Joints that belong together, as the robot names them. */
+/** A group of joints that belong together, with its title; labels as the robot names them. */
 export interface Limb {
   readonly title: string;
   readonly labels: readonly string[];
 }
 
-/** A branch of fewer channels is no limb of its own: a finger stays with its arm. */
+/** A branch with fewer channels is no limb of its own: a finger stays with its arm. */
 const LEAST_CHANNELS = 3;
-/** Before a name; alone it stands for joints whose names say nothing. No joint is called like this. */
+/** Prefix of keys made from names; alone it is the key of joints with meaningless names. No joint's name starts so. */
 const UNNAMED = '\n';
 
-/** What limbs are called. */
+/** The names of limbs in the viewer's language. */
 export interface LimbWords {
   readonly limbLeft: string;
   readonly limbRight: string;
@@ -39,8 +39,8 @@ const PARTS: readonly (readonly [part: Part, words: RegExp])[] = [
 ];
 
 /**
- * The joints limb by limb, each in the robot's order. With a model the kinematic tree says what belongs together: the
- * tree is cut where two long branches part. Without one, names have to do.
+ * Groups the joints into limbs, each in the robot's order. With a model, the kinematic tree is cut where two long
+ * branches part; without one (`tree` null), joints are grouped by words in their names.
  */
 export function limbsOf(schema: Schema, tree: KinematicTree | null, called: LimbWords): Limb[] {
   const labels = (schema.field('pos') ?? schema.field('ref'))?.labels ?? [];
@@ -69,7 +69,7 @@ function branchesOf(schema: Schema, labels: readonly string[], tree: KinematicTr
   for (const joint of tree.joints) {
     put(after, tree.before(joint), joint);
   }
-  // Whether many channels move a joint and what follows it: some of them tell, from the tips inwards.
+  // Up to LEAST_CHANNELS of the channels that move a joint and all joints after it, collected from the tips inwards.
   const beyond = new Map<string, ReadonlySet<string>>();
   for (const joint of tree.joints.toReversed()) {
     const some = new Set<string>();
@@ -95,12 +95,13 @@ function put<K>(into: Map<K, string[]>, key: K, value: string): void {
   into.set(key, values);
 }
 
-/** "left_hip_pitch_joint" → "left hip pitch joint"; with the plain name, which says more. */
+/** "left_hip_pitch_joint" → "left hip pitch joint", preceded by the plain name if there is one. */
 function wordsOf(label: string, plain: string | undefined): string {
   return `${plain ?? ''} ${label.replace(/([a-z])([A-Z])/g, '$1 $2').replace(/[_\-.]/g, ' ')}`.toLowerCase();
 }
 
-/** A side that is said, or one letter for which there is another: LKN and RKN. */
+/** The side of each joint: the word left or right in its name, or a first letter L or R that has a counterpart (LKN,
+ *  RKN). */
 function sidesOf(
   labels: readonly string[],
   words: ReadonlyMap<string, string>,
@@ -119,7 +120,7 @@ function sidesOf(
   );
 }
 
-/** "Left arm", from what most of the joints are called; null when names say nothing. */
+/** A title such as "Left arm", by what most of the joints are called; null when their names don't tell. */
 function nameOf(
   labels: readonly string[],
   words: ReadonlyMap<string, string>,
@@ -136,7 +137,7 @@ function nameOf(
   return part === null ? named : called.sideAndPart(named, called[part]);
 }
 
-/** What more than half of them say. */
+/** The value that more than half of the entries have; null when there is none. */
 function most<T extends string>(said: readonly (T | null)[]): T | null {
   const counts = new Map<T, number>();
   for (const one of said) if (one !== null) counts.set(one, (counts.get(one) ?? 0) + 1);

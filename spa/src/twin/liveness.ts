@@ -1,20 +1,23 @@
 /**
- * The truth of the whole page in one word. Pure: evidence and the clock come in, a verdict goes out.
+ * Judges whether the page shows a live robot, in one word. Pure: evidence and the clock come in, a verdict goes out.
  *
- * A frame that arrives proves nothing by itself: whoever joins a dead robot is given its last pose. So freshness comes
- * from the relay's `status`, and from frames that are newer than what that status already knew.
+ * An arriving frame alone proves nothing: a viewer who joins a dead robot is sent its last pose. So freshness comes
+ * from the relay's `status`, and from frames that are newer than the newest frame named in that status.
  */
 
 export type Word = 'LIVE' | 'HOLDING' | 'STALE' | 'OFFLINE';
 export type Cause = 'robot silent' | 'no connection' | 'relay degraded';
 
 export const STALE_AFTER_MS = 1500;
-/** Where no pose is claimed to be new the relay speaks once a second, and a network may hold that up for most of another. */
+/** The limit while no poses are asked for: the relay then speaks once a second, and the network may delay that by
+ *  almost another. */
 export const QUIET_AFTER_MS = 2000;
-/** A page that has only just opened claims nothing for this long. */
+/** A page that has just opened waits this long for the relay before it calls the connection lost. */
 export const JOINING_MS = 3000;
+/** A live pose that has not changed for this long is called HOLDING. */
 export const HOLDING_AFTER_MS = 3000;
 
+/** What the relay says about a robot, about once a second. */
 export interface Status {
   robot: 'online' | 'silent' | 'offline';
   /** Age of the newest frame when the relay wrote this; null when it has none. */
@@ -28,7 +31,7 @@ export interface Status {
   atMs: number;
 }
 
-/** All times are milliseconds of one clock of the viewer's own that never steps back. */
+/** All that a verdict is based on. Times are milliseconds of the viewer's own clock, which never steps back. */
 export interface Evidence {
   /** When this page began to try. */
   openedMs: number;
@@ -40,13 +43,13 @@ export interface Evidence {
   status: Status | null;
   /** Arrival of the newest frame that was newer than the status before it. */
   freshMs: number | null;
-  /** When pos, ref or flags last differed from the frame before; null while nobody can know. */
+  /** When pos, ref or flags last differed from the frame before; null while that is not known. */
   changedMs: number | null;
   /** Since when poses are asked for on this connection; null while the page is hidden and asks for none. */
   watchingMs: number | null;
   /** When the pose that the picture shows was the robot's newest; null while no such pose has come since then. */
   shownMs: number | null;
-  /** When the page last ceased to call that pose live, on this connection. */
+  /** When the page last stopped calling the shown pose live, on this connection. */
   otherwiseMs: number | null;
 }
 
@@ -58,12 +61,13 @@ export interface Verdict {
   overShare: boolean;
   /** Age of the newest pose; null when none is known. */
   ageMs: number | null;
-  /** Since the relay was last heard. */
+  /** Time since the relay was last heard; null when it never was. */
   linkMs: number | null;
   /** How long the pose has not changed; null when that is not known. */
   unchangedMs: number | null;
 }
 
+/** The age of the robot's newest pose by status or frames, whichever says less; null when neither is known. */
 export function newestAgeMs(evidence: Evidence, nowMs: number): number | null {
   const { status, freshMs } = evidence;
   const byStatus = status === null || status.ageMs === null ? null : status.ageMs + nowMs - status.atMs;
@@ -72,20 +76,22 @@ export function newestAgeMs(evidence: Evidence, nowMs: number): number | null {
   return byFrame === null ? byStatus : Math.min(byStatus, byFrame);
 }
 
-/** When the picture was new. One from before an outage is none after it, however short that was. */
+/** When the shown pose was new; null if there is none, or if it is from before an outage, however short. */
 function pictureMs({ shownMs, otherwiseMs }: Evidence): number | null {
   return shownMs !== null && shownMs < (otherwiseMs ?? shownMs) ? null : shownMs;
 }
 
+/** Whether the word claims that the shown pose is the robot's present one. */
 export function isClaim(word: Word | null): word is 'LIVE' | 'HOLDING' {
   return word === 'LIVE' || word === 'HOLDING';
 }
 
-/** What the relay says of the robot's sending holds now. */
+/** Whether the relay is heard, so that what its status says about the robot holds now. */
 function isHeard(word: Word | null, cause: Cause | null): boolean {
   return word !== null && word !== 'OFFLINE' && cause !== 'no connection';
 }
 
+/** The verdict at `nowMs`. */
 export function judge(evidence: Evidence, nowMs: number): Verdict {
   const { status } = evidence;
   const ageMs = newestAgeMs(evidence, nowMs);
@@ -105,16 +111,16 @@ export function judge(evidence: Evidence, nowMs: number): Verdict {
     if (joining && status === null) return verdict(null);
     return verdict('STALE', 'no connection');
   }
-  if (status.degraded) return verdict('STALE', 'relay degraded'); // it can't know whether the robot is there
+  if (status.degraded) return verdict('STALE', 'relay degraded'); // the relay can't know whether the robot is there
   if (status.robot === 'offline') return verdict('OFFLINE');
   const spokeSince = evidence.freshMs !== null && evidence.freshMs > status.atMs;
   if (status.robot === 'silent' && !spokeSince) return verdict('STALE', 'robot silent');
   const { watchingMs } = evidence;
   const shownMs = pictureMs(evidence);
-  const staleMs = watchingMs === null ? QUIET_AFTER_MS : STALE_AFTER_MS; // who asks for no poses hears by status alone
+  const staleMs = watchingMs === null ? QUIET_AFTER_MS : STALE_AFTER_MS; // without poses, only status tells
   if (linkMs >= staleMs) return verdict('STALE', 'no connection');
   if (ageMs === null || ageMs >= staleMs) return verdict('STALE', 'robot silent');
-  // The robot is well, but is it what the picture shows?
+  // The robot is fine, but the shown pose may still be an old one.
   if (watchingMs !== null && nowMs - (shownMs ?? watchingMs) >= STALE_AFTER_MS) {
     return verdict('STALE', 'relay degraded');
   }

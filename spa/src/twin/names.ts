@@ -2,20 +2,20 @@ import { type Schema, visible } from '@posecast/wire';
 
 /** Letters that are written from right to left. */
 const RIGHT_TO_LEFT = /[\u0590-\u08ff\ufb1d-\ufdff\ufe70-\ufefc\u{10800}-\u{10fff}\u{1e800}-\u{1efff}]/u;
-/** First strong isolate, and its end: `<bdi>` for titles, labels and sentences, which have no elements. */
+/** Unicode's first strong isolate and its end: what `<bdi>` does, for titles, labels and sentences without elements. */
 const ISOLATE = '\u2068';
 const END = '\u2069';
 
 /**
- * A text from outside as the page shows it, wherever that is: what is unseen in it is made visible, and its direction is its own.
- * Once only: the second time makes the first one visible.
+ * Makes a text from outside safe to show: invisible characters become visible, and right-to-left text can't reorder its
+ * surroundings. Call it once for a text: a second call would make the isolates of the first visible.
  */
 export function isolated(text: string): string {
   const shown = visible(text);
   return RIGHT_TO_LEFT.test(shown) ? `${ISOLATE}${shown}${END}` : shown;
 }
 
-/** What the profile calls a joint or a sensor, as the page shows it. */
+/** The profile's plain name of a joint or sensor, ready to show (`isolated`); undefined without one. */
 export function plainName(schema: Schema | null, label: string): string | undefined {
   const name = schema?.mapping.names.get(label);
   return name === undefined ? undefined : isolated(name);
@@ -23,7 +23,8 @@ export function plainName(schema: Schema | null, label: string): string | undefi
 
 const placesOf = new WeakMap<readonly string[], ReadonlyMap<string, number>>();
 
-/** Where a name stands in a list that does not change; -1: nowhere. Like `indexOf`, of which a loop over all names would be slow. */
+/** The index of a name in a list that never changes, or -1. Like `indexOf`, but cached: a loop over all names stays
+ *  fast. */
 export function placeOf(names: readonly string[], name: string): number {
   let places = placesOf.get(names);
   if (places === undefined) {

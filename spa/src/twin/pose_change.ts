@@ -1,9 +1,10 @@
 import type { Schema } from '@posecast/wire';
 
-/** What makes a pose: when none of these changes, the robot is holding still. */
+/** The fields that make a pose: while none of them changes, the robot holds still. */
 const POSE_FIELDS = ['pos', 'ref', 'flags'] as const;
 
-/** Whether two sets of codes show another pose. Codes, never time: an unchanged robot has equal codes. */
+/** Whether two frames' codes show different poses. Codes are compared exactly: a robot at rest keeps sending the same
+ *  codes. */
 export function poseDiffers(schema: Schema, before: Int32Array, after: Int32Array): boolean {
   let any = false;
   for (const name of POSE_FIELDS) {

@@ -6,29 +6,31 @@ import type { Evidence, Status } from './liveness.ts';
 import { isolated } from './names.ts';
 import { valueAt } from './values.ts';
 
-/** As many as the relay keeps; the oldest go first. */
+/** Most events kept, as many as the relay keeps; the oldest are dropped. */
 export const EVENT_LIMIT = 100;
 
-/** The newest decoded state, with what the stream knows of its freshness (ms, the viewer's clock). */
+/** One decoded frame with what the stream knows about its freshness (times in ms of the viewer's clock). */
 export interface RobotState {
   schemaId: number;
   seq: number;
   /** Robot time, seconds. */
   tS: number;
   codes: Int32Array;
+  /** When the last frame came that was newer than the relay's status, see `Evidence`. */
   freshMs: number | null;
-  /** When this was the newest that the robot had; null: it may be of any age. */
+  /** When this was the robot's newest frame; null: it may be of any age. */
   bornMs: number | null;
+  /** When the pose last changed. */
   changedMs: number;
   /** When it arrived. */
   atMs: number;
-  /** How long it had waited on its way, as far as that is known. */
+  /** How long it was delayed on its way, ms, as far as that is known. */
   lateMs?: number;
 }
 
 /**
- * All the page knows of one robot, outside React. Two kinds of listener: `onState` for what moves (at frame rate),
- * `onChange` for what seldom changes (schema, info, events, model, link).
+ * All that the page knows about one robot, kept outside React. It has two kinds of listener: `onState` for each new
+ * frame (at frame rate), `onChange` for what changes seldom (schema, info, events, model, connection).
  */
 export class RobotTwin {
   readonly robot: string;
@@ -38,9 +40,9 @@ export class RobotTwin {
   /** Newest last. */
   events: readonly EventMessage[] = [];
   modelHash: string | null = null;
-  /** How the links of the model hang together; null while there is none on the page. */
+  /** The kinematic tree of the model; null while no model is loaded. */
   tree: KinematicTree | null = null;
-  /** Which limits hold: the profile's, and what the viewer has set instead; null until there is a schema. */
+  /** The limits that apply: the viewer's own, else the profile's; null until there is a schema. */
   limits: ValueLimits | null = null;
   edits: ThresholdEdits = NO_EDITS;
   readonly evidence: Evidence;
@@ -48,7 +50,7 @@ export class RobotTwin {
   version = 0;
 
   #joints: JointTable | null = null;
-  /** Which frame, by which limits, they were read from. */
+  /** The state and the limits that `#joints` was last read with. */
   #readFrom: readonly unknown[] = [];
   #watching = true;
   readonly #stateListeners = new Set<() => void>();
@@ -70,7 +72,7 @@ export class RobotTwin {
     };
   }
 
-  /** What it is called on the page. */
+  /** The robot's name as the page shows it. */
   get name(): string {
     return this.schema === null ? this.robot : isolated(this.schema.robot);
   }
@@ -85,7 +87,7 @@ export class RobotTwin {
     return () => this.#changeListeners.delete(listener);
   }
 
-  /** A new schema makes the old codes meaningless: they go, and nothing is shown until a frame of the new one comes. */
+  /** A new schema makes the old codes meaningless: they are dropped, and nothing is shown until a frame of it comes. */
   acceptSchema(schema: Schema): void {
     if (this.schema?.id === schema.id) return;
     this.schema = schema;
@@ -95,7 +97,7 @@ export class RobotTwin {
     this.#changed();
   }
 
-  /** The joints of the newest frame, read once however many ask; null before there is a schema. */
+  /** The joint table of the newest frame, read once for all callers; null before there is a schema. */
   joints(): JointTable | null {
     const { schema, state, limits } = this;
     if (schema === null || limits === null) return null;
@@ -113,7 +115,7 @@ export class RobotTwin {
     if (state.freshMs !== null) this.evidence.freshMs = state.freshMs;
     this.evidence.changedMs = state.changedMs;
     this.#shows(state.bornMs);
-    this.heard(state.atMs - (state.lateMs ?? 0)); // what has lain on its way tells of then
+    this.heard(state.atMs - (state.lateMs ?? 0)); // a delayed frame proves nothing about the time since
     for (const listener of this.#stateListeners) listener();
   }
 
@@ -124,20 +126,20 @@ export class RobotTwin {
     if (seq !== null && seq === this.state?.seq && ageMs !== null) this.#shows(status.atMs - ageMs);
   }
 
-  /** What the picture shows was new then. A frame that nobody vouches for makes it no younger. */
+  /** Notes when the shown pose was new. A frame of unknown age (null) does not make it younger. */
   #shows(bornMs: number | null): void {
     if (bornMs !== null) this.evidence.shownMs = Math.max(bornMs, this.evidence.shownMs ?? bornMs);
   }
 
   heard(nowMs: number): void {
-    this.evidence.heardMs = Math.max(nowMs, this.evidence.heardMs ?? 0); // a state may have waited its turn
+    this.evidence.heardMs = Math.max(nowMs, this.evidence.heardMs ?? 0); // states may be handed over late
   }
 
   acceptConnection(connected: boolean, nowMs: number): void {
     if (this.evidence.connected === connected) return;
     this.evidence.connected = connected;
     if (connected) {
-      // What an old connection knew of the robot is not what this one knows.
+      // What the old connection knew about the robot need not hold for the new one.
       this.evidence.lostMs = null;
       this.evidence.status = null;
       this.evidence.freshMs = null;
@@ -149,31 +151,31 @@ export class RobotTwin {
     this.#changed();
   }
 
-  /** Whether poses are asked for: a hidden page wants none. */
+  /** Notes whether poses are asked for; a hidden page asks for none. */
   acceptWatching(watching: boolean, nowMs: number): void {
     this.#watching = watching;
     this.#forgetPicture(nowMs);
     this.#changed();
   }
 
-  /** What is on the screen may be old, and how long it has stood still is not known. */
+  /** The pose on the screen may be old from now on, and it is not known how long it has been unchanged. */
   #forgetPicture(nowMs: number): void {
     this.evidence.watchingMs = this.#watching ? nowMs : null;
     this.evidence.shownMs = null;
     this.evidence.changedMs = null;
   }
 
-  /** The relay gives its last hundred at every join, so numbers already here are dropped. */
+  /** Adds an event. The relay repeats its last hundred at every join, so known ones are dropped. */
   acceptEvent(event: EventMessage): void {
     if (this.events.some((known) => known.n === event.n && known.at === event.at)) return;
     const newest = this.events.at(-1);
-    // A number that falls back means that the relay counts anew: what it says from here on is all there is.
+    // A number that falls back means that the relay counts anew: the events from before no longer belong to its list.
     const kept = newest !== undefined && event.n < newest.n ? [] : this.events;
     this.events = [...kept, event].slice(-EVENT_LIMIT);
     this.#changed();
   }
 
-  /** The viewer's own thresholds. They hold for whatever schema comes. */
+  /** Sets the viewer's own thresholds. They stay when the schema changes. */
   acceptEdits(edits: ThresholdEdits): void {
     this.edits = edits;
     if (this.schema !== null) this.limits = new ValueLimits(this.schema.mapping, edits);
@@ -197,7 +199,7 @@ export class RobotTwin {
     this.#changed();
   }
 
-  /** One value in the schema's unit; null is no reading, undefined no such channel. */
+  /** One value of the newest frame in the schema's unit; null: no reading; undefined: no such channel. */
   value(fieldName: string, label: string): number | null | undefined {
     const field = this.schema?.field(fieldName) ?? null;
     const index = field?.labels.indexOf(label) ?? -1;

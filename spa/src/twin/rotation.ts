@@ -1,16 +1,17 @@
-/** Rotations as unit quaternions w, x, y, z: world_from_link turns a vector of the link into one of the world. */
+/** A rotation as a unit quaternion w, x, y, z. `world_from_link` turns a vector from the link's frame into the world's.
+ *  */
 export type Quat = readonly [w: number, x: number, y: number, z: number];
 export type Vec3 = readonly [x: number, y: number, z: number];
 
 export const IDENTITY: Quat = [1, 0, 0, 0];
 
-/** Made to length one; null when it has no direction (zero, NaN). */
+/** Scales a quaternion to length one; null when it has no direction (zero, NaN, infinite). */
 export function normalizeQuat([w, x, y, z]: Quat): Quat | null {
   const length = Math.hypot(w, x, y, z);
   return length > 1e-6 && Number.isFinite(length) ? [w / length, x / length, y / length, z / length] : null;
 }
 
-/** a_from_b · b_from_c */
+/** The Hamilton product: a_from_c = a_from_b · b_from_c. */
 export function multiplyQuats([aw, ax, ay, az]: Quat, [bw, bx, by, bz]: Quat): Quat {
   return [
     aw * bw - ax * bx - ay * by - az * bz,
@@ -29,7 +30,7 @@ export function rotateVector(q: Quat, [x, y, z]: Vec3): Vec3 {
   return [rx, ry, rz];
 }
 
-/** Fixed axes X, Y, Z, rad, as in URDF. */
+/** The quaternion of roll, pitch and yaw (rad) about the fixed axes X, Y and Z, as in URDF. */
 export function quatOfRpy([roll, pitch, yaw]: Vec3): Quat {
   const about = (angle: number, axis: 1 | 2 | 3): Quat => {
     const q: [number, number, number, number] = [Math.cos(angle / 2), 0, 0, 0];
@@ -39,7 +40,7 @@ export function quatOfRpy([roll, pitch, yaw]: Vec3): Quat {
   return multiplyQuats(about(yaw, 3), multiplyQuats(about(pitch, 2), about(roll, 1)));
 }
 
-/** Fixed-axis roll, pitch, yaw (rad) as REP-103 has them. */
+/** Roll, pitch and yaw (rad) of a unit quaternion about the fixed axes X, Y and Z (REP-103). */
 export function rpyOf([w, x, y, z]: Quat): Vec3 {
   const sine = Math.max(-1, Math.min(1, 2 * (w * y - z * x)));
   return [
@@ -49,8 +50,8 @@ export function rpyOf([w, x, y, z]: Quat): Vec3 {
   ];
 }
 
-/** The same attitude facing along the world's x: what is left when nobody may say which way is north. The heading
- *  that goes is the twist about the vertical, which is defined for every attitude but upside down. */
+/** The same attitude turned about the vertical so that it faces along the world's x. The heading removed is the twist
+ *  about z, which is defined for every attitude but upside down; then the attitude is returned as it is. */
 export function withoutHeading(worldFromBody: Quat): Quat {
   const [w, , , z] = worldFromBody;
   const twist = normalizeQuat([w, 0, 0, z]);

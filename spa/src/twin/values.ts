@@ -1,9 +1,9 @@
 import { type Field, MISSING } from '@posecast/wire';
 
-/** A channel, or what is computed from some, in one frame's codes; null is no reading. */
+/** Reads one value, of a channel or computed from several, from a frame's codes; null: no reading. */
 export type ChannelReader = (codes: Int32Array) => number | null;
 
-/** The value of the field's `index`-th channel in the schema's unit; null is "no reading". */
+/** The value of a field's `index`-th channel in the schema's unit; null: no reading, or no such channel. */
 export function valueAt(codes: Int32Array, field: Field | null, index: number): number | null {
   if (field === null || index < 0 || index >= field.size) return null;
   const code = codes[field.start + index];

@@ -2,10 +2,12 @@ import type { EventMessage } from '@posecast/wire';
 import { flagWords } from '../format.ts';
 import type { JointRow } from '../joints.ts';
 
-/** What is wrong: a bit of the robot's own, a limit that was passed, or a joint that has long been off its command. */
+/** The kind of fault: a flag bit that the robot set, a limit that was passed (current, temperature), or a joint that
+ *  has long been off its command (`apart`). */
 type What = 'flag' | 'cur' | 'temp' | 'apart';
 
-/** One thing that went wrong, kept until somebody has acknowledged it and it is over. A caution goes by itself when it is over. */
+/** One fault, kept until it is over and somebody has acknowledged it. A caution disappears by itself when it is over.
+ *  */
 export interface Fault {
   readonly key: string;
   readonly level: 'fault' | 'caution';
@@ -14,22 +16,22 @@ export interface Fault {
   readonly source: string;
   /** "jam": of a flag; else empty. */
   readonly words: string;
-  /** Unix, ms: when it rose first since it was last acknowledged; by the relay's clock where an event told it. */
+  /** Unix ms of the first rise since it was last acknowledged; by the relay's clock if an event reported it. */
   firstMs: number;
   /** When it was over; null while it lasts. */
   clearedMs: number | null;
   acknowledged: boolean;
 }
 
-/** What has been acknowledged: key → unix ms of the newest rise that was meant. */
+/** Acknowledged faults: key → unix ms of the newest rise that was acknowledged. */
 export type Acknowledged = ReadonlyMap<string, number>;
 
-/** The oldest that are over go first; a robot that has more than this lasting is shown the newest of them. */
+/** Most faults kept. Beyond that the oldest that is over is dropped, or the oldest at all if none is over. */
 export const FAULT_LIMIT = 500;
 const ACK_LIMIT = 200;
-/** What passes sooner is a joint that lags behind, as they all do now and then. */
+/** A joint off its command for a shorter time only lags behind, which is normal. */
 export const STALLED_AFTER_MS = 2000;
-/** After a longer pause between two frames nobody knows where the joints have been meanwhile. */
+/** After a longer pause between frames it is unknown where the joints were, so stall times start anew. */
 const PAUSE_MS = 5000;
 
 interface Entry extends Fault {
@@ -39,18 +41,18 @@ interface Entry extends Fault {
 type Named = Pick<Fault, 'key' | 'level' | 'what' | 'source' | 'words'>;
 
 /**
- * Faults from events and frames alike. An event tells what a 1 Hz viewer's frames never show; a frame tells what lasts
- * although its event is long forgotten. Either latches.
+ * Collects faults from both events and frames. Events report short faults that a 1 Hz viewer's frames miss; frames show
+ * lasting faults whose event is no longer known. A fault from either source stays until it is acknowledged.
  */
 export class FaultLog {
   readonly #entries = new Map<string, Entry>();
   #acknowledged = new Map<string, number>();
-  /** What the newest frame showed; null before the first, whose faults may be old ones. */
+  /** Keys of the faults in the newest frame; null before the first frame, whose faults may be old ones. */
   #shown: Set<string> | null = null;
-  /** Joints that are off their command, since when. */
+  /** Joints that are off their command → since when, ms. */
   readonly #apartMs = new Map<string, number>();
   #lookedMs = Number.NEGATIVE_INFINITY;
-  /** Counts changes. */
+  /** Counts changes, so that a reader can tell whether it is up to date. */
   version = 0;
   #sorted: { version: number; faults: readonly Fault[]; worst: ReadonlyMap<string, Fault> } | null = null;
 
@@ -58,7 +60,8 @@ export class FaultLog {
     this.#acknowledged = new Map(acknowledged);
   }
 
-  /** Not yet acknowledged or not yet over: faults before cautions, lasting ones first, each oldest first. */
+  /** All that are not yet acknowledged or not yet over: faults before cautions, lasting before past, then oldest first.
+   *  */
   get faults(): readonly Fault[] {
     return this.#inOrder().faults;
   }
@@ -67,7 +70,7 @@ export class FaultLog {
     return this.#acknowledged;
   }
 
-  /** Of a joint or sensor, the fault that nobody has acknowledged yet: lasting, or over. */
+  /** The first unacknowledged fault of a joint or sensor, lasting or over; null if it has none. */
   of(source: string): Fault | null {
     return this.#inOrder().worst.get(source) ?? null;
   }
@@ -116,7 +119,7 @@ export class FaultLog {
     this.#rise(of, atMs, this.#shown?.has(key) ? null : atMs);
   }
 
-  /** The rows of a frame that has just come. */
+  /** Takes the joint rows of a new frame. */
   rows(rows: readonly JointRow[], nowMs: number): void {
     const shown = new Set<string>();
     if (nowMs - this.#lookedMs > PAUSE_MS) this.#apartMs.clear();
@@ -141,7 +144,8 @@ export class FaultLog {
     this.#shown = shown;
   }
 
-  /** A joint without power goes nowhere, whatever it was told. */
+  /** Since when (ms) a joint is off its command; null if it isn't. A joint without power can't follow and doesn't
+   *  count. */
   #apartSince({ label, apart, enabled }: JointRow, nowMs: number): number | null {
     if (!apart || enabled === false) {
       this.#apartMs.delete(label);
@@ -152,13 +156,14 @@ export class FaultLog {
     return sinceMs;
   }
 
-  /** Somebody has seen it. What is over goes; what lasts stays, quietly, until it is over. */
+  /** Acknowledges faults: those that are over are removed; lasting ones stay, marked as acknowledged, until they are
+   *  over. */
   acknowledge(keys: Iterable<string>): void {
     for (const key of keys) {
       const entry = this.#entries.get(key);
       if (entry === undefined) continue;
       entry.acknowledged = true;
-      this.#acknowledged.delete(key); // so that the newest stands last
+      this.#acknowledged.delete(key); // re-inserted below, so that the newest is last
       this.#acknowledged.set(key, entry.riseMs);
       if (entry.clearedMs !== null) this.#entries.delete(key);
     }
@@ -179,7 +184,8 @@ export class FaultLog {
       this.version += 1;
       return;
     }
-    // Seen in the first frame, it may be the one that was acknowledged before this page was opened; a caution is seen later.
+    // A fault in the first frame may be one acknowledged before the page was opened; a caution shows only after a
+    // while.
     const known = (this.#shown === null || level === 'caution') && this.#acknowledged.has(key);
     this.#rise(of, known ? (this.#acknowledged.get(key) ?? nowMs) : nowMs, null, known);
   }
@@ -212,12 +218,12 @@ function* faultsOf(row: JointRow): Generator<[what: What, text: string, words: s
   if (row.tempLevel === 'fault') yield ['temp', 'temp', ''];
 }
 
-/** JSON for the browser's storage. */
+/** Serialises acknowledgements to JSON for the browser's storage. */
 export function acknowledgedText(acknowledged: Acknowledged): string {
   return JSON.stringify([...acknowledged]);
 }
 
-/** Whatever storage holds: an entry that is odd is left out. */
+/** Reads acknowledgements from stored JSON. Never throws: invalid text or entries are left out. */
 export function readAcknowledged(text: string | null): Acknowledged {
   let stored: unknown = null;
   try {

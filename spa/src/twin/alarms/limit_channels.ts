@@ -2,7 +2,7 @@ import { JOINT, type Schema } from '@posecast/wire';
 import { ANY } from '../limits/limits.ts';
 import { type PowerWords, SensorTable } from '../sensors/sensors.ts';
 
-/** A channel that has limits, or may be given some. */
+/** A channel for which a viewer may set limits. */
 export interface LimitChannel {
   readonly field: string;
   readonly label: string;
@@ -17,7 +17,7 @@ export interface LimitChannelGroup {
   readonly channels: readonly LimitChannel[];
 }
 
-/** Where nobody has said what is much. */
+/** Default spans by field, in the field's unit, for channels without limits in the profile. */
 const SPANS: Readonly<Record<string, number>> = {
   ftf: 1000,
   ftm: 100,
@@ -26,14 +26,15 @@ const SPANS: Readonly<Record<string, number>> = {
   volt: 60,
   amp: 50,
 };
-/** What is called otherwise in another language. */
+/** The words of the viewer's language. */
 export interface LimitChannelWords extends PowerWords {
   readonly motors: string;
   readonly currentOfAll: string;
   readonly heatOfAll: string;
 }
 
-/** What a viewer may set limits for: forces and moments, place by place, power, and load of all joints together. */
+/** The channels for which a viewer may set limits: forces and moments by site, power, and current and temperature with
+ *  one limit for all joints. */
 export function limitChannels(schema: Schema, words: LimitChannelWords): LimitChannelGroup[] {
   const span = (field: string, label: string) => {
     const { low, high } = schema.mapping.threshold(field, label) ?? { low: null, high: null };

@@ -3,14 +3,14 @@ import { displayOf } from '../format.ts';
 import type { ValueLimits } from '../limits/limits.ts';
 import type { SensorGroup } from '../sensors/sensors.ts';
 
-/** A reading that went past a limit of the viewer's own, or came back. */
+/** A reading that passed a limit set by the viewer (`on`), or came back within it (`off`). */
 export interface Crossing {
   readonly n: number;
   /** Unix, ms, by the viewer's clock. */
   readonly atMs: number;
   /** "right foot Fz" */
   readonly source: string;
-  /** Which side of the limit, and the limit with its unit: above, "300 N". */
+  /** The side on which `limit`, a text with its unit ("300 N"), was passed. */
   readonly side: 'above' | 'below';
   readonly limit: string;
   readonly state: 'on' | 'off';
@@ -18,17 +18,17 @@ export interface Crossing {
 
 type Past = Pick<Crossing, 'side' | 'limit'>;
 
-/** The oldest go first. */
+/** Most crossings kept; the oldest are dropped. */
 export const CROSSING_LIMIT = 100;
 
-/** Remembers what the viewer's own limits saw: the edge tells events of the profile's limits only. */
+/** Records when readings pass the viewer's own limits. The edge sends events only for the limits of the profile. */
 export class LimitLog {
   /** Newest last. */
   crossings: readonly Crossing[] = [];
   readonly #past = new Map<string, { level: Level; past: Past }>();
   #next = 1;
 
-  /** The readings of a frame that has just come. True when there is something new to tell. */
+  /** Takes the readings of a new frame (`atMs`: Unix ms). True when crossings were added. */
   look(groups: readonly SensorGroup[], limits: ValueLimits, atMs: number): boolean {
     const { length } = this.crossings;
     const last = this.crossings.at(-1);

@@ -1,6 +1,7 @@
 import { type Level, level, type Threshold } from '@posecast/wire';
 
-/** Of a limit: how far back a value must come before the limit counts as left. The edge's events use the same. */
+/** As a part of the limit: how far inside it a value must come before the level falls. The edge's events use the same.
+ *  */
 const HYSTERESIS = 0.05;
 
 const RANK: Readonly<Record<Level, number>> = { ok: 0, caution: 1, fault: 2 };
@@ -9,14 +10,15 @@ export function worseOf(a: Level, b: Level): Level {
   return RANK[a] >= RANK[b] ? a : b;
 }
 
-/** The level of one channel without flicker: it rises at once and falls only when the value has come well back. */
+/** The level of one channel, with hysteresis against flicker: it rises at once and falls only when the value is well
+ *  back. */
 export class LevelLatch {
   #held: Level = 'ok';
   #threshold: Threshold | null = null;
 
   /** The level of the newest value; no limits and no reading are `ok`. */
   next(threshold: Threshold | null, value: number | null): Level {
-    if (threshold !== this.#threshold) this.#held = 'ok'; // another limit: what was held says nothing about it
+    if (threshold !== this.#threshold) this.#held = 'ok'; // the held level belongs to the old limit
     this.#threshold = threshold;
     if (threshold === null || value === null || Number.isNaN(value)) {
       this.#held = 'ok';
@@ -32,7 +34,8 @@ export class LevelLatch {
   }
 }
 
-/** The level the value would have a margin further out, on either side by itself. */
+/** The worse of the levels that the value would have if it were a margin higher (against `high`) or lower (against
+ *  `low`). */
 function levelFurtherOut({ low, high, caution }: Threshold, value: number): Level {
   const above = level({ low: null, high, caution }, value + HYSTERESIS * Math.abs(high ?? 0));
   const below = level({ low, high: null, caution }, value - HYSTERESIS * Math.abs(low ?? 0));

@@ -2,14 +2,14 @@ import type { Mapping, Threshold } from '@posecast/wire';
 
 export type { Threshold };
 
-/** Thresholds that a viewer has set, field → label → threshold; they stand before those of the profile. */
+/** Thresholds that a viewer has set: field → label → threshold. They take precedence over those of the profile. */
 export type ThresholdEdits = ReadonlyMap<string, ReadonlyMap<string, Threshold>>;
 
 export const NO_EDITS: ThresholdEdits = new Map();
 
-/** As many as a robot may have channels; what is stored beyond that is not read. */
+/** Most edits read from storage: as many as a robot may have channels. */
 const EDITS_MAX = 4096;
-/** The label that stands for all of a field, as in a profile. */
+/** The label that stands for all channels of a field, as in a profile. */
 export const ANY = '*';
 
 /** The limits that hold on this page: the viewer's own, else the profile's. */
@@ -53,10 +53,10 @@ export function withEdit(
   return next;
 }
 
-/** What may be wrong with limits that somebody has typed; the name of the sentence that says so. */
+/** Why limits that somebody typed are invalid. The value is the key of the sentence that says so. */
 export type BadThreshold = 'limitNoNumber' | 'limitMissing' | 'limitsCrossed' | 'limitCaution';
 
-/** null when these are limits one can watch. */
+/** Checks a threshold; null when it is valid. */
 export function whyNoThreshold({ low, high, caution }: Threshold): BadThreshold | null {
   for (const limit of [low, high]) if (limit !== null && !Number.isFinite(limit)) return 'limitNoNumber';
   if (low === null && high === null) return 'limitMissing';
@@ -64,12 +64,12 @@ export function whyNoThreshold({ low, high, caution }: Threshold): BadThreshold 
   return caution > 0 && caution <= 1 ? null : 'limitCaution';
 }
 
-/** JSON for the browser's storage. */
+/** Serialises edits to JSON for the browser's storage. */
 export function editsText(edits: ThresholdEdits): string {
   return JSON.stringify(Object.fromEntries([...edits].map(([field, of]) => [field, Object.fromEntries(of)])));
 }
 
-/** Whatever storage holds, edits come out whole: an entry that is odd is left out. */
+/** Reads edits from stored JSON. Never throws: invalid text or entries are left out. */
 export function readEdits(text: string | null): ThresholdEdits {
   let stored: unknown = null;
   try {

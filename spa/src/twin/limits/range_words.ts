@@ -1,13 +1,13 @@
 import type { Threshold } from './limits.ts';
 
-/** How a range is said. */
+/** The words for a range in the viewer's language. */
 export interface RangeWords {
   readonly atMost: (value: string) => string;
   readonly atLeast: (value: string) => string;
   readonly between: (low: string, high: string) => string;
 }
 
-/** "±5 A", "−30 N to 500 N", "at most 70 °C". `shown`: a value with its unit. */
+/** A threshold in words: "±5 A", "−30 N to 500 N", "at most 70 °C". `shown` formats a value with its unit. */
 export function rangeWords(
   { low, high }: Threshold,
   shown: (value: number) => string,

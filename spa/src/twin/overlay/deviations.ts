@@ -7,7 +7,7 @@ import { valueAt } from '../values.ts';
 /** The bit of `flags` that says: this joint yields on purpose. */
 const COMPLIANT_BIT = 'comply';
 
-/** A channel that is not where it was told to be. */
+/** A channel whose position deviates from its command. */
 export interface Deviation {
   readonly channel: string;
   /** The plain name, when the profile has one. */
@@ -15,7 +15,7 @@ export interface Deviation {
   /** ref − pos, in the channel's unit (rad, or m for a sliding joint). */
   error: number;
   readonly unit: string;
-  /** It yields on purpose: worth showing, no trouble. */
+  /** The joint yields on purpose: the deviation is shown, but is no trouble. */
   compliant: boolean;
   /** The URDF joints it moves, with where each is and where it was told to be (rad or m, couplings applied). */
   readonly joints: readonly { readonly joint: string; pos: number; ref: number }[];
@@ -30,7 +30,7 @@ interface Watched {
   apart: boolean;
 }
 
-/** Finds the limbs that are not where they were told to be. `read` gives the same objects again and again. */
+/** Finds channels that deviate from their command by more than their tolerance. `read` reuses the same objects. */
 export class DeviationTable {
   readonly #schema: Schema;
   readonly #pos: JointMapping;
@@ -73,7 +73,8 @@ export class DeviationTable {
     });
   }
 
-  /** The channels that are apart by more than their tolerance now. A channel without a reading is not judged. */
+  /** The channels that deviate by more than their tolerance (with hysteresis). Channels without a reading are left out.
+   *  */
   read(codes: Int32Array): Deviation[] {
     const schema = this.#schema;
     const [pos, ref, flags] = [schema.field('pos'), schema.field('ref'), schema.field('flags')];

@@ -5,7 +5,7 @@ import { type Load, type LoadField, type LoadScale, LoadTable } from '../sensors
 import { type Wrench, WrenchTable } from '../sensors/wrenches.ts';
 import { type Deviation, DeviationTable } from './deviations.ts';
 
-/** Which signs a viewer wants. */
+/** Which of the overlay's signs a viewer has switched on. */
 export interface OverlayChoice {
   readonly shown: 'pos' | 'ref' | 'both';
   readonly lens: boolean;
@@ -14,20 +14,21 @@ export interface OverlayChoice {
   readonly load: 'off' | LoadField;
 }
 
-/** What the newest frame says beyond the pose. Kinds that are switched off, or that the robot does not have, are empty. */
+/** Readings of the newest frame for the overlay. Kinds that are switched off, or that the robot does not have, are
+ *  empty. */
 export interface OverlayReadings {
   readonly wrenches: readonly Wrench[];
   readonly deviations: readonly Deviation[];
   readonly imus: readonly Imu[];
-  /** The one of them that says how the body leans. */
+  /** The one of `imus` that says how the body leans. */
   readonly body: Imu | null;
-  /** Whether the robot reports where it is. */
+  /** Whether the robot reports its base's orientation (and the level is switched on). */
   readonly based: boolean;
-  /** By URDF joint; null while links keep their own colours. */
+  /** Load by URDF joint; null while links keep their own colours. */
   readonly loads: ReadonlyMap<string, Load> | null;
 }
 
-/** All that is drawn beside the body of one robot, read from one frame after the other. It lives as long as its schema. */
+/** Reads, frame by frame, everything that is drawn about the body of one robot. A new schema needs a new reader. */
 export class OverlayReader {
   readonly schema: Schema;
   readonly #wrenches: WrenchTable;
@@ -67,8 +68,8 @@ export class OverlayReader {
   }
 
   /**
-   * The ghost of the lens: the joints that stand elsewhere than the body's (rad or m by URDF name); null for none, and
-   * when the ghost is shown whole anyway. A limb that yields on purpose is named, but is no ghost's business.
+   * The ghost that the lens shows: URDF joint → position (rad or m) for the joints off their command; null for none,
+   * and when the whole ghost is shown anyway. Joints that yield on purpose are left out.
    */
   ghost({ deviations }: OverlayReadings, { shown, lens }: OverlayChoice): ReadonlyMap<string, number> | null {
     if (!lens || shown === 'both') return null;
@@ -77,7 +78,7 @@ export class OverlayReader {
     return new Map(joints.map(({ joint, pos, ref }) => [joint, shown === 'ref' ? pos : ref]));
   }
 
-  /** What the colours of load mean; null while there are none. */
+  /** The scale of the load colours; null while they are off. */
   loadScale(limits: ValueLimits, field: OverlayChoice['load']): LoadScale | null {
     return this.#loads(field)?.scale(limits) ?? null;
   }

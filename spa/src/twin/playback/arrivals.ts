@@ -1,21 +1,22 @@
 /**
- * When the frames of one stream arrive, against when the robot stamped them. Pure: stamps and arrivals go in, the
- * delay at which they can be played smoothly comes out.
+ * Compares when frames of one stream arrive with when the robot stamped them. Pure: stamps and arrival times go in, the
+ * delay at which the frames can be played smoothly comes out.
  *
- * A stamp is placed on the viewer's clock by the smallest (arrival − stamp) of the newest frames: the luckiest of them
- * met no queue. What the others took longer is their lateness.
+ * Stamps are placed on the viewer's clock by the smallest (arrival − stamp) of the newest frames, taken as the frame
+ * that met no queue. How much longer another frame took is its lateness.
  */
 
-/** As many frames are remembered; the oldest goes first. */
+/** How many frames are remembered. */
 export const REMEMBERED = 64;
-/** Older than this a pose would be no monitor's any more. */
+/** Upper bound of the delay: poses shown any later would be too old for a monitor. */
 export const MOST_DELAY_MS = 300;
-/** Until two moving frames have come. */
+/** The interval assumed until two moving frames have come. */
 const FIRST_GUESS_MS = 1000 / 30;
-/** A robot whose clock runs this much off ours is a simulation that runs slow or fast; less is drift and jitter. */
+/** A robot whose clock differs in speed by more than this part is a slow or fast simulation; less is drift and jitter.
+ *  */
 const OTHER_PACE = 0.05;
 const LEAST_FOR_PACE_MS = 1000;
-/** Longer than so many periods since the frame before: it stood still for a while, and began to move only now. */
+/** After a longer gap than this many periods, the robot is taken to have stood still and to start moving only now. */
 const STOOD_STILL = 2.5;
 
 export interface Stamp {
@@ -26,18 +27,20 @@ export interface Stamp {
   atMs: number;
 }
 
-/** Where a frame lies on the stream's own line of time (ms; its zero means nothing), and for how long it moved there. */
+/** A frame's time on the stream's own time line (ms, from an arbitrary zero), and how long its motion up to there took.
+ *  */
 export interface Placed {
   lineMs: number;
   moveMs: number;
 }
 
+/** Estimates interval and delay of one stream from its newest frames. */
 export class Arrivals {
   /** (arrival − line) of the newest frames, ms. */
   readonly #offsets: number[] = [];
-  /** ms from moving frame to moving frame. */
+  /** Times between successive moving frames, ms. */
   readonly #moves: number[] = [];
-  /** The same for each number of the sequence: a relay that thins a stream leaves out numbers, a still robot none. */
+  /** The same divided by the steps in `seq`: a relay that thins a stream skips numbers, a robot at rest doesn't. */
   readonly #periods: number[] = [];
   readonly #stamps: Stamp[] = [];
   #lineMs = 0;
@@ -46,7 +49,7 @@ export class Arrivals {
   #intervalMs = FIRST_GUESS_MS;
   #delayMs = FIRST_GUESS_MS;
 
-  /** Takes a frame that is newer than all before it; `moves`: it shows another pose than the one before. */
+  /** Takes a frame that is newer than all before it. `moves`: its pose differs from the one before. */
   add(stamp: Stamp, moves: boolean): Placed {
     const before = this.#stamps.at(-1);
     const sinceMs = before === undefined ? 0 : (stamp.tS - before.tS) * 1000 * this.#pace();
@@ -59,21 +62,21 @@ export class Arrivals {
     this.#moved = moves;
     remember(this.#stamps, stamp);
     remember(this.#offsets, stamp.atMs - this.#lineMs);
-    this.#judge(); // once a frame, not once a repaint
+    this.#judge(); // done here, once a frame, rather than at every repaint
     return { lineMs: this.#lineMs, moveMs: this.#moveMs(sinceMs, numbers) };
   }
 
-  /** The line's place on the viewer's clock: line + offset = the earliest that a frame can be here. */
+  /** Offset of the line to the viewer's clock, ms: line + offset is the earliest time at which a frame can arrive. */
   get offsetMs(): number {
     return this.#offsetMs;
   }
 
-  /** From one moving frame to the next. */
+  /** Median time between moving frames, ms. */
   get intervalMs(): number {
     return this.#intervalMs;
   }
 
-  /** One interval, and what nineteen of twenty frames are late at most. */
+  /** One interval plus the 95th percentile of lateness, ms. */
   get delayMs(): number {
     return this.#delayMs;
   }
@@ -107,7 +110,7 @@ function remember<T>(list: T[], item: T): void {
   if (list.length > REMEMBERED) list.shift();
 }
 
-/** The value that this part of them does not exceed. */
+/** The quantile `part` (0…1) of the values by nearest rank; 0 of none. */
 function quantile(values: readonly number[], part: number): number {
   const sorted = [...values].sort((a, b) => a - b);
   return sorted[Math.min(sorted.length - 1, Math.ceil(part * sorted.length) - 1)] ?? 0;

@@ -1,18 +1,20 @@
-/** What the numbers of a state are, as far as it matters for what lies between two of them. All others are lengths or
- *  angles that do not wrap: between two of them is a straight line. */
+/** How the numbers of a state are interpolated: wrapping angles and quaternions are listed here, all others are lengths
+ *  or angles that are interpolated linearly. */
 export interface Layout {
   readonly size: number;
-  /** Angles (rad) of joints that turn on and on: from 3 to -3 the way leads over π. */
+  /** Indices of angles (rad) of continuous joints, which wrap: from 3 to -3 the way leads over π. */
   readonly wraps: ReadonlySet<number>;
-  /** Where a unit quaternion w, x, y, z begins. */
+  /** Indices at which a unit quaternion w, x, y, z begins. */
   readonly quats: readonly number[];
 }
 
 const TURN = 2 * Math.PI;
-/** Nearly the same orientation: a straight line is as good, and does not divide by nothing. */
+/** Above this cosine the orientations are nearly equal: linear interpolation is as good and avoids a division by zero.
+ *  */
 const STRAIGHT = 0.9995;
 
-/** into ← the state this part (0…1) of the way from one to the other. What one of them does not know is as in `to`. */
+/** Writes to `into` the state at `part` (0…1) of the way from `from` to `to`. A value that is NaN in either is taken
+ *  from `to`. */
 export function blend(
   { wraps, quats }: Layout,
   from: Float64Array,
@@ -30,7 +32,7 @@ export function blend(
   for (const at of quats) slerp(from, to, part, into, at);
 }
 
-/** The same turn, in -π … π. */
+/** The equivalent angle in -π … π, rad. */
 export function shorterArc(angle: number): number {
   return angle - TURN * Math.round(angle / TURN);
 }

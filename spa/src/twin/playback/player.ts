@@ -7,11 +7,11 @@ import { Playout } from './playout.ts';
 import { type Base, baseOf, type Pose, Poser } from './pose.ts';
 
 /**
- * One robot's motion as it is shown: where its joints are and where they were told to be, its base, and how its
- * orientation sensors are turned, all at one moment of the stream. What warns (flags, forces' colours, liveness) is
- * never played: it is read from the newest frame.
+ * One robot's motion as it is shown, with a small delay and interpolated: positions and commands of its joints, its
+ * base, and the orientations of its sensors, all for the same moment. Warnings (flags, colours of forces, liveness) are
+ * not played: they are read from the newest frame.
  *
- * It lives as long as its schema; a new schema is a new player.
+ * A new schema needs a new player.
  */
 export class Player {
   readonly #schema: Schema;
@@ -43,17 +43,17 @@ export class Player {
     });
   }
 
-  /** Shows every frame when it comes and nothing between. */
+  /** When true, shows each frame as it comes, without delay or interpolation. */
   set raw(raw: boolean) {
     this.#playout.raw = raw;
   }
 
-  /** How far behind the earliest possible moment it shows, as things stand. */
+  /** The present delay, ms, behind the earliest moment at which frames can arrive. */
   get delayMs(): number {
     return this.#playout.delayMs;
   }
 
-  /** Which URDF joints turn on and on; only the model knows. */
+  /** Sets which URDF joints are continuous (wrap at ±π); only the model knows. */
   setContinuous(joints: readonly string[]): void {
     this.#wraps.clear();
     for (const joint of joints) {
@@ -64,7 +64,7 @@ export class Player {
     }
   }
 
-  /** Takes a state of this schema. True when there is something new to be seen. */
+  /** Takes a state of this schema. True when a new picture may be needed. */
   push({ seq, tS, atMs, codes }: RobotState): boolean {
     const values = this.#values;
     const pos = this.#pos.values(codes);
@@ -81,12 +81,12 @@ export class Player {
     return this.#playout.push({ seq, tS, atMs }, values) || other;
   }
 
-  /** Moves on to this moment of the viewer's clock. True while there is more to come. */
+  /** Advances to `nowMs` of the viewer's clock. True while more motion is waiting to be played. */
   sample(nowMs: number): boolean {
     return this.#playout.sample(nowMs);
   }
 
-  /** The pose to be seen as of the newest `sample`; `ref` is that of `pos` where a robot has none. */
+  /** The pose as of the newest `sample`. A robot without `ref` is shown by `pos`. */
   pose(shown: 'pos' | 'ref' | 'both'): Pose {
     const joints = this.#joints(shown === 'ref' ? (this.#ref ?? this.#pos) : this.#pos);
     const ghost = shown === 'both' && this.#ref !== null ? this.#joints(this.#ref) : null;
@@ -103,7 +103,7 @@ export class Player {
     return joints;
   }
 
-  /** The orientation sensors as they are to be seen; null when the robot has none of this name, or no reading yet. */
+  /** The played orientation of a sensor; null when the robot has none of this name, or no reading yet. */
   worldFromSensor(imu: Imu): Quat | null {
     const i = this.#imus.imus.findIndex(({ site }) => site === imu.site);
     return i < 0 ? null : this.#quat(this.#imusAt + 4 * i);

@@ -1,13 +1,13 @@
 import { Arrivals, type Stamp } from './arrivals.ts';
 import { blend, type Layout } from './blend.ts';
 
-/** Motion that waits for its moment: at most so much; beyond that the oldest is taken as done. */
+/** Most motions that wait to be played; beyond that the oldest is skipped. */
 export const MOST_MOVES = 32;
-/** After so long without a frame nobody knows what happened between: the newest is shown at once. */
+/** After a longer gap between frames the motion in between is unknown: the newest is shown at once. */
 export const GAP_MS = 1000;
-/** How much faster or slower than the clock the playhead runs to reach where it should be. */
+/** To correct its place the playhead runs faster or slower than the clock by at most this part. */
 const SLEW = 0.1;
-/** Farther off than this, it goes there at once. */
+/** When it is farther off than this, the playhead jumps. */
 const LOST_MS = 500;
 const LEAST_CATCH_UP_MS = 16;
 
@@ -18,11 +18,12 @@ interface Move {
 }
 
 /**
- * Plays the frames of one stream between their arrivals, so that ten poses a second look like motion. It shows only
- * what lies between two poses that were measured, never what might come: when nothing has come, it holds.
+ * Interpolates between the frames of one stream, so that ten poses a second look like motion. It never extrapolates:
+ * when no newer pose has come, it holds the last.
  *
- * The playhead runs `delayMs` behind the earliest that frames can be here. A frame that comes later than that is caught
- * up with within half an interval; a crowd of late ones counts as its newest. So lateness never adds up.
+ * The playhead runs `delayMs` behind the earliest time at which frames can arrive. After a frame that comes later than
+ * that, it catches up within half an interval; of several late frames only the newest counts. So lateness never adds
+ * up.
  */
 export class Playout {
   readonly #layout: Layout;
@@ -30,7 +31,7 @@ export class Playout {
   #arrivals = new Arrivals();
   #newest: Stamp | null = null;
   #moves: Move[] = [];
-  /** Where the first of the moves begins. */
+  /** The values at which the first of the moves begins. */
   #from: Float64Array | null = null;
   #shown: Float64Array;
   #newestGoal: Float64Array | null = null;
@@ -46,18 +47,18 @@ export class Playout {
     return this.#raw;
   }
 
-  /** Shows each frame when it comes and nothing between. */
+  /** When true, shows each frame as it comes, without delay or interpolation. */
   set raw(raw: boolean) {
     this.#raw = raw;
     if (raw && this.#newestGoal !== null) this.#jump(this.#newestGoal);
   }
 
-  /** What is to be seen as of the newest `sample` or `push`; NaN where nothing was ever read. The same array always. */
+  /** The values to show as of the newest `sample` or `push`; NaN where nothing was ever read. Always the same array. */
   get shown(): Float64Array {
     return this.#shown;
   }
 
-  /** How far behind the earliest possible moment frames are shown, as things stand. */
+  /** The present delay, ms, behind the earliest moment at which frames can arrive. */
   get delayMs(): number {
     return this.#raw || this.#newest === null ? 0 : this.#arrivals.delayMs;
   }
@@ -67,8 +68,8 @@ export class Playout {
     return this.#moves.length;
   }
 
-  /** Takes a frame's values (copied; NaN is no reading and leaves the value where it was). True when there is something
-   *  new to be seen. */
+  /** Takes a frame's values (copied; NaN is no reading and keeps the last value). True when a new picture may be
+   *  needed. */
   push(stamp: Stamp, values: ArrayLike<number>): boolean {
     const before = this.#newest;
     if (before !== null && stamp.seq === before.seq && stamp.tS === before.tS) return false; // told again on rejoining
@@ -87,7 +88,7 @@ export class Playout {
     return true;
   }
 
-  /** Moves on to this moment. True while there is more to come. */
+  /** Advances to `nowMs` of the viewer's clock. True while more motion is waiting to be played. */
   sample(nowMs: number): boolean {
     if (this.#from === null) return false;
     const headMs = this.#playhead(nowMs);
@@ -123,7 +124,7 @@ export class Playout {
   #move(goal: Float64Array, lineMs: number, moveMs: number, headMs: number): void {
     const catchUpMs = Math.max(LEAST_CATCH_UP_MS, this.#arrivals.intervalMs / 2);
     if (lineMs < headMs + catchUpMs) {
-      // Late: from what is on the screen straight to it, whatever was still to be caught up with.
+      // Late: go straight from what is on the screen to this frame, and drop the moves that still waited.
       this.#from = this.#shown.slice();
       this.#moves = [{ fromMs: headMs, toMs: headMs + catchUpMs, goal }];
       return;
@@ -138,12 +139,13 @@ export class Playout {
     if (this.#moves.length > MOST_MOVES) this.#from = this.#moves.shift()!.goal;
   }
 
-  /** Where on the stream's line of time the picture is at this moment of the viewer's; never backwards. */
+  /** The picture's time on the stream's time line at `nowMs`. Small errors are corrected slowly, large ones by a jump.
+   *  */
   #playhead(nowMs: number): number {
     const wanted = nowMs - this.#arrivals.offsetMs - this.#arrivals.delayMs;
     const passedMs = Math.max(0, nowMs - this.#headAtMs);
     const off = wanted - (this.#headMs + passedMs);
-    // Number.NaN at first: then it is lost, too.
+    // headMs is NaN at first, which takes the second branch.
     if (Math.abs(off) <= LOST_MS) this.#headMs += passedMs + clamp(off, SLEW * passedMs);
     else this.#headMs = wanted;
     this.#headAtMs = Math.max(nowMs, this.#headAtMs);

@@ -3,25 +3,26 @@ import { normalizeQuat, type Quat, type Vec3 } from '../rotation.ts';
 import type { Imu } from '../sensors/imus.ts';
 import { valueAt } from '../values.ts';
 
-/** What the body looks like at one instant: URDF joints (rad, or m for sliding ones) and where the root link is. */
+/** A robot's pose at one instant: URDF joints (rad, or m for sliding ones) and where the root link is. */
 export interface Pose {
   joints: ReadonlyMap<string, number>;
   /** world_from_root, metres and a unit quaternion; null when the robot reports no base: the scene stands it on the floor. */
   base: Base | null;
-  /** URDF joints that the robot has but has no reading of now: they stay where they were last known. */
+  /** URDF joints without a reading now: they stay where they were last known. */
   unread?: ReadonlySet<string>;
   /** The sensor that says how the body is turned, with its reading; for a robot without a base. */
   lean?: Imu | null;
-  /** Where the joints were told to be, for a second body that is shown whole. */
+  /** The commanded joints of a second, see-through body that is shown whole. */
   ghost?: ReadonlyMap<string, number> | null;
 }
 
+/** world_from_root: metres, and a unit quaternion w, x, y, z. */
 export interface Base {
   xyz: Vec3;
   quat_wxyz: Quat;
 }
 
-/** Turns the codes of one schema into bodies: where the joints are (`pos`) or where they were told to be (`ref`). */
+/** Turns a frame's codes into poses: by measured positions (`pos`) or by commands (`ref`). */
 export class Poser {
   readonly #schema: Schema;
   readonly #mapping: JointMapping;
@@ -36,12 +37,12 @@ export class Poser {
     return this.#mapping.joints;
   }
 
-  /** rad or m; NaN where there is no reading. The same array each time. */
+  /** Joint values, rad or m; NaN without a reading. Always the same array. */
   values(codes: Int32Array): Float64Array {
     return this.#mapping.evaluate(codes);
   }
 
-  /** A joint without a reading is left out, so that it stays where it was last known. */
+  /** The pose of a frame. Joints without a reading are left out, so that they stay where they were last known. */
   pose(codes: Int32Array): Pose {
     const values = this.values(codes);
     const joints = new Map<string, number>();
@@ -54,7 +55,8 @@ export class Poser {
   }
 }
 
-/** world_from_root by the robot's own odometry; null without one, without a reading, or when it is no rotation. */
+/** world_from_root by the robot's odometry; null without odometry or a reading, or when the quaternion has no length.
+ *  */
 export function baseOf(schema: Schema, codes: Int32Array): Base | null {
   const [x, y, z] = valuesOf(schema, codes, 'base', ['base.x', 'base.y', 'base.z']);
   const [qw, qx, qy, qz] = valuesOf(schema, codes, 'baseq', ['base.w', 'base.x', 'base.y', 'base.z']);
@@ -64,7 +66,7 @@ export function baseOf(schema: Schema, codes: Int32Array): Base | null {
   return quat === null ? null : { xyz: [x, y, z], quat_wxyz: quat };
 }
 
-/** All of them, or none. */
+/** The values of these channels; an empty list when any of them has no reading. */
 function valuesOf(schema: Schema, codes: Int32Array, name: string, labels: readonly string[]): number[] {
   const field = schema.field(name);
   if (field === null) return [];

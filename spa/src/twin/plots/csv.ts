@@ -1,4 +1,4 @@
-/** What a plot shows, as a table: one row for each time, one column for each trace. */
+/** The data of a plot as a table: one row for each time, one column for each trace. */
 export interface Sheet {
   /** Unix, ms. */
   readonly atMs: readonly number[];
@@ -9,7 +9,8 @@ export interface Sheet {
   }[];
 }
 
-/** CSV as RFC 4180 has it. No reading is an empty cell; names come from the robot, so none may begin a formula. */
+/** The table as CSV (RFC 4180). No reading gives an empty cell. Names come from the robot, so those that a spreadsheet
+ *  would take for a formula are quoted with an apostrophe. */
 export function csvOf({ atMs, columns }: Sheet): string {
   const head = ['time', ...columns.map(({ title, unit }) => (unit === '' ? title : `${title} [${unit}]`))];
   const rows = atMs.map((at, i) => [

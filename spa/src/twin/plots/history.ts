@@ -3,13 +3,15 @@ import type { RobotState } from '../robot.ts';
 import type { ChannelReader } from '../values.ts';
 import { valueAt } from '../values.ts';
 
-/** How far back, and how close together at best: what a strip of 600 pixels can show. */
+/** Length of the history, and least time between its samples: 600 samples, as many as a strip of 600 pixels can show.
+ *  */
 export const HISTORY_S = 60;
 const STEP_MS = 100;
 const SAMPLES = (HISTORY_S * 1000) / STEP_MS;
-/** Whatever a robot has of channels; one with very many is remembered less far back. */
+/** Upper bound of the memory; for a robot with very many channels the history is shorter. */
 const BYTES_MAX = 4_000_000;
 
+/** The history of one channel. */
 export interface TraceHistory {
   /** Seconds before `nowMs`, oldest first, all ≤ 0. */
   readonly agoS: readonly number[];
@@ -17,6 +19,7 @@ export interface TraceHistory {
   readonly values: readonly (number | null)[];
 }
 
+/** The history as read by some readers, oldest first. */
 export interface Window {
   /** When each frame came, ms of the viewer's clock. */
   readonly atMs: readonly number[];
@@ -24,7 +27,7 @@ export interface Window {
   readonly columns: readonly (readonly (number | null)[])[];
 }
 
-/** The last minute of every channel, as codes in one ring. It holds one schema: another one begins it anew. */
+/** The last minute of every channel, as codes in a ring buffer. A frame of another schema starts it anew. */
 export class History {
   #schema: Schema | null = null;
   #codes = new Int32Array(0);
@@ -33,6 +36,7 @@ export class History {
   #count = 0;
   #newestMs = Number.NEGATIVE_INFINITY;
 
+  /** Adds a state, unless the last one added is less than 100 ms older. */
   push(schema: Schema, state: RobotState): void {
     if (schema !== this.#schema) this.#begin(schema);
     if (state.atMs - this.#newestMs < STEP_MS) return;
@@ -52,8 +56,8 @@ export class History {
     return { agoS: atMs.map((at) => (at - nowMs) / 1000), values: columns[0] ?? [] };
   }
 
-  /** The last minute as each of `readers` reads it, oldest first; they are handed codes of the schema that was pushed
-   *  last. */
+  /** The last minute as each of `readers` reads it, oldest first. Readers get codes of the schema that was pushed last.
+   *  */
   window(readers: readonly ChannelReader[], nowMs: number): Window {
     const atMs: number[] = [];
     const columns: (number | null)[][] = readers.map(() => []);
@@ -71,7 +75,7 @@ export class History {
     return { atMs, columns };
   }
 
-  /** As it is now, for whoever wants to look at this minute longer than a minute. */
+  /** A copy that later frames don't change, for a plot that is paused. */
   copy(): History {
     const made = new History();
     made.#schema = this.#schema;
@@ -82,12 +86,12 @@ export class History {
     return made;
   }
 
-  /** Of the frames in it; null before the first. */
+  /** The schema of the frames in it; null before the first. */
   get schema(): Schema | null {
     return this.#schema;
   }
 
-  /** What it takes, bytes: it does not grow after the first frame of a schema. */
+  /** Memory used, bytes. It does not grow after the first frame of a schema. */
   get bytes(): number {
     return this.#codes.byteLength + this.#atMs.byteLength;
   }

@@ -1,8 +1,9 @@
 import type { TraceHistory } from './history.ts';
 
-/** A gap of more than this breaks a line. */
+/** A longer gap between samples breaks the line. */
 const GAP_S = 1.5;
 
+/** SVG path data of each trace, and the range of values that the height stands for. */
 export interface Strip {
   paths: string[];
   low: number;
@@ -10,10 +11,10 @@ export interface Strip {
 }
 
 /**
- * An SVG path for each trace in a box of width × height, all on one scale; null when none has a reading.
+ * SVG path data for each trace in a box of width × height, all on one scale; null when none has a reading.
  *
- * @param spanS how many seconds the width stands for
- * @param leastRange above 0, in the unit of the values: the noise of a joint at rest must not fill the picture
+ * The width stands for `spanS` seconds. The height stands for at least `leastRange` (above 0, in the unit of the
+ * values), so that the noise of a joint at rest does not fill the picture.
  */
 export function strip(
   traces: readonly TraceHistory[],

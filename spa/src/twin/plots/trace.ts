@@ -4,25 +4,26 @@ import { type PowerWords, SensorTable } from '../sensors/sensors.ts';
 import type { ChannelReader } from '../values.ts';
 import { valueAt } from '../values.ts';
 
-/** What a person wants to see over time: a channel, a joint's `error` (ref − pos), or an angle of an attitude. */
+/** A value to plot over time: a channel, a joint's `error` (ref − pos), or a roll, pitch or yaw angle of an IMU. */
 export interface Trace {
   readonly field: string;
   readonly label: string;
 }
 
-/** How it is read from this robot's frames, and what it is called. */
+/** How a trace is read from a robot's frames, with its title and unit. */
 export interface TraceReading {
   /** "RKN pos", "right foot Fz" */
   readonly title: string;
   readonly unit: string;
-  /** Value of one code, in the unit. */
+  /** The value of one code (the resolution), in the unit. */
   readonly scale: number;
   readonly read: ChannelReader;
-  /** Whether the title is a joint's name and the field's. */
+  /** Whether the title is a joint's name and a field's name. */
   readonly ofJoint: boolean;
 }
 
-/** null when the robot reports no such value, or one that is no number. `power`: what power is called. */
+/** How to read a trace with this schema; null when the robot reports no such value, or only bits. `power`: words for
+ *  power. */
 export function traceReading(
   schema: Schema,
   { field: name, label }: Trace,

@@ -5,24 +5,24 @@ import type { Sheet } from './csv.ts';
 import type { History } from './history.ts';
 import { type Trace, type TraceReading, traceReading } from './trace.ts';
 
-/** A longer pause between two frames breaks a line: nobody knows what was meanwhile. */
+/** A longer pause between two frames breaks the line, because the values in between are unknown. */
 const GAP_MS = 1500;
 
 export interface PlotTrace {
   readonly of: Trace;
-  /** Its place in the list of all: what it looks like. */
+  /** Its index in the list of all traces, which decides its colour and line style. */
   readonly index: number;
   /** null: the robot reports no such value now. */
   readonly reading: TraceReading | null;
 }
 
-/** Traces of one unit share a plot. */
+/** One plot: all traces that are shown in the same unit. */
 export interface PlotGroup {
   readonly display: Display;
   readonly traces: readonly PlotTrace[];
 }
 
-/** Puts what is plotted together unit by unit, in the order of the list. What the robot does not report stands last. */
+/** Groups the traces into plots by unit, in the order of the list. Traces that the robot does not report come last. */
 export function plotGroups(
   history: History,
   list: readonly Trace[],
@@ -41,7 +41,8 @@ export function plotGroups(
   return [...groups].sort(([a], [b]) => Number(a === '\n') - Number(b === '\n')).map(([, group]) => group);
 }
 
-/** The last minute of one group, in the unit that is shown; `s` counts from `nowMs` back, all ≤ 0. */
+/** The last minute of one group, in the unit that is shown. `s` are the times in seconds relative to `nowMs`, all ≤ 0.
+ *  */
 export interface PlotData {
   readonly atMs: readonly number[];
   readonly s: readonly number[];
@@ -68,7 +69,8 @@ export function plotData(history: History, { display, traces }: PlotGroup, nowMs
   return { atMs: times, s: times.map((at) => (at - nowMs) / 1000), columns: shown };
 }
 
-/** What stands between two moments (s, as in the data) of all plots, as a table. Data of all groups have the same times. */
+/** The part of all plots between two times (seconds, as in `PlotData.s`) as a table. All plots must have the same
+ *  times. */
 export function sheetOf(
   plots: readonly { readonly group: PlotGroup; readonly data: PlotData }[],
   fromS: number,

@@ -12,17 +12,17 @@ import {
 } from '../rotation.ts';
 import { valueAt } from '../values.ts';
 
-/** One inertial sensor: where it sits, and how it says it is turned. */
+/** One inertial sensor: where it is mounted, and the orientation that it reports. */
 export interface Imu {
   readonly site: string;
-  /** The plain name, when the profile has one. */
+  /** The plain name if the profile has one, else the site. */
   readonly name: string;
-  /** The link it sits on; null is the root link. */
+  /** The link it is mounted on; null is the root link. */
   readonly link: string | null;
   readonly linkFromSensor: Quat;
-  /** Metres, in the link's frame. */
+  /** Its position in the link's frame, metres. */
   readonly xyz: Vec3;
-  /** Whether it knows its heading: one that reports roll and pitch alone does not. */
+  /** Whether it reports a heading; one with only roll and pitch does not. */
   readonly heading: boolean;
   /** world_from_sensor of the newest reading; null is no reading. */
   worldFromSensor: Quat | null;
@@ -33,7 +33,7 @@ type Source = { field: Field; quat: readonly number[] } | { field: Field; roll: 
 /** The orientation sensors of a robot. `read` rewrites them in place. */
 export class ImuTable {
   readonly imus: readonly Imu[];
-  /** The one that says how the robot leans; null when none does. */
+  /** The one that tells how the robot leans; null when there is none, or more than one and no profile. */
   readonly body: Imu | null;
   readonly #sources: readonly Source[];
 
@@ -66,7 +66,7 @@ export class ImuTable {
     }
     this.imus = [...found.values()].map(({ imu }) => imu);
     this.#sources = [...found.values()].map(({ source }) => source);
-    // The profile's first one named as an IMU; a robot without a profile must have only one to leave no doubt.
+    // The profile's first IMU; without sensors in the profile, the robot's only one.
     const named = [...schema.mapping.sensors].find(([site, { kind }]) => kind === 'imu' && found.has(site));
     const alone = schema.mapping.sensors.size === 0 && found.size === 1 ? this.imus[0] : undefined;
     this.body = (named === undefined ? alone : found.get(named[0])?.imu) ?? null;
@@ -81,8 +81,8 @@ export class ImuTable {
 }
 
 /**
- * world_from_root of a robot of which only one sensor knows how it is turned. `rootFromLink` is the sensor's link as
- * the joints have it. Of a sensor that does not know its heading, the robot faces along x.
+ * world_from_root by one orientation sensor. `rootFromLink` is the rotation of the sensor's link by the joint angles.
+ * If the sensor reports no heading, the robot faces along the world's x. null without a reading.
  */
 export function rootAttitude(imu: Imu, rootFromLink: Quat): Quat | null {
   if (imu.worldFromSensor === null) return null;
@@ -92,7 +92,7 @@ export function rootAttitude(imu: Imu, rootFromLink: Quat): Quat | null {
   return imu.heading ? worldFromRoot : withoutHeading(worldFromRoot);
 }
 
-/** How the sensor's link leans: roll and pitch, rad; null is no reading. */
+/** Roll and pitch of the sensor's link, rad; null without a reading. */
 export function leanOf(imu: Imu): { roll: number; pitch: number } | null {
   if (imu.worldFromSensor === null) return null;
   const [roll, pitch] = rpyOf(multiplyQuats(imu.worldFromSensor, invertQuat(imu.linkFromSensor)));
@@ -104,7 +104,7 @@ function orientation(schema: Schema, name: string): Field | null {
   return field === null || field.labelSet === JOINT ? null : field;
 }
 
-/** Sites of a field, by the component that every one of them must have. */
+/** The sites of a field: labels are SITE.COMPONENT, and every site has the given component. */
 function sitesOf(field: Field | null, component: string): string[] {
   const end = `.${component}`;
   return (field?.labels ?? [])

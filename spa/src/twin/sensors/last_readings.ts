@@ -2,13 +2,13 @@ import { type Field, MISSING, type Schema } from '@posecast/wire';
 import type { RobotState } from '../robot.ts';
 
 /**
- * The newest reading of every channel, and how old it is: frames go on while one board of many falls silent, and what
- * it said last is worth knowing as long as nobody takes it for the present. Another schema begins it anew.
+ * Keeps the last reading of every channel and when it was lost: when one of a robot's boards falls silent, frames go on
+ * without its readings, and the page can show the last ones, marked as old. Another schema starts it anew.
  */
 export class LastReadings {
   #schema: Schema | null = null;
   #codes = new Int32Array(0);
-  /** When each was last read, ms; NaN while it is read, or never was. */
+  /** For each channel, when its last reading came, ms; NaN while it has one, or never had. */
   #lostMs = new Float64Array(0);
   #newestMs = Number.NaN;
   #lost = 0;
@@ -32,7 +32,7 @@ export class LastReadings {
     this.#newestMs = state.atMs;
   }
 
-  /** As a frame's, with the last reading where the newest frame has none. */
+  /** Codes like a frame's, with the last reading where the newest frame has none. */
   get codes(): Int32Array {
     return this.#codes;
   }
@@ -42,8 +42,8 @@ export class LastReadings {
     return this.#lost > 0;
   }
 
-  /** When a channel that has no reading now had its last, ms of the viewer's clock; null for one that is read, and for
-   *  one that never was. */
+  /** When a channel without a reading now had its last, ms of the viewer's clock; null for one that has a reading or
+   *  never had one. */
   lostMs(field: Field | null, index: number): number | null {
     if (field === null || index < 0 || index >= field.size || this.#schema?.field(field.name) !== field)
       return null;

@@ -5,26 +5,27 @@ import { valueAt } from '../values.ts';
 
 export type LoadField = 'cur' | 'temp';
 
-/** Where a colour scale starts: a motor at rest draws nothing and has the temperature of a room. */
+/** Start of the colour scale, A and °C: a motor at rest draws no current and is at room temperature. */
 const REST: Readonly<Record<LoadField, number>> = { cur: 0, temp: 20 };
 
 /** How loaded one joint is. */
 export interface Load {
-  /** 0 at rest … 1 at its limit and beyond; null is no reading. */
+  /** 0 at rest … 1 at or beyond its limit; null: no reading. */
   part: number | null;
   level: Level;
 }
 
-/** What the colours mean. */
+/** What the load colours stand for. */
 export interface LoadScale {
   readonly field: LoadField;
   readonly unit: string;
   readonly rest: number;
-  /** The value at the end of the scale. Where joints differ in their limits: null, and the scale is in parts of each. */
+  /** The value at the end of the scale; null when joints have different limits, so that the scale is relative to each.
+   *  */
   readonly full: number | null;
   /** Whether `full` is a limit, or only the largest value seen so far. */
   readonly limited: boolean;
-  /** The part at which caution starts; null when joints differ. */
+  /** The part (0…1) at which caution starts; null when joints differ or have no limits. */
   readonly cautionPart: number | null;
 }
 
@@ -50,12 +51,12 @@ export class LoadTable {
     this.#jointsOf = jointsOf;
   }
 
-  /** Whether the robot reports it at all. */
+  /** Whether the robot reports this field for its joints. */
   static has(schema: Schema, field: LoadField): boolean {
     return schema.field(field)?.labelSet === JOINT;
   }
 
-  /** URDF joint → load, the worst of the channels that move it. The same map every time. */
+  /** URDF joint → load, the worst of the channels that move it. Always the same map. */
   read(codes: Int32Array, limits: ValueLimits): ReadonlyMap<string, Load> {
     const field = this.#schema.field(this.#field);
     this.#loads.clear();
@@ -100,7 +101,8 @@ export class LoadTable {
     return Math.abs(value - REST[this.#field]);
   }
 
-  /** Towards the limit on its side; without one, towards the largest seen. */
+  /** How far a value is from rest towards its limit on that side (0…1); without limits, towards the largest value seen.
+   *  */
   #part(value: number, threshold: Threshold | null): number {
     const rest = REST[this.#field];
     const limit = value < rest ? threshold?.low : threshold?.high;

@@ -1,6 +1,7 @@
 import { MISSING, type Schema } from '@posecast/wire';
 
-/** Which joints have lost their reading. A joint that never had one is not named: the table shows that it has none. */
+/** Tells which joints have lost their reading. A joint that never had one is left out: the table shows that it has
+ *  none. */
 export class LostReadings {
   readonly #schema: Schema;
   readonly #read = new Set<string>();

@@ -6,17 +6,20 @@ import { rpyOf, normalizeQuat as unitQuat } from '../rotation.ts';
 import type { ChannelReader } from '../values.ts';
 import { valueAt } from '../values.ts';
 
+/** One number of a sensor, with its name, unit and newest value. */
 export interface Reading {
   readonly field: string;
   readonly label: string;
-  /** What stands in front of the number: "Fz", "roll", "ωx". */
+  /** The short name in front of the number: "Fz", "roll", "ωx". */
   readonly name: string;
   readonly unit: string;
+  /** The value of one code (the resolution), in the unit. */
   readonly scale: number;
   value: number | null;
   level: Level;
 }
 
+/** The readings of one sensor, power source or field. */
 export interface SensorGroup {
   readonly kind: 'wrench' | 'imu' | 'power' | 'other';
   readonly site: string;
@@ -25,7 +28,8 @@ export interface SensorGroup {
   readonly readings: readonly Reading[];
 }
 
-/** What power is called, and its fields; one that is not named is called as the robot calls it. */
+/** The words for power and its fields in the viewer's language; a field without a word keeps the robot's name for it.
+ *  */
 export interface PowerWords {
   readonly power: string;
   readonly volt?: string;
@@ -68,7 +72,7 @@ const EULER = ['roll', 'pitch', 'yaw'] as const;
 
 type Source = { from: Field; index: number } | { quat: readonly number[]; field: Field; angle: number };
 
-/** Everything that is not a joint, grouped as people look for it: by the place it is mounted. */
+/** All readings that are not of joints, grouped by the site where they are measured. `read` rewrites them in place. */
 export class SensorTable {
   readonly groups: readonly SensorGroup[];
   readonly #schema: Schema;
@@ -131,7 +135,7 @@ export class SensorTable {
     return this.groups;
   }
 
-  /** Reads one of the readings out of any frame's codes; null when there is none of that name. */
+  /** A reading and a function that reads it from any frame's codes; null when there is none of that name. */
   reader(field: string, label: string): { readonly reading: Reading; readonly read: ChannelReader } | null {
     const found = this.#all.find(({ reading }) => reading.field === field && reading.label === label);
     if (found === undefined) return null;

@@ -5,18 +5,19 @@ import { isolated, placeOf } from '../names.ts';
 import type { Vec3 } from '../rotation.ts';
 import { valueAt } from '../values.ts';
 
-/** Of a sensor whose profile names no limits: what counts as much. */
+/** `Arrow.much` for a sensor without limits in the profile. */
 const MUCH = { force: 500, moment: 20 } as const; // N, N·m
 
 /** A force or a moment at one site, in the sensor's axes. */
 export interface Arrow {
-  /** N or N·m; null where the robot measures none, or where a part of it has no reading now. */
+  /** N or N·m; null when the robot measures none, or when one of its components has no reading now. */
   vector: Vec3 | null;
-  /** The worst of its components, by the newest values. */
+  /** The worst level of its components. */
   level: Level;
-  /** Axes the robot measures: 0 x, 1 y, 2 z. A force of which only z is known is no whole force, and says so. */
+  /** The axes that the robot measures (0 x, 1 y, 2 z), so that a force with only z is not taken for the whole force. */
   readonly axes: readonly number[];
-  /** What counts as much here (N or N·m): the farthest limit of the profile. Lengths are shown against it. */
+  /** The size (N or N·m) that counts as large here: the farthest limit of the profile. Arrow lengths are relative to
+   *  it. */
   readonly much: number;
 }
 
@@ -36,7 +37,7 @@ interface Source {
   parts: readonly { axis: number; index: number; label: string; latch: LevelLatch }[];
 }
 
-/** The force-torque sensors that sit on a link. `read` rewrites them in place. */
+/** The force-torque sensors that are mounted on a link. `read` rewrites them in place. */
 export class WrenchTable {
   readonly wrenches: readonly Wrench[];
   readonly #sources: Source[] = [];
