@@ -5,7 +5,7 @@
  * (M·c).z − Σᵢ |M[z,i]|·hᵢ. Exact for boxes, at most a little low for round links; feet are flat.
  */
 
-/** Axis-aligned in the link's own frame, metres. */
+/** A bounding box, axis-aligned in the link's own frame, metres. */
 export interface LinkBox {
   min: [number, number, number];
   max: [number, number, number];
@@ -14,6 +14,7 @@ export interface LinkBox {
 /** A column-major 4×4 transform, as three.js keeps it: world_from_link. */
 export type Elements = ArrayLike<number>;
 
+/** A box of nothing (min +∞, max −∞), to be grown. */
 export function emptyBox(): LinkBox {
   return {
     min: [Number.POSITIVE_INFINITY, Number.POSITIVE_INFINITY, Number.POSITIVE_INFINITY],
@@ -21,7 +22,7 @@ export function emptyBox(): LinkBox {
   };
 }
 
-/** Grows the box by points (x, y, z after one another) that lie in a frame seen from the link through `m`. */
+/** Grows the box by points (x, y, z, x, y, z, …), which `m` transforms into the link's frame. */
 export function growBox(box: LinkBox, points: ArrayLike<number>, m: Elements): void {
   for (let i = 0; i + 2 < points.length; i += 3) {
     const x = points[i]!;
@@ -35,7 +36,7 @@ export function growBox(box: LinkBox, points: ArrayLike<number>, m: Elements): v
   }
 }
 
-/** `at`: where the transform begins in `m`. */
+/** The lowest z of a box transformed by the 16 numbers from index `at` on in `m`. */
 export function lowestZ(box: LinkBox, m: Elements, at = 0): number {
   let z = m[at + 14]!;
   for (let i = 0; i < 3; i += 1) {
@@ -47,8 +48,8 @@ export function lowestZ(box: LinkBox, m: Elements, at = 0): number {
   return z;
 }
 
-/** The lowest point of a robot in the frame that `fromLink` leads to, metres: of its links' boxes, or of link origins where
- *  there are none. 16 numbers a link. */
+/** The lowest z of a robot, metres, by its links' boxes, or by link origins if there are no boxes. `fromLink` has a
+ *  transform of 16 numbers for each link; `boxes` go by link index. */
 export function lowestOf(fromLink: Float64Array, boxes: ReadonlyMap<number, LinkBox>): number {
   let low = Number.POSITIVE_INFINITY;
   for (const [link, box] of boxes) low = Math.min(low, lowestZ(box, fromLink, link * 16));
@@ -56,7 +57,7 @@ export function lowestOf(fromLink: Float64Array, boxes: ReadonlyMap<number, Link
   return low;
 }
 
-/** Grows `min` and `max` by a box's corners, seen through the transform that begins at `at` in `m`. */
+/** Grows `min` and `max` by a box's corners, transformed by the 16 numbers from index `at` on in `m`. */
 export function expandByBox(min: number[], max: number[], box: LinkBox, m: Elements, at: number): void {
   for (let corner = 0; corner < 8; corner += 1) {
     const x = (corner & 1 ? box.max : box.min)[0];
@@ -70,14 +71,14 @@ export function expandByBox(min: number[], max: number[], box: LinkBox, m: Eleme
   }
 }
 
-/** What is looked at, metres: half its height, half its width seen from any side, and its radius. */
+/** The size of what the camera looks at, metres: half its height, half its width from any side, and its radius. */
 export interface Extent {
   readonly tall: number;
   readonly wide: number;
   readonly radius: number;
 }
 
-/** Of a box with these corners. */
+/** The extent of a box; its radius is kept between 2 cm and 200 m. */
 export function extentOf(
   min: readonly [number, number, number],
   max: readonly [number, number, number],

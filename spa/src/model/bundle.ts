@@ -1,21 +1,24 @@
 import { tokenFor } from '../auth/token.ts';
 
 /**
- * A robot's bundle over HTTP: the manifest names every file, the scene fetches those it needs.
+ * Loads a robot's bundle over HTTP: the manifest names every file, and the scene fetches those it needs.
  *
  * Version 1, the raw bundle: `{"v":1,"urdf":"robot.urdf","files":[{"path","uri","size",…}],"missing":["package://…"]}`.
  * `uri` is the exact string that the URDF uses, so nothing has to be resolved here.
  */
 
 const MAX_MANIFEST_BYTES = 4_000_000;
-/** A single file above this is refused: the edge would not send it either, and a phone could not hold it. */
+/** Larger files are refused: the edge does not send them either, and a phone could not hold them. */
 const MAX_FILE_BYTES = 128_000_000;
 const MAX_BUNDLE_BYTES = 512_000_000;
-/** More than a browser opens to one host over HTTP/1.1 only waits; fewer leaves a slow link idle between files. */
+/** Files fetched at once: as many connections as a browser opens to a host over HTTP/1.1; fewer would leave a slow link
+ *  idle. */
 const PARALLEL = 6;
 
+/** A model that can't be loaded; the message is one line. */
 export class BundleError extends Error {}
 
+/** A file of a raw bundle: its path beside the manifest, the URI by which the URDF names it, and its size in bytes. */
 export interface BundleFile {
   path: string;
   uri: string;
@@ -29,15 +32,15 @@ export interface RawManifest {
   missing: ReadonlySet<string>;
 }
 
-/** Where a raw bundle's files come from: a relay, or what somebody dropped on the page. */
+/** Where a raw bundle's files come from: a relay, or files that somebody dropped on the page. */
 export interface RawFiles {
-  /** Rejects with an Error of one line. */
+  /** The file's bytes. Rejects with an Error whose message is one line. */
   fetch(file: BundleFile): Promise<Uint8Array>;
-  /** A file that another one names, by its place beside it; null where there is none. */
+  /** A file that `file` refers to by a relative name; null when there is none. */
   beside?(file: BundleFile, name: string): Promise<Uint8Array | null>;
 }
 
-/** A manifest of any version. Throws BundleError when the text is not one. */
+/** Parses a manifest of any version. Throws BundleError when the text is no JSON object. */
 export function parseManifest(text: string): Readonly<Record<string, unknown>> {
   let raw: unknown;
   try {
@@ -49,7 +52,7 @@ export function parseManifest(text: string): Readonly<Record<string, unknown>> {
   return raw;
 }
 
-/** Reads a manifest of version 1; throws BundleError that says what is wrong with it. */
+/** Reads a manifest of version 1. Throws BundleError that says what is wrong with it. */
 export function readRawManifest(raw: Readonly<Record<string, unknown>>): RawManifest {
   if (raw.v !== 1) throw new BundleError('model manifest: neither version 1 nor 2');
   if (!Array.isArray(raw.files)) throw new BundleError('model manifest: no list of files');
@@ -80,7 +83,7 @@ function parseFile(entry: unknown, index: number): BundleFile {
   return { path, uri, size };
 }
 
-/** A relative path that stays below the manifest. */
+/** Whether a path is relative and stays below the manifest's folder. */
 function isInside(path: string): boolean {
   return path.split('/').every((part) => part !== '' && part !== '.' && part !== '..');
 }
@@ -90,6 +93,7 @@ export function fileUrl(manifestUrl: string, file: { readonly path: string }): s
   return manifestUrl.replace(/[^/]*$/, '') + file.path.split('/').map(encodeURIComponent).join('/');
 }
 
+/** Fetches a manifest of any version. Rejects with BundleError. */
 export async function fetchManifest(
   url: string,
   signal: AbortSignal,
@@ -97,7 +101,7 @@ export async function fetchManifest(
   return parseManifest(new TextDecoder().decode(await fetchBytes(url, MAX_MANIFEST_BYTES, signal, () => {})));
 }
 
-/** Fetches a bundle's files, few at a time, and counts real bytes over all of them. */
+/** Fetches a bundle's files, six at a time, and reports the bytes received of all files together. */
 export class Download {
   readonly #manifestUrl: string;
   readonly #signal: AbortSignal;
@@ -112,7 +116,7 @@ export class Download {
     this.#onBytes = onBytes;
   }
 
-  /** The file's bytes; a BundleError when it can't be had or is not of the size that the manifest says. */
+  /** The file's bytes. Rejects with BundleError when it can't be fetched or its size differs from the manifest. */
   async fetch(file: BundleFile): Promise<Uint8Array> {
     if (this.#running >= PARALLEL) await new Promise<void>((resolve) => this.#waiting.push(resolve));
     this.#running += 1;
@@ -128,7 +132,7 @@ export class Download {
       }
       return bytes;
     } finally {
-      this.#count(file.size - mine); // a lost file is done with, too: the bar must reach its end
+      this.#count(file.size - mine); // a failed file counts as done, so that the progress bar reaches its end
       this.#running -= 1;
       this.#waiting.shift()?.();
     }
@@ -140,7 +144,8 @@ export class Download {
   }
 }
 
-/** A response's body, never more than `limit` bytes of it; `onBytes` hears of each piece. */
+/** Fetches `url`, with a token if there is one for it. `onBytes` gets the size of each piece. Rejects with BundleError
+ *  when it fails or has more than `limit` bytes. */
 export async function fetchBytes(
   url: string,
   limit: number,

@@ -3,20 +3,20 @@ import { cachedLod, matchesHash, storeLod } from './lod_cache.ts';
 import { type LodFile, type Manifest, readManifest } from './manifest.ts';
 
 /**
- * A built model's files, each fetched once however many wait for it. The page asks for them as soon as it knows their
- * names; the code that draws them comes over the same slow line and finds them here.
+ * The files of a built model (manifest version 2), each fetched once for all who want it. The page starts fetching as
+ * soon as it knows their names; the drawing code, which loads later over the same line, picks them up here.
  */
 
 type RawManifest = Readonly<Record<string, unknown>>;
 
-/** A page shows one robot; a newer model may already be on its way. */
+/** Entries kept of each kind: a page shows one robot, and a newer model may already be on its way. */
 const KEPT = 2;
 const manifests = new Map<string, Promise<RawManifest>>();
 const levels = new Map<string, ComingLevel>();
-/** Hashes that were asked for once: whoever took the bytes has them. */
+/** Hashes that were already asked for; they are not fetched ahead again. */
 const asked = new Set<string>();
 
-/** Rejects with a BundleError of one line; then the next call asks again. */
+/** The manifest at `url`, of any version. Rejects with a one-line BundleError; the next call then tries again. */
 export function manifestAt(url: string): Promise<RawManifest> {
   let coming = manifests.get(url);
   if (coming === undefined) {
@@ -27,7 +27,8 @@ export function manifestAt(url: string): Promise<RawManifest> {
   return coming;
 }
 
-/** A model's manifest when it is a built one, else null; its coarsest level is asked for as well. Rejects as `manifestAt`. */
+/** The manifest at `url` if it is of a built model, else null. Also starts to fetch its coarsest level. Rejects like
+ *  `manifestAt`, also when the manifest is invalid. */
 export async function builtModelAt(url: string): Promise<Manifest | null> {
   const raw = await manifestAt(url);
   if (raw.v !== 2) return null;
@@ -40,7 +41,7 @@ export async function builtModelAt(url: string): Promise<Manifest | null> {
   return manifest;
 }
 
-/** Starts to fetch a level that will be wanted. What goes wrong is told to whoever then asks for it. */
+/** Starts to fetch a level that will be wanted soon. An error is reported to the later `lodBytes` call. */
 function fetchAhead(file: LodFile, manifestUrl: string): void {
   if (levels.has(file.sha256)) return;
   const coming = new ComingLevel(file, manifestUrl);
@@ -49,8 +50,8 @@ function fetchAhead(file: LodFile, manifestUrl: string): void {
 }
 
 /**
- * A level's bytes, of the right size and, where the browser can tell, of the right hash: from this browser's cache or
- * from the network. `onBytes` hears how many are here. Rejects with a BundleError of one line that names the file.
+ * A level's bytes from this browser's cache or the network, checked by size and, where the browser can, by hash.
+ * `onBytes` gets the number received so far. Rejects with a one-line BundleError that names the file.
  */
 export async function lodBytes(
   file: LodFile,
@@ -59,7 +60,7 @@ export async function lodBytes(
   onBytes: (received: number) => void,
 ): Promise<Uint8Array> {
   const coming = levels.get(file.sha256) ?? new ComingLevel(file, manifestUrl);
-  levels.delete(file.sha256); // whoever takes it keeps it
+  levels.delete(file.sha256); // the caller keeps the bytes
   asked.add(file.sha256);
   coming.onBytes = onBytes;
   onBytes(coming.received);
@@ -109,7 +110,7 @@ class ComingLevel {
   }
 }
 
-/** Puts it in; what had to go for it comes back. */
+/** Adds an entry; beyond `KEPT` the oldest is removed and returned. */
 function keep<T>(map: Map<string, T>, name: string, value: T): T | undefined {
   map.set(name, value);
   const [oldest] = map.keys();

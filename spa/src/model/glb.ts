@@ -3,10 +3,11 @@ import { MeshoptDecoder } from 'three/addons/libs/meshopt_decoder.module.js';
 import { isRecord } from './bundle.ts';
 
 /**
- * The container of a level: glTF 2.0 in one binary file, its buffer views packed with meshopt. This reads what
- * docs/MODEL.md describes, not any glTF: a tenth of a general loader, and every length is checked before it is used.
+ * Reads the container of a level of detail: binary glTF 2.0 (GLB) whose buffer views are packed with meshopt. It reads
+ * only what docs/MODEL.md describes, so it is a tenth of a general loader; every length is checked before use.
  */
 
+/** A level's file that can't be read; the message says why. */
 export class GlbError extends Error {}
 
 type Raw = Readonly<Record<string, unknown>>;
@@ -14,9 +15,9 @@ type Raw = Readonly<Record<string, unknown>>;
 const GLTF = 0x46546c67;
 const JSON_CHUNK = 0x4e4f534a;
 const BINARY_CHUNK = 0x004e4942;
-/** What a level may unpack to, all views together. */
+/** Most bytes that all views of a level together may unpack to. */
 export const MAX_UNPACKED_BYTES = 512_000_000;
-/** Meshopt puts sixteen equal bytes into two bits, at best: what claims to grow more is not unpacked at all. */
+/** At best, meshopt packs sixteen equal bytes into two bits; data that claim to grow more are refused. */
 const MAX_GROWTH = 64;
 const STRIDES: Readonly<Record<string, (stride: number) => boolean>> = {
   ATTRIBUTES: (stride) => stride > 0 && stride <= 256 && stride % 4 === 0,
@@ -24,7 +25,7 @@ const STRIDES: Readonly<Record<string, (stride: number) => boolean>> = {
   INDICES: (stride) => stride === 2 || stride === 4,
 };
 
-/** An accessor's numbers: `count` elements, each `stride` bytes after the one before, from `offset` in its view. */
+/** A glTF accessor: `count` elements of its view, from byte `offset` on. */
 export interface Accessor {
   readonly view: number;
   readonly offset: number;
@@ -33,6 +34,7 @@ export interface Accessor {
   readonly type: string;
 }
 
+/** An opened GLB file. All methods throw GlbError when the file is not as described. */
 export class Glb {
   readonly #json: Raw;
   readonly #binary: Uint8Array;
@@ -45,7 +47,7 @@ export class Glb {
     this.#binary = binary;
   }
 
-  /** Throws GlbError. */
+  /** Opens a file. Rejects with GlbError when it is no GLB of version 2. */
   static async read(bytes: Uint8Array): Promise<Glb> {
     const data = new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength);
     if (bytes.length < 20 || data.getUint32(0, true) !== GLTF) throw new GlbError('not a GLB file');
@@ -90,7 +92,7 @@ export class Glb {
     };
   }
 
-  /** A view's bytes, unpacked once. */
+  /** The bytes of a buffer view, unpacked at the first call. */
   view(index: unknown): Uint8Array {
     const raw = this.#entry('bufferViews', index);
     let bytes = this.#views.get(index as number);

@@ -1,8 +1,9 @@
 /**
- * Forward kinematics of a tree of joints: readings in, root_from_link of every link out (docs/MODEL.md).
+ * Forward kinematics of a tree of joints: joint readings go in, root_from_link of every link comes out (docs/MODEL.md).
  *
  * `root_from_child = root_from_parent · T(xyz) · R(quat) · M`, joint by joint in the manifest's order, which puts
- * a parent before its children. Limits never clamp: a monitor shows what is. Nothing is allocated after construction.
+ * a parent before its children. M is the joint's motion. Limits never clamp, because a monitor shows what is measured.
+ * Nothing is allocated after construction.
  */
 
 export type JointType = 'revolute' | 'continuous' | 'prismatic' | 'fixed' | 'floating' | 'planar';
@@ -17,7 +18,7 @@ export interface Joint {
   /** parent_from_joint at rest: metres, and a unit quaternion w, x, y, z. */
   readonly xyz: Triple;
   readonly quat: readonly [number, number, number, number];
-  /** A unit vector in the joint's frame. */
+  /** Axis of rotation or sliding, a unit vector in the joint's frame. */
   readonly axis: Triple;
   /** Unit vectors x and y of a planar joint, in the joint's frame; null for any other. */
   readonly plane: readonly [Triple, Triple] | null;
@@ -25,7 +26,8 @@ export interface Joint {
   readonly mimic: { readonly joint: number; readonly multiplier: number; readonly offset: number } | null;
 }
 
-/** What a joint of several values calls them, after `JOINT/`, and where each stands at rest: rad or m. */
+/** The variables of joints with several values, named `JOINT/variable`, with their values at rest (rad or m; `rot_*`:
+ *  parts of a quaternion). */
 const VARIABLES: Readonly<Record<'planar' | 'floating', readonly (readonly [string, number])[]>> = {
   planar: [
     ['x', 0],
@@ -57,26 +59,27 @@ const KIND: Readonly<Record<JointType, number>> = {
   planar: PLANE,
   floating: FLOAT,
 };
-/** A quaternion shorter than this says nothing. */
+/** A shorter quaternion is taken as no rotation. */
 const NO_ROTATION = 1e-6;
 
+/** Computes the pose of every link from joint readings. */
 export class Kinematics {
-  /** root_from_link, 16 numbers a link, column after column; metres. Link 0 is the root: always the identity. */
+  /** root_from_link: 16 numbers a link, column-major, metres. Link 0 is the root: always the identity. */
   readonly rootFromLink: Float64Array;
   readonly #kind: Uint8Array;
   readonly #parent: Int32Array;
   readonly #axis: Float64Array;
-  /** x and y of each planar joint's plane, 6 numbers a joint. */
+  /** x and y directions of each planar joint's plane, 6 numbers a joint. */
   readonly #plane: Float64Array;
   /** parent_from_joint at rest, as `rootFromLink`. */
   readonly #rest: Float64Array;
-  /** What readings are called; those of one joint after one another. */
+  /** Names of all readings; those of one joint are adjacent. */
   readonly #names: string[] = [];
-  /** For each joint, where its readings begin. */
+  /** For each joint, the index of its first reading. */
   readonly #first: Int32Array;
-  /** rad, m, or parts of a quaternion; NaN until there is one. */
+  /** Newest readings: rad, m, or parts of a quaternion; NaN before the first. */
   readonly #reading: Float64Array;
-  /** What stands in for a reading that never came. */
+  /** The value used for a reading that never came. */
   readonly #standIn: Float64Array;
   readonly #leader: Int32Array;
   readonly #multiplier: Float64Array;
@@ -113,13 +116,14 @@ export class Kinematics {
     this.compute();
   }
 
-  /** What readings may be called, in the manifest's order: a joint's name, or `JOINT/variable` for one of several values. */
+  /** The names of readings in the manifest's order: a joint's name, or `JOINT/variable` for a joint with several
+   *  values. */
   get jointNames(): string[] {
     return [...this.#names];
   }
 
-  /** Takes readings by name, rad or m. Without one, or with one that is no number, a joint keeps its place.
-   *  False when nothing changed. */
+  /** Takes readings by name, rad or m. A joint without a reading, or with one that is not finite, keeps its last.
+   *  Returns false when nothing changed. */
   set(readings: ReadonlyMap<string, number>): boolean {
     let changed = false;
     for (let i = 0; i < this.#names.length; i += 1) {
@@ -131,8 +135,8 @@ export class Kinematics {
     return changed;
   }
 
-  /** rad or m of a joint of one value. A follower's own reading wins over what it would copy; without any reading a
-   *  joint stands at 0. */
+  /** The value (rad or m) of a joint that has one. A mimic joint's own reading wins over the one it copies; without any
+   *  reading a joint is at 0. */
   value(joint: number): number {
     const own = this.#reading[this.#first[joint]!]!;
     if (!Number.isNaN(own)) return own;
@@ -188,7 +192,7 @@ export class Kinematics {
     );
   }
 
-  /** m ← m · T(way · direction), the direction from `at` on in `directions`. */
+  /** m ← m · T(way · direction); the direction is the three numbers from `at` on in `directions`. */
   #slide(m: number, directions: Float64Array, at: number, way: number): void {
     this.#shift(m, way * directions[at]!, way * directions[at + 1]!, way * directions[at + 2]!);
   }
@@ -246,7 +250,7 @@ export function multiply(
   }
 }
 
-/** A 4×4 transform, column after column, of a place (metres), a unit quaternion w, x, y, z and a scale. */
+/** A column-major 4×4 transform from a translation (metres), a unit quaternion w, x, y, z and a uniform scale. */
 export function transform(
   [tx, ty, tz]: readonly [number, number, number],
   [w, x, y, z]: readonly [number, number, number, number],
@@ -261,7 +265,7 @@ export function transform(
   ];
 }
 
-/** The unit quaternion w, x, y, z of roll, pitch and yaw about fixed axes, rad, as URDF has them. */
+/** The unit quaternion w, x, y, z of roll, pitch and yaw (rad) about fixed axes, as in URDF. */
 export function quaternionFromRpy([roll, pitch, yaw]: Triple): readonly [number, number, number, number] {
   const [cr, cp, cy] = [Math.cos(roll / 2), Math.cos(pitch / 2), Math.cos(yaw / 2)];
   const [sr, sp, sy] = [Math.sin(roll / 2), Math.sin(pitch / 2), Math.sin(yaw / 2)];

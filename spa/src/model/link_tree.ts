@@ -3,7 +3,7 @@ import type { PosedBody } from './posed_body.ts';
 
 type Tree = Pick<PosedBody, 'jointNames' | 'linkNames' | 'joint' | 'bones'>;
 
-/** The tree of a body's links, each with the joint that moves it. */
+/** The kinematic tree of a body: its links, each with its parent and the joint that moves it. */
 export function treeOf(body: Tree): KinematicTree {
   const moved = new Map<string, string>();
   for (const name of body.jointNames) {
@@ -19,20 +19,20 @@ export function treeOf(body: Tree): KinematicTree {
   return new KinematicTree(links);
 }
 
-/** For each link the joint that moves it, or what it hangs on rigidly; null for what no joint moves. */
+/** For each link the joint that moves it or the link it is fixed to; null when no joint moves it. */
 export function jointOfLinks(body: Tree): Map<string, string | null> {
   const tree = treeOf(body);
   return new Map(body.linkNames.map((link) => [link, tree.jointOf(link)]));
 }
 
-/** The links that one of these joints moves, and what hangs rigidly on those. */
+/** The child links of these joints and the links fixed to them. */
 export function linksMovedBy(body: Tree, joints: ReadonlySet<string>): Set<string> {
   const moved = new Set<string>();
   for (const [link, joint] of jointOfLinks(body)) if (joint !== null && joints.has(joint)) moved.add(link);
   return moved;
 }
 
-/** The links that these joints move and all links below them, over further joints, too; in the model's order. */
+/** The child links of these joints and all links below them, also beyond further joints; in the model's order. */
 export function linksBeyond(body: Tree, joints: readonly string[]): string[] {
   const moved = new Set(joints.map((name) => body.joint(name)?.link));
   const parents = new Map([...body.bones()].map(([parent, child]) => [child, parent]));

@@ -3,8 +3,8 @@ import { type Accessor, Glb, GlbError, isSize, MAX_UNPACKED_BYTES } from './glb.
 import { transform } from './kinematics.ts';
 
 /**
- * One level of detail, ready for one draw call: all visuals in one set of arrays, each vertex with the number of its
- * bone (its visual) and of its paint (its material). No three.js here.
+ * One level of detail, ready for few draw calls: all visuals in one set of arrays, each vertex with the index of its
+ * "bone" (its visual) and of its "paint" (its material). Independent of three.js.
  */
 export interface Lod {
   /** x, y, z, 0 of each vertex, in the units of its visual's mesh. */
@@ -16,19 +16,21 @@ export interface Lod {
   /** u, v of each vertex; null when nothing is textured. */
   readonly uvs: Float32Array | null;
   readonly index: Uint32Array;
-  /** What is drawn at once: everything untextured first, then one for each picture. */
+  /** The draw calls: everything untextured first, then one for each picture. */
   readonly draws: readonly Draw[];
-  /** link_from_mesh of each visual, 16 numbers, column after column: metres from mesh units. */
+  /** link_from_mesh of each visual: 16 numbers, column-major, from mesh units to metres. */
   readonly linkFromMesh: Float64Array;
   /** Lower and upper corner of each visual in mesh units, 6 numbers; upper < lower where a visual is empty. */
   readonly boxes: Int16Array;
-  /** For each visual, which parts of `index` show it: start, count, start, count, … */
+  /** For each visual, the ranges of `index` that show it: start, count, start, count, … */
   readonly ranges: readonly (readonly number[])[];
-  /** Red, green, blue (linear) and opacity of each paint. An opacity of 2 marks a stand-in for a mesh that is missing. */
+  /** Red, green, blue (linear) and opacity of each paint. Opacity `STAND_IN` marks the placeholder of a missing mesh.
+   *  */
   readonly paints: Float32Array;
   readonly pictures: readonly Blob[];
 }
 
+/** One draw call: a range of `Lod.index`. */
 export interface Draw {
   readonly start: number;
   readonly count: number;
@@ -36,11 +38,13 @@ export interface Draw {
   readonly picture: number | null;
 }
 
+/** Opacity that marks the placeholder of a missing mesh. */
 export const STAND_IN = 2;
 
 type Raw = Readonly<Record<string, unknown>>;
 
-/** Triangles of one paint. Their corners are vertices of the source: `count` of them, from `first` on. */
+/** Triangles of one paint. `index` names vertices of the source, all of them among the `count` vertices from `first`
+ *  on. */
 export interface Primitive {
   readonly first: number;
   readonly count: number;
@@ -48,34 +52,34 @@ export interface Primitive {
   readonly paint: number;
 }
 
-/** The vertices that all primitives of a level share, as `Lod` has them, and what they are painted with. */
+/** The vertex arrays that all primitives of a level share, laid out as in `Lod`, with their paints and pictures. */
 export interface LodSource extends Pick<Lod, 'positions' | 'normals' | 'uvs' | 'paints' | 'pictures'> {
-  /** Index in `pictures` of what lies on a paint; null where that is plain. */
+  /** Index in `pictures` of a paint's texture; null for a plain paint. */
   pictureOf(paint: number): number | null;
 }
 
-/** What a level grows by when one more visual shows a primitive. */
+/** How many bytes a level grows by when one more visual shows a primitive. */
 export function bytesOf({ count, index }: Pick<Primitive, 'count' | 'index'>): number {
   return PRIMITIVE_BYTES + count * VERTEX_BYTES + index.byteLength;
 }
 
-/** Of what is drawn for each vertex: place, normal, bone and paint, u and v. */
+/** Bytes of each vertex: position, normal, bone and paint, u and v. */
 const VERTEX_BYTES = 24;
 const PRIMITIVE_BYTES = 100;
-/** A robot has some dozens; each is drawn apart. */
+/** Most pictures; a robot has some dozens, and each needs a draw call. */
 const MAX_PICTURES = 256;
 const BYTE = 5120;
 const SHORT = 5122;
 const UNSIGNED_INT = 5125;
 const FLOAT = 5126;
 
-/** Reads a level's GLB (docs/MODEL.md); throws GlbError when it is not one, or not of so many visuals. */
+/** Reads a level's GLB (docs/MODEL.md). Rejects with GlbError when it is invalid or has not exactly `visuals` nodes. */
 export async function readLod(bytes: Uint8Array, visuals: number): Promise<Lod> {
   const glb = await Glb.read(bytes);
   const nodes = glb.list('nodes');
   if (nodes.length !== visuals) throw new GlbError(`${nodes.length} nodes for ${visuals} visuals`);
   const source = new GlbLodSource(glb);
-  let room = MAX_UNPACKED_BYTES; // many nodes may show one mesh
+  let room = MAX_UNPACKED_BYTES; // many nodes may show one mesh, so the file's size is no bound
   const shown = nodes.map(({ mesh }) => {
     const parts = mesh === undefined ? [] : source.primitives(mesh);
     for (const part of parts) room -= bytesOf(part);
@@ -85,7 +89,8 @@ export async function readLod(bytes: Uint8Array, visuals: number): Promise<Lod> 
   return assembleLod(source, shown, Float64Array.from(nodes.flatMap(nodeTransform)));
 }
 
-/** One level of what each visual shows: a primitive that several show is copied for each, since each has a bone of its own. */
+/** Builds a level from the primitives that each visual shows. A primitive that several visuals show is copied for each,
+ *  since each has its own bone. Throws GlbError when a triangle reaches outside its primitive. */
 export function assembleLod(
   source: LodSource,
   shown: readonly (readonly Primitive[])[],
@@ -149,7 +154,7 @@ export function assembleLod(
   return level;
 }
 
-/** The arrays that all primitives of a level share, and what they are painted with. */
+/** A `LodSource` that is read from a GLB. */
 class GlbLodSource implements LodSource {
   readonly paints: Float32Array;
   readonly pictures: readonly Blob[];
@@ -225,14 +230,14 @@ class GlbLodSource implements LodSource {
     return { first, count, index, paint };
   }
 
-  /** Read once, however many name it. */
+  /** The indices of an accessor, read once even if several primitives name it. */
   #index(at: number, accessor: Accessor): Uint32Array {
     const index = this.#indices.get(at) ?? numbers(this.#glb, accessor, Uint32Array, 1);
     this.#indices.set(at, index);
     return index;
   }
 
-  /** All primitives of a level name the same arrays; those with a picture also say where it lies. */
+  /** Reads the shared vertex arrays. All primitives must name the same ones; textured primitives also name u and v. */
   #share({ POSITION, NORMAL, TEXCOORD_0 }: Raw): void {
     if (TEXCOORD_0 !== undefined) this.#lay(TEXCOORD_0, this.#glb.accessor(POSITION).count);
     const named = `${POSITION} ${NORMAL}`;
@@ -268,7 +273,7 @@ interface NumberArray<T> {
   readonly BYTES_PER_ELEMENT: number;
 }
 
-/** An accessor's numbers, `size` (padding included) for each of its elements, as an array of their own. */
+/** Copies an accessor's numbers, `size` of them (padding included) for each element. */
 function numbers<T>(glb: Glb, accessor: Accessor, type: NumberArray<T>, size: number): T {
   const view = glb.view(accessor.view);
   const end = accessor.offset + accessor.count * size * type.BYTES_PER_ELEMENT;

@@ -4,7 +4,7 @@ import type { Joint, JointType } from './kinematics.ts';
 
 /**
  * The manifest of a built model (docs/MODEL.md, version 2): all that kinematics and a skeleton need, and the names of
- * the levels that hold the shells. It comes over the network, so nothing in it is believed before it is looked at.
+ * the levels of detail, which hold the meshes. It comes over the network, so every part is checked before use.
  */
 export interface Manifest {
   readonly robot: string;
@@ -14,10 +14,10 @@ export interface Manifest {
   readonly links: readonly string[];
   readonly joints: readonly Joint[];
   readonly visuals: readonly Visual[];
-  /** A picture of it beside the manifest; null where there is none. */
+  /** File name of a picture of the robot beside the manifest; null when there is none. */
   readonly thumbnail: string | null;
   readonly missing: readonly { readonly uri: string; readonly reason: string }[];
-  /** What `posecast-edge doctor` says of the URDF, worst first. */
+  /** What `posecast-edge doctor` found in the URDF, worst first. */
   readonly findings: readonly ModelFinding[];
 }
 
@@ -30,11 +30,11 @@ export interface LodFile {
 
 export interface Visual {
   readonly link: number;
-  /** What the URDF calls it. */
+  /** The mesh's URI or the shape, as in the URDF. */
   readonly source: string;
-  /** In the link's frame, metres. */
+  /** Bounding box in the link's frame, metres. */
   readonly box: LinkBox | null;
-  /** Why a box stands in for the mesh; null for a mesh that is there. */
+  /** Why a box is shown instead of the mesh; null for a mesh that is there. */
   readonly placeholder: string | null;
 }
 
@@ -61,7 +61,7 @@ const IDENTITY = [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1];
 
 type Raw = Readonly<Record<string, unknown>>;
 
-/** Throws a BundleError of one line when the robot can't be built from it. */
+/** Checks and reads a manifest of version 2. Throws a one-line BundleError when the robot can't be built from it. */
 export function readManifest(raw: Raw): Manifest {
   const links = list(raw.links, 'links', MAX_LINKS).map((name, i) => text(name, `links[${i}]`));
   if (links.length === 0) throw wrong('no links');
@@ -97,7 +97,7 @@ export function readManifest(raw: Raw): Manifest {
   };
 }
 
-/** What each link shows, as one box in the link's frame. */
+/** For each link (by index) that shows something, the box around all its visuals, in the link's frame, metres. */
 export function boxesOfLinks({ visuals }: Manifest): Map<number, LinkBox> {
   const boxes = new Map<number, LinkBox>();
   for (const { link, box } of visuals) {
@@ -130,7 +130,7 @@ function readJoint(raw: Raw, i: number): Joint {
   };
 }
 
-/** The name of a model's picture, beside its manifest; null for a model without one. */
+/** The file name of a model's picture beside its manifest; null for a model without one, or with an unsafe name. */
 export function thumbnailOf({ thumbnail }: Raw): string | null {
   return typeof thumbnail === 'string' && FILE.test(thumbnail) ? thumbnail : null;
 }
@@ -204,12 +204,12 @@ function text(value: unknown, where: string): string {
   return value;
 }
 
-/** Who is found by name must be alone with it. */
+/** Throws if a name occurs twice: links and joints are looked up by name. */
 function unique(names: readonly string[], where: string): void {
   if (new Set(names).size < names.length) throw wrong(`${where}: a name stands there twice`);
 }
 
-/** For what is only ever shown. */
+/** Lenient text, for values that are only shown: anything else becomes ''. */
 function loose(value: unknown): string {
   return typeof value === 'string' ? value : '';
 }

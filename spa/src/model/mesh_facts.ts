@@ -1,16 +1,16 @@
 type Triple = readonly [number, number, number];
 
-/** What reading a mesh file has told, for those who look for what is wrong with a robot. */
+/** What was learned from reading a mesh file, for diagnosing a robot's model. */
 export interface MeshFacts {
   /** Why there is no mesh; null when there is one. */
   readonly reason: string | null;
-  /** Of the file. */
+  /** Size of the file. */
   readonly bytes: number;
   readonly triangles: number;
-  /** Its box in the file's axes, metres, before the URDF's scale. */
+  /** Corners of its bounding box in the file's axes, metres, before the URDF's scale. */
   readonly low: Triple;
   readonly high: Triple;
-  /** What its reader had to be lenient about. */
+  /** What the reader had to work around. */
   readonly notes: readonly MeshNote[];
 }
 
@@ -21,7 +21,7 @@ export function missingMesh(reason: string, bytes = 0): MeshFacts {
   return { reason, bytes, triangles: 0, low: [0, 0, 0], high: [0, 0, 0], notes: [] };
 }
 
-/** A mesh as it was read: the corners of its parts, metres, and what its reader had to be lenient about. */
+/** A mesh as it was read: the vertices of its parts, metres, and what the reader had to work around. */
 interface ReadMesh {
   readonly parts: readonly {
     readonly surface: { readonly positions: ArrayLike<number>; readonly index: ArrayLike<number> };
@@ -29,7 +29,7 @@ interface ReadMesh {
   readonly notes: readonly MeshNote[];
 }
 
-/** The facts of a mesh that was read from a file of so many bytes. */
+/** The facts of a mesh that was read from a file of `bytes` bytes. */
 export function factsOf({ parts, notes }: ReadMesh, bytes: number): MeshFacts {
   const low: [number, number, number] = [Infinity, Infinity, Infinity];
   const high: [number, number, number] = [-Infinity, -Infinity, -Infinity];

@@ -4,55 +4,54 @@ import type { Transform } from './vectors.ts';
 
 /** A joint that turns or slides. */
 export interface BodyJoint {
-  /** The link it moves, whose origin is where it sits. */
+  /** Its child link, whose origin is at the joint. */
   readonly link: string;
   /** A unit vector in that link's frame. */
   readonly axis: Vec3;
   readonly slides: boolean;
 }
 
-/** Where a link's colour is to say something else than its own: sRGB 0xrrggbb. */
+/** A colour (sRGB 0xrrggbb) that a link is painted with instead of its own, to show a value. */
 export interface LinkTint {
   readonly color: number;
-  /** Striped, too: a second sign beside the colour. */
+  /** Also striped, as a second sign for people who can't tell the colours. */
   readonly hatched: boolean;
 }
 
-/** world_from_link, 16 numbers, column after column; three's Matrix4 is one. */
+/** world_from_link: 16 numbers, column-major. A Matrix4 of three.js fits. */
 interface Placement {
   readonly elements: Transform;
 }
 
-/** A robot in a pose, as whoever draws about it needs it, whatever it is drawn with. Links and joints go by the URDF's
- *  names. */
+/** A robot in a pose, as the overlays see it, whichever renderer draws it. Links and joints go by their URDF names. */
 export interface PosedBody {
-  /** world_from_root; everything drawn hangs below it. */
+  /** world_from_root, the parent of all that is drawn. */
   readonly root: { readonly matrixWorld: Placement };
   readonly linkNames: readonly string[];
   /** Joints that can move. */
   readonly jointNames: readonly string[];
-  /** For each link that shows something, where it is and its bounding box. */
+  /** For each link that shows something: its world transform, and its bounding box in its own frame. */
   readonly boxes: Iterable<readonly [link: { readonly matrixWorld: Placement }, box: LinkBox]>;
   linkMatrix(name: string): Placement | undefined;
-  /** root_from_link as the joints have it, a unit quaternion; null for a link that the model does not have. */
+  /** The rotation of root_from_link by the joint angles, a unit quaternion; null for a link that the model lacks. */
   rootTurn(name: string): Quat | null;
-  /** undefined for one that cannot move or that the model does not have. */
+  /** A joint by name; undefined for one that cannot move or that the model lacks. */
   joint(name: string): BodyJoint | undefined;
-  /** Around what the link shows, in its own frame, metres. */
+  /** Bounding box of what the link shows, in its own frame, metres. */
   linkBox(name: string): LinkBox | undefined;
   /** For each link but the root: its parent link's name and its own. */
   bones(): Iterable<readonly [parent: string, child: string]>;
-  /** Paints a link over; null gives it its own colours back. */
+  /** Paints a link with a tint; null gives it its own colours back. */
   setTint(link: string, tint: LinkTint | null): void;
-  /** Marks these links, and no others, as ones that nobody knows the place of now; that goes before any tint. */
+  /** Marks exactly these links as having no known place now. The mark takes precedence over any tint. */
   markUnread(links: ReadonlySet<string>): void;
 }
 
-/** How one link is shown. Each is 0…1; a link at rest has none of them. */
+/** How one link is shown; an ordinary link has none of these. */
 export interface LinkLook {
-  /** How much of the accent it takes. */
+  /** How much of the accent colour is mixed in, 0…1. */
   highlight?: number;
-  /** How far it lets one see through; 1 is gone, but still there for picking. */
+  /** Transparency, 0…1; at 1 it is invisible but can still be picked. */
   fade?: number;
   /** Not drawn and not picked. */
   hide?: boolean;

@@ -1,9 +1,9 @@
 import type { ModelFinding } from './manifest.ts';
 import type { MeshFacts } from './mesh_facts.ts';
 
-/** What came of loading a robot's model: shown to people, and read by tests. */
+/** The result of loading a robot's model, shown to people and read by tests. */
 export interface ModelReport {
-  /** Mesh URIs (as the URDF writes them) that could not be had; each is drawn as a marked placeholder. */
+  /** Mesh URIs (as written in the URDF) that could not be loaded; each is drawn as a marked placeholder. */
   missing: string[];
   /** Names of the URDF's joints that can move. */
   joints: string[];
@@ -11,9 +11,9 @@ export interface ModelReport {
   ignored: string[];
   /** One line for each thing that is odd in the URDF or in a mesh and was worked around. */
   problems: string[];
-  /** What the edge's doctor says of the model, worst first; nothing for raw files. */
+  /** What the edge's doctor found in the model, worst first; absent for raw files. */
   findings?: readonly ModelFinding[];
-  /** What reading the meshes of raw files has told, by the URDF's URI. */
+  /** What was learned from reading the meshes of raw files, by the URDF's URI. */
   meshes?: ReadonlyMap<string, MeshFacts>;
   /** Set when only the skeleton can be shown: one line, why. */
   bare?: string;

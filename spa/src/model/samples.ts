@@ -37,7 +37,7 @@ export interface SampleModel {
 
 const UNITS = 1000; // mesh units a metre
 
-/** `level` is only written down: it makes the bytes of one level differ from another's. */
+/** The GLB of a sample model. `level` is only written into it, so that the bytes of two levels differ. */
 export async function sampleGlb(model: SampleModel, level = ''): Promise<Uint8Array> {
   await MeshoptEncoder.ready;
   const meshes = new Map<number, { first: number; start: number; material: number }>();
@@ -134,7 +134,7 @@ export async function sampleGlb(model: SampleModel, level = ''): Promise<Uint8Ar
   return container(new TextEncoder().encode(JSON.stringify(json)), pieces);
 }
 
-/** The manifest that goes with it; `levels` as the files are really called. */
+/** The manifest of a sample model; `levels` lists the real files. */
 export function sampleManifest(
   model: SampleModel,
   levels: readonly { name: string; path: string; bytes: number; sha256: string }[],
