@@ -2,20 +2,20 @@ import { Debounce } from '../browser/debounce.ts';
 import { ContextLossPolicy, PATIENCE_MS } from './context_loss.ts';
 import { type QualityStep, QualitySteps } from './quality_steps.ts';
 
-/** What the page should say of the drawing itself. `lost`: the browser took the context away and should give it back;
- *  `failed`: it won't; `pixels`, `detail`: less of them, because this device is slow; `hopeless`: it is still too slow, and
- *  the light view could show the robot. */
+/** What is wrong with the drawing itself. `lost`: the browser took the WebGL context away and should give it back;
+ *  `failed`: it did not; `pixels`, `detail`: fewer pixels or less detail, because this device is slow; `hopeless`: it
+ *  is still too slow, and the light view could show the robot instead. */
 export type DrawingTrouble = 'lost' | 'failed' | 'pixels' | 'detail' | 'hopeless';
 
 /** The drawing whose quality is adapted. */
 export interface Drawing {
-  /** Draws with this step's pixels, shadows and level of detail from now on. */
+  /** Uses this step's pixels, shadows and level of detail from now on. */
   applyStep(step: QualityStep): void;
-  /** Whether a robot is drawn with a coarser level of detail than it has. */
+  /** Whether a robot is drawn with a coarser level of detail than it could be. */
   isCoarse(): boolean;
   /** Whether the light view could draw what this one draws. */
   isReplaceable(): boolean;
-  /** Tells the page what is wrong with the drawing; null: nothing. */
+  /** Tells the page what is wrong with the drawing; null when nothing is. */
   report(trouble: DrawingTrouble | null): void;
 }
 
@@ -32,7 +32,7 @@ export class AdaptiveQuality {
     this.#drawing = drawing;
   }
 
-  /** How many of the screen's pixels are drawn along each side while something moves: 1 is all, 0.5 every second. */
+  /** The part (0…1) of the screen's pixels to draw along each side while something moves. */
   get pixels(): number {
     return this.#steps.step.pixels;
   }
@@ -69,7 +69,7 @@ export class AdaptiveQuality {
 
   #applyStep(): void {
     this.#drawing.applyStep(this.#steps.step);
-    if (!this.#contextIsLost) this.#drawing.report(this.#trouble()); // what was slow before says nothing of a context that is gone
+    if (!this.#contextIsLost) this.#drawing.report(this.#trouble()); // a lost context is reported first
   }
 
   #trouble(): DrawingTrouble | null {

@@ -10,96 +10,97 @@ import type { Insets } from './insets.ts';
 
 export type { EyePlace, FollowMode } from './camera_rig.ts';
 
-/** Where a robot's poses come from; asked in every tick while it says that there is more to come. */
+/** Where a robot's poses come from. It is asked at every tick as long as it says that more is to come. */
 export interface PoseSource {
-  /** Moves on to this moment of the viewer's clock (ms since 1970). True while there is more to come. */
+  /** Advances to `nowMs` of the viewer's clock (ms since 1970). True while more motion is to come. */
   sample(nowMs: number): boolean;
-  /** As of the newest `sample`; null before the first one. */
+  /** The pose as of the newest `sample`; null before the first. */
   pose(): Pose | null;
-  /** Which joints turn on and on, so that 3 and -3 rad are near each other. */
+  /** Names the continuous joints, whose angles wrap: 3 and -3 rad are near each other. */
   setContinuous(joints: readonly string[]): void;
 }
 
-/** `orbit`: the left button turns and the right one pans; `foxglove`: the left one moves over the floor, the right one
- *  turns. */
+/** What the mouse buttons do. `orbit`: the left one turns, the right one pans; `foxglove`: the left one moves over the
+ *  floor, the right one turns. */
 export type MouseStyle = 'orbit' | 'foxglove';
 
-/** What of a robot's signs is to be seen, for tests and curious people. */
+/** Which of a robot's signs are visible now, for tests and the debug interface. */
 export type SeenOverlay = ShownOverlay & {
   /** Links of the ghost that are shown. */
   readonly ghostLinks: readonly string[];
 };
 
-/** A body that shows more than its pose. */
+/** A body with overlay and ghost. */
 export interface OverlaidBody {
-  /** Forces, deviations, level and load of the newest frame; null while there is none. */
+  /** Shows forces, deviations, level and load of the newest frame; null removes them. */
   showSigns(readings: OverlayReadings | null, manner?: OverlayStyle): void;
-  /** Shows the robot a second time, see-through, in another pose (rad or m by URDF name); null takes it away. With
-   *  `limbs`, only what lies beyond those joints, the others as the body has them. */
+  /** Shows the robot a second time, see-through, in another pose (rad or m by URDF name); null removes it. With
+   *  `limbs`, shows only the links beyond those joints; all other joints are as in the body. */
   showGhost(joints: ReadonlyMap<string, number> | null, limbs?: readonly string[] | null): void;
-  /** Whether the robot faces along the world's x whatever its sensors say. */
+  /** Sets whether the robot always faces along the world's x, whatever its sensors report. */
   lockHeading(locked: boolean): void;
 }
 
-/** What the page asks of a body, whether it is drawn with WebGL (`RobotScene`) or by hand (`LightView`). Links and joints go
- *  by the URDF's names. */
+/** The view of a robot's body that the page uses, drawn with WebGL (`RobotScene`) or on a 2D canvas (`LightView`).
+ *  Links and joints go by their URDF names. */
 export interface BodyView extends OverlaidBody {
   /** Pictures drawn so far. */
   readonly renderedFrames: number;
-  /** Whether the newest picture stays as it is until something happens. */
+  /** Whether nothing is being drawn: the newest picture stays until something happens. */
   readonly resting: boolean;
   /** Draw calls of the newest picture. */
   readonly drawCalls: number;
   /** Triangles of the newest picture. */
   readonly triangles: number;
   readonly signs: SeenOverlay;
-  /** Bytes that `refine` would fetch; null when there is nothing finer, or nothing that this device should carry. */
+  /** Bytes that `refine` would fetch; null when there is nothing finer, or only what is too much for this device. */
   readonly finerBytes: number | null;
-  /** Never rejects: what is wrong stands in the report. A later call supersedes an earlier one. */
+  /** Loads the model of a manifest. Never rejects: errors are in the report. A later call supersedes an earlier one. */
   load(
     manifestUrl: string,
     onProgress: (receivedBytes: number, totalBytes: number) => void,
   ): Promise<ModelReport>;
+  /** Shows the finest level of detail. Rejects with one line when it can't be loaded. */
   refine(onProgress: (receivedBytes: number, totalBytes: number) => void): Promise<void>;
-  /** Lets the robot follow a source of poses; `wake` when it has something new. */
+  /** Lets the robot follow a source of poses. Call `wake` when the source has something new. */
   play(source: PoseSource | null): void;
   wake(): void;
-  /** Shows a pose at once; `live` false marks it as one that is not the robot's present. */
+  /** Shows a pose at once; `live` false shows it in grey as not the present one. */
   setPose(pose: Pose, live: boolean): void;
-  /** Lets the colour drain to grey: stale or offline. */
+  /** Fades the colours to grey for a robot that is stale or offline, or back. */
   setGrey(grey: boolean): void;
   setTheme(name: 'dark' | 'light'): void;
-  /** So much of the picture stands under notes and buttons: the robot stands between them. */
+  /** Tells how much of the picture is covered by notes and buttons; the robot is centred in the rest. */
   setCover(cover: Insets): void;
-  /** Where the eye is and what it looks at, metres, world. */
+  /** Position and target of the camera in the world, metres. */
   readonly eye: EyePlace;
-  /** The same from the floor under the middle of the robot, for another page to take; null while it is the first view. */
+  /** The same relative to the floor under the robot's middle, for sharing; null while nobody has moved the camera. */
   readonly stand: EyePlace | null;
-  /** Stands there at once, wherever the robot is. */
+  /** Puts the camera at a place as in `stand`, relative to wherever this robot is. */
   standAt(place: EyePlace): void;
   look(view: ViewName): void;
-  /** Comes close to a link; to one that is unknown it does not. */
+  /** Moves the camera close to a link; an unknown link is ignored. */
   focus(link: string): void;
-  /** Turns the eye around what it looks at, rad: to the left, and up. */
+  /** Turns the camera around its target, rad: to the left, and up. */
   orbit(left: number, up: number): void;
-  /** The world goes along by so many CSS pixels. */
+  /** Moves the camera so that the world shifts by so many CSS pixels. */
   pan(dx: number, dy: number): void;
-  /** A factor below 1 comes nearer. */
+  /** Scales the distance to the target; a factor below 1 comes nearer. */
   zoom(factor: number): void;
   setMouse(style: MouseStyle): void;
   setFollow(mode: FollowMode): void;
   /** The link under a point of the window (CSS pixels), or null. */
   pick(clientX: number, clientY: number): string | null;
-  /** How the links hang together; null until a model has come. */
+  /** The kinematic tree of the model; null until it is loaded. */
   tree(): KinematicTree | null;
-  /** How a link is shown from now on; `{}` as at first. */
+  /** Sets how a link is shown; `{}` resets it. */
   setLinkLook(link: string, look: LinkLook): void;
-  /** world_from_link of the pose that is shown, for every link: 4×4, row after row, metres, world Z up. */
+  /** world_from_link of the shown pose for every link: 4×4, row-major, metres, world Z up. */
   linkPoses(): Record<string, number[]>;
   dispose(): void;
 }
 
-/** One of several robots in a picture. */
+/** One of several robots in a view. */
 export interface RowMember {
   load: BodyView['load'];
   play: BodyView['play'];
@@ -108,15 +109,15 @@ export interface RowMember {
   lockHeading: OverlaidBody['lockHeading'];
 }
 
-/** A body beside which others can stand; what `BodyView` says of the robot it says of the first. */
+/** A view with several robots side by side. The members of `BodyView` are about the first of them. */
 export interface RowView extends BodyView {
-  /** All of them, the first at the right of the picture from the front. */
+  /** All robots; seen from the front, the first is at the right of the picture. */
   readonly robots: readonly RowMember[];
-  /** One more; it goes with the view. */
+  /** Adds a robot, which is disposed of with the view. */
   addRobot(): RowMember;
-  /** Where the top of one of them is in the picture, CSS px; null while it has no body or is behind the eye. */
+  /** Where a robot's top is in the picture, CSS px; null while it has no body or is behind the camera. */
   topOf(robot: RowMember): { x: number; y: number } | null;
-  /** The same of one of them. */
+  /** `showSigns` for any of the robots. */
   showSigns(readings: OverlayReadings | null, manner?: OverlayStyle, of?: RowMember): void;
   signsOf(robot: RowMember): SeenOverlay;
 }

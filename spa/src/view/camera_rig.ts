@@ -4,32 +4,32 @@ import type { Vec3 } from '../twin/rotation.ts';
 import { FIELD_OF_VIEW, fittingDistance, VIEWS, type ViewName } from './framing.ts';
 import { type Insets, ViewInsets } from './insets.ts';
 
-/** What the eye does when the robot walks: it stays, goes along, or goes along and turns with it. */
+/** What the camera does when the robot walks: it stays, moves along, or moves along and turns with it. */
 export type FollowMode = 'stay' | 'along' | 'turn';
 
-/** Where the eye is and what it looks at, metres. */
+/** Position and target of the camera, metres. */
 export interface EyePlace {
   readonly position: Vec3;
   readonly target: Vec3;
 }
 
-/** What renderers have each in their own way. */
+/** Options that differ between renderers. */
 export interface RigOptions {
-  /** How near a zoom may come to what is looked at, in radii of the robot; `NEAREST` without. */
+  /** Least distance to the target, in radii of the robot; default `NEAREST`. */
   readonly nearest?: number;
-  /** The most that one looks down, rad; `HIGHEST` without. */
+  /** Greatest elevation of the camera, rad; default `HIGHEST`. */
   readonly highest?: number;
-  /** Whether the person wants no motion: views are there at once. */
+  /** Whether the person wants no motion, so that the camera jumps instead of easing. */
   readonly still?: () => boolean;
-  /** The eye is elsewhere now, or on its way: a new picture is wanted. */
+  /** Called when the camera has moved and a new picture is needed. */
   readonly changed?: () => void;
 }
 
-/** An eye on a sphere around what it looks at. */
+/** A camera on a sphere around its target. */
 interface Orbit {
-  /** From the world's x towards its y, rad. */
+  /** Angle from the world's x towards its y, rad. */
   readonly azimuth: number;
-  /** Above the horizon, rad. */
+  /** Angle above the horizon, rad. */
   readonly elevation: number;
   /** Metres. */
   readonly distance: number;
@@ -37,38 +37,38 @@ interface Orbit {
 }
 
 const RADIANS = Math.PI / 180;
-/** The least that one looks down, rad: the floor has no underside. */
+/** Least elevation of the camera, rad: it stays above the floor, which has no underside. */
 export const LOWEST = 0.5 * RADIANS;
-/** Quite from above the picture's up would be undefined. */
+/** Greatest elevation by default: straight from above, the picture's up would be undefined. */
 const HIGHEST = 89.9 * RADIANS;
 const EASE_SECONDS = 0.25;
-/** The eye goes along once the robot is this part of its own size off the middle. */
+/** The camera follows once the robot is off the middle by more than this part of its radius. */
 const LEASH = 0.3;
-/** A link that is looked at closely fills the picture as if it were this part of the robot. */
+/** Distance of a close look at a link, as a part of the distance that fits the whole robot. */
 const CLOSE_PART = 0.35;
-/** How near and how far an eye may stand, in radii of the robot. */
+/** Least and greatest distance of the camera from its target, in radii of the robot. */
 const NEAREST = 1 / 8;
 const FARTHEST = 25;
 
 /**
- * The camera of every view, without a renderer: orbits, frames, eases between named views, and goes along with a walking
- * robot. World: Z up, metres; angles: rad; picture: CSS px from its upper left corner.
+ * The camera of all views, independent of the renderer: it orbits, frames the robot, eases between named views, and
+ * follows a walking robot. World: Z up, metres; angles: rad; picture: CSS px from its upper left corner.
  */
 export class CameraRig {
-  /** The view that `home` means. */
+  /** The view that `home` stands for. */
   home: ViewName = 'home';
   followMode: FollowMode = 'along';
   readonly #options: Required<RigOptions>;
   readonly #insets = new ViewInsets();
   #extent: Extent = { tall: 0.6, wide: 0.4, radius: 0.75 };
-  /** The middle of the robot that was framed, gone along with it since. */
+  /** The middle of the framed robot, moved along with it since. */
   #middle: Vec3 = [0, 0, 0.6];
   #now: Orbit;
   #goal: Orbit | null = null;
   #secondsLeft = 0;
-  /** Whether somebody has chosen the view: then the robot's size and the picture's leave it alone. */
+  /** Whether somebody has chosen the view: then changes of the robot's or the picture's size don't alter it. */
   #touched = false;
-  /** Taken from elsewhere, and kept until somebody moves the eye: the robot may turn out to stand otherwise. */
+  /** A place set by `standAt`, applied again when the robot is framed anew, until somebody moves the camera. */
   #placed: EyePlace | null = null;
   #yaw: number | null = null;
 
@@ -78,7 +78,7 @@ export class CameraRig {
     this.#now = this.#orbitOf('home');
   }
 
-  /** Where the eye is. */
+  /** Where the camera is. */
   get position(): Vec3 {
     const { azimuth, elevation, distance, target } = this.#now;
     const flat = Math.cos(elevation) * distance;
@@ -98,43 +98,45 @@ export class CameraRig {
     return { position: this.position, target: this.target };
   }
 
-  /** The same from the floor under the middle of the robot; null: the first view. */
+  /** The place relative to the floor under the robot's middle; null while nobody has chosen a view. */
   get stand(): EyePlace | null {
     if (!this.#touched) return null;
     const floor: Vec3 = [this.#middle[0], this.#middle[1], 0];
     return { position: addScaled(this.position, floor, -1), target: addScaled(this.target, floor, -1) };
   }
 
-  /** The middle of the robot over the floor. */
+  /** The robot's middle, projected to the floor. */
   get middle(): { readonly x: number; readonly y: number } {
     return { x: this.#middle[0], y: this.#middle[1] };
   }
 
-  /** The radius of the robot that was framed. */
+  /** The radius of the framed robot. */
   get reach(): number {
     return this.#extent.radius;
   }
 
-  /** The least and the greatest distance from what is looked at. */
+  /** The least and the greatest distance from the target. */
   get distances(): { readonly least: number; readonly greatest: number } {
     const { radius } = this.#extent;
     return { least: radius * this.#options.nearest, greatest: radius * FARTHEST };
   }
 
-  /** What a perspective camera is made of: the picture, in it the free part (`top`, `free` high), which `FIELD_OF_VIEW` is of,
-   *  and from where to where (`near`, `far`, metres) there is something to see. */
+  /** The parameters of a perspective camera: the picture's size; its uncovered part, which begins at `top` and is
+   *  `free` high (CSS px), and to which `FIELD_OF_VIEW` applies; and the clipping distances `near` and `far` (metres).
+   *  */
   get projection(): Readonly<Record<'width' | 'height' | 'top' | 'free' | 'near' | 'far', number>> {
     const { width, height, top, free } = this.#insets;
     const { radius } = this.#extent;
     return { width, height, top, free, near: radius / 100, far: radius * 120 };
   }
 
-  /** On its way to another view. */
+  /** Whether it is easing to another view. */
   get moving(): boolean {
     return this.#goal !== null || this.#insets.moving;
   }
 
-  /** What of the world comes to which pixel: rows X, Y, W of 4 numbers; a point is seen at (X/W, Y/W), W metres away. */
+  /** The projection from world to picture as three rows X, Y, W of 4 numbers: a point appears at (X/W, Y/W) CSS px, at
+   *  a depth of W metres. */
   screenFromWorld(into = new Float64Array(12)): Float64Array {
     const { azimuth, elevation, distance, target } = this.#now;
     const [ca, sa] = [Math.cos(azimuth), Math.sin(azimuth)];
@@ -156,22 +158,22 @@ export class CameraRig {
     return into;
   }
 
-  /** The picture is so large. */
+  /** Sets the picture's size, CSS px. */
   resize(width: number, height: number): void {
     this.#insets.resize(width, height);
     if (this.#touched) this.#options.changed();
     else this.look('home', false);
   }
 
-  /** So much of the picture stands under notes and buttons: what is looked at comes to the middle of the rest. */
+  /** Sets how much of the picture is covered by notes and buttons; the target moves to the middle of the rest. */
   cover(cover: Insets): void {
     if (!this.#insets.setInsets(cover, !this.#options.still())) return;
     if (this.#touched) this.#options.changed();
     else this.look('home');
   }
 
-  /** Robots that fill this box: looked at in its middle, which is about where a standing robot's pelvis is. A view that
-   *  somebody has chosen stays. */
+  /** Frames robots that fill this box. The target is its middle, which is about at a standing robot's pelvis. A view
+   *  that somebody has chosen stays. */
   frame(min: Vec3, max: Vec3, eased = false): void {
     this.#extent = extentOf(min, max);
     this.#middle = [(min[0] + max[0]) / 2, (min[1] + max[1]) / 2, (min[2] + max[2]) / 2];
@@ -180,7 +182,7 @@ export class CameraRig {
     else this.look('home', eased);
   }
 
-  /** Stands at once at a place that is told from the floor under the middle of the robot. */
+  /** Moves at once to a place that is relative to the floor under the robot's middle. */
   standAt(place: EyePlace): void {
     this.grasp();
     this.#placed = place;
@@ -207,28 +209,28 @@ export class CameraRig {
     this.#go({ ...goal, azimuth }, eased);
   }
 
-  /** Comes close to a point. */
+  /** Moves close to a point of the world. */
   focus(target: Vec3, eased = true): void {
     this.grasp();
     const distance = fittingDistance(this.#extent, this.#insets.aspect) * CLOSE_PART;
     this.#go({ ...this.#now, distance, target }, eased);
   }
 
-  /** A hand takes the eye: what it was on its way to is given up. */
+  /** The user takes over the camera: any easing ends. */
   grasp(): void {
     this.#touched = true;
     this.#placed = null;
     this.#goal = null;
   }
 
-  /** A hand has put the eye there, within its limits. */
+  /** Takes a place that the user chose by other controls, which have applied the limits. */
   hold(place: EyePlace): void {
     this.grasp();
     this.#now = orbitAt(place);
     this.#options.changed();
   }
 
-  /** Turns around what is looked at: to the left, and up. */
+  /** Turns the camera around its target, rad: to the left, and up. */
   orbit(left: number, up: number): void {
     this.grasp();
     const { azimuth, elevation } = this.#now;
@@ -236,20 +238,20 @@ export class CameraRig {
     this.#options.changed();
   }
 
-  /** Turns with a pointer that moved so many pixels: a whole turn over the picture's height. */
+  /** Turns by a pointer's motion: one picture height is a whole turn. */
   drag(dx: number, dy: number): void {
     const turn = (2 * Math.PI) / this.#insets.height;
     this.orbit(dx * turn, dy * turn);
   }
 
-  /** The world goes along with a pointer that moved so many pixels. */
+  /** Shifts the world along with a pointer that moved so many pixels. */
   pan(dx: number, dy: number): void {
     this.grasp();
     this.#shift(-dx, -dy, 1);
     this.#options.changed();
   }
 
-  /** Comes nearer (factor below 1) to what is under the point, which is the middle if none is named. */
+  /** Scales the distance (factor below 1: nearer) towards a point of the picture, by default its middle. */
   zoom(factor: number, x = this.#centre.x, y = this.#centre.y): void {
     this.grasp();
     const { least, greatest } = this.distances;
@@ -260,8 +262,8 @@ export class CameraRig {
     this.#options.changed();
   }
 
-  /** Goes along with a robot at (x, y) when it leaves the middle; the standing sway of a walk moves nothing. `yaw` is its
-   *  heading: with `turn` the eye keeps its side of the robot. */
+  /** Follows a robot at (x, y) when it leaves the middle; the slight sway of a walk does not move the camera. `yaw` is
+   *  the robot's heading: in mode `turn` the camera keeps to the same side of the robot. */
   follow(x: number, y: number, yaw = 0): void {
     const turned = this.#yaw === null ? 0 : shorterTurn(yaw - this.#yaw);
     this.#yaw = yaw;
@@ -284,7 +286,7 @@ export class CameraRig {
     this.#options.changed();
   }
 
-  /** Moves on by so many seconds. True while more are needed. */
+  /** Advances the easing. True while it needs more time. */
   advance(seconds: number): boolean {
     if (!this.moving) return false;
     if (this.#insets.moving) this.#insets.advance(seconds);
@@ -293,13 +295,13 @@ export class CameraRig {
     return this.moving;
   }
 
-  /** Where what is looked at is seen. */
+  /** Where the target appears in the picture. */
   get #centre(): { readonly x: number; readonly y: number } {
     const { width, top, free } = this.#insets;
     return { x: width / 2, y: top + free / 2 };
   }
 
-  /** Pixels for each metre, a metre away. */
+  /** Pixels per metre at a distance of one metre. */
   get #scale(): number {
     return this.#insets.free / 2 / Math.tan((FIELD_OF_VIEW * RADIANS) / 2);
   }
@@ -311,7 +313,7 @@ export class CameraRig {
     this.#options.changed();
   }
 
-  /** Each step goes the part of the way that is left, weighted so that it slows down towards the end. */
+  /** Moves part of the remaining way, so that the motion is an ease-out whatever the frame rate. */
   #approach(goal: Orbit, seconds: number): void {
     const part = seconds >= this.#secondsLeft ? 1 : 1 - (1 - seconds / this.#secondsLeft) ** 2;
     this.#secondsLeft -= seconds;
@@ -330,7 +332,7 @@ export class CameraRig {
     if (part === 1) this.#goal = null;
   }
 
-  /** Moves what is looked at by this part of so many pixels, at its own distance. */
+  /** Moves the target in the picture's plane by `part` of (dx, dy) pixels, measured at its distance. */
   #shift(dx: number, dy: number, part: number): void {
     const { azimuth, elevation, distance, target } = this.#now;
     const metres = (distance / this.#scale) * part;

@@ -1,10 +1,10 @@
-/** So many losses within `WITHIN_MS` are taken as bad luck; one more, and this browser can't hold a context. */
+/** This many losses within `WITHIN_MS` are tolerated; with one more, this browser can't hold a context. */
 export const MOST_LOSSES = 3;
 export const WITHIN_MS = 120_000;
-/** A browser that means to give a context back does so sooner. */
+/** How long to wait for the context: a browser that gives it back at all does so sooner. */
 export const PATIENCE_MS = 8000;
 
-/** Counts how often the browser has taken the WebGL context away, and says when waiting for it makes no more sense. */
+/** Counts how often the browser took the WebGL context away, and decides when to stop waiting for it. */
 export class ContextLossPolicy {
   #times: number[] = []; // at most MOST_LOSSES + 1
 

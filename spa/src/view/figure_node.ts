@@ -13,42 +13,42 @@ import type { Box, RowNode } from './robot_row.ts';
 
 export type OnProgress = (receivedBytes: number, totalBytes: number) => void;
 
-/** The same robot once more, see-through, in another pose. It goes with its robot. */
+/** A see-through copy of a robot in another pose. It lives no longer than its robot. */
 export interface FigureGhost {
-  /** Turns its joints; rad or m by URDF name. False when nothing changed: then there is nothing to draw. */
+  /** Sets its joints, rad or m by URDF name. False when nothing changed. */
   setJoints(joints: ReadonlyMap<string, number>): boolean;
-  /** How a link is shown; a ghost can only fade and hide. */
+  /** Sets how a link is shown; a ghost can only fade and hide. */
   setLook(link: string, look: LinkLook): void;
   dispose(): void;
 }
 
-/** A robot's body as a node stages it, whatever it is drawn with. */
+/** A robot's body as a `FigureNode` poses and places it, whichever renderer draws it. */
 export interface StagedFigure extends PosedBody {
-  /** Those of its joints that turn without end. */
+  /** The names of its continuous joints, whose angles wrap. */
   readonly continuousNames: readonly string[];
-  /** Turns the joints; rad or m. False when nothing changed: then there is nothing to draw. */
+  /** Sets the joints, rad or m by URDF name. False when nothing changed. */
   setJoints(joints: ReadonlyMap<string, number>): boolean;
-  /** Puts the root link at a place in the world and computes where every link is. */
+  /** Puts the root link at a place in the world (metres, unit quaternion) and computes where every link is. */
   place(xyz: Vec3, quat_wxyz: Quat): void;
-  /** Stands the robot at the world's origin, its lowest point on the floor, turned as told: upright without. */
+  /** Puts the root over the world's origin with this rotation (default upright), the lowest point on the floor. */
   ground(quat_wxyz?: Quat): void;
-  /** How a link is shown from now on. */
+  /** Sets how a link is shown. */
   setLook(link: string, look: LinkLook): void;
   ghost(): FigureGhost;
   dispose(): void;
 }
 
-/** What a robot asks of the picture that it stands in. */
+/** How a robot notifies the view that it stands in. */
 export interface NodeHost {
-  /** It is somewhere else now, or looks different: shadows and a picture, please. */
+  /** It has moved or has another shape: shadows and picture must be drawn anew. */
   placed(): void;
-  /** It has another size now: the camera should look again. */
+  /** It has another size: the camera should frame it anew. */
   framed(eased: boolean): void;
-  /** A picture, please; nothing has moved. */
+  /** It looks different but has not moved: the picture must be drawn anew. */
   changed(): void;
 }
 
-/** One robot in a picture: its model on the way in, its pose, its ghost, and how old that is. */
+/** One robot in a view: loads its model, and keeps its pose, its ghost and whether its pose is old. */
 export abstract class FigureNode<F extends StagedFigure> implements RowMember, Moving, RowNode {
   readonly #host: NodeHost;
   readonly #rootPose = new RootPose();
@@ -67,7 +67,7 @@ export abstract class FigureNode<F extends StagedFigure> implements RowMember, M
     this.#host = host;
   }
 
-  /** null until a model has come. */
+  /** The body; null until a model is loaded. */
   get figure(): F | null {
     return this.#figure;
   }
@@ -77,12 +77,12 @@ export abstract class FigureNode<F extends StagedFigure> implements RowMember, M
     return this.#pose;
   }
 
-  /** Whether its colours are to drain: what it shows is not the robot's present, or there is no pose at all. */
+  /** Whether it is shown in grey: its pose is not the present one, or there is none. */
   get isOld(): boolean {
     return this.#isOld;
   }
 
-  /** Where it looks, rad from the world's x; 0 while there is no model. */
+  /** Its heading, rad from the world's x; 0 while there is no model. */
   get heading(): number {
     const elements = this.#figure?.root.matrixWorld.elements;
     return elements === undefined ? 0 : Math.atan2(elements[1]!, elements[0]!);
@@ -99,8 +99,8 @@ export abstract class FigureNode<F extends StagedFigure> implements RowMember, M
 
   abstract standAside(y: number): void;
 
-  /** Loads the robot that a bundle's manifest describes. Never rejects: what is wrong stands in the report. A later
-   *  call supersedes an earlier one. */
+  /** Loads the robot of a bundle's manifest. Never rejects: errors are in the report. A later call supersedes an
+   *  earlier one. */
   load(manifestUrl: string, onProgress: OnProgress): Promise<ModelReport> {
     return this.supersede(async (signal, report) => {
       await this.read(manifestUrl, onProgress, signal, report);
@@ -110,19 +110,20 @@ export abstract class FigureNode<F extends StagedFigure> implements RowMember, M
     });
   }
 
-  /** Lets it follow a source from the next tick on; the loop is woken when the source has something new. */
+  /** Lets it follow a source from the next tick on. The caller wakes the loop when the source has something new. */
   play(source: PoseSource | null): void {
     this.#source = source;
     if (this.#figure !== null) source?.setContinuous(this.#figure.continuousNames);
   }
 
-  /** Shows a pose at once; `live` false marks it as one that is not the robot's present. */
+  /** Shows a pose at once; `live` false shows it in grey as not the present one. */
   setPose(pose: Pose, live: boolean): void {
     this.#show(pose);
     this.setGrey(!live);
   }
 
-  /** Lets the colour drain to grey: stale or offline. A robot without any pose is grey. */
+  /** Fades the colours to grey for a robot that is stale or offline, or back. A robot without any pose is always grey.
+   *  */
   setGrey(grey: boolean): void {
     this.#grey = grey;
     this.#updateGrey();
@@ -135,7 +136,7 @@ export abstract class FigureNode<F extends StagedFigure> implements RowMember, M
     return this.drain(prefersReducedMotion() ? Number.POSITIVE_INFINITY : seconds) || moving;
   }
 
-  /** How its links hang together; null until a model has come. */
+  /** The kinematic tree of its model; null until it is loaded. */
   tree(): KinematicTree | null {
     return this.#figure === null ? null : treeOf(this.#figure);
   }
@@ -150,8 +151,8 @@ export abstract class FigureNode<F extends StagedFigure> implements RowMember, M
   }
 
   /**
-   * Shows the robot a second time, see-through, in another pose (rad or m by URDF name); null takes it away. With
-   * `limbs`, only what lies beyond those joints is shown, and all other joints stand as the body's do.
+   * Shows the robot a second time, see-through, in another pose (rad or m by URDF name); null removes it. With
+   * `limbs`, only the links beyond those joints are shown, and all other joints are as in the body.
    */
   showGhost(joints: ReadonlyMap<string, number> | null, limbs: readonly string[] | null = null): void {
     if (joints === null && this.#ghostWish === null) return;
@@ -164,12 +165,12 @@ export abstract class FigureNode<F extends StagedFigure> implements RowMember, M
     return this.#ghost === null ? [] : this.#ghostLinks;
   }
 
-  /** Whether the robot faces along the world's x whatever its sensors say. */
+  /** Sets whether the robot always faces along the world's x, whatever its sensors report. */
   lockHeading(locked: boolean): void {
     if (this.#rootPose.lockHeading(locked)) this.put();
   }
 
-  /** world_from_link for every link: 4×4, row after row, metres, world Z up. */
+  /** world_from_link for every link: 4×4, row-major, metres, world Z up. */
   linkPoses(): Record<string, number[]> {
     const figure = this.#figure;
     if (figure === null) return {};
@@ -186,7 +187,7 @@ export abstract class FigureNode<F extends StagedFigure> implements RowMember, M
     this.clear();
   }
 
-  /** Reads a model and shows it (`adopt`) as far as it comes. Rejects with one line when there is nothing to show. */
+  /** Reads a model and shows it with `adopt`. Rejects with a one-line Error when there is nothing to show. */
   protected abstract read(
     manifestUrl: string,
     onProgress: OnProgress,
@@ -194,19 +195,19 @@ export abstract class FigureNode<F extends StagedFigure> implements RowMember, M
     report: ModelReport,
   ): Promise<void>;
 
-  /** Lets colours go towards grey, or come back, by so many seconds (Infinity: at once). True while that goes on. */
+  /** Advances the fading to or from grey by `seconds` (Infinity: to its end). True while it goes on. */
   protected abstract drain(seconds: number): boolean;
 
-  /** There is a new figure, which is then posed and placed. */
+  /** Called with a new figure before it is posed and placed. */
   protected adopted(_figure: F): void {}
 
-  /** The figure's links are elsewhere now. */
+  /** Called when the figure's links have moved. */
   protected moved(_figure: F): void {}
 
-  /** The robot is to be grey from now on, or no longer. */
+  /** Called when the robot is to become grey, or coloured again. */
   protected setOld(_isOld: boolean): void {}
 
-  /** Does this in place of whatever was being loaded. */
+  /** Runs a loading task and aborts the one before. Its errors go to the report. */
   protected async supersede(
     work: (signal: AbortSignal, report: ModelReport) => Promise<void>,
   ): Promise<ModelReport> {
@@ -218,13 +219,13 @@ export abstract class FigureNode<F extends StagedFigure> implements RowMember, M
       await work(loading.signal, report);
     } catch (cause) {
       report.error = cause instanceof Error ? cause.message : String(cause);
-      if (!loading.signal.aborted) this.clear(); // the model before is not this robot's any more
+      if (!loading.signal.aborted) this.clear(); // the previous model is no longer this robot's
     }
     if (loading.signal.aborted) report.error = 'superseded by a newer model';
     return report;
   }
 
-  /** Shows this figure, in the newest pose, in place of the one before. */
+  /** Replaces the figure by this one, in the newest pose. */
   protected adopt(figure: F): void {
     this.clear();
     this.#figure = figure;
@@ -239,14 +240,14 @@ export abstract class FigureNode<F extends StagedFigure> implements RowMember, M
     this.#host.framed(false);
   }
 
-  /** Takes the figure away. */
+  /** Removes the figure and disposes of it. */
   protected clear(): void {
     this.#figure?.dispose();
     this.#figure = this.#ghost = null;
     this.#host.placed();
   }
 
-  /** Computes where every link is, and asks for a picture of it. */
+  /** Places root and ghost by the newest pose, computes where every link is, and asks for a picture. */
   protected put(): void {
     const figure = this.#figure;
     if (figure === null) return;
@@ -268,7 +269,7 @@ export abstract class FigureNode<F extends StagedFigure> implements RowMember, M
     else if (this.#poseGhost() || marked) this.#host.changed();
   }
 
-  /** Marks the links whose joints have no reading; true when they are others than before. */
+  /** Marks the links whose joints have no reading; true when that changed. */
   #mark(joints: ReadonlySet<string>): boolean {
     if (this.#figure === null || sameSet(joints, this.#unread)) return false;
     this.#unread = joints;
@@ -276,7 +277,7 @@ export abstract class FigureNode<F extends StagedFigure> implements RowMember, M
     return true;
   }
 
-  /** True when the ghost looks different now. */
+  /** Makes, poses or removes the ghost. True when it looks different now. */
   #poseGhost(): boolean {
     const figure = this.#figure;
     const wanted = figure === null ? null : ghostOf(figure, this.#pose, this.#ghostWish);

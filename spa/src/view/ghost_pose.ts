@@ -2,14 +2,15 @@ import { linksBeyond } from '../model/link_tree.ts';
 import type { PosedBody } from '../model/posed_body.ts';
 import type { Pose } from '../twin/playback/pose.ts';
 
-/** A second body that somebody wants to see: joints by URDF name, rad or m. With `limbs`, only what lies beyond those
- *  joints, the others as the body has them. */
+/** A request for a ghost: joints by URDF name, rad or m. With `limbs`, only the links beyond those joints are shown,
+ *  and all other joints are as in the body. */
 export interface GhostRequest {
   readonly joints: ReadonlyMap<string, number>;
   readonly limbs: readonly string[] | null;
 }
 
-/** What a ghost shows: a pose that comes with a whole ghost goes before any wish; null is none. */
+/** Joints and links that the ghost shows; null for no ghost. A whole ghost in the pose takes precedence over a request.
+ *  */
 export function ghostOf(
   body: PosedBody,
   pose: Pose | null,

@@ -1,20 +1,20 @@
-/** Of a picture's height: more of it under notes and buttons is the person's own doing. */
+/** Most that counts as covered, as a part of the picture's height. */
 const MOST_COVERED = 0.4;
 const EASE_SECONDS = 0.25;
 
-/** How far notes and buttons reach into a picture from its upper and lower edge, CSS px; the robot stands between them. */
+/** How far notes and buttons cover a picture from its upper and lower edge, CSS px. */
 export interface Insets {
   readonly above: number;
   readonly below: number;
 }
 
-/** The part of a picture that nothing stands over. A new size counts at once; what comes to cover it pushes gently. CSS px. */
+/** The uncovered part of a picture, CSS px. A new size applies at once; new insets may be eased. */
 export class ViewInsets {
   width = 1;
   height = 1;
   #from: Insets = NONE;
   #to: Insets = NONE;
-  /** Of the way from one cover to the other. */
+  /** Progress (0…1) of the easing from `#from` to `#to`. */
   #part = 1;
 
   resize(width: number, height: number): void {
@@ -36,7 +36,7 @@ export class ViewInsets {
     return this.#part < 1;
   }
 
-  /** Moves on by so many seconds. */
+  /** Advances the easing. */
   advance(seconds: number): void {
     this.#part = Math.min(1, this.#part + seconds / EASE_SECONDS);
   }

@@ -1,32 +1,32 @@
 /**
- * What a slow device gives up, and when it has it back. From repaint to repaint of a picture in motion goes in; what to
- * do without comes out. Pure.
+ * Decides how much quality a slow device gives up, and when it gets it back. Pure: times between repaints of a moving
+ * picture go in, a quality step comes out.
  *
- * One step down when half of the newest repaints took too long. One step up only after a long calm; if that was too
- * early, the next calm must be twice as long. So it does not swing.
+ * It goes one step down when half of the newest repaints took too long, and one step up only after a long fast time. If
+ * going up was too early, the next fast time must be twice as long, so that the quality does not oscillate.
  */
 
-/** Fewer than 20 pictures a second look slow, and leave a pose of each second unseen. */
+/** Repaints that take longer are slow: fewer than 20 pictures a second. */
 export const SLOW_MS = 50;
-/** With this much to spare the next better step is worth a try. */
+/** Repaints that take less leave enough time to try the next better step. */
 export const CALM_MS = 24;
+/** How many repaints are judged together. */
 export const WINDOW = 10;
-/** Of repaints that take very long fewer are waited for: as soon as so many have taken so long. */
+/** Fewer repaints suffice once they have taken this long together. */
 export const FEWEST = 5;
 export const LONG_ENOUGH_MS = 3000;
 export const FIRST_CALM_MS = 8000;
 export const LONGEST_CALM_MS = 256_000;
-/** With all given up that there is, and still fewer than ten pictures a second for so many windows: another way of drawing is
- *  wanted. */
+/** If the lowest step still draws fewer than ten pictures a second for this many windows, 3D drawing is hopeless. */
 export const HOPELESS_MS = 100;
 export const HOPELESS_WINDOWS = 2;
-/** Longer than this is no repaint that was slow: the page was hidden, or the machine slept. */
+/** A longer time was no slow repaint: the page was hidden, or the machine slept. */
 const PAUSE_MS = 4000;
-/** Where pictures take so long, one step would not do. */
+/** Above this, one step down is not enough: two are taken. */
 const VERY_SLOW_MS = 600;
 
-/** From everything to the least. `pixels`: of the screen's, along each side. `shadow`: of the shadow map's, likewise.
- *  `lowest`: the coarsest shells. */
+/** Quality steps from best to worst. `pixels`: part of the screen's pixels along each side; `shadow`: the same of the
+ *  shadow map; `lowest`: whether the coarsest level of detail is used. */
 export const STEPS = [
   { pixels: 1, shadow: 1, lowest: false },
   { pixels: 0.75, shadow: 0.5, lowest: false },
@@ -37,7 +37,7 @@ export const STEPS = [
 
 export type QualityStep = (typeof STEPS)[number];
 
-/** The step of quality that a device can draw fast enough, found from the times between its repaints. */
+/** Finds the quality step that a device can draw fast enough from the times between its repaints. */
 export class QualitySteps {
   #step = 0;
   #intervals: number[] = [];
@@ -46,7 +46,7 @@ export class QualitySteps {
   #sinceUpMs = Number.POSITIVE_INFINITY;
   #hopelessWindows = 0;
 
-  /** Whether there is nothing left to give up, and it does not suffice. */
+  /** Whether even the lowest step is far too slow. */
   get hopeless(): boolean {
     return this.#hopelessWindows >= HOPELESS_WINDOWS;
   }
@@ -55,8 +55,8 @@ export class QualitySteps {
     return STEPS[this.#step]!;
   }
 
-  /** Takes the time from one repaint to the next, while something moved all that time. True when the step changed,
-   *  or when it proved hopeless. */
+  /** Takes the time between two repaints, ms, during all of which something moved. True when `step` or `hopeless`
+   *  changed. */
   recordRepaint(intervalMs: number): boolean {
     if (intervalMs > PAUSE_MS) return false;
     this.#sinceUpMs += intervalMs;

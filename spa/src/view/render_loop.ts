@@ -1,31 +1,31 @@
-/** A tick after a pause must not count the pause. */
+/** Longest time step of a tick, so that a pause before it does not count. */
 const MAX_STEP_SECONDS = 0.1;
 
 /** Something in the scene that moves by itself for a while. */
 export interface Moving {
-  /** Moves on by so many seconds to `nowMs` (the viewer's clock). True while it needs more ticks. */
+  /** Advances by `seconds` to `nowMs` (the viewer's clock). True while it needs more ticks. */
   advance(seconds: number, nowMs: number): boolean;
 }
 
-/** How ticks are asked for: the browser's next repaint (its time as ms since 1970, as the stream's clock has it), or a
- *  test's own. */
+/** Schedules a tick: by default at the browser's next repaint, with its time as ms since 1970 like the stream's clock;
+ *  tests pass their own. */
 export type Schedule = (tick: (nowMs: number) => void) => void;
 
 const NEXT_REPAINT: Schedule = (tick) => requestAnimationFrame((ms) => tick(performance.timeOrigin + ms));
 
 /**
- * The one owner of `requestAnimationFrame`. A tick happens only when somebody asked for one, and asks for the next
- * only while something still moves: an unchanged robot costs no frames.
+ * Draws pictures on demand with `requestAnimationFrame`. A tick happens only when somebody asked for it, and asks for
+ * the next only while something still moves, so that an unchanged robot costs nothing.
  */
 export class RenderLoop {
   /** Pictures drawn so far. */
   renderedFrames = 0;
-  /** Ticks so far; some find nothing to draw. */
+  /** Ticks so far, including those that drew nothing. */
   ticks = 0;
   readonly #draw: () => boolean;
   readonly #schedule: Schedule;
   readonly #moving = new Set<Moving>();
-  /** Hears how long a repaint took in which something moved all the time. */
+  /** Gets the time between two repaints, ms, if something moved all that time. */
   onInterval: ((ms: number) => void) | null = null;
   #inMotion = false;
   #requested = false;
@@ -33,37 +33,37 @@ export class RenderLoop {
   #stopped = false;
   #lastMs = 0;
 
-  /** `draw` makes a picture of what is; false when it could not (a lost context). */
+  /** `draw` draws a picture and returns false when it could not (lost context). */
   constructor(draw: () => boolean, schedule: Schedule = NEXT_REPAINT) {
     this.#draw = draw;
     this.#schedule = schedule;
   }
 
-  /** Nothing is asked for: the newest picture stays until something happens. */
+  /** Whether no tick is scheduled: the newest picture stays until something happens. */
   get resting(): boolean {
     return !this.#requested;
   }
 
-  /** Lets something take part in every tick until it is taken out again. */
+  /** Advances `moving` in every tick. Returns a function that removes it. */
   add(moving: Moving): () => void {
     this.#moving.add(moving);
     return () => this.#moving.delete(moving);
   }
 
-  /** Something changed: a picture of it is wanted. */
+  /** Asks for a picture, because something changed. */
   request(): void {
     this.#dirty = true;
     this.wake();
   }
 
-  /** Something may have begun to move: it is asked in the next tick, and drawn only if it says that it changed. */
+  /** Asks for a tick, because something may have begun to move. A picture is drawn only if something requests it. */
   wake(): void {
     if (this.#requested || this.#stopped) return;
     this.#requested = true;
     this.#schedule(this.#tick);
   }
 
-  /** Draws at once, for what can't wait: a resized canvas is blank until it is drawn. */
+  /** Draws at once instead of at the next tick, for example because a resized canvas is blank. */
   drawNow(): void {
     this.#dirty = false;
     if (!this.#stopped && this.#draw()) this.renderedFrames += 1;
@@ -85,7 +85,7 @@ export class RenderLoop {
     if (drawn) this.drawNow();
     if (this.#inMotion) this.onInterval?.(passedMs);
     this.#inMotion = drawn && more;
-    this.#requested = false; // what was asked for meanwhile has been drawn
+    this.#requested = false; // requests made during this tick have been served
     if (more) this.wake();
   };
 }

@@ -1,29 +1,29 @@
 import type { Vec3 } from '../twin/rotation.ts';
 import { layOutRow, type RowItem } from './row_layout.ts';
 
-/** Along the world's axes, metres. */
+/** A box along the world's axes, metres. */
 export interface Box {
   readonly min: Vec3;
   readonly max: Vec3;
 }
 
-/** A robot that stands in a row, with a body or without one yet. */
+/** A robot in a row; its body may not be loaded yet. */
 export interface RowNode extends RowItem {
   readonly figure: {
     readonly root: { readonly matrixWorld: { readonly elements: ArrayLike<number> } };
   } | null;
-  /** Where it looks, rad from the world's x. */
+  /** Its heading, rad from the world's x. */
   readonly heading: number;
-  /** The world's box around it; null while there is no model. */
+  /** Its bounding box in the world; null while there is no model. */
   box(): Box | null;
   dispose(): void;
 }
 
-/** The robots of one picture, side by side. The first is the one that the picture is of; others may stand beside it. */
+/** The robots of one view, side by side. The first is the main one. */
 export class RobotRow<N extends RowNode> {
   readonly #robots: N[] = [];
 
-  /** All of them, the first at the right of the picture from the front. */
+  /** All robots; seen from the front, the first is at the right of the picture. */
   get robots(): readonly N[] {
     return this.#robots;
   }
@@ -32,7 +32,7 @@ export class RobotRow<N extends RowNode> {
     return this.#robots.length > 1;
   }
 
-  /** Where they look, rad from the world's x; several look nowhere together: 0. */
+  /** The heading of a single robot, rad from the world's x; 0 for several, which have no common heading. */
   get heading(): number {
     return this.several ? 0 : (this.#robots[0]?.heading ?? 0);
   }
@@ -41,7 +41,7 @@ export class RobotRow<N extends RowNode> {
     this.#robots.push(robot);
   }
 
-  /** Makes room for each. Returns what they fill together; null without a model. */
+  /** Lays several robots out side by side. Returns the box around all; null without a model. */
   arrange(): Box | null {
     if (this.several) layOutRow(this.#robots);
     const boxes = this.#robots.flatMap((robot) => robot.box() ?? []);
@@ -52,7 +52,7 @@ export class RobotRow<N extends RowNode> {
     return { min: corner('min'), max: corner('max') };
   }
 
-  /** The middle of where they stand; null without a model. */
+  /** The mean position of their root links on the floor; null without a model. */
   middle(): { readonly x: number; readonly y: number } | null {
     const roots = this.#robots.flatMap(({ figure }) => figure?.root.matrixWorld ?? []);
     if (roots.length === 0) return null;
@@ -65,7 +65,7 @@ export class RobotRow<N extends RowNode> {
   }
 }
 
-/** The middle of a robot's upper side; null while it has no body. */
+/** The middle of the top of a robot's bounding box; null while it has no body. */
 export function topOf(robot: RowNode): Vec3 | null {
   const box = robot.box();
   if (box === null) return null;

@@ -1,18 +1,18 @@
-/** What a robot that is not there yet takes up, metres. */
+/** Least room of a robot, also while it has no model, metres. */
 const LEAST_ROOM = 0.3;
-/** Of a robot's width and of its height: room for an arm, and for its name. */
+/** Room of a robot as a multiple of its width (for its arms) and of its height (for its name); the larger counts. */
 const WIDTHS = 1.3;
 const HEIGHTS = 0.6;
 
 /** A robot that can stand in a row. */
 export interface RowItem {
-  /** Along the world's axes, metres; null while there is no model. */
+  /** Size along the world's axes, metres; null while there is no model. */
   readonly size: readonly [x: number, y: number, z: number] | null;
   /** Moves its whole world along the scene's y, metres. */
   standAside(y: number): void;
 }
 
-/** Puts robots beside each other along y, the middle of the row at the origin. */
+/** Puts robots side by side along y, with the middle of the row at the origin. */
 export function layOutRow(robots: readonly RowItem[]): void {
   const rooms = robots.map(({ size }) =>
     size === null ? LEAST_ROOM : Math.max(LEAST_ROOM, size[1] * WIDTHS, size[2] * HEIGHTS),

@@ -13,8 +13,8 @@ import type { Insets } from './insets.ts';
 import { RenderLoop } from './render_loop.ts';
 import type { RobotRow } from './robot_row.ts';
 
-/** One robot (or some, side by side), a camera rig that keeps them in the picture, and a loop that draws them: all of a view
- *  but how it draws. What it says of the robot it says of the first. */
+/** The renderer-independent part of a view: one or several robots, a camera rig that keeps them in the picture, and a
+ *  loop that draws them. Members about "the robot" mean the first. */
 export abstract class RowStage<N extends FigureNode<StagedFigure>> implements RowView {
   protected readonly loop = new RenderLoop(() => this.draw());
   protected abstract readonly row: RobotRow<N>;
@@ -48,7 +48,7 @@ export abstract class RowStage<N extends FigureNode<StagedFigure>> implements Ro
       changed: () => this.loop.request(),
     });
     this.row.add(robot);
-    if (this.row.several) this.rig.home = 'front'; // from anywhere else they would hide each other
+    if (this.row.several) this.rig.home = 'front'; // from elsewhere they would hide each other
     this.loop.add(robot);
     return robot;
   }
@@ -139,20 +139,20 @@ export abstract class RowStage<N extends FigureNode<StagedFigure>> implements Ro
     return this.robot.linkPoses();
   }
 
-  /** The first: the one that the view is of. */
+  /** The first robot, which is the main one. */
   protected get robot(): N {
     return this.row.robots[0]!;
   }
 
-  /** Makes a picture of what is; false when it could not. */
+  /** Draws a picture; false when it could not. */
   protected abstract draw(): boolean;
 
   protected abstract make(host: NodeHost): N;
 
-  /** Robots are elsewhere now, or look different; `middle` is where they stand, null without a model. */
+  /** Called when robots have moved or have another shape; `middle` is where they stand, null without a model. */
   protected abstract placed(middle: { readonly x: number; readonly y: number } | null): void;
 
-  /** Robots have another size now, and are framed. */
+  /** Called when the camera has framed the robots anew. */
   protected abstract framed(): void;
 
   #placed(): void {

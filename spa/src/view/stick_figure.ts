@@ -12,8 +12,9 @@ const MAX_PIXEL_RATIO = 2;
 type Vector = readonly [number, number, number];
 
 /**
- * The robot as lines from link to link, drawn on a plain canvas: it moves while the code for shells is still on its
- * way, a quarter of a megabyte later. Seen exactly as the scene sees it at first, so that nothing jumps.
+ * The robot as lines from link to link on a 2D canvas. It moves while the code of the 3D scene (a quarter of a
+ * megabyte) is still loading. It is seen from where the scene's camera starts, so that nothing jumps when the scene
+ * takes over.
  */
 export class StickFigure {
   readonly #canvas: HTMLCanvasElement;
@@ -134,7 +135,7 @@ export class StickFigure {
   }
 }
 
-/** An eye `distance` metres from what it looks at; its directions are unit vectors in the world. */
+/** A camera `distance` metres from its target; its directions are unit vectors in the world. */
 export interface Eye {
   readonly target: Vector;
   readonly ahead: Vector;
@@ -143,7 +144,7 @@ export interface Eye {
   readonly distance: number;
 }
 
-/** Where a robot that fills this box is first seen from. */
+/** The home view of a robot that fills this box, in a picture of this aspect (width : height). */
 export function homeEye(min: Vector, max: Vector, aspect: number): Eye {
   const { azimuth, elevation } = VIEWS.home;
   const [a, e] = [(azimuth * Math.PI) / 180, (elevation * Math.PI) / 180];

@@ -1,6 +1,6 @@
 const TAP_MS = 300;
 const BETWEEN_MS = 350;
-/** A finger is not a point. */
+/** How far a finger may move during a tap, or between two taps. */
 const NEAR_PX = 24;
 
 interface Tap {
@@ -9,8 +9,8 @@ interface Tap {
   readonly ms: number;
 }
 
-/** Taps and clicks (left button) of one finger: each is told at once, with 2 when it is the second of two quick ones at
- *  one place; `dblclick` does not come from every touch screen. Returns the end of it. */
+/** Reports taps of one finger and left clicks at once; `times` is 2 for the second of two quick ones at one place. It
+ *  replaces `dblclick`, which not every touch screen sends. Returns a function that stops it. */
 export function onTaps(
   element: HTMLElement,
   tapped: (clientX: number, clientY: number, times: 1 | 2) => void,
