@@ -5,13 +5,13 @@ import type { MouseStyle } from '../view/body_view.ts';
 import { CameraRig, LOWEST } from '../view/camera_rig.ts';
 import { FIELD_OF_VIEW } from '../view/framing.ts';
 
-/** A rig's eye as three.js draws from it, in a world whose Z is up. The hands on its canvas are three's own. */
+/** The three.js camera of a `CameraRig`, in a world with Z up. Pointer input is handled by three's `OrbitControls`. */
 export class SceneCamera {
   readonly camera = new PerspectiveCamera(FIELD_OF_VIEW, 1, 0.01, 100);
   readonly rig: CameraRig;
   readonly #controls: OrbitControls;
 
-  /** `onChange`: a new picture is wanted. */
+  /** `onChange` is called when a new picture is needed. */
   constructor(canvas: HTMLElement, onChange: () => void) {
     this.camera.up.set(0, 0, 1); // before the controls: they read it once
     this.#controls = new OrbitControls(this.camera, canvas);
@@ -39,7 +39,7 @@ export class SceneCamera {
     this.#apply();
   }
 
-  /** What the mouse's buttons do. A finger always turns, two always pan and zoom. */
+  /** Sets what the mouse buttons do. On touch screens one finger always turns, two always pan and zoom. */
   setMouse(style: MouseStyle): void {
     const turning = { LEFT: MOUSE.ROTATE, MIDDLE: MOUSE.DOLLY, RIGHT: MOUSE.PAN };
     const moving = { LEFT: MOUSE.PAN, MIDDLE: MOUSE.DOLLY, RIGHT: MOUSE.ROTATE };
@@ -47,13 +47,13 @@ export class SceneCamera {
     this.#controls.screenSpacePanning = style !== 'foxglove'; // there one moves over the floor
   }
 
-  /** The world goes along by so many CSS pixels: over the floor or not, as the mouse does. */
+  /** Shifts the world by so many CSS pixels, along the floor or in the picture's plane as the mouse style has it. */
   pan(dx: number, dy: number): void {
     this.rig.grasp();
     this.#controls.pan(dx, dy);
   }
 
-  /** From the eye through a point of the picture (both −1…1, right and up). The same one every time. */
+  /** The ray (world) from the camera through a point of the picture (x right, y up, −1…1). Always the same object. */
   ray({ x, y }: { readonly x: number; readonly y: number }): Ray {
     RAY.origin.setFromMatrixPosition(this.camera.matrixWorld);
     RAY.direction.set(x, y, 0.5).unproject(this.camera).sub(RAY.origin).normalize();
@@ -64,7 +64,7 @@ export class SceneCamera {
     this.#controls.dispose();
   }
 
-  /** The whole of a view goes into the free part; the rest of the picture goes on around it. */
+  /** Copies the rig's state. The field of view applies to the uncovered part; the picture goes on around it. */
   #apply(): void {
     const { camera, rig } = this;
     const { width, height, top, free, near, far } = rig.projection;

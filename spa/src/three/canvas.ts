@@ -2,7 +2,7 @@ import { type Camera, NeutralToneMapping, type Scene, VSMShadowMap, WebGLRendere
 
 const MAX_PIXEL_RATIO = 2;
 
-/** The canvas and what draws on it: its size, its pixels, and its context, which a browser may take away. */
+/** The canvas and its WebGL renderer: handles size, pixel ratio, and the loss of the WebGL context. */
 export class SceneCanvas {
   readonly canvas: HTMLCanvasElement;
   readonly renderer: WebGLRenderer;
@@ -11,7 +11,7 @@ export class SceneCanvas {
   readonly #on: SceneCanvasEvents;
   #sharpness = 1;
 
-  /** Throws an Error with a sentence for people when the browser has no WebGL. */
+  /** Throws an Error with a message for people when the browser has no WebGL 2. */
   constructor(host: HTMLElement, on: SceneCanvasEvents) {
     this.#host = host;
     this.#on = on;
@@ -47,14 +47,15 @@ export class SceneCanvas {
     return true;
   }
 
-  /** Draws the next picture with this part (0…1) of the screen's pixels along each side. */
+  /** Sets the part (0…1) of the screen's pixels along each side that the next pictures are drawn with. */
   set sharpness(part: number) {
     if (part === this.#sharpness) return;
     this.#sharpness = part;
     this.fit();
   }
 
-  /** Makes the canvas as large as its host, and blank; nothing and false while the host has no size. */
+  /** Makes the canvas as large as its host, which blanks it. Does nothing and returns false while the host has no size.
+   *  */
   fit(): boolean {
     const { clientWidth, clientHeight } = this.#host;
     if (clientWidth === 0 || clientHeight === 0) return false;
@@ -65,7 +66,8 @@ export class SceneCanvas {
     return true;
   }
 
-  /** Forgets what of a scene lay in the lost context: three.js would later delete it in the new one, with a warning for each. */
+  /** Disposes of a scene's GPU objects after a lost context: else three.js would later delete them in the new one, with
+   *  a warning for each. */
   forget(scene: Scene): void {
     scene.traverse((object) => {
       if (!('geometry' in object && 'material' in object)) return;
@@ -73,7 +75,7 @@ export class SceneCanvas {
     });
   }
 
-  /** A point of the window (CSS pixels) as a point of the picture: both −1…1, right and up. */
+  /** Converts a point of the window (CSS pixels) to a point of the picture (x right, y up, −1…1). */
   place(clientX: number, clientY: number): { x: number; y: number } {
     const { left, top, width, height } = this.canvas.getBoundingClientRect();
     return { x: (2 * (clientX - left)) / width - 1, y: 1 - (2 * (clientY - top)) / height };
@@ -94,13 +96,14 @@ export class SceneCanvas {
   };
 }
 
+/** Callbacks of a `SceneCanvas`. */
 export interface SceneCanvasEvents {
-  /** CSS pixels, and device pixels for each of them. */
+  /** The size in CSS pixels, and device pixels per CSS pixel. */
   resized(width: number, height: number, pixelRatio: number): void;
-  /** It has another size and shows nothing until it is drawn. */
+  /** The canvas has another size and is blank until it is drawn. */
   blank(): void;
-  /** Everything that lay on the graphics card is gone. */
+  /** The WebGL context is lost, and all GPU objects with it. */
   lost(): void;
-  /** There is an empty context again. */
+  /** There is a WebGL context again, without any objects. */
   restored(): void;
 }

@@ -1,23 +1,23 @@
 import { type Matrix4, Vector4 } from 'three';
 import { type LinkBox, lowestZ } from '../model/bounds.ts';
 
-/** Links that come near the floor at one time: feet, and hands and knees of one that crawls. */
+/** Most links with a contact shadow at one time: two feet, or hands, knees and feet of a crawling robot. */
 export const MOST_CONTACTS = 6;
-/** Higher than this (in reaches of the robot) a link has no contact shadow any more. */
+/** Heights in radii of the robot: the shadow falls to 1/e at the first, and is left out from the second on. */
 const FADES_AT = 0.05;
 const FORGOTTEN_AT = 0.16;
 
 /**
- * Where a robot touches the floor, as rounded rectangles: the dark under a sole that a shadow map is too coarse for, and
- * that tells a foot that stands from one that hovers.
+ * Contact shadows: rounded dark rectangles where a robot is close to the floor. The shadow map is too coarse to show
+ * whether a foot stands or hovers; these do.
  */
 export class ContactShadow {
-  /** Centre x, y, and the direction of the longer side (cosine, sine). */
+  /** For each contact: centre x, y (m), and the direction of the longer side (cosine, sine). */
   readonly place = Array.from({ length: MOST_CONTACTS }, () => new Vector4());
-  /** Half the longer side, half the other (m), and how near it is: 1 touches, 0 is none. */
+  /** For each contact: half the longer side, half the other (m), and strength: 1 touches the floor, 0 is no contact. */
   readonly size = Array.from({ length: MOST_CONTACTS }, () => new Vector4());
 
-  /** `reach`: the robot's radius, m. */
+  /** Computes the contacts from the links' boxes. `reach`: the robot's radius, m. */
   follow(
     boxes: Iterable<readonly [link: { readonly matrixWorld: Matrix4 }, box: LinkBox]>,
     reach: number,
@@ -35,7 +35,7 @@ export class ContactShadow {
     }
   }
 
-  /** The box as it is seen from above. */
+  /** Writes contact i: the rectangle around the box as seen from above. */
   #print(i: number, m: ArrayLike<number>, { min, max }: LinkBox, strength: number): void {
     let [x, y] = [m[12]!, m[13]!];
     let [alongX, alongY, longest] = [1, 0, 0];

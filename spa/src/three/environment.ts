@@ -19,12 +19,13 @@ import { ContactShadow, MOST_CONTACTS } from './contact_shadow.ts';
 import type { Figure } from './robot/figure.ts';
 import type { SceneTheme } from './theme.ts';
 
-/** Floor to the horizon, in reaches of the robot. */
+/** Half the floor's side, in radii of the robot: as far as the horizon. */
 const FLOOR_REACHES = 60;
+/** Pixels along each side of the shadow map at full quality. */
 export const SHADOW_PIXELS = 512;
 const AXIS_COLORS = [0xe5484d, 0x2fa866, 0x3b82f6]; // x red, y green, z blue
 
-/** What is around a robot: light, floor, grid, and the small axes at its base. */
+/** The surroundings of a robot: lights, floor with grid and shadows, and small axes under the robot. */
 export class Environment {
   readonly group = new Group();
   readonly #sky = new HemisphereLight();
@@ -75,7 +76,7 @@ export class Environment {
     uniforms.contact!.value = theme.contact;
   }
 
-  /** `reach`: the radius of the robot, metres. The grid keeps its metres; light and axes grow with the robot. */
+  /** Fits lights, floor and axes to a robot of radius `reach` (metres). The grid keeps its pitch of 1 m and 0.1 m. */
   resize(reach: number): void {
     this.#reach = reach;
     const camera = this.#key.shadow.camera;
@@ -91,12 +92,12 @@ export class Environment {
     this.follow(this.#floor.position.x, this.#floor.position.y);
   }
 
-  /** Darkens the floor where a link touches it. */
+  /** Updates the contact shadows where links are close to the floor. */
   touch(boxes: Figure['boxes']): void {
     this.#contacts.follow(boxes, this.#reach);
   }
 
-  /** Light and floor stay around a robot that walks; the lines of the grid stay where they are in the world. */
+  /** Moves lights and floor along with a robot at (x, y); the grid lines stay where they are in the world. */
   follow(x: number, y: number): void {
     const r = this.#reach;
     this.#floor.position.set(x, y, 0);
@@ -108,14 +109,14 @@ export class Environment {
     this.#fill.position.set(x - r * 0.5, y - r * 3, r * 1.4);
   }
 
-  /** Along each side of the shadow map: fewer are cheaper, and softer. */
+  /** Sets the pixels along each side of the shadow map; fewer are cheaper and give softer shadows. */
   set shadowPixels(pixels: number) {
     if (this.#key.shadow.mapSize.x === pixels) return;
     this.#key.shadow.mapSize.set(pixels, pixels);
     this.forgetShadow();
   }
 
-  /** The shadow map goes with its WebGL context; the next picture makes a new one. */
+  /** Disposes of the shadow map, for example after a lost context; the next picture makes a new one. */
   forgetShadow(): void {
     this.#key.shadow.dispose();
     this.#key.shadow.map = null;
@@ -131,7 +132,7 @@ export class Environment {
   }
 }
 
-/** Three thin bars of length 1 from the origin. */
+/** Three thin bars of length 1 from the origin: x red, y green, z blue. */
 function axesGeometry(): BufferGeometry {
   const bars = AXIS_COLORS.map((hex, axis) => {
     const size: [number, number, number] = [0.035, 0.035, 0.035];
@@ -147,7 +148,8 @@ function axesGeometry(): BufferGeometry {
   return mergeGeometries(bars);
 }
 
-/** One draw call for floor, grid and shadow: a pool of light that fades to the page, lines that fade sooner. */
+/** One material for floor, grid and shadow, so one draw call: the lit area fades to the page's colour, and grid lines
+ *  fade sooner. */
 function floorMaterial(): ShaderMaterial {
   return new ShaderMaterial({
     lights: true, // for the shadow

@@ -10,12 +10,12 @@ import {
 } from 'three';
 import { AT, STRIDE, type Strokes } from '../overlays/strokes.ts';
 
-/** Steps along a stroke and around it: round at arm's length, cheap by the dozen. */
+/** Segments along a stroke and around it: enough to look round, few enough for dozens of strokes. */
 const ALONG = 40;
 const AROUND = 8;
-/** After robot and ghost. */
+/** Drawn after robot and ghost. */
 const RENDER_ORDER = 3;
-/** How much shows through what stands before it. */
+/** Opacity of the second pass, which shows through what is in front. */
 const THROUGH = 0.72;
 
 const SIZES: Readonly<Record<keyof typeof AT, number>> = {
@@ -23,8 +23,8 @@ const SIZES: Readonly<Record<keyof typeof AT, number>> = {
 };
 
 /**
- * Strokes on the graphics card, in two draw calls for all of them. The first draws what is seen, the second lets it show
- * faintly through whatever stands before it: a force on a sole would else be lost in the leg.
+ * Draws all strokes in two instanced draw calls. The first draws them with depth test; the second draws those marked
+ * "through" in front of everything, so that for example a force on a sole is not hidden by the leg.
  */
 export class OverlayMesh {
   readonly object = new Group();
@@ -50,7 +50,7 @@ export class OverlayMesh {
     this.update();
   }
 
-  /** The strokes make another picture now. */
+  /** Uploads the strokes after they have changed. */
   update(): void {
     const { count } = this.#strokes;
     if (count > 0) {
@@ -69,7 +69,7 @@ export class OverlayMesh {
   }
 }
 
-/** Rings along a stroke: (how far along, angle around, whether on the hull, which cap it belongs to). */
+/** A stroke's geometry as rings of vertices: (part along it 0…1, angle around it, 0 axis or 1 hull, cap −1, 0 or 1). */
 function strokeGeometry(): InstancedBufferGeometry {
   const rings: [along: number, hull: number, cap: number][] = [
     [0, 0, -1],
@@ -82,7 +82,7 @@ function strokeGeometry(): InstancedBufferGeometry {
   );
   const index: number[] = [];
   for (let ring = 0; ring + 1 < rings.length; ring += 1) {
-    if (rings[ring]![2] !== rings[ring + 1]![2]) continue; // between cap and hull there is nothing
+    if (rings[ring]![2] !== rings[ring + 1]![2]) continue; // no faces between cap and hull
     for (let i = 0; i < AROUND; i += 1) {
       const a = ring * (AROUND + 1) + i;
       const b = a + AROUND + 1;
@@ -95,7 +95,8 @@ function strokeGeometry(): InstancedBufferGeometry {
   return geometry;
 }
 
-/** Colours go through as the screen shows them: a sign has the colour that the page's own words for it have. */
+/** The material of strokes. Colours are output without tone mapping or conversion, so that they match the page's text.
+ *  */
 function strokeMaterial(through: boolean): ShaderMaterial {
   return new ShaderMaterial({
     transparent: true,

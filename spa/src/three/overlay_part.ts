@@ -7,16 +7,17 @@ import type { RobotNode } from './robot_node.ts';
 import type { ScenePart } from './scene_part.ts';
 import { type SceneTheme, THEMES } from './theme.ts';
 
+/** What the overlay needs from its scene. */
 export interface OverlayHost {
   readonly host: HTMLElement;
   readonly camera: Camera;
-  /** A picture, please. */
+  /** Asks for a picture. */
   changed(): void;
-  /** A tick, please: something may move. */
+  /** Asks for a tick, because something may move. */
   wake(): void;
 }
 
-/** All signs of all robots in a scene. Two draw calls. */
+/** The overlay of all robots in a scene, in two draw calls, with its labels over the canvas. */
 export class OverlayPart implements ScenePart {
   readonly object: Group;
   readonly #view: OverlayHost;
@@ -36,7 +37,7 @@ export class OverlayPart implements ScenePart {
     return this.#overlay.shown(of);
   }
 
-  /** The newest readings and how they are wanted; they are drawn in the next tick. */
+  /** Takes the newest readings and their style; they are drawn in the next tick. */
   show(of: RobotNode, readings: OverlayReadings | null, manner?: OverlayStyle): void {
     this.#overlay.show(of, readings, manner);
     this.#view.wake();
@@ -46,7 +47,7 @@ export class OverlayPart implements ScenePart {
     this.#overlay.moved();
   }
 
-  /** Robots may have another size. */
+  /** Measures the robots' sizes anew, for example after more of their meshes have come. */
   measure(): void {
     this.#overlay.measure();
   }
@@ -62,12 +63,12 @@ export class OverlayPart implements ScenePart {
     return moving;
   }
 
-  /** Before a picture: robots may have moved since the last tick. */
+  /** Call before a picture is drawn: robots may have moved since the last tick. */
   prepare(): void {
     if (this.#make()) this.#placeLabels();
   }
 
-  /** The picture is so large, CSS px. Asking the page for it in every tick would make it lay itself out in every tick. */
+  /** Sets the picture's size, CSS px. Asking the page for it in every tick would force a layout in every tick. */
   setSize(width: number, height: number): void {
     this.#size = { width, height };
     this.#placeLabels();

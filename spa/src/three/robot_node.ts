@@ -14,19 +14,19 @@ import { StaleEffect } from './robot/stale_effect.ts';
 import { ShadowCaster } from './shadow.ts';
 import type { SceneTheme } from './theme.ts';
 
-/** What a robot asks of the scene that it stands in. */
+/** What a robot needs from the scene that it stands in. */
 export interface RobotNodeHost extends NodeHost {
   readonly tones: SkinTones;
   theme(): SceneTheme;
-  /** A mark for a mesh that can't be shown. */
+  /** Makes a mark for a mesh that can't be shown. */
   placeholder(): Object3D;
 }
 
-/** One robot in a scene: what three.js makes of its model. */
+/** One robot in a three.js scene: loads and draws its model, skeleton and shadow. */
 export class RobotNode extends FigureNode<Figure> {
   /** Everything that is drawn of it. */
   readonly object = new Group();
-  /** Where it stands among others: its own world lies here in the scene's, metres. */
+  /** Its place beside other robots: scene_from_world of this robot's own world, metres. */
   readonly #slot = new Group();
   readonly staleEffect: StaleEffect;
   readonly #place: RobotNodeHost;
@@ -50,12 +50,12 @@ export class RobotNode extends FigureNode<Figure> {
     this.put();
   }
 
-  /** Shown in shells, no longer in lines. */
+  /** Whether it is shown with meshes, no longer as a skeleton. */
   get dressed(): boolean {
     return this.figure !== null && this.#skeleton === null;
   }
 
-  /** The same for a robot whose files this browser has already. */
+  /** Like `load`, for a robot whose files are already in this browser. */
   loadLocal(robot: LocalRobot): Promise<ModelReport> {
     return this.supersede(async (signal, report) => {
       const { showRaw } = await import('./robot/raw_robot.ts');
@@ -68,33 +68,34 @@ export class RobotNode extends FigureNode<Figure> {
     this.staleEffect.setTone(theme.stale);
   }
 
-  /** Bytes that `refine` would fetch; null when there is nothing finer, or nothing that this device should carry. */
+  /** Bytes that `refine` would fetch; null when there is nothing finer, or only what is too much for this device. */
   get finerBytes(): number | null {
     return this.#built?.finestBytes ?? null;
   }
 
-  /** Shows the finest level there is; the one before stays until then. Rejects with one line when it can't be had. */
+  /** Shows the finest level. Rejects with a one-line Error when it can't be loaded; the present level stays until then.
+   *  */
   async refine(onProgress: (receivedBytes: number, totalBytes: number) => void): Promise<void> {
     await this.#built?.refine(onProgress);
   }
 
-  /** Whether it is of a built model, which every view can show. */
+  /** Whether its model is a built one, which the light view can show, too. */
   get built(): boolean {
     return this.#built !== null;
   }
 
-  /** Whether it shows less than it could, for a slow device. */
+  /** Whether it is kept at a coarser level than it could show, for a slow device. */
   get coarse(): boolean {
     return this.#coarse && this.#built?.hasLevels === true;
   }
 
-  /** Shows its coarsest level only: for a slow device. */
+  /** Sets whether only its coarsest level is shown, for a slow device. */
   keepCoarse(coarse: boolean): void {
     this.#coarse = coarse;
     void this.#built?.keepCoarse(coarse);
   }
 
-  /** The link that a ray in the world meets first, or null. */
+  /** The link that a ray (world) meets first, or null. */
   pick(ray: Ray): string | null {
     return this.figure?.pick(ray) ?? null;
   }
@@ -132,7 +133,7 @@ export class RobotNode extends FigureNode<Figure> {
     } else {
       const { fetchUrdf, showRaw } = await import('./robot/raw_robot.ts');
       const manifest = readRawManifest(raw);
-      // Until the URDF is read nobody knows which files it draws.
+      // Which files are drawn is known only when the URDF is read; until then all count.
       let total = [...manifest.files.values()].reduce((sum, file) => sum + file.size, 0);
       const files = new Download(manifestUrl, signal, (received) => onProgress(received, total));
       const urdf = await fetchUrdf(manifest, files);

@@ -24,20 +24,20 @@ import { warmUp } from './shader_warm_up.ts';
 import { type SceneTheme, THEMES, type ThemeName } from './theme.ts';
 
 const PLACEHOLDER_REACHES = 0.12;
-/** After so long without motion a picture of fewer pixels is drawn once more with all of them. */
+/** After this long without motion, a picture drawn with fewer pixels is drawn once more with all of them. */
 const REST_MS = 500;
 
 export interface SceneOptions {
   readonly theme: ThemeName;
-  /** Called at every change of what is wrong with the drawing; null: nothing. */
+  /** Called when trouble with the drawing changes; null: none. */
   readonly onTrouble?: (trouble: DrawingTrouble | null) => void;
-  /** Called after every picture, so that what stands over it can follow. */
+  /** Called after every picture, so that elements over the canvas can follow. */
   readonly onDrawn?: () => void;
 }
 
 /**
- * One robot (or some, side by side) in three dimensions, in a world whose Z is up. It puts together what is drawn (`RobotNode`,
- * `Environment`, `ScenePart`s), from where (`SceneCamera`), on what (`SceneCanvas`) and when (`RenderLoop`).
+ * The 3D view of one or several robots, in a world with Z up. It combines what is drawn (`RobotNode`, `Environment`,
+ * `ScenePart`s), from where (`SceneCamera`), on what (`SceneCanvas`) and when (`RenderLoop`).
  */
 export class RobotScene extends RowStage<RobotNode> {
   protected override readonly row = new SceneRow();
@@ -54,7 +54,7 @@ export class RobotScene extends RowStage<RobotNode> {
   readonly #onDrawn: () => void;
   #theme: SceneTheme;
   readonly #sharpen = new Debounce(REST_MS, () => {
-    // A slow device may need longer than that for the next picture: then it is not at rest.
+    // A slow device may need longer than REST_MS for its next picture: then it is still moving.
     if (!this.loop.resting) return this.#sharpen.restart();
     this.#surface.sharpness = 1;
     this.loop.drawNow();
@@ -62,7 +62,7 @@ export class RobotScene extends RowStage<RobotNode> {
   #size = { width: 1, height: 1 };
   #cool: () => void = () => {};
 
-  /** Throws an Error with a sentence for people when the browser has no WebGL. */
+  /** Throws an Error with a message for people when the browser has no WebGL 2. */
   constructor(host: HTMLElement, options: SceneOptions) {
     super();
     this.#quality = new AdaptiveQuality({
@@ -109,12 +109,12 @@ export class RobotScene extends RowStage<RobotNode> {
     return this.loop.resting && !this.#sharpen.pending;
   }
 
-  /** Pixels drawn for each of CSS, along each side. */
+  /** Pixels drawn per CSS pixel, along each side. */
   get pixelRatio(): number {
     return this.#surface.renderer.getPixelRatio();
   }
 
-  /** Draw calls of the newest picture, shadows included when they were drawn anew. */
+  /** Draw calls of the newest picture, including shadows if they were drawn anew. */
   get drawCalls(): number {
     return this.#surface.renderer.info.render.calls;
   }
@@ -129,7 +129,7 @@ export class RobotScene extends RowStage<RobotNode> {
     return top === null ? null : { x: ((top.x + 1) / 2) * width, y: ((1 - top.y) / 2) * height };
   }
 
-  /** Shows something more. Returns the end of it, which also disposes of the part. */
+  /** Adds a part to the scene. Returns a function that removes and disposes of it. */
   add(part: ScenePart): () => void {
     this.#parts.add(part);
     this.#scene.add(part.object);
@@ -146,12 +146,12 @@ export class RobotScene extends RowStage<RobotNode> {
     };
   }
 
-  /** A part has changed by itself: a picture of it. */
+  /** Asks for a picture, because a part has changed. */
   request(): void {
     this.loop.request();
   }
 
-  /** The same for a robot whose files this browser has already. */
+  /** Like `load`, for a robot whose files are already in this browser. */
   loadLocal(robot: LocalRobot): Promise<ModelReport> {
     return this.robot.loadLocal(robot);
   }
@@ -178,7 +178,7 @@ export class RobotScene extends RowStage<RobotNode> {
     return this.robot.refine(onProgress);
   }
 
-  /** Over the floor or not, as the mouse does. */
+  /** Shifts the world along the floor or in the picture's plane, as the mouse style has it. */
   override pan(dx: number, dy: number): void {
     this.#camera.pan(dx, dy);
   }
@@ -199,7 +199,7 @@ export class RobotScene extends RowStage<RobotNode> {
     return { ...this.#overlay.shown(robot), ghostLinks: robot.ghostLinks };
   }
 
-  /** Never gives up pixels or detail again: for pictures that are kept, where it does not matter how long one takes. */
+  /** Turns adaptive quality off and draws at full quality, for pictures that are saved. */
   keepSharp(): void {
     this.loop.onInterval = null;
     this.#quality.reset();
@@ -275,7 +275,7 @@ export class RobotScene extends RowStage<RobotNode> {
     return drawn;
   }
 
-  /** Draws with the pixels, shadows and level of detail of this step from now on. */
+  /** Uses this step's pixels, shadows and level of detail from now on. */
   #applyStep({ pixels, shadow, lowest }: QualityStep): void {
     this.#environment.shadowPixels = SHADOW_PIXELS * shadow;
     if (pixels === 1) this.#surface.sharpness = 1;

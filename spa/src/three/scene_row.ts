@@ -5,22 +5,22 @@ import type { SceneTheme } from './theme.ts';
 
 /** The robots of one scene. */
 export class SceneRow extends RobotRow<RobotNode> {
-  /** Whether one of them shows less than it could. */
+  /** Whether any robot is kept at a coarser level than it could show. */
   get coarse(): boolean {
     return this.robots.some(({ coarse }) => coarse);
   }
 
-  /** Whether all are of built models, which every view can show. */
+  /** Whether all robots have built models, which the light view can show, too. */
   get built(): boolean {
     return this.robots.every(({ built }) => built);
   }
 
-  /** Boxes of all their links, with what moves them. */
+  /** The boxes of all links of all robots, each with its link's transform. */
   get boxes() {
     return this.robots.flatMap(({ figure }) => [...(figure?.boxes ?? [])]);
   }
 
-  /** Where the top of one of them is in the picture, both -1…1, right and up; null while it has no body or is behind the eye. */
+  /** Where a robot's top is in the picture (x right, y up, −1…1); null while it has no body or is behind the camera. */
   topOf(robot: RobotNode, camera: Camera): { x: number; y: number } | null {
     const top = topOf(robot);
     if (top === null) return null;
@@ -36,7 +36,7 @@ export class SceneRow extends RobotRow<RobotNode> {
     for (const { staleEffect } of this.robots) staleEffect.setPixelRatio(ratio);
   }
 
-  /** Their coarsest levels only: for a slow device. */
+  /** Sets whether only their coarsest levels are shown, for a slow device. */
   keepCoarse(coarse: boolean): void {
     for (const robot of this.robots) robot.keepCoarse(coarse);
   }

@@ -3,7 +3,7 @@ import type { Lod } from '../model/lod.ts';
 import { Bones, Skin, type SkinTones } from './robot/skin.ts';
 import type { StaleEffect } from './robot/stale_effect.ts';
 
-/** No shells at all, painted white. */
+/** An empty level with one white paint. */
 const NOTHING: Lod = {
   positions: new Int16Array(4),
   normals: new Int8Array(4),
@@ -19,8 +19,8 @@ const NOTHING: Lod = {
 };
 
 /**
- * Has the card's program for shells made while the shells are still on their way: on a phone that takes a third of a
- * second, and it would begin only when they are here. Returns the end of it, for when a robot is dressed.
+ * Compiles the robot's shader while its meshes are still loading: on a phone that takes a third of a second, and would
+ * otherwise start only when they are here. Returns a function that disposes of the stand-in, once a robot has meshes.
  */
 export function warmUp(
   renderer: WebGLRenderer,

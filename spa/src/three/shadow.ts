@@ -1,12 +1,12 @@
 import { InstancedMesh, Matrix4, MeshBasicMaterial, SphereGeometry } from 'three';
 import type { LinkBox } from '../model/bounds.ts';
 
-/** Between a ball (2) and a box (∞): round enough for arms, flat enough for soles. */
+/** Exponent of the superellipsoid, between a ball (2) and a box (∞): round enough for arms, flat enough for soles. */
 const SQUARENESS = 4;
 
 /**
- * What the robot's shadow is cast by: one rounded block for each link's bounding box, all in one draw call. The
- * shadow is soft, so nobody sees the difference; casting the shells themselves would double the cost of a picture.
+ * Casts the robot's shadow with one rounded block for each link's bounding box, all in one draw call. The shadow is
+ * soft, so the difference is not seen; casting the meshes themselves would double the cost of a picture.
  */
 export class ShadowCaster {
   readonly blocks: InstancedMesh;

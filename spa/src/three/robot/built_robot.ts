@@ -11,8 +11,8 @@ import type { StaleEffect } from './stale_effect.ts';
 type OnProgress = (receivedBytes: number, totalBytes: number) => void;
 
 /**
- * A built model on its way into the scene: a skeleton at once, then the coarsest level, then a finer one when the
- * browser has nothing else to do, and the finest when a person asks for it.
+ * Loads a built model into the scene step by step: a skeleton at once, then the coarsest level of detail, then the next
+ * one when the browser is idle, and the finest when a person asks for it.
  */
 export class BuiltRobot {
   readonly #manifest: Manifest;
@@ -38,7 +38,7 @@ export class BuiltRobot {
     stage.show(this.#robot);
   }
 
-  /** Dresses it in its coarsest level. What is wrong stands in the report; the skeleton moves in any case. */
+  /** Loads and shows the coarsest level. Errors are in the report; the skeleton moves in any case. */
   async dress(report: ModelReport, onProgress: OnProgress): Promise<void> {
     report.joints = [...this.#robot.jointNames];
     report.findings = this.#manifest.findings;
@@ -56,21 +56,22 @@ export class BuiltRobot {
     const next = nextWhenIdle(this.#manifest.levels.length);
     if (next > 0) {
       whenIdle(() => {
-        // Nobody asked for it, so a finer level that does not come is nobody's trouble.
+        // Nobody asked for this level, so a failure is not reported.
         if (!this.#stage.signal.aborted && this.#shown < next)
           void this.#refine(next, () => {}).catch(() => {});
       });
     }
   }
 
-  /** Bytes of the finest level, when it is not shown yet and this device can carry it. */
+  /** Bytes of the finest level; null when it is shown already or too much for this device. */
   get finestBytes(): number | null {
     const finest = this.#manifest.levels.length - 1;
     if (this.#shown < 0 || this.#shown >= finest || isSmallDevice()) return null;
     return this.#manifest.levels[finest]!.bytes;
   }
 
-  /** Shows the finest level; rejects with one line when it can't be had. The level before stays until it is ready. */
+  /** Shows the finest level. Rejects with a one-line Error when it can't be loaded; the present level stays until then.
+   *  */
   refine(onProgress: OnProgress): Promise<void> {
     return this.#refine(this.#manifest.levels.length - 1, onProgress);
   }
@@ -80,8 +81,8 @@ export class BuiltRobot {
     return this.#manifest.levels.length > 1;
   }
 
-  /** Keeps to the coarsest level, or may show a finer one again. What does not come is nobody's trouble: the level before
-   *  stays. */
+  /** Sets whether only the coarsest level is shown. Never rejects: when a level can't be loaded, the present one stays.
+   *  */
   async keepCoarse(coarse: boolean): Promise<void> {
     if (coarse === this.#coarse) return;
     this.#coarse = coarse;
@@ -96,7 +97,7 @@ export class BuiltRobot {
   }
 
   async #refine(level: number, onProgress: OnProgress): Promise<void> {
-    await this.#refining?.catch(() => {}); // one at a time: the finer must not be replaced by the coarser
+    await this.#refining?.catch(() => {}); // one at a time, so that a coarser level can't replace a finer one
     if (this.#shown >= level || this.#coarse) return;
     this.#refining = this.#wear(level, onProgress);
     await this.#refining;
@@ -110,7 +111,7 @@ export class BuiltRobot {
     );
     const pictures = await Promise.all(
       level.pictures.map((picture) =>
-        // A picture that can't be read must not undress the robot.
+        // A texture that can't be read must not prevent the level from being shown.
         createImageBitmap(picture, { premultiplyAlpha: 'none' }).catch(() => null),
       ),
     );
@@ -121,7 +122,7 @@ export class BuiltRobot {
   }
 }
 
-/** Rejects with a BundleError of one line that names the file. */
+/** Fetches and reads a level. Rejects with a one-line BundleError that names the file. */
 async function fetchLevel(
   file: LodFile,
   manifestUrl: string,
@@ -140,7 +141,7 @@ async function fetchLevel(
   }
 }
 
-/** The level to go to unasked: the one after the coarsest, unless the person saves data. */
+/** Index of the level to load unasked: the second coarsest, or the coarsest if the person saves data. */
 function nextWhenIdle(levels: number): number {
   const connection = (navigator as { connection?: { saveData?: boolean; effectiveType?: string } })
     .connection;
@@ -148,7 +149,7 @@ function nextWhenIdle(levels: number): number {
   return Math.min(1, levels - 1);
 }
 
-/** A phone: its memory and its battery have better uses than the finest shells. */
+/** Whether this is a phone, where the finest level would cost too much memory and battery. */
 function isSmallDevice(): boolean {
   return window.matchMedia('(pointer: coarse)').matches && Math.min(screen.width, screen.height) < 700;
 }

@@ -4,28 +4,28 @@ import type { StagedFigure } from '../../view/figure_node.ts';
 
 export type { FigureGhost } from '../../view/figure_node.ts';
 
-/** A robot as the scene handles it, whatever it was read from. */
+/** A robot as the scene handles it, whatever kind of model it was read from. */
 export interface Figure extends StagedFigure {
   readonly root: Object3D;
   readonly boxes: Iterable<readonly [link: { readonly matrixWorld: Matrix4 }, box: LinkBox]>;
   /** world_from_link of the newest `place` or `ground`, column-major. */
   linkMatrix(name: string): Matrix4 | undefined;
-  /** The world's box around everything that is drawn, or around the link origins while nothing is. */
+  /** The bounding box (world) of all link boxes and link origins. */
   bounds(into: Box3): Box3;
-  /** The link that a ray in the world meets first. */
+  /** The link that a ray (world) meets first, or null. */
   pick(ray: Ray): string | null;
 }
 
-/** What showing a robot needs of the scene, and may ask it for. */
+/** What a model's loader needs from the scene. */
 export interface Stage {
   /** Aborted when another model takes this one's place. */
   readonly signal: AbortSignal;
-  /** Shows a new figure, as a skeleton until `skinned`. */
+  /** Shows a new figure, with a skeleton until `skinned` is called. */
   show(figure: Figure): void;
-  /** The figure is drawn by itself now: the skeleton goes. */
+  /** The figure now has meshes: the skeleton is removed. */
   skinned(): void;
-  /** Something of the figure is new: place it again and draw it. */
+  /** Part of the figure is new: it must be placed and drawn again. */
   changed(): void;
-  /** A mark for a mesh that can't be shown. */
+  /** Makes a mark for a mesh that can't be shown. */
   placeholder(): Object3D;
 }

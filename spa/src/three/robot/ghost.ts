@@ -8,11 +8,11 @@ import { Bones, type SkinTones } from './skin.ts';
 import type { StaleEffect } from './stale_effect.ts';
 
 /**
- * The same robot once more, in another pose: where it was told to be. It wears the shells of its robot (the very
- * buffers), has bones of its own, and costs one draw call. Its root is the robot's.
+ * A see-through copy of a robot in another pose, usually the commanded one. It shares the robot's geometry buffers and
+ * root, has its own bones, and costs one draw call.
  */
 export class Ghost implements FigureGhost {
-  /** Hangs below the robot's root. Empty until the robot wears its first level. */
+  /** A child of the robot's root. Empty until the robot has its first level. */
   readonly mesh: Mesh<BufferGeometry, MeshLambertMaterial>;
   readonly #kinematics: Kinematics;
   readonly #linkOfVisual: ArrayLike<number>;
@@ -41,7 +41,7 @@ export class Ghost implements FigureGhost {
     this.mesh.renderOrder = GLASS_ORDER;
   }
 
-  /** Turns its joints; rad or m by URDF name. False when nothing changed: then there is nothing to draw. */
+  /** Sets its joints, rad or m by URDF name. False when nothing changed. */
   setJoints(joints: ReadonlyMap<string, number>): boolean {
     if (!this.#kinematics.set(joints)) return false;
     this.#kinematics.compute();
@@ -49,12 +49,12 @@ export class Ghost implements FigureGhost {
     return true;
   }
 
-  /** root_from_link of every link by the robot's order, 16 numbers each, column after column; read only. */
+  /** root_from_link of every link in the robot's order: 16 numbers each, column-major. Read only. */
   get rootFromLink(): Float64Array {
     return this.#kinematics.rootFromLink;
   }
 
-  /** How a link is shown: only `fade` and `hide` mean something for a ghost. */
+  /** Sets how a link is shown; a ghost uses only `fade` and `hide`. */
   setLook(link: string, { fade = 0, hide = false }: LinkLook): void {
     const wanted = this.#linkOf.get(link);
     if (wanted === undefined) return;
@@ -63,7 +63,7 @@ export class Ghost implements FigureGhost {
     }
   }
 
-  /** The robot's shells, lent: whoever made the geometry disposes of it. */
+  /** Uses a level's geometry, which still belongs to the robot: the ghost does not dispose of it. */
   wear(level: Lod, geometry: BufferGeometry): void {
     this.#level = level;
     this.mesh.geometry = geometry;

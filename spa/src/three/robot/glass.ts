@@ -9,11 +9,11 @@ import { injectSkinning, insertAfter } from './skin.ts';
 import type { StaleEffect } from './stale_effect.ts';
 
 const OPACITY = 0.35;
-/** After the robot, so that it shows through. */
+/** Render order: after the robot, so that the robot shows through. */
 export const GLASS_ORDER = 2;
 
-/** What a ghost is made of: every link in the accent, clear where one looks straight at it, dense at its edge. It
- *  bends with `bones` as a skin does, and each link may fade by itself. */
+/** The material of a ghost: the accent colour, transparent where the surface faces the camera and denser at its edges.
+ *  Like a skin it follows `bones`, and each link may fade by itself. */
 export function glass(
   staleEffect: StaleEffect,
   accent: { value: Color },
@@ -24,10 +24,10 @@ export function glass(
     opacity: OPACITY,
     depthWrite: false,
     side: DoubleSide,
-    polygonOffset: true, // where both stand alike, the body is seen
+    polygonOffset: true, // where ghost and body coincide, the body is seen
     polygonOffsetFactor: 2,
     polygonOffsetUnits: 24,
-    forceSinglePass: true, // else three draws its back and its front apart
+    forceSinglePass: true, // else three draws back and front faces in two calls
   });
   material.onBeforeCompile = (shader) => {
     staleEffect.patch(shader);

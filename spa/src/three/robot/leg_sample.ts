@@ -5,7 +5,7 @@ import { StaleEffect } from './stale_effect.ts';
 
 const WHOLE = { xyz: [0, 0, 0], quat: [1, 0, 0, 0], limits: null, mimic: null } as const;
 
-/** A leg for tests: hip, thigh, shank, foot, 1 m tall, its foot on the floor; the knee bends about y. */
+/** A leg for tests: hip, thigh, shank and foot, 1 m tall, with its foot on the floor; hip and knee bend about y. */
 export function sampleLeg(): SkinnedRobot {
   const box = (min: [number, number, number], max: [number, number, number]) => ({ min, max });
   const manifest = {

@@ -15,20 +15,21 @@ import type { PaintedSurface } from '../../urdf/meshes/lod_builder.ts';
 import { isAsciiStl, isBinaryStl, MeshError, parseStl, tailBytes } from '../../urdf/meshes/stl.ts';
 import { weld } from '../../urdf/meshes/weld.ts';
 
+/** A mesh file that was read. */
 export interface LoadedMesh {
-  /** One for each colour, in the file's own frame and in metres. */
+  /** One surface for each colour, in the file's own frame, metres. */
   readonly parts: readonly PaintedSurface[];
-  /** What had to be read with leniency. */
+  /** What the reader had to work around. */
   readonly notes: readonly MeshNote[];
 }
 
 export type MeshKind = 'stl' | 'collada' | 'obj' | 'glb';
 
-/** A white pixel: what a Collada texture becomes, as bundles of this version carry none. */
+/** A white pixel that replaces textures, as bundles of version 1 have none. */
 const WHITE = 'data:image/gif;base64,R0lGODlhAQABAIAAAP///wAAACwAAAAAAQABAAACAkQBADs=';
 
-/** What the bytes are, whatever the file is called. A host that answers an unknown path with its start page would
- *  otherwise be read as four billion triangles. Throws MeshError. */
+/** The format of a mesh file by its bytes, whatever its name: a host may answer an unknown path with a web page, which
+ *  read as STL would have four billion triangles. Throws MeshError when it is none of the known formats. */
 export function meshKind(bytes: Uint8Array): MeshKind {
   if (new TextDecoder('latin1').decode(bytes.subarray(0, 4)) === 'glTF') return 'glb';
   if (isBinaryStl(bytes)) return 'stl';
@@ -41,7 +42,7 @@ export function meshKind(bytes: Uint8Array): MeshKind {
   throw new MeshError('neither STL, Collada, OBJ nor GLB');
 }
 
-/** Mesh files of one bundle, each fetched and read once however many links use it. */
+/** Loads the mesh files of one bundle, each once even if several links use it. */
 export class MeshLoader {
   readonly #files: RawFiles;
   readonly #meshes = new Map<string, Promise<LoadedMesh>>();
@@ -50,7 +51,7 @@ export class MeshLoader {
     this.#files = files;
   }
 
-  /** Rejects with a one-line Error that names the file. */
+  /** Fetches and reads a mesh. Rejects with a one-line Error that names the file. */
   load(file: BundleFile): Promise<LoadedMesh> {
     let mesh = this.#meshes.get(file.path);
     if (mesh === undefined) {
@@ -92,14 +93,14 @@ export class MeshLoader {
   }
 }
 
-/** Nothing that a mesh names is fetched: a picture becomes a white pixel. */
+/** A loading manager that fetches nothing: every file that a mesh refers to becomes a white pixel. */
 function offline(): LoadingManager {
   const manager = new LoadingManager();
   manager.setURLModifier((url) => (/^(blob|data):/.test(url) ? url : WHITE));
   return manager;
 }
 
-/** OBJ, in the colours of the MTL that it names where that is there. */
+/** Reads an OBJ, with the colours of its MTL library if `beside` has that file. */
 async function readObj(
   text: string,
   beside: (name: string) => Promise<Uint8Array | null>,
@@ -119,7 +120,7 @@ async function readObj(
   return { parts: partsOf(loader.parse(text), paints !== null), notes };
 }
 
-/** A GLB that needs no file but itself; its axes are the link's, as with any mesh. */
+/** Reads a self-contained GLB. Its axes are taken as the link's, as with any mesh. */
 async function readGlb(bytes: Uint8Array): Promise<PaintedSurface[]> {
   const { GLTFLoader } = await import('three/addons/loaders/GLTFLoader.js');
   const loader = new GLTFLoader(offline()).setMeshoptDecoder(MeshoptDecoder);
@@ -127,7 +128,7 @@ async function readGlb(bytes: Uint8Array): Promise<PaintedSurface[]> {
   return partsOf(scene, true);
 }
 
-/** Collada as RViz reads it: `<unit>` applied, `<up_axis>` ignored (its vertices are in the link's frame already). */
+/** Reads Collada like RViz: `<unit>` is applied, `<up_axis>` is ignored (vertices are in the link's frame already). */
 async function readCollada(text: string): Promise<LoadedMesh> {
   const { ColladaLoader } = await import('three/addons/loaders/ColladaLoader.js');
   const scene = new ColladaLoader(offline()).parse(text, '')?.scene;
@@ -142,7 +143,7 @@ function stlNotes(bytes: Uint8Array): MeshNote[] {
   return tail === 0 ? [] : [['stl-tail', `${tail} bytes after the last triangle`]];
 }
 
-/** What a Collada file says of itself, and what is made of it. */
+/** Notes on a Collada file's unit and up axis, and on how they are treated. */
 function colladaNotes(text: string): MeshNote[] {
   const asset = /<asset[\s>].*?<\/asset>/s.exec(text.slice(0, 65_536))?.[0] ?? '';
   const metre = Number(/<unit\b[^>]*\bmeter\s*=\s*["']([^"']*)["']/.exec(asset)?.[1] ?? 1);
@@ -178,7 +179,7 @@ function isMesh(object: Object3D): object is Mesh {
   return (object as Partial<Mesh>).isMesh === true;
 }
 
-/** null where the file names no colour. */
+/** The colour of a material; null when the file names none. */
 function paintOf(material: Material | undefined): Paint | null {
   if (material === undefined || !isFromFile(material) || !('color' in material)) return null;
   const { r, g, b } = material.color as Color;
@@ -186,7 +187,7 @@ function paintOf(material: Material | undefined): Paint | null {
   return [r, g, b, material.opacity <= 0 ? 1 : material.opacity];
 }
 
-/** False for what three.js puts where a file names no material: a magenta or a white stand-in. */
+/** False for the magenta or white default that three.js uses when a file names no material. */
 function isFromFile(material: Material): boolean {
   const { name, type } = material;
   if (name === Loader.DEFAULT_MATERIAL_NAME) return false;
@@ -195,7 +196,7 @@ function isFromFile(material: Material): boolean {
   return name !== '' || (type !== 'MeshBasicMaterial' && !plain);
 }
 
-/** Corners of a range of a mesh's triangles, in the frame of the file's root. */
+/** The corners (x, y, z each) of a range of a mesh's triangles, in the frame of the file's root. */
 function worldSoup(mesh: Mesh, start: number, count: number): Float32Array {
   const position = mesh.geometry.getAttribute('position');
   const index = mesh.geometry.getIndex();

@@ -4,14 +4,14 @@ import type { RawManifest } from '../../model/bundle.ts';
 
 const HATCHES = 4;
 
-/** Why this mesh can't even be asked for, or null when the bundle has it. */
+/** Why a mesh is not in the bundle; null when it is. */
 export function whyAbsent(uri: string, manifest: RawManifest): string | null {
   if (manifest.missing.has(uri)) return 'not found by the robot';
   if (!manifest.files.has(uri)) return 'not in the bundle';
   return null;
 }
 
-/** A box's edges and slanted lines over its faces, as pairs of points; edge length 1, centre 0. */
+/** Line segments (pairs of points, x, y, z each) of a hatched box with edge length 1 around the origin. */
 export function hatchedBox(): Float32Array {
   const points: number[] = [];
   const line = (axis: number, side: number, u0: number, v0: number, u1: number, v1: number) => {
@@ -39,7 +39,8 @@ export function hatchedBox(): Float32Array {
   return Float32Array.from(points);
 }
 
-/** Stands where a mesh is missing: a hatched outline in the caution colour, so that nobody takes it for the robot. */
+/** Makes the placeholders of missing meshes: hatched boxes in the caution colour that nobody takes for part of the
+ *  robot. */
 export class Placeholders {
   readonly #geometry = new BufferGeometry().setAttribute(
     'position',

@@ -14,14 +14,14 @@ import type { SkinTones } from './skin.ts';
 import { SkinnedRobot } from './skinned_robot.ts';
 import type { StaleEffect } from './stale_effect.ts';
 
-/** A URDF that is read, and where the meshes are that it names. */
+/** A parsed URDF, with the manifest and the source of its mesh files. */
 export interface RawModel {
   readonly urdf: Urdf;
   readonly manifest: RawManifest;
   readonly files: RawFiles;
 }
 
-/** The URDF of a raw bundle. Rejects with an Error of one line. */
+/** Fetches and parses the URDF of a raw bundle. Rejects with a one-line Error. */
 export async function fetchUrdf(manifest: RawManifest, files: RawFiles): Promise<Urdf> {
   const text = new TextDecoder().decode(await files.fetch(manifest.urdf));
   try {
@@ -35,8 +35,8 @@ export async function fetchUrdf(manifest: RawManifest, files: RawFiles): Promise
   }
 }
 
-/** Shows a robot from its raw URDF and meshes, `onTotal` hearing how many bytes it draws: for an edge that serves them as they are, and for a dropped folder.
- *  A chunk of its own, because a built model needs none of it. */
+/** Shows a robot from its raw URDF and meshes, as served by an edge or dropped on the page. `onTotal` gets the bytes of
+ *  all files that are drawn. This is a separate chunk, because built models don't need it. */
 export async function showRaw(
   { urdf, manifest, files }: RawModel,
   stage: Stage,
@@ -77,7 +77,7 @@ export async function showRaw(
   const meshes = new MeshLoader(files);
   const facts = new Map<string, MeshFacts>();
   report.meshes = facts;
-  // From the floor up: so the feet are known, and the robot stands, before the rest arrives.
+  // From the lowest link up, so that the feet come first and the robot stands right before the rest arrives.
   const worldZ = (link: number) => robot.linkMatrix(robot.linkNames[link]!)!.elements[14]!;
   slots.sort((a, b) => worldZ(a.link) - worldZ(b.link));
   await Promise.all(
@@ -92,7 +92,7 @@ export async function showRaw(
           report.problems.push(problem);
         }
       }
-      // Whenever they have doubled: shells appear as they come, and all that is worn before costs no more than the last.
+      // Rebuild whenever the triangles have doubled, so that all rebuilds together cost no more than the last one.
       if (lod.triangles >= 2 * worn) wear();
       stage.changed();
     }),
@@ -101,17 +101,17 @@ export async function showRaw(
   if (slots.length > 0) stage.skinned();
 }
 
-/** A place of the robot that a mesh file fills. */
+/** A visual of the robot that is waiting for its mesh file. */
 interface Slot {
-  /** By its place in the manifest. */
+  /** The link's index in the manifest. */
   readonly link: number;
-  /** As the URDF writes it. */
+  /** The mesh's URI, as written in the URDF. */
   readonly uri: string;
-  /** Throws MeshError when there is no room for it. */
+  /** Shows the mesh. Throws MeshError when there is no room for it. */
   show(mesh: readonly PaintedSurface[]): void;
 }
 
-/** Puts the mesh into its slot. `problem`: why it can't, in one line that names the file. */
+/** Loads the mesh of a slot and shows it. `problem`: why that failed, in one line that names the file. */
 async function fill(
   { uri, show }: Slot,
   manifest: RawManifest,

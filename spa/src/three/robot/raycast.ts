@@ -10,8 +10,8 @@ const HIT = new Vector3();
 const UNIT_BOX = new Box3(new Vector3(-0.5, -0.5, -0.5), new Vector3(0.5, 0.5, 0.5));
 
 /**
- * The visual that a ray meets first, or -1. `ray` lies in the root link's frame; `rootFromMesh(i, into)` says where
- * visual i is, or false when it can't be picked. Boxes first, then triangles: a click costs about a millisecond.
+ * The visual that a ray (in the root link's frame) meets first, or -1. `rootFromMesh(i, into)` writes the transform of
+ * visual i, or returns false when it can't be picked. It tests boxes first, then triangles, in about a millisecond.
  */
 export function pickVisual(
   level: Lod,
@@ -41,7 +41,8 @@ export function pickVisual(
   return found;
 }
 
-/** The link of the placeholder that a ray in the root link's frame meets first; null for none. Each is a box of edge length 1. */
+/** The link of the placeholder (a box of edge length 1) that a ray in the root link's frame meets first; null for none.
+ *  */
 export function pickPlaceholder(
   placeholders: readonly { readonly link: number; readonly object: Object3D }[],
   ray: Ray,

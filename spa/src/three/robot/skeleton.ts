@@ -1,7 +1,7 @@
 import { BufferAttribute, BufferGeometry, type Color, LineBasicMaterial, LineSegments } from 'three';
 import type { Figure } from './figure.ts';
 
-/** Lines from link to link: something that moves rightly from the first moment, before any mesh has come. */
+/** Lines from link to link, which show the robot's motion before any mesh is loaded. */
 export class Skeleton {
   readonly lines: LineSegments;
   readonly #ends: readonly string[];

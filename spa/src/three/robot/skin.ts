@@ -23,10 +23,10 @@ const ROUGHNESS = 0.6;
 const NUMBERS = 16;
 
 /**
- * The bones of one robot on the graphics card: a texture of 4 × n texels, root_from_mesh of each visual column after
- * column. The bottom row of such a matrix says nothing, so how the visual looks stands there: highlight, fade, hide,
- * and its tint (0 for none, else 1 + 0xrrggbb, below zero where it is hatched).
- * One upload moves and paints the whole robot; any number of skins (a ghost) may read bones of their own.
+ * The bones of one robot as a GPU texture of 4 × n texels: root_from_mesh of each visual, column by column. The bottom
+ * row of these matrices is constant, so it holds the visual's look instead: highlight, fade, hide, and tint (0 for
+ * none, else 1 + 0xrrggbb, negative when hatched). One upload moves and paints the whole robot. A ghost has its own
+ * bones.
  */
 export class Bones {
   readonly texture: DataTexture;
@@ -39,7 +39,7 @@ export class Bones {
     this.texture.needsUpdate = true;
   }
 
-  /** Puts every visual where its link is. */
+  /** Moves every visual with its link. Transforms have 16 numbers each, column-major. */
   follow(rootFromLink: Float64Array, linkOfVisual: ArrayLike<number>, linkFromMesh: Float64Array): void {
     const bones = this.#numbers;
     for (let i = 0; i < linkOfVisual.length; i += 1) {
@@ -82,7 +82,7 @@ export class Bones {
   }
 }
 
-/** A level as buffers of the graphics card; what several skins may share. */
+/** The geometry of a level, which a skin and its ghosts share. */
 export function skinGeometry(level: Lod): BufferGeometry {
   const geometry = new BufferGeometry();
   geometry.setAttribute('position', new BufferAttribute(level.positions, 4));
@@ -99,15 +99,15 @@ export function skinGeometry(level: Lod): BufferGeometry {
 }
 
 /**
- * A level drawn through bones: rigid skinning, one bone for each vertex, so one draw call for all that is untextured
- * and one more for each picture. three's own SkinnedMesh mixes four bones a vertex and needs an Object3D for each.
+ * Draws a level by rigid skinning with one bone per vertex: one draw call for all that is untextured and one for each
+ * picture. three's own SkinnedMesh would mix four bones per vertex and need an Object3D for each bone.
  */
 export class Skin {
   readonly mesh: Mesh<BufferGeometry, MeshStandardMaterial | MeshStandardMaterial[]>;
   readonly #materials: readonly MeshStandardMaterial[];
   readonly #paints: DataTexture;
 
-  /** `pictures` as the level numbers them; null for one that could not be read. */
+  /** `pictures`: the level's pictures in its order; null for one that could not be read. */
   constructor(
     level: Lod,
     pictures: readonly (ImageBitmap | null)[],
@@ -136,10 +136,10 @@ export class Skin {
     const [first] = this.#materials;
     const geometry = skinGeometry(level);
     this.mesh = new Mesh(geometry, level.draws.length > 1 ? [...this.#materials] : first!);
-    this.mesh.frustumCulled = false; // its bounds change with every pose, and it is what one looks at
+    this.mesh.frustumCulled = false; // its bounds change with every pose, and it is nearly always in view
   }
 
-  /** From the first link that fades on, fragments may be left out; until then the card need not reckon with it. */
+  /** Lets the shader discard fragments, for links that fade. Off until needed, because `discard` slows the GPU down. */
   allowFading(): void {
     for (const material of this.#materials) {
       if (material.defines?.SEE_THROUGH !== undefined) continue;
@@ -159,7 +159,7 @@ export class Skin {
   }
 }
 
-/** Colours that come from the theme. */
+/** Colours of the theme, as uniforms. */
 export interface SkinTones {
   readonly accent: { value: Color };
   readonly caution: { value: Color };
@@ -191,7 +191,7 @@ flat varying vec4 paint;
 flat varying vec4 tint;
 `;
 
-/** Faces the way its link does; scales are uniform, so no inverse is needed. */
+/** Rotates the normal with its link. Scales are uniform, so no inverse transpose is needed. */
 const BONE_NORMAL = `
 int bone = int(part.x + 0.5);
 vec4 bone0 = texelFetch(bones, ivec2(0, bone), 0);
@@ -214,7 +214,7 @@ if (bone3.w != 0.0) {
 
 const BONE_POSITION = 'transformed = mat3(bone0.xyz, bone1.xyz, bone2.xyz) * vec3(position) + bone3.xyz;\n';
 
-/** All corners of a hidden link at one place outside the picture: nothing to fill. */
+/** Moves all vertices of a hidden link to one point outside the picture, so that nothing is rasterised. */
 const BONE_HIDE = '\nif (bone2.w > 0.5) gl_Position = vec4(2.0, 2.0, 2.0, 1.0);\n';
 
 const FRAGMENT_HEAD = `
@@ -266,7 +266,7 @@ function patch(shader: WebGLProgramParametersWithUniforms, uniforms: Uniforms): 
   ].reduce((text, change) => change(text), shader.fragmentShader.replace('void main() {', FRAGMENT_HEAD));
 }
 
-/** Lets the vertices of a shader follow their bones; `head` declares them. */
+/** Makes a shader's vertices follow their bones. `head` declares attributes, uniforms and varyings. */
 export function injectSkinning(
   shader: WebGLProgramParametersWithUniforms,
   head: string,
@@ -282,7 +282,7 @@ export function injectSkinning(
   );
 }
 
-/** Adds to a chunk of three's shaders. */
+/** Returns a function that inserts code after a chunk's `#include` in a three.js shader. */
 export function insertAfter(chunk: string, more: string): (text: string) => string {
   return (text) => text.replace(`#include <${chunk}>`, `#include <${chunk}>\n${more}`);
 }

@@ -14,7 +14,8 @@ import type { StaleEffect } from './stale_effect.ts';
 
 const MOVES: ReadonlySet<string> = new Set(['revolute', 'continuous', 'prismatic']);
 
-/** A robot as a manifest describes it: complete in its motion from the manifest alone, and dressed when a level has come. */
+/** The robot of a manifest. It moves by the manifest alone, and is drawn once a level of detail has been set with
+ *  `wear`. */
 export class SkinnedRobot implements Figure {
   readonly root = new Object3D();
   readonly linkNames: readonly string[];
@@ -25,7 +26,7 @@ export class SkinnedRobot implements Figure {
   readonly #kinematics: Kinematics;
   readonly #links: readonly { readonly matrixWorld: Matrix4 }[];
   readonly #linkOf: ReadonlyMap<string, number>;
-  /** Those that turn or slide, by their place in the manifest. */
+  /** Joints with one value (turning or sliding): name → index in the manifest. */
   readonly #jointOf: ReadonlyMap<string, number>;
   readonly #boxOfLink: Map<number, LinkBox>;
   readonly #linkOfVisual: Int32Array;
@@ -175,7 +176,7 @@ export class SkinnedRobot implements Figure {
     for (const link of new Set([...before, ...links])) this.#paint(link);
   }
 
-  /** The same robot in another pose: one more draw call. It lives no longer than this robot. */
+  /** Makes a ghost of this robot, which is disposed of with the robot at the latest. */
   ghost(): Ghost {
     const ghost = new Ghost(
       this.#manifest.joints,
@@ -191,7 +192,7 @@ export class SkinnedRobot implements Figure {
     return ghost;
   }
 
-  /** Takes what a mesh has told of its size, metres in its link: for a manifest that did not know it. */
+  /** Grows a link's box by a mesh's box (in the link's frame, metres) that the manifest did not know. */
   measure(link: number, { min, max }: LinkBox): void {
     const known = this.#boxOfLink.get(link);
     const box = known ?? emptyBox();
@@ -201,7 +202,7 @@ export class SkinnedRobot implements Figure {
     this.boxes.push([this.#links[link]!, box]);
   }
 
-  /** Puts something else where a mesh is missing, in the link's frame. */
+  /** Shows a placeholder in the link's frame instead of a missing mesh. */
   mark(link: number, placeholder: Object3D): void {
     placeholder.matrixAutoUpdate = false;
     this.#placeholders.push({ link, object: placeholder });
@@ -209,7 +210,7 @@ export class SkinnedRobot implements Figure {
     this.#bend();
   }
 
-  /** Puts on the shells of a level in place of those of the level before: one picture to the next, nothing jumps. */
+  /** Shows a level instead of the one before, from one picture to the next. */
   wear(level: Lod, pictures: readonly (ImageBitmap | null)[]): void {
     const old = this.#skin;
     this.#level = level;
@@ -236,7 +237,7 @@ export class SkinnedRobot implements Figure {
     });
   }
 
-  /** Moves the shells to where the joints are. */
+  /** Moves meshes and placeholders to where the joints are. */
   #bend(): void {
     for (const { link, object } of this.#placeholders) {
       object.matrix.fromArray(this.#kinematics.rootFromLink, link * 16).scale(object.scale);

@@ -4,8 +4,8 @@ const DRAIN_SECONDS = 0.25;
 const HATCH_CSS_PIXELS = 9;
 
 /**
- * Lets the colour drain out of a robot whose pose is old, and hatches it: many robots are grey by themselves, so
- * missing colour alone would say nothing. One uniform for all materials, so that it costs no draw call.
+ * Greys and hatches a robot whose pose is old; many robots are grey anyway, so missing colour alone would tell nothing.
+ * It is a uniform that all of the robot's materials share, so it costs no draw call.
  */
 export class StaleEffect {
   readonly #amount = { value: 1 };
@@ -25,7 +25,7 @@ export class StaleEffect {
     this.#goal = grey ? 1 : 0;
   }
 
-  /** Whether the colours are where they should be. */
+  /** Whether the fading has ended. */
   get settled(): boolean {
     return this.#amount.value === this.#goal;
   }
@@ -38,7 +38,7 @@ export class StaleEffect {
     this.#period.value = HATCH_CSS_PIXELS * ratio;
   }
 
-  /** Moves on by so many seconds (Infinity: at once). True while more ticks are needed. */
+  /** Advances the fading by `seconds` (Infinity: to its end). True while more ticks are needed. */
   advance(seconds: number): boolean {
     const step = seconds / DRAIN_SECONDS;
     const left = this.#goal - this.#amount.value;
@@ -46,7 +46,7 @@ export class StaleEffect {
     return this.#amount.value !== this.#goal;
   }
 
-  /** Makes the shader of a material one of those that drain. */
+  /** Adds the effect to a material's shader; call it in `onBeforeCompile`. */
   patch(shader: WebGLProgramParametersWithUniforms): void {
     shader.uniforms.drainAmount = this.#amount;
     shader.uniforms.drainPeriod = this.#period;
