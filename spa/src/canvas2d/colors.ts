@@ -1,11 +1,11 @@
 import { OVERLAY_COLORS, type OverlayColors } from '../overlays/colors.ts';
 
-/** Red, green, blue as a screen shows them, 0…255. */
+/** Red, green, blue in sRGB, 0…255. */
 export type Rgb = readonly [number, number, number];
 
-/** The colours of the light view: those of the 3D view's theme, as a plain canvas takes them. */
+/** The colours of the light view: the 3D view's theme, converted for a 2D canvas. */
 export interface LightColors {
-  /** The page's ground: what the floor fades to. */
+  /** The page's background, to which the floor fades. */
   readonly page: Rgb;
   readonly floor: Rgb;
   readonly minorLine: Rgb;
@@ -13,20 +13,20 @@ export interface LightColors {
   readonly muted: Rgb;
   readonly accent: Rgb;
   readonly caution: Rgb;
-  /** What an old robot's colours drain towards. */
+  /** Tint of a robot whose pose is old. */
   readonly stale: Rgb;
-  /** What is drawn about a robot. */
+  /** Colours of the overlay. */
   readonly signs: OverlayColors;
   /** How dark a full shadow is, 0…1. */
   readonly shadow: number;
-  /** Luminance of what shines from above and from below, and strengths of both lamps. */
+  /** Luminance of the ambient light from above (`sky`) and below (`bounce`), and the strengths of both lamps. */
   readonly sky: number;
   readonly bounce: number;
   readonly key: number;
   readonly fill: number;
 }
 
-/** sRGB 0xrrggbb in its parts. */
+/** Splits sRGB 0xrrggbb into its components. */
 export function rgbOf(color: number): Rgb {
   return [color >> 16, (color >> 8) & 255, color & 255];
 }
@@ -67,17 +67,18 @@ export function css([r, g, b]: Rgb, alpha = 1): string {
   return `rgb(${r} ${g} ${b} / ${alpha})`;
 }
 
-/** A canvas pixel: 0xAABBGGRR. */
+/** An opaque canvas pixel, 0xAABBGGRR, from components 0…255. */
 export function pixel(r: number, g: number, b: number): number {
   return ((255 << 24) | (b << 16) | (g << 8) | r) >>> 0;
 }
 
-/** Linear light to what a screen shows; both 0…1 (IEC 61966-2-1). */
+/** Encodes linear light as sRGB; both 0…1 (IEC 61966-2-1). */
 export function encoded(linear: number): number {
   const value = Math.min(1, Math.max(0, linear));
   return value <= 0.0031308 ? 12.92 * value : 1.055 * value ** (1 / 2.4) - 0.055;
 }
 
+/** Decodes sRGB to linear light; both 0…1 (IEC 61966-2-1). */
 export function linear(shown: number): number {
   return shown <= 0.04045 ? shown / 12.92 : ((shown + 0.055) / 1.055) ** 2.4;
 }

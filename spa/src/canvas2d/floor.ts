@@ -2,14 +2,14 @@ import type { LinkBox } from '../model/bounds.ts';
 import { css, type LightColors, type Rgb } from './colors.ts';
 import { KEY } from './lighting.ts';
 
-/** Lines fade out over so many reaches of the robot. */
+/** Distances, in radii of the robot, at which the minor lines, the major lines and the lit floor have faded out. */
 const MINOR_REACHES = 3.2;
 const MAJOR_REACHES = 9;
 const POOL_REACHES = 7;
-/** Pieces of a line, each with a faintness of its own. */
+/** Grid lines are drawn in pieces, each with one of a few opacities. */
 const PIECES = 10;
 const FAINTNESSES = 6;
-/** The largest links cast shadows; more would not be seen and cost. */
+/** Only this many links, the largest, cast shadows: more would cost time and not be seen. */
 const MOST_SHADOWS = 24;
 const AXES: readonly Rgb[] = [
   [0xe5, 0x48, 0x4d],
@@ -17,18 +17,19 @@ const AXES: readonly Rgb[] = [
   [0x3b, 0x82, 0xf6],
 ];
 
-/** A look at the floor: rows X, Y, W of `CameraRig.screenFromWorld`, and the size of the picture. */
+/** How the floor is seen: `CameraRig.screenFromWorld` scaled to the canvas, the canvas size in pixels, and the robot's
+ *  radius `reach` in metres. */
 export interface FloorView {
   readonly screenFromWorld: Float64Array;
   readonly width: number;
   readonly height: number;
   readonly reach: number;
-  /** The middle of the light, metres. */
+  /** The middle of the lit floor, metres. */
   readonly x: number;
   readonly y: number;
 }
 
-/** Paints the ground: a pool of light that fades to the page, a grid of 1 m and 0.1 m, the axes at the robot's base. */
+/** Paints the floor: a lit disc that fades to the page's colour, and a grid of 1 m and 0.1 m. */
 export function paintFloor(context: CanvasRenderingContext2D, view: FloorView, tones: LightColors): void {
   const { width, height, reach } = view;
   context.setTransform(1, 0, 0, 1, 0, 0);
@@ -76,7 +77,7 @@ export function paintAxes(context: CanvasRenderingContext2D, view: FloorView): v
   }
 }
 
-/** Soft shadows of the links' boxes, thrown by the key lamp: the softer, the higher a link hangs. */
+/** Paints soft shadows that the key lamp casts of the links' boxes; the higher a link, the softer its shadow. */
 export function paintShadows(
   context: CanvasRenderingContext2D,
   view: FloorView,
@@ -97,7 +98,7 @@ export function paintShadows(
       (r) => m[r]! * centre[0]! + m[4 + r]! * centre[1]! + m[8 + r]! * centre[2]! + m[12 + r]!,
     );
     const height = Math.max(0, at[2]!);
-    // The box's spread over the floor, as an ellipse: the sum of its half edges' squares, thrown along the light.
+    // The shadow as an ellipse: the covariance of the box's half edges, projected along the light onto the floor.
     let xx = 0;
     let xy = 0;
     let yy = 0;
@@ -145,7 +146,7 @@ export function paintShadows(
   context.setTransform(1, 0, 0, 1, 0, 0);
 }
 
-/** Where a point of the world is in the picture; null when it lies behind the eye. */
+/** Projects a point of the world (metres) to canvas pixels; null when it is behind the camera or too close. */
 export function project(
   { screenFromWorld, reach }: FloorView,
   x: number,
@@ -161,7 +162,8 @@ export function project(
   ];
 }
 
-/** screen_from_disc of an ellipse on the floor with these half axes, as a canvas takes it: flat, so right near its middle. */
+/** The canvas transform from the unit disc to an ellipse on the floor around (x, y) with half axes a and b. It is
+ *  affine, so exact only near the middle. */
 function discOnScreen(
   view: FloorView,
   x: number,
@@ -172,7 +174,7 @@ function discOnScreen(
   by: number,
 ): [number, number, number, number, number, number] | null {
   const at = project(view, x, y, 0);
-  // Small steps: far ends may lie behind the eye.
+  // Small steps, because the far ends of the axes may be behind the camera.
   const step = 0.05;
   const a = project(view, x + ax * step, y + ay * step, 0);
   const b = project(view, x + bx * step, y + by * step, 0);

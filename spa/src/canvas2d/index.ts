@@ -1,2 +1,2 @@
-/** The body without WebGL: a canvas, a depth buffer and no three.js. Loaded on demand, where the 3D view can't be. */
+/** The light view: the body without WebGL and three.js, rasterised on a 2D canvas. Loaded on demand. */
 export { LightView } from './view.ts';

@@ -3,30 +3,31 @@ import type { LinkLook, LinkTint } from '../model/posed_body.ts';
 import { encoded, type LightColors, linear, pixel, rgbOf } from './colors.ts';
 import { SHADES } from './rasterizer.ts';
 
-/** Towards the lamps, in the world: the same places as the 3D view's. */
+/** Unit vectors (world) towards the lamps, in the same places as in the 3D view. */
 export const KEY = unit(2, 0.7, 4.1);
 export const FILL = unit(-0.5, -3, 0.7);
-/** Light at which a surface shows its full colour and the table ends. */
+/** The light (1 shows a surface's full colour) at which the tables end. */
 const BRIGHTEST = 1.15;
-/** Opacity of glass where it is neither clear nor dense. */
+/** Base opacity of glass. */
 const GLASS = 0.35;
-/** Colours of load come in as many steps as there may be tables. */
+/** Mask that rounds load colours, so that there are fewer tables. */
 const FEWER_COLORS = 0xfcfcfc;
-/** Tables are made as they are needed; beyond so many, all begin anew. */
+/** Tables are made on demand; beyond this many rows, all are dropped and made anew. */
 const MOST_TABLES = 512;
 
-/** Shades for each unit of light: what falls on a matt surface leaves it by 1/π. */
+/** Shades per unit of light; a matt (Lambertian) surface reflects 1/π of the light it receives. */
 export const SHADES_PER_LIGHT = (SHADES - 1) / (Math.PI * BRIGHTEST);
 
-/** From paints and shades to pixels. Each look of a link has two rows a paint: as it is, and what its hatching shows. */
+/** Look-up tables from paint and shade to pixel. Each look of a link has two rows for each paint: the plain colour and
+ *  the colour of its hatching. */
 export class Tables {
-  /** SHADES pixels a row. */
+  /** Rows of SHADES pixels each, 0xAABBGGRR. */
   colors = new Uint32Array();
   #tones: LightColors;
   #paints: Float32Array;
   #rows = new Map<string, number>();
 
-  /** `paints`: linear red, green, blue and opacity of each, as a level has them. */
+  /** `paints`: linear red, green, blue and opacity of each paint, as in `Lod.paints`. */
   constructor(paints: Float32Array, tones: LightColors) {
     this.#paints = paints;
     this.#tones = tones;
@@ -37,7 +38,7 @@ export class Tables {
     this.#forget();
   }
 
-  /** Where the rows of this look begin; that of paint p is `2 · p` further. */
+  /** The first row of this look; the row of paint p is `2 · p` further. */
   firstRow({ highlight = 0 }: LinkLook): number {
     const glow = glowOf(highlight);
     return this.#made(`${glow}`, this.#paints.length / 4, (into, at, paint) => {
@@ -47,7 +48,7 @@ export class Tables {
     });
   }
 
-  /** The row of all that is painted over in one colour, whatever its own paints. */
+  /** The row of a link that is painted in one colour, whatever its own paints. */
   tintRow({ color }: LinkTint, { highlight = 0 }: LinkLook): number {
     const glow = glowOf(highlight);
     const shown = color & FEWER_COLORS;
@@ -62,7 +63,7 @@ export class Tables {
     });
   }
 
-  /** The row of glass: its shade is how straight one looks at it. Clear there, dense at its edge. */
+  /** The row of glass. Its shade tells how directly the surface faces the camera: transparent there, dense at edges. */
   glassRow(): number {
     return this.#made('glass', 1, (into, at) => {
       const [r, g, b] = this.#tones.accent;
@@ -85,7 +86,7 @@ export class Tables {
     this.colors = new Uint32Array();
   }
 
-  /** Rows by name: each of `count` paints has two, as it is and what its hatching shows. */
+  /** The first row of a named table; made with `fill` if it is missing. Each of `count` paints has two rows. */
   #made(name: string, count: number, fill: (into: Uint32Array, at: number, paint: number) => void): number {
     let first = this.#rows.get(name);
     if (first !== undefined) return first;
@@ -99,7 +100,7 @@ export class Tables {
     return first;
   }
 
-  /** `color`: linear, 0…1. `stripe`: how dark its hatching is. */
+  /** Fills the two rows of a paint. `color`: linear, 0…1; `stripe`: brightness of the hatching. */
   #fill(into: Uint32Array, at: number, color: readonly number[], glow: number, stripe: number): void {
     const accent = this.#tones.accent.map((part) => linear(part / 255));
     for (let i = 0; i < SHADES; i += 1) {
@@ -113,7 +114,7 @@ export class Tables {
     }
   }
 
-  /** A mark for what could not be had: dark, with stripes of caution. */
+  /** Fills the two rows of a missing mesh's placeholder: dark, with stripes in the caution colour. */
   #fillStandIn(into: Uint32Array, at: number, glow: number): void {
     this.#fill(into, at, [0.25, 0.25, 0.25], glow, 1);
     for (let i = 0; i < SHADES; i += 1) {

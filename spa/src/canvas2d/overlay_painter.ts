@@ -3,9 +3,9 @@ import { AT, STRIDE, type Strokes } from '../overlays/strokes.ts';
 import type { Vec3 } from '../twin/rotation.ts';
 import type { FloorView } from './floor.ts';
 
-/** Points of a whole turn. */
+/** Segments of a whole turn. */
 const STEPS = 48;
-/** Nothing that is meant to be seen is thinner, CSS px. */
+/** Least width of a stroke, CSS px. */
 const LEAST_PX = 1.2;
 
 interface Stroke {
@@ -14,7 +14,7 @@ interface Stroke {
   readonly axis: Vec3;
   /** rad; 0 is straight. */
   readonly sweep: number;
-  /** Metres: length, or radius of the arc; and the radius at either end. */
+  /** Metres: length, or radius of the arc; then the tube's radius at either end. */
   readonly size: number;
   readonly radius: number;
   readonly endRadius: number;
@@ -22,17 +22,17 @@ interface Stroke {
   readonly color: string;
 }
 
-/** A point of the world in the picture. */
+/** A point of the world, projected to the picture. */
 interface Seen {
   readonly x: number;
   readonly y: number;
-  /** Pixels for each metre there. */
+  /** Pixels per metre at its distance. */
   readonly scale: number;
 }
 
 /**
- * Signs on a plain canvas: the strokes of the 3D view as filled paths, the farthest first. `over`: those that show
- * through the robot and are drawn after it; else those that lie under it.
+ * Paints the overlay's strokes on a 2D canvas as filled paths, the farthest first. `over` true: those that show through
+ * the robot, to be painted after it; false: the others, to be painted before it.
  */
 export function paintStrokes(
   context: CanvasRenderingContext2D,
@@ -62,9 +62,9 @@ export function paintStrokes(
 }
 
 interface Look {
-  /** null behind the eye. */
+  /** Projects a point; null behind the camera. */
   at(point: Vec3): Seen | null;
-  /** Metres along the eye's direction. */
+  /** Depth of a point along the camera's direction, metres. */
   away(point: Vec3): number;
   readonly ahead: Vec3;
 }
@@ -105,7 +105,7 @@ function strokeAt(numbers: Float32Array, at: number): Stroke {
   };
 }
 
-/** A tube or a cone: its two ends as discs, and what lies between them. */
+/** Paints a tube or a cone: a quadrilateral between its ends, and the two end discs. */
 function paintShaft(context: CanvasRenderingContext2D, look: Look, stroke: Stroke, leastPx: number): void {
   const { spot, axis, size, radius, endRadius } = stroke;
   const from = look.at(spot);
@@ -118,7 +118,7 @@ function paintShaft(context: CanvasRenderingContext2D, look: Look, stroke: Strok
   const length = Math.hypot(dx, dy);
   const [nx, ny] = length > 0 ? [-dy / length, dx / length] : [0, 1];
   const turned = Math.atan2(ny, nx);
-  /** How much of a disc across the axis is seen. */
+  /** How round a disc across the axis appears: 0 from its edge, 1 from the front. */
   const open = Math.abs(dot(axis, look.ahead));
   context.beginPath();
   context.moveTo(from.x + nx * ra, from.y + ny * ra);
@@ -131,7 +131,7 @@ function paintShaft(context: CanvasRenderingContext2D, look: Look, stroke: Strok
   paintDisc(context, to, rb, turned, open);
 }
 
-/** Overlapping see-through shapes would show where they overlap; such strokes are too thin for round ends anyway. */
+/** See-through strokes get no end discs: overlapping shapes would show, and they are too thin for round ends anyway. */
 function opaque({ color }: Stroke): boolean {
   return color.endsWith('/ 1)');
 }
@@ -168,7 +168,7 @@ function paintFan(context: CanvasRenderingContext2D, look: Look, stroke: Stroke)
   context.fill();
 }
 
-/** Points along the stroke's turn, at this distance from its middle. */
+/** Points along the stroke's arc at this radius, world. */
 function round({ spot, start, axis, sweep }: Stroke, radius: number): Vec3[] {
   const steps = Math.max(2, Math.ceil((sweep / (2 * Math.PI)) * STEPS));
   return Array.from({ length: steps + 1 }, (_, i) =>

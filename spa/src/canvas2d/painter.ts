@@ -10,25 +10,26 @@ import { applyStaleEffect } from './stale_effect.ts';
 
 const SHADOW_PART = 4;
 
-/** One of those that a picture is of. */
+/** One robot of a picture. */
 export interface PaintedRobot {
   readonly figure: LightRobot | null;
-  /** How far its colours have drained, 0…1. */
+  /** How far it has faded to grey, 0…1. */
   readonly grey: number;
 }
 
-/** All that one picture is of. */
+/** Everything that one picture shows. */
 export interface Picture {
   readonly robots: readonly PaintedRobot[];
   readonly strokes: Strokes;
   readonly tones: LightColors;
-  /** Pixels of the shells for each of CSS. */
+  /** Rasterised pixels per CSS pixel, for the meshes. */
   readonly ratio: number;
-  /** With smooth edges, however long it takes. */
+  /** Draw with smooth edges, however long it takes. */
   readonly fine: boolean;
 }
 
-/** A canvas and all that is put on it, layer by layer: floor, shadows, what lies on the floor, shells, signs. */
+/** Paints pictures on a canvas, layer by layer: floor, shadows, strokes on the floor, meshes, strokes over the robot.
+ *  */
 export class LightPainter {
   readonly canvas = document.createElement('canvas');
   readonly #camera: CameraRig;
@@ -39,12 +40,12 @@ export class LightPainter {
   readonly #raster = new Rasterizer();
   readonly #glass = new Rasterizer();
   readonly #aside = new Rasterizer();
-  /** What the kept floor was painted for. */
+  /** Key of the view for which the cached floor was painted. */
   #floorFor = '';
   #width = 0;
   #height = 0;
 
-  /** Throws an Error with a sentence for people when the browser has no canvas. */
+  /** Throws an Error with a message for people when the browser has no 2D canvas. */
   constructor(eye: CameraRig) {
     this.#camera = eye;
     const context = this.canvas.getContext('2d', { alpha: false });
@@ -56,12 +57,12 @@ export class LightPainter {
     this.canvas.style.cssText = 'display: block; width: 100%; height: 100%; touch-action: none';
   }
 
-  /** Pixels of the newest picture's shells, for each of CSS. */
+  /** Rasterised pixels per CSS pixel of the newest picture's meshes. */
   get pixelRatio(): number {
     return this.#raster.width / Math.max(1, this.#width);
   }
 
-  /** CSS px. */
+  /** Sets the picture's size, CSS px. */
   resize(width: number, height: number): void {
     this.#width = width;
     this.#height = height;
@@ -71,7 +72,7 @@ export class LightPainter {
     this.#floorFor = '';
   }
 
-  /** Draws a picture; returns how many triangles met the screen. */
+  /** Draws a picture; returns how many triangles were on the screen. */
   paint(picture: Picture): number {
     const { robots, strokes, tones } = picture;
     const context = this.#context;
@@ -91,7 +92,7 @@ export class LightPainter {
     return triangles;
   }
 
-  /** Where points of the world are in the picture that comes next, CSS px; null behind the eye. */
+  /** A function that projects points of the world into the next picture, CSS px; null behind the camera. */
   get place(): LabelPlace {
     const view = this.#floorView(this.#width, this.#height);
     return (at) => {
@@ -127,7 +128,8 @@ export class LightPainter {
     this.#context.drawImage(this.#floor, 0, 0);
   }
 
-  /** Shadows are soft: a quarter of the pixels along each side shows no difference, and costs a sixteenth. */
+  /** Paints shadows at a quarter of the pixels along each side: they are soft, so it is not seen, and costs a
+   *  sixteenth. */
   #paintShadows(figures: readonly LightRobot[], tones: LightColors): void {
     const { width, height } = this.canvas;
     const [w, h] = [Math.ceil(width / SHADOW_PART), Math.ceil(height / SHADOW_PART)];
@@ -141,7 +143,8 @@ export class LightPainter {
     this.#context.drawImage(this.#shadows, 0, 0, width, height);
   }
 
-  /** Robots from the farthest on; one whose colours have drained on a raster of its own, which is then laid over. */
+  /** Paints the meshes of all robots. A robot that is fading to grey is drawn on its own raster, which is then laid
+   *  over. */
   #paintShells({ robots, tones, ratio, fine }: Picture): number {
     const width = Math.max(1, Math.round(this.#width * ratio));
     const height = Math.max(1, Math.round(this.#height * ratio));
@@ -178,7 +181,7 @@ export class LightPainter {
       .sort((a, b) => away(b.figure) - away(a.figure));
   }
 
-  /** Lines from link to link, until there are shells. */
+  /** Paints lines from link to link, while there are no meshes. */
   #paintBones(robot: LightRobot, view: FloorView, tones: LightColors): void {
     const context = this.#context;
     const at = (link: number) => {

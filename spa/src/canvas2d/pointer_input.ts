@@ -1,12 +1,11 @@
 import type { MouseStyle } from '../view/body_view.ts';
 import type { CameraRig } from '../view/camera_rig.ts';
 
-/** Of the distance, for each pixel of a wheel. */
+/** Relative change of the distance per pixel of wheel scrolling. */
 const ZOOM_PER_PIXEL = 0.0012;
 
-/** Hands on the canvas: one finger or the left button turns, two fingers or any other button pan (`foxglove`: the
- *  buttons the other way round), pinch and wheel zoom
- *  about what they point at. Returns the end of it. */
+/** Handles pointers on a canvas: one finger or the left button turns, two fingers or any other button pan (`foxglove`:
+ *  the buttons are swapped), pinch and wheel zoom towards where they point. Returns a function that stops it. */
 export function attachPointerInput(
   canvas: HTMLCanvasElement,
   eye: CameraRig,

@@ -1,16 +1,16 @@
 /**
- * Triangles into pixels, by hand: a depth buffer of 1/w, and one table look-up a pixel for its colour. On a machine
- * without a graphics card this is several times faster than filling paths, and nothing has to be sorted.
+ * A software rasteriser with a depth buffer of 1/w and one table look-up per pixel for the colour. Without a GPU this
+ * is several times faster than filling canvas paths, and triangles need not be sorted.
  *
  * Pixels are 0xAABBGGRR, as a canvas keeps them on every machine that browsers run on.
  */
 
 /** Steps from dark to bright in a table of colours. */
 export const SHADES = 256;
-/** A pixel of the hatching that marks what is not as it looks. */
+/** Period of the hatching, pixels. */
 const HATCH_PIXELS = 7;
 
-/** Corners on the screen: x, y in pixels, 1/w (nearer is more; 0 or less is behind the eye), shade 0…255. */
+/** Projected vertices: x, y in pixels, 1/w (larger is nearer; 0 or less is behind the camera), shade 0…255. */
 export interface Corners {
   readonly x: Float32Array;
   readonly y: Float32Array;
@@ -18,7 +18,7 @@ export interface Corners {
   readonly shade: Float32Array;
 }
 
-/** How much nearer something must be than a surface that it may share, in parts of its 1/w. */
+/** Factor by which 1/w must be larger to count as nearer than a surface that may be shared (see `clearBefore`). */
 const HAIR = 1.004;
 
 /** Ordered 4 × 4 dither, in sixteenths: the same pattern as the 3D view's. */
@@ -33,13 +33,13 @@ export class Rasterizer {
   #memory = new ArrayBuffer(0);
   #depths = new Float32Array();
 
-  /** What `putImageData` takes. */
+  /** The pixels as RGBA bytes, for `putImageData`. */
   get bytes(): Uint8ClampedArray<ArrayBuffer> {
     return this.#bytes;
   }
 
-  /** What it holds is undefined afterwards. Its memory grows to the largest size asked for and stays: a picture goes back
-   *  and forth between the pixels of motion and those of rest, and each time megabytes would be left behind. */
+  /** Sets the size in pixels; the content is undefined afterwards. The memory never shrinks: pictures alternate between
+   *  the sizes for motion and rest, and each change would leave megabytes of garbage. */
   resize(width: number, height: number): void {
     if (width === this.width && height === this.height) return;
     this.width = width;
@@ -54,14 +54,14 @@ export class Rasterizer {
     this.#depth = this.#depths.subarray(0, size);
   }
 
-  /** Transparent, and nothing in the way. */
+  /** Clears to transparent, with an empty depth buffer. */
   clear(): void {
     this.pixels.fill(0);
     this.#depth.fill(0);
   }
 
-  /** Transparent, and only what is nearer than `other` by more than a hair comes before it: for a body that shares its
-   *  surfaces with that one. */
+  /** Clears to transparent with the depth of `other`, moved a little nearer: for a body that shares surfaces with that
+   *  one and is drawn only where it is clearly in front of it. */
   clearBefore(other: Rasterizer): void {
     this.resize(other.width, other.height);
     this.pixels.fill(0);
@@ -69,7 +69,7 @@ export class Rasterizer {
     for (let i = 0; i < depth.length; i += 1) depth[i] = before[i]! * HAIR;
   }
 
-  /** Lays another picture of this size over this one, each of its pixels as dense as it says. */
+  /** Blends another picture of the same size over this one, by its opacity. */
   overlay({ pixels: above }: Rasterizer): void {
     const { pixels } = this;
     for (let i = 0; i < pixels.length; i += 1) {
@@ -89,10 +89,10 @@ export class Rasterizer {
   }
 
   /**
-   * Draws the triangles `index[start … start + count]`; each takes its colours from the row of `tables` that `rowOfCorner`
-   * names for its first corner, SHADES to a row, by the shade. The back of a triangle has `backPart` of its
-   * shade, as dark as its front's shadow: shells may be open. `seen` 0…1 lets through what is behind; `hatch` draws every other stripe from the row below.
-   * Returns how many triangles met the screen.
+   * Draws the triangles `index[start … start + count]`. `rowOfCorner` of a triangle's first corner names its row of
+   * `tables` (SHADES colours), in which the shade picks the colour. Back faces get `backPart` of their shade, since
+   * meshes may be open. `seen` 0…1 is the opacity; `hatch` takes every other stripe from the next row. Returns how many
+   * triangles were on the screen.
    */
   draw(
     corners: Corners,

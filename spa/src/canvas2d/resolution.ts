@@ -1,23 +1,23 @@
-/** Longer than this a picture may not take, or it is drawn with fewer pixels. */
+/** A picture that takes longer is too slow. */
 const TOO_LONG_MS = 26;
-/** So short that more pixels would do, too. */
+/** A picture that takes less leaves time for more pixels. */
 const SHORT_MS = 7;
-/** One long picture is an accident. */
+/** This many slow pictures in a row lower the resolution; a single one may be an accident. */
 const LONG_IN_A_ROW = 4;
 const SHORT_IN_A_ROW = 30;
-/** Pixels for each of CSS, along each side. */
+/** Pixels per CSS pixel, along each side. */
 const STEPS = [0.5, 0.75, 1, 1.5, 2] as const;
 const USUAL = STEPS.indexOf(1);
 
-/** How many pixels a picture in motion is made of, by how long the last ones took. One at rest may take its time. */
+/** Adapts the resolution of moving pictures to how long the last ones took. Pictures at rest may take longer. */
 export class AdaptiveResolution {
   #step = USUAL;
   #long = 0;
   #short = 0;
 
-  /** `screen`: device pixels for each of CSS. */
+  /** The pixels per CSS pixel to draw with. `screen`: device pixels per CSS pixel. */
   ratio(screen: number, resting: boolean): number {
-    // At rest twice as many as the screen has, up to 2: then edges are smooth.
+    // At rest it draws twice as many as the screen has, up to 2, which smooths edges.
     return resting ? Math.max(1, Math.min(2, screen * 2)) : Math.min(STEPS[this.#step]!, 2);
   }
 

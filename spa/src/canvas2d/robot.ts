@@ -11,32 +11,32 @@ import type { LightColors } from './colors.ts';
 import type { Rasterizer } from './rasterizer.ts';
 import { type LinkPaint, Shells, type ShellView } from './shells.ts';
 
-/** Nearer than this part of the robot's size nothing is drawn: it would be behind the eye. */
+/** Near clipping distance as a part of the robot's size. */
 const NEAR = 0.02;
 const MOVES: ReadonlySet<string> = new Set(['revolute', 'continuous', 'prismatic']);
 
-/** A transform among others in one array. */
+/** A transform: 16 numbers, column-major, a view into a larger array. */
 interface Placed {
   readonly matrixWorld: { readonly elements: Float64Array };
 }
 
-/** A second body: the same robot in another pose. */
+/** The ghost: the same robot in another pose. */
 interface SecondBody {
   readonly worldFromLink: Float64Array;
-  /** Those that are drawn. */
+  /** The links that are drawn. */
   readonly links: Set<number>;
   /** Computes where its links are in the world. */
   spread(): void;
 }
 
-/** A built robot without a graphics card: the same manifest, kinematics, signs and lowest level as in 3D. */
+/** A built robot in the light view, with the same manifest, kinematics, overlay and coarsest level as in 3D. */
 export class LightRobot implements StagedFigure {
   readonly manifest: Manifest;
   readonly boxOfLink: ReadonlyMap<number, LinkBox>;
   readonly boxes: readonly (readonly [Placed, LinkBox])[];
   /** Link 0 is the root. */
   readonly root: Placed;
-  /** 16 numbers a link, column after column, metres. */
+  /** world_from_link: 16 numbers a link, column-major, metres. */
   readonly worldFromLink: Float64Array;
   readonly #placed: readonly Placed[];
   readonly #kinematics: Kinematics;
@@ -44,14 +44,14 @@ export class LightRobot implements StagedFigure {
   readonly #jointOf: ReadonlyMap<string, number>;
   readonly #looks = new Map<number, LinkLook>();
   readonly #tints = new Map<number, LinkTint>();
-  /** Links that nobody knows the place of: their joints have no reading. */
+  /** Links without a known place, because their joints have no reading. */
   #unreadLinks: ReadonlySet<number> = new Set();
   #ghost: SecondBody | null = null;
   #shells: Shells | null = null;
   #tones: LightColors;
   #near = 0.01;
   #worldFromRoot: readonly number[] = transform([0, 0, 0], IDENTITY);
-  /** How far its whole world lies to the side, metres; counts from the next `place` or `ground` on. */
+  /** Offset along y of this robot among others, metres; applies from the next `place` or `ground` on. */
   aside = 0;
 
   constructor(manifest: Manifest, tones: LightColors) {
@@ -83,7 +83,7 @@ export class LightRobot implements StagedFigure {
     return this.manifest.joints.filter(({ type }) => type === 'continuous').map(({ name }) => name);
   }
 
-  /** Whether there are shells to be drawn. */
+  /** Whether a level has been set with `wear`. */
   get dressed(): boolean {
     return this.#shells !== null;
   }
@@ -141,7 +141,7 @@ export class LightRobot implements StagedFigure {
     this.place([0, 0, -lowestOf(this.worldFromLink, this.boxOfLink)], quat_wxyz);
   }
 
-  /** There is one at a time. */
+  /** Makes the ghost; there is one at a time. */
   ghost(): FigureGhost {
     const kinematics = new Kinematics(this.manifest.joints);
     const worldFromLink = new Float64Array(this.worldFromLink.length);
@@ -168,7 +168,7 @@ export class LightRobot implements StagedFigure {
     };
   }
 
-  /** True when the model has this link. */
+  /** Sets how a link is shown. True when the model has this link. */
   setLook(link: string, look: LinkLook): boolean {
     const i = this.#linkOf.get(link);
     if (i === undefined) return false;
@@ -196,12 +196,12 @@ export class LightRobot implements StagedFigure {
     this.#ghost = this.#shells = null;
   }
 
-  /** Puts on shells. `pictures` as the level numbers them: the mean colour (linear) of each, where it could be read. */
+  /** Shows a level. `pictures`: the mean colour (linear) of each of its pictures; null for one that can't be read. */
   wear(level: Lod, pictures: readonly (readonly [number, number, number] | null)[]): void {
     this.#shells = new Shells(level, pictures, this.manifest.visuals, this.#tones);
   }
 
-  /** The world's box around it. */
+  /** Its bounding box in the world, metres. */
   bounds(): { min: [number, number, number]; max: [number, number, number] } {
     const min: [number, number, number] = [Infinity, Infinity, Infinity];
     const max: [number, number, number] = [-Infinity, -Infinity, -Infinity];
@@ -217,13 +217,14 @@ export class LightRobot implements StagedFigure {
     return { min, max };
   }
 
-  /** Draws its shells; returns how many triangles met the screen. `screenFromWorld` as `CameraRig` gives it. */
+  /** Draws its meshes; returns how many triangles were on the screen. `screenFromWorld`: as in `CameraRig`, in pixels.
+   *  */
   draw(raster: Rasterizer, screenFromWorld: Float64Array): number {
     const shot = this.#shot(screenFromWorld, NOWHERE);
     return this.#shells?.draw(raster, shot, (link) => this.#paintOf(link)) ?? 0;
   }
 
-  /** Draws the ghost over them, the eye at a place in the world. Nothing and 0 without one. */
+  /** Draws the ghost, seen from `eye` (world); returns its triangles on the screen, 0 without a ghost. */
   drawGhost(raster: Rasterizer, screenFromWorld: Float64Array, eye: Readonly<Vec3>): number {
     if (this.#ghost === null) return 0;
     const { worldFromLink, links } = this.#ghost;

@@ -5,14 +5,14 @@ import { type Manifest, readManifest } from '../model/manifest.ts';
 import { type LightColors, linear } from './colors.ts';
 import { LightRobot } from './robot.ts';
 
-/** Reads a built model's manifest. Rejects with one line when it can't be shown at all. */
+/** Makes a robot from a built model's manifest. Rejects with a one-line Error when it can't be shown at all. */
 export async function loadRobot(manifestUrl: string, tones: LightColors): Promise<LightRobot> {
   const raw = await manifestAt(manifestUrl);
   if (raw.v !== 2) throw new Error('only a built model can be shown without 3D');
   return new LightRobot(readManifest(raw), tones);
 }
 
-/** Dresses it in its coarsest level, where it has one. Rejects with one line that names the file. */
+/** Loads and shows the coarsest level, if there is one. Rejects with a one-line Error that names the file. */
 export async function loadShells(
   robot: LightRobot,
   manifestUrl: string,
@@ -33,7 +33,7 @@ export async function loadShells(
   robot.wear(level, means);
 }
 
-/** What is left of a picture without room for it: its mean colour, linear; null when it can't be read. */
+/** The mean colour (linear) of a texture, which stands for it in the light view; null when it can't be read. */
 async function meanColor(picture: Blob): Promise<readonly [number, number, number] | null> {
   try {
     const bitmap = await createImageBitmap(picture, {

@@ -8,12 +8,12 @@ import { loadRobot, loadShells } from './robot_loader.ts';
 
 const DRAIN_SECONDS = 0.25;
 
-/** What a robot asks of the picture that it stands in. */
+/** What a robot needs from the light view that it stands in. */
 export interface LightRobotHost extends NodeHost {
   tones(): LightColors;
 }
 
-/** One robot in a picture drawn by hand: in its coarsest level. */
+/** One robot in the light view, shown in its coarsest level. */
 export class LightRobotNode extends FigureNode<LightRobot> {
   readonly #place: LightRobotHost;
   #aside = 0;
@@ -24,7 +24,7 @@ export class LightRobotNode extends FigureNode<LightRobot> {
     this.#place = place;
   }
 
-  /** How far its colours have drained, 0…1. */
+  /** How far it has faded to grey, 0…1. */
   get grey(): number {
     return this.#grey;
   }

@@ -7,7 +7,7 @@ import type { LightColors } from './colors.ts';
 import { FILL, KEY, SHADES_PER_LIGHT, Tables } from './lighting.ts';
 import { type Corners, type Rasterizer, SHADES } from './rasterizer.ts';
 
-/** Vertices of one visual: a level lays them out one visual after the other. */
+/** The range of one visual's vertices; a level stores them visual by visual. */
 interface Run {
   readonly first: number;
   readonly end: number;
@@ -16,23 +16,23 @@ interface Run {
 /** How one link is drawn. */
 export interface LinkPaint {
   readonly look: LinkLook;
-  /** null: in its own colours. */
+  /** null: its own colours. */
   readonly tint: LinkTint | null;
 }
 
-/** From where, and of what. */
+/** The camera and the pose that meshes are drawn with. */
 export interface ShellView {
-  /** As `CameraRig.screenFromWorld` gives it. */
+  /** As in `CameraRig.screenFromWorld`, in pixels of the raster. */
   readonly screenFromWorld: Float64Array;
-  /** World, metres. */
+  /** The camera's position in the world, metres. */
   readonly eye: Readonly<Vec3>;
-  /** 16 numbers a link, column after column. */
+  /** 16 numbers a link, column-major. */
   readonly worldFromLink: Float64Array;
-  /** Nearer than this nothing is drawn, metres: it would be behind the eye. */
+  /** Near clipping distance, metres. */
   readonly near: number;
 }
 
-/** The shells of a level, triangle by triangle into a `Rasterizer`: as matt bodies in their colours, or as glass. */
+/** Draws the meshes of a level into a `Rasterizer`: matt in their colours, or as glass. */
 export class Shells {
   readonly #level: Lod;
   readonly #visuals: readonly Visual[];
@@ -41,7 +41,7 @@ export class Shells {
   readonly #tables: Tables;
   #tones: LightColors;
 
-  /** `pictures` as the level numbers them: the mean colour (linear) of each, where it could be read. */
+  /** `pictures`: the mean colour (linear) of each of the level's pictures; null for one that can't be read. */
   constructor(
     level: Lod,
     pictures: readonly (readonly [number, number, number] | null)[],
@@ -74,7 +74,7 @@ export class Shells {
     this.#tables.setTones(tones);
   }
 
-  /** Returns how many triangles met the screen. */
+  /** Draws all visible links; returns how many triangles were on the screen. */
   draw(raster: Rasterizer, shot: ShellView, paintOf: (link: number) => LinkPaint): number {
     const level = this.#level;
     const tables = this.#tables;
@@ -102,7 +102,7 @@ export class Shells {
     return drawn;
   }
 
-  /** The same as glass, these links alone. */
+  /** Draws only these links, as glass; returns how many triangles were on the screen. */
   drawGlass(raster: Rasterizer, shot: ShellView, links: ReadonlySet<number>): number {
     const level = this.#level;
     const row = this.#tables.glassRow();
@@ -121,7 +121,7 @@ export class Shells {
     return drawn;
   }
 
-  /** The visual under a pixel of a shot, or -1; those that `hidden` says can't be picked. */
+  /** The visual under a pixel, or -1. Links that are `hidden` can't be picked. */
   pick(x: number, y: number, shot: ShellView, hidden: (link: number) => boolean): number {
     const level = this.#level;
     const { x: xs, y: ys, inverseW: ws } = this.#corners;
@@ -150,7 +150,7 @@ export class Shells {
     return found;
   }
 
-  /** Visuals from the eye on: what is hidden then is hidden at once. */
+  /** Indices of visuals from near to far, so that most hidden pixels are rejected early. */
   #nearestFirst({ screenFromWorld: view, worldFromLink: world }: ShellView): number[] {
     const { ranges } = this.#level;
     const away = this.#visuals.map(({ link, box }) => {
@@ -169,7 +169,7 @@ export class Shells {
     return [...ranges.keys()].filter((i) => ranges[i]!.length > 0).sort((a, b) => away[a]! - away[b]!);
   }
 
-  /** Where its corners are on the screen. `MESH` is world_from_mesh from then on. */
+  /** Projects a visual's vertices to the screen, and sets `MESH` to its world_from_mesh. */
   #project(visual: number, { screenFromWorld: view, worldFromLink, near }: ShellView): void {
     const { positions, linkFromMesh } = this.#level;
     multiply(MESH, 0, worldFromLink, this.#visuals[visual]!.link * 16, linkFromMesh, visual * 16);
@@ -195,7 +195,7 @@ export class Shells {
     }
   }
 
-  /** Shades by the lamps, as the mesh sees them, so that its normals need not be turned; 127 is 1 there. */
+  /** Shades vertices by the lamps, transformed into the mesh's frame so that normals need no rotation (127 is 1). */
   #light(visual: number): void {
     const { normals } = this.#level;
     const { shade } = this.#corners;
@@ -224,7 +224,7 @@ export class Shells {
     }
   }
 
-  /** Shades by how straight the eye looks at each corner's surface. */
+  /** Shades vertices by how directly their surface faces the camera. */
   #face(visual: number, eye: Readonly<Vec3>): void {
     const { positions, normals } = this.#level;
     const { shade } = this.#corners;
@@ -253,7 +253,7 @@ function side(xs: Float32Array, ys: Float32Array, i: number, j: number, x: numbe
   return (xs[j]! - xs[i]!) * (y - ys[i]!) - (ys[j]! - ys[i]!) * (x - xs[i]!);
 }
 
-/** A level's paints, each picture as its mean colour. */
+/** A level's paints, with each picture replaced by its mean colour. */
 function meanPaints(level: Lod, means: readonly (readonly [number, number, number] | null)[]): Float32Array {
   const paints = level.paints.slice();
   for (const { start, picture } of level.draws) {

@@ -3,11 +3,9 @@ import type { Rgb } from './colors.ts';
 const HATCH_CSS_PIXELS = 9;
 
 /**
- * Drains the colour of everything that was drawn, and hatches it, as the 3D view does: `amount` 0…1, in place. What is
- * see-through stays so.
+ * Greys and hatches everything that was drawn by `amount` (0…1), in place, as the 3D view does. Opacity stays.
  *
- * @param pixels 0xAABBGGRR, transparent where nothing was drawn
- * @param ratio pixels for each of CSS
+ * `pixels` are 0xAABBGGRR, transparent where nothing was drawn; `ratio` is pixels per CSS pixel.
  */
 export function applyStaleEffect(
   pixels: Uint32Array,

@@ -14,22 +14,22 @@ import { attachPointerInput } from './pointer_input.ts';
 import { AdaptiveResolution } from './resolution.ts';
 import { LightRobotNode } from './robot_node.ts';
 
-/** After so long without motion the picture is drawn once more, finely. */
+/** After this long without motion the picture is drawn once more, with smooth edges. */
 const REST_MS = 150;
-/** How near a zoom may come, in radii of the robot: nearer the coarsest level shows its corners. */
+/** Least distance of the camera, in radii of the robot: closer up, the coarsest level looks too rough. */
 const NEAREST = 1 / 2;
 
 export interface LightOptions {
   readonly theme: 'dark' | 'light';
-  /** Hears when motion begins or ceases to be shown with fewer pixels, because this device is slow. */
+  /** Called when motion starts or stops being drawn with fewer pixels, because this device is slow. */
   readonly onSlow?: (slow: boolean) => void;
-  /** Hears of every picture: for what stands over it. */
+  /** Called after every picture, so that elements over the canvas can follow. */
   readonly onDrawn?: () => void;
 }
 
 /**
- * The body, or some side by side, for a browser without 3D: the lowest level of detail, every pixel made by hand on a plain
- * canvas. The same robots, colours, signs, toggles and camera words as `RobotScene`, without a line of three.js.
+ * The view of one or several robots for browsers without WebGL: the coarsest level of detail, rasterised in software on
+ * a 2D canvas. It has the same interface, colours and overlay as `RobotScene`, without three.js.
  */
 export class LightView extends RowStage<LightRobotNode> {
   protected override readonly row = new RobotRow<LightRobotNode>();
@@ -50,7 +50,7 @@ export class LightView extends RowStage<LightRobotNode> {
   #tones: LightColors;
   #triangles = 0;
   #pictureMs = 0;
-  /** Once nothing moves any more, one last picture with smooth edges. */
+  /** Draws one last picture with smooth edges once nothing moves any more. */
   readonly #finely = new Debounce(REST_MS, () => {
     this.#fine = true;
     this.loop.drawNow();
@@ -92,12 +92,12 @@ export class LightView extends RowStage<LightRobotNode> {
     return { ...this.#overlay.shown(robot), ghostLinks: robot.ghostLinks };
   }
 
-  /** How long the newest picture in motion took to draw. */
+  /** How long the newest picture in motion took to draw, ms. */
   get pictureMs(): number {
     return this.#pictureMs;
   }
 
-  /** Pixels of the newest picture's shells, for each of CSS. */
+  /** Rasterised pixels per CSS pixel of the newest picture's meshes. */
   get pixelRatio(): number {
     return this.#painter.pixelRatio;
   }

@@ -22,13 +22,13 @@ import {
 import { type Imu, leanOf } from '../twin/sensors/imus.ts';
 import type { Paint, Strokes } from './strokes.ts';
 
-/** In reaches of the robot. */
+/** Sizes in radii of the robot. */
 const PLANE = 0.62;
 const LIFT = 0.004;
 const GRAVITY = 0.3;
 const UP = 0.34;
 const FOOT = 0.13;
-/** A lean below this is upright to the eye, rad. */
+/** A smaller lean looks upright, rad. */
 const LEAST_LEAN = 0.02;
 
 const WORLD_UP: Vec3 = [0, 0, 1];
@@ -39,26 +39,26 @@ export interface AttitudePaints {
   readonly plane: Paint;
   readonly rim: Paint;
   readonly gravity: Paint;
-  /** Lines that lead on from others. */
+  /** Thin lines that continue others. */
   readonly faint: Paint;
   readonly lean: Paint;
 }
 
 export interface ShownAttitude {
-  /** Height of the reference plane, m; null while nothing says what is level. */
+  /** Height of the reference plane, m; null while nothing tells what is level. */
   readonly planeZ: number | null;
-  /** Of the body's IMU, rad; null is no reading. */
+  /** Roll and pitch by the body's IMU, rad; null without a reading. */
   readonly roll: number | null;
   readonly pitch: number | null;
-  /** Sites of the other IMUs that show how they are turned. */
+  /** Sites of the other IMUs that are drawn. */
   readonly feet: readonly string[];
 }
 
-/** What is level and how the robot stands to it: a plane at the lowest foot, the plumb line, the lean of the body. */
+/** Draws what is level and how the robot leans: a plane at the lowest foot, the plumb line, the body's own up. */
 export class AttitudeOverlay {
   shown: ShownAttitude = { planeZ: null, roll: null, pitch: null, feet: [] };
 
-  /** `based`: the robot itself reports where it is in the world. `figure`: null while there is none. */
+  /** Adds its strokes. `based`: the robot reports its orientation by odometry; `reach`: its radius, m. */
   draw(
     strokes: Strokes,
     figure: PosedBody | null,
@@ -100,7 +100,7 @@ function drawPlane(
   }
 }
 
-/** From the body's IMU straight down to the plane, and the body's own up beside the world's. */
+/** Draws a line from the body's IMU straight down to the plane, and the body's own up beside the world's. */
 function drawPlumb(
   strokes: Strokes,
   figure: PosedBody,
@@ -130,7 +130,7 @@ function drawPlumb(
   strokes.fan(at, normalize(cross(WORLD_UP, own)), WORLD_UP, angle, 0, UP * reach, lean);
 }
 
-/** A ring as the foot's own IMU has it, facing as the foot does: beside a well sensor it lies along the sole. */
+/** Draws a ring that is tilted as the foot's own IMU reports; if that is right, it is parallel to the sole. */
 function drawFoot(
   strokes: Strokes,
   figure: PosedBody,
@@ -155,7 +155,7 @@ function linkOf(figure: PosedBody, { link }: Imu): Transform | undefined {
   return (link === null ? figure.root.matrixWorld : figure.linkMatrix(link))?.elements;
 }
 
-/** The lowest point of what is drawn, m; of the link origins while nothing is. */
+/** The lowest z of the robot's boxes, m; of its link origins if it has no boxes. */
 function lowest(figure: PosedBody): number {
   let low = Number.POSITIVE_INFINITY;
   for (const [link, box] of figure.boxes) low = Math.min(low, lowestZ(box, link.matrixWorld.elements));

@@ -3,13 +3,13 @@ import { displayOf, formatNumber } from '../twin/format.ts';
 import type { ShownAttitude } from './attitude.ts';
 
 const SVG = 'http://www.w3.org/2000/svg';
-/** The bubble of a spirit level is at the rim from here on. */
+/** The lean (rad) at which the bubble of the spirit level reaches the rim. */
 const FULL_RAD = 0.35;
 const RIM = 11;
 
 type Lean = Pick<ShownAttitude, 'roll' | 'pitch'> & { readonly angle: AngleUnit };
 
-/** Roll and pitch in numbers and as the bubble of a spirit level, in a corner over the picture. */
+/** Shows roll and pitch as numbers and as the bubble of a spirit level, in a corner over the picture. */
 export class AttitudeReadout {
   readonly #root = document.createElement('div');
   readonly #bubble = document.createElementNS(SVG, 'circle');
@@ -47,7 +47,7 @@ export class AttitudeReadout {
     host.append(this.#root);
   }
 
-  /** null: the robot has no sensor that could say. Without a reading now it says so. */
+  /** Shows a lean, or that it has no reading now; null hides the readout (the robot has no such sensor). */
   show(lean: Lean | null): void {
     this.#root.hidden = lean === null;
     if (lean === null) return;
@@ -62,7 +62,7 @@ export class AttitudeReadout {
       const words = said(value);
       if (text.data !== words) text.data = words;
     }
-    // A bubble goes up: to the left when the robot leans right, back when it leans ahead.
+    // A bubble moves to the high side: to the left when the robot leans right, back when it leans ahead.
     const way = Math.hypot(roll ?? 0, pitch ?? 0);
     const part = way === 0 ? 0 : (Math.min(1, way / FULL_RAD) * RIM) / way;
     this.#bubble.setAttribute(

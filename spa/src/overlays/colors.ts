@@ -1,13 +1,13 @@
 import type { Level } from '@posecast/wire';
 import type { LinkTint } from '../model/posed_body.ts';
 
-/** `safe` for people who tell red from green badly: Okabe and Ito's colours. */
+/** `safe` is for people with red-green colour blindness (colours by Okabe and Ito). */
 export type PaletteName = 'standard' | 'safe';
 
-/** The colours of what is drawn about a robot, sRGB 0xrrggbb. The page's own tokens are repeated here because a canvas
- *  can't inherit CSS. */
+/** The colours of the overlay, sRGB 0xrrggbb. They repeat the page's CSS colours, because a canvas can't inherit CSS.
+ *  */
 export interface OverlayColors {
-  /** All well, caution, fault. */
+  /** Levels: ok (`live`), caution, fault. */
   readonly live: number;
   readonly caution: number;
   readonly fault: number;
@@ -15,9 +15,9 @@ export interface OverlayColors {
   readonly safe: Readonly<Record<Level, number>>;
   /** What is level, and the plumb line. */
   readonly level: number;
-  /** What is said without alarm. */
+  /** Neutral information. */
   readonly muted: number;
-  /** What is old. */
+  /** Old readings. */
   readonly stale: number;
   /** Selection, highlight and the ghost. */
   readonly accent: number;
@@ -46,19 +46,20 @@ export const OVERLAY_COLORS: Readonly<Record<'dark' | 'light', OverlayColors>> =
   },
 };
 
-/** What a sign of a level is painted with; grey when it is not the robot's present. */
+/** The colour of a level; the stale colour when `live` is false. */
 export function levelColor(tones: OverlayColors, palette: PaletteName, level: Level, live: boolean): number {
   if (!live) return tones.stale;
   if (palette === 'safe') return tones.safe[level];
   return { ok: tones.live, caution: tones.caution, fault: tones.fault }[level];
 }
 
-/** Colours of load from rest to limit, sRGB: cool to warm and bright to dark, so that every eye sees the order. */
+/** Load colours from rest to limit, sRGB: cool to warm and also bright to dark, so that colour-blind people see the
+ *  order. */
 const RAMP = [0xcfd8e6, 0xd9cfa8, 0xe8bf57, 0xdd8b26, 0xb4531a] as const;
-/** No reading, or nothing to read. */
+/** Colour of a link without a load reading. */
 export const NO_LOAD = 0x7f8894;
 
-/** A part (0 at rest … 1 at the limit) as sRGB 0xrrggbb. */
+/** The colour (sRGB 0xrrggbb) of a load: 0 at rest … 1 at the limit. */
 export function loadColor(part: number): number {
   const at = Math.min(1, Math.max(0, part)) * (RAMP.length - 1);
   const low = Math.min(RAMP.length - 2, Math.floor(at));
@@ -69,5 +70,5 @@ export function loadColor(part: number): number {
   return mix(16) | mix(8) | mix(0);
 }
 
-/** Of a link whose joint has no reading: as grey, and as hatched, as all that is old. */
+/** The tint of a link whose joint has no reading: grey and hatched, like everything old. */
 export const UNREAD: LinkTint = { color: 0x8f99a8, hatched: true };

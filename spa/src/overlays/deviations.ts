@@ -13,14 +13,14 @@ import type { Deviation } from '../twin/overlay/deviations.ts';
 import type { Vec3 } from '../twin/rotation.ts';
 import type { Paint, Strokes } from './strokes.ts';
 
-/** In reaches of the robot. */
+/** Sizes in radii of the robot. */
 const LEAST_RADIUS = 0.07;
 const MOST_RADIUS = 0.2;
 const THICK = 0.006;
 const SPOKE = 0.004;
-/** Smaller than this there is no arc to see; rad or m. */
+/** Smaller deviations (rad or m) get no arc. */
 const LEAST = 1e-3;
-/** A limb nearer to its axis than this (squared, of 1) has no side to speak of. */
+/** A limb whose part across the axis is shorter (squared, unit vectors) gives no direction for the arc. */
 const ALONG_AXIS = 0.02;
 
 export interface ShownDeviation {
@@ -29,15 +29,15 @@ export interface ShownDeviation {
   readonly error: number;
   readonly unit: string;
   readonly compliant: boolean;
-  /** Where its label points to, world; null when none of its joints is in the model. */
+  /** The point of its label (world, metres); null when none of its joints is in the model. */
   readonly at: Vec3 | null;
 }
 
-/** Arcs at the joints that are not where they were told to be: from where the limb is to where it should be. */
+/** Draws arcs at joints that are off their command, from where the limb is to where it should be. */
 export class DeviationOverlay {
   readonly shown: ShownDeviation[] = [];
 
-  /** `from`: what the body shows. `body`: null while there is none. */
+  /** Adds its strokes. `from`: the values that the body shows, where arcs start; `reach`: the robot's radius, m. */
   draw(
     strokes: Strokes,
     body: PosedBody | null,
@@ -62,7 +62,7 @@ export class DeviationOverlay {
   }
 }
 
-/** Returns the middle of the arc; null when this model has no such joint. */
+/** Draws one arc; returns its middle (world), or null when the model has no such joint. */
 function drawArc(
   strokes: Strokes,
   body: PosedBody,
@@ -96,7 +96,7 @@ function drawArc(
   return addScaled(at, rotateAbout(axis, way / 2, limb), radius);
 }
 
-/** Along the limb: towards the middle of what the joint moves, as far as it lies across the axis; else down, else ahead. */
+/** The unit vector across the axis along the limb (towards the middle of the moved link), else down, else ahead. */
 function limbAcross(axis: Vec3, limb: Vec3 = [0, 0, -1]): Vec3 {
   const ways: readonly Vec3[] = [limb, [0, 0, -1], [1, 0, 0]];
   const found = ways.map((way) => rejectFrom(way, axis)).find((way) => dot(way, way) >= ALONG_AXIS);

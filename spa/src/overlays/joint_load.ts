@@ -3,19 +3,20 @@ import type { PosedBody } from '../model/posed_body.ts';
 import type { Load } from '../twin/sensors/load.ts';
 import { loadColor, NO_LOAD } from './colors.ts';
 
-/** Paints the links of a robot by how loaded the joint is that moves them; what hangs rigidly on a link goes with it. */
+/** Paints each link by the load of the joint that moves it; links fixed to it get the same colour. */
 export class JointLoadPaint {
   #figure: PosedBody | null = null;
-  /** Link → the joint that moves it; null for what no joint moves. */
+  /** Link → the joint that moves it, or null. */
   #jointOf: ReadonlyMap<string, string | null> = new Map();
   readonly #shown = new Map<string, number>();
 
-  /** Colours as they are shown, by link (sRGB 0xrrggbb); empty while links have their own. */
+  /** The shown colours by link (sRGB 0xrrggbb); empty while links have their own. */
   get shown(): ReadonlyMap<string, number> {
     return this.#shown;
   }
 
-  /** `fault`: the colour (sRGB) of a joint past its limit; it is hatched, too. True when a link looks different now. */
+  /** Paints the links. `fault`: the colour (sRGB) of a joint past its limit, which is also hatched. True when any
+   *  changed. */
   paint(figure: PosedBody | null, loads: ReadonlyMap<string, Load> | null, fault: number): boolean {
     if (figure !== this.#figure) {
       this.#figure = figure;

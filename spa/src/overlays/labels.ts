@@ -1,31 +1,31 @@
 import type { Level } from '@posecast/wire';
 import type { Vec3 } from '../twin/rotation.ts';
 
-/** Labels at one time; a robot of 200 joints that all deviate must not fill the picture with words. */
+/** Most labels at one time, so that a robot with 200 deviating joints does not fill the picture with words. */
 export const MOST_LABELS = 16;
-/** From the point a label belongs to, CSS px. */
+/** Distance of a label from its point, CSS px. */
 const BESIDE_PX = 10;
 const LINE_PX = 21;
-/** How wide words are, about: asking the page would make it lay itself out in every tick. */
+/** Estimated width of a letter, CSS px: measuring the text would force a layout in every tick. */
 const LETTER_PX = 6.7;
 const FRAME_PX = 28;
 
-/** Where a point of the world is in the picture, CSS px; null behind the eye. */
+/** Projects a point of the world to the picture, CSS px; null behind the camera. */
 export type LabelPlace = (at: Vec3) => { x: number; y: number } | null;
 
 export interface OverlayLabel {
-  /** The same label from picture to picture. */
+  /** Identifies the same label in successive pictures. */
   readonly key: string;
   readonly text: string;
   readonly level: Level;
-  /** Yields on purpose, or has no reading: said, but no trouble. */
+  /** Shown without emphasis, because it is no trouble: a joint that yields on purpose, or has no reading. */
   readonly quiet: boolean;
-  /** World. */
+  /** The point that it belongs to (world, metres). */
   readonly at: Vec3;
 }
 
-/** Words beside the signs: elements over the canvas, so that they are sharp, cost no draw call and follow the theme.
- *  Screen readers find the same in the table, as text. */
+/** The overlay's labels as HTML elements over the canvas, so that they are sharp, cost no draw call and follow the
+ *  theme. Screen readers find the same in the table. */
 export class OverlayLabels {
   readonly #layer = document.createElement('div');
   readonly #elements = new Map<string, { root: HTMLElement; text: Text; at: Vec3; shownAt: string }>();
@@ -36,7 +36,7 @@ export class OverlayLabels {
     host.append(this.#layer);
   }
 
-  /** The labels there are now, the most important first. */
+  /** Sets the labels, the most important first. */
   set(labels: readonly OverlayLabel[]): void {
     const shown = labels.slice(0, MOST_LABELS);
     const keys = new Set(shown.map(({ key }) => key));
@@ -55,14 +55,15 @@ export class OverlayLabels {
     }
   }
 
-  /** Puts them where their points are in a picture of this width, CSS px: beside them at the right, else at the left. */
+  /** Places the labels in a picture of this width (CSS px), to the right of their points if there is room, else left.
+   *  */
   place(place: LabelPlace, width: number): void {
     const taken: { x: number; y: number }[] = [];
     for (const element of this.#elements.values()) {
       const point = place(element.at);
       const x = besideAt(point?.x ?? 0, element.text.length * LETTER_PX + FRAME_PX, width);
       let y = Math.round(point?.y ?? 0);
-      // Below one that is in the way; those of one body are few.
+      // Move it below any label that is in the way; there are few.
       if (point !== null) {
         for (const other of taken) {
           if (Math.abs(other.x - x) < 90 && Math.abs(other.y - y) < LINE_PX) y = other.y + LINE_PX;
@@ -95,7 +96,7 @@ export class OverlayLabels {
   }
 }
 
-/** Where words of this width begin beside a point, CSS px. */
+/** The left edge of a label of width `wide` beside a point at x, CSS px. */
 export function besideAt(x: number, wide: number, width: number): number {
   const right = Math.round(x) + BESIDE_PX;
   if (right + wide <= width) return right;

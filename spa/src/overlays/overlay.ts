@@ -6,15 +6,15 @@ import { type LabelPlace, OverlayLabels } from './labels.ts';
 import { type OverlayStyle, RANK, RobotOverlay, type ShownOverlay } from './robot_overlay.ts';
 import { Strokes } from './strokes.ts';
 
-/** Whose signs they are: one of the robots in the picture. */
+/** A robot of the picture whose overlay is drawn. */
 export interface OverlayBearer {
   /** null while it has no body. */
   readonly figure: PosedBody | null;
 }
 
 /**
- * All that is drawn about the robots of one picture, however that is drawn: strokes for whoever has a canvas, and words
- * over it. Nothing is made anew before somebody asks for it (`make`), so that six robots that move cost one picture.
+ * The overlay of all robots of one picture, independent of the renderer: strokes for the canvas and labels over it. It
+ * is rebuilt only by `make`, so that six moving robots cost one rebuild for each picture.
  */
 export class Overlay {
   readonly strokes = new Strokes();
@@ -34,18 +34,18 @@ export class Overlay {
     return this.#of(of).shown;
   }
 
-  /** The newest readings of a robot and how they are wanted. */
+  /** Takes a robot's newest readings and their style. */
   show(of: OverlayBearer, readings: OverlayReadings | null, manner?: OverlayStyle): void {
     this.#of(of).take(readings, manner);
     this.#old = true;
   }
 
-  /** A robot has moved, or has another body. */
+  /** Call when a robot has moved or has another body. */
   moved(): void {
     this.#old = true;
   }
 
-  /** Robots may have another size: they wear more than before. */
+  /** Measures the robots' sizes anew, for example after more of their meshes have come. */
   measure(): void {
     for (const signs of this.#signs.values()) signs.measure();
     this.#old = true;
@@ -56,7 +56,7 @@ export class Overlay {
     this.#old = true;
   }
 
-  /** Lets arrows glide. True while they do. */
+  /** Advances the easing of arrows. True while it goes on. */
   advance(seconds: number): boolean {
     let moving = false;
     for (const signs of this.#signs.values()) moving = signs.advance(seconds) || moving;
@@ -64,7 +64,7 @@ export class Overlay {
     return moving;
   }
 
-  /** Makes strokes and words of what is known now. True when there is another picture than before. */
+  /** Rebuilds strokes and labels if needed. True when the picture changes by it. */
   make(): boolean {
     if (!this.#old) return false;
     this.#old = false;
@@ -86,7 +86,7 @@ export class Overlay {
     return changed || repainted;
   }
 
-  /** Puts the words where their points are in a picture of this width, CSS px. */
+  /** Places the labels in a picture of this width, CSS px. */
   placeLabels(place: LabelPlace, width: number): void {
     this.#labels.place(place, width);
   }

@@ -13,7 +13,7 @@ import type { OverlayLabel } from './labels.ts';
 import type { Paint, Strokes } from './strokes.ts';
 import { type ShownWrench, WrenchOverlay } from './wrenches.ts';
 
-/** What is said beside the signs. */
+/** The words of labels in the viewer's language. */
 export interface OverlayWords {
   readonly offBy: (channel: string, by: string) => string;
   readonly compliant: (channel: string) => string;
@@ -21,18 +21,18 @@ export interface OverlayWords {
 }
 
 export interface OverlayStyle {
-  /** false: an old picture, all signs are grey. */
+  /** false: the pose is old, and the overlay is grey. */
   readonly live: boolean;
-  /** What the body shows: arcs lead from there to the other. */
+  /** The values that the body shows; arcs lead from there to the other. */
   readonly from: 'pos' | 'ref';
-  /** How much longer than usual arrows are. */
+  /** Factor of the length of arrows; 1 is usual. */
   readonly arrowScale: number;
   readonly palette: PaletteName;
   readonly angle: AngleUnit;
   readonly words: OverlayWords;
 }
 
-/** What is to be seen, for tests and curious people. */
+/** What the overlay shows now, for tests and the debug interface. */
 export interface ShownOverlay {
   readonly wrenches: readonly ShownWrench[];
   readonly deviations: readonly ShownDeviation[];
@@ -53,10 +53,10 @@ const USUAL: OverlayStyle = {
   ...{ live: false, from: 'pos', arrowScale: 1, palette: 'standard', angle: 'rad' },
   words: UNSAID,
 };
-/** What matters most comes first. */
+/** Sort order of levels: the most important first. */
 export const RANK: Readonly<Record<Level, number>> = { fault: 0, caution: 1, ok: 2 };
 
-/** All that is drawn about one robot: forces, deviations, what is level, load. Strokes and words come out. */
+/** The overlay of one robot: forces, deviations, attitude and load as strokes, labels and tints. */
 export class RobotOverlay {
   readonly #wrenches = new WrenchOverlay();
   readonly #deviations = new DeviationOverlay();
@@ -65,7 +65,7 @@ export class RobotOverlay {
   #readings = NOTHING;
   #manner = USUAL;
   #body: PosedBody | null = null;
-  /** The robot's radius, m; by its first whole pose, so that arrows do not breathe with it. */
+  /** The robot's radius, m. It is measured once, so that arrows don't change size with the pose. */
   #reach: number | null = null;
 
   get shown(): ShownOverlay {
@@ -78,29 +78,29 @@ export class RobotOverlay {
     };
   }
 
-  /** How the body leans and in what that is said; null for a robot without a sensor that can say. */
+  /** The body's lean and the unit to show it in; null for a robot without a sensor for it. */
   get lean(): (ShownAttitude & { readonly angle: AngleUnit }) | null {
     return this.#readings.body === null ? null : { ...this.#attitude.shown, angle: this.#manner.angle };
   }
 
-  /** The newest readings and how they are wanted. */
+  /** Takes the newest readings and their style. */
   take(readings: OverlayReadings | null, manner: OverlayStyle = this.#manner): void {
     this.#readings = readings ?? NOTHING;
     this.#manner = manner;
     this.#wrenches.take(this.#readings.wrenches, prefersReducedMotion());
   }
 
-  /** The robot's size may be another one: it wears more than before. */
+  /** Measures the robot's size anew, for example after more of its meshes have come. */
   measure(): void {
     this.#reach = null;
   }
 
-  /** Lets arrows glide. True while they do. */
+  /** Advances the easing of arrows. True while it goes on. */
   advance(seconds: number): boolean {
     return this.#wrenches.advance(seconds);
   }
 
-  /** Adds what there is to a picture. True when the body's own colours have changed, too. */
+  /** Adds its strokes to a picture and tints the body. True when the body's colours changed. */
   draw(strokes: Strokes, body: PosedBody | null, tones: OverlayColors): boolean {
     if (body !== this.#body) this.#reach = null;
     this.#body = body;
@@ -126,7 +126,7 @@ export class RobotOverlay {
     return this.#loads.paint(body, loads, color('fault'));
   }
 
-  /** The words at the strokes of the newest `draw`. */
+  /** The labels for the strokes of the newest `draw`. */
   labels(): OverlayLabel[] {
     const labels = [...this.#wrenches.shown.flatMap((wrench) => wrenchLabel(wrench, this.#manner.words))];
     for (const { channel, error, unit, compliant, at } of this.#deviations.shown) {
@@ -152,7 +152,7 @@ export class RobotOverlay {
   }
 }
 
-/** A moment of less than this sweep (rad) needs no number while it is well. */
+/** A moment with a smaller sweep (rad) gets no label while its level is ok. */
 const QUIET_SWEEP = 0.35;
 
 function wrenchLabel({ site, name, force, moment, tip }: ShownWrench, words: OverlayWords): OverlayLabel[] {
@@ -180,7 +180,7 @@ function said(value: number | null, unit: string, decimals: number): string {
   return `${formatNumber(value, { ...display, decimals: Math.min(display.decimals, decimals) }).trim()} ${display.unit}`;
 }
 
-/** The radius of what a robot fills, m. */
+/** The radius of a robot's bounding box, m. */
 function reachOf(body: PosedBody): number {
   const min: [number, number, number] = [Infinity, Infinity, Infinity];
   const max: [number, number, number] = [-Infinity, -Infinity, -Infinity];

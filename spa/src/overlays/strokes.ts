@@ -1,21 +1,21 @@
 import { normalize, rejectFrom, scale } from '../model/vectors.ts';
 import type { Vec3 } from '../twin/rotation.ts';
 
-/** Strokes in one picture; what is beyond that is not drawn. 200 joints that all deviate need 600. */
+/** Most strokes in one picture; further ones are not drawn. 200 deviating joints need 600. */
 export const MOST_STROKES = 1024;
-/** Of a fan: its thickness for each unit of its width. */
+/** Thickness of a fan relative to its width. */
 const FLAT = 0.004;
 
-/** Where each number of a stroke stands among its STRIDE. */
+/** Offset of each attribute of a stroke among its STRIDE numbers. */
 export const AT = {
   spot: 0,
   start: 3,
   axis: 6,
-  /** Sweep (rad; 0 is straight), size (length, or radius of the arc), and the radius at either end; metres. */
+  /** Sweep (rad; 0 is straight), size (length, or radius of the arc), and the tube's radius at either end; metres. */
   shape: 9,
-  /** Thickness along the axis for each unit across it, and whether it shows through the robot (0 or 1). */
+  /** Thickness along the axis relative to that across it, and whether it shows through the robot (0 or 1). */
   manner: 13,
-  /** Red, green, blue as a screen shows them and opacity, 0…1. */
+  /** Red, green, blue (sRGB) and opacity, 0…1. */
   tint: 15,
 } as const;
 export const STRIDE = 19;
@@ -23,25 +23,25 @@ export const STRIDE = 19;
 export interface Paint {
   /** sRGB 0xrrggbb */
   readonly color: number;
-  /** 0…1; below 1 strokes are drawn after all others. */
+  /** 0…1; strokes with less than 1 are drawn after all others. */
   readonly opacity?: number;
   /** Whether it shows through the robot, faintly. */
   readonly through?: boolean;
 }
 
 /**
- * All signs of a picture as numbers, for whoever draws them: shafts, heads, arcs, rings and fans are one kind of body,
- * a stroke: a tube along a straight or round line, with a radius at either end, round or flat. World, metres.
+ * All strokes of an overlay as numbers, independent of the renderer. Shafts, heads, arcs, rings and fans are all
+ * strokes: a round or flat tube along a straight line or an arc, with a radius at either end. World, metres.
  */
 export class Strokes {
-  /** Those of the newest whole picture, STRIDE numbers each; the same array always. */
+  /** The strokes of the newest complete picture, STRIDE numbers each. Always the same array. */
   readonly numbers = new Float32Array(MOST_STROKES * STRIDE);
   #count = 0;
   readonly #making = new Float32Array(MOST_STROKES * STRIDE);
   #made = 0;
   #veils: number[][] = [];
 
-  /** Strokes of the newest whole picture. */
+  /** Number of strokes of the newest complete picture. */
   get count(): number {
     return this.#count;
   }
@@ -52,7 +52,7 @@ export class Strokes {
     this.#veils = [];
   }
 
-  /** Ends it. False when it is the picture before: then there is nothing to draw. */
+  /** Completes the picture. False when it equals the one before. */
   end(): boolean {
     for (const veil of this.#veils.splice(0)) this.#put(veil);
     const length = this.#made * STRIDE;
@@ -63,13 +63,13 @@ export class Strokes {
     return changed;
   }
 
-  /** A straight stroke from a place along a unit vector; metres. A head is one that ends in nothing. */
+  /** Adds a straight stroke from a point along a unit vector; metres. An arrow head has an end radius of 0. */
   shaft(from: Vec3, along: Vec3, length: number, radius: number, endRadius: number, paint: Paint): void {
     const side = normalize(rejectFrom(Math.abs(along[0]) < 0.9 ? [1, 0, 0] : [0, 1, 0], along));
     this.#stroke(from, side, along, [0, length, radius, endRadius], 1, paint);
   }
 
-  /** A round stroke about a unit axis, from a unit vector across it; radians, metres. */
+  /** Adds an arc about a unit axis, starting at a unit vector across it; radians, metres. */
   arc(
     centre: Vec3,
     axis: Vec3,
@@ -83,7 +83,7 @@ export class Strokes {
     this.#stroke(centre, start, rightWay(axis, sweep), shape, 1, paint);
   }
 
-  /** A flat slice between two radii, about a unit axis from a unit vector across it. */
+  /** Adds a flat sector between two radii about a unit axis, starting at a unit vector across it; radians, metres. */
   fan(
     centre: Vec3,
     axis: Vec3,
@@ -119,7 +119,7 @@ export class Strokes {
   }
 }
 
-/** A turn the other way round is a turn about the other end of the axis; a stroke's sweep is positive. */
+/** Flips the axis for a negative sweep, since a stroke's sweep is positive. */
 function rightWay(axis: Vec3, sweep: number): Vec3 {
   return sweep < 0 ? scale(axis, -1) : axis;
 }

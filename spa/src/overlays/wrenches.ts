@@ -14,7 +14,7 @@ import { quatOfRpy, rotateVector, type Vec3 } from '../twin/rotation.ts';
 import type { Arrow, Wrench } from '../twin/sensors/wrenches.ts';
 import type { Paint, Strokes } from './strokes.ts';
 
-/** Lengths in reaches of the robot (its radius). */
+/** Lengths in radii of the robot. */
 const AT_LIMIT = 0.5;
 const SHAFT = 0.012;
 const HEAD = 0.066;
@@ -22,20 +22,20 @@ const HEAD_WIDE = 0.033;
 const FLANGE = 0.045;
 const ARC = 0.15;
 const ARC_THICK = 0.008;
-/** An arrow of more than this much of its limit ends here: it is red by then, and the number says the rest. */
+/** Longest arrow, as a multiple of that at the limit: it is red by then, and its label has the number. */
 const MOST = 1.6;
-/** A moment at its limit goes this far round. */
+/** Sweep of the arc of a moment at its limit, rad. */
 const SWEEP_AT_LIMIT = 1.5 * Math.PI;
 const MOST_SWEEP = 1.85 * Math.PI;
-/** Below this part of the limit there is nothing to see. */
+/** Below this part of the limit nothing is drawn. */
 const LEAST = 0.015;
-/** Colour is never the only sign: the worse, the more heads. */
+/** Number of arrow heads for each level, so that colour is not the only sign. */
 const HEADS: Readonly<Record<Level, number>> = { ok: 1, caution: 2, fault: 3 };
 const SMOOTH_SECONDS = 0.08;
 const SETTLED = 0.002;
 
-/** How long a force and a moment are shown, in parts of what is much. They go to the newest value in a moment: numbers
- *  of a sensor jump, and an eye follows what glides. Colours never wait. */
+/** Eases a length (relative to `Arrow.much`) to its newest value, because a gliding arrow is easier to follow than one
+ *  that jumps. Colours change at once. */
 class Glide {
   shown = 0;
   goal = 0;
@@ -48,10 +48,10 @@ class Glide {
   }
 }
 
-/** What a test or a label wants to know of one arrow that is shown. */
+/** What tests and labels need to know of a shown arrow. */
 export interface ShownArrow {
   readonly level: Level;
-  /** N or N·m; signed where the robot measures one axis only; null is no reading. */
+  /** N or N·m; signed if the robot measures one axis only; null without a reading. */
   readonly value: number | null;
   /** Metres from the sensor to the tip; for a moment the angle swept, rad. */
   readonly size: number;
@@ -60,27 +60,27 @@ export interface ShownArrow {
 export interface ShownWrench {
   readonly site: string;
   readonly name: string;
-  /** null where the robot measures none. */
+  /** null when the robot measures none. */
   readonly force: ShownArrow | null;
   readonly moment: ShownArrow | null;
-  /** Where its label points to, world. */
+  /** The point of its label (world, metres). */
   readonly tip: Vec3;
 }
 
-/** Where a sensor is in the world. */
+/** A sensor's place in the world. */
 interface Sensor {
   readonly at: Vec3;
-  /** A direction in its axes as one of the world; zero stays zero. */
+  /** Rotates a direction from the sensor's axes to the world; zero stays zero. */
   inWorld(direction: Vec3): Vec3;
 }
 
-/** Forces as arrows and moments as arcs at the sensors that measured them. */
+/** Draws forces as arrows and moments as arcs at their sensors. */
 export class WrenchOverlay {
   readonly shown: ShownWrench[] = [];
   readonly #glides = new Map<string, { force: Glide; moment: Glide }>();
   #wrenches: readonly Wrench[] = [];
 
-  /** The newest readings. True when lengths have to move. */
+  /** Takes the newest readings; `atOnce` without easing. True when lengths have to be eased. */
   take(wrenches: readonly Wrench[], atOnce: boolean): boolean {
     this.#wrenches = wrenches;
     let moving = false;
@@ -108,8 +108,8 @@ export class WrenchOverlay {
     return moved;
   }
 
-  /** `body`: null while there is none. `reach`: the robot's radius, m; `scale`: how much longer than usual arrows are;
-   *  `unread`: the paint of a sensor that says nothing. */
+  /** Adds its strokes. `reach`: the robot's radius, m; `scale`: factor of the length of arrows; `unread`: the paint of
+   *  a sensor without a reading. */
   draw(
     strokes: Strokes,
     body: PosedBody | null,
@@ -160,7 +160,7 @@ function lacks(arrow: Arrow): boolean {
   return arrow.axes.length > 0 && arrow.vector === null;
 }
 
-/** A small ring where the sensor sits: so its place is known while it measures nothing. */
+/** Draws a small ring at the sensor, so that its place is seen even while it measures nothing. */
 function drawFlange(strokes: Strokes, { at, inWorld }: Sensor, reach: number, paint: Paint): void {
   strokes.arc(at, inWorld([0, 0, 1]), inWorld([1, 0, 0]), 2 * Math.PI, reach * FLANGE, reach * 0.005, paint);
 }
@@ -189,7 +189,7 @@ function drawForce(
   return { size: length, tip: addScaled(at, along, length) };
 }
 
-/** Returns the angle swept, rad. */
+/** Draws the arc of a moment; returns the angle swept, rad. */
 function drawMoment(
   strokes: Strokes,
   { at, inWorld }: Sensor,
@@ -203,7 +203,7 @@ function drawMoment(
   if (part < LEAST || dot(axis, axis) < 0.5) return 0;
   const sweep = Math.min(part * SWEEP_AT_LIMIT, MOST_SWEEP);
   const radius = ARC * reach * Math.min(scale, 1.6);
-  // Half to either side of the top, where it is seen best.
+  // Half on either side of the top, where it is seen best.
   const top = rejectFrom([0, 0, 1], axis);
   const start = rotateAbout(
     axis,
@@ -228,7 +228,7 @@ function drawMoment(
   return sweep;
 }
 
-/** Signed where only one axis is measured: a foot that is pulled is another thing than one that stands. */
+/** The size of an arrow; signed if only one axis is measured, because pulling and pushing differ. */
 function amountOf({ vector, axes }: Arrow): number | null {
   if (vector === null) return null;
   return axes.length === 1 ? vector[axes[0]!]! : Math.hypot(...vector);

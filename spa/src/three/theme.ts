@@ -6,7 +6,7 @@ export type ThemeName = 'dark' | 'light';
 /** The colours of the scene. The page's own tokens are repeated here because a canvas can't inherit CSS; the rest are the
  *  scene's. */
 export interface SceneTheme {
-  /** The page's ground: what the scene fades to. */
+  /** The page's background, to which the floor fades. */
   page: Color;
   /** The floor where light falls on it, just under the robot. */
   floor: Color;
@@ -16,14 +16,14 @@ export interface SceneTheme {
   shadow: number;
   /** How dark it is under a sole, 0…1. */
   contact: number;
-  /** What is drawn about a robot. */
+  /** Colours of the overlay. */
   signs: OverlayColors;
   caution: Color;
   /** Selection and highlight. */
   accent: Color;
   /** Lines of the skeleton. */
   muted: Color;
-  /** What an old robot's colours drain towards. */
+  /** Tint of a robot whose pose is old. */
   stale: Color;
   sky: Color;
   bounce: Color;
