@@ -13,17 +13,17 @@ import { accounts } from '../relay/relay.ts';
 import { setAccountName } from './account_name.ts';
 import { setAccountToken } from './token.ts';
 
-/** Signing in by Firebase. A chunk of its own: only who signs in, or has done so here before, loads it. */
+/** Signing in with Firebase. A separate chunk, loaded only by those who sign in or have signed in here before. */
 
-/** A token is an hour old at most; a new one is fetched so long before its end. */
+/** Tokens last an hour; a new one is fetched this long before the end. */
 const BEFORE_MS = 5 * 60_000;
 const AGAIN_MS = 30_000;
-/** A page without an answer goes on without an account, and with it as soon as it comes. */
+/** How long the page waits for the account at start; then it goes on without, and uses the account when it comes. */
 const RESUME_LATE_MS = 4000;
 
 if (accounts === null) throw new Error('nobody signs in here');
 const { emulator, ...project } = accounts;
-// Without popups and redirects: those need a script of another origin, which this page runs for nobody.
+// Without popups and redirects: those need a script of another origin, which this page does not allow.
 const auth = initializeAuth(initializeApp(project), {
   persistence: [indexedDBLocalPersistence, browserLocalPersistence],
 });
@@ -33,17 +33,17 @@ let renewedMs = 0;
 let timer: ReturnType<typeof setTimeout> | undefined;
 const known = new Promise<void>((done) => {
   onIdTokenChanged(auth, async (user) => {
-    await take(user).catch(() => {}); // no token now: a try follows
+    await take(user).catch(() => {}); // no token now: it is tried again
     done();
   });
 });
 
-/** Resolves when it is known who is signed in, or when that takes too long. */
+/** Resolves when it is known who is signed in, or after `RESUME_LATE_MS`. */
 export async function restoreSession(): Promise<void> {
   await Promise.race([known, new Promise((late) => setTimeout(late, RESUME_LATE_MS))]);
 }
 
-/** Throws what Firebase says. */
+/** Signs in. Rejects with Firebase's error. */
 export async function signIn(email: string, password: string): Promise<void> {
   const { user } = await signInWithEmailAndPassword(auth, email, password);
   await take(user);
@@ -76,7 +76,7 @@ export function renewRejectedToken(): void {
   if (currentUser !== null && Date.now() - renewedMs >= AGAIN_MS) void renew(currentUser);
 }
 
-/** Another token for the same account; `onIdTokenChanged` hears of it. Who was disabled or revoked is signed out by this. */
+/** Fetches a new token, reported through `onIdTokenChanged`. A disabled or revoked account is signed out by it. */
 async function renew(user: User): Promise<void> {
   clearTimeout(timer);
   timer = setTimeout(() => void renew(user), AGAIN_MS);
@@ -84,7 +84,7 @@ async function renew(user: User): Promise<void> {
   try {
     await user.getIdToken(true);
   } catch {
-    // no way there: tried again
+    // not reachable: tried again later
   }
 }
 

@@ -3,8 +3,8 @@ import { setLinkToken } from './token.ts';
 
 const STORE = 'posecast.link';
 
-/** Takes the token out of the address, before anything is asked for: it must not stay in the history, nor travel on when
- *  somebody copies the address. This tab remembers it, so that it can be loaded anew. */
+/** Takes a share link's token out of the address before any request, so that it does not stay in the history or in a
+ *  copied address. The tab keeps it in its storage, so that a reload works. */
 export function takeToken(): void {
   const [page, found] = window.location.hash.split('?t=');
   try {

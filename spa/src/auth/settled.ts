@@ -2,8 +2,8 @@ import { accounts, relaySettled, wasSignedIn } from '../relay/relay.ts';
 
 let asking: ReturnType<typeof relaySettled> | null = null;
 
-/** Resolves when it is known which relay this page reads and, where somebody has signed in here before, who is signed in
- *  now. Asks once. */
+/** Resolves when it is known which relay this page reads and, if somebody has signed in here before, who is signed in
+ *  now. Later calls get the same result. */
 export function accessSettled(): ReturnType<typeof relaySettled> {
   asking ??= relaySettled().then(async (choice) => {
     if (accounts !== null && wasSignedIn()) {

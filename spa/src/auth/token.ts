@@ -1,7 +1,7 @@
 import { createStore } from '../browser/store.ts';
 
-/** The tokens of this page: of the share link that it was opened with, which opens one robot, and of whoever is signed in.
- *  None ever stands in an address. */
+/** The tokens of this page: that of the share link with which it was opened (for one robot), and that of the signed-in
+ *  account. Neither is ever put into an address. */
 
 let held = '';
 const account = createStore('');
@@ -15,10 +15,10 @@ export function setAccountToken(token: string): void {
   if (token !== account.get()) account.set(token);
 }
 
-/** Tells of another account, and of every newer token of the same. Returns the end of it. */
+/** Calls a listener when the account or its token changes. Returns a function that removes it. */
 export const onAccountToken = account.subscribe;
 
-/** For a stream, a file or the list of this relay: the link's for the robot that it opens, else the account's. */
+/** The token for a URL at this relay: the share link's for its robot, else the account's; undefined without one. */
 export function tokenFor(url: string): string | undefined {
   const robot = held.split('.')[1];
   if (robot && url.includes(`/api/v1/robots/${robot}/`)) return held;

@@ -1,4 +1,4 @@
-/** Does one thing `ms` after the newest `restart`, unless it is cancelled before. */
+/** Calls a function `ms` after the last `restart`, unless it is cancelled before. */
 export class Debounce {
   readonly #ms: number;
   readonly #what: () => void;
@@ -9,12 +9,12 @@ export class Debounce {
     this.#what = what;
   }
 
-  /** Whether it is going to be done. */
+  /** Whether the call is still to come. */
   get pending(): boolean {
     return this.#timer !== null;
   }
 
-  /** Waits the whole time again, from now on. */
+  /** Starts the waiting time anew. */
   restart(): void {
     this.cancel();
     this.#timer = setTimeout(() => {

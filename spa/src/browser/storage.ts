@@ -1,5 +1,5 @@
-/** What this browser keeps, by key. Storage throws in a third-party iframe and in some private windows: there nothing is found,
- *  and what is kept lasts as long as the page. */
+/** Texts kept in this browser's local storage, by key. Storage throws in third-party iframes and some private windows:
+ *  there nothing is found and nothing is kept, but these functions don't throw. */
 
 export function readStored(key: string): string | null {
   try {

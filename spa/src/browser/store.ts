@@ -1,9 +1,9 @@
-/** One value for the whole page, and those who are told when another takes its place. */
+/** A value that the whole page shares, with listeners for changes. */
 export interface Store<T> {
   readonly get: () => T;
-  /** Takes over a value and calls every listener, also when the value is the same. */
+  /** Sets the value and calls every listener, even if the value is the same. */
   readonly set: (next: T) => void;
-  /** Returns the end of it. */
+  /** Adds a listener. Returns a function that removes it. */
   readonly subscribe: (listener: () => void) => () => void;
 }
 

@@ -1,15 +1,15 @@
 import { relayChoice } from './relay.ts';
 
-/** Where things are, below the relay that this page reads. */
+/** Addresses (URLs) at the relay that this page reads. */
 
-/** As often as the eye can use; the relay gives less when it must. */
+/** The frame rate to ask for, Hz; the relay may grant less. */
 export const WANTED_HZ = 30;
 
 export function apiUrl(path: string): string {
   return `${relayChoice().base}api/v1/${path}`;
 }
 
-/** Of a relay; of a mirror it is no WebSocket's. */
+/** The stream's address: a WebSocket URL at a relay, an HTTP URL at a mirror. */
 export function streamUrl(robot: string): string {
   const { mirror } = relayChoice();
   if (mirror !== null) return `${mirror}posecast/${robot}.json`;

@@ -1,4 +1,4 @@
-/** `?as=anyone`: this page shows what anyone may see, whoever opens it, and so holds no token. */
+/** Whether the address has `?as=anyone`: then the page uses no token and shows only what anyone may see. */
 export function asAnyone(): boolean {
   return /[?&]as=anyone(&|$)/.test(globalThis.location?.search ?? '');
 }

@@ -1,33 +1,34 @@
-/** What a `config.json` beside the page says, and which relay or mirror an address may therefore name. */
+/** Reads the `config.json` beside the page, and decides which relay or mirror an address may choose by it. */
 
 /** A Firebase project, by its names in the Firebase console. */
 export interface Accounts {
   readonly apiKey: string;
   readonly projectId: string;
-  /** The Auth emulator, on this computer only. */
+  /** Address of a Firebase Auth emulator on this computer, for development. */
   readonly emulator: string | undefined;
 }
 
-/** What lies beside the page in `config.json`. */
+/** The contents of the `config.json` beside the page. */
 export interface Config {
   /** The relay to read unless the address says otherwise; null: the page's own origin. */
   readonly relay: string | null;
-  /** Further ones that `?relay=` may name. */
+  /** Further relays that `?relay=` may name. */
   readonly relays: readonly string[];
-  /** Who signs people in; null: nobody. */
+  /** The Firebase project in which people sign in; null: no accounts. */
   readonly accounts: Accounts | null;
-  /** A mirror in a Firebase Realtime Database, which `?source=firebase` reads. */
+  /** Address of a mirror in a Firebase Realtime Database, for `?source=firebase`. */
   readonly database: string | null;
 }
 
-/** `base` ends with a slash, as does `mirror`; null when what the address asks for is not allowed, which `refused` names. */
+/** The chosen relay. `base` and `mirror` end with a slash; `base` is null when the address asks for something that is
+ *  not allowed, which `refused` names. */
 export type Choice =
   | { readonly base: string; readonly mirror: string | null; readonly refused: null }
   | { readonly base: null; readonly mirror: null; readonly refused: string };
 
 const NEAR = /^http:\/\/(localhost|127\.0\.0\.1):\d+$/;
 
-/** Whatever stands there: what is odd is left out. */
+/** Reads a config of unknown origin; invalid members are left out. */
 export function readConfig(body: unknown): Config {
   const { relay, relays, firebase } = fieldsOf(body);
   const isText = (value: unknown): value is string => typeof value === 'string';
@@ -47,7 +48,7 @@ function fieldsOf(value: unknown): Record<string, unknown> {
   return typeof value === 'object' && value !== null ? (value as Record<string, unknown>) : {};
 }
 
-/** @param home the page's folder, @param search of its address */
+/** Chooses the relay by `home` (the page's folder), `search` (the query of its address) and the config. */
 export function chooseRelay(home: string, search: string, config: Config): Choice {
   const query = new URLSearchParams(search);
   const own = addressOf(config.relay, home) ?? home;
@@ -63,7 +64,8 @@ export function chooseRelay(home: string, search: string, config: Config): Choic
     : { base: null, mirror: null, refused: (wanted ?? asked).slice(0, 80) };
 }
 
-/** In one spelling: http or https, a folder, nothing behind it. Null: none that a page may read, for it is in the clear. */
+/** Normalises an address to an http(s) folder without query or fragment; null when a page may not read it, for example
+ *  because it is unencrypted. */
 function addressOf(text: string | null, home: string): string | null {
   if (text === null) return null;
   let url: URL;
@@ -79,9 +81,9 @@ function addressOf(text: string | null, home: string): string | null {
 
 const GOOGLE = 'https://identitytoolkit.googleapis.com https://securetoken.googleapis.com';
 
-/** Whom a page talks to beside its relay, as a content policy names them. */
+/** Further hosts that the page talks to, as sources for a Content-Security-Policy. */
 export function furtherSources(mirror: string | null, accounts: Accounts | null): string {
-  // Google's databases send one on to a server of another name.
+  // Firebase databases redirect to a server with another name.
   const database = mirror === null ? '' : `${mirror} https://*.firebaseio.com https://*.firebasedatabase.app`;
   const signIn = accounts === null ? '' : (accounts.emulator ?? GOOGLE);
   return `${database} ${signIn}`;

@@ -1,39 +1,40 @@
 /**
- * Which relay this page reads: the origin that served the page, below whatever path it lies, unless the page's
- * `config.json` or its address say otherwise (`config.ts`, which comes only then).
+ * Which relay this page reads: by default the origin that served the page, below the page's own path, unless
+ * `config.json` or the address choose another (`config.ts`, which is loaded only then).
  */
 
 import { readStored } from '../browser/storage.ts';
 import { asAnyone } from './as_anyone.ts';
 import type { Accounts, Choice } from './config.ts';
 
-/** A page without an answer goes on with its own origin, and for good: so a slow line, and a device too busy to take the
- *  answer, are given time. It comes from where the page came from, and the stream from there has begun (`early.ts`). */
+/** How long to wait for `config.json`. Afterwards the page uses its own origin for good, so slow lines and busy devices
+ *  get much time. Meanwhile the stream from the own origin has already started (`early.ts`). */
 const CONFIG_LATE_MS = 30_000;
 
-/** What in an address asks for something else than the page's own origin. */
+/** Matches an address that asks for another source than the page's own origin. */
 export const ELSEWHERE = /[?&](relay|source)=/;
 
-/** Where the name of whoever is signed in stands, in this browser. */
+/** Storage key of the name of the account that is signed in. */
 export const ACCOUNT = 'posecast.account';
 
-/** Set once `relaySettled`; none in a frame of somebody else's. */
+/** Set when `relaySettled` resolves; null without accounts, and in a frame of another site. */
 export let accounts: Accounts | null = null;
 let choice: Choice | null = null;
 let asking: Promise<Choice> | null = null;
 
-/** The folder where the page, its `config.json` and its chunks lie; `/embed/` lies one deeper. */
+/** The URL of the folder with the page, its `config.json` and its chunks; `/embed/` is one level deeper. */
 export function home(): string {
   return new URL(document.documentElement.dataset.home ?? './', window.location.href.replace(/[?#].*$/, ''))
     .href;
 }
 
-/** As far as is known: before `relaySettled` the page's own origin. */
+/** The chosen relay; before `relaySettled` resolves, the page's own origin. */
 export function relayChoice(): Choice {
   return choice ?? { base: home(), mirror: null, refused: null };
 }
 
-/** Asks once. From then on the browser itself lets the page talk to nobody else. */
+/** Resolves to the chosen relay; asks for the config once. From then on a content policy lets the page talk to no one
+ *  else. */
 export function relaySettled(): Promise<Choice> {
   asking ??= (async () => {
     let body: object | null = null;
@@ -62,12 +63,12 @@ export function relaySettled(): Promise<Choice> {
   return asking;
 }
 
-/** Whoever never signed in here never loads what signs in. */
+/** Whether somebody has signed in here before. If not, the code for accounts is not loaded. */
 export function wasSignedIn(): boolean {
   return readStored(ACCOUNT) !== null;
 }
 
-/** A second policy beside the page's own: what is allowed is allowed by both. */
+/** Adds a second Content-Security-Policy; a connection must be allowed by both. */
 function allowOnly({ origin, host, protocol }: URL, further: string): void {
   const meta = document.createElement('meta');
   meta.httpEquiv = 'Content-Security-Policy';

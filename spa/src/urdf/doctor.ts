@@ -13,20 +13,20 @@ import {
 } from './types.ts';
 
 /**
- * What can be read, and is probably not meant: the list and the words of `posecast-edge doctor`
+ * Finds what is readable in a URDF but probably not meant. Rules and wording are those of `posecast-edge doctor`
  * (posecast_edge.model.doctor.skeleton).
  */
 
 const TURN = 2 * Math.PI;
-/** m, from one joint to the next: more than that is a unit mistaken. */
+/** A larger distance from one joint to the next (m) suggests a wrong unit. */
 const FAR_M = 10;
-/** How far an axis may be from length 1. */
+/** Tolerance for the length of an axis, which should be 1. */
 const UNIT = 1e-3;
 
 type Say = (severity: Finding['severity'], code: string, text: string, line: number | null) => void;
 
-/** Everything, worst first. `missing`: the URIs (meshes, textures) for which there is no file; `meshes`: what the others
- *  have told by their URIs, null before they are read. */
+/** All findings about a URDF, worst first. `missing`: URIs (meshes, textures) without a file; `meshes`: facts of the
+ *  other meshes by URI, null before they are read. */
 export function diagnose(
   urdf: Urdf,
   missing: ReadonlySet<string>,
@@ -138,7 +138,7 @@ function examineLink({ name, visuals, inertial }: Link, say: Say): void {
   }
 }
 
-/** Names that stand for no colour, each once. */
+/** Reports material names that stand for no colour, each once. */
 function materials(urdf: Urdf, say: Say): void {
   const lines = new Map<string, (number | null)[]>();
   for (const visual of urdf.links.flatMap((link) => link.visuals)) {
@@ -156,7 +156,7 @@ function materials(urdf: Urdf, say: Say): void {
   }
 }
 
-/** Sensors, transmissions and <gazebo> that speak of what there is not. */
+/** Reports sensors, transmissions and <gazebo> elements that name links or joints that don't exist. */
 function mentions({ links: all, joints: moved, sensors, references }: Urdf, say: Say): void {
   const links = new Set(all.map(({ name }) => name));
   const joints = new Set(moved.map(({ name }) => name));

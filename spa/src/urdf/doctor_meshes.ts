@@ -4,8 +4,8 @@ import { type Finding, general, isPrintable, quoted } from './finding.ts';
 import type { Tree } from './tree.ts';
 import { materialOf, type Shape, type Urdf, type Vector } from './types.ts';
 
-/** What is wrong with a robot's meshes: missing, of another size than meant, or read with leniency
- *  (posecast_edge.model.doctor.meshes). */
+/** Finds what is wrong with a robot's meshes: missing, of an unlikely size, or with faults that the reader worked
+ *  around. The rules are those of `posecast-edge doctor` (posecast_edge.model.doctor.meshes). */
 
 const LARGE_M = 20;
 const SMALL_M = 0.05;
@@ -17,7 +17,8 @@ type Facts = ReadonlyMap<string, MeshFacts>;
 type Say = (severity: Finding['severity'], code: string, text: string, line: number | null) => void;
 type Box = readonly [low: Vector, high: Vector];
 
-/** `missing`: URIs (meshes, pictures) for which there is no file; `read`: what the meshes have told, null before they are. */
+/** The findings. `missing`: URIs (meshes, pictures) without a file; `read`: facts of the meshes, null before they are
+ *  read. */
 export function meshFindings(
   urdf: Urdf,
   tree: Tree,
@@ -62,7 +63,7 @@ function scale(link: string, shape: Shape, say: Say): void {
   }
 }
 
-/** Once for each file, or for each kind of note. */
+/** Reports findings about mesh files, once for each file or kind of note. */
 function files(shapes: readonly Named[], facts: Facts, say: Say): void {
   const users = new Map<string, Named[]>();
   for (const named of shapes) {
@@ -96,10 +97,10 @@ function files(shapes: readonly Named[], facts: Facts, say: Say): void {
   }
 }
 
-/** Words that may hold a part of a stranger's file. */
+/** Makes a text that may come from an untrusted file safe to show. */
 const shown = (text: string) => [...text].map((c) => (isPrintable(c) ? c : '�')).join('');
 
-/** Pictures that the URDF itself names, and that can't be shown. */
+/** Reports pictures that the URDF itself names and that can't be shown. */
 function pictures(urdf: Urdf, missing: ReadonlySet<string>, say: Say): void {
   const told = new Set<string>();
   for (const { name, visuals } of urdf.links) {
@@ -126,7 +127,7 @@ function size(link: string, shape: Shape, facts: Facts, say: Say): void {
   }
 }
 
-/** The robot's size with all joints at 0. */
+/** Reports an unlikely size of the robot with all joints at 0. */
 function whole({ root, joints, links }: Tree, facts: Facts, say: Say): void {
   if (root === null) return;
   const poses = new Map([[root.name, poseOf({ xyz: [0, 0, 0], rpy: [0, 0, 0] })]]);
@@ -162,7 +163,7 @@ function whole({ root, joints, links }: Tree, facts: Facts, say: Say): void {
   }
 }
 
-/** In the visual's axes, m; null for a mesh that nobody has. */
+/** The bounding box of a shape in the visual's axes, m; null for a missing mesh. */
 function boxOf({ kind, uri, scale: by, dims }: Shape, facts: Facts): Box | null {
   if (kind === 'mesh') {
     const fact = facts.get(uri);
@@ -178,7 +179,7 @@ function boxOf({ kind, uri, scale: by, dims }: Shape, facts: Facts): Box | null 
   return [half.map((value) => -value), half] as unknown as Box;
 }
 
-/** parent_from_this, column after column. */
+/** parent_from_this, column-major. */
 function poseOf({ xyz, rpy }: { readonly xyz: Vector; readonly rpy: Vector }): number[] {
   return transform(xyz, quaternionFromRpy(rpy));
 }

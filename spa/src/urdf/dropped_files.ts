@@ -7,7 +7,7 @@ import {
   tidyPath,
 } from './local_files.ts';
 
-/** The files of a drop, folders walked. Throws a DropError of one line. */
+/** The files of a drop by path, including those in folders. Rejects with DropError. */
 export async function filesOf(dropped: readonly (FileSystemEntry | File)[]): Promise<Map<string, File>> {
   const found = new Map<string, File>();
   const waiting = [...dropped];
@@ -34,7 +34,7 @@ export async function filesOf(dropped: readonly (FileSystemEntry | File)[]): Pro
   return found;
 }
 
-/** Dropped or chosen files as local ones, a zip among them unpacked. Throws a DropError of one line. */
+/** Turns dropped or chosen files into local files; zip files are unpacked. Rejects with DropError. */
 export async function localFiles(files: ReadonlyMap<string, File>): Promise<LocalFiles> {
   const local = new Map<string, LocalFile>();
   for (const [path, file] of files) {
@@ -42,7 +42,7 @@ export async function localFiles(files: ReadonlyMap<string, File>): Promise<Loca
       const { unzip } = await import('./unzip.ts');
       return unzip(file);
     }
-    if (file.size > MAX_FILE_BYTES) continue; // shown as missing, by name
+    if (file.size > MAX_FILE_BYTES) continue; // will be reported as missing
     local.set(path, { size: file.size, bytes: async () => new Uint8Array(await file.arrayBuffer()) });
   }
   return local;

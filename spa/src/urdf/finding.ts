@@ -1,18 +1,18 @@
-/** One thing that is wrong with a model, in the words of `posecast-edge doctor`: one finding, one line. */
+/** One thing that is wrong with a model, in one line, with the wording of `posecast-edge doctor`. */
 export interface Finding {
-  /** `error`: something is not shown, or wrong; `warning`: probably wrong. */
+  /** `error`: something is wrong or not shown; `warning`: probably wrong; `hint`: could be better. */
   readonly severity: 'error' | 'warning' | 'hint';
   /** Names the rule for tools. */
   readonly code: string;
   readonly text: string;
-  /** In the URDF; null when it has none. */
+  /** Line of the URDF; null when the finding has none. */
   readonly line: number | null;
 }
 
 const RANK = { error: 0, warning: 1, hint: 2 } as const;
 const MAX_FINDINGS = 200;
 
-/** By severity, then line; each only once, at most 200. */
+/** Sorts findings by severity, then line; drops duplicates, and all beyond 200. */
 export function worstFirst(findings: readonly Finding[]): Finding[] {
   const unique = new Map(findings.map((one) => [JSON.stringify(one), one]));
   const order = (a: string, b: string) => (a < b ? -1 : a > b ? 1 : 0);
@@ -27,21 +27,21 @@ export function worstFirst(findings: readonly Finding[]): Finding[] {
     .slice(0, MAX_FINDINGS);
 }
 
-/** Control characters, separators but the plain space, and what no font has. */
+/** Control characters, separators other than the plain space, and unassigned characters. */
 const UNPRINTABLE = /(?! )[\p{C}\p{Z}]/u;
 
 export function isPrintable(text: string): boolean {
   return !UNPRINTABLE.test(text);
 }
 
-/** A name from a stranger's file, safe to show: no control characters, not endless. */
+/** Makes a name from an untrusted file safe to show: without control characters, and cut to `longest`. */
 export function quoted(name: string, longest = 80): string {
   const characters = [...name.slice(0, 2 * longest + 2)];
   const shown = characters.map((c) => (isPrintable(c) ? c : '�'));
   return shown.length <= longest ? `'${shown.join('')}'` : `'${shown.slice(0, longest).join('')}…'`;
 }
 
-/** A number as Python's `:g` writes it. */
+/** Formats a number like Python's `:g`. */
 export function general(value: number, digits = 6): string {
   if (value === 0) return Object.is(value, -0) ? '-0' : '0';
   const [mantissa = '', power = '0'] = value.toExponential(digits - 1).split('e');

@@ -1,4 +1,4 @@
-/** What a person dropped, by path: read here, in this browser; nothing of it is ever sent. */
+/** A file that a person dropped on the page. It is read in this browser only and never sent anywhere. */
 export interface LocalFile {
   readonly size: number;
   bytes(): Promise<Uint8Array>;
@@ -6,7 +6,7 @@ export interface LocalFile {
 
 export type LocalFiles = ReadonlyMap<string, LocalFile>;
 
-/** Why files are refused; the name of the sentence that says so, and what it speaks of. */
+/** Why files are refused: the key of the sentence that says so, with its details. */
 export type Refusal =
   | { readonly why: 'dropDamaged' | 'dropNoZip' | 'dropNoUrdf' }
   | { readonly why: 'dropTooMany'; readonly count: number }
@@ -22,12 +22,12 @@ export class DropError extends Error {
   }
 }
 
-/** More is no robot: somebody dropped a home folder. */
+/** Most files of a drop: with more, somebody has probably dropped a home folder. */
 export const MAX_FILES = 5000;
 export const MAX_FILE_BYTES = 128_000_000;
 export const MAX_ALL_BYTES = 512_000_000;
 
-/** A path as the map keeps it: forward slashes, no `.`; null when it leads out of what was dropped. */
+/** Normalises a path: forward slashes, no `.` or `..`; null when it leads out of what was dropped. */
 export function tidyPath(path: string): string | null {
   const parts: string[] = [];
   for (const part of path.replaceAll('\\', '/').split('/')) {

@@ -7,17 +7,17 @@ import { readUrdf } from './reader.ts';
 import { materialOf, SCALAR_TYPES, type Urdf } from './types.ts';
 import { readXml, XmlRefused } from './xml.ts';
 
-/** A robot from dropped files, as the scene takes a raw bundle. */
+/** A robot from dropped files, in the form of a raw bundle. */
 export interface LocalRobot {
   readonly name: string;
   /** The URDF's path among the files. */
   readonly path: string;
   readonly urdf: Urdf;
   readonly manifest: RawManifest;
-  /** The meshes, and what lies beside them: an OBJ's materials. */
+  /** Reads the meshes and files beside them, such as an OBJ's materials. */
   readonly files: RawFiles;
   readonly joints: readonly SliderJoint[];
-  /** What is wrong with it, worst first. `meshes`: what they have told by their URIs; null before they are read. */
+  /** What is wrong with it, worst first. `meshes`: their facts by URI; null before they are read. */
   findings(meshes: ReadonlyMap<string, MeshFacts> | null): Finding[];
 }
 
@@ -32,7 +32,8 @@ export interface SliderJoint {
 const MAX_URDF_BYTES = 8 << 20;
 const MAX_CHOICES = 50;
 
-/** Paths of the URDFs, the likeliest first: nearest to the top, then the largest. Throws a DropError when there is none. */
+/** Paths of the URDFs, the likeliest first: nearest to the top folder, then the largest. Throws DropError if there is
+ *  none. */
 export function urdfsIn(files: LocalFiles): string[] {
   const depth = (path: string) => path.split('/').length;
   const found = [...files.keys()]
@@ -49,7 +50,7 @@ export function urdfsIn(files: LocalFiles): string[] {
   throw new DropError('No .urdf among these files.', { why: 'dropNoUrdf' });
 }
 
-/** Reads one URDF and finds what it names. Throws a DropError of one line. */
+/** Reads a URDF and finds the files that it names. Rejects with DropError. */
 export async function openLocal(files: LocalFiles, path: string): Promise<LocalRobot> {
   const urdf = await readFile(files, path);
   const own = { path, uri: path, size: files.get(path)!.size };
@@ -95,7 +96,7 @@ async function readFile(files: LocalFiles, path: string): Promise<Urdf> {
   }
 }
 
-/** Meshes that are drawn, and pictures on them. */
+/** URIs of the meshes that are drawn and of the pictures on them. */
 function urisOf(urdf: Urdf): Set<string> {
   const uris = new Set<string>();
   for (const visual of urdf.links.flatMap(({ visuals }) => visuals)) {
@@ -106,7 +107,7 @@ function urisOf(urdf: Urdf): Set<string> {
   return uris;
 }
 
-/** What of a joint of several values a slider can move; a rotation in space it can't. */
+/** Variables of joints with several values that get a slider; a rotation in space gets none. */
 const SLIDERS: Readonly<Record<string, readonly (readonly [variable: string, unit: 'rad' | 'm'])[]>> = {
   planar: [
     ['x', 'm'],
@@ -121,7 +122,7 @@ const SLIDERS: Readonly<Record<string, readonly (readonly [variable: string, uni
 };
 const REACH = { rad: Math.PI, m: 1 } as const;
 
-/** Every joint that moves by itself; limits that make no sense are as good as none. */
+/** A slider for every joint that follows no other. Invalid limits count as none. */
 function slidersOf({ joints }: Urdf): SliderJoint[] {
   return joints.flatMap(({ name, type, limit, mimic }): SliderJoint[] => {
     const several = SLIDERS[type];
@@ -147,10 +148,10 @@ function slidersOf({ joints }: Urdf): SliderJoint[] {
   });
 }
 
-/** Finds what a URDF names, whatever its package is called: by the longest end of the path that exists. */
+/** Finds the file that a URI names, whatever the package is called: the one that shares the longest end of the path. */
 class Finder {
   readonly #byLowerCase = new Map<string, string>();
-  /** A file's own name → the paths of all that are called so, part by part. */
+  /** File name → all paths with that name, also split into parts. */
   readonly #byName = new Map<string, { readonly parts: readonly string[]; readonly path: string }[]>();
   readonly #folder: string;
 

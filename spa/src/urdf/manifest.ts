@@ -12,33 +12,33 @@ import {
   type Visual,
 } from './types.ts';
 
-/** A URDF in the types of a built model's manifest (docs/MODEL.md), so that both are moved and drawn by the same code. */
+/** A URDF converted to a built model's manifest (docs/MODEL.md), so that the same code moves and draws both. */
 export interface UrdfModel {
-  /** Without levels: those are made of `shapes` as their meshes come. The box of a mesh is null until then. */
+  /** The manifest, without levels: those are built from `shapes` as meshes are loaded. A mesh's box is null. */
   readonly manifest: Manifest;
-  /** What each of the manifest's visuals shows, in their order. */
+  /** The shape of each of the manifest's visuals, in the same order. */
   readonly shapes: readonly PlacedShape[];
-  /** What is left out or read otherwise than it is written, one line each. */
+  /** What was left out, or read differently from how it is written, one line each. */
   readonly problems: readonly string[];
 }
 
-/** A geometry at its place. */
+/** A shape with its place and colour. */
 export interface PlacedShape {
   readonly shape: Shape;
   /** link_from_visual: metres, and a unit quaternion w, x, y, z. */
   readonly xyz: Vector;
   readonly quat: readonly [number, number, number, number];
-  /** What the URDF paints it with; null where it names no colour. */
+  /** Its colour by the URDF; null when that names none. */
   readonly paint: Paint | null;
 }
 
 /** Red, green, blue (linear) and opacity, 0…1. */
 export type Paint = readonly [number, number, number, number];
 
-/** No robot can be drawn of a URDF that could be read: one line. */
+/** A URDF that can't be shown; the message is one line. */
 export class UrdfError extends Error {}
 
-/** Throws UrdfError when no link is the root. */
+/** Converts a URDF. Throws UrdfError when no link is the root. */
 export function modelOf(urdf: Urdf): UrdfModel {
   const tree = buildTree(urdf);
   const { root, joints } = tree;
@@ -73,7 +73,7 @@ export function modelOf(urdf: Urdf): UrdfModel {
 
 function placed(visual: Visual, shape: Shape, urdf: Urdf): PlacedShape {
   const material = materialOf(visual, urdf);
-  // Nothing of a picture is drawn: what wears one alone is as white as its material.
+  // Textures are not drawn: a material that has only a texture is white.
   const rgba = material?.rgba ?? (material?.texture == null ? null : [1, 1, 1, 1]);
   return {
     shape,
@@ -83,12 +83,13 @@ function placed(visual: Visual, shape: Shape, urdf: Urdf): PlacedShape {
   };
 }
 
-/** As the author of the URDF saw it: RViz and Gazebo take rgba as display values. A body of opacity 0 is never meant. */
+/** Converts a URDF's rgba, which RViz and Gazebo take as sRGB, to linear light. Opacity 0 is taken as a mistake for 1.
+ *  */
 function paintOf([r = 0, g = 0, b = 0, opacity = 1]: readonly number[]): Paint {
   return [linear(r), linear(g), linear(b), opacity > 0 ? opacity : 1];
 }
 
-/** Linear light from sRGB, 0…1 (IEC 61966-2-1). */
+/** Decodes sRGB to linear light, 0…1 (IEC 61966-2-1). */
 function linear(display: number): number {
   return display <= 0.04045 ? display / 12.92 : ((display + 0.055) / 1.055) ** 2.4;
 }
@@ -116,7 +117,7 @@ function jointsOf({ joints, follows }: Tree, linkOf: ReadonlyMap<string, number>
   });
 }
 
-/** The axis at length 1; x where there is none, as the standard says. */
+/** The axis scaled to length 1; x when there is none, which is the URDF default. */
 function unit(axis: Vector | null): Vector {
   const longest = axis === null ? 0 : Math.max(...axis.map(Math.abs));
   if (axis === null || longest < 1e-9) return [1, 0, 0];
@@ -125,14 +126,14 @@ function unit(axis: Vector | null): Vector {
   return [x / length, y / length, z / length];
 }
 
-/** x and y of the plane across a unit axis: the frame's, by the shortest turn that takes z to the axis
- *  (docs/MODEL.md). */
+/** Directions x and y of the plane across a unit axis: those of the frame, after the shortest rotation that takes z to
+ *  the axis (docs/MODEL.md). */
 function planeAcross([a, b, c]: Vector): readonly [Vector, Vector] {
   if (c < -1 + 1e-9)
     return [
       [1, 0, 0],
       [0, -1, 0],
-    ]; // every turn by 180° is as short: about x
+    ]; // all rotations by 180° are equally short: about x
   const d = 1 / (1 + c);
   return [
     [1 - a * a * d, -a * b * d, -a],

@@ -16,8 +16,8 @@ import {
 import { type XmlElement, XmlRefused } from './xml.ts';
 
 /**
- * Reads a URDF as the edge does (posecast_edge.model.urdf.reader): what can't be read is replaced by what the standard
- * says for an absent value, and named.
+ * Reads a URDF like the edge (posecast_edge.model.urdf.reader): a value that can't be read is reported and replaced by
+ * the URDF default for an absent value.
  */
 
 const TYPES: ReadonlySet<string> = new Set([...SCALAR_TYPES, 'fixed', 'floating', 'planar']);
@@ -41,7 +41,7 @@ const ROOTS_OF_OTHERS: Readonly<Record<string, string>> = {
 };
 const SENSOR_TAGS = new Set(['camera', 'ray', 'imu', 'force_torque', 'contact', 'gps', 'lidar']);
 
-/** Throws XmlRefused when it is no URDF at all. */
+/** Reads the root element of a URDF. Throws XmlRefused when it is no URDF at all. */
 export function readUrdf(root: XmlElement): Urdf {
   if (root.tag !== 'robot') {
     const other = Object.hasOwn(ROOTS_OF_OTHERS, root.tag) ? ROOTS_OF_OTHERS[root.tag] : undefined;
@@ -84,7 +84,7 @@ class UrdfReader implements Urdf {
     this.findings.push({ severity, code, text, line });
   }
 
-  /** A robot made for planning alone has no visuals: its collision shapes are what there is to see. */
+  /** Shows the collision shapes of a robot without any visuals, such as one made only for planning. */
   #showSomething(root: XmlElement): void {
     const drawn = (shapes: readonly Visual[] = []) => shapes.some(({ shape }) => shape !== null);
     if (this.links.some(({ visuals }) => drawn(visuals))) return;
@@ -93,7 +93,7 @@ class UrdfReader implements Urdf {
     this.#say('hint', 'collisions-shown', 'no link has a visual; the collision shapes are shown', root);
   }
 
-  /** The first definition of a name counts for the whole robot, as in ROS. */
+  /** Defines a material; the first definition of a name counts for the whole robot, as in ROS. */
   #define(material: Material): void {
     if (material.name === '' || (material.rgba === null && material.texture === null)) return;
     const first = this.materials.get(material.name);
@@ -343,23 +343,23 @@ class UrdfReader implements Urdf {
 }
 
 const NUMBER = /^[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:e[+-]?\d+)?$/i;
-/** As Python has them: a byte order mark is none, a next line is one. */
+/** White space as in Python: U+FEFF is none, U+0085 is one. */
 const SPACES = /(?:(?!\ufeff)[\s\u0085])+/;
 const NO_NUMBER = /^[+-]?(?:nan|inf(?:inity)?)$/i;
 
-/** The numbers of a text, NaN for those that are not finite; null when something else stands among them. */
+/** The numbers in a text, NaN for those that are not finite; null when it has anything else. */
 function floats(text: string): number[] | null {
   const words = text.slice(0, 1000).split(SPACES).filter(Boolean);
   if (!words.every((word) => NUMBER.test(word) || NO_NUMBER.test(word))) return null;
   return words.map((word) => (NUMBER.test(word) ? Number(word) : Number.NaN));
 }
 
-/** Commas between numbers gone; a comma that may be a decimal one stays. */
+/** Removes commas between numbers; a comma that may be a decimal comma stays. */
 function withoutCommas(text: string): string {
   return SPACES.test(trimmed(text)) ? text.replaceAll(', ', ' ') : text.replaceAll(',', ' ');
 }
 
-/** Without spaces around it. */
+/** Removes white space (as in Python) around a text. */
 function trimmed(text: string): string {
   let [from, to] = [0, text.length];
   while (from < to && SPACES.test(text[from]!)) from += 1;

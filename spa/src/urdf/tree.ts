@@ -1,21 +1,22 @@
 import { type Finding, quoted } from './finding.ts';
 import { type Joint, type Link, SCALAR_TYPES, type Urdf } from './types.ts';
 
-/** How a URDF's links and joints hang together (posecast_edge.model.urdf.tree). */
+/** The kinematic tree of a URDF's links and joints (as in posecast_edge.model.urdf.tree). */
 export interface Tree {
-  /** null when no link is one. */
+  /** The root link; null when there is none. */
   readonly root: Link | null;
-  /** Those below the root, each parent before its children. */
+  /** The joints below the root, each parent before its children. */
   readonly joints: readonly Joint[];
-  /** For each of `joints` by its name, whom it follows; none of those that move by themselves. */
+  /** Mimic joints by name, with the joint that each follows. */
   readonly follows: ReadonlyMap<string, Follow>;
-  /** By name, also those that hang on nothing; of doubles the first. */
+  /** Links by name, including unconnected ones; the first of each name. */
   readonly links: ReadonlyMap<string, Link>;
-  /** What does not hang together. */
+  /** What is wrong with the tree. */
   readonly findings: readonly Finding[];
 }
 
-/** A joint's value: multiplier × that of the leader + offset. Chains are resolved: a leader follows none. */
+/** A mimic joint's value is multiplier × the leader's value + offset. Chains are resolved: a leader follows no other.
+ *  */
 export interface Follow {
   readonly leader: Joint;
   readonly multiplier: number;
@@ -103,7 +104,7 @@ function jointsByParent(urdf: Urdf, links: ReadonlyMap<string, Link>, say: Say):
   return below;
 }
 
-/** Depth first, in the file's order; each parent before its children. */
+/** The joints below a link, depth first in the file's order, so each parent comes before its children. */
 function walk(root: string, below: ReadonlyMap<string, readonly Joint[]>): Joint[] {
   const order: Joint[] = [];
   const waiting = [...(below.get(root) ?? [])].reverse();
@@ -146,19 +147,19 @@ function followsOf(urdf: Urdf, order: readonly Joint[], say: Say): Map<string, F
   return follows;
 }
 
-/** Why a joint follows none. */
+/** Why a mimic joint has no valid leader. */
 interface NoLeader {
   readonly code: string;
   readonly text: string;
 }
 
-/** Whom each joint follows in the end. A chain is gone along once, however many joints hang on it. */
+/** Resolves the leader of each mimic joint. Each part of a chain is followed once, even if many joints share it. */
 class Leaders {
   readonly #shown: ReadonlyMap<string, Joint>;
   readonly #known: ReadonlySet<string>;
   readonly #found = new Map<string, Follow | NoLeader>();
 
-  /** `known`: names of all joints, also of those that are left out. */
+  /** `known`: the names of all joints, including those that are left out. */
   constructor(order: readonly Joint[], known: ReadonlySet<string>) {
     this.#shown = new Map(order.map((joint) => [joint.name, joint]));
     this.#known = known;
@@ -184,14 +185,14 @@ class Leaders {
     for (const one of [...chain.values()].reverse()) {
       if (end === null || inCircle) {
         end = { code: 'mimic-loop', text: `mimics in a circle, over ${quoted(one.name)}` };
-        inCircle = one !== at; // it is closed there; those before lead into it
+        inCircle = one !== at; // the circle closes here; joints before it only lead into it
       } else end = behind(one, end);
       this.#found.set(one.name, end);
     }
     return end!;
   }
 
-  /** Where a chain ends at this joint; null when it goes on. */
+  /** The end of a chain at this joint; null when the chain goes on. */
   #end(at: Joint): Follow | NoLeader | null {
     if (at.mimic !== null) return this.#found.get(at.name) ?? null;
     if (SCALAR_TYPES.has(at.type)) return { leader: at, multiplier: 1, offset: 0 };
@@ -201,7 +202,7 @@ class Leaders {
   }
 }
 
-/** Whom a joint follows that mimics one who follows that leader. */
+/** Combines a joint's mimic with the already resolved end of its leader's chain. */
 function behind({ mimic }: Joint, end: Follow | NoLeader): Follow | NoLeader {
   if (mimic === null || !('leader' in end)) return end;
   const multiplier = mimic.multiplier * end.multiplier;

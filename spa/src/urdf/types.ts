@@ -1,6 +1,6 @@
 import type { Finding } from './finding.ts';
 
-/** A URDF as typed values: metres, radians, rpy about fixed axes. */
+/** The parsed contents of a URDF: metres, radians, rpy about fixed axes. */
 
 export type Vector = readonly [number, number, number];
 
@@ -36,13 +36,13 @@ export interface Inertial {
 
 export interface Link {
   readonly name: string;
-  /** The collision shapes where no link of the robot has a visual. */
+  /** Its visuals, or its collision shapes if no link of the robot has a visual. */
   readonly visuals: readonly Visual[];
   readonly inertial: Inertial | null;
   readonly line: number | null;
 }
 
-/** null: not given. */
+/** A joint's limits; null means not given. */
 export interface Limit {
   readonly lower: number | null;
   readonly upper: number | null;
@@ -77,7 +77,7 @@ export interface Joint {
 
 export interface Urdf {
   readonly name: string;
-  /** The file's order, with doubles. */
+  /** In the file's order, including duplicates. */
   readonly links: readonly Link[];
   readonly joints: readonly Joint[];
   readonly materials: ReadonlyMap<string, Material>;
@@ -92,12 +92,12 @@ export interface Urdf {
   readonly findings: readonly Finding[];
 }
 
-/** rad or m: a limit that large means none. */
+/** A limit this large (rad or m) counts as none. */
 export const UNBOUNDED = 1e4;
 
 export const SCALAR_TYPES: ReadonlySet<string> = new Set(['revolute', 'continuous', 'prismatic']);
 
-/** A visual's material: what its name stands for in the robot, else its own. */
+/** A visual's material: the robot's material of that name, else its own. */
 export function materialOf({ material }: Visual, { materials }: Urdf): Material | null {
   return material === null ? null : (materials.get(material.name) ?? material);
 }

@@ -10,18 +10,18 @@ import {
   tidyPath,
 } from './local_files.ts';
 
-/** What a model may be made of; other members are not even unpacked. */
+/** File types of models; other members of a zip are not unpacked. */
 const WANTED = /\.(urdf|xacro|stl|dae|obj|mtl|glb|png|jpe?g)$/i;
 
-/** A piece may unpack to a thousand times its size before anybody can say no. */
+/** Bytes that are unpacked at a time: each piece may grow a thousandfold before it can be refused. */
 const PIECE = 2048;
-/** Meshes shrink to a tenth, pictures hardly; what grows more than this is made to fill a memory. */
+/** A zip that grows more than this is taken as malicious: meshes compress to a tenth, pictures hardly. */
 const MAX_GROWTH = 100;
 const GROWTH_COUNTS_FROM = 4_000_000;
 
 /**
- * A zip's members, unpacked piece by piece. What a member claims about its size is not believed: bytes are counted as
- * they come out, and a zip that unpacks to too much is refused there and then.
+ * Unpacks a zip piece by piece. Sizes claimed in the zip are ignored: bytes are counted as they come out, and a zip
+ * that unpacks to too much is refused at once. Rejects with DropError.
  */
 export async function unzip(file: Blob): Promise<LocalFiles> {
   const found = new Map<string, LocalFile>();

@@ -1,13 +1,13 @@
-/** XML from strangers as small trees with line numbers: what a browser's own reader doesn't tell. */
+/** Reads untrusted XML into small trees with line numbers, which the browser's own parser does not provide. */
 
 const MAX_BYTES = 8 << 20;
 const MAX_ELEMENTS = 50_000;
 const MAX_DEPTH = 64;
-/** A browser looks through all that are declared for each name. */
+/** Most namespace prefixes: browsers search all declared ones for each name. */
 const MAX_PREFIXES = 1000;
 const QUOTED = /"[^"]*"|'[^']*'/g;
 
-/** No XML that is accepted: one line, and where. */
+/** XML that is refused: a one-line message, and the line number if known. */
 export class XmlRefused extends Error {
   readonly line: number | null;
 
@@ -26,7 +26,7 @@ export class XmlElement {
   constructor(element: Element, lines: Iterator<number | null>) {
     this.#element = element;
     this.tag = element.nodeName;
-    this.line = lines.next().value ?? null; // document order: itself before its children
+    this.line = lines.next().value ?? null; // in document order: the element before its children
     this.children = [...element.children].map((child) => new XmlElement(child, lines));
   }
 
@@ -43,7 +43,7 @@ export class XmlElement {
   }
 }
 
-/** Throws XmlRefused; a hostile text is refused before the browser builds anything of it. */
+/** Parses XML. Throws XmlRefused; hostile texts are refused before the browser's parser sees them. */
 export function readXml(text: string): XmlElement {
   if (text.length > MAX_BYTES) throw new XmlRefused('larger than 8 MiB', null);
   const { lines, declared } = scan(withoutLateDeclaration(text));
@@ -63,9 +63,9 @@ export function readXml(text: string): XmlElement {
   return new XmlElement(xml.documentElement, (count === lines.length ? lines : []).values());
 }
 
-/** What stands between `<` and `>` of a tag. Nothing in it backtracks far: no tag holds another `<`, and a name is taken whole. */
+/** A tag. The expression can't backtrack far, because no tag contains another `<` and a name is matched as a whole. */
 const TAG = /<(\/?)([^\s/>!?<][^\s/><]*)(?![^\s/><])((?:"[^"<]*"|'[^'<]*'|[^<>"'])*?)(\/?)>/y;
-/** What holds no tags, and how it ends. */
+/** Sections without tags (comments and the like), and how each ends. */
 const ASIDES = [
   ['<!--', '-->'],
   ['<![CDATA[', ']]>'],
@@ -75,7 +75,7 @@ const ASIDES = [
 const BLANKS = /[ \t\n\v\f\r]*/y;
 const DECLARATION_MAX = 200; // letters
 
-/** A declaration behind blanks and comments is blanked out: the edge takes it, as ROS does, a browser does not. */
+/** Blanks out an XML declaration behind blanks or comments: the edge accepts it, like ROS, but browsers don't. */
 function withoutLateDeclaration(text: string): string {
   let at = 0;
   for (;;) {
@@ -92,14 +92,14 @@ function withoutLateDeclaration(text: string): string {
 }
 
 /**
- * The line of each start tag, in the document's order; and the text as a browser takes it too: with every prefix declared
- * that it uses (the edge reads `xacro:` without its namespace), and without what follows the root's end. Throws
+ * Returns the line of each start tag in document order, and the text in a form that browsers accept: with all used
+ * prefixes declared (the edge reads `xacro:` without its namespace), and without anything after the root. Throws
  * XmlRefused beyond the bounds.
  */
 function scan(text: string): { lines: number[]; declared: string } {
   const lines: number[] = [];
   const prefixes = new Set<string>();
-  const declared = new Set(['xml', 'xmlns']); // by the root: what holds further in only does not hold before
+  const declared = new Set(['xml', 'xmlns']); // prefixes declared by the root; others don't hold everywhere
   const newlines = text.matchAll(/\r\n?|\n/g);
   let line = 1;
   let newline = newlines.next().value?.index ?? text.length;
@@ -113,7 +113,7 @@ function scan(text: string): { lines: number[]; declared: string } {
     const aside = ASIDES.find(([begin]) => text.startsWith(begin, at));
     if (aside !== undefined) {
       const over = text.indexOf(aside[1], at + aside[0].length);
-      if (over < 0) break; // it never ends: the browser says so
+      if (over < 0) break; // unterminated: the browser's parser reports it
       at = text.indexOf('<', over + aside[1].length);
       continue;
     }
@@ -128,7 +128,7 @@ function scan(text: string): { lines: number[]; declared: string } {
       end = TAG.lastIndex;
       break;
     }
-    const names = `${name} ${attributes.replace(QUOTED, '""')}`; // what a value says is no name
+    const names = `${name} ${attributes.replace(QUOTED, '""')}`; // names only, without values
     if (root === null) {
       root = tag.index + 1 + name.length;
       for (const [, prefix] of names.matchAll(/\sxmlns:([\w.-]+)\s*=/g)) declared.add(prefix!);

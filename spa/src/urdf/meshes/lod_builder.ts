@@ -7,28 +7,28 @@ import type { Vector } from '../types.ts';
 import { MeshError } from './stl.ts';
 import type { Welded } from './weld.ts';
 
-/** A surface of one colour, in its mesh's axes. `paint` is null where its file names none. */
+/** A surface of one colour, in its mesh's axes. `paint` is null when its file names none. */
 export interface PaintedSurface {
   readonly surface: Welded;
   readonly paint: Paint | null;
 }
 
-/** The shade of a shell for which neither URDF nor mesh names one: #c4cad3 in linear light. */
+/** The default colour when neither URDF nor mesh names one: #c4cad3 in linear light. */
 const UNPAINTED: Paint = [0.5520114, 0.5906189, 0.651406, 1];
-/** Paints are a row of texels, and no graphics card has shorter ones; what comes after them is unpainted. */
+/** Most paints: they are one row of a texture, and every GPU allows this width. Further ones get the default colour. */
 const MAX_PAINTS = 2048;
-/** The largest whole number that a position is rounded to. */
+/** The largest 16-bit coordinate to which positions are rounded. */
 const REACH = 32_767;
 
-/** A mesh at one scale: its primitives without paint, on a grid of its own. */
+/** A mesh at one scale: its primitives without paint, rounded to their own grid. */
 interface Body {
   readonly centre: Vector;
-  /** Metres of one unit of the grid. */
+  /** Metres per unit of the grid. */
   readonly step: number;
   readonly pieces: readonly Omit<Primitive, 'paint'>[];
 }
 
-/** Makes one level of detail of a robot's meshes, in whatever order they come. */
+/** Builds one level of detail from a robot's meshes, which may come in any order. */
 export class LodBuilder {
   readonly #shapes: readonly PlacedShape[];
   readonly #shown: (readonly Primitive[])[];
@@ -49,12 +49,13 @@ export class LodBuilder {
     this.#linkFromMesh = Float64Array.from(shapes.flatMap(({ xyz, quat }) => transform(xyz, quat)));
   }
 
-  /** Those that are drawn: a mesh that two visuals show counts twice. */
+  /** Triangles that are drawn: a mesh that two visuals show counts twice. */
   get triangles(): number {
     return this.#triangles;
   }
 
-  /** Lets a visual show a mesh. Returns its box in the link, metres. Throws MeshError when there is no room for it. */
+  /** Gives a visual its mesh. Returns the box in the link's frame, metres. Throws MeshError when there is no room for
+   *  it. */
   put(visual: number, mesh: readonly PaintedSurface[]): LinkBox {
     const { shape, xyz, quat, paint: own } = this.#shapes[visual]!;
     const cost = mesh.reduce((sum, { surface: { positions, index } }) => {
@@ -76,7 +77,7 @@ export class LodBuilder {
     return box;
   }
 
-  /** All that has come. */
+  /** Builds the level from all meshes so far. */
   build(): Lod {
     const vertices = {
       positions: joined(this.#positions, new Int16Array(this.#vertices * 4)),
@@ -108,7 +109,7 @@ export class LodBuilder {
     return body;
   }
 
-  /** Onto a grid of 16 bits along its longest side. The scale goes into it: a bone can't stretch. */
+  /** Rounds a mesh to a grid of 16 bits along its longest side. The scale is applied here, because bones are rigid. */
   #rounded(mesh: readonly PaintedSurface[], scale: Vector): Body {
     const box = emptyBox();
     const stretch = [scale[0], 0, 0, 0, 0, scale[1], 0, 0, 0, 0, scale[2], 0, 0, 0, 0, 1];
@@ -148,7 +149,7 @@ export class LodBuilder {
 
 const keyOf = (paint: Paint) => paint.map((part) => part.toFixed(4)).join(' ');
 
-/** What a mirror turns inside out looks outwards again. */
+/** Reverses the triangles of a mirrored mesh, so that they face outwards again. */
 function turnOver(index: Uint32Array): void {
   for (let at = 0; at < index.length; at += 3) {
     [index[at + 1], index[at + 2]] = [index[at + 2]!, index[at + 1]!];

@@ -1,4 +1,4 @@
-/** Small mesh files for tests, made here so that each shows one thing. */
+/** Small mesh files for tests, each with one particular feature. */
 
 const CUBE_FACES = [
   [0, 2, 1],

@@ -1,13 +1,13 @@
 import type { Shape } from '../types.ts';
 import { type Welded, weld } from './weld.ts';
 
-/** URDF's own shapes as surfaces about their centre, metres, z along the length. */
+/** The URDF's primitive shapes as surfaces around their centre, metres, with z along the length. */
 
 const AROUND = 48;
-/** Of a sphere, pole to pole. */
+/** Rings of a sphere from pole to pole. */
 const RINGS = 24;
 
-/** A box (x, y, z), cylinder or capsule (radius, length) or sphere (radius) of these sizes. */
+/** The surface of a box (dims x, y, z), cylinder or capsule (radius, length) or sphere (radius). */
 export function surfaceOf({ kind, dims }: Pick<Shape, 'kind' | 'dims'>): Welded {
   const [first = 0, second = 0, third = 0] = dims;
   switch (kind) {
@@ -27,7 +27,7 @@ export function surfaceOf({ kind, dims }: Pick<Shape, 'kind' | 'dims'>): Welded 
   }
 }
 
-/** From pole to pole: two halves of a ball, `half` metres above and below the middle. */
+/** A profile from pole to pole: two halves of a ball, `half` metres above and below the middle. */
 function roundProfile(radius: number, half: number): (readonly [r: number, z: number])[] {
   return [-1, 1].flatMap((side) =>
     Array.from({ length: RINGS / 2 + 1 }, (_, i) => {
@@ -37,7 +37,7 @@ function roundProfile(radius: number, half: number): (readonly [r: number, z: nu
   );
 }
 
-/** Corners of the triangles of a profile turned about z, from below to above. */
+/** Triangle corners of a profile (from bottom to top) rotated about z. */
 function turned(profile: readonly (readonly [r: number, z: number])[]): Float32Array {
   const corner = (ring: number, turn: number) => {
     const [r, z] = profile[ring]!;
@@ -55,7 +55,7 @@ function turned(profile: readonly (readonly [r: number, z: number])[]): Float32A
   return Float32Array.from(soup);
 }
 
-/** The eight corners by their bits: x, y, z. Each side from its lower left, against the clock. */
+/** The sides of a box, counterclockwise from the lower left. Bits 0, 1, 2 of a corner are its x, y, z. */
 const SIDES = [
   [0, 4, 6, 2],
   [1, 3, 7, 5],

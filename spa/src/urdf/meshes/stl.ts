@@ -1,6 +1,6 @@
 /**
- * STL bytes → a triangle soup (three corners of x, y, z for each face). Normals in the file are ignored: many
- * exporters write zeros, and `weld` computes better ones.
+ * Reads STL files as a triangle soup: x, y, z of three corners for each face. Normals in the file are ignored, because
+ * many exporters write zeros and `weld` computes better ones.
  */
 
 export class MeshError extends Error {}
@@ -8,8 +8,8 @@ export class MeshError extends Error {}
 const HEADER = 84;
 const FACE = 50;
 
-/** Binary by its own arithmetic: 84 bytes and 50 for each face. Some binary files begin with "solid", so the word
- *  alone decides nothing; some have a few bytes more at the end. */
+/** Whether the size fits a binary STL: 84 bytes and 50 for each face, and perhaps a few more at the end. Some binary
+ *  files begin with "solid", so that word alone decides nothing. */
 export function isBinaryStl(bytes: Uint8Array): boolean {
   if (bytes.length < HEADER) return false;
   const faces = new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength).getUint32(80, true);
@@ -22,7 +22,7 @@ export function isAsciiStl(bytes: Uint8Array): boolean {
   return /^solid/i.test(head) && /\bfacet\b|\bendsolid\b/i.test(head);
 }
 
-/** How much follows the last triangle of a binary file. */
+/** Number of bytes after the last triangle of a binary file. */
 export function tailBytes(bytes: Uint8Array): number {
   if (!isBinaryStl(bytes)) return 0;
   const faces = new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength).getUint32(80, true);

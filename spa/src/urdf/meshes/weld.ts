@@ -1,9 +1,9 @@
 /**
  * Welds a triangle soup into an indexed surface with smooth normals that keep real edges.
  *
- * STL knows flat triangles only; drawn as they come, a rounded shell looks like cut glass. Corners at the very same
- * place become one vertex; a corner's normal is the area-weighted mean of the faces around it that bend less than
- * the crease angle from its own face; corners that agree share an index (about five times fewer vertices).
+ * STL has only flat triangles, with which a rounded surface would look like cut glass. Corners at exactly the same
+ * place become one vertex; a corner's normal is the area-weighted mean of the faces around it that bend less than the
+ * crease angle from its own face; corners with equal normals share an index (about five times fewer vertices).
  */
 
 export interface Welded {
@@ -13,11 +13,11 @@ export interface Welded {
 }
 
 const CREASE_RAD = (40 * Math.PI) / 180;
-/** Around one vertex every face is compared with every other, but not with more of them: a larger fan keeps its flat normals. */
+/** Faces around one vertex are compared in pairs; with more faces than this, the vertex keeps flat normals. */
 const MAX_FACES_AT_VERTEX = 256;
 const SAME_NORMAL = 0.9998;
 
-/** `soup`: 9 numbers a face, metres. Faces with no area or with a number that is not finite are dropped. */
+/** Welds a soup (9 numbers a face, metres). Faces without area or with a number that is not finite are dropped. */
 export function weld(soup: Float32Array, creaseRad = CREASE_RAD): Welded {
   const { corners, flat, faces } = sound(soup);
   const vertexOf = sharedVertices(corners, faces * 3);
@@ -79,7 +79,7 @@ export function weld(soup: Float32Array, creaseRad = CREASE_RAD): Welded {
   };
 }
 
-/** The faces that have an area: their corners, and for each a unit normal and the area (times two). */
+/** The valid faces: their corners, and for each a unit normal and twice the area. */
 function sound(soup: Float32Array): { corners: Float32Array; flat: Float32Array; faces: number } {
   const total = Math.floor(soup.length / 9);
   const corners = new Float32Array(total * 9);
@@ -107,8 +107,8 @@ function sound(soup: Float32Array): { corners: Float32Array; flat: Float32Array;
   return { corners: corners.subarray(0, faces * 9), flat, faces };
 }
 
-/** Corner → number of its vertex; equal coordinates, equal vertex. An open-addressing table on the floats' bits, whose hash
- *  nobody can foresee: a file could be made to fall into one place of it. */
+/** Maps each corner to a vertex by equal coordinates. It is an open-addressing hash table on the floats' bits, with a
+ *  random hash, so that no file can be made to collide on purpose. */
 function sharedVertices(corners: Float32Array, count: number): Uint32Array {
   const bits = new Uint32Array(corners.buffer, corners.byteOffset, corners.length);
   const mask = 2 ** Math.ceil(Math.log2(Math.max(2, count * 2))) - 1;
@@ -141,7 +141,7 @@ function sharedVertices(corners: Float32Array, count: number): Uint32Array {
   return vertexOf;
 }
 
-/** Vertex → its corners, as one list (`around`) and where each vertex's part of it starts. */
+/** Vertex → its corners, as one list (`around`) and the start of each vertex's part in it. */
 function cornersByVertex(vertexOf: Uint32Array): { start: Uint32Array; around: Uint32Array } {
   let vertices = 0;
   for (const vertex of vertexOf) vertices = Math.max(vertices, vertex + 1);
