@@ -11,9 +11,9 @@ import type { RobotLink } from './state/robot_link.ts';
 import { parseRoute } from './state/route.ts';
 import { useText } from './text/language.ts';
 
-// Who opens a robot needs no list.
+// Loaded on demand: a visitor who opens a robot needs no list.
 const RobotList = late(async () => (await loadList()).RobotList);
-// Few visitors want these: they come when they are opened.
+// Few visitors need these, so they are loaded when they are opened.
 const NothingHere = late(async () => (await import('./pages/NothingHere.tsx')).NothingHere);
 const RowPage = late(async () => (await import('./pages/RowPage.tsx')).RowPage);
 const SettingsSheet = late(async () => (await import('./settings/SettingsSheet.tsx')).SettingsSheet);
@@ -45,7 +45,7 @@ function Page({ onSettings }: { onSettings: (link?: RobotLink) => void }) {
     if (listed) document.title = 'Posecast';
   }, [listed]);
   useEffect(listenForDrops, []);
-  const place = hash.split('?')[0]; // the rest changes while one looks
+  const place = hash.split('?')[0]; // the query changes while one looks around
   // biome-ignore lint/correctness/useExhaustiveDependencies: going anywhere leaves what was dropped
   useEffect(() => closeLocal, [place]);
   const { refused } = relayChoice();
@@ -64,7 +64,7 @@ function Page({ onSettings }: { onSettings: (link?: RobotLink) => void }) {
   }
 }
 
-/** What became of a drop that shows no robot. */
+/** Tells that a drop is being read, or why it shows no robot. */
 function DropNotice() {
   const text = useText();
   const local = useLocal();

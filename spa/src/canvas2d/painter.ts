@@ -143,7 +143,7 @@ export class LightPainter {
     this.#context.drawImage(this.#shadows, 0, 0, width, height);
   }
 
-  /** Paints the meshes of all robots, the farthest first. One of several that is grey gets its own raster, laid over. */
+  /** Paints all robots' meshes, the farthest first. One of several that is grey gets its own raster, laid over. */
   #paintShells({ robots, tones, ratio, fine }: Picture): number {
     const width = Math.max(1, Math.round(this.#width * ratio));
     const height = Math.max(1, Math.round(this.#height * ratio));

@@ -5,7 +5,7 @@ import { korean, useText } from '../text/language.ts';
 import './account.css';
 import { accountEn } from '../text/account_en.ts';
 
-/** Opens the dialog where one signs in, or out. `refused`: what is shown around it was not for the account as it is. */
+/** The button for signing in or out, with its dialog. `refused`: the account as it is may not see this page. */
 export function SignIn({ refused = false }: { refused?: boolean }) {
   const text = useAccountText();
   const name = useSyncExternalStore(onAccountName, accountName);
@@ -95,7 +95,7 @@ function AccountDialog({ name, onClose }: { name: string | null; onClose: () => 
 
 const NOT_GOOD = /invalid-credential|wrong-password|user-not-found|invalid-email|missing-password/;
 
-/** What went wrong, without saying whether there is such an account. */
+/** Why signing in failed, in words that don't reveal whether the account exists. */
 export function signInWords(error: unknown): string {
   const code = error instanceof Error && 'code' in error ? String(error.code) : '';
   if (NOT_GOOD.test(code)) return accountText().signInNotGood;

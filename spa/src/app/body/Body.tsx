@@ -15,7 +15,7 @@ import { FirstStickFigure } from './FirstStickFigure.tsx';
 import type { OverlayLink } from './overlay/overlay_link.ts';
 import { useBodyView } from './use_body_view.ts';
 
-/** They come with the body: the page itself starts without. */
+/** Loaded with the body, so that the page starts without it. */
 const BodyNotes = late(async () => (await import('./BodyNotes.tsx')).BodyNotes);
 const BodyTools = late(async () => (await import('./BodyTools.tsx')).BodyTools);
 const SignIn = late(async () => (await import('../account/SignIn.tsx')).SignIn);
@@ -28,8 +28,8 @@ type Model =
   | { phase: 'shown'; report: ModelReport }
   | { phase: 'failed'; why: string };
 
-/** The robot as a body. The drawing itself is a chunk of its own that this component asks for; without it the page says
- *  so in one line and the numbers stand. */
+/** The robot's body. The renderer is a separate chunk that this component loads; if that fails, the page says so in one
+ *  line and the numbers still work. */
 export function Body({ link }: { link: RobotLink }) {
   const host = useRef<HTMLDivElement>(null);
   const { view, trouble, why, choose } = useBodyView(host, usePlayed(link));
@@ -88,7 +88,7 @@ export function Body({ link }: { link: RobotLink }) {
   );
 }
 
-/** How the body plays what the robot does. */
+/** Lets the body play the robot's motion. */
 function usePlayed(link: RobotLink) {
   return useCallback(async () => {
     const { bindBody } = await import('./body_link.ts'); // the code of the view is on its way meanwhile
@@ -96,7 +96,7 @@ function usePlayed(link: RobotLink) {
   }, [link]);
 }
 
-/** The address holds what is looked at; the code for it comes with the body. */
+/** Keeps the page's address in step with the view; the code for it is loaded with the body. */
 function useViewAddress(view: BodyView | null, link: RobotLink): void {
   useEffect(() => {
     if (view === null) return;
@@ -110,12 +110,12 @@ function useViewAddress(view: BodyView | null, link: RobotLink): void {
   }, [view, link]);
 }
 
-/** What is drawn beside the body. */
+/** Connects the overlay to the robot's readings. */
 function useSigns(scene: BodyView | null, link: RobotLink): OverlayLink | null {
   const [signs, setSigns] = useState<OverlayLink | null>(null);
   useEffect(() => {
     if (scene === null) return;
-    // A chunk that does not come takes nothing else with it: the body stands without signs.
+    // If this chunk can't be loaded, the body is shown without overlay.
     const end = startWhenLoaded(
       import('./overlay/overlay_link.ts').then(({ bindOverlay }) => () => {
         const drawn = bindOverlay(scene, link);
@@ -162,7 +162,7 @@ function useModel(scene: BodyView | null, link: RobotLink): Model {
   return model;
 }
 
-/** A thin bar at the top edge that counts real bytes. */
+/** A thin progress bar at the top edge, in bytes received. */
 function Progress({ received, total }: { received: number; total: number }) {
   const part = total > 0 ? Math.min(1, received / total) : 0;
   return (
@@ -178,7 +178,7 @@ function Progress({ received, total }: { received: number; total: number }) {
   );
 }
 
-/** Stamped over a picture that is not the present. */
+/** A note over the picture when it does not show the present pose. */
 function StageNote({ link }: { link: RobotLink }) {
   const now = useNow(250);
   const connection = useConnection(link);
@@ -206,14 +206,14 @@ function StageNote({ link }: { link: RobotLink }) {
   );
 }
 
-/** Nothing at first; after three seconds, what is being waited for. */
+/** Shows nothing at first, and after three seconds what the page is waiting for. */
 function Waiting({ link }: { link: RobotLink }) {
   const now = useNow(500);
   const { phase } = useConnection(link);
   const word = useWord(link);
   useVersion(link);
   const { twin } = link;
-  // A line over the body that says so already is enough.
+  // In these states a line over the body says so already.
   if (now - twin.evidence.openedMs < SAY_WHY_AFTER_MS || word === 'STALE' || word === 'OFFLINE') return null;
   const words = waitingWords({
     phase,

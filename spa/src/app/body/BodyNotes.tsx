@@ -9,11 +9,11 @@ import type { ViewTrouble } from './use_body_view.ts';
 import { ViewNote } from './ViewNote.tsx';
 import { bareWords, missingWords, unreadWords } from './words.ts';
 
-/** What is to be known of the picture: how it is drawn, what is missing, where nothing is read. */
+/** Notes about the picture: how it is drawn, which meshes are missing, which joints have no reading. */
 export function BodyNotes(props: {
   link: RobotLink;
   trouble: ViewTrouble | null;
-  /** Of the body that is shown; null while there is none. */
+  /** The report of the shown model; null while there is none. */
   report: ModelReport | null;
   choose: (way: '3d' | 'light') => void;
 }) {
@@ -36,7 +36,7 @@ export function BodyNotes(props: {
   );
 }
 
-/** Joints that stand where they were last known, because nothing is known of them now. */
+/** Names the joints that are shown where they were last known, because they have no reading now. */
 function Unread({ link }: { link: RobotLink }) {
   useNow(500);
   const { schema, state } = link.twin;

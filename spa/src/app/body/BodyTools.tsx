@@ -9,7 +9,7 @@ import { ShownChoice } from './overlay/ShownChoice.tsx';
 
 const OverlayMenu = late(async () => (await import('./overlay/OverlayMenu.tsx')).OverlayMenu);
 
-/** What to look at and from where. */
+/** The tools over the body: camera views, what the body shows, overlay. */
 export function BodyTools({ link, view, shown }: { link: RobotLink; view: BodyView; shown: boolean }) {
   useVersion(link);
   const hasRef = link.twin.schema?.field('ref') != null;
@@ -25,7 +25,7 @@ export function BodyTools({ link, view, shown }: { link: RobotLink; view: BodyVi
   );
 }
 
-/** Asks for the finest shells, where there are finer ones than a page fetches by itself. */
+/** A button that loads the finest level of detail, if there is one beyond what the page loads unasked. */
 function Finer({ scene }: { scene: BodyView }) {
   const text = useMore();
   const [state, setState] = useState<'offered' | 'coming' | 'done' | 'failed'>('offered');

@@ -7,7 +7,7 @@ import { useTheme } from '../shell/theme.ts';
 import { type RobotLink, useVersion } from '../state/robot_link.ts';
 import { settings } from '../state/settings.ts';
 
-/** The robot in lines, from its first frame until the scene takes over. */
+/** Shows the robot as a stick figure from its first frame until the scene takes over. */
 export function FirstStickFigure({ link }: { link: RobotLink }) {
   const canvas = useRef<HTMLCanvasElement>(null);
   const theme = useTheme();
@@ -21,12 +21,12 @@ export function FirstStickFigure({ link }: { link: RobotLink }) {
     let left = false;
     builtModelAt(manifestUrl(robot, modelHash))
       .then((manifest) => {
-        if (left || manifest === null) return; // raw files say nothing of joints before the URDF is here
+        if (left || manifest === null) return; // raw bundles have no joints before their URDF is read
         const figure = new StickFigure(current, manifest);
         figure.setColor(getComputedStyle(current).color);
         leave = follow(figure, link);
       })
-      .catch(() => {}); // the scene asks for the same, and says what is wrong
+      .catch(() => {}); // the scene loads the same file and reports errors
     return () => {
       left = true;
       leave?.();

@@ -4,7 +4,8 @@ import { isolated } from '../../twin/names.ts';
 import { useMore } from '../text/more.ts';
 import { remarksWords } from './words.ts';
 
-/** What the edge's doctor says of the model, behind one quiet line; hints are for who builds the model, not for viewers. */
+/** What the edge's doctor found in the model, folded behind one line. Hints are left out: they are for the model's
+ *  author. */
 export function ModelFindings({ findings = [] }: { findings: ModelReport['findings'] | undefined }) {
   const said = useMore();
   const shown = findings.filter(({ severity }) => severity !== 'hint');

@@ -2,7 +2,7 @@ import { useMore } from '../text/more.ts';
 import type { ViewTrouble } from './use_body_view.ts';
 import { viewWords } from './words.ts';
 
-/** How the body is drawn, where that is worth a word, and the other way to draw it. */
+/** Tells how the body is drawn when that is unusual, and offers the other renderer. */
 export function ViewNote({
   trouble,
   choose,

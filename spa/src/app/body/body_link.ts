@@ -3,7 +3,7 @@ import type { BodyView } from '../../view/body_view.ts';
 import type { RobotLink } from '../state/robot_link.ts';
 import { onSettings, settings } from '../state/settings.ts';
 
-/** Lets the body follow the twin, outside React. Returns the end of it. */
+/** Lets the body follow the twin, outside React. Returns a function that stops it. */
 export function bindBody(
   scene: Pick<BodyView, 'play' | 'wake' | 'setGrey'>,
   { twin, watch }: RobotLink,

@@ -8,9 +8,9 @@ import { changeSettings, type Settings, settings, useSettings } from '../state/s
 import { say } from '../text/language.ts';
 import { loadThree } from './load_three.ts';
 
-/** What the page says of the way in which it draws; `light`: there is no 3D here, `light-pixels`:
- *  and it is slow, `given-up`: there was 3D, `slow`: there is, but not ten pictures a second,
- *  `chosen`: there is, and the person wants it so. */
+/** Why the body is drawn as it is. `light`: the browser has no 3D; `light-pixels`: and the light view is slow;
+ *  `given-up`: 3D was lost; `slow`: 3D makes fewer than ten pictures a second; `chosen`: the person chose the light
+ *  view. */
 export type ViewTrouble =
   | Exclude<DrawingTrouble, 'failed' | 'hopeless'>
   | 'light'
@@ -24,17 +24,17 @@ export interface ShownBody {
   readonly trouble: ViewTrouble | null;
   /** Why there is no picture at all. */
   readonly why: string | null;
-  /** Goes over to the other way of drawing. */
+  /** Switches to the other renderer. */
   readonly choose: (way: '3d' | 'light') => void;
 }
 
 const NOTHING = { view: null, trouble: null, why: null } as const;
 
-/** What is done with a view as soon as there is one; returns the end of it. */
+/** Called with each new view; returns a clean-up function. */
 export type Begin = (view: RowView) => () => void;
 
-/** The drawing of a robot, or of some side by side: in 3D where the browser has it, else by hand. Each is a chunk of its own.
- *  A view is opened anew with another `prepare` or `onDrawn`, which hears of every picture. */
+/** Opens the view of one or several robots: 3D where the browser has it, else the light view; each is a separate chunk.
+ *  The view is opened anew when `prepare` or `onDrawn` (called after every picture) changes. */
 export function useBodyView(
   host: RefObject<HTMLDivElement | null>,
   prepare: () => Promise<Begin>,
@@ -45,7 +45,7 @@ export function useBodyView(
   themeNow.current = theme;
   const [shown, setShown] = useState<Omit<ShownBody, 'choose'>>(NOTHING);
   const { body } = useSettings();
-  /** In 3D; or by hand, because there is no 3D, or for one of the other reasons. */
+  /** 3D, or the light view because there is no 3D or for another reason. */
   const [way, setWay] = useState<'3d' | 'light' | HandMade>(() => wayFor(body));
   const wanted = useRef(body);
   useEffect(() => {
@@ -118,7 +118,7 @@ function wayFor(body: Settings['body']): '3d' | 'light' | 'chosen' {
 
 type ThemeNow = RefObject<PageTheme>;
 
-/** The probe found a context, but the scene got none. */
+/** The test found a WebGL context, but the scene got none. */
 class NoContext extends Error {}
 
 async function open3d(

@@ -14,7 +14,7 @@ import { JointView, type TableSources } from './table/joint_view.ts';
 import './numbers.css';
 import './table/joints.css';
 
-// The table is there at once; the rest comes when somebody looks for it.
+// The table is loaded at once, the rest when somebody opens it.
 const TableTools = lateAfterBody(async () => (await import('./table/TableTools.tsx')).TableTools);
 const JointCard = late(async () => (await import('./table/JointCard.tsx')).JointCard);
 const Sensors = late(async () => (await import('./sensors/Sensors.tsx')).Sensors);
@@ -25,8 +25,8 @@ const TABS = ['Joints', 'Sensors', 'Plots', 'Alarms'] as const;
 const TAB_WORDS = { Joints: 'joints', Sensors: 'sensors', Plots: 'plots', Alarms: 'alarms' } as const;
 export type Tab = (typeof TABS)[number];
 
-/** The numbers: what is wrong now, and four tabs. Which one is open outlives the panel: a phone that is turned has
- *  another. */
+/** The panel of numbers: faults and four tabs. The open tab is remembered outside, because turning a phone replaces the
+ *  panel. */
 export function Panel({
   link,
   tab,
@@ -46,7 +46,7 @@ export function Panel({
     return onSelection(() => selection() !== null && setTab('Joints'));
   }, [setTab]);
   useEffect(() => {
-    // A panel that has gone meanwhile has no use for it; without it a tap still plots.
+    // If the panel is gone or the code can't be loaded, values can still be plotted by a tap.
     const carry = async () =>
       (await import('./grid/value_drag.ts')).carryValues(panel.current!, () => setTab('Plots'));
     firstPaint.then(carry).catch(() => {});
@@ -92,7 +92,7 @@ export function Panel({
   );
 }
 
-/** The table, and under it the card of the joint that was chosen; where there is little room, in its place. */
+/** The joint table and below it the card of the selected joint, which replaces the table where there is little room. */
 function Joints({ link, joint }: { link: RobotLink; joint: string | null }) {
   const both = useMedia(ROOM_FOR_BOTH);
   return (
@@ -118,7 +118,7 @@ function Joints({ link, joint }: { link: RobotLink; joint: string | null }) {
   );
 }
 
-/** Only the place for them: the numbers themselves are written past React. */
+/** The element for the joint table, whose numbers are written to the DOM without React. */
 function JointNumbers({ link }: { link: RobotLink }) {
   const host = useRef<HTMLDivElement>(null);
   useEffect(() => {

@@ -1,2 +1,2 @@
-/** Its own chunk, which comes beside the 3D view: the page itself starts without either. */
+/** Loads the panel of numbers, a separate chunk that is loaded in parallel to the 3D view. */
 export const loadPanel = () => import('./Panel.tsx');

@@ -19,7 +19,7 @@ import { Chip } from '../status/Chip.tsx';
 import { useText } from '../text/language.ts';
 import { useMore } from '../text/more.ts';
 
-/** Up to six robots side by side in one scene, each with its own truth over its head. */
+/** Up to six robots side by side in one scene, each with its own state (LIVE, STALE, …) over its head. */
 export function RowPage({ robots, onSettings }: { robots: readonly string[]; onSettings: () => void }) {
   const host = useRef<HTMLDivElement>(null);
   const labels = useRef<(HTMLElement | null)[]>([]);
@@ -93,7 +93,7 @@ export function RowPage({ robots, onSettings }: { robots: readonly string[]; onS
   );
 }
 
-/** Only where one of the robots has been told where to be. */
+/** The choice of shown joint values, if any of the robots reports commands. */
 function Shown({ links }: { links: readonly RobotLink[] }) {
   useVersion(...links);
   return links.some(({ twin }) => twin.schema?.field('ref') != null) && <ShownChoice />;

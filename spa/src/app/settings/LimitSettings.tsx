@@ -9,7 +9,7 @@ import { more, useMore } from '../text/more.ts';
 
 const LIVE_EVERY_MS = 250;
 
-/** The limits of this robot, place by place: a slider with both ends, and the same as numbers. */
+/** The limits of this robot by site: for each channel a slider with two thumbs, and the same as numbers. */
 export function LimitSettings({ link }: { link: RobotLink }) {
   useVersion(link);
   const text = useMore();

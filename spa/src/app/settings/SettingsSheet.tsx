@@ -11,11 +11,11 @@ import { SettingChoice } from './SettingChoice.tsx';
 import '../styles/choices.css';
 import '../styles/signs.css';
 
-/** For those who open the sheet: the page itself starts without. */
+/** Loaded when the sheet is opened, so that the page starts without it. */
 const SignIn = late(async () => (await import('../account/SignIn.tsx')).SignIn);
 const LimitSettings = late(async () => (await import('./LimitSettings.tsx')).LimitSettings);
 
-/** Few, and in one place. */
+/** The dialog with all settings of the page, and with the limits of the robot `link` if there is one. */
 export function SettingsSheet({ link, onClose }: { link: RobotLink | null; onClose: () => void }) {
   const { arrowScale } = useSettings();
   const text = useText();

@@ -16,10 +16,10 @@ export const USUAL = {
   theme: 'system',
 } as const satisfies Partial<Settings>;
 
-/** Farther from a robot nobody stands. */
+/** Places farther away than this are not accepted. */
 const FARTHEST_M = 1000;
 
-/** Whatever the address holds: what is odd is left out. */
+/** Reads the view from an address; invalid parts are left out. */
 export function readShared(query: URLSearchParams): SharedView {
   const joint = query.get('joint');
   // letters, not halves of them: half a pair can't stand in an address

@@ -2,7 +2,7 @@ import { Component, type ReactNode } from 'react';
 import { isolated } from '../../twin/names.ts';
 import { say } from '../text/language.ts';
 
-/** When the page itself breaks it says so, instead of turning white. */
+/** Shows an error message when rendering fails, instead of an empty page. */
 export class ErrorBoundary extends Component<{ children: ReactNode }, { what: string | null }> {
   override state: { what: string | null } = { what: null };
 

@@ -2,7 +2,7 @@ import { type ComponentType, type LazyExoticComponent, lazy } from 'react';
 import { firstPaint } from '../../browser/first_paint.ts';
 import { useText } from '../text/language.ts';
 
-/** A part of the page that comes when it is wanted. If it does not come, the rest of the page stands. */
+/** A component that is loaded on demand. If loading fails, the rest of the page still works. */
 export function late<P extends object>(
   load: () => Promise<ComponentType<P>>,
 ): LazyExoticComponent<ComponentType<P>> {

@@ -8,8 +8,8 @@ const HELD_UP_MS = 400;
 /** Then the messages that piled up meanwhile are let in first. */
 const CATCH_UP_MS = 50;
 
-/** Looks at the evidence ten times a second, and tells when the word changes: nothing else would, since silence makes
- *  no noise. */
+/** Judges the evidence ten times a second and notifies when the word changes. A timer is needed, because silence causes
+ *  no event. */
 export class LivenessWatch {
   word: Word | null = null;
   readonly #twin: RobotTwin;

@@ -10,7 +10,7 @@ export function loadOwnLimits(twin: RobotTwin): void {
   watchOwn(twin);
 }
 
-/** Only who has set a limit needs it watched here: the edge watches those of the profile. */
+/** Watches the viewer's own limits, if there are any; the edge watches those of the profile. */
 export function watchOwn(twin: RobotTwin): void {
   if (twin.edits.size === 0) return;
   import('./own_alarms.ts').then(

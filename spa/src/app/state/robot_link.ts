@@ -11,8 +11,8 @@ import { loadOwnLimits } from './own_limits.ts';
 import { selectJoint } from './selection.ts';
 import { clearTraces } from './traces.ts';
 
-/** One robot as this page has it: its state, the connection that feeds it, the watch over its truth, its faults, its
- *  last minute. */
+/** All that the page keeps for one robot: its state, its connection, the liveness watch, its faults and its last
+ *  minute. */
 export interface RobotLink {
   twin: RobotTwin;
   client: StreamClient;

@@ -2,10 +2,10 @@ import { createStore } from '../../browser/store.ts';
 import type { Trace } from '../../twin/plots/trace.ts';
 import { useStore } from './use_store.ts';
 
-/** As many traces can be told apart. */
+/** Most traces at one time; more could not be told apart. */
 export const MOST_TRACES = 8;
 
-/** What is plotted, oldest first. One list for the page; it goes with the robot. */
+/** The plotted values, oldest first. There is one list for the page, which is cleared with the robot. */
 const list = createStore<readonly Trace[]>([]);
 
 export const traces = list.get;

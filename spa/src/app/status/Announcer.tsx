@@ -4,13 +4,13 @@ import type { RobotLink } from '../state/robot_link.ts';
 import { AsAnyone } from './AsAnyone.tsx';
 import { announcement } from './announcement.ts';
 
-/** A listener hears what has changed, and not more often than this. */
+/** Least time between two announcements to screen readers. */
 const EVERY_MS = 5000;
 const LOOK_MS = 500;
-/** What those who see choose for themselves takes nothing from those who listen. */
+/** Announcements read everything, whatever the visible overlay shows. */
 const ALL = { shown: 'pos', lens: false, forces: true, level: true, load: 'off' } as const;
 
-/** The robot in words, for those who listen to the page. */
+/** Describes the robot in words for screen readers. */
 export function Announcer({ link }: { link: RobotLink }) {
   const [said, setSaid] = useState('');
   useEffect(() => {

@@ -9,10 +9,10 @@ import { chipWords } from './words.ts';
 
 const loadExplanation = () => import('./Explanation.tsx');
 const Explanation = late(async () => (await loadExplanation()).Explanation);
-/** Who asks why there is no connection could not fetch the answer then. */
+/** The explanation is loaded ahead after this time: without a connection it could not be loaded when asked for. */
 const FETCH_AHEAD_MS = 3000;
 
-/** The truth of the whole page: the word, the rate, the age. Tapping it opens the explanation. */
+/** Shows the robot's state: LIVE, HOLDING, STALE or OFFLINE, with rate and age. Tapping it opens the explanation. */
 export function Chip({ link }: { link: RobotLink }) {
   useNow(250);
   useWord(link); // a change of the word is not kept waiting
@@ -60,7 +60,7 @@ export function Chip({ link }: { link: RobotLink }) {
   );
 }
 
-/** The shape that goes with the word: colour is never the only sign. */
+/** The symbol of a state, so that colour is not the only sign. */
 export function Sign({ word }: { word: string | null }) {
   return (
     <svg className="sign" viewBox="0 0 16 16" aria-hidden="true">

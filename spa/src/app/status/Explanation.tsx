@@ -2,7 +2,7 @@ import { type RobotLink, useConnection } from '../state/robot_link.ts';
 import { useMore } from '../text/more.ts';
 import { explanationWords } from './explanation_words.ts';
 
-/** What stands behind the chip: why the word is what it is, and what can be done about a lowered rate. */
+/** The explanation that the chip opens: why the state is what it is, and what can be done about a lowered rate. */
 export function Explanation({ link }: { link: RobotLink }) {
   const connection = useConnection(link);
   const text = useMore();

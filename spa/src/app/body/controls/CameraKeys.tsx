@@ -1,7 +1,7 @@
 import { useMore } from '../../text/more.ts';
 import { CAMERA_KEYS } from './camera_controls.ts';
 
-/** What the keyboard does for the camera, line by line. */
+/** A list of the keyboard shortcuts of the camera. */
 export function CameraKeys() {
   const text = useMore();
   return (

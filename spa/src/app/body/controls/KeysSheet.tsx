@@ -2,7 +2,7 @@ import { Dialog } from '../../shell/Dialog.tsx';
 import { useMore } from '../../text/more.ts';
 import { CameraKeys } from './CameraKeys.tsx';
 
-/** What the keyboard does. */
+/** A dialog with all keyboard shortcuts. */
 export function KeysSheet({ onClose }: { onClose: () => void }) {
   const rest = useMore();
   const ofPage = [

@@ -8,8 +8,8 @@ import { onSelection, selection, selectJoint } from '../../state/selection.ts';
 type Eye = Pick<BodyView, 'pick' | 'focus' | 'setLinkLook'>;
 
 /**
- * Body and numbers are one: a tapped link selects its joint, and the selected joint's link is lit. What was chosen among
- * the numbers is brought before the eye; what was tapped is there already. Returns the end of it.
+ * Connects body and numbers: tapping a link selects its joint, and the selected joint's link is highlighted. A joint
+ * selected among the numbers also moves the camera to its link. Returns a function that stops it.
  */
 export function bindSelection(element: HTMLElement, view: Eye, twin: RobotTwin): () => void {
   let lit: readonly string[] = [];
@@ -53,7 +53,7 @@ export function bindSelection(element: HTMLElement, view: Eye, twin: RobotTwin):
   };
 }
 
-/** The channel that moves a link, or the nearest one towards the root. */
+/** The channel whose joint moves a link, or the nearest such channel towards the root. */
 export function channelOf(
   link: string,
   tree: KinematicTree | null,

@@ -17,7 +17,7 @@ const ARROWS: ReadonlyMap<string, readonly [x: number, y: number]> = new Map([
 
 type Eye = Pick<BodyView, 'look' | 'focus' | 'orbit' | 'pan' | 'zoom' | 'pick'>;
 
-/** The keys of the camera, as the settings list them: each with the name of the sentence that says what it does. */
+/** The camera's keys, in the order of the settings, each with the key of the sentence that describes it. */
 export const CAMERA_KEYS = [
   ['← → ↑ ↓', 'keyTurn'],
   ['Shift', 'keyMove'],
@@ -27,7 +27,7 @@ export const CAMERA_KEYS = [
   ['C', 'keyClose'],
 ] as const;
 
-/** Plays a key; false when it is none of the camera's. `middle` is a point of the window, CSS px. */
+/** Handles a key; false when it is none of the camera's. `middle` is a point of the window, CSS px. */
 export function playKey(
   view: Eye,
   event: Pick<KeyboardEvent, 'key' | 'shiftKey'>,
@@ -69,15 +69,15 @@ export function playKey(
   }
 }
 
-/** Close to the link at a point of the window; where there is none, back to the first view. */
+/** Moves close to the link at a point of the window (CSS px), or back to the home view where there is none. */
 export function closeTo(view: Pick<Eye, 'pick' | 'focus' | 'look'>, at: { x: number; y: number }): void {
   const link = view.pick(at.x, at.y);
   if (link === null) view.look('home');
   else view.focus(link);
 }
 
-/** Keys, double taps and what was chosen for the mouse, over a body's element. Keys are the camera's while nothing else
- *  on the page has the focus. Returns the end of it. */
+/** Attaches keys, double taps and the chosen mouse style to a body's element. Keys work while nothing else on the page
+ *  has the focus. Returns a function that stops it. */
 export function attachCameraControls(element: HTMLElement, view: BodyView): () => void {
   const chosen = () => {
     const { mouse, follow } = settings();
@@ -91,7 +91,7 @@ export function attachCameraControls(element: HTMLElement, view: BodyView): () =
     const { left, top, width, height } = element.getBoundingClientRect();
     if (playKey(view, event, { x: left + width / 2, y: top + height / 2 })) event.preventDefault();
   };
-  // for who listens: the picture itself says nothing
+  // for screen readers: the canvas itself has no text
   const named = () => element.querySelector('canvas')?.setAttribute('aria-label', more().viewOfRobot);
   chosen();
   named();

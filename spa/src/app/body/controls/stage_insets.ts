@@ -2,11 +2,11 @@ import type { BodyView } from '../../../view/body_view.ts';
 
 const NOTES = '.stage-note, .stage-views';
 const BUTTONS = '.stage-tools';
-/** Between a note and a head, CSS px. */
+/** Gap between a note and the robot, CSS px. */
 const AIR = 4;
 
-/** Tells a view how much of its picture notes and buttons cover: a robot whose feet nobody sees seems to float. Returns the end
- *  of it. */
+/** Tells a view how much of its picture notes and buttons cover, so that they don't hide the robot's feet or head.
+ *  Returns a function that stops it. */
 export function bindInsets(canvas: HTMLElement, view: Pick<BodyView, 'setCover'>): () => void {
   const stage = canvas.parentElement;
   if (stage === null) return () => {};
@@ -14,7 +14,7 @@ export function bindInsets(canvas: HTMLElement, view: Pick<BodyView, 'setCover'>
     [...stage.querySelectorAll(`:scope > :is(${selector})`)].map((each) => each.getBoundingClientRect());
   const measure = () => {
     const { top, bottom } = stage.getBoundingClientRect();
-    // What is hidden has no size, and covers nothing.
+    // Hidden elements have no size and cover nothing.
     const most = (lengths: readonly number[]) => Math.max(0, ...lengths);
     view.setCover({
       above: most(over(NOTES).map((at) => (at.height > 0 ? at.bottom - top + AIR : 0))),

@@ -3,8 +3,8 @@ import type { RobotTwin } from '../../../twin/robot.ts';
 import type { BodyView } from '../../../view/body_view.ts';
 import { startWhenLoaded } from '../../shell/deferred_start.ts';
 
-/** Keys, double taps and the chosen mouse, as long as a body is shown, and room for it among what stands over it; with a twin,
- *  its joints are chosen by a tap. The code of all of them comes with the body. */
+/** Attaches camera keys, double taps, mouse style and insets while a body is shown; with a twin, also selection of
+ *  joints by tap. Their code is loaded with the body. */
 export function useCameraControls(
   host: RefObject<HTMLElement | null>,
   view: BodyView | null,

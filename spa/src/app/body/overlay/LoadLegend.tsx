@@ -7,7 +7,7 @@ import { useMore } from '../../text/more.ts';
 import type { OverlayLink } from './overlay_link.ts';
 import '../../styles/signs.css';
 
-/** What the colours of the bodies mean while they are painted by load. */
+/** The legend of the load colours, while bodies are painted by load. */
 export function LoadLegend({ signs }: { signs: readonly OverlayLink[] }) {
   useNow(1000); // without limits the scale grows with what is seen
   const { load } = useSettings();
@@ -40,7 +40,7 @@ export function LoadLegend({ signs }: { signs: readonly OverlayLink[] }) {
   );
 }
 
-/** One scale for all: where robots differ in their limits, colours are in parts of each one's own. */
+/** The common scale of several robots; if their limits differ, it is relative to each one's own limit. */
 function scaleOf(scales: readonly (LoadScale | null)[]): LoadScale | null {
   const [first, ...others] = scales.filter((scale) => scale !== null);
   if (first === undefined) return null;

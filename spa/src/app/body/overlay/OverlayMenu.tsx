@@ -18,7 +18,7 @@ const SignsIcon = () => (
   </Icon>
 );
 
-/** What is drawn beside the bodies. Only what one of the robots can show is offered. */
+/** The menu of the overlay. It offers only what at least one of the robots can show. */
 export function OverlayMenu({ links }: { links: readonly RobotLink[] }) {
   const { open, setOpen, around } = usePopover<HTMLFieldSetElement>();
   const { lens, forces, level, load } = useSettings();

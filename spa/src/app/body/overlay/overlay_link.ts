@@ -8,12 +8,12 @@ import { onLanguage } from '../../text/language.ts';
 import { more } from '../../text/more.ts';
 
 export interface OverlayLink {
-  /** What the colours of load mean now; null while there are none. */
+  /** The scale of the load colours; null while they are off. */
   loadScale(): LoadScale | null;
   stop(): void;
 }
 
-/** Lets what is drawn beside the body follow the twin, outside React. */
+/** Lets the overlay follow the twin, outside React. */
 export function bindOverlay(scene: OverlaidBody, { twin, watch }: RobotLink): OverlayLink {
   let reader: OverlayReader | null = null;
   let ghostShown = false;

@@ -8,7 +8,7 @@ import { type RobotLink, useVersion } from '../../state/robot_link.ts';
 import { useMore } from '../../text/more.ts';
 import { OpenFaults } from './OpenFaults.tsx';
 
-/** One line of what happened. */
+/** One entry of the list of events. */
 interface Happened {
   readonly key: string;
   /** Unix, ms; null when the relay did not say. */
@@ -21,8 +21,8 @@ interface Happened {
   readonly own: boolean;
 }
 
-/** What needs somebody's eye, then what happened, newest first: the last hundred that the relay keeps, and what the
- *  viewer's own limits saw. */
+/** The open faults, then past events, newest first: the last hundred that the relay keeps, and crossings of the
+ *  viewer's own limits. */
 export function Alarms({ link }: { link: RobotLink }) {
   const { twin } = link;
   useVersion(link);

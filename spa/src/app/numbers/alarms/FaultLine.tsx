@@ -9,7 +9,7 @@ import { settings } from '../../state/settings.ts';
 import { faultWords } from '../../status/fault_words.ts';
 import { say, useText } from '../../text/language.ts';
 
-/** What is wrong, in one line: it stands above the tabs, and is what a phone shows when the sheet is down. */
+/** The faults in one line above the tabs; on a phone it stays visible when the sheet is down. */
 export function FaultLine({ link }: { link: RobotLink }) {
   useNow(500); // how long it has lasted
   const text = useText();

@@ -7,7 +7,7 @@ import { faultWords } from '../../status/fault_words.ts';
 import { useText } from '../../text/language.ts';
 import { more, useMore } from '../../text/more.ts';
 
-/** What nobody has acknowledged, or is not over: since when, until when, and the way to say that one has seen it. */
+/** The faults that are not acknowledged or not over, with their times and a button to acknowledge them. */
 export function OpenFaults({
   link,
   faults,
@@ -15,7 +15,7 @@ export function OpenFaults({
 }: {
   link: RobotLink;
   faults: readonly Fault[];
-  /** Whether each says whose it is. */
+  /** Whether each fault names its joint or sensor. */
   named: boolean;
 }) {
   const text = useText();

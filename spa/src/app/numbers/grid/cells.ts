@@ -1,4 +1,4 @@
-/** A piece of text in the page that is written only when it differs: an unchanged row costs a comparison. */
+/** A text in the page that is written only when it changes; an unchanged one costs a comparison. */
 export class TextCell {
   readonly #node = new Text();
   #shown = '';

@@ -1,14 +1,14 @@
 import { type Display, stepsOf, stepsText } from '../../../twin/format.ts';
 
 /**
- * The numbers of a table, row by row. What they show stands side by side in arrays: an update looks at all of it, and
- * what lies scattered is slow to look at. The page is touched only where a number will look different.
+ * The numbers of a table, row by row. What is shown is kept in typed arrays, which are fast to compare at every update,
+ * and the DOM is written only where a number will look different.
  */
 export class NumberGrid {
   readonly #nodes: readonly Text[];
   /** Steps of the last digit, as shown. */
   readonly #steps: Float64Array;
-  /** The last one known, not the present. */
+  /** 1 where the number is the last known one, not the present. */
   readonly #old: Uint8Array;
 
   constructor(cells: readonly HTMLElement[]) {
@@ -18,12 +18,12 @@ export class NumberGrid {
     this.forget();
   }
 
-  /** The same numbers will look different: another unit. */
+  /** Forgets what is shown, because the same numbers will look different (another unit). */
   forget(): void {
     this.#steps.fill(-0); // no number has these steps
   }
 
-  /** `old`: the last one known, not the present. */
+  /** Shows a value. `old`: it is the last known one, not the present. */
   set(at: number, value: number | null, display: Display, old: boolean): void {
     const node = this.#nodes[at]!;
     if (this.#old[at] !== Number(old)) {

@@ -1,17 +1,17 @@
 import type { RobotTwin } from '../../../twin/robot.ts';
 import { onSettings } from '../../state/settings.ts';
 
-/** Ten times a second is what an eye can read. */
+/** Numbers are written ten times a second, as fast as people can read. */
 const EVERY_MS = 100;
 
-/** What the numbers of this page have cost so far, all together. */
+/** The cost of all numbers of this page so far: writes, and script time in ms. */
 export const cost = { writes: 0, scriptMs: 0 };
 
-/** What else may be listened to; returns the end of listening. */
+/** Adds a listener; returns a function that removes it. */
 type Subscribe = (listener: () => void) => () => void;
 
-/** Calls `write` after new states and whatever `also` tells of, at most ten times a second, and once more for the last of
- *  them; with `leastMs`, also when nothing came for so long. Returns the end. */
+/** Calls `write` after new states and after events of `also`, at most ten times a second, and always after the last of
+ *  them; with `leastMs`, also when nothing came for so long. Returns a function that stops it. */
 export function refreshWith(
   twin: RobotTwin,
   write: () => void,

@@ -5,7 +5,7 @@ const TYPE = 'application/x-posecast-value';
 /** Where values may be dropped: the tab of the plots, and what it shows. */
 const PLOTS = '#tab-Plots, #panel-Plots';
 
-/** Lets cells with a field and a label be dragged into the plots of the panel that they stand in. */
+/** Lets cells with a field and a label be dragged into the plots of their panel. `dropped` is called after a drop. */
 export function carryValues(panel: HTMLElement, dropped: () => void): void {
   panel.addEventListener('dragstart', ({ target, dataTransfer }) => {
     const { field, label } = (target as HTMLElement).dataset ?? {};
@@ -26,7 +26,7 @@ export function carryValues(panel: HTMLElement, dropped: () => void): void {
   });
 }
 
-/** null for anything else that may be dropped. */
+/** The dragged value; null for anything else that is dropped. */
 function broughtValue(dataTransfer: DataTransfer | null): Trace | null {
   let carried: unknown = null;
   try {

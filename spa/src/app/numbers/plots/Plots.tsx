@@ -11,16 +11,16 @@ import { useMore } from '../../text/more.ts';
 import { refreshWith } from '../grid/refresh.ts';
 import { PlotStack } from './plot_stack.ts';
 
-/** Also without frames the past goes by. */
+/** Plots are redrawn this often also without new frames, since time goes on. */
 const SLIDES_EVERY_MS = 500;
 
-/** A minute that somebody looks at longer than that. */
+/** A paused minute. */
 interface Held {
   readonly past: History;
   readonly atMs: number;
 }
 
-/** Values over the last minute: as many as can be told apart, paused and read off, and taken home as a table. */
+/** Plots of up to eight values over the last minute, which can be paused, read off at a cursor, and saved as CSV. */
 export function Plots({ link }: { link: RobotLink }) {
   const host = useRef<HTMLDivElement>(null);
   const stack = useRef<PlotStack | null>(null);

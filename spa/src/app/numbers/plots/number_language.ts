@@ -1,5 +1,6 @@
-/** uPlot asks for a number format in the browser's language while it is being loaded. In the locale C, as machines without a
- *  desktop have it, WebKitGTK's language is "C", of which `Intl` knows nothing: there would be no plots. Imported before uPlot. */
+/** While loading, uPlot makes a number format for the browser's language. In the locale C, as on machines without a
+ *  desktop, WebKitGTK's language is "C", for which `Intl` throws, so there would be no plots. Import this before uPlot.
+ *  */
 try {
   new Intl.NumberFormat(navigator.language);
 } catch {

@@ -22,7 +22,7 @@ import { createElement, TextCell } from '../grid/cells.ts';
 import { traceStyle } from './trace_style.ts';
 
 const HEIGHT_PX = { least: 130, most: 240 };
-/** So many steps of the last digit fill a plot at least: the noise of a joint at rest must not. */
+/** Least height of a plot in steps of the last digit, so that the noise of a joint at rest does not fill it. */
 const LEAST_STEPS = 20;
 
 interface Shown {
@@ -32,7 +32,7 @@ interface Shown {
   data: PlotData;
 }
 
-/** What is said at the plots. */
+/** The words at the plots. */
 export type PlotWords = Pick<More, 'plotOf' | 'takeAway' | 'notReported' | 'ago' | keyof PowerWords>;
 
 export interface PlotManner {
@@ -40,11 +40,11 @@ export interface PlotManner {
   readonly angle: AngleUnit;
   readonly words: PlotWords;
   readonly remove: (trace: Trace) => void;
-  /** Somebody has chosen a stretch of time: what they look at must not slide away. */
+  /** Called when somebody zooms to a part of the time, which must then not slide away. */
   readonly zoomed: () => void;
 }
 
-/** The last minute of what is plotted, one plot for each unit under one another, with one cursor over all. */
+/** The plots of the last minute, one for each unit, below one another and with a common cursor. */
 export class PlotStack {
   readonly #host: HTMLElement;
   readonly #list: readonly Trace[];
@@ -55,7 +55,7 @@ export class PlotStack {
   /** The schema whose values are shown. */
   #builtFor: History['schema'] | undefined;
   #shown: Shown[] = [];
-  /** What the cursor of all plots stands at; null: nowhere. */
+  /** Position of the common cursor; null: none. */
   #at: number | null = null;
 
   constructor(host: HTMLElement, list: readonly Trace[], manner: PlotManner) {
@@ -79,7 +79,7 @@ export class PlotStack {
     this.#tell();
   }
 
-  /** What is to be seen between the edges of the plots. */
+  /** The visible part of all plots as CSV. */
   csv(): string {
     const { min, max } = this.#shown[0]?.plot.scales.x ?? {};
     return csvOf(sheetOf(this.#shown, min ?? -HISTORY_S, max ?? 0));
@@ -113,7 +113,7 @@ export class PlotStack {
     this.#fit();
   }
 
-  /** One line of a legend; returns where its value stands. */
+  /** Makes one line of a legend; returns the cell for its value. */
   #entry(legend: HTMLElement, { display, traces }: PlotGroup, i: number): TextCell {
     const trace = traces[i]!;
     const { of, index, reading } = trace;
@@ -178,7 +178,7 @@ export class PlotStack {
     };
   }
 
-  /** Values at the cursor, else the newest ones. */
+  /** Writes the values at the cursor, else the newest ones, to the legends. */
   #tell(): void {
     for (const { group, values, data } of this.#shown) {
       const at = this.#at ?? data.s.length - 1;
@@ -220,7 +220,7 @@ function aligned({ s, columns }: PlotData): uPlot.AlignedData {
   return [s as number[], ...(columns as (number | null)[][])];
 }
 
-/** Some room above and below; a line that hardly moves stays a line. */
+/** The range of the y axis: some room above and below the values, and at least `least`. */
 function roomFor(low: number | null, high: number | null, least: number): [number, number] {
   if (low === null || high === null) return [0, 1];
   const middle = (low + high) / 2;
@@ -232,7 +232,7 @@ function axisNumber(value: number, decimals: number): string {
   return String(Number(value.toFixed(decimals))).replace('-', '−');
 }
 
-/** uPlot hears the mouse only: a finger that moves sideways carries the cursor, one that moves up or down scrolls. */
+/** Adds touch to uPlot, which handles only the mouse: moving a finger sideways moves the cursor, up or down scrolls. */
 function followFinger(plot: uPlot): void {
   plot.over.style.touchAction = 'pan-y';
   const place = (event: PointerEvent) => {

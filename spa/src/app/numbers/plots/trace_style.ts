@@ -1,4 +1,4 @@
-/** How a trace is told from others: a colour, and from the fifth on a dash as well. Red stays what it is for. */
+/** Colours of traces; from the fifth on they are also dashed. Red is left out, because it means a fault. */
 const COLORS = {
   dark: ['#5aa9ff', '#e6b35a', '#4fd1b5', '#c59bff'],
   light: ['#1d6fd1', '#96600a', '#0a7a66', '#7b3fc4'],

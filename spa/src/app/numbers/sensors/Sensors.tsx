@@ -8,7 +8,7 @@ import { createElement } from '../grid/cells.ts';
 import { refreshWith } from '../grid/refresh.ts';
 import { SensorView } from './sensor_view.ts';
 
-/** Only the place for them: the numbers themselves are written past React. */
+/** The element for the sensors, whose numbers are written to the DOM without React. */
 export function Sensors({ link }: { link: RobotLink }) {
   const host = useRef<HTMLDivElement>(null);
   useEffect(() => {

@@ -8,10 +8,10 @@ import { more } from '../../text/more.ts';
 import { createElement, DataAttribute, setPressed, TextCell } from '../grid/cells.ts';
 import { NumberGrid } from '../grid/number_grid.ts';
 
-/** From here on a reading that is gone says how old it is. */
+/** A reading that has been lost for longer than this shows its age. */
 const OLD_MS = 1500;
 
-/** What stands behind a group's name. */
+/** The words behind a group's name. */
 function kindWords(kind: SensorGroup['kind']): string {
   const { ofForce, ofOther } = more();
   return { wrench: ofForce, imu: 'IMU', power: '', other: ofOther }[kind];
@@ -19,7 +19,7 @@ function kindWords(kind: SensorGroup['kind']): string {
 
 interface ReadingView {
   readonly reading: Reading;
-  /** The same reading of the last that was known, when the newest frame has none. */
+  /** The same reading from the last known values, for when the newest frame has none. */
   readonly last: Reading;
   readonly value: HTMLElement;
   readonly unit: TextCell;
@@ -33,7 +33,7 @@ interface GroupView {
   lostMs: number | null;
 }
 
-/** Force-torque sensors, IMUs, power and whatever else a robot reports, one small table for each place. */
+/** Shows force-torque sensors, IMUs, power and all other readings, in one small table for each site. */
 export class SensorView {
   readonly #twin: RobotTwin;
   readonly #host: HTMLElement;
@@ -44,7 +44,7 @@ export class SensorView {
   #root: HTMLElement | null = null;
   #groups: GroupView[] = [];
   #views: ReadingView[] = [];
-  /** Of each view its value. */
+  /** The value of each view. */
   #values = new NumberGrid([]);
   readonly #displays = new Map<string, Display>();
   #angle = '';
@@ -88,7 +88,7 @@ export class SensorView {
     this.#host.replaceChildren();
   }
 
-  /** When it was last read; of an angle, when one of the parts that it is computed from was. */
+  /** When a reading was lost; for an angle, when a part of its quaternion was. */
   #lostMs({ field: name, label }: Reading, last: LastReadings): number | null {
     const field = this.#twin.schema?.field(name) ?? null;
     const site = label.slice(0, label.lastIndexOf('.') + 1);

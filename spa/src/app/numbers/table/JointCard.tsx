@@ -15,10 +15,10 @@ import { refreshWith } from '../grid/refresh.ts';
 import { JointCardView } from './joint_card_view.ts';
 
 const EVENTS_SHOWN = 8;
-/** Without frames its last minute goes by all the same. */
+/** The card is redrawn this often also without new frames, since time goes on. */
 const SLIDES_EVERY_MS = 500;
 
-/** Everything about one joint, until Escape. */
+/** The card with everything about one joint; Escape closes it. */
 export function JointCard({ link, joint }: { link: RobotLink; joint: string }) {
   const host = useRef<HTMLDivElement>(null);
   const back = useRef<HTMLButtonElement>(null);
@@ -31,7 +31,7 @@ export function JointCard({ link, joint }: { link: RobotLink; joint: string }) {
     const view = new JointCardView(host.current, link.twin, link.past, joint);
     const write = () => view.write(nowMs());
     const stop = refreshWith(link.twin, write, [onTraces, onLanguage], SLIDES_EVERY_MS);
-    // The keys of the camera stay with who has tapped the body.
+    // After a tap on the body the focus stays there, so that the camera's keys work.
     if (selection()?.from === 'numbers') back.current?.focus({ preventScroll: true });
     return () => {
       stop();
@@ -76,7 +76,7 @@ export function JointCard({ link, joint }: { link: RobotLink; joint: string }) {
   );
 }
 
-/** Back to where one came from, once the table stands again. */
+/** Closes the card, and returns the focus to the joint's row once the table is back. */
 function close(joint: string): void {
   selectJoint(null);
   requestAnimationFrame(() =>

@@ -1,10 +1,10 @@
 import { createStore } from '../../../browser/store.ts';
 
-/** What the joint table is looked through for. It lasts as long as the page, whatever schema or tab comes. */
+/** The filter text of the joint table. It lasts as long as the page, also when schema or tab change. */
 const text = createStore('');
 let words: readonly string[] = [];
 
-/** Longer than any name; what is pasted beyond is cut off. */
+/** Longest filter text; the rest is cut off. */
 const LONGEST = 100;
 
 export const filterText = text.get;
@@ -17,12 +17,12 @@ export function setFilter(next: string): void {
   text.set(kept);
 }
 
-/** Whether a row that says `haystack` (lower case) is looked for: it holds every word. */
+/** Whether `haystack` (lower case) contains every word of the filter. */
 export function matchesFilter(haystack: string): boolean {
   return words.every((word) => haystack.includes(word));
 }
 
-/** Whether anything is looked for. */
+/** Whether there is a filter text. */
 export function hasFilter(): boolean {
   return words.length > 0;
 }

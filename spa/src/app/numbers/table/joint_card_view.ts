@@ -11,7 +11,7 @@ import { more } from '../../text/more.ts';
 import { createElement, setPressed, TextCell } from '../grid/cells.ts';
 import { NumberGrid } from '../grid/number_grid.ts';
 
-/** What each quantity is called, and what it is, for who sees it for the first time. */
+/** The quantities of a joint, each with its name and an explanation for newcomers. */
 const QUANTITIES = [
   { field: 'pos', name: 'position', what: 'positionMeans' },
   { field: 'ref', name: 'reference', what: 'referenceMeans' },
@@ -22,7 +22,7 @@ const QUANTITIES = [
   { field: 'temp', name: 'heat', what: 'heatMeans' },
 ] as const;
 
-/** Below these ranges a strip shows a flat line: an angle at rest is never quite still. In the fields' units. */
+/** Least range of a strip (in the field's unit), so that noise looks like a flat line. */
 const LEAST_RANGE = { pos: 0.02, cur: 0.5 };
 const STRIP = { width: 300, height: 56 };
 
@@ -48,7 +48,8 @@ export interface Past {
   readonly readings: LastReadings;
 }
 
-/** One joint at a glance: its numbers, their limits, and its last minute. Written past React like the table. */
+/** Shows one joint: its numbers, their limits, and its last minute. Written to the DOM without React, like the table.
+ *  */
 export class JointCardView {
   readonly #host: HTMLElement;
   readonly #twin: RobotTwin;

@@ -6,27 +6,27 @@ import { faultWords } from '../../status/fault_words.ts';
 import { say } from '../../text/language.ts';
 import { createElement, DataAttribute, TextCell } from '../grid/cells.ts';
 
-/** From here on a reading that is gone says how old it is. */
+/** A reading that has been lost for longer than this shows its age. */
 const OLD_MS = 1500;
 
 export const STATES = ['homed', 'enabled'] as const;
 export type StateName = (typeof STATES)[number];
 const POSITIONS: ReadonlySet<NumberName> = new Set(['ref', 'pos', 'error']);
 
-/** A column of a row that nothing is read of now, and since when. */
+/** A column of a row that has no reading now, and since when. */
 export interface Lost {
   readonly name: NumberName;
   readonly sinceMs: number;
 }
 
-/** One joint of the table. It remembers what it shows, and touches the page where that changes. */
+/** One row of the joint table. It remembers what it shows, and writes to the DOM only what changes. */
 export class RowView {
   readonly element: HTMLTableRowElement;
   readonly label: string;
-  /** What a filter looks through, in lower case; flags come and go. */
+  /** The text that the filter searches, in lower case; it changes with the flags. */
   haystack = '';
   readonly #named: string;
-  /** Where its numbers go, in the order of the columns. */
+  /** The cells of its numbers, in the order of the columns. */
   readonly numbers: readonly HTMLElement[];
   readonly #states: readonly (readonly [name: StateName, cell: TextCell])[];
   readonly #error: DataAttribute | null;
@@ -84,7 +84,7 @@ export class RowView {
     this.#latched = new DataAttribute(element, 'latched');
   }
 
-  /** What is wrong with it, and its states. `anew`: the row has changed. */
+  /** Writes faults and states. `anew`: the row has changed. */
   write(row: JointRow, fault: Fault | null, old: string, anew: boolean): void {
     const clearedMs = fault?.clearedMs ?? null;
     if (!anew && fault === this.#fault && clearedMs === this.#clearedMs && old === this.#old) return;

@@ -16,11 +16,11 @@ import { type Lost, oldWords, RowView, STATES } from './joint_row.ts';
 import type { titledLimbs } from './limb_titles.ts';
 import { Ranks } from './ranks.ts';
 
-/** What the table asks of the page around it. */
+/** What the table needs from the page around it. */
 export interface TableSources {
   readonly faults?: FaultLog;
   readonly readings?: LastReadings;
-  /** Puts the joints together limb by limb; null until its code is here. */
+  /** Groups the joints by limb; null until its code is loaded. */
   limbs?: typeof titledLimbs | null;
 }
 
@@ -29,9 +29,9 @@ type Schema = NonNullable<RobotTwin['schema']>;
 /** A column of numbers. */
 interface Column {
   readonly name: NumberName;
-  /** One a row. */
+  /** One value for each row. */
   readonly values: Float64Array;
-  /** Where it comes from; null of what is computed: ref − pos. */
+  /** Its field; null for the computed column ref − pos. */
   readonly field: ReturnType<JointTable['column']>;
   readonly unit: TextCell;
   display: Display;
@@ -39,15 +39,15 @@ interface Column {
   own: readonly (Display | null)[] | null;
 }
 
-/** Of a row that the filter does not let through. */
+/** The rank of a row that the filter hides. */
 const HIDDEN = -1;
-/** Rows that nobody sees are written in turns, one in so many at a time: within two seconds each. */
+/** Rows out of sight are written in turns, every 20th at a time, so each is written within two seconds. */
 const TURNS = 20;
-/** After the last frame all that was left is written. */
+/** This long after the last frame, all remaining rows are written. */
 const SETTLED_MS = 300;
 const NOTHING_LOST: readonly Lost[] = [];
 
-/** The joint table, written straight into the page: React never sees a frame. */
+/** The joint table. It is written directly to the DOM, without React, because it changes with every frame. */
 export class JointView {
   readonly #twin: RobotTwin;
   readonly #host: HTMLElement;
@@ -62,17 +62,17 @@ export class JointView {
   #builtFor: readonly unknown[] = [];
   #angle = '';
   #ranks = new Ranks(0);
-  /** Of each row its rank, or HIDDEN, as the page shows it. */
+  /** For each row its rank, or HIDDEN, as shown. */
   #shownRanks = new Int8Array(0);
-  /** Of each row, which of its changes was said last. */
+  /** For each row, the count of changes that was written last. */
   #said = new Uint32Array(0);
-  /** Of the faults: which version was said last; NaN: say all again. */
+  /** The version of the faults that was written last; NaN: write all again. */
   #saidFaults = Number.NaN;
-  /** Which rows are on the screen: 1, 0. Writing a number costs more than all else that is done for it. */
+  /** Which rows are on the screen (1) or not (0). Writing to the DOM is the most expensive part of an update. */
   #seen = new Uint8Array(0);
   readonly #sight = new IntersectionObserver((changes) => this.#look(changes));
   #turn = 0;
-  /** One timer for many frames: to set one costs more than to write a row. */
+  /** One timer for many frames, because setting a timer costs more than writing a row. */
   #settle: ReturnType<typeof setTimeout> | undefined;
   #settled = true;
   readonly #settleDown = () => {
@@ -136,7 +136,7 @@ export class JointView {
     this.#arrange(nowMs);
   }
 
-  /** All numbers of the newest frame. */
+  /** Writes all numbers of the newest frame. */
   #writeNumbers(): void {
     if (this.#twin.state === null) return;
     this.#rows.forEach((_, i) => {
@@ -144,7 +144,7 @@ export class JointView {
     });
   }
 
-  /** Rows have come into sight, or gone out of it. */
+  /** Called when rows have come into sight or gone out of it. */
   #look(changes: readonly IntersectionObserverEntry[]): void {
     for (const { target, isIntersecting } of changes) {
       const i = this.#rows.findIndex(({ element }) => element === target);
@@ -158,7 +158,7 @@ export class JointView {
     this.#host.replaceChildren();
   }
 
-  /** What is wrong with a row is said at once; its numbers when they are due. */
+  /** Writes a row's faults at once, and its numbers when they are due. */
   #say(table: JointTable, i: number, gone: readonly Lost[], nowMs: number): void {
     const row = table.rows[i]!;
     const fault = this.#from.faults?.of(row.label) ?? null;
@@ -191,8 +191,8 @@ export class JointView {
     return gone;
   }
 
-  /** Faults first, then what has been doubtful for a while, else the robot's own order, limb by limb where that is
-   *  wanted. The page is touched only when the order, or what the filter lets through, changes. */
+  /** Sorts the rows: faults first, then lasting cautions, else the robot's own order, by limb if wanted. The DOM is
+   *  written only when the order or the set of filtered rows changes. */
   #arrange(nowMs: number, filterChanged = false): void {
     const { faultsFirst } = settings();
     const filtered = hasFilter();
@@ -236,7 +236,7 @@ export class JointView {
     }
   }
 
-  /** Brings the chosen joint's row where it can be seen. */
+  /** Scrolls the selected joint's row into view. */
   #reveal(): void {
     const row = this.#host.querySelector<HTMLElement>('tr[aria-current]');
     row?.scrollIntoView?.({ block: 'nearest' });

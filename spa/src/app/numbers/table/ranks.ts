@@ -1,15 +1,15 @@
 import type { JointRow } from '../../../twin/joints.ts';
 
-/** A row that was faulty stays on top this long after, also when acknowledged: rows that hop can't be read. */
+/** A row stays on top this long after its fault, also when acknowledged, because rows that jump can't be read. */
 const STAYS_ON_TOP_MS = 5000;
-/** What passes at once brings no row to the top: a walking robot's joints are now and then late. */
+/** Only a caution that lasts this long moves a row up: a walking robot's joints lag behind now and then. */
 const CAUTION_LASTS_MS = 1000;
 
-/** Somebody has yet to acknowledge a fault of it. */
+/** Flag: the row has a fault that is not acknowledged. */
 const OPEN = 4;
 const LEVELS: readonly JointRow['level'][] = ['ok', 'caution', 'fault'];
 
-/** How far up the rows of a table belong. It is asked for each row at each update, so all stands side by side. */
+/** Ranks the rows of a table. It is asked for each row at each update, so it keeps its data in typed arrays. */
 export class Ranks {
   /** 0: all is well, 1: caution, 2: fault; and OPEN. */
   readonly #levels: Uint8Array;

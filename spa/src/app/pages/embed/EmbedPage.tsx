@@ -14,8 +14,8 @@ import { connectParent } from './parent.ts';
 import './embed.css';
 import { isolated } from '../../../twin/names.ts';
 
-/** One robot in a page of somebody else's: the body, its truth and where it comes from. Nothing is asked for until it
- *  is on the screen. */
+/** One robot embedded in another site's page: body, state and origin. Nothing is requested until it is on the screen.
+ *  */
 export function EmbedPage() {
   useThemeOnRoot();
   const rest = useMore();
