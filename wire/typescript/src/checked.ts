@@ -1,4 +1,4 @@
-/** Typed values out of JSON that strangers wrote: a failure is one short line that says where and why. */
+/** Reads typed values from untrusted JSON. An error is one short line that says where and why. */
 
 import { visible } from './visible.ts';
 

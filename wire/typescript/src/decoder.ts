@@ -1,4 +1,4 @@
-/** Frames to codes. Atomic: a frame that does not decode leaves the decoder as it was. */
+/** Decodes frames to codes. A frame that can't be decoded leaves the decoder unchanged. */
 
 import { BadFrame, BaseUnknown, frameId, HEADER_BYTES, KEY_HEADER_BYTES, parseHeader } from './frame.ts';
 import { CODE_MAX, MISSING, parseSchema, type Schema } from './schema.ts';

@@ -1,4 +1,4 @@
-/** Codes to frames, for replay and tests: the same bytes as the Python encoder gives. */
+/** Encodes codes to frames, for replay and tests, with the same bytes as the Python encoder. */
 
 import { frameId, HEADER_BYTES, KEY_HEADER_BYTES, TAG_KEY, TAG_PLAIN, TAG_REF } from './frame.ts';
 import { CODE_MAX, type Field, MISSING, type Schema } from './schema.ts';

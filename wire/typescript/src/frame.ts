@@ -1,4 +1,4 @@
-/** The frame's header: what a relay reads, and all it ever reads. */
+/** The frame's header, which is the only part of a frame that a relay reads. */
 
 import { fnv1a32 } from './fnv.ts';
 

@@ -2,7 +2,7 @@
 
 import { isObject, parseJson } from './checked.ts';
 
-/** Of any clock, either way: 31,700 years, and milliseconds still fit a double. */
+/** Bound for times of any clock, positive and negative: 31,700 years, so that milliseconds still fit a double. */
 const TIME_MAX_S = 1e12;
 
 export type RobotStatus = 'online' | 'silent' | 'offline';
@@ -42,13 +42,13 @@ export interface SchemaMessage {
   readonly text: string;
 }
 
-/** Slow strings about the robot, all of them each time. */
+/** Texts about the robot that change seldom; each message has all of them. */
 export interface Info {
   readonly type: 'info';
   readonly kv: ReadonlyMap<string, string>;
 }
 
-/** Something that rose or fell. `n`: the relay's number; `t`: robot clock, s; `at`: unix, s. */
+/** Something that began or ended. `n`: the relay's number; `t`: robot clock, s; `at`: unix, s. */
 export interface EventMessage {
   readonly type: 'event';
   readonly n: number;

@@ -1,4 +1,4 @@
-/** The schema: which channels a stream has, in which order, and what a code of each is worth. */
+/** The schema of a stream: its channels, their order, and the unit and scale of their codes. */
 
 import { entries, fail, items, member, number, parseJson, table, text, texts } from './checked.ts';
 import { fnv1a32 } from './fnv.ts';
