@@ -128,8 +128,7 @@ export class LightPainter {
     this.#context.drawImage(this.#floor, 0, 0);
   }
 
-  /** Paints shadows at a quarter of the pixels along each side: they are soft, so it is not seen, and costs a
-   *  sixteenth. */
+  /** Paints shadows at a quarter of the pixels along each side, which is not seen because they are soft. */
   #paintShadows(figures: readonly LightRobot[], tones: LightColors): void {
     const { width, height } = this.canvas;
     const [w, h] = [Math.ceil(width / SHADOW_PART), Math.ceil(height / SHADOW_PART)];

@@ -11,8 +11,7 @@ const MAX_MANIFEST_BYTES = 4_000_000;
 /** Larger files are refused: the edge does not send them either, and a phone could not hold them. */
 const MAX_FILE_BYTES = 128_000_000;
 const MAX_BUNDLE_BYTES = 512_000_000;
-/** Files fetched at once: as many connections as a browser opens to a host over HTTP/1.1; fewer would leave a slow link
- *  idle. */
+/** Files fetched at once: the number of connections that browsers open to a host over HTTP/1.1. */
 const PARALLEL = 6;
 
 /** A model that can't be loaded; the message is one line. */

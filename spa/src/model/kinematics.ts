@@ -116,8 +116,7 @@ export class Kinematics {
     this.compute();
   }
 
-  /** The names of readings in the manifest's order: a joint's name, or `JOINT/variable` for a joint with several
-   *  values. */
+  /** Names of readings in the manifest's order: a joint's name, or `JOINT/variable` if it has several values. */
   get jointNames(): string[] {
     return [...this.#names];
   }

@@ -43,8 +43,7 @@ export const STAND_IN = 2;
 
 type Raw = Readonly<Record<string, unknown>>;
 
-/** Triangles of one paint. `index` names vertices of the source, all of them among the `count` vertices from `first`
- *  on. */
+/** Triangles of one paint. `index` names vertices of the source, all among the `count` from `first` on. */
 export interface Primitive {
   readonly first: number;
   readonly count: number;

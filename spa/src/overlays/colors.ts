@@ -53,8 +53,7 @@ export function levelColor(tones: OverlayColors, palette: PaletteName, level: Le
   return { ok: tones.live, caution: tones.caution, fault: tones.fault }[level];
 }
 
-/** Load colours from rest to limit, sRGB: cool to warm and also bright to dark, so that colour-blind people see the
- *  order. */
+/** Load colours from rest to limit, sRGB: also from bright to dark, so that colour-blind people see the order. */
 const RAMP = [0xcfd8e6, 0xd9cfa8, 0xe8bf57, 0xdd8b26, 0xb4531a] as const;
 /** Colour of a link without a load reading. */
 export const NO_LOAD = 0x7f8894;

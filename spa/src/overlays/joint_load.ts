@@ -15,8 +15,7 @@ export class JointLoadPaint {
     return this.#shown;
   }
 
-  /** Paints the links. `fault`: the colour (sRGB) of a joint past its limit, which is also hatched. True when any
-   *  changed. */
+  /** Paints the links; `fault` is the colour (sRGB) of a joint past its limit, hatched, too. True when any changed. */
   paint(figure: PosedBody | null, loads: ReadonlyMap<string, Load> | null, fault: number): boolean {
     if (figure !== this.#figure) {
       this.#figure = figure;

@@ -33,8 +33,7 @@ export function relayChoice(): Choice {
   return choice ?? { base: home(), mirror: null, refused: null };
 }
 
-/** Resolves to the chosen relay; asks for the config once. From then on a content policy lets the page talk to no one
- *  else. */
+/** Resolves to the chosen relay; asks once. From then on a content policy limits whom the page may talk to. */
 export function relaySettled(): Promise<Choice> {
   asking ??= (async () => {
     let body: object | null = null;

@@ -14,8 +14,7 @@ export class Acknowledgements {
     this.#received += 1;
   }
 
-  /** The count to acknowledge now, or null when nothing is due. At most once a second, twice a second on a slow round
-   *  trip. */
+  /** The count to acknowledge now, at most once a second (twice on a slow round trip); null: nothing is due. */
   takeDue(nowMs: number, roundTripMs: number | null): number | null {
     if (this.#received === this.#acknowledged) return null;
     const far = (roundTripMs ?? 0) > FAR_MS;

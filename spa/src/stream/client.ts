@@ -7,8 +7,7 @@ import type { Ending, FromStream, Phase, Problem, ToStream } from './messages.ts
 import { PageVisibility } from './page_visibility.ts';
 import type { Transport } from './transport.ts';
 
-/** The state of the connection, as the page shows it. Every change makes a new object, so listeners can compare by
- *  identity. */
+/** State of the connection for the page. Every change makes a new object, to be compared by identity. */
 export interface Link {
   /** The transport in use, or the one being tried. */
   by: Transport;
@@ -36,8 +35,7 @@ const UNKNOWN: Link = {
   problem: null,
 };
 
-/** The page's end of the stream: writes the worker's messages into the twin, and tells the worker whether the page is
- *  visible. */
+/** The page's end of the stream: feeds the worker's messages to the twin, and tells it whether the page is visible. */
 export class StreamClient {
   link: Link = UNKNOWN;
   readonly #twin: RobotTwin;

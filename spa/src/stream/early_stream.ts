@@ -17,8 +17,7 @@ const MAX_MESSAGES = 200;
 
 let early: { readonly url: string; readonly worker: Worker; readonly messages: FromStream[] } | null = null;
 
-/** Starts the stream at `url` early; `onModel` gets every model hash that arrives before the page takes the stream
- *  over. */
+/** Starts the stream at `url` early. `onModel` gets every model hash that comes before the page takes it over. */
 export function startEarly(url: string, hz: number, onModel: (hash: string) => void): void {
   abandon();
   const worker = start(url, hz);

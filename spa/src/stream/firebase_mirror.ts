@@ -82,8 +82,7 @@ export class MirrorReader {
     return nowMs - this.#writtenMs;
   }
 
-  /** Sets the value at `path` in a copy of the node. `own`: objects already copied for this event, which may be
-   *  changed. */
+  /** Sets the value at `path` in a copy of the node. `own`: objects that this event has already copied. */
   #put(path: string, value: unknown, own: Set<unknown>): void {
     const [child, ...deeper] = path.split('/').filter((part) => part !== '');
     if (child === undefined) {

@@ -63,8 +63,7 @@ export class Silence {
     this.#sinceMs = null;
   }
 
-  /** Ends the silence if data were written (at `writtenMs` of our clock) after the page called its pose old: no
-   *  backlog. */
+  /** Ends the silence if data were written (`writtenMs`, our clock) after the page called its pose old. */
   endIfWrittenAfter(writtenMs: number, oldAfterMs: number): void {
     if (this.#sinceMs !== null && writtenMs > this.#sinceMs + oldAfterMs) this.#sinceMs = null;
   }

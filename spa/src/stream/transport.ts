@@ -6,8 +6,7 @@ export type Transport = 'websocket' | 'events' | 'mirror';
  *  */
 export const FAILED_OPENINGS = 2;
 export const WITHOUT_MS = 5000;
-/** While on events, a WebSocket is tried at once, and then at intervals that double from the first to the second of
- *  these. */
+/** While on events, a WebSocket is tried at once, then at intervals that double from the first to the second. */
 const TRY_AGAIN_MS = 30_000;
 const SELDOM_MS = 300_000;
 

@@ -4,8 +4,7 @@ import { isolated } from '../../twin/names.ts';
 import { useMore } from '../text/more.ts';
 import { remarksWords } from './words.ts';
 
-/** What the edge's doctor found in the model, folded behind one line. Hints are left out: they are for the model's
- *  author. */
+/** What the edge's doctor found in the model, behind one line. Hints are left out: they are for its author. */
 export function ModelFindings({ findings = [] }: { findings: ModelReport['findings'] | undefined }) {
   const said = useMore();
   const shown = findings.filter(({ severity }) => severity !== 'hint');

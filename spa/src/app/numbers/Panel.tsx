@@ -25,8 +25,7 @@ const TABS = ['Joints', 'Sensors', 'Plots', 'Alarms'] as const;
 const TAB_WORDS = { Joints: 'joints', Sensors: 'sensors', Plots: 'plots', Alarms: 'alarms' } as const;
 export type Tab = (typeof TABS)[number];
 
-/** The panel of numbers: faults and four tabs. The open tab is remembered outside, because turning a phone replaces the
- *  panel. */
+/** The panel of numbers: faults and four tabs. The open tab is kept outside, as turning a phone replaces the panel. */
 export function Panel({
   link,
   tab,

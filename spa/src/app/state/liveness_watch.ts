@@ -8,8 +8,7 @@ const HELD_UP_MS = 400;
 /** Then the messages that piled up meanwhile are let in first. */
 const CATCH_UP_MS = 50;
 
-/** Judges the evidence ten times a second and notifies when the word changes. A timer is needed, because silence causes
- *  no event. */
+/** Judges the evidence ten times a second, because silence causes no event; notifies when the word changes. */
 export class LivenessWatch {
   word: Word | null = null;
   readonly #twin: RobotTwin;

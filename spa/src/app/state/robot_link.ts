@@ -11,8 +11,7 @@ import { loadOwnLimits } from './own_limits.ts';
 import { selectJoint } from './selection.ts';
 import { clearTraces } from './traces.ts';
 
-/** All that the page keeps for one robot: its state, its connection, the liveness watch, its faults and its last
- *  minute. */
+/** All that the page keeps for one robot: state, connection, liveness watch, faults and its last minute. */
 export interface RobotLink {
   twin: RobotTwin;
   client: StreamClient;

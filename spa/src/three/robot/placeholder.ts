@@ -39,8 +39,7 @@ export function hatchedBox(): Float32Array {
   return Float32Array.from(points);
 }
 
-/** Makes the placeholders of missing meshes: hatched boxes in the caution colour that nobody takes for part of the
- *  robot. */
+/** Makes placeholders of missing meshes: hatched boxes in the caution colour, unlike any part of the robot. */
 export class Placeholders {
   readonly #geometry = new BufferGeometry().setAttribute(
     'position',

@@ -21,8 +21,7 @@ interface Happened {
   readonly own: boolean;
 }
 
-/** The open faults, then past events, newest first: the last hundred that the relay keeps, and crossings of the
- *  viewer's own limits. */
+/** The open faults, then past events (newest first) of the relay's last hundred and of the viewer's own limits. */
 export function Alarms({ link }: { link: RobotLink }) {
   const { twin } = link;
   useVersion(link);
