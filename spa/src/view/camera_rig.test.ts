@@ -327,6 +327,12 @@ describe('the eye of a humanoid', () => {
     expect(rig.stand).toBeNull();
   });
 
+  it('stands no nearer where a page says so than a hand may come', () => {
+    const rig = ofHumanoid({ nearest: 1 / 2 });
+    rig.standAt({ position: [0.01, 0, 0.9], target: [0, 0, 0.9] });
+    expect(distance(rig)).toBeCloseTo(rig.distances.least, 9);
+  });
+
   it('asks for a picture when it is elsewhere, and only then', () => {
     let pictures = 0;
     const rig = ofHumanoid({ changed: () => (pictures += 1) });

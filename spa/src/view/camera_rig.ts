@@ -187,7 +187,7 @@ export class CameraRig {
     this.grasp();
     this.#placed = place;
     const floor: Vec3 = [this.#middle[0], this.#middle[1], 0];
-    const { radius } = this.#extent;
+    const { least, greatest } = this.distances;
     const { distance, ...orbit } = orbitAt({
       position: addScaled(place.position, floor),
       target: addScaled(place.target, floor),
@@ -195,7 +195,7 @@ export class CameraRig {
     this.#now = {
       ...orbit,
       elevation: this.#tilted(orbit.elevation),
-      distance: clamp(distance, radius * NEAREST, radius * FARTHEST),
+      distance: clamp(distance, least, greatest),
     };
     this.#options.changed();
   }
