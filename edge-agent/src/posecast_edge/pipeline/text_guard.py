@@ -59,7 +59,7 @@ class TextGuard:
                 values[name] = {
                     label: _bits(reading)
                     for label, reading in of_field.items()
-                    if is_text(label) or self._report(f"{name}.{quote(label)}", sample, now_s)
+                    if is_text(label) or self._report(f"{quote(name)}.{quote(label)}", sample, now_s)
                 }
             else:
                 values[name] = [_bits(reading) for reading in of_field]
