@@ -1,9 +1,9 @@
-import { expandByBox, type LinkBox, lowestOf } from '../model/bounds.ts';
-import { Kinematics, multiply, transform } from '../model/kinematics.ts';
+import { ArticulatedBody } from '../model/articulated_body.ts';
+import { boundsOf, type LinkBox } from '../model/bounds.ts';
+import { Kinematics, placeLinks, transform } from '../model/kinematics.ts';
 import type { Lod } from '../model/lod.ts';
-import { boxesOfLinks, type Manifest } from '../model/manifest.ts';
-import type { BodyJoint, LinkLook, LinkTint } from '../model/posed_body.ts';
-import { quatOfTransform } from '../model/vectors.ts';
+import type { Manifest } from '../model/manifest.ts';
+import type { LinkLook, LinkTint } from '../model/posed_body.ts';
 import { UNREAD } from '../overlays/colors.ts';
 import { IDENTITY, type Quat, type Vec3 } from '../twin/rotation.ts';
 import type { FigureGhost, StagedFigure } from '../view/figure_node.ts';
@@ -13,7 +13,6 @@ import { type LinkPaint, Shells, type ShellView } from './shells.ts';
 
 /** Near clipping distance as a part of the robot's size. */
 const NEAR = 0.02;
-const MOVES: ReadonlySet<string> = new Set(['revolute', 'continuous', 'prismatic']);
 
 /** A transform: 16 numbers, column-major, a view into a larger array. */
 interface Placed {
@@ -30,18 +29,13 @@ interface SecondBody {
 }
 
 /** A built robot in the light view, with the same manifest, kinematics, overlay and coarsest level as in 3D. */
-export class LightRobot implements StagedFigure {
-  readonly manifest: Manifest;
-  readonly boxOfLink: ReadonlyMap<number, LinkBox>;
+export class LightRobot extends ArticulatedBody implements StagedFigure {
   readonly boxes: readonly (readonly [Placed, LinkBox])[];
   /** Link 0 is the root. */
   readonly root: Placed;
   /** world_from_link: 16 numbers a link, column-major, metres. */
   readonly worldFromLink: Float64Array;
   readonly #placed: readonly Placed[];
-  readonly #kinematics: Kinematics;
-  readonly #linkOf: ReadonlyMap<string, number>;
-  readonly #jointOf: ReadonlyMap<string, number>;
   readonly #looks = new Map<number, LinkLook>();
   readonly #tints = new Map<number, LinkTint>();
   /** Links without a known place, because their joints have no reading. */
@@ -55,32 +49,15 @@ export class LightRobot implements StagedFigure {
   aside = 0;
 
   constructor(manifest: Manifest, tones: LightColors) {
-    const { links, joints } = manifest;
-    this.manifest = manifest;
+    super(manifest);
     this.#tones = tones;
-    this.#kinematics = new Kinematics(joints);
-    this.worldFromLink = new Float64Array(links.length * 16);
-    this.#placed = links.map((_, i) => ({
+    this.worldFromLink = new Float64Array(manifest.links.length * 16);
+    this.#placed = manifest.links.map((_, i) => ({
       matrixWorld: { elements: this.worldFromLink.subarray(i * 16, i * 16 + 16) },
     }));
     this.root = this.#placed[0]!;
-    this.boxOfLink = boxesOfLinks(manifest);
     this.boxes = [...this.boxOfLink].map(([link, box]) => [this.#placed[link]!, box] as const);
-    this.#linkOf = new Map(links.map((name, i) => [name, i]));
-    this.#jointOf = new Map(joints.flatMap(({ name, type }, i) => (MOVES.has(type) ? [[name, i]] : [])));
     this.ground();
-  }
-
-  get linkNames(): readonly string[] {
-    return this.manifest.links;
-  }
-
-  get jointNames(): string[] {
-    return this.#kinematics.jointNames;
-  }
-
-  get continuousNames(): string[] {
-    return this.manifest.joints.filter(({ type }) => type === 'continuous').map(({ name }) => name);
   }
 
   /** Whether a level has been set with `wear`. */
@@ -98,47 +75,17 @@ export class LightRobot implements StagedFigure {
   }
 
   linkMatrix(name: string): { readonly elements: Float64Array } | undefined {
-    return this.#placed[this.#linkOf.get(name) ?? -1]?.matrixWorld;
-  }
-
-  rootTurn(name: string): Quat | null {
-    const link = this.#linkOf.get(name);
-    if (link === undefined) return null;
-    return quatOfTransform(this.#kinematics.rootFromLink.subarray(link * 16, link * 16 + 16));
-  }
-
-  joint(name: string): BodyJoint | undefined {
-    const found = this.#jointOf.get(name);
-    if (found === undefined) return undefined;
-    const { axis, type } = this.manifest.joints[found]!;
-    return { link: this.linkNames[found + 1]!, axis, slides: type === 'prismatic' };
-  }
-
-  linkBox(name: string): LinkBox | undefined {
-    return this.boxOfLink.get(this.#linkOf.get(name) ?? -1);
-  }
-
-  *bones(): Generator<[parent: string, child: string]> {
-    for (const [i, { parent }] of this.manifest.joints.entries()) {
-      yield [this.linkNames[parent]!, this.linkNames[i + 1]!];
-    }
-  }
-
-  setJoints(joints: ReadonlyMap<string, number>): boolean {
-    if (!this.#kinematics.set(joints)) return false;
-    this.#kinematics.compute();
-    return true;
+    return this.#placed[this.linkOf.get(name) ?? -1]?.matrixWorld;
   }
 
   place([x, y, z]: Vec3, quat_wxyz: Quat): void {
     this.#worldFromRoot = transform([x, y + this.aside, z], quat_wxyz);
-    this.#spread(this.#kinematics.rootFromLink, this.worldFromLink);
+    placeLinks(this.#worldFromRoot, this.kinematics.rootFromLink, this.worldFromLink);
     this.#ghost?.spread();
   }
 
   ground(quat_wxyz: Quat = IDENTITY): void {
-    this.place([0, 0, 0], quat_wxyz);
-    this.place([0, 0, -lowestOf(this.worldFromLink, this.boxOfLink)], quat_wxyz);
+    this.place([0, 0, -this.lowestPoint(quat_wxyz)], quat_wxyz);
   }
 
   /** Makes the ghost; there is one at a time. */
@@ -146,7 +93,7 @@ export class LightRobot implements StagedFigure {
     const kinematics = new Kinematics(this.manifest.joints);
     const worldFromLink = new Float64Array(this.worldFromLink.length);
     const links = new Set(this.linkNames.keys());
-    const spread = () => this.#spread(kinematics.rootFromLink, worldFromLink);
+    const spread = () => placeLinks(this.#worldFromRoot, kinematics.rootFromLink, worldFromLink);
     const ghost = { worldFromLink, links, spread };
     spread();
     this.#ghost = ghost;
@@ -158,7 +105,7 @@ export class LightRobot implements StagedFigure {
         return true;
       },
       setLook: (name, { hide = false }) => {
-        const link = this.#linkOf.get(name)!;
+        const link = this.linkOf.get(name)!;
         if (hide) links.delete(link);
         else links.add(link);
       },
@@ -170,21 +117,21 @@ export class LightRobot implements StagedFigure {
 
   /** Sets how a link is shown. True when the model has this link. */
   setLook(link: string, look: LinkLook): boolean {
-    const i = this.#linkOf.get(link);
+    const i = this.linkOf.get(link);
     if (i === undefined) return false;
     this.#looks.set(i, look);
     return true;
   }
 
   setTint(link: string, tint: LinkTint | null): void {
-    const i = this.#linkOf.get(link);
+    const i = this.linkOf.get(link);
     if (i === undefined) return;
     if (tint === null) this.#tints.delete(i);
     else this.#tints.set(i, tint);
   }
 
   markUnread(links: ReadonlySet<string>): void {
-    this.#unreadLinks = new Set([...links].map((name) => this.#linkOf.get(name) ?? -1));
+    this.#unreadLinks = new Set([...links].map((name) => this.linkOf.get(name) ?? -1));
   }
 
   setTones(tones: LightColors): void {
@@ -202,17 +149,8 @@ export class LightRobot implements StagedFigure {
   }
 
   /** Its bounding box in the world, metres. */
-  bounds(): { min: [number, number, number]; max: [number, number, number] } {
-    const min: [number, number, number] = [Infinity, Infinity, Infinity];
-    const max: [number, number, number] = [-Infinity, -Infinity, -Infinity];
-    const world = this.worldFromLink;
-    for (const [link, box] of this.boxOfLink) expandByBox(min, max, box, world, link * 16);
-    for (let at = 12; at < world.length; at += 16) {
-      for (let axis = 0; axis < 3; axis += 1) {
-        min[axis] = Math.min(min[axis]!, world[at + axis]!);
-        max[axis] = Math.max(max[axis]!, world[at + axis]!);
-      }
-    }
+  bounds(): LinkBox {
+    const { min, max } = boundsOf(this.worldFromLink, this.boxOfLink);
     this.#near = Math.hypot(max[0] - min[0], max[1] - min[1], max[2] - min[2]) * NEAR;
     return { min, max };
   }
@@ -247,12 +185,6 @@ export class LightRobot implements StagedFigure {
   #paintOf(link: number): LinkPaint {
     const tint = this.#unreadLinks.has(link) ? UNREAD : (this.#tints.get(link) ?? null);
     return { look: this.#looks.get(link) ?? {}, tint };
-  }
-
-  #spread(rootFromLink: Float64Array, into: Float64Array): void {
-    for (let at = 0; at < rootFromLink.length; at += 16) {
-      multiply(into, at, this.#worldFromRoot, 0, rootFromLink, at);
-    }
   }
 }
 

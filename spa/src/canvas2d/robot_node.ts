@@ -56,7 +56,7 @@ export class LightRobotNode extends FigureNode<LightRobot> {
     robot.setTones(this.#place.tones()); // another theme may have been chosen meanwhile
     this.adopt(robot);
     const { findings, missing } = robot.manifest;
-    report.joints = robot.jointNames;
+    report.joints = [...robot.jointNames];
     report.findings = findings;
     report.missing = missing.map(({ uri }) => uri);
     report.problems.push(...missing.map(({ uri, reason }) => `${uri}: ${reason}`));

@@ -71,6 +71,19 @@ export function expandByBox(min: number[], max: number[], box: LinkBox, m: Eleme
   }
 }
 
+/** The lowest and highest corner (world, metres) of all link boxes and link origins. */
+export function boundsOf(worldFromLink: Float64Array, boxes: ReadonlyMap<number, LinkBox>): LinkBox {
+  const { min, max } = emptyBox();
+  for (const [link, box] of boxes) expandByBox(min, max, box, worldFromLink, link * 16);
+  for (let at = 12; at < worldFromLink.length; at += 16) {
+    for (let axis = 0; axis < 3; axis += 1) {
+      min[axis] = Math.min(min[axis]!, worldFromLink[at + axis]!);
+      max[axis] = Math.max(max[axis]!, worldFromLink[at + axis]!);
+    }
+  }
+  return { min, max };
+}
+
 /** The size of what the camera looks at, metres: half its height, half its width from any side, and its radius. */
 export interface Extent {
   readonly tall: number;

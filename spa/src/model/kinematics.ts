@@ -249,6 +249,17 @@ export function multiply(
   }
 }
 
+/** worldFromLink ← worldFromRoot · rootFromLink, for every link: 16 numbers each. */
+export function placeLinks(
+  worldFromRoot: ArrayLike<number>,
+  rootFromLink: Float64Array,
+  worldFromLink: Float64Array,
+): void {
+  for (let at = 0; at < rootFromLink.length; at += SIZE) {
+    multiply(worldFromLink, at, worldFromRoot, 0, rootFromLink, at);
+  }
+}
+
 /** A column-major 4×4 transform from a translation (metres), a unit quaternion w, x, y, z and a uniform scale. */
 export function transform(
   [tx, ty, tz]: readonly [number, number, number],

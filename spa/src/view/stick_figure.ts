@@ -1,6 +1,6 @@
 import { markOnce } from '../browser/first_paint.ts';
-import { expandByBox, extentOf, type LinkBox, lowestOf } from '../model/bounds.ts';
-import { Kinematics, multiply, transform } from '../model/kinematics.ts';
+import { boundsOf, extentOf, type LinkBox, lowestOf } from '../model/bounds.ts';
+import { Kinematics, placeLinks, transform } from '../model/kinematics.ts';
 import { boxesOfLinks, type Manifest } from '../model/manifest.ts';
 import type { Pose } from '../twin/playback/pose.ts';
 import { FIELD_OF_VIEW, fittingDistance, VIEWS } from './framing.ts';
@@ -99,23 +99,11 @@ export class StickFigure {
       xyz: [0, 0, -lowestOf(rootFromLink, this.#boxes)] as Vector,
       quat_wxyz: [1, 0, 0, 0] as const,
     };
-    const worldFromRoot = transform(xyz, quat_wxyz);
-    for (let at = 0; at < rootFromLink.length; at += 16) {
-      multiply(this.#worldFromLink, at, worldFromRoot, 0, rootFromLink, at);
-    }
+    placeLinks(transform(xyz, quat_wxyz), rootFromLink, this.#worldFromLink);
   }
 
   #frame(aspect: number): Eye {
-    const min: [number, number, number] = [Infinity, Infinity, Infinity];
-    const max: [number, number, number] = [-Infinity, -Infinity, -Infinity];
-    const world = this.#worldFromLink;
-    for (const [link, box] of this.#boxes) expandByBox(min, max, box, world, link * 16);
-    for (let at = 12; at < world.length; at += 16) {
-      for (let axis = 0; axis < 3; axis += 1) {
-        min[axis] = Math.min(min[axis]!, world[at + axis]!);
-        max[axis] = Math.max(max[axis]!, world[at + axis]!);
-      }
-    }
+    const { min, max } = boundsOf(this.#worldFromLink, this.#boxes);
     return homeEye(min, max, aspect);
   }
 

@@ -1,34 +1,22 @@
-import { type Box3, Matrix4, Object3D, Quaternion, Ray, Vector3 } from 'three';
-import { emptyBox, growBox, type LinkBox, lowestZ } from '../../model/bounds.ts';
-import { Kinematics } from '../../model/kinematics.ts';
+import { type Box3, Matrix4, Object3D, Ray, Vector3 } from 'three';
+import { ArticulatedBody } from '../../model/articulated_body.ts';
+import { emptyBox, growBox, type LinkBox } from '../../model/bounds.ts';
 import type { Lod } from '../../model/lod.ts';
-import { boxesOfLinks, type Manifest } from '../../model/manifest.ts';
-import type { BodyJoint, LinkLook, LinkTint } from '../../model/posed_body.ts';
+import type { Manifest } from '../../model/manifest.ts';
+import type { LinkLook, LinkTint } from '../../model/posed_body.ts';
 import { UNREAD } from '../../overlays/colors.ts';
-import type { Quat } from '../../twin/rotation.ts';
 import type { Figure } from './figure.ts';
 import { Ghost } from './ghost.ts';
 import { pickPlaceholder, pickVisual } from './raycast.ts';
 import { Bones, Skin, type SkinTones } from './skin.ts';
 import type { StaleEffect } from './stale_effect.ts';
 
-const MOVES: ReadonlySet<string> = new Set(['revolute', 'continuous', 'prismatic']);
-
 /** The robot of a manifest. It moves by the manifest alone, and is drawn once a level of detail has been set with
  *  `wear`. */
-export class SkinnedRobot implements Figure {
+export class SkinnedRobot extends ArticulatedBody implements Figure {
   readonly root = new Object3D();
-  readonly linkNames: readonly string[];
-  readonly jointNames: readonly string[];
-  readonly continuousNames: readonly string[];
   readonly boxes: (readonly [link: { readonly matrixWorld: Matrix4 }, box: LinkBox])[];
-  readonly #manifest: Manifest;
-  readonly #kinematics: Kinematics;
   readonly #links: readonly { readonly matrixWorld: Matrix4 }[];
-  readonly #linkOf: ReadonlyMap<string, number>;
-  /** Joints with one value (turning or sliding): name → index in the manifest. */
-  readonly #jointOf: ReadonlyMap<string, number>;
-  readonly #boxOfLink: Map<number, LinkBox>;
   readonly #linkOfVisual: Int32Array;
   readonly #bones: Bones;
   readonly #staleEffect: StaleEffect;
@@ -42,62 +30,25 @@ export class SkinnedRobot implements Figure {
   readonly #placeholders: { readonly link: number; readonly object: Object3D }[] = [];
 
   constructor(manifest: Manifest, staleEffect: StaleEffect, tones: SkinTones) {
-    this.#manifest = manifest;
+    super(manifest);
     this.#staleEffect = staleEffect;
     this.#tones = tones;
-    this.#kinematics = new Kinematics(manifest.joints);
     this.#bones = new Bones(manifest.visuals.length);
     this.#linkOfVisual = Int32Array.from(manifest.visuals, (visual) => visual.link);
-    this.linkNames = manifest.links;
-    this.jointNames = this.#kinematics.jointNames;
-    this.continuousNames = manifest.joints
-      .filter(({ type }) => type === 'continuous')
-      .map(({ name }) => name);
-    this.#linkOf = new Map(manifest.links.map((name, i) => [name, i]));
-    this.#jointOf = new Map(
-      manifest.joints.flatMap(({ name, type }, i) => (MOVES.has(type) ? [[name, i] as const] : [])),
-    );
     this.#links = manifest.links.map(() => ({ matrixWorld: new Matrix4() }));
-    const boxes = boxesOfLinks(manifest);
-    this.#boxOfLink = boxes;
-    this.boxes = [...boxes].map(([link, box]) => [this.#links[link]!, box] as const);
+    this.boxes = [...this.boxOfLink].map(([link, box]) => [this.#links[link]!, box] as const);
     this.root.matrixAutoUpdate = false;
     this.#spread();
   }
 
   linkMatrix(name: string): Matrix4 | undefined {
-    return this.#links[this.#linkOf.get(name) ?? -1]?.matrixWorld;
+    return this.#links[this.linkOf.get(name) ?? -1]?.matrixWorld;
   }
 
-  rootTurn(name: string): Quat | null {
-    const link = this.#linkOf.get(name);
-    if (link === undefined) return null;
-    TURN.setFromRotationMatrix(LINK.fromArray(this.#kinematics.rootFromLink, link * 16));
-    return [TURN.w, TURN.x, TURN.y, TURN.z];
-  }
-
-  joint(name: string): BodyJoint | undefined {
-    const found = this.#jointOf.get(name);
-    if (found === undefined) return undefined;
-    const { axis, type } = this.#manifest.joints[found]!;
-    return { link: this.linkNames[found + 1]!, axis, slides: type === 'prismatic' };
-  }
-
-  linkBox(name: string): LinkBox | undefined {
-    return this.#boxOfLink.get(this.#linkOf.get(name) ?? -1);
-  }
-
-  *bones(): Generator<[parent: string, child: string]> {
-    for (const [i, { parent }] of this.#manifest.joints.entries()) {
-      yield [this.linkNames[parent]!, this.linkNames[i + 1]!];
-    }
-  }
-
-  setJoints(joints: ReadonlyMap<string, number>): boolean {
-    if (!this.#kinematics.set(joints)) return false;
-    this.#kinematics.compute();
-    this.#bend();
-    return true;
+  override setJoints(joints: ReadonlyMap<string, number>): boolean {
+    const changed = super.setJoints(joints);
+    if (changed) this.#bend();
+    return changed;
   }
 
   place(xyz: readonly [number, number, number], quat_wxyz: readonly [number, number, number, number]): void {
@@ -108,20 +59,7 @@ export class SkinnedRobot implements Figure {
   }
 
   ground(quat_wxyz: readonly [number, number, number, number] = UPRIGHT): void {
-    const [w, x, y, z] = quat_wxyz;
-    WORLD_FROM_ROOT.makeRotationFromQuaternion(TURN.set(x, y, z, w).normalize());
-    const poses = this.#kinematics.rootFromLink;
-    let low = Number.POSITIVE_INFINITY;
-    for (const [link, box] of this.#boxOfLink) {
-      LINK.fromArray(poses, link * 16).premultiply(WORLD_FROM_ROOT);
-      low = Math.min(low, lowestZ(box, LINK.elements));
-    }
-    if (this.#boxOfLink.size === 0) {
-      for (let i = 0; i < poses.length; i += 16) {
-        low = Math.min(low, LINK.fromArray(poses, i).premultiply(WORLD_FROM_ROOT).elements[14]!);
-      }
-    }
-    this.place([0, 0, -low], quat_wxyz);
+    this.place([0, 0, -this.lowestPoint(quat_wxyz)], quat_wxyz);
   }
 
   bounds(into: Box3): Box3 {
@@ -144,7 +82,7 @@ export class SkinnedRobot implements Figure {
         ? -1
         : pickVisual(level, ROOT_RAY, (i, into) => {
             if (this.#bones.isHidden(i)) return false;
-            into.fromArray(this.#kinematics.rootFromLink, this.#linkOfVisual[i]! * 16);
+            into.fromArray(this.kinematics.rootFromLink, this.#linkOfVisual[i]! * 16);
             into.multiply(LINK.fromArray(level.linkFromMesh, i * 16));
             return true;
           });
@@ -153,7 +91,7 @@ export class SkinnedRobot implements Figure {
   }
 
   setLook(link: string, look: LinkLook): void {
-    const wanted = this.#linkOf.get(link);
+    const wanted = this.linkOf.get(link);
     if (wanted === undefined) return;
     this.#linkOfVisual.forEach((of, visual) => {
       if (of === wanted) this.#bones.setLook(visual, look);
@@ -179,8 +117,8 @@ export class SkinnedRobot implements Figure {
   /** Makes a ghost of this robot, which is disposed of with the robot at the latest. */
   ghost(): Ghost {
     const ghost = new Ghost(
-      this.#manifest.joints,
-      this.#linkOf,
+      this.manifest.joints,
+      this.linkOf,
       this.#linkOfVisual,
       this.#staleEffect,
       this.#tones,
@@ -194,11 +132,11 @@ export class SkinnedRobot implements Figure {
 
   /** Grows a link's box by a mesh's box (in the link's frame, metres) that the manifest did not know. */
   measure(link: number, { min, max }: LinkBox): void {
-    const known = this.#boxOfLink.get(link);
+    const known = this.boxOfLink.get(link);
     const box = known ?? emptyBox();
     growBox(box, [...min, ...max], IDENTITY);
     if (known !== undefined) return;
-    this.#boxOfLink.set(link, box);
+    this.boxOfLink.set(link, box);
     this.boxes.push([this.#links[link]!, box]);
   }
 
@@ -230,7 +168,7 @@ export class SkinnedRobot implements Figure {
   }
 
   #paint(link: string): void {
-    const wanted = this.#linkOf.get(link);
+    const wanted = this.linkOf.get(link);
     const tint = this.#unread.has(link) ? UNREAD : (this.#tints.get(link) ?? null);
     this.#linkOfVisual.forEach((of, visual) => {
       if (of === wanted) this.#bones.setTint(visual, tint);
@@ -240,10 +178,10 @@ export class SkinnedRobot implements Figure {
   /** Moves meshes and placeholders to where the joints are. */
   #bend(): void {
     for (const { link, object } of this.#placeholders) {
-      object.matrix.fromArray(this.#kinematics.rootFromLink, link * 16).scale(object.scale);
+      object.matrix.fromArray(this.kinematics.rootFromLink, link * 16).scale(object.scale);
     }
     if (this.#level === null) return;
-    this.#bones.follow(this.#kinematics.rootFromLink, this.#linkOfVisual, this.#level.linkFromMesh);
+    this.#bones.follow(this.kinematics.rootFromLink, this.#linkOfVisual, this.#level.linkFromMesh);
   }
 
   /** Computes where every link is in the world. */
@@ -252,15 +190,13 @@ export class SkinnedRobot implements Figure {
     this.root.updateMatrixWorld(true);
     const world = this.root.matrixWorld;
     for (let i = 0; i < this.#links.length; i += 1) {
-      this.#links[i]!.matrixWorld.fromArray(this.#kinematics.rootFromLink, i * 16).premultiply(world);
+      this.#links[i]!.matrixWorld.fromArray(this.kinematics.rootFromLink, i * 16).premultiply(world);
     }
   }
 }
 
 const UPRIGHT = [1, 0, 0, 0] as const;
 const IDENTITY = new Matrix4().elements;
-const TURN = new Quaternion();
-const WORLD_FROM_ROOT = new Matrix4();
 const LINK = new Matrix4();
 const POINT = new Vector3();
 const ROOT_RAY = new Ray();
