@@ -1,6 +1,6 @@
 import { prefersReducedMotion } from '../browser/reduced_motion.ts';
 import { linksMovedBy, treeOf } from '../model/link_tree.ts';
-import type { LinkLook, LinkTint, PosedBody } from '../model/posed_body.ts';
+import type { LinkLook, PosedBody } from '../model/posed_body.ts';
 import type { ModelReport } from '../model/report.ts';
 import { RootPose } from '../model/root_pose.ts';
 import type { KinematicTree } from '../twin/kinematic_tree.ts';
@@ -144,10 +144,6 @@ export abstract class FigureNode<F extends StagedFigure> implements RowMember, M
   setLinkLook(link: string, look: LinkLook): void {
     this.#figure?.setLook(link, look);
     this.#host.changed();
-  }
-
-  setTint(link: string, tint: LinkTint | null): void {
-    this.#figure?.setTint(link, tint);
   }
 
   /**

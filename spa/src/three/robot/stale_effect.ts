@@ -17,10 +17,6 @@ export class StaleEffect {
     this.#tone = { value: tone };
   }
 
-  get grey(): boolean {
-    return this.#goal === 1;
-  }
-
   set grey(grey: boolean) {
     this.#goal = grey ? 1 : 0;
   }

@@ -43,10 +43,6 @@ export class Playout {
     this.#shown = new Float64Array(layout.size).fill(Number.NaN);
   }
 
-  get raw(): boolean {
-    return this.#raw;
-  }
-
   /** When true, shows each frame as it comes, without delay or interpolation. */
   set raw(raw: boolean) {
     this.#raw = raw;
