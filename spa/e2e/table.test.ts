@@ -95,6 +95,49 @@ describe('the table', () => {
     await page.open(`${relay.url}/#/`);
     expect(await page.evaluate<number>('document.documentElement.scrollWidth')).toBeLessThanOrEqual(390);
   });
+
+  it('tells joints with long names apart, whole in the card', async () => {
+    const relay = await stage.stack.relay();
+    const joints = ['left', 'right'].flatMap((side) =>
+      ['hip', 'ankle', 'shoulder', 'wrist'].flatMap((part) =>
+        ['pitch', 'roll', 'yaw'].map((way) => `a_humanoid_${side}_${part}_${way}_joint`),
+      ),
+    );
+    const of = (value: number) => Object.fromEntries(joints.map((joint) => [joint, value]));
+    stage.stack.fedEdge(relay, {
+      ref: of(0),
+      pos: of(0.1),
+      vel: of(0),
+      effort: of(1),
+      cur: of(2),
+      temp: of(30),
+    });
+    const page = await stage.newPage({ viewport: { width: 360, height: 740 } });
+    await page.open(`${relay.url}/#/r/demo`);
+    for (const [width, height] of [
+      [360, 740],
+      [1366, 768],
+    ] as const) {
+      await page.viewport({ width, height });
+      await until(`names at ${width}`, () =>
+        page.evaluate<boolean>(`(() => {
+          const names = [...document.querySelectorAll('.joints tbody button')];
+          return new Set(names.map(({ textContent }) => textContent)).size === ${joints.length}
+            && names.every(({ parentElement: { scrollWidth, clientWidth } }) => scrollWidth <= clientWidth)
+            && names[0].textContent.includes('…');
+        })()`),
+      );
+      expect(await page.evaluate<number>('document.documentElement.scrollWidth')).toBeLessThanOrEqual(width);
+    }
+    await page.findByRole('button', joints[7]!).click();
+    await until('the whole name', () =>
+      page.evaluate<boolean>(`(() => {
+        const name = document.querySelector('[data-testid=joint-card] h2');
+        return name?.textContent === '${joints[7]}' && name.scrollWidth <= name.clientWidth;
+      })()`),
+    );
+  });
+
   it.skipIf(!FULL)(
     'tells what an update of sixty moving rows costs; under load the figure means nothing',
     async () => {

@@ -131,13 +131,14 @@ function JointNumbers({ link }: { link: RobotLink }) {
     const write = () => view.write(nowMs());
     let left = false;
     firstPaint
-      .then(() => import('./table/limb_titles.ts'))
+      .then(() => import('./table/arrangement.ts'))
       .then(
-        ({ titledLimbs }) => {
+        ({ titledLimbs, NameColumn }) => {
           sources.limbs = titledLimbs;
+          sources.NameColumn = NameColumn;
           if (!left) write();
         },
-        () => {}, // they stand in one list
+        () => {}, // they stand in one list, their names cut at the end
       );
     const stop = refreshWith(link.twin, write, [link.faults.onChange, onLanguage]);
     return () => {

@@ -22,6 +22,8 @@ export interface Lost {
 /** One row of the joint table. It remembers what it shows, and writes to the DOM only what changes. */
 export class RowView {
   readonly element: HTMLTableRowElement;
+  /** The button that shows the joint's name. */
+  readonly button: HTMLElement;
   readonly label: string;
   /** The text that the filter searches, in lower case; it changes with the flags. */
   haystack = '';
@@ -57,7 +59,8 @@ export class RowView {
     const open = createElement('button', '', isolated(row.label));
     open.type = 'button';
     name.append(open);
-    name.title = row.plain ?? isolated(row.label);
+    this.button = open;
+    name.title = row.plain === null ? open.textContent : `${open.textContent} · ${row.plain}`;
     element.append(name);
     const marks: Partial<Record<NumberName, DataAttribute>> = {};
     const cell = (field: string, className: string) => {

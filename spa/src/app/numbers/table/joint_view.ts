@@ -14,6 +14,7 @@ import { NumberGrid } from '../grid/number_grid.ts';
 import { filterText, hasFilter, matchesFilter, onFilter, setFilter } from './filter.ts';
 import { type Lost, oldWords, RowView, STATES } from './joint_row.ts';
 import type { titledLimbs } from './limb_titles.ts';
+import type { NameColumn } from './name_column.ts';
 import { Ranks } from './ranks.ts';
 
 /** What the table needs from the page around it. */
@@ -22,6 +23,8 @@ export interface TableSources {
   readonly readings?: LastReadings;
   /** Groups the joints by limb; null until its code is loaded. */
   limbs?: typeof titledLimbs | null;
+  /** Fits the names to the room there is; undefined until its code is loaded. */
+  NameColumn?: typeof NameColumn;
 }
 
 type Schema = NonNullable<RobotTwin['schema']>;
@@ -58,6 +61,7 @@ export class JointView {
   #grid: NumberGrid | null = null;
   #columns: readonly Column[] = [];
   #bodies: { element: HTMLElement; rows: readonly number[] }[] = [];
+  #names: NameColumn | null = null;
   #nothing: HTMLElement | null = null;
   #builtFor: readonly unknown[] = [];
   #angle = '';
@@ -85,7 +89,11 @@ export class JointView {
     this.#host = host;
     this.#twin = twin;
     this.#from = from;
-    const shrinks = new ResizeObserver(() => this.#reveal()); // a card that opens takes room
+    // A card that opens takes room, a panel that is dragged gives some.
+    const shrinks = new ResizeObserver(() => {
+      this.#names?.fit();
+      this.#reveal();
+    });
     if (host.parentElement !== null) shrinks.observe(host.parentElement);
     const chosen = () => {
       const row = this.#rows.find(({ label }) => label === selection()?.joint);
@@ -115,6 +123,10 @@ export class JointView {
       this.#angle = '';
     }
     if (this.#root === null) return;
+    if (this.#names === null && this.#from.NameColumn !== undefined) {
+      this.#names = new this.#from.NameColumn(this.#root, this.#rows);
+      this.#names.fit();
+    }
     const all = angle !== this.#angle;
     if (all) this.#chooseUnits(schema);
     if (state !== null) {
@@ -261,6 +273,7 @@ export class JointView {
 
   #build(schema: Schema, table: JointTable, limbs: readonly Limb[] | null): void {
     const text = say();
+    this.#names = null;
     this.#ranks = new Ranks(table.rows.length);
     this.#shownRanks = new Int8Array(table.rows.length);
     this.#said = new Uint32Array(table.rows.length).fill(-1);
