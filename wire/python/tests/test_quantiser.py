@@ -81,3 +81,17 @@ def test_wrong_use_is_refused() -> None:
         Quantiser(SCHEMA).quantise([1.0, 2.0])
     with pytest.raises(ValueError, match="deadband of pos"):
         Quantiser(SCHEMA, {"pos": -1})
+
+
+def test_a_channel_coarser_than_its_field_moves_in_multiples() -> None:
+    schema = Schema.parse(
+        build_schema_text("r", {"x": ["a", "b"]}, [{"name": "pos", "labels": "x", "scale": 0.0001}])
+    )
+    quantiser = Quantiser(schema, 0.3, {"pos": {"a": 10}})
+    assert quantiser.quantise([0.0104, 0.0104]) == [100, 104]
+    assert quantiser.quantise([0.01076, 0.01076]) == [100, 108]  # within half a step and the deadband
+    assert quantiser.quantise([0.01085, None]) == [110, MISSING]
+    assert quantiser.quantise([math.nan, 0.0]) == [MISSING, 0]
+    assert quantiser.quantise([math.inf, 1e9]) == [MISSING, CODE_MAX]
+    assert quantiser.quantise([-1e9, -1e9]) == [-(CODE_MAX // 10) * 10, -CODE_MAX]
+    assert quantiser.quantise([10**400, 0.0])[0] == MISSING
