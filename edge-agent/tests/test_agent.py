@@ -333,3 +333,35 @@ def test_after_standing_still_no_pose_from_before_is_sent(monkeypatch: pytest.Mo
     decoder.add_schema(still.pipeline.stream.schema.text)
     told = [decoder.decode(frame.data).t_s - 1000.0 for frame in still.wire.frames]
     assert told[before] > stopped_s + 9.8
+
+
+def test_a_model_that_comes_later_changes_units_once(router: Router) -> None:
+    class Gripper(Moving):
+        def run(self, deliver: Deliver, stop: threading.Event) -> None:
+            while not stop.wait(0.01):
+                t_s = clock.now_s()
+                deliver(Sample(t_s, {"pos": {"arm": t_s % 3, "finger": t_s % 0.04}}))
+
+    settings = AgentSettings(ROBOT, router.endpoint, 30.0, 30.0)
+    agent = Agent(settings, Gripper(), None, Console(io.StringIO()))
+    thread = threading.Thread(target=agent.run)
+    thread.start()
+
+    def schemas() -> list[int]:
+        headers = [f.header for f in list(router.frames)]
+        return list(dict.fromkeys(header.schema_id for header in headers if header.schema_id is not None))
+
+    try:
+        until(lambda: len(router.frames) >= 10, "frames of a robot without a model")
+        agent.set_sliding(frozenset({"finger"}))
+        until(lambda: len(schemas()) == 2, "another schema")
+        n = len(router.frames)
+        until(lambda: len(router.frames) >= n + 10, "it goes on")
+    finally:
+        agent.stop()
+        thread.join()
+    assert len(schemas()) == 2
+    stream = agent._pipelines[0].stream
+    assert stream is not None
+    assert stream.schema.id == schemas()[1]
+    assert stream.schema.mapping.units == {"pos": {"finger": "m"}}

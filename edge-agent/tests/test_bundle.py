@@ -5,7 +5,14 @@ import json
 from pathlib import Path
 
 import pytest
-from posecast_edge.model.serve.bundle import RANGE_MAX, Bundle, ModelError, load_built, load_bundle
+from posecast_edge.model.serve.bundle import (
+    RANGE_MAX,
+    Bundle,
+    ModelError,
+    find_sliding_built,
+    load_built,
+    load_bundle,
+)
 from shared_stage import shared_robot
 
 
@@ -180,3 +187,17 @@ def test_a_file_where_the_folder_should_be_is_named_once(tmp_path: Path) -> None
     with pytest.raises(ModelError) as refused:
         load_built(tmp_path / "bundle")
     assert str(refused.value) == f"{tmp_path}/bundle/manifest.json: Not a directory"
+
+
+def test_a_bundle_knows_which_joints_slide(tmp_path: Path) -> None:
+    path = tmp_path / "robot.urdf"
+    joints = "".join(
+        f'<joint name="{kind} one" type="{kind}"><parent link="a"/><child link="{kind}"/>'
+        '<limit lower="0" upper="1" velocity="1" effort="1"/></joint><link name="' + kind + '"/>'
+        for kind in ("prismatic", "revolute")
+    )
+    path.write_text(f'<robot name="r"><link name="a"/>{joints}</robot>')
+    assert load_bundle(path).sliding == {"prismatic one"}
+    manifest = {"joints": [{"name": "x", "type": "prismatic"}, {"name": "y", "type": "fixed"}, 7]}
+    assert find_sliding_built(json.dumps(manifest).encode()) == {"x"}
+    assert find_sliding_built(b'{"joints": 3}') == frozenset()

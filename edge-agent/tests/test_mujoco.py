@@ -205,3 +205,15 @@ def test_real_robots_hold_still_and_move_as_told(name: str, caplog: pytest.LogCa
             told, stands = value(sample, "ref", servo.joint), value(sample, "pos", servo.joint)
             assert abs(told - stands) < 0.05, servo.joint
     assert caplog.messages == []
+
+
+def test_a_slide_is_metres_in_probe_too(tmp_path: Path) -> None:
+    slide = WALKER.replace('<joint name="knee" axis="0 1 0"', '<joint name="knee" type="slide" axis="0 0 1"')
+    assert mjcf(tmp_path).make_sample().sliding == frozenset()
+    assert mjcf(tmp_path, slide).make_sample().sliding == {"knee"}
+    path = tmp_path / "gantry.xml"
+    path.write_text(slide)
+    probed = run_edge("probe", f"mujoco:{path}", "--seconds", "0.3")
+    assert probed.returncode == 0, probed.stderr
+    units = {tuple(line.split()[:3]) for line in probed.stdout.splitlines() if line[:1].isalpha()}
+    assert {("pos", "1", "m"), ("vel", "1", "m/s"), ("effort", "1", "N")} <= units

@@ -8,8 +8,9 @@ from edge_stage import PROFILE
 from posecast_edge.pipeline.stream import Stream
 from posecast_edge.profile.field_defaults import FLAG_BITS
 from posecast_edge.profile.reader import parse_profile
-from posecast_edge.profile.schema import infer_profile, make_schema_text
+from posecast_edge.profile.schema import infer_profile, make_schema_text, mark_sliding
 from posecast_edge.sample import Sample, SourceError, Values
+from posecast_wire.decoder import Decoder
 from posecast_wire.schema import Schema
 
 
@@ -105,3 +106,34 @@ def test_a_first_sample_costs_what_it_is_long(kind: str) -> None:
         return cost(show)
 
     assert grows_linearly(steps, 200)
+
+
+def test_joints_that_slide_are_metres_in_tenths_of_a_millimetre() -> None:
+    values: dict[str, Values] = {name: {"A": 0.1, "F": 0.02} for name in ("pos", "vel", "effort", "cur")}
+    bare = Schema.parse(make_schema_text(infer_profile("r", Sample(0.0, values))))
+    assert bare.mapping.units == {}
+    profile = infer_profile("r", Sample(0.0, values), ["F", "no such joint"])
+    assert profile == infer_profile("r", Sample(0.0, values, sliding=frozenset({"F"})))
+    assert mark_sliding(profile, {"F"}) == profile
+    schema = Schema.parse(make_schema_text(profile))
+    assert schema.mapping.units == {"pos": {"F": "m"}, "vel": {"F": "m/s"}, "effort": {"F": "N"}}
+    assert [(f.name, f.labels, f.unit, f.scale) for f in schema.fields] == [
+        ("pos", ("A", "F"), "rad", 0.0001),
+        ("vel", ("A", "F"), "rad/s", 0.005),
+        ("effort", ("A", "F"), "N·m", 0.05),
+        ("cur", ("A", "F"), "A", 0.01),
+    ]
+    stream = Stream(profile, 4.0, lambda line: None)
+    sample = Sample(0.0, {"pos": {"A": 0.12345, "F": 0.02346}})
+    stream.deliver(sample, 0.0)
+    frame = stream.tick(0.0)
+    assert frame is not None
+    decoder = Decoder()
+    decoder.add_schema(stream.schema.text)
+    assert decoder.decode(frame.data).values("pos") == [pytest.approx(0.123), pytest.approx(0.0235)]
+
+
+def test_a_robot_that_only_slides_has_no_angles() -> None:
+    profile = infer_profile("r", Sample(0.0, {"pos": {"x": 0.1, "y": 0.2}}), {"x", "y"})
+    assert [(f.unit, f.scale, f.strides) for f in profile.fields] == [("m", 0.0001, {})]
+    assert profile.mapping.units == {}

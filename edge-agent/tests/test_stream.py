@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import random
 
+import pytest
 from edge_stage import PROFILE
 from posecast_edge.pipeline.stream import Stream
 from posecast_edge.profile.reader import parse_profile
+from posecast_edge.profile.schema import infer_profile
 from posecast_edge.sample import Sample
 from posecast_wire.decoder import Decoder
 
@@ -177,3 +179,27 @@ def test_after_a_fault_the_next_sample_stands_alone() -> None:
     frame = s.tick(0.2)
     assert frame is not None
     assert frame.data[0] & 1
+
+
+def test_other_units_are_a_new_schema_and_the_same_run_of_frames() -> None:
+    sample = Sample(0.0, {"pos": {"arm": 0.5, "finger": 0.0207}}, {"mode": "x"})
+    s = Stream(infer_profile("r", sample), 4.0, lambda line: None)
+    s.deliver(sample, 0.0)
+    first = s.tick(0.0)
+    assert first is not None
+    before = s.schema
+    s.change_units(infer_profile("r", sample))
+    assert s.schema is before
+    s.change_units(infer_profile("r", sample, {"finger"}))
+    assert s.make_snapshot(None, 0.1) is None  # whoever asks now hears of the next frame
+    s.deliver(sample._replace(t_s=0.1), 0.1)
+    frame = s.tick(0.1)
+    assert frame is not None
+    snapshot = s.make_snapshot(None, 0.1)
+    assert snapshot is not None
+    assert (snapshot.schema, snapshot.key, snapshot.info) == (s.schema.text, frame.data, {"mode": "x"})
+    decoder = Decoder()
+    decoder.add_schema(s.schema.text)
+    decoded = decoder.decode(frame.data)
+    assert (first.seq, decoded.seq) == (0, 1)
+    assert decoded.values("pos") == [pytest.approx(0.5), pytest.approx(0.0207)]

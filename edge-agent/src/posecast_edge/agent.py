@@ -84,6 +84,10 @@ class Agent:
         self._source = source
         self._progress_line = progress_line
         self._model: str | None = None
+        self._sliding: frozenset[str] = frozenset()  # joints, by the model
+        self._inferred: tuple[Sample, frozenset[str]] | None = (
+            None  # what the profile was made of, without one
+        )
         self.exceptions = ExceptionLog()
         self._useless = RateLimitedLog(log.warning, "useless samples")
         self._guard = TextGuard(log.warning)
@@ -108,7 +112,13 @@ class Agent:
     def set_model(self, bundle: Bundle) -> None:
         """Serve this model from now on. May be called from any thread, also before `run`."""
         self._model = bundle.hash
+        self.set_sliding(bundle.sliding)
         self._publisher.set_model(bundle)
+
+    def set_sliding(self, joints: frozenset[str]) -> None:
+        """Take the values of these joints for m, m/s and N, unless there is a profile. May be called from any
+        thread, also before `run`."""
+        self._sliding = joints
 
     def stop(self) -> None:
         """Ask `run` to return soon. Takes no lock, so it is safe inside a signal handler."""
@@ -251,11 +261,16 @@ class Agent:
         stream = pipeline.stream
         if stream is None:
             try:
-                named = self._guard.clean_names(sample, now_s)
-                stream = self._new_stream(infer_profile(self._settings.robot, named))
+                named, sliding = self._guard.clean_names(sample, now_s), self._sliding
+                stream = self._new_stream(infer_profile(self._settings.robot, named, sliding))
+                self._inferred = named, sliding
             except (SourceError, SchemaError) as e:
                 self._useless.add(f"{sample.where}: {e}" if sample.where else str(e), now_s)
                 return
+        elif self._inferred is not None and self._inferred[1] != self._sliding:  # the model came later
+            self._inferred = self._inferred[0], self._sliding
+            with pipeline.lock:
+                stream.change_units(infer_profile(self._settings.robot, *self._inferred))
         info = stream.info
         events = stream.deliver(sample, now_s)
         if events:

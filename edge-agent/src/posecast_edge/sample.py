@@ -29,6 +29,7 @@ class Sample(NamedTuple):
     `where` it was read, for messages ("line 12"). `exact`: the source had a profile and keeps to it,
     with sequences of floats (masks: ints) and None in the order of its labels; then a field is asked for only
     when it is needed. `links`: site → link of the model, where the robot itself says where its sensors sit.
+    `sliding`: joints that slide, where the robot itself says so: theirs are m, m/s and N.
     `newest`: False when one that came after it follows at once; then it makes events, but no frame.
     """
 
@@ -39,3 +40,4 @@ class Sample(NamedTuple):
     exact: bool = False
     links: Mapping[str, str] = NOTHING
     newest: bool = True
+    sliding: frozenset[str] = frozenset()

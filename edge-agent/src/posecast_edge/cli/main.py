@@ -125,13 +125,14 @@ def _run(settings: Settings, console: Console) -> int:
         agent.set_model(built)
     build: BackgroundBuild | DescribedModel | None = None
     if urdf and raw:
+        agent.set_sliding(raw.sliding)  # the model itself may take a minute
         from posecast_edge.model.serve.background import BackgroundBuild  # noqa: PLC0415 - the same
 
         build = BackgroundBuild(urdf, raw, agent.set_model)
     elif isinstance(source, Discovering) and not built:
         from posecast_edge.model.serve.robot_description import DescribedModel  # noqa: PLC0415 - the same
 
-        build = DescribedModel(list_package_folders(os.environ), agent.set_model)
+        build = DescribedModel(list_package_folders(os.environ), agent.set_model, agent.set_sliding)
         source.send_urdf_to(build.take_urdf)
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: agent.stop())

@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 import argparse
+import io
 import logging
 import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 
+from posecast_edge.model.finding import ModelRefused
+from posecast_edge.model.serve.bundle import find_sliding
+from posecast_edge.model.urdf.reader import read_urdf
 from posecast_edge.pipeline.source_stats import WAIT_S, ChannelStats, SourceStats, observe_source
 from posecast_edge.profile.field_defaults import find_usual_unit, guess_unit
 from posecast_edge.profile.reader import ProfileError, find_profile, load_profile
+from posecast_edge.profile.schema import mark_sliding
+from posecast_edge.profile.types import Profile
 from posecast_edge.sample import SourceError
 from posecast_edge.sources.base import Discovering
 from posecast_edge.sources.registry import KINDS, find_defaults, open_source
@@ -44,6 +50,9 @@ def run_probe(argv: Sequence[str]) -> int:
     except (SourceError, ProfileError) as e:
         log.error("%s", e)
         return WRONG
+    described: list[str] = []
+    if isinstance(source, Discovering):
+        source.send_urdf_to(described.append)
     try:
         seen = observe_source(source, args.seconds, profile)
     except SourceError as e:
@@ -51,12 +60,22 @@ def run_probe(argv: Sequence[str]) -> int:
         return SILENT
     except KeyboardInterrupt:
         return FINE
+    if described and seen.profile is not None and profile is None:
+        seen.profile = _mark_described(seen.profile, described[-1])
     lines = describe_source(source.description, seen)
     if isinstance(source, Discovering):
         lines += ["", "topics:", *(f"  {line}" for line in source.offers or ["none"])]
     for line in lines:
         print(make_visible(line, SHOWN_MAX))
     return FINE if seen.samples else SILENT
+
+
+def _mark_described(profile: Profile, urdf: str) -> Profile:
+    """The profile with the units that the robot's own description gives its joints."""
+    try:
+        return mark_sliding(profile, find_sliding(read_urdf(io.BytesIO(urdf.encode()))))
+    except (ModelRefused, UnicodeEncodeError):  # `run` says what is wrong with it
+        return profile
 
 
 def describe_source(description: str, seen: SourceStats) -> list[str]:
@@ -72,7 +91,7 @@ def describe_source(description: str, seen: SourceStats) -> list[str]:
         f"{'field':8}{'channels':>9}  {'unit':18}{'lowest':>10}{'highest':>10}  moving  for instance",
     ]
     for name, channels in seen.fields.items():
-        lines.append(_field(name, channels))
+        lines += [_field(name, unit, of_unit) for unit, of_unit in _by_unit(name, channels, seen.profile)]
     joints = next((seen.fields[name] for name in ("pos", "ref") if name in seen.fields), {})
     if joints:
         names = " ".join(make_visible(name, NAME_SHOWN) for name in joints)
@@ -92,13 +111,27 @@ def _clock(seen: SourceStats) -> str:
     return f"robot time {first:.3f} … {last:.3f} s{pace}{back}"
 
 
-def _field(name: str, channels: dict[str, ChannelStats]) -> str:
+def _by_unit(
+    name: str, channels: dict[str, ChannelStats], profile: Profile | None
+) -> list[tuple[str, dict[str, ChannelStats]]]:
+    """The channels of a field, those of one unit together."""
+    spec = profile.find_field(name) if profile else None
+    own = profile.mapping.units.get(name, {}) if profile else {}
+    usual = spec.unit if spec else find_usual_unit(name)
+    found: dict[str, dict[str, ChannelStats]] = {} if channels else {usual: {}}
+    for label, channel in channels.items():
+        found.setdefault(own.get(label, usual), {})[label] = channel
+    return list(found.items())
+
+
+def _field(name: str, unit_name: str, channels: dict[str, ChannelStats]) -> str:
     read = {label: c for label, c in channels.items() if c.readings}
     numbers = [c for c in read.values() if c.last is not None]
     low = f"{min(c.low for c in numbers):.4g}" if numbers else "—"
     high = f"{max(c.high for c in numbers):.4g}" if numbers else "—"
-    doubt = next((d for c in numbers if (d := guess_unit(name, c.largest))), None)
-    unit = f"{find_usual_unit(name) or '—'}{f' or {doubt}?' if doubt else ''}"
+    usual = unit_name == find_usual_unit(name)
+    doubt = next((d for c in numbers if usual and (d := guess_unit(name, c.largest))), None)
+    unit = f"{unit_name or '—'}{f' or {doubt}?' if doubt else ''}"
     bits = sorted(set().union(*(c.bits for c in read.values())))
     if bits:
         shown = ", ".join(bits[:8])

@@ -9,7 +9,7 @@ from __future__ import annotations
 import argparse
 import re
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from pathlib import Path
 
@@ -17,6 +17,7 @@ from posecast_edge.model.finding import ModelRefused
 from posecast_edge.model.urdf.reader import load_urdf
 from posecast_edge.model.urdf.tree import build_tree
 from posecast_edge.model.urdf.types import Joint, Urdf
+from posecast_edge.profile.field_defaults import SLIDING
 from posecast_edge.profile.reader import ProfileError, parse_profile
 
 MOVING = ("revolute", "continuous", "prismatic")
@@ -76,6 +77,10 @@ def _write(path: Path, text: str) -> None:
         raise
 
 
+def _units(joints: Iterable[str], unit: str) -> str:
+    return "units = {{ {} }}".format(", ".join(f"{_key(name)} = {_text(unit)}" for name in joints))
+
+
 def make_profile_text(urdf: Urdf, file: str) -> str:
     """The profile as TOML text. Raises ModelRefused when no joint of the model moves."""
     tree = build_tree(urdf)
@@ -85,8 +90,8 @@ def make_profile_text(urdf: Urdf, file: str) -> str:
             raise ModelRefused("floating and planar joints have no value of their own, and no other moves")
         raise ModelRefused("no joint moves: there is nothing to show but a statue")
     sliding = [j.name for j in joints if j.type == "prismatic"]
-    metres = ", ".join(f'{_key(name)} = "m"' for name in sliding)
-    units = [f"units = {{ {metres} }}"] if sliding else []
+    fine = f"scale = {SLIDING['pos'].scale:g} # 0.1 mm: sliding joints need it, angles get it too"
+    units = [fine, _units(sliding, SLIDING["pos"].unit)] if sliding else []
     out = [
         f"# Made of {_text(file)} by `posecast-edge profile new`; docs/ROBOTS.md explains every table.",
         "",
@@ -108,6 +113,7 @@ def make_profile_text(urdf: Urdf, file: str) -> str:
         "",
         "[[fields]]",
         'name = "vel"',
+        *([_units(sliding, SLIDING["vel"].unit)] if sliding else []),
         "",
         "# more that the page knows by name:",
         *(f'# [[fields]]\n# name = "{name}" # {what}' for name, what in MORE),

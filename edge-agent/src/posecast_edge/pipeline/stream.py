@@ -50,8 +50,10 @@ class Stream:
         self.schema = Schema.parse(make_schema_text(profile))
         self._flattener = SampleFlattener(self.schema, say)
         self._untimed = RateLimitedLog(say, "samples without a time")
+        self._key_interval_s = key_interval_s
         self._deadbands = {f.name: f.deadband for f in profile.fields}
-        self._sampler = Sampler(Quantiser(self.schema, self._deadbands))
+        self._strides = {f.name: f.strides for f in profile.fields}
+        self._sampler = Sampler(self._make_quantiser())
         self._encoder = Encoder(self.schema, key_interval_s)
         self._watch = EventWatch(self.schema)
         self._limit = EventLimit()
@@ -85,6 +87,26 @@ class Stream:
         """The robot's texts by name. A new mapping replaces it whenever a text changes, so compare by
         identity."""
         return self._info
+
+    def change_units(self, profile: Profile) -> None:
+        """Go on with the units and steps of `profile`, which has the same fields and labels in the same
+        order. Viewers get a new schema with the next sample. Call it in the source's thread, between two
+        frames.
+
+        SchemaError when the wire cannot carry the profile.
+        """
+        schema = Schema.parse(make_schema_text(profile))
+        if schema.text == self.schema.text:
+            return
+        with self._frames_lock:
+            self.schema = schema
+            self._strides = {f.name: f.strides for f in profile.fields}
+            self._sampler = Sampler(self._make_quantiser())
+            self._encoder = Encoder(schema, self._key_interval_s)
+            self._picture = None
+
+    def _make_quantiser(self) -> Quantiser:
+        return Quantiser(self.schema, self._deadbands, self._strides)
 
     def deliver(self, sample: Sample, now_s: float) -> list[Event]:
         """Take a sample that arrives now and return the events that it causes."""
@@ -175,7 +197,7 @@ class Stream:
 
     def _picture_of(self, left: LeftOver, now_s: float) -> bytes:
         if self._picture is None or self._picture[0] != left.number:
-            codes = Quantiser(self.schema, self._deadbands).quantise(left.values)
+            codes = self._make_quantiser().quantise(left.values)
             key = Encoder(self.schema).encode(codes, self._next_seq(), left.t_s, now_s)
             self._picture = left.number, key
             self._sampler.force_key()  # nothing is coded against a picture

@@ -71,6 +71,15 @@ WELL_KNOWN = {
     "diag": WellKnown("", 1.0),
 }
 
+# field → what it is of a joint that slides, where the robot or its model says so. Finer steps cost bytes of
+# every joint in the field (a bit each time they halve), so only positions have the tenth of a millimetre.
+SLIDING = {
+    "ref": WellKnown("m", 0.0001, joints=True),
+    "pos": WellKnown("m", 0.0001, joints=True),
+    "vel": WellKnown("m/s", 0.005, joints=True),
+    "effort": WellKnown("N", 0.05, joints=True),
+}
+
 # field → kind of sensor its sites are
 SITES_OF = {
     "ftf": "wrench",

@@ -2,13 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
 
 from posecast_wire.mapping import JOINT, SensorMount, Threshold
 from posecast_wire.mapping import Mapping as Meaning
 from posecast_wire.schema import BITS_MAX, CHANNELS_MAX, FIELD_NAME, build_schema_text
 
-from posecast_edge.profile.field_defaults import DIAG_BITS, FLAG_BITS, PLAIN, SITES_OF, STATE_BITS, WELL_KNOWN
+from posecast_edge.profile.field_defaults import (
+    DIAG_BITS,
+    FLAG_BITS,
+    PLAIN,
+    SITES_OF,
+    SLIDING,
+    STATE_BITS,
+    WELL_KNOWN,
+)
 from posecast_edge.profile.types import FieldSpec, Profile
 from posecast_edge.sample import Reading, Sample, SourceError, Values
 from posecast_edge.visible import quote
@@ -64,9 +73,11 @@ def _threshold(t: Threshold) -> dict[str, float]:
     return {k: v for k, v in limits.items() if v is not None}
 
 
-def infer_profile(robot: str, sample: Sample) -> Profile:
+def infer_profile(robot: str, sample: Sample, sliding: Collection[str] = ()) -> Profile:
     """Make a profile for a robot without one from its first sample: fields and labels as named there, units
     and scales by well-known field names. Fields and labels that appear only later are not included.
+
+    `sliding`: joints that slide, by the robot's model; those that the sample itself names slide, too.
 
     Raises SourceError when the sample is not enough: values without labels, nothing usable, too many
     channels.
@@ -110,9 +121,33 @@ def infer_profile(robot: str, sample: Sample) -> Profile:
         for f in fields.values()
         if (states := {bit: STATE_BITS[bit] for bit in f.bits if bit in STATE_BITS})
     }
-    return Profile(
-        robot, tuple(fields.values()), labels, Meaning(sensors=_mounts(sample), severities=severities)
-    )
+    meaning = Meaning(sensors=_mounts(sample), severities=severities)
+    profile = Profile(robot, tuple(fields.values()), labels, meaning)
+    return mark_sliding(profile, {*sample.sliding, *sliding})
+
+
+def mark_sliding(profile: Profile, sliding: Collection[str]) -> Profile:
+    """The profile with metres, m/s and N for the joints named in `sliding`, in finer steps than angles need.
+
+    A field has one step for all channels, so it takes the finer one; angles in it keep their own by moving in
+    multiples of it.
+    """
+    fields: list[FieldSpec] = []
+    units = {name: dict(labels) for name, labels in profile.mapping.units.items()}
+    for f in profile.fields:
+        slide = SLIDING.get(f.name)
+        found = [label for label in f.labels if label in sliding]
+        if slide is None or f.label_set != JOINT or not found:
+            fields.append(f)
+            continue
+        if len(found) == len(f.labels):
+            fields.append(replace(f, unit=slide.unit, scale=slide.scale))
+            continue
+        units.setdefault(f.name, {}).update(dict.fromkeys(found, slide.unit))
+        stride = max(1, round(f.scale / slide.scale))
+        strides = {label: stride for label in f.labels if label not in found} if stride > 1 else {}
+        fields.append(replace(f, scale=min(f.scale, slide.scale), strides={**f.strides, **strides}))
+    return replace(profile, fields=tuple(fields), mapping=replace(profile.mapping, units=units))
 
 
 def _mounts(sample: Sample) -> dict[str, SensorMount]:

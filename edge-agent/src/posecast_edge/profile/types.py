@@ -13,7 +13,11 @@ PUBLIC = "public"
 
 @dataclass(frozen=True)
 class FieldSpec:
-    """One field. `scale`: units per code step; `deadband`: in steps; `bits`: bit names, lowest bit first."""
+    """One field. `scale`: units per code step; `deadband`: in steps; `bits`: bit names, lowest bit first.
+
+    `strides`: for channels that are coarser than the field, by label: their codes are multiples of so many
+    steps.
+    """
 
     name: str
     label_set: str
@@ -24,6 +28,7 @@ class FieldSpec:
     rel: str | None = None
     bits: tuple[str, ...] = ()
     slow: bool = False
+    strides: Mapping[str, int] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

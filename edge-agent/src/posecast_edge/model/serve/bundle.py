@@ -27,6 +27,7 @@ log = logging.getLogger("posecast_edge.model")
 RANGE_MAX = 250_000  # bytes of one reply: a larger one closes a thin uplink's connection
 FILE_MAX = 256 << 20
 FILES_MAX = 1000
+SLIDING_TYPE = "prismatic"
 
 # what is served, by suffix
 TYPES = {
@@ -60,8 +61,16 @@ class BundleFile:
 class Bundle:
     """A model as it was when it was loaded."""
 
-    def __init__(self, manifest: bytes, files: list[BundleFile], missing: list[str]) -> None:
+    def __init__(
+        self,
+        manifest: bytes,
+        files: list[BundleFile],
+        missing: list[str],
+        sliding: frozenset[str] = frozenset(),
+    ) -> None:
+        """`sliding`: the names of its prismatic joints."""
         self.manifest = manifest
+        self.sliding = sliding
         self.files = tuple(files)
         self.missing = tuple(missing)
         self.hash = hashlib.sha256(self.manifest).hexdigest()
@@ -96,7 +105,8 @@ def load_bundle(urdf: Path, packages: Sequence[Path] = ()) -> Bundle:
     """Read a URDF and find the files it names. Files that are missing or outside the model's folders
     (resolver.py) are listed in `missing`. Raises ModelError when the URDF can't be used."""
     try:
-        uris = list(dict.fromkeys(_uris(load_urdf(urdf))))
+        read = load_urdf(urdf)
+        uris = list(dict.fromkeys(_uris(read)))
         name = make_printable(urdf.name)
         files = [_file(resolve_links(urdf), name, name)]
     except ModelRefused as e:
@@ -114,7 +124,12 @@ def load_bundle(urdf: Path, packages: Sequence[Path] = ()) -> Bundle:
             missing.append(uri[:URI_MAX])
         else:
             files.append(file)
-    return Bundle(_manifest(files, missing), files, missing)
+    return Bundle(_manifest(files, missing), files, missing, find_sliding(read))
+
+
+def find_sliding(urdf: Urdf) -> frozenset[str]:
+    """The names of a model's prismatic joints: their values are metres."""
+    return frozenset(joint.name for joint in urdf.joints if joint.type == SLIDING_TYPE)
 
 
 def _found(resolver: Resolver, uri: str, taken: Counter[str]) -> BundleFile | None:
@@ -149,7 +164,18 @@ def load_built(folder: Path) -> Bundle:
         raise ModelError(f"{folder}: {e}") from None
     except OSError as e:
         raise ModelError(f"{e.filename or folder}: {e.strerror or e}") from None
-    return Bundle(manifest, [BundleFile(folder / e.path, e.path, e.path, *e[1:]) for e in entries], [])
+    files = [BundleFile(folder / e.path, e.path, e.path, *e[1:]) for e in entries]
+    return Bundle(manifest, files, [], find_sliding_built(manifest))
+
+
+def find_sliding_built(manifest: bytes) -> frozenset[str]:
+    """The same of a built model, by its manifest."""
+    joints = json.loads(manifest).get("joints")
+    return frozenset(
+        str(joint.get("name"))
+        for joint in (joints if isinstance(joints, list) else ())
+        if isinstance(joint, dict) and joint.get("type") == SLIDING_TYPE
+    )
 
 
 def _manifest(files: list[BundleFile], missing: list[str]) -> bytes:

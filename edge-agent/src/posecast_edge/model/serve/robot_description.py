@@ -26,9 +26,16 @@ DEPTH = "a/robot/that/describes/itself"
 class DescribedModel:
     """Calls `ready` from another thread with a bundle for every usable description."""
 
-    def __init__(self, packages: Sequence[Path], ready: Callable[[Bundle], None]) -> None:
+    def __init__(
+        self,
+        packages: Sequence[Path],
+        ready: Callable[[Bundle], None],
+        heard: Callable[[frozenset[str]], None] = lambda _: None,
+    ) -> None:
+        """`heard` is called before `ready`, as soon as a description was read, with the joints that slide."""
         self._packages = packages
         self._ready = ready
+        self._heard = heard
         self._newest: str | None = None  # waits; of several only the newest counts
         self._stopping = False
         self._wake = threading.Condition()
@@ -86,6 +93,7 @@ class DescribedModel:
             raw = load_bundle(path, self._packages)
         except ModelError as e:
             raise ModelError(str(e).removeprefix(f"{path}: ")) from None
+        self._heard(raw.sliding)
         raw.log_missing()
         if raw.missing:
             log.info("model: packages are looked for where AMENT_PREFIX_PATH and ROS_PACKAGE_PATH say")

@@ -172,6 +172,7 @@ class Simulation:
         self.joints = {
             _name(model, "joint", i): i for i in range(model.njnt) if int(model.jnt_type[i]) in SWING_MOST
         }
+        self._sliding = frozenset(name for name, i in self.joints.items() if int(model.jnt_type[i]) == SLIDE)
         self._free = next(
             (i for i in range(model.njnt) if model.jnt_type[i] == mujoco.mjtJoint.mjJNT_FREE), None
         )
@@ -225,7 +226,8 @@ class Simulation:
         for sensor in self._sensors:
             read = data.sensordata[sensor.start : sensor.start + len(sensor.parts)]
             values.setdefault(sensor.field, {}).update(_labelled(sensor.site, sensor.parts, read))
-        return Sample(self.t_s, values, links={s.site: s.link for s in self._sensors})
+        links = {s.site: s.link for s in self._sensors}
+        return Sample(self.t_s, values, links=links, sliding=self._sliding)
 
     def _find_servos(self) -> Iterator[Servo]:
         """Actuators of a joint whose force goes with the distance from what they are told."""
