@@ -74,6 +74,47 @@ describe('joint table', () => {
     expect(order(host)).toEqual(['LKN', 'RKN', 'NK1']);
   });
 
+  it('shows a joint that slides in metres, whatever angles are shown in', () => {
+    const schema = parseSchema(
+      JSON.stringify({
+        ...{ type: 'schema', v: 1, robot: 'Gripper', labels: { joint: ['arm', 'finger'] } },
+        fields: [
+          { name: 'pos', unit: 'rad', scale: 0.0001, labels: 'joint' },
+          { name: 'vel', unit: 'rad/s', scale: 0.001, labels: 'joint' },
+        ],
+        mapping: { units: { pos: { finger: 'm' }, vel: { finger: 'm/s' } } },
+      }),
+    );
+    const twin = new RobotTwin('gripper', 0);
+    twin.acceptSchema(schema);
+    const codes = Int32Array.of(10_000, 293, 0, 25);
+    const atMs = 0;
+    twin.acceptState({
+      schemaId: schema.id,
+      seq: 1,
+      tS: 0,
+      codes,
+      freshMs: 0,
+      bornMs: 0,
+      changedMs: 0,
+      atMs,
+    });
+    const host = document.createElement('div');
+    const view = new JointView(host, twin);
+    const unit = (field: string) =>
+      host.querySelector<HTMLElement>(`td[data-field="${field}"][data-label="finger"]`)?.dataset.unit;
+    for (const [angle, arm] of [
+      ['rad', '1.000'],
+      ['deg', '57.3'],
+    ] as const) {
+      changeSettings({ angle });
+      view.write(0);
+      expect(cell(host, 'pos', 'arm')).toBe(arm);
+      expect([cell(host, 'pos', 'finger'), unit('pos')]).toEqual(['0.0293', 'm']);
+      expect([cell(host, 'vel', 'finger'), unit('vel')]).toEqual(['0.025', 'm/s']);
+    }
+  });
+
   it('shows degrees when asked to, with their unit', () => {
     const twin = twinOf();
     const host = document.createElement('div');

@@ -2,7 +2,7 @@ import type { Level } from '@posecast/wire';
 import { prefersReducedMotion } from '../browser/reduced_motion.ts';
 import { expandByBox, extentOf } from '../model/bounds.ts';
 import type { PosedBody } from '../model/posed_body.ts';
-import { type AngleUnit, displayOf, formatNumber } from '../twin/format.ts';
+import { type AngleUnit, coarseDisplay, displayOf, formatNumber } from '../twin/format.ts';
 import { isolated } from '../twin/names.ts';
 import type { OverlayReadings } from '../twin/overlay/reader.ts';
 import { AttitudeOverlay, type ShownAttitude } from './attitude.ts';
@@ -132,10 +132,7 @@ export class RobotOverlay {
     for (const { channel, error, unit, compliant, at } of this.#deviations.shown) {
       if (at === null) continue;
       const display = displayOf(unit, this.#manner.angle);
-      const off = formatNumber(Math.abs(error), {
-        ...display,
-        decimals: Math.min(display.decimals, 2),
-      }).trim();
+      const off = formatNumber(Math.abs(error), coarseDisplay(display)).trim();
       const { words } = this.#manner;
       const text = compliant
         ? words.compliant(isolated(channel))

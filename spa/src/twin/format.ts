@@ -44,9 +44,19 @@ export function displayOf(unit: string, angle: AngleUnit, scale = 0.001): Displa
   if (angle === 'deg' && unit === 'rad') return { unit: '°', decimals: 1, factor: DEGREES };
   if (angle === 'deg' && unit === 'rad/s') return { unit: '°/s', decimals: 1, factor: DEGREES };
   const known = DISPLAYS[unit];
-  if (known !== undefined) return { ...known, factor: 1 };
   const decimals = scale > 0 && scale < 1 ? Math.min(6, Math.ceil(-Math.log10(scale) - 1e-9)) : 0;
-  return { unit: isolated(unit), decimals, factor: 1 };
+  if (known === undefined) return { unit: isolated(unit), decimals, factor: 1 };
+  // Metres of a joint that slides come in tenths of a millimetre, those of a base do not.
+  return {
+    ...known,
+    decimals: unit === 'm' ? Math.max(known.decimals, Math.min(decimals, 4)) : known.decimals,
+    factor: 1,
+  };
+}
+
+/** How a deviation is told in words: two decimals are enough, of metres the millimetres. */
+export function coarseDisplay(display: Display): Display {
+  return { ...display, decimals: Math.min(display.decimals, display.unit === 'm' ? 3 : 2) };
 }
 
 /** A number with its sign in a column of its own; `null` and NaN are no reading. */

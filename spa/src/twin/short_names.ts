@@ -29,9 +29,9 @@ interface Spelled {
 }
 
 /**
- * Shortens names that are wider than `room` in the middle: "left_hip…pitch". What is kept of a name belongs to no other
- * name of the list; of all such cuts the one that keeps the rarest words is taken. So different names stay different,
- * and a name that cannot be told apart within `room` stays wider. `widthOf` gives the width of one letter. The results are
+ * Shortens names that are wider than `room` in the middle: "left_hip…pitch". Different names stay different; of all
+ * cuts for which this is so, the one that keeps the rarest words is taken. A name that cannot be told apart within
+ * `room` stays wider. `widthOf` gives the width of one letter. The results are
  * not `isolated` yet.
  */
 export function shortenNames(

@@ -1,5 +1,5 @@
 import type { Fault } from '../../../twin/alarms/fault_log.ts';
-import { displayOf, formatNumber, formatSpan } from '../../../twin/format.ts';
+import { coarseDisplay, displayOf, formatNumber, formatSpan } from '../../../twin/format.ts';
 import { isolated, plainName } from '../../../twin/names.ts';
 import { useNow } from '../../shell/now.ts';
 import { useFaults } from '../../state/fault_keeper.ts';
@@ -65,8 +65,7 @@ function offBy({ twin }: RobotLink, { what, source }: Fault): string {
   const field = twin.schema?.field('pos');
   const unit = twin.schema?.mapping.unit('pos', source) ?? field?.unit ?? '';
   const display = displayOf(unit, settings().angle, field?.scale);
-  const coarse = { ...display, decimals: Math.min(display.decimals, 2) };
-  return `${formatNumber(Math.abs(ref - pos), coarse).trim()} ${display.unit}`;
+  return `${formatNumber(Math.abs(ref - pos), coarseDisplay(display)).trim()} ${display.unit}`;
 }
 
 function whenWords(fault: Fault): string {

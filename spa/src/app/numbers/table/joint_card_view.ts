@@ -133,8 +133,9 @@ export class JointCardView {
 
   #draw({ fields, leastRange, paths, low, high }: StripView, nowMs: number): void {
     const traces = fields.map((field) => this.#history.trace(field, this.#label, nowMs));
-    const found = strip(traces, STRIP.width, STRIP.height, HISTORY_S, leastRange);
     const display = this.#displayOf(fields[0] ?? 'pos');
+    const least = display.unit === 'm' ? leastRange / 10 : leastRange;
+    const found = strip(traces, STRIP.width, STRIP.height, HISTORY_S, least);
     paths.forEach((path, i) => {
       path.setAttribute('d', found?.paths[i] ?? '');
     });

@@ -1,5 +1,5 @@
 import type { Fault } from '../../../twin/alarms/fault_log.ts';
-import { formatSpan } from '../../../twin/format.ts';
+import { displayOf, formatSpan } from '../../../twin/format.ts';
 import type { JointRow, NumberName } from '../../../twin/joints.ts';
 import { isolated } from '../../../twin/names.ts';
 import { faultWords } from '../../status/fault_words.ts';
@@ -11,7 +11,6 @@ const OLD_MS = 1500;
 
 export const STATES = ['homed', 'enabled'] as const;
 export type StateName = (typeof STATES)[number];
-const POSITIONS: ReadonlySet<NumberName> = new Set(['ref', 'pos', 'error']);
 
 /** A column of a row that has no reading now, and since when. */
 export interface Lost {
@@ -44,8 +43,8 @@ export class RowView {
   constructor(
     row: JointRow,
     limb: string,
-    /** Of its positions, when it is not the column's: it stands behind the number then. */
-    ownUnit: string | null,
+    /** The unit of a number when it is not its column's: it stands behind the number then. */
+    ownUnit: (field: NumberName) => string | null,
     numbers: readonly NumberName[],
     states: readonly StateName[],
   ) {
@@ -73,7 +72,8 @@ export class RowView {
     this.numbers = numbers.map((field) => {
       const td = cell(field, `c-num c-${field}`);
       td.draggable = true; // into a plot
-      if (ownUnit !== null && POSITIONS.has(field)) td.dataset.unit = isolated(ownUnit);
+      const unit = ownUnit(field);
+      if (unit !== null) td.dataset.unit = displayOf(unit, 'rad').unit;
       marks[field] = new DataAttribute(td, 'level');
       return td;
     });

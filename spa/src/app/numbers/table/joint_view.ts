@@ -42,6 +42,8 @@ interface Column {
   own: readonly (Display | null)[] | null;
 }
 
+/** What the units behind single numbers need in their columns. */
+const UNIT_ROOM = '16px';
 /** The rank of a row that the filter hides. */
 const HIDDEN = -1;
 /** Rows out of sight are written in turns, every 20th at a time, so each is written within two seconds. */
@@ -265,7 +267,7 @@ export class JointView {
       column.unit.set(column.display.unit);
       const own = this.#rows.map(({ label }) => {
         const unit = schema.mapping.unit(name, label);
-        return unit === null ? null : displayOf(unit, angle);
+        return unit === null ? null : displayOf(unit, angle, field?.scale);
       });
       column.own = own.some((display) => display !== null) ? own : null;
     }
@@ -315,10 +317,12 @@ export class JointView {
 
     const limbOf = new Map(limbs?.flatMap(({ title, labels }) => labels.map((label) => [label, title])));
     this.#rows = table.rows.map((row) => {
-      const unit = schema.mapping.unit('pos', row.label);
-      return new RowView(row, limbOf.get(row.label) ?? '', unit, numbers, states);
+      const unitOf = (name: NumberName) => schema.mapping.unit(name === 'error' ? 'pos' : name, row.label);
+      return new RowView(row, limbOf.get(row.label) ?? '', unitOf, numbers, states);
     });
-    this.#grid = new NumberGrid(this.#rows.flatMap((row) => row.numbers));
+    const cells = this.#rows.flatMap((row) => row.numbers);
+    this.#grid = new NumberGrid(cells);
+    if (cells.some((cell) => 'unit' in cell.dataset)) root.style.setProperty('--unit-room', UNIT_ROOM);
     const placeOf = new Map(this.#rows.map((row, i) => [row.label, i]));
     const all = [{ title: null, labels: [...placeOf.keys()] }];
     this.#bodies = (limbs ?? all).map(({ title, labels }) => {
