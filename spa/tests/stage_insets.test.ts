@@ -1,7 +1,7 @@
 // @vitest-environment happy-dom
 import { afterEach, expect, it } from 'vitest';
 import { bindInsets } from '../src/app/body/controls/stage_insets.ts';
-import type { Insets } from '../src/view/insets.ts';
+import type { Insets } from '../src/view/camera/insets.ts';
 
 /** A stage of 300 px; what stands over it by class, from so far to so far below its upper edge. */
 function stage(parts: Readonly<Record<string, readonly [number, number]>>): HTMLElement {

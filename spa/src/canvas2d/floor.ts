@@ -2,10 +2,12 @@ import type { LinkBox } from '../model/bounds.ts';
 import { css, type LightColors, type Rgb } from './colors.ts';
 import { KEY } from './lighting.ts';
 
-/** Distances, in radii of the robot, at which the minor lines, the major lines and the lit floor have faded out. */
+/** Distances, in lengths of fading, at which the minor lines, the major lines and the lit floor have faded out. */
 const MINOR_REACHES = 3.2;
 const MAJOR_REACHES = 9;
 const POOL_REACHES = 7;
+/** From this much longer fading on, under a robot that flies, every tenth line is enough; metres. */
+const WIDE_FADE = 4;
 /** Grid lines are drawn in pieces, each with one of a few opacities. */
 const PIECES = 10;
 const FAINTNESSES = 6;
@@ -24,6 +26,8 @@ export interface FloorView {
   readonly width: number;
   readonly height: number;
   readonly reach: number;
+  /** The length by which light and lines fade (`fadeOf`), metres. */
+  readonly fade: number;
   /** The middle of the lit floor, metres. */
   readonly x: number;
   readonly y: number;
@@ -31,11 +35,11 @@ export interface FloorView {
 
 /** Paints the floor: a lit disc that fades to the page's colour, and a grid of 1 m and 0.1 m. */
 export function paintFloor(context: CanvasRenderingContext2D, view: FloorView, tones: LightColors): void {
-  const { width, height, reach } = view;
+  const { width, height, fade } = view;
   context.setTransform(1, 0, 0, 1, 0, 0);
   context.fillStyle = css(tones.page);
   context.fillRect(0, 0, width, height);
-  const disc = discOnScreen(view, view.x, view.y, reach * POOL_REACHES, 0, 0, reach * POOL_REACHES);
+  const disc = discOnScreen(view, view.x, view.y, fade * POOL_REACHES, 0, 0, fade * POOL_REACHES);
   if (disc !== null) {
     const pool = context.createRadialGradient(0, 0, 0, 0, 0, 1);
     for (let i = 0; i <= 8; i += 1) {
@@ -49,8 +53,9 @@ export function paintFloor(context: CanvasRenderingContext2D, view: FloorView, t
     context.fill();
     context.setTransform(1, 0, 0, 1, 0, 0);
   }
-  lines(context, view, 0.1, MINOR_REACHES, 0.5, tones.minorLine);
-  lines(context, view, 1, MAJOR_REACHES, 1, tones.majorLine);
+  const pitch = fade > view.reach + WIDE_FADE ? 10 : 1;
+  lines(context, view, 0.1 * pitch, MINOR_REACHES, 0.5, tones.minorLine);
+  lines(context, view, pitch, MAJOR_REACHES, 1, tones.majorLine);
 }
 
 /** The small axes at the robot's base: x red, y green, z blue. */
@@ -197,7 +202,7 @@ function lines(
   fromReaches: number,
   color: Rgb,
 ): void {
-  const far = reaches * view.reach;
+  const far = reaches * view.fade;
   const count = Math.min(80, Math.ceil(far / pitch));
   const paths = Array.from({ length: FAINTNESSES }, () => new Path2D());
   const used = new Set<number>();
@@ -210,7 +215,7 @@ function lines(
       for (let piece = 0; piece < PIECES; piece += 1) {
         const from = -half + (2 * half * piece) / PIECES;
         const to = from + (2 * half) / PIECES;
-        const away = Math.hypot((from + to) / 2, across) / view.reach;
+        const away = Math.hypot((from + to) / 2, across) / view.fade;
         const seen = 1 - smooth((away - fromReaches) / (reaches - fromReaches));
         const faintness = Math.min(FAINTNESSES - 1, Math.floor(seen * FAINTNESSES));
         const at = line * pitch;

@@ -1,7 +1,7 @@
 import { expect, it } from 'vitest';
 import { Strokes } from '../overlays/strokes.ts';
 import type { Vec3 } from '../twin/rotation.ts';
-import { CameraRig } from '../view/camera_rig.ts';
+import { CameraRig } from '../view/camera/camera_rig.ts';
 import type { FloorView } from './floor.ts';
 import { paintStrokes } from './overlay_painter.ts';
 
@@ -31,7 +31,8 @@ function sight(): FloorView {
   eye.resize(400, 300);
   eye.frame([-0.3, -0.3, 0], [0.3, 0.3, 1.2], false);
   eye.look('front', false);
-  return { screenFromWorld: eye.screenFromWorld(), width: 400, height: 300, reach: eye.reach, x: 0, y: 0 };
+  const { reach } = eye;
+  return { screenFromWorld: eye.screenFromWorld(), width: 400, height: 300, reach, fade: reach, x: 0, y: 0 };
 }
 
 const UP: Vec3 = [0, 0, 1];

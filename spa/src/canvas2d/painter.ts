@@ -1,6 +1,7 @@
 import type { LabelPlace } from '../overlays/labels.ts';
 import type { Strokes } from '../overlays/strokes.ts';
-import type { CameraRig } from '../view/camera_rig.ts';
+import type { CameraRig } from '../view/camera/camera_rig.ts';
+import { fadeOf } from '../view/camera/framing.ts';
 import { css, type LightColors } from './colors.ts';
 import { type FloorView, paintAxes, paintFloor, paintShadows, project } from './floor.ts';
 import { paintStrokes } from './overlay_painter.ts';
@@ -112,8 +113,9 @@ export class LightPainter {
       screenFromWorld[i]! *= width / this.#width;
       screenFromWorld[4 + i]! *= height / this.#height;
     }
-    const { x, y } = this.#camera.middle;
-    return { screenFromWorld, width, height, reach: this.#camera.reach, x, y };
+    const { x, y, flies } = this.#camera.middle;
+    const { reach } = this.#camera;
+    return { screenFromWorld, width, height, reach, fade: fadeOf(reach, flies), x, y };
   }
 
   #paintFloor(view: FloorView, tones: LightColors): void {

@@ -1,5 +1,5 @@
 import type { MouseStyle } from '../view/body_view.ts';
-import type { CameraRig } from '../view/camera_rig.ts';
+import type { CameraRig } from '../view/camera/camera_rig.ts';
 
 /** Relative change of the distance per pixel of wheel scrolling. */
 const ZOOM_PER_PIXEL = 0.0012;

@@ -5,7 +5,7 @@ import { type Manifest, readManifest } from '../model/manifest.ts';
 import { type SampleModel, sampleGlb, sampleManifest } from '../model/samples.ts';
 import type { Pose } from '../twin/playback/pose.ts';
 import { IDENTITY, type Quat, quatOfRpy } from '../twin/rotation.ts';
-import { CameraRig } from '../view/camera_rig.ts';
+import { CameraRig } from '../view/camera/camera_rig.ts';
 import { LIGHT_COLORS } from './colors.ts';
 import { Rasterizer } from './rasterizer.ts';
 import { LightRobot } from './robot.ts';

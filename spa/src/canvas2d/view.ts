@@ -4,7 +4,7 @@ import { Overlay } from '../overlays/overlay.ts';
 import type { OverlayStyle } from '../overlays/robot_overlay.ts';
 import type { OverlayReadings } from '../twin/overlay/reader.ts';
 import type { MouseStyle, SeenOverlay } from '../view/body_view.ts';
-import { CameraRig } from '../view/camera_rig.ts';
+import { CameraRig } from '../view/camera/camera_rig.ts';
 import type { NodeHost } from '../view/figure_node.ts';
 import { RobotRow, topOf } from '../view/robot_row.ts';
 import { RowStage } from '../view/row_stage.ts';

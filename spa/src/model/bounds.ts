@@ -57,18 +57,30 @@ export function lowestOf(fromLink: Float64Array, boxes: ReadonlyMap<number, Link
   return low;
 }
 
-/** Grows `min` and `max` by a box's corners, transformed by the 16 numbers from index `at` on in `m`. */
-export function expandByBox(min: number[], max: number[], box: LinkBox, m: Elements, at: number): void {
+/** Calls `see` with a box's eight corners, transformed by the 16 numbers from index `at` on in `m`. */
+export function cornersOf(
+  box: LinkBox,
+  m: Elements,
+  at: number,
+  see: (x: number, y: number, z: number) => void,
+): void {
   for (let corner = 0; corner < 8; corner += 1) {
     const x = (corner & 1 ? box.max : box.min)[0];
     const y = (corner & 2 ? box.max : box.min)[1];
     const z = (corner & 4 ? box.max : box.min)[2];
-    for (let row = 0; row < 3; row += 1) {
-      const value = m[at + row]! * x + m[at + row + 4]! * y + m[at + row + 8]! * z + m[at + row + 12]!;
-      min[row] = Math.min(min[row]!, value);
-      max[row] = Math.max(max[row]!, value);
-    }
+    const row = (i: number) => m[at + i]! * x + m[at + i + 4]! * y + m[at + i + 8]! * z + m[at + i + 12]!;
+    see(row(0), row(1), row(2));
   }
+}
+
+/** Grows `min` and `max` by a box's corners, transformed by the 16 numbers from index `at` on in `m`. */
+export function expandByBox(min: number[], max: number[], box: LinkBox, m: Elements, at: number): void {
+  cornersOf(box, m, at, (...point) => {
+    for (const [axis, value] of point.entries()) {
+      min[axis] = Math.min(min[axis]!, value);
+      max[axis] = Math.max(max[axis]!, value);
+    }
+  });
 }
 
 /** The lowest and highest corner (world, metres) of all link boxes and link origins. */

@@ -15,6 +15,7 @@ import {
   Vector2,
 } from 'three';
 import { mergeGeometries } from 'three/addons/utils/BufferGeometryUtils.js';
+import { fadeOf } from '../view/camera/framing.ts';
 import { ContactShadow, MOST_CONTACTS } from './contact_shadow.ts';
 import type { Figure } from './robot/figure.ts';
 import type { SceneTheme } from './theme.ts';
@@ -35,6 +36,7 @@ export class Environment {
   readonly #axes = new Mesh(axesGeometry(), new MeshBasicMaterial({ vertexColors: true, toneMapped: false }));
   readonly #contacts = new ContactShadow();
   #reach = 1;
+  #flies = 0;
 
   constructor() {
     this.#sky.position.set(0, 0, 1); // its direction: from the floor to the sky
@@ -58,7 +60,7 @@ export class Environment {
       this.#axes,
     );
     this.resize(1);
-    this.follow(0, 0);
+    this.follow(0, 0, 0);
   }
 
   setTheme(theme: SceneTheme): void {
@@ -86,10 +88,9 @@ export class Environment {
     camera.far = reach * 9;
     camera.updateProjectionMatrix();
     this.#key.shadow.normalBias = reach * 0.012;
-    this.#floor.scale.setScalar(reach * FLOOR_REACHES * 2);
     this.#floor.material.uniforms.reach!.value = reach;
     this.#axes.scale.setScalar(reach * 0.28);
-    this.follow(this.#floor.position.x, this.#floor.position.y);
+    this.follow(this.#floor.position.x, this.#floor.position.y, this.#flies);
   }
 
   /** Updates the contact shadows where links are close to the floor. */
@@ -97,9 +98,14 @@ export class Environment {
     this.#contacts.follow(boxes, this.#reach);
   }
 
-  /** Moves lights and floor along with a robot at (x, y); the grid lines stay where they are in the world. */
-  follow(x: number, y: number): void {
+  /** Moves lights and floor along with a robot at (x, y) that flies so high, metres; the grid lines stay where they are
+   *  in the world. */
+  follow(x: number, y: number, flies: number): void {
     const r = this.#reach;
+    const fade = fadeOf(r, flies);
+    this.#flies = flies;
+    this.#floor.scale.setScalar(fade * FLOOR_REACHES * 2);
+    this.#floor.material.uniforms.fade!.value = fade;
     this.#floor.position.set(x, y, 0);
     this.#floor.material.uniforms.focus!.value.set(x, y);
     this.#axes.position.set(x, y, r * 0.002);
@@ -166,6 +172,7 @@ function floorMaterial(): ShaderMaterial {
         contactPlace: { value: [] },
         contactSize: { value: [] },
         reach: { value: 1 },
+        fade: { value: 1 },
         focus: { value: new Vector2() },
       },
     ]),
@@ -197,6 +204,7 @@ function floorMaterial(): ShaderMaterial {
       uniform vec4 contactPlace[${MOST_CONTACTS}];
       uniform vec4 contactSize[${MOST_CONTACTS}];
       uniform float reach;
+      uniform float fade;
       uniform vec2 focus;
       varying vec2 place;
 
@@ -223,7 +231,7 @@ function floorMaterial(): ShaderMaterial {
       }
 
       void main() {
-        float away = length(place - focus) / reach;
+        float away = length(place - focus) / fade;
         float pool = 1.0 - smoothstep(0.0, 7.0, away);
         vec3 color = mix(page, floor, pool * pool);
         color = mix(color, minorLine, lines(0.1) * (1.0 - smoothstep(0.5, 3.2, away)));

@@ -7,7 +7,7 @@ import type { OverlayReadings } from '../twin/overlay/reader.ts';
 import type { LocalRobot } from '../urdf/local_robot.ts';
 import { AdaptiveQuality, type DrawingTrouble } from '../view/adaptive_quality.ts';
 import type { MouseStyle, SeenOverlay } from '../view/body_view.ts';
-import type { CameraRig } from '../view/camera_rig.ts';
+import type { CameraRig } from '../view/camera/camera_rig.ts';
 import type { NodeHost } from '../view/figure_node.ts';
 import type { QualityStep } from '../view/quality_steps.ts';
 import { RowStage } from '../view/row_stage.ts';
@@ -233,7 +233,7 @@ export class RobotScene extends RowStage<RobotNode> {
   protected override placed(middle: { readonly x: number; readonly y: number } | null): void {
     if (middle !== null) {
       this.#environment.touch(this.row.boxes);
-      this.#environment.follow(middle.x, middle.y);
+      this.#environment.follow(middle.x, middle.y, this.rig.middle.flies);
     }
     for (const part of this.#parts) part.follow?.();
     this.#drawShadows();

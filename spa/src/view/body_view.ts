@@ -4,11 +4,11 @@ import type { OverlayStyle, ShownOverlay } from '../overlays/robot_overlay.ts';
 import type { KinematicTree } from '../twin/kinematic_tree.ts';
 import type { OverlayReadings } from '../twin/overlay/reader.ts';
 import type { Pose } from '../twin/playback/pose.ts';
-import type { EyePlace, FollowMode } from './camera_rig.ts';
-import type { ViewName } from './framing.ts';
-import type { Insets } from './insets.ts';
+import type { EyePlace, FollowMode } from './camera/camera_rig.ts';
+import type { ViewName } from './camera/framing.ts';
+import type { Insets } from './camera/insets.ts';
 
-export type { EyePlace, FollowMode } from './camera_rig.ts';
+export type { EyePlace, FollowMode } from './camera/camera_rig.ts';
 
 /** Where a robot's poses come from. It is asked at every tick as long as it says that more is to come. */
 export interface PoseSource {

@@ -7,6 +7,7 @@ import type { KinematicTree } from '../twin/kinematic_tree.ts';
 import type { Pose } from '../twin/playback/pose.ts';
 import type { Quat, Vec3 } from '../twin/rotation.ts';
 import type { PoseSource, RowMember } from './body_view.ts';
+import type { PlacedBox } from './camera/body_span.ts';
 import { type GhostRequest, ghostOf } from './ghost_pose.ts';
 import type { Moving } from './render_loop.ts';
 import type { Box, RowNode } from './robot_row.ts';
@@ -26,6 +27,8 @@ export interface FigureGhost {
 export interface StagedFigure extends PosedBody {
   /** The names of its continuous joints, whose angles wrap. */
   readonly continuousNames: readonly string[];
+  /** The bounding box of each link that is drawn, with where the link is. */
+  readonly boxes: Iterable<PlacedBox>;
   /** Sets the joints, rad or m by URDF name. False when nothing changed. */
   setJoints(joints: ReadonlyMap<string, number>): boolean;
   /** Puts the root link at a place in the world (metres, unit quaternion) and computes where every link is. */

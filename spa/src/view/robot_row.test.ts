@@ -1,4 +1,5 @@
 import { expect, it } from 'vitest';
+import type { LinkBox } from '../model/bounds.ts';
 import { RobotRow } from './robot_row.ts';
 
 /** A robot so wide and tall, with its root in the middle of its floor; null: not there yet. */
@@ -9,7 +10,10 @@ function robot(size: [number, number, number] | null, heading = 0) {
     y: 0,
     get figure() {
       if (size === null) return null;
-      return { root: { matrixWorld: { elements: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, made.y, 0, 1] } } };
+      const root = { matrixWorld: { elements: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, made.y, 0, 1] } };
+      const [x, y, z] = size;
+      const box: LinkBox = { min: [-x / 2, -y / 2, 0], max: [x / 2, y / 2, z] };
+      return { root, boxes: [[root, box] as const] };
     },
     standAside: (y: number) => {
       made.y = y;
@@ -44,6 +48,9 @@ it('several stand apart, have their middle between them, and look nowhere togeth
   expect(second.y - first.y).toBeGreaterThan(0.6);
   expect(box?.min[1]).toBeCloseTo(-box!.max[1], 9);
   expect(both.middle()?.y).toBeCloseTo(0, 9);
+  const span = both.span()!;
+  expect([span.x, span.y, span.low, span.high]).toEqual([0, expect.closeTo(0, 9), 0, 1.3]);
+  expect(span.radius).toBeCloseTo(Math.hypot(0.2, box!.max[1]), 9);
   expect([both.several, both.heading]).toEqual([true, 0]);
 });
 
@@ -51,4 +58,5 @@ it('one that is not there yet has no middle, and takes no part in the picture', 
   const none = line(robot(null));
   expect(none.arrange()).toBeNull();
   expect(none.middle()).toBeNull();
+  expect(none.span()).toBeNull();
 });

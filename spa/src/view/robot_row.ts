@@ -1,4 +1,5 @@
 import type { Vec3 } from '../twin/rotation.ts';
+import { type BodySpan, type PlacedBox, spanOf } from './camera/body_span.ts';
 import { layOutRow, type RowItem } from './row_layout.ts';
 
 /** A box along the world's axes, metres. */
@@ -11,6 +12,7 @@ export interface Box {
 export interface RowNode extends RowItem {
   readonly figure: {
     readonly root: { readonly matrixWorld: { readonly elements: ArrayLike<number> } };
+    readonly boxes: Iterable<PlacedBox>;
   } | null;
   /** Its heading, rad from the world's x. */
   readonly heading: number;
@@ -58,6 +60,11 @@ export class RobotRow<N extends RowNode> {
     if (roots.length === 0) return null;
     const mean = (at: number) => roots.reduce((sum, { elements }) => sum + elements[at]!, 0) / roots.length;
     return { x: mean(12), y: mean(13) };
+  }
+
+  /** The cylinder around all of them; null while none has a body. */
+  span(): BodySpan | null {
+    return spanOf(this.#robots.flatMap(({ figure }) => [...(figure?.boxes ?? [])]));
   }
 
   dispose(): void {

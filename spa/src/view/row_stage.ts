@@ -6,10 +6,10 @@ import type { KinematicTree } from '../twin/kinematic_tree.ts';
 import type { OverlayReadings } from '../twin/overlay/reader.ts';
 import type { Pose } from '../twin/playback/pose.ts';
 import type { MouseStyle, PoseSource, RowView, SeenOverlay } from './body_view.ts';
-import type { CameraRig, EyePlace, FollowMode } from './camera_rig.ts';
+import type { CameraRig, EyePlace, FollowMode } from './camera/camera_rig.ts';
+import type { ViewName } from './camera/framing.ts';
+import type { Insets } from './camera/insets.ts';
 import type { FigureNode, NodeHost, OnProgress, StagedFigure } from './figure_node.ts';
-import type { ViewName } from './framing.ts';
-import type { Insets } from './insets.ts';
 import { RenderLoop } from './render_loop.ts';
 import type { RobotRow } from './robot_row.ts';
 
@@ -157,7 +157,7 @@ export abstract class RowStage<N extends FigureNode<StagedFigure>> implements Ro
 
   #placed(): void {
     const middle = this.row.middle();
-    if (middle !== null) this.rig.follow(middle.x, middle.y, this.row.heading);
+    if (middle !== null) this.rig.follow(middle.x, middle.y, this.row.heading, this.row.span());
     this.placed(middle);
   }
 

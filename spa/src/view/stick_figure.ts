@@ -3,7 +3,7 @@ import { boundsOf, extentOf, type LinkBox, lowestOf } from '../model/bounds.ts';
 import { Kinematics, placeLinks, transform } from '../model/kinematics.ts';
 import { boxesOfLinks, type Manifest } from '../model/manifest.ts';
 import type { Pose } from '../twin/playback/pose.ts';
-import { FIELD_OF_VIEW, fittingDistance, VIEWS } from './framing.ts';
+import { FIELD_OF_VIEW, fittingDistance, VIEWS } from './camera/framing.ts';
 
 const LINE_CSS_PIXELS = 2;
 const DOT_CSS_PIXELS = 2.5;

@@ -1,4 +1,4 @@
-import type { ViewName } from '../../../view/framing.ts';
+import type { ViewName } from '../../../view/camera/framing.ts';
 import type { Settings } from '../../state/settings.ts';
 
 /** What the page around a frame may ask: `{posecast: 'look', view: 'side'}`. */

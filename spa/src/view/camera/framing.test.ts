@@ -1,10 +1,10 @@
 // @vitest-environment happy-dom
 import { Vector3 } from 'three';
 import { describe, expect, it } from 'vitest';
-import { extentOf } from '../model/bounds.ts';
-import { SceneCamera } from '../three/camera.ts';
+import { extentOf } from '../../model/bounds.ts';
+import { SceneCamera } from '../../three/camera.ts';
+import { homeEye } from '../stick_figure.ts';
 import { FIELD_OF_VIEW, fittingDistance } from './framing.ts';
-import { homeEye } from './stick_figure.ts';
 
 describe('the first view', () => {
   it('has all of the robot in the picture, wide or upright', () => {

@@ -1,5 +1,5 @@
 import { describe, expect, it } from 'vitest';
-import type { Vec3 } from '../twin/rotation.ts';
+import type { Vec3 } from '../../twin/rotation.ts';
 import { CameraRig, type RigOptions } from './camera_rig.ts';
 
 const [WIDTH, HEIGHT] = [800, 600];

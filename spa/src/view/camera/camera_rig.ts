@@ -1,17 +1,16 @@
-import { type Extent, extentOf } from '../model/bounds.ts';
-import { addScaled, dot } from '../model/vectors.ts';
-import type { Vec3 } from '../twin/rotation.ts';
+import { type Extent, extentOf } from '../../model/bounds.ts';
+import { addScaled, dot } from '../../model/vectors.ts';
+import type { Vec3 } from '../../twin/rotation.ts';
+import type { BodySpan } from './body_span.ts';
 import { FIELD_OF_VIEW, fittingDistance, VIEWS, type ViewName } from './framing.ts';
 import { type Insets, ViewInsets } from './insets.ts';
+import { clamp, type EyePlace, type Orbit, orbitAt, positionOf, shorterTurn } from './orbit.ts';
+import { WholeBody } from './whole_body.ts';
+
+export type { EyePlace } from './orbit.ts';
 
 /** What the camera does when the robot walks: it stays, moves along, or moves along and turns with it. */
 export type FollowMode = 'stay' | 'along' | 'turn';
-
-/** Position and target of the camera, metres. */
-export interface EyePlace {
-  readonly position: Vec3;
-  readonly target: Vec3;
-}
 
 /** Options that differ between renderers. */
 export interface RigOptions {
@@ -23,17 +22,6 @@ export interface RigOptions {
   readonly still?: () => boolean;
   /** Called when the camera has moved and a new picture is needed. */
   readonly changed?: () => void;
-}
-
-/** A camera on a sphere around its target. */
-interface Orbit {
-  /** Angle from the world's x towards its y, rad. */
-  readonly azimuth: number;
-  /** Angle above the horizon, rad. */
-  readonly elevation: number;
-  /** Metres. */
-  readonly distance: number;
-  readonly target: Vec3;
 }
 
 const RADIANS = Math.PI / 180;
@@ -60,6 +48,7 @@ export class CameraRig {
   followMode: FollowMode = 'along';
   readonly #options: Required<RigOptions>;
   readonly #insets = new ViewInsets();
+  readonly #whole = new WholeBody();
   #extent: Extent = { tall: 0.6, wide: 0.4, radius: 0.75 };
   /** The middle of the framed robot, moved along with it since. */
   #middle: Vec3 = [0, 0, 0.6];
@@ -68,6 +57,10 @@ export class CameraRig {
   #secondsLeft = 0;
   /** Whether somebody has chosen the view: then changes of the robot's or the picture's size don't alter it. */
   #touched = false;
+  /** Whether the distance is the one at which the robot fits: then it grows with the robot. */
+  #fitted = true;
+  /** The body as of the newest `follow`. */
+  #body: BodySpan | null = null;
   /** A place set by `standAt`, applied again when the robot is framed anew, until somebody moves the camera. */
   #placed: EyePlace | null = null;
   #yaw: number | null = null;
@@ -80,13 +73,7 @@ export class CameraRig {
 
   /** Where the camera is. */
   get position(): Vec3 {
-    const { azimuth, elevation, distance, target } = this.#now;
-    const flat = Math.cos(elevation) * distance;
-    return [
-      target[0] + flat * Math.cos(azimuth),
-      target[1] + flat * Math.sin(azimuth),
-      target[2] + Math.sin(elevation) * distance,
-    ];
+    return positionOf(this.#now);
   }
 
   /** What it looks at. */
@@ -105,9 +92,10 @@ export class CameraRig {
     return { position: addScaled(this.position, floor, -1), target: addScaled(this.target, floor, -1) };
   }
 
-  /** The robot's middle, projected to the floor. */
-  get middle(): { readonly x: number; readonly y: number } {
-    return { x: this.#middle[0], y: this.#middle[1] };
+  /** The robot's middle, projected to the floor, and its height above where it would stand on it. */
+  get middle(): { readonly x: number; readonly y: number; readonly flies: number } {
+    const [x, y, z] = this.#middle;
+    return { x, y, flies: Math.max(0, z - this.#extent.tall) };
   }
 
   /** The radius of the framed robot. */
@@ -118,7 +106,8 @@ export class CameraRig {
   /** The least and the greatest distance from the target. */
   get distances(): { readonly least: number; readonly greatest: number } {
     const { radius } = this.#extent;
-    return { least: radius * this.#options.nearest, greatest: radius * FARTHEST };
+    const greatest = radius * FARTHEST * this.#whole.growth;
+    return { least: radius * this.#options.nearest, greatest };
   }
 
   /** The parameters of a perspective camera: the picture's size; its uncovered part, which begins at `top` and is
@@ -127,7 +116,8 @@ export class CameraRig {
   get projection(): Readonly<Record<'width' | 'height' | 'top' | 'free' | 'near' | 'far', number>> {
     const { width, height, top, free } = this.#insets;
     const { radius } = this.#extent;
-    return { width, height, top, free, near: radius / 100, far: radius * 120 };
+    const far = radius * 120 * this.#whole.growth + this.middle.flies * 12; // as far as the floor is seen
+    return { width, height, top, free, near: radius / 100, far };
   }
 
   /** Whether it is easing to another view. */
@@ -177,6 +167,8 @@ export class CameraRig {
   frame(min: Vec3, max: Vec3, eased = false): void {
     this.#extent = extentOf(min, max);
     this.#middle = [(min[0] + max[0]) / 2, (min[1] + max[1]) / 2, (min[2] + max[2]) / 2];
+    this.#whole.frame(this.#extent, this.#middle[2]);
+    this.#body = null;
     if (this.#placed !== null) this.standAt(this.#placed);
     else if (this.#touched) this.#options.changed();
     else this.look('home', eased);
@@ -203,7 +195,10 @@ export class CameraRig {
   /** Turns to a named view around where the robot now is. */
   look(view: ViewName, eased = true): void {
     this.#touched = view !== 'home';
+    this.#fitted = true;
     this.#placed = null;
+    this.#whole.shrink();
+    if (this.#body !== null) this.#whole.correct(this.#body, this.#middle, this.#insets.aspect);
     const goal = this.#orbitOf(view);
     const azimuth = this.#now.azimuth + shorterTurn(goal.azimuth - this.#now.azimuth);
     this.#go({ ...goal, azimuth }, eased);
@@ -219,6 +214,7 @@ export class CameraRig {
   /** The user takes over the camera: any easing ends. */
   grasp(): void {
     this.#touched = true;
+    this.#fitted = false;
     this.#placed = null;
     this.#goal = null;
   }
@@ -263,27 +259,22 @@ export class CameraRig {
   }
 
   /** Follows a robot at (x, y) when it leaves the middle; the slight sway of a walk does not move the camera. `yaw` is
-   *  the robot's heading: in mode `turn` the camera keeps to the same side of the robot. */
-  follow(x: number, y: number, yaw = 0): void {
+   *  the robot's heading: in mode `turn` the camera keeps to the same side of the robot. `body` is kept in the picture
+   *  whole, whatever it does; a distance that somebody has chosen stays. */
+  follow(x: number, y: number, yaw = 0, body: BodySpan | null = null): void {
     const turned = this.#yaw === null ? 0 : shorterTurn(yaw - this.#yaw);
     this.#yaw = yaw;
+    this.#body = body;
     if (this.followMode === 'stay') return;
     const turn = this.followMode === 'turn' ? turned : 0;
     const [dx, dy] = [x - this.#middle[0], y - this.#middle[1]];
     const far = Math.hypot(dx, dy);
     const leash = this.#extent.radius * LEASH;
     const part = far <= leash ? 0 : 1 - leash / far;
-    if (turn === 0 && part === 0) return;
-    const step: Vec3 = [dx * part, dy * part, 0];
-    const moved = (orbit: Orbit): Orbit => ({
-      ...orbit,
-      azimuth: orbit.azimuth + turn,
-      target: addScaled(orbit.target, step),
-    });
-    this.#middle = addScaled(this.#middle, step);
-    this.#now = moved(this.#now);
-    this.#goal &&= moved(this.#goal);
-    this.#options.changed();
+    this.#move(turn, [dx * part, dy * part, 0], 1);
+    if (body === null) return;
+    const { step, growth } = this.#whole.correct(body, this.#middle, this.#insets.aspect);
+    this.#move(0, step, this.#fitted ? growth : 1);
   }
 
   /** Advances the easing. True while it needs more time. */
@@ -304,6 +295,22 @@ export class CameraRig {
   /** Pixels per metre at a distance of one metre. */
   get #scale(): number {
     return this.#insets.free / 2 / Math.tan((FIELD_OF_VIEW * RADIANS) / 2);
+  }
+
+  /** Moves the camera and what it is easing to: around the robot by `turn` (rad), along with it by `step` (metres), and
+   *  away from it by a factor. */
+  #move(turn: number, step: Vec3, farther: number): void {
+    if (turn === 0 && farther === 1 && step.every((metres) => metres === 0)) return;
+    const moved = (orbit: Orbit): Orbit => ({
+      ...orbit,
+      azimuth: orbit.azimuth + turn,
+      distance: orbit.distance * farther,
+      target: addScaled(orbit.target, step),
+    });
+    this.#middle = addScaled(this.#middle, step);
+    this.#now = moved(this.#now);
+    this.#goal &&= moved(this.#goal);
+    this.#options.changed();
   }
 
   #go(goal: Orbit, eased: boolean): void {
@@ -356,27 +363,11 @@ export class CameraRig {
     return {
       azimuth: azimuth * RADIANS,
       elevation: elevation * RADIANS,
-      distance: Math.min(fittingDistance(this.#extent, this.#insets.aspect), this.#extent.radius * FARTHEST),
+      distance: Math.min(
+        fittingDistance(this.#extent, this.#insets.aspect) * this.#whole.growth,
+        this.distances.greatest,
+      ),
       target: this.#middle,
     };
   }
-}
-
-function orbitAt({ position, target }: EyePlace): Orbit {
-  const [dx, dy, dz] = addScaled(position, target, -1);
-  const flat = Math.hypot(dx, dy);
-  return {
-    azimuth: Math.atan2(dy, dx),
-    elevation: Math.atan2(dz, flat),
-    distance: Math.hypot(flat, dz),
-    target,
-  };
-}
-
-function clamp(value: number, least: number, most: number): number {
-  return Math.min(most, Math.max(least, value));
-}
-
-function shorterTurn(angle: number): number {
-  return Math.atan2(Math.sin(angle), Math.cos(angle));
 }

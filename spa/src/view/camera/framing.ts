@@ -1,0 +1,76 @@
+/**
+ * Where the camera stands to see a whole robot. Shared by the camera and the stick figure that is drawn first, so that
+ * nothing jumps when the scene replaces the stick figure. World: Z up, metres. Angles: degrees.
+ */
+
+import type { Extent } from '../../model/bounds.ts';
+
+export type ViewName = 'home' | 'front' | 'side' | 'top';
+
+/** Vertical field of view, degrees. It is narrow, so that perspective hardly distorts a robot. */
+export const FIELD_OF_VIEW = 30;
+/** Height and width of the picture relative to the robot's: it leaves room for arms that move to the sides. */
+const AIR_TALL = 1.22;
+const AIR_WIDE = 1.3;
+
+/** Directions from the target to the camera: azimuth from x (ahead) towards y (left), elevation above the horizon. */
+export const VIEWS: Readonly<Record<ViewName, { azimuth: number; elevation: number }>> = {
+  home: { azimuth: -45, elevation: 14 },
+  front: { azimuth: 0, elevation: 4 },
+  side: { azimuth: -90, elevation: 4 },
+  // Not exactly from above, where the picture's up would be undefined. Ahead is up.
+  top: { azimuth: 180, elevation: 89.9 },
+};
+
+/** Part of the picture's height and width that a robot may fill when it is framed: what is left is for its motion. */
+const FILLS_FRAMED = 0.88;
+/** The same while it moves. */
+const FILLS_MOVING = 0.985;
+/** The elevation that room is reckoned for. From lower, there is more. */
+const TILT = (VIEWS.home.elevation * Math.PI) / 180;
+const SLOPE = Math.tan((FIELD_OF_VIEW * Math.PI) / 360);
+
+/** The distance (metres) from which the whole extent fits a picture of this aspect (width : height). */
+export function fittingDistance({ tall, wide, radius }: Extent, aspect: number): number {
+  const byHeight = (tall * AIR_TALL) / SLOPE;
+  const byWidth = (wide * AIR_WIDE) / (SLOPE * aspect);
+  return Math.max(
+    Math.max(byHeight, byWidth, radius * 2) + wide / 2,
+    leastDistance(tall, wide, aspect, FILLS_FRAMED),
+  );
+}
+
+/** The least distance (metres) that an upright cylinder of this half height and radius (metres) needs to be inside the
+ *  picture, looked at in its middle. */
+export function leastDistance(half: number, radius: number, aspect: number, fills = FILLS_MOVING): number {
+  const [slope, side] = [SLOPE * fills, SLOPE * aspect * fills];
+  const [se, ce] = [Math.sin(TILT), Math.cos(TILT)];
+  // The lowest point of its nearest side; and where a line of sight touches its upper end.
+  const byHeight = (half * (ce - slope * se) + radius * (se + slope * ce)) / slope;
+  const byWidth = half * se + radius * Math.hypot(1, 1 / side);
+  return Math.max(byHeight, byWidth);
+}
+
+/** Inside the picture, from this distance: the half height of a cylinder of this radius, and the radius of one of this
+ *  half height. All metres. */
+export function roomAt(
+  distance: number,
+  { half, radius }: { readonly half: number; readonly radius: number },
+  aspect: number,
+): { readonly half: number; readonly radius: number } {
+  const [slope, side] = [SLOPE * FILLS_MOVING, SLOPE * aspect * FILLS_MOVING];
+  const [se, ce] = [Math.sin(TILT), Math.cos(TILT)];
+  return {
+    half: (slope * distance - radius * (se + slope * ce)) / (ce - slope * se),
+    radius: Math.min(
+      (distance - half * se) / Math.hypot(1, 1 / side),
+      (slope * distance - half * (ce - slope * se)) / (se + slope * ce),
+    ),
+  };
+}
+
+/** The length (metres) by which the floor's light and lines fade around a robot of this radius that flies so high: from
+ *  high up, the floor is seen only far away. */
+export function fadeOf(reach: number, flies: number): number {
+  return reach + flies / 2;
+}

@@ -1,0 +1,51 @@
+import { addScaled } from '../../model/vectors.ts';
+import type { Vec3 } from '../../twin/rotation.ts';
+
+/** Position and target of the camera, metres. */
+export interface EyePlace {
+  readonly position: Vec3;
+  readonly target: Vec3;
+}
+
+/** A camera on a sphere around its target. */
+export interface Orbit {
+  /** Angle from the world's x towards its y, rad. */
+  readonly azimuth: number;
+  /** Angle above the horizon, rad. */
+  readonly elevation: number;
+  /** Metres. */
+  readonly distance: number;
+  readonly target: Vec3;
+}
+
+/** Where the camera of an orbit is, metres. */
+export function positionOf({ azimuth, elevation, distance, target }: Orbit): Vec3 {
+  const flat = Math.cos(elevation) * distance;
+  return [
+    target[0] + flat * Math.cos(azimuth),
+    target[1] + flat * Math.sin(azimuth),
+    target[2] + Math.sin(elevation) * distance,
+  ];
+}
+
+/** The orbit of a camera at a place. */
+export function orbitAt({ position, target }: EyePlace): Orbit {
+  const [dx, dy, dz] = addScaled(position, target, -1);
+  const flat = Math.hypot(dx, dy);
+  return {
+    azimuth: Math.atan2(dy, dx),
+    elevation: Math.atan2(dz, flat),
+    distance: Math.hypot(flat, dz),
+    target,
+  };
+}
+
+/** `value`, or the nearer of the bounds that it is beyond. */
+export function clamp(value: number, least: number, most: number): number {
+  return Math.min(most, Math.max(least, value));
+}
+
+/** The same turn (rad) the shorter way round, −π…π. */
+export function shorterTurn(angle: number): number {
+  return Math.atan2(Math.sin(angle), Math.cos(angle));
+}

@@ -1,0 +1,104 @@
+import type { Extent } from '../../model/bounds.ts';
+import type { Vec3 } from '../../twin/rotation.ts';
+import type { BodySpan } from './body_span.ts';
+import { fittingDistance, leastDistance, roomAt } from './framing.ts';
+import { clamp } from './orbit.ts';
+
+/** Most that a body may rise above its place before the camera moves, as a part of the framed robot's radius. */
+const LEASH = 0.3;
+/** Between one and this many leashes the camera catches up; beyond, the body is in the middle again. */
+const CAUGHT_UP = 3;
+/** Room above and below that is kept for the bobbing of a walk, as a part of the body's size, while the camera lags behind
+ *  it over the floor. */
+const SPARE = 0.03;
+/** Most that the camera moves away for a body that grows: one value read wrongly must not send it to the horizon. */
+const MOST_GROWTH = 6;
+
+/** How the camera has to move so that all of the body stays in the picture. */
+export interface Correction {
+  /** What it looks at moves by this, world, metres. */
+  readonly step: Vec3;
+  /** Its distance is multiplied by this. */
+  readonly growth: number;
+}
+
+/**
+ * Keeps a moving body whole in the picture, by no more than is needed: what stays within the place in which it was framed
+ * (a walk, a squat) moves nothing; what leaves it (a flight, a jump, stairs) takes the camera along, which is back when the
+ * body is. What becomes too large for the picture (a car on its nose) is looked at from farther away, until it is framed
+ * anew. The present pose alone decides about the height, so nothing drifts, swings or lags.
+ */
+export class WholeBody {
+  #extent: Extent = { tall: 0.6, wide: 0.4, radius: 0.75 };
+  /** The middle of the framed robot above the floor, metres. */
+  #rest = 0.6;
+  #growth = 1;
+
+  /** The robot is framed: it has this extent, its middle is at this height (metres). */
+  frame(extent: Extent, height: number): void {
+    this.#extent = extent;
+    this.#rest = height;
+    this.#growth = 1;
+  }
+
+  /** How much farther away the camera stands than for the framed robot, as a factor. */
+  get growth(): number {
+    return this.#growth;
+  }
+
+  /** Forgets that the body was once larger. */
+  shrink(): void {
+    this.#growth = 1;
+  }
+
+  /** What a body at `span` needs in a picture of this aspect whose middle is at `middle` (world, metres). */
+  correct(span: BodySpan, middle: Vec3, aspect: number): Correction {
+    const half = (span.high - span.low) / 2;
+    const fitting = fittingDistance(this.#extent, aspect);
+    const needed = leastDistance(half, span.radius, aspect) / fitting;
+    const grown = Math.max(this.#growth, Math.min(needed, MOST_GROWTH));
+    const growth = grown / this.#growth;
+    this.#growth = grown;
+    const { tall } = this.#extent;
+    const stepping = Math.max(half, tall) + SPARE * (tall + span.radius);
+    const over = roomAt(fitting * grown, { half: stepping, radius: span.radius }, aspect).radius;
+    const { step, far } = towards(span, middle, over);
+    const above = roomAt(fitting * grown, { half, radius: far + span.radius }, aspect).half;
+    return { step: [...step, this.#height(span, above) - middle[2]], growth };
+  }
+
+  /** The height to look at, for a body in a picture that shows `room` above and below it. */
+  #height({ low, high }: BodySpan, room: number): number {
+    const { tall, radius } = this.#extent;
+    const above = high - (this.#rest + tall);
+    const below = low - (this.#rest - tall);
+    const off = clamp(0, Math.min(above, below), Math.max(above, below));
+    const air = room - tall;
+    const leash = Math.max(0, Math.min(LEASH * radius, air));
+    const least = above - air;
+    const most = below + air;
+    if (least > most) return (low + high) / 2;
+    return this.#rest + clamp(followed(off, leash), least, most);
+  }
+}
+
+/** How far the camera goes along with what is `off` its place: not at all within the leash, all the way in the end. What
+ *  is between never is off by more than the leash. */
+function followed(off: number, leash: number): number {
+  const far = Math.abs(off);
+  if (far >= CAUGHT_UP * leash) return off;
+  return Math.sign(off) * Math.max(0, far - leash) * (CAUGHT_UP / (CAUGHT_UP - 1));
+}
+
+/** The least step over the floor after which a body is within `room` of the middle, and how far from it its axis then is.
+ */
+function towards(
+  { x, y, radius }: BodySpan,
+  middle: Vec3,
+  room: number,
+): { readonly step: readonly [x: number, y: number]; readonly far: number } {
+  const [dx, dy] = [x - middle[0], y - middle[1]];
+  const far = Math.hypot(dx, dy);
+  const part = far === 0 ? 0 : clamp((far + radius - room) / far, 0, 1);
+  return { step: [dx * part, dy * part], far: far * (1 - part) };
+}
