@@ -124,7 +124,7 @@ CORPUS = [
                                "<diffuse><color>1 0 0 1</color></diffuse>")},
     ),
     Case("visual-empty", "warning", 2, "without a geometry", (link("a", "<visual/>"),)),
-    Case("nothing-drawn", "warning", None, "nothing to draw", (link("a", ""),)),
+    Case("nothing-drawn", "warning", None, "only its skeleton", (link("a", ""),)),
     Case("shape-unknown", "warning", 2, "'cone'", (link("a", "<visual><geometry><cone/></geometry></visual>"),)),
     Case("shape-several", "warning", 2, "the first counts", (link("a", '<visual><geometry><sphere radius="1"/><sphere radius="2"/></geometry></visual>'),)),
     Case("shape-size", "error", 2, "above 0", (link("a", box("0 1 1")),)),

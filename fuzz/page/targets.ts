@@ -26,7 +26,7 @@ import { frameBytes, SseParser } from '../../spa/src/stream/sse.ts';
 import { DropError } from '../../spa/src/urdf/local_files.ts';
 import { modelOf, UrdfError } from '../../spa/src/urdf/manifest.ts';
 import { LodBuilder } from '../../spa/src/urdf/meshes/lod_builder.ts';
-import { surfaceOf } from '../../spa/src/urdf/meshes/primitives.ts';
+import { ownMesh } from '../../spa/src/urdf/meshes/own_mesh.ts';
 import { MeshError, parseStl } from '../../spa/src/urdf/meshes/stl.ts';
 import { weld } from '../../spa/src/urdf/meshes/weld.ts';
 import { readUrdf } from '../../spa/src/urdf/reader.ts';
@@ -165,10 +165,10 @@ function body(bytes: Uint8Array): unknown {
   readManifest({ ...found, joints, visuals });
   new Kinematics(found.joints);
   const lod = new LodBuilder(shapes);
-  for (const [i, { shape }] of shapes.slice(0, 8).entries()) {
-    if (shape.kind === 'mesh') continue;
+  for (const [i, placed] of [...shapes.slice(0, 8).entries(), ...[...shapes.entries()].slice(8).slice(-4)]) {
+    if (placed.shape.kind === 'mesh') continue;
     try {
-      lod.put(i, [{ surface: surfaceOf(shape), paint: null }]);
+      lod.put(i, ownMesh(placed));
     } catch (error) {
       if (!(error instanceof MeshError)) throw error;
     }

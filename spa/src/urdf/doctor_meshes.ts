@@ -31,7 +31,7 @@ export function meshFindings(
     visuals.flatMap(({ shape }): Named[] => (shape === null ? [] : [[name, shape]])),
   );
   if (urdf.links.length > 0 && shapes.length === 0)
-    say('warning', 'nothing-drawn', 'no link has a visual: there is nothing to draw', null);
+    say('warning', 'nothing-drawn', 'no link has a visual: only its skeleton is drawn', null);
   for (const [link, shape] of shapes) scale(link, shape, say);
   const facts = new Map(read);
   for (const uri of missing) facts.set(uri, missingMesh('no such file'));

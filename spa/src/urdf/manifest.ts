@@ -1,5 +1,6 @@
 import { type Joint as ModelJoint, quaternionFromRpy } from '../model/kinematics.ts';
 import type { Manifest } from '../model/manifest.ts';
+import { type Bone, bonesOf } from './bones.ts';
 import { buildTree, type Tree } from './tree.ts';
 import {
   type Joint,
@@ -25,6 +26,8 @@ export interface UrdfModel {
 /** A shape with its place and colour. */
 export interface PlacedShape {
   readonly shape: Shape;
+  /** What is drawn instead of the shape, of a link without any: its bones; null for a shape. */
+  readonly bones: readonly Bone[] | null;
   /** link_from_visual: metres, and a unit quaternion w, x, y, z. */
   readonly xyz: Vector;
   readonly quat: readonly [number, number, number, number];
@@ -38,8 +41,9 @@ export type Paint = readonly [number, number, number, number];
 /** A URDF that can't be shown; the message is one line. */
 export class UrdfError extends Error {}
 
-/** Converts a URDF. Throws UrdfError when no link is the root. */
-export function modelOf(urdf: Urdf): UrdfModel {
+/** Converts a URDF. A robot most of whose links show nothing of themselves gets bones: `canBeDrawn` tells of a mesh's URI
+ *  whether there is a file. Throws UrdfError when no link is the root. */
+export function modelOf(urdf: Urdf, canBeDrawn: (uri: string) => boolean = () => true): UrdfModel {
   const tree = buildTree(urdf);
   const { root, joints } = tree;
   if (root === null)
@@ -47,10 +51,20 @@ export function modelOf(urdf: Urdf): UrdfModel {
       urdf.links.length === 0 ? 'URDF: no links' : 'URDF: no root, its links form a circle',
     );
   const links = [root.name, ...joints.map(({ child }) => child)];
-  const drawn = links.flatMap((name, link) =>
+  const named = links.flatMap((name, link) =>
     tree.links.get(name)!.visuals.flatMap((visual) => (visual.shape === null ? [] : [{ link, visual }])),
   );
-  const shapes = drawn.map(({ visual }) => placed(visual, visual.shape!, urdf));
+  const shown = named.filter(({ visual: { shape } }) => shape!.uri === '' || canBeDrawn(shape!.uri));
+  let bones = bonesOf(tree, new Set(shown.map(({ link }) => link)));
+  // A few collision shapes, often crude hulls, would hide the skeleton.
+  const crude = bones.size > 0 && urdf.findings.some(({ code }) => code === 'collisions-shown');
+  if (crude) bones = bonesOf(tree, new Set());
+  const drawn = crude ? [] : named;
+  const boned = [...bones.keys()];
+  const shapes = [
+    ...drawn.map(({ visual }) => placed(visual, visual.shape!, urdf)),
+    ...boned.map((link) => ({ ...UNMOVED, bones: bones.get(link)! })),
+  ];
   const found = [...urdf.findings, ...tree.findings].filter(({ severity }) => severity === 'error');
   return {
     manifest: {
@@ -58,9 +72,10 @@ export function modelOf(urdf: Urdf): UrdfModel {
       levels: [],
       links,
       joints: jointsOf(tree, new Map(links.map((name, i) => [name, i]))),
-      visuals: drawn.map(({ link }, i) => {
-        const { uri, kind } = shapes[i]!.shape;
-        return { link, source: uri || kind, box: null, placeholder: null };
+      visuals: [...drawn.map(({ link }) => link), ...boned].map((link, i) => {
+        const { shape, bones } = shapes[i]!;
+        const source = bones === null ? shape.uri || shape.kind : 'bones';
+        return { link, source, box: null, placeholder: null };
       }),
       thumbnail: null,
       missing: [],
@@ -71,12 +86,22 @@ export function modelOf(urdf: Urdf): UrdfModel {
   };
 }
 
+/** Where the bones of a link are: in its own frame. */
+const UNMOVED: PlacedShape = {
+  shape: { kind: 'box', uri: '', scale: [1, 1, 1], dims: [], line: null },
+  bones: null,
+  xyz: [0, 0, 0],
+  quat: [1, 0, 0, 0],
+  paint: null,
+};
+
 function placed(visual: Visual, shape: Shape, urdf: Urdf): PlacedShape {
   const material = materialOf(visual, urdf);
   // Textures are not drawn: a material that has only a texture is white.
   const rgba = material?.rgba ?? (material?.texture == null ? null : [1, 1, 1, 1]);
   return {
     shape,
+    bones: null,
     xyz: visual.xyz,
     quat: quaternionFromRpy(visual.rpy),
     paint: rgba === null ? null : paintOf(rgba),

@@ -9,7 +9,7 @@ import type { ModelReport } from '../../model/report.ts';
 import { modelOf, UrdfError } from '../../urdf/manifest.ts';
 import { LodBuilder, type PaintedSurface } from '../../urdf/meshes/lod_builder.ts';
 import { binaryStl, cubeSoup } from '../../urdf/meshes/mesh_samples.ts';
-import { surfaceOf } from '../../urdf/meshes/primitives.ts';
+import { ownMesh } from '../../urdf/meshes/own_mesh.ts';
 import { weld } from '../../urdf/meshes/weld.ts';
 import { readUrdf } from '../../urdf/reader.ts';
 import { readXml } from '../../urdf/xml.ts';
@@ -45,8 +45,8 @@ class Model extends SkinnedRobot {
     super(urdf.manifest, new StaleEffect(new Color()), tones);
     this.urdf = urdf;
     this.lod = new LodBuilder(urdf.shapes);
-    for (const [i, { shape }] of urdf.shapes.entries())
-      if (shape.kind !== 'mesh') this.put(i, [{ surface: surfaceOf(shape), paint: null }]);
+    for (const [i, placed] of urdf.shapes.entries())
+      if (placed.shape.kind !== 'mesh') this.put(i, ownMesh(placed));
   }
 
   put(visual: number, mesh: readonly PaintedSurface[]): void {
@@ -302,7 +302,7 @@ test('sixty meshes are seen as they come, from the floor up, in a few pictures; 
 test('a shape without end is named and not drawn, and no box is broken by it', () => {
   const box = '<visual><geometry><box size="1e300 1 1"/></geometry></visual>';
   const { shapes } = modelOf(readUrdf(readXml(`<robot name="r"><link name="a">${box}</link></robot>`)));
-  const mesh = [{ surface: surfaceOf(shapes[0]!.shape), paint: null }];
+  const mesh = ownMesh(shapes[0]!);
   expect(() => new LodBuilder(shapes).put(0, mesh)).toThrow('too large to be drawn');
 });
 

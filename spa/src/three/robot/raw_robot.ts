@@ -3,7 +3,7 @@ import { factsOf, type MeshFacts, missingMesh } from '../../model/mesh_facts.ts'
 import type { ModelReport } from '../../model/report.ts';
 import { modelOf, UrdfError } from '../../urdf/manifest.ts';
 import { LodBuilder, type PaintedSurface } from '../../urdf/meshes/lod_builder.ts';
-import { surfaceOf } from '../../urdf/meshes/primitives.ts';
+import { ownMesh } from '../../urdf/meshes/own_mesh.ts';
 import { readUrdf } from '../../urdf/reader.ts';
 import type { Urdf } from '../../urdf/types.ts';
 import { readXml, XmlRefused } from '../../urdf/xml.ts';
@@ -45,7 +45,7 @@ export async function showRaw(
   report: ModelReport,
   onTotal: (totalBytes: number) => void,
 ): Promise<void> {
-  const model = modelOf(urdf);
+  const model = modelOf(urdf, (uri) => whyAbsent(uri, manifest) === null);
   const robot = new SkinnedRobot(model.manifest, staleEffect, tones);
   const lod = new LodBuilder(model.shapes);
   let worn = 0; // triangles
@@ -55,6 +55,9 @@ export async function showRaw(
     robot.wear(lod.build(), []);
   };
   const slots: Slot[] = [];
+  const boned = new Set(
+    model.manifest.visuals.flatMap(({ link }, i) => (model.shapes[i]!.bones ? [link] : [])),
+  );
   for (const [visual, { link, source }] of model.manifest.visuals.entries()) {
     const show = (mesh: readonly PaintedSurface[]) => robot.measure(link, lod.put(visual, mesh));
     const { shape } = model.shapes[visual]!;
@@ -63,7 +66,7 @@ export async function showRaw(
       continue;
     }
     try {
-      show([{ surface: surfaceOf(shape), paint: null }]);
+      show(ownMesh(model.shapes[visual]!));
     } catch (cause) {
       report.problems.push(`${source}: ${lineOf(cause)}`);
     }
@@ -86,7 +89,7 @@ export async function showRaw(
       stage.signal.throwIfAborted();
       facts.set(slot.uri, found);
       if (problem !== null) {
-        robot.mark(slot.link, stage.placeholder());
+        if (!boned.has(slot.link)) robot.mark(slot.link, stage.placeholder());
         if (!report.missing.includes(slot.uri)) {
           report.missing.push(slot.uri);
           report.problems.push(problem);

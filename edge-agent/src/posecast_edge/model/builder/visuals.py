@@ -1,4 +1,4 @@
-"""Collects what is drawn of the robot: each visual with its body, made from meshes, shapes and stand-ins."""
+"""Collects what is drawn of the robot: each visual with its body, of meshes, shapes, stand-ins or bones."""
 
 from __future__ import annotations
 
@@ -7,9 +7,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from posecast_edge.model.builder.bones import Bone, make_bones
 from posecast_edge.model.builder.manifest import is_within_reach
 from posecast_edge.model.builder.model_files import TRIANGLES_MAX, Files
 from posecast_edge.model.finding import ModelRefused
+from posecast_edge.model.kinematics import matrix_from_quaternion, quaternion_from_rpy
 from posecast_edge.model.meshes.mesh import SHOWN_AGAIN_MAX, Mesh, Paint, Surface, validate_mesh
 from posecast_edge.model.meshes.primitives import make_box, tessellate
 from posecast_edge.model.meshes.texture import compute_mean_colour
@@ -28,6 +30,7 @@ from posecast_edge.model.urdf.types import (
 
 GREY = Paint((0.72, 0.74, 0.77, 1.0))
 STAND_IN = Paint((0.93, 0.55, 0.14, 1.0))
+AXIS = Paint((0.3, 0.42, 0.6, 1.0))  # of a joint, between the bones of a robot without shells
 LITTLE = 0.02  # m, half a side of a stand-in of which nothing is known
 
 
@@ -45,7 +48,7 @@ class Appearance:
 
 @dataclass(frozen=True)
 class Visual:
-    """One visual. `reason`: why a stand-in is drawn instead of it."""
+    """One visual. `reason`: why a stand-in, or the link's bones, are drawn instead of it."""
 
     link: int
     pose: Pose
@@ -63,10 +66,27 @@ class Figure:
 
 
 def build_figure(urdf: Urdf, tree: Tree, files: Files) -> Figure:
-    """Collect every visual that has a geometry, of every link in the tree."""
+    """Collect every visual that has a geometry, of every link in the tree. A robot most of whose links show
+    nothing of themselves gets bones."""
     maker = _Maker(urdf, tree, files)
-    visuals = tuple(v for i in range(len(tree.links)) for v in maker.visuals(i))
-    return Figure(visuals, tuple(maker.looks))
+    shown = [list(maker.visuals(i)) for i in range(len(tree.links))]
+    bones = make_bones(tree, [i for i, visuals in enumerate(shown) if visuals])
+    if bones and any(f.code == "collisions-shown" for f in urdf.findings):
+        # A few collision shapes, often crude hulls, would hide the skeleton.
+        maker, shown = _Maker(urdf, tree, files), [[] for _ in tree.links]
+        bones = make_bones(tree, ())
+    for i in range(len(shown)):
+        shown[i] += maker.bones(i, bones[i]) if i in bones else maker.box(i)
+    return Figure(tuple(v for visuals in shown for v in visuals), tuple(maker.looks))
+
+
+@dataclass(frozen=True)
+class _Lack:
+    """Of a link nothing can be shown: where the first of its visuals would be, what it was made from, why."""
+
+    xyz: Vector
+    source: str
+    reason: str
 
 
 class _Maker:
@@ -78,12 +98,14 @@ class _Maker:
         self._left = SHAPES_MAX
         self._drawn = self._made = 0  # triangles: of all visuals, of all looks
         self._stood_in: set[int] = set()
+        self._lacks: dict[int, _Lack] = {}
         self._joints: dict[str, list[Vector]] = {}  # where each link's own joints are
         for joint in tree.joints:
             self._joints.setdefault(joint.parent, []).append(joint.pose.xyz)
         self.looks: list[Appearance] = []
 
     def visuals(self, link: int) -> Iterator[Visual]:
+        """What is known of a link's looks: its visuals, or its collision shapes instead."""
         for shape in self._tree.links[link].visuals:
             if shape.geometry is None or self._left <= 0:
                 continue
@@ -142,7 +164,7 @@ class _Maker:
         return len(self.looks) - 1
 
     def _stand_ins(self, link: int, shape: Shape, source: str, reason: str) -> Iterator[Visual]:
-        """The link's collision shapes, else a box from the link to its children; once for each link."""
+        """The link's collision shapes; once for each link."""
         if link in self._stood_in:
             return
         self._stood_in.add(link)
@@ -160,8 +182,26 @@ class _Maker:
             yield Visual(link, other.pose, number, source, reason)
         if not found:
             at = shape.pose.xyz if is_within_reach(shape.pose) else ZERO
-            looks = self._add(self._box(link, at), None, "placeholder")
-            yield Visual(link, Pose(), looks, source, reason)
+            self._lacks[link] = _Lack(at, source, reason)
+
+    def box(self, link: int) -> Iterator[Visual]:
+        """A box from a link that lacks its looks to its children."""
+        if lack := self._lacks.get(link):
+            looks = self._add(self._box(link, lack.xyz), None, "placeholder")
+            yield Visual(link, Pose(), looks, lack.source, lack.reason)
+
+    def bones(self, link: int, bones: tuple[Bone, ...]) -> Iterator[Visual]:
+        """The bones of a link, as one visual."""
+        if bones not in self._numbers:
+            surfaces = tuple(s for bone in bones for s in _surfaces(bone))
+            try:
+                self._numbers[bones] = self._add(validate_mesh(Mesh(surfaces)), None, None)
+            except ModelRefused:  # too long or too thin to be drawn
+                yield from self.box(link)
+                return
+        lack = self._lacks.get(link)
+        source, reason = (lack.source, lack.reason) if lack else ("bones", None)
+        yield Visual(link, Pose(), self._numbers[bones], source, reason)
 
     def _box(self, link: int, xyz: Vector) -> Mesh:
         points = [xyz, *self._joints.get(self._tree.links[link].name, [])]
@@ -211,3 +251,11 @@ def _joined(surfaces: Sequence[Surface], keep_uv: bool) -> Surface:
         np.concatenate(faces),
         np.concatenate(uv) if whole else None,
     )
+
+
+def _surfaces(bone: Bone) -> Iterator[Surface]:
+    turn = np.array(matrix_from_quaternion(bone.pose.xyz, quaternion_from_rpy(bone.pose.rpy)), np.float32)
+    dims = bone.dims if bone.kind == "box" else bone.dims[:2]
+    for surface in tessellate(bone.kind, dims).surfaces:
+        positions = surface.positions @ turn[:3, :3].T + turn[:3, 3]
+        yield Surface(positions, surface.faces, paint=AXIS if bone.is_axis else None)

@@ -41,7 +41,7 @@ def examine_meshes(urdf: Urdf, tree: Tree, facts: Mapping[str, MeshFacts] | None
     """Yield all findings about meshes; without `facts` only those that follow from the URDF itself."""
     shapes = [(link.name, s) for link in urdf.links for s in link.visuals if s.geometry is not None]
     if urdf.links and not shapes:
-        yield Finding("warning", "nothing-drawn", "no link has a visual: there is nothing to draw", None)
+        yield Finding("warning", "nothing-drawn", "no link has a visual: only its skeleton is drawn", None)
     for name, shape in shapes:
         yield from _scale(name, shape)
     if facts is None:

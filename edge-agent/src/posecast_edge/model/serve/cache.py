@@ -21,7 +21,7 @@ from posecast_edge.model.urdf.resolver import Resolver, resolve_links
 
 ENTRIES = 16
 INPUTS = "inputs.json"
-BUILDER = 6  # goes up when the same input gives another bundle
+BUILDER = 7  # goes up when the same input gives another bundle
 
 
 def find_cache_folder(environment: Mapping[str, str]) -> Path | None:
