@@ -62,7 +62,7 @@ it('a board that falls silent, another set of joints and names that bite: table,
   );
   await page.findByRole('tab', /^Plots/).click();
   await until('the plot says so', async () =>
-    (await text(page, '.plot-legend')).includes('not reported now'),
+    (await text(page, '.panel .plot-legend')).includes('not reported now'),
   );
   await page.findByRole('tab', 'Joints').click();
   await page.press('Escape');

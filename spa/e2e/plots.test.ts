@@ -83,7 +83,7 @@ it.skipIf(!FULL)(
     await page.findByRole('tab', /^Plots/).click();
     await until('all of them', async () => (await named(page)).length === all.length);
     expect((await named(page)).toSorted()).toEqual(all.toSorted());
-    const pictures = await page.evaluate<number>('document.querySelectorAll(".plot canvas").length');
+    const pictures = await page.evaluate<number>('document.querySelectorAll(".panel .plot canvas").length');
     expect(pictures, 'one for each unit').toBe(2);
 
     const position = async () => (await traces(page)).find(([name]) => name === 'RKN pos')?.[1];
@@ -100,12 +100,12 @@ it.skipIf(!FULL)(
     expect(await traces(page)).toEqual(held);
 
     const over = await page.evaluate<Point>(`(() => {
-    const { right, top, height } = document.querySelector('.plot .u-over').getBoundingClientRect();
+    const { right, top, height } = document.querySelector('.panel .plot .u-over').getBoundingClientRect();
     return { x: right - 4, y: top + height / 2 };
   })()`);
     await page.click(over);
     await until('when it was', () =>
-      page.evaluate<boolean>('/ago$/.test(document.querySelector(".plot-time").textContent)'),
+      page.evaluate<boolean>('/ago$/.test(document.querySelector(".panel .plot-time").textContent)'),
     );
 
     await page.findByTestId('plot-csv').click();
@@ -128,7 +128,7 @@ it.skipIf(!FULL)(
     await page.viewport({ width: 390, height: 844 });
     await page.findByRole('button', 'Raise the numbers').click();
     await until('room', () =>
-      page.evaluate<boolean>('document.querySelector(".plot .u-over")?.clientWidth < 360'),
+      page.evaluate<boolean>('document.querySelector(".panel .plot .u-over")?.clientWidth < 360'),
     );
     await page.screenshot(path.join(SHOTS, 'plots-phone.png'));
   },

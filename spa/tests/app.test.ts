@@ -179,15 +179,14 @@ describe('words', () => {
   });
 
   it('of waiting name what is missing', () => {
-    const all = { phase: 'open', schema: true, pose: true, model: true } as const;
+    const all = { phase: 'open', schema: true, pose: true } as const;
     const words = [
       { ...all, phase: 'connecting' as const },
       { ...all, schema: false },
       { ...all, pose: false },
-      { ...all, model: false },
       all,
     ].map(waitingWords);
-    expect(new Set(words).size).toBe(5);
+    expect(new Set(words).size).toBe(4);
     expect(words[0]).toBe('Waiting for the relay to answer.');
   });
 

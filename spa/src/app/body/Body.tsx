@@ -19,9 +19,12 @@ import { useBodyView } from './use_body_view.ts';
 const BodyNotes = late(async () => (await import('./BodyNotes.tsx')).BodyNotes);
 const BodyTools = late(async () => (await import('./BodyTools.tsx')).BodyTools);
 const SignIn = late(async () => (await import('../account/SignIn.tsx')).SignIn);
+const SelfPlots = late(async () => (await import('./SelfPlots.tsx')).SelfPlots);
 const LoadLegend = late(async () => (await import('./overlay/LoadLegend.tsx')).LoadLegend);
 
 const SAY_WHY_AFTER_MS = 3000;
+/** A robot that has a model has told so by then. */
+const NO_MODEL_AFTER_MS = 1000;
 type Model =
   | { phase: 'none' }
   | { phase: 'loading'; received: number; total: number }
@@ -59,8 +62,8 @@ export function Body({ link }: { link: RobotLink }) {
             </p>
           )
         )}
-        {why === null && model.phase === 'none' && <Waiting link={link} />}
       </div>
+      {why === null && model.phase === 'none' && <Waiting link={link} />}
       {model.phase === 'loading' && model.total > 0 && (
         <p className="stage-foot">{text.loadingBody(bytesWords(model.received, model.total))}</p>
       )}
@@ -213,19 +216,26 @@ function Waiting({ link }: { link: RobotLink }) {
   const word = useWord(link);
   useVersion(link);
   const { twin } = link;
+  if (twin.state !== null && twin.modelHash === null && now - twin.evidence.openedMs > NO_MODEL_AFTER_MS)
+    return (
+      <Suspense fallback={null}>
+        <SelfPlots link={link} />
+      </Suspense>
+    );
   // In these states a line over the body says so already.
   if (now - twin.evidence.openedMs < SAY_WHY_AFTER_MS || word === 'STALE' || word === 'OFFLINE') return null;
   const words = waitingWords({
     phase,
     schema: twin.schema !== null,
     pose: twin.state !== null,
-    model: twin.modelHash !== null,
   });
   return (
     words && (
-      <p className="stage-say" data-testid="waiting">
-        {words}
-      </p>
+      <div className="stage-middle">
+        <p className="stage-say" data-testid="waiting">
+          {words}
+        </p>
+      </div>
     )
   );
 }

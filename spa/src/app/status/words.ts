@@ -127,16 +127,10 @@ export function problemWords({ what, detail }: NonNullable<Link['problem']>): st
 }
 
 /** What the page is waiting for, once waiting has become noticeable; empty while it gets the body ready itself. */
-export function waitingWords(known: {
-  phase: Link['phase'];
-  schema: boolean;
-  pose: boolean;
-  model: boolean;
-}): string {
+export function waitingWords(known: { phase: Link['phase']; schema: boolean; pose: boolean }): string {
   if (known.phase !== 'open') return say().waitingRelay;
   if (!known.schema) return say().waitingSchema;
-  if (!known.pose) return say().waitingPose;
-  return known.model ? '' : say().waitingModel;
+  return known.pose ? '' : say().waitingPose;
 }
 
 export function bytesWords(received: number, total: number): string {

@@ -36,7 +36,6 @@ export const en = {
   waitingRelay: 'Waiting for the relay to answer.',
   waitingSchema: 'Waiting for the robot to describe itself.',
   waitingPose: 'Waiting for the first pose.',
-  waitingModel: 'The robot has not sent its model.',
   bytes: (received: string, total: string) => `${received} of ${total} MB`,
 
   body: 'Body',

@@ -35,7 +35,6 @@ export const ko: Text = {
   waitingRelay: '릴레이의 응답을 기다립니다.',
   waitingSchema: '로봇의 설명을 기다립니다.',
   waitingPose: '첫 자세를 기다립니다.',
-  waitingModel: '로봇이 아직 모델을 보내지 않았습니다.',
   bytes: (received, total) => `${total} MB 중 ${received}`,
   body: '몸체',
   loadingBody: (bytes) => `몸체를 받는 중: ${bytes}`,
@@ -234,6 +233,10 @@ export const moreKo: More = {
   watt: '전력',
   charge: '충전량',
   oldBy: (span) => `${span} 전 값`,
+  addBody: '이 로봇에는 몸체가 없습니다. 에이전트를 URDF와 함께 시작하면 여기에 나타납니다:',
+  ownPlots: '지난 1분간의 값',
+  previousPlots: '이전 값',
+  nextPlots: '다음 값',
   nothingPlotted:
     '그래프가 없습니다. 센서의 값이나 관절 카드의 “그래프”를 누르거나, 숫자를 “그래프” 탭에 끌어다 놓으세요.',
   pause: '멈춤',

@@ -153,6 +153,12 @@ export const moreEn = {
   charge: 'charge',
   oldBy: (span: string) => `${span} old`,
 
+  // ---- in the place of a body
+  addBody: 'This robot has no body here. To give it one, start its agent with a URDF:',
+  ownPlots: 'Its values over the last minute',
+  previousPlots: 'Values before these',
+  nextPlots: 'More values',
+
   // ---- plots
   nothingPlotted:
     "Nothing is plotted. Tap a sensor's value, or “Plot” in a joint's card, or drag a number onto “Plots”.",

@@ -39,9 +39,10 @@ export interface PlotManner {
   readonly theme: 'dark' | 'light';
   readonly angle: AngleUnit;
   readonly words: PlotWords;
-  readonly remove: (trace: Trace) => void;
-  /** Called when somebody zooms to a part of the time, which must then not slide away. */
-  readonly zoomed: () => void;
+  /** Takes a trace away; null where nobody chose them. */
+  readonly remove: ((trace: Trace) => void) | null;
+  /** Called when somebody zooms to a part of the time, which must then not slide away; null: one can't zoom. */
+  readonly zoomed: (() => void) | null;
 }
 
 /** The plots of the last minute, one for each unit, below one another and with a common cursor. */
@@ -117,10 +118,10 @@ export class PlotStack {
   #entry(legend: HTMLElement, { display, traces }: PlotGroup, i: number): TextCell {
     const trace = traces[i]!;
     const { of, index, reading } = trace;
-    const { words } = this.#manner;
+    const { words, remove: takeAway } = this.#manner;
     const { color, dash } = traceStyle(index, this.#manner.theme);
     const entry = createElement('li', '');
-    entry.dataset.testid = 'trace';
+    entry.dataset.testid = takeAway === null ? 'own-trace' : 'trace';
     entry.dataset.field = of.field;
     entry.dataset.label = of.label;
     const swatch = createElement('i', 'plot-swatch');
@@ -130,11 +131,14 @@ export class PlotStack {
     name.title = title;
     const value = createElement('span', 'c-num');
     const unit = createElement('span', 'unit', reading === null ? words.notReported : display.unit);
-    const remove = createElement('button', 'icon-button', '×');
-    remove.type = 'button';
-    remove.setAttribute('aria-label', words.takeAway(title));
-    remove.addEventListener('click', () => this.#manner.remove(of));
-    entry.append(swatch, name, value, unit, remove);
+    entry.append(swatch, name, value, unit);
+    if (takeAway !== null) {
+      const remove = createElement('button', 'icon-button', '×');
+      remove.type = 'button';
+      remove.setAttribute('aria-label', words.takeAway(title));
+      remove.addEventListener('click', () => takeAway(of));
+      entry.append(remove);
+    }
     legend.append(entry);
     return new TextCell(value);
   }
@@ -149,7 +153,12 @@ export class PlotStack {
     return {
       ...this.#size(),
       legend: { show: false },
-      cursor: { sync: { key: 'posecast' }, drag: { x: true, y: false }, y: false, points: { size: 6 } },
+      cursor: {
+        sync: { key: 'posecast' },
+        drag: { x: this.#manner.zoomed !== null, y: false },
+        y: false,
+        points: { size: 6 },
+      },
       scales: {
         x: { time: false },
         y: { range: (_, low, high) => roomFor(low, high, least) },
@@ -172,7 +181,7 @@ export class PlotStack {
             this.#tell();
           },
         ],
-        setSelect: [({ select }) => select.width > 0 && this.#manner.zoomed()],
+        setSelect: [({ select }) => select.width > 0 && this.#manner.zoomed?.()],
         ready: [(plot) => followFinger(plot)],
       },
     };
@@ -194,10 +203,9 @@ export class PlotStack {
   #size(): { width: number; height: number } {
     const plots = Math.max(1, this.#shown.length);
     const room = (this.#host.clientHeight - 20) / plots - 40;
-    return {
-      width: Math.max(120, this.#host.clientWidth - 16),
-      height: Math.max(HEIGHT_PX.least, Math.min(HEIGHT_PX.most, room)),
-    };
+    const width = Math.max(120, this.#host.clientWidth - 16);
+    const most = Math.max(HEIGHT_PX.most, width / 3);
+    return { width, height: Math.max(HEIGHT_PX.least, Math.min(most, room)) };
   }
 
   #fit(): void {
