@@ -1,3 +1,5 @@
+import { writeFileSync } from 'node:fs';
+import path from 'node:path';
 import { expect, it } from 'vitest';
 import type { Page } from './driver/page.ts';
 import { until } from './driver/until.ts';
@@ -85,4 +87,55 @@ it('a board that falls silent, another set of joints and names that bite: table,
     await page.evaluate<boolean>('document.querySelector(".panel img") === null && !window.bitten'),
   ).toBe(true);
   await whole(page);
+}, 240_000);
+
+/** An arm without any shells. */
+const BARE_ARM = `<robot name="arm"><link name="base"/><link name="upper"/><link name="hand"/>
+<joint name="lift" type="prismatic"><parent link="base"/><child link="upper"/><origin xyz="0 0 0.4"/><axis xyz="0 0 1"/>
+<limit lower="0" upper="0.5" effort="1" velocity="1"/></joint>
+<joint name="bend" type="revolute"><parent link="upper"/><child link="hand"/><origin xyz="0.3 0 0"/><axis xyz="0 1 0"/>
+<limit lower="-1" upper="1" effort="1" velocity="1"/></joint></robot>`;
+
+it('a robot without a model plots itself; its skeleton takes that place, can be tapped, and stays in the picture up high', async () => {
+  const relay = await stage.stack.relay();
+  const pos = Object.fromEntries(['lift', ...'abcdefg', 'bend'].map((name) => [name, 0]));
+  const upright = { 'base.w': 1, 'base.x': 0, 'base.y': 0, 'base.z': 0 };
+  const at = (z: number) => ({ base: { 'base.x': 0, 'base.y': 0, 'base.z': z }, baseq: upright });
+  const moving = { pos, ...at(0), wave: { pos: { bend: [0.5, 0.5] } } };
+  const first = stage.stack.fedEdge(relay, moving);
+  const page = await stage.newPage({ viewport: { width: 1280, height: 800 } });
+  await page.open(`${relay.url}/#/r/demo`);
+  await page.evaluate('window.sameDocument = true');
+  const legend = () =>
+    page.evaluate<string[]>(
+      `[...document.querySelectorAll('[data-testid=own-trace]')].map((entry) => entry.dataset.label)`,
+    );
+  await until('what moves is among the first', async () => (await legend()).includes('bend'), 30_000);
+  expect(await text(page, '[data-testid=self-plots]')).toContain('--urdf robot.urdf');
+  await page.findByTestId('self-plots-next').click();
+  await until('the others', async () => (await legend()).length === 3);
+  await whole(page);
+
+  first.edge.signal('SIGKILL');
+  const urdf = path.join(stage.stack.folder(), 'arm.urdf');
+  writeFileSync(urdf, BARE_ARM);
+  const { source } = stage.stack.fedEdge(relay, moving, { urdf });
+  const scene = <T>(code: string) => page.evaluate<T>(`window.posecast.scene${code}`);
+  await until('its skeleton', () => scene<boolean>('?.triangles > 500'), 90_000);
+  expect(await page.findByTestId('self-plots').count()).toBe(0);
+  expect(await page.evaluate<boolean>('window.sameDocument')).toBe(true);
+  const tapped = await page.evaluate<string[]>(`(() => {
+    const { left, top, width, height } = document.querySelector('[data-testid="scene"] canvas').getBoundingClientRect();
+    const found = new Set();
+    for (let x = 0; x < width; x += 6) for (let y = 0; y < height; y += 6) found.add(window.posecast.scene.pick(left + x, top + y));
+    return [...found].filter((link) => link !== null).sort();
+  })()`);
+  expect(tapped).toEqual(['base', 'hand', 'upper']);
+
+  const height = () => scene<number>('.eye.target[2]');
+  const before = await height();
+  source.write(JSON.stringify({ ...moving, ...at(25) }));
+  await until('the camera is up there', async () => (await height()) > 24);
+  source.write(JSON.stringify({ ...moving, ...at(0) }));
+  await until('and back', async () => Math.abs((await height()) - before) < 0.2);
 }, 240_000);

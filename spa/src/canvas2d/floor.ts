@@ -2,7 +2,8 @@ import type { LinkBox } from '../model/bounds.ts';
 import { css, type LightColors, type Rgb } from './colors.ts';
 import { KEY } from './lighting.ts';
 
-/** Distances, in lengths of fading, at which the minor lines, the major lines and the lit floor have faded out. */
+/** Distances at which the minor and major lines (in lengths of fading) and the lit floor (in radii of the robot) have
+ *  faded out. */
 const MINOR_REACHES = 3.2;
 const MAJOR_REACHES = 9;
 const POOL_REACHES = 7;
@@ -26,7 +27,7 @@ export interface FloorView {
   readonly width: number;
   readonly height: number;
   readonly reach: number;
-  /** The length by which light and lines fade (`fadeOf`), metres. */
+  /** The length by which lines fade (`fadeOf`), metres. */
   readonly fade: number;
   /** The middle of the lit floor, metres. */
   readonly x: number;
@@ -35,11 +36,11 @@ export interface FloorView {
 
 /** Paints the floor: a lit disc that fades to the page's colour, and a grid of 1 m and 0.1 m. */
 export function paintFloor(context: CanvasRenderingContext2D, view: FloorView, tones: LightColors): void {
-  const { width, height, fade } = view;
+  const { width, height, reach, fade } = view;
   context.setTransform(1, 0, 0, 1, 0, 0);
   context.fillStyle = css(tones.page);
   context.fillRect(0, 0, width, height);
-  const disc = discOnScreen(view, view.x, view.y, fade * POOL_REACHES, 0, 0, fade * POOL_REACHES);
+  const disc = discOnScreen(view, view.x, view.y, reach * POOL_REACHES, 0, 0, reach * POOL_REACHES);
   if (disc !== null) {
     const pool = context.createRadialGradient(0, 0, 0, 0, 0, 1);
     for (let i = 0; i <= 8; i += 1) {
@@ -53,7 +54,7 @@ export function paintFloor(context: CanvasRenderingContext2D, view: FloorView, t
     context.fill();
     context.setTransform(1, 0, 0, 1, 0, 0);
   }
-  const pitch = fade > view.reach + WIDE_FADE ? 10 : 1;
+  const pitch = fade > reach + WIDE_FADE ? 10 : 1;
   lines(context, view, 0.1 * pitch, MINOR_REACHES, 0.5, tones.minorLine);
   lines(context, view, pitch, MAJOR_REACHES, 1, tones.majorLine);
 }

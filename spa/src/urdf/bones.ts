@@ -52,7 +52,7 @@ class Skeleton {
   readonly #joints: readonly Joint[];
   readonly #below: readonly Joint[][];
   readonly #longest: number;
-  /** For each link the length of the bones around it, metres; where all are nothing, of those before it. */
+  /** For each link the length of the bones around it, metres; at least half of that of the link before it. */
   readonly #scales: number[] = [];
   /** For each link, in its frame, the direction of the last bone before it; null where there is none. */
   readonly #ways: (Vector | null)[] = [null];
@@ -74,7 +74,7 @@ class Skeleton {
       const own = link === 0 ? 0 : lengthOf(joints[link - 1]!.xyz);
       const near = below.reduce((most, { xyz }) => Math.max(most, lengthOf(xyz)), own);
       const before = link === 0 ? 0 : this.#scales[parents[link - 1]!]!;
-      this.#scales.push(near > LEAST ? near : before);
+      this.#scales.push(Math.max(near, before / 2));
     }
   }
 

@@ -55,9 +55,7 @@ export async function showRaw(
     robot.wear(lod.build(), []);
   };
   const slots: Slot[] = [];
-  const boned = new Set(
-    model.manifest.visuals.flatMap(({ link }, i) => (model.shapes[i]!.bones ? [link] : [])),
-  );
+  const hasBones = model.shapes.some(({ bones }) => bones !== null);
   for (const [visual, { link, source }] of model.manifest.visuals.entries()) {
     const show = (mesh: readonly PaintedSurface[]) => robot.measure(link, lod.put(visual, mesh));
     const { shape } = model.shapes[visual]!;
@@ -89,7 +87,7 @@ export async function showRaw(
       stage.signal.throwIfAborted();
       facts.set(slot.uri, found);
       if (problem !== null) {
-        if (!boned.has(slot.link)) robot.mark(slot.link, stage.placeholder());
+        if (!hasBones) robot.mark(slot.link, stage.placeholder());
         if (!report.missing.includes(slot.uri)) {
           report.missing.push(slot.uri);
           report.problems.push(problem);

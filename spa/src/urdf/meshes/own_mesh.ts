@@ -4,8 +4,8 @@ import type { Paint, PlacedShape } from '../manifest.ts';
 import type { PaintedSurface } from './lod_builder.ts';
 import { surfaceOf } from './primitives.ts';
 
-/** The colour of a joint's axis between bones: #4d6b99 in linear light, as the edge paints it. */
-const AXIS: Paint = [0.0742, 0.147, 0.3185, 1];
+/** The colour of a joint's axis between bones: #5c85c7 in linear light, as the edge paints it. */
+const AXIS: Paint = [0.1065, 0.233, 0.5705, 1];
 
 /** The mesh of a shape that needs no file, or of a link's bones. */
 export function ownMesh({ shape, bones }: PlacedShape): PaintedSurface[] {

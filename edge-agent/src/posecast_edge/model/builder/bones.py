@@ -67,13 +67,13 @@ class _Skeleton:
         self._ways = self._follow()
 
     def _measure(self) -> list[float]:
-        """For each link the length of the bones around it, m; where all are nothing, of those before it."""
+        """For each link the length of the bones around it, m; at least half of that of the link before it."""
         scales: list[float] = []
         for i, below in enumerate(self._below):
             own = _length(self._tree.joints[i - 1].pose.xyz) if i > 0 else 0.0
             near = max([own, *(_length(joint.pose.xyz) for joint in below)])
             before = scales[self._parents[i - 1]] if i > 0 else 0.0
-            scales.append(near if near > LEAST else before)
+            scales.append(max(near, before / 2))
         return scales
 
     def _follow(self) -> list[NDArray[np.float64] | None]:

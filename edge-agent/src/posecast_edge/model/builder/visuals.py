@@ -30,7 +30,7 @@ from posecast_edge.model.urdf.types import (
 
 GREY = Paint((0.72, 0.74, 0.77, 1.0))
 STAND_IN = Paint((0.93, 0.55, 0.14, 1.0))
-AXIS = Paint((0.3, 0.42, 0.6, 1.0))  # of a joint, between the bones of a robot without shells
+AXIS = Paint((0.36, 0.52, 0.78, 1.0))  # of a joint, between the bones of a robot without shells
 LITTLE = 0.02  # m, half a side of a stand-in of which nothing is known
 
 
@@ -76,7 +76,10 @@ def build_figure(urdf: Urdf, tree: Tree, files: Files) -> Figure:
         maker, shown = _Maker(urdf, tree, files), [[] for _ in tree.links]
         bones = make_bones(tree, ())
     for i in range(len(shown)):
-        shown[i] += maker.bones(i, bones[i]) if i in bones else maker.box(i)
+        if i in bones:
+            shown[i] += maker.bones(i, bones[i])
+        elif not bones:
+            shown[i] += maker.box(i)
     return Figure(tuple(v for visuals in shown for v in visuals), tuple(maker.looks))
 
 
