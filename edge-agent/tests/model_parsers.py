@@ -118,7 +118,12 @@ REFUSED = (ModelRefused,)
 PARSERS = (
     Parser(
         "urdf",
-        ("model.urdf.reader.read_urdf", "model.urdf.reader.load_urdf"),
+        (
+            "model.urdf.reader.read_urdf",
+            "model.urdf.reader.load_urdf",
+            "model.urdf.xml_tree.read_root_tag",
+            "model.robot_file.load_robot_file",
+        ),
         urdf_work,
         REFUSED,
         (ROBOT_OF_ALL,),

@@ -14,6 +14,7 @@ from PIL import Image
 from posecast_edge.model.builder.build import Built, build_model
 from posecast_edge.model.meshes.mesh import Mesh
 from posecast_edge.model.meshes.reader import read_mesh
+from posecast_edge.model.robot_file import load_robot_file
 from posecast_edge.model.urdf.resolver import Resolver
 
 CUBE_CORNERS = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], np.float32)
@@ -52,7 +53,7 @@ def read_mesh_of(folder: Path, name: str, data: bytes, **beside: bytes) -> Mesh:
 
 def build_robot(path: Path, *packages: Path) -> Built:
     """What is built of a URDF, without word of its progress."""
-    return build_model(path, Resolver(path, packages), nothing)
+    return build_model(load_robot_file(path, packages), Resolver(path, packages), nothing)
 
 
 def cube_stl(size: float = 0.2, header: bytes = b"cube") -> bytes:

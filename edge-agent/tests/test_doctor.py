@@ -21,6 +21,7 @@ from model_stage import (
 from posecast_edge.model.builder.model_files import collect_facts, read_visual_files
 from posecast_edge.model.doctor.skeleton import examine_model
 from posecast_edge.model.finding import Finding, ModelRefused
+from posecast_edge.model.robot_file import RobotFile
 from posecast_edge.model.urdf.reader import read_urdf
 from posecast_edge.model.urdf.resolver import Resolver
 from posecast_edge.model.urdf.tree import build_tree
@@ -152,7 +153,7 @@ CORPUS = [
 def diagnose(path: Path) -> list[Finding]:
     with path.open("rb") as source:
         urdf = read_urdf(source)
-    files = read_visual_files(urdf, Resolver(path), lambda *_: None)
+    files = read_visual_files(RobotFile(urdf), Resolver(path), lambda *_: None)
     return examine_model(urdf, build_tree(urdf), collect_facts(files))
 
 

@@ -34,10 +34,11 @@ from posecast_edge.model.builder.simplify import LodChain
 from posecast_edge.model.finding import ModelRefused
 from posecast_edge.model.meshes.normals import compute_crease_normals
 from posecast_edge.model.meshes.weld import CROWD_MAX, weld_vertices
+from posecast_edge.model.robot_file import load_robot_file
 from posecast_edge.model.serve import robot_description as described
 from posecast_edge.model.serve.bundle import ModelError, load_bundle
 from posecast_edge.model.serve.bundle_dir import list_entries
-from posecast_edge.model.urdf.reader import load_urdf, read_urdf
+from posecast_edge.model.urdf.reader import read_urdf
 from posecast_edge.model.urdf.resolver import Resolver
 from posecast_edge.model.urdf.tree import Follow, build_tree
 
@@ -213,8 +214,9 @@ def test_an_axis_of_any_length_has_a_direction(tmp_path: Path) -> None:
 
 def shown(path: Path) -> figure.Figure:
     """What is drawn of a robot."""
-    urdf, resolver = load_urdf(path), Resolver(path)
-    return figure.build_figure(urdf, build_tree(urdf), read_visual_files(urdf, resolver, nothing))
+    robot, resolver = load_robot_file(path), Resolver(path)
+    files = read_visual_files(robot, resolver, nothing)
+    return figure.build_figure(robot.urdf, build_tree(robot.urdf), files)
 
 
 def test_one_mesh_in_a_thousand_sizes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

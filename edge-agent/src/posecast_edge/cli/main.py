@@ -14,6 +14,7 @@ from posecast_wire.schema import SchemaError
 
 from posecast_edge.cli.console import Console
 from posecast_edge.cli.settings import Settings, UsageError, parse_settings
+from posecast_edge.model.robot_file import find_format
 from posecast_edge.model.serve.bundle import ModelError, load_built, load_bundle
 from posecast_edge.model.urdf.resolver import list_package_folders
 from posecast_edge.profile.reader import ProfileError, load_profile
@@ -110,7 +111,9 @@ def _run(settings: Settings, console: Console) -> int:
     model = settings.model or (None if settings.urdf else defaults.model)
     profile = load_profile(profile_path) if profile_path else None
     built = load_built(model) if model else None
-    raw = load_bundle(urdf, list_package_folders(os.environ)) if urdf and not built else None
+    packages = list_package_folders(os.environ)
+    # a page reads URDF; what is written in another format it gets when it has been built
+    raw = load_bundle(urdf, packages) if urdf and not built and find_format(urdf) == "urdf" else None
     if raw:
         raw.log_missing()
     source = open_source(settings.source, profile)
@@ -124,15 +127,16 @@ def _run(settings: Settings, console: Console) -> int:
     if built:
         agent.set_model(built)
     build: BackgroundBuild | DescribedModel | None = None
-    if urdf and raw:
+    if raw:
         agent.set_sliding(raw.sliding)  # the model itself may take a minute
+    if urdf and not built:
         from posecast_edge.model.serve.background import BackgroundBuild  # noqa: PLC0415 - the same
 
         build = BackgroundBuild(urdf, raw, agent.set_model)
     elif isinstance(source, Discovering) and not built:
         from posecast_edge.model.serve.robot_description import DescribedModel  # noqa: PLC0415 - the same
 
-        build = DescribedModel(list_package_folders(os.environ), agent.set_model, agent.set_sliding)
+        build = DescribedModel(packages, agent.set_model, agent.set_sliding)
         source.send_urdf_to(build.take_urdf)
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: agent.stop())

@@ -15,9 +15,10 @@ from posecast_edge.cli.progress_bar import Bar
 from posecast_edge.model.builder.manifest import FINDINGS_MAX
 from posecast_edge.model.doctor.skeleton import examine_model
 from posecast_edge.model.finding import EXTRA, SEVERITIES, Finding, ModelRefused, quote_name
+from posecast_edge.model.robot_file import RobotFile, load_robot_file
 from posecast_edge.model.serve.bundle_dir import MANIFEST, write_folder
 from posecast_edge.model.serve.cache import Cache, find_cache_folder
-from posecast_edge.model.urdf.reader import load_urdf, read_urdf
+from posecast_edge.model.urdf.reader import read_urdf
 from posecast_edge.model.urdf.resolver import Resolver, list_package_folders
 from posecast_edge.model.urdf.tree import build_tree
 from posecast_edge.model.urdf.types import Urdf
@@ -82,10 +83,11 @@ def run_command(argv: Sequence[str], environment: Mapping[str, str]) -> int:
 
 def _doctor(args: argparse.Namespace, packages: Sequence[Path]) -> int:
     profile = load_profile(args.profile) if args.profile is not None else None
-    urdf = load_urdf(args.urdf) if args.urdf is not None else None
+    robot = load_robot_file(args.urdf, packages) if args.urdf is not None else None
+    urdf = robot.urdf if robot is not None else None
     findings: list[Finding] = []
-    if urdf is not None:
-        findings += _model(args.urdf, urdf, packages, profile)
+    if robot is not None:
+        findings += _model(args.urdf, robot, packages, profile)
     if args.source is not None:
         findings += _source(args, profile, urdf)
     if profile is not None and urdf is None and args.source is None:
@@ -95,7 +97,8 @@ def _doctor(args: argparse.Namespace, packages: Sequence[Path]) -> int:
     return PROBLEMS if any(f.severity != "hint" for f in findings) else CLEAN
 
 
-def _model(path: Path, urdf: Urdf, packages: Sequence[Path], profile: Profile | None) -> list[Finding]:
+def _model(path: Path, robot: RobotFile, packages: Sequence[Path], profile: Profile | None) -> list[Finding]:
+    urdf = robot.urdf
     try:
         from posecast_edge.model.builder.model_files import collect_facts, read_visual_files  # noqa: PLC0415 - an extra
     except ImportError:
@@ -103,7 +106,7 @@ def _model(path: Path, urdf: Urdf, packages: Sequence[Path], profile: Profile | 
         _print(sys.stderr, f"posecast-edge: meshes not looked at: {NEEDS_EXTRA}")
     else:
         with Bar(sys.stderr) as bar:
-            files = read_visual_files(urdf, Resolver(path, packages), bar.show_progress)
+            files = read_visual_files(robot, Resolver(path, packages), bar.show_progress)
         facts = collect_facts(files)
     findings = examine_model(urdf, build_tree(urdf), facts, profile.mapping if profile else None)
     _list(findings, lambda finding: finding.format_line(str(path)))
@@ -156,12 +159,12 @@ def _build(path: Path, packages: Sequence[Path], out: Path, cache: Path | None) 
     kept = Cache(cache, path, packages) if cache is not None else None
     files = kept.get() if kept is not None else None
     if files is None:
-        resolver = Resolver(path, packages)
+        robot, resolver = load_robot_file(path, packages), Resolver(path, packages)
         with Bar(sys.stderr) as bar:
-            built = build_model(path, resolver, bar.show_progress)
+            built = build_model(robot, resolver, bar.show_progress)
         files = {**built.files, MANIFEST: built.manifest}
         if kept is not None:
-            kept.put(files, resolver)
+            kept.put(files, resolver, robot.inputs)
     write_folder(out, files)
     _report(path, out, json.loads(files[MANIFEST]))
     return CLEAN

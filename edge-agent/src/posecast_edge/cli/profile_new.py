@@ -14,7 +14,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from posecast_edge.model.finding import ModelRefused
-from posecast_edge.model.urdf.reader import load_urdf
+from posecast_edge.model.robot_file import load_robot_file
 from posecast_edge.model.urdf.tree import build_tree
 from posecast_edge.model.urdf.types import Joint, Urdf
 from posecast_edge.profile.field_defaults import SLIDING
@@ -40,7 +40,7 @@ def run_profile(argv: Sequence[str]) -> int:
     new.add_argument("-o", "--out", type=Path, help="the file; without, it is printed")
     args = parser.parse_args(argv)
     try:
-        urdf = load_urdf(args.urdf)
+        urdf = load_robot_file(args.urdf).urdf
         text = make_profile_text(urdf, args.urdf.name)
         if args.out is None:
             sys.stdout.write(text)

@@ -1,5 +1,5 @@
-"""Builds a bundle from a URDF: three levels of detail, a thumbnail and a manifest. The same input gives the
-same bytes."""
+"""Builds a bundle from a robot's description: three levels of detail, a thumbnail and a manifest. The same
+input gives the same bytes."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ import math
 from bisect import bisect_left
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -33,7 +32,8 @@ from posecast_edge.model.finding import Finding, ModelRefused, quote_name
 from posecast_edge.model.kinematics import compute_link_poses, matrix_from_quaternion, quaternion_from_rpy
 from posecast_edge.model.meshes.mesh import Paint
 from posecast_edge.model.meshes.texture import compute_mean_colour
-from posecast_edge.model.urdf.reader import NAME_MAX, load_urdf
+from posecast_edge.model.robot_file import RobotFile
+from posecast_edge.model.urdf.reader import NAME_MAX
 from posecast_edge.model.urdf.resolver import URI_MAX, Resolver
 from posecast_edge.model.urdf.tree import build_tree
 
@@ -85,9 +85,9 @@ class Built:
     document: dict[str, Any]
 
 
-def build_model(urdf_path: Path, resolver: Resolver, progress: Progress) -> Built:
-    """Build the bundle of a URDF. Raises ModelRefused when the file contains no robot at all."""
-    urdf = load_urdf(urdf_path)
+def build_model(robot: RobotFile, resolver: Resolver, progress: Progress) -> Built:
+    """Build a robot's bundle. Raises ModelRefused when there is no robot at all in it."""
+    urdf = robot.urdf
     tree = build_tree(urdf)
     if not tree.links:
         unexpanded = (f for f in urdf.findings if f.code == "xacro")
@@ -98,7 +98,7 @@ def build_model(urdf_path: Path, resolver: Resolver, progress: Progress) -> Buil
             raise ModelRefused(
                 f"joint {quote_name(joint.name)}: an origin more than 10,000 km away", joint.line
             )
-    files = read_visual_files(urdf, resolver, progress)
+    files = read_visual_files(robot, resolver, progress)
     figure = build_figure(urdf, tree, files)
     document: dict[str, Any] = {"v": VERSION, "robot": urdf.name[:NAME_MAX], **make_skeleton(urdf, tree)}
     poses = [np.array(p) for p in compute_link_poses(document, compute_home(document)).values()]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,8 +11,9 @@ from posecast_edge.model.finding import ModelRefused
 from posecast_edge.model.meshes.mesh import Mesh
 from posecast_edge.model.meshes.reader import read_mesh
 from posecast_edge.model.meshes.side_files import SideFiles
+from posecast_edge.model.robot_file import RobotFile
 from posecast_edge.model.urdf.resolver import Resolver
-from posecast_edge.model.urdf.types import Urdf, find_material
+from posecast_edge.model.urdf.types import find_material
 
 TRIANGLES_MAX = 10_000_000  # of all meshes
 
@@ -21,8 +22,8 @@ Progress = Callable[[int, int, str], None]  # done, of how many, what
 
 @dataclass(frozen=True)
 class MeshFile:
-    """The mesh behind a URI, or the reason why there is none. `hint`: how it was found despite a wrong
-    URI."""
+    """The mesh behind a URI, or the reason why there is none. `path`: None where it needs no file; `hint`:
+    how it was found despite a wrong URI."""
 
     uri: str
     path: Path | None
@@ -36,9 +37,13 @@ class Files:
     """The meshes and pictures that one URDF names, read on demand, with at most TRIANGLES_MAX triangles in
     total."""
 
-    def __init__(self, resolver: Resolver, textured: Collection[str] = ()) -> None:
-        """`textured`: URIs of meshes for which the URDF has a picture."""
+    def __init__(
+        self, resolver: Resolver, textured: Collection[str] = (), meshes: Mapping[str, Mesh] | None = None
+    ) -> None:
+        """`textured`: URIs of meshes for which the URDF has a picture; `meshes`: those that need no file, by
+        URI."""
         self._resolver = resolver
+        self._meshes = meshes or {}
         self._textured = textured
         self._by_uri: dict[str, MeshFile] = {}
         self._by_path: dict[tuple[Path, bool], Mesh | str] = {}
@@ -55,6 +60,8 @@ class Files:
         return iter(self._by_uri.values())
 
     def _read(self, uri: str) -> MeshFile:
+        if uri in self._meshes:
+            return self._take(uri, self._meshes[uri])
         try:
             found = self._resolver.find_file(uri)
         except ModelRefused as e:
@@ -67,6 +74,13 @@ class Files:
         if isinstance(loaded, str):
             return MeshFile(uri, found.path, None, loaded, found.hint, size)
         return MeshFile(uri, found.path, loaded, None, found.hint, size)
+
+    def _take(self, uri: str, mesh: Mesh) -> MeshFile:
+        """A mesh that needs no file."""
+        if self.triangles > TRIANGLES_MAX:
+            return MeshFile(uri, None, None, _too_many(), None, 0)
+        self.triangles += mesh.triangles
+        return MeshFile(uri, None, mesh, None, None, 0)
 
     def find_picture(self, uri: str) -> bytes | None:
         """The picture behind a URI, or None; `list_missing` then gives the reason."""
@@ -85,7 +99,7 @@ class Files:
 
     def _load(self, path: Path, keep_uv: bool) -> Mesh | str:
         if self.triangles > TRIANGLES_MAX:
-            return f"left out: the robot has more than {TRIANGLES_MAX:,} triangles already"
+            return _too_many()
         try:
             mesh = read_mesh(path, self._resolver, keep_uv, self._shelf)
         except ModelRefused as e:
@@ -96,8 +110,13 @@ class Files:
         return mesh
 
 
-def read_visual_files(urdf: Urdf, resolver: Resolver, progress: Progress) -> Files:
+def _too_many() -> str:
+    return f"left out: the robot has more than {TRIANGLES_MAX:,} triangles already"
+
+
+def read_visual_files(robot: RobotFile, resolver: Resolver, progress: Progress) -> Files:
     """Read all files that visuals need, and report progress."""
+    urdf = robot.urdf
     pictures: dict[str, None] = {}
     textured: set[str] = set()
     for shape in (s for link in urdf.links for s in link.visuals):
@@ -105,7 +124,7 @@ def read_visual_files(urdf: Urdf, resolver: Resolver, progress: Progress) -> Fil
         if shape.geometry is not None and material is not None and material.texture:
             pictures[material.texture] = None
             textured.add(shape.geometry.uri)
-    files = Files(resolver, textured)
+    files = Files(resolver, textured, robot.meshes)
     for uri in pictures:
         files.find_picture(uri)
     shapes = [s.geometry for link in urdf.links for s in link.visuals if s.geometry is not None]

@@ -137,7 +137,7 @@ class _Maker:
         file = self._files[geometry.uri] if geometry.kind == "mesh" else None
         if file is not None and file.mesh is None:
             raise ModelRefused(file.reason or "can't be read")
-        key = (file.path if file else geometry.kind, geometry.dims, geometry.scale, paint, mark)
+        key = ((file.path or file.uri) if file else geometry.kind, geometry.dims, geometry.scale, paint, mark)
         if key not in self._numbers:
             made = file.mesh if file else None
             mesh = made or validate_mesh(tessellate(geometry.kind, geometry.dims))

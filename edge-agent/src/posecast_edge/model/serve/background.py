@@ -13,7 +13,7 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from posecast_edge.model.finding import EXTRA
@@ -24,6 +24,7 @@ log = logging.getLogger("posecast_edge.model")
 NEEDED = ("meshoptimizer", "numpy", "PIL")  # the extra [model]
 BUILD_MAX_S = 900.0
 STOP_S = 2.0
+WRITTEN = (0, 1)  # exit statuses; 1: of stand-ins alone
 NICE = 10  # the robot's own programs go first
 
 
@@ -36,8 +37,16 @@ class BackgroundBuild:
     """Calls `ready` with the built bundle, or with the raw one if it can't be built; at once if the mesh
     tools are missing."""
 
-    def __init__(self, urdf: Path, raw: Bundle, ready: Callable[[Bundle], None]) -> None:
-        self._urdf, self._raw, self._ready = urdf, raw, ready
+    def __init__(
+        self,
+        urdf: Path,
+        raw: Bundle | None,
+        ready: Callable[[Bundle], None],
+        options: Sequence[str] = (),
+    ) -> None:
+        """`raw`: None for a format that only the builder reads; `options`: of `model build`, such as package
+        folders."""
+        self._urdf, self._raw, self._ready, self._options = urdf, raw, ready, options
         self._folder: tempfile.TemporaryDirectory[str] | None = None
         self._process: subprocess.Popen[str] | None = None
         self._lock = threading.Lock()
@@ -48,6 +57,9 @@ class BackgroundBuild:
         """Start the build; `ready` is called by another thread."""
         if can_build():
             self._thread.start()
+            return
+        if self._raw is None:
+            log.warning("model: %s is not shown: it needs the mesh tools: %s", self._urdf, EXTRA)
             return
         log.warning(
             "model: meshes go as they are, %.1f MB; to make them small, %s", _megabytes(self._raw), EXTRA
@@ -71,13 +83,16 @@ class BackgroundBuild:
             bundle = self._built()
         except (ModelError, OSError, subprocess.SubprocessError) as e:
             if not self._stopping:
-                log.warning("model: not built, meshes go as they are: %s", e)
-                self._ready(self._raw)
+                otherwise = "not shown" if self._raw is None else "not built, meshes go as they are"
+                log.warning("model: %s: %s", otherwise, e)
+                if self._raw is not None:
+                    self._ready(self._raw)
             return
         if self._stopping:
             return
         took_s = time.monotonic() - began_s
-        log.info("model: %.1f MB of %.1f MB, after %.1f s", _megabytes(bundle), _megabytes(self._raw), took_s)
+        raw = f" of {_megabytes(self._raw):.1f} MB" if self._raw is not None else ""
+        log.info("model: %.1f MB%s, after %.1f s", _megabytes(bundle), raw, took_s)
         if problems := _problems(bundle):
             log.warning("model: %s; posecast-edge doctor --urdf %s names them", problems, self._urdf)
         self._ready(bundle)
@@ -86,7 +101,8 @@ class BackgroundBuild:
         """ModelError with the builder's last word."""
         self._folder = tempfile.TemporaryDirectory(prefix="posecast-model-", ignore_cleanup_errors=True)
         out = Path(self._folder.name, "bundle")
-        command = [sys.executable, "-m", "posecast_edge", "model", "build", str(self._urdf), "-o", str(out)]
+        program = [sys.executable, "-m", "posecast_edge", "model", "build"]
+        command = [*program, str(self._urdf), "-o", str(out), *self._options]
         with self._lock:
             if self._stopping:
                 raise ModelError("stopped")
@@ -106,7 +122,7 @@ class BackgroundBuild:
             except subprocess.TimeoutExpired:
                 process.kill()
                 raise
-        if process.returncode != 0:
+        if process.returncode not in WRITTEN:
             last = said.strip().rpartition("\n")[2] or f"exit status {process.returncode}"
             raise ModelError(last.removeprefix("posecast-edge: "))
         return load_built(out)

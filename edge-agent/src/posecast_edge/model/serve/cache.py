@@ -31,12 +31,19 @@ def find_cache_folder(environment: Mapping[str, str]) -> Path | None:
 
 
 class Cache:
-    """The cache entry for one URDF and its package folders."""
+    """The cache entry for one robot's file, its package folders and xacro's arguments."""
 
-    def __init__(self, folder: Path, urdf: Path, packages: Sequence[Path]) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        urdf: Path,
+        packages: Sequence[Path],
+        xacro_arguments: Mapping[str, str] | None = None,
+    ) -> None:
         self._urdf = resolve_links(urdf)
         self._packages = packages
-        name = "\0".join(map(str, (BUILDER, self._urdf, *map(resolve_links, packages))))
+        given = sorted(f"{name}:={value}" for name, value in (xacro_arguments or {}).items())
+        name = "\0".join(map(str, (BUILDER, self._urdf, *map(resolve_links, packages), *given)))
         self._entry = folder / hashlib.sha256(os.fsencode(name)).hexdigest()[:32]
 
     def get(self) -> dict[str, bytes] | None:
@@ -44,7 +51,9 @@ class Cache:
         changed."""
         try:
             inputs = json.loads((self._entry / INPUTS).read_bytes())
-            if inputs["urdf"] != _digest(self._urdf) or not self._same(inputs["asked"]):
+            if any(_digest(Path(path)) != digest for path, digest in inputs["read"].items()):
+                return None
+            if not self._same(inputs["asked"]):
                 return None
             files = read_folder(self._entry)
             os.utime(self._entry)
@@ -52,15 +61,17 @@ class Cache:
             return None
         return files
 
-    def put(self, files: Mapping[str, bytes], resolver: Resolver) -> None:
-        """Store a bundle. Does nothing if the cache can't be written."""
+    def put(self, files: Mapping[str, bytes], resolver: Resolver, inputs: Sequence[Path] = ()) -> None:
+        """Store a bundle. `inputs`: the files that were read besides those that `resolver` found. Does
+        nothing if the cache can't be written."""
         asked = [[*name, str(path) if path else None, _digest(path)] for name, path in resolver.asked.items()]
-        inputs = json.dumps({"urdf": _digest(self._urdf), "asked": asked}).encode()
+        read = {str(path): _digest(path) for path in (self._urdf, *inputs)}
+        content = json.dumps({"read": read, "asked": asked}).encode()
         with contextlib.suppress(OSError):
             self._entry.parent.mkdir(parents=True, exist_ok=True)
             part = Path(tempfile.mkdtemp(prefix="part-", dir=self._entry.parent))
             write_folder(part, files)
-            (part / INPUTS).write_bytes(inputs)
+            (part / INPUTS).write_bytes(content)
             shutil.rmtree(self._entry, ignore_errors=True)
             part.rename(self._entry)
             self._prune()

@@ -24,6 +24,12 @@ DECLARATION_MAX = 200  # bytes
 NO_ATTRIBUTES: Mapping[str, str] = {}
 
 
+class _RootReached(Exception):
+    def __init__(self, tag: str) -> None:
+        super().__init__(tag)
+        self.tag = tag
+
+
 class Element:
     """One element. `text`: the characters directly inside it, "" unless requested."""
 
@@ -136,6 +142,23 @@ def read_xml(
     except (LookupError, UnicodeError, ValueError) as e:  # an encoding nobody knows
         raise ModelRefused(f"not XML: {e}", parser.CurrentLineNumber) from None
     return root[0]
+
+
+def read_root_tag(source: BinaryIO) -> str | None:
+    """The root element's tag, from the beginning of a file; None where there is none."""
+    parser = expat.ParserCreate()
+
+    def start(tag: str, _attributes: dict[str, str]) -> None:
+        raise _RootReached(tag)
+
+    parser.StartElementHandler = start
+    try:
+        parser.Parse(_without_late_declaration(source.read(CHUNK)), False)
+    except _RootReached as e:
+        return e.tag
+    except (expat.ExpatError, LookupError, UnicodeError, ValueError):
+        return None  # its reader says what is wrong
+    return None
 
 
 def _prefixes(tag: str, attributes: Mapping[str, str]) -> Iterator[str]:

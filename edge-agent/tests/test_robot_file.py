@@ -1,0 +1,97 @@
+"""A robot's description is read by what stands in the file, not by its name."""
+
+from __future__ import annotations
+
+import sys
+import types
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from model_stage import cube_stl, link, mesh, nothing, robot
+from posecast_edge.model.builder.build import build_model
+from posecast_edge.model.finding import ModelRefused
+from posecast_edge.model.meshes.mesh import Mesh
+from posecast_edge.model.meshes.stl import read_stl
+from posecast_edge.model.robot_file import MJCF_READER, RobotFile, find_format, load_robot_file
+from posecast_edge.model.serve.background import BackgroundBuild
+from posecast_edge.model.urdf.resolver import Resolver
+
+FORMATS: dict[str, tuple[bytes, str]] = {
+    "plain": (b"<robot/>", "urdf"),
+    "marked": (b"\xef\xbb\xbf<?xml version='1.0'?>\n<mujoco/>", "mjcf"),
+    "late": (b"<!-- mine -->\n<?xml version='1.0'?><mujoco model='m'/>", "mjcf"),
+    "wide": ("<?xml version='1.0' encoding='utf-16'?><mujoco/>".encode("utf-16"), "mjcf"),
+    "bomb": (b"<!DOCTYPE r [<!ENTITY a 'b'>]><robot>&a;</robot>", "urdf"),
+    "other": (b"<html/>", "urdf"),
+    "empty": (b"", "urdf"),
+    "none": (b"\x00\xff", "urdf"),
+}
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_the_format_is_found_by_content(name: str, tmp_path: Path) -> None:
+    content, expected = FORMATS[name]
+    path = tmp_path / "robot.txt"
+    path.write_bytes(content)
+    assert find_format(path) == expected
+
+
+def test_a_urdf_yields_itself(tmp_path: Path) -> None:
+    path = tmp_path / "robot.urdf"
+    path.write_text(robot(link("a")))
+    found = load_robot_file(path)
+    assert [x.name for x in found.urdf.links] == ["a"]
+    assert (found.meshes, found.inputs) == ({}, (path,))
+
+
+def test_a_file_that_is_not_there(tmp_path: Path) -> None:
+    with pytest.raises(ModelRefused, match="No such file"):
+        load_robot_file(tmp_path / "gone.urdf")
+
+
+def reader_of(load: Callable[[Path], RobotFile]) -> types.ModuleType:
+    module = types.ModuleType(MJCF_READER)
+    module.load_mjcf = load  # type: ignore[attr-defined]
+    return module
+
+
+def test_mjcf_has_a_reader_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "robot.xml"
+    path.write_text("<mujoco/>")
+    made = RobotFile(load_robot_file(written_urdf(tmp_path)).urdf)
+    monkeypatch.setitem(sys.modules, MJCF_READER, reader_of(lambda _: made))
+    assert load_robot_file(path) is made
+
+
+def written_urdf(folder: Path, *uris: str) -> Path:
+    path = folder / "robot.urdf"
+    path.write_text(robot(link("a", "".join(map(mesh, uris)))))
+    return path
+
+
+def test_a_mesh_of_the_file_itself_needs_no_other(tmp_path: Path) -> None:
+    cube: Mesh = read_stl(cube_stl())
+    path = written_urdf(tmp_path, "mjcf:cube", "mjcf:cube", "mjcf:gone")
+    found = RobotFile(load_robot_file(path).urdf, {"mjcf:cube": cube})
+    built = build_model(found, Resolver(path), nothing)
+    assert [v.get("placeholder") for v in built.document["visuals"]] == [
+        None,
+        None,
+        "mjcf: addresses are not fetched",
+    ]
+    assert [m["uri"] for m in built.document["missing"]] == ["mjcf:gone"]
+    assert len(built.figure.looks) == 2
+
+
+def test_what_only_the_builder_reads_is_not_shown_without_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setitem(sys.modules, "numpy", None)
+    shown: list[object] = []
+    build = BackgroundBuild(tmp_path / "robot.xml", None, shown.append)
+    build.start()
+    build.stop()
+    assert shown == []
+    [record] = caplog.records
+    assert "robot.xml is not shown: it needs the mesh tools: pip install" in record.getMessage()
