@@ -133,6 +133,14 @@ def test_obj_materials(tmp_path: Path) -> None:
     assert rgba == [(1, 0, 0, 1), (0, 0, 1, 0.4), (0.8, 0.8, 0.8, 1), None]
 
 
+def test_obj_and_its_materials_with_a_byte_order_mark(tmp_path: Path) -> None:
+    mark = b"\xef\xbb\xbf"
+    first = mark + b"v 0 0 0\n" + cube_obj("mtllib a.mtl\nusemtl m\n").replace(b"v 0.0 0.0 0.0\n", b"", 1)
+    mesh = read_mesh_of(tmp_path, "a.obj", first, a_mtl=mark + b"newmtl m\nKd 1 0 0\n")
+    assert (mesh.triangles, mesh.notes) == (12, ())
+    assert [s.paint and s.paint.rgba for s in mesh.surfaces] == [(1.0, 0.0, 0.0, 1.0)]
+
+
 def test_obj_counts_from_the_end(tmp_path: Path) -> None:
     mesh = read_mesh_of(tmp_path, "a.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf -3 -2 -1\n")
     assert mesh.surfaces[0].faces.tolist() == [[0, 1, 2]]

@@ -45,6 +45,19 @@ def test_build_names_what_is_wrong(tmp_path: Path, capsys: pytest.CaptureFixture
     assert said.err == f"{path}:3: error: mesh 'meshes/b.stl' of link 'b': no such file [mesh-missing]\n"
 
 
+def test_a_body_of_stand_ins_alone_is_a_problem(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = written(tmp_path / "model", robot(link("a", mesh("meshes/b.stl"))))
+    out = tmp_path / "bundle"
+    for _ in range(2):  # the second time from the cache
+        assert run_command(["model", "build", str(path), "-o", str(out)], environment(tmp_path)) == PROBLEMS
+        said = capsys.readouterr().err.splitlines()
+        assert said[1:] == [
+            f"posecast-edge: {path}: nothing but stand-ins can be shown of it; "
+            "--package-path DIR says where its meshes are"
+        ]
+        assert "high.glb" in read_folder(out)
+
+
 def test_cache_is_used_until_anything_changes(tmp_path: Path) -> None:
     path = written(tmp_path / "model", HEALTHY)
     out, cache = tmp_path / "bundle", tmp_path / "cache/posecast/models"
@@ -121,7 +134,7 @@ def test_a_user_without_a_home(
     monkeypatch.delenv("HOME", raising=False)
     monkeypatch.setattr("pwd.getpwuid", {}.__getitem__)
     path = written(tmp_path / "model", robot(link("a", mesh("package://model/gone.stl"))))
-    assert run_command(["model", "build", str(path), "-o", str(tmp_path / "out")], {}) == CLEAN
+    assert run_command(["model", "build", str(path), "-o", str(tmp_path / "out")], {}) == PROBLEMS
     assert "no such file" in capsys.readouterr().err
 
 

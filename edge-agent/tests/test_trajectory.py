@@ -195,3 +195,8 @@ def test_200_hz_in_real_time(tmp_path: Path) -> None:
         assert isinstance(ref, list)
         assert ref[0] == pytest.approx(sample.t_s * 200), "the row of its instant"
     assert all(at_s >= sample.t_s - 0.001 for at_s, sample in samples), "never early"
+
+
+def test_a_byte_order_mark_is_passed_over(tmp_path: Path) -> None:
+    marked = advance(source(tmp_path, "\ufeff1 2 3\n"), 0.5)
+    assert marked == advance(source(tmp_path, "1 2 3\n"), 0.5)

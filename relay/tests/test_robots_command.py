@@ -96,6 +96,14 @@ def test_the_authority_goes_along(tmp_path: Path) -> None:
     assert "".join(found.ca.split()) == "".join((tmp_path / "ca.pem").read_text().split())
 
 
+def test_a_byte_order_mark_is_passed_over(tmp_path: Path) -> None:
+    path = tmp_path / "robots.toml"
+    path.write_bytes(b"\xef\xbb\xbf[robots.hubo]\n")
+    path.chmod(0o600)
+    Credential.parse(robots(path, "add", "nao").stdout)
+    assert robots(path, "remove", "hubo").returncode == 0, "it is still in the file"
+
+
 def test_what_cannot_be_done_is_one_line(tmp_path: Path) -> None:
     path = tmp_path / "robots.toml"
     assert "no robot 'hubo' in" in refused(path, "remove", "hubo")

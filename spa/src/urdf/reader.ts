@@ -55,7 +55,7 @@ class UrdfReader implements Urdf {
   links: Link[] = [];
   readonly joints: Joint[] = [];
   readonly materials = new Map<string, Material>();
-  readonly sensors: { name: string; link: string; line: number | null }[] = [];
+  sensors: { name: string; link: string; line: number | null }[] = [];
   readonly references: { what: string; name: string; by: string; line: number | null }[] = [];
   readonly findings: Finding[] = [];
   readonly #collisions = new Map<Link, readonly Visual[]>();
@@ -73,10 +73,11 @@ class UrdfReader implements Urdf {
     for (const element of root.children) {
       if (element.tag === 'link') this.#link(element);
       else if (element.tag === 'joint') this.#joint(element);
-      else if (element.tag === 'sensor') this.#sensor(element, element.first('parent')?.get('link') ?? '');
+      else if (element.tag === 'sensor') this.#sensorOf(element, element.first('parent'));
       else if (element.tag === 'gazebo') this.#gazebo(element);
       else if (element.tag === 'transmission') this.#transmission(element);
     }
+    this.#mountOnLinks();
     this.#showSomething(root);
   }
 
@@ -256,6 +257,20 @@ class UrdfReader implements Urdf {
     if (element.first('pose') === null) this.#origin(element, 'sensor');
     const name = element.get('name') || kind || 'sensor';
     this.sensors.push({ name: [...name].slice(0, MAX_NAME).join(''), link, line: element.line });
+  }
+
+  #sensorOf(element: XmlElement, parent: XmlElement | null): void {
+    this.#sensor(element, parent?.get('link') || parent?.get('joint') || '');
+  }
+
+  /** Mounts a sensor that is said to sit on a joint, as force sensors do, on the joint's child. */
+  #mountOnLinks(): void {
+    const links = new Set(this.links.map(({ name }) => name));
+    const children = new Map<string, string>();
+    for (const { name, child } of this.joints) if (!children.has(name)) children.set(name, child);
+    this.sensors = this.sensors.map((sensor) =>
+      links.has(sensor.link) ? sensor : { ...sensor, link: children.get(sensor.link) ?? sensor.link },
+    );
   }
 
   #gazebo(element: XmlElement): void {

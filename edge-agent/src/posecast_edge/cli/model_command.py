@@ -166,11 +166,11 @@ def _build(path: Path, packages: Sequence[Path], out: Path, cache: Path | None) 
         if kept is not None:
             kept.put(files, resolver, robot.inputs)
     write_folder(out, files)
-    _report(path, out, json.loads(files[MANIFEST]))
-    return CLEAN
+    return _report(path, out, json.loads(files[MANIFEST]))
 
 
-def _report(path: Path, out: Path, manifest: Mapping[str, Any]) -> None:
+def _report(path: Path, out: Path, manifest: Mapping[str, Any]) -> int:
+    """The exit status: 1 when there is something to see, and all of it is stand-ins."""
     for finding in manifest.get("findings", []):
         if finding["severity"] != "hint":
             said = Finding(finding["severity"], finding["code"], finding["text"], finding.get("line"))
@@ -184,6 +184,11 @@ def _report(path: Path, out: Path, manifest: Mapping[str, Any]) -> None:
         _print(
             sys.stdout, f"  {level['name']:7}{size:>10}{level['triangles']:>10,} triangles, within {error}"
         )
+    if stand_ins == 0 or stand_ins < len(manifest["visuals"]):
+        return CLEAN
+    text = "nothing but stand-ins can be shown of it; --package-path DIR says where its meshes are"
+    _print(sys.stderr, f"posecast-edge: {path}: {text}")
+    return PROBLEMS
 
 
 def _print(out: Any, text: str) -> None:

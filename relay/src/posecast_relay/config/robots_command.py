@@ -150,7 +150,7 @@ def _document(path: Path) -> tomlkit.TOMLDocument:
         doc.add(tomlkit.comment(HEAD))
         return doc
     read_robots(path)  # what the relay would refuse is not to be built upon
-    return tomlkit.parse(path.read_text())
+    return tomlkit.parse(path.read_text("utf-8-sig"))
 
 
 def _changed(doc: tomlkit.TOMLDocument, asked: argparse.Namespace, ca: str | None) -> str | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from codecs import BOM_UTF8
 from dataclasses import dataclass, field
 from itertools import chain
 
@@ -51,7 +52,7 @@ def read_obj(data: bytes, load: Load, keep_uv: bool = False, pictures: Pictures 
     library = _Library(load, pictures or Pictures(), notes)
     group = groups.setdefault("", _Group())
     triangles = 0
-    for line in data.replace(b"\\\r\n", b" ").replace(b"\\\n", b" ").splitlines():
+    for line in data.removeprefix(BOM_UTF8).replace(b"\\\r\n", b" ").replace(b"\\\n", b" ").splitlines():
         word, _, rest = line.strip().partition(b" ")
         if word == b"v":
             vertices.append(rest)
@@ -162,7 +163,7 @@ class _Library:
             return
         self._known.add(name)
         try:
-            text = self._load(name).decode("utf-8", "replace")
+            text = self._load(name).removeprefix(BOM_UTF8).decode("utf-8", "replace")
         except ModelRefused as e:
             self._notes.add("material-file", f"its material library {quote_name(name)}: {e.reason}")
             return

@@ -94,6 +94,7 @@ class _Reader:
         for element in root.children:
             if reader := readers.get(element.tag):
                 reader(element)
+        self._mount_on_links()
         self._show_something(root)
 
     def _note(self, severity: str, code: str, text: str, element: Element) -> None:
@@ -269,7 +270,8 @@ class _Reader:
 
     def _sensor(self, element: Element) -> None:
         parent = element.find_first("parent")
-        self._add_sensor(element, (parent.get("link") if parent else None) or "")
+        of = (parent.get("link") or parent.get("joint")) if parent else None
+        self._add_sensor(element, of or "")
 
     def _add_sensor(self, element: Element, link: str) -> None:
         kind = element.get("type") or next((c.tag for c in element.children if c.tag in _SENSOR_TAGS), "")
@@ -283,6 +285,15 @@ class _Reader:
         kind = (kind or "sensor")[:NAME_MAX]
         name = (element.get("name") or kind)[:NAME_MAX]
         self.urdf.sensors.append(Sensor(name, kind, link, pose, element.line))
+
+    def _mount_on_links(self) -> None:
+        """A sensor that is said to sit on a joint, as force sensors do, sits on the joint's child."""
+        links, children = {link.name for link in self.urdf.links}, dict[str, str]()
+        for joint in self.urdf.joints:
+            children.setdefault(joint.name, joint.child)
+        self.urdf.sensors = [
+            s if s.link in links else replace(s, link=children.get(s.link, s.link)) for s in self.urdf.sensors
+        ]
 
     def _gazebo(self, element: Element) -> None:
         reference = element.get("reference")

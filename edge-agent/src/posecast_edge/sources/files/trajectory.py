@@ -118,7 +118,7 @@ class TrajectorySource:
 
     def _open(self) -> TextIO:
         try:
-            return open(self._path, encoding="utf-8", errors="replace")
+            return open(self._path, encoding="utf-8-sig", errors="replace")
         except OSError as e:
             raise SourceError(f"{self._path}: {e.strerror or e}") from None
 
