@@ -79,7 +79,7 @@ def test_a_file_that_xacro_has_made_elsewhere(tmp_path: Path) -> None:
     urdf = written(tmp_path / "elsewhere", robot(link("a", mesh(f"file://{package}/meshes/a.stl"))))
     [finding] = [f for f in build_robot(urdf).findings if f.severity == "error"]
     assert finding.code == "mesh-outside"
-    assert "--packages" in finding.text
+    assert "--package-path" in finding.text
     assert len(shown(build_robot(urdf, tmp_path / "ws/src"))) == 1
 
 

@@ -65,7 +65,7 @@ def test_package_folders_of_the_user(tmp_path: Path) -> None:
     one = placed(tmp_path / "one/arm_pkg/meshes/a.stl")
     two = placed(named(tmp_path / "two/src/other-name", "arm_two") / "a.stl")
     direct = placed(tmp_path / "three/arm_three/a.stl")
-    with pytest.raises(ModelRefused, match=r"no package 'arm_pkg'.*--packages"):
+    with pytest.raises(ModelRefused, match=r"no package 'arm_pkg'.*--package-path"):
         Resolver(urdf).find_file("package://arm_pkg/meshes/a.stl")
     resolver = Resolver(
         urdf, [tmp_path / "one", tmp_path / "two", tmp_path / "three/arm_three", tmp_path / "gone"]

@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, NoReturn
 from posecast_wire.schema import SchemaError
 
 from posecast_edge.cli.console import Console
+from posecast_edge.cli.robot_flags import list_packages
 from posecast_edge.cli.settings import Settings, UsageError, parse_settings
 from posecast_edge.model.robot_file import find_format
 from posecast_edge.model.serve.bundle import ModelError, load_built, load_bundle
-from posecast_edge.model.urdf.resolver import list_package_folders
 from posecast_edge.profile.reader import ProfileError, load_profile
 from posecast_edge.sample import SourceError
 from posecast_edge.sources.base import Discovering
@@ -111,7 +111,7 @@ def _run(settings: Settings, console: Console) -> int:
     model = settings.model or (None if settings.urdf else defaults.model)
     profile = load_profile(profile_path) if profile_path else None
     built = load_built(model) if model else None
-    packages = list_package_folders(os.environ)
+    packages = list_packages(settings.packages, os.environ)
     # a page reads URDF; what is written in another format it gets when it has been built
     raw = load_bundle(urdf, packages) if urdf and not built and find_format(urdf) == "urdf" else None
     if raw:
@@ -132,7 +132,7 @@ def _run(settings: Settings, console: Console) -> int:
     if urdf and not built:
         from posecast_edge.model.serve.background import BackgroundBuild  # noqa: PLC0415 - the same
 
-        build = BackgroundBuild(urdf, raw, agent.set_model)
+        build = BackgroundBuild(urdf, raw, agent.set_model, settings.list_model_options())
     elif isinstance(source, Discovering) and not built:
         from posecast_edge.model.serve.robot_description import DescribedModel  # noqa: PLC0415 - the same
 

@@ -12,14 +12,15 @@ from typing import Any, NoReturn
 
 from posecast_edge.cli.doctor import examine_source
 from posecast_edge.cli.progress_bar import Bar
+from posecast_edge.cli.robot_flags import add_robot_flags, list_packages
 from posecast_edge.model.builder.manifest import FINDINGS_MAX
 from posecast_edge.model.doctor.skeleton import examine_model
 from posecast_edge.model.finding import EXTRA, SEVERITIES, Finding, ModelRefused, quote_name
-from posecast_edge.model.robot_file import RobotFile, load_robot_file
+from posecast_edge.model.robot_file import RobotFile, find_format, load_robot_file
 from posecast_edge.model.serve.bundle_dir import MANIFEST, write_folder
 from posecast_edge.model.serve.cache import Cache, find_cache_folder
 from posecast_edge.model.urdf.reader import read_urdf
-from posecast_edge.model.urdf.resolver import Resolver, list_package_folders
+from posecast_edge.model.urdf.resolver import Resolver
 from posecast_edge.model.urdf.tree import build_tree
 from posecast_edge.model.urdf.types import Urdf
 from posecast_edge.pipeline.source_stats import observe_source
@@ -44,31 +45,29 @@ def run_command(argv: Sequence[str], environment: Mapping[str, str]) -> int:
     parser = _Parser(prog="posecast-edge")
     commands = parser.add_subparsers(dest="command", required=True)
     model = commands.add_parser("model").add_subparsers(dest="action", required=True)
-    build = model.add_parser("build", help="a URDF and its meshes, made small for phones")
-    build.add_argument("urdf", type=Path)
+    build = model.add_parser("build", help="a robot and its meshes, made small for phones")
+    build.add_argument("urdf", type=Path, metavar="robot", help="URDF, xacro, SDF or MJCF")
     build.add_argument("-o", "--out", type=Path, required=True, help="the bundle's folder")
     build.add_argument("--no-cache", action="store_true", help="build it anew")
     doctor = commands.add_parser("doctor", help="what is wrong with a set-up, in plain words")
-    doctor.add_argument("--urdf", type=Path)
+    doctor.add_argument("--urdf", type=Path, help="the robot: URDF, xacro, SDF or MJCF")
     doctor.add_argument("--profile", type=find_profile, help="also whether the profile fits it")
     doctor.add_argument("--source", help="also whether what it delivers fits both")
     doctor.add_argument("--seconds", type=float, default=5.0, help="how long to watch the source (5)")
     doctor.add_argument("--hz", type=float, default=30.0, help="frames a second that are wanted (30)")
     for command in (build, doctor):
-        text = "a folder of ROS packages; may be given more than once, as may ROS_PACKAGE_PATH"
-        command.add_argument("--packages", type=Path, action="append", default=[], metavar="DIR", help=text)
+        add_robot_flags(command)
     file = None
     try:
         args = parser.parse_args(argv)
         file = args.urdf
         if args.command == "doctor" and not (args.urdf or args.profile or args.source):
             raise ModelRefused("doctor: give --urdf, --profile, --source, or several of them")
-        packages = [*args.packages, *list_package_folders(environment)]
+        packages = list_packages(args.package_path, environment)
         if args.command == "doctor":
             return _doctor(args, packages)
-        return _build(
-            args.urdf, packages, args.out, None if args.no_cache else find_cache_folder(environment)
-        )
+        cache = None if args.no_cache else find_cache_folder(environment)
+        return _build(args.urdf, packages, dict(args.xacro_arg), args.out, cache)
     except ModelRefused as e:
         where = "" if file is None else f"{file}: " if e.line is None else f"{file}:{e.line}: "
         _print(sys.stderr, f"posecast-edge: {where}{e.reason}")
@@ -83,7 +82,7 @@ def run_command(argv: Sequence[str], environment: Mapping[str, str]) -> int:
 
 def _doctor(args: argparse.Namespace, packages: Sequence[Path]) -> int:
     profile = load_profile(args.profile) if args.profile is not None else None
-    robot = load_robot_file(args.urdf, packages) if args.urdf is not None else None
+    robot = load_robot_file(args.urdf, packages, dict(args.xacro_arg)) if args.urdf is not None else None
     urdf = robot.urdf if robot is not None else None
     findings: list[Finding] = []
     if robot is not None:
@@ -109,7 +108,7 @@ def _model(path: Path, robot: RobotFile, packages: Sequence[Path], profile: Prof
             files = read_visual_files(robot, Resolver(path, packages), bar.show_progress)
         facts = collect_facts(files)
     findings = examine_model(urdf, build_tree(urdf), facts, profile.mapping if profile else None)
-    _list(findings, lambda finding: finding.format_line(str(path)))
+    _list(findings, lambda finding: finding.format_line(_name_lines(path)))
     counts = f"{_many(len(urdf.links), 'link')}, {_many(len(urdf.joints), 'joint')}"
     _print(sys.stdout, f"{path}: robot {quote_name(urdf.name)}, {counts}: {_counted(findings)}")
     return findings
@@ -134,6 +133,11 @@ def _source(args: argparse.Namespace, profile: Profile | None, urdf: Urdf | None
     return findings
 
 
+def _name_lines(path: Path) -> str:
+    """What a finding's line is a line of: where there are macros, of what they expand to."""
+    return f"{path} (expanded)" if find_format(path) == "xacro" else str(path)
+
+
 def _list(findings: Sequence[Finding], words: Callable[[Finding], str]) -> None:
     """The worst FINDINGS_MAX of them; a hostile file has tens of thousands."""
     for finding in findings[:FINDINGS_MAX]:
@@ -151,15 +155,17 @@ def _many(number: int, what: str) -> str:
     return f"{number} {what}" if number == 1 else f"{number} {what}s"
 
 
-def _build(path: Path, packages: Sequence[Path], out: Path, cache: Path | None) -> int:
+def _build(
+    path: Path, packages: Sequence[Path], arguments: Mapping[str, str], out: Path, cache: Path | None
+) -> int:
     try:
         from posecast_edge.model.builder.build import build_model  # noqa: PLC0415 - an extra
     except ImportError:
         raise ModelRefused(NEEDS_EXTRA) from None
-    kept = Cache(cache, path, packages) if cache is not None else None
+    kept = Cache(cache, path, packages, arguments) if cache is not None else None
     files = kept.get() if kept is not None else None
     if files is None:
-        robot, resolver = load_robot_file(path, packages), Resolver(path, packages)
+        robot, resolver = load_robot_file(path, packages, arguments), Resolver(path, packages)
         with Bar(sys.stderr) as bar:
             built = build_model(robot, resolver, bar.show_progress)
         files = {**built.files, MANIFEST: built.manifest}
@@ -174,7 +180,7 @@ def _report(path: Path, out: Path, manifest: Mapping[str, Any]) -> int:
     for finding in manifest.get("findings", []):
         if finding["severity"] != "hint":
             said = Finding(finding["severity"], finding["code"], finding["text"], finding.get("line"))
-            _print(sys.stderr, said.format_line(str(path)))
+            _print(sys.stderr, said.format_line(_name_lines(path)))
     stand_ins = sum("placeholder" in v for v in manifest["visuals"])
     more = f", {_many(stand_ins, 'stand-in')} among them" if stand_ins else ""
     links, visuals = _many(len(manifest["links"]), "link"), _many(len(manifest["visuals"]), "visual")

@@ -7,12 +7,14 @@ under [joints] which joint each moves; `posecast-edge doctor` tells what is stil
 from __future__ import annotations
 
 import argparse
+import os
 import re
 import sys
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from pathlib import Path
 
+from posecast_edge.cli.robot_flags import add_robot_flags, list_packages
 from posecast_edge.model.finding import ModelRefused
 from posecast_edge.model.robot_file import load_robot_file
 from posecast_edge.model.urdf.tree import build_tree
@@ -35,12 +37,15 @@ def run_profile(argv: Sequence[str]) -> int:
     """Run the command with the arguments after `profile` and return the exit status."""
     parser = argparse.ArgumentParser(prog="posecast-edge profile")
     commands = parser.add_subparsers(dest="command", required=True)
-    new = commands.add_parser("new", help="a profile to start from, made of a URDF")
-    new.add_argument("--urdf", type=Path, required=True)
+    new = commands.add_parser("new", help="a profile to start from, made of a robot's description")
+    new.add_argument("--urdf", type=Path, required=True, help="the robot: URDF, xacro, SDF or MJCF")
+    add_robot_flags(new)
     new.add_argument("-o", "--out", type=Path, help="the file; without, it is printed")
     args = parser.parse_args(argv)
     try:
-        urdf = load_robot_file(args.urdf).urdf
+        urdf = load_robot_file(
+            args.urdf, list_packages(args.package_path, os.environ), dict(args.xacro_arg)
+        ).urdf
         text = make_profile_text(urdf, args.urdf.name)
         if args.out is None:
             sys.stdout.write(text)

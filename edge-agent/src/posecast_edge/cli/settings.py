@@ -9,17 +9,19 @@ from codecs import BOM_UTF8
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NoReturn
+from typing import NoReturn, TypeVar
 
 from posecast_wire.credential import LINE_MAX, Credential
 from posecast_wire.keys import check_name
 
+from posecast_edge.cli.robot_flags import add_robot_flags, parse_folders, parse_xacro_argument
 from posecast_edge.profile.reader import find_profile
 from posecast_edge.sample import SourceError
 from posecast_edge.sources.registry import KINDS, split_spec
 from posecast_edge.uplink.certificate import Certificate
 from posecast_edge.visible import quote
 
+T = TypeVar("T")
 ENDPOINT = re.compile(r"(tcp|tls|quic)/(\[[0-9a-fA-F:.]+\]|[A-Za-z0-9._-]+):([0-9]{1,5})")
 
 
@@ -40,6 +42,13 @@ class Settings:
     urdf: Path | None
     model: Path | None
     credential: Credential | Certificate | None = None
+    packages: tuple[Path, ...] = ()
+    xacro_arguments: tuple[tuple[str, str], ...] = ()
+
+    def list_model_options(self) -> list[str]:
+        """What `model build` is to be told, too."""
+        folders = [f"--package-path={folder}" for folder in self.packages]
+        return folders + [f"--xacro-arg={name}:={value}" for name, value in self.xacro_arguments]
 
 
 class _Parser(argparse.ArgumentParser):
@@ -124,6 +133,19 @@ def _naming_variable(variable: str, given: str, parse: Callable[[str], object]) 
     return parsed
 
 
+def _list_from(environment: Mapping[str, str], variable: str, parse: Callable[[str], list[T]]) -> list[T]:
+    """A variable's value. Raises UsageError that names it."""
+    try:
+        return parse(environment.get(variable, ""))
+    except argparse.ArgumentTypeError as e:
+        raise UsageError(f"{e} [{variable}]") from None
+
+
+def _xacro_arguments(text: str) -> list[tuple[str, str]]:
+    """With blanks between."""
+    return [parse_xacro_argument(word) for word in text.split()]
+
+
 def _number(low: float, high: float) -> Callable[[str], float]:
     """A float type for argparse within [low, high]."""
 
@@ -180,8 +202,13 @@ def parse_settings(argv: Sequence[str], environment: Mapping[str, str]) -> Setti
         find_profile,
         "TOML file that says what the channels mean, or the name of one that comes along",
     )
-    flag("urdf", Path, "the robot's model; it is made small and served, meshes and all")
+    flag(
+        "urdf",
+        Path,
+        "the robot's model (URDF, xacro, SDF, MJCF); it is made small and served, meshes and all",
+    )
     flag("model", Path, "instead of --urdf: the folder that `model build` made")
+    add_robot_flags(run)
     args = parser.parse_args(argv)
     if args.command is None:
         raise UsageError("say `posecast-edge run …`, or --help")
@@ -198,4 +225,6 @@ def parse_settings(argv: Sequence[str], environment: Mapping[str, str]) -> Setti
         args.urdf,
         args.model,
         proof,
+        tuple(args.package_path or _list_from(environment, "POSECAST_PACKAGE_PATH", parse_folders)),
+        tuple(args.xacro_arg or _list_from(environment, "POSECAST_XACRO_ARG", _xacro_arguments)),
     )

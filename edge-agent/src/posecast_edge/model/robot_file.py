@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import importlib
-import importlib.util
+import io
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from posecast_edge.model.finding import EXTRA, ModelRefused
-from posecast_edge.model.urdf.reader import load_urdf
+from posecast_edge.model.finding import Finding, ModelRefused
+from posecast_edge.model.urdf.reader import BYTES_MAX, load_urdf, read_urdf
 from posecast_edge.model.urdf.types import Urdf
 from posecast_edge.model.urdf.xml_tree import read_root_tag
 
@@ -18,6 +19,8 @@ if TYPE_CHECKING:
     from posecast_edge.model.meshes.mesh import Mesh
 
 MJCF_READER = "posecast_edge.model.mjcf.reader"
+COMMENT = re.compile(rb"<!--.*?-->", re.DOTALL)
+MACRO = re.compile(rb"<xacro:|\"[^\"<>]*\$[{(]")  # a tag of xacro's, or an attribute with an expression
 
 
 @dataclass(frozen=True)
@@ -32,29 +35,59 @@ class RobotFile:
 
 
 def find_format(path: Path) -> str:
-    """The format by the file's content: `urdf` or `mjcf`. What can't be read, or has another root
+    """The format by the file's content: `urdf`, `xacro` or `mjcf`. What can't be read, or has another root
     element, counts as `urdf`, whose reader says what is wrong."""
     try:
         with path.open("rb") as source:
-            tag = read_root_tag(source)
+            content = source.read(BYTES_MAX)
     except OSError:
         return "urdf"
-    return "mjcf" if tag == "mujoco" else "urdf"
+    if path.suffix.lower() == ".xacro" or (b"xacro" in content and MACRO.search(COMMENT.sub(b"", content))):
+        return "xacro"
+    return _find_plain_format(content)
+
+
+def _find_plain_format(content: bytes) -> str:
+    return "mjcf" if read_root_tag(io.BytesIO(content)) == "mujoco" else "urdf"
 
 
 def load_robot_file(
-    path: Path,
-    packages: Sequence[Path] = (),  # noqa: ARG001
-    xacro_arguments: Mapping[str, str] | None = None,  # noqa: ARG001
+    path: Path, packages: Sequence[Path] = (), xacro_arguments: Mapping[str, str] | None = None
 ) -> RobotFile:
     """Read a robot's description. `packages`: folders in which packages are looked for, besides those beside
     and above the file; `xacro_arguments`: values for xacro's `<xacro:arg>`.
 
     Raises ModelRefused when the file holds no robot that can be read.
     """
-    if find_format(path) == "mjcf":
+    kind = find_format(path)
+    if kind == "xacro":
+        return _load_xacro(path, packages, xacro_arguments or {})
+    if xacro_arguments:
+        raise ModelRefused("--xacro-arg is for xacro; this file has no macros")
+    if kind == "mjcf":
         return _load_mjcf(path)
     return RobotFile(load_urdf(path), {}, (path,))
+
+
+def _load_xacro(path: Path, packages: Sequence[Path], arguments: Mapping[str, str]) -> RobotFile:
+    from posecast_edge.model.xacro.expander import expand_xacro  # noqa: PLC0415 - seldom needed
+
+    try:
+        expanded = expand_xacro(path, packages, arguments)
+    except ModelRefused as e:
+        if path.suffix.lower() == ".xacro":
+            raise
+        urdf = load_urdf(path)  # a URDF in which some of xacro's was left; it may be shown all the same
+        urdf.findings.append(Finding("error", "xacro", f"not expanded: {e.reason}", e.line))
+        return RobotFile(urdf, {}, (path,))
+    try:
+        urdf = read_urdf(io.BytesIO(expanded.text))
+    except ModelRefused as e:
+        where = "" if e.line is None else f"line {e.line} of "
+        raise ModelRefused(f"{where}what it expands to: {e.reason}") from None
+    if not urdf.links:
+        raise ModelRefused("it has macros and no link: give the file that uses them")
+    return RobotFile(urdf, {}, expanded.inputs)
 
 
 def _load_mjcf(path: Path) -> RobotFile:
@@ -64,6 +97,6 @@ def _load_mjcf(path: Path) -> RobotFile:
     except ModuleNotFoundError as e:
         if e.name is not None and e.name.startswith("posecast_edge"):
             raise ModelRefused("this is a MuJoCo model, not URDF") from None
-        raise ModelRefused(f"needs MuJoCo: {EXTRA.replace('model', 'model,mujoco')}") from None
+        raise ModelRefused("needs MuJoCo: pip install 'posecast-edge[model,mujoco]'") from None
     robot: RobotFile = reader.load_mjcf(path)
     return robot

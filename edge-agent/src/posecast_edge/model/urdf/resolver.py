@@ -22,9 +22,17 @@ URI_MAX = 4096  # characters
 PARTS_MAX = 32  # of a path; each may be tried as the beginning of another
 LEVELS_UP = 4  # parents of the URDF's folder in which a package is looked for
 FOLDERS_MAX = 2000  # looked into for a package.xml
+SEARCH_PATHS = (
+    "ROS_PACKAGE_PATH",
+    "GAZEBO_MODEL_PATH",
+    "GZ_SIM_RESOURCE_PATH",
+    "IGN_GAZEBO_RESOURCE_PATH",
+    "SDF_PATH",
+)
 ENTRIES_MAX = 20_000  # of one folder, looked at for a name in other letters
 
-OUTSIDE = "lies outside the model's folders; name its folder with --packages or ROS_PACKAGE_PATH"
+OUTSIDE = "lies outside the model's folders; name its folder with --package-path or ROS_PACKAGE_PATH"
+NOWHERE = "near the robot's file; name its folder with --package-path or ROS_PACKAGE_PATH"
 
 
 @dataclass(frozen=True)
@@ -36,9 +44,11 @@ class Resolved:
 
 
 def list_package_folders(environment: Mapping[str, str]) -> list[Path]:
-    """The folders in which ROS looks for packages: AMENT_PREFIX_PATH/share and ROS_PACKAGE_PATH."""
+    """The folders in which ROS looks for packages, AMENT_PREFIX_PATH/share and ROS_PACKAGE_PATH, and Gazebo
+    for models."""
     ament = [Path(p, "share") for p in environment.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if p]
-    return ament + [Path(p) for p in environment.get("ROS_PACKAGE_PATH", "").split(os.pathsep) if p]
+    others = (p for name in SEARCH_PATHS for p in environment.get(name, "").split(os.pathsep) if p)
+    return ament + [Path(p) for p in others]
 
 
 def resolve_links(path: Path) -> Path:
@@ -69,6 +79,19 @@ class Resolver:
         found = self._find(uri)
         self.asked[uri, ""] = found.path
         return found
+
+    @property
+    def roots(self) -> tuple[Path, ...]:
+        """The folders that belong to the model whatever is asked for: its own, and those that were given."""
+        return (self._root, *self._given)
+
+    def find_package(self, name: str) -> Path:
+        """The folder of a package or model. Raises ModelRefused when there is none of that name."""
+        if name in ("", ".", "..") or "/" in name or "\0" in name:
+            raise ModelRefused(f"{quote_name(name)} is no name of a package")
+        for root in self._roots_of(name):
+            return root
+        raise ModelRefused(f"no package {quote_name(name)} {NOWHERE}")
 
     def find_beside(self, mesh: Path, name: str) -> Path:
         """A texture or material library that a mesh names, relative to the mesh. Raises ModelRefused."""
@@ -137,8 +160,7 @@ class Resolver:
                 return Resolved(found.path, hint)
             if found.reason == OUTSIDE:
                 raise found
-        where = "near the URDF; name its folder with --packages or ROS_PACKAGE_PATH"
-        raise refused or ModelRefused(f"no package {quote_name(package)} {where}")
+        raise refused or ModelRefused(f"no package {quote_name(package)} {NOWHERE}")
 
     def _roots_of(self, package: str) -> Iterator[Path]:
         """Folders of that package, the likeliest first."""

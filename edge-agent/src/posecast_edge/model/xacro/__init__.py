@@ -1,0 +1,1 @@
+"""Expands xacro, the macros in which ROS robots are written, in a process of its own."""

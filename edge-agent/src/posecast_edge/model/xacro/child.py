@@ -1,0 +1,254 @@
+"""The process in which a xacro file is expanded: `python -m posecast_edge.model.xacro.child`.
+
+stdin: JSON with `path`, `packages`, `arguments`. stdout: JSON with `inputs` and either `text` (XML) or
+`reason` and `line`. Its expressions reach nothing but data (expressions.py), and an audit hook refuses
+whatever Python would do outside of itself, but for reading files in the model's folders.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import io
+import json
+import os
+import resource
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+from xml.parsers.expat import ExpatError
+
+from posecast_edge.model.finding import ModelRefused, quote_name
+from posecast_edge.model.urdf.resolver import Resolver
+from posecast_edge.model.xacro.expressions import ExpressionRefused, evaluate_expression
+
+CPU_S = 10
+MEMORY_MAX = 512 << 20
+FILES_MAX = 64  # open at a time
+INPUTS_MAX = 1000
+REASON_MAX = 400  # characters
+
+WRITES = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
+# what a running expansion may do as far as Python's audit hooks see it; opening a file is looked at
+QUIET = {
+    *("compile", "exec", "import", "marshal.loads", "object.__getattr__", "sys._getframe", "code.__new__"),
+    *("sys.excepthook", "sys.unraisablehook", "glob.glob", "glob.glob/2", "builtins.id", "function.__new__"),
+}
+MODULES = ("yaml", "glob", "xml.dom.expatbuilder", "encodings.latin_1", "encodings.ascii")
+PYTHON = Path(os.__file__).resolve().parent
+
+
+class Expansion:
+    """One file's expansion: what it may read, and what it has read."""
+
+    def __init__(self, path: Path, packages: list[Path], arguments: Mapping[str, str]) -> None:
+        self._path, self._arguments = path, dict(arguments)
+        self._resolver = Resolver(path, packages)
+        self._roots = [*self._resolver.roots]
+        self._found: dict[str, Path] = {}  # packages by name
+        self._searching = False
+        self.inputs: dict[str, None] = {}
+
+    def run(self) -> str:
+        """The XML. Raises ModelRefused."""
+        xacro = importlib.import_module("xacro")
+        args = importlib.import_module("xacro.substitution_args")
+        for name in MODULES:
+            importlib.import_module(name)
+        self._replace(xacro, args)
+        sys.addaudithook(self._audit)
+        try:
+            document = xacro.process_file(str(self._path), mappings=self._arguments, verbosity=0)
+            self._rename(document.documentElement)
+            text: str = document.toprettyxml(indent="  ")
+        except ExpatError as e:
+            raise self._refused(xacro, f"not XML: {e}".partition(": line")[0], e.lineno) from None
+        except Exception as e:  # a library's, over a stranger's file
+            raise self._refused(xacro, _words(e)) from None
+        return text
+
+    def _refused(self, xacro: Any, reason: str, line: int | None = None) -> ModelRefused:
+        stack = [file for file in xacro.filestack or [] if file]
+        macro = xacro.macrostack[-1].body.getAttribute("name") if xacro.macrostack else ""
+        reason = f"xacro: {reason[:REASON_MAX]}"
+        if macro:
+            reason += f", in macro {quote_name(macro)}"
+        if stack and stack[-1] != str(self._path):
+            at = os.path.relpath(stack[-1], self._path.parent)
+            reason += f", in {quote_name(at)}" + (f" line {line}" if line is not None else "")
+            line = None
+        return ModelRefused(reason, line)
+
+    # ---- in place of xacro's own ----
+
+    def _replace(self, xacro: Any, args: Any) -> None:
+        def evaluate(text: str, symbols: dict[str, Any], names: Any = None) -> Any:
+            return evaluate_expression(text, symbols, names)
+
+        def substitute(text: str, context: dict[str, Any]) -> str:
+            """`$(eval …)`."""
+            given = context.setdefault("arg", {})
+            known = {name: args.convert_value(str(value), "auto") for name, value in given.items()}
+            own = {
+                **args._eval_dict,
+                "arg": lambda name: args.convert_value(args._eval_arg(name, given), "auto"),
+                "dirname": lambda: args._eval_dirname(context.get("filename")),
+            }
+            return str(evaluate_expression(text, {**known, **own}))
+
+        def spell(name: str) -> str:
+            """A file's name as a path: `package://` is not xacro's, but people write it."""
+            if "://" in name:
+                return str(self._locate(name))
+            return keep(name)
+
+        keep: Callable[[str], str] = xacro.abs_filename_spec
+        xacro.abs_filename_spec = spell
+        xacro.safe_eval = evaluate
+        args._eval, args._eval_find = substitute, self._find
+        args._eval_env, args._eval_optenv = _refuse_variable, _default_variable
+        args._eval_dict |= {"find": self._find, "env": _refuse_variable, "optenv": _default_variable}
+        symbols = xacro._global_symbols
+        symbols["abs_filename"] = symbols["xacro"]["abs_filename"] = spell
+        python = symbols["python"]
+        dict.pop(python, "vars")
+        dict.__setitem__(python, "type", _type_of)
+
+    def _find(self, name: str) -> str:
+        """`$(find NAME)`."""
+        with self._search():
+            found = self._resolver.find_package(name)
+        self._found[name] = found
+        if found not in self._roots:
+            self._roots.append(found)
+        return str(found)
+
+    def _locate(self, uri: str) -> Path:
+        scheme, _, rest = uri.partition("://")
+        if scheme == "file":
+            return Path(rest)
+        package, _, rest = rest.partition("/")
+        if scheme not in ("package", "model"):
+            raise ModelRefused(f"{quote_name(scheme)}: addresses are not fetched")
+        return Path(self._find(package), rest)
+
+    @contextlib.contextmanager
+    def _search(self) -> Iterator[None]:
+        self._searching = True
+        try:
+            yield
+        finally:
+            self._searching = False
+
+    def _rename(self, root: Any) -> None:
+        """Paths in packages that were found here become addresses that hold on any machine."""
+        folders = {f"{folder}/": f"package://{name}/" for name, folder in self._found.items()}
+        waiting = [root]
+        while waiting:
+            element = waiting.pop()
+            waiting += [child for child in element.childNodes if child.nodeType == child.ELEMENT_NODE]
+            for name in ("filename", "uri"):
+                path = element.getAttribute(name).removeprefix("file://")
+                for folder, address in folders.items():
+                    if path.startswith(folder):
+                        element.setAttribute(name, address + path.removeprefix(folder))
+
+    # ---- the second line ----
+
+    def _audit(self, event: str, arguments: tuple[Any, ...]) -> None:
+        if event in QUIET or self._searching:
+            return
+        if event in ("open", "os.listdir", "os.scandir"):
+            self._look(event, *arguments)
+            return
+        raise PermissionError(1, f"no {event[:40]} from a xacro file", "")
+
+    def _look(self, event: str, path: Any, mode: Any = "r", flags: Any = 0) -> None:
+        """Whether the file may be read."""
+        writes = (isinstance(flags, int) and flags & WRITES) or (
+            isinstance(mode, str) and set(mode) & set("wax+")
+        )
+        if writes or not isinstance(path, str | bytes | os.PathLike):
+            raise PermissionError(1, "a xacro file only reads files", "")
+        given = Path(os.fsdecode(path))
+        real = Path(os.path.realpath(given))
+        if real.is_relative_to(PYTHON) and real.suffix in (".py", ".pyc", ".so"):
+            return  # a module that is imported late
+        root = next((root for root in self._roots if real.is_relative_to(root)), None)
+        if root is None or any(part.startswith(".") for part in real.relative_to(root).parts):
+            where = "lies outside the model's folders; name its folder with --package-path"
+            raise PermissionError(1, where, str(given))
+        if event == "open":
+            self.inputs[str(real)] = None
+            if len(self.inputs) > INPUTS_MAX:
+                raise PermissionError(1, f"more than {INPUTS_MAX} files", "")
+
+
+def _type_of(value: object) -> type:
+    if isinstance(value, type):
+        raise ExpressionRefused("an expression can't make types")
+    return type(value)
+
+
+def _refuse_variable(name: str) -> str:
+    advice = "a robot's file does not get your environment; expand it yourself: xacro FILE > robot.urdf"
+    raise ModelRefused(f"it asks for the environment variable {quote_name(name)}: {advice}")
+
+
+def _default_variable(_name: str, default: str = "") -> str:
+    return default
+
+
+def _words(e: BaseException) -> str:
+    """One line for what xacro, Python or a guard raised."""
+    cause = e
+    while isinstance(inner := getattr(cause, "exc", None), BaseException):
+        cause = inner
+    if isinstance(cause, ModelRefused | ExpressionRefused):
+        return str(cause)
+    if isinstance(cause, RecursionError):
+        return "a macro or a file that holds itself"
+    if isinstance(cause, MemoryError):
+        return f"it takes more than {MEMORY_MAX >> 20} MiB to expand"
+    if isinstance(cause, OSError):
+        name = f"{quote_name(str(cause.filename))}: " if cause.filename else ""
+        return f"{name}{cause.strerror or cause}"
+    text = " ".join(str(e).split()) or type(e).__name__
+    if text.startswith("<class "):  # it names its cause twice
+        text = f"{type(cause).__name__}: {cause}"
+    if text.startswith("Undefined substitution argument"):
+        name = text.rpartition(" ")[2].strip("'\"")
+        return f"it needs the argument {quote_name(name)}: --xacro-arg {name}:=VALUE"
+    return text
+
+
+def bound_process() -> None:
+    """What the process may use at most; and it knows nothing of its environment."""
+    resource.setrlimit(resource.RLIMIT_CPU, (CPU_S, CPU_S + 1))
+    resource.setrlimit(resource.RLIMIT_AS, (MEMORY_MAX, MEMORY_MAX))
+    resource.setrlimit(resource.RLIMIT_NOFILE, (FILES_MAX, FILES_MAX))
+    resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    os.environ.clear()
+
+
+def main() -> None:
+    """Entry point; ends the process."""
+    asked = json.load(sys.stdin)
+    out, sys.stdout, sys.stderr = sys.stdout.buffer, io.StringIO(), io.StringIO()
+    bound_process()
+    expansion = Expansion(Path(asked["path"]), [Path(p) for p in asked["packages"]], asked["arguments"])
+    answer: dict[str, Any] = {}
+    try:
+        answer["text"] = expansion.run()
+    except ModelRefused as e:
+        answer |= {"reason": e.reason, "line": e.line}
+    answer["inputs"] = list(expansion.inputs)
+    out.write(json.dumps(answer).encode())
+    out.flush()
+    os._exit(0)
+
+
+if __name__ == "__main__":
+    main()

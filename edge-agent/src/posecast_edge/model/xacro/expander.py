@@ -1,0 +1,110 @@
+"""Has a xacro file expanded by a process of its own, which may read the model's folders and nothing else."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from posecast_edge.model.finding import EXTRA, ModelRefused, make_printable
+from posecast_edge.model.urdf.resolver import resolve_links
+
+NEEDED = ("xacro", "yaml")
+WAIT_S = 60.0
+TEXT_MAX = 8 << 20  # bytes, as of a URDF
+ANSWER_MAX = 4 * TEXT_MAX  # with JSON's escapes
+CHUNK = 1 << 18
+# Python's own and the home folder, in which user installations lie; nothing of what else is there
+PASSED = (
+    "HOME",
+    "PATH",
+    "PYTHONPATH",
+    "PYTHONHOME",
+    "PYTHONUSERBASE",
+    "PYTHONDONTWRITEBYTECODE",
+    "LANG",
+    "LC_ALL",
+)
+
+
+@dataclass(frozen=True)
+class Expanded:
+    """The XML that xacro makes of a file, and all files that it has read for it."""
+
+    text: bytes
+    inputs: tuple[Path, ...]
+
+
+def expand_xacro(path: Path, packages: Sequence[Path], arguments: Mapping[str, str]) -> Expanded:
+    """Expand a xacro file. `arguments`: values for its `<xacro:arg>`.
+
+    Raises ModelRefused, in one line that says what to do, when it can't be expanded within the bounds.
+    """
+    if any(importlib.util.find_spec(name) is None for name in NEEDED):
+        raise ModelRefused(f"this is xacro, which needs the model tools: {EXTRA}")
+    asked = {
+        "path": str(resolve_links(path)),
+        "packages": [str(resolve_links(p)) for p in packages],
+        "arguments": dict(arguments),
+    }
+    answer = _ask(json.dumps(asked).encode())
+    if "reason" in answer:
+        raise ModelRefused(make_printable(str(answer["reason"])), answer.get("line"))
+    text = str(answer["text"]).encode()
+    if len(text) > TEXT_MAX:
+        raise ModelRefused(f"xacro: it expands to more than {TEXT_MAX >> 20} MiB")
+    return Expanded(text, tuple(map(Path, answer["inputs"])))
+
+
+def _ask(asked: bytes) -> Mapping[str, Any]:
+    """The child's answer."""
+    process = subprocess.Popen(
+        [sys.executable, "-m", "posecast_edge.model.xacro.child"],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        cwd="/",  # -m looks there first, and a robot's folder may hold a module of a known name
+        env={name: os.environ[name] for name in PASSED if name in os.environ},
+        start_new_session=True,
+    )
+    late = threading.Timer(WAIT_S, process.kill)
+    late.start()
+    try:
+        with process:
+            if process.stdin is None or process.stdout is None:
+                raise ModelRefused("xacro: no process to expand it")
+            try:
+                process.stdin.write(asked)
+                process.stdin.close()
+            except BrokenPipeError:
+                pass  # what it ended with says why
+            said = bytearray()
+            while len(said) <= ANSWER_MAX and (chunk := process.stdout.read(CHUNK)):
+                said += chunk
+            if len(said) > ANSWER_MAX:
+                process.kill()
+    finally:
+        late.cancel()
+    if len(said) > ANSWER_MAX:
+        raise ModelRefused(f"xacro: it expands to more than {TEXT_MAX >> 20} MiB")
+    try:
+        answer = json.loads(said)
+    except ValueError:
+        answer = None
+    if not isinstance(answer, dict):
+        raise ModelRefused(f"xacro: {_name_end(process.returncode)}")
+    return answer
+
+
+def _name_end(status: int) -> str:
+    if status in (-signal.SIGXCPU, -signal.SIGKILL):
+        return "it takes too long to expand (10 s of the processor); does a macro call itself?"
+    return f"the process that expands it ended with status {status}"
