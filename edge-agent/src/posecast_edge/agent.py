@@ -124,6 +124,20 @@ class Agent:
         """Ask `run` to return soon. Takes no lock, so it is safe inside a signal handler."""
         self._stopping = True
 
+    @property
+    def frames(self) -> int:
+        """How many frames have been sent, those of all views together."""
+        return self._meter.total
+
+    def describe_link(self) -> str:
+        """The state of the link in a word or two, and why there is none."""
+        why = self._publisher.why_no_link
+        return f"{self._publisher.describe_state()}: {why}" if why else self._publisher.describe_state()
+
+    def wait_for_link_end(self, timeout_s: float) -> None:
+        """After `run`: wait until no thread of the link runs any more, at most so long."""
+        self._publisher.wait_for_end(timeout_s)
+
     def run(self) -> int:
         """Run until the source ends or `stop` is called. Returns the exit status: 0 in these cases, 1 when
         the source failed."""
@@ -322,11 +336,13 @@ class Meter:
         self._since_s: float | None = None
         self._frames = 0
         self._bytes = 0
+        self.total = 0  # frames, ever
 
     def count_frame(self, size: int) -> None:
         """Count one frame of `size` bytes that was sent."""
         self._frames += 1
         self._bytes += size
+        self.total += 1
 
     def take_summary(self, now_s: float) -> str:
         """Return frame rate (Hz) and mean frame size (bytes) since the last call as text; `now_s` is

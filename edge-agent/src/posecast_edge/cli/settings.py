@@ -3,26 +3,23 @@
 from __future__ import annotations
 
 import argparse
-import re
-import stat
-from codecs import BOM_UTF8
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NoReturn, TypeVar
 
-from posecast_wire.credential import LINE_MAX, Credential
+from posecast_wire.credential import Credential
 from posecast_wire.keys import check_name
 
 from posecast_edge.cli.robot_flags import add_robot_flags, parse_folders, parse_xacro_argument
 from posecast_edge.profile.reader import find_profile
 from posecast_edge.sample import SourceError
 from posecast_edge.sources.registry import KINDS, split_spec
+from posecast_edge.uplink.arguments import check_endpoint, read_credential
 from posecast_edge.uplink.certificate import Certificate
 from posecast_edge.visible import quote
 
 T = TypeVar("T")
-ENDPOINT = re.compile(r"(tcp|tls|quic)/(\[[0-9a-fA-F:.]+\]|[A-Za-z0-9._-]+):([0-9]{1,5})")
 
 
 class UsageError(Exception):
@@ -72,24 +69,18 @@ def _source(text: str) -> str:
 
 
 def _relay(text: str) -> str:
-    match = ENDPOINT.fullmatch(text)
-    if not match or not 0 < int(match[3]) < 65536:
-        raise argparse.ArgumentTypeError(f"{quote(text)} is no endpoint like tcp/127.0.0.1:7447")
-    return text
+    try:
+        return check_endpoint(text)
+    except ValueError as e:
+        raise argparse.ArgumentTypeError(str(e)) from None
 
 
 def _credential(text: str) -> Credential:
     """A file, since a secret in the command line is read by everybody on the machine."""
     try:
-        with Path(text).open("rb") as file:
-            if stat.S_IMODE(Path(text).stat().st_mode) & 0o007:
-                raise ValueError("everybody on this machine may read it: chmod 600")
-            content = file.read(LINE_MAX + len(BOM_UTF8) + 1).removeprefix(BOM_UTF8)
-            return Credential.parse(content.decode("ascii", "replace"))
-    except OSError as e:
-        raise argparse.ArgumentTypeError(f"{text}: {(e.strerror or str(e)).lower()}") from None
+        return read_credential(text)
     except ValueError as e:
-        raise argparse.ArgumentTypeError(f"{text}: {e}") from None
+        raise argparse.ArgumentTypeError(str(e)) from None
 
 
 def _proof(args: argparse.Namespace) -> Credential | Certificate | None:

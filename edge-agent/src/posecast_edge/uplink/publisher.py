@@ -127,6 +127,7 @@ class ZenohPublisher:
         self._session: zenoh.Session | None = None
         self._declared: list[object] = []  # Zenoh undeclares what nobody holds
         self._thread = threading.Thread(target=self._keep_link, name="link", daemon=True)
+        self._echo_thread: threading.Thread | None = None
 
     # --- for the agent
 
@@ -172,6 +173,18 @@ class ZenohPublisher:
             self._wake.notify_all()
         self._desk.close()
         self._thread.join(timeout_s)
+
+    def wait_for_end(self, timeout_s: float) -> None:
+        """After `stop`: wait for the threads that may still sit in a call of Zenoh's, at most so long."""
+        until_s = time.monotonic() + timeout_s
+        for thread in (self._thread, self._echo_thread):
+            if thread is not None:
+                thread.join(max(0.0, until_s - time.monotonic()))
+
+    @property
+    def why_no_link(self) -> str:
+        """Why there has been no link for a while, in one line; "" when that is not known, or there is one."""
+        return self._warned
 
     @property
     def late_s(self) -> float:
@@ -222,7 +235,8 @@ class ZenohPublisher:
         """Until the agent stops. ZError when the session has ended by itself."""
         self._declare(session)
         self._session = session
-        threading.Thread(target=self._ask_echo, args=(session,), name="echo", daemon=True).start()
+        self._echo_thread = threading.Thread(target=self._ask_echo, args=(session,), name="echo", daemon=True)
+        self._echo_thread.start()
         try:
             while self._send_waiting():
                 if session.is_closed():
@@ -237,7 +251,8 @@ class ZenohPublisher:
             try:
                 return zenoh.open(make_zenoh_config(self._relay, self._credential))
             except zenoh.ZError:  # which only ever says that time ran out
-                self._diagnose()
+                if not self._stopping:
+                    self._diagnose()
             except Exception as e:
                 self.exceptions.add("opening the link", e)
             with self._wake:

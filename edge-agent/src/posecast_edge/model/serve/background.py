@@ -8,6 +8,7 @@ import importlib.util
 import json
 import logging
 import os
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -47,7 +48,7 @@ class BackgroundBuild:
         """`raw`: None for a format that only the builder reads; `options`: of `model build`, such as package
         folders."""
         self._urdf, self._raw, self._ready, self._options = urdf, raw, ready, options
-        self._folder: tempfile.TemporaryDirectory[str] | None = None
+        self._folder: str | None = None
         self._process: subprocess.Popen[str] | None = None
         self._lock = threading.Lock()
         self._stopping = False
@@ -75,7 +76,7 @@ class BackgroundBuild:
         if self._thread.is_alive():
             self._thread.join(STOP_S)
         if self._folder is not None:
-            self._folder.cleanup()
+            shutil.rmtree(self._folder, ignore_errors=True)
 
     def _run(self) -> None:
         began_s = time.monotonic()
@@ -99,8 +100,9 @@ class BackgroundBuild:
 
     def _built(self) -> Bundle:
         """ModelError with the builder's last word."""
-        self._folder = tempfile.TemporaryDirectory(prefix="posecast-model-", ignore_cleanup_errors=True)
-        out = Path(self._folder.name, "bundle")
+        # no TemporaryDirectory: a fork of this process would delete it at its own end
+        self._folder = tempfile.mkdtemp(prefix="posecast-model-")
+        out = Path(self._folder, "bundle")
         program = [sys.executable, "-m", "posecast_edge", "model", "build"]
         command = [*program, str(self._urdf), "-o", str(out), *self._options]
         with self._lock:

@@ -1,0 +1,394 @@
+"""`posecast.Robot`: a Python program puts its robot on a URL by itself, without a process beside it."""
+
+from __future__ import annotations
+
+import json
+import logging
+import math
+import os
+import weakref
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import islice
+from pathlib import Path
+from types import TracebackType
+from typing import NoReturn, Protocol, TypeVar
+
+from posecast_wire.keys import check_name
+from posecast_wire.schema import CHANNELS_MAX, FIELD_NAME
+
+from posecast_edge import clock
+from posecast_edge.agent import Agent, AgentSettings
+from posecast_edge.background_agent import BackgroundAgent, NoProgressLine
+from posecast_edge.model.serve.background import BackgroundBuild
+from posecast_edge.model.serve.bundle import Bundle, ModelError, load_built, load_bundle
+from posecast_edge.model.urdf.resolver import list_package_folders
+from posecast_edge.profile.field_defaults import WELL_KNOWN
+from posecast_edge.profile.reader import find_profile, load_profile
+from posecast_edge.profile.types import Profile
+from posecast_edge.sample import NOTHING, TIME_MAX_S
+from posecast_edge.sources.published.copier import WORDS, Copied, ReadingsCopier, UnusableError, copy_base
+from posecast_edge.sources.published.problems import ProblemList
+from posecast_edge.sources.published.slot import PublishedSlot
+from posecast_edge.sources.published.source import JOINT_FIELDS, PublishedSource
+from posecast_edge.uplink.arguments import check_endpoint, read_credential
+from posecast_edge.visible import quote
+
+log = logging.getLogger("posecast_edge.robot")
+
+KEY_INTERVAL_S = 4.0
+INFO_MAX = 32  # texts of one call
+INFO_CHARS = 200
+MEANT = {  # what people write → the name that the page knows
+    "position": "pos",
+    "q": "pos",
+    "velocity": "vel",
+    "torque": "effort",
+    "tau": "effort",
+    "current": "cur",
+    "temperature": "temp",
+    "force": "ftf",
+    "quaternion": "quat",
+    "acceleration": "acc",
+}
+
+T_co = TypeVar("T_co", covariant=True)
+
+
+class Array(Protocol[T_co]):
+    """What numpy's, PyTorch's and JAX's arrays have in common."""
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """The length along each axis."""
+
+    def __len__(self) -> int:
+        """The length along the first axis."""
+
+    def tolist(self) -> T_co:
+        """The values as Python's own."""
+
+
+Numbers = Sequence[float | None] | Array[object]
+ByName = Mapping[str, float | None]
+JointNumbers = ByName | Numbers
+BySite = Mapping[str, float | Numbers | None]
+Bits = Mapping[str, int | Iterable[str] | None] | Sequence[int | Iterable[str] | None]
+
+
+@dataclass(frozen=True)
+class RobotStatus:
+    """How a robot is doing. `link`: "on air", "no link: …", "no relay", "refused", "waiting", "late" or
+    "closed"; `published`: calls of publish(); `frames`: sent to the relay; `problems`: what was wrong with
+    what was published, and how often."""
+
+    link: str
+    published: int
+    frames: int
+    problems: Mapping[str, int] = field(default_factory=dict)
+
+
+class Robot:
+    """A robot on a relay. It sends from a thread of its own until close(), the end of the `with` block or of
+    the program. All methods may be called from any thread."""
+
+    def __init__(
+        self,
+        name: str,
+        *,
+        relay: str,
+        urdf: str | os.PathLike[str] | None = None,
+        model: str | os.PathLike[str] | None = None,
+        profile: str | os.PathLike[str] | None = None,
+        credential: str | os.PathLike[str] | None = None,
+        joints: Sequence[str] | None = None,
+        hz: float = 30.0,
+    ) -> None:
+        """`name`: the robot's name in the link, a-z, 0-9 and -; `relay`: where the relay listens,
+        `tls/HOST:PORT`, or `tcp/…` on one machine. `urdf`: the robot's model, made small in the background;
+        `model`: instead the folder that `posecast-edge model build` made. `profile`: a TOML file, or the name
+        of one that comes along. `credential`: the file with the line that `posecast-relay robots add`
+        printed. `joints`: their names, in the order that lists and arrays have. `hz`: frames a second, up
+        to 60.
+
+        Raises ValueError, one line, when an argument can't be used, and RuntimeError in a process forked from
+        one that has had a Robot. A relay that is away is no error: the link is made when it is there.
+        """
+        _check_name(name)
+        checked_hz = _check_hz(hz)
+        endpoint = _checked("relay", relay, check_endpoint)
+        secret = _checked("credential", credential, read_credential) if credential is not None else None
+        if secret is not None and secret.robot != name:
+            raise ValueError(f"credential: it is of robot {secret.robot!r}, not of {name!r}")
+        if urdf is not None and model is not None:
+            raise ValueError("urdf and model: give one of the two")
+        found = None if profile is None else _load_profile(profile)
+        own = _check_joints(joints, found)
+        built, raw = _load_model(urdf, model)
+
+        self._problems = ProblemList()
+        self._slot = PublishedSlot()
+        source = PublishedSource(name, self._slot, own, found, self._problems)
+        settings = AgentSettings(name, endpoint, checked_hz, KEY_INTERVAL_S, secret)
+        agent = Agent(settings, source, found, NoProgressLine())
+
+        def take_model(bundle: Bundle) -> None:
+            agent.set_model(bundle)
+            source.check_model(_list_joints(bundle))
+
+        build = None
+        if built is not None:
+            agent.set_model(built)
+            source.check_model(_list_joints(built))
+        elif raw is not None and urdf is not None:
+            build = BackgroundBuild(Path(urdf), raw, take_model)
+        orders = {f.name: f.labels for f in found.fields} if found else {}
+        orders |= dict.fromkeys(JOINT_FIELDS, own) if own else {}
+        bit_fields = [f.name for f in found.fields if f.bits] if found else ["flags", "diag"]
+        self._own_fields = frozenset(f.name for f in found.fields) if found else frozenset()
+        self._copier = ReadingsCopier(orders, bit_fields, self._problems.add)
+        self._closed = False
+        self._background = BackgroundAgent(agent, source, build)
+        self._background.start()
+        weakref.finalize(self, self._background.abandon).atexit = False
+
+    def publish(
+        self,
+        *wrong: NoReturn,  # a type checker refuses an argument without a name; at run time it is reported
+        t: float | None = None,
+        pos: JointNumbers | None = None,
+        ref: JointNumbers | None = None,
+        vel: JointNumbers | None = None,
+        effort: JointNumbers | None = None,
+        cur: JointNumbers | None = None,
+        temp: JointNumbers | None = None,
+        duty: JointNumbers | None = None,
+        heat: JointNumbers | None = None,
+        flags: Bits | None = None,
+        base: Numbers | None = None,
+        ftf: BySite | None = None,
+        ftm: BySite | None = None,
+        quat: BySite | None = None,
+        gyro: BySite | None = None,
+        acc: BySite | None = None,
+        tilt: ByName | None = None,
+        volt: ByName | None = None,
+        amp: ByName | None = None,
+        watt: ByName | None = None,
+        charge: ByName | None = None,
+        diag: Bits | None = None,
+        info: Mapping[str, str | float] | None = None,
+        **others: JointNumbers | None,
+    ) -> None:
+        """Take what the robot reports now. Returns within microseconds, never blocks and never raises: what
+        is wrong is logged once and counted in status().
+
+        Joints, by name or, with joints=[…], in order: `pos` and `ref` (rad or m), `vel` (rad/s), `effort`
+        (N·m), `cur` (A), `temp` (°C), `duty` (%), `heat` (J), `flags` (names of bits, or a mask).
+        `base`: where the root link is, x, y, z (m) and a quaternion x, y, z, w.
+        Sensors, by site: `ftf` (N), `ftm` (N·m), `quat` (x, y, z, w), `gyro` (rad/s), `acc` (m/s²),
+        `tilt` (rad), `volt`, `amp`, `watt`, `charge` (%).
+        `diag`: bits of parts; `info`: texts; other names become plain tables. `t`: the robot's clock,
+        seconds; without it the time of the call counts.
+
+        What a call does not name stays as it was, what moves for 1.5 s, the rest for 60 s. None and NaN are
+        no reading.
+        """
+        given = {
+            "pos": pos,
+            "ref": ref,
+            "vel": vel,
+            "effort": effort,
+            "cur": cur,
+            "temp": temp,
+            "duty": duty,
+            "heat": heat,
+            "flags": flags,
+            "ftf": ftf,
+            "ftm": ftm,
+            "quat": quat,
+            "gyro": gyro,
+            "acc": acc,
+            "tilt": tilt,
+            "volt": volt,
+            "amp": amp,
+            "watt": watt,
+            "charge": charge,
+            "diag": diag,
+        }
+        try:
+            if self._closed or self._background.is_fork():
+                self._report_unheard()
+                return
+            now_s = clock.now_s()
+            if wrong:
+                self._problems.add("publish() takes its arguments by name: publish(pos=…)")
+            copies: list[Copied] = []
+            for name, readings in given.items():
+                if readings is not None:
+                    self._copy(name, readings, copies)
+            if base is not None:
+                copies += copy_base(base)
+            if others:
+                self._copy_others(others, copies)
+            texts = NOTHING if info is None else self._copy_info(info)
+            t_s = now_s if t is None else _check_time(t)
+            if copies or texts:
+                self._slot.put(t_s, copies, texts, now_s)
+        except UnusableError as e:
+            self._problems.add(str(e))
+        except Exception as e:  # the program moves a robot: nothing of ours may end it
+            self._problems.add(f"publish() failed: {type(e).__name__}")
+
+    def status(self) -> RobotStatus:
+        """How the robot is doing. Never blocks."""
+        return RobotStatus(
+            "closed" if self._closed else self._background.describe_link(),
+            self._slot.published,
+            self._background.frames,
+            self._problems.get_counts(),
+        )
+
+    def close(self) -> None:
+        """Send the newest readings if there is a link, then leave; about a second at most. May be called more
+        than once."""
+        self._closed = True
+        self._background.close()
+
+    def __enter__(self) -> Robot:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def _copy(self, name: str, readings: object, copies: list[Copied]) -> None:
+        try:
+            copies.append(self._copier.copy_field(name, readings))
+        except UnusableError as e:
+            self._problems.add(str(e))
+        except Exception as e:  # the other fields are as good as before
+            self._problems.add(f"{name} can't be read: {type(e).__name__}")
+
+    def _copy_others(self, others: Mapping[str, object], copies: list[Copied]) -> None:
+        for name, readings in islice(others.items(), CHANNELS_MAX):
+            if not FIELD_NAME.fullmatch(name) or name == "baseq":
+                self._problems.add(f"{quote(name)} is no name of a field")
+                continue
+            if name in MEANT and name not in self._own_fields:
+                self._problems.add(f"{name} becomes a plain table; the page knows {MEANT[name]}=")
+            if readings is not None:
+                self._copy(name, readings, copies)
+
+    def _copy_info(self, info: object) -> dict[str, str]:
+        texts: dict[str, str] = {}
+        if not isinstance(info, Mapping):
+            self._problems.add("info is no dict of texts")
+            return texts
+        for name, text in islice(info.items(), INFO_MAX + 1):
+            if len(texts) == INFO_MAX:
+                self._problems.add(f"info has over {INFO_MAX} entries")
+            elif isinstance(name, str) and isinstance(text, (str, int, float)):
+                texts[name[:INFO_CHARS]] = str(text)[:INFO_CHARS]
+            else:
+                self._problems.add(f"info {quote(name)} is no text")
+        return texts
+
+    def _report_unheard(self) -> None:
+        """Nobody else would log it any more."""
+        text = "publish() after close() reaches nobody"
+        if not self._closed:
+            text = "publish() reaches nobody in a fork of the process that has the Robot"
+        self._problems.add(text)
+        self._problems.log_new()
+
+
+def _check_time(t: object) -> float:
+    """Raises UnusableError when it is no time."""
+    try:
+        t_s = math.nan if isinstance(t, WORDS) else float(t)  # type: ignore[arg-type]
+    except (TypeError, ValueError, OverflowError):
+        t_s = math.nan
+    if not abs(t_s) < TIME_MAX_S:
+        raise UnusableError("t is no number of seconds; the call is left out")
+    return t_s
+
+
+def _check_name(name: object) -> None:
+    if not isinstance(name, str):
+        raise ValueError(f"name: {quote(name)} is no text")
+    check_name("robot", name)
+
+
+def _check_hz(hz: object) -> float:
+    if isinstance(hz, bool) or not isinstance(hz, (int, float)) or not 1 <= hz <= 60:
+        raise ValueError(f"hz: {quote(hz)} is no number from 1 to 60")
+    return float(hz)
+
+
+_T = TypeVar("_T")
+
+
+class _Check(Protocol[T_co]):
+    def __call__(self, text: str, /) -> T_co: ...
+
+
+def _checked(argument: str, given: object, check: _Check[_T]) -> _T:
+    try:
+        return check(os.fspath(given))  # type: ignore[call-overload]
+    except TypeError:
+        raise ValueError(f"{argument}: {quote(given)} is no text") from None
+    except ValueError as e:
+        raise ValueError(f"{argument}: {e}") from None
+
+
+def _load_profile(given: object) -> Profile:
+    return _checked("profile", given, lambda text: load_profile(find_profile(text)))
+
+
+def _check_joints(joints: object, profile: Profile | None) -> tuple[str, ...]:
+    if joints is None:
+        return ()
+    if isinstance(joints, (str, bytes)) or not isinstance(joints, Iterable):
+        raise ValueError(f"joints: {quote(joints)} is no list of names")
+    names = tuple(islice(joints, CHANNELS_MAX + 1))
+    for name in names:
+        if not isinstance(name, str) or not name:
+            raise ValueError(f"joints: {quote(name)} is no name")
+        if names.count(name) > 1 and len(names) != len(set(names)):
+            raise ValueError(f"joints: {quote(name)} stands there twice")
+    if not 0 < len(names) <= CHANNELS_MAX:
+        raise ValueError(f"joints: want 1 to {CHANNELS_MAX} names")
+    if profile is not None:
+        known = {label for f in profile.fields if f.name in JOINT_FIELDS for label in f.labels}
+        for name in names:
+            if name not in known:
+                raise ValueError(f"joints: the profile has no {quote(name)}")
+    return names
+
+
+def _load_model(urdf: object, model: object) -> tuple[Bundle | None, Bundle | None]:
+    """(built, raw), at most one of them."""
+    try:
+        if model is not None:
+            return _checked("model", model, lambda text: load_built(Path(text))), None
+        if urdf is None:
+            return None, None
+        packages = list_package_folders(os.environ)
+        raw = _checked("urdf", urdf, lambda text: load_bundle(Path(text), packages))
+    except ModelError as e:
+        raise ValueError(f"{'urdf' if model is None else 'model'}: {e}") from None
+    raw.log_missing()
+    return None, raw
+
+
+def _list_joints(bundle: Bundle) -> Iterable[str]:
+    """The joints that a built model has; a raw one does not say."""
+    return [str(joint["name"]) for joint in json.loads(bundle.manifest).get("joints", [])]
+
+
+assert WELL_KNOWN.keys() >= set(MEANT.values())

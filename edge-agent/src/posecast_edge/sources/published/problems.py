@@ -1,0 +1,46 @@
+"""Counts what is wrong with what a program publishes, and logs each kind of it once."""
+
+from __future__ import annotations
+
+import logging
+import threading
+
+from posecast_edge.visible import make_visible
+
+log = logging.getLogger("posecast_edge.robot")
+
+PROBLEMS_MAX = 50  # kinds told apart
+MORE = "further kinds of problems are only counted"
+
+
+class ProblemList:
+    """May be used from any thread. `add` writes nothing; `log_new` does, in a thread that may wait."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._counts: dict[str, int] = {}
+        self._new: list[str] = []
+
+    def add(self, text: str) -> None:
+        """Count one more problem of this kind. `text`: one line that is the same each time."""
+        text = make_visible(text)
+        with self._lock:
+            if text not in self._counts and len(self._counts) >= PROBLEMS_MAX:
+                text = MORE
+            if text not in self._counts:
+                self._new.append(text)
+            self._counts[text] = self._counts.get(text, 0) + 1
+
+    def get_counts(self) -> dict[str, int]:
+        """How often each problem has occurred, by its text, the oldest first."""
+        with self._lock:
+            return dict(self._counts)
+
+    def log_new(self) -> None:
+        """Log the problems that have not been logged yet."""
+        if not self._new:
+            return
+        with self._lock:
+            new, self._new = self._new, []
+        for text in new:
+            log.warning("%s", text)

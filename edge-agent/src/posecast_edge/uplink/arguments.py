@@ -1,0 +1,37 @@
+"""Reads what the user says about the link: where the relay listens, and the file of the robot's password."""
+
+from __future__ import annotations
+
+import re
+import stat
+from codecs import BOM_UTF8
+from pathlib import Path
+
+from posecast_wire.credential import LINE_MAX, Credential
+
+from posecast_edge.visible import quote
+
+ENDPOINT = re.compile(r"(tcp|tls|quic)/(\[[0-9a-fA-F:.]+\]|[A-Za-z0-9._-]+):([0-9]{1,5})")
+
+
+def check_endpoint(text: str) -> str:
+    """Return `text` if it is a relay's endpoint, `tcp/HOST:PORT`. Raises ValueError, one line, otherwise."""
+    match = ENDPOINT.fullmatch(text)
+    if not match or not 0 < int(match[3]) < 65536:
+        raise ValueError(f"{quote(text)} is no endpoint like tcp/127.0.0.1:7447")
+    return text
+
+
+def read_credential(path: str) -> Credential:
+    """Read the line that `posecast-relay robots add` printed from a file. Raises ValueError, one line that
+    never holds the secret, when the file can't be read, is open to everybody or holds none."""
+    try:
+        with Path(path).open("rb") as file:
+            if stat.S_IMODE(Path(path).stat().st_mode) & 0o007:
+                raise ValueError("everybody on this machine may read it: chmod 600")
+            content = file.read(LINE_MAX + len(BOM_UTF8) + 1).removeprefix(BOM_UTF8)
+            return Credential.parse(content.decode("ascii", "replace"))
+    except OSError as e:
+        raise ValueError(f"{path}: {(e.strerror or str(e)).lower()}") from None
+    except ValueError as e:
+        raise ValueError(f"{path}: {e}") from None
