@@ -10,6 +10,8 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 ROOT = Path(__file__).resolve().parent.parent
 README = (ROOT / "README.md").read_text()
 
@@ -36,6 +38,23 @@ async def test_ten_lines_put_a_robot_on_air(stack: Any, tmp_path: Path) -> None:
     finally:
         wave.kill()
         wave.wait()
+
+
+async def test_three_lines_put_a_robot_on_air(stack: Any) -> None:
+    lines = written(r"```python\n(import posecast\n.*?)```")
+    assert len(lines.split("\n\n")[1].splitlines()) == 2  # and the import
+    _, address, zenoh = stack.relay()
+    loop = "import time\nwhile True:\n    time.sleep(0.02)\n    " + lines.splitlines()[-1]
+    program = lines.replace("tcp/127.0.0.1:7447", zenoh) + loop
+    stack.start("program", sys.executable, "-c", program)
+    viewer = stack.viewer(address)
+    viewer.url = viewer.url.replace("/demo/", "/my-arm/")
+    task = asyncio.create_task(viewer.watch())
+    await viewer.until("the arm is seen", lambda v: bool(v.frames))
+    frame = viewer.frames[-1][1]
+    assert frame.values("pos") == pytest.approx([0.4], abs=0.001)
+    assert frame.values("ref") == pytest.approx([0.5], abs=0.001)
+    task.cancel()
 
 
 async def arm_moves(viewer: Any, robot: str) -> None:

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import inspect
 import re
+import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -11,8 +15,14 @@ from posecast_edge.profile.field_defaults import UNITS
 from posecast_edge.profile.reader import SHIPPED, parse_profile
 from posecast_edge.profile.ros import ROLES
 from posecast_edge.profile.schema import infer_profile, make_schema_text
+from posecast_edge.robot import Robot
 from posecast_edge.sources.hubo.state import LAYOUTS
 from posecast_edge.sources.jsonl import MAX_LINE, parse_line
+from posecast_edge.sources.published.problems import PROBLEMS_MAX
+from posecast_edge.sources.published.slot import KEPT_MAX
+from posecast_edge.sources.published.slot import STATE_S as STATE_HELD_S
+from posecast_edge.sources.published.slot import STREAM_S as STREAM_HELD_S
+from posecast_edge.sources.published.source import SETTLE_S
 from posecast_edge.sources.registry import KINDS
 from posecast_edge.sources.ros.merge import STATE_S, STREAM_S
 from posecast_edge.sources.ros.messages import PAYLOAD_MAX
@@ -117,6 +127,25 @@ def test_the_lines_of_a_program_on_its_page_make_frames() -> None:
         assert decoded.t_s == pytest.approx(12.4)
         assert said == []
     assert MAX_LINE == 1 << 20
+
+
+def test_the_page_of_python_names_every_argument_and_its_programs_run(tmp_path: Path) -> None:
+    page = OF_SOURCE["python"]
+    for method in (Robot.__init__, Robot.publish):
+        names = [
+            name for name in inspect.signature(method).parameters if name not in ("self", "wrong", "others")
+        ]
+        assert [name for name in names if f"`{name}`" not in page] == []
+    assert (STREAM_HELD_S, STATE_HELD_S, SETTLE_S, KEPT_MAX, PROBLEMS_MAX) == (1.5, 60, 0.5, 64, 50)
+    shutil.copy(ROOT / "edge-agent/examples/arm.urdf", tmp_path)
+    first, second, _ = blocks("python", page)
+    for program in (first, second):
+        away = program.replace(":7447", ":1")
+        said = "print(robot.status().problems, robot.status().link)"
+        done = subprocess.run(
+            [sys.executable, "-c", f"{away}{said}"], cwd=tmp_path, capture_output=True, text=True, check=False
+        )
+        assert (done.stdout, done.returncode) == ("{} closed\n", 0), done.stderr
 
 
 def test_the_trajectory_on_its_page_is_a_table_of_a_profile() -> None:
