@@ -382,6 +382,17 @@ def test_joints_that_the_model_lacks_are_named(router: Router, make: Make) -> No
     until(lambda: bool(router.get(f"posecast/v1/{ROBOT}/model/manifest")), "the model is served")
 
 
+def test_a_model_as_it_is_says_nothing_about_joints(
+    router: Router, make: Make, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from posecast_edge.sources.mujoco.source import ARM
+
+    monkeypatch.setattr("posecast_edge.model.serve.background.can_build", lambda: False)
+    robot, watched = make(urdf=ARM), Watched(router)
+    publish_until(robot, lambda: watched.sees(**SETTLED), **SETTLED)
+    assert robot.status().problems == {}
+
+
 # --- how long it lives
 
 

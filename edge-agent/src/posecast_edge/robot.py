@@ -23,7 +23,6 @@ from posecast_edge.background_agent import BackgroundAgent, NoProgressLine
 from posecast_edge.model.serve.background import BackgroundBuild
 from posecast_edge.model.serve.bundle import Bundle, ModelError, load_built, load_bundle
 from posecast_edge.model.urdf.resolver import list_package_folders
-from posecast_edge.profile.field_defaults import WELL_KNOWN
 from posecast_edge.profile.reader import find_profile, load_profile
 from posecast_edge.profile.types import Profile
 from posecast_edge.sample import NOTHING, TIME_MAX_S
@@ -134,12 +133,12 @@ class Robot:
 
         def take_model(bundle: Bundle) -> None:
             agent.set_model(bundle)
-            source.check_model(_list_joints(bundle))
+            if (names := _list_joints(bundle)) is not None:
+                source.check_model(names)
 
         build = None
         if built is not None:
-            agent.set_model(built)
-            source.check_model(_list_joints(built))
+            take_model(built)
         elif raw is not None and urdf is not None:
             build = BackgroundBuild(Path(urdf), raw, take_model)
         orders = {f.name: f.labels for f in found.fields} if found else {}
@@ -386,9 +385,7 @@ def _load_model(urdf: object, model: object) -> tuple[Bundle | None, Bundle | No
     return None, raw
 
 
-def _list_joints(bundle: Bundle) -> Iterable[str]:
+def _list_joints(bundle: Bundle) -> list[str] | None:
     """The joints that a built model has; a raw one does not say."""
-    return [str(joint["name"]) for joint in json.loads(bundle.manifest).get("joints", [])]
-
-
-assert WELL_KNOWN.keys() >= set(MEANT.values())
+    joints = json.loads(bundle.manifest).get("joints")
+    return None if joints is None else [str(joint["name"]) for joint in joints]
