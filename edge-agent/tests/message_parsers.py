@@ -16,7 +16,7 @@ from parser_stage import Input, Parser, Work, Worst, in_one_line, written
 from posecast_edge.sources.hubo.ach_channel import AchChannel, ChannelError
 from posecast_edge.sources.hubo.achd_protocol import AchdParser, AchdProtocolError
 from posecast_edge.sources.hubo.state import HuboDecoder, UnknownFrame
-from posecast_edge.sources.ros.cdr import CdrReader
+from posecast_edge.sources.ros.cdr import CdrReader, Ros1Reader
 from posecast_edge.sources.ros.merge import MessageMerger
 from posecast_edge.sources.ros.messages import READERS, STRING, RosMessageError, get_text, read_message
 from posecast_edge.sources.ros.rosbridge_protocol import MessageAssembler, Publish, RosbridgeProtocolError
@@ -89,7 +89,7 @@ def cbor_work(given: Input, folder: Path) -> Work:
     return lambda: hear(MessageAssembler(), given.data)
 
 
-CDR = CdrReader()
+CDR, ROS1 = CdrReader(), Ros1Reader()
 
 
 def cdr_work(given: Input, folder: Path) -> Work:
@@ -99,6 +99,8 @@ def cdr_work(given: Input, folder: Path) -> Work:
         for type_name in (*READERS, STRING):
             with in_one_line(RosMessageError):
                 report(CDR.read(type_name, given.data))
+            with in_one_line(RosMessageError):
+                report(ROS1.read(type_name, given.data))
 
     return work
 
@@ -254,6 +256,7 @@ PARSERS = (
         "cdr",
         (
             "sources.ros.cdr.CdrReader.read",
+            "sources.ros.cdr.Ros1Reader.read",
             "sources.ros.messages.read_message",
             "sources.ros.messages.validate_description",
         ),

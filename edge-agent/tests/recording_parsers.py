@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import json
+import sqlite3
 import struct
+import tempfile
+from contextlib import closing
 from pathlib import Path
 
+import bag_stage
 import mcap_stage
 import ros_stage
 import rosbridge_stage
@@ -15,12 +19,13 @@ from posecast_edge.model.finding import ModelRefused
 from posecast_edge.profile.reader import parse_profile
 from posecast_edge.sample import SourceError
 from posecast_edge.sources.files.csv import Table
-from posecast_edge.sources.files.mcap import McapFile
 from posecast_edge.sources.files.playback import parse_playback
+from posecast_edge.sources.files.ros_recording import RosRecording
 from posecast_edge.sources.files.trajectory import TrajectorySource
 from posecast_edge.sources.jsonl import LineError, parse_line
 from posecast_edge.sources.mujoco.model import strip_visuals
 from posecast_edge.sources.mujoco.source import ARM
+from rosbags.rosbag2 import StoragePlugin
 
 PROFILE = """
 [labels]
@@ -64,7 +69,7 @@ def mcap_work(given: Input, folder: Path) -> Work:
     path = written(given, folder, "a.mcap")
 
     def work() -> None:
-        file = McapFile(path, WALKER)
+        file = RosRecording(path, WALKER)
         file.on_urdf = lambda urdf: None
         for _ in file.read_samples(0.0, True):
             pass
@@ -128,6 +133,45 @@ def topics(n: int) -> bytes:
     return MAGIC + schema(1) + b"".join(channel(i, f"/topic{i}") for i in range(n))
 
 
+def ros1_bag(compression: str, count: int = 5) -> bytes:
+    with tempfile.TemporaryDirectory() as folder:
+        said = bag_stage.walk(True, count)
+        return bag_stage.write_ros1(Path(folder) / "a.bag", said, compression, 400).read_bytes()
+
+
+ROS1 = b"#ROSBAG V2.0\n"
+
+
+def ros1_part(data: bytes) -> bytes:
+    return struct.pack("<I", len(data)) + data
+
+
+def ros1_record(data: bytes, **fields: bytes) -> bytes:
+    head = b"".join(ros1_part(name.encode() + b"=" + value) for name, value in fields.items())
+    return ros1_part(head) + ros1_part(data)
+
+
+def ros1_topic(number: int, topic: str) -> bytes:
+    data = ros1_part(b"type=sensor_msgs/Image")
+    return ros1_record(data, op=b"\7", conn=struct.pack("<I", number), topic=topic.encode())
+
+
+def ros1_chunk(data: bytes) -> bytes:
+    return ros1_record(data, op=b"\5", compression=b"none", size=struct.pack("<I", len(data)))
+
+
+def ros2_bag(count: int, topics: int = 0) -> bytes:
+    with tempfile.TemporaryDirectory() as folder:
+        said = bag_stage.walk(False, count)
+        made = bag_stage.write_ros2(Path(folder) / "bag", said, StoragePlugin.SQLITE3)
+        path = made / "bag.db3"
+        with closing(sqlite3.connect(path)) as database:
+            rows = [(i + 9, f"/t{i}", "sensor_msgs/msg/Image", "cdr", "", "") for i in range(topics)]
+            database.executemany("INSERT INTO topics VALUES(?, ?, ?, ?, ?, ?)", rows)
+            database.commit()
+        return path.read_bytes()
+
+
 ROWS = b"t,A,ref.B [deg],flags.A,info.mode,\n1.5,0.1,0.2,jam hot,walk,x\n2,1,2,3,,\n"
 PARSERS = (
     Parser(
@@ -171,8 +215,8 @@ PARSERS = (
     Parser(
         "mcap",
         (
-            "sources.files.mcap.McapFile.read_samples",
-            "sources.files.mcap_records.read_records",
+            "sources.files.ros_recording.RosRecording.read_samples",
+            "sources.files.mcap_records.read_mcap",
             "sources.files.mcap_records.unpack_chunk",
         ),
         mcap_work,
@@ -186,6 +230,35 @@ PARSERS = (
             "empty records": Worst(lambda n: MAGIC + record(0x80, b"") * n, 2000),
             "metadata": Worst(lambda n: MAGIC + schema(1) + channel(1, "/x", "\0" * 8 * n), 1000),
             "an attachment": Worst(lambda n: MAGIC + record(9, bytes(n)), 1_000_000),
+        },
+    ),
+    Parser(
+        "bag of ROS 1",
+        (
+            "sources.files.ros_recording.read_file",
+            "sources.files.rosbag1_records.read_rosbag1",
+            "sources.files.rosbag1_records.unpack_rosbag1_chunk",
+        ),
+        mcap_work,
+        (SourceError,),
+        (ros1_bag("NONE"), ros1_bag("BZ2"), ros1_bag("LZ4")),
+        {
+            "messages": Worst(lambda n: ros1_bag("NONE", n), 60),
+            "topics": Worst(lambda n: ROS1 + b"".join(ros1_topic(i, f"/t{i}") for i in range(n)), 1000),
+            "empty records": Worst(lambda n: ROS1 + bytes(8 * n), 2000),
+            "a chunk of empty records": Worst(lambda n: ROS1 + ros1_chunk(bytes(8 * n)), 2000),
+            "fields": Worst(lambda n: ROS1 + ros1_part(ros1_part(b"a=") * n) + ros1_part(b""), 2000),
+        },
+    ),
+    Parser(
+        "bag of ROS 2",
+        ("sources.files.sqlite_records.read_sqlite",),
+        mcap_work,
+        (SourceError,),
+        (ros2_bag(3),),
+        {
+            "messages": Worst(ros2_bag, 60),
+            "topics": Worst(lambda n: ros2_bag(1, n), 500),
         },
     ),
     Parser(

@@ -11,8 +11,8 @@ from mcap_stage import BEGAN_NS, Bag, joint_state
 from parser_stage import held_bytes
 from posecast_edge.sample import Sample, SourceError
 from posecast_edge.sources.files.csv import MAX_LINE, Table
-from posecast_edge.sources.files.mcap import McapFile
 from posecast_edge.sources.files.playback import Playback, Player, parse_playback
+from posecast_edge.sources.files.ros_recording import RosRecording
 from posecast_edge.sources.files.trajectory import TrajectorySource
 from posecast_edge.sources.registry import open_source
 from recording_parsers import MAGIC, WALKER, channel, chunk, record, schema, text
@@ -104,7 +104,7 @@ def test_a_trajectory_that_is_emptied_while_it_plays_ends(tmp_path: Path) -> Non
 
 def played(folder: Path, data: bytes) -> list[Sample]:
     (folder / "a.mcap").write_bytes(data)
-    return list(McapFile(folder / "a.mcap", WALKER).read_samples(0.0, True))
+    return list(RosRecording(folder / "a.mcap", WALKER).read_samples(0.0, True))
 
 
 def good(count: int = 3) -> bytes:
@@ -137,7 +137,7 @@ def test_a_record_that_is_spoiled_costs_itself(tmp_path: Path, caplog: pytest.Lo
 def test_an_attachment_is_passed_over(tmp_path: Path) -> None:
     data = MAGIC + record(9, bytes(60 << 20)) + good()[len(MAGIC) :]
     (tmp_path / "a.mcap").write_bytes(data)
-    file = McapFile(tmp_path / "a.mcap", WALKER)
+    file = RosRecording(tmp_path / "a.mcap", WALKER)
     assert held_bytes(lambda: list(file.read_samples(0.0, True))) < 4 << 20
 
 
@@ -172,7 +172,7 @@ def test_chunks_that_claim(case: str, tmp_path: Path, caplog: pytest.LogCaptureF
 def test_thousands_of_topics_are_a_few_lines(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     topics = b"".join(channel(i, f"/t{i}/" + "x" * 1000) for i in range(100, 3000))
     (tmp_path / "a.mcap").write_bytes(MAGIC + schema(1) + topics + good()[len(MAGIC) :])
-    file = McapFile(tmp_path / "a.mcap", WALKER)
+    file = RosRecording(tmp_path / "a.mcap", WALKER)
     assert len(list(file.read_samples(0.0, True))) == 3
     assert len(caplog.messages) == 8
     assert caplog.messages[7].endswith("further ones are not said")

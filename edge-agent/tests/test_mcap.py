@@ -18,7 +18,7 @@ mcap = pytest.importorskip("mcap", reason="the extra [mcap] is not installed")
 
 from mcap.writer import CompressionType  # noqa: E402
 from mcap_stage import BEGAN_NS, STEP_NS, Bag, joint_state, wrench  # noqa: E402
-from posecast_edge.sources.files.mcap import McapFile  # noqa: E402
+from posecast_edge.sources.files.ros_recording import RosRecording  # noqa: E402
 from ros_stage import text_message  # noqa: E402
 
 PROFILE = '[labels]\njoint = ["A", "B"]\n[[fields]]\nname = "ref"\n[[fields]]\nname = "pos"\n'
@@ -45,10 +45,10 @@ def walk(
     return bag.finish()
 
 
-def file_of(tmp_path: Path, content: bytes, profile: str = PROFILE) -> McapFile:
+def file_of(tmp_path: Path, content: bytes, profile: str = PROFILE) -> RosRecording:
     path = tmp_path / "walk.mcap"
     path.write_bytes(content)
-    return McapFile(path, parse_profile(profile) if profile else None)
+    return RosRecording(path, parse_profile(profile) if profile else None)
 
 
 def samples(tmp_path: Path, content: bytes, profile: str = PROFILE, start_s: float = 0) -> list[Sample]:
@@ -182,7 +182,7 @@ def test_what_is_no_such_file_is_refused(tmp_path: Path, content: bytes) -> None
     (tmp_path / "a.mcap").write_bytes(content)
     with pytest.raises(SourceError) as e:
         open_source(f"mcap:{tmp_path}/a.mcap", None)
-    assert str(e.value) == f"{tmp_path}/a.mcap: no MCAP file"
+    assert str(e.value) == f"{tmp_path}/a.mcap: neither MCAP nor a bag of ROS 1 or ROS 2"
     with pytest.raises(SourceError, match=r"none\.mcap: No such file"):
         open_source(f"mcap:{tmp_path}/none.mcap", None)
 

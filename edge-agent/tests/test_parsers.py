@@ -30,6 +30,7 @@ BY_KIND = {
     "jsonl": {"jsonl"},
     "csv": {"csv", "playback"},
     "mcap": {"mcap", "playback", "cdr"},
+    "bag": {"bag of ROS 1", "bag of ROS 2", "mcap", "playback", "cdr"},
     "trajectory": {"trajectory"},
     "mujoco": {"mujoco"},
     "demo": set[str](),  # made by itself

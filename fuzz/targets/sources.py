@@ -17,7 +17,7 @@ from posecast_edge.profile.schema import infer_profile, make_schema_text
 from posecast_edge.profile.types import Profile
 from posecast_edge.sample import Sample, SourceError
 from posecast_edge.sources.files.csv import Table
-from posecast_edge.sources.files.mcap import McapFile
+from posecast_edge.sources.files.ros_recording import RosRecording
 from posecast_edge.sources.files.trajectory import open_source as open_trajectory
 from posecast_edge.sources.hubo.ach_channel import AchChannel, ChannelError
 from posecast_edge.sources.hubo.achd_protocol import AchdParser, AchdProtocolError
@@ -106,11 +106,11 @@ def csv(data: bytes) -> None:
     shown(Table(file_of(data, "table.csv"), None).read_samples(0.0, True))
 
 
-def mcap(data: bytes) -> None:
-    """A recording."""
-    recording = McapFile(file_of(data, "recording.mcap"), None)
-    recording.on_urdf = drop
-    shown(recording.read_samples(0.0, True))
+def recording(data: bytes) -> None:
+    """A recording, of the format that its first bytes say."""
+    played = RosRecording(file_of(data, "recording"), None)
+    played.on_urdf = drop
+    shown(played.read_samples(0.0, True))
 
 
 @functools.cache
@@ -209,7 +209,8 @@ DOWNSTREAM = (SourceError, SchemaError)  # a first sample that no schema can be 
 TARGETS = (
     Target("jsonl", jsonl, (LineError, *DOWNSTREAM), stretched=1 << 16, ms_per_kb=20),
     Target("csv", csv, DOWNSTREAM, stretched=1 << 17),
-    Target("mcap", mcap, DOWNSTREAM),
+    Target("mcap", recording, DOWNSTREAM),
+    Target("bag", recording, DOWNSTREAM),
     Target("trajectory", trajectory, DOWNSTREAM, ms_per_kb=20),
     Target("profile", profile, (ProfileError, SchemaError)),
     Target("achd", achd, (AchdProtocolError,)),

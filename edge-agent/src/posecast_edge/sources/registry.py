@@ -26,6 +26,7 @@ KINDS: Mapping[str, str] = MappingProxyType(
         "jsonl": "jsonl",
         "csv": "files.csv",
         "mcap": "files.mcap",
+        "bag": "files.bag",
         "trajectory": "files.trajectory",
         "mujoco": "mujoco.source",
         "demo": "demo",

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import struct
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from io import BytesIO
 from typing import IO
 
@@ -19,20 +19,39 @@ from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk, Message, Schema
 
+from posecast_edge.sources.files.records import (
+    UNPACKED_MAX,
+    Complain,
+    Record,
+    RecordedMessage,
+    RecordedTopic,
+    describe_error,
+)
+from posecast_edge.sources.ros.messages import shorten_type
+from posecast_edge.sources.ros.topics import TOPIC_MAX
+
 MAGIC = b"\x89MCAP0\r\n"
 HEAD = struct.Struct("<BQ")  # opcode, length
 RECORD_MAX = 256 << 20  # bytes; a longer one is left out
-UNPACKED_MAX = 64 << 20  # bytes of a chunk; recorders make chunks of one to sixteen
 TOO_LONG = (MemoryError, OverflowError)  # what a record only claims to hold
 UNREADABLE = (McapError, zstandard.ZstdError, struct.error, RuntimeError, ValueError, EOFError, *TOO_LONG)
 
-Record = Schema | Channel | Message
-Complain = Callable[[str], None]
+
+def read_mcap(file: IO[bytes], complain: Complain) -> Iterator[Record]:
+    """Read topics and messages in file order up to the end or to where the file breaks off. `complain` gets a
+    line about each record or chunk that is left out. Raises OSError when the file can't be read any more."""
+    types: dict[int, str] = {}  # of schemas
+    for record in _records(file, complain):
+        if isinstance(record, Message):
+            yield RecordedMessage(record.channel_id, record.log_time, record.data)
+        elif isinstance(record, Schema):
+            types[record.id] = shorten_type(record.name[:TOPIC_MAX])
+        else:
+            type_name = types.get(record.schema_id, "")
+            yield RecordedTopic(record.id, record.topic, type_name, record.message_encoding)
 
 
-def read_records(file: IO[bytes], complain: Complain) -> Iterator[Record]:
-    """Read records in file order up to the end or to where the file breaks off. `complain` gets a line about
-    each record or chunk that is left out. Raises OSError when the file can't be read any more."""
+def _records(file: IO[bytes], complain: Complain) -> Iterator[Schema | Channel | Message]:
     size = file.seek(0, 2)
     begins = file.seek(len(MAGIC))
     while True:
@@ -51,11 +70,11 @@ def read_records(file: IO[bytes], complain: Complain) -> Iterator[Record]:
                 data = file.read(length)
                 yield from _of_chunk(data) if opcode == Opcode.CHUNK else [_record(opcode, data)]
             except UNREADABLE as e:
-                complain(f"the {what} at byte {begins}: {_reason(e)}; left out")
+                complain(f"the {what} at byte {begins}: {describe_error(e)}; left out")
         begins = file.seek(begins + HEAD.size + length)
 
 
-def _of_chunk(data: bytes) -> Iterator[Record]:
+def _of_chunk(data: bytes) -> Iterator[Schema | Channel | Message]:
     """Those of one chunk. What `unpack_chunk` raises, and ValueError where they break off."""
     content = unpack_chunk(Chunk.read(ReadDataStream(BytesIO(data))))
     begins = 0
@@ -69,10 +88,10 @@ def _of_chunk(data: bytes) -> Iterator[Record]:
         begins += length
 
 
-def _record(opcode: int, data: bytes) -> Record:
+def _record(opcode: int, data: bytes) -> Schema | Channel | Message:
     stream = ReadDataStream(BytesIO(data))
     if opcode == Opcode.MESSAGE:
-        record: Record = Message.read(stream, len(data))
+        record: Schema | Channel | Message = Message.read(stream, len(data))
     else:
         record = Schema.read(stream) if opcode == Opcode.SCHEMA else Channel.read(stream)
     return record
@@ -100,7 +119,3 @@ def unpack_chunk(chunk: Chunk) -> bytes:
     if chunk.uncompressed_crc and zlib.crc32(data) != chunk.uncompressed_crc:
         raise ValueError("its checksum differs")
     return bytes(data)
-
-
-def _reason(e: Exception) -> str:
-    return " ".join(str(e).split())[:200] or "it is not all there"

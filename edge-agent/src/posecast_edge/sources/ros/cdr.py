@@ -1,6 +1,8 @@
-"""Decodes CDR payloads with rosbags (the extra [ros])."""
+"""Decodes what ROS 2 (CDR) and ROS 1 serialise, with rosbags (the extras [ros] and [mcap])."""
 
 from __future__ import annotations
+
+from collections.abc import Callable
 
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
@@ -24,7 +26,7 @@ LITTLE_OR_BIG = (b"\0\1", b"\0\0")
 
 
 class CdrReader:
-    """Knows the message types of messages.py. Not thread-safe."""
+    """Decodes messages of ROS 2, of the types of messages.py. Not thread-safe."""
 
     def __init__(self) -> None:
         self._store = get_typestore(Stores.ROS2_HUMBLE)  # the types read here are the same in every ROS 2
@@ -33,25 +35,51 @@ class CdrReader:
     def read(self, type_name: str, payload: bytes) -> object:
         """Decode a payload into an object with the message's members as attributes. `type_name`: short form.
         Raises RosMessageError."""
-        most = DESCRIPTION_MAX if type_name == STRING else PAYLOAD_MAX
-        if len(payload) > most:
-            raise RosMessageError(f"a message of {len(payload)} bytes is too large")
-        try:
-            if type_name == CONTROLLER_STATE:
-                return self._head(payload)
-            package, _, name = type_name.partition("/")
-            return self._store.deserialize_cdr(payload, f"{package}/msg/{name}")
-        except RosMessageError:
-            raise
-        except Exception as e:  # code that is made from definitions: nobody has listed what it raises
-            said = " ".join(str(e).split())[:200] or type(e).__name__
-            raise RosMessageError(f"{len(payload)} bytes that are no {type_name}: {said}") from None
+        return _decoded(type_name, payload, self._decode)
 
-    def _head(self, payload: bytes) -> object:
-        """The part of a controller's state that is read; the rest may be anything."""
+    def _decode(self, type_name: str, payload: bytes) -> object:
+        if type_name != CONTROLLER_STATE:
+            return self._store.deserialize_cdr(payload, _long(type_name))
+        # the part of a controller's state that is read; the rest may be anything
         if payload[:2] not in LITTLE_OR_BIG or len(payload) < ENCAPSULATION:
             raise RosMessageError("no CDR")
         definition = self._store.get_msgdef(HEAD)
         read = definition.deserialize_cdr_le if payload[1] else definition.deserialize_cdr_be
-        message, _ = read(payload[ENCAPSULATION:], 0, definition.cls, self._store)
-        return message
+        return read(payload[ENCAPSULATION:], 0, definition.cls, self._store)[0]
+
+
+class Ros1Reader:
+    """Decodes messages of ROS 1, of the types of messages.py. Not thread-safe."""
+
+    def __init__(self) -> None:
+        self._store = get_typestore(Stores.ROS1_NOETIC)
+        self._store.register(get_types_from_msg(CONTROLLER_HEAD, HEAD))
+
+    def read(self, type_name: str, payload: bytes) -> object:
+        """Decode a message into an object with its members as attributes. `type_name`: short form. Raises
+        RosMessageError."""
+        return _decoded(type_name, payload, self._decode)
+
+    def _decode(self, type_name: str, payload: bytes) -> object:
+        if type_name != CONTROLLER_STATE:
+            return self._store.deserialize_ros1(payload, _long(type_name))
+        definition = self._store.get_msgdef(HEAD)
+        return definition.deserialize_ros1(payload, 0, definition.cls, self._store)[0]
+
+
+def _decoded(type_name: str, payload: bytes, decode: Callable[[str, bytes], object]) -> object:
+    most = DESCRIPTION_MAX if type_name == STRING else PAYLOAD_MAX
+    if len(payload) > most:
+        raise RosMessageError(f"a message of {len(payload)} bytes is too large")
+    try:
+        return decode(type_name, payload)
+    except RosMessageError:
+        raise
+    except Exception as e:  # code that is made from definitions: nobody has listed what it raises
+        said = " ".join(str(e).split())[:200] or type(e).__name__
+        raise RosMessageError(f"{len(payload)} bytes that are no {type_name}: {said}") from None
+
+
+def _long(type_name: str) -> str:
+    package, _, name = type_name.partition("/")
+    return f"{package}/msg/{name}"

@@ -1,0 +1,309 @@
+"""Recordings of ROS topics: MCAP files, bags of ROS 1, bags of ROS 2 (a folder, or one of its files). The
+content tells which. Needs the extra `mcap`; playback.py says how they are played.
+
+JointState and the other types of ros/messages.py, in CDR, JSON or ROS 1's encoding. ros/topics.py says which
+topic is read as what, as if they were live. A file that breaks off is played as far as it goes; a chunk or
+message that cannot be read is named and left out.
+"""
+
+from __future__ import annotations
+
+import itertools
+import logging
+import re
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from posecast_edge.rate_limited_log import RateLimitedLog
+from posecast_edge.sample import Sample, SourceError
+from posecast_edge.sources.files.playback import Playback, Player
+from posecast_edge.sources.files.records import Complain, Record, RecordedMessage, RecordedTopic
+from posecast_edge.sources.ros.input import TOPICS_MAX
+from posecast_edge.sources.ros.merge import SETTLED_S, MessageMerger
+from posecast_edge.sources.ros.messages import (
+    DESCRIPTION_MAX,
+    STRING,
+    RosMessageError,
+    get_text,
+    read_message,
+)
+from posecast_edge.sources.ros.rosbridge_protocol import MESSAGE_MAX, RosbridgeProtocolError, parse_json
+from posecast_edge.sources.ros.topics import TOPIC_MAX, TYPES, Route, Routes
+
+try:
+    import zstandard
+
+    from posecast_edge.sources.files import mcap_records, rosbag1_records, sqlite_records
+    from posecast_edge.sources.ros.cdr import CdrReader, Ros1Reader
+except ModuleNotFoundError as e:
+    if e.name is None or e.name.startswith("posecast_edge"):
+        raise
+    raise SourceError("mcap and bag: not installed; pip install 'posecast-edge[mcap]'") from None
+
+if TYPE_CHECKING:
+    from posecast_edge.profile.types import Profile
+
+log = logging.getLogger("posecast_edge.recording")
+
+ENCODINGS = ("cdr", "json", "ros1")
+NAMED_MAX = 8  # topics of no use that are said
+FILES_MAX = 10_000  # of a folder
+MAGIC_BYTES = 16
+ZSTD = b"\x28\xb5\x2f\xfd"  # how a message or file begins that the recorder compressed; CDR begins with 0
+OF_BAG = re.compile(r".+\.(?:mcap|db3|bag)(?:\.zstd)?", re.IGNORECASE)
+DIGITS = re.compile(r"\d{1,18}")
+
+
+class RosRecordingPlayer(Player):
+    """Plays one recording and reports which topics it contains (see Discovering)."""
+
+    def __init__(self, recording: RosRecording, playback: Playback) -> None:
+        super().__init__(recording, playback)
+        self._file = recording
+
+    @property
+    def offers(self) -> list[str]:
+        """Lines for `probe` about the topics met so far."""
+        return [f"{topic}  {use}" for topic, use in sorted(self._file.topics.items())]
+
+    def send_urdf_to(self, take: Callable[[str], None]) -> None:
+        """Pass a recorded robot_description (URDF text) to `take`."""
+        self._file.on_urdf = take
+
+
+class RosRecording:
+    """A recording that is read piece by piece while it plays. `topics`: what each met so far is read as."""
+
+    def __init__(self, path: Path, profile: Profile | None) -> None:
+        """Raises SourceError, one line, when nothing there is a recording."""
+        self.description = f"recording {path.name}"
+        self._path = path
+        self._settled = profile is not None
+        self._routes = Routes(profile.ros if profile else None)
+        self._decoder = _Decoder()
+        self._bad = RateLimitedLog(log.warning, "bad records")
+        self.topics: dict[str, str] = {}
+        self.on_urdf: Callable[[str], None] | None = None
+        self._files = [path] if not path.is_dir() else list_files(path)
+        for file in self._files:
+            find_format(file)
+
+    def read_samples(self, start_s: float, first_pass: bool) -> Iterator[Sample]:
+        """Read the files once, in their order; see Recording."""
+        bad = self._bad if first_pass else None
+        one = _Pass(self.topics, self._routes, self._decoder, self._settled, bad)
+        began_ns: int | None = None
+        begun = start_s == 0
+        for file in self._files:
+            one.begin_file(str(file))
+            for record in read_file(file, one.complain):
+                if isinstance(record, RecordedTopic):
+                    one.learn(record)
+                    continue
+                if began_ns is None:
+                    began_ns = record.t_ns
+                urdf = one.urdf_in(record)
+                if urdf is not None and first_pass and self.on_urdf is not None:
+                    self.on_urdf(urdf)  # said once, at the beginning: also by who starts later
+                begun = begun or (record.t_ns - began_ns) * 1e-9 >= start_s
+                if begun:
+                    sample = one.take(record)
+                    if sample is not None:
+                        yield sample
+        last = one.last()
+        if last is not None:
+            yield last
+        self._bad.flush(time.monotonic())
+
+
+def list_files(folder: Path) -> list[Path]:
+    """The files of the folder that `ros2 bag record` wrote, in order of their numbers: without metadata.yaml,
+    which is missing where the recorder was killed. Raises SourceError when there is none."""
+    try:
+        entries = itertools.islice(folder.iterdir(), FILES_MAX)
+        found = [path for path in entries if OF_BAG.fullmatch(path.name)]
+    except OSError as e:
+        raise SourceError(f"{folder}: {e.strerror or e}") from None
+    if not found:
+        raise SourceError(f"{folder}: a folder without a recording in it (.mcap, .db3 or .bag)")
+    return sorted(found, key=lambda p: ([int(d) for d in DIGITS.findall(p.name)], p.name))
+
+
+def find_format(path: Path) -> str:
+    """`mcap`, `ros1` or `sqlite`, by the first bytes. Raises SourceError, which says what to do."""
+    try:
+        with path.open("rb") as file:
+            head = file.read(MAGIC_BYTES)
+    except OSError as e:
+        raise SourceError(f"{path}: {e.strerror or e}") from None
+    if head.startswith(mcap_records.MAGIC):
+        return "mcap"
+    if head.startswith(rosbag1_records.MAGIC):
+        return "ros1"
+    if head.startswith(sqlite_records.MAGIC):
+        return "sqlite"
+    if head.startswith((b"#ROSBAG", b"#ROSRECORD")):
+        raise SourceError(f"{path}: a bag older than version 2.0: convert it with `rosbag fix`")
+    if head.startswith(ZSTD):
+        raise SourceError(f"{path}: compressed as a whole: unpack it with `zstd -d {path.name}`")
+    raise SourceError(f"{path}: neither MCAP nor a bag of ROS 1 or ROS 2")
+
+
+def read_file(path: Path, complain: Complain) -> Iterator[Record]:
+    """Read the records of one file. `complain` gets a line about what is left out."""
+    try:
+        kind = find_format(path)
+        if kind == "sqlite":
+            yield from sqlite_records.read_sqlite(path, complain)
+            return
+        with path.open("rb") as file:
+            read = mcap_records.read_mcap if kind == "mcap" else rosbag1_records.read_rosbag1
+            yield from read(file, complain)
+    except SourceError as e:
+        complain(str(e))
+    except OSError as e:
+        complain(f"can't be read any more: {e.strerror or e}")
+
+
+class _Decoder:
+    """Decodes messages of any encoding that a recording may have."""
+
+    def __init__(self) -> None:
+        self._cdr = CdrReader()
+        self._ros1: Ros1Reader | None = None  # made when wanted: it takes a while
+
+    def decode(self, encoding: str, type_name: str, data: bytes) -> Any:
+        """Decode one message. Raises RosMessageError."""
+        if encoding == "cdr":
+            return self._cdr.read(type_name, _unpacked(data))
+        if encoding == "ros1":
+            if self._ros1 is None:
+                self._ros1 = Ros1Reader()
+            return self._ros1.read(type_name, data)
+        if len(data) > MESSAGE_MAX:
+            raise RosMessageError(f"a message of {len(data)} bytes is too large")
+        try:
+            return parse_json(data.decode())
+        except UnicodeDecodeError:
+            raise RosMessageError("not JSON: no UTF-8") from None
+        except RosbridgeProtocolError as e:
+            raise RosMessageError(str(e)) from None
+
+
+def _unpacked(data: bytes) -> bytes:
+    """What `ros2 bag record --compression-mode message` compressed, a message at a time."""
+    if not data.startswith(ZSTD):
+        return data
+    try:
+        if zstandard.frame_content_size(data) > DESCRIPTION_MAX:
+            raise RosMessageError("a message that is too large when it is unpacked")
+        return bytes(zstandard.ZstdDecompressor().decompress(data, max_output_size=DESCRIPTION_MAX))
+    except (zstandard.ZstdError, MemoryError) as e:
+        raise RosMessageError(f"can't be unpacked: {e}") from None
+
+
+class _Pass:
+    """What is known from channels and messages so far. `bad`: None where all has been said already."""
+
+    def __init__(
+        self,
+        topics: dict[str, str],
+        routes: Routes,
+        decoder: _Decoder,
+        settled: bool,
+        bad: RateLimitedLog | None,
+    ) -> None:
+        self._routes = routes
+        self._decoder = decoder
+        self._name = ""  # of the file
+        self._bad = bad
+        self._merge = MessageMerger(settled, self._warn)
+        self._channels: dict[int, tuple[RecordedTopic, Route]] = {}  # those that are read
+        self._descriptions: dict[int, RecordedTopic] = {}
+        self._topics = topics  # what each is read as
+        self._seen: set[int] = set()
+        self._ignored = 0  # topics
+        self._count: dict[str, int] = {}  # messages of a topic
+        self._now_s = 0.0  # the recorder's clock
+        self._delivered = False
+
+    def begin_file(self, name: str) -> None:
+        """Topics have numbers of their own in each file."""
+        self._name = name
+        for known in (self._channels, self._descriptions, self._seen):
+            known.clear()
+
+    def learn(self, record: RecordedTopic) -> None:
+        """Take a topic."""
+        if record.id in self._seen:
+            return
+        self._seen.add(record.id)
+        type_name, topic = record.type_name, record.topic[:TOPIC_MAX]
+        met = topic in self._topics
+        route = self._routes.find_route(record.topic, type_name)
+        if len(self._topics) < TOPICS_MAX:
+            self._topics[topic] = f"{type_name} → {route.role}" if route else f"{type_name}, not read"
+        if type_name not in TYPES:
+            self._ignore(topic, f"nothing here reads {type_name or 'it'}", met)
+        elif record.encoding not in ENCODINGS:
+            self._ignore(topic, f"{record.encoding[:40]!r} is no encoding read here", met)
+        elif route is not None and type_name == STRING:
+            self._descriptions[record.id] = record
+        elif route is not None:
+            self._merge.expect_topic(record.topic)
+            self._channels[record.id] = (record, route)
+
+    def urdf_in(self, message: RecordedMessage) -> str | None:
+        """The text of a robot_description."""
+        found = self._descriptions.get(message.topic_id)
+        if found is None:
+            return None
+        try:
+            return get_text(self._decoder.decode(found.encoding, STRING, message.data))
+        except RosMessageError as e:
+            self.complain(f"{found.topic}: {e}")
+            return None
+
+    def take(self, message: RecordedMessage) -> Sample | None:
+        """Take one message; a sample when it completes one."""
+        self._now_s = message.t_ns * 1e-9
+        known = self._channels.get(message.topic_id)
+        if known is None:
+            return None
+        (_, topic, type_name, encoding), route = known
+        number = self._count[topic] = self._count.get(topic, 0) + 1
+        where = f"{topic}, message {number}"
+        try:
+            content = self._decoder.decode(encoding, type_name, message.data)
+            field = "ref" if route.role == "ref" else "pos"
+            report = read_message(type_name, content, route.site, field)
+        except RosMessageError as e:
+            self.complain(f"{where}: {e}")
+            return None
+        self._merge.take_report(topic, route.role, type_name, report, self._now_s)
+        sample = self._merge.make_sample(self._now_s)
+        self._delivered |= sample is not None
+        return None if sample is None else sample._replace(where=f"{self._name}: {where}")
+
+    def last(self) -> Sample | None:
+        """What a recording that is over while others would still be waited for has to say."""
+        return None if self._delivered else self._merge.make_sample(self._now_s + SETTLED_S)
+
+    def complain(self, text: str) -> None:
+        """Log that something can't be read."""
+        if self._bad is not None:
+            self._bad.add(f"{self._name}: {text}", time.monotonic())
+
+    def _ignore(self, topic: str, why: str, met: bool) -> None:
+        if met:
+            return  # told of in an earlier file
+        self._ignored += 1
+        if self._ignored <= NAMED_MAX:
+            more = "; further ones are not said" if self._ignored == NAMED_MAX else ""
+            self._warn(f"{topic} is ignored: {why}{more}")
+
+    def _warn(self, text: str) -> None:
+        if self._bad is not None:
+            log.warning("%s: %s", self._name, text)
