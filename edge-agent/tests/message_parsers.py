@@ -18,7 +18,15 @@ from posecast_edge.sources.hubo.achd_protocol import AchdParser, AchdProtocolErr
 from posecast_edge.sources.hubo.state import HuboDecoder, UnknownFrame
 from posecast_edge.sources.ros.cdr import CdrReader, Ros1Reader
 from posecast_edge.sources.ros.merge import MessageMerger
-from posecast_edge.sources.ros.messages import READERS, STRING, RosMessageError, get_text, read_message
+from posecast_edge.sources.ros.messages import (
+    READERS,
+    STRING,
+    TF,
+    RosMessageError,
+    get_text,
+    read_message,
+    read_transforms,
+)
 from posecast_edge.sources.ros.rosbridge_protocol import MessageAssembler, Publish, RosbridgeProtocolError
 
 
@@ -92,6 +100,11 @@ def cbor_work(given: Input, folder: Path) -> Work:
 CDR, ROS1 = CdrReader(), Ros1Reader()
 
 
+def many_transforms(n: int) -> bytes:
+    chain = [(f"f{i}", f"f{i + 1}", (1, 2, 3), (1, 0, 0, 0)) for i in range(n)]
+    return ros_stage.transforms(5, *chain)
+
+
 def cdr_work(given: Input, folder: Path) -> Work:
     """As of each type."""
 
@@ -99,6 +112,8 @@ def cdr_work(given: Input, folder: Path) -> Work:
         for type_name in (*READERS, STRING):
             with in_one_line(RosMessageError):
                 report(CDR.read(type_name, given.data))
+            with in_one_line(RosMessageError):
+                read_transforms(CDR.read(TF, given.data))
             with in_one_line(RosMessageError):
                 report(ROS1.read(type_name, given.data))
 
@@ -258,6 +273,7 @@ PARSERS = (
             "sources.ros.cdr.CdrReader.read",
             "sources.ros.cdr.Ros1Reader.read",
             "sources.ros.messages.read_message",
+            "sources.ros.messages.read_transforms",
             "sources.ros.messages.validate_description",
         ),
         cdr_work,
@@ -271,10 +287,12 @@ PARSERS = (
             ros_stage.diagnostics(5, (1, "n", "m"), (0, "k", "")),
             ros_stage.odometry(5, [1, 2, 3], [1, 0, 0, 0]),
             ros_stage.text_message("<robot/>"),
+            ros_stage.transforms(5, ("odom", "base_link", (1, 2, 3), (1, 0, 0, 0))),
         ),
         {
             "names": Worst(many_names, 200),
             "statuses": Worst(lambda n: ros_stage.diagnostics(5, *[(1, "n", "m")] * n), 50),
+            "transforms": Worst(many_transforms, 200),
             "a text": Worst(lambda n: ros_stage.text_message("x" * n), 50_000),
         },
     ),

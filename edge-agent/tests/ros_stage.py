@@ -114,6 +114,14 @@ def diagnostics(stamp_s: float, *statuses: tuple[int, str, str]) -> bytes:
     return cdr.done()
 
 
+def transforms(stamp_s: float, *chain: tuple[str, str, Sequence[float], Sequence[float]]) -> bytes:
+    """(parent, child, xyz, wxyz) of each."""
+    cdr = Cdr().put("I", len(chain))
+    for parent, child, xyz, (w, x, y, z) in chain:
+        cdr.header(stamp_s, parent).text(child).put("d", *xyz, x, y, z, w)
+    return cdr.done()
+
+
 def odometry(stamp_s: float, position: Sequence[float], quat: Sequence[float]) -> bytes:
     w, x, y, z = quat
     cdr = Cdr().header(stamp_s, "odom").text("base_link").put("d", *position, x, y, z, w, *([0.0] * 36))

@@ -27,6 +27,7 @@ from posecast_edge.sources.ros.messages import (
     ODOMETRY,
     PAYLOAD_MAX,
     STRING,
+    TF,
     WRENCH,
 )
 from posecast_edge.sources.ros.ros2 import Inbox
@@ -39,6 +40,7 @@ from ros_stage import (
     joint_state,
     odometry,
     text_message,
+    transforms,
     wrench,
 )
 from source_stage import Listen, Listening, Move, Mover, flood
@@ -70,6 +72,23 @@ def graph() -> Iterator[Graph]:
 def joints(graph: Graph, topic: str = "/joint_states") -> Callable[[float], None]:
     """Publishes both joints, with the machine's clock."""
     return lambda t: graph.publish(topic, JOINT_STATE, joint_state(time.monotonic(), NAMES, [1.0, 2.0]))
+
+
+def test_the_base_by_transforms(graph: Graph, listen: Listen, moving: Move) -> None:
+    level = (1.0, 0.0, 0.0, 0.0)
+    graph.latch("/tf_static", TF, transforms(1000, ("odom", "rail", (0, 0, 2), level)))  # before the agent
+
+    def act(t_s: float) -> None:
+        graph.publish("/joint_states", JOINT_STATE, joint_state(1000 + t_s, NAMES, [t_s, 2.0]))
+        graph.publish("/tf", TF, transforms(1000 + t_s, ("rail", "base_link", (t_s, 1, 0), level)))
+
+    heard = listen(graph.source, PROFILE.replace("/odom", "odom→base_link"))
+    moving(50, act)
+    until(lambda: "base" in heard.newest and "pos" in heard.newest, "base and joints")
+    base = heard.newest["base"]
+    assert (base["base.y"], base["base.z"]) == (1, 2)
+    assert heard.newest["baseq"] == {"base.w": 1, "base.x": 0, "base.y": 0, "base.z": 0}
+    assert any("frame odom → rail (static)" in line for line in heard.source.offers)
 
 
 def test_every_type_from_its_own_topic(graph: Graph, listen: Listen, moving: Move) -> None:

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 from parser_stage import held_bytes
+from posecast_edge.cli.probe import run_probe
 from posecast_edge.profile.reader import parse_profile
 from posecast_edge.sample import Sample, SourceError
 from posecast_edge.sources.files.playback import Player
@@ -20,6 +21,7 @@ from posecast_edge.sources.registry import open_source
 
 pytest.importorskip("mcap", reason="the extra [mcap] is not installed")
 
+import bag_stage
 from bag_stage import BEGAN_NS, STEP_NS, Words, walk, write_ros1, write_ros2
 from posecast_edge.sources.files.ros_recording import RosRecording
 from rosbags.rosbag2 import CompressionMode, StoragePlugin
@@ -259,3 +261,72 @@ def test_garbled_bags_end_in_lines(kind: str, tmp_path: Path, caplog: pytest.Log
     assert all(len(line) < 600 for line in caplog.messages)
     assert caplog.records
     assert {r.levelno for r in caplog.records} == {logging.WARNING}
+
+
+# --- transforms
+
+
+def drive(ros1: bool) -> list[bag_stage.Said]:
+    """A base on rails: odom → rail is static, rail → base_link moves; legs of it move too."""
+    words, name = Words(ros1), "tf2_msgs/msg/TFMessage"
+    level = (1.0, 0.0, 0.0, 0.0)
+    rail = words.transforms(BEGAN_NS, ("odom", "rail", (0, 0, 2), level))
+    said: list[bag_stage.Said] = [("/tf_static", name, BEGAN_NS, rail)]
+    for k in range(200):
+        t_ns = BEGAN_NS + k * STEP_NS
+        moves = words.transforms(
+            t_ns, ("rail", "base_link", (k / 10, 0, 0), level), ("base_link", "leg", (0, 0, -1), level)
+        )
+        said.append(("/tf", name, t_ns, moves))
+    return said
+
+
+BASE = """
+[ros]
+base = "odom→base_link"
+[labels]
+joint = ["A", "B"]
+[[fields]]
+name = "pos"
+[[fields]]
+name = "base"
+labels = ["base.x", "base.y", "base.z"]
+[[fields]]
+name = "baseq"
+labels = ["base.w", "base.x", "base.y", "base.z"]
+"""
+
+
+@pytest.mark.parametrize("ros1", [True, False])
+def test_a_base_by_transforms(ros1: bool, tmp_path: Path) -> None:
+    said = sorted([*drive(ros1), *walk(ros1, 200)], key=lambda one: one[2])
+    if ros1:
+        path = write_ros1(tmp_path / "a.bag", said)
+    else:
+        path = write_ros2(tmp_path / "bag", said, StoragePlugin.SQLITE3)
+    recording = RosRecording(path, parse_profile(BASE))
+    found = list(recording.read_samples(1.0, first_pass=True))
+    assert len(found) == 100  # also from a later start, which comes after /tf_static
+    last = found[-1].values
+    assert last["base"] == {"base.x": pytest.approx(19.9), "base.y": 0, "base.z": 2}
+    assert last["baseq"] == {"base.w": 1, "base.x": 0, "base.y": 0, "base.z": 0}
+    assert last["pos"] == {"A": 1.99, "B": -1.99}
+
+
+def test_transforms_alone(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    path = write_ros1(tmp_path / "a.bag", drive(True))
+    found = list(RosRecording(path, parse_profile(BASE)).read_samples(0.0, first_pass=True))
+    assert found[-1].values["base"] == {"base.x": pytest.approx(19.9), "base.y": 0, "base.z": 2}
+    wrong = parse_profile(BASE.replace("base_link", "base_lunk"))
+    assert list(RosRecording(path, wrong).read_samples(0.0, first_pass=True)) == []
+    frames = "base_link, leg, odom, rail"
+    assert caplog.messages == [f"{path}: base odom→base_lunk: no transform names base_lunk; frames: {frames}"]
+
+
+def test_probe_lists_frames_and_suggests_the_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = write_ros1(tmp_path / "a.bag", drive(True)[:20])
+    run_probe([f"bag:{path}"])
+    out = capsys.readouterr().out
+    assert "  /tf         tf2_msgs/TFMessage → tf" in out or "  /tf  tf2_msgs/TFMessage → tf" in out
+    assert "  frame rail → base_link\n" in out
+    assert '  in a profile, for where the robot is: [ros] base = "odom→base_link"\n' in out

@@ -13,6 +13,7 @@ from posecast_edge.sources.ros.messages import (
     JOINT_STATE,
     ODOMETRY,
     STRING,
+    TF,
     WRENCH,
 )
 from posecast_edge.sources.ros.topics import TYPES_OF_ROLE, Route, Routes, match_topic
@@ -75,6 +76,25 @@ def test_a_profile_names_topics_and_sites() -> None:
     assert routes.find_route("/battery", BATTERY) == Route("battery", "main")
 
 
+def test_transforms_are_read_where_a_profile_names_two_frames_or_probe_asks() -> None:
+    routes = Routes(None)
+    assert routes.find_route("/tf", TF) is None
+    assert not [pattern for pattern, name in routes.list_patterns() if name == TF]
+    routes.watch_frames()
+    assert routes.find_route("/tf", TF) == Route("tf")
+    for arrow in ("odom→base_link", "/odom -> /base_link"):
+        routes = routes_of(f'base = "{arrow}"', "r1")
+        assert routes.base_frames == ("odom", "base_link")
+        assert routes.find_route("/odom", ODOMETRY) is None
+        assert routes.find_route("/tf", TF) == routes.find_route("/r1/tf", TF) == Route("tf")
+        assert routes.find_route("/tf_static", TF) == Route("tf", "static")
+        assert routes.find_route("/r2/tf", TF) is None
+    patterns = [pattern for pattern, name in routes.list_patterns() if name == TF]
+    assert patterns == ["/r1/**/tf", "/tf", "/r1/**/tf_static", "/tf_static"]
+    named = dict(routes.list_topics())
+    assert (named["/tf"], named["/tf_static"]) == (Route("tf"), Route("tf", "static"))
+
+
 def test_what_a_profile_names_may_lie_outside_the_namespace() -> None:
     routes = routes_of('diagnostics = "/diagnostics"', "r1")
     assert routes.find_route("/diagnostics", DIAGNOSTICS) == Route("diagnostics")
@@ -130,6 +150,8 @@ def test_topics_to_ask_for_by_name() -> None:
     ("line", "words"),
     [
         ('poss = "/a"', "profile:5: ros.poss: unknown key"),
+        ('base = "odom→"', "profile:5: ros.base: 'odom→' is not two frames, as in odom→base_link"),
+        ('base = "a->b->c"', "profile:5: ros.base: 'a->b->c' is not two frames"),
         ('pos = "a b"', "profile:5: ros.pos: 'a b' is no topic"),
         ("pos = 5", "profile:5: ros.pos: must be a text"),
         ('pos = { x = "/a" }', "profile:5: ros.pos: must be a text"),
@@ -145,4 +167,4 @@ def test_a_wrong_table_names_its_line(line: str, words: str) -> None:
 
 
 def test_every_role_a_profile_may_name_has_types_that_serve_it() -> None:
-    assert set(TYPES_OF_ROLE) == set(ROLES)
+    assert set(TYPES_OF_ROLE) == {*ROLES, "tf"}

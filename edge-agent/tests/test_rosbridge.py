@@ -71,6 +71,32 @@ def test_either_ros_in_either_encoding(
     assert services <= {"/rosapi/topics", "/rosapi/publishers", "/rosapi/get_param"}
 
 
+@pytest.mark.parametrize("type_name", ["tf2_msgs/TFMessage", "tf/tfMessage"])
+def test_the_base_by_transforms(
+    type_name: str, bridge: Callable[..., Rosbridge], listen: Listen, moving: Move
+) -> None:
+    server = bridge({"/joint_states": JOINT_STATE, "/tf": type_name, "/tf_static": type_name})
+    heard = listen(server.source, PROFILE + '[ros]\nbase = "odom->base_link"\n')
+    zero, level = dict.fromkeys("xyz", 0.0), {"w": 1.0, "x": 0.0, "y": 0.0, "z": 0.0}
+
+    def act(t_s: float) -> None:
+        server.publish("/joint_states", joint_state(9 + t_s, NAMES, [t_s, 2.0], ros_1))
+        stamp = {"secs": 9, "nsecs": round(t_s * 1e9) % 10**9}
+        moved = {
+            "header": {"seq": 3, "stamp": stamp, "frame_id": "/odom"},
+            "child_frame_id": "base_link",
+            "transform": {"translation": zero | {"x": 2.5}, "rotation": level},
+        }
+        server.publish("/tf", {"transforms": [moved]})
+
+    moving(50, act)
+    until(lambda: "base" in heard.newest, "base")
+    assert heard.newest["base"] == {"base.x": 2.5, "base.y": 0, "base.z": 0}
+    wishes = {w["topic"]: w for w in server.asked if w["op"] == "subscribe"}
+    assert wishes["/tf"]["type"] == type_name
+    assert "throttle_rate" not in wishes["/tf"]  # it would drop what another frame's message says
+
+
 def test_the_last_value_before_a_pause_arrives(bridge: Callable[..., Rosbridge], listen: Listen) -> None:
     server = bridge()
     heard = listen(server.source, PROFILE)

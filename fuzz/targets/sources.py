@@ -25,9 +25,10 @@ from posecast_edge.sources.hubo.state import HuboDecoder, UnknownFrame
 from posecast_edge.sources.jsonl import LineError, parse_line
 from posecast_edge.sources.ros.cdr import CdrReader
 from posecast_edge.sources.ros.merge import MessageMerger
-from posecast_edge.sources.ros.messages import STRING, RosMessageError, get_text, read_message
+from posecast_edge.sources.ros.messages import STRING, TF, RosMessageError, get_text, read_message
 from posecast_edge.sources.ros.rosbridge_protocol import MessageAssembler, Publish, RosbridgeProtocolError
 from posecast_edge.sources.ros.topics import TYPES, Routes
+from posecast_edge.sources.ros.transforms import TransformTree
 from posecast_wire import Decoder, SchemaError, Snapshot
 
 from fuzz.scratch import file_of
@@ -176,6 +177,13 @@ def ros_message(name: str, message: object) -> None:
     """A message of any encoding."""
     if name == STRING:
         get_text(message)
+        return
+    if name == TF:
+        tree = TransformTree(("odom", "base_link"), hear)
+        for at_s in (1.0, 7.0):
+            tree.take_message(message, False, at_s)
+            tree.check_time(at_s)
+        tree.list_frames()
         return
     report = read_message(name, message)
     merge = MessageMerger(True, hear)

@@ -18,7 +18,7 @@ from posecast_edge.profile.reader import ProfileError, find_profile, load_profil
 from posecast_edge.profile.schema import mark_sliding
 from posecast_edge.profile.types import Profile
 from posecast_edge.sample import SourceError
-from posecast_edge.sources.base import Discovering
+from posecast_edge.sources.base import Discovering, Source
 from posecast_edge.sources.registry import KINDS, find_defaults, open_source
 from posecast_edge.visible import make_visible
 
@@ -53,19 +53,19 @@ def run_probe(argv: Sequence[str]) -> int:
     described: list[str] = []
     if isinstance(source, Discovering):
         source.send_urdf_to(described.append)
+        source.watch_frames()
     try:
         seen = observe_source(source, args.seconds, profile)
     except SourceError as e:
         log.error("%s", e)
+        for line in _offers(source):
+            print(make_visible(line, SHOWN_MAX))
         return SILENT
     except KeyboardInterrupt:
         return FINE
     if described and seen.profile is not None and profile is None:
         seen.profile = _mark_described(seen.profile, described[-1])
-    lines = describe_source(source.description, seen)
-    if isinstance(source, Discovering):
-        lines += ["", "topics:", *(f"  {line}" for line in source.offers or ["none"])]
-    for line in lines:
+    for line in [*describe_source(source.description, seen), *_offers(source)]:
         print(make_visible(line, SHOWN_MAX))
     return FINE if seen.samples else SILENT
 
@@ -76,6 +76,12 @@ def _mark_described(profile: Profile, urdf: str) -> Profile:
         return mark_sliding(profile, find_sliding(read_urdf(io.BytesIO(urdf.encode()))))
     except (ModelRefused, UnicodeEncodeError):  # `run` says what is wrong with it
         return profile
+
+
+def _offers(source: Source) -> list[str]:
+    if not isinstance(source, Discovering):
+        return []
+    return ["", "topics:", *(f"  {line}" for line in source.offers or ["none"])]
 
 
 def describe_source(description: str, seen: SourceStats) -> list[str]:

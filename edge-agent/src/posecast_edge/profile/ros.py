@@ -16,6 +16,8 @@ SITED = ("imu", "wrench", "battery")  # roles whose topics may be given a site
 ENCODINGS = ("json", "cbor")  # of rosbridge
 PATTERN = re.compile(r"(?:/(?:\*\*|[A-Za-z0-9_*]+))+")
 SITE = re.compile(r"[^.\s/]+")
+ARROW = re.compile(r"→|->")
+FRAME = re.compile(r"\S{1,200}")
 DOMAIN_MAX = 232  # ROS 2's
 
 
@@ -24,8 +26,20 @@ def read_ros(reader: ProfileReader, value: object) -> RosTopics:
     item = reader.check_table(value, "ros", (*ROLES, "domain", "encoding"))
     domain = reader.check_integer(item["domain"], "ros.domain", 0, DOMAIN_MAX) if "domain" in item else None
     encoding = reader.check_choice(item.get("encoding", "json"), ENCODINGS, "encoding", "ros.encoding")
-    topics = {role: _patterns(reader, item[role], role) for role in ROLES if role in item}
-    return RosTopics(topics, domain, encoding)
+    frames = _frames(reader, item["base"]) if "base" in item else None
+    given = [role for role in ROLES if role in item and not (frames and role == "base")]
+    topics = {role: _patterns(reader, item[role], role) for role in given}
+    return RosTopics(topics, domain, frames, encoding)
+
+
+def _frames(reader: ProfileReader, value: object) -> tuple[str, str] | None:
+    """`odom→base_link` or `odom->base_link`; None for what names topics."""
+    if not isinstance(value, str) or not ARROW.search(value):
+        return None
+    names = [name.strip().strip("/") for name in ARROW.split(value)]
+    if len(names) != 2 or not all(FRAME.fullmatch(name) for name in names) or names[0] == names[1]:
+        reader.fail("ros.base", f"{quote(value)} is not two frames, as in odom→base_link")
+    return names[0], names[1]
 
 
 def _patterns(reader: ProfileReader, value: object, role: str) -> tuple[tuple[str, str], ...]:

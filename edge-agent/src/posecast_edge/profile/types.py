@@ -50,10 +50,12 @@ class Trajectory:
 @dataclass(frozen=True)
 class RosTopics:
     """Which ROS topics are read. `topics`: role (sources/ros/topics.py) → (pattern, site or ""); topics not
-    listed are assigned by type and name. `domain`: ROS_DOMAIN_ID, None for any."""
+    listed are assigned by type and name. `base_frames`: where the base is by /tf, from which frame to which.
+    `domain`: ROS_DOMAIN_ID, None for any."""
 
     topics: Mapping[str, tuple[tuple[str, str], ...]] = field(default_factory=dict)
     domain: int | None = None
+    base_frames: tuple[str, str] | None = None
     encoding: str = "json"  # of rosbridge: json, cbor
 
 

@@ -43,6 +43,10 @@ class Discovering(Source, Protocol):
     def offers(self) -> list[str]:
         """Lines for `probe`: what was found, and as what each is read."""
 
+    def watch_frames(self) -> None:
+        """Read the transforms of /tf also where no profile asks for them, so that `offers` can list their
+        frames. Call it before `run`."""
+
     def send_urdf_to(self, take: Callable[[str], None]) -> None:
         """Pass every new robot_description (URDF text) to `take`, which must return at once. Call it before
         `run`."""

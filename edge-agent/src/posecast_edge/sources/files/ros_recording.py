@@ -30,7 +30,8 @@ from posecast_edge.sources.ros.messages import (
     read_message,
 )
 from posecast_edge.sources.ros.rosbridge_protocol import MESSAGE_MAX, RosbridgeProtocolError, parse_json
-from posecast_edge.sources.ros.topics import TOPIC_MAX, TYPES, Route, Routes
+from posecast_edge.sources.ros.topics import STATIC, TOPIC_MAX, TYPES, Route, Routes
+from posecast_edge.sources.ros.transforms import TransformTree
 
 try:
     import zstandard
@@ -65,8 +66,13 @@ class RosRecordingPlayer(Player):
 
     @property
     def offers(self) -> list[str]:
-        """Lines for `probe` about the topics met so far."""
-        return [f"{topic}  {use}" for topic, use in sorted(self._file.topics.items())]
+        """Lines for `probe` about the topics and frames met so far."""
+        topics = [f"{topic}  {use}" for topic, use in sorted(self._file.topics.items())]
+        return topics + self._file.tree.list_frames()
+
+    def watch_frames(self) -> None:
+        """Read /tf also where no profile asks for it, so that `offers` can list its frames."""
+        self._file.routes.watch_frames()
 
     def send_urdf_to(self, take: Callable[[str], None]) -> None:
         """Pass a recorded robot_description (URDF text) to `take`."""
@@ -81,7 +87,8 @@ class RosRecording:
         self.description = f"recording {path.name}"
         self._path = path
         self._settled = profile is not None
-        self._routes = Routes(profile.ros if profile else None)
+        self.routes = Routes(profile.ros if profile else None)
+        self.tree = TransformTree(None, log.warning)  # of the newest pass
         self._decoder = _Decoder()
         self._bad = RateLimitedLog(log.warning, "bad records")
         self.topics: dict[str, str] = {}
@@ -93,7 +100,8 @@ class RosRecording:
     def read_samples(self, start_s: float, first_pass: bool) -> Iterator[Sample]:
         """Read the files once, in their order; see Recording."""
         bad = self._bad if first_pass else None
-        one = _Pass(self.topics, self._routes, self._decoder, self._settled, bad)
+        one = _Pass(self.topics, self.routes, self._decoder, self._settled, bad)
+        self.tree = one.tree
         began_ns: int | None = None
         begun = start_s == 0
         for file in self._files:
@@ -108,7 +116,9 @@ class RosRecording:
                 if urdf is not None and first_pass and self.on_urdf is not None:
                     self.on_urdf(urdf)  # said once, at the beginning: also by who starts later
                 begun = begun or (record.t_ns - began_ns) * 1e-9 >= start_s
-                if begun:
+                if not begun:
+                    one.take_static(record)
+                else:
                     sample = one.take(record)
                     if sample is not None:
                         yield sample
@@ -220,6 +230,7 @@ class _Pass:
         self._name = ""  # of the file
         self._bad = bad
         self._merge = MessageMerger(settled, self._warn)
+        self.tree = TransformTree(routes.base_frames, self._warn)
         self._channels: dict[int, tuple[RecordedTopic, Route]] = {}  # those that are read
         self._descriptions: dict[int, RecordedTopic] = {}
         self._topics = topics  # what each is read as
@@ -252,7 +263,8 @@ class _Pass:
         elif route is not None and type_name == STRING:
             self._descriptions[record.id] = record
         elif route is not None:
-            self._merge.expect_topic(record.topic)
+            if route.role != "tf":
+                self._merge.expect_topic(record.topic)
             self._channels[record.id] = (record, route)
 
     def urdf_in(self, message: RecordedMessage) -> str | None:
@@ -277,18 +289,31 @@ class _Pass:
         where = f"{topic}, message {number}"
         try:
             content = self._decoder.decode(encoding, type_name, message.data)
-            field = "ref" if route.role == "ref" else "pos"
-            report = read_message(type_name, content, route.site, field)
+            if route.role == "tf":
+                found = self.tree.take_message(content, route.site == STATIC, self._now_s)
+                if found is None:
+                    return None
+                topic, report, role = "/tf", found, "base"
+            else:
+                field, role = ("ref" if route.role == "ref" else "pos"), route.role
+                report = read_message(type_name, content, route.site, field)
         except RosMessageError as e:
             self.complain(f"{where}: {e}")
             return None
-        self._merge.take_report(topic, route.role, type_name, report, self._now_s)
+        self._merge.take_report(topic, role, type_name, report, self._now_s)
         sample = self._merge.make_sample(self._now_s)
         self._delivered |= sample is not None
         return None if sample is None else sample._replace(where=f"{self._name}: {where}")
 
+    def take_static(self, message: RecordedMessage) -> None:
+        """Take a message from before the start: transforms that are told once count, nothing else."""
+        known = self._channels.get(message.topic_id)
+        if known is not None and known[1].site == STATIC and known[1].role == "tf":
+            self.take(message)
+
     def last(self) -> Sample | None:
         """What a recording that is over while others would still be waited for has to say."""
+        self.tree.explain_missing()
         return None if self._delivered else self._merge.make_sample(self._now_s + SETTLED_S)
 
     def complain(self, text: str) -> None:

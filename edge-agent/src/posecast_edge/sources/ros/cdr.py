@@ -11,6 +11,7 @@ from posecast_edge.sources.ros.messages import (
     DESCRIPTION_MAX,
     PAYLOAD_MAX,
     STRING,
+    TF,
     RosMessageError,
 )
 
@@ -20,6 +21,7 @@ std_msgs/Header header
 string[] joint_names
 trajectory_msgs/JointTrajectoryPoint reference
 """
+TRANSFORMS = "geometry_msgs/TransformStamped[] transforms"  # tf2_msgs, which rosbags has of ROS 2 only
 HEAD = "posecast/msg/ControllerHead"
 ENCAPSULATION = 4  # bytes before the message, of which the first two are
 LITTLE_OR_BIG = (b"\0\1", b"\0\0")
@@ -54,6 +56,7 @@ class Ros1Reader:
     def __init__(self) -> None:
         self._store = get_typestore(Stores.ROS1_NOETIC)
         self._store.register(get_types_from_msg(CONTROLLER_HEAD, HEAD))
+        self._store.register(get_types_from_msg(TRANSFORMS, _long(TF)))
 
     def read(self, type_name: str, payload: bytes) -> object:
         """Decode a message into an object with its members as attributes. `type_name`: short form. Raises

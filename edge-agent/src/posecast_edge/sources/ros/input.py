@@ -15,12 +15,14 @@ from posecast_edge.sample import Sample
 from posecast_edge.sources.ros.merge import STREAM_S, MessageMerger
 from posecast_edge.sources.ros.messages import (
     STRING,
+    TF,
     RosMessageError,
     get_text,
     read_message,
     validate_description,
 )
-from posecast_edge.sources.ros.topics import TOPIC_MAX, TYPES, Route, Routes
+from posecast_edge.sources.ros.topics import STATIC, TOPIC_MAX, TYPES, Route, Routes
+from posecast_edge.sources.ros.transforms import TransformTree
 
 if TYPE_CHECKING:
     from posecast_edge.profile.types import Profile
@@ -41,6 +43,7 @@ class RosInput:
         self.on_urdf: Callable[[str], None] | None = None
         self._name = name
         self._merge = MessageMerger(profile is not None, log.warning)
+        self._tree = TransformTree(self.routes.base_frames, lambda text: log.warning("%s: %s", name, text))
         self._topics: dict[tuple[str, str], Route | None] = {}
         self._messages: dict[str, int] = {}  # topic → how many
         self._ignored: set[str] = set()  # types told of
@@ -57,7 +60,7 @@ class RosInput:
         if len(self._topics) >= TOPICS_MAX or len(topic) > TOPIC_MAX or len(type_name) > TOPIC_MAX:
             return None
         route = self._topics[key] = self.routes.find_route(topic, type_name)
-        if route is not None and type_name != STRING:
+        if route is not None and type_name not in (STRING, TF):
             self._merge.expect_topic(topic)
         elif type_name not in TYPES and type_name not in self._ignored and len(self._ignored) < NAMED_MAX:
             self._ignored.add(type_name)
@@ -76,6 +79,11 @@ class RosInput:
             message = decode()
             if route.role == "description":
                 self.take_urdf(get_text(message))
+                return
+            if route.role == "tf":
+                report = self._tree.take_message(message, route.site == STATIC, now_s)
+                if report is not None:
+                    self._merge.take_report("/tf", "base", type_name, report, now_s)
                 return
             field_name = "ref" if route.role == "ref" else "pos"
             report = read_message(type_name, message, route.site, field_name)
@@ -103,6 +111,7 @@ class RosInput:
         now_s = time.monotonic()
         for bad in tuple(self._bad.values()):
             bad.tick(now_s)
+        self._tree.check_time(now_s)
         sample = self._merge.make_sample(now_s)
         since_s = self._merge.stands_since_s
         if since_s is None:
@@ -113,7 +122,7 @@ class RosInput:
         return sample
 
     def list_topics(self) -> list[str]:
-        """Lines for `probe`: every topic, its type, and as what it is read."""
+        """Lines for `probe`: every topic, its type, and as what it is read; then the frames of /tf."""
         rows = []
         for (topic, type_name), route in sorted(self._topics.copy().items()):
             use = "not read" if route is None else f"→ {route.role}{f' {route.site}' if route.site else ''}"
@@ -121,7 +130,8 @@ class RosInput:
             messages = f"{count} message{'s' if count != 1 else ''}" if route else ""
             rows.append((topic, type_name, use, messages))
         widths = [max((len(row[i]) for row in rows), default=0) for i in range(3)] + [0]
-        return ["  ".join(map(str.ljust, row, widths)).rstrip() for row in rows]
+        lines = ["  ".join(map(str.ljust, row, widths)).rstrip() for row in rows]
+        return lines + self._tree.list_frames()
 
     def take_urdf(self, urdf: str) -> None:
         """Take the robot's description (URDF text). Raises RosMessageError when it is too long."""

@@ -8,6 +8,7 @@ topics tell of one channel, the one whose name comes first in the alphabet count
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
@@ -98,7 +99,8 @@ class MessageMerger:
         self._labels += len(key[1])
         stream = role in STREAMS and not (role == "ref" and type_name == JOINT_STATE)
         # heard last stands last
-        self._strands[key] = _Strand(STREAM_S if stream else STATE_S, now_s, report.values)
+        life_s = math.inf if report.lasts else STREAM_S if stream else STATE_S
+        self._strands[key] = _Strand(life_s, now_s, report.values)
         for known, told in ((self._info, report.info), (self._links, report.links)):
             if len(known) < TEXTS_MAX:
                 known.update(told)

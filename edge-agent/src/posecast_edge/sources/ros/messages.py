@@ -11,6 +11,7 @@ JSON or CBOR is. ROS 1 and 2 differ in the names of types and of the two numbers
 | geometry_msgs/WrenchStamped | `ftf` SITE.fx fy fz, `ftm` SITE.mx my mz |
 | sensor_msgs/BatteryState | `volt`, `amp`, `charge`: SITE |
 | nav_msgs/Odometry | `base` base.x y z, `baseq` base.w x y z |
+| tf2_msgs/TFMessage | `base`, `baseq`, by way of transforms.py |
 | diagnostic_msgs/DiagnosticArray | `diag`, bits of field_defaults.DIAG_BITS: names of the statuses |
 """
 
@@ -18,6 +19,7 @@ from __future__ import annotations
 
 import base64
 import binascii
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -32,6 +34,7 @@ WRENCH = "geometry_msgs/WrenchStamped"
 BATTERY = "sensor_msgs/BatteryState"
 ODOMETRY = "nav_msgs/Odometry"
 DIAGNOSTICS = "diagnostic_msgs/DiagnosticArray"
+TF = "tf2_msgs/TFMessage"
 STRING = "std_msgs/String"  # robot_description
 
 BATTERY_STATES = ("unknown", "charging", "discharging", "not charging", "full")
@@ -55,13 +58,26 @@ class Report:
 
     `stamp_s`: the header's time in seconds; None if there is none or it is zero. `values`: field → label →
     reading, None where the message states that there is none. `info`: texts. `links`: site → link of the
-    model, where the message names it.
+    model, where the message names it. `lasts`: it is told once and counts for good.
     """
 
     stamp_s: float | None
     values: Mapping[str, Mapping[str, Reading]]
     info: Mapping[str, str] = field(default_factory=dict)
     links: Mapping[str, str] = field(default_factory=dict)
+    lasts: bool = False
+
+
+@dataclass(frozen=True)
+class Transform:
+    """Where the frame `child` is in the frame `parent`: metres, unit quaternion w x y z. `stamp_s`: as in
+    Report."""
+
+    parent: str
+    child: str
+    xyz: tuple[float, float, float]
+    wxyz: tuple[float, float, float, float]
+    stamp_s: float | None
 
 
 def shorten_type(name: str) -> str:
@@ -69,7 +85,8 @@ def shorten_type(name: str) -> str:
     `sensor_msgs/JointState`."""
     parts = name.replace("::", "/").split("/")
     parts = [p for p in parts if p not in ("msg", "dds_", "")]
-    return "/".join(p.rstrip("_") if i == len(parts) - 1 else p for i, p in enumerate(parts))
+    short = "/".join(p.rstrip("_") if i == len(parts) - 1 else p for i, p in enumerate(parts))
+    return TF if short == "tf/tfMessage" else short  # as early ROS 1 called it
 
 
 def read_message(type_name: str, message: Any, site: str = "", field_name: str = "pos") -> Report:
@@ -86,6 +103,36 @@ def read_message(type_name: str, message: Any, site: str = "", field_name: str =
         raise
     except (TypeError, ValueError, ArithmeticError, LookupError, AttributeError, RecursionError) as e:
         raise RosMessageError(f"{type(e).__name__}: {str(e)[:200]}") from None
+
+
+def read_transforms(message: Any) -> list[Transform]:
+    """Read a TFMessage. Raises RosMessageError when it does not match its type; a transform that is not
+    finite, or whose frames have no names, is left out."""
+    transforms = _member(message, "transforms")
+    if not isinstance(transforms, (list, tuple)) or len(transforms) > MAX_NAMES:
+        raise RosMessageError(f"transforms is no list of at most {MAX_NAMES}")
+    try:
+        return [found for said in transforms if (found := _transform(said)) is not None]
+    except (TypeError, ValueError, ArithmeticError) as e:
+        raise RosMessageError(" ".join(str(e).split())[:200]) from None
+
+
+def _transform(said: Any) -> Transform | None:
+    parent = _text(_member(_member(said, "header"), "frame_id"), "frame_id").strip("/")
+    child = _text(_member(said, "child_frame_id"), "child_frame_id").strip("/")
+    pose = _member(said, "transform")
+    x, y, z = _vector(_member(pose, "translation"))
+    parts = _quaternion(_member(pose, "rotation"))
+    if x is None or y is None or z is None or any(part is None for part in parts):
+        return None
+    w, qx, qy, qz = (part or 0.0 for part in parts)
+    norm = math.hypot(w, qx, qy, qz)
+    if not (math.isfinite(x + y + z) and math.isfinite(norm) and norm > 0):
+        return None
+    if not (0 < len(parent) <= NAME_MAX and 0 < len(child) <= NAME_MAX) or parent == child:
+        return None
+    wxyz = (w / norm, qx / norm, qy / norm, qz / norm)
+    return Transform(parent, child, (x, y, z), wxyz, _stamp(said))
 
 
 def get_text(message: Any) -> str:

@@ -36,7 +36,7 @@ from posecast_edge.sources.ros.keys import (
     match_data_key,
     match_token_key,
 )
-from posecast_edge.sources.ros.messages import DESCRIPTION_MAX, PAYLOAD_MAX, STRING
+from posecast_edge.sources.ros.messages import DESCRIPTION_MAX, PAYLOAD_MAX, STRING, TF
 
 if TYPE_CHECKING:
     from posecast_edge.profile.types import Profile
@@ -91,6 +91,10 @@ class Ros2Source:
         """Pass every new robot_description (URDF text) to `take`, in the source's thread."""
         self._intake.on_urdf = take
 
+    def watch_frames(self) -> None:
+        """Read /tf also where no profile asks for it, so that `offers` can list its frames."""
+        self._intake.routes.watch_frames()
+
     def run(self, deliver: Deliver, stop: threading.Event) -> None:
         """Deliver what comes, until `stop`."""
         from posecast_edge.sources.ros.cdr import CdrReader  # noqa: PLC0415 - numpy takes its time
@@ -140,13 +144,13 @@ class Ros2Source:
         ]
         for pattern, type_name in self._intake.routes.list_patterns():
             key = make_data_key(pattern, type_name, self._domain)
-            held.append(self._subscribe(session, key, latched=type_name == STRING))
+            held.append(self._subscribe(session, key, latched=is_latched(pattern, type_name)))
         return held
 
     def _subscribe(self, session: zenoh.Session, key: str, latched: bool | None = None) -> object:
         """`latched`: what was published before counts too (transient local)."""
         if latched is None:
-            latched = self._of_key[key].type_name == STRING
+            latched = is_latched(self._of_key[key].topic, self._of_key[key].type_name)
         if not latched:
             return session.declare_subscriber(key, self._on_data)
         history = HistoryConfig(detect_late_publishers=True, max_samples=1)
@@ -177,6 +181,11 @@ class Ros2Source:
             self._intake.report_bad(found.topic, f"a message of {size} bytes is too large")
             return
         self._inbox.put(found.topic, found.type_name, sample.payload.to_bytes())
+
+
+def is_latched(topic: str, type_name: str) -> bool:
+    """Whether what was published before counts too (transient local)."""
+    return type_name == STRING or (type_name == TF and topic.endswith("tf_static"))
 
 
 class Inbox:

@@ -102,6 +102,10 @@ class RosbridgeSource:
         self._intake.on_urdf = take
         self._wants_urdf = True
 
+    def watch_frames(self) -> None:
+        """Read /tf also where no profile asks for it, so that `offers` can list its frames."""
+        self._intake.routes.watch_frames()
+
     def run(self, deliver: Deliver, stop: threading.Event) -> None:
         """Deliver samples until `stop`. When the connection ends, connect again and repeat all
         subscriptions."""
@@ -267,7 +271,7 @@ class RosbridgeConnection:
     def _want(self, topic: str, route: Route) -> None:
         """Streams are throttled, but a topic of several publishers is not: the newest of one would push out
         the newest of the other before either is sent."""
-        if route.role in ("battery", "diagnostics", "description"):
+        if route.role in ("battery", "diagnostics", "description", "tf"):
             self._subscribe(topic, 0, described=route.role == "description")
             return
         self._counting[topic] = time.monotonic()

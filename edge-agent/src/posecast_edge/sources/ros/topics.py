@@ -17,6 +17,7 @@ from posecast_edge.sources.ros.messages import (
     JOINT_STATE,
     ODOMETRY,
     STRING,
+    TF,
     WRENCH,
     make_site_name,
 )
@@ -31,6 +32,7 @@ TYPES_OF_ROLE: Mapping[str, tuple[str, ...]] = {
     "diagnostics": (DIAGNOSTICS,),
     "base": (ODOMETRY,),
     "description": (STRING,),
+    "tf": (TF,),  # of which a profile names the frames, not the topics
 }
 TYPES = frozenset(name for names in TYPES_OF_ROLE.values() for name in names)
 
@@ -38,6 +40,8 @@ TOPIC_MAX = 255  # characters, as in ROS 2; a longer one is not read
 
 COMMAND = re.compile(r"(?:joint_)?(?:command|cmd|desired|goal|target|reference)s?|joint_(?:ref|setpoint)s?")
 STATE = re.compile(r"joint_states?")
+STATIC = "static"  # in a Route's site: transforms that are told once
+TF_TOPICS = {"tf": "", "tf_static": STATIC}
 BATTERY_WORDS = re.compile(r"battery(?:_state)?s?|power|state|status")
 
 
@@ -54,12 +58,20 @@ class Routes:
 
     def __init__(self, given: RosTopics | None, namespace: str = "") -> None:
         self._given = (given or RosTopics()).topics
+        self.base_frames = (given or RosTopics()).base_frames
+        self._reads_frames = self.base_frames is not None
         self._namespace = f"/{namespace.strip('/')}" if namespace.strip("/") else ""
+
+    def watch_frames(self) -> None:
+        """Read transforms also where no profile asks for them."""
+        self._reads_frames = True
 
     def find_route(self, topic: str, type_name: str) -> Route | None:
         """How this topic is read; None: not at all. `type_name`: short form."""
         if len(topic) > TOPIC_MAX:
             return None
+        if type_name == TF:
+            return self._find_frames_route(topic)
         for role, types in TYPES_OF_ROLE.items():
             if type_name in types and role in self._given:
                 for pattern, site in self._given[role]:
@@ -70,10 +82,21 @@ class Routes:
         route = _by_name(topic[len(self._namespace) :], type_name)
         return route if route is not None and route.role not in self._given else None
 
+    def _find_frames_route(self, topic: str) -> Route | None:
+        """Robots in namespaces often share one /tf."""
+        above, _, last = topic.rpartition("/")
+        if not self._reads_frames or last not in TF_TOPICS:
+            return None
+        ours = not above or f"{above}/".startswith(f"{self._namespace}/")
+        return Route("tf", TF_TOPICS[last]) if ours else None
+
     def list_patterns(self) -> list[tuple[str, str]]:
         """(pattern, type) of every topic that may be read, for sources that can subscribe by pattern."""
         everything = f"{self._namespace}/**"
-        usual = {"description": [f"{everything}/robot_description"], "base": []}
+        usual = {"description": [f"{everything}/robot_description"], "base": [], "tf": []}
+        if self._reads_frames:
+            places = (everything, "") if self._namespace else (everything,)
+            usual["tf"] = [f"{place}/{name}" for name in TF_TOPICS for place in places]
         found: list[tuple[str, str]] = []
         for type_name in sorted(TYPES):
             patterns: list[str] = []
@@ -94,6 +117,8 @@ class Routes:
             if "*" not in pattern
         ]
         usual = (("pos", "joint_states"), ("description", "robot_description"))
+        if self._reads_frames:
+            given += [(f"/{name}", Route("tf", site)) for name, site in TF_TOPICS.items()]
         return given + [(f"{self._namespace}/{name}", Route(r)) for r, name in usual if r not in self._given]
 
 

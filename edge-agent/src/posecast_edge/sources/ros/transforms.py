@@ -1,0 +1,216 @@
+"""The tree of transforms (/tf, /tf_static) → where the robot's base is. Pure: time comes in as an argument.
+
+A profile's `[ros] base = "odom→base_link"` names the two frames. The transforms between them may come in any
+number of messages, from any number of publishers; of each the newest counts. A pose is made when the moving
+transform nearest to the base is told anew, so a base whose odometry is silent does not look still.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from posecast_edge.sources.ros.messages import Report, Transform, read_transforms
+from posecast_edge.visible import make_visible
+
+FRAMES_MAX = 2048  # of one tree, about a megabyte; further ones are ignored
+OLD_S = 60.0  # a moving transform that was not told for so long counts no more
+WAIT_S = 5.0  # so long after the first transform a missing frame is said
+SHOWN = 12  # frames named in one line
+LINE_MAX, LINES_MAX = 600, 40  # characters of a line, lines
+FIXED = ("odom", "map", "world")  # what robots call the frame they move in, the smoothest first
+BASES = ("base_footprint", "base_link", "pelvis", "base", "torso", "trunk", "body")
+
+Vector = tuple[float, float, float]
+Quaternion = tuple[float, float, float, float]  # w x y z
+Pose = tuple[Vector, Quaternion]
+
+NO_MOVE: Pose = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
+
+
+@dataclass(frozen=True)
+class _Edge:
+    """What was told last of one frame. `heard_s`: when."""
+
+    told: Transform
+    static: bool
+    heard_s: float
+
+
+class TransformTree:
+    """The frames of one robot. `base`: the two frames wanted, None to only list what there is. `say` gets one
+    line about each thing that is wrong."""
+
+    def __init__(self, base: tuple[str, str] | None, say: Callable[[str], None]) -> None:
+        self._base = base
+        self._say = say
+        self._edges: dict[str, _Edge] = {}  # by child
+        self._began_s: float | None = None
+        self._chain: tuple[list[str], list[str]] | None = None  # see _find_chain
+        self._known = False  # whether the chain is up to date
+        self._told: set[str] = set()
+
+    def take_message(self, message: Any, static: bool, now_s: float) -> Report | None:
+        """Take a TFMessage that arrived at `now_s` (seconds). Returns where the base is, when that was told.
+        Raises RosMessageError when the message does not match its type."""
+        if self._began_s is None:
+            self._began_s = now_s
+        news: set[str] = set()
+        for told in read_transforms(message):
+            before = self._edges.get(told.child)
+            if before is None and len(self._edges) >= FRAMES_MAX:
+                self._say_once(f"more than {FRAMES_MAX} frames: {told.child} and further ones are left out")
+                continue
+            if before is None or before.told.parent != told.parent:
+                self._known = False
+            self._edges[told.child] = _Edge(told, static, now_s)
+            news.add(told.child)
+        return None if self._base is None else self._report(news, now_s)
+
+    def check_time(self, now_s: float) -> None:
+        """Say what is missing when it has been waited for. Call it now and then."""
+        if self._base and self._began_s is not None and now_s - self._began_s >= WAIT_S:
+            self.explain_missing()
+
+    def explain_missing(self) -> None:
+        """Say once why there is no pose of the base, if there is none."""
+        if self._base is None or self._find_chain() is not None:
+            return
+        fixed, base = self._base
+        frames = self._edges.keys() | {edge.told.parent for edge in self._edges.values()}
+        shown = ", ".join(sorted(frames)[:SHOWN]) + (", …" if len(frames) > SHOWN else "")
+        for name in (fixed, base):
+            circle = self._find_circle(name)
+            if name not in frames:
+                self._say_once(f"base {fixed}→{base}: no transform names {name}; frames: {shown or 'none'}")
+                return
+            if circle:
+                self._say_once(f"base {fixed}→{base}: transforms lead in a circle: {circle}")
+                return
+        self._say_once(f"base {fixed}→{base}: no transforms lead from one to the other")
+
+    def list_frames(self) -> list[str]:
+        """Lines for `probe`: which frame carries which, and the line of a profile that makes a base of
+        them."""
+        children: dict[str, list[str]] = {}
+        for child, edge in sorted(self._edges.copy().items()):
+            children.setdefault(edge.told.parent, []).append(child + (" (static)" if edge.static else ""))
+        lines = [
+            f"frame {parent} → {', '.join(names[:SHOWN])}{', …' if len(names) > SHOWN else ''}"
+            for parent, names in sorted(children.items())
+        ]
+        if len(lines) > LINES_MAX:
+            lines[LINES_MAX:] = [f"and {len(lines) - LINES_MAX} more frames that carry others"]
+        found = self._suggest()
+        if found:
+            lines.append(f'in a profile, for where the robot is: [ros] base = "{found[0]}→{found[1]}"')
+        return lines
+
+    # --- the chain
+
+    def _report(self, news: set[str], now_s: float) -> Report | None:
+        chain = self._find_chain()
+        if chain is None:
+            return None
+        up, down = chain
+        moving = [child for child in (*down, *reversed(up)) if not self._edges[child].static]
+        if news.isdisjoint(moving[:1] or (*up, *down)):
+            return None
+        old = [child for child in moving if now_s - self._edges[child].heard_s > OLD_S]
+        if old:
+            self._say_once(f"the transform of {old[0]} has not been told for {OLD_S:g} s: no base")
+            return None
+        pose = NO_MOVE
+        for child in up:
+            pose = multiply_poses(pose, invert_pose(self._pose(child)))
+        for child in reversed(down):
+            pose = multiply_poses(pose, self._pose(child))
+        (x, y, z), (w, qx, qy, qz) = pose
+        values = {
+            "base": {"base.x": x, "base.y": y, "base.z": z},
+            "baseq": {"base.w": w, "base.x": qx, "base.y": qy, "base.z": qz},
+        }
+        stamp_s = self._edges[moving[0]].told.stamp_s if moving else None
+        return Report(stamp_s, values, lasts=not moving)
+
+    def _pose(self, child: str) -> Pose:
+        told = self._edges[child].told
+        return told.xyz, told.wxyz
+
+    def _find_chain(self) -> tuple[list[str], list[str]] | None:
+        """Children up from the fixed frame to the nearest common parent, and the same from the base."""
+        if not self._known and self._base is not None:
+            self._known = True
+            fixed, base = (self._list_way_up(name) for name in self._base)
+            places = {name: i for i, name in enumerate(fixed)}
+            meets = next((i for i, name in enumerate(base) if name in places), None)
+            self._chain = None if meets is None else (fixed[: places[base[meets]]], base[:meets])
+        return self._chain
+
+    def _list_way_up(self, name: str) -> list[str]:
+        """The frame and those that carry it, up to the last or to where they lead in a circle."""
+        way = {name: None}
+        while (edge := self._edges.get(name)) is not None and edge.told.parent not in way:
+            name = edge.told.parent
+            way[name] = None
+        return list(way)
+
+    def _find_circle(self, name: str) -> str:
+        """`a → b → a`, or "" when the way up from this frame ends."""
+        way = self._list_way_up(name)
+        edge = self._edges.get(way[-1])
+        if edge is None:
+            return ""
+        shown = way[way.index(edge.told.parent) :]
+        return " → ".join((*shown[:SHOWN], *(("…",) if len(shown) > SHOWN else ()), shown[0]))
+
+    def _suggest(self) -> tuple[str, str] | None:
+        names = {name.rpartition("/")[2]: name for name in sorted(self._edges, reverse=True)}
+        for base in (names[last] for last in BASES if last in names):
+            above = self._list_way_up(base)[1:]
+            fixed = [name for last in FIXED for name in above if name.rpartition("/")[2] == last]
+            if above:
+                return (fixed or above[-1:])[0], base
+        moving = [(edge.told.parent, child) for child, edge in self._edges.items() if not edge.static]
+        return next((pair for pair in moving if pair[0] not in self._edges), None)
+
+    def _say_once(self, text: str) -> None:
+        key = text.partition(":")[0]
+        if key not in self._told:
+            self._told.add(key)
+            self._say(make_visible(text, LINE_MAX))
+
+
+def multiply_poses(first: Pose, second: Pose) -> Pose:
+    """The pose that `second` has where `first` is its parent. Lengths in metres, unit quaternions w x y z."""
+    (x, y, z), q = first
+    dx, dy, dz = rotate_vector(q, second[0])
+    return (x + dx, y + dy, z + dz), multiply_quaternions(q, second[1])
+
+
+def invert_pose(pose: Pose) -> Pose:
+    """The parent's pose as its child sees it."""
+    w, x, y, z = pose[1]
+    back = (w, -x, -y, -z)
+    dx, dy, dz = rotate_vector(back, pose[0])
+    return (-dx, -dy, -dz), back
+
+
+def multiply_quaternions(a: Quaternion, b: Quaternion) -> Quaternion:
+    """The rotation by `b`, then by `a`."""
+    aw, ax, ay, az = a
+    bw, bx, by, bz = b
+    return (
+        aw * bw - ax * bx - ay * by - az * bz,
+        aw * bx + ax * bw + ay * bz - az * by,
+        aw * by - ax * bz + ay * bw + az * bx,
+        aw * bz + ax * by - ay * bx + az * bw,
+    )
+
+
+def rotate_vector(q: Quaternion, v: Sequence[float]) -> Vector:
+    """Rotate a vector by a unit quaternion."""
+    w, x, y, z = q
+    _, rx, ry, rz = multiply_quaternions(multiply_quaternions(q, (0.0, v[0], v[1], v[2])), (w, -x, -y, -z))
+    return rx, ry, rz
