@@ -192,6 +192,19 @@ def test_no_sample_of_a_source_ends_the_agent(running: Running, sample: Any) -> 
         running.goes_on(view)
 
 
+def test_viewers_are_told_a_source_s_trouble(running: Running, router: Router) -> None:
+    told = {"level": "fault", "source": "source", "text": "robot's samples are too large"}
+
+    def heard(on: bool) -> bool:
+        wanted = {**told, "state": "on" if on else "off"}
+        return any(event.items() >= wanted.items() for event in router.events)
+
+    running.source.trouble = told["text"]  # type: ignore[attr-defined]
+    until(lambda: heard(True), "the trouble")
+    running.source.trouble = ""  # type: ignore[attr-defined]
+    until(lambda: heard(False), "its end")
+
+
 def test_half_a_character_ends_nothing(running: Running, router: Router) -> None:
     running.source.info = {"mode": "walks", "bad": "\ud800", "\udfff": "bad"}
     until(lambda: {"type": "info", "kv": {"mode": "walks"}} in router.events, "what is text of it")

@@ -81,6 +81,15 @@ def test_source_silent_and_back() -> None:
     assert not watch.silent
 
 
+def test_a_source_tells_its_trouble() -> None:
+    watch = EventWatch(SCHEMA)
+    told = [Event(0.0, "fault", "source", "samples are too large", True)]
+    assert watch.check_time(100.0, "samples are too large") == told  # also before the first sample
+    assert watch.check_time(100.1, "samples are too large") == []
+    sample(watch, 7.0, 0.0, 0, 0, 100.2)
+    assert watch.check_time(100.3) == [Event(7.0, "fault", "source", "samples are too large", False)]
+
+
 def test_at_most_twenty_a_second_then_one_that_counts() -> None:
     limit = EventLimit()
     flood = [Event(float(i), "fault" if i == 30 else "info", "A", "x", True) for i in range(50)]

@@ -15,6 +15,7 @@ from cost_stage import assert_time_in_proportion, cost, grows_linearly
 from edge_stage import until
 from posecast_edge.sample import Sample, SourceError
 from posecast_edge.sources import jsonl
+from posecast_edge.sources.base import Troubled
 from posecast_edge.sources.jsonl import MAX_LINE, JsonlSource, LineError, LineSplitter, parse_line
 from posecast_edge.sources.registry import KINDS, open_source
 
@@ -153,6 +154,24 @@ def test_the_rest_keeps_running_and_lines_are_numbered(caplog: pytest.LogCapture
     assert (
         caplog.messages[1] == "1 more bad lines, the newest: stdin line 5: over 1048576 bytes; it is dropped"
     )
+
+
+def test_lines_that_are_too_long_are_told_to_viewers() -> None:
+    read, write = os.pipe()
+    os.set_blocking(write, True)
+    source = JsonlSource(read, "stdin")
+    reader = Read(source)
+    os.write(write, b'{"pos": [1]}\n')
+    until(lambda: len(reader.samples) == 1, "a sample")
+    assert source.trouble == ""
+    view = memoryview(b"[" * (MAX_LINE + 1) + b"\n")
+    while view:
+        view = view[os.write(write, view) :]
+    until(lambda: source.trouble == "robot's samples are too large", "what viewers read")
+    assert isinstance(source, Troubled)
+    os.close(write)
+    reader.join()
+    os.close(read)
 
 
 def test_a_line_without_an_end_holds_little_memory() -> None:

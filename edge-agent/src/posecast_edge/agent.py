@@ -29,7 +29,7 @@ from posecast_edge.profile.schema import infer_profile
 from posecast_edge.profile.types import PUBLIC, Profile
 from posecast_edge.rate_limited_log import RateLimitedLog
 from posecast_edge.sample import Sample, SourceError
-from posecast_edge.sources.base import Source
+from posecast_edge.sources.base import Source, Troubled
 from posecast_edge.uplink.certificate import Certificate
 from posecast_edge.uplink.lateness import RateControl
 from posecast_edge.uplink.publisher import ZenohPublisher
@@ -107,6 +107,7 @@ class Agent:
         self._stopping = False
         self._source_stop = threading.Event()
         self._source_ended = False
+        self._told_trouble = False  # before the first sample
         self._failure: str | None = None
 
     def set_model(self, bundle: Bundle) -> None:
@@ -186,8 +187,12 @@ class Agent:
 
     def _look_for_silence(self, pipeline: ViewPipeline, now_s: float) -> None:
         try:
+            trouble = self._source.trouble if isinstance(self._source, Troubled) else ""
             if pipeline.stream is not None:
-                self._send_events(pipeline, pipeline.stream.check_time(now_s))
+                self._send_events(pipeline, pipeline.stream.check_time(now_s, trouble))
+            elif trouble and not self._told_trouble:
+                self._told_trouble = True
+                self._send_events(pipeline, [Event(0.0, "fault", "source", trouble, True)])
         except Exception as e:
             self._failed(pipeline, e)
 

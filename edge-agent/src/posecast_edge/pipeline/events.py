@@ -164,6 +164,7 @@ class EventWatch:
                 self._watched.append(_Limits(field, limits))
         self._last_s: float | None = None
         self._t_s = 0.0
+        self._trouble = ""
         self.silent = False
 
     @property
@@ -187,9 +188,15 @@ class EventWatch:
                 events += watched.look(t_s, values)
         return events
 
-    def check_time(self, now_s: float) -> list[Event]:
-        """Return the event that the source has fallen silent, when that is so. Call it between samples."""
+    def check_time(self, now_s: float, trouble: str = "") -> list[Event]:
+        """Return the events that the source has fallen silent, and that it has or no longer has `trouble`
+        (see base.Troubled). Call it between samples."""
+        events: list[Event] = []
+        if trouble != self._trouble:
+            texts = ((self._trouble, False), (trouble, True))
+            events = [Event(self._t_s, "fault", "source", text, on) for text, on in texts if text]
+            self._trouble = trouble
         if self.silent or self._last_s is None or now_s - self._last_s < SILENT_S:
-            return []
+            return events
         self.silent = True
-        return [Event(self._t_s, "caution", "source", "silent", True)]
+        return [*events, Event(self._t_s, "caution", "source", "silent", True)]

@@ -156,10 +156,10 @@ class Stream:
             flat += [None] * f.size if of_field is None else of_field
         return flat
 
-    def check_time(self, now_s: float) -> list[Event]:
+    def check_time(self, now_s: float, trouble: str = "") -> list[Event]:
         """Return events caused by the passing of time alone, such as a silent source. Call it regularly."""
         with self._events_lock:
-            return self._limit.admit(self._watch.check_time(now_s), now_s)
+            return self._limit.admit(self._watch.check_time(now_s, trouble), now_s)
 
     def force_key(self) -> None:
         """Make the next frame a KEY that is sent at once, because a new listener has joined."""

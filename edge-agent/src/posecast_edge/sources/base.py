@@ -50,3 +50,12 @@ class Discovering(Source, Protocol):
     def send_urdf_to(self, take: Callable[[str], None]) -> None:
         """Pass every new robot_description (URDF text) to `take`, which must return at once. Call it before
         `run`."""
+
+
+@runtime_checkable
+class Troubled(Source, Protocol):
+    """A source that can tell viewers why samples do not come through."""
+
+    @property
+    def trouble(self) -> str:
+        """A few words for the page, "" at most times. May be asked for from any thread."""

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import json
 import logging
+import math
 import os
 import select
 import stat
@@ -34,6 +35,8 @@ if TYPE_CHECKING:
 log = logging.getLogger("posecast_edge.jsonl")
 
 MAX_LINE = 1 << 20  # bytes; 4096 channels in full precision, with their names, are 200 kB
+TOO_LARGE = "robot's samples are too large"  # as viewers read it
+TROUBLE_S = 10.0  # so long after the last such line
 MAX_READ = 64 * 1024  # a full pipe
 MAX_DIGITS = 500  # of an integer: Python takes the square of their number to read them
 MAX_INFO = 32  # entries of one line
@@ -76,11 +79,17 @@ class JsonlSource:
         self._start_s = 0.0  # clock.now_s() at which the file's clock stood at 0
         self._bad = RateLimitedLog(log.warning, "bad lines")
         self._lines = LineSplitter(MAX_LINE)
+        self._too_large_s = -math.inf  # when a line was
         self._number = 0  # of the newest line
         self._waiting: Sample | None = None  # perhaps the newest, perhaps followed by another at once
         self._looked_s: float | None = None
         self._behind_s: float | None = None  # since when there has been more to read
         self._stalled = False  # what is read has lain there for nobody knows how long
+
+    @property
+    def trouble(self) -> str:
+        """What viewers are told while lines are too long."""
+        return TOO_LARGE if clock.now_s() - self._too_large_s < TROUBLE_S else ""
 
     def run(self, deliver: Deliver, stop: threading.Event) -> None:
         """Deliver every valid line until the end or `stop`. Raises SourceError when reading fails."""
@@ -104,6 +113,8 @@ class JsonlSource:
         try:
             sample, wrong = parse_line(line, now_s, where)
         except LineError as e:
+            if len(line) > MAX_LINE:
+                self._too_large_s = now_s
             self._bad.add(f"{where}: {e}", now_s)
             return
         for text in wrong:
