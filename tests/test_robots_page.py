@@ -58,9 +58,15 @@ def test_the_topics_on_the_page_are_a_table_of_a_profile() -> None:
     (text,) = blocks("toml", OF_SOURCE["ros2"])
     ros = parse_profile('[[fields]]\nname = "pos"\nlabels = ["a"]\n' + text).ros
     assert ros is not None
-    assert set(ros.topics) == set(ROLES)
+    assert {*ros.topics, "base"} == set(ROLES)
+    assert ros.base_frames == ("odom", "base_link")
     assert ros.topics["wrench"] == (("/ft/right", "RF"), ("/ft/left", "LF"))
     assert (ros.domain, ros.encoding) == (0, "json")
+
+
+def test_the_columns_on_the_page_are_a_table_of_a_profile() -> None:
+    (text,) = blocks("toml", OF_SOURCE["recordings"])
+    assert len(parse_profile('[[fields]]\nname = "pos"\nlabels = ["a"]\n' + text).csv) == 3
 
 
 def test_every_ros_type_is_on_it() -> None:

@@ -176,13 +176,18 @@ ROWS = b"t,A,ref.B [deg],flags.A,info.mode,\n1.5,0.1,0.2,jam hot,walk,x\n2,1,2,3
 PARSERS = (
     Parser(
         "csv",
-        ("sources.files.csv.Table.read_samples",),
+        ("sources.files.csv.Table.read_samples", "sources.files.csv_clock.parse_iso_time"),
         csv_work,
         (SourceError,),
         (ROWS, b"\xef\xbb\xbftime_ms;A;B\r\n1;2;3\r\n4;5;6\r\n"),
         {
             "columns": Worst(lambda n: ("t," + ",".join(f"c{i}" for i in range(n)) + "\n").encode(), 500),
             "a name of blanks": Worst(lambda n: b"t,a" + b" " * n + b"b\n0,1\n", 2000),
+            "a name of slashes": Worst(lambda n: b"t," + b"/a" * n + b"\n0,1\n", 2000),
+            "a name of dots": Worst(lambda n: b"t,field" + b".a" * n + b"\n0,1\n", 2000),
+            "names of joints": Worst(
+                lambda n: ("t," + ",".join(f"name{i},position{i}" for i in range(n)) + "\n").encode(), 300
+            ),
             "a name of brackets": Worst(lambda n: b"t,a" + b"[" * n + b"\n0,1\n", 2000),
             "rows": Worst(lambda n: b"t,A\n" + b"1,2\n" * n, 400),
             "bad rows": Worst(lambda n: b"t,A\n" + b"x\n" * n, 400),

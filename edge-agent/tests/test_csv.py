@@ -9,6 +9,7 @@ import os
 from pathlib import Path
 
 import pytest
+from posecast_edge.cli.probe import run_probe
 from posecast_edge.profile.reader import parse_profile
 from posecast_edge.sample import Sample, SourceError
 from posecast_edge.sources.files.csv import MAX_LINE, Table
@@ -173,3 +174,161 @@ def test_it_opens_as_a_source(tmp_path: Path) -> None:
     assert isinstance(source, Player)
     assert source.description == "csv a.csv"
     assert [s.values for _, s in source.schedule_samples()] == [{"pos": {"A": 2}}]
+
+
+# --- as programs write them
+
+
+PLOTJUGGLER = """__time,/joint_states/header/seq,\
+/joint_states/left_knee/position,/joint_states/left_knee/velocity,\
+/joint_states/left_knee/effort,/joint_states/r_knee/velocity,/joint_commands/left_knee/position,\
+/imu/data/orientation/w,/imu/data/angular_velocity/z,/ft/left/wrench/force/z,/odom/pose/pose/position/x,\
+/odom/pose/pose/orientation/w,/tf/odom/base/translation/x
+1700000000.25,7,0.5,1.5,9,-2,0.75,1,0.25,300,4,1,8
+1700000000.26,8,,,,,0.76,,,,,,
+"""
+
+
+def test_what_plotjuggler_exports(tmp_path: Path) -> None:
+    first, second = samples(tmp_path, PLOTJUGGLER)
+    assert first.t_s == pytest.approx(1700000000.25)
+    assert first.values == {
+        "pos": {"left_knee": 0.5},
+        "vel": {"left_knee": 1.5, "r_knee": -2},
+        "effort": {"left_knee": 9},
+        "ref": {"left_knee": 0.75},
+        "quat": {"imu_data.w": 1},
+        "gyro": {"imu_data.z": 0.25},
+        "ftf": {"ft_left.fz": 300},
+        "base": {"base.x": 4},
+        "baseq": {"base.w": 1},
+    }
+    assert second.values["vel"] == {"left_knee": None, "r_knee": None}
+
+
+@pytest.mark.parametrize(
+    "head",
+    [
+        "%time,field.header.seq,field.header.stamp,field.header.frame_id,"
+        "field.name0,field.name1,field.position0,field.position1,field.velocity0,field.velocity1",
+        "%time,/joint_states/header/seq,/joint_states/header/stamp,/joint_states/header/frame_id,"
+        "/joint_states/name[0],/joint_states/name[1],/joint_states/position[0],/joint_states/position[1],"
+        "/joint_states/velocity[0],/joint_states/velocity[1]",
+        "%time,header.seq,header.stamp.secs,header.frame_id,name_0,name_1,position_0,position_1,velocity_0,velocity_1",
+    ],
+    ids=["rostopic echo -p", "indices", "bagpy"],
+)
+def test_arrays_take_their_names_from_the_columns_of_names(tmp_path: Path, head: str) -> None:
+    row = "1700000000250000000,7,1700000000250000000,,left_knee,r_knee,0.5,0.25,1,2"
+    (sample,) = samples(tmp_path, f"{head}\n{row}\n")
+    assert sample.t_s == pytest.approx(1700000000.25, abs=1e-6)
+    assert sample.values == {"pos": {"left_knee": 0.5, "r_knee": 0.25}, "vel": {"left_knee": 1, "r_knee": 2}}
+
+
+def test_arrays_without_names_are_counted(tmp_path: Path) -> None:
+    (sample,) = samples(tmp_path, "__time,/joint_states/position[0],/joint_states/position[11]\n5,1,2\n")
+    assert sample.values == {"pos": {"joint0": 1, "joint11": 2}}
+
+
+def test_what_pandas_writes(tmp_path: Path) -> None:
+    text = (
+        ",left_knee.position,left_knee.velocity,phase\n"
+        "2026-11-23 10:00:00.125000+01:00,0.5,1.5,stance\n2026-11-23 10:00:00.250000+01:00,0.6,1.6,swing\n"
+    )
+    read = table(tmp_path, text)
+    found = list(read.read_samples(0, first_pass=True))
+    assert [s.t_s for s in found] == [1795424400.125, 1795424400.25]
+    assert found[0].values == {"pos": {"left_knee": 0.5}, "vel": {"left_knee": 1.5}}
+    assert read.describe_columns() == [
+        "(no name)  → the clock, ISO 8601",
+        "left_knee.position  → pos of left_knee",
+        "left_knee.velocity  → vel of left_knee",
+        "phase  left out: it holds texts, as 'stance'; info.NAME would show them",
+        'otherwise, in a profile: [csv] "left_knee.position" = "vel.JOINT [deg/s]", or "-" to leave it out',
+    ]
+
+
+def test_what_excel_writes_where_a_comma_is_decimal(tmp_path: Path) -> None:
+    text = "\ufeffsep=;\r\nt;RKN [deg];Notiz\r\n0,5;-90,0;\r\n1,5;1e1;\r\n"
+    found = samples(tmp_path, text, profile=PROFILE + '[csv]\nNotiz = "-"\n')
+    assert [(s.t_s, s.where) for s in found] == [
+        (0.5, f"{tmp_path}/walk.csv:3"),
+        (1.5, f"{tmp_path}/walk.csv:4"),
+    ]
+    wanted: object = {"pos": {"RKN": pytest.approx(-math.pi / 2)}}
+    assert found[0].values == wanted
+
+
+PROFILE = '[labels]\njoint = ["RKN", "a_velocity"]\n[[fields]]\nname = "pos"\n[[fields]]\nname = "vel"\n'
+
+
+def test_a_profile_gives_columns_other_names(tmp_path: Path) -> None:
+    profile = PROFILE + '[csv]\nZeit = "t_ms"\n"/x/y" = "vel.RKN [deg/s]"\njunk = "-"\n'
+    read = table(tmp_path, "Zeit,/x/y,junk,a_velocity\n1500,180,x,2\n", profile)
+    (sample,) = read.read_samples(0, first_pass=True)
+    assert sample.t_s == 1.5
+    assert sample.values == {"vel": {"RKN": pytest.approx(math.pi)}, "pos": {"a_velocity": 2}}
+    assert read.describe_columns()[:4] == [
+        "Zeit  → the clock, ms",
+        "/x/y  → vel of RKN, converted from deg/s",
+        "junk  left out: the profile says so",
+        "a_velocity  → pos of a_velocity",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("cells", "times_s", "unit"),
+    [
+        (["1700000000.5", "1700000000.6"], [1700000000.5, 1700000000.6], ""),
+        (["1700000000500", "1700000000600"], [1700000000.5, 1700000000.6], "ms, for it begins at 1.7e+12"),
+        (["1700000000500000", "1700000000600000"], [1700000000.5, 1700000000.6], "us"),
+        (["1700000000500000000", "1700000000600000000"], [1700000000.5, 1700000000.6], "ns"),
+        (["0", "10", "20"], [0, 0.01, 0.02], "ms, for its rows are 10 apart"),
+        (["0", "10000", "20000"], [0, 0.01, 0.02], "us"),
+        (["0", "1", "2"], [0, 1, 2], ""),
+        (["2026-11-23T10:00:00Z", "2026-11-23T10:00:00,5Z"], [1795428000, 1795428000.5], ""),
+        (["2026-11-23 10:00", "2026-11-23 10:00:01.123456789"], [1795428000, 1795428001.123456789], ""),
+    ],
+)
+def test_units_of_the_clock_are_guessed_aloud(
+    tmp_path: Path, cells: list[str], times_s: list[float], unit: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    text = "t;A\n" + "".join(f"{cell};1\n" for cell in cells)
+    assert [s.t_s for s in samples(tmp_path, text)] == pytest.approx(times_s, abs=1e-6)
+    assert [f"the clock t is taken for {unit}" in line for line in caplog.messages] == (
+        [True] if unit else []
+    )
+
+
+def test_paths_that_nothing_reads_are_left_out_and_said_in_one_line(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    with caplog.at_level(logging.INFO):
+        (sample,) = samples(tmp_path, "t,/a/b,/c/data,A,head/trans_x,index\n0,1,2,3,4,5\n")
+    assert sample.values == {"pos": {"A": 3, "head/trans_x": 4}}
+    assert caplog.messages == [
+        f"{tmp_path}/walk.csv:1: columns left out: /a/b, /c/data, index; `posecast-edge probe` says why"
+    ]
+
+
+def test_a_column_that_only_the_profile_has_is_named(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    samples(tmp_path, "t,A\n0,1\n", profile=PROFILE + '[csv]\nB = "RKN"\n')
+    assert caplog.messages == [f"{tmp_path}/walk.csv:1: no column B, which the profile's [csv] names"]
+
+
+def test_two_columns_of_one_channel(tmp_path: Path) -> None:
+    read = table(tmp_path, "t,/a/joint_states/A/position,/b/joint_states/A/position\n0,1,2\n")
+    assert [s.values for s in read.read_samples(0, first_pass=True)] == [{"pos": {"A": 1}}]
+    assert "/b/joint_states/A/position  left out: another column is pos.A" in read.describe_columns()
+
+
+def test_probe_tells_how_each_column_is_read(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "a.csv").write_text(PLOTJUGGLER)
+    assert run_probe([f"csv:{tmp_path}/a.csv"]) == 0
+    out = capsys.readouterr().out
+    assert "columns:\n  __time  → the clock, s\n" in out
+    assert "  /joint_states/header/seq  left out: it counts rows\n" in out
+    assert "  /joint_states/left_knee/velocity  → vel of left_knee\n" in out
+    assert "  /tf/odom/base/translation/x  left out: nothing here reads it\n" in out

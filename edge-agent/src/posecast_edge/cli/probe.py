@@ -18,7 +18,7 @@ from posecast_edge.profile.reader import ProfileError, find_profile, load_profil
 from posecast_edge.profile.schema import mark_sliding
 from posecast_edge.profile.types import Profile
 from posecast_edge.sample import SourceError
-from posecast_edge.sources.base import Discovering, Source
+from posecast_edge.sources.base import Discovering, Source, Tabular
 from posecast_edge.sources.registry import KINDS, find_defaults, open_source
 from posecast_edge.visible import make_visible
 
@@ -79,6 +79,8 @@ def _mark_described(profile: Profile, urdf: str) -> Profile:
 
 
 def _offers(source: Source) -> list[str]:
+    if isinstance(source, Tabular):
+        return ["", "columns:", *(f"  {line}" for line in source.columns)]
     if not isinstance(source, Discovering):
         return []
     return ["", "topics:", *(f"  {line}" for line in source.offers or ["none"])]

@@ -141,7 +141,7 @@ class ProfileReader(Values):
             "names",
             "views",
         )
-        self.check_table(doc, "", (*keys, "trajectory", "ros"))
+        self.check_table(doc, "", (*keys, "trajectory", "ros", "csv"))
         robot = self.check_table(doc.get("robot", {}), "robot", ("name", "root"))
         labels = {
             name: self.check_unique_texts(value, f"labels.{name}")
@@ -171,6 +171,10 @@ class ProfileReader(Values):
             ),
             trajectory=self.build_trajectory(doc["trajectory"], fields) if "trajectory" in doc else None,
             ros=self.build_ros_topics(doc["ros"]) if "ros" in doc else None,
+            csv={
+                k: self.check_text(v, f"csv.{k}")
+                for k, v in self.check_table(doc.get("csv", {}), "csv").items()
+            },
             views=self.build_views(doc.get("views", {}), by_name),
         )
 

@@ -85,6 +85,7 @@ class Profile:
     root: str | None = None  # the model's root link
     trajectory: Trajectory | None = None
     ros: RosTopics | None = None
+    csv: Mapping[str, str] = field(default_factory=dict)  # a table's column → the name it is read by
     views: Mapping[str, View] = field(default_factory=dict)  # none: everything is public
     info: tuple[str, ...] | None = None  # texts that are sent; None: all
 

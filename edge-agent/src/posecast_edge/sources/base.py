@@ -59,3 +59,12 @@ class Troubled(Source, Protocol):
     @property
     def trouble(self) -> str:
         """A few words for the page, "" at most times. May be asked for from any thread."""
+
+
+@runtime_checkable
+class Tabular(Source, Protocol):
+    """A source that reads named columns."""
+
+    @property
+    def columns(self) -> list[str]:
+        """Lines for `probe`: what each column is read as, or why it is left out."""

@@ -1,36 +1,38 @@
 """Source `csv:PATH`: a table of what a robot reported, one row an instant; playback.py says how it is played.
 
-The first row names the columns:
-
-    t                       the robot's clock in seconds; also time, timestamp, stamp; t_ms, time_ns, …
-    FIELD.LABEL             `ref.RKN`, `cur.RKN`, `ftf.RF.fz`
-    LABEL                   a joint: `pos.LABEL`
-    info.NAME               a text that changes rarely
-    … [deg]                 a unit after the name is converted: deg, deg/s, mm, mA, mV
-
-Separators are commas, semicolons or tabs; the text is UTF-8, or UTF-16 with its byte order mark. An empty
-cell or `nan` is no reading; flags are masks or names with blanks between them. A column without a name is
-left out (pandas writes one). A row that does not fit is named and skipped.
+The first row names the columns: csv_columns.py says what they are, csv_clock.py which is the robot's clock.
+A profile's [csv] gives columns other names, "-" leaves one out. Separators are commas, semicolons or tabs,
+with the last two also decimal commas; the text is UTF-8, or UTF-16 with its byte order mark. An empty cell or
+`nan` is no reading; flags are masks or names with blanks between them. A column of texts is left out. A row
+that does not fit is named and skipped.
 """
 
 from __future__ import annotations
 
 import codecs
 import csv
+import itertools
 import logging
 import math
-import re
 import time
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
-from posecast_edge.profile.field_defaults import UNITS
 from posecast_edge.rate_limited_log import RateLimitedLog
 from posecast_edge.sample import TIME_MAX_S, Reading, Sample, SourceError
 from posecast_edge.sources.base import Source
-from posecast_edge.sources.files.playback import EndlessLine, Player, parse_playback, skip_line
+from posecast_edge.sources.files.csv_clock import TableClock, find_clock
+from posecast_edge.sources.files.csv_columns import (
+    INFO,
+    ColumnError,
+    ColumnMeaning,
+    interpret_column,
+    match_joint_name,
+)
+from posecast_edge.sources.files.playback import EndlessLine, Playback, Player, parse_playback, skip_line
 from posecast_edge.visible import make_visible
 
 if TYPE_CHECKING:
@@ -41,12 +43,13 @@ log = logging.getLogger("posecast_edge.csv")
 MAX_LINE = 256 * 1024  # characters
 MAX_TEXT = 200  # of an info
 SEPARATORS = ",;\t"
-CLOCK = re.compile(r"(?:__)?(?:t|time|timestamp|stamp)(?:_(s|ms|us|ns))?", re.IGNORECASE)
-SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 MASK_DIGITS = 18  # of a mask: the widest has 28 bits
-TO_OURS = {"deg": math.pi / 180, "deg/s": math.pi / 180, "mm": 1e-3, "mA": 1e-3, "mV": 1e-3}
-JOINTS = "pos"
-INFO, FLAGS = "info", "flags"
+FLAGS = "flags"
+LOOK_ROWS = 50  # at the beginning, to see what columns hold
+LOOK_CHARS = 1 << 20  # of them, about
+SKIP = "-"
+NAME_SHOWN = 80  # characters
+COLUMNS_SHOWN = 100
 
 
 class CellError(ValueError):
@@ -55,19 +58,30 @@ class CellError(ValueError):
 
 @dataclass(frozen=True)
 class Column:
-    """The field and label that a column belongs to. `gain`: factor from the column's unit to the field's."""
+    """A column that is read, counted from 0."""
 
     index: int
-    field: str
-    label: str
-    gain: float = 1.0
+    meaning: ColumnMeaning
     bits: bool = False
 
 
 def open_source(address: str, profile: Profile | None) -> Source:
     """Open a file. Raises SourceError without a path, a time column or at least one column that is known."""
     playback = parse_playback("csv", address)
-    return Player(Table(playback.path, profile), playback)
+    return TablePlayer(Table(playback.path, profile), playback)
+
+
+class TablePlayer(Player):
+    """Plays a table and tells how its columns are read (see Tabular)."""
+
+    def __init__(self, table: Table, playback: Playback) -> None:
+        super().__init__(table, playback)
+        self._table = table
+
+    @property
+    def columns(self) -> list[str]:
+        """Lines for `probe`: what each column is."""
+        return self._table.describe_columns()
 
 
 class Table:
@@ -77,18 +91,82 @@ class Table:
         self.description = f"csv {path.name}"
         self._path = path
         self._bits = {f.name for f in profile.fields if f.bits} if profile else {FLAGS}
+        self._known = {(f.name, label) for f in profile.fields for label in f.labels} if profile else set()
+        self._renamed = profile.csv if profile else {}
         self._bad = RateLimitedLog(log.warning, "bad rows")
+        self._left_out: dict[int, str] = {}  # why, by column
+        self._read_head()
+
+    def _read_head(self) -> None:
+        """Look at the first rows. Raises SourceError when they are no table."""
         with self._open() as file:
-            head = next(self._lines(file), None)
-        if head is None:
-            raise SourceError(f"{path}: empty")
-        self._separator = max(SEPARATORS, key=head[1].count)
-        try:
-            self._names = self._cells(head[1])
-        except CellError as e:
-            raise SourceError(f"{path}:{head[0]}: {e}") from None
-        self._clock, self._clock_s = self._find_clock()
-        self._columns = self._find_columns()
+            lines = self._lines(file)
+            head = next(lines, None)
+            self._above = 1  # lines before the first row
+            self._separator = ""
+            if head is not None and head[1].rstrip()[:-1] == "sep=":  # Excel's own word
+                self._separator = head[1].rstrip()[-1]
+                self._above, head = 2, next(lines, None)
+            if head is None:
+                raise SourceError(f"{self._path}: empty")
+            self._separator = self._separator or max(SEPARATORS, key=head[1].count)
+            self._where = f"{self._path}:{head[0]}"
+            try:
+                self._written = self._cells(head[1])
+            except CellError as e:
+                raise SourceError(f"{self._where}: {e}") from None
+            self._names = [self._renamed.get(name, name) for name in self._written]
+            rows = self._first_rows(lines)
+        missing = [name for name in self._renamed if name not in self._written]
+        if missing:
+            shown = make_visible(missing[0], NAME_SHOWN)
+            log.warning("%s: no column %s, which the profile's [csv] names", self._where, shown)
+        self._clock = self._find_clock(rows)
+        self._columns = self._find_columns(rows)
+        if self._left_out:
+            named = ", ".join(
+                make_visible(self._written[i], NAME_SHOWN) or "''" for i in [*self._left_out][:6]
+            )
+            more = ", …" if len(self._left_out) > 6 else ""
+            log.info("%s: columns left out: %s%s; `posecast-edge probe` says why", self._where, named, more)
+
+    def _first_rows(self, lines: Iterator[tuple[int, str]]) -> list[list[str]]:
+        rows, chars = [], 0
+        for _, line in itertools.islice(lines, LOOK_ROWS):
+            chars += len(line)
+            if chars > LOOK_CHARS:
+                break
+            with suppress(CellError):
+                cells = self._cells(line)
+                if len(cells) == len(self._names):
+                    rows.append(cells)
+        return rows
+
+    def describe_columns(self) -> list[str]:
+        """Say what each column is read as, or why it is left out, a line each."""
+        read = {column.index: column.meaning for column in self._columns}
+        lines = []
+        for i, name in enumerate(self._written[:COLUMNS_SHOWN]):
+            if i == self._clock.index:
+                unit = "ISO 8601" if self._clock.unit == "iso" else self._clock.unit
+                why = f", for {self._clock.guessed}" if self._clock.guessed else ""
+                use = f"→ the clock, {unit}{why}"
+            elif i in read:
+                meaning = read[i]
+                unit = f", converted from {meaning.unit}" if meaning.gain != 1 and meaning.unit else ""
+                use = f"→ {meaning.field} of {make_visible(meaning.label, NAME_SHOWN)}{unit}"
+            else:
+                use = f"left out: {self._left_out.get(i, '')}"
+            lines.append(f"{make_visible(name, NAME_SHOWN) or '(no name)'}  {use}")
+        if len(self._written) > COLUMNS_SHOWN:
+            lines.append(f"and {len(self._written) - COLUMNS_SHOWN} more")
+        example = make_visible(
+            next((name for i, name in enumerate(self._written) if i in read), ""), NAME_SHOWN
+        )
+        lines.append(
+            f'otherwise, in a profile: [csv] "{example}" = "vel.JOINT [deg/s]", or "-" to leave it out'
+        )
+        return lines
 
     def read_samples(self, start_s: float, first_pass: bool) -> Iterator[Sample]:
         """Read the file once; see Recording."""
@@ -96,7 +174,8 @@ class Table:
         begun = start_s == 0
         with self._open() as file:
             lines = self._lines(file)
-            next(lines, None)
+            for _ in range(self._above):
+                next(lines, None)
             for number, line in lines:
                 try:
                     sample = self._sample(line, f"{self._path}:{number}")
@@ -145,75 +224,108 @@ class Table:
             raise CellError(str(e)) from None
         return [cell.strip() for cell in cells]
 
-    def _find_clock(self) -> tuple[int, float]:
-        for i, name in enumerate(self._names):
-            if found := CLOCK.fullmatch(name):
-                return i, SECONDS[found[1] or "s"]
-        shown = ", ".join(repr(name[:40]) for name in self._names[:6])
-        raise SourceError(f"{self._path}:1: no column `t` (or time, timestamp, t_ms, …) among {shown}")
+    def _find_clock(self, rows: Sequence[Sequence[str]]) -> TableClock:
+        clock = find_clock(self._names, rows)
+        if clock is None:
+            shown = ", ".join(repr(name[:40]) for name in self._names[:6])
+            raise SourceError(f"{self._where}: no column `t` (or time, timestamp, t_ms, …) among {shown}")
+        if clock.guessed:
+            name = make_visible(self._written[clock.index], NAME_SHOWN)
+            log.warning(
+                '%s: the clock %s is taken for %s, for %s; a profile says otherwise: [csv] "%s" = "t_s"',
+                *(self._where, name, clock.unit, clock.guessed, name),
+            )
+        return clock
 
-    def _find_columns(self) -> list[Column]:
-        columns: list[Column] = []
-        taken: set[tuple[str, str]] = set()
+    def _find_columns(self, rows: Sequence[Sequence[str]]) -> list[Column]:
+        joints: dict[tuple[str, int], str] = {}
         for i, name in enumerate(self._names):
-            if not name or CLOCK.fullmatch(name):
+            key = match_joint_name(name)
+            if key is not None and rows and rows[0][i]:
+                joints[key] = rows[0][i]
+        columns: list[Column] = []
+        taken: dict[tuple[str, str], ColumnMeaning] = {}
+        for i, name in enumerate(self._names):
+            if i == self._clock.index:
                 continue
-            said, unit = _parted(name)
-            if unit is not None and unit not in TO_OURS and unit not in UNITS:
-                raise SourceError(f"{self._path}:1: column {i + 1}: unknown unit {unit[:40]!r}")
-            field, _, label = said.partition(".")
-            if not label:
-                field, label = JOINTS, said
-            if (field, label) in taken:
-                twice = make_visible(f"{field}.{label}", 80)
-                raise SourceError(f"{self._path}:1: column {i + 1}: {twice} stands there twice")
-            taken.add((field, label))
-            columns.append(Column(i, field, label, TO_OURS.get(unit or "", 1.0), field in self._bits))
-        if not any(c.field != INFO for c in columns):
-            raise SourceError(f"{self._path}:1: nothing but a clock")
+            try:
+                meaning = (
+                    "the profile says so" if name == SKIP else interpret_column(name, joints, self._known)
+                )
+            except ColumnError as e:
+                raise SourceError(f"{self._where}: column {i + 1}: {e}") from None
+            if isinstance(meaning, ColumnMeaning):
+                twice = taken.get((meaning.field, meaning.label))
+                shown = make_visible(f"{meaning.field}.{meaning.label}", NAME_SHOWN)
+                if twice is not None and twice.plain and meaning.plain:
+                    raise SourceError(f"{self._where}: column {i + 1}: {shown} stands there twice")
+                bits = meaning.field in self._bits
+                if twice is not None:
+                    meaning = f"another column is {shown}"
+                elif meaning.field != INFO and not bits and (text := self._find_text(rows, i)):
+                    meaning = f"it holds texts, as {text[:40]!r}; info.NAME would show them"
+            if isinstance(meaning, str):
+                self._left_out[i] = meaning
+                continue
+            taken[(meaning.field, meaning.label)] = meaning
+            columns.append(Column(i, meaning, bits))
+        if not any(column.meaning.field != INFO for column in columns):
+            first = next(((self._names[i], why) for i, why in self._left_out.items() if self._names[i]), None)
+            why = f"; {make_visible(first[0], NAME_SHOWN)}: {first[1]}" if first else ""
+            raise SourceError(f"{self._where}: nothing but a clock{why}")
         return columns
+
+    def _find_text(self, rows: Sequence[Sequence[str]], i: int) -> str:
+        """A text in a column that holds nothing else; "" where a number or no cell is."""
+        texts = [row[i] for row in rows if row[i] and not self._is_number(row, i)]
+        return texts[0] if texts and len(texts) == sum(bool(row[i]) for row in rows) else ""
+
+    def _is_number(self, row: Sequence[str], i: int) -> bool:
+        try:
+            self._number(row, i)
+        except CellError:
+            return False
+        return True
 
     def _sample(self, line: str, where: str) -> Sample:
         cells = self._cells(line)
         if len(cells) != len(self._names):
             raise CellError(f"{len(cells)} columns, {len(self._names)} expected")
-        t_s = _number(cells, self._clock)
-        if t_s is None or abs(t_s * self._clock_s) > TIME_MAX_S:
-            raise CellError(f"column {self._clock + 1}: no time")
+        at, clock = self._clock.index, self._clock
+        t_s = clock.convert_cell(cells[at], None if clock.unit == "iso" else self._number(cells, at))
+        if t_s is None or abs(t_s) > TIME_MAX_S:
+            raise CellError(f"column {at + 1}: no time")
         values: dict[str, dict[str, Reading]] = {}
         info: dict[str, str] = {}
         for column in self._columns:
-            cell = cells[column.index]
-            if column.field == INFO:
-                info[column.label] = cell[:MAX_TEXT]
+            meaning = column.meaning
+            if meaning.field == INFO:
+                info[meaning.label] = cells[column.index][:MAX_TEXT]
             elif column.bits:
-                values.setdefault(column.field, {})[column.label] = _bits(cells, column.index)
+                values.setdefault(meaning.field, {})[meaning.label] = _bits(cells, column.index)
             else:
-                value = _number(cells, column.index)
-                values.setdefault(column.field, {})[column.label] = (
-                    None if value is None else value * column.gain
+                value = self._number(cells, column.index)
+                values.setdefault(meaning.field, {})[meaning.label] = (
+                    None if value is None else value * meaning.gain
                 )
-        return Sample(t_s * self._clock_s, values, info, where)
+        return Sample(t_s, values, info, where)
 
-
-def _parted(name: str) -> tuple[str, str | None]:
-    """`name [unit]` → name and unit; None without one."""
-    at = name.find("[", name.rfind("]", 0, len(name) - 1) + 1)
-    if at < 0 or not name.endswith("]"):
-        return name, None
-    return name[:at].rstrip(), name[at + 1 : -1].strip()
-
-
-def _number(cells: Sequence[str], i: int) -> float | None:
-    """A finite number, or None for an empty cell, nan and inf. CellError for anything else."""
-    cell = cells[i]
-    if not cell:
-        return None
-    try:
-        value = float(cell)
-    except ValueError:
-        raise CellError(f"column {i + 1}: {cell[:40]!r} is not a number") from None
-    return value if math.isfinite(value) else None
+    def _number(self, cells: Sequence[str], i: int) -> float | None:
+        """A finite number, or None for an empty cell, nan and inf. CellError for anything else."""
+        cell = cells[i]
+        if not cell:
+            return None
+        try:
+            value = float(cell)
+        except ValueError:
+            try:
+                # a decimal comma, as spreadsheets write it in half of Europe
+                value = float(cell.replace(",", ".")) if self._separator != "," else math.nan
+            except ValueError:
+                value = math.nan
+            if math.isnan(value):
+                raise CellError(f"column {i + 1}: {cell[:40]!r} is not a number") from None
+        return value if math.isfinite(value) else None
 
 
 def _bits(cells: Sequence[str], i: int) -> Reading:

@@ -1,0 +1,154 @@
+"""What the column of a table is, by its name, as people and their programs write it. Does no I/O.
+
+    LABEL, FIELD.LABEL, info.NAME           our own
+    LABEL.velocity, LABEL_velocity          joints with what is told of them; also position, effort
+    /joint_states/LABEL/velocity            PlotJuggler
+    /joint_states/velocity[3]               PlotJuggler, rqt; the joint's name from /joint_states/name[3]
+    field.velocity3                         `rostopic echo -p`; the name from field.name3
+    velocity_3, wrench.force.x              bagpy
+    /imu/orientation/w, field.wrench.force.x, /odom/pose/pose/position/x, …   other messages
+
+A unit in brackets may follow. What a profile has by that very name is that.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+
+from posecast_edge.profile.field_defaults import UNITS, WELL_KNOWN
+from posecast_edge.sources.ros.messages import make_site_name
+from posecast_edge.sources.ros.topics import COMMAND
+
+TO_OURS = {"deg": math.pi / 180, "deg/s": math.pi / 180, "mm": 1e-3, "mA": 1e-3, "mV": 1e-3}
+INFO = "info"
+JOINTS = "pos"
+MEMBERS = {"position": "pos", "velocity": "vel", "effort": "effort"}
+ARRAY = re.compile(r"(name|position|velocity|effort)(?:\[(\d{1,4})\]|[._]?(\d{1,4}))")
+ENDING = re.compile(r"(.+)[._](position|velocity|effort)")
+COUNTER = re.compile(r"index|unnamed: \d+|(?:.*[/.])?header[/.]seq", re.IGNORECASE)
+HEADER = re.compile(r"(?:.*[/.])?header[/.](?:stamp|frame_id).*")
+# the last parts of a name → field, what stands before the component's letter
+VECTORS: Mapping[tuple[str, ...], tuple[str, str]] = {
+    ("pose", "position"): ("base", ""),
+    ("pose", "orientation"): ("baseq", ""),
+    ("orientation",): ("quat", ""),
+    ("angular_velocity",): ("gyro", ""),
+    ("linear_acceleration",): ("acc", ""),
+    ("wrench", "force"): ("ftf", "f"),
+    ("wrench", "torque"): ("ftm", "m"),
+}
+BATTERY = {"voltage": ("volt", 1.0), "current": ("amp", 1.0), "percentage": ("charge", 100.0)}
+KIND_OF = {"quat": "imu", "gyro": "imu", "acc": "imu", "ftf": "wrench", "ftm": "wrench"}
+
+
+class ColumnError(ValueError):
+    """A column that can't be read at all; the text gives the reason."""
+
+
+@dataclass(frozen=True)
+class ColumnMeaning:
+    """The field and label that a column belongs to. `gain`: factor from the column's unit to the field's;
+    `unit`: as it stands in the name; `plain`: the name says field and label itself."""
+
+    field: str
+    label: str
+    gain: float = 1.0
+    unit: str = ""
+    plain: bool = True
+
+
+def split_unit(name: str) -> tuple[str, str | None]:
+    """Split `name [unit]` into name and unit; None without one. The index of `name[3]` is none."""
+    at = name.find("[", name.rfind("]", 0, len(name) - 1) + 1)
+    unit = name[at + 1 : -1].strip()
+    if at < 0 or not name.endswith("]") or unit.isdigit():
+        return name, None
+    return name[:at].rstrip(), unit
+
+
+def match_joint_name(name: str) -> tuple[str, int] | None:
+    """The message and index of a column that holds a joint's name, as /joint_states/name[3]."""
+    parts, _ = _parted(name)
+    found = ARRAY.fullmatch(parts[-1])
+    return ("/".join(parts[:-1]), _index(found)) if found and found[1] == "name" else None
+
+
+def interpret_column(
+    name: str, joints: Mapping[tuple[str, int], str], known: Collection[tuple[str, str]]
+) -> ColumnMeaning | str:
+    """What the column of this name is, or why it is left out. `joints`: names by message and index; `known`:
+    the (field, label) of a profile. Raises ColumnError for a unit that nobody knows."""
+    if not name:
+        return "it has no name"
+    said, unit = split_unit(name)
+    if unit is not None and unit not in TO_OURS and unit not in UNITS:
+        raise ColumnError(f"unknown unit {unit[:40]!r}")
+    if COUNTER.fullmatch(said):
+        return "it counts rows"
+    if HEADER.fullmatch(said):
+        return "it is of the message's header"
+    field, _, label = said.partition(".")
+    if not label:
+        field, label = JOINTS, said
+    gain, unit = TO_OURS.get(unit or "", 1.0), unit or ""
+    found = None if (field, label) in known or (JOINTS, said) in known else _nested(said, joints)
+    if isinstance(found, str):
+        return found
+    if found is not None:
+        return ColumnMeaning(found[0], found[1], gain * found[2], unit, plain=False)
+    return ColumnMeaning(field, label, gain, unit)
+
+
+def _nested(said: str, joints: Mapping[tuple[str, int], str]) -> tuple[str, str, float] | str | None:
+    """Field, label, gain; a reason to leave it out; None where it is no name of that kind."""
+    parts, is_path = _parted(said)
+    found = ARRAY.fullmatch(parts[-1]) if is_path or len(parts) == 1 else None
+    if found:
+        above = parts[:-1]
+        if found[1] == "name":
+            return "it names a joint"
+        label = joints.get(("/".join(above), _index(found))) or f"joint{_index(found)}"
+        return _field(found[1], above), label, 1.0
+    if is_path and len(parts) > 1 and parts[-1] in MEMBERS:
+        return _field(parts[-1], parts[:-2]), parts[-2], 1.0
+    message = parts if is_path else said.split(".")
+    of_message = _member(message, is_path)
+    if of_message is not None or said.startswith(("/", "field.")):
+        return of_message or "nothing here reads it"
+    ending = ENDING.fullmatch(said)
+    if ending and not is_path and ending[1] not in WELL_KNOWN:
+        return MEMBERS[ending[2]], ending[1], 1.0
+    return None
+
+
+def _member(parts: Sequence[str], is_path: bool) -> tuple[str, str, float] | None:
+    """A component of a sensor's message."""
+    if len(parts) > 1 and parts[-1] in ("x", "y", "z", "w"):
+        for ending, (field, letter) in VECTORS.items():
+            above = parts[: -1 - len(ending)]
+            if tuple(parts[-1 - len(ending) : -1]) == ending:
+                site = make_site_name("/".join(above)) or KIND_OF.get(field, "")
+                return field, f"{'base' if field.startswith('base') else site}.{letter}{parts[-1]}", 1.0
+    if is_path and parts[-1] in BATTERY and len(parts) < 4:
+        field, gain = BATTERY[parts[-1]]
+        return field, "main", gain
+    return None
+
+
+def _parted(said: str) -> tuple[list[str], bool]:
+    """The parts of a nested name, and whether it is written as one."""
+    if said.startswith("field."):
+        return said.removeprefix("field.").split("."), True
+    return (said.strip("/").split("/"), True) if "/" in said.strip("/") else ([said], said.startswith("/"))
+
+
+def _index(found: re.Match[str]) -> int:
+    return int(found[2] or found[3])
+
+
+def _field(member: str, topic: Sequence[str]) -> str:
+    commanded = bool(topic) and COMMAND.fullmatch(topic[-1]) is not None
+    return "ref" if commanded and member == "position" else MEMBERS[member]
