@@ -24,6 +24,7 @@ ISO = re.compile(
 NUMBER = re.compile(r"[-+]?\d{1,30}(?:[.,]\d{0,30})?(?:[eE][-+]?\d{1,3})?")
 # time since 1970 is larger than this: in 1973 for seconds
 SINCE_1970 = (("ns", 1e17), ("us", 1e14), ("ms", 1e11))
+NO_TIME = 1e20  # three thousand years in nanoseconds
 STEPS = (("ns", 5e6), ("us", 5e3), ("ms", 5.0))  # from one row to the next, in that unit; a second is 1000 ms
 
 
@@ -64,13 +65,14 @@ def find_clock(names: Sequence[str], rows: Sequence[Sequence[str]]) -> TableCloc
 
 def _guess_unit(cells: Sequence[str]) -> tuple[str, str]:
     """The unit, and why; no reason for seconds, which are the rule."""
-    times = [float(cell.replace(",", ".")) for cell in cells if NUMBER.fullmatch(cell)]
+    numbers = (float(cell.replace(",", ".")) for cell in cells if NUMBER.fullmatch(cell))
+    times = [number for number in numbers if abs(number) < NO_TIME]
     for unit, least in SINCE_1970:
-        if times and abs(times[0]) >= least:
+        if times and min(map(abs, times)) >= least:
             return unit, f"it begins at {times[0]:.4g}"
     steps = sorted(b - a for a, b in itertools.pairwise(times) if b > a)
     for unit, least in STEPS:
-        if steps and steps[len(steps) // 2] >= least:
+        if len(steps) > 1 and steps[len(steps) // 2] >= least:
             return unit, f"its rows are {steps[len(steps) // 2]:.4g} apart"
     return "s", ""
 
