@@ -21,6 +21,7 @@ from posecast_edge import clock
 from posecast_edge.agent import Agent, AgentSettings
 from posecast_edge.background_agent import BackgroundAgent, NoProgressLine
 from posecast_edge.model.serve.background import BackgroundBuild
+from posecast_edge.model.robot_file import find_format
 from posecast_edge.model.serve.bundle import Bundle, ModelError, load_built, load_bundle
 from posecast_edge.model.urdf.resolver import list_package_folders
 from posecast_edge.profile.reader import find_profile, load_profile
@@ -139,7 +140,9 @@ class Robot:
         build = None
         if built is not None:
             take_model(built)
-        elif raw is not None and urdf is not None:
+        elif urdf is not None:
+            if raw is not None:
+                agent.set_sliding(raw.sliding)  # the model itself may take a minute
             build = BackgroundBuild(Path(urdf), raw, take_model)
         orders = {f.name: f.labels for f in found.fields} if found else {}
         orders |= dict.fromkeys(JOINT_FIELDS, own) if own else {}
@@ -378,10 +381,13 @@ def _load_model(urdf: object, model: object) -> tuple[Bundle | None, Bundle | No
         if urdf is None:
             return None, None
         packages = list_package_folders(os.environ)
-        raw = _checked("urdf", urdf, lambda text: load_bundle(Path(text), packages))
+        # a page reads URDF; what is written in another format it gets when it has been built
+        is_urdf = _checked("urdf", urdf, lambda text: find_format(Path(text)) == "urdf")
+        raw = _checked("urdf", urdf, lambda text: load_bundle(Path(text), packages)) if is_urdf else None
     except ModelError as e:
         raise ValueError(f"{'urdf' if model is None else 'model'}: {e}") from None
-    raw.log_missing()
+    if raw is not None:
+        raw.log_missing()
     return None, raw
 
 
