@@ -45,7 +45,7 @@ def test_models_that_are_refused(case: str, tmp_path: Path) -> None:
     with pytest.raises(SourceError) as refused:
         load_simulation(model(tmp_path, text))
     assert reason in str(refused.value)
-    assert str(refused.value).startswith(f"{tmp_path}/a.xml: ")
+    assert str(refused.value).startswith(f"{tmp_path}/a.xml:")
     assert "\n" not in str(refused.value)
 
 

@@ -20,7 +20,7 @@ class ModelRefused(Exception):
 @dataclass(frozen=True)
 class Finding:
     """`severity` is `error` (something is not shown, or wrong), `warning` (probably wrong) or `hint`; `code`
-    names the rule for tools; `line` is the URDF's, None when it has none."""
+    names the rule for tools; `line` is the URDF's, None or 0 when it has none."""
 
     severity: str
     code: str
@@ -29,7 +29,7 @@ class Finding:
 
     def format_line(self, file: str) -> str:
         """The form that editors and CI understand: `robot.urdf:12: error: text [code]`."""
-        where = file if self.line is None else f"{file}:{self.line}"
+        where = f"{file}:{self.line}" if self.line else file
         return f"{where}: {self.severity}: {self.text} [{self.code}]"
 
 

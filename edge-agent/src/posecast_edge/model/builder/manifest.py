@@ -51,8 +51,7 @@ def make_file_entry(path: str, data: bytes, kind: str) -> dict[str, Any]:
 def make_finding_entries(findings: Sequence[Finding]) -> list[dict[str, Any]]:
     """The manifest's `findings`, at most FINDINGS_MAX."""
     return [
-        {"severity": f.severity, "code": f.code, "text": f.text}
-        | ({} if f.line is None else {"line": f.line})
+        {"severity": f.severity, "code": f.code, "text": f.text} | ({"line": f.line} if f.line else {})
         for f in findings[:FINDINGS_MAX]
     ]
 

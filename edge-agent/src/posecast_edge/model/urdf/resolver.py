@@ -99,6 +99,21 @@ class Resolver:
         found = self.asked[str(mesh), name] = self._beside(mesh, name)
         return found
 
+    def find_near(self, path: Path, suffixes: Sequence[str]) -> Path:
+        """The real path of a file at an absolute path, for a format that names its files by paths. Allowed as
+        for a URDF: in the model's own folder, in a package folder, or in a folder beside or above the model
+        that the path names, but not loose in one that is above. Raises ModelRefused, which says why not."""
+        roots = [self._root, *self._given]
+        plain, home = Path(os.path.normpath(path)), Path(os.path.expanduser("~"))
+        for above in self._above:
+            if plain != above and plain.is_relative_to(above):
+                named = above / plain.relative_to(above).parts[0]
+                hidden = named.name.startswith(".") or above == above.parent
+                if named != plain and not hidden and not home.is_relative_to(named) and _is_folder(named):
+                    roots.append(named)
+                break
+        return self._inside(plain, roots, suffixes).path
+
     def _find(self, uri: str) -> Resolved:
         if "\0" in uri or len(uri) > URI_MAX:
             raise ModelRefused("no name for a file")

@@ -15,6 +15,10 @@ from xml.sax.saxutils import quoteattr
 import mujoco
 
 from posecast_edge.model.finding import ModelRefused
+from posecast_edge.model.mjcf.bodies import find_base_joint
+from posecast_edge.model.mjcf.child import open_no_file
+from posecast_edge.model.mjcf.compiler import FAILURES, explain_failure, make_spec
+from posecast_edge.model.mjcf.files import ModelFiles, collect_files
 from posecast_edge.model.urdf.reader import BYTES_MAX, DEPTH_MAX, ELEMENTS_MAX, read_urdf
 from posecast_edge.model.urdf.types import Urdf
 from posecast_edge.model.urdf.xml_tree import Element, read_xml
@@ -63,7 +67,9 @@ COMPILER = '<mujoco><compiler boundmass="0.001" boundinertia="0.000001" balancei
 
 
 def load_simulation(path: Path) -> Simulation:
-    """Read MJCF or URDF. Raises SourceError with one line when that fails."""
+    """Read MJCF or URDF; of other files only what belongs to the model (model/mjcf/files.py). Raises
+    SourceError with one line when that fails."""
+    files = ModelFiles(str(path))
     try:
         with path.open("rb") as file:
             content = file.read(FILE_MAX + 1)
@@ -76,24 +82,30 @@ def load_simulation(path: Path) -> Simulation:
             urdf = read_urdf(io.BytesIO(content))
             spec = mujoco.MjSpec.from_string(strip_visuals(content))
             _follow(spec, urdf)
+            simulation = _simulate(spec, None, path)
         else:
-            spec = mujoco.MjSpec.from_file(str(path))
-        if not STEP_S[0] <= spec.option.timestep <= STEP_S[1]:
-            least_s, most_s = STEP_S
-            raise SourceError(
-                f"{path}: a timestep of {spec.option.timestep:g} s; {least_s:g} to {most_s:g} are simulated"
-            )
-        if not spec.actuators:
-            _add_servos(spec)
-        simulation = Simulation(spec.compile())
-    except ModelRefused as e:
-        line = "" if e.line is None else f":{e.line}"
-        raise SourceError(f"{path}{line}: {e.reason}") from None
-    except (ValueError, TypeError, LookupError, RuntimeError, MemoryError, mujoco.FatalError) as e:
-        raise SourceError(f"{path}: {' '.join(str(e).split())[:300] or type(e).__name__}") from None
+            files = collect_files(path)
+            with open_no_file():
+                spec, vfs = make_spec(files)
+                simulation = _simulate(spec, vfs, path)
+    except (ModelRefused, *FAILURES) as e:
+        refused = e if isinstance(e, ModelRefused) else explain_failure(e, files)
+        line = "" if refused.line is None else f":{refused.line}"
+        raise SourceError(f"{path}{line}: {refused.reason}") from None
     if not simulation.joints:
         raise SourceError(f"{path}: no joint turns or slides")
     return simulation
+
+
+def _simulate(spec: Any, vfs: Any, path: Path) -> Simulation:
+    if not STEP_S[0] <= spec.option.timestep <= STEP_S[1]:
+        least_s, most_s = STEP_S
+        raise SourceError(
+            f"{path}: a timestep of {spec.option.timestep:g} s; {least_s:g} to {most_s:g} are simulated"
+        )
+    if not spec.actuators:
+        _add_servos(spec, vfs)
+    return Simulation(spec.compile(vfs))
 
 
 def strip_visuals(urdf: bytes) -> str:
@@ -123,13 +135,13 @@ def _follow(spec: Any, urdf: Urdf) -> None:
             tie.data[:5] = [joint.mimic.offset, joint.mimic.multiplier, 0, 0, 0]
 
 
-def _add_servos(spec: Any) -> None:
+def _add_servos(spec: Any, vfs: Any) -> None:
     """A position servo for each joint that follows no other, strong enough for what hangs on it; its
     weight is carried besides."""
     for number, joint in enumerate(spec.joints):
         if not joint.name:
             joint.name = f"unnamed joint {number}"
-    model = spec.compile()
+    model = spec.compile(vfs)
     tied = {tie.name1 for tie in spec.equalities if tie.type == mujoco.mjtEq.mjEQ_JOINT}
     omega = 2 * math.pi * SERVO_HZ
     spec.option.integrator = (
@@ -173,8 +185,8 @@ class Simulation:
             _name(model, "joint", i): i for i in range(model.njnt) if int(model.jnt_type[i]) in SWING_MOST
         }
         self._sliding = frozenset(name for name, i in self.joints.items() if int(model.jnt_type[i]) == SLIDE)
-        self._free = next(
-            (i for i in range(model.njnt) if model.jnt_type[i] == mujoco.mjtJoint.mjJNT_FREE), None
+        self._free = find_base_joint(
+            model.body_parentid.tolist(), model.jnt_type.tolist(), model.jnt_bodyid.tolist()
         )
         self._sensors = list(_sensors(model))
         self._unstable = RateLimitedLog(log.warning, "times", SAY_EVERY_S)

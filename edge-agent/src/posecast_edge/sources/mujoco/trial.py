@@ -3,44 +3,32 @@
 
 from __future__ import annotations
 
-import os
 import resource
-import subprocess
 import sys
 from pathlib import Path
 
+from posecast_edge.model.finding import ModelRefused
+from posecast_edge.model.mjcf.child import REFUSED, limit_child, run_child
 from posecast_edge.sample import SourceError
 
 SECONDS_MAX = 60.0  # to load; a large scene takes some
 MEMORY_MAX = 1 << 30  # bytes that the process has when it is loaded
-ASKED_MAX = 2 << 30  # bytes that it may ask for meanwhile
 SAMPLE_S = 0.01
 
 
 def check_loads(path: Path) -> None:
-    """Raise SourceError with one line when the model can't be loaded within the bounds on time and memory."""
-    command = [sys.executable, "-m", "posecast_edge.sources.mujoco.trial", str(path)]
+    """Raise SourceError with one line when the model can't be loaded within the bounds on time and memory, or
+    by the files that belong to it alone."""
     try:
-        tried = subprocess.run(
-            command,
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.PIPE,
-            timeout=SECONDS_MAX,
-            check=False,
-            env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},  # each takes memory that the model could have
-        )
-    except subprocess.TimeoutExpired:
-        raise SourceError(f"{path}: not loaded within {SECONDS_MAX:g} s") from None
-    if tried.returncode:
-        said = tried.stderr.decode("utf-8", "replace").strip().rpartition("\n")[2]
-        what = said if tried.returncode == 1 and said else f"MuJoCo crashed on it ({tried.returncode})"
-        raise SourceError(what if what.startswith(f"{path}") else f"{path}: {what}"[:400])
+        run_child("posecast_edge.sources.mujoco.trial", [str(path)], None, SECONDS_MAX)
+    except ModelRefused as e:
+        said = e.reason
+        raise SourceError(said if said.startswith(f"{path}") else f"{path}: {said}"[:400]) from None
 
 
 def main(path: Path) -> int:
     """Load the model and simulate a moment. Returns the exit status; errors go to stderr."""
-    resource.setrlimit(resource.RLIMIT_DATA, (ASKED_MAX, ASKED_MAX))
+    limit_child(SECONDS_MAX)
     from posecast_edge.sources.mujoco.model import load_simulation  # noqa: PLC0415 - within the bound
 
     try:
@@ -52,7 +40,7 @@ def main(path: Path) -> int:
             raise SourceError(f"{path}: takes {size >> 20} MiB, at most {MEMORY_MAX >> 20}")
     except SourceError as e:
         print(e, file=sys.stderr)
-        return 1
+        return REFUSED
     return 0
 
 

@@ -1,0 +1,69 @@
+"""Runs MuJoCo's compiler in a process of its own, since a file may make it hang, crash or take all memory."""
+
+from __future__ import annotations
+
+import os
+import resource
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import IO
+
+from posecast_edge.model.finding import ModelRefused
+
+SECONDS_MAX = 60.0  # to load; a large scene takes some
+ASKED_MAX = 2 << 30  # bytes that the process may ask for
+ANSWER_MAX = 256 << 20  # bytes that it may write
+SAID_MAX = 1 << 16  # bytes of its last words that are looked at
+# each thread takes memory that the model could have; what is freed goes back
+LEAN = {"OPENBLAS_NUM_THREADS": "1", "MALLOC_TRIM_THRESHOLD_": "65536", "MALLOC_MMAP_THRESHOLD_": "65536"}
+REFUSED = 1  # exit status of one that has said why
+
+
+def run_child(module: str, arguments: Sequence[str], answer: IO[bytes] | None, seconds_max: float) -> None:
+    """Run `python -m module arguments…`; what it writes to stdout goes to the file `answer`.
+
+    Raises ModelRefused with its last line on stderr when it ends with REFUSED, else with what became of it.
+    """
+    command = [sys.executable, "-m", module, *arguments]
+    try:
+        tried = subprocess.run(
+            command,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL if answer is None else answer,
+            stderr=subprocess.PIPE,
+            timeout=seconds_max,
+            check=False,
+            env={**os.environ, **LEAN},
+        )
+    except subprocess.TimeoutExpired:
+        raise ModelRefused(f"not loaded within {seconds_max:g} s") from None
+    if tried.returncode:
+        said = tried.stderr[-SAID_MAX:].decode("utf-8", "replace").strip().rpartition("\n")[2]
+        if tried.returncode == REFUSED and said:
+            raise ModelRefused(said)
+        if tried.returncode == -signal.SIGXCPU:
+            raise ModelRefused(f"not loaded within {seconds_max:g} s")
+        raise ModelRefused(f"MuJoCo crashed on it ({tried.returncode})")
+
+
+def limit_child(seconds_max: float) -> None:
+    """Bound what this process may take: memory, processor time, bytes written. For a child's start."""
+    resource.setrlimit(resource.RLIMIT_DATA, (ASKED_MAX, ASKED_MAX))
+    seconds = int(seconds_max) + 1
+    resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds + 1))
+    resource.setrlimit(resource.RLIMIT_FSIZE, (ANSWER_MAX, ANSWER_MAX))
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+
+
+@contextmanager
+def open_no_file() -> Iterator[None]:
+    """Within it this process can open nothing: MuJoCo gets the files that it was handed, and no other."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (0, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))

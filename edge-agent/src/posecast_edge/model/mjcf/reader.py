@@ -1,0 +1,114 @@
+"""Reads a MuJoCo model (MJCF) as a robot: bodies become links, geoms what is seen of them."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import tempfile
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from posecast_edge.model.finding import Finding, ModelRefused, make_printable, quote_name
+from posecast_edge.model.kinematics import matrix_from_quaternion
+from posecast_edge.model.mjcf.child import SECONDS_MAX, run_child
+from posecast_edge.model.robot_file import RobotFile
+from posecast_edge.model.urdf.reader import LINKS_MAX, NAME_MAX
+from posecast_edge.model.urdf.types import Link, Sensor, Urdf
+
+if TYPE_CHECKING:
+    from posecast_edge.model.mjcf.compiled import CompiledModel
+
+NEEDS_EXTRA = "this is a MuJoCo model (MJCF), which MuJoCo itself reads: pip install 'posecast-edge[mujoco]'"
+COMPILER = "posecast_edge.model.mjcf.compiler"
+SITE = 6  # mjtObj
+# mjtSensor: what a sensor on a site is called in a URDF
+SENSOR_KINDS = {1: "imu", 3: "imu", 4: "force_torque", 5: "force_torque", 27: "imu"}
+
+
+def load_mjcf(path: Path, packages: Sequence[Path] = ()) -> RobotFile:
+    """Read a model as a robot. MuJoCo compiles it in a process of its own, bounded in time and memory, which
+    reads files of the model's own folders and of `packages` and no others.
+
+    Raises ModelRefused with one line when MuJoCo is not installed or refuses the model.
+    """
+    if importlib.util.find_spec("mujoco") is None:
+        raise ModelRefused(NEEDS_EXTRA)
+    from posecast_edge.model.mjcf.compiled import read_model  # noqa: PLC0415 - numpy, an extra
+
+    with tempfile.TemporaryFile() as answer:
+        try:
+            run_child(COMPILER, [str(path), *map(str, packages)], answer, SECONDS_MAX)
+        except ModelRefused as e:
+            raise _read_refusal(e) from None
+        answer.seek(0)
+        return make_robot(read_model(answer), path)
+
+
+def _read_refusal(refused: ModelRefused) -> ModelRefused:
+    """What the compiling process said, which is JSON when the process was well."""
+    try:
+        line, reason = json.loads(refused.reason)
+        return ModelRefused(make_printable(str(reason)), None if line is None else int(line))
+    except (ValueError, TypeError):
+        return refused
+
+
+def make_robot(model: CompiledModel, path: Path) -> RobotFile:
+    """The robot of a compiled model, whose file is `path`. Raises ModelRefused when it can't be shown, and
+    when the numbers do not fit together."""
+    try:
+        return _make_robot(model, path)
+    except (ValueError, IndexError, KeyError, OverflowError, ZeroDivisionError):
+        raise ModelRefused("MuJoCo's compiler gave no usable answer") from None
+
+
+def _make_robot(model: CompiledModel, path: Path) -> RobotFile:
+    from posecast_edge.model.mjcf.bodies import build_body_tree  # noqa: PLC0415 - numpy
+    from posecast_edge.model.mjcf.shapes import ShapeReader  # noqa: PLC0415
+
+    for kind in ("body", "joint"):
+        for name, line in zip(model.names[kind], model.lines[kind], strict=True):
+            if len(name) > NAME_MAX or not name.isprintable():
+                text = f"{kind} {quote_name(name)}: longer than {NAME_MAX} or with control characters"
+                raise ModelRefused(text, line or None)
+    tree = build_body_tree(model)
+    if len(tree.links) + len(tree.between) > LINKS_MAX:
+        raise ModelRefused(f"more than {LINKS_MAX} links")
+    shapes = ShapeReader(model)
+    shown = shapes.make_shapes(tree.links)
+    urdf = Urdf(model.name if model.name.isprintable() and model.name else path.stem)
+    for body, name in tree.links.items():
+        urdf.links.append(Link(name, tuple(shown.get(body, ())), (), None, model.lines["body"][body]))
+    urdf.links += [Link(name, (), (), None, 0) for name in tree.between]
+    urdf.joints += tree.joints
+    urdf.sensors += _sensors(model, tree.links)
+    urdf.findings += [*tree.findings, *shapes.findings]
+    for count, what in ((model.skins, "skin"), (model.flexes, "flexible part")):
+        if count:
+            many = f"{count} {what}s are" if count > 1 else f"a {what} is"
+            urdf.findings.append(Finding("hint", "soft", f"{many} not shown: only stiff parts are"))
+    return RobotFile(urdf, shapes.meshes, tuple(map(Path, model.inputs)))
+
+
+def _sensors(model: CompiledModel, links: dict[int, str]) -> Iterator[Sensor]:
+    """Those on sites, each site and kind once, by the names that the source `mujoco` gives them."""
+    from posecast_edge.model.mjcf.bodies import normalise_quaternion, pose_from_matrix  # noqa: PLC0415 - numpy
+
+    told: set[tuple[int, str]] = set()
+    for kind, of, site in zip(
+        model["sensor_type"].tolist(),
+        model["sensor_objtype"].tolist(),
+        model["sensor_objid"].tolist(),
+        strict=True,
+    ):
+        word = SENSOR_KINDS.get(kind)
+        if word is None or of != SITE or (site, word) in told:
+            continue
+        told.add((site, word))
+        link = links.get(int(model["site_bodyid"][site]))
+        if link is not None:
+            quat = normalise_quaternion(model["site_quat"][site])
+            at = matrix_from_quaternion(model["site_pos"][site].tolist(), quat)
+            name = model.names["site"][site].replace(".", "_")[:NAME_MAX]
+            yield Sensor(name, word, link, pose_from_matrix(at), 0)
