@@ -20,8 +20,8 @@ from posecast_wire.schema import CHANNELS_MAX, FIELD_NAME
 from posecast_edge import clock
 from posecast_edge.agent import Agent, AgentSettings
 from posecast_edge.background_agent import BackgroundAgent, NoProgressLine
-from posecast_edge.model.serve.background import BackgroundBuild
 from posecast_edge.model.robot_file import find_format
+from posecast_edge.model.serve.background import BackgroundBuild
 from posecast_edge.model.serve.bundle import Bundle, ModelError, load_built, load_bundle
 from posecast_edge.model.urdf.resolver import list_package_folders
 from posecast_edge.profile.reader import find_profile, load_profile

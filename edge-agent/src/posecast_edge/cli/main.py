@@ -129,14 +129,15 @@ def _run(settings: Settings, console: Console) -> int:
     build: BackgroundBuild | DescribedModel | None = None
     if raw:
         agent.set_sliding(raw.sliding)  # the model itself may take a minute
+    options = settings.list_model_options()
     if urdf and not built:
         from posecast_edge.model.serve.background import BackgroundBuild  # noqa: PLC0415 - the same
 
-        build = BackgroundBuild(urdf, raw, agent.set_model, settings.list_model_options())
+        build = BackgroundBuild(urdf, raw, agent.set_model, options)
     elif isinstance(source, Discovering) and not built:
         from posecast_edge.model.serve.robot_description import DescribedModel  # noqa: PLC0415 - the same
 
-        build = DescribedModel(packages, agent.set_model, agent.set_sliding)
+        build = DescribedModel(packages, agent.set_model, agent.set_sliding, options)
         source.send_urdf_to(build.take_urdf)
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: agent.stop())

@@ -22,7 +22,7 @@ from posecast_edge.model.serve.cache import Cache, find_cache_folder
 from posecast_edge.model.urdf.reader import read_urdf
 from posecast_edge.model.urdf.resolver import Resolver
 from posecast_edge.model.urdf.tree import build_tree
-from posecast_edge.model.urdf.types import Urdf
+from posecast_edge.model.urdf.types import AUTO, UP_AXIS_MODES, Urdf
 from posecast_edge.pipeline.source_stats import observe_source
 from posecast_edge.profile.reader import ProfileError, find_profile, load_profile
 from posecast_edge.profile.types import Profile
@@ -32,6 +32,7 @@ from posecast_edge.sources.registry import find_defaults, open_source
 
 DESCRIPTION = "robot_description"
 NEEDS_EXTRA = f"needs the mesh tools: {EXTRA}"
+UP_AXIS_HELP = "whether Collada files mean the up axis that they name: what fits together (auto)"
 CLEAN, PROBLEMS, UNUSABLE = 0, 1, 2
 
 
@@ -57,6 +58,7 @@ def run_command(argv: Sequence[str], environment: Mapping[str, str]) -> int:
     doctor.add_argument("--hz", type=float, default=30.0, help="frames a second that are wanted (30)")
     for command in (build, doctor):
         add_robot_flags(command)
+        command.add_argument("--up-axis", choices=UP_AXIS_MODES, default=AUTO, help=UP_AXIS_HELP)
     file = None
     try:
         args = parser.parse_args(argv)
@@ -66,8 +68,7 @@ def run_command(argv: Sequence[str], environment: Mapping[str, str]) -> int:
         packages = list_packages(args.package_path, environment)
         if args.command == "doctor":
             return _doctor(args, packages)
-        cache = None if args.no_cache else find_cache_folder(environment)
-        return _build(args.urdf, packages, dict(args.xacro_arg), args.out, cache)
+        return _build(args, packages, None if args.no_cache else find_cache_folder(environment))
     except ModelRefused as e:
         where = "" if file is None else f"{file}: " if e.line is None else f"{file}:{e.line}: "
         _print(sys.stderr, f"posecast-edge: {where}{e.reason}")
@@ -86,7 +87,7 @@ def _doctor(args: argparse.Namespace, packages: Sequence[Path]) -> int:
     urdf = robot.urdf if robot is not None else None
     findings: list[Finding] = []
     if robot is not None:
-        findings += _model(args.urdf, robot, packages, profile)
+        findings += _model(args, robot, packages, profile)
     if args.source is not None:
         findings += _source(args, profile, urdf)
     if profile is not None and urdf is None and args.source is None:
@@ -96,18 +97,23 @@ def _doctor(args: argparse.Namespace, packages: Sequence[Path]) -> int:
     return PROBLEMS if any(f.severity != "hint" for f in findings) else CLEAN
 
 
-def _model(path: Path, robot: RobotFile, packages: Sequence[Path], profile: Profile | None) -> list[Finding]:
-    urdf = robot.urdf
+def _model(
+    args: argparse.Namespace, robot: RobotFile, packages: Sequence[Path], profile: Profile | None
+) -> list[Finding]:
+    path, urdf, tree = args.urdf, robot.urdf, build_tree(robot.urdf)
     try:
         from posecast_edge.model.builder.model_files import collect_facts, read_visual_files  # noqa: PLC0415 - an extra
+        from posecast_edge.model.builder.up_axis import settle_up_axis  # noqa: PLC0415 - the same
     except ImportError:
         facts = None
         _print(sys.stderr, f"posecast-edge: meshes not looked at: {NEEDS_EXTRA}")
     else:
         with Bar(sys.stderr) as bar:
             files = read_visual_files(robot, Resolver(path, packages), bar.show_progress)
+        if tree.links:
+            settle_up_axis(urdf, tree, files, args.up_axis)
         facts = collect_facts(files)
-    findings = examine_model(urdf, build_tree(urdf), facts, profile.mapping if profile else None)
+    findings = examine_model(urdf, tree, facts, profile.mapping if profile else None)
     _list(findings, lambda finding: finding.format_line(_name_lines(path)))
     counts = f"{_many(len(urdf.links), 'link')}, {_many(len(urdf.joints), 'joint')}"
     _print(sys.stdout, f"{path}: robot {quote_name(urdf.name)}, {counts}: {_counted(findings)}")
@@ -155,19 +161,18 @@ def _many(number: int, what: str) -> str:
     return f"{number} {what}" if number == 1 else f"{number} {what}s"
 
 
-def _build(
-    path: Path, packages: Sequence[Path], arguments: Mapping[str, str], out: Path, cache: Path | None
-) -> int:
+def _build(args: argparse.Namespace, packages: Sequence[Path], cache: Path | None) -> int:
+    path, out, arguments = args.urdf, args.out, dict(args.xacro_arg)
     try:
         from posecast_edge.model.builder.build import build_model  # noqa: PLC0415 - an extra
     except ImportError:
         raise ModelRefused(NEEDS_EXTRA) from None
-    kept = Cache(cache, path, packages, arguments) if cache is not None else None
+    kept = Cache(cache, path, packages, arguments, args.up_axis) if cache is not None else None
     files = kept.get() if kept is not None else None
     if files is None:
         robot, resolver = load_robot_file(path, packages, arguments), Resolver(path, packages)
         with Bar(sys.stderr) as bar:
-            built = build_model(robot, resolver, bar.show_progress)
+            built = build_model(robot, resolver, bar.show_progress, args.up_axis)
         files = {**built.files, MANIFEST: built.manifest}
         if kept is not None:
             kept.put(files, resolver, robot.inputs)

@@ -12,6 +12,7 @@ from posecast_wire.credential import Credential
 from posecast_wire.keys import check_name
 
 from posecast_edge.cli.robot_flags import add_robot_flags, parse_folders, parse_xacro_argument
+from posecast_edge.model.urdf.types import AUTO, UP_AXIS_MODES
 from posecast_edge.profile.reader import find_profile
 from posecast_edge.sample import SourceError
 from posecast_edge.sources.registry import KINDS, split_spec
@@ -41,11 +42,13 @@ class Settings:
     credential: Credential | Certificate | None = None
     packages: tuple[Path, ...] = ()
     xacro_arguments: tuple[tuple[str, str], ...] = ()
+    up_axis: str = AUTO
 
     def list_model_options(self) -> list[str]:
         """What `model build` is to be told, too."""
         folders = [f"--package-path={folder}" for folder in self.packages]
-        return folders + [f"--xacro-arg={name}:={value}" for name, value in self.xacro_arguments]
+        arguments = [f"--xacro-arg={name}:={value}" for name, value in self.xacro_arguments]
+        return [*folders, *arguments, f"--up-axis={self.up_axis}"]
 
 
 class _Parser(argparse.ArgumentParser):
@@ -110,6 +113,12 @@ def _named(robot: str | None, credential: Credential | Certificate | None) -> st
     if robot not in (None, credential.robot):
         raise UsageError(f"--credential is of robot {credential.robot!r}, --robot says {robot!r}")
     return credential.robot
+
+
+def _up_axis(text: str) -> str:
+    if text not in UP_AXIS_MODES:
+        raise argparse.ArgumentTypeError(f"{quote(text)} is none of {', '.join(UP_AXIS_MODES)}")
+    return text
 
 
 def _naming_variable(variable: str, given: str, parse: Callable[[str], object]) -> Callable[[str], object]:
@@ -200,6 +209,12 @@ def parse_settings(argv: Sequence[str], environment: Mapping[str, str]) -> Setti
     )
     flag("model", Path, "instead of --urdf: the folder that `model build` made")
     add_robot_flags(run)
+    flag(
+        "up-axis",
+        _up_axis,
+        "whether Collada files mean the up axis they name: auto, ignore, apply (auto)",
+        AUTO,
+    )
     args = parser.parse_args(argv)
     if args.command is None:
         raise UsageError("say `posecast-edge run …`, or --help")
@@ -218,4 +233,5 @@ def parse_settings(argv: Sequence[str], environment: Mapping[str, str]) -> Setti
         proof,
         tuple(args.package_path or _list_from(environment, "POSECAST_PACKAGE_PATH", parse_folders)),
         tuple(args.xacro_arg or _list_from(environment, "POSECAST_XACRO_ARG", _xacro_arguments)),
+        args.up_axis,
     )

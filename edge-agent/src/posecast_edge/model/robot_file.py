@@ -65,7 +65,7 @@ def load_robot_file(
     if xacro_arguments:
         raise ModelRefused("--xacro-arg is for xacro; this file has no macros")
     if kind == "mjcf":
-        return _load_mjcf(path)
+        return _load_mjcf(path, packages)
     return RobotFile(load_urdf(path), {}, (path,))
 
 
@@ -90,7 +90,7 @@ def _load_xacro(path: Path, packages: Sequence[Path], arguments: Mapping[str, st
     return RobotFile(urdf, {}, expanded.inputs)
 
 
-def _load_mjcf(path: Path) -> RobotFile:
+def _load_mjcf(path: Path, packages: Sequence[Path]) -> RobotFile:
     """MJCF is compiled by MuJoCo, an extra that only this branch needs."""
     try:
         reader = importlib.import_module(MJCF_READER)
@@ -98,5 +98,5 @@ def _load_mjcf(path: Path) -> RobotFile:
         if e.name is not None and e.name.startswith("posecast_edge"):
             raise ModelRefused("this is a MuJoCo model, not URDF") from None
         raise ModelRefused("needs MuJoCo: pip install 'posecast-edge[model,mujoco]'") from None
-    robot: RobotFile = reader.load_mjcf(path)
+    robot: RobotFile = reader.load_mjcf(path, packages)
     return robot

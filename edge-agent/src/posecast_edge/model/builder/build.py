@@ -26,6 +26,7 @@ from posecast_edge.model.builder.manifest import (
 from posecast_edge.model.builder.model_files import Progress, collect_facts, read_visual_files
 from posecast_edge.model.builder.simplify import LodChain, count_rungs
 from posecast_edge.model.builder.thumbnail import draw_thumbnail, encode_png
+from posecast_edge.model.builder.up_axis import settle_up_axis
 from posecast_edge.model.builder.visuals import Appearance, Figure, Visual, build_figure
 from posecast_edge.model.doctor.skeleton import examine_model
 from posecast_edge.model.finding import Finding, ModelRefused, quote_name
@@ -36,6 +37,7 @@ from posecast_edge.model.robot_file import RobotFile
 from posecast_edge.model.urdf.reader import NAME_MAX
 from posecast_edge.model.urdf.resolver import URI_MAX, Resolver
 from posecast_edge.model.urdf.tree import build_tree
+from posecast_edge.model.urdf.types import AUTO
 
 Vectors = NDArray[np.float64]
 Triangles = tuple[Vectors, Vectors, Vectors]  # corners and normals (m, 3, 3), display colours (m, 3)
@@ -85,8 +87,9 @@ class Built:
     document: dict[str, Any]
 
 
-def build_model(robot: RobotFile, resolver: Resolver, progress: Progress) -> Built:
-    """Build a robot's bundle. Raises ModelRefused when there is no robot at all in it."""
+def build_model(robot: RobotFile, resolver: Resolver, progress: Progress, up_axis: str = AUTO) -> Built:
+    """Build a robot's bundle. `up_axis`: whether its Collada files mean the one they name (UP_AXIS_MODES).
+    Raises ModelRefused when there is no robot at all in it."""
     urdf = robot.urdf
     tree = build_tree(urdf)
     if not tree.links:
@@ -99,6 +102,7 @@ def build_model(robot: RobotFile, resolver: Resolver, progress: Progress) -> Bui
                 f"joint {quote_name(joint.name)}: an origin more than 10,000 km away", joint.line
             )
     files = read_visual_files(robot, resolver, progress)
+    settle_up_axis(urdf, tree, files, up_axis)
     figure = build_figure(urdf, tree, files)
     document: dict[str, Any] = {"v": VERSION, "robot": urdf.name[:NAME_MAX], **make_skeleton(urdf, tree)}
     poses = [np.array(p) for p in compute_link_poses(document, compute_home(document)).values()]

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from posecast_edge.model.doctor.meshes import MeshFacts
 from posecast_edge.model.finding import ModelRefused
-from posecast_edge.model.meshes.mesh import Mesh
+from posecast_edge.model.meshes.mesh import Mesh, turn_upright
 from posecast_edge.model.meshes.reader import read_mesh
 from posecast_edge.model.meshes.side_files import SideFiles
 from posecast_edge.model.robot_file import RobotFile
@@ -49,6 +49,7 @@ class Files:
         self._by_path: dict[tuple[Path, bool], Mesh | str] = {}
         self._pictures: dict[str, bytes | str] = {}
         self._shelf = SideFiles()
+        self._upright = False
         self.triangles = 0  # of all meshes read so far
 
     def __getitem__(self, uri: str) -> MeshFile:
@@ -97,6 +98,16 @@ class Files:
         reasons = {file.uri: file.reason for file in self if file.reason}
         return reasons | {uri: why for uri, why in self._pictures.items() if isinstance(why, str)}
 
+    def turn_upright(self) -> None:
+        """Turn every mesh whose file names another axis than z as up, also those that are read later."""
+        self._upright = True
+        self._by_path = {
+            key: turn_upright(mesh) if isinstance(mesh, Mesh) else mesh for key, mesh in self._by_path.items()
+        }
+        for uri, file in self._by_uri.items():
+            if file.path is not None:
+                self._by_uri[uri] = self._read(uri)
+
     def _load(self, path: Path, keep_uv: bool) -> Mesh | str:
         if self.triangles > TRIANGLES_MAX:
             return _too_many()
@@ -107,7 +118,7 @@ class Files:
         except MemoryError:
             return "takes more memory than there is"
         self.triangles += mesh.triangles
-        return mesh
+        return turn_upright(mesh) if self._upright else mesh
 
 
 def _too_many() -> str:

@@ -1,6 +1,7 @@
 """Reads Collada (1.4 and 1.5): triangles and the scene that places them.
 
-Like RViz it applies <unit> and ignores <up_axis>, because exporters write it and rotate the vertices as well.
+Like RViz it applies <unit> and leaves <up_axis> alone, because exporters write it and rotate the vertices as
+well; which axis it names stands in the mesh, for who sees the whole robot (builder/up_axis.py).
 
 A part shown in several places is read once, and its triangles are counted before they are made: a small file
 may show its parts far more often than memory allows.
@@ -21,6 +22,8 @@ from posecast_edge.model.meshes.collada_materials import Materials, find_target
 from posecast_edge.model.meshes.collada_numbers import convert_float, extract_floats, extract_integers
 from posecast_edge.model.meshes.mesh import (
     TEXT_MAX,
+    UP_NOTE,
+    UPRIGHT,
     Expansion,
     Load,
     Mesh,
@@ -116,8 +119,9 @@ class _Reader:
         if metre != 1:
             self._notes.add("collada-unit", f"its unit is {metre:g} m; applied")
         axis = self._root.find_first("asset", "up_axis")
-        if axis is not None and axis.text.strip() not in ("", "Z_UP"):
-            self._notes.add("collada-axis", f"it says {axis.text.strip()[:10]}; ignored, as RViz does")
+        up = axis.text.strip() if axis is not None else ""
+        if up not in ("", "Z_UP"):
+            self._notes.add(UP_NOTE, f"it says {up[:10]}; ignored, as RViz does")
         scene = self._root.find_first("scene", "instance_visual_scene")
         visual = self._target(scene.get("url") if scene else None) or self._root.find_first(
             "library_visual_scenes", "visual_scene"
@@ -128,7 +132,7 @@ class _Reader:
         else:
             library = self._root.find_first("library_geometries")
             surfaces = [s for g in (library.children if library else []) for s in self._geometry(g, base, {})]
-        return Mesh(tuple(surfaces), self._notes.list_entries())
+        return Mesh(tuple(surfaces), self._notes.list_entries(), up if up in UPRIGHT else "")
 
     def _target(self, url: str | None) -> Element | None:
         return find_target(self._ids, url)

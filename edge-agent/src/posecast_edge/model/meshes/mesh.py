@@ -17,6 +17,7 @@ TEXT_MAX = 128 << 20  # of one that is text: it takes ten times its size to read
 TRIANGLES_MAX = 5_000_000  # of one mesh
 NOTES_MAX = 20  # of one mesh; further ones are not told
 SHOWN_AGAIN_MAX = 1_000_000  # triangles that showing parts again may add to what the file's bytes can hold
+UP_NOTE = "collada-axis"  # the code of a note about an up axis
 PLACING = 128  # triangles: what placing a part counts beside its own
 
 Floats = NDArray[np.float32]
@@ -48,12 +49,21 @@ class Surface:
     spare: Paint | None = None
 
 
+# z-up from an axis that a file calls up, right-handed (Collada's table)
+UPRIGHT = {
+    "Y_UP": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]),
+    "X_UP": np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]]),
+}
+
+
 @dataclass(frozen=True)
 class Mesh:
-    """Surfaces with their paints. `notes`: (code, text) of what a reader had to tolerate."""
+    """Surfaces with their paints. `notes`: (code, text) of what a reader had to tolerate. `up`: the axis
+    other than z that the file calls up (a key of UPRIGHT) and that has not been applied, else ""."""
 
     surfaces: tuple[Surface, ...]
     notes: tuple[tuple[str, str], ...] = ()
+    up: str = ""
 
     @property
     def triangles(self) -> int:
@@ -64,6 +74,16 @@ class Mesh:
         """Lowest and highest corner (x, y, z), metres, of the vertices that triangles use."""
         used = [s.positions[np.unique(s.faces)] for s in self.surfaces]
         return np.min([p.min(0) for p in used], axis=0), np.max([p.max(0) for p in used], axis=0)
+
+
+def turn_upright(mesh: Mesh) -> Mesh:
+    """The mesh with the axis that its file calls up as z, and a note of it."""
+    if mesh.up not in UPRIGHT:
+        return mesh
+    turn = UPRIGHT[mesh.up].astype(np.float32)
+    surfaces = tuple(replace(s, positions=s.positions @ turn.T) for s in mesh.surfaces)
+    kept = tuple(note for note in mesh.notes if note[0] != UP_NOTE)
+    return Mesh(surfaces, (*kept, (UP_NOTE, f"it says {mesh.up}; applied")))
 
 
 class Expansion:

@@ -18,6 +18,7 @@ from pathlib import Path
 from posecast_edge.model.finding import ModelRefused
 from posecast_edge.model.serve.bundle_dir import read_folder, write_folder
 from posecast_edge.model.urdf.resolver import Resolver, resolve_links
+from posecast_edge.model.urdf.types import AUTO
 
 ENTRIES = 16
 INPUTS = "inputs.json"
@@ -39,11 +40,12 @@ class Cache:
         urdf: Path,
         packages: Sequence[Path],
         xacro_arguments: Mapping[str, str] | None = None,
+        up_axis: str = AUTO,
     ) -> None:
         self._urdf = resolve_links(urdf)
         self._packages = packages
         given = sorted(f"{name}:={value}" for name, value in (xacro_arguments or {}).items())
-        name = "\0".join(map(str, (BUILDER, self._urdf, *map(resolve_links, packages), *given)))
+        name = "\0".join(map(str, (BUILDER, up_axis, self._urdf, *map(resolve_links, packages), *given)))
         self._entry = folder / hashlib.sha256(os.fsencode(name)).hexdigest()[:32]
 
     def get(self) -> dict[str, bytes] | None:

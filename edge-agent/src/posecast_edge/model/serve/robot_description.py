@@ -31,8 +31,11 @@ class DescribedModel:
         packages: Sequence[Path],
         ready: Callable[[Bundle], None],
         heard: Callable[[frozenset[str]], None] = lambda _: None,
+        options: Sequence[str] = (),
     ) -> None:
-        """`heard` is called before `ready`, as soon as a description was read, with the joints that slide."""
+        """`heard` is called before `ready`, as soon as a description was read, with the joints that slide;
+        `options`: of `model build`, such as package folders."""
+        self._options = options
         self._packages = packages
         self._ready = ready
         self._heard = heard
@@ -97,6 +100,6 @@ class DescribedModel:
         raw.log_missing()
         if raw.missing:
             log.info("model: packages are looked for where AMENT_PREFIX_PATH and ROS_PACKAGE_PATH say")
-        build = BackgroundBuild(path, raw, self._ready)
+        build = BackgroundBuild(path, raw, self._ready, self._options)
         build.start()
         return build

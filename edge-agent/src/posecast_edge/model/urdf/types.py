@@ -16,6 +16,11 @@ ZERO: Vector = (0.0, 0.0, 0.0)
 ONES: Vector = (1.0, 1.0, 1.0)
 
 SCALAR_TYPES = ("revolute", "continuous", "prismatic")  # one value moves them
+AUTO, IGNORE, APPLY = UP_AXIS_MODES = (
+    "auto",
+    "ignore",
+    "apply",
+)  # what is done with a Collada file's up axis
 UNBOUNDED = 1e4  # rad or m: a limit that large means none
 JOINT_TYPES = (*SCALAR_TYPES, "fixed", "floating", "planar")
 
