@@ -9,6 +9,7 @@ import message_parsers
 import model_parsers
 import recording_parsers
 import scene_parsers
+import sdf_parsers
 import settings_parsers
 
 PARSERS = {
@@ -17,6 +18,7 @@ PARSERS = {
         mesh_parsers.PARSERS,
         scene_parsers.PARSERS,
         model_parsers.PARSERS,
+        sdf_parsers.PARSERS,
         recording_parsers.PARSERS,
         message_parsers.PARSERS,
         settings_parsers.PARSERS,

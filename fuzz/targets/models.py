@@ -1,9 +1,10 @@
-"""Robots' bodies as an edge reads them: URDF (as the page does), and meshes."""
+"""Robots' bodies as an edge reads them: URDF (as the page does), SDF, and meshes."""
 
 from __future__ import annotations
 
 import html
 import io
+import math
 import re
 import struct
 import unicodedata
@@ -19,6 +20,7 @@ from posecast_edge.model.meshes.mesh import Mesh, validate_mesh
 from posecast_edge.model.meshes.obj import read_obj
 from posecast_edge.model.meshes.stl import read_stl
 from posecast_edge.model.meshes.vertex_colour import split_all_by_colour
+from posecast_edge.model.sdf.reader import read_sdf
 from posecast_edge.model.urdf.reader import read_urdf
 from posecast_edge.model.urdf.tree import build_tree
 from posecast_edge.model.urdf.types import Geometry, Material, Pose, Shape, Urdf
@@ -51,6 +53,18 @@ def urdf(data: bytes) -> None:
 def _is_new(text: str) -> bool:
     """Whether it has characters that this Python's Unicode does not know yet: Node's may, and shows them."""
     return any(unicodedata.category(letter) == "Cn" for letter in text)
+
+
+def sdf(data: bytes) -> None:
+    """What is made of an SDF: a tree whose links stand somewhere, and what the doctor says."""
+    found = read_sdf(data)
+    tree = build_tree(found)
+    for finding in examine_model(found, tree, {}):
+        said = finding.format_line("robot.sdf")
+        if not said.isprintable() or len(said) > 900:
+            raise Differs(f"the doctor says {said[:100].encode('ascii', 'backslashreplace').decode()}")
+    if not all(math.isfinite(v) for joint in found.joints for v in (*joint.pose.xyz, *joint.pose.rpy)):
+        raise Differs("a joint stands nowhere")
 
 
 def body(data: bytes) -> None:
@@ -178,6 +192,7 @@ REFUSES = (ModelRefused,)
 TARGETS = (
     Target("urdf", urdf, REFUSES, stretched=1 << 17, page=True),
     Target("body", body, REFUSES, corpus="urdf"),
+    Target("sdf", sdf, REFUSES),
     Target("stl", mesh_of(read_stl), REFUSES),
     Target("obj", mesh_of(lambda data: read_obj(data, nothing, True)), REFUSES),
     Target("mtl", mesh_of(library), REFUSES),

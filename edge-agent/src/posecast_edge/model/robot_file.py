@@ -11,13 +11,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from posecast_edge.model.finding import Finding, ModelRefused
+from posecast_edge.model.sdf.reader import load_sdf, read_sdf
 from posecast_edge.model.urdf.reader import BYTES_MAX, load_urdf, read_urdf
+from posecast_edge.model.urdf.resolver import Resolver
 from posecast_edge.model.urdf.types import Urdf
 from posecast_edge.model.urdf.xml_tree import read_root_tag
 
 if TYPE_CHECKING:
     from posecast_edge.model.meshes.mesh import Mesh
 
+ROOTS = {"mujoco": "mjcf", "sdf": "sdf", "gazebo": "sdf"}
 MJCF_READER = "posecast_edge.model.mjcf.reader"
 COMMENT = re.compile(rb"<!--.*?-->", re.DOTALL)
 MACRO = re.compile(rb"<xacro:|\"[^\"<>]*\$[{(]")  # a tag of xacro's, or an attribute with an expression
@@ -35,8 +38,8 @@ class RobotFile:
 
 
 def find_format(path: Path) -> str:
-    """The format by the file's content: `urdf`, `xacro` or `mjcf`. What can't be read, or has another root
-    element, counts as `urdf`, whose reader says what is wrong."""
+    """The format by the file's content: `urdf`, `xacro`, `sdf` or `mjcf`. What can't be read, or has
+    another root element, counts as `urdf`, whose reader says what is wrong."""
     try:
         with path.open("rb") as source:
             content = source.read(BYTES_MAX)
@@ -48,7 +51,7 @@ def find_format(path: Path) -> str:
 
 
 def _find_plain_format(content: bytes) -> str:
-    return "mjcf" if read_root_tag(io.BytesIO(content)) == "mujoco" else "urdf"
+    return ROOTS.get(read_root_tag(io.BytesIO(content)) or "", "urdf")
 
 
 def load_robot_file(
@@ -66,6 +69,9 @@ def load_robot_file(
         raise ModelRefused("--xacro-arg is for xacro; this file has no macros")
     if kind == "mjcf":
         return _load_mjcf(path, packages)
+    if kind == "sdf":
+        urdf, inputs = load_sdf(path, Resolver(path, packages))
+        return RobotFile(urdf, {}, inputs)
     return RobotFile(load_urdf(path), {}, (path,))
 
 
@@ -81,7 +87,8 @@ def _load_xacro(path: Path, packages: Sequence[Path], arguments: Mapping[str, st
         urdf.findings.append(Finding("error", "xacro", f"not expanded: {e.reason}", e.line))
         return RobotFile(urdf, {}, (path,))
     try:
-        urdf = read_urdf(io.BytesIO(expanded.text))
+        sdf = _find_plain_format(expanded.text) == "sdf"
+        urdf = read_sdf(expanded.text) if sdf else read_urdf(io.BytesIO(expanded.text))
     except ModelRefused as e:
         where = "" if e.line is None else f"line {e.line} of "
         raise ModelRefused(f"{where}what it expands to: {e.reason}") from None

@@ -178,4 +178,5 @@ def _box(geometry: Geometry | None, facts: Mapping[str, MeshFacts]) -> tuple[Vec
         radius = geometry.dims[0]
         half = {"cylinder": 0.0, "capsule": radius}.get(geometry.kind)
         x, y, z = radius, radius, radius if half is None else geometry.dims[1] / 2 + half
+    x, y, z = (abs(half * factor) for half, factor in zip((x, y, z), geometry.scale, strict=True))
     return (-x, -y, -z), (x, y, z)

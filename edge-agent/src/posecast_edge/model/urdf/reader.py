@@ -75,6 +75,16 @@ def read_urdf(source: BinaryIO) -> Urdf:
     return _Reader(root).urdf
 
 
+def show_collisions(urdf: Urdf, line: int) -> None:
+    """A robot made for planning alone has no visuals: its collision shapes are what there is to see."""
+    if any(s.geometry for link in urdf.links for s in link.visuals):
+        return
+    if any(s.geometry for link in urdf.links for s in link.collisions):
+        urdf.links = [replace(link, visuals=link.collisions) for link in urdf.links]
+        text = "no link has a visual; the collision shapes are shown"
+        urdf.findings.append(Finding("hint", "collisions-shown", text, line))
+
+
 class _Reader:
     def __init__(self, root: Element) -> None:
         self.urdf = Urdf(root.get("name") or "")
@@ -95,7 +105,7 @@ class _Reader:
             if reader := readers.get(element.tag):
                 reader(element)
         self._mount_on_links()
-        self._show_something(root)
+        show_collisions(self.urdf, root.line)
 
     def _note(self, severity: str, code: str, text: str, element: Element) -> None:
         self.urdf.findings.append(Finding(severity, code, text, element.line))
@@ -104,17 +114,6 @@ class _Reader:
         if any(c.tag.startswith("xacro:") for c in root.children):
             text = "xacro macros are left in it; expand them first: xacro robot.xacro > robot.urdf"
             self._note("error", "xacro", text, next(c for c in root.children if c.tag.startswith("xacro:")))
-
-    def _show_something(self, root: Element) -> None:
-        """A robot made for planning alone has no visuals: its collision shapes are what there is to see."""
-        links = self.urdf.links
-        if any(s.geometry for link in links for s in link.visuals):
-            return
-        if any(s.geometry for link in links for s in link.collisions):
-            self.urdf.links = [replace(link, visuals=link.collisions) for link in links]
-            self._note(
-                "hint", "collisions-shown", "no link has a visual; the collision shapes are shown", root
-            )
 
     def _define(self, material: Material) -> None:
         """Keep it under its name: the first definition counts for the whole robot, as in ROS (urdfdom)."""
@@ -253,7 +252,7 @@ class _Reader:
         color, texture = element.find_first("color"), element.find_first("texture")
         rgba = None
         if color is not None:
-            values = _floats(color.get("rgba") or "")
+            values = parse_floats(color.get("rgba") or "")
             if values is not None and len(values) == 3:
                 values = [*values, 1.0]
             if values is None or len(values) != 4 or not all(map(math.isfinite, values)):
@@ -277,7 +276,7 @@ class _Reader:
         kind = element.get("type") or next((c.tag for c in element.children if c.tag in _SENSOR_TAGS), "")
         pose_tag = element.find_first("pose")  # SDF's way, inside <gazebo>
         if pose_tag is not None:
-            numbers = _floats(pose_tag.text) or []
+            numbers = parse_floats(pose_tag.text) or []
             ok = len(numbers) == 6 and all(map(math.isfinite, numbers))
             pose = Pose(_three(numbers[:3]), _three(numbers[3:])) if ok else Pose()
         else:
@@ -357,8 +356,8 @@ class _Reader:
 
     def _numbers(self, element: Element, name: str, what: str) -> list[float] | None:
         text = element.get(name) or ""
-        values = _floats(text)
-        if values is None and "," in text and (values := _floats(_uncomma(text))) is not None:
+        values = parse_floats(text)
+        if values is None and "," in text and (values := parse_floats(_uncomma(text))) is not None:
             place = f"{what}: <{element.tag} {name}>"
             say = f"{place} with commas: {quote_name(text, 40)}; other programs refuse it"
             self._note("warning", "number-commas", say, element)
@@ -375,7 +374,8 @@ class _Reader:
 _SENSOR_TAGS = {"camera", "ray", "imu", "force_torque", "contact", "gps", "lidar"}
 
 
-def _floats(text: str) -> list[float] | None:
+def parse_floats(text: str) -> list[float] | None:
+    """Numbers with blanks between; None when something else is among them."""
     words = text[:1000].split()
     return [float(word) for word in words] if all(map(NUMBER.fullmatch, words)) else None
 

@@ -8,16 +8,18 @@ beside or above it, and what the user has named as package folders. Links are fo
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from urllib.parse import unquote, urlsplit
 
-from posecast_edge.model.finding import ModelRefused, quote_name
+from posecast_edge.model.finding import ModelRefused, make_printable, quote_name
 from posecast_edge.model.urdf.xml_tree import read_xml
 
 MESHES = (".stl", ".dae", ".obj", ".glb", ".gltf", ".ply")
 BESIDE = (".mtl", ".png", ".jpg", ".jpeg", ".bmp", ".tga", ".tif", ".tiff", ".webp", ".gif", ".dds", ".bin")
+DESCRIPTIONS = (".sdf", ".world", ".xml", ".urdf")
 URI_MAX = 4096  # characters
 PARTS_MAX = 32  # of a path; each may be tried as the beginning of another
 LEVELS_UP = 4  # parents of the URDF's folder in which a package is looked for
@@ -92,6 +94,24 @@ class Resolver:
         for root in self._roots_of(name):
             return root
         raise ModelRefused(f"no package {quote_name(name)} {NOWHERE}")
+
+    def find_description(self, uri: str) -> Path:
+        """The SDF that an `<include>` names: a file, or a model's folder, whose `model.config` says which.
+        Raises ModelRefused."""
+        scheme, mark, rest = uri.partition("://")
+        if "\0" in uri or len(uri) > URI_MAX or uri.count("/") > PARTS_MAX:
+            raise ModelRefused("no name for a file")
+        if not mark or scheme == "file":
+            path, roots = self._folder / (rest if mark else uri), list(self.roots)
+        elif scheme in ("model", "package"):
+            package, _, inside = unquote(rest).strip("/").partition("/")
+            folder = self.find_package(package)
+            path, roots = folder / inside, [folder]
+        else:
+            raise ModelRefused(f"{make_printable(scheme[:20])}: addresses are not fetched")
+        if _is_folder(path):
+            path /= _configured(path / "model.config")
+        return self._inside(path, roots, DESCRIPTIONS).path
 
     def find_beside(self, mesh: Path, name: str) -> Path:
         """A texture or material library that a mesh names, relative to the mesh. Raises ModelRefused."""
@@ -282,6 +302,19 @@ def _package_name(file: Path) -> str | None:
         return None
     name = root.find_first("name")
     return name.text.strip() if name else None
+
+
+def _configured(file: Path) -> str:
+    """The name of the SDF of the newest format that a model's folder has."""
+    try:
+        with file.open("rb") as source:
+            root = read_xml(source, bytes_max=1 << 16, elements_max=1000, depth_max=16, texts=True)
+    except (OSError, ModelRefused):
+        return "model.sdf"
+    found = [(e.get("version") or "", e.text.strip()) for e in root.find_all("sdf") if e.text.strip()]
+    return max(
+        found, key=lambda one: [int(w) for w in re.findall("[0-9]{1,4}", one[0])], default=("", "model.sdf")
+    )[1]
 
 
 def _spellings(folder: Path) -> dict[str, str]:

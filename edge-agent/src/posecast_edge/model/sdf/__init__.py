@@ -1,0 +1,1 @@
+"""Reads SDF, the format of Gazebo, into the types of a URDF."""
