@@ -10,6 +10,7 @@ from command_stage import run_edge
 from model_stage import cube_collada, joint, link, mesh, nothing, robot, written
 from posecast_edge.model.builder.build import Built, build_model
 from posecast_edge.model.meshes.mesh import UPRIGHT
+from posecast_edge.model.robot_file import load_robot_file
 from posecast_edge.model.serve.cache import Cache
 from posecast_edge.model.urdf.resolver import Resolver
 from posecast_edge.model.urdf.types import UP_AXIS_MODES
@@ -32,7 +33,7 @@ def robot_of(folder: Path, y: float, up: str = "Y_UP") -> Path:
 
 
 def build(path: Path, mode: str) -> Built:
-    return build_model(path, Resolver(path), nothing, up_axis=mode)
+    return build_model(load_robot_file(path), Resolver(path), nothing, up_axis=mode)
 
 
 def said(built: Built) -> list[str]:
@@ -106,4 +107,4 @@ def test_commands_and_cache_tell_the_modes_apart(tmp_path: Path) -> None:
     run = ("run", "--robot", "a", "--source", "demo", "--relay", "tcp/127.0.0.1:1")
     done = run_edge(*run, "--up-axis", "sideways")
     assert (done.returncode, "'sideways' is none of auto, ignore, apply" in done.stderr) == (2, True)
-    assert len({Cache(tmp_path, path, [], mode)._entry for mode in UP_AXIS_MODES}) == 3
+    assert len({Cache(tmp_path, path, [], up_axis=mode)._entry for mode in UP_AXIS_MODES}) == 3
