@@ -93,7 +93,7 @@ PARSERS = (
         "sdf",
         (
             "model.sdf.reader.read_sdf",
-            *(f"model.sdf.values.Values.read_{what}" for what in VALUES),
+            *(f"model.sdf.values.SdfValues.read_{what}" for what in VALUES),
             "model.sdf.shapes.ShapeReader.read",
             "model.sdf.shapes.ShapeReader.read_inertial",
             "model.sdf.joints.JointReader.read",

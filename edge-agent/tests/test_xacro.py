@@ -198,7 +198,7 @@ def test_without_xacro_it_says_what_to_install(tmp_path: Path, monkeypatch: pyte
 @pytest.mark.parametrize("what", ["open", "os.system", "subprocess.Popen", "socket.connect", "os.remove"])
 def test_the_second_line_holds_by_itself(what: str, tmp_path: Path) -> None:
     """Whatever came past the expressions."""
-    expansion = child.Expansion(one_file(tmp_path, ""), [], {})
+    expansion = child.XacroRun(one_file(tmp_path, ""), [], {})
     with pytest.raises(PermissionError):
         expansion._audit(what, (str(tmp_path / "new"), "w", os.O_WRONLY))
     expansion._audit("open", (str(tmp_path / "robot.xacro"), "r", 0))

@@ -21,7 +21,7 @@ WORLD = "::world"  # no name of a file begins so
 EXACT = 1e-12  # of a cosine: nearer to 0 roll and yaw turn about one axis
 
 
-class FrameError(Exception):
+class NoSuchFrame(Exception):
     """A frame that there is not, or one that leads back to itself: one line."""
 
 
@@ -76,7 +76,7 @@ class FrameGraph:
         self._frames[name] = Frame(frame.base, base_from_frame, frame.attached)
 
     def find_pose(self, name: str) -> Matrix:
-        """world_from_frame with every joint at zero. Raises FrameError."""
+        """world_from_frame with every joint at zero. Raises NoSuchFrame."""
         chain: dict[str, Frame] = {}
         at = name
         while at not in self._poses:
@@ -92,22 +92,22 @@ class FrameGraph:
             found = found if isinstance(found, str) else multiply(found, frame.base_from_frame)
             self._poses[one] = found
         if isinstance(found, str):
-            raise FrameError(found)
+            raise NoSuchFrame(found)
         return found
 
     def find_pose_inside(self, name: str, outer: str) -> Matrix:
-        """outer_from_frame for a frame whose poses lead to `outer`. Raises FrameError."""
+        """outer_from_frame for a frame whose poses lead to `outer`. Raises NoSuchFrame."""
         found, seen = identity(), set[str]()
         while name != outer:
             if name in seen or name not in self._frames:
-                raise FrameError(f"{quote_name(name)} is no frame inside of it")
+                raise NoSuchFrame(f"{quote_name(name)} is no frame inside of it")
             seen.add(name)
             found = multiply(self._frames[name].base_from_frame, found)
             name = self._frames[name].base
         return found
 
     def find_link(self, name: str) -> str:
-        """The link that a frame moves with, or the world. Raises FrameError."""
+        """The link that a frame moves with, or the world. Raises NoSuchFrame."""
         chain: dict[str, None] = {}
         at: str | None = name
         while at is not None and at not in self._links:
@@ -122,7 +122,7 @@ class FrameGraph:
         found = self._links[at] if at is not None else None
         self._links |= dict.fromkeys(chain, found)
         if found is None:
-            raise FrameError(f"there is no link {quote_name(name)}")
+            raise NoSuchFrame(f"there is no link {quote_name(name)}")
         return found
 
 

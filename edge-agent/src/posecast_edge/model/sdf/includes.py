@@ -10,7 +10,7 @@ from pathlib import Path
 
 from posecast_edge.model.finding import ModelRefused, quote_name
 from posecast_edge.model.sdf.shapes import join_uri
-from posecast_edge.model.sdf.values import Values, get_text, get_version
+from posecast_edge.model.sdf.values import SdfValues, get_text, get_version
 from posecast_edge.model.urdf.reader import BYTES_MAX, DEPTH_MAX, ELEMENTS_MAX
 from posecast_edge.model.urdf.resolver import Resolver
 from posecast_edge.model.urdf.xml_tree import Element, read_xml
@@ -52,7 +52,7 @@ class ModelElement:
 class IncludeReader:
     """Reads files, all of them together within the bounds of one."""
 
-    def __init__(self, resolver: Resolver | None, values: Values) -> None:
+    def __init__(self, resolver: Resolver | None, values: SdfValues) -> None:
         """`resolver`: None where no other file is to be read."""
         self._resolver, self._values = resolver, values
         self._bytes, self._elements, self._left = BYTES_MAX, ELEMENTS_MAX, INCLUDES_MAX

@@ -14,15 +14,15 @@ from posecast_edge.model.kinematics import Matrix, identity, multiply
 from posecast_edge.model.sdf.frames import (
     WORLD,
     Frame,
-    FrameError,
     FrameGraph,
+    NoSuchFrame,
     Scope,
     invert_transform,
     is_identity,
     make_pose,
     rotate_vector,
 )
-from posecast_edge.model.sdf.values import Values, get_flag, get_text
+from posecast_edge.model.sdf.values import SdfValues, get_flag, get_text
 from posecast_edge.model.urdf.types import UNBOUNDED, Joint, Limit, Link, Mimic, Vector
 from posecast_edge.model.urdf.xml_tree import Element
 
@@ -65,7 +65,7 @@ class JointDraft:
 class JointReader:
     """Reads `<joint>`, and adds its frame to the graph."""
 
-    def __init__(self, values: Values, frames: FrameGraph) -> None:
+    def __init__(self, values: SdfValues, frames: FrameGraph) -> None:
         self._values, self._frames = values, frames
         self._names: set[str] = set()
 
@@ -199,7 +199,7 @@ class _Hanging:
         try:
             parent, child = self._frames.find_link(draft.parent), self._frames.find_link(draft.child)
             self._frames.find_pose(draft.frame)
-        except FrameError as e:
+        except NoSuchFrame as e:
             self._note("error", "joint-ends", f"{what}: {e}; left out", draft.line)
             return None
         if parent not in self._group or child not in self._group:
@@ -272,7 +272,7 @@ class _Hanging:
         if name not in self._placed:
             try:
                 self._placed[name] = self._frames.find_pose(name)
-            except FrameError as e:
+            except NoSuchFrame as e:
                 link = self._given[name]
                 self._note("error", "frame", f"link {quote_name(name)}: {e}", link.line)
                 self._placed[name] = identity()
@@ -318,7 +318,7 @@ class _Hanging:
         for number, axis in enumerate(draft.axes):
             try:
                 world_from_axis = self._frames.find_pose(axis.frame)
-            except FrameError as e:
+            except NoSuchFrame as e:
                 self._note("error", "frame", f"joint {quote_name(draft.name)}: its axis: {e}", draft.line)
                 world_from_axis = world_from_joint
             turned = rotate_vector(

@@ -13,8 +13,8 @@ from posecast_edge.model.kinematics import Matrix, identity, multiply
 from posecast_edge.model.sdf.frames import (
     WORLD,
     Frame,
-    FrameError,
     FrameGraph,
+    NoSuchFrame,
     Scope,
     invert_transform,
     make_pose,
@@ -22,7 +22,7 @@ from posecast_edge.model.sdf.frames import (
 from posecast_edge.model.sdf.includes import IncludeReader, ModelElement
 from posecast_edge.model.sdf.joints import JointDraft, JointReader, hang_links
 from posecast_edge.model.sdf.shapes import ShapeReader
-from posecast_edge.model.sdf.values import Values, get_flag
+from posecast_edge.model.sdf.values import SdfValues, get_flag
 from posecast_edge.model.urdf.reader import BYTES_MAX, LINKS_MAX, NAME_MAX, show_collisions
 from posecast_edge.model.urdf.resolver import Resolver
 from posecast_edge.model.urdf.types import Link, Sensor, Urdf
@@ -53,7 +53,7 @@ class _Reader:
     """First all frames, which may be named before they are defined; then what stands in them."""
 
     def __init__(self, content: bytes, path: Path, resolver: Resolver | None) -> None:
-        self._values = Values()
+        self._values = SdfValues()
         self._includes = IncludeReader(resolver, self._values)
         self._frames = FrameGraph()
         self._shapes = ShapeReader(self._values)
@@ -128,7 +128,7 @@ class _Reader:
         if model.placement:
             try:
                 inside = self._frames.find_pose_inside(scope.name_frame(model.placement), own)
-            except FrameError as e:
+            except NoSuchFrame as e:
                 self._values.note("error", "frame", f"{what}: placement_frame: {e}", model.element)
                 return
             self._frames.replace_pose(own, multiply(placed, invert_transform(inside)))
@@ -200,7 +200,7 @@ class _Reader:
             what = f"sensor {quote_name(name)}"
             try:
                 link = self._frames.find_link(near)
-            except FrameError:
+            except NoSuchFrame:
                 continue  # the joint says so
             pose = make_pose(self._find_pose(sensor, link, near, scope, what))
             self._sensors.append(Sensor(make_printable(name), make_printable(kind), link, pose, sensor.line))
@@ -214,7 +214,7 @@ class _Reader:
             return transform
         try:
             world_from_base, world_from_link = self._frames.find_pose(base), self._frames.find_pose(link)
-        except FrameError as e:
+        except NoSuchFrame as e:
             self._values.note("error", "frame", f"{what}: {e}", element)
             return transform
         return multiply(multiply(invert_transform(world_from_link), world_from_base), transform)

@@ -9,7 +9,7 @@ from urllib.parse import urlsplit
 from posecast_edge.model.finding import ModelRefused, quote_name
 from posecast_edge.model.kinematics import Matrix
 from posecast_edge.model.sdf.frames import make_pose
-from posecast_edge.model.sdf.values import Values, get_text
+from posecast_edge.model.sdf.values import SdfValues, get_text
 from posecast_edge.model.urdf.types import ONES, SHAPES_MAX, Geometry, Inertial, Material, Shape, Vector
 from posecast_edge.model.urdf.xml_tree import Element
 
@@ -45,7 +45,7 @@ class ShapeReader:
     """Reads what is drawn. It counts, so that a file has no more than SHAPES_MAX visuals and as many
     collisions."""
 
-    def __init__(self, values: Values) -> None:
+    def __init__(self, values: SdfValues) -> None:
         self._values = values
         self._count = 0
 

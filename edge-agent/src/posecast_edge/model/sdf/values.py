@@ -13,7 +13,7 @@ from posecast_edge.model.urdf.types import FAR_M, Pose, Vector
 from posecast_edge.model.urdf.xml_tree import Element
 
 
-class Values:
+class SdfValues:
     """Reads values, and collects what is wrong with them."""
 
     def __init__(self) -> None:

@@ -39,7 +39,7 @@ MODULES = ("yaml", "glob", "xml.dom.expatbuilder", "encodings.latin_1", "encodin
 PYTHON = Path(os.__file__).resolve().parent
 
 
-class Expansion:
+class XacroRun:
     """One file's expansion: what it may read, and what it has read."""
 
     def __init__(self, path: Path, packages: list[Path], arguments: Mapping[str, str]) -> None:
@@ -238,7 +238,7 @@ def main() -> None:
     asked = json.load(sys.stdin)
     out, sys.stdout, sys.stderr = sys.stdout.buffer, io.StringIO(), io.StringIO()
     bound_process()
-    expansion = Expansion(Path(asked["path"]), [Path(p) for p in asked["packages"]], asked["arguments"])
+    expansion = XacroRun(Path(asked["path"]), [Path(p) for p in asked["packages"]], asked["arguments"])
     answer: dict[str, Any] = {}
     try:
         answer["text"] = expansion.run()
