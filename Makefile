@@ -1,6 +1,6 @@
 # Every target sets up what it needs; `make` alone lists them.
 .DEFAULT_GOAL := help
-.PHONY: help setup demo dev test test-full check fix fuzz bytes bench peers load attack faults soak compose-test dist clean unit e2e browsers
+.PHONY: help setup demo dev test test-full check fix fuzz bytes bench peers load robots attack faults soak compose-test dist clean unit e2e browsers
 SHELL := /bin/bash
 export UV_PYTHON_DOWNLOADS := never
 export PYTHONDONTWRITEBYTECODE := 1
@@ -140,6 +140,9 @@ soak: setup ## half an hour of viewers coming and going: what grows, what comes 
 	@tools/need redis-server
 	@tools/need chromium
 	$(BIN)/python -m posecast_loadtests.soak --minutes $(or $(MINUTES),30)
+
+robots: setup ## build every robot in a folder: which build, how long, how large (FOLDER=…)
+	$(BIN)/python -m tools.robots $(FOLDER)
 
 faults: setup ## break everything on the way from robot to viewer, and see what viewers see (8 minutes)
 	@tools/need redis-server

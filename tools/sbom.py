@@ -53,6 +53,8 @@ def licences(distribution: str) -> list[dict[str, Any]]:
     text = told["License"].strip() if "License" in told else ""
     if not named and 0 < len(text) < 100:  # some put all of it there
         named = [text]
+    if not named and text:  # and some the whole licence, as xacro does
+        return [{"license": {"name": f"as {distribution} says", "text": {"content": text}}}]
     return [{"license": {"name": name}} for name in named]
 
 

@@ -65,7 +65,7 @@ class XacroRun:
         except ExpatError as e:
             raise self._refused(xacro, f"not XML: {e}".partition(": line")[0], e.lineno) from None
         except Exception as e:  # a library's, over a stranger's file
-            raise self._refused(xacro, _words(e)) from None
+            raise self._refused(xacro, _words(e, self._name_file)) from None
         return text
 
     def _refused(self, xacro: Any, reason: str, line: int | None = None) -> ModelRefused:
@@ -75,10 +75,17 @@ class XacroRun:
         if macro:
             reason += f", in macro {quote_name(macro)}"
         if stack and stack[-1] != str(self._path):
-            at = os.path.relpath(stack[-1], self._path.parent)
-            reason += f", in {quote_name(at)}" + (f" line {line}" if line is not None else "")
+            reason += f", in {quote_name(self._name_file(stack[-1]))}" + (
+                f" line {line}" if line is not None else ""
+            )
             line = None
         return ModelRefused(reason, line)
+
+    def _name_file(self, path: str) -> str:
+        """Within the model's folders as it is called there."""
+        plain = Path(os.path.normpath(path))
+        root = next((root for root in self._roots if plain.is_relative_to(root)), None)
+        return str(plain.relative_to(root) if root is not None else plain)
 
     # ---- in place of xacro's own ----
 
@@ -200,7 +207,7 @@ def _default_variable(_name: str, default: str = "") -> str:
     return default
 
 
-def _words(e: BaseException) -> str:
+def _words(e: BaseException, name_file: Callable[[str], str]) -> str:
     """One line for what xacro, Python or a guard raised."""
     cause = e
     while isinstance(inner := getattr(cause, "exc", None), BaseException):
@@ -212,7 +219,7 @@ def _words(e: BaseException) -> str:
     if isinstance(cause, MemoryError):
         return f"it takes more than {MEMORY_MAX >> 20} MiB to expand"
     if isinstance(cause, OSError):
-        name = f"{quote_name(str(cause.filename))}: " if cause.filename else ""
+        name = f"{quote_name(name_file(str(cause.filename)))}: " if cause.filename else ""
         return f"{name}{cause.strerror or cause}"
     text = " ".join(str(e).split()) or type(e).__name__
     if text.startswith("<class "):  # it names its cause twice
