@@ -39,16 +39,16 @@ export function bonesOf({ root, joints }: Tree, dressed: ReadonlySet<number>): M
   );
   const bare = [...withBone].filter((part) => !clothed.has(part)).length;
   if (2 * bare <= new Set([...withBone, ...clothed]).size) return new Map();
-  const skeleton = new Skeleton(joints, parents);
+  const maker = new BoneMaker(joints, parents);
   const made = new Map<number, Bone[]>();
   for (const [link, part] of rigid.entries()) {
-    const bones = clothed.has(part) ? [] : skeleton.make(link);
+    const bones = clothed.has(part) ? [] : maker.make(link);
     if (bones.length > 0) made.set(link, bones);
   }
   return made;
 }
 
-class Skeleton {
+class BoneMaker {
   readonly #joints: readonly Joint[];
   readonly #below: readonly Joint[][];
   readonly #longest: number;
