@@ -65,7 +65,7 @@ def make_robot(model: CompiledModel, path: Path) -> RobotFile:
 
 def _make_robot(model: CompiledModel, path: Path) -> RobotFile:
     from posecast_edge.model.mjcf.bodies import build_body_tree  # noqa: PLC0415 - numpy
-    from posecast_edge.model.mjcf.shapes import ShapeReader  # noqa: PLC0415
+    from posecast_edge.model.mjcf.shapes import GeomReader  # noqa: PLC0415
 
     for kind in ("body", "joint"):
         for name, line in zip(model.names[kind], model.lines[kind], strict=True):
@@ -75,7 +75,7 @@ def _make_robot(model: CompiledModel, path: Path) -> RobotFile:
     tree = build_body_tree(model)
     if len(tree.links) + len(tree.between) > LINKS_MAX:
         raise ModelRefused(f"more than {LINKS_MAX} links")
-    shapes = ShapeReader(model)
+    shapes = GeomReader(model)
     shown = shapes.make_shapes(tree.links)
     urdf = Urdf(model.name if model.name.isprintable() and model.name else path.stem)
     for body, name in tree.links.items():

@@ -25,7 +25,7 @@ PICTURE_ROLES = (1, 8)  # mjtTextureRole: RGB, RGBA
 PICTURE_PIXELS_MAX = 4096 * 4096
 
 
-class ShapeReader:
+class GeomReader:
     """Makes visuals of geoms. `meshes`: those that they name, by URI."""
 
     def __init__(self, model: CompiledModel) -> None:
