@@ -110,6 +110,19 @@ def test_a_package_elsewhere_is_named(tmp_path: Path) -> None:
         assert run_command(["doctor", "--urdf", str(path), *flags], more) == CLEAN
 
 
+def test_an_include_of_a_package_that_was_taken_apart(tmp_path: Path) -> None:
+    path = workspace(tmp_path)
+    (tmp_path / "parts/urdf/arm.xacro").rename(tmp_path / "mine/urdf/arm.xacro")
+    found = load_robot_file(path)
+    assert [x.name for x in found.urdf.links] == ["base", "arm1"]
+    assert [f.text for f in found.urdf.findings if f.code == "include-found"] == [
+        "include 'urdf/arm.xacro' not found; taken from beside the file"
+    ]
+    (tmp_path / "mine/urdf/passwd").write_text("<robot/>")
+    with pytest.raises(ModelRefused, match="'/etc/passwd': lies outside"):
+        load_robot_file(one_file(tmp_path / "mine/urdf", "<xacro:include filename='/etc/passwd'/>"))
+
+
 def test_macros_left_in_a_urdf_are_no_reason_to_show_nothing(tmp_path: Path) -> None:
     path = tmp_path / "robot.urdf"
     path.write_text(f'{HEAD}<link name="a"/><xacro:gone/></robot>')

@@ -94,6 +94,7 @@ def _load_xacro(path: Path, packages: Sequence[Path], arguments: Mapping[str, st
         raise ModelRefused(f"{where}what it expands to: {e.reason}") from None
     if not urdf.links:
         raise ModelRefused("it has macros and no link: give the file that uses them")
+    urdf.findings += [Finding("hint", "include-found", f"include {note}") for note in expanded.notes]
     return RobotFile(urdf, {}, expanded.inputs)
 
 

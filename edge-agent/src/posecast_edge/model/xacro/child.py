@@ -1,7 +1,7 @@
 """The process in which a xacro file is expanded: `python -m posecast_edge.model.xacro.child`.
 
-stdin: JSON with `path`, `packages`, `arguments`. stdout: JSON with `inputs` and either `text` (XML) or
-`reason` and `line`. Its expressions reach nothing but data (expressions.py), and an audit hook refuses
+stdin: JSON with `path`, `packages`, `arguments`. stdout: JSON with `inputs`, `notes` and either `text` (XML)
+or `reason` and `line`. Its expressions reach nothing but data (expressions.py), and an audit hook refuses
 whatever Python would do outside of itself, but for reading files in the model's folders.
 """
 
@@ -12,6 +12,7 @@ import importlib
 import io
 import json
 import os
+import re
 import resource
 import sys
 from collections.abc import Callable, Iterator, Mapping
@@ -27,8 +28,10 @@ CPU_S = 10
 MEMORY_MAX = 512 << 20
 FILES_MAX = 64  # open at a time
 INPUTS_MAX = 1000
+NOTES_MAX = 20
 REASON_MAX = 400  # characters
 
+GLOB = re.compile(r"[*[?]")  # as xacro tells a pattern from a name
 WRITES = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
 # what a running expansion may do as far as Python's audit hooks see it; opening a file is looked at
 QUIET = {
@@ -49,6 +52,7 @@ class XacroRun:
         self._found: dict[str, Path] = {}  # packages by name
         self._searching = False
         self.inputs: dict[str, None] = {}
+        self.notes: list[str] = []
 
     def run(self) -> str:
         """The XML. Raises ModelRefused."""
@@ -106,9 +110,8 @@ class XacroRun:
 
         def spell(name: str) -> str:
             """A file's name as a path: `package://` is not xacro's, but people write it."""
-            if "://" in name:
-                return str(self._locate(name))
-            return keep(name)
+            path = str(self._locate(name)) if "://" in name else keep(name)
+            return path if GLOB.search(path) else self._look_beside(path, xacro.filestack[-1])
 
         keep: Callable[[str], str] = xacro.abs_filename_spec
         xacro.abs_filename_spec = spell
@@ -130,6 +133,15 @@ class XacroRun:
         if found not in self._roots:
             self._roots.append(found)
         return str(found)
+
+    def _look_beside(self, path: str, file: str) -> str:
+        """What is not where a file says may lie beside that file, in a package that was taken apart."""
+        beside = os.path.join(os.path.dirname(file), os.path.basename(path))
+        inside = any(Path(os.path.normpath(path)).is_relative_to(root) for root in self._roots)
+        if not inside or os.path.exists(path) or beside == file or not os.path.isfile(beside):
+            return path
+        self.notes.append(f"{quote_name(self._name_file(path))} not found; taken from beside the file")
+        return beside
 
     def _locate(self, uri: str) -> Path:
         scheme, _, rest = uri.partition("://")
@@ -251,7 +263,7 @@ def main() -> None:
         answer["text"] = expansion.run()
     except ModelRefused as e:
         answer |= {"reason": e.reason, "line": e.line}
-    answer["inputs"] = list(expansion.inputs)
+    answer |= {"inputs": list(expansion.inputs), "notes": expansion.notes[:NOTES_MAX]}
     out.write(json.dumps(answer).encode())
     out.flush()
     os._exit(0)

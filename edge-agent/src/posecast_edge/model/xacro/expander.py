@@ -37,10 +37,12 @@ PASSED = (
 
 @dataclass(frozen=True)
 class Expanded:
-    """The XML that xacro makes of a file, and all files that it has read for it."""
+    """The XML that xacro makes of a file, all files that it has read for it, and what there is to say of
+    them."""
 
     text: bytes
     inputs: tuple[Path, ...]
+    notes: tuple[str, ...]
 
 
 def expand_xacro(path: Path, packages: Sequence[Path], arguments: Mapping[str, str]) -> Expanded:
@@ -61,7 +63,7 @@ def expand_xacro(path: Path, packages: Sequence[Path], arguments: Mapping[str, s
     text = str(answer["text"]).encode()
     if len(text) > TEXT_MAX:
         raise ModelRefused(f"xacro: it expands to more than {TEXT_MAX >> 20} MiB")
-    return Expanded(text, tuple(map(Path, answer["inputs"])))
+    return Expanded(text, tuple(map(Path, answer["inputs"])), tuple(map(str, answer["notes"])))
 
 
 def _ask(asked: bytes) -> Mapping[str, Any]:
