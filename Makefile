@@ -1,6 +1,6 @@
 # Every target sets up what it needs; `make` alone lists them.
 .DEFAULT_GOAL := help
-.PHONY: help setup demo dev test test-full check fix fuzz bytes bench peers load robots attack faults soak compose-test dist clean unit e2e browsers
+.PHONY: help setup demo dev test test-full check fix fuzz bytes bench peers load attack faults soak gallery compose-test dist clean unit e2e browsers
 SHELL := /bin/bash
 export UV_PYTHON_DOWNLOADS := never
 export PYTHONDONTWRITEBYTECODE := 1
@@ -136,13 +136,13 @@ peers: setup ## the relay beside Socket.IO, ws, Tornado, foxglove-sdk, Mosquitto
 load: setup ## a lecture, a flash crowd, a fleet and slow phones against a relay of their own (4 minutes)
 	$(BIN)/python -m posecast_loadtests
 
+gallery: .venv/.ready ## every robot of the packages installed here, or in FOLDERS="…", built and drawn on sheets in gallery/
+	$(BIN)/python -m tools.gallery $(FOLDERS)
+
 soak: setup ## half an hour of viewers coming and going: what grows, what comes back (MINUTES=480 for a night)
 	@tools/need redis-server
 	@tools/need chromium
 	$(BIN)/python -m posecast_loadtests.soak --minutes $(or $(MINUTES),30)
-
-robots: setup ## build every robot in a folder: which build, how long, how large (FOLDER=…)
-	$(BIN)/python -m tools.robots $(FOLDER)
 
 faults: setup ## break everything on the way from robot to viewer, and see what viewers see (8 minutes)
 	@tools/need redis-server

@@ -3,22 +3,17 @@
 from __future__ import annotations
 
 import json
-import math
 from pathlib import Path
 from typing import Any
 
-import mujoco
-import numpy as np
 from model_stage import cube_obj, cube_stl
 from posecast_edge.model.builder.manifest import encode_manifest, make_skeleton
-from posecast_edge.model.kinematics import compute_link_poses
-from posecast_edge.model.mjcf.compiler import name_joint
 from posecast_edge.model.robot_file import RobotFile
 from posecast_edge.model.urdf.tree import build_tree
 
-CONFIGURATIONS = 20
-MILLIMETRE = 1e-3
-FREE, BALL, SLIDE, HINGE = range(4)
+from tools.gallery.poses import compare_with_mujoco
+
+MILLIMETRE = 1e-3  # and a thousandth of a radian
 
 EVERYTHING = """<mujoco model="everything">
   <compiler angle="degree" meshdir="meshes" autolimits="true"/>
@@ -116,37 +111,10 @@ def make_manifest(robot: RobotFile) -> dict[str, Any]:
     return document
 
 
-def compare_with_mujoco(robot: RobotFile, path: Path, seed: int) -> int:
+def assert_as_mujoco(robot: RobotFile, path: Path, seed: int) -> int:
     """Assert that every link is where MuJoCo has the body of its name, in random configurations. Returns how
     many links were compared."""
-    manifest = make_manifest(robot)
-    model = mujoco.MjModel.from_xml_path(str(path))
-    data = mujoco.MjData(model)
-    bodies = {model.body(i).name or f"body{i}": i for i in range(model.nbody)}
-    compared = [name for name in manifest["links"] if name in bodies]
-    root = bodies[manifest["links"][0]]
-    chance = np.random.default_rng(seed)
-    for _ in range(CONFIGURATIONS):
-        data.qpos[:] = model.qpos0
-        readings: dict[str, float] = {}
-        for i in range(model.njnt):
-            kind, start, name = (
-                int(model.jnt_type[i]),
-                int(model.jnt_qposadr[i]),
-                name_joint(model, i, model.nu > 0),
-            )
-            if kind in (SLIDE, HINGE):
-                most = math.pi if kind == HINGE else 0.5
-                readings[name] = data.qpos[start] = chance.uniform(-most, most)
-            elif kind == BALL:
-                quat = chance.normal(size=4)
-                data.qpos[start : start + 4] = quat / np.linalg.norm(quat)
-                readings |= {f"{name}/rot_{c}": float(v) for c, v in zip("wxyz", quat, strict=True)}
-        mujoco.mj_kinematics(model, data)
-        turn, place = data.xmat[root].reshape(3, 3), data.xpos[root]
-        poses = compute_link_poses(manifest, readings)
-        for name in compared:
-            pose, body = np.array(poses[name]), bodies[name]
-            assert np.abs(turn.T @ (data.xpos[body] - place) - pose[:3, 3]).max() < MILLIMETRE, name
-            assert np.abs(turn.T @ data.xmat[body].reshape(3, 3) - pose[:3, :3]).max() < MILLIMETRE, name
-    return len(compared)
+    worst = compare_with_mujoco(make_manifest(robot), path, seed)
+    assert worst.distance_m < MILLIMETRE
+    assert worst.turn < MILLIMETRE
+    return worst.links

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 mujoco = pytest.importorskip("mujoco", reason="the extra [mujoco] is not installed")
 
-from mjcf_stage import compare_with_mujoco, make_manifest, write_everything  # noqa: E402
+from mjcf_stage import assert_as_mujoco, make_manifest, write_everything  # noqa: E402
 from model_stage import build_robot, cube_stl  # noqa: E402
 from posecast_edge.model.kinematics import (  # noqa: E402
     compute_link_poses,
@@ -58,7 +58,7 @@ def codes(robot: RobotFile) -> set[str]:
 
 def test_every_link_is_where_mujoco_has_its_body(everything: tuple[Path, RobotFile]) -> None:
     path, robot = everything
-    assert compare_with_mujoco(robot, path, seed=2) == 10
+    assert assert_as_mujoco(robot, path, seed=2) == 10
 
 
 def test_joints_have_their_type_limits_and_names(everything: tuple[Path, RobotFile]) -> None:
@@ -173,7 +173,7 @@ def test_a_robot_that_floats_is_moved_by_its_base(tmp_path: Path) -> None:
     manifest = make_manifest(robot)
     assert manifest["links"] == ["trunk", "arm"]
     assert codes(robot) == {"beside"}
-    assert compare_with_mujoco(robot, path, seed=1) == 2
+    assert assert_as_mujoco(robot, path, seed=1) == 2
     base = load_simulation(path).make_sample().values["base"]  # of the robot, not of the cube before it
     assert base == {"base.x": 0.0, "base.y": 0.0, "base.z": pytest.approx(1.0)}
 

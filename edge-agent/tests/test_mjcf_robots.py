@@ -10,7 +10,7 @@ import pytest
 
 pytest.importorskip("mujoco", reason="the extra [mujoco] is not installed")
 
-from mjcf_stage import compare_with_mujoco
+from mjcf_stage import assert_as_mujoco
 from model_stage import build_robot
 from posecast_edge.model.mjcf.reader import load_mjcf
 
@@ -58,7 +58,7 @@ def test_a_robot_of_others(package: str, name: str) -> None:
         pytest.skip(f"{package} is not installed (its folder may stand in PYTHONPATH)")
     path = Path(found.origin).parent / name
     robot = load_mjcf(path)
-    assert compare_with_mujoco(robot, path, seed=3) >= len(robot.urdf.links) / 4
+    assert assert_as_mujoco(robot, path, seed=3) >= len(robot.urdf.links) / 4
     built = build_robot(path)
     assert not [f for f in built.findings if f.severity == "error"]
     assert not [v for v in built.document["visuals"] if "placeholder" in v]

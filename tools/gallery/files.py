@@ -1,0 +1,85 @@
+"""Finds robots in folders: URDF, xacro, SDF and MJCF, by what the files begin with."""
+
+from __future__ import annotations
+
+import importlib.util
+import io
+import os
+import re
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from posecast_edge.model.urdf.xml_tree import read_root_tag
+
+SUFFIXES = (".urdf", ".xacro", ".sdf", ".xml", ".mjcf")
+ROOTS = ("robot", "sdf", "mujoco")
+PACKAGES = ("example_robot_data", "dm_control", "gymnasium_robotics", "robosuite", "pybullet_data")
+SHARED = Path("shared/robots")
+CMEEL = "cmeel.prefix"  # a wheel of this kind keeps its data beside the package, in share/
+BYTES_MAX = 8 << 20
+INCLUDED = re.compile(rb"<(?:include|model)\b[^>]*\bfile\s*=\s*[\"']([^\"']+)")
+JOINT = re.compile(rb"<(?:free)?joint\b|<include\b|<attach\b|<composite\b|<replicate\b")
+
+
+@dataclass(frozen=True)
+class RobotPath:
+    """A robot's file. `name`: its path below the folder in which it was found, for people;
+    `is_included`: another robot's file includes one of that name."""
+
+    path: Path
+    name: str
+    is_included: bool
+
+
+def list_packages() -> list[Path]:
+    """The folders of the robot packages that are installed here, and shared/robots if there is one."""
+    found = []
+    for name in PACKAGES:
+        spec = importlib.util.find_spec(name)
+        if spec is None or spec.origin is None:
+            continue
+        folder = Path(spec.origin).parent
+        prefix = next((p for p in folder.parents if p.name == CMEEL), None)
+        data = prefix / "share" / name.replace("_", "-") if prefix is not None else folder
+        found.append(data if data.is_dir() else folder)
+    return [*found, SHARED] if SHARED.is_dir() else found
+
+
+def find_robots(places: Iterable[Path]) -> list[RobotPath]:
+    """Every robot in these folders; a place may also be a file. Of MJCF only what may have a joint of its
+    own. A file that can be reached by two ways counts once."""
+    found: dict[Path, str] = {}
+    included: set[str] = set()
+    for place in places:
+        for path in _walk(place):
+            content = _read(path)
+            root = read_root_tag(io.BytesIO(content)) if content else None
+            if root not in ROOTS and path.suffix.lower() not in (".urdf", ".sdf", ".xacro"):
+                continue
+            if root == "mujoco":
+                included.update(os.path.basename(os.fsdecode(name)) for name in INCLUDED.findall(content))
+                if not JOINT.search(content):
+                    continue
+            name = path.name if path == place else str(Path(place.name) / path.relative_to(place))
+            found.setdefault(path.resolve(), name)
+    return [RobotPath(path, name, path.name in included) for path, name in found.items()]
+
+
+def _walk(place: Path) -> Iterator[Path]:
+    if place.is_file():
+        yield place
+        return
+    for folder, folders, names in os.walk(place):
+        folders.sort()
+        for name in sorted(names):
+            if name.lower().endswith(SUFFIXES):
+                yield Path(folder, name)
+
+
+def _read(path: Path) -> bytes:
+    try:
+        with path.open("rb") as file:
+            return file.read(BYTES_MAX)
+    except OSError:
+        return b""
