@@ -245,6 +245,7 @@ def test_run_takes_the_same_flags() -> None:
     assert settings.list_model_options() == [
         *("--package-path=/a", "--package-path=/b", "--package-path=/c"),
         *("--xacro-arg=n:=1", "--xacro-arg=m:=x y"),
+        "--up-axis=auto",
     ]
     given = {"POSECAST_PACKAGE_PATH": "/d:/e", "POSECAST_XACRO_ARG": "n:=1 m:=2"}
     settings = parse_settings(RUN, given)
