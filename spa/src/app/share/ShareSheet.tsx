@@ -8,10 +8,11 @@ import './share.css';
 import { useText } from '../text/language.ts';
 import { useMore } from '../text/more.ts';
 
-/** A moment after the last movement, when the address has it. */
+/** How often the dialog reads the address, which follows the camera. */
 const SETTLE_MS = 600;
 
-/** The address of this view: as a link, as a picture for the phones in the hall, and as a frame for a page. */
+/** The dialog for sharing this view: its address as a link, as a QR code and as an `<iframe>` for a web page. `robot` is
+ *  the id, `name` what people read. */
 export function ShareSheet({ robot, name, onClose }: { robot: string; name: string; onClose: () => void }) {
   const text = useText();
   const rest = useMore();
@@ -50,19 +51,20 @@ export function ShareSheet({ robot, name, onClose }: { robot: string; name: stri
   );
 }
 
-/** Whether anyone else might see less than this page shows. */
+/** Whether this page uses a token for the robot, so that people without one may see less. */
 function seesMore(robot: string): boolean {
   return tokenFor(`/api/v1/robots/${robot}/`) !== undefined;
 }
 
-/** The same view, asked for without any token. */
+/** The address of the same view without any token: with `?as=anyone`, the page shows only what anyone may see. */
 export function seenByAnyone(link: string): string {
   const url = new URL(link);
   url.searchParams.set('as', 'anyone');
   return url.href;
 }
 
-/** The line for a course page. The path names the robot, so that its relay can say which pages may frame it. */
+/** The HTML `<iframe>` element that shows the view of `link` in another page. Its path names the robot, so that the relay
+ *  can say which pages may embed it. Throws if `link` is no URL. */
 export function frameFor(link: string, robot: string, name: string): string {
   const { search, hash } = new URL(link);
   const source = new URL(`embed/${robot}${search}${hash.includes('?') ? hash : ''}`, home()).href;
@@ -70,7 +72,7 @@ export function frameFor(link: string, robot: string, name: string): string {
   return `<iframe src="${source.replace(/&/g, '&amp;')}" title="${title}" style="width: 100%; aspect-ratio: 16 / 10; border: 0" allow="fullscreen" loading="lazy"></iframe>`;
 }
 
-/** Dark on light in either theme: that is what cameras read. */
+/** A QR code, or a note if the text is too long for one. It is dark on light in either theme, as cameras expect. */
 function Qr({ text }: { text: string }) {
   const words = useMore();
   const code = useMemo(() => path(text), [text]);
@@ -94,6 +96,6 @@ function path(text: string): { size: number; path: string } | null {
     const squares = rows.flatMap((row, y) => row.flatMap((dark, x) => (dark ? [`M${x} ${y}h1v1h-1z`] : [])));
     return { size: rows.length, path: squares.join('') };
   } catch {
-    return null; // more than a code holds
+    return null; // more than a QR code can hold
   }
 }

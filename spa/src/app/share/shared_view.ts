@@ -1,14 +1,16 @@
 import type { EyePlace } from '../../view/body_view.ts';
 import type { Settings } from '../state/settings.ts';
 
-/** What a link says beside the robot: `#/r/demo?shown=both&angle=deg&joint=RKN&eye=2.1,0.4,1.2,0,0,0.6`. */
+/** The parts of a shared link that are no settings: `#/r/demo?shown=both&joint=RKN&eye=2.1,0.4,1.2,0,0,0.6`. */
 export interface SharedView {
+  /** The selected joint; null: none. */
   readonly joint: string | null;
-  /** From the floor under the middle of the robot, metres; null: the first view. */
+  /** The camera, metres from the floor under the robot's middle; null: the first view. In a link: position x,y,z, then
+   *  target x,y,z. */
   readonly eye: EyePlace | null;
 }
 
-/** The settings that travel in a link, and what they are when it does not name them. */
+/** The settings that a shared link can name, with the values that it leaves out. */
 export const USUAL = {
   shown: 'pos',
   load: 'off',
@@ -16,18 +18,19 @@ export const USUAL = {
   theme: 'system',
 } as const satisfies Partial<Settings>;
 
-/** Places farther away than this are not accepted. */
+/** A camera coordinate of this size or more is not accepted. */
 const FARTHEST_M = 1000;
 
-/** Reads the view from an address; invalid parts are left out. */
+/** Reads the view from the query of an address. Missing and invalid parts are null. */
 export function readShared(query: URLSearchParams): SharedView {
   const joint = query.get('joint');
-  // letters, not halves of them: half a pair can't stand in an address
+  // cut by code points: half of a surrogate pair can't be written into an address
   const named = joint ? [...joint].slice(0, 200).join('') : null;
   return { joint: named, eye: eyeOf(query.get('eye')) };
 }
 
-/** In the order in which people read it; nothing where all is as usual. */
+/** The query of an address, with its `?`, that names the settings other than `USUAL`, the joint and the camera (in cm
+ *  precision); empty if there is nothing to name. */
 export function sharedQuery(chosen: Pick<Settings, keyof typeof USUAL>, view: SharedView): string {
   const parts: string[] = [];
   for (const key of Object.keys(USUAL) as (keyof typeof USUAL)[]) {

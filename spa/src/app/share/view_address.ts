@@ -4,12 +4,13 @@ import { selection, selectJoint } from '../state/selection.ts';
 import { queryOf, settings } from '../state/settings.ts';
 import { readShared, sharedQuery } from './shared_view.ts';
 
-/** Often enough for whoever copies the address, seldom enough for browsers that count. */
+/** How often the address is written. Browsers limit how often a page may do that. */
 const EVERY_MS = 500;
 
 /**
- * Keeps the address in step with what the page shows, so that any copy of it opens the same. First the page takes what
- * the address says. What is named but does not exist is left out. Returns the end of it.
+ * Keeps the page's address in step with what it shows, so that a copy of the address opens the same view. At first, and
+ * when the address changes, the camera and the selected joint are taken from it; a joint that the robot does not have is
+ * ignored. Returns a function that stops it.
  */
 export function bindAddress(view: BodyView, { twin }: RobotLink): () => void {
   let wanted: string | null = null;
@@ -23,7 +24,8 @@ export function bindAddress(view: BodyView, { twin }: RobotLink): () => void {
   };
   const choose = () => {
     if (wanted === null || twin.schema === null) return;
-    if (twin.schema.field('pos')?.labels.includes(wanted)) selectJoint(wanted, placed ? 'body' : 'numbers'); // the camera has its place
+    // 'body' keeps the camera where the address put it
+    if (twin.schema.field('pos')?.labels.includes(wanted)) selectJoint(wanted, placed ? 'body' : 'numbers');
     wanted = null;
   };
   const leave = twin.onChange(choose);
@@ -34,7 +36,7 @@ export function bindAddress(view: BodyView, { twin }: RobotLink): () => void {
   const write = () => {
     if (wanted !== null) return;
     const query = sharedQuery(settings(), { joint: selection()?.joint ?? null, eye: view.stand });
-    const resting = query === before; // what still moves is not written
+    const resting = query === before; // written only when the camera has stopped moving
     before = query;
     const [place = ''] = window.location.hash.split('?');
     if (resting && window.location.hash !== place + query) {

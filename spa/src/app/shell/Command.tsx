@@ -16,7 +16,7 @@ const CheckIcon = () => (
   </Icon>
 );
 
-/** A line to be used elsewhere, with a button that copies it. */
+/** A figure with one line of text (a command, a link), a caption `what`, and a button that copies the line. */
 export function Command({ what, line }: { what: string; line: string }) {
   const rest = useListText();
   const [copied, setCopied] = useState(false);
@@ -26,7 +26,7 @@ export function Command({ what, line }: { what: string; line: string }) {
       setCopied(true);
       setTimeout(() => setCopied(false), 2000);
     } catch {
-      // Not allowed here (an insecure origin): the line can still be selected by hand.
+      // Copying is not allowed here (an insecure origin); the line can still be selected and copied by the person.
     }
   };
   return (

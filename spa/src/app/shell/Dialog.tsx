@@ -3,14 +3,14 @@ import { type ReactNode, useEffect, useRef } from 'react';
 import { useText } from '../text/language.ts';
 import { Icon, IconButton } from './icons.tsx';
 
-/** A sheet over the page. Escape, the cross and a tap beside it close it. */
+/** A modal dialog, open as long as it is mounted. Escape, the close button and a tap outside it call `onClose`. */
 export function Dialog(props: { title: string; testId: string; onClose: () => void; children: ReactNode }) {
   const { title, testId, onClose, children } = props;
   const text = useText();
   const dialog = useRef<HTMLDialogElement>(null);
   useEffect(() => {
     dialog.current?.showModal();
-    dialog.current?.focus(); // not the first button: nothing is proposed yet
+    dialog.current?.focus(); // not the first button, which would look like a recommendation
   }, []);
   return (
     // biome-ignore lint/a11y/useKeyWithClickEvents: Escape closes a dialog by itself

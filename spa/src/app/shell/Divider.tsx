@@ -4,13 +4,15 @@ import { say } from '../text/language.ts';
 
 const STEP_PX = 24;
 
-/** The line between body and panel: dragged or moved by arrow keys; where it stands is remembered. */
+/** The divider between the body and the panel at its right. Dragging it or the left and right arrow keys call
+ *  `onWidth`. */
 export function Divider({
   widthPx,
   onWidth,
 }: {
-  /** Of the panel, which lies to the right. */
+  /** The width of the panel, CSS px. */
   widthPx: number;
+  /** Called with the new panel width, CSS px, not limited to what fits; `done` is false while the divider is dragged. */
   onWidth: (widthPx: number, done: boolean) => void;
 }) {
   const start = useRef<{ x: number; widthPx: number } | null>(null);

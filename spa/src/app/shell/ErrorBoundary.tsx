@@ -2,7 +2,7 @@ import { Component, type ReactNode } from 'react';
 import { isolated } from '../../twin/names.ts';
 import { say } from '../text/language.ts';
 
-/** Shows an error message when rendering fails, instead of an empty page. */
+/** Shows an error message with a reload button instead of its children when rendering them throws. */
 export class ErrorBoundary extends Component<{ children: ReactNode }, { what: string | null }> {
   override state: { what: string | null } = { what: null };
 

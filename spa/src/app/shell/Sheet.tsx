@@ -3,7 +3,7 @@ import { type PointerEvent, type ReactNode, useRef, useState } from 'react';
 import { say } from '../text/language.ts';
 import { heightPx, nextHeight, restingHeight, type SheetHeight } from './sheet_heights.ts';
 
-/** A tap may tremble this far. */
+/** A pointer that moves no farther than this, CSS px, counts as a tap. */
 const TAP_PX = 6;
 
 interface Drag {
@@ -15,8 +15,8 @@ interface Drag {
   moved: boolean;
 }
 
-/** The numbers on a phone: a sheet over the body with three heights. It is dragged by its handle; a tap goes on to
- *  the next height. */
+/** The sheet over the body that holds the numbers on a phone. Dragging its handle moves it to one of three heights; a
+ *  tap on the handle chooses the next height. */
 export function Sheet({
   height,
   roomPx,
@@ -24,6 +24,7 @@ export function Sheet({
   children,
 }: {
   height: SheetHeight;
+  /** The height of the sheet when it is fully open, CSS px. */
   roomPx: number;
   onHeight: (height: SheetHeight) => void;
   children: ReactNode;

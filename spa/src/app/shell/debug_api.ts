@@ -5,12 +5,12 @@ import type { RobotLink } from '../state/robot_link.ts';
 import type { Settings } from '../state/settings.ts';
 import { settings } from '../state/settings.ts';
 
-/** Members that only one of the two renderers has. */
+/** Members that only the 3D renderer, or only the light view, has. */
 type OfOneView = Pick<RobotScene, 'signsOf' | 'robots' | 'topOf' | 'pixelRatio' | 'keepSharp'> & {
   readonly pictureMs: number;
 };
 
-/** What tests and curious people find under `window.posecast`: the page as it is, read only. */
+/** `window.posecast`: read-only values of the open page, for tests and for debugging in the console. */
 interface DebugApi {
   readonly twin: {
     readonly seq: number | null;
@@ -20,13 +20,13 @@ interface DebugApi {
     value(field: string, label: string): number | null | undefined;
   } | null;
   readonly link: {
-    /** What the relay has granted; null until it said so. */
+    /** The frame rate that the relay granted, Hz; null until it has said so. */
     readonly granted_hz: number | null;
-    /** `websocket`, or `events` where none gets through. */
+    /** The transport in use: `websocket`, `events` (server-sent events over HTTP) or `mirror` (a database). */
     readonly carrier: string;
   } | null;
   readonly scene: (Omit<BodyView, 'load' | 'play' | 'setPose' | 'dispose'> & Partial<OfOneView>) | null;
-  /** What tables, card and plots have cost: how often they were written, and the script's time for it, ms. */
+  /** What tables, card and plots have cost so far: the number of writes, and the script time for them, ms. */
   readonly numbers: { readonly writes: number; readonly scriptMs: number };
   readonly settings: Settings;
 }
@@ -40,18 +40,22 @@ declare global {
 let link: RobotLink | null = null;
 let scene: BodyView | null = null;
 
+/** Sets the robot that `window.posecast` is about; null when no robot is shown. */
 export function showLink(shown: RobotLink | null): void {
   link = shown;
 }
 
+/** Sets the view that `window.posecast.scene` returns; null when no body is shown. */
 export function showScene(shown: BodyView | null): void {
   scene = shown;
 }
 
+/** The view that was last set with `showScene`; null when no body is shown. */
 export function shownScene(): BodyView | null {
   return scene;
 }
 
+/** Defines `window.posecast`. Its values are read at each access, so they are always current. */
 export function installDebugApi(): void {
   window.posecast = {
     get twin() {

@@ -1,5 +1,5 @@
-/** Starts something as soon as its own chunk is here; where that does not come, the page does without. Returns what stops it,
- *  also before it has started. */
+/** Starts something when its chunk has loaded: `code` resolves to the function that starts it, which returns the function
+ *  that stops it. If loading fails, nothing is started. Returns a function that stops it, or keeps it from starting. */
 export function startWhenLoaded(code: Promise<() => () => void>): () => void {
   let left = false;
   let end: (() => void) | null = null;

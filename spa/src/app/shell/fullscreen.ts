@@ -1,9 +1,10 @@
 import { type RefObject, useCallback, useEffect, useState } from 'react';
 
-/** off; `screen`: the browser gives the element all of it; `page`: it can't (an iPhone, an iframe that may not), so
- *  the body alone covers what the page has. */
+/** Whether the body is shown alone. `screen`: the browser's fullscreen mode; `page`: the body fills the page, because the
+ *  browser has no fullscreen here (an iPhone, an iframe without that permission). */
 export type Fullscreen = 'off' | 'screen' | 'page';
 
+/** The fullscreen state of the element `page`, and a function that switches it on or off. Escape switches it off, too. */
 export function useFullscreen(page: RefObject<HTMLElement | null>): {
   fullscreen: Fullscreen;
   toggle: () => void;
@@ -18,7 +19,7 @@ export function useFullscreen(page: RefObject<HTMLElement | null>): {
 
   useEffect(() => {
     if (fullscreen !== 'page') return;
-    // a screen's fullscreen hears Escape by itself
+    // in the browser's own fullscreen mode the browser handles Escape
     const leave = (event: KeyboardEvent) => event.key === 'Escape' && setFullscreen('off');
     window.addEventListener('keydown', leave);
     return () => window.removeEventListener('keydown', leave);

@@ -1,6 +1,6 @@
 import type { ComponentPropsWithRef, ReactNode } from 'react';
 
-/** Drawn on a grid of 24; they take the colour and the size of the text around them. */
+/** An SVG icon. `children` are drawn in a view box of 24 × 24; colour and size are those of the text around it. */
 export function Icon({ children }: { children: ReactNode }) {
   return (
     <svg
@@ -18,7 +18,7 @@ export function Icon({ children }: { children: ReactNode }) {
   );
 }
 
-/** A button that shows nothing but an icon; `label` says to screen readers what it does. */
+/** A button that shows only an icon. Screen readers read `label`. */
 export function IconButton({ label, ...rest }: { label: string } & ComponentPropsWithRef<'button'>) {
   return <button type="button" className="icon-button" aria-label={label} {...rest} />;
 }
@@ -57,7 +57,7 @@ export const SettingsIcon = () => (
   </Icon>
 );
 
-/** Stands on a card until a robot has a picture of its own. */
+/** The drawing of a robot that a card shows while there is no picture of the robot itself. */
 export const RobotFigure = () => (
   <svg className="figure" viewBox="0 0 64 64" fill="none" stroke="currentColor" aria-hidden="true">
     <g strokeWidth="1.8" strokeLinecap="round" strokeLinejoin="round">

@@ -1,5 +1,6 @@
 import { useCallback, useSyncExternalStore } from 'react';
 
+/** Whether a CSS media query matches. The component is drawn again when that changes. */
 export function useMedia(query: string): boolean {
   const subscribe = useCallback(
     (listener: () => void) => {
@@ -12,8 +13,9 @@ export function useMedia(query: string): boolean {
   return useSyncExternalStore(subscribe, () => window.matchMedia(query).matches);
 }
 
-/** Beside each other where there is room, and on a phone held sideways; else the numbers are a sheet over the body. */
+/** The media query for showing the numbers beside the body: wide windows, and phones held sideways. Otherwise they are a
+ *  sheet over the body. */
 export const SIDE_BY_SIDE = '(min-width: 700px), (orientation: landscape) and (min-width: 560px)';
 
-/** Room for the table and a joint's card under it: beside the body, and high enough for both. */
+/** The media query for windows with room for both the joint table and a joint's card below it. */
 export const ROOM_FOR_BOTH = '(min-width: 700px) and (min-height: 640px)';

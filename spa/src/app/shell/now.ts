@@ -1,7 +1,8 @@
 import { useEffect, useState } from 'react';
 import { nowMs } from '../../stream/clock.ts';
 
-/** The present, a few times a second: for words that tell how long something has lasted. */
+/** The time, Unix ms by the page's clock, which never steps back. The component is drawn again every `everyMs`, for texts
+ *  that say how long something has lasted. */
 export function useNow(everyMs: number): number {
   const [now, setNow] = useState(nowMs);
   useEffect(() => {

@@ -1,6 +1,6 @@
 import { type RefObject, useEffect, useRef, useState } from 'react';
 
-/** Something that opens over the page and goes again by Escape, or when anything outside `around` is pressed. */
+/** The state of a popover. While it is open, Escape or a press outside the element `around` closes it. */
 export function usePopover<T extends HTMLElement>(): {
   open: boolean;
   setOpen: (open: boolean) => void;

@@ -1,14 +1,16 @@
-/** A page that was itself just loaded anew is not loaded anew once more. */
+/** A page that was reloaded less than this long ago is not reloaded again. */
 const YOUNG_MS = 60_000;
 
 /**
- * After a deploy a page that stood open asks for chunks that are gone. When that happens and the page at this address
- * has become another, it is loaded anew, once. A network that is down is no deploy: then the page stays as it is.
+ * Reloads the page after a deploy: a page that was open before it asks for chunks that no longer exist. When a chunk
+ * can't be loaded, `reloadIfReplaced` finds out whether that is the reason.
  */
 export function reloadAfterDeploy(): void {
   window.addEventListener('vite:preloadError', () => void reloadIfReplaced());
 }
 
+/** Reloads the page if the page at its address now names other scripts. Does nothing if that page can't be fetched, or
+ *  within a minute of a reload. */
 export async function reloadIfReplaced(): Promise<void> {
   const [navigation] = performance.getEntriesByType('navigation') as PerformanceNavigationTiming[];
   if (navigation?.type === 'reload' && performance.now() < YOUNG_MS) return;

@@ -1,4 +1,4 @@
-/** Signing in, in English: it comes with its dialog. */
+/** The English sentences for signing in and out. They are loaded with the dialog that shows them. */
 export const accountEn = {
   signIn: 'Sign in',
   signOut: 'Sign out',
@@ -13,4 +13,5 @@ export const accountEn = {
   signInNoAnswer: 'Nobody answers who could sign you in. Check the connection and try again.',
 };
 
+/** The sentences for signing in and out, in any language. */
 export type AccountText = typeof accountEn;

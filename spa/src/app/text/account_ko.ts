@@ -1,6 +1,6 @@
 import type { AccountText } from './account_en.ts';
 
-/** 로그인. */
+/** The Korean sentences for signing in and out. */
 export const accountKo: AccountText = {
   signIn: '로그인',
   signOut: '로그아웃',

@@ -1,7 +1,8 @@
-/** Every sentence of the page. What happened, what the page does about it, what you can do: plain, short, never blaming.
- *  LIVE, HOLDING, STALE and OFFLINE are the same in every language; names of joints and flags are the robot's own. */
+/** The English sentences that the page needs at its start; the others are in `more_en.ts`. A sentence says what happened,
+ *  what the page does about it and what you can do: plain, short, never blaming. LIVE, HOLDING, STALE and OFFLINE are the
+ *  same in every language; names of joints and flags are shown as the robot gives them. */
 export const en = {
-  // ---- the truth
+  // ---- state of the robot and of the connection
   connecting: 'Connecting',
   since: (clock: string) => `since ${clock}`,
   overHttp: 'over HTTP',
@@ -98,7 +99,7 @@ export const en = {
   noJointMatches: (filter: string) => `No joint matches “${filter}”.`,
   noJoints: 'This robot reports no joints.',
 
-  // ---- the page around
+  // ---- the rest of the page
   allRobots: 'All robots',
   readingFiles: 'Reading the files.',
   close: 'Close',
@@ -109,5 +110,5 @@ export const en = {
   settings: 'Settings',
 };
 
-/** Every language has the same. */
+/** The sentences that the page needs at its start, in any language. */
 export type Text = typeof en;

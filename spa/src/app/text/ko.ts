@@ -3,7 +3,7 @@ import type { More } from './more_en.ts';
 
 export { accountKo } from './account_ko.ts';
 
-/** 한국어. */
+/** The Korean sentences of `en.ts`. */
 export const ko: Text = {
   connecting: '연결 중',
   since: (clock) => `${clock}부터`,
@@ -100,7 +100,7 @@ export const ko: Text = {
   settings: '설정',
 };
 
-/** 나머지 문장. */
+/** The Korean sentences of `more_en.ts`. */
 export const moreKo: More = {
   explainMirror:
     '이 페이지는 릴레이가 아니라 데이터베이스의 미러를 읽습니다. 자세는 초당 최대 2개이고 이벤트는 없습니다.',

@@ -6,31 +6,35 @@ import { en, type Text } from './en.ts';
 type Language = Exclude<Settings['language'], 'system'>;
 type Korean = typeof import('./ko.ts');
 
-/** null: the page speaks English. */
+/** The loaded Korean sentences; null while the page is in English. */
 const inForce = createStore<Korean | null>(null);
 let wanted: Language = 'en';
 
-/** The page's sentences, in the language in force. */
+/** The sentences of `en.ts`, in the language in force. For code outside components; in a component use `useText`. */
 export function say(): Text {
   return inForce.get()?.ko ?? en;
 }
 
+/** The loaded Korean sentences; null while the page is in English. */
 export const korean = inForce.get;
+/** Adds a listener for changes of the language in force. Returns a function that removes it. */
 export const onLanguage = inForce.subscribe;
 
-/** The same in a component, which is drawn again when the language changes. */
+/** The sentences of `en.ts`, in the language in force, for a component. It is drawn again when the language changes. */
 export function useText(): Text {
   return useSyncExternalStore(onLanguage, say);
 }
 
-/** The person's choice, else the first language of the browser that the page knows. */
+/** The language to use: the person's choice; for `system` the first of the browser's language tags that is English or
+ *  Korean, or English if there is none. */
 export function wantedLanguage(chosen: Settings['language'], browser: readonly string[]): Language {
   if (chosen !== 'system') return chosen;
   const tags = browser.map((tag) => tag.toLowerCase().split('-')[0]);
   return tags.find((tag) => tag === 'en' || tag === 'ko') === 'ko' ? 'ko' : 'en';
 }
 
-/** Speaks the wanted language from now on, and any that is chosen later. A catalogue that does not come changes nothing. */
+/** Puts the wanted language in force, now and whenever the setting changes. If the Korean sentences can't be loaded, the
+ *  page is in English. */
 export async function bindLanguage(): Promise<void> {
   onSettings(() => void become());
   await become();
@@ -41,7 +45,7 @@ async function become(): Promise<void> {
   if (now === wanted) return;
   wanted = now;
   const found = now === 'ko' ? await import('./ko.ts').catch(() => null) : null;
-  if (wanted !== now) return; // chosen otherwise meanwhile
+  if (wanted !== now) return; // another language was chosen meanwhile
   document.documentElement.lang = found === null ? 'en' : 'ko';
   inForce.set(found);
 }

@@ -1,7 +1,8 @@
 import { korean, useText } from './language.ts';
 import { listEn } from './list_en.ts';
 
-/** The list's own sentences, in the language in force: it needs none of the others. */
+/** The sentences of the robot list, in the language in force. They have a file of their own, so that the list loads less.
+ *  The component is drawn again when the language changes. */
 export function useListText(): typeof listEn {
   useText();
   return korean()?.moreKo ?? listEn;

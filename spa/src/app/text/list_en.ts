@@ -1,4 +1,4 @@
-/** The list of robots, in English. */
+/** The English sentences of the robot list. */
 export const listEn = {
   onAir: 'On air',
   noRelay: 'No connection to the relay. Trying again.',

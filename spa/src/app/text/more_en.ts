@@ -1,10 +1,10 @@
 import { listEn } from './list_en.ts';
 
-/** The rest of the sentences: of what comes when it is wanted. */
+/** The English sentences of the parts that are loaded on demand; those needed at the start are in `en.ts`. */
 export const moreEn = {
   ...listEn,
 
-  // ---- behind the chip
+  // ---- the explanation that the state chip opens
   notHeardYet: 'Relay: not heard yet.',
   lastHeard: (ago: string) => `Relay: last heard ${ago} ago.`,
   connectingToRelay: 'Connecting to the relay.',
@@ -25,7 +25,7 @@ export const moreEn = {
   overload: 'the relay is busy',
   askAll: 'Ask for every pose',
 
-  // ---- addresses that lead nowhere
+  // ---- unknown addresses
   nothingHere: 'Nothing here',
   namesNothing: (hash: string) => `This link names nothing that the page knows: ${hash}`,
   notFromThere: 'Not from there',
@@ -34,7 +34,7 @@ export const moreEn = {
   ownRelay: "This page's own relay",
   backToAll: 'All robots',
 
-  // ---- about the picture
+  // ---- notes about how the body is drawn
   viewLost: 'The browser took the 3D picture away. It comes back by itself.',
   viewPixels: 'This device is slow: fewer pixels.',
   viewDetail: 'This device is slow: fewer pixels, a coarser body.',
@@ -59,7 +59,7 @@ export const moreEn = {
   try3d: 'Try 3D again',
   lightView: 'Light view',
 
-  // ---- the tools at the body
+  // ---- the tools over the body
   camera: 'Camera',
   firstView: 'Back to the first view',
   front: 'front',
@@ -153,7 +153,7 @@ export const moreEn = {
   charge: 'charge',
   oldBy: (span: string) => `${span} old`,
 
-  // ---- in the place of a body
+  // ---- plots shown for a robot without a model
   addBody: 'This robot has no body here. To give it one, start its agent with a URDF:',
   ownPlots: 'Its values over the last minute',
   previousPlots: 'Values before these',
@@ -245,7 +245,7 @@ export const moreEn = {
   frameWithoutRobot: 'The address of this frame names no robot.',
   from: (host: string) => `From ${host}`,
 
-  // ---- the robot in words
+  // ---- announcements to screen readers
   spokenState: (word: string, cause: string | null) =>
     cause === null ? word.toLowerCase() : `${word.toLowerCase()}, ${cause}`,
   upright: 'upright',
@@ -262,7 +262,7 @@ export const moreEn = {
   jointsFaulted: (count: number) => `${count} joints faulted`,
   jointsOff: (count: number) => `${count} joints off their command`,
 
-  // ---- keys
+  // ---- keyboard shortcuts
   keys: 'Keys',
   keysOfPage: 'The page',
   keysOfCamera: 'The camera, while nothing else is chosen',
@@ -308,4 +308,5 @@ export const moreEn = {
   dropUnreadable: (where: string, why: string) => `${where}: ${why}`,
 };
 
+/** The sentences of the parts that are loaded on demand, in any language. */
 export type More = typeof moreEn;
