@@ -3,7 +3,7 @@ import { readStored, writeStored } from '../../browser/storage.ts';
 import { acknowledgedText, type Fault, FaultLog, readAcknowledged } from '../../twin/alarms/fault_log.ts';
 import type { RobotTwin } from '../../twin/robot.ts';
 
-/** Keeps one robot's faults while its page is open; what was acknowledged stays in this browser. */
+/** Collects one robot's faults while its page is open. Acknowledgements are kept in the browser's storage. */
 export class FaultKeeper {
   readonly log: FaultLog;
   readonly #twin: RobotTwin;
@@ -19,25 +19,29 @@ export class FaultKeeper {
     this.#leave = [twin.onState(() => this.#frame()), twin.onChange(() => this.#events())];
   }
 
-  /** null until a pose or an event has come: no news of faults is not "no faults". */
+  /** All faults; null until a frame or a fault event has come, because until then it is not known whether there are
+   *  any. */
   readonly faults = (): readonly Fault[] | null => this.#list;
 
+  /** Adds a listener for changes of `faults`. Returns a function that removes it. */
   readonly onChange = (listener: () => void): (() => void) => {
     this.#listeners.add(listener);
     return () => this.#listeners.delete(listener);
   };
 
+  /** Marks faults as acknowledged by the viewer, and stores that. */
   acknowledge(faults: readonly Fault[]): void {
     this.log.acknowledge(faults.map((fault) => fault.key));
     this.#keep();
     this.#tell();
   }
 
+  /** Stops listening to the robot. */
   close(): void {
     for (const leave of this.#leave) leave();
   }
 
-  /** Every frame is looked at, also those that no eye could follow. */
+  /** Looks at every frame, because a fault may last for only one of them. */
   #frame(): void {
     const joints = this.#twin.joints();
     if (joints === null) return;
@@ -65,6 +69,7 @@ export class FaultKeeper {
   }
 }
 
+/** A robot's faults; null while it is not known whether there are any. The component is drawn again when they change. */
 export function useFaults(keeper: FaultKeeper): readonly Fault[] | null {
   return useSyncExternalStore(keeper.onChange, keeper.faults);
 }

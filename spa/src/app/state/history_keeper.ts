@@ -2,11 +2,12 @@ import { History } from '../../twin/plots/history.ts';
 import type { RobotTwin } from '../../twin/robot.ts';
 import { LastReadings } from '../../twin/sensors/last_readings.ts';
 
-/** Remembers the last minute and the last readings from the moment the page opens, so that a card that is opened later has
- *  a past. */
+/** Records the last minute of a robot's values and the last readings of its sensors. It begins when the page opens, so
+ *  that a card that is opened later can show the time before. */
 export class HistoryKeeper {
   readonly history = new History();
   readonly readings = new LastReadings();
+  /** Stops recording. */
   readonly close: () => void;
 
   constructor(twin: RobotTwin) {

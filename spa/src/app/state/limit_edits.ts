@@ -3,7 +3,8 @@ import { editsText, NO_EDITS, type Threshold, withEdit } from '../../twin/limits
 import type { RobotTwin } from '../../twin/robot.ts';
 import { keyOf, watchOwn } from './own_limits.ts';
 
-/** null gives the channel back to the profile. */
+/** Sets the viewer's own threshold for a channel, in the channel's unit, and stores it in the browser. null removes it,
+ *  so that the profile's limit applies again. */
 export function setOwnLimit(
   twin: RobotTwin,
   field: string,
@@ -15,7 +16,7 @@ export function setOwnLimit(
   writeStored(keyOf(twin.robot), twin.edits.size === 0 ? null : editsText(twin.edits));
 }
 
-/** All of them back to the profile. */
+/** Removes all of the viewer's own thresholds for a robot, so that the profile's limits apply again. */
 export function dropOwnLimits(twin: RobotTwin): void {
   twin.acceptEdits(NO_EDITS);
   writeStored(keyOf(twin.robot), null);

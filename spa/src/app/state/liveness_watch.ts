@@ -3,13 +3,15 @@ import { isClaim, judge, newestAgeMs, STALE_AFTER_MS, type Verdict, type Word } 
 import type { RobotTwin } from '../../twin/robot.ts';
 
 const EVERY_MS = 100;
-/** A longer pause between two looks means that the page itself was held up. */
+/** A longer pause between two checks means that the page itself was held up. */
 const HELD_UP_MS = 400;
-/** Then the messages that piled up meanwhile are let in first. */
+/** After such a pause, the time for receiving the messages that arrived meanwhile, before the next check. */
 const CATCH_UP_MS = 50;
 
-/** Judges the evidence ten times a second, because silence causes no event; notifies when the word changes. */
+/** Judges a robot's evidence at least ten times a second, because no event tells that messages have stopped. Notifies
+ *  listeners when the word changes. */
 export class LivenessWatch {
+  /** The word of the last verdict; null while nothing is known. */
   word: Word | null = null;
   readonly #twin: RobotTwin;
   readonly #onSlept: () => void;
@@ -18,11 +20,11 @@ export class LivenessWatch {
   #timer: ReturnType<typeof setTimeout>;
   #lookedMs = nowMs();
   #caughtUp = true;
-  /** Held up for so long that what is on the screen is old, whatever the word there says. */
+  /** The page was held up for so long that the shown pose is old. No word is claimed until messages have been read. */
   #lost = false;
   #sleptMs = countSleep();
 
-  /** @param onSlept hears when the device has slept */
+  /** @param onSlept is called when the device has slept. */
   constructor(twin: RobotTwin, onSlept: () => void) {
     this.#twin = twin;
     this.#onSlept = onSlept;
@@ -30,17 +32,20 @@ export class LivenessWatch {
     this.#leave = twin.onChange(() => this.#tell());
   }
 
-  /** As of the last look, so that a page that was busy blames nobody else for its own delay. */
+  /** The verdict as of the last check. It is not as of now, so that a delay of the busy page itself does not make the
+   *  robot look stale. */
   verdict(): Verdict {
     const verdict = judge(this.#twin.evidence, this.#lookedMs);
     return this.#lost ? { ...verdict, word: null, cause: null, overShare: false } : verdict;
   }
 
+  /** Adds a listener for changes of `word`. Returns a function that removes it. */
   readonly onWord = (listener: () => void): (() => void) => {
     this.#listeners.add(listener);
     return () => this.#listeners.delete(listener);
   };
 
+  /** Stops the checks. */
   close(): void {
     clearTimeout(this.#timer);
     this.#leave();
@@ -57,7 +62,7 @@ export class LivenessWatch {
     const heldUp = this.#caughtUp && heldUpMs > HELD_UP_MS;
     this.#caughtUp = !heldUp;
     this.#lost = heldUp && heldUpMs > STALE_AFTER_MS;
-    // The moment in which the pose gets too old is not waited past.
+    // The next check is no later than the moment at which the pose becomes too old.
     const leftMs = STALE_AFTER_MS - (newestAgeMs(this.#twin.evidence, now) ?? 0);
     const nextMs = leftMs > 0 ? Math.min(EVERY_MS, leftMs) : EVERY_MS;
     this.#timer = setTimeout(this.#look, heldUp ? CATCH_UP_MS : nextMs);

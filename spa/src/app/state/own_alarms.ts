@@ -2,7 +2,7 @@ import { type Crossing, LimitLog } from '../../twin/alarms/limit_log.ts';
 import type { RobotTwin } from '../../twin/robot.ts';
 import { SensorTable } from '../../twin/sensors/sensors.ts';
 
-/** One robot's, as long as its page is open. */
+/** The crossings of the viewer's own limits for one robot, and who listens for them. */
 interface OwnAlarms {
   readonly log: LimitLog;
   readonly listeners: Set<() => void>;
@@ -11,7 +11,7 @@ interface OwnAlarms {
 const kept = new WeakMap<RobotTwin, OwnAlarms>();
 const NONE: readonly Crossing[] = [];
 
-/** Watches the viewer's own limits from now on, in every frame; calling it again does nothing more. */
+/** Checks the viewer's own limits in every frame from now on. A second call for the same robot does nothing. */
 export function watchOwnLimits(twin: RobotTwin): void {
   if (kept.has(twin)) return;
   const own: OwnAlarms = { log: new LimitLog(), listeners: new Set() };
@@ -26,11 +26,13 @@ export function watchOwnLimits(twin: RobotTwin): void {
   });
 }
 
-/** Newest last; empty while no limit is the viewer's own. */
+/** When readings crossed the viewer's own limits, newest last; empty if they never did or are not watched. */
 export function ownAlarms(twin: RobotTwin): readonly Crossing[] {
   return kept.get(twin)?.log.crossings ?? NONE;
 }
 
+/** Watches the viewer's own limits and calls `listener` after each new crossing. Returns a function that removes the
+ *  listener; the limits stay watched. */
 export function onOwnAlarms(twin: RobotTwin, listener: () => void): () => void {
   watchOwnLimits(twin);
   const { listeners } = kept.get(twin)!;

@@ -2,19 +2,21 @@ import { readStored } from '../../browser/storage.ts';
 import { readEdits } from '../../twin/limits/limits.ts';
 import type { RobotTwin } from '../../twin/robot.ts';
 
-/** The thresholds that a person has set, robot by robot. Kept in this browser; nothing of it is ever sent. */
+/** The storage key of the viewer's own thresholds for a robot. They stay in this browser and are never sent. */
 export const keyOf = (robot: string) => `posecast.limits.${robot}`;
 
+/** Reads the viewer's own thresholds for a robot from the browser's storage, puts them in force and watches them. */
 export function loadOwnLimits(twin: RobotTwin): void {
   twin.acceptEdits(readEdits(readStored(keyOf(twin.robot))));
   watchOwn(twin);
 }
 
-/** Watches the viewer's own limits, if there are any; the edge watches those of the profile. */
+/** Watches the viewer's own limits, if there are any. The code for it is loaded first. Limits of the profile are watched
+ *  by the edge. */
 export function watchOwn(twin: RobotTwin): void {
   if (twin.edits.size === 0) return;
   import('./own_alarms.ts').then(
     ({ watchOwnLimits }) => watchOwnLimits(twin),
-    () => {}, // colours still say it
+    () => {}, // without this code, the colours of the readings still show it
   );
 }

@@ -11,7 +11,7 @@ import { loadOwnLimits } from './own_limits.ts';
 import { selectJoint } from './selection.ts';
 import { clearTraces } from './traces.ts';
 
-/** All that the page keeps for one robot: state, connection, liveness watch, faults and its last minute. */
+/** All that the page keeps for one robot: its state, connection, liveness watch, faults and last minute. */
 export interface RobotLink {
   twin: RobotTwin;
   client: StreamClient;
@@ -20,6 +20,8 @@ export interface RobotLink {
   past: HistoryKeeper;
 }
 
+/** Connects to a robot by its id while the component is shown, and disconnects when it is removed or the id changes. null
+ *  before the first effect has run. */
 export function useRobotLink(robot: string): RobotLink | null {
   const [link, setLink] = useState<RobotLink | null>(null);
   useEffect(() => {
@@ -47,6 +49,7 @@ export function useRobotLink(robot: string): RobotLink | null {
   return link;
 }
 
+/** The state of the connection to the relay. The component is drawn again when it changes. */
 export function useConnection({ client }: RobotLink): Link {
   return useSyncExternalStore(
     (listener) => client.onChange(listener),
@@ -54,11 +57,13 @@ export function useConnection({ client }: RobotLink): Link {
   );
 }
 
+/** The robot's liveness in one word; null while nothing is known. The component is drawn again when it changes. */
 export function useWord({ watch }: RobotLink): Word | null {
   return useSyncExternalStore(watch.onWord, () => watch.word);
 }
 
-/** Changes whenever something slow about a robot did (schema, model, info, events). */
+/** A number that grows whenever anything about the robots but their frames changes: schema, model, limits, info, events,
+ *  connection. The component is drawn again then. */
 export function useVersion(...links: readonly RobotLink[]): number {
   return useSyncExternalStore(
     (listener) => {

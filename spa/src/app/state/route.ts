@@ -1,16 +1,17 @@
-/** The pages. They live in the hash, so that one build works under any path of any host. */
+/** The page that an address names. It is in the hash, so that one build works under any path of any host. */
 export type Route =
   | { page: 'list' }
   | { page: 'robot'; robot: string }
-  /** Side by side: `#/r/left+middle+right`. */
+  /** Several robots side by side: `#/r/left+middle+right`. */
   | { page: 'robots'; robots: readonly string[] }
   | { page: 'unknown'; hash: string };
 
-/** More would each be too small to be looked at. */
+/** The most robots side by side; with more, each would be too small. */
 export const MOST_SIDE_BY_SIDE = 6;
 
 const ROBOT_ID = /^[a-z0-9][a-z0-9-]{0,62}$/;
 
+/** The page that a hash names. Its query is ignored; an unknown page's `hash` is cut to 80 characters. */
 export function parseRoute(hash: string): Route {
   const path = hash.replace(/^#/, '').split('?')[0] ?? '';
   if (path === '' || path === '/') return { page: 'list' };
@@ -22,6 +23,7 @@ export function parseRoute(hash: string): Route {
   return { page: 'unknown', hash: path.slice(0, 80) };
 }
 
+/** The link to the page of one robot or, with several ids, of robots side by side. */
 export function robotHref(...robots: readonly string[]): string {
   return `#/r/${robots.join('+')}`;
 }

@@ -5,39 +5,40 @@ import type { LoadField } from '../../twin/sensors/load.ts';
 import type { FollowMode, MouseStyle } from '../../view/body_view.ts';
 import { useStore } from './use_store.ts';
 
-/** What a person chose for this browser. Kept locally; nothing of it is ever sent. */
+/** The settings of the page. They are kept in this browser and never sent. */
 export interface Settings {
   theme: 'system' | 'dark' | 'light';
   language: 'system' | 'en' | 'ko';
   angle: AngleUnit;
   /** Which joint values the body shows. */
   shown: 'pos' | 'ref' | 'both';
-  /** What is drawn beside the body: a ghost and arcs where ref and pos differ, forces and moments, what is level. */
+  /** Parts of the overlay. `lens`: a ghost and arcs where ref and pos differ; `forces`: force and moment arrows;
+   *  `level`: the tilt of base and IMUs. */
   lens: boolean;
   forces: boolean;
   level: boolean;
-  /** What the body is painted by. */
+  /** The joint value that colours the body: motor current or temperature. */
   load: 'off' | LoadField;
-  /** How much longer than usual force arrows are. */
+  /** A factor for the length of force arrows; within `ARROWS`. */
   arrowScale: number;
-  /** The body faces one way, whatever its sensors say of its heading. */
+  /** Keeps the body facing one way; the heading that its sensors measure is ignored. */
   headingLocked: boolean;
   palette: 'standard' | 'safe';
   /** How the body is drawn; `auto`: in 3D where the browser has it and the device is fast enough. */
   body: 'auto' | '3d' | 'light';
-  /** Motion between two poses; off: every pose when it comes. */
+  /** Interpolates between poses; off: each pose is shown when it arrives. */
   smooth: boolean;
   panelOpen: boolean;
-  /** Width of the panel in px; null until the divider was dragged. */
+  /** Width of the panel, CSS px; null until the divider was moved. */
   panelPx: number | null;
   faultsFirst: boolean;
-  /** Joints stand limb by limb. */
+  /** Groups the joints of the table by limb. */
   limbs: boolean;
   mouse: MouseStyle;
   follow: FollowMode;
 }
 
-/** Of `arrowScale`. */
+/** The least and the greatest `arrowScale`. */
 export const ARROWS = { least: 0.25, most: 4 } as const;
 
 const KEY = 'posecast.settings';
@@ -87,13 +88,14 @@ const CHOICES: { readonly [K in keyof Settings]: (value: unknown) => value is Se
   follow: (v): v is FollowMode => v === 'stay' || v === 'along' || v === 'turn',
 };
 
-/** Whatever storage holds, settings come out whole: a member that is missing or odd gets its default. */
+/** Reads settings from JSON. Members that are missing or invalid get their defaults; null and invalid JSON give all
+ *  defaults. */
 export function readSettings(text: string | null): Settings {
   let stored: unknown = null;
   try {
     stored = JSON.parse(text ?? 'null');
   } catch {
-    // as good as nothing stored
+    // treated like nothing stored
   }
   const settings = { ...DEFAULTS };
   if (typeof stored !== 'object' || stored === null) return settings;
@@ -106,13 +108,16 @@ export function readSettings(text: string | null): Settings {
 }
 
 let own = readSettings(readStored(KEY));
-/** What a link has brought along: it holds on this page until the person chooses, and is not kept. */
+/** Settings that a link named. Each applies to this page until the person changes it, and is not stored. */
 let lent: Partial<Settings> = {};
 const inForce = createStore(own);
 
+/** The settings in force: those of the person, and over them those that a link named. */
 export const settings = inForce.get;
+/** Adds a listener for changes of the settings in force. Returns a function that removes it. */
 export const onSettings = inForce.subscribe;
 
+/** Changes and stores some of the settings. They replace what a link named for them. */
 export function changeSettings(changed: Partial<Settings>): void {
   own = { ...own, ...changed };
   lent = Object.fromEntries(Object.entries(lent).filter(([key]) => !(key in changed)));
@@ -120,12 +125,13 @@ export function changeSettings(changed: Partial<Settings>): void {
   inForce.set({ ...own, ...lent });
 }
 
-/** What stands behind the page in an address. */
+/** The query in a hash, which is the part after the first `?`; empty if there is none. */
 export function queryOf(hash: string): URLSearchParams {
   return new URLSearchParams(hash.split('?')[1] ?? '');
 }
 
-/** Takes over what a link says in so many words; a word that no setting knows is left out. */
+/** Applies the settings that a link names, without storing them. Unknown names and values are ignored, and so are values
+ *  that are no text, such as numbers and switches. */
 export function applyLinkSettings(query: URLSearchParams): void {
   const named = readSettings(JSON.stringify(Object.fromEntries(query)));
   const known = (Object.keys(named) as (keyof Settings)[]).filter((key) => query.get(key) === named[key]);
@@ -134,6 +140,7 @@ export function applyLinkSettings(query: URLSearchParams): void {
   inForce.set({ ...own, ...lent });
 }
 
+/** The settings in force. The component is drawn again when they change. */
 export function useSettings(): Settings {
   return useStore(inForce);
 }

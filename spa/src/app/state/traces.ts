@@ -2,19 +2,22 @@ import { createStore } from '../../browser/store.ts';
 import type { Trace } from '../../twin/plots/trace.ts';
 import { useStore } from './use_store.ts';
 
-/** Most traces at one time; more could not be told apart. */
+/** The most values plotted at one time; with more, lines could not be told apart. */
 export const MOST_TRACES = 8;
 
-/** The plotted values, oldest first. There is one list for the page, which is cleared with the robot. */
+/** The plotted values, oldest first. There is one list for the page; it is cleared when the robot is closed. */
 const list = createStore<readonly Trace[]>([]);
 
+/** The plotted values, oldest first. */
 export const traces = list.get;
+/** Adds a listener for changes of `traces`. Returns a function that removes it. */
 export const onTraces = list.subscribe;
 
 export function isPlotted({ field, label }: Trace): boolean {
   return traces().some((one) => one.field === field && one.label === label);
 }
 
+/** Adds a value to the plots. Does nothing if it is plotted already or there are `MOST_TRACES`. */
 export function addTrace(value: Trace): void {
   if (isPlotted(value) || traces().length >= MOST_TRACES) return;
   list.set([...traces(), { field: value.field, label: value.label }]);
@@ -24,6 +27,7 @@ export function removeTrace({ field, label }: Trace): void {
   list.set(traces().filter((one) => one.field !== field || one.label !== label));
 }
 
+/** Removes a value from the plots if it is plotted, and adds it otherwise. */
 export function toggleTrace(value: Trace): void {
   if (isPlotted(value)) removeTrace(value);
   else addTrace(value);
@@ -33,6 +37,7 @@ export function clearTraces(): void {
   if (traces().length > 0) list.set([]);
 }
 
+/** The plotted values, oldest first. The component is drawn again when they change. */
 export function useTraces(): readonly Trace[] {
   return useStore(list);
 }

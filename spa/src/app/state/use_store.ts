@@ -1,7 +1,7 @@
 import { useSyncExternalStore } from 'react';
 import type { Store } from '../../browser/store.ts';
 
-/** The value of a store, in a component that is drawn again with every other value. */
+/** The value of a store. The component is drawn again when it changes. */
 export function useStore<T>(store: Store<T>): T {
   return useSyncExternalStore(store.subscribe, store.get);
 }

@@ -15,7 +15,7 @@ import { Thumbnail } from './Thumbnail.tsx';
 
 const SignIn = late(async () => (await import('../../account/SignIn.tsx')).SignIn);
 
-/** Who is on air: a grid of cards, or the lines that put a robot there. */
+/** The page with the robots on air: a grid of cards or, if there are none, commands that put a robot on air. */
 export function RobotList({ onSettings }: { onSettings: () => void }) {
   const text = useText();
   const rest = useListText();
@@ -23,7 +23,7 @@ export function RobotList({ onSettings }: { onSettings: () => void }) {
   const robots = listing.phase === 'waiting' ? [] : listing.robots;
   const host = new URL(relayChoice().base ?? home()).host;
   const elsewhere = host === window.location.host ? null : host;
-  /** Robots to be shown side by side, in the order in which they were chosen; null while nobody chooses. */
+  /** Robots to be shown side by side, in the order in which they were chosen; null while cards are plain links. */
   const [chosen, setChosen] = useState<readonly string[] | null>(null);
   return (
     <div className="list-page">
@@ -77,13 +77,13 @@ export function RobotList({ onSettings }: { onSettings: () => void }) {
 
 const WORDS = { online: 'LIVE', silent: 'STALE', offline: 'OFFLINE' } as const;
 
-/** Into the choice, or out of it; beyond what fits, nothing. */
+/** Adds a robot to the choice or removes it. A full choice stays as it is. */
 function toggled(chosen: readonly string[], robot: string): readonly string[] {
   if (chosen.includes(robot)) return chosen.filter((other) => other !== robot);
   return chosen.length < MOST_SIDE_BY_SIDE ? [...chosen, robot] : chosen;
 }
 
-/** Chooses up to six robots for one scene. */
+/** The buttons for showing two to six chosen robots in one scene. */
 function SideBySide(props: {
   chosen: readonly string[] | null;
   onChosen: (chosen: readonly string[] | null) => void;
@@ -113,7 +113,8 @@ function SideBySide(props: {
   );
 }
 
-/** `place`: where it stands in the choice for a line, -1 outside it; null while nobody chooses. */
+/** A link to one robot. `place`: its index in the choice for side by side, -1 outside it, null while nobody chooses;
+ *  `old`: the relay does not answer, so the data may be out of date. */
 function Card(props: { robot: ListedRobot; old: boolean; place: number | null; onChoose: () => void }) {
   const { robot, old, place, onChoose } = props;
   const word = old ? 'STALE' : WORDS[robot.state];
@@ -155,7 +156,7 @@ function Card(props: { robot: ListedRobot; old: boolean; place: number | null; o
   );
 }
 
-/** The other way in: a robot from this computer, in this browser only. */
+/** Buttons for opening robot files of this computer, which are shown in this browser only. */
 function YourOwn() {
   const rest = useListText();
   return (

@@ -8,12 +8,12 @@ import type { ListedRobot } from './robots.ts';
 
 const PICTURE_BYTES = 500_000;
 
-/** The picture that a robot's model brings along, else a figure that stands for any robot. */
+/** The picture in a robot's model bundle; a generic drawing if there is none or the robot is not online. */
 export function Thumbnail({ robot: { robot, model, state } }: { robot: ListedRobot }) {
   const [src, setSrc] = useState<string | null>(null);
   const here = state === 'online';
   useEffect(() => {
-    if (model === null || !here) return; // an edge that is away can't be asked
+    if (model === null || !here) return; // the picture comes from the robot's edge, which must be connected
     const leave = new AbortController();
     const url = manifestUrl(robot, model);
     let made = '';
@@ -21,14 +21,14 @@ export function Thumbnail({ robot: { robot, model, state } }: { robot: ListedRob
       const path = thumbnailOf(await fetchManifest(url, leave.signal));
       const file = path === null ? null : fileUrl(url, { path });
       if (file === null || tokenFor(file) === undefined) return file;
-      // a picture's address takes no token along
+      // an <img> can't send a token
       const bytes = await fetchBytes(file, PICTURE_BYTES, leave.signal, () => {});
       made = URL.createObjectURL(new Blob([new Uint8Array(bytes)]));
       return made;
     };
     picture()
       .then((found) => !leave.signal.aborted && setSrc(found))
-      .catch(() => {}); // a list without a picture is a list
+      .catch(() => {}); // the list works without pictures
     return () => {
       leave.abort();
       URL.revokeObjectURL(made);

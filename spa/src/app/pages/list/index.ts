@@ -1,2 +1,2 @@
-/** Its own chunk: asked for as soon as the address is known to be the list's. */
+/** Loads the page with the list of robots, which is a chunk of its own. */
 export const loadList = () => import('./RobotList.tsx');

@@ -6,22 +6,30 @@ import { isolated } from '../../../twin/names.ts';
 const EVERY_MS = 2000;
 const LATE_MS = 6000;
 
-/** A robot as the list knows it. */
+/** One robot in the relay's list. */
 export interface ListedRobot {
+  /** Its id, as in addresses. */
   robot: string;
+  /** What people read: its name, or its id if it has none; already safe to show. */
   name: string;
   state: 'online' | 'silent' | 'offline';
+  /** Age of its newest frame by the relay's clock; null before any. */
   ageMs: number | null;
+  /** How many people watch it; null if the relay does not say. */
   viewers: number | null;
-  /** SHA-256 of its model's manifest. */
+  /** SHA-256 of its model's manifest, 64 hex digits; null if it has no model. */
   model: string | null;
 }
 
+/** The list of robots. `waiting`: the relay has not answered yet; `unreachable`: the last request failed, and
+ *  `robots` are those of the answer before, if any. */
 export type RobotListing =
   | { phase: 'waiting' }
   | { phase: 'known'; robots: readonly ListedRobot[] }
   | { phase: 'unreachable'; robots: readonly ListedRobot[] };
 
+/** The robots in the parsed JSON answer of the relay. Entries without an id are skipped, members of a wrong type
+ *  are null, and an unknown status counts as offline. */
 export function readRobots(body: unknown): ListedRobot[] {
   const list = isRecord(body) ? body.robots : body;
   if (!Array.isArray(list)) return [];
@@ -42,7 +50,7 @@ export function readRobots(body: unknown): ListedRobot[] {
   });
 }
 
-/** What is on air, asked every two seconds while somebody looks. */
+/** The list of robots, asked of the relay every 2 s while the page is visible, and at once after signing in or out. */
 export function useRobots(): RobotListing {
   const [listing, setListing] = useState<RobotListing>({ phase: 'waiting' });
   useEffect(() => {
@@ -55,7 +63,7 @@ export function useRobots(): RobotListing {
       try {
         const signal = AbortSignal.any([leave.signal, AbortSignal.timeout(LATE_MS)]);
         let answer = await get(signal, tokenFor(apiUrl('robots')));
-        if (answer.status === 401 || answer.status === 403) answer = await get(signal, undefined); // what is for anyone is for them, too
+        if (answer.status === 401 || answer.status === 403) answer = await get(signal, undefined); // a rejected token: ask for what anyone may see
         if (!answer.ok) throw new Error(answer.statusText);
         setListing({ phase: 'known', robots: readRobots(await answer.json()) });
       } catch {

@@ -15,7 +15,8 @@ import { chooseUrdf, closeLocal } from './local.ts';
 import './local.css';
 import { isolated } from '../../../twin/names.ts';
 
-/** A robot that somebody dropped on the page: its body, a slider for each joint, and what is wrong with it. */
+/** The page of a robot from files of this computer: its body, a slider for each joint, and what is wrong with its files.
+ *  `urdfs`: the paths of all URDFs among the files, for choosing another. */
 export function LocalPage({ robot, urdfs }: { robot: LocalRobot; urdfs: readonly string[] }) {
   const host = useRef<HTMLDivElement>(null);
   const { scene, report } = useLocalScene(host, robot);
@@ -55,9 +56,9 @@ export function LocalPage({ robot, urdfs }: { robot: LocalRobot; urdfs: readonly
   );
 }
 
-/** What came of loading it. */
+/** The result of loading the body. */
 interface LocalReport {
-  /** Why there is no body. */
+  /** Why there is no body; null if there is one. */
   readonly note: string | null;
   readonly meshes: ModelReport['meshes'];
 }
@@ -97,7 +98,7 @@ function useLocalScene(host: React.RefObject<HTMLDivElement | null>, robot: Loca
   return { scene, report: loaded?.robot === robot ? loaded.report : null };
 }
 
-/** Several URDFs lay among the files: the likeliest is shown, any other can be. */
+/** The choice among several URDFs of the same files; the likeliest is shown first. */
 function Choice({ chosen, urdfs }: { chosen: string; urdfs: readonly string[] }) {
   const text = useMore();
   return (
@@ -120,7 +121,7 @@ function Choice({ chosen, urdfs }: { chosen: string; urdfs: readonly string[] })
 
 const SEVERITIES = { error: 'severityError', warning: 'severityWarning', hint: 'severityHint' } as const;
 
-/** What is wrong with it, worst first: what the URDF tells at once, the rest when the meshes have been read. */
+/** What is wrong with the files, worst first: findings in the URDF at once, those in meshes when they have been read. */
 function Findings({ robot, report }: { robot: LocalRobot; report: LocalReport | null }) {
   const text = useMore();
   const findings = useMemo(() => robot.findings(report?.meshes ?? null), [robot, report]);
@@ -146,7 +147,7 @@ function Sliders({ robot, scene }: { robot: LocalRobot; scene: RobotScene | null
   const { angle } = useSettings();
   const [values, setValues] = useState<ReadonlyMap<string, number>>(new Map());
   useEffect(() => {
-    // Every joint every time: one that nobody has touched stands at 0.
+    // Every joint every time: one whose slider nobody has moved is at 0.
     const joints = new Map(robot.joints.map(({ name }) => [name, values.get(name) ?? 0]));
     scene?.setPose({ joints, base: null }, true);
   }, [scene, robot, values]);

@@ -2,19 +2,24 @@ import { createStore } from '../../../browser/store.ts';
 import { useStore } from '../../state/use_store.ts';
 import type { Local } from './local_files.ts';
 
+/** The robot opened from files of this computer; one for the page. */
 const local = createStore<Local>({ phase: 'none' });
+/** Counts readings, so that the result of one that a newer one replaced is dropped. */
 let turn = 0;
 
+/** The robot opened from files of this computer, or how far reading it is. The component is drawn again when that
+ *  changes. */
 export function useLocal(): Local {
   return useStore(local);
 }
 
+/** Closes the robot opened from files, and drops one that is being read. */
 export function closeLocal(): void {
   turn += 1;
   local.set({ phase: 'none' });
 }
 
-/** Shows what is read; the newest wins. */
+/** Shows the result of `read`, unless a newer reading began meanwhile. */
 async function show(read: (code: typeof import('./local_files.ts')) => Promise<Local>): Promise<void> {
   turn += 1;
   const mine = turn;
@@ -25,24 +30,27 @@ async function show(read: (code: typeof import('./local_files.ts')) => Promise<L
   if (mine === turn) local.set(next);
 }
 
-/** Reads files, dropped or chosen. */
+/** Opens a robot from dropped or chosen files. `gather` resolves to the files by their path. Never rejects: the page
+ *  shows why files were refused. */
 export function openFiles(gather: () => Promise<ReadonlyMap<string, File>>): Promise<void> {
   return show(({ readFiles }) => readFiles(gather));
 }
 
-/** Shows another URDF of the same files. One that can't be read is refused; the one before stays away. */
+/** Shows another URDF of the same files. If it can't be read, the page shows why instead of the URDF before. Does nothing
+ *  while no robot is shown. */
 export async function chooseUrdf(path: string): Promise<void> {
   const before = local.get();
   if (before.phase === 'shown') await show(({ readOther }) => readOther(before, path));
 }
 
-/** Lets files fall anywhere on the page. Returns the end of it. */
+/** Opens files and folders that are dropped anywhere on the page. Returns a function that stops it. */
 export function listenForDrops(): () => void {
   const over = (event: DragEvent) => {
     if (event.dataTransfer?.types.includes('Files')) event.preventDefault();
   };
   const drop = (event: DragEvent) => {
-    // Asked for at once: the list is empty after this event. A file is had without its entry, whatever program it is from.
+    // Read at once, because the list is empty after this event. Files are not read through their entries: some programs
+    // drop files that have none.
     const dropped = [...(event.dataTransfer?.items ?? [])].map((item) => {
       const entry = item.webkitGetAsEntry();
       return entry?.isDirectory ? entry : item.getAsFile();
@@ -60,7 +68,8 @@ export function listenForDrops(): () => void {
   };
 }
 
-/** The files of an `<input type="file">`, with their folders where it knows them. */
+/** Opens the files of an `<input type="file">`, by their paths where a folder was chosen. Does nothing if there are
+ *  none. */
 export function openChosen(list: FileList | null): void {
   const files = new Map([...(list ?? [])].map((file) => [file.webkitRelativePath || file.name, file]));
   if (files.size > 0) void openFiles(async () => files);

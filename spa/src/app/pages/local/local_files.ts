@@ -3,16 +3,17 @@ import type { LocalFiles } from '../../../urdf/local_files.ts';
 import { type LocalRobot, openLocal, urdfsIn } from '../../../urdf/local_robot.ts';
 import { refusalWords } from './refusals.ts';
 
-/** Reading a robot from this computer: all this comes with the first drop. */
+/** Reads a robot from files of this computer. This chunk is loaded when files are opened for the first time. */
 
-/** What was dropped on the page last. It lives as long as the page and is never sent. */
+/** The robot opened from files of this computer last, or how far reading it is. It is kept until the page is closed and
+ *  never sent. `urdfs`: paths of all URDFs among `files`; `why`: why the files were refused, in one line. */
 export type Local =
   | { phase: 'none' }
   | { phase: 'reading' }
   | { phase: 'shown'; robot: LocalRobot; files: LocalFiles; urdfs: readonly string[] }
   | { phase: 'refused'; why: string };
 
-/** The first URDF of the files, or why there is none. */
+/** Opens the likeliest URDF among the files that `gather` resolves to. Never rejects: errors give the phase `refused`. */
 export async function readFiles(gather: () => Promise<ReadonlyMap<string, File>>): Promise<Local> {
   try {
     const files = await localFiles(await gather());
@@ -23,7 +24,7 @@ export async function readFiles(gather: () => Promise<ReadonlyMap<string, File>>
   }
 }
 
-/** Another URDF of the same files. */
+/** Opens the URDF at `path` among the files already shown. Never rejects: errors give the phase `refused`. */
 export async function readOther(shown: Extract<Local, { phase: 'shown' }>, path: string): Promise<Local> {
   const { files, urdfs } = shown;
   try {

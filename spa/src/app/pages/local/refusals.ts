@@ -2,7 +2,7 @@ import { isolated } from '../../../twin/names.ts';
 import { DropError } from '../../../urdf/local_files.ts';
 import { more } from '../../text/more.ts';
 
-/** Why what was dropped is not shown, in one line. */
+/** Why opened files are refused, in one line, safe to show. `cause` is what reading them threw. */
 export function refusalWords(cause: unknown): string {
   if (!(cause instanceof DropError)) return isolated(cause instanceof Error ? cause.message : String(cause));
   const text = more();
