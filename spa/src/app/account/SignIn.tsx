@@ -5,7 +5,8 @@ import { korean, useText } from '../text/language.ts';
 import './account.css';
 import { accountEn } from '../text/account_en.ts';
 
-/** The button for signing in or out, with its dialog. `refused`: the account as it is may not see this page. */
+/** The button for signing in or out, with its dialog. `refused`: the relay refused this page; if somebody is signed in,
+ *  another token is fetched. */
 export function SignIn({ refused = false }: { refused?: boolean }) {
   const text = useAccountText();
   const name = useSyncExternalStore(onAccountName, accountName);
@@ -95,7 +96,8 @@ function AccountDialog({ name, onClose }: { name: string | null; onClose: () => 
 
 const NOT_GOOD = /invalid-credential|wrong-password|user-not-found|invalid-email|missing-password/;
 
-/** Why signing in failed, in words that don't reveal whether the account exists. */
+/** Why signing in failed. A wrong password and an unknown account give the same sentence. `error` is what signing in
+ *  threw. */
 export function signInWords(error: unknown): string {
   const code = error instanceof Error && 'code' in error ? String(error.code) : '';
   if (NOT_GOOD.test(code)) return accountText().signInNotGood;
@@ -109,6 +111,6 @@ function accountText(): typeof accountEn {
 }
 
 function useAccountText(): typeof accountEn {
-  useText(); // drawn again when the language changes
+  useText(); // draws the component again when the language changes
   return accountText();
 }

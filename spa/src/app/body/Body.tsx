@@ -22,8 +22,9 @@ const SignIn = late(async () => (await import('../account/SignIn.tsx')).SignIn);
 const SelfPlots = late(async () => (await import('./SelfPlots.tsx')).SelfPlots);
 const LoadLegend = late(async () => (await import('./overlay/LoadLegend.tsx')).LoadLegend);
 
+/** How long the page waits without saying what for. */
 const SAY_WHY_AFTER_MS = 3000;
-/** A robot that has a model has told so by then. */
+/** A robot with a model has announced it by this time after the page opened. */
 const NO_MODEL_AFTER_MS = 1000;
 type Model =
   | { phase: 'none' }
@@ -31,8 +32,8 @@ type Model =
   | { phase: 'shown'; report: ModelReport }
   | { phase: 'failed'; why: string };
 
-/** The robot's body. The renderer is a separate chunk that this component loads; if that fails, the page says so in one
- *  line and the numbers still work. */
+/** The robot's body with its notes and tools. The renderer is a separate chunk that this component loads; if that fails,
+ *  one line says so and the numbers still work. */
 export function Body({ link }: { link: RobotLink }) {
   const host = useRef<HTMLDivElement>(null);
   const { view, trouble, why, choose } = useBodyView(host, usePlayed(link));
@@ -91,10 +92,10 @@ export function Body({ link }: { link: RobotLink }) {
   );
 }
 
-/** Lets the body play the robot's motion. */
+/** What a new view is prepared with: it plays the robot's motion. */
 function usePlayed(link: RobotLink) {
   return useCallback(async () => {
-    const { bindBody } = await import('./body_link.ts'); // the code of the view is on its way meanwhile
+    const { bindBody } = await import('./body_link.ts'); // the code of the view loads at the same time
     return (view: RowView) => bindBody(view, link);
   }, [link]);
 }
@@ -145,7 +146,7 @@ function useModel(scene: BodyView | null, link: RobotLink): Model {
     }
     let left = false;
     setModel({ phase: 'loading', received: 0, total: 0 });
-    link.twin.acceptTree(null); // of the model before
+    link.twin.acceptTree(null); // the tree of the model before
     const progress = (received: number, total: number) => {
       if (!left) setModel({ phase: 'loading', received, total });
     };

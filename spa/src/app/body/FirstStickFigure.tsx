@@ -7,7 +7,8 @@ import { useTheme } from '../shell/theme.ts';
 import { type RobotLink, useVersion } from '../state/robot_link.ts';
 import { settings } from '../state/settings.ts';
 
-/** Shows the robot as a stick figure from its first frame until the scene takes over. */
+/** Draws the robot as a stick figure from its model's manifest, which is there before renderer and meshes. Raw bundles
+ *  show nothing here. */
 export function FirstStickFigure({ link }: { link: RobotLink }) {
   const canvas = useRef<HTMLCanvasElement>(null);
   const theme = useTheme();

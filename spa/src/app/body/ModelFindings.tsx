@@ -4,7 +4,8 @@ import { isolated } from '../../twin/names.ts';
 import { useMore } from '../text/more.ts';
 import { remarksWords } from './words.ts';
 
-/** What the edge's doctor found in the model, behind one line. Hints are left out: they are for its author. */
+/** A note that expands to what the edge's doctor found wrong with the model. Hints are left out, because they are for the
+ *  model's author. */
 export function ModelFindings({ findings = [] }: { findings: ModelReport['findings'] | undefined }) {
   const said = useMore();
   const shown = findings.filter(({ severity }) => severity !== 'hint');

@@ -11,12 +11,12 @@ import { type RobotLink, useVersion } from '../state/robot_link.ts';
 import { useSettings } from '../state/settings.ts';
 import { useMore } from '../text/more.ts';
 
-/** Plots are redrawn this often also without new frames, since time goes on. */
+/** Plots are redrawn at least this often, because their time axis moves also without new frames. */
 const SLIDES_EVERY_MS = 500;
-/** What moves is looked for once more after this long, when there is a past to look at. */
+/** The plots are ordered once more after this long, when there is enough history to see which values move. */
 const CHOSEN_AGAIN_MS = 4000;
 
-/** In the place of a body that the robot has not: its values, those that move first, and how it gets a body. */
+/** Plots of all values of a robot that has no model, in pages, with those that move first; and how to give it a model. */
 export function SelfPlots({ link }: { link: RobotLink }) {
   const host = useRef<HTMLDivElement>(null);
   const traces = useArrangedTraces(link);
@@ -82,7 +82,8 @@ export function SelfPlots({ link }: { link: RobotLink }) {
   );
 }
 
-/** All that can be plotted, in an order that stays: by what moves when it is first shown, and once more a little later. */
+/** All values that can be plotted, those that move first. They are ordered at first and once more a little later, so that
+ *  plots then keep their places. */
 function useArrangedTraces(link: RobotLink): readonly Trace[] {
   useVersion(link);
   const { schema } = link.twin;

@@ -3,7 +3,8 @@ import type { BodyView } from '../../view/body_view.ts';
 import type { RobotLink } from '../state/robot_link.ts';
 import { onSettings, settings } from '../state/settings.ts';
 
-/** Lets the body follow the twin, outside React. Returns a function that stops it. */
+/** Shows the robot's poses in a view as they arrive, outside React. The view is grey unless the robot is LIVE or HOLDING.
+ *  Returns a function that stops it. */
 export function bindBody(
   scene: Pick<BodyView, 'play' | 'wake' | 'setGrey'>,
   { twin, watch }: RobotLink,

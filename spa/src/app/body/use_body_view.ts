@@ -8,9 +8,9 @@ import { changeSettings, type Settings, settings, useSettings } from '../state/s
 import { say } from '../text/language.ts';
 import { loadThree } from './load_three.ts';
 
-/** Why the body is drawn as it is. `light`: the browser has no 3D; `light-pixels`: and the light view is slow;
- *  `given-up`: 3D was lost; `slow`: 3D makes fewer than ten pictures a second; `chosen`: the person chose the light
- *  view. */
+/** Why the body is not drawn in full 3D quality. `light`: the browser has no 3D; `light-pixels`: it has none, and the
+ *  light view is slow, too; `given-up`: the browser took 3D away; `slow`: 3D was too slow; `chosen`: the person chose the
+ *  light view. For the others see `DrawingTrouble`. */
 export type ViewTrouble =
   | Exclude<DrawingTrouble, 'failed' | 'hopeless'>
   | 'light'
@@ -18,13 +18,15 @@ export type ViewTrouble =
   | HandMade;
 type HandMade = 'given-up' | 'slow' | 'chosen';
 
+/** The view of a body, and how it is drawn. */
 export interface ShownBody {
-  /** null until its code is here. */
+  /** null until its code has loaded. */
   readonly view: RowView | null;
+  /** null while the body is drawn in full 3D quality. */
   readonly trouble: ViewTrouble | null;
-  /** Why there is no picture at all. */
+  /** Why there is no picture at all; null if nothing prevents it. */
   readonly why: string | null;
-  /** Switches to the other renderer. */
+  /** Changes the setting `body`, and with it the renderer. */
   readonly choose: (way: '3d' | 'light') => void;
 }
 
@@ -45,7 +47,7 @@ export function useBodyView(
   themeNow.current = theme;
   const [shown, setShown] = useState<Omit<ShownBody, 'choose'>>(NOTHING);
   const { body } = useSettings();
-  /** 3D, or the light view because there is no 3D or for another reason. */
+  /** Draw in 3D, or in the light view for the reason named. */
   const [way, setWay] = useState<'3d' | 'light' | HandMade>(() => wayFor(body));
   const wanted = useRef(body);
   useEffect(() => {
@@ -118,7 +120,7 @@ function wayFor(body: Settings['body']): '3d' | 'light' | 'chosen' {
 
 type ThemeNow = RefObject<PageTheme>;
 
-/** The test found a WebGL context, but the scene got none. */
+/** The browser has WebGL, but gave the scene no context. */
 class NoContext extends Error {}
 
 async function open3d(
@@ -144,6 +146,7 @@ async function openLight(
   return host.current === null ? null : new LightView(host.current, { theme: theme.current, ...hears });
 }
 
+/** Whether the browser can make a WebGL 2 context. */
 export function hasWebGl(): boolean {
   try {
     const context = document.createElement('canvas').getContext('webgl2');

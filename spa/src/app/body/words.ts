@@ -14,27 +14,30 @@ const VIEW_WORDS = {
   chosen: 'viewChosen',
 } as const;
 
-/** How the body is drawn, when that is not as one would expect. */
+/** Why the body is not drawn in full 3D quality. */
 export function viewWords(trouble: keyof typeof VIEW_WORDS): string {
   return more()[VIEW_WORDS[trouble]];
 }
 
-/** Of joints that stand where they did when they were last read. */
+/** That these joints have no reading and are shown where they were last known. At most four are named. */
 export function unreadWords(joints: readonly string[]): string {
   return more().noReadingOf(joints.slice(0, 4).map(isolated), Math.max(0, joints.length - 4));
 }
 
+/** That meshes could not be loaded. `missing`: their URIs, of which at most four are named; `all`: how many meshes the
+ *  model has, null if unknown. */
 export function missingWords(missing: readonly string[], all: number | null): string {
   const names = missing.map((uri) => (uri.split('/').at(-1) ?? uri).replace(/\.[a-z]+$/i, ''));
   const shown = names.slice(0, 4).map(isolated).join(', ') + (names.length > 4 ? ', …' : '');
   return more().missing(missing.length, all, shown);
 }
 
-/** Under a body of which only the bones could be had. */
+/** That only the skeleton of a body can be shown. `why`: the reason, from outside. */
 export function bareWords(why: string): string {
   return more().bare(isolated(why));
 }
 
+/** How many findings there are about the model. */
 export function remarksWords(count: number): string {
   return more().remarks(count);
 }

@@ -7,9 +7,11 @@ import { dropOwnLimits, setOwnLimit } from '../state/limit_edits.ts';
 import { type RobotLink, useVersion } from '../state/robot_link.ts';
 import { more, useMore } from '../text/more.ts';
 
+/** How often the mark at the present value is moved. */
 const LIVE_EVERY_MS = 250;
 
-/** The limits of this robot by site: for each channel a slider with two thumbs, and the same as numbers. */
+/** The limits of a robot in groups of channels. Each limit can be set with a slider or as a number; what the viewer sets
+ *  replaces the profile's limit. Empty before there is a schema, and without such channels. */
 export function LimitSettings({ link }: { link: RobotLink }) {
   useVersion(link);
   const text = useMore();
@@ -107,7 +109,7 @@ function Limit({ link, channel }: { link: RobotLink; channel: LimitChannel }) {
   );
 }
 
-/** Green, yellow and red along a line, with a thumb at either limit and a mark where the value is now. */
+/** A bar coloured by the limits (green, yellow, red), with a slider at each limit and a mark at the present value. */
 function Track(props: {
   channel: LimitChannel;
   link: RobotLink;
@@ -168,7 +170,7 @@ function Track(props: {
   );
 }
 
-/** Empty is no limit. What is typed counts when it is a number; until then the limit before stands. */
+/** A text field for a number or, when empty, for no limit (null). Other text changes nothing. */
 function NumberField(props: {
   text: string;
   value: number | null;

@@ -1,9 +1,9 @@
 import { changeSettings, type Settings, useSettings } from '../state/settings.ts';
 
-/** A value of a setting, what it is called, and what it means where the name does not say it. */
+/** A value of a setting, its label, and a tooltip if the label does not explain it. */
 type Value<Name extends keyof Settings> = readonly [value: Settings[Name], words: string, title?: string];
 
-/** One setting as a row of values, of which one is chosen. */
+/** Radio buttons for the values of one setting. Choosing one changes the setting. */
 export function SettingChoice<Name extends keyof Settings>(props: {
   name: Name;
   values: readonly Value<Name>[];

@@ -15,7 +15,7 @@ import '../styles/signs.css';
 const SignIn = late(async () => (await import('../account/SignIn.tsx')).SignIn);
 const LimitSettings = late(async () => (await import('./LimitSettings.tsx')).LimitSettings);
 
-/** The dialog with all settings of the page, and with the limits of the robot `link` if there is one. */
+/** The dialog with the settings of the page and the limits of a robot; `link` null: no robot is shown. */
 export function SettingsSheet({ link, onClose }: { link: RobotLink | null; onClose: () => void }) {
   const { arrowScale } = useSettings();
   const text = useText();

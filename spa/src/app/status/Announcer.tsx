@@ -6,11 +6,12 @@ import { announcement } from './announcement.ts';
 
 /** Least time between two announcements to screen readers. */
 const EVERY_MS = 5000;
+/** How often the announcement is made up anew and compared with the one before. */
 const LOOK_MS = 500;
 /** Announcements read everything, whatever the visible overlay shows. */
 const ALL = { shown: 'pos', lens: false, forces: true, level: true, load: 'off' } as const;
 
-/** Describes the robot in words for screen readers. */
+/** Announces the state of the robot to screen readers: when its gist changes, but at most every 5 s. */
 export function Announcer({ link }: { link: RobotLink }) {
   const [said, setSaid] = useState('');
   useEffect(() => {

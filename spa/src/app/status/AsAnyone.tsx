@@ -2,7 +2,8 @@ import { asAnyone } from '../../relay/as_anyone.ts';
 import { useMore } from '../text/more.ts';
 import './as_anyone.css';
 
-/** Where the page shows what anyone may see, says so and leads back to what its owner sees. */
+/** A note that the page shows only what anyone may see, with a link to the same view with the viewer's own rights. Empty
+ *  unless the address has `?as=anyone`. */
 export function AsAnyone() {
   const rest = useMore();
   if (!asAnyone()) return null;

@@ -12,10 +12,11 @@ const Explanation = late(async () => (await loadExplanation()).Explanation);
 /** The explanation is loaded ahead after this time: without a connection it could not be loaded when asked for. */
 const FETCH_AHEAD_MS = 3000;
 
-/** Shows the robot's state: LIVE, HOLDING, STALE or OFFLINE, with rate and age. Tapping it opens the explanation. */
+/** A button with the robot's state: LIVE, HOLDING, STALE or OFFLINE, with its frame rate or age. Pressing it opens an
+ *  explanation. */
 export function Chip({ link }: { link: RobotLink }) {
   useNow(250);
-  useWord(link); // a change of the word is not kept waiting
+  useWord(link); // so that a new word is shown at once
   const connection = useConnection(link);
   useText();
   const { open, setOpen, around } = usePopover<HTMLDivElement>();
@@ -60,7 +61,8 @@ export function Chip({ link }: { link: RobotLink }) {
   );
 }
 
-/** The symbol of a state, so that colour is not the only sign. */
+/** The symbol of a state, so that not only its colour tells it. `word`: LIVE, HOLDING, STALE or OFFLINE; null while the
+ *  page connects. */
 export function Sign({ word }: { word: string | null }) {
   return (
     <svg className="sign" viewBox="0 0 16 16" aria-hidden="true">

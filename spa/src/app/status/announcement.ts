@@ -9,38 +9,42 @@ import { more } from '../text/more.ts';
 import { faultWords } from './fault_words.ts';
 import { causeWords, warningWords } from './words.ts';
 
-/** What those who listen are told of a robot, and when that is worth saying. */
+/** The text that screen readers are given about a robot. */
 export interface Announcement {
   text: string;
-  /** Changes when something is worth saying again: a number that trembles is not. */
+  /** The text in coarser steps: it changes only when the text should be announced again, not when a number varies a
+   *  little. */
   gist: string;
 }
 
+/** What an announcement is made from. */
 export interface AnnouncementInput {
   name: string;
   verdict: Pick<Verdict, 'word' | 'cause' | 'overShare'>;
-  /** Of the newest frame; null before any. */
+  /** The overlay's readings of the newest frame; null before any. */
   readings: Pick<OverlayReadings, 'wrenches' | 'body'> | null;
   faults: readonly Fault[];
 }
 
 const DEGREES = 180 / Math.PI;
-/** Less than this is upright. */
+/** A tilt below this is called upright, without its angle. */
 const LEAN_DEG = 1.5;
+/** A tilt from here on is called far over, or from `LYING_DEG` on lying. */
 const FAR_DEG = 30;
 const LYING_DEG = 60;
-/** A lean is told again when it has become another by about this much. */
+/** A tilt is announced again when it has changed by about this much. */
 const LEAN_STEP_DEG = 5;
 const MOST_NAMED = 3;
 const ZERO_WIDTH = /^\u2007/;
 
-/** "demo: live; upright, leaning 3° left; right hand 28 N, caution; 2 joints faulted" */
+/** One line about a robot: "demo: live; upright, leaning 3° left; right hand 28 N, caution; 2 joints faulted". The
+ *  text is empty while the liveness is not known yet. */
 export function announcement({ name, verdict, readings, faults }: AnnouncementInput): Announcement {
   const { word } = verdict;
   if (word === null) return { text: '', gist: '' };
   const reasons = [causeWords(verdict.cause), warningWords(verdict)].filter((reason) => reason !== '');
   const state = more().spokenState(word, reasons.length === 0 ? null : reasons.join(', '));
-  // Of a robot that is not here its last state would sound like its present one.
+  // The last values of a robot that is not live would sound like its present ones.
   const present = word === 'LIVE' || word === 'HOLDING';
   const parts = present ? [posture(readings), ...forces(readings), ...faulted(faults)] : [];
   const told = parts.filter((part) => part.text !== '');
@@ -57,7 +61,7 @@ function posture(readings: AnnouncementInput['readings']): Announcement {
   const tilt = Math.acos(Math.max(-1, Math.min(1, Math.cos(roll) * Math.cos(pitch)))) * DEGREES;
   const stance = tilt >= LYING_DEG ? more().lying : tilt >= FAR_DEG ? more().farOver : more().upright;
   if (tilt < LEAN_DEG) return { text: stance, gist: stance };
-  // Roll is about the axis ahead: positive, the right side goes down. Pitch: positive, the head goes ahead.
+  // Roll is about the forward axis; when positive, the right side is lower. Positive pitch leans forward.
   const side = roll > 0 ? more().right : more().left;
   const along = pitch > 0 ? more().forward : more().backward;
   const where = Math.abs(roll) > Math.abs(pitch) ? side : along;
@@ -103,7 +107,7 @@ function faulted(faults: readonly Fault[]): Announcement[] {
   ];
 }
 
-/** One by its name, several by their number. */
+/** A single fault is named; of several, only the number is said. */
 function counted(of: ReadonlyMap<string, Fault>, many: (count: number) => string): Announcement[] {
   const [first] = of.values();
   if (first === undefined) return [];

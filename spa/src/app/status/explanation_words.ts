@@ -4,7 +4,7 @@ import type { Verdict } from '../../twin/liveness.ts';
 import { isolated } from '../../twin/names.ts';
 import { more } from '../text/more.ts';
 
-/** The explanation behind the chip. */
+/** The lines of the explanation that the state chip opens: the state first, then the connection. */
 export function explanationWords(verdict: Verdict, link: Link): string[] {
   const text = more();
   const unwritten = link.by === 'mirror' && verdict.cause === 'relay degraded';

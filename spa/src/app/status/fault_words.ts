@@ -1,7 +1,8 @@
 import type { Fault } from '../../twin/alarms/fault_log.ts';
 import { say } from '../text/language.ts';
 
-/** What is wrong: a flag as the robot says it, else in the page's words. `by`: how far off, of a joint off its command. */
+/** What a fault is, in words: a flag as the robot names it, others in the page's language. `by`: how far a joint is from
+ *  its command, with its unit. */
 export function faultWords({ what, words }: Pick<Fault, 'what' | 'words'>, by = ''): string {
   switch (what) {
     case 'flag':

@@ -6,23 +6,26 @@ import { isolated } from '../../twin/names.ts';
 import type { Text } from '../text/en.ts';
 import { say } from '../text/language.ts';
 
-/** Every sentence that depends on the state of things: what happened, what the page does about it, what you can do. */
+/** Sentences about the state of the robot, the connection and loading. */
 
-/** How the chip says it: the word, and what stands beside it. */
+/** The texts of the state chip; each is empty if there is nothing to say. */
 export interface ChipWords {
+  /** LIVE, HOLDING, STALE or OFFLINE, or that the page is connecting. */
   word: string;
+  /** The frame rate, or how long the state has lasted. */
   detail: string;
-  /** What a narrow screen leaves out. */
+  /** A further detail that narrow screens leave out. */
   more: string;
-  /** What is wrong though the word may be LIVE: every screen shows it. */
+  /** A problem that can exist in any state, also in LIVE. It is shown on every screen. */
   warning: string;
 }
 
+/** The texts of the state chip. `nowMs`: Unix ms by the page's clock. */
 export function chipWords(verdict: Verdict, link: Link, nowMs: number): ChipWords {
   return { ...stateWords(verdict, link, nowMs), warning: warningWords(verdict) };
 }
 
-/** Beside any word of the chip, and told to those who listen. */
+/** The warning that the robot sends more than its share of the relay; empty if it does not. */
 export function warningWords({ overShare }: Pick<Verdict, 'overShare'>): string {
   return overShare ? say().overShare : '';
 }
@@ -54,7 +57,8 @@ function paceWords(link: Link): string {
   return link.hz >= 0.5 ? `${Math.round(link.hz)} Hz` : '';
 }
 
-/** How old the newest pose is for us: half a round trip on the way from the relay, and the wait between two frames. */
+/** The estimated age of the shown pose, ms: half a round trip to the relay, plus half the time between two frames. null
+ *  while either is unknown. */
 export function delayMs(link: Link): number | null {
   if (link.roundTripMs === null || link.hz <= 0) return null;
   return link.roundTripMs / 2 + 500 / link.hz;
@@ -67,6 +71,7 @@ function delayWords(link: Link): string {
   return delay === null ? '' : ` · ${formatSpan(delay)}`;
 }
 
+/** Why a robot is STALE; empty for null. */
 export function causeWords(cause: Cause | null): string {
   switch (cause) {
     case null:
@@ -96,7 +101,8 @@ const ENDING_WORDS: Readonly<Record<number, `ended${string}` & keyof Text>> = {
   4429: 'endedTooMany',
 };
 
-/** The line over the body when the picture is not live; null when it is. */
+/** The line over the body while its pose is not the robot's present one: why, and since when; null unless STALE or OFFLINE.
+ *  `nowMs`: Unix ms by the page's clock. */
 export function stageWords(verdict: Verdict, link: Link, nowMs: number): string | null {
   if (verdict.word === 'OFFLINE') {
     if (verdict.ageMs === null) return say().notOnAir;
@@ -116,23 +122,25 @@ function connectionWords(link: Link, nowMs: number): string {
   return say().tryingAgainIn(what, inS);
 }
 
+/** Why the connection ended, by its close code; a general sentence for unknown codes and null. */
 export function endingWords(ending: Ending | null): string {
   return say()[ENDING_WORDS[ending?.code ?? 0] ?? 'endedLost'];
 }
 
-/** What keeps the stream from being understood. */
+/** Why the page can't read the stream, and what to do. */
 export function problemWords({ what, detail }: NonNullable<Link['problem']>): string {
   if (what === 'newer') return say().problemNewer;
   return what === 'schema' ? say().problemSchema(isolated(detail)) : say().problemWorker(isolated(detail));
 }
 
-/** What the page is waiting for, once waiting has become noticeable; empty while it gets the body ready itself. */
+/** What the page is waiting for before it can show a body: relay, schema or pose; empty if it has all of them. */
 export function waitingWords(known: { phase: Link['phase']; schema: boolean; pose: boolean }): string {
   if (known.phase !== 'open') return say().waitingRelay;
   if (!known.schema) return say().waitingSchema;
   return known.pose ? '' : say().waitingPose;
 }
 
+/** Received bytes in MB: "1.2 of 3.4 MB", or "1.2 MB" if `total` is 0. */
 export function bytesWords(received: number, total: number): string {
   const mega = (bytes: number) => (bytes / 1e6).toFixed(1);
   return total > 0 ? say().bytes(mega(received), mega(total)) : `${mega(received)} MB`;

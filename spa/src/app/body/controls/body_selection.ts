@@ -53,7 +53,8 @@ export function bindSelection(element: HTMLElement, view: Eye, twin: RobotTwin):
   };
 }
 
-/** The channel whose joint moves a link, or the nearest such channel towards the root. */
+/** The label of the channel whose joint moves a link, or of the nearest such channel towards the root; null if there is
+ *  none. */
 export function channelOf(
   link: string,
   tree: KinematicTree | null,

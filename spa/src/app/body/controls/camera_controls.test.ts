@@ -1,7 +1,7 @@
 import { expect, test } from 'vitest';
 import { closeTo, playKey } from './camera_controls.ts';
 
-/** An eye that writes down what it is told. */
+/** A view that records its calls. */
 function eye(link: string | null = 'head') {
   const told: string[] = [];
   const tell =

@@ -4,6 +4,7 @@ import { onSettings, settings } from '../../state/settings.ts';
 import { onLanguage } from '../../text/language.ts';
 import { more } from '../../text/more.ts';
 
+/** How far one key press turns, moves and zooms the camera. */
 const TURN_RAD = Math.PI / 24;
 const PAN_PX = 40;
 const NEARER = 0.85;
@@ -17,7 +18,7 @@ const ARROWS: ReadonlyMap<string, readonly [x: number, y: number]> = new Map([
 
 type Eye = Pick<BodyView, 'look' | 'focus' | 'orbit' | 'pan' | 'zoom' | 'pick'>;
 
-/** The camera's keys, in the order of the settings, each with the key of the sentence that describes it. */
+/** The camera's keyboard shortcuts as they are listed, each with the key of the sentence in `moreEn` for it. */
 export const CAMERA_KEYS = [
   ['← → ↑ ↓', 'keyTurn'],
   ['Shift', 'keyMove'],
@@ -27,7 +28,8 @@ export const CAMERA_KEYS = [
   ['C', 'keyClose'],
 ] as const;
 
-/** Handles a key; false when it is none of the camera's. `middle` is a point of the window, CSS px. */
+/** Handles a key of the camera; false if the camera has no such key. `middle` is the middle of the body's element in the
+ *  window, CSS px. */
 export function playKey(
   view: Eye,
   event: Pick<KeyboardEvent, 'key' | 'shiftKey'>,

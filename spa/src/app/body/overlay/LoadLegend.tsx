@@ -7,7 +7,7 @@ import { useMore } from '../../text/more.ts';
 import type { OverlayLink } from './overlay_link.ts';
 import '../../styles/signs.css';
 
-/** The legend of the load colours, while bodies are painted by load. */
+/** The legend of the load colours of one or several robots; empty while they are off. */
 export function LoadLegend({ signs }: { signs: readonly OverlayLink[] }) {
   useNow(1000); // without limits the scale grows with what is seen
   const { load } = useSettings();

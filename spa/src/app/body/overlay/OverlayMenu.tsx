@@ -18,7 +18,8 @@ const SignsIcon = () => (
   </Icon>
 );
 
-/** The menu of the overlay. It offers only what at least one of the robots can show. */
+/** The button and menu for choosing what the overlay shows. It offers only what at least one of the robots can show;
+ *  empty if that is nothing. */
 export function OverlayMenu({ links }: { links: readonly RobotLink[] }) {
   const { open, setOpen, around } = usePopover<HTMLFieldSetElement>();
   const { lens, forces, level, load } = useSettings();
@@ -78,6 +79,7 @@ function abilities(links: readonly RobotLink[]) {
   };
 }
 
+/** A labelled check box in the style of a switch. */
 export function Switch(props: { on: boolean; onChange: (on: boolean) => void; text: string }) {
   return (
     <label className="switch">

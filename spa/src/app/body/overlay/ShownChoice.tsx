@@ -1,7 +1,7 @@
 import { SettingChoice } from '../../settings/SettingChoice.tsx';
 import { useMore } from '../../text/more.ts';
 
-/** Which joint values a body shows. */
+/** The choice of the joint values that a body shows: pos, ref or both. */
 export function ShownChoice() {
   const text = useMore();
   return (

@@ -7,13 +7,15 @@ import { onSettings, settings } from '../../state/settings.ts';
 import { onLanguage } from '../../text/language.ts';
 import { more } from '../../text/more.ts';
 
+/** A running connection between the readings of a robot and the overlay of its body. */
 export interface OverlayLink {
-  /** The scale of the load colours; null while they are off. */
+  /** The scale of the load colours; null while they are off or there is no frame yet. */
   loadScale(): LoadScale | null;
+  /** Stops drawing the overlay. */
   stop(): void;
 }
 
-/** Lets the overlay follow the twin, outside React. */
+/** Draws the overlay of a body from each new frame, outside React. It follows settings and language. */
 export function bindOverlay(scene: OverlaidBody, { twin, watch }: RobotLink): OverlayLink {
   let reader: OverlayReader | null = null;
   let ghostShown = false;
