@@ -1,6 +1,8 @@
 // @vitest-environment happy-dom
 import { strToU8, zipSync } from 'fflate';
 import { describe, expect, it } from 'vitest';
+import { refusalWords } from '../src/app/pages/local/refusals.ts';
+import { moreEn } from '../src/app/text/more_en.ts';
 import { filesOf, localFiles } from '../src/urdf/dropped_files.ts';
 import { type LocalFile, MAX_FILES, tidyPath } from '../src/urdf/local_files.ts';
 import { type LocalRobot, openLocal, urdfsIn } from '../src/urdf/local_robot.ts';
@@ -15,7 +17,7 @@ const folder = (files: Record<string, string>) =>
   new Map(Object.entries(files).map(([path, content]) => [path, file(content)]));
 
 const opened = async (files: ReadonlyMap<string, LocalFile>): Promise<LocalRobot> =>
-  openLocal(files, urdfsIn(files)[0]!);
+  openLocal(files, (await urdfsIn(files))[0]!);
 
 const MESH = (uri: string) => `<visual><geometry><mesh filename="${uri}"/></geometry></visual>`;
 const shows = (...uris: string[]) =>
@@ -57,14 +59,14 @@ describe('a dropped robot', () => {
     ]).toEqual(['a/b/c', 'a/b', 'b', null, null]);
   });
 
-  it('of several URDFs, the one nearest to the top comes first, then the largest', () => {
+  it('of several URDFs, the one nearest to the top comes first, then the largest', async () => {
     const small = '<robot name="r"/>';
     const files = folder({
       'a/b/deep.urdf': small.repeat(9),
       'a/x.urdf': small,
       'a/y.URDF': small.repeat(2),
     });
-    expect(urdfsIn(files)).toEqual(['a/y.URDF', 'a/x.urdf', 'a/b/deep.urdf']);
+    expect(await urdfsIn(files)).toEqual(['a/y.URDF', 'a/x.urdf', 'a/b/deep.urdf']);
   });
 
   it('has a slider for each joint that moves by itself, within limits that make sense', async () => {
@@ -88,7 +90,6 @@ describe('a dropped robot', () => {
 
   it.each([
     ['no URDF', { 'a.stl': 'x' }, 'No .urdf among these files.'],
-    ['only a template', { 'r.urdf.xacro': 'x' }, 'r.urdf.xacro is a template'],
     [
       'an entity',
       { 'r.urdf': '<!DOCTYPE r [<!ENTITY a "b">]><robot/>' },
@@ -97,6 +98,66 @@ describe('a dropped robot', () => {
     ['another document', { 'r.urdf': '<html/>' }, 'r.urdf, line 1: this is an HTML page, not URDF'],
   ])('with %s is refused in one line', async (_, files, why) => {
     await expect(opened(folder(files as unknown as Record<string, string>))).rejects.toThrow(why);
+  });
+});
+
+describe('a robot in a format that only the edge reads', () => {
+  const refusal = (files: Record<string, string>) =>
+    opened(folder(files)).then(
+      () => 'shown',
+      (cause: unknown) => refusalWords(cause),
+    );
+
+  it.each<[string, Record<string, string>, string, string, string]>([
+    ['a template', { 'a/r.urdf.xacro': 'x' }, 'a/r.urdf.xacro', 'xacro', 'a/r.urdf.xacro'],
+    ['SDF', { 'model.config': 'x', 'model.sdf': 'x' }, 'model.sdf', 'SDF', 'model.sdf'],
+    ['SDF in a world', { 'r.world': '<?xml version="1.0"?>\n<sdf/>' }, 'r.world', 'SDF', 'r.world'],
+    ['SDF that is called URDF', { 'r.urdf': '<sdf version="1.9"/>' }, 'r.urdf', 'SDF', 'r.urdf'],
+    [
+      'MJCF beside its scene and other XML',
+      {
+        'package.xml': '<package><!-- nothing of a robot, however long it is --></package>',
+        'scene.xml': '<mujoco/>',
+        '팔.xml': '<!-- <robot> --> <!-- - -->\n<mujoco model="arm"><compiler/></mujoco>',
+      },
+      '팔.xml',
+      'MJCF',
+      '팔.xml',
+    ],
+    ['a name that a shell would split', { 'my; arm.sdf': 'x' }, 'my; arm.sdf', 'SDF', 'FILE'],
+    ['a name that looks like a flag', { '-o.sdf': 'x' }, '-o.sdf', 'SDF', 'FILE'],
+  ])('%s: one line names it and the command that builds it', async (_, files, path, format, typed) => {
+    expect(await refusal(files)).toBe(moreEn.dropOtherFormat(path, format, typed));
+    expect(moreEn.dropOtherFormat(path, format, typed)).toContain(
+      `posecast-edge model build ${typed} -o bundle`,
+    );
+  });
+
+  it.each([
+    ['XML of something else', { 'a.xml': '<package/>' }],
+    ['XML that is none', { 'a.xml': '<!-- <mujoco/>' }],
+    ['XML with a document type', { 'a.xml': '<!DOCTYPE mujoco [<!ENTITY a "b">]><mujoco/>' }],
+    ['nothing', { 'a.xml': '' }],
+    ['a name that every object has', { 'a.xml': '<constructor/>' }],
+  ])('%s is no robot', async (_, files) => {
+    expect(await refusal(files as unknown as Record<string, string>)).toBe(moreEn.dropNoUrdf);
+  });
+
+  it('a URDF beside them is what is shown', async () => {
+    const files = {
+      'r.sdf': '<sdf/>',
+      'a/r.xacro': 'x',
+      'a/b/r.urdf': '<robot name="r"><link name="a"/></robot>',
+    };
+    expect((await opened(folder(files))).path).toBe('a/b/r.urdf');
+  });
+
+  it('is found in a zip', async () => {
+    const packed = zipSync({ 'r/model.sdf': strToU8('<sdf/>'), 'r/arm.xml': strToU8('<mujoco/>') });
+    expect([...(await unzip(new File([packed as BlobPart], 'r.zip'))).keys()].sort()).toEqual([
+      'r/arm.xml',
+      'r/model.sdf',
+    ]);
   });
 });
 

@@ -6,11 +6,18 @@ export interface LocalFile {
 
 export type LocalFiles = ReadonlyMap<string, LocalFile>;
 
+/** A robot in a format that the edge builds models of and that the page does not read. */
+export interface OtherRobot {
+  readonly path: string;
+  readonly format: 'xacro' | 'SDF' | 'MJCF';
+}
+
 /** Why files are refused: the key of the sentence that says so, with its details. */
 export type Refusal =
   | { readonly why: 'dropDamaged' | 'dropNoZip' | 'dropNoUrdf' }
   | { readonly why: 'dropTooMany'; readonly count: number }
-  | { readonly why: 'dropBomb' | 'dropTemplate' | 'dropTooLarge'; readonly path: string }
+  | { readonly why: 'dropBomb' | 'dropTooLarge'; readonly path: string }
+  | ({ readonly why: 'dropOtherFormat' } & OtherRobot)
   | { readonly why: 'dropUnreadable'; readonly path: string; readonly what: string };
 
 export class DropError extends Error {

@@ -2,7 +2,8 @@ import type { BundleFile, RawFiles, RawManifest } from '../model/bundle.ts';
 import type { MeshFacts } from '../model/mesh_facts.ts';
 import { diagnose } from './doctor.ts';
 import type { Finding } from './finding.ts';
-import { DropError, type LocalFiles, tidyPath } from './local_files.ts';
+import { DropError, type LocalFiles, type OtherRobot, tidyPath } from './local_files.ts';
+import { findOther, otherFormatOf } from './other_formats.ts';
 import { readUrdf } from './reader.ts';
 import { materialOf, SCALAR_TYPES, type Urdf } from './types.ts';
 import { readXml, XmlRefused } from './xml.ts';
@@ -32,22 +33,22 @@ export interface SliderJoint {
 const MAX_URDF_BYTES = 8 << 20;
 const MAX_CHOICES = 50;
 
-/** Paths of the URDFs, the likeliest first: nearest to the top folder, then the largest. Throws DropError if there is
- *  none. */
-export function urdfsIn(files: LocalFiles): string[] {
+/** Paths of the URDFs, the likeliest first: nearest to the top folder, then the largest. Rejects with DropError if
+ *  there is none; it names a robot in a format that only the edge reads, if there is one. */
+export async function urdfsIn(files: LocalFiles): Promise<string[]> {
   const depth = (path: string) => path.split('/').length;
-  const found = [...files.keys()]
-    .filter((path) => /\.urdf$/i.test(path))
-    .sort((a, b) => depth(a) - depth(b) || files.get(b)!.size - files.get(a)!.size)
-    .slice(0, MAX_CHOICES);
+  const paths = [...files.keys()].sort(
+    (a, b) => depth(a) - depth(b) || files.get(b)!.size - files.get(a)!.size,
+  );
+  const found = paths.filter((path) => /\.urdf$/i.test(path)).slice(0, MAX_CHOICES);
   if (found.length > 0) return found;
-  const template = [...files.keys()].find((name) => /\.xacro$/i.test(name));
-  if (template !== undefined)
-    throw new DropError(`${template} is a template: run xacro on it first.`, {
-      why: 'dropTemplate',
-      path: template,
-    });
+  const other = await findOther(files, paths);
+  if (other !== null) throw refuseFormat(other);
   throw new DropError('No .urdf among these files.', { why: 'dropNoUrdf' });
+}
+
+function refuseFormat(robot: OtherRobot): DropError {
+  return new DropError(`${robot.path} is ${robot.format}`, { why: 'dropOtherFormat', ...robot });
 }
 
 /** Reads a URDF and finds the files that it names. Rejects with DropError. */
@@ -83,8 +84,11 @@ async function readFile(files: LocalFiles, path: string): Promise<Urdf> {
   const file = files.get(path)!;
   if (file.size > MAX_URDF_BYTES)
     throw new DropError(`${path}: larger than 8 MiB`, { why: 'dropTooLarge', path });
+  const text = new TextDecoder().decode(await file.bytes());
+  const format = otherFormatOf(text);
+  if (format !== null) throw refuseFormat({ path, format });
   try {
-    return readUrdf(readXml(new TextDecoder().decode(await file.bytes())));
+    return readUrdf(readXml(text));
   } catch (cause) {
     if (!(cause instanceof XmlRefused)) throw cause;
     const where = cause.line === null ? path : `${path}, line ${cause.line}`;

@@ -11,7 +11,7 @@ import {
 } from './local_files.ts';
 
 /** File types of models; other members of a zip are not unpacked. */
-const WANTED = /\.(urdf|xacro|stl|dae|obj|mtl|glb|png|jpe?g)$/i;
+const WANTED = /\.(urdf|xacro|sdf|world|xml|mjcf|stl|dae|obj|mtl|glb|png|jpe?g)$/i;
 
 /** Bytes that are unpacked at a time: each piece may grow a thousandfold before it can be refused. */
 const PIECE = 2048;

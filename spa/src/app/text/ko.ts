@@ -340,7 +340,8 @@ export const moreKo: More = {
   dropDamaged: 'zip이 손상되었습니다.',
   dropNoZip: 'zip 파일이 아닙니다.',
   dropBomb: (path) => `${path}에서 zip이 로봇보다 훨씬 커집니다.`,
-  dropTemplate: (path) => `${path}는 템플릿입니다. 먼저 xacro로 변환하세요.`,
+  dropOtherFormat: (path, format, typed) =>
+    `${path}의 형식은 ${format}입니다. 이 페이지는 URDF만 읽습니다. 에이전트에서 “posecast-edge model build ${typed} -o bundle”로 모델을 만들고, “posecast-edge run --model bundle”로 로봇과 함께 표시하세요.`,
   dropNoUrdf: '이 파일들에는 .urdf가 없습니다.',
   dropTooLarge: (path) => `${path}: 8 MiB보다 큽니다.`,
   dropUnreadable: (where, why) => `${where}을(를) 읽을 수 없습니다: ${why}`,

@@ -302,7 +302,8 @@ export const moreEn = {
   dropDamaged: 'The zip is damaged.',
   dropNoZip: 'This is no zip.',
   dropBomb: (path: string) => `The zip unpacks to more than a robot has, at ${path}.`,
-  dropTemplate: (path: string) => `${path} is a template: run xacro on it first.`,
+  dropOtherFormat: (path: string, format: string, typed: string) =>
+    `${path} is ${format}; this page reads URDF alone. With the agent, “posecast-edge model build ${typed} -o bundle” makes the model, and “posecast-edge run --model bundle” shows it with your robot.`,
   dropNoUrdf: 'No .urdf among these files.',
   dropTooLarge: (path: string) => `${path}: larger than 8 MiB`,
   dropUnreadable: (where: string, why: string) => `${where}: ${why}`,

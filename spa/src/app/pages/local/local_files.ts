@@ -17,7 +17,7 @@ export type Local =
 export async function readFiles(gather: () => Promise<ReadonlyMap<string, File>>): Promise<Local> {
   try {
     const files = await localFiles(await gather());
-    const urdfs = urdfsIn(files);
+    const urdfs = await urdfsIn(files);
     return { phase: 'shown', robot: await openLocal(files, urdfs[0]!), files, urdfs };
   } catch (cause) {
     return { phase: 'refused', why: refusalWords(cause) };

@@ -1,5 +1,6 @@
 import { isolated } from '../../../twin/names.ts';
 import { DropError } from '../../../urdf/local_files.ts';
+import { typedPath } from '../../../urdf/other_formats.ts';
 import { more } from '../../text/more.ts';
 
 /** Why opened files are refused, in one line, safe to show. `cause` is what reading them threw. */
@@ -11,9 +12,10 @@ export function refusalWords(cause: unknown): string {
     case 'dropTooMany':
       return text.dropTooMany(refusal.count);
     case 'dropBomb':
-    case 'dropTemplate':
     case 'dropTooLarge':
       return text[refusal.why](isolated(refusal.path));
+    case 'dropOtherFormat':
+      return text.dropOtherFormat(isolated(refusal.path), refusal.format, typedPath(refusal.path));
     case 'dropUnreadable':
       return text.dropUnreadable(isolated(refusal.path), isolated(refusal.what));
     default:
