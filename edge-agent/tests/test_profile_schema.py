@@ -1,6 +1,7 @@
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import math
+from collections.abc import Callable, Mapping, Sequence
 
 import pytest
 from cost_stage import cost, grows_linearly
@@ -137,3 +138,41 @@ def test_a_robot_that_only_slides_has_no_angles() -> None:
     profile = infer_profile("r", Sample(0.0, {"pos": {"x": 0.1, "y": 0.2}}), {"x", "y"})
     assert [(f.unit, f.scale, f.strides) for f in profile.fields] == [("m", 0.0001, {})]
     assert profile.mapping.units == {}
+
+
+def mean_frame_bytes(sliding: int) -> float:
+    """Mean bytes of a frame that is no KEY: 100 joints swing at 30 Hz by 0.1 rad (those that slide by 0.1 m),
+    each at its own rate; what a ROS JointState has of them moves."""
+    names = [f"joint_{i}" for i in range(100)]
+    rates = [1.0 + 0.05 * i for i in range(100)]  # rad/s of the swing
+
+    def swing(most: Sequence[float], t_s: float, ahead: float) -> dict[str, float]:
+        return {
+            name: a * math.sin(w * (t_s + 7.0) + ahead) for name, a, w in zip(names, most, rates, strict=True)
+        }
+
+    def sample(t_s: float) -> Sample:
+        values: dict[str, Values] = {
+            "pos": swing([0.1] * 100, t_s, 0.0),
+            "vel": swing([0.1 * w for w in rates], t_s, math.pi / 2),
+            "effort": swing([10.0] * 100, t_s, 1.0),
+        }
+        return Sample(t_s, values, sliding=frozenset(names[:sliding]))
+
+    stream = Stream(infer_profile("r", sample(0.0)), 4.0, lambda line: None)
+    sizes = []
+    for i in range(240):
+        stream.deliver(sample(i / 30), i / 30)
+        frame = stream.tick(i / 30)
+        assert frame is not None
+        sizes.append(len(frame.data))
+    return sum(sizes[121:]) / 119  # after the second KEY, which knows how far channels move
+
+
+def test_a_joint_that_slides_costs_what_its_finer_steps_cost_all_joints() -> None:
+    turning, one, half, all_slide = map(mean_frame_bytes, (0, 1, 50, 100))
+    assert turning <= 345.5
+    # log2(10) bits of each position and one of each velocity; more sliding joints cost nothing more
+    assert 50 < one - turning < 58
+    assert half <= one + 5
+    assert all_slide <= one + 5
