@@ -7,8 +7,8 @@ import { useTheme } from '../shell/theme.ts';
 import { type RobotLink, useVersion } from '../state/robot_link.ts';
 import { settings } from '../state/settings.ts';
 
-/** Draws the robot as a stick figure from its model's manifest, which is there before renderer and meshes. Raw bundles
- *  show nothing here. */
+/** Draws the robot as a stick figure as soon as its model's manifest is loaded, usually before renderer and meshes are.
+ *  Draws nothing for raw bundles, which list no joints. */
 export function FirstStickFigure({ link }: { link: RobotLink }) {
   const canvas = useRef<HTMLCanvasElement>(null);
   const theme = useTheme();

@@ -36,7 +36,7 @@ export function bindAddress(view: BodyView, { twin }: RobotLink): () => void {
   const write = () => {
     if (wanted !== null) return;
     const query = sharedQuery(settings(), { joint: selection()?.joint ?? null, eye: view.stand });
-    const resting = query === before; // written only when the camera has stopped moving
+    const resting = query === before; // written only when nothing has changed since the last check
     before = query;
     const [place = ''] = window.location.hash.split('?');
     if (resting && window.location.hash !== place + query) {

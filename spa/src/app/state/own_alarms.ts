@@ -26,7 +26,7 @@ export function watchOwnLimits(twin: RobotTwin): void {
   });
 }
 
-/** When readings crossed the viewer's own limits, newest last; empty if they never did or are not watched. */
+/** The newest crossings of the viewer's own limits, newest last; empty if there were none or limits are not watched. */
 export function ownAlarms(twin: RobotTwin): readonly Crossing[] {
   return kept.get(twin)?.log.crossings ?? NONE;
 }

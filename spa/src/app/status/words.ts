@@ -101,8 +101,8 @@ const ENDING_WORDS: Readonly<Record<number, `ended${string}` & keyof Text>> = {
   4429: 'endedTooMany',
 };
 
-/** The line over the body while its pose is not the robot's present one: why, and since when; null unless STALE or OFFLINE.
- *  `nowMs`: Unix ms by the page's clock. */
+/** The line over the body while its pose is not the robot's present one: why, and since when; null unless STALE or
+ *  OFFLINE. `nowMs`: Unix ms by the page's clock. */
 export function stageWords(verdict: Verdict, link: Link, nowMs: number): string | null {
   if (verdict.word === 'OFFLINE') {
     if (verdict.ageMs === null) return say().notOnAir;

@@ -1,4 +1,4 @@
-/** The English sentences for signing in and out. They are loaded with the dialog that shows them. */
+/** The English sentences for signing in and out. They are loaded with the sign-in button. */
 export const accountEn = {
   signIn: 'Sign in',
   signOut: 'Sign out',

@@ -1,6 +1,7 @@
 import { listEn } from './list_en.ts';
 
-/** The English sentences of the parts that are loaded on demand; those needed at the start are in `en.ts`. */
+/** The English sentences of the parts that are loaded on demand, the robot list among them. Those needed at the start are
+ *  in `en.ts`. */
 export const moreEn = {
   ...listEn,
 

@@ -63,7 +63,8 @@ export function useRobots(): RobotListing {
       try {
         const signal = AbortSignal.any([leave.signal, AbortSignal.timeout(LATE_MS)]);
         let answer = await get(signal, tokenFor(apiUrl('robots')));
-        if (answer.status === 401 || answer.status === 403) answer = await get(signal, undefined); // a rejected token: ask for what anyone may see
+        // if the token is rejected, ask for what anyone may see
+        if (answer.status === 401 || answer.status === 403) answer = await get(signal, undefined);
         if (!answer.ok) throw new Error(answer.statusText);
         setListing({ phase: 'known', robots: readRobots(await answer.json()) });
       } catch {

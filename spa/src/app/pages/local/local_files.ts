@@ -5,8 +5,8 @@ import { refusalWords } from './refusals.ts';
 
 /** Reads a robot from files of this computer. This chunk is loaded when files are opened for the first time. */
 
-/** The robot opened from files of this computer last, or how far reading it is. It is kept until the page is closed and
- *  never sent. `urdfs`: paths of all URDFs among `files`; `why`: why the files were refused, in one line. */
+/** The robot opened from files of this computer, or how far reading it is. It is kept in this page only and never sent.
+ *  `urdfs`: paths of all URDFs among `files`; `why`: why the files were refused, in one line. */
 export type Local =
   | { phase: 'none' }
   | { phase: 'reading' }
