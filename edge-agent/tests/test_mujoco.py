@@ -152,10 +152,18 @@ def test_a_joint_that_mimics_another_follows_it(tmp_path: Path) -> None:
     )
 
 
+def test_the_simulated_mjcf_is_what_is_seen_too(tmp_path: Path) -> None:
+    robot = tmp_path / "robot.xml"
+    robot.write_text("<mujoco><worldbody/></mujoco>")
+    assert find_defaults(f"mujoco:{robot}").urdf == robot
+    (tmp_path / "robot.mjb").write_bytes(b"\x00\x01")
+    assert find_defaults(f"mujoco:{tmp_path}/robot.mjb").urdf is None, "compiled: nothing to build from"
+
+
 def test_a_urdf_is_what_is_seen_too_and_meshes_are_no_hindrance(tmp_path: Path) -> None:
     assert find_defaults("mujoco").urdf == ARM
     assert find_defaults(f"mujoco:{tmp_path}/a.urdf").urdf == tmp_path / "a.urdf"
-    assert find_defaults(f"mujoco:{tmp_path}/a.xml").urdf is None
+    assert find_defaults(f"mujoco:{tmp_path}/a.xml").urdf is None, "no such file: the source says so"
     mesh = b'<visual><geometry><mesh filename="package://nobody/has.dae"/></geometry></visual><inertial>'
     assert b"nobody" not in strip_visuals(ARM.read_bytes().replace(b"<inertial>", mesh, 1)).encode()
 

@@ -17,6 +17,7 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from posecast_edge.model.robot_file import find_format
 from posecast_edge.sample import SourceError
 from posecast_edge.sources.base import Defaults, Deliver, Source
 from posecast_edge.sources.mujoco.trial import check_loads
@@ -35,11 +36,12 @@ MAX_BEHIND_S = 0.5  # a model too heavy for this machine runs slower than time, 
 
 
 def find_defaults(address: str) -> Defaults:
-    """The model itself as the one to be shown, if it is a URDF."""
+    """The model itself as the one to be shown, if it is a URDF or MJCF."""
     if not address:
         return Defaults(ARM_PROFILE, ARM)
     path = Path(address)
-    return Defaults(urdf=path if path.suffix.lower() == ".urdf" else None)
+    shown = path.suffix.lower() == ".urdf" or find_format(path) == "mjcf"
+    return Defaults(urdf=path if shown else None)
 
 
 def open_source(address: str, profile: Profile | None) -> Source:
