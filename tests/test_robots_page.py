@@ -54,6 +54,12 @@ def test_the_profile_on_the_page_is_one() -> None:
     assert profile.mapping.joints["knuckle2"].terms == (("RF1", 0.8),)
 
 
+@pytest.mark.parametrize("name", sorted(OF_SOURCE))
+def test_commands_stand_as_commands(name: str) -> None:
+    bare = re.findall(r"^(?:posecast-\w+|pip|python) .*$", OF_SOURCE[name], re.MULTILINE)
+    assert bare == [], "indented by four, else they run together into a paragraph"
+
+
 def test_the_topics_on_the_page_are_a_table_of_a_profile() -> None:
     (text,) = blocks("toml", OF_SOURCE["ros2"])
     ros = parse_profile('[[fields]]\nname = "pos"\nlabels = ["a"]\n' + text).ros
