@@ -25,7 +25,7 @@ from posecast_edge.model.urdf.resolver import Resolver
 from posecast_edge.model.xacro.expressions import ExpressionRefused, evaluate_expression
 
 CPU_S = 10
-MEMORY_MAX = 512 << 20
+MEMORY_MAX = 256 << 20  # bytes it may ask for; large robots take 60 MiB
 FILES_MAX = 64  # open at a time
 INPUTS_MAX = 1000
 NOTES_MAX = 20
@@ -245,7 +245,8 @@ def _words(e: BaseException, name_file: Callable[[str], str]) -> str:
 def bound_process() -> None:
     """What the process may use at most; and it knows nothing of its environment."""
     resource.setrlimit(resource.RLIMIT_CPU, (CPU_S, CPU_S + 1))
-    resource.setrlimit(resource.RLIMIT_AS, (MEMORY_MAX, MEMORY_MAX))
+    # not the address space: in that a system with many languages has 200 MiB mapped from the start
+    resource.setrlimit(resource.RLIMIT_DATA, (MEMORY_MAX, MEMORY_MAX))
     resource.setrlimit(resource.RLIMIT_NOFILE, (FILES_MAX, FILES_MAX))
     resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
