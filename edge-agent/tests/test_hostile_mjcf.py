@@ -12,6 +12,7 @@ pytest.importorskip("mujoco", reason="the extra [mujoco] is not installed")
 from model_stage import cube_stl
 from posecast_edge.model.finding import ModelRefused
 from posecast_edge.model.mjcf import reader
+from posecast_edge.model.mjcf.child import run_child
 from posecast_edge.model.mjcf.reader import load_mjcf
 from posecast_edge.model.urdf.resolver import OUTSIDE
 from posecast_edge.sample import SourceError
@@ -142,3 +143,11 @@ def test_no_file_is_left_open(tmp_path: Path) -> None:
     before = len(os.listdir("/proc/self/fd"))
     load_mjcf(path)
     assert len(os.listdir("/proc/self/fd")) == before
+
+
+def test_a_model_that_takes_too_long_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As by the kernel, after the processor's seconds that a child has."""
+    (tmp_path / "slow_model.py").write_text("import os, signal\nos.kill(os.getpid(), signal.SIGXCPU)\n")
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    with pytest.raises(ModelRefused, match=r"^not loaded within 20 s of the processor$"):
+        run_child("slow_model", [], None, 30.0)

@@ -14,7 +14,7 @@ import mujoco
 import numpy as np
 
 from posecast_edge.model.finding import ModelRefused, make_printable
-from posecast_edge.model.mjcf.child import ANSWER_MAX, REFUSED, SECONDS_MAX, limit_child, open_no_file
+from posecast_edge.model.mjcf.child import ANSWER_MAX, REFUSED, limit_child, open_no_file
 from posecast_edge.model.mjcf.compiled import FIELDS, CompiledModel, write_model
 from posecast_edge.model.mjcf.files import ModelFiles, collect_files
 
@@ -127,7 +127,7 @@ def name_joint(model: Any, i: int, actuated: bool) -> str:
 
 def main(arguments: Sequence[str]) -> int:
     """Compile one model. Returns the exit status; a refusal goes to stderr as JSON: line or null, reason."""
-    limit_child(SECONDS_MAX)
+    limit_child()
     path, *packages = map(Path, arguments)
     try:
         try:

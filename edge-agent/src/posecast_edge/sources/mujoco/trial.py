@@ -28,7 +28,7 @@ def check_loads(path: Path) -> None:
 
 def main(path: Path) -> int:
     """Load the model and simulate a moment. Returns the exit status; errors go to stderr."""
-    limit_child(SECONDS_MAX)
+    limit_child()
     from posecast_edge.sources.mujoco.model import load_simulation  # noqa: PLC0415 - within the bound
 
     try:
