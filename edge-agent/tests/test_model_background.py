@@ -132,3 +132,32 @@ def test_what_is_wrong_is_counted(tmp_path: Path, caplog: pytest.LogCaptureFixtu
     assert ready.bundles[0].read("manifest", 0, 10) == ready.bundles[0].manifest[:10]
     build.stop()
     assert f"1 error; posecast-edge doctor --urdf {path} names them" in caplog.text
+
+
+def test_what_the_page_can_t_read_is_announced_when_it_has_been_built(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    path, ready = tmp_path / "robot.sdf", Ready()
+    part = (
+        "<link name='{0}'><visual name='v'><geometry><box><size>1 1 1</size></box></geometry></visual></link>"
+    )
+    head = "<sdf version='1.9' xmlns:xacro='http://www.ros.org/wiki/xacro'><model name='m'>"
+    arg = "<xacro:arg name='n' default='leg'/>"
+    path.write_text(head + arg + part.format("$(arg n)") + "</model></sdf>")
+    build = BackgroundBuild(path, None, ready, ["--xacro-arg=n:=arm"])
+    build.start()
+    assert ready.came.wait(60)
+    build.stop()
+    assert json.loads(ready.bundles[0].manifest)["links"] == ["arm"]
+
+
+def test_what_can_neither_be_built_nor_read_is_said(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    path, ready = tmp_path / "robot.sdf", Ready()
+    path.write_text("<sdf version='1.9'/>")
+    build = BackgroundBuild(path, None, ready)
+    build.start()
+    build._thread.join(60)
+    build.stop()
+    assert ready.bundles == []
+    [message] = [r.getMessage() for r in caplog.records]
+    assert message == f"model: not shown: {path}: there is no <model> in it"

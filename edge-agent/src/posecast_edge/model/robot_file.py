@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from posecast_edge.model.finding import Finding, ModelRefused
-from posecast_edge.model.sdf.reader import load_sdf, read_sdf
 from posecast_edge.model.urdf.reader import BYTES_MAX, load_urdf, read_urdf
 from posecast_edge.model.urdf.resolver import Resolver
 from posecast_edge.model.urdf.types import Urdf
@@ -70,13 +69,16 @@ def load_robot_file(
     if kind == "mjcf":
         return _load_mjcf(path, packages)
     if kind == "sdf":
+        from posecast_edge.model.sdf.reader import load_sdf  # noqa: PLC0415 - the agent stays small without it
+
         urdf, inputs = load_sdf(path, Resolver(path, packages))
         return RobotFile(urdf, {}, inputs)
     return RobotFile(load_urdf(path), {}, (path,))
 
 
 def _load_xacro(path: Path, packages: Sequence[Path], arguments: Mapping[str, str]) -> RobotFile:
-    from posecast_edge.model.xacro.expander import expand_xacro  # noqa: PLC0415 - seldom needed
+    from posecast_edge.model.sdf.reader import read_sdf  # noqa: PLC0415 - the same
+    from posecast_edge.model.xacro.expander import expand_xacro  # noqa: PLC0415 - the same
 
     try:
         expanded = expand_xacro(path, packages, arguments)
