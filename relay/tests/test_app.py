@@ -292,3 +292,4 @@ def test_a_relay_without_a_page_says_so(relays: Any) -> None:
     answer = httpx.get(f"http://{relay.address}/")
     assert answer.status_code in (200, 404)  # 200 when the page is packed in
     assert "Traceback" not in answer.text
+    assert answer.status_code == 200 or ("--static DIR" in answer.text and "spa/dist" in answer.text)

@@ -25,6 +25,9 @@ from posecast_relay.models.cache import Absent, ModelCache, Unavailable
 from posecast_relay.runtime.dispatcher import Dispatcher
 from posecast_relay.streaming.decode_cache import DecodeCache
 
+NO_PAGE = """The relay serves, but it has no page to show: start it with --static DIR, the built page
+(in a checkout spa/dist, which `make setup` builds). The API is described in /openapi.json
+"""
 PACKED_PAGE = Path(__file__).parent.parent / "page"  # the built page, where the wheel carries it
 API = "/api/v1/robots"
 FRESH_S = 1.0  # answers are this old at most
@@ -108,7 +111,7 @@ def make_app(access: Access, models: ModelCache, decoded: DecodeCache, static: P
 
         @app.get("/", include_in_schema=False)
         async def no_page() -> PlainTextResponse:
-            return PlainTextResponse("The relay serves; no page is built. See /openapi.json\n", 404)
+            return PlainTextResponse(NO_PAGE, 404)
 
     return app
 
