@@ -112,6 +112,10 @@ it('a robot without a model plots itself; its skeleton takes that place, can be 
     );
   await until('what moves is among the first', async () => (await legend()).includes('bend'), 30_000);
   expect(await text(page, '[data-testid=self-plots]')).toContain('--urdf robot.urdf');
+  await page.viewport({ width: 390, height: 844 });
+  const flagLines = `document.querySelector('.self-plots-say code').lastChild.getClientRects().length`;
+  expect(await page.evaluate<number>(flagLines), 'lines that the flag stands on, on a phone').toBe(1);
+  await page.viewport({ width: 1280, height: 800 });
   await page.findByTestId('self-plots-next').click();
   await until('the others', async () => (await legend()).length === 3);
   await whole(page);

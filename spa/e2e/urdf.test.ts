@@ -104,6 +104,20 @@ describe('a URDF', () => {
       expect(await line.text()).toMatch(/^One remark/);
       await page.evaluate(`document.querySelector('[data-testid="model-findings"] summary').click()`);
       expect(await line.text()).toContain("joint 'tilt' is revolute and has no <limit> · line 10");
+      await page.evaluate(`document.querySelector('[data-testid="model-findings"] summary').click()`);
+      await page.viewport({ width: 390, height: 844 });
+      await until('body over numbers', () =>
+        page.evaluate<boolean>(`document.querySelector('.stacked .model-findings') !== null`),
+      );
+      // a line about a slow device, or joints without a reading, as it stands on a phone
+      const covered = await page.evaluate<number>(`(() => {
+        const views = document.querySelector('.stage-views');
+        views.textContent = '';
+        views.append(Object.assign(document.createElement('p'), { textContent: 'a line over the body '.repeat(4) }));
+        const line = document.querySelector('[data-testid="model-findings"]').getBoundingClientRect();
+        return views.getBoundingClientRect().bottom - line.top;
+      })()`);
+      expect(covered, 'px of the lines above the remarks').toBeLessThanOrEqual(0);
     },
   );
 

@@ -27,11 +27,11 @@ export function BodyNotes(props: {
           {note}
         </p>
       )}
-      {report !== null && <ModelFindings findings={report.findings} />}
       <div className="stage-views">
         {trouble !== null && <ViewNote trouble={trouble} choose={choose} />}
         <Unread link={link} />
       </div>
+      {report !== null && <ModelFindings findings={report.findings} />}
     </>
   );
 }

@@ -49,7 +49,10 @@ export function SelfPlots({ link }: { link: RobotLink }) {
   return (
     <section className="self-plots" data-testid="self-plots" aria-label={text.ownPlots}>
       <p className="self-plots-say">
-        {text.addBody} <code dir="ltr">posecast-edge run … --urdf robot.urdf</code>
+        {text.addBody}{' '}
+        <code dir="ltr">
+          posecast-edge run … <span>--urdf robot.urdf</span>
+        </code>
       </p>
       <div className="plot-stack" ref={host} />
       {pages > 1 && (
