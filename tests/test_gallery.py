@@ -73,3 +73,10 @@ def test_what_takes_too_long_is_stopped() -> None:
     ended = run_measured([sys.executable, "-c", "while True: pass"], limit_s=1.0)
     assert ended.status is None
     assert ended.cpu_s > 0
+
+
+def test_a_file_that_is_named_itself_keeps_its_folder_in_its_name(tmp_path: Path) -> None:
+    (tmp_path / "panda").mkdir()
+    (tmp_path / "panda/robot.xml").write_text(PART)
+    (found,) = find_robots([tmp_path / "panda/robot.xml"])
+    assert found.name == "panda/robot.xml"

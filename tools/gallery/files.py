@@ -61,7 +61,8 @@ def find_robots(places: Iterable[Path]) -> list[RobotPath]:
                 included.update(os.path.basename(os.fsdecode(name)) for name in INCLUDED.findall(content))
                 if not JOINT.search(content):
                     continue
-            name = path.name if path == place else str(Path(place.name) / path.relative_to(place))
+            above = place.parent if path == place else place
+            name = str(Path(above.name) / path.relative_to(above))
             found.setdefault(path.resolve(), name)
     return [RobotPath(path, name, path.name in included) for path, name in found.items()]
 
