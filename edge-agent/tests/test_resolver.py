@@ -44,6 +44,20 @@ def test_beside_and_above(tmp_path: Path) -> None:
     assert resolver.find_file("package://bar/b.stl").path == bar
 
 
+def test_a_relative_name_may_start_from_a_folder_that_is_given(tmp_path: Path) -> None:
+    ring = placed(tmp_path / "data/gear/ring.stl")
+    placed(tmp_path / "data/gear/meshes/ring.stl")
+    urdf = written(tmp_path / "data/gear", robot(link("a")))
+    with pytest.raises(ModelRefused, match="no such file"):
+        Resolver(urdf).find_file("gear/ring.stl")
+    assert Resolver(urdf, [tmp_path, tmp_path / "data"]).find_file("gear/ring.stl").path == ring
+    with pytest.raises(ModelRefused, match="no such file"):
+        Resolver(urdf, [tmp_path / "data"]).find_file("gear/none.stl")
+    assert (
+        Resolver(urdf, [tmp_path / "data"]).find_file("meshes/ring.stl").path != ring
+    )  # its own comes first
+
+
 def test_found_with_leniency(tmp_path: Path) -> None:
     arm = placed(tmp_path / "model/meshes/Arm.STL")
     resolver = Resolver(written(tmp_path / "model", robot(link("a"))))

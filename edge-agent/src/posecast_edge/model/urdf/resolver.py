@@ -150,8 +150,16 @@ class Resolver:
         if scheme == "package":
             found = self._in_package(unquote(parts.netloc), path.strip("/"))
         elif scheme in ("file", ""):
+            roots = [self._root, *self._given]
             local = Path(path) if scheme else self._folder / unquote(uri)
-            found = self._inside(local, [self._root, *self._given], MESHES + BESIDE)
+            seen = self._look(local, roots, MESHES + BESIDE)
+            for folder in () if scheme else self._given:  # a name may also start from one of these
+                if isinstance(seen, ModelRefused):
+                    other = self._look(folder / unquote(uri), roots, MESHES + BESIDE)
+                    seen = other if isinstance(other, Resolved) else seen
+            if isinstance(seen, ModelRefused):
+                raise seen
+            found = seen
         elif scheme == "model":
             found = self._in_package(unquote(parts.netloc), path.strip("/"))
         else:
