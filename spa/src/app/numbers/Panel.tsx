@@ -22,7 +22,6 @@ const Plots = late(async () => (await import('./plots/Plots.tsx')).Plots);
 const Alarms = late(async () => (await import('./alarms/Alarms.tsx')).Alarms);
 
 const TABS = ['Joints', 'Sensors', 'Plots', 'Alarms'] as const;
-const TAB_WORDS = { Joints: 'joints', Sensors: 'sensors', Plots: 'plots', Alarms: 'alarms' } as const;
 export type Tab = (typeof TABS)[number];
 
 /** The panel of numbers: faults and four tabs. The open tab is kept outside, as turning a phone replaces the panel. */
@@ -74,7 +73,7 @@ export function Panel({
             tabIndex={tab === name ? 0 : -1}
             onClick={() => setTab(name)}
           >
-            {text[TAB_WORDS[name]]}
+            {text[name.toLowerCase() as Lowercase<Tab>]}
             {name === 'Plots' && traces > 0 && <small className="tab-count">{traces}</small>}
           </button>
         ))}

@@ -42,8 +42,6 @@ interface Column {
   own: readonly (Display | null)[] | null;
 }
 
-/** What the units behind single numbers need in their columns. */
-const UNIT_ROOM = '16px';
 /** The rank of a row that the filter hides. */
 const HIDDEN = -1;
 /** Rows out of sight are written in turns, every 20th at a time, so each is written within two seconds. */
@@ -320,9 +318,7 @@ export class JointView {
       const unitOf = (name: NumberName) => schema.mapping.unit(name === 'error' ? 'pos' : name, row.label);
       return new RowView(row, limbOf.get(row.label) ?? '', unitOf, numbers, states);
     });
-    const cells = this.#rows.flatMap((row) => row.numbers);
-    this.#grid = new NumberGrid(cells);
-    if (cells.some((cell) => 'unit' in cell.dataset)) root.style.setProperty('--unit-room', UNIT_ROOM);
+    this.#grid = new NumberGrid(this.#rows.flatMap((row) => row.numbers));
     const placeOf = new Map(this.#rows.map((row, i) => [row.label, i]));
     const all = [{ title: null, labels: [...placeOf.keys()] }];
     this.#bodies = (limbs ?? all).map(({ title, labels }) => {
