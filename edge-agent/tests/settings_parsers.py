@@ -126,7 +126,7 @@ PARSERS = (
     ),
     Parser(
         "credential",
-        ("cli.settings.parse_settings",),
+        ("cli.settings.parse_settings", "uplink.arguments.read_credential"),
         credential_work,
         (UsageError,),
         (CREDENTIAL + b"\n", CREDENTIAL + b":TUlJQg==\r\n"),

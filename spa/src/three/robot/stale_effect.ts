@@ -17,6 +17,10 @@ export class StaleEffect {
     this.#tone = { value: tone };
   }
 
+  get grey(): boolean {
+    return this.#goal === 1;
+  }
+
   set grey(grey: boolean) {
     this.#goal = grey ? 1 : 0;
   }
