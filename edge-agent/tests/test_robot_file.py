@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import sys
-import types
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -13,7 +11,7 @@ from posecast_edge.model.builder.build import build_model
 from posecast_edge.model.finding import ModelRefused
 from posecast_edge.model.meshes.mesh import Mesh
 from posecast_edge.model.meshes.stl import read_stl
-from posecast_edge.model.robot_file import MJCF_READER, RobotFile, find_format, load_robot_file
+from posecast_edge.model.robot_file import RobotFile, find_format, load_robot_file
 from posecast_edge.model.serve.background import BackgroundBuild
 from posecast_edge.model.urdf.resolver import Resolver
 
@@ -50,18 +48,16 @@ def test_a_file_that_is_not_there(tmp_path: Path) -> None:
         load_robot_file(tmp_path / "gone.urdf")
 
 
-def reader_of(load: Callable[[Path], RobotFile]) -> types.ModuleType:
-    module = types.ModuleType(MJCF_READER)
-    module.load_mjcf = load  # type: ignore[attr-defined]
-    return module
+ONE_HINGE = (
+    '<mujoco><worldbody><body name="arm"><joint name="elbow"/><geom size="0.1"/></body></worldbody></mujoco>'
+)
 
 
-def test_mjcf_has_a_reader_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_mjcf_is_compiled_by_mujoco(tmp_path: Path) -> None:
+    pytest.importorskip("mujoco")
     path = tmp_path / "robot.xml"
-    path.write_text("<mujoco/>")
-    made = RobotFile(load_robot_file(written_urdf(tmp_path)).urdf)
-    monkeypatch.setitem(sys.modules, MJCF_READER, reader_of(lambda _: made))
-    assert load_robot_file(path) is made
+    path.write_text(ONE_HINGE)
+    assert [joint.name for joint in load_robot_file(path).urdf.joints if joint.type != "fixed"] == ["elbow"]
 
 
 def written_urdf(folder: Path, *uris: str) -> Path:

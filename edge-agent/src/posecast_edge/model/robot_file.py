@@ -102,11 +102,6 @@ def _load_xacro(path: Path, packages: Sequence[Path], arguments: Mapping[str, st
 
 def _load_mjcf(path: Path, packages: Sequence[Path]) -> RobotFile:
     """MJCF is compiled by MuJoCo, an extra that only this branch needs."""
-    try:
-        reader = importlib.import_module(MJCF_READER)
-    except ModuleNotFoundError as e:
-        if e.name is not None and e.name.startswith("posecast_edge"):
-            raise ModelRefused("this is a MuJoCo model, not URDF") from None
-        raise ModelRefused("needs MuJoCo: pip install 'posecast-edge[model,mujoco]'") from None
+    reader = importlib.import_module(MJCF_READER)
     robot: RobotFile = reader.load_mjcf(path, packages)
     return robot
