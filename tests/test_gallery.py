@@ -8,10 +8,11 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pytest
 from PIL import Image
 
 from tools.gallery.child import run_measured
-from tools.gallery.files import find_robots
+from tools.gallery.files import find_robots, list_packages
 
 ROOT = Path(__file__).resolve().parent.parent
 RED = '<material name="m"><color rgba="1 0 0 1"/></material>'
@@ -53,6 +54,22 @@ def test_each_robot_has_a_row_and_a_picture(tmp_path: Path) -> None:
         drawn = np.array(sheet.convert("RGB")).astype(int)
     red = (drawn[..., 0] > 120) & (drawn[..., 1] < 40) & (drawn[..., 2] < 40)
     assert red[:, drawn.shape[1] // 6 :].sum() > 2000, "two boxes, seen twice, in the second place"
+
+
+def test_installed_packages_are_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One that has a module, and one that a wheel of cmeel keeps in share/ with no module beside it."""
+    walkers = tmp_path / "dm_control"
+    robots = tmp_path / "cmeel.prefix/share/example-robot-data"
+    for folder in (walkers, robots, robots / "random_urdfs"):
+        folder.mkdir(parents=True)
+        (folder / "whole.urdf").write_text(WHOLE)
+    monkeypatch.setattr("sysconfig.get_path", lambda _: str(tmp_path))
+    monkeypatch.chdir(tmp_path)
+    assert list_packages() == [robots, walkers]
+    assert [robot.name for robot in find_robots(list_packages())] == [
+        "example-robot-data/whole.urdf",
+        "dm_control/whole.urdf",
+    ]
 
 
 def test_nothing_found_is_said(tmp_path: Path) -> None:

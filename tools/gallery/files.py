@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import importlib.util
 import io
 import os
 import re
+import sysconfig
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,7 +16,8 @@ SUFFIXES = (".urdf", ".xacro", ".sdf", ".xml", ".mjcf")
 ROOTS = ("robot", "sdf", "mujoco")
 PACKAGES = ("example_robot_data", "dm_control", "gymnasium_robotics", "robosuite", "pybullet_data")
 SHARED = Path("shared/robots")
-CMEEL = "cmeel.prefix"  # a wheel of this kind keeps its data beside the package, in share/
+CMEEL = "cmeel.prefix"  # a wheel of this kind keeps its data in share/, often with no module beside it
+OBJECTS = "random_urdfs"  # of pybullet_data: a thousand things to grasp, no robot among them
 BYTES_MAX = 8 << 20
 INCLUDED = re.compile(rb"<(?:include|model)\b[^>]*\bfile\s*=\s*[\"']([^\"']+)")
 JOINT = re.compile(rb"<(?:free)?joint\b|<include\b|<attach\b|<composite\b|<replicate\b")
@@ -34,15 +35,9 @@ class RobotPath:
 
 def list_packages() -> list[Path]:
     """The folders of the robot packages that are installed here, and shared/robots if there is one."""
-    found = []
-    for name in PACKAGES:
-        spec = importlib.util.find_spec(name)
-        if spec is None or spec.origin is None:
-            continue
-        folder = Path(spec.origin).parent
-        prefix = next((p for p in folder.parents if p.name == CMEEL), None)
-        data = prefix / "share" / name.replace("_", "-") if prefix is not None else folder
-        found.append(data if data.is_dir() else folder)
+    site = Path(sysconfig.get_path("purelib"))
+    places = [p for name in PACKAGES for p in (site / name, site / CMEEL / "share" / name.replace("_", "-"))]
+    found = [place for place in places if place.is_dir()]
     return [*found, SHARED] if SHARED.is_dir() else found
 
 
@@ -72,7 +67,7 @@ def _walk(place: Path) -> Iterator[Path]:
         yield place
         return
     for folder, folders, names in os.walk(place):
-        folders.sort()
+        folders[:] = sorted(f for f in folders if f != OBJECTS)
         for name in sorted(names):
             if name.lower().endswith(SUFFIXES):
                 yield Path(folder, name)
