@@ -10,10 +10,11 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from posecast_edge.model.finding import ModelRefused
+from posecast_edge.model.finding import ModelRefused, make_printable
 from posecast_edge.model.mjcf.child import ANSWER_MAX
 
 HEAD_MAX = 16 << 20  # bytes of names and shapes
+PICTURE_PIXELS_MAX = 4096 * 4096
 TYPES = {"float64": 8, "float32": 4, "int32": 4, "uint8": 1}  # bytes of a number
 
 # Named as in MuJoCo's mjModel: kind of number, and how many of them a row has (1: it is no row).
@@ -53,7 +54,7 @@ NAMED = {"body": "body", "jnt": "joint", "site": "site"}  # what a field's rows 
 class CompiledModel:
     """`arrays`: those of FIELDS; `names`: of bodies, joints, meshes and sites, by kind; `lines`: of bodies,
     joints and geoms in the file, 0 where it is not known; `name`: the model's; `skins`, `flexes`: how many
-    soft parts it has; `inputs`: the files that were read."""
+    soft parts it has; `inputs`: the files that were read; `remarks`: what of it is not shown, and why."""
 
     arrays: Mapping[str, NDArray[Any]]
     names: Mapping[str, list[str]]
@@ -62,6 +63,7 @@ class CompiledModel:
     skins: int
     flexes: int
     inputs: tuple[str, ...]
+    remarks: tuple[str, ...] = ()
 
     def __getitem__(self, field: str) -> NDArray[Any]:
         return self.arrays[field]
@@ -81,6 +83,7 @@ def write_model(model: CompiledModel, out: IO[bytes]) -> None:
         "skins": model.skins,
         "flexes": model.flexes,
         "inputs": model.inputs,
+        "remarks": model.remarks,
     }
     out.write(json.dumps(head).encode() + b"\n")
     for name, values in model.arrays.items():
@@ -114,6 +117,7 @@ def read_model(source: IO[bytes]) -> CompiledModel:
             int(head["skins"]),
             int(head["flexes"]),
             tuple(str(n) for n in head["inputs"]),
+            tuple(make_printable(str(n)) for n in head.get("remarks", ())),
         )
     except (ValueError, KeyError, TypeError, AttributeError, OverflowError, MemoryError, RecursionError):
         raise ModelRefused("MuJoCo's compiler gave no usable answer") from None

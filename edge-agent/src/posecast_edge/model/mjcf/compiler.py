@@ -12,28 +12,27 @@ from typing import Any
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
-from posecast_edge.model.finding import ModelRefused, make_printable
+from posecast_edge.model.finding import ModelRefused, make_printable, quote_name
+from posecast_edge.model.mjcf.assets import FAILURES, AssetFailed, TakenAssets, TakenMesh, take_assets
 from posecast_edge.model.mjcf.child import ANSWER_MAX, REFUSED, limit_child, open_no_file
 from posecast_edge.model.mjcf.compiled import FIELDS, CompiledModel, write_model
 from posecast_edge.model.mjcf.files import ModelFiles, collect_files
 
 # else MuJoCo writes a file MUJOCO_LOG.TXT wherever it was started
 mujoco.set_mju_user_warning(lambda _text: None)
+# else it keeps a copy of every mesh, for compiling the same model once more
+mujoco.mj_setCacheCapacity(mujoco.mj_getCache(), 0)
 
 SAID_MAX = 300  # characters of what MuJoCo says
 LINE = re.compile(r"\bline (\d{1,9})\b")
 WRAPPING = re.compile(r"^(?:XML )?(?:Error: )+|,? (?:id \d+, )?line \d+$")  # around the words proper
 QUOTED = re.compile(r"'([^']{1,1000})'")
-FAILURES = (
-    ValueError,
-    TypeError,
-    LookupError,
-    RuntimeError,
-    MemoryError,
-    RecursionError,
-    mujoco.FatalError,
-)
+ELEMENT = re.compile(r" Element name '[^']*'$")
+UNKNOWN = "unknown exception"  # all that is left of an exception that MuJoCo's Python doesn't know
+SAVE_AGAIN = "save it again as binary STL, OBJ or PNG, whichever it is, with Blender or GIMP for instance"
+TAKE_APART = "try it in MuJoCo's viewer (python -m mujoco.viewer --mjcf FILE), and with parts taken out"
 # what MuJoCo says, and what to do
 ADVICE = {
     "Unrecognized XML model type: 'mujocoinclude'": "it is a part; give the file that includes it",
@@ -49,20 +48,27 @@ def make_spec(files: ModelFiles) -> tuple[Any, Any]:
     return mujoco.MjSpec.from_file(files.main, vfs=vfs), vfs
 
 
-def explain_failure(error: BaseException, files: ModelFiles) -> ModelRefused:
-    """MuJoCo's own words as one line, with the line in the file and what to do."""
+def explain_failure(error: BaseException, files: ModelFiles, asset: str = "") -> ModelRefused:
+    """MuJoCo's own words as one line, with the line in the file and what to do. `asset`: the mesh or texture
+    that was read, with its file; "" for the model itself."""
     said = make_printable(" ".join(str(error).split())[:SAID_MAX]) or type(error).__name__
+    head = f"{asset}: " if asset else ""
     if isinstance(error, MemoryError):
-        return ModelRefused("takes more memory than it may")
+        return ModelRefused(f"{head}takes more memory than it may")
     found = LINE.search(said)
     line = int(found[1]) if found and int(found[1]) else None
+    if UNKNOWN in said.lower():
+        what = asset or f"file {quote_name(PurePosixPath(files.main).name)}, or one that it names"
+        advice = SAVE_AGAIN if asset else TAKE_APART
+        return ModelRefused(f"{what}: MuJoCo fails on it and does not say why: {advice}", line)
     for name in QUOTED.findall(said):
         for wanted, reason in files.refused.items():
             if PurePosixPath(wanted).name == PurePosixPath(name.replace("\\", "/")).name:
                 return ModelRefused(f"file '{make_printable(wanted[:SAID_MAX])}': {reason}", line)
-    advice = next((text for words, text in ADVICE.items() if words in said), "")
-    words = WRAPPING.sub("", said).replace(" Element ", "; element ")
-    return ModelRefused(f"MuJoCo: {words}{f': {advice}' if advice else ''}", line)
+    advice = next((text for words, text in ADVICE.items() if words in said), SAVE_AGAIN if asset else "")
+    words = WRAPPING.sub("", said)
+    words = ELEMENT.sub("", words) if asset else words.replace(" Element ", "; element ")
+    return ModelRefused(f"{head}MuJoCo: {words}{f': {advice}' if advice else ''}", line)
 
 
 def compile_model(path: Path, packages: Sequence[Path]) -> CompiledModel:
@@ -71,7 +77,12 @@ def compile_model(path: Path, packages: Sequence[Path]) -> CompiledModel:
     try:
         with open_no_file():
             spec, vfs = make_spec(files)
-            files.contents.clear()  # MuJoCo has a copy
+            vfs.close()  # it has copies, of which the small models need one at a time
+            taken = take_assets(spec, files.contents)
+            vfs = mujoco.MjVfs()
+            while files.contents:
+                name, content = files.contents.popitem()
+                vfs[name] = content
             spec.memory = spec.nstack = spec.njmax = (
                 spec.nconmax
             ) = -1  # for simulating, which nobody does here
@@ -79,13 +90,16 @@ def compile_model(path: Path, packages: Sequence[Path]) -> CompiledModel:
             spec.compiler.discardvisual = False
             spec.compiler.fusestatic = False
             model = spec.compile(vfs)
+    except AssetFailed as e:
+        raise explain_failure(e.__cause__ or e, files, str(e)) from None
     except FAILURES as e:
         raise explain_failure(e, files) from None
-    return _extract(spec, model, files)
+    return _extract(spec, model, files, taken)
 
 
-def _extract(spec: Any, model: Any, files: ModelFiles) -> CompiledModel:
+def _extract(spec: Any, model: Any, files: ModelFiles, taken: TakenAssets) -> CompiledModel:
     arrays = {name: np.asarray(getattr(model, name)) for name in FIELDS}
+    arrays |= _put_back(model, taken)
     for name, (_, width) in FIELDS.items():
         arrays[name] = arrays[name].reshape((-1, width) if width > 1 else (-1,))
     if sum(values.nbytes for values in arrays.values()) > ANSWER_MAX - (32 << 20):
@@ -106,7 +120,69 @@ def _extract(spec: Any, model: Any, files: ModelFiles) -> CompiledModel:
         )
     }
     inputs = tuple(str(p) for p in files.inputs)
-    return CompiledModel(arrays, names, lines, str(spec.modelname), model.nskin, model.nflex, inputs)
+    return CompiledModel(
+        arrays,
+        names,
+        lines,
+        str(spec.modelname),
+        model.nskin,
+        model.nflex,
+        inputs,
+        tuple(taken.remarks),
+    )
+
+
+def _put_back(model: Any, taken: TakenAssets) -> dict[str, Any]:
+    """The arrays of meshes and textures, with what was taken out of the model instead of what stood in."""
+    meshes = [taken.meshes.get(model.mesh(i).name) or _get_mesh(model, i) for i in range(model.nmesh)]
+    pictures = []
+    for i in range(model.ntex):
+        pixels = taken.pictures.get(model.tex(i).name)
+        pictures.append(_get_picture(model, i) if pixels is None else pixels)
+    texels = _join("tex_data", [pixels.reshape(-1) for pixels in pictures])
+    return {
+        **_join("mesh_vert", [m.positions for m in meshes]),
+        **_join("mesh_face", [m.faces for m in meshes]),
+        **_join("mesh_texcoord", [m.uv for m in meshes]),
+        "mesh_facetexcoord": _join("mesh_facetexcoord", [m.corners for m in meshes])["mesh_facetexcoord"],
+        "tex_data": texels["tex_data"],
+        "tex_adr": texels["tex_dataadr"],
+        **{
+            f"tex_{side}": np.array([pixels.shape[axis] for pixels in pictures], np.int32)
+            for axis, side in enumerate(("height", "width", "nchannel"))
+        },
+    }
+
+
+def _join(field: str, parts: Sequence[NDArray[Any]]) -> dict[str, Any]:
+    """Arrays one behind the other as a field of MuJoCo's, and where each begins, and how long it is."""
+    kind, width = FIELDS[field]
+    counts = [len(part) for part in parts]
+    empty = np.zeros((0, width) if width > 1 else 0, kind)
+    return {
+        field: np.concatenate([empty, *parts]),
+        f"{field}adr": np.cumsum([0, *counts[:-1]] if counts else [], dtype=np.int32),
+        f"{field}num": np.array(counts, np.int32),
+    }
+
+
+def _get_mesh(model: Any, i: int) -> TakenMesh:
+    """One that stayed in the model."""
+    at, count = model.mesh_vertadr[i], model.mesh_vertnum[i]
+    first, faces = model.mesh_faceadr[i], model.mesh_facenum[i]
+    start, corners = model.mesh_texcoordadr[i], model.mesh_texcoordnum[i]
+    return TakenMesh(
+        model.mesh_vert[at : at + count],
+        model.mesh_face[first : first + faces],
+        model.mesh_texcoord[start : start + corners] if corners else model.mesh_texcoord[:0],
+        model.mesh_facetexcoord[first : first + faces],
+    )
+
+
+def _get_picture(model: Any, i: int) -> NDArray[np.uint8]:
+    start, shape = model.tex_adr[i], [model.tex_height[i], model.tex_width[i], model.tex_nchannel[i]]
+    pixels: NDArray[np.uint8] = model.tex_data[start : start + int(np.prod(shape))]
+    return pixels.reshape(shape)
 
 
 def _lines(elements: Any, count: int) -> list[int]:

@@ -84,6 +84,7 @@ def _make_robot(model: CompiledModel, path: Path) -> RobotFile:
     urdf.joints += tree.joints
     urdf.sensors += _sensors(model, tree.links)
     urdf.findings += [*tree.findings, *shapes.findings]
+    urdf.findings += [Finding("warning", "picture", remark) for remark in model.remarks]
     for count, what in ((model.skins, "skin"), (model.flexes, "flexible part")):
         if count:
             many = f"{count} {what}s are" if count > 1 else f"a {what} is"

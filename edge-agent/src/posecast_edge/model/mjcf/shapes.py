@@ -13,7 +13,7 @@ from posecast_edge.model.finding import Finding
 from posecast_edge.model.kinematics import matrix_from_quaternion
 from posecast_edge.model.meshes.mesh import Mesh, Paint, Rgba, Surface, validate_mesh
 from posecast_edge.model.mjcf.bodies import normalise_quaternion, pose_from_matrix
-from posecast_edge.model.mjcf.compiled import CompiledModel
+from posecast_edge.model.mjcf.compiled import PICTURE_PIXELS_MAX, CompiledModel
 from posecast_edge.model.urdf.types import ONES, Geometry, Material, Shape
 
 PLANE, HFIELD, SPHERE, CAPSULE, ELLIPSOID, CYLINDER, BOX, MESH, SDF = range(9)  # mjtGeom
@@ -22,7 +22,6 @@ GROUPS_SHOWN = 3  # MuJoCo's viewer shows geoms of groups 0, 1 and 2
 DEFAULT_RGBA = (0.5, 0.5, 0.5, 1.0)  # a geom's own, which its material's goes before
 PICTURE = 0  # mjtTexture: one picture, not the six of a cube
 PICTURE_ROLES = (1, 8)  # mjtTextureRole: RGB, RGBA
-PICTURE_PIXELS_MAX = 4096 * 4096
 
 
 class GeomReader:

@@ -15,9 +15,10 @@ from xml.sax.saxutils import quoteattr
 import mujoco
 
 from posecast_edge.model.finding import ModelRefused
+from posecast_edge.model.mjcf.assets import FAILURES
 from posecast_edge.model.mjcf.bodies import find_base_joint
 from posecast_edge.model.mjcf.child import open_no_file
-from posecast_edge.model.mjcf.compiler import FAILURES, explain_failure, make_spec
+from posecast_edge.model.mjcf.compiler import explain_failure, make_spec
 from posecast_edge.model.mjcf.files import ModelFiles, collect_files
 from posecast_edge.model.urdf.reader import BYTES_MAX, DEPTH_MAX, ELEMENTS_MAX, read_urdf
 from posecast_edge.model.urdf.types import Urdf
