@@ -96,11 +96,16 @@ export function boundsOf(worldFromLink: Float64Array, boxes: ReadonlyMap<number,
   return { min, max };
 }
 
-/** The size of what the camera looks at, metres: half its height, half its width from any side, and its radius. */
+/** A body counts as long when it is so many times as long as it is broad and tall: a snake, a train, an outstretched arm. */
+const LONG = 4;
+
+/** The size of what the camera looks at, metres: half its height, half its width from any side, and its radius. `lies`:
+ *  the axis that a long body lies along; absent for all others. */
 export interface Extent {
   readonly tall: number;
   readonly wide: number;
   readonly radius: number;
+  readonly lies?: 'x' | 'y';
 }
 
 /** The extent of a box; its radius is kept between 2 cm and 200 m. */
@@ -109,7 +114,9 @@ export function extentOf(
   max: readonly [number, number, number],
 ): Extent {
   const [x, y, z] = [max[0] - min[0], max[1] - min[1], max[2] - min[2]];
+  const lies = x > LONG * Math.max(y, z) ? 'x' : y > LONG * Math.max(x, z) ? 'y' : null;
   return {
+    ...(lies === null ? {} : { lies }),
     tall: z / 2,
     wide: Math.hypot(x, y) / 2,
     radius: Math.min(Math.max(Math.hypot(x, y, z) / 2, 0.02), 200),

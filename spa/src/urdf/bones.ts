@@ -19,7 +19,7 @@ const LEAST = 1e-6;
  *  longest way from the root to a tip. The edge has the same (posecast_edge/model/builder/bones.py). */
 const [THICK, THICK_MAX] = [0.09, 0.016];
 const [WIDE, WIDE_MAX] = [0.16, 0.024];
-const THIN = 0.0015;
+const THIN = 0.003;
 /** Length of what shows how a last link turns, as a part of the bone before it. */
 const STUB = 0.4;
 

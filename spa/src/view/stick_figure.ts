@@ -3,7 +3,7 @@ import { boundsOf, extentOf, type LinkBox, lowestOf } from '../model/bounds.ts';
 import { Kinematics, placeLinks, transform } from '../model/kinematics.ts';
 import { boxesOfLinks, type Manifest } from '../model/manifest.ts';
 import type { Pose } from '../twin/playback/pose.ts';
-import { FIELD_OF_VIEW, fittingDistance, VIEWS } from './camera/framing.ts';
+import { directionOf, FIELD_OF_VIEW, fittingDistance } from './camera/framing.ts';
 
 const LINE_CSS_PIXELS = 2;
 const DOT_CSS_PIXELS = 2.5;
@@ -134,14 +134,15 @@ export interface Eye {
 
 /** The home view of a robot that fills this box, in a picture of this aspect (width : height). */
 export function homeEye(min: Vector, max: Vector, aspect: number): Eye {
-  const { azimuth, elevation } = VIEWS.home;
+  const extent = extentOf(min, max);
+  const { azimuth, elevation } = directionOf('home', extent);
   const [a, e] = [(azimuth * Math.PI) / 180, (elevation * Math.PI) / 180];
   return {
     target: [(min[0] + max[0]) / 2, (min[1] + max[1]) / 2, (min[2] + max[2]) / 2],
     ahead: [-Math.cos(e) * Math.cos(a), -Math.cos(e) * Math.sin(a), -Math.sin(e)],
     right: [-Math.sin(a), Math.cos(a), 0],
     up: [-Math.sin(e) * Math.cos(a), -Math.sin(e) * Math.sin(a), Math.cos(e)],
-    distance: fittingDistance(extentOf(min, max), aspect),
+    distance: fittingDistance(extent, aspect),
   };
 }
 

@@ -2,7 +2,7 @@ import { type Extent, extentOf } from '../../model/bounds.ts';
 import { addScaled, dot } from '../../model/vectors.ts';
 import type { Vec3 } from '../../twin/rotation.ts';
 import type { BodySpan } from './body_span.ts';
-import { FIELD_OF_VIEW, fittingDistance, VIEWS, type ViewName } from './framing.ts';
+import { directionOf, FIELD_OF_VIEW, fittingDistance, type ViewName } from './framing.ts';
 import { type Insets, ViewInsets } from './insets.ts';
 import { clamp, type EyePlace, type Orbit, orbitAt, positionOf, shorterTurn } from './orbit.ts';
 import { WholeBody } from './whole_body.ts';
@@ -359,7 +359,7 @@ export class CameraRig {
   }
 
   #orbitOf(view: ViewName): Orbit {
-    const { azimuth, elevation } = VIEWS[view === 'home' ? this.home : view];
+    const { azimuth, elevation } = directionOf(view === 'home' ? this.home : view, this.#extent);
     return {
       azimuth: azimuth * RADIANS,
       elevation: elevation * RADIANS,

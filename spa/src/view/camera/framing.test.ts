@@ -4,7 +4,7 @@ import { describe, expect, it } from 'vitest';
 import { extentOf } from '../../model/bounds.ts';
 import { SceneCamera } from '../../three/camera.ts';
 import { homeEye } from '../stick_figure.ts';
-import { FIELD_OF_VIEW, fittingDistance } from './framing.ts';
+import { directionOf, FIELD_OF_VIEW, fittingDistance, VIEWS } from './framing.ts';
 
 describe('the first view', () => {
   it('has all of the robot in the picture, wide or upright', () => {
@@ -15,6 +15,25 @@ describe('the first view', () => {
       expect(distance * slope).toBeGreaterThan(extent.tall);
       expect(distance * slope * aspect).toBeGreaterThan(extent.wide);
     }
+  });
+
+  it('of a long body is taken across its length, and fills the picture', () => {
+    for (const [max, lies, azimuth] of [
+      [[9, 0.1, 0.1], 'x', -75],
+      [[0.1, 9, 0.1], 'y', -15],
+    ] as const) {
+      const extent = extentOf([0, 0, 0], max);
+      expect(extent.lies).toBe(lies);
+      expect(directionOf('home', extent).azimuth).toBe(azimuth);
+      const seen = 4.5 * Math.cos((15 * Math.PI) / 180); // half of it, as it is seen
+      const half = fittingDistance(extent, 1.6) * Math.tan((FIELD_OF_VIEW * Math.PI) / 360) * 1.6;
+      expect(seen / half).toBeGreaterThan(0.75);
+      expect(seen / half).toBeLessThan(0.95);
+    }
+    const upright = extentOf([-0.2, -0.5, 0], [0.4, 0.5, 1.6]);
+    expect(upright.lies).toBeUndefined();
+    expect(directionOf('home', upright)).toEqual(VIEWS.home);
+    expect(directionOf('top', extentOf([0, 0, 0], [9, 0.1, 0.1]))).toEqual(VIEWS.top);
   });
 
   it('of a speck or a mountain stays at a distance that can be drawn', () => {

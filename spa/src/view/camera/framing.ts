@@ -22,6 +22,14 @@ export const VIEWS: Readonly<Record<ViewName, { azimuth: number; elevation: numb
   top: { azimuth: 180, elevation: 89.9 },
 };
 
+/** From where a body that lies along an axis is seen first: nearly across its length. */
+const HOME_OF_LONG = { x: { azimuth: -75, elevation: 14 }, y: { azimuth: -15, elevation: 14 } } as const;
+
+/** The direction of a named view of a body of this extent. */
+export function directionOf(view: ViewName, { lies }: Extent): { azimuth: number; elevation: number } {
+  return view === 'home' && lies !== undefined ? HOME_OF_LONG[lies] : VIEWS[view];
+}
+
 /** Part of the picture's height and width that a robot may fill when it is framed: what is left is for its motion. */
 const FILLS_FRAMED = 0.88;
 /** The same while it moves. */
@@ -30,8 +38,10 @@ const FILLS_MOVING = 0.985;
 const TILT = (VIEWS.home.elevation * Math.PI) / 180;
 const SLOPE = Math.tan((FIELD_OF_VIEW * Math.PI) / 360);
 
-/** The distance (metres) from which the whole extent fits a picture of this aspect (width : height). */
-export function fittingDistance({ tall, wide, radius }: Extent, aspect: number): number {
+/** The distance (metres) from which the whole extent fits a picture of this aspect (width : height). A long body needs no
+ *  air at its sides: it becomes no longer. */
+export function fittingDistance({ tall, wide, radius, lies }: Extent, aspect: number): number {
+  if (lies !== undefined) return leastDistance(tall, wide, aspect, FILLS_FRAMED);
   const byHeight = (tall * AIR_TALL) / SLOPE;
   const byWidth = (wide * AIR_WIDE) / (SLOPE * aspect);
   return Math.max(

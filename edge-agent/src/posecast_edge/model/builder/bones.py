@@ -20,7 +20,7 @@ LEAST = 1e-6  # m, a shorter bone is none
 # parts of a bone's length, and of the longest way from the root to a tip
 THICK, THICK_MAX = 0.09, 0.016  # half a bone's thickness
 WIDE, WIDE_MAX = 0.16, 0.024  # the radius of a joint's disc
-THIN = 0.0015  # the least of both, of the longest way: a hair would not be seen
+THIN = 0.003  # the least of both, of the longest way: a hair would not be seen
 STUB = 0.4  # length of what shows how a last link turns, of the bone before it
 
 
