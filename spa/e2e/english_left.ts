@@ -6,7 +6,7 @@ import type { Page } from './driver/page.ts';
 const SAME = new Set(
   `live holding stale offline posecast hz ms rad deg min kb mb px json csv zip urdf xacro html iframe url qr http https
   websocket esc escape tab enter shift imu ft can pwm cpu mesh roll pitch yaw foxglove english language korean fx fy fz mx my mz
-  config wx wy wz ax ay az nm csv gib mib`.split(/\s+/),
+  config wx wy wz ax ay az nm csv gib mib sdf mjcf`.split(/\s+/),
 );
 
 /** Words of two letters and more that a reader or listener meets now and that are none of `known` (the robot's own names, lower

@@ -111,7 +111,7 @@ it('a robot without a model plots itself; its skeleton takes that place, can be 
       `[...document.querySelectorAll('[data-testid=own-trace]')].map((entry) => entry.dataset.label)`,
     );
   await until('what moves is among the first', async () => (await legend()).includes('bend'), 30_000);
-  expect(await text(page, '[data-testid=self-plots]')).toContain('--urdf robot.urdf');
+  expect(await text(page, '[data-testid=self-plots]')).toContain('--urdf FILE');
   await page.viewport({ width: 390, height: 844 });
   const flagLines = `document.querySelector('.self-plots-say code').lastChild.getClientRects().length`;
   expect(await page.evaluate<number>(flagLines), 'lines that the flag stands on, on a phone').toBe(1);

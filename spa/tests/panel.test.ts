@@ -101,6 +101,31 @@ function shownRaw(host: HTMLElement): string[] {
 }
 
 describe('the numbers', { timeout: 60_000 }, () => {
+  it('of a robot without joints open on its sensors, with where its base is', async () => {
+    const drone = parseSchema(
+      JSON.stringify({
+        ...{ type: 'schema', v: 1, robot: 'Drone' },
+        labels: { base: ['base.x', 'base.y', 'base.z'], baseq: ['base.w', 'base.x', 'base.y', 'base.z'] },
+        fields: [
+          { name: 'base', unit: 'm', scale: 0.001, labels: 'base' },
+          { name: 'baseq', scale: 0.001, labels: 'baseq' },
+        ],
+      }),
+    );
+    const { twin, host, say, find, click, waitForText } = await panel();
+    await find('#tab-Joints');
+    twin.acceptSchema(drone);
+    await say({}, drone);
+    await waitForText('[data-testid=sensor-table]', /^Base.*x.*0\.000.*m.*z.*yaw/s);
+    expect([...host.querySelectorAll('[role=tab]')].map(({ id }) => id)).toEqual([
+      ...['tab-Sensors', 'tab-Plots', 'tab-Alarms'],
+    ]);
+    await click('td[data-field="base"][data-label="base.z"]');
+    expect(traces()).toEqual([{ field: 'base', label: 'base.z' }]);
+    twin.acceptSchema(SCHEMA);
+    await find('#tab-Joints[aria-selected=true]');
+  });
+
   it('open the card of a joint, whose values go into plots, and close it again', async () => {
     const { say, click, find, host, waitForText } = await panel();
     await say({ 'pos.RKN': 250, 'flags.RKN': 4 });

@@ -54,6 +54,17 @@ const LIST = [
 ];
 
 describe('plots under one another', () => {
+  it('wrap their names between words alone, and show them whole by a tap', () => {
+    const { host, made } = stack([{ field: 'pos', label: 'left_hip_pitchJoint' }]);
+    made.write(new History(), 2000);
+    const name = host.querySelector<HTMLElement>('.plot-name')!;
+    const words = [...name.childNodes].flatMap((node) => (node instanceof Text ? [node.data] : []));
+    expect(words).toEqual(['left_', 'hip_', 'pitch', 'Joint pos']);
+    expect(name.title).toBe('left_hip_pitchJoint pos');
+    name.click();
+    expect(name.hasAttribute('data-whole')).toBe(true);
+  });
+
   it('are one for each unit, with the newest values beside the names', () => {
     const past = new History();
     for (let n = 0; n < 20; n += 1) past.push(SCHEMA, state(n * 100, { 'pos.RKN': n * 10, 'cur.RKN': 50 }));

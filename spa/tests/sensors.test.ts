@@ -1,3 +1,4 @@
+import { parseSchema } from '@posecast/wire';
 import { describe, expect, it } from 'vitest';
 import { SensorTable } from '../src/twin/sensors/sensors.ts';
 import { codesWith, SCHEMA } from './schema.ts';
@@ -18,6 +19,33 @@ describe('sensors', () => {
       ['power', 'Power', ['volt']],
       ['other', 'range', ['front']],
     ]);
+  });
+
+  it('tell first where the base is, in metres and as angles', () => {
+    const half = Math.round(Math.SQRT1_2 * 1000);
+    const schema = parseSchema(
+      JSON.stringify({
+        ...{ type: 'schema', v: 1, robot: 'Drone' },
+        labels: { base: ['base.x', 'base.y', 'base.z'], baseq: ['base.w', 'base.x', 'base.y', 'base.z'] },
+        fields: [
+          { name: 'base', scale: 0.001, labels: 'base' },
+          { name: 'baseq', scale: 0.001, labels: 'baseq' },
+        ],
+      }),
+    );
+    const table = new SensorTable(schema, { base: 'Base', power: 'Power' });
+    const [group] = table.read(Int32Array.from([1500, -20, 12_340, half, 0, 0, half]));
+    expect([group?.kind, group?.title]).toEqual(['base', 'Base']);
+    const readings = group!.readings.map(({ name, unit, value }) => [name, unit, value?.toFixed(2)]);
+    expect(readings).toEqual([
+      ['x', 'm', '1.50'],
+      ['y', 'm', '-0.02'],
+      ['z', 'm', '12.34'],
+      ['roll', 'rad', '0.00'],
+      ['pitch', 'rad', '0.00'],
+      ['yaw', 'rad', '1.57'],
+    ]);
+    expect(table.reader('base', 'base.z')?.read(Int32Array.from([0, 0, 2000, 1, 0, 0, 0]))).toBe(2);
   });
 
   it('leave the joints to the other table', () => {

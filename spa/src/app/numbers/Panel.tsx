@@ -3,7 +3,7 @@ import { firstPaint } from '../../browser/first_paint.ts';
 import { nowMs } from '../../stream/clock.ts';
 import { late, lateAfterBody } from '../shell/late.tsx';
 import { ROOM_FOR_BOTH, useMedia } from '../shell/media.ts';
-import type { RobotLink } from '../state/robot_link.ts';
+import { type RobotLink, useVersion } from '../state/robot_link.ts';
 import { onSelection, selection, useSelectedJoint } from '../state/selection.ts';
 import { useTraces } from '../state/traces.ts';
 import { onLanguage, say, useText } from '../text/language.ts';
@@ -24,10 +24,11 @@ const Alarms = late(async () => (await import('./alarms/Alarms.tsx')).Alarms);
 const TABS = ['Joints', 'Sensors', 'Plots', 'Alarms'] as const;
 export type Tab = (typeof TABS)[number];
 
-/** The panel of numbers: faults and four tabs. The open tab is kept outside, as turning a phone replaces the panel. */
+/** The panel of numbers: faults and four tabs. A robot without joints has no tab for them, and its sensors come first. The
+ *  open tab is kept outside, as turning a phone replaces the panel. */
 export function Panel({
   link,
-  tab,
+  tab: chosen,
   onTab: setTab,
 }: {
   link: RobotLink;
@@ -39,6 +40,9 @@ export function Panel({
   const tabs = useRef<HTMLDivElement>(null);
   const joint = useSelectedJoint();
   const traces = useTraces().length;
+  useVersion(link);
+  const tabsOfRobot = link.twin.joints()?.rows.length === 0 ? TABS.slice(1) : TABS;
+  const tab = tabsOfRobot.includes(chosen) ? chosen : tabsOfRobot[0]!;
   useEffect(() => {
     // Wherever it was chosen. Not at once: a phone that is turned keeps the tab that it had.
     return onSelection(() => selection() !== null && setTab('Joints'));
@@ -53,8 +57,8 @@ export function Panel({
   const onKeyDown = (event: KeyboardEvent) => {
     const step = event.key === 'ArrowRight' ? 1 : event.key === 'ArrowLeft' ? -1 : 0;
     if (step === 0) return;
-    const next = (TABS.indexOf(tab) + step + TABS.length) % TABS.length;
-    setTab(TABS[next] ?? tab);
+    const next = (tabsOfRobot.indexOf(tab) + step + tabsOfRobot.length) % tabsOfRobot.length;
+    setTab(tabsOfRobot[next] ?? tab);
     tabs.current?.querySelectorAll('button')[next]?.focus();
   };
 
@@ -62,7 +66,7 @@ export function Panel({
     <div className="panel" ref={panel}>
       <FaultLine link={link} />
       <div className="tabs" role="tablist" aria-label={text.numbers} ref={tabs} onKeyDown={onKeyDown}>
-        {TABS.map((name) => (
+        {tabsOfRobot.map((name) => (
           <button
             key={name}
             type="button"

@@ -1,12 +1,16 @@
 import type { Fault } from '../../twin/alarms/fault_log.ts';
 import { say } from '../text/language.ts';
+import { edgeWords } from './edge_words.ts';
 
-/** What a fault is, in words: a flag as the robot names it, others in the page's language. `by`: how far a joint is from
- *  its command, with its unit. */
-export function faultWords({ what, words }: Pick<Fault, 'what' | 'words'>, by = ''): string {
+/** What a fault is, in words: a flag as the robot names it, what an agent reports and the rest in the page's
+ *  language. `by`: how far a joint is from its command, with its unit. */
+export function faultWords(
+  { what, source, words }: Pick<Fault, 'what' | 'source' | 'words'>,
+  by = '',
+): string {
   switch (what) {
     case 'flag':
-      return words;
+      return edgeWords(source, words);
     case 'cur':
       return say().overCurrent;
     case 'temp':

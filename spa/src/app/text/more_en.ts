@@ -145,6 +145,8 @@ export const moreEn = {
   // ---- sensors
   noSensors: 'This robot reports no sensors.',
   toPlots: 'Into the plots, or out of them',
+  base: 'Base',
+  ofBase: 'where it is',
   ofForce: 'force',
   ofOther: 'other',
   power: 'Power',
@@ -155,7 +157,8 @@ export const moreEn = {
   oldBy: (span: string) => `${span} old`,
 
   // ---- plots shown for a robot without a model
-  addBody: 'This robot has no body here. To give it one, start its agent with a URDF:',
+  addBody:
+    'This robot has no body here. To give it one, start its agent with its URDF, xacro, SDF or MJCF file:',
   ownPlots: 'Its values over the last minute',
   previousPlots: 'Values before these',
   nextPlots: 'More values',
@@ -181,6 +184,9 @@ export const moreEn = {
   clearedAt: (clock: string) => `cleared ${clock}`,
   stillThere: 'still there',
   acknowledgedStillThere: 'acknowledged, still there',
+  agentSilent: 'silent',
+  agentTooLarge: "robot's samples are too large",
+  moreEvents: (count: string) => `${count} more`,
 
   // ---- settings
   theme: 'Theme',

@@ -1,6 +1,6 @@
 import { JOINT, type Schema } from '@posecast/wire';
 import { ANY } from '../limits/limits.ts';
-import { type PowerWords, SensorTable } from '../sensors/sensors.ts';
+import { SensorTable, type SensorWords } from '../sensors/sensors.ts';
 
 /** A channel for which a viewer may set limits. */
 export interface LimitChannel {
@@ -27,7 +27,7 @@ const SPANS: Readonly<Record<string, number>> = {
   amp: 50,
 };
 /** The words of the viewer's language. */
-export interface LimitChannelWords extends PowerWords {
+export interface LimitChannelWords extends SensorWords {
   readonly motors: string;
   readonly currentOfAll: string;
   readonly heatOfAll: string;

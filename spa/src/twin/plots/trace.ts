@@ -1,6 +1,6 @@
 import type { Schema } from '@posecast/wire';
 import { isolated } from '../names.ts';
-import { type PowerWords, SensorTable } from '../sensors/sensors.ts';
+import { SensorTable, type SensorWords } from '../sensors/sensors.ts';
 import type { ChannelReader } from '../values.ts';
 import { valueAt } from '../values.ts';
 
@@ -22,12 +22,12 @@ export interface TraceReading {
   readonly ofJoint: boolean;
 }
 
-/** How to read a trace with this schema; null when the robot reports no such value, or only bits. `power`: words for
- *  power. */
+/** How to read a trace with this schema; null when the robot reports no such value, or only bits. `words`: for
+ *  the base and power. */
 export function traceReading(
   schema: Schema,
   { field: name, label }: Trace,
-  power?: PowerWords,
+  words?: SensorWords,
 ): TraceReading | null {
   const main = schema.field('pos') ?? schema.field('ref');
   const title = `${isolated(label)} ${name}`;
@@ -54,7 +54,7 @@ export function traceReading(
     const unit = schema.mapping.unit(name, label) ?? field.unit;
     return { title, unit, scale: field.scale, read: (codes) => valueAt(codes, field, index), ofJoint: true };
   }
-  const sensors = new SensorTable(schema, power);
+  const sensors = new SensorTable(schema, words);
   const found = sensors.reader(name, label);
   if (found === null) return null;
   const group = sensors.groups.find(({ readings }) => readings.includes(found.reading));

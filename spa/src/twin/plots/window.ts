@@ -1,6 +1,6 @@
 import { type AngleUnit, type Display, displayOf } from '../format.ts';
 import { isolated } from '../names.ts';
-import type { PowerWords } from '../sensors/sensors.ts';
+import type { SensorWords } from '../sensors/sensors.ts';
 import type { Sheet } from './csv.ts';
 import type { History } from './history.ts';
 import { type Trace, type TraceReading, traceReading } from './trace.ts';
@@ -27,11 +27,11 @@ export function plotGroups(
   history: History,
   list: readonly Trace[],
   angle: AngleUnit,
-  power?: PowerWords,
+  words?: SensorWords,
 ): PlotGroup[] {
   const groups = new Map<string, { display: Display; traces: PlotTrace[] }>();
   list.forEach((of, index) => {
-    const reading = history.schema === null ? null : traceReading(history.schema, of, power);
+    const reading = history.schema === null ? null : traceReading(history.schema, of, words);
     const display = displayOf(reading?.unit ?? '', angle, reading?.scale);
     const key = reading === null ? '\n' : display.unit;
     const group = groups.get(key) ?? { display, traces: [] };

@@ -19,18 +19,19 @@ export interface Reading {
   level: Level;
 }
 
-/** The readings of one sensor, power source or field. */
+/** The readings of one sensor, power source or field, or of where the robot's base is. */
 export interface SensorGroup {
-  readonly kind: 'wrench' | 'imu' | 'power' | 'other';
+  readonly kind: 'base' | 'wrench' | 'imu' | 'power' | 'other';
   readonly site: string;
   /** The plain name, when the profile has one. */
   readonly title: string;
   readonly readings: readonly Reading[];
 }
 
-/** The words for power and its fields in the viewer's language; a field without a word keeps the robot's name for it.
- *  */
-export interface PowerWords {
+/** The words for the base, for power and its fields in the viewer's language; what has no word keeps the robot's name
+ *  for it. */
+export interface SensorWords {
+  readonly base?: string;
   readonly power: string;
   readonly volt?: string;
   readonly amp?: string;
@@ -39,8 +40,9 @@ export interface PowerWords {
 }
 
 const JOINT_FIELDS = new Set(['ref', 'pos', 'vel', 'effort', 'cur', 'temp']);
-const BASE_FIELDS = new Set(['base', 'baseq']);
-const KIND_OF_FIELD: Readonly<Record<string, 'wrench' | 'imu' | 'power'>> = {
+const KIND_OF_FIELD: Readonly<Record<string, Exclude<SensorGroup['kind'], 'other'>>> = {
+  base: 'base',
+  baseq: 'base',
   ftf: 'wrench',
   ftm: 'wrench',
   quat: 'imu',
@@ -53,6 +55,7 @@ const KIND_OF_FIELD: Readonly<Record<string, 'wrench' | 'imu' | 'power'>> = {
   charge: 'power',
 };
 const UNIT_OF_FIELD: Readonly<Record<string, string>> = {
+  base: 'm',
   ftf: 'N',
   ftm: 'Nm',
   tilt: 'rad',
@@ -68,26 +71,28 @@ const NAMES: Readonly<Record<string, Readonly<Record<string, string>>>> = {
   gyro: { x: 'ωx', y: 'ωy', z: 'ωz' },
   acc: { x: 'ax', y: 'ay', z: 'az' },
 };
+/** Fields that hold quaternions, which are shown as angles. */
+const QUATERNIONS = new Set(['quat', 'baseq']);
 const EULER = ['roll', 'pitch', 'yaw'] as const;
 
 type Source = { from: Field; index: number } | { quat: readonly number[]; field: Field; angle: number };
 
-/** All readings that are not of joints, grouped by the site where they are measured. `read` rewrites them in place. */
+/** All readings that are not of joints, grouped by the site where they are measured; where the base is comes first. `read` rewrites them in place. */
 export class SensorTable {
   readonly groups: readonly SensorGroup[];
   readonly #schema: Schema;
-  readonly #power: PowerWords;
+  readonly #words: SensorWords;
   readonly #profileLimits: ValueLimits;
   readonly #all: { reading: Reading; source: Source; latch: LevelLatch }[] = [];
 
-  constructor(schema: Schema, power: PowerWords = { power: 'Power' }) {
+  constructor(schema: Schema, words: SensorWords = { power: 'Power' }) {
     this.#schema = schema;
-    this.#power = power;
+    this.#words = words;
     this.#profileLimits = new ValueLimits(schema.mapping);
     const groups = new Map<string, { kind: SensorGroup['kind']; site: string; readings: Reading[] }>();
     const main = schema.field('pos') ?? schema.field('ref');
     for (const field of schema.fields) {
-      if (BASE_FIELDS.has(field.name) || field.bits.length > 0) continue; // bits are told as alarms
+      if (field.bits.length > 0) continue; // bits are told as alarms
       const ofJoints = field.labelSet === main?.labelSet;
       if (ofJoints && JOINT_FIELDS.has(field.name)) continue;
       const kind = KIND_OF_FIELD[field.name] ?? 'other';
@@ -96,7 +101,7 @@ export class SensorTable {
         const key = kind === 'other' ? `other ${field.name}` : `${kind} ${site}`;
         const group = groups.get(key) ?? { kind, site: kind === 'other' ? field.name : site, readings: [] };
         groups.set(key, group);
-        if (field.name === 'quat') {
+        if (QUATERNIONS.has(field.name)) {
           if (component === 'w') this.#addAngles(group.readings, field, site);
           return;
         }
@@ -120,7 +125,7 @@ export class SensorTable {
         );
       });
     }
-    const order = ['wrench', 'imu', 'power', 'other'];
+    const order = ['base', 'wrench', 'imu', 'power', 'other'];
     this.groups = [...groups.values()]
       .sort((a, b) => order.indexOf(a.kind) - order.indexOf(b.kind))
       .map((group) => ({ ...group, title: this.#title(group.kind, group.site) }));
@@ -144,13 +149,14 @@ export class SensorTable {
 
   #powerName(field: string): string | undefined {
     return field === 'volt' || field === 'amp' || field === 'watt' || field === 'charge'
-      ? this.#power[field]
+      ? this.#words[field]
       : undefined;
   }
 
   #title(kind: SensorGroup['kind'], site: string): string {
     if (kind === 'power')
-      return site === 'main' ? this.#power.power : `${this.#power.power}, ${isolated(site)}`;
+      return site === 'main' ? this.#words.power : `${this.#words.power}, ${isolated(site)}`;
+    if (kind === 'base' && site === 'base' && this.#words.base !== undefined) return this.#words.base;
     return isolated(this.#schema.mapping.sensors.get(site)?.name ?? site);
   }
 
@@ -160,7 +166,7 @@ export class SensorTable {
     EULER.forEach((name, angle) => {
       this.#add(
         readings,
-        { field: 'quat', label: `${site}.${name}`, name, unit: 'rad', scale: field.scale },
+        { field: field.name, label: `${site}.${name}`, name, unit: 'rad', scale: field.scale },
         { quat, field, angle },
       );
     });

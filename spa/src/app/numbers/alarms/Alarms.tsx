@@ -5,6 +5,7 @@ import { isolated, plainName } from '../../../twin/names.ts';
 import { useFaults } from '../../state/fault_keeper.ts';
 import { onOwnAlarms, ownAlarms } from '../../state/own_alarms.ts';
 import { type RobotLink, useVersion } from '../../state/robot_link.ts';
+import { edgeWords } from '../../status/edge_words.ts';
 import { useMore } from '../../text/more.ts';
 import { OpenFaults } from './OpenFaults.tsx';
 
@@ -35,7 +36,7 @@ export function Alarms({ link }: { link: RobotLink }) {
     atMs: at === null ? null : at * 1000,
     source: isolated(source),
     title: plainName(schema, source),
-    words: flagWords(said),
+    words: edgeWords(source, flagWords(said)),
     own: false,
     ...{ level, state },
   }));

@@ -15,10 +15,11 @@ import {
   plotGroups,
   sheetOf,
 } from '../../../twin/plots/window.ts';
-import type { PowerWords } from '../../../twin/sensors/sensors.ts';
+import type { SensorWords } from '../../../twin/sensors/sensors.ts';
 import { say } from '../../text/language.ts';
 import type { More } from '../../text/more_en.ts';
 import { createElement, TextCell } from '../grid/cells.ts';
+import { writeLegendName } from './legend_name.ts';
 import { traceStyle } from './trace_style.ts';
 
 const HEIGHT_PX = { least: 130, most: 240 };
@@ -33,7 +34,7 @@ interface Shown {
 }
 
 /** The words at the plots. */
-export type PlotWords = Pick<More, 'plotOf' | 'takeAway' | 'notReported' | 'ago' | keyof PowerWords>;
+export type PlotWords = Pick<More, 'plotOf' | 'takeAway' | 'notReported' | 'ago' | keyof SensorWords>;
 
 export interface PlotManner {
   readonly theme: 'dark' | 'light';
@@ -127,8 +128,8 @@ export class PlotStack {
     const swatch = createElement('i', 'plot-swatch');
     swatch.style.borderTop = `2px ${dash.length > 0 ? 'dashed' : 'solid'} ${color}`;
     const title = titleOf(trace);
-    const name = createElement('span', 'plot-name', title);
-    name.title = title;
+    const name = createElement('span', 'plot-name');
+    writeLegendName(name, title);
     const value = createElement('span', 'c-num');
     const unit = createElement('span', 'unit', reading === null ? words.notReported : display.unit);
     entry.append(swatch, name, value, unit);

@@ -13,8 +13,8 @@ const OLD_MS = 1500;
 
 /** The words behind a group's name. */
 function kindWords(kind: SensorGroup['kind']): string {
-  const { ofForce, ofOther } = more();
-  return { wrench: ofForce, imu: 'IMU', power: '', other: ofOther }[kind];
+  const { ofBase, ofForce, ofOther } = more();
+  return { base: ofBase, wrench: ofForce, imu: 'IMU', power: '', other: ofOther }[kind];
 }
 
 interface ReadingView {
@@ -92,7 +92,8 @@ export class SensorView {
   #lostMs({ field: name, label }: Reading, last: LastReadings): number | null {
     const field = this.#twin.schema?.field(name) ?? null;
     const site = label.slice(0, label.lastIndexOf('.') + 1);
-    const labels = name === 'quat' ? ['w', 'x', 'y', 'z'].map((part) => site + part) : [label];
+    const labels =
+      name === 'quat' || name === 'baseq' ? ['w', 'x', 'y', 'z'].map((part) => site + part) : [label];
     const lost = labels.flatMap((one) => last.lostMs(field, field?.labels.indexOf(one) ?? -1) ?? []);
     return lost.length === 0 ? null : Math.min(...lost);
   }
