@@ -7,7 +7,7 @@ import pytest
 from edge_stage import PROFILE
 from posecast_edge.profile.reader import ProfileError, find_profile, load_profile, parse_profile
 from posecast_edge.profile.schema import make_schema_text
-from posecast_wire.mapping import JointMap, SensorMount, Threshold
+from posecast_wire.mapping import JointMap, SensorMount, Sentence, Threshold
 from posecast_wire.schema import Schema
 from settings_parsers import BASE, VIEWS
 
@@ -29,6 +29,25 @@ def test_a_whole_profile() -> None:
     assert m.severities == {"flags": {"homed": "state", "hot": "caution"}}
     assert m.tolerances == {"*": 0.05}
     assert m.names == {"RKN": "right knee", "RF": "right foot"}
+
+
+FLAGS = BASE + "[[fields]]\nname='flags'\nbits=['jam']\n"
+
+
+def test_a_bit_has_sentences_by_language() -> None:
+    p = parse_profile(
+        FLAGS + "[explain.flags]\njam.en = { say = '{joint} is stuck[: {error} off].', why = 'It hit.' }\n"
+        "jam.ko.say = '{joint}: 막힘'\n[views.lab]\nfields = ['pos']\n"
+    )
+    told = {
+        "jam": {
+            "en": Sentence("{joint} is stuck[: {error} off].", "It hit."),
+            "ko": Sentence("{joint}: 막힘"),
+        }
+    }
+    assert p.mapping.sentences == {"flags": told}
+    assert Schema.parse(make_schema_text(p)).mapping.sentences == {"flags": told}
+    assert "explain" not in make_schema_text(p.restrict_to_view(p.views["lab"])), "of a field not in the view"
 
 
 @pytest.mark.parametrize(
@@ -88,6 +107,52 @@ def test_a_whole_profile() -> None:
         (BASE + "[sensors.RF]\nkind='nose'\n", "p.toml:6: sensors.RF.kind: unknown kind 'nose'"),
         (BASE + "[sensors.RF]\nkind='imu'\nxyz=[1,2]\n", "p.toml:7: sensors.RF.xyz: must be three numbers"),
         (BASE + "[severity.pos]\njam='fault'\n", "p.toml:6: severity.pos.jam: unknown bit 'jam'"),
+        (
+            FLAGS + "[explain.pos]\njam.en.say='x'\n",
+            "p.toml:9: explain.pos.jam: unknown bit 'jam'",
+        ),
+        (FLAGS + "[explain.flags]\nhot.en.say='x'\n", "p.toml:9: explain.flags.hot: unknown bit 'hot'"),
+        (
+            FLAGS + "[explain.flags.jam]\nenglish.say='x'\n",
+            "p.toml:9: explain.flags.jam.english: must be a language tag, such as en or ko",
+        ),
+        (
+            FLAGS + "[explain.flags.jam]\nen={say='x',text='y'}\n",
+            "p.toml:9: explain.flags.jam.en.text: unknown key; known: say, why",
+        ),
+        (
+            FLAGS + "[explain.flags.jam]\nen={why='y'}\n",
+            "p.toml:9: explain.flags.jam.en.say: must be a text, not None",
+        ),
+        (
+            FLAGS + "[explain.flags.jam]\nen.say='{motor} is hot'\n",
+            "p.toml:9: explain.flags.jam.en.say: unknown place {motor}; known: joint, age, ref, pos, error",
+        ),
+        (
+            FLAGS + "[explain.flags.jam]\nen.say='{joint} {temp}'\n",
+            "p.toml:9: explain.flags.jam.en.say: {temp} may be unknown: put its part",
+        ),
+        (
+            FLAGS + "[explain.flags.jam]\nen.say='{joint} [is [hot]]'\n",
+            "p.toml:9: explain.flags.jam.en.say: braces and brackets come in pairs",
+        ),
+        (
+            FLAGS + f"[explain.flags.jam]\nen.say='{'x' * 201}'\n",
+            "p.toml:9: explain.flags.jam.en.say: has 201 characters; at most 200",
+        ),
+        (
+            FLAGS + "[explain.flags.jam]\n" + "".join(f"a{chr(97 + i)}.say='x'\n" for i in range(17)),
+            "p.toml:25: explain.flags.jam.aq: more than 16 languages",
+        ),
+        (
+            BASE
+            + f"[[fields]]\nname='flags'\nbits={[f'b{i}' for i in range(12)]}\n"
+            + "".join(
+                f"[explain.flags.b{i}]\n" + "".join(f"a{chr(97 + k)}.say='{'모' * 200}'\n" for k in range(5))
+                for i in range(12)
+            ),
+            "p.toml:68: explain.flags.b10: more than 32768 bytes of sentences in all",
+        ),
         (BASE + "[thresholds.temp]\nA={high=1}\n", "p.toml:5: thresholds.temp: unknown field 'temp'"),
         (BASE + "[thresholds.pos]\nC={high=1}\n", "p.toml:6: thresholds.pos.C: unknown label 'C'"),
         (BASE + "[thresholds.pos]\nA={}\n", "p.toml:6: thresholds.pos.A: needs low or high"),

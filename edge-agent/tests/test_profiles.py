@@ -33,6 +33,23 @@ def test_it_parses_and_names_every_joint(path: Path) -> None:
     assert profile.mapping.find_tolerance("anything") == pytest.approx(0.055, abs=0.01)
 
 
+@pytest.mark.parametrize("path", sorted(PROFILES.glob("*.toml")), ids=lambda p: p.stem)
+def test_each_bit_of_a_joint_has_sentences_in_both_languages(path: Path) -> None:
+    profile = load_profile(path)
+    flags = profile.find_field("flags")
+    told = profile.mapping.sentences.get("flags", {})
+    assert set(told) == set(flags.bits if flags else ())
+    for bit, by_language in told.items():
+        assert set(by_language) == {"en", "ko"}, bit
+        assert all(s.say.startswith("{joint}") and s.why for s in by_language.values()), bit
+
+
+def test_the_same_bit_means_the_same_in_each_profile() -> None:
+    told = [load_profile(path).mapping.sentences.get("flags", {}) for path in PROFILES.glob("*.toml")]
+    for bit in {bit for of in told for bit in of}:
+        assert len({str(of[bit]) for of in told if bit in of}) == 1, bit
+
+
 @shared
 @pytest.mark.parametrize(("name", "urdf"), [("hubo2plus", HUBO_URDF), ("g1", G1_URDF)])
 def test_it_fits_the_model(name: str, urdf: Path) -> None:

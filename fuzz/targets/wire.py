@@ -175,6 +175,13 @@ def shown_mapping(found: Mapping) -> dict[str, Any]:
         "tolerances": dict(found.tolerances),
         "severities": {name: dict(of) for name, of in found.severities.items()},
         "units": {name: dict(of) for name, of in found.units.items()},
+        "sentences": {
+            name: {
+                bit: {language: {"say": one.say, "why": one.why} for language, one in by.items()}
+                for bit, by in of.items()
+            }
+            for name, of in found.sentences.items()
+        },
     }
 
 

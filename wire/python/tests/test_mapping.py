@@ -5,7 +5,15 @@ from __future__ import annotations
 import math
 
 import pytest
-from posecast_wire import JointMap, Schema, SensorMount, Threshold, build_schema_text, compute_joint_values
+from posecast_wire import (
+    JointMap,
+    Schema,
+    SensorMount,
+    Sentence,
+    Threshold,
+    build_schema_text,
+    compute_joint_values,
+)
 
 MAPPED = Schema.parse(
     build_schema_text(
@@ -23,6 +31,7 @@ MAPPED = Schema.parse(
             "tolerance": {"*": 0.05, "RKN": 0.08},
             "severity": {"flags": {"homed": "state"}},
             "units": {"pos": {"NK1": "mm"}},
+            "explain": {"flags": {"jam": {"en": {"say": "{joint} is stuck.", "why": "It hit something."}}}},
         },
     )
 )
@@ -53,6 +62,12 @@ def test_parts() -> None:
         None,
         None,
     )
+
+
+def test_sentences_are_by_field_bit_and_language() -> None:
+    assert MAPPED.mapping.sentences == {
+        "flags": {"jam": {"en": Sentence("{joint} is stuck.", "It hit something.")}}
+    }
 
 
 def test_joint_values_are_in_radians_by_urdf_name() -> None:

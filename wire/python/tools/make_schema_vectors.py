@@ -110,6 +110,13 @@ def schemas() -> dict[str, Any]:
         ("mapping.severity.a key", mapping(severity={"a": {"\n": "fault"}})),
         ("mapping.units.a.x", mapping(units={"a": {"x": 5}})),
         ("mapping.units.a key", mapping(units={"a": {"k" * 201: "mm"}})),
+        (
+            "mapping.explain.a.jam.en.say",
+            mapping(explain={"a": {"jam": {"en": {"why": "It hit something."}}}}),
+        ),
+        ("mapping.explain.a.jam.en.say", mapping(explain={"a": {"jam": {"en": {"say": "x" * 201}}}})),
+        ("mapping.explain.a.jam.en.why", mapping(explain={"a": {"jam": {"en": {"say": "x", "why": 1}}}})),
+        ("mapping.explain.a.jam.en", mapping(explain={"a": {"jam": {"en": "stuck"}}})),
     ]
     good: list[tuple[str, str]] = [
         ("of a member named twice the last counts", more('{"type":1},"type":7,"type":"schema"')),

@@ -23,6 +23,7 @@ export {
   type Mapping,
   type SensorKind,
   type SensorMount,
+  type Sentence,
   type Severity,
   type Threshold,
 } from './mapping.ts';

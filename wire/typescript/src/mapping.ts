@@ -37,6 +37,12 @@ export interface Threshold {
   readonly caution: number;
 }
 
+/** What a bit means, in one language: `say` with places for names and values (SPEC §2), and `why`, one more sentence. */
+export interface Sentence {
+  readonly say: string;
+  readonly why: string | null;
+}
+
 /** `fault` past a limit, `caution` past the fraction of it that points to rest, else `ok`. */
 export function level(threshold: Threshold, value: number | null): Level {
   if (value === null || Number.isNaN(value)) return 'ok';
@@ -57,7 +63,13 @@ export class Mapping {
     private readonly tolerances: ReadonlyMap<string, number>,
     private readonly severities: ReadonlyMap<string, ReadonlyMap<string, Severity>>,
     private readonly units: ReadonlyMap<string, ReadonlyMap<string, string>>,
+    private readonly sentences: ReadonlyMap<string, ReadonlyMap<string, ReadonlyMap<string, Sentence>>>,
   ) {}
+
+  /** What a bit means, by language ("en"); null where nobody says. */
+  sentence(field: string, bit: string): ReadonlyMap<string, Sentence> | null {
+    return this.sentences.get(field)?.get(bit) ?? null;
+  }
 
   /** The unit of one channel where it is not its field's, else null. */
   unit(field: string, label: string): string | null {
@@ -94,6 +106,7 @@ export function parseMapping(value: unknown): Mapping {
     part('tolerance', atLeastZero),
     part('severity', (v, at) => entries(v, at, severity)),
     part('units', (v, at) => entries(v, at, text)),
+    part('explain', (v, at) => entries(v, at, (bit, of) => entries(bit, of, sentence))),
   );
 }
 
@@ -196,6 +209,12 @@ function atLeastZero(value: unknown, where: string): number {
   const found = number(value, where);
   if (found < 0) fail(where, 'must not be negative');
   return found;
+}
+
+function sentence(value: unknown, where: string): Sentence {
+  const doc = table(value, where);
+  const why = doc.get('why') ?? null;
+  return { say: text(doc.get('say'), `${where}.say`), why: why === null ? null : text(why, `${where}.why`) };
 }
 
 function severity(value: unknown, where: string): Severity {

@@ -49,6 +49,7 @@ test('stars stand for the rest', () => {
         tolerance: { '*': 0.05, RKN: 0.08 },
         severity: { flags: { homed: 'state' } },
         units: { pos: { NK1: 'mm' } },
+        explain: { flags: { jam: { en: { say: '{joint} is stuck.' } } } },
         sensors: { RF: { kind: 'wrench', link: 'foot' }, main: { kind: 'power' } },
       },
     }),
@@ -58,6 +59,10 @@ test('stars stand for the rest', () => {
   expect(mapping.threshold('cur', 'LKN')).toBeNull();
   expect([mapping.tolerance('RKN'), mapping.tolerance('LKN')]).toEqual([0.08, 0.05]);
   expect([mapping.severity('flags', 'homed'), mapping.severity('flags', 'jam')]).toEqual(['state', 'fault']);
+  expect(mapping.sentence('flags', 'jam')).toEqual(
+    new Map([['en', { say: '{joint} is stuck.', why: null }]]),
+  );
+  expect([mapping.sentence('flags', 'homed'), mapping.sentence('a', 'jam')]).toEqual([null, null]);
   expect([mapping.unit('pos', 'NK1'), mapping.unit('pos', 'RKN'), mapping.unit('cur', 'NK1')]).toEqual([
     'mm',
     null,

@@ -27,6 +27,7 @@ from posecast_wire.mapping import Mapping as Meaning
 from posecast_wire.schema import BITS_MAX, CHANNELS_MAX, FIELD_NAME, SchemaError
 
 from posecast_edge.profile.columns import Columns
+from posecast_edge.profile.explain import read_sentences
 from posecast_edge.profile.field_defaults import PLAIN, WELL_KNOWN
 from posecast_edge.profile.joint_mapping import TermError, resolve_entries
 from posecast_edge.profile.schema import make_schema_text
@@ -141,7 +142,7 @@ class ProfileReader(Values):
             "names",
             "views",
         )
-        self.check_table(doc, "", (*keys, "trajectory", "ros", "csv"))
+        self.check_table(doc, "", (*keys, "explain", "trajectory", "ros", "csv"))
         robot = self.check_table(doc.get("robot", {}), "robot", ("name", "root"))
         labels = {
             name: self.check_unique_texts(value, f"labels.{name}")
@@ -168,6 +169,7 @@ class ProfileReader(Values):
                 tolerances=self.build_tolerances(doc.get("tolerance", {}), joint),
                 severities=self.build_severities(doc.get("severity", {}), by_name),
                 units=self.units,
+                sentences=read_sentences(self, doc.get("explain", {}), by_name),
             ),
             trajectory=self.build_trajectory(doc["trajectory"], fields) if "trajectory" in doc else None,
             ros=self.build_ros_topics(doc["ros"]) if "ros" in doc else None,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
-from posecast_wire.mapping import JOINT, SensorMount, Threshold
+from posecast_wire.mapping import JOINT, SensorMount, Sentence, Threshold
 from posecast_wire.mapping import Mapping as Meaning
 from posecast_wire.schema import BITS_MAX, CHANNELS_MAX, FIELD_NAME, build_schema_text
 
@@ -64,8 +64,19 @@ def _mapping(meaning: Meaning) -> dict[str, object]:
         "tolerance": dict(meaning.tolerances),
         "severity": {field: dict(bits) for field, bits in meaning.severities.items()},
         "units": {field: dict(labels) for field, labels in meaning.units.items()},
+        "explain": {
+            field: {
+                bit: {language: _sentence(s) for language, s in by_language.items()}
+                for bit, by_language in bits.items()
+            }
+            for field, bits in meaning.sentences.items()
+        },
     }
     return {name: part for name, part in parts.items() if part}
+
+
+def _sentence(s: Sentence) -> dict[str, str]:
+    return {"say": s.say} if s.why is None else {"say": s.say, "why": s.why}
 
 
 def _threshold(t: Threshold) -> dict[str, float]:

@@ -118,5 +118,6 @@ class Profile:
                 tolerances=m.tolerances if moves else {},
                 severities={k: v for k, v in m.severities.items() if k in names},
                 units={k: v for k, v in m.units.items() if k in names},
+                sentences={k: v for k, v in m.sentences.items() if k in names},
             ),
         )

@@ -19,7 +19,7 @@ from posecast_wire.keys import (
     model_key,
     snapshot_key,
 )
-from posecast_wire.mapping import JointMap, Mapping, SensorMount, Threshold, compute_joint_values
+from posecast_wire.mapping import JointMap, Mapping, SensorMount, Sentence, Threshold, compute_joint_values
 from posecast_wire.messages import (
     MESSAGE_BYTES_MAX,
     Ack,
@@ -88,6 +88,7 @@ __all__ = [
     "Schema",
     "SchemaError",
     "SensorMount",
+    "Sentence",
     "Snapshot",
     "Stamp",
     "Status",

@@ -72,6 +72,15 @@ class Threshold:
 
 
 @dataclass(frozen=True)
+class Sentence:
+    """What a bit means, in one language: `say` with places for names and values (SPEC §2); `why`, one more
+    sentence, or None."""
+
+    say: str
+    why: str | None = None
+
+
+@dataclass(frozen=True)
 class Mapping:
     """What channels mean for the model. All parts are optional and keyed by names of channels, sites, fields
     and bits."""
@@ -83,6 +92,8 @@ class Mapping:
     tolerances: ReadOnly[str, float] = field(default_factory=dict)
     severities: ReadOnly[str, ReadOnly[str, Severity]] = field(default_factory=dict)
     units: ReadOnly[str, ReadOnly[str, str]] = field(default_factory=dict)
+    # field → bit → language → sentence
+    sentences: ReadOnly[str, ReadOnly[str, ReadOnly[str, Sentence]]] = field(default_factory=dict)
 
     def find_unit(self, field_name: str, label: str) -> str | None:
         """The unit of a channel if it differs from its field's unit, else None."""
@@ -119,6 +130,7 @@ def parse_mapping(value: object) -> Mapping:
         tolerances={k: _at_least_zero(v, at) for k, v, at in part("tolerance")},
         severities={k: _each(v, at, _severity) for k, v, at in part("severity")},
         units={k: _each(v, at, check_text) for k, v, at in part("units")},
+        sentences={k: _each(v, at, _by_language) for k, v, at in part("explain")},
     )
 
 
@@ -201,6 +213,18 @@ def _at_least_zero(value: object, where: str) -> float:
     if found < 0:
         fail(where, "must not be negative")
     return found
+
+
+def _by_language(value: object, where: str) -> dict[str, Sentence]:
+    return _each(value, where, _sentence)
+
+
+def _sentence(value: object, where: str) -> Sentence:
+    doc = check_table(value, where)
+    why = doc.get("why")
+    return Sentence(
+        check_text(doc.get("say"), f"{where}.say"), None if why is None else check_text(why, f"{where}.why")
+    )
 
 
 def _severity(value: object, where: str) -> Severity:
