@@ -95,8 +95,10 @@ it('a joint that stalls is found from page load in two taps at most: its row, it
     await page.findByTestId('acknowledge').click();
     await until('all is well', async () => (await line()) === 'No faults');
     source.write(JSON.stringify({ ...quiet, ref }));
-    await until('it stalls', async () => /^RKN 0\.\d\d rad off its command/.test(await line()));
-    await page.findByRole('button', /off its command/).click();
+    await until('it stalls', async () =>
+      /^Right knee is not where it was told to be: 0\.\d\d rad off/.test(await line()),
+    );
+    await page.findByRole('button', /told to be/).click();
     await until('its card', async () => (await cardOf(page)) === 'RKN');
     await page.findByTestId('acknowledge').click();
     await until('quiet', async () => (await line()) === 'No faults');

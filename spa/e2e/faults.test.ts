@@ -34,7 +34,7 @@ it('a fault of 30 ms stays until it is acknowledged in this browser, also after 
 
   source.write(JSON.stringify({ ...JAMMED, once: true }));
   await until('it is over, and still there', async () => (await row(page)).latched === 'over');
-  expect(await line(page)).toMatch(/^RKN jam· over since/);
+  expect(await line(page)).toMatch(/^Right knee is blocked\.RKN · jam · over since/);
   expect(await row(page)).toMatchObject({ flags: 'jam, over', first: 'RKN' });
 
   await page.open(`${relay.url}/?again#/r/demo`);
@@ -65,8 +65,10 @@ it('is found in one tap: the line opens the joint, with its last minute and what
   ]) {
     const page = await stage.newPage({ viewport });
     await page.open(`${relay.url}/#/r/demo`);
-    await until('the fault is told', async () => (await line(page).catch(() => '')).startsWith('RKN jam'));
-    await page.findByRole('button', /^RKN jam/).click();
+    await until('the fault is told', async () =>
+      (await line(page).catch(() => '')).startsWith('Right knee is'),
+    );
+    await page.findByRole('button', /^Right knee is blocked/).click();
     const card = page.findByTestId('joint-card');
     await until('its card', async () => (await card.count()) === 1);
     const text = () =>
@@ -74,9 +76,51 @@ it('is found in one tap: the line opens the joint, with its last minute and what
     const points = () =>
       page.evaluate<number>('document.querySelector(".trace-pos").getAttribute("d").split(/[ML]/).length');
     await until('a strip that grows', async () => (await points()) > 5);
-    expect(await text()).toMatch(/RKN.*right knee.*\d\d:\d\d:\d\djam.*still there.*position.*reference/s);
+    expect(await text()).toMatch(
+      /RKN.*right knee.*\d\d:\d\d:\d\dRight knee is blocked.*RKN · jam.*still there.*position.*reference/s,
+    );
     await page.press('Escape');
     await until('the table again', async () => (await card.count()) === 0);
     await page.close();
   }
+});
+
+it('stands first in its line, whole, on every size; the button makes room, and the line says how often', async () => {
+  const relay = await stage.stack.relay();
+  const apart = { ...FINE, wave: { pos: { RKN: [0.4, 0.05] } }, ref: { RKN: 0.9 } };
+  const broken = { ...apart, flags: { RKN: ['homed', 'enabled', 'bigError'], LKN: [] } };
+  const { source } = stage.stack.fedEdge(relay, apart, { profile: 'demo' });
+  const page = await stage.newPage({ viewport: { width: 360, height: 640 } });
+  await page.open(`${relay.url}/#/r/demo`);
+  await until('LIVE', async () => (await liveness(page)) === 'LIVE');
+  source.write(JSON.stringify({ ...broken, flags: { ...broken.flags, LKN: ['jam'] }, once: true }));
+  await until('the first time', async () => /^(Right|Left) knee is/.test(await line(page)));
+  source.write(JSON.stringify(broken));
+  await until('in a sentence, with its age', async () =>
+    /^Right knee is not where it was told to be: 0\.\d\d rad off for \d+ s\.RKN · big error · 2nd time in 10 min/.test(
+      await line(page),
+    ),
+  );
+  for (const [width, height] of [
+    [360, 640],
+    [820, 1180],
+    [1280, 800],
+    [3840, 2160],
+  ] as const) {
+    await page.viewport({ width, height });
+    const cut = () =>
+      page.evaluate<string>(`(() => {
+        const what = document.querySelector('.fault-what'), button = document.querySelector('[data-testid=acknowledge]');
+        const line = document.querySelector('.fault-line').getBoundingClientRect();
+        const [said, done] = [what.getBoundingClientRect(), button.getBoundingClientRect()];
+        const wrong = [];
+        if (what.scrollWidth > what.clientWidth || what.scrollHeight > what.clientHeight + 1) wrong.push('cut');
+        if (said.left > line.left + 40 || said.bottom > line.bottom + 1) wrong.push('not first');
+        if (done.right > Math.min(line.right, innerWidth) || done.bottom > line.bottom + 1) wrong.push('button');
+        if (!(done.left >= said.right || done.top >= said.bottom - 1)) wrong.push('over one another');
+        return wrong.join(', ');
+      })()`);
+    await until(`whole at ${width}: ${await cut()}`, async () => (await cut()) === '');
+  }
+  expect(await page.findByTestId('acknowledge').attribute('aria-label')).toBe('Acknowledge all');
 });

@@ -135,7 +135,7 @@ describe.runIf(process.env.POSECAST_WRITE_GUIDE === '1')("the guide's pictures",
     await shown(page);
     await choose(page, { theme: 'light' });
     await until('its finest shells', () => finest(page), 60_000);
-    await page.findByRole('button', /^RKN jam/).click();
+    await page.findByRole('button', /^Right knee is blocked/).click();
     const card = page.findByTestId('joint-card');
     await until('its card', async () => (await card.count()) === 1);
     const points = () =>

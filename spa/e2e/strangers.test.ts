@@ -195,7 +195,11 @@ it.skipIf(!FULL)('a fault of 30 ms reaches a viewer who may have one pose a seco
   await until('no faults', async () => (await line()) === 'No faults');
   for (let n = 0; n < 3; n += 1) {
     source.write(JSON.stringify({ ...fine, flags: { RKN: ['homed', 'enabled', 'jam'] }, once: true }));
-    await until('latched', async () => /^RKN jam· over since/.test(await line()), 30_000);
+    await until(
+      'latched',
+      async () => /^Right knee is blocked\.RKN · jam · over since/.test(await line()),
+      30_000,
+    );
     await page.findByTestId('acknowledge').click();
     await until('acknowledged', async () => (await line()) === 'No faults');
   }

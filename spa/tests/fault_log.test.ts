@@ -192,3 +192,36 @@ describe('a joint that stalls without a flag', () => {
     expect(next.look(6000, off(300))).toEqual(['RKN caution apart 3200 false']);
   });
 });
+
+describe('of many', () => {
+  it('that which lasts longest comes first, then of those that are over the one that rose last', () => {
+    const log = new FaultLog();
+    log.rows(rows(), AT_MS);
+    for (const [n, text, s] of [
+      [1, 'encError', 0],
+      [3, 'jam', 10],
+      [5, 'encError', 20],
+    ] as const) {
+      log.event(event(n, 'on', AT_S + s, text), AT_MS + s * 1000);
+      log.event(event(n + 1, 'off', AT_S + s + 0.03, text), AT_MS + s * 1000 + 30);
+    }
+    expect(log.faults.map(({ words }) => words)).toEqual(['enc error', 'jam']);
+    const { key } = log.faults[0]!;
+    expect(log.occurrences.newestMs(key)).toBe(AT_MS + 20_000);
+    expect(log.occurrences.times(key, AT_MS + 30_000)).toBe(2);
+    log.rows(rows(0, 90), AT_MS + 30_000);
+    expect(log.faults[0]?.what).toBe('temp');
+  });
+
+  it('each rise counts, also of one that was acknowledged and rises again', () => {
+    const log = new FaultLog();
+    log.rows(rows(JAM), AT_MS);
+    log.rows(rows(), AT_MS + 2000);
+    log.acknowledge(log.faults.map((fault) => fault.key));
+    log.rows(rows(JAM), AT_MS + 4000);
+    log.rows(rows(JAM), AT_MS + 4030);
+    const { key } = log.faults[0]!;
+    expect(log.occurrences.times(key, AT_MS + 5000)).toBe(2);
+    expect(log.occurrences.newestMs(key)).toBe(AT_MS + 4000);
+  });
+});

@@ -102,6 +102,13 @@ export const ko: Text = {
 
 /** The Korean sentences of `more_en.ts`. */
 export const moreKo: More = {
+  offSentence: '{joint}: 명령받은 곳에 있지 않습니다[. {error} 벗어남][, {age}째].',
+  hotSentence: '{joint}: 너무 뜨겁습니다[: {temp}].',
+  currentSentence: '{joint}: 허용된 것보다 많은 전류를 씁니다[: {cur}].',
+  flagReported: '{joint}: “{word}” 알림[, {age}째].',
+  partReported: '{joint}: {word}',
+  timesLately: (times) => `10분간 ${times}번째`,
+  manyTimesLately: (times) => `10분간 ${times - 1}번 넘게`,
   explainMirror:
     '이 페이지는 릴레이가 아니라 데이터베이스의 미러를 읽습니다. 자세는 초당 최대 2개이고 이벤트는 없습니다.',
   explainUnwritten: '지금은 아무도 미러를 쓰지 않습니다. 지금 보이는 것은 거기 남은 마지막 자세입니다.',

@@ -188,6 +188,15 @@ export const moreEn = {
   agentTooLarge: "robot's samples are too large",
   moreEvents: (count: string) => `${count} more`,
 
+  // ---- faults as sentences; places as in a profile, see docs/ROBOTS.md
+  offSentence: '{joint} is not where it was told to be[: {error} off][ for {age}].',
+  hotSentence: '{joint} is too hot[: {temp}].',
+  currentSentence: '{joint} draws more current than it may[: {cur}].',
+  flagReported: '{joint} reports “{word}”[ for {age}].',
+  partReported: '{joint}: {word}',
+  timesLately: (times: number) => `${ordinal(times)} time in 10 min`,
+  manyTimesLately: (times: number) => `over ${times - 1} times in 10 min`,
+
   // ---- settings
   theme: 'Theme',
   system: 'System',
@@ -315,6 +324,11 @@ export const moreEn = {
   dropTooLarge: (path: string) => `${path}: larger than 8 MiB`,
   dropUnreadable: (where: string, why: string) => `${where}: ${why}`,
 };
+
+function ordinal(count: number): string {
+  const last = count % 100 > 10 && count % 100 < 14 ? 0 : count % 10;
+  return `${count}${['th', 'st', 'nd', 'rd'][last] ?? 'th'}`;
+}
 
 /** The sentences of the parts that are loaded on demand, in any language. */
 export type More = typeof moreEn;

@@ -1,6 +1,7 @@
 import type { EventMessage } from '@posecast/wire';
 import { flagWords } from '../format.ts';
 import type { JointRow } from '../joints.ts';
+import { Occurrences } from './occurrences.ts';
 
 /** The kind of fault: a flag bit that the robot set, a limit that was passed (current, temperature), or a joint that
  *  has long been off its command (`apart`). */
@@ -45,6 +46,8 @@ type Named = Pick<Fault, 'key' | 'level' | 'what' | 'source' | 'words'>;
  * lasting faults whose event is no longer known. A fault from either source stays until it is acknowledged.
  */
 export class FaultLog {
+  /** How often each fault rose lately, also after it was acknowledged. */
+  readonly occurrences = new Occurrences();
   readonly #entries = new Map<string, Entry>();
   #acknowledged = new Map<string, number>();
   /** Keys of the faults in the newest frame; null before the first frame, whose faults may be old ones. */
@@ -60,8 +63,8 @@ export class FaultLog {
     this.#acknowledged = new Map(acknowledged);
   }
 
-  /** All that are not yet acknowledged or not yet over: faults before cautions, lasting before past, then oldest first.
-   *  */
+  /** All that are not yet acknowledged or not yet over: faults before cautions, lasting before past; of the lasting ones
+   *  the oldest first, of the past ones that which rose last. */
   get faults(): readonly Fault[] {
     return this.#inOrder().faults;
   }
@@ -81,7 +84,7 @@ export class FaultLog {
       (a, b) =>
         Number(a.level === 'caution') - Number(b.level === 'caution') ||
         Number(b.clearedMs === null) - Number(a.clearedMs === null) ||
-        a.firstMs - b.firstMs,
+        (a.clearedMs === null ? a.firstMs - b.firstMs : this.#newestMs(b) - this.#newestMs(a)),
     );
     const worst = new Map<string, Fault>();
     for (const fault of faults) {
@@ -90,6 +93,10 @@ export class FaultLog {
     }
     this.#sorted = { version: this.version, faults, worst };
     return this.#sorted;
+  }
+
+  #newestMs({ key, firstMs }: Fault): number {
+    return this.occurrences.newestMs(key) ?? firstMs;
   }
 
   event(event: EventMessage, nowMs: number): void {
@@ -103,10 +110,12 @@ export class FaultLog {
       if (entry.clearedMs !== atMs) this.#clear(entry, atMs);
       return;
     }
+    this.occurrences.addEvent(key, atMs, nowMs);
     if (atMs <= (this.#acknowledged.get(key) ?? Number.NEGATIVE_INFINITY)) return; // told again at a new join
     if (entry !== undefined && atMs <= entry.riseMs) return;
     if (entry !== undefined && !entry.acknowledged) {
       entry.riseMs = atMs; // the same again, or the frame was here before its event
+      this.version += 1;
       return;
     }
     const of = {
@@ -130,12 +139,12 @@ export class FaultLog {
         for (const [what, text, words] of faultsOf(row)) {
           const key = keyOf(row.label, text);
           shown.add(key);
-          this.#lasts({ key, level: 'fault', what, source: row.label, words }, nowMs);
+          this.#lasts({ key, level: 'fault', what, source: row.label, words }, nowMs, nowMs);
         }
       } else if (sinceMs !== null && nowMs - sinceMs >= STALLED_AFTER_MS) {
         const key = keyOf(row.label, 'apart');
         shown.add(key);
-        this.#lasts({ key, level: 'caution', what: 'apart', source: row.label, words: '' }, sinceMs);
+        this.#lasts({ key, level: 'caution', what: 'apart', source: row.label, words: '' }, sinceMs, nowMs);
       }
     }
     for (const [key, entry] of this.#entries) {
@@ -174,10 +183,11 @@ export class FaultLog {
     this.version += 1;
   }
 
-  #lasts(of: Named, nowMs: number): void {
+  #lasts(of: Named, riseMs: number, nowMs: number): void {
     const { key, level } = of;
     const entry = this.#entries.get(key);
     if (this.#shown?.has(key) && entry !== undefined) return;
+    this.occurrences.addFrame(key, riseMs, nowMs);
     if (entry !== undefined && !entry.acknowledged) {
       if (entry.clearedMs === null) return;
       entry.clearedMs = null;
@@ -187,7 +197,7 @@ export class FaultLog {
     // A fault in the first frame may be one acknowledged before the page was opened; a caution shows only after a
     // while.
     const known = (this.#shown === null || level === 'caution') && this.#acknowledged.has(key);
-    this.#rise(of, known ? (this.#acknowledged.get(key) ?? nowMs) : nowMs, null, known);
+    this.#rise(of, known ? (this.#acknowledged.get(key) ?? riseMs) : riseMs, null, known);
   }
 
   #rise(of: Named, riseMs: number, clearedMs: number | null, acknowledged = false): void {

@@ -52,7 +52,7 @@ export function Alarms({ link }: { link: RobotLink }) {
   if (all.length === 0 && faults.length === 0) return <p className="note">{text.nothingHappened}</p>;
   return (
     <>
-      <OpenFaults link={link} faults={faults} named />
+      <OpenFaults link={link} faults={faults} />
       <ol className="alarms" data-testid="alarms" aria-label={text.whatHappened}>
         {all.map(({ key, atMs, level, state, source, title, words, own }) => (
           <li key={key} data-level={level} data-state={state} data-own={own}>

@@ -1,23 +1,15 @@
 import './alarms.css';
 import type { Fault } from '../../../twin/alarms/fault_log.ts';
 import { formatClockSeconds } from '../../../twin/format.ts';
-import { isolated, plainName } from '../../../twin/names.ts';
+import { useNow } from '../../shell/now.ts';
 import type { RobotLink } from '../../state/robot_link.ts';
-import { faultWords } from '../../status/fault_words.ts';
+import { faultSentence, timesWords } from '../../status/fault_sentence.ts';
 import { useText } from '../../text/language.ts';
 import { more, useMore } from '../../text/more.ts';
 
 /** The faults that are not acknowledged or not over, with their times and a button to acknowledge them. */
-export function OpenFaults({
-  link,
-  faults,
-  named,
-}: {
-  link: RobotLink;
-  faults: readonly Fault[];
-  /** Whether each fault names its joint or sensor. */
-  named: boolean;
-}) {
+export function OpenFaults({ link, faults }: { link: RobotLink; faults: readonly Fault[] }) {
+  useNow(1000); // how long they have lasted
   const text = useText();
   const rest = useMore();
   if (faults.length === 0) return null;
@@ -33,8 +25,7 @@ export function OpenFaults({
           <time>{formatClockSeconds(fault.firstMs)}</time>
           <span className="alarm-mark" aria-hidden="true" />
           <span className="alarm-words">
-            {named && <b title={plainName(link.twin.schema, fault.source)}>{isolated(fault.source)} </b>}
-            {faultWords(fault)}
+            <Told link={link} fault={fault} />
           </span>
           <span className="quiet">{stateWords(fault)}</span>
           {!fault.acknowledged && (
@@ -45,6 +36,18 @@ export function OpenFaults({
         </li>
       ))}
     </ol>
+  );
+}
+
+function Told({ link, fault }: { link: RobotLink; fault: Fault }) {
+  const { log } = link.faults;
+  const nowMs = Date.now();
+  const { said, words } = faultSentence(link.twin, log, fault, nowMs);
+  const small = [words, timesWords(log, fault, nowMs)].filter((word) => word !== '').join(' · ');
+  return (
+    <>
+      {said} <small className="quiet">{small}</small>
+    </>
   );
 }
 

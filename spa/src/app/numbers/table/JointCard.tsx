@@ -58,7 +58,7 @@ export function JointCard({ link, joint }: { link: RobotLink; joint: string }) {
         {plain !== undefined && <span className="quiet">{plain}</span>}
       </header>
       <div className="card-room">
-        <OpenFaults link={link} faults={faults} named={false} />
+        <OpenFaults link={link} faults={faults} />
         <div ref={host} />
         {events.length > 0 && (
           <ol className="card-events" aria-label={text.whatHappened}>

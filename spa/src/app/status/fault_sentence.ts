@@ -1,0 +1,99 @@
+import type { Fault, FaultLog } from '../../twin/alarms/fault_log.ts';
+import { fillSentence, sentenceOf } from '../../twin/alarms/sentence.ts';
+import { coarseDisplay, displayOf, formatNumber, formatSpan } from '../../twin/format.ts';
+import { isolated } from '../../twin/names.ts';
+import { wordsOfName } from '../../twin/plain_names.ts';
+import type { RobotTwin } from '../../twin/robot.ts';
+import { settings } from '../state/settings.ts';
+import { korean } from '../text/language.ts';
+import { more } from '../text/more.ts';
+
+/** A fault, as it is told to someone who did not build the robot. */
+export interface FaultSentence {
+  /** "Right knee is not where it was told to be: 0.40 rad off for 14 s." */
+  readonly said: string;
+  /** What stands beside it in small: the joint's code and the word of its firmware ("RKN · big error"). */
+  readonly words: string;
+  /** Whether the sentence says how long the fault has lasted. */
+  readonly aged: boolean;
+}
+
+/** The sentence for a fault at `nowMs` (Unix ms), in the page's language. */
+export function faultSentence(twin: RobotTwin, log: FaultLog, fault: Fault, nowMs: number): FaultSentence {
+  const { schema } = twin;
+  const { source, what, words } = fault;
+  const name = wordsOfName(schema, source);
+  let aged = false;
+  const textOf = (place: string): string | null => {
+    switch (place) {
+      case 'joint':
+        return name ?? source;
+      case 'word':
+        return words;
+      case 'age': {
+        const age = ageOf(log, fault, nowMs);
+        aged ||= age !== null;
+        return age;
+      }
+      default:
+        return fault.clearedMs === null ? valueWords(twin, source, place) : null;
+    }
+  };
+  const filled = fillSentence(sayOf(twin, fault), textOf);
+  const said = name !== null && filled.startsWith(name) ? filled[0]!.toUpperCase() + filled.slice(1) : filled;
+  const codes = [name === null ? '' : isolated(source), what === 'flag' ? words : ''];
+  return { said: isolated(said), words: codes.filter((word) => word !== '').join(' · '), aged };
+}
+
+/** "3rd time in 10 min"; empty for the first. */
+export function timesWords(log: FaultLog, { key }: Fault, nowMs: number): string {
+  const times = log.occurrences.times(key, nowMs);
+  if (times < 2) return '';
+  return times < log.occurrences.most ? more().timesLately(times) : more().manyTimesLately(times);
+}
+
+/** What the robot's profile says of a bit of one of its parts, in the page's language; null where it says nothing. */
+export function flagSentence({ schema }: RobotTwin, source: string, bit: string) {
+  return sentenceOf(schema, source, bit, korean() === null ? 'en' : 'ko');
+}
+
+/** The bit of a flag's fault, as the robot names it. */
+export function bitOf({ key }: Fault): string {
+  return key.slice(key.indexOf('\n') + 1);
+}
+
+function sayOf(twin: RobotTwin, fault: Fault): string {
+  const { offSentence, hotSentence, currentSentence, flagReported, partReported } = more();
+  switch (fault.what) {
+    case 'apart':
+      return offSentence;
+    case 'temp':
+      return hotSentence;
+    case 'cur':
+      return currentSentence;
+    case 'flag': {
+      const isPart = twin.schema?.fields.some(({ labels }) => labels.includes(fault.source)) ?? false;
+      return flagSentence(twin, fault.source, bitOf(fault))?.say ?? (isPart ? flagReported : partReported);
+    }
+  }
+}
+
+function ageOf(log: FaultLog, { key, firstMs, clearedMs }: Fault, nowMs: number): string | null {
+  if (clearedMs !== null) return null;
+  const seconds = Math.floor((nowMs - (log.occurrences.newestMs(key) ?? firstMs)) / 1000);
+  if (seconds < 1) return null;
+  return seconds < 10 ? `${seconds} s` : formatSpan(seconds * 1000);
+}
+
+/** A value of the joint with its unit, "0.40 rad"; null: not read now, or no such value. */
+function valueWords(twin: RobotTwin, source: string, place: string): string | null {
+  const fieldName = place === 'error' ? 'pos' : place;
+  const of = (name: string) => twin.value(name, source) ?? null;
+  const [ref, pos] = [of('ref'), of('pos')];
+  const value = place !== 'error' ? of(place) : ref === null || pos === null ? null : Math.abs(ref - pos);
+  if (value === null) return null;
+  const field = twin.schema?.field(fieldName);
+  const unit = twin.schema?.mapping.unit(fieldName, source) ?? field?.unit ?? '';
+  const display = coarseDisplay(displayOf(unit, settings().angle, field?.scale));
+  return `${formatNumber(value, display).trim()} ${display.unit}`.trim();
+}

@@ -1,0 +1,73 @@
+/** How long an occurrence counts, ms. */
+export const WINDOW_MS = 600_000;
+/** Most occurrences kept of one fault; one that happened more often happened "over" so many times. */
+export const TIMES_LIMIT = 30;
+/** Most faults kept; the one that rose least recently is dropped. */
+const KEPT_LIMIT = 500;
+/** A frame and an event within this time of each other tell of the same occurrence. */
+const SAME_MS = 1000;
+
+interface Kept {
+  /** Unix ms of the newest rises, newest last. */
+  readonly risesMs: number[];
+  /** Of the newest: when this page learned of it, and by what. */
+  toldMs: number;
+  byEvent: boolean;
+  /** The newest event's time: the relay repeats its events at every join. */
+  eventMs: number;
+}
+
+/** Counts how often each fault has risen lately. All times are passed in, Unix ms. */
+export class Occurrences {
+  /** The most that `times` returns. */
+  readonly most = TIMES_LIMIT;
+  readonly #kept = new Map<string, Kept>();
+
+  /** Notes that an event says `key` rose at `atMs` (relay's clock). `nowMs`: the page's clock. */
+  addEvent(key: string, atMs: number, nowMs: number): void {
+    const kept = this.#of(key);
+    if (atMs <= kept.eventMs) return; // told again
+    kept.eventMs = atMs;
+    // The frame was here before its event, which knows better when it was.
+    if (!kept.byEvent && nowMs - kept.toldMs < SAME_MS) kept.risesMs.pop();
+    this.#add(key, kept, atMs, nowMs, true);
+  }
+
+  /** Notes that `key` is in a frame and was not in the frame before. */
+  addFrame(key: string, atMs: number, nowMs: number): void {
+    const kept = this.#of(key);
+    if (kept.byEvent && nowMs - kept.toldMs < SAME_MS) return;
+    this.#add(key, kept, atMs, nowMs, false);
+  }
+
+  /** When `key` rose last, Unix ms; null if that is not known. */
+  newestMs(key: string): number | null {
+    return this.#kept.get(key)?.risesMs.at(-1) ?? null;
+  }
+
+  /** How often `key` rose within the last ten minutes, at most `TIMES_LIMIT`. */
+  times(key: string, nowMs: number): number {
+    return this.#kept.get(key)?.risesMs.filter((atMs) => nowMs - atMs < WINDOW_MS).length ?? 0;
+  }
+
+  #of(key: string): Kept {
+    return (
+      this.#kept.get(key) ?? {
+        risesMs: [],
+        toldMs: Number.NEGATIVE_INFINITY,
+        byEvent: false,
+        eventMs: Number.NEGATIVE_INFINITY,
+      }
+    );
+  }
+
+  #add(key: string, kept: Kept, atMs: number, nowMs: number, byEvent: boolean): void {
+    kept.risesMs.push(atMs);
+    if (kept.risesMs.length > TIMES_LIMIT) kept.risesMs.shift();
+    kept.toldMs = nowMs;
+    kept.byEvent = byEvent;
+    this.#kept.delete(key); // inserted again, so that the newest is last
+    this.#kept.set(key, kept);
+    if (this.#kept.size > KEPT_LIMIT) this.#kept.delete(this.#kept.keys().next().value!);
+  }
+}

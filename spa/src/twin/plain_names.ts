@@ -1,0 +1,20 @@
+import type { Schema } from '@posecast/wire';
+
+/**
+ * What a joint or sensor is called by people, not yet `isolated`: the profile's words ("right knee"), else those of a
+ * name that is made of words (`left_hip_pitch_joint`, "left hip pitch"); null for a code (`RKN`).
+ */
+export function wordsOfName(schema: Schema | null, label: string): string | null {
+  return schema?.mapping.names.get(label) ?? spelledOut(label);
+}
+
+function spelledOut(label: string): string | null {
+  const words = label
+    .replace(/(\p{Ll})(\p{Lu})/gu, '$1 $2')
+    .split(/[\s_.\-/]+/u)
+    .filter((word) => word !== '');
+  if (words.length > 1 && /^joint$/i.test(words.at(-1)!)) words.pop();
+  // Codes have no small letters; a word has more than one.
+  if (words.length < 2 || !words.some((word) => /\p{Ll}{2}/u.test(word))) return null;
+  return words.map((word) => (/^\p{Lu}\p{Ll}/u.test(word) ? word.toLowerCase() : word)).join(' ');
+}
