@@ -138,6 +138,11 @@ def test_page_and_routes_over_tls(site: Site) -> None:
         assert headers["x-frame-options"] is None
     for inside in ("/livez", "/readyz", "/metrics"):
         assert site.get(inside)[0] == 404, inside
+    # under a robot's name, and where somebody has mistyped one, it is the relay's page
+    for path, is_page, status in (("/r/demo", True, 200), ("/demo", True, 404), ("/favicon.svg", False, 200)):
+        found, headers, body = site.get(path, accept="text/html")
+        assert (found, b"data-home" in body) == (status, is_page), path
+        assert len(headers.get_all("x-content-type-options") or []) == 1, path
     status, headers, _ = site.get("http://localhost/")
     assert (status, headers["location"]) == (308, "https://localhost/")
     assert site.get("/", **{"x-long": "x" * 40_000})[0] == 431

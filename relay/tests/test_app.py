@@ -10,9 +10,11 @@ from typing import Any
 
 import httpx
 import pytest
+import zenoh
 from posecast_wire import Schema, build_schema_text
+from posecast_wire.keys import alive_key
 
-from .stage import Model, Watcher, until
+from .stage import Model, Watcher, client_config, until
 
 MESH = bytes(range(256)) * 2500  # 640 kB: three ranges
 
@@ -59,6 +61,24 @@ async def test_the_list_and_one_robot(relays: Any, edges: Any) -> None:
     assert one["schema_id"] == f"{edge.edge.schema.id:08x}"
     assert one["conflict"] is False
     assert one["model"] is None
+
+
+def test_a_robot_that_left_is_listed_unless_it_has_never_sent_a_frame(relays: Any, edges: Any) -> None:
+    relay = relays()
+    base = f"http://{relay.address}/api/v1/robots"
+
+    def listed() -> dict[str, str]:
+        return {robot["robot"]: robot["status"] for robot in httpx.get(base).json()["robots"]}
+
+    spoke = edges(relay.zenoh, robot="spoke")
+    with zenoh.open(client_config(relay.zenoh)) as mute:
+        token = mute.liveliness().declare_token(alive_key("mute"))
+        until("both are there", lambda: listed() == {"spoke": "online", "mute": "silent"})
+        spoke.close()
+        token.undeclare()  # type: ignore[no-untyped-call]
+    until("both have left", lambda: listed() == {"spoke": "offline"})
+    for robot in ("spoke", "mute"):
+        assert httpx.get(f"{base}/{robot}").status_code == 200, "a link to it says what is known"
 
 
 def edge_schema(edge: Any) -> dict[str, Any]:

@@ -3,6 +3,7 @@
  * the model's manifest and its coarsest level follow as soon as their names are known. The page finds all of it under way.
  */
 
+import { adoptPath } from './app/state/path.ts';
 import { parseRoute } from './app/state/route.ts';
 import { takeToken } from './auth/link_token.ts';
 import { accessSettled } from './auth/settled.ts';
@@ -12,6 +13,7 @@ import { ELSEWHERE, wasSignedIn } from './relay/relay.ts';
 import { startEarly } from './stream/early_stream.ts';
 
 performance.mark('posecast:early');
+adoptPath();
 takeToken();
 window.addEventListener('hashchange', takeToken);
 const route = parseRoute(window.location.hash);

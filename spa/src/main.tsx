@@ -10,6 +10,7 @@ import { installDebugApi } from './app/shell/debug_api.ts';
 import { ErrorBoundary } from './app/shell/ErrorBoundary.tsx';
 import { late } from './app/shell/late.tsx';
 import { reloadAfterDeploy } from './app/shell/reload.ts';
+import { leavePath } from './app/state/path.ts';
 import { parseRoute } from './app/state/route.ts';
 import { applyLinkSettings, queryOf } from './app/state/settings.ts';
 import { bindLanguage } from './app/text/language.ts';
@@ -32,6 +33,8 @@ if (!embedded && page === 'robot') {
 installDebugApi();
 const lend = () => applyLinkSettings(queryOf(window.location.hash));
 lend();
+leavePath();
+window.addEventListener('hashchange', leavePath);
 window.addEventListener('hashchange', lend); // another link, not what the page itself writes there
 reloadAfterDeploy();
 const root = document.getElementById('root');

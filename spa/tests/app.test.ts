@@ -1,7 +1,8 @@
 import { describe, expect, it } from 'vitest';
 import { missingWords } from '../src/app/body/words.ts';
-import { readRobots } from '../src/app/pages/list/robots.ts';
+import { inOrder, readRobots } from '../src/app/pages/list/robots.ts';
 import { heightPx, nextHeight, PEEK_PX, restingHeight } from '../src/app/shell/sheet_heights.ts';
+import { hashOfPath } from '../src/app/state/path.ts';
 import { parseRoute } from '../src/app/state/route.ts';
 import { readSettings } from '../src/app/state/settings.ts';
 import { announcement } from '../src/app/status/announcement.ts';
@@ -24,6 +25,18 @@ describe('routes', () => {
     for (const bad of ['#/r/', '#/r/*', '#/r/Hubo', '#/r/a/b', '#/r/../x', `#/r/${'a'.repeat(64)}`, '#/x']) {
       expect(parseRoute(bad).page).toBe('unknown');
     }
+  });
+});
+
+describe('a path below the page', () => {
+  it('names what the same hash names', () => {
+    const page = (path: string) => parseRoute(hashOfPath(path));
+    expect(page('r/demo')).toEqual({ page: 'robot', robot: 'demo' });
+    expect(page('r/demo/')).toEqual({ page: 'robot', robot: 'demo' });
+    expect(page('r/a%2Bb')).toEqual({ page: 'robots', robots: ['a', 'b'] });
+    expect(page('')).toEqual({ page: 'list' });
+    expect(page('demo')).toEqual({ page: 'unknown', hash: '/demo' });
+    expect(page('%3Cscript%3E').page).toBe('unknown');
   });
 });
 
@@ -57,6 +70,24 @@ describe('the list of robots', () => {
       { robot: 'old', name: 'old', state: 'offline', ageMs: null, viewers: 0, model: null },
     ]);
     expect([null, {}, 'x', { robots: 7 }].map(readRobots)).toEqual([[], [], [], []]);
+  });
+});
+
+describe('who stands under "On air"', () => {
+  it('are those whose edge is there, those that move first; the others stand below, the last to leave first', () => {
+    const robots = readRobots([
+      { robot: 'long-gone', status: 'offline', age_ms: 90_000 },
+      { robot: 'b', status: 'online', age_ms: 10 },
+      { robot: 'mute', status: 'silent', age_ms: 9000 },
+      { robot: 'never', status: 'offline', age_ms: null },
+      { robot: 'a', status: 'online', age_ms: 30 },
+      { robot: 'gone', status: 'offline', age_ms: 4000 },
+    ]);
+    const names = inOrder(robots).map((some) => some.map(({ robot }) => robot));
+    expect(names).toEqual([
+      ['a', 'b', 'mute'],
+      ['gone', 'long-gone', 'never'],
+    ]);
   });
 });
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from posecast_relay.auth.access import Access
-from posecast_relay.core.policy.admission import Applicant
+from posecast_relay.core.policy.admission import Applicant, Refusal
 from posecast_relay.core.policy.policy import PUBLIC, Grant, Principal
 from posecast_relay.core.state.robot import Robot
 from posecast_relay.core.state.room import Room
@@ -26,12 +26,20 @@ def make_robots_document(access: Access, who: Principal, now: float) -> bytes:
     for doc in told:
         try:
             grant = access.judge(Applicant(doc["robot"], who=who))
-            summary = _find_summary(access, grant, doc, now) if isinstance(grant, Grant) else None
-            if summary is not None:
+            if isinstance(grant, Refusal):
+                continue
+            summary = _find_summary(access, grant, doc, now)
+            if summary is not None and not _never_spoke(summary, grant):
                 shown.append(json_bytes(summary | {"viewers": _count_viewers(access, doc["robot"])}))
         except Exception as e:  # a mistake of ours: the others are shown
             access.live.report_fault("a robot in the list", e)
     return b'{"robots":[' + b",".join(shown) + b"]}"
+
+
+def _never_spoke(summary: dict[str, Any], grant: Grant) -> bool:
+    """Whether a robot has left without a frame: nobody could watch it, now or then."""
+    hidden = grant.view != PUBLIC  # another process may have heard frames of a view that it does not tell of
+    return summary["status"] == "offline" and summary.get("age_ms") is None and not hidden
 
 
 def _find_summary(access: Access, grant: Grant, doc: dict[str, Any], now: float) -> dict[str, Any] | None:

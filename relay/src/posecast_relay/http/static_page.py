@@ -18,6 +18,8 @@ from fastapi.staticfiles import StaticFiles
 from starlette.datastructures import Headers
 from starlette.types import Receive, Scope, Send
 
+from posecast_relay.http.page_address import find_home, place_page, read_robots
+
 OF_A_DISK = ("accept-ranges", "content-length")  # headers of an answer that is read in parts
 KEPT_BYTES = 64_000_000  # of all files; beyond, all are read anew
 KEEP_UP_TO_BYTES = 8_000_000  # of one; a larger one is read from the disk for each who asks
@@ -101,7 +103,7 @@ class Page(StaticFiles):
         """
         framed = EMBED.fullmatch(scope["path"])
         if framed is None:
-            return self._answer(path, scope)
+            return self._answer_anybody(path, scope)
         kept = [(k, v) for k, v in scope["headers"] if k not in (b"if-none-match", b"if-modified-since")]
         response = self._answer("embed/index.html", {**scope, "headers": kept})
         if response.status_code == HTTPStatus.OK:
@@ -111,6 +113,42 @@ class Page(StaticFiles):
             for name in NOT_FRAMED:
                 del response.headers[name]
         return response
+
+    def _answer_anybody(self, path: str, scope: Scope) -> Response:
+        """A file; the page itself for robots that the path names, and with 404 for a person who mistyped."""
+        robots = read_robots(scope["path"])
+        try:
+            return self._answer(path, scope)
+        except HTTPException as e:
+            reads = "text/html" in Headers(scope=scope).get("accept", "")
+            if e.status_code != HTTPStatus.NOT_FOUND or (robots is None and not reads):
+                raise
+            page = self._place_index(scope, HTTPStatus.NOT_FOUND if robots is None else HTTPStatus.OK)
+            if page is None:
+                raise
+            return page
+
+    def _place_index(self, scope: Scope, status: HTTPStatus) -> Response | None:
+        """Return the page's index as it has to be at this path.
+
+        None where it is not. All names of robots get the same: nobody learns here which of them there are.
+        """
+        home = find_home(scope.get("raw_path", scope["path"].encode()).decode("latin-1"))
+        try:
+            index = self._kept.read(str(self._index), self._index.stat()).decode()
+        except (OSError, ValueError):  # it is just being built anew
+            return None
+        if home is None:
+            return None
+        headers = PAGE_HEADERS | {
+            "cache-control": "no-cache",
+            "vary": "accept",
+            "x-content-type-options": "nosniff",
+        }
+        policy = read_content_policy(self._index)
+        if policy is not None:
+            headers["content-security-policy"] = f"{policy}; {FRAMES}"
+        return Response(place_page(index, home), status, headers, "text/html; charset=utf-8")
 
     def _answer(self, path: str, scope: Scope) -> Response:
         """A file, a folder's index, or where that is. HTTPException."""

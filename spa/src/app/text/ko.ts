@@ -317,6 +317,7 @@ export const moreKo: More = {
   below: (value) => `${value} 미만`,
   above: (value) => `${value} 초과`,
   onAir: '방송 중',
+  wasOnAir: '방송했던 로봇',
   noRelay: '릴레이와 연결이 없습니다. 다시 시도합니다.',
   askingRelay: '어떤 로봇이 나와 있는지 묻고 있습니다.',
   sideBySide: '여러 대를 나란히 보기',

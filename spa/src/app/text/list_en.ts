@@ -1,6 +1,7 @@
 /** The English sentences of the robot list. */
 export const listEn = {
   onAir: 'On air',
+  wasOnAir: 'Was on air',
   noRelay: 'No connection to the relay. Trying again.',
   askingRelay: 'Asking the relay who is on air.',
   sideBySide: 'Show some side by side',

@@ -10,12 +10,12 @@ import { Sign } from '../../status/Chip.tsx';
 import { useText } from '../../text/language.ts';
 import { useListText } from '../../text/list.ts';
 import { openChosen } from '../local/local.ts';
-import { type ListedRobot, useRobots } from './robots.ts';
+import { inOrder, type ListedRobot, useRobots } from './robots.ts';
 import { Thumbnail } from './Thumbnail.tsx';
 
 const SignIn = late(async () => (await import('../../account/SignIn.tsx')).SignIn);
 
-/** The page with the robots on air: a grid of cards or, if there are none, commands that put a robot on air. */
+/** The page with the robots on air, or, if there are none, commands that put one there; below, those that were. */
 export function RobotList({ onSettings }: { onSettings: () => void }) {
   const text = useText();
   const rest = useListText();
@@ -25,6 +25,21 @@ export function RobotList({ onSettings }: { onSettings: () => void }) {
   const elsewhere = host === window.location.host ? null : host;
   /** Robots to be shown side by side, in the order in which they were chosen; null while cards are plain links. */
   const [chosen, setChosen] = useState<readonly string[] | null>(null);
+  const old = listing.phase === 'unreachable';
+  const [here, gone] = inOrder(robots);
+  const cards = (shown: readonly ListedRobot[], testId: string) => (
+    <ul className="cards" data-testid={testId} data-old={old}>
+      {shown.map((robot) => (
+        <Card
+          key={robot.robot}
+          robot={robot}
+          old={old}
+          place={chosen === null ? null : chosen.indexOf(robot.robot)}
+          onChoose={() => setChosen((before) => toggled(before ?? [], robot.robot))}
+        />
+      ))}
+    </ul>
+  );
   return (
     <div className="list-page">
       <header className="top">
@@ -54,21 +69,15 @@ export function RobotList({ onSettings }: { onSettings: () => void }) {
           </p>
         )}
         {listing.phase === 'waiting' && <p className="quiet">{rest.askingRelay}</p>}
-        {robots.length > 0 && (
-          <ul className="cards" data-testid="robots" data-old={listing.phase === 'unreachable'}>
-            {robots.map((robot) => (
-              <Card
-                key={robot.robot}
-                robot={robot}
-                old={listing.phase === 'unreachable'}
-                place={chosen === null ? null : chosen.indexOf(robot.robot)}
-                onChoose={() => setChosen((before) => toggled(before ?? [], robot.robot))}
-              />
-            ))}
-          </ul>
-        )}
+        {here.length > 0 && cards(here, 'robots')}
+        {listing.phase === 'known' && here.length === 0 && <Empty />}
         {robots.length > 1 && <SideBySide chosen={chosen} onChosen={setChosen} />}
-        {listing.phase === 'known' && robots.length === 0 && <Empty />}
+        {gone.length > 0 && (
+          <section className="was-on-air" aria-labelledby="was-on-air">
+            <h2 id="was-on-air">{rest.wasOnAir}</h2>
+            {cards(gone, 'gone-robots')}
+          </section>
+        )}
         <YourOwn />
       </main>
     </div>
@@ -149,7 +158,9 @@ function Card(props: { robot: ListedRobot; old: boolean; place: number | null; o
               {cause}
             </span>
           </span>
-          {robot.viewers !== null && <span className="quiet">{rest.viewers(robot.viewers)}</span>}
+          {robot.viewers !== null && robot.viewers > 0 && (
+            <span className="quiet">{rest.viewers(robot.viewers)}</span>
+          )}
         </span>
       </a>
     </li>

@@ -8,12 +8,11 @@ import type { ListedRobot } from './robots.ts';
 
 const PICTURE_BYTES = 500_000;
 
-/** The picture in a robot's model bundle; a generic drawing if there is none or the robot is not online. */
-export function Thumbnail({ robot: { robot, model, state } }: { robot: ListedRobot }) {
+/** The picture in a robot's model bundle, which the relay may have also when the robot has left; else a generic drawing. */
+export function Thumbnail({ robot: { robot, model } }: { robot: ListedRobot }) {
   const [src, setSrc] = useState<string | null>(null);
-  const here = state === 'online';
   useEffect(() => {
-    if (model === null || !here) return; // the picture comes from the robot's edge, which must be connected
+    if (model === null) return;
     const leave = new AbortController();
     const url = manifestUrl(robot, model);
     let made = '';
@@ -33,7 +32,7 @@ export function Thumbnail({ robot: { robot, model, state } }: { robot: ListedRob
       leave.abort();
       URL.revokeObjectURL(made);
     };
-  }, [robot, model, here]);
+  }, [robot, model]);
   if (src === null) return <RobotFigure />;
   return (
     <img className="thumb-picture" src={src} alt="" onError={() => setSrc(null)} data-testid="thumbnail" />

@@ -50,6 +50,17 @@ export function readRobots(body: unknown): ListedRobot[] {
   });
 }
 
+/** The robots that are on air, those that move first, and those that were, the one that left last first. Equals stand by
+ *  name. */
+export function inOrder(robots: readonly ListedRobot[]): [here: ListedRobot[], gone: ListedRobot[]] {
+  const byName = [...robots].sort((a, b) => a.name.localeCompare(b.name));
+  const here = byName.filter(({ state }) => state !== 'offline');
+  const gone = byName.filter(({ state }) => state === 'offline');
+  here.sort((a, b) => Number(a.state === 'silent') - Number(b.state === 'silent'));
+  gone.sort((a, b) => (a.ageMs ?? Number.MAX_VALUE) - (b.ageMs ?? Number.MAX_VALUE));
+  return [here, gone];
+}
+
 /** The list of robots, asked of the relay every 2 s while the page is visible, and at once after signing in or out. */
 export function useRobots(): RobotListing {
   const [listing, setListing] = useState<RobotListing>({ phase: 'waiting' });

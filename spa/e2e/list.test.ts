@@ -1,0 +1,48 @@
+import { expect, it } from 'vitest';
+import type { Page } from './driver/page.ts';
+import { until } from './driver/until.ts';
+import { liveness } from './robot_page.ts';
+import { setStage } from './stage.ts';
+
+const stage = setStage();
+
+const SWINGING = { pos: { RKN: 0, LKN: 0.2 }, wave: { pos: { RKN: [0.4, 0.5] } } };
+/** The robots below a heading, from top to bottom. */
+const names = (page: Page, list: string) =>
+  page.evaluate<string[]>(
+    `[...document.querySelectorAll('[data-testid=${list}] .card-name')].map((name) => name.textContent)`,
+  );
+const path = (page: Page) =>
+  page.evaluate<string>('window.location.pathname + window.location.hash.split("?")[0]');
+
+it('a robot that has left stands no more under "On air"; nobody watching is not counted', async () => {
+  const relay = await stage.stack.relay();
+  stage.stack.fedEdge(relay, SWINGING, { robot: 'here' });
+  const leaves = stage.stack.fedEdge(relay, SWINGING, { robot: 'leaves' });
+  const page = await stage.newPage();
+  await page.open(`${relay.url}/`);
+  await until('both', async () => (await names(page, 'robots')).length === 2, 30_000);
+  await leaves.edge.stop();
+  await until('it is below', async () => (await names(page, 'gone-robots')).join() === 'leaves', 30_000);
+  expect(await names(page, 'robots')).toEqual(['here']);
+  expect(await page.evaluate<string>("document.querySelector('.list').textContent")).not.toMatch(/0 viewers/);
+});
+
+it('an address without # leads to its robot, and a mistyped one to a sentence and the list', async () => {
+  const relay = await stage.stack.relay();
+  stage.stack.fedEdge(relay, SWINGING, { robot: 'demo' });
+  const page = await stage.newPage();
+  page.forgive(/404/); // the browser says so of the page itself
+  await page.open(`${relay.url}/r/demo`);
+  await until('LIVE', async () => (await liveness(page)) === 'LIVE', 30_000);
+  expect(await path(page)).toBe('/r/demo#/r/demo');
+  await page.open(`${relay.url}/robots/demo`);
+  await until('said so', async () =>
+    (await page.evaluate<string>("document.querySelector('.broken')?.textContent ?? ''")).includes(
+      '/robots/demo',
+    ),
+  );
+  await page.findByRole('link', 'All robots').click();
+  await until('the list', async () => (await names(page, 'robots')).join() === 'demo', 30_000);
+  expect(await path(page)).toBe('/#/');
+});
