@@ -136,13 +136,15 @@ def client_config(endpoint: str, credential: Credential | None = None) -> zenoh.
 class Model:
     """A model bundle, as an edge answers for it."""
 
-    def __init__(self, files: dict[str, tuple[bytes, str]]) -> None:
+    def __init__(self, files: dict[str, tuple[bytes, str]], **more: str) -> None:
         self.files = {hashlib.sha256(data).hexdigest(): data for data, _ in files.values()}
         listed = [
             {"path": path, "uri": path, "size": len(d), "sha256": hashlib.sha256(d).hexdigest(), "type": kind}
             for path, (d, kind) in files.items()
         ]
-        self.manifest = json.dumps({"v": 1, "urdf": "robot.urdf", "files": listed, "missing": []}).encode()
+        self.manifest = json.dumps(
+            {"v": 1, "urdf": "robot.urdf", "files": listed, "missing": [], **more}
+        ).encode()
         self.digest = hashlib.sha256(self.manifest).hexdigest()
         self.asked: list[str] = []
 

@@ -45,6 +45,7 @@ class Settings:
     firebase_revoked: bool
     firebase_database: str | None
     static: Path | None
+    public_url: str | None
     max_viewers: int
     max_per_address: int
     max_robots: int
@@ -161,6 +162,13 @@ def _origins(text: str) -> tuple[str, ...]:
     return found
 
 
+def _public_url(text: str) -> str:
+    found = re.fullmatch(r"(https?://[^/?#]+)((?:/[A-Za-z0-9._~-]+)*)/?", text)
+    if found is None or not ORIGIN.fullmatch(found[1]):
+        raise ValueError("use https://HOST[:PORT] as people open it, with a path where there is one")
+    return found[1] + found[2]
+
+
 def _level(text: str) -> str:
     if text not in ("debug", "info", "warning", "error"):
         raise ValueError("use debug, info, warning or error")
@@ -203,6 +211,7 @@ FLAGS = (
     _Flag("firebase_revoked", _boolean, "", "ask Google about revoked accounts; takes its credentials"),
     _Flag("firebase_database", _database, None, "mirror of what anyone may see, 2 Hz; one relay each", "URL"),
     _Flag("static", _directory, None, "the built page; default: the one packed in, if any", "DIR"),
+    _Flag("public_url", _public_url, None, "where people open the page; chats want it for pictures", "URL"),
     _Flag("max_viewers", _count, "5000", "further ones are told `full`", "N"),
     _Flag("max_per_address", _count, "2000", "streams; a lecture hall may stand behind one", "N"),
     _Flag("max_connection_age", _seconds, None, "viewers connect anew after this, give or take a tenth", "S"),

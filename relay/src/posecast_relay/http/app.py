@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from functools import partial
 from pathlib import Path
 
@@ -17,11 +17,13 @@ from posecast_relay.core.policy.admission import HIDDEN
 from posecast_relay.core.policy.policy import ANYONE
 from posecast_relay.http.auth import OPEN, identify_asker, make_sharing_headers, require_grant
 from posecast_relay.http.gzip_cache import GzipCache
+from posecast_relay.http.link_preview import FRAME_PX, LinkPreview
 from posecast_relay.http.models import make_model_answer
+from posecast_relay.http.pictures import Pictures
 from posecast_relay.http.robot_state import StateReader
 from posecast_relay.http.robots import make_robot_document, make_robots_document
 from posecast_relay.http.static_page import Page
-from posecast_relay.models.cache import Absent, ModelCache, Unavailable
+from posecast_relay.models.cache import Absent, ModelCache, ModelFile, Unavailable
 from posecast_relay.runtime.dispatcher import Dispatcher
 from posecast_relay.streaming.decode_cache import DecodeCache
 
@@ -30,6 +32,7 @@ NO_PAGE = """The relay serves, but it has no page to show: start it with --stati
 """
 PACKED_PAGE = Path(__file__).parent.parent / "page"  # the built page, where the wheel carries it
 API = "/api/v1/robots"
+PICTURE_FRESH = "public, max-age=60"
 FRESH_S = 1.0  # answers are this old at most
 ANSWERS_MAX = 256
 ANSWERS_BYTES = 8 << 20
@@ -73,8 +76,17 @@ class AnswerCache:
         self._made[name] = made
 
 
-def make_app(access: Access, models: ModelCache, decoded: DecodeCache, static: Path | None) -> FastAPI:
-    """Make the relay's HTTP application. WebSocket upgrades never reach it."""
+def make_app(
+    access: Access,
+    models: ModelCache,
+    decoded: DecodeCache,
+    static: Path | None,
+    public_url: str | None = None,
+) -> FastAPI:
+    """Make the relay's HTTP application. WebSocket upgrades never reach it.
+
+    `public_url`: where people open the page, without a slash at its end; None when nobody has said so.
+    """
     # FastAPI's own /docs loads its scripts from another origin; the built page brings them (spa/public/docs)
     app = FastAPI(title="Posecast relay", version="1", docs_url=None, redoc_url=None)
 
@@ -95,6 +107,8 @@ def make_app(access: Access, models: ModelCache, decoded: DecodeCache, static: P
         return Response(status_code=204, headers=PREFLIGHT)
 
     _add_models(app, access, models)
+    preview = LinkPreview(access, public_url)
+    _add_previews(app, access, models, preview)
     _add_health(app, access.live)
 
     @app.get("/api/{_rest:path}", include_in_schema=False)
@@ -106,7 +120,7 @@ def make_app(access: Access, models: ModelCache, decoded: DecodeCache, static: P
 
     page = static or (PACKED_PAGE if (PACKED_PAGE / "index.html").is_file() else None)
     if page is not None:
-        app.mount("/", Page(page, access.list_frame_ancestors))
+        app.mount("/", Page(page, access.list_frame_ancestors, preview))
     else:
 
         @app.get("/", include_in_schema=False)
@@ -170,17 +184,60 @@ def _add_models(app: FastAPI, access: Access, models: ModelCache) -> None:
     @app.get(API + "/{robot}/model/{digest}/{path:path}", summary="A model's manifest.json and files")
     async def model(request: Request, robot: str, digest: str, path: str) -> Response:
         grant = await require_grant(access, request, robot)
-        try:
-            if path == "manifest.json":
-                found = await models.load_manifest(robot, digest)
-            else:
-                found = await models.load_file(robot, digest, path)
-        except Absent as e:
-            raise HTTPException(404, str(e)) from None
-        except Unavailable as e:
-            raise HTTPException(503, str(e), {"retry-after": "5"}) from None
+        if path == "manifest.json":
+            found = await _load(models.load_manifest(robot, digest))
+        else:
+            found = await _load(models.load_file(robot, digest, path))
         answer = await make_model_answer(request, models, packed, robot, found)
         if not grant.open:
             del answer.headers["access-control-allow-origin"]
             answer.headers.update(make_sharing_headers(request, False))
         return answer
+
+
+def _add_previews(app: FastAPI, access: Access, models: ModelCache, preview: LinkPreview) -> None:
+    packed, pictures = GzipCache(models.room), Pictures(models)
+
+    @app.get(API + "/{robot}/picture", summary="A small picture of the robot, as its model has it now")
+    async def picture(request: Request, robot: str) -> Response:
+        grant = await require_grant(access, request, robot)
+        await access.live.open_robot(robot)
+        _, room = access.find_robot(grant) or (None, None)
+        if room is None or room.stream.model is None:
+            raise HTTPException(404, HIDDEN)
+        found = await _load(pictures.load_picture(robot, room.stream.model))
+        answer = await make_model_answer(request, models, packed, robot, found)
+        answer.headers["cache-control"] = PICTURE_FRESH
+        if not grant.open:
+            del answer.headers["access-control-allow-origin"]
+            answer.headers.update(make_sharing_headers(request, False))
+        return answer
+
+    @app.get("/api/v1/oembed", summary="oEmbed of a robot's page: url, maxwidth, maxheight, format=json")
+    async def oembed(
+        url: str,
+        maxwidth: str = "",
+        maxheight: str = "",
+        format: str = "json",
+    ) -> JSONResponse:
+        if format != "json":
+            raise HTTPException(501, "only format=json")
+        answer = preview.make_oembed(url, (_read_px(maxwidth), _read_px(maxheight)))
+        if answer is None:
+            raise HTTPException(404, HIDDEN)
+        return JSONResponse(answer, headers=OPEN)
+
+
+async def _load(fetching: Awaitable[ModelFile]) -> ModelFile:
+    """Wait for a model's file. Raises HTTPException 404 or 503 without it."""
+    try:
+        return await fetching
+    except Absent as e:
+        raise HTTPException(404, str(e)) from None
+    except Unavailable as e:
+        raise HTTPException(503, str(e), {"retry-after": "5"}) from None
+
+
+def _read_px(text: str) -> int:
+    """Read a length in pixels; what is none is as none said."""
+    return int(text) if text.isascii() and text.isdigit() and len(text) < 6 else FRAME_PX

@@ -6,7 +6,7 @@ from typing import Any
 
 from posecast_relay.auth.access import Access
 from posecast_relay.core.policy.admission import Applicant, Refusal
-from posecast_relay.core.policy.policy import PUBLIC, Grant, Principal
+from posecast_relay.core.policy.policy import ANYONE, PUBLIC, Grant, Principal
 from posecast_relay.core.state.robot import Robot
 from posecast_relay.core.state.room import Room
 from posecast_relay.plain_json import json_bytes
@@ -34,6 +34,17 @@ def make_robots_document(access: Access, who: Principal, now: float) -> bytes:
         except Exception as e:  # a mistake of ours: the others are shown
             access.live.report_fault("a robot in the list", e)
     return b'{"robots":[' + b",".join(shown) + b"]}"
+
+
+def find_open_summary(access: Access, robot: str) -> dict[str, Any] | None:
+    """Return one robot's entry in the list as anyone sees it; None when they do not."""
+    grant = access.judge(Applicant(robot, who=ANYONE))
+    if isinstance(grant, Refusal):
+        return None
+    told = access.live.store.list_robots() or ()
+    doc = next((doc for doc in told if doc["robot"] == robot), {"robot": robot})
+    summary = _find_summary(access, grant, doc, access.live.now())
+    return None if summary is None or _never_spoke(summary, grant) else summary
 
 
 def _never_spoke(summary: dict[str, Any], grant: Grant) -> bool:

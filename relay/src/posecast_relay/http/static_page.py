@@ -18,7 +18,8 @@ from fastapi.staticfiles import StaticFiles
 from starlette.datastructures import Headers
 from starlette.types import Receive, Scope, Send
 
-from posecast_relay.http.page_address import find_home, place_page, read_robots
+from posecast_relay.http.link_preview import LinkPreview
+from posecast_relay.http.page_address import find_home, read_robots
 
 OF_A_DISK = ("accept-ranges", "content-length")  # headers of an answer that is read in parts
 KEPT_BYTES = 64_000_000  # of all files; beyond, all are read anew
@@ -89,11 +90,14 @@ class _Shared(Response):
 class Page(StaticFiles):
     """The built page. Browsers ask for its index each time, and for files with a hash in their name once."""
 
-    def __init__(self, folder: Path, frame_ancestors: Callable[[str], Sequence[str]]) -> None:
+    def __init__(
+        self, folder: Path, frame_ancestors: Callable[[str], Sequence[str]], preview: LinkPreview
+    ) -> None:
         """`frame_ancestors` returns the pages that may frame a robot ("": any robot); see Policy."""
         super().__init__(directory=folder, html=True)
         self._index = folder / "index.html"
         self._frame_ancestors = frame_ancestors
+        self._preview = preview
         self._kept = _Kept()
 
     async def get_response(self, path: str, scope: Scope) -> Response:
@@ -123,15 +127,15 @@ class Page(StaticFiles):
             reads = "text/html" in Headers(scope=scope).get("accept", "")
             if e.status_code != HTTPStatus.NOT_FOUND or (robots is None and not reads):
                 raise
-            page = self._place_index(scope, HTTPStatus.NOT_FOUND if robots is None else HTTPStatus.OK)
+            page = self._place_index(scope, robots)
             if page is None:
                 raise
             return page
 
-    def _place_index(self, scope: Scope, status: HTTPStatus) -> Response | None:
-        """Return the page's index as it has to be at this path.
+    def _place_index(self, scope: Scope, robots: tuple[str, ...] | None) -> Response | None:
+        """Return the page's index as it has to be at this path, with 404 where that names no robots.
 
-        None where it is not. All names of robots get the same: nobody learns here which of them there are.
+        None where the page can't be. A robot that is hidden gets what one gets that does not exist.
         """
         home = find_home(scope.get("raw_path", scope["path"].encode()).decode("latin-1"))
         try:
@@ -148,7 +152,9 @@ class Page(StaticFiles):
         policy = read_content_policy(self._index)
         if policy is not None:
             headers["content-security-policy"] = f"{policy}; {FRAMES}"
-        return Response(place_page(index, home), status, headers, "text/html; charset=utf-8")
+        status = HTTPStatus.NOT_FOUND if robots is None else HTTPStatus.OK
+        page = self._preview.make_page(index, home, robots)
+        return Response(page, status, headers, "text/html; charset=utf-8")
 
     def _answer(self, path: str, scope: Scope) -> Response:
         """A file, a folder's index, or where that is. HTTPException."""

@@ -148,7 +148,7 @@ async def _serve(settings: Settings, robots: Robots | None) -> None:
 
     unasked = RequestTimeouts(dispatcher.now, cut)
     config = uvicorn.Config(
-        make_app(access, services.models, decoded, settings.static),
+        make_app(access, services.models, decoded, settings.static, settings.public_url),
         ws=make_live_protocol(access, decoded) if streams else "none",
         http=add_timeouts(
             make_http_protocol(access, decoded) if streams else make_plain_http_protocol(access), unasked

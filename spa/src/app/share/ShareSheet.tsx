@@ -1,7 +1,7 @@
 import encodeQr from 'qr';
 import { useEffect, useMemo, useState } from 'react';
 import { tokenFor } from '../../auth/token.ts';
-import { home } from '../../relay/relay.ts';
+import { home, relayChoice } from '../../relay/relay.ts';
 import { Command } from '../shell/Command.tsx';
 import { Dialog } from '../shell/Dialog.tsx';
 import './share.css';
@@ -16,11 +16,13 @@ const SETTLE_MS = 600;
 export function ShareSheet({ robot, name, onClose }: { robot: string; name: string; onClose: () => void }) {
   const text = useText();
   const rest = useMore();
-  const [link, setLink] = useState(window.location.href);
+  const named = usePathOf(robot);
+  const [at, setAt] = useState(window.location.href);
   useEffect(() => {
-    const timer = setInterval(() => setLink(window.location.href), SETTLE_MS);
+    const timer = setInterval(() => setAt(window.location.href), SETTLE_MS);
     return () => clearInterval(timer);
   }, []);
+  const link = named === null ? at : linkAt(named, at);
   const { hostname } = window.location;
   const onlyHere = /^(localhost|127\.|\[::1\])/.test(hostname);
   return (
@@ -49,6 +51,28 @@ export function ShareSheet({ robot, name, onClose }: { robot: string; name: stri
       <Command what={rest.inYourPage} line={frameFor(link, robot, name)} />
     </Dialog>
   );
+}
+
+/** The address of the robot's page without `#`, in which a chat finds the robot's name and picture. null until the host of
+ *  this page has said that it knows it: a relay does, a plain web server does not. */
+function usePathOf(robot: string): string | null {
+  const [known, setKnown] = useState<string | null>(null);
+  useEffect(() => {
+    if (relayChoice().base !== home()) return;
+    const leave = new AbortController();
+    const url = `${home()}r/${robot}`;
+    fetch(url, { method: 'HEAD', signal: leave.signal, credentials: 'omit' })
+      .then(({ ok }) => ok && setKnown(url))
+      .catch(() => {}); // then the link is the one with `#`
+    return () => leave.abort();
+  }, [robot]);
+  return known;
+}
+
+/** The view of the address `at`, at the address `page`. */
+function linkAt(page: string, at: string): string {
+  const { search, hash } = new URL(at);
+  return `${page}${search}${hash}`;
 }
 
 /** Whether this page uses a token for the robot, so that people without one may see less. */

@@ -1,0 +1,141 @@
+"""What a chat shows of a link: Open Graph in the page's head, and oEmbed for who asks for a frame.
+
+Only what anyone may see is told. Every other robot, and one that does not exist, gets the page's general
+words.
+"""
+
+from __future__ import annotations
+
+import html
+import re
+from dataclasses import dataclass
+from typing import Any
+from urllib.parse import quote
+
+from posecast_relay.auth.access import Access
+from posecast_relay.http.page_address import place_page, read_robots
+from posecast_relay.http.robots import find_open_summary
+from posecast_relay.logging import visible
+
+PICTURE_PX = 256  # a side of a bundle's thumbnail
+FRAME_PX = 800
+FRAME_PX_MIN = 160
+ASPECT = 16 / 10
+CACHE_S = 3600
+SAID = "A robot's live state in your browser."
+GENERAL = re.compile(r'\s*<meta property="og:[^>]*>')
+OWN_PICTURE = 'property="og:image" content="./'
+
+
+@dataclass(frozen=True)
+class _Shown:
+    """Robots that one link shows to anyone: their ids, their names in one line, and who has a picture."""
+
+    ids: str
+    title: str
+    pictured: str | None
+
+
+class LinkPreview:
+    """Describes links to robots. `public_url`: the page's address without a slash at its end.
+
+    None: nobody has said under which address the relay is reached, so no whole address is made. What a
+    request says of it (`Host`) would be an attacker's word.
+    """
+
+    def __init__(self, access: Access, public_url: str | None) -> None:
+        self._access = access
+        self._public_url = public_url
+
+    def make_page(self, page: str, home: str, robots: tuple[str, ...] | None) -> str:
+        """Return the page's HTML for the folder `home`, with what a chat shows of these robots."""
+        shown = self._find(robots) if robots is not None else None
+        if shown is None:
+            general = page.replace(OWN_PICTURE, OWN_PICTURE.replace("./", self._get_base(home)))
+            return place_page(general, home)
+        title = html.escape(f"{shown.title} · Posecast")
+        named = page.replace("<title>Posecast</title>", f"<title>{title}</title>", 1)
+        return place_page(GENERAL.sub("", named), home, self._make_tags(shown, home))
+
+    def make_oembed(self, asked: str, most_px: tuple[int, int]) -> dict[str, Any] | None:
+        """Return oEmbed's answer for a page's address, at most so wide and high.
+
+        None when it shows no one robot that anyone may see.
+        """
+        base = self._public_url
+        if base is None or not asked.startswith(f"{base}/"):
+            return None
+        path = asked[len(base) :].replace("/#/", "/", 1)
+        robots = read_robots(re.split(r"[?#]", path, maxsplit=1)[0])
+        shown = self._find(robots) if robots is not None and len(robots) == 1 else None
+        if shown is None:
+            return None
+        answer = {
+            "version": "1.0",
+            "type": "link",
+            "title": shown.title,
+            "provider_name": "Posecast",
+            "provider_url": f"{base}/",
+            "cache_age": CACHE_S,
+        }
+        if shown.pictured is not None:
+            picture = f"{base}/api/v1/robots/{shown.pictured}/picture"
+            answer |= {
+                "thumbnail_url": picture,
+                "thumbnail_width": PICTURE_PX,
+                "thumbnail_height": PICTURE_PX,
+            }
+        if tuple(self._access.list_frame_ancestors(shown.ids)) == ("*",):
+            answer |= self._make_frame(shown, most_px)
+        return answer
+
+    def _make_frame(self, shown: _Shown, most_px: tuple[int, int]) -> dict[str, Any]:
+        width = max(FRAME_PX_MIN, min(FRAME_PX, most_px[0], round(most_px[1] * ASPECT)))
+        height = round(width / ASPECT)
+        frame = (
+            f'<iframe src="{self._public_url}/embed/{shown.ids}" width="{width}" height="{height}" '
+            f'title="{html.escape(shown.title)}" style="border: 0" allow="fullscreen" loading="lazy">'
+            "</iframe>"
+        )
+        return {"type": "rich", "width": width, "height": height, "html": frame}
+
+    def _make_tags(self, shown: _Shown, home: str) -> str:
+        base = self._get_base(home)
+        title = shown.title
+        told = {
+            "og:site_name": "Posecast",
+            "og:type": "website",
+            "og:title": title,
+            "og:description": SAID,
+            "og:image": f"{base}icon-512.png",
+        }
+        if shown.pictured is not None:
+            told |= {
+                "og:image": f"{base}api/v1/robots/{shown.pictured}/picture",
+                "og:image:width": str(PICTURE_PX),
+                "og:image:height": str(PICTURE_PX),
+                "og:image:alt": title,
+            }
+        if self._public_url is not None:
+            told["og:url"] = address = f"{base}r/{shown.ids}"
+        tags = [
+            f'<meta property="{name}" content="{html.escape(text)}" />\n    ' for name, text in told.items()
+        ]
+        tags.append('<meta name="twitter:card" content="summary" />\n  ')
+        if self._public_url is not None and "+" not in shown.ids:
+            asked = f"{base}api/v1/oembed?url={quote(address, safe='')}"
+            tags.insert(0, f'<link rel="alternate" type="application/json+oembed" href="{asked}" />\n    ')
+        return "".join(tags)
+
+    def _get_base(self, home: str) -> str:
+        return home if self._public_url is None else f"{self._public_url}/"
+
+    def _find(self, robots: tuple[str, ...]) -> _Shown | None:
+        """Return what anyone may see; None when that is not so of one of these robots."""
+        summaries = [find_open_summary(self._access, robot) for robot in robots]
+        found = [summary for summary in summaries if summary is not None]
+        if len(found) < len(robots):
+            return None
+        names = [visible(str(summary["name"])) for summary in found]
+        pictured = next((str(summary["robot"]) for summary in found if summary.get("model")), None)
+        return _Shown("+".join(robots), ", ".join(names), pictured)
