@@ -16,6 +16,7 @@ from posecast_relay.core.policy.share_link import make_link, read_link
 from posecast_relay.core.state.stream import Stream
 from posecast_relay.models.cache import Absent, ModelCache, Unavailable
 from posecast_relay.redis.messages import pack, unpack, unpack_state
+from posecast_relay.http.thumbnails import Thumbnails
 from posecast_relay.streaming.request import BadRequest, NoSuchStream, read_bearer, read_target
 from posecast_wire import Snapshot
 
@@ -141,13 +142,14 @@ def loop() -> asyncio.Runner:
 
 
 def manifest(data: bytes) -> None:
-    """A model's manifest, and a file that it names."""
+    """A model's manifest, a file that it names, and its small picture."""
     digest = hashlib.sha256(data).hexdigest()
 
     async def read() -> None:
         models = ModelCache(_OneManifest(data), 1 << 20)
         for path in [*await models.load_entries("demo", digest)][:3]:
             await models.load_file("demo", digest, path)
+        await Thumbnails(models).load_picture("demo", digest)
 
     loop().run(read())
 

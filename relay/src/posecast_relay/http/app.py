@@ -19,7 +19,7 @@ from posecast_relay.http.auth import OPEN, identify_asker, make_sharing_headers,
 from posecast_relay.http.gzip_cache import GzipCache
 from posecast_relay.http.link_preview import FRAME_PX, LinkPreview
 from posecast_relay.http.models import make_model_answer
-from posecast_relay.http.pictures import Pictures
+from posecast_relay.http.thumbnails import Thumbnails
 from posecast_relay.http.robot_state import StateReader
 from posecast_relay.http.robots import make_robot_document, make_robots_document
 from posecast_relay.http.static_page import Page
@@ -196,7 +196,7 @@ def _add_models(app: FastAPI, access: Access, models: ModelCache) -> None:
 
 
 def _add_previews(app: FastAPI, access: Access, models: ModelCache, preview: LinkPreview) -> None:
-    packed, pictures = GzipCache(models.room), Pictures(models)
+    packed, thumbnails = GzipCache(models.room), Thumbnails(models)
 
     @app.get(API + "/{robot}/picture", summary="A small picture of the robot, as its model has it now")
     async def picture(request: Request, robot: str) -> Response:
@@ -205,7 +205,7 @@ def _add_previews(app: FastAPI, access: Access, models: ModelCache, preview: Lin
         _, room = access.find_robot(grant) or (None, None)
         if room is None or room.stream.model is None:
             raise HTTPException(404, HIDDEN)
-        found = await _load(pictures.load_picture(robot, room.stream.model))
+        found = await _load(thumbnails.load_picture(robot, room.stream.model))
         answer = await make_model_answer(request, models, packed, robot, found)
         answer.headers["cache-control"] = PICTURE_FRESH
         if not grant.open:

@@ -28,7 +28,7 @@ OWN_PICTURE = 'property="og:image" content="./'
 
 
 @dataclass(frozen=True)
-class _Shown:
+class _OpenRobots:
     """Robots that one link shows to anyone: their ids, their names in one line, and who has a picture."""
 
     ids: str
@@ -89,7 +89,7 @@ class LinkPreview:
             answer |= self._make_frame(shown, most_px)
         return answer
 
-    def _make_frame(self, shown: _Shown, most_px: tuple[int, int]) -> dict[str, Any]:
+    def _make_frame(self, shown: _OpenRobots, most_px: tuple[int, int]) -> dict[str, Any]:
         width = max(FRAME_PX_MIN, min(FRAME_PX, most_px[0], round(most_px[1] * ASPECT)))
         height = round(width / ASPECT)
         frame = (
@@ -99,7 +99,7 @@ class LinkPreview:
         )
         return {"type": "rich", "width": width, "height": height, "html": frame}
 
-    def _make_tags(self, shown: _Shown, home: str) -> str:
+    def _make_tags(self, shown: _OpenRobots, home: str) -> str:
         base = self._get_base(home)
         title = shown.title
         told = {
@@ -130,7 +130,7 @@ class LinkPreview:
     def _get_base(self, home: str) -> str:
         return home if self._public_url is None else f"{self._public_url}/"
 
-    def _find(self, robots: tuple[str, ...]) -> _Shown | None:
+    def _find(self, robots: tuple[str, ...]) -> _OpenRobots | None:
         """Return what anyone may see; None when that is not so of one of these robots."""
         summaries = [find_open_summary(self._access, robot) for robot in robots]
         found = [summary for summary in summaries if summary is not None]
@@ -138,4 +138,4 @@ class LinkPreview:
             return None
         names = [visible(str(summary["name"])) for summary in found]
         pictured = next((str(summary["robot"]) for summary in found if summary.get("model")), None)
-        return _Shown("+".join(robots), ", ".join(names), pictured)
+        return _OpenRobots("+".join(robots), ", ".join(names), pictured)

@@ -11,7 +11,7 @@ TYPES = ("image/jpeg", "image/png", "image/webp")
 KEPT = 1000  # names of pictures; beyond, all are found anew
 
 
-class Pictures:
+class Thumbnails:
     """Finds the pictures of models. A manifest is read once for it, however many ask."""
 
     def __init__(self, models: ModelCache) -> None:
