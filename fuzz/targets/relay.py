@@ -14,9 +14,9 @@ from posecast_relay.core.edge_messages import read_edge_message
 from posecast_relay.core.limits import Limits
 from posecast_relay.core.policy.share_link import make_link, read_link
 from posecast_relay.core.state.stream import Stream
+from posecast_relay.http.thumbnails import Thumbnails
 from posecast_relay.models.cache import Absent, ModelCache, Unavailable
 from posecast_relay.redis.messages import pack, unpack, unpack_state
-from posecast_relay.http.thumbnails import Thumbnails
 from posecast_relay.streaming.request import BadRequest, NoSuchStream, read_bearer, read_target
 from posecast_wire import Snapshot
 

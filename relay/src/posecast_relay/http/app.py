@@ -19,10 +19,10 @@ from posecast_relay.http.auth import OPEN, identify_asker, make_sharing_headers,
 from posecast_relay.http.gzip_cache import GzipCache
 from posecast_relay.http.link_preview import FRAME_PX, LinkPreview
 from posecast_relay.http.models import make_model_answer
-from posecast_relay.http.thumbnails import Thumbnails
 from posecast_relay.http.robot_state import StateReader
 from posecast_relay.http.robots import make_robot_document, make_robots_document
 from posecast_relay.http.static_page import Page
+from posecast_relay.http.thumbnails import Thumbnails
 from posecast_relay.models.cache import Absent, ModelCache, ModelFile, Unavailable
 from posecast_relay.runtime.dispatcher import Dispatcher
 from posecast_relay.streaming.decode_cache import DecodeCache
