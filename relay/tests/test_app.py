@@ -36,7 +36,7 @@ def on_air(relay: Any) -> bool:
 async def test_the_list_and_one_robot(relays: Any, edges: Any) -> None:
     relay = relays()
     base = f"http://{relay.address}/api/v1/robots"
-    assert httpx.get(base).json() == {"robots": []}
+    assert httpx.get(base).json() == {"publish_at": relay.zenoh, "robots": []}
     missing = httpx.get(base + "/r")
     assert (missing.status_code, missing.json()) == (404, {"error": "no such robot here, or not for you"})
     edge = edges(relay.zenoh)

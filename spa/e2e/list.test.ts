@@ -17,10 +17,15 @@ const path = (page: Page) =>
 
 it('a robot that has left stands no more under "On air"; nobody watching is not counted', async () => {
   const relay = await stage.stack.relay();
-  stage.stack.fedEdge(relay, SWINGING, { robot: 'here' });
-  const leaves = stage.stack.fedEdge(relay, SWINGING, { robot: 'leaves' });
   const page = await stage.newPage();
   await page.open(`${relay.url}/`);
+  await until('commands with the port that it listens on', async () =>
+    (await page.evaluate<string>("document.querySelector('.empty')?.textContent ?? ''")).includes(
+      `--relay ${relay.zenoh}`,
+    ),
+  );
+  stage.stack.fedEdge(relay, SWINGING, { robot: 'here' });
+  const leaves = stage.stack.fedEdge(relay, SWINGING, { robot: 'leaves' });
   await until('both', async () => (await names(page, 'robots')).length === 2, 30_000);
   await leaves.edge.stop();
   await until('it is below', async () => (await names(page, 'gone-robots')).join() === 'leaves', 30_000);

@@ -1,6 +1,6 @@
 import { describe, expect, it } from 'vitest';
 import { missingWords } from '../src/app/body/words.ts';
-import { inOrder, readRobots } from '../src/app/pages/list/robots.ts';
+import { inOrder, readPublishAt, readRobots } from '../src/app/pages/list/robots.ts';
 import { heightPx, nextHeight, PEEK_PX, restingHeight } from '../src/app/shell/sheet_heights.ts';
 import { hashOfPath } from '../src/app/state/path.ts';
 import { parseRoute } from '../src/app/state/route.ts';
@@ -70,6 +70,15 @@ describe('the list of robots', () => {
       { robot: 'old', name: 'old', state: 'offline', ageMs: null, viewers: 0, model: null },
     ]);
     expect([null, {}, 'x', { robots: 7 }].map(readRobots)).toEqual([[], [], [], []]);
+  });
+});
+
+describe('where a robot may be published', () => {
+  it('is named in a command only where it is this computer', () => {
+    expect(readPublishAt({ publish_at: 'tcp/127.0.0.1:7450' })).toBe('tcp/127.0.0.1:7450');
+    for (const odd of ['tcp/evil.example:1', 'tcp/127.0.0.1:1; rm -r x', 7447, null])
+      expect(readPublishAt({ publish_at: odd })).toBe(null);
+    expect([{}, [], null].map(readPublishAt)).toEqual([null, null, null]);
   });
 });
 

@@ -82,10 +82,12 @@ def make_app(
     decoded: DecodeCache,
     static: Path | None,
     public_url: str | None = None,
+    publish_at: str | None = None,
 ) -> FastAPI:
     """Make the relay's HTTP application. WebSocket upgrades never reach it.
 
     `public_url`: where people open the page, without a slash at its end; None when nobody has said so.
+    `publish_at`: where anybody on this machine may publish; None when nobody may without a credential.
     """
     # FastAPI's own /docs loads its scripts from another origin; the built page brings them (spa/public/docs)
     app = FastAPI(title="Posecast relay", version="1", docs_url=None, redoc_url=None)
@@ -94,7 +96,7 @@ def make_app(
     async def refused(_request: Request, error: StarletteHTTPException) -> JSONResponse:
         return JSONResponse({"error": error.detail}, error.status_code, dict(error.headers or {}) | OPEN)
 
-    _add_robots(app, access, decoded)
+    _add_robots(app, access, decoded, publish_at)
 
     @app.get(API + "/{robot}/live.sse", summary="The stream as server-sent events: hz, view, format=json")
     async def events(request: Request, robot: str) -> Response:  # noqa: ARG001 — served below ASGI, mostly
@@ -143,7 +145,7 @@ def _add_health(app: FastAPI, dispatcher: Dispatcher) -> None:
         return JSONResponse({"status": "degraded", "why": trouble} if trouble else {"status": "ready"})
 
 
-def _add_robots(app: FastAPI, access: Access, decoded: DecodeCache) -> None:
+def _add_robots(app: FastAPI, access: Access, decoded: DecodeCache, publish_at: str | None) -> None:
     dispatcher = access.live
     answers = AnswerCache(dispatcher.now)
     reader = StateReader(dispatcher.now, decoded)
@@ -151,7 +153,7 @@ def _add_robots(app: FastAPI, access: Access, decoded: DecodeCache) -> None:
     @app.get(API, summary="Robots on air")
     async def robots(request: Request) -> Response:
         who = await identify_asker(access, request)
-        made = partial(make_robots_document, access, who, dispatcher.now())
+        made = partial(make_robots_document, access, who, dispatcher.now(), publish_at)
         headers = make_sharing_headers(request, who is ANYONE)
         return answers.get_answer(request, f"{who.audience}/{who.robot}", made, headers)
 

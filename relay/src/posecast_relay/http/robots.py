@@ -14,9 +14,10 @@ from posecast_relay.plain_json import json_bytes
 VEILED = {"age_ms": None, "seq": None, "hz": None, "model": None}
 
 
-def make_robots_document(access: Access, who: Principal, now: float) -> bytes:
+def make_robots_document(access: Access, who: Principal, now: float, publish_at: str | None) -> bytes:
     """Return the list of robots as JSON: all whose edge was heard, here or by the processes that fill the
-    store.
+    store. `publish_at`: where anybody may publish, on the relay's own machine; None when nobody may who has
+    no credential.
     """
     told = access.live.store.list_robots()
     if told is None:
@@ -33,7 +34,8 @@ def make_robots_document(access: Access, who: Principal, now: float) -> bytes:
                 shown.append(json_bytes(summary | {"viewers": _count_viewers(access, doc["robot"])}))
         except Exception as e:  # a mistake of ours: the others are shown
             access.live.report_fault("a robot in the list", e)
-    return b'{"robots":[' + b",".join(shown) + b"]}"
+    more = b"" if publish_at is None else json_bytes({"publish_at": publish_at})[1:-1] + b","
+    return b"{" + more + b'"robots":[' + b",".join(shown) + b"]}"
 
 
 def find_open_summary(access: Access, robot: str) -> dict[str, Any] | None:

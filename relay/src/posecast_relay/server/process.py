@@ -148,7 +148,14 @@ async def _serve(settings: Settings, robots: Robots | None) -> None:
 
     unasked = RequestTimeouts(dispatcher.now, cut)
     config = uvicorn.Config(
-        make_app(access, services.models, decoded, settings.static, settings.public_url),
+        make_app(
+            access,
+            services.models,
+            decoded,
+            settings.static,
+            settings.public_url,
+            _find_publish_at(settings, router),
+        ),
         ws=make_live_protocol(access, decoded) if streams else "none",
         http=add_timeouts(
             make_http_protocol(access, decoded) if streams else make_plain_http_protocol(access), unasked
@@ -178,6 +185,13 @@ async def _serve(settings: Settings, robots: Robots | None) -> None:
         await services.stop()
         stop_metrics()
         await _close(router)
+
+
+def _find_publish_at(settings: Settings, router: RouterSession | None) -> str | None:
+    """Return the endpoint that pages are told, with --dev only: elsewhere it takes a credential, and whoever
+    gives that knows the endpoint.
+    """
+    return router.endpoints[0] if router is not None and settings.dev else None
 
 
 def _robots(settings: Settings) -> Robots | None:

@@ -331,6 +331,8 @@ export const moreKo: More = {
   chooseFolder: '폴더 선택',
   chooseZip: 'zip 선택',
   nobodyOnAir: '나와 있는 로봇이 없습니다. 로봇 옆에서 한 줄이면 됩니다.',
+  askOperator: 'PORT와 FILE은 이 릴레이를 운영하는 사람이 알려 줍니다.',
+  onThatComputer: '릴레이가 도는 컴퓨터에서 그대로 실행할 수 있습니다.',
   demoRobot: '데모 로봇',
   yours: '내 로봇: 한 줄에 JSON 객체 하나',
   copy: '복사',

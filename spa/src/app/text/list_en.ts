@@ -14,6 +14,8 @@ export const listEn = {
   chooseFolder: 'Choose a folder',
   chooseZip: 'Choose a zip',
   nobodyOnAir: 'No robot is on air. One line beside the robot puts it here.',
+  askOperator: 'PORT and FILE come from whoever runs this relay.',
+  onThatComputer: "These work on the relay's own computer.",
   demoRobot: 'The demo robot',
   yours: 'Yours: one JSON object a line',
   copy: 'Copy',

@@ -70,7 +70,7 @@ export function RobotList({ onSettings }: { onSettings: () => void }) {
         )}
         {listing.phase === 'waiting' && <p className="quiet">{rest.askingRelay}</p>}
         {here.length > 0 && cards(here, 'robots')}
-        {listing.phase === 'known' && here.length === 0 && <Empty />}
+        {listing.phase === 'known' && here.length === 0 && <Empty publishAt={listing.publishAt} />}
         {robots.length > 1 && <SideBySide chosen={chosen} onChosen={setChosen} />}
         {gone.length > 0 && (
           <section className="was-on-air" aria-labelledby="was-on-air">
@@ -197,9 +197,10 @@ function YourOwn() {
   );
 }
 
-function Empty() {
+/** Commands that put a robot on air. `publishAt`: where anybody may publish; null: only with a credential. */
+function Empty({ publishAt }: { publishAt: string | null }) {
   const rest = useListText();
-  const relay = `tcp/${window.location.hostname || '127.0.0.1'}:7447`;
+  const relay = publishAt ?? `tls/${window.location.hostname}:PORT --credential FILE`;
   return (
     <div className="empty" data-testid="no-robots">
       <p>{rest.nobodyOnAir}</p>
@@ -208,6 +209,7 @@ function Empty() {
         what={rest.yours}
         line={`my-robot | posecast-edge run --robot mine --source jsonl --relay ${relay}`}
       />
+      <p className="quiet">{publishAt === null ? rest.askOperator : rest.onThatComputer}</p>
     </div>
   );
 }

@@ -22,10 +22,11 @@ export interface ListedRobot {
 }
 
 /** The list of robots. `waiting`: the relay has not answered yet; `unreachable`: the last request failed, and
- *  `robots` are those of the answer before, if any. */
+ *  `robots` are those of the answer before, if any. `publishAt`: where anybody on the relay's own computer may publish
+ *  without a credential, as `tcp/127.0.0.1:7447`; null when nobody may. */
 export type RobotListing =
   | { phase: 'waiting' }
-  | { phase: 'known'; robots: readonly ListedRobot[] }
+  | { phase: 'known'; robots: readonly ListedRobot[]; publishAt: string | null }
   | { phase: 'unreachable'; robots: readonly ListedRobot[] };
 
 /** The robots in the parsed JSON answer of the relay. Entries without an id are skipped, members of a wrong type
@@ -48,6 +49,13 @@ export function readRobots(body: unknown): ListedRobot[] {
       },
     ];
   });
+}
+
+/** Where anybody may publish, from the relay's answer; null unless it is an endpoint of loopback, which is all that a
+ *  command to be copied may name. */
+export function readPublishAt(body: unknown): string | null {
+  const at = isRecord(body) ? body.publish_at : null;
+  return typeof at === 'string' && /^tcp\/(127\.0\.0\.1|\[::1\]|localhost):\d{1,5}$/.test(at) ? at : null;
 }
 
 /** The robots that are on air, those that move first, and those that were, the one that left last first. Equals stand by
@@ -77,7 +85,8 @@ export function useRobots(): RobotListing {
         // if the token is rejected, ask for what anyone may see
         if (answer.status === 401 || answer.status === 403) answer = await get(signal, undefined);
         if (!answer.ok) throw new Error(answer.statusText);
-        setListing({ phase: 'known', robots: readRobots(await answer.json()) });
+        const body: unknown = await answer.json();
+        setListing({ phase: 'known', robots: readRobots(body), publishAt: readPublishAt(body) });
       } catch {
         if (leave.signal.aborted) return;
         setListing((before) => ({
