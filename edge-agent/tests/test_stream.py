@@ -188,9 +188,9 @@ def test_other_units_are_a_new_schema_and_the_same_run_of_frames() -> None:
     first = s.tick(0.0)
     assert first is not None
     before = s.schema
-    s.change_units(infer_profile("r", sample))
+    s.change_profile(infer_profile("r", sample))
     assert s.schema is before
-    s.change_units(infer_profile("r", sample, {"finger"}))
+    s.change_profile(infer_profile("r", sample, {"finger"}))
     assert s.make_snapshot(None, 0.1) is None  # whoever asks now hears of the next frame
     s.deliver(sample._replace(t_s=0.1), 0.1)
     frame = s.tick(0.1)
@@ -203,3 +203,23 @@ def test_other_units_are_a_new_schema_and_the_same_run_of_frames() -> None:
     decoded = decoder.decode(frame.data)
     assert (first.seq, decoded.seq) == (0, 1)
     assert decoded.values("pos") == [pytest.approx(0.5), pytest.approx(0.0207)]
+
+
+def test_more_channels_are_a_new_schema_and_faults_stay_told() -> None:
+    first = Sample(0.0, {"pos": {"arm": 0.5}, "flags": {"arm": ["jam"]}})
+    s = Stream(infer_profile("r", first), 4.0, lambda line: None)
+    assert [(e.source, e.text, e.on) for e in s.deliver(first, 0.0)] == [("arm", "jam", True)]
+    assert s.tick(0.0)
+    more = Sample(0.1, {"pos": {"arm": 0.5, "leg": 0.25}, "flags": {"arm": ["jam"], "leg": []}})
+    s.change_profile(infer_profile("r", more))
+    assert s.deliver(more, 0.1) == []
+    frame = s.tick(0.1)
+    assert frame is not None
+    decoder = Decoder()
+    decoder.add_schema(s.schema.text)
+    decoded = decoder.decode(frame.data)
+    assert decoded.seq == 1
+    assert decoded.values("pos") == [pytest.approx(0.5), pytest.approx(0.25)]
+    cleared = more._replace(t_s=0.2, values={"flags": {"arm": [], "leg": ["jam"]}})
+    told = [(e.source, e.text, e.on) for e in s.deliver(cleared, 0.2)]
+    assert told == [("arm", "jam", False), ("leg", "jam", True)]

@@ -25,7 +25,7 @@ from posecast_edge.pipeline.events import Event
 from posecast_edge.pipeline.stream import Stream
 from posecast_edge.pipeline.text_guard import TextGuard
 from posecast_edge.pipeline.view_pipeline import ViewPipeline
-from posecast_edge.profile.schema import infer_profile
+from posecast_edge.profile.schema import infer_profile, join_channels
 from posecast_edge.profile.types import PUBLIC, Profile
 from posecast_edge.rate_limited_log import RateLimitedLog
 from posecast_edge.sample import Sample, SourceError
@@ -286,10 +286,8 @@ class Agent:
             except (SourceError, SchemaError) as e:
                 self._useless.add(f"{sample.where}: {e}" if sample.where else str(e), now_s)
                 return
-        elif self._inferred is not None and self._inferred[1] != self._sliding:  # the model came later
-            self._inferred = self._inferred[0], self._sliding
-            with pipeline.lock:
-                stream.change_units(infer_profile(self._settings.robot, *self._inferred))
+        elif self._inferred is not None and (sample.anew or self._inferred[1] != self._sliding):
+            self._change_profile(pipeline, stream, sample, self._inferred[0], now_s)
         info = stream.info
         events = stream.deliver(sample, now_s)
         if events:
@@ -299,6 +297,22 @@ class Agent:
         pipeline.stream = stream  # seen by the clock only now, with its first sample in it
         if sample.newest and pipeline.pacer.is_due(now_s):
             self._send(pipeline)
+
+    def _change_profile(
+        self, pipeline: ViewPipeline, stream: Stream, sample: Sample, named: Sample, now_s: float
+    ) -> None:
+        """The model came later, or the robot has channels that were not in `named`."""
+        sliding = self._sliding
+        if sample.anew:
+            named = join_channels(named, self._guard.clean_names(sample, now_s))
+        try:
+            profile = infer_profile(self._settings.robot, named, sliding)
+            with pipeline.lock:
+                stream.change_profile(profile)
+        except (SourceError, SchemaError) as e:
+            self._useless.add(f"what came later is left out: {e}", now_s)
+            return
+        self._inferred = named, sliding
 
     def _new_stream(self, profile: Profile) -> Stream:
         return Stream(profile, self._settings.key_interval_s, log.warning)

@@ -27,10 +27,11 @@ from posecast_edge.model.urdf.resolver import list_package_folders
 from posecast_edge.profile.reader import find_profile, load_profile
 from posecast_edge.profile.types import Profile
 from posecast_edge.sample import NOTHING, TIME_MAX_S
+from posecast_edge.sources.published.channels import JOINT_FIELDS
 from posecast_edge.sources.published.copier import WORDS, Copied, ReadingsCopier, UnusableError, copy_base
 from posecast_edge.sources.published.problems import ProblemList
 from posecast_edge.sources.published.slot import PublishedSlot
-from posecast_edge.sources.published.source import JOINT_FIELDS, PublishedSource
+from posecast_edge.sources.published.source import PublishedSource
 from posecast_edge.uplink.arguments import check_endpoint, read_credential
 from posecast_edge.visible import quote
 

@@ -30,6 +30,8 @@ class Sample(NamedTuple):
     with sequences of floats (masks: ints) and None in the order of its labels; then a field is asked for only
     when it is needed. `links`: site → link of the model, where the robot itself says where its sensors sit.
     `sliding`: joints that slide, where the robot itself says so: theirs are m, m/s and N.
+    `anew`: it has fields or channels that earlier samples did not have; where there is no profile the robot
+    has them from now on. A source sets it seldom: viewers get another schema.
     `newest`: False when one that came after it follows at once; then it makes events, but no frame.
     """
 
@@ -40,4 +42,5 @@ class Sample(NamedTuple):
     exact: bool = False
     links: Mapping[str, str] = NOTHING
     newest: bool = True
+    anew: bool = False
     sliding: frozenset[str] = frozenset()

@@ -74,6 +74,14 @@ class _Bits:
         self._newest: Values = ()
         self._known: list[float | None] = [0] * field.size  # the newest reading of each
 
+    def carry_over(self, old: _Bits) -> None:
+        """Go on with what `old` knew, label by label and bit by bit."""
+        own = {name: mask for mask, name, _ in self._told}
+        before = dict(zip(old._labels, old._known, strict=True))
+        for i, label in enumerate(self._labels):
+            mask = int(before.get(label) or 0)
+            self._known[i] = sum(own.get(name, 0) for bit, name, _ in old._told if mask & bit)
+
     def look(self, t_s: float, masks: Values) -> list[Event]:
         events: list[Event] = []
         if masks is self._newest or masks == self._newest:  # as nearly always, 200 times a second
@@ -97,7 +105,7 @@ class _Limit:
 
     def __init__(self, index: int, label: str, unit: str, threshold: Threshold) -> None:
         self.index = index
-        self._label = label
+        self.label = label
         low, high = threshold.low, threshold.high
         self.low = -math.inf if low is None else low
         self.high = math.inf if high is None else high
@@ -119,7 +127,7 @@ class _Limit:
             return []
         sides = ((self.side, False), (side, True))
         self.side = side
-        return [Event(t_s, "caution", self._label, self._words[s], on) for s, on in sides if s]
+        return [Event(t_s, "caution", self.label, self._words[s], on) for s, on in sides if s]
 
 
 class _Limits:
@@ -129,6 +137,12 @@ class _Limits:
         self.name = field.name
         self._limits = limits
         self._newest: Values = ()
+
+    def carry_over(self, old: _Limits) -> None:
+        """Go on with what `old` knew, label by label."""
+        sides = {limit.label: limit.side for limit in old._limits}
+        for limit in self._limits:
+            limit.side = sides.get(limit.label, 0)
 
     def look(self, t_s: float, values: Values) -> list[Event]:
         if values is self._newest or values == self._newest:  # temperatures hardly change
@@ -148,24 +162,23 @@ class EventWatch:
 
     def __init__(self, schema: Schema) -> None:
         """A bit whose severity is `state` makes no event. Limits are those of the schema's mapping."""
-        self._watched: list[_Bits | _Limits] = []
-        for field in schema.fields:
-            levels = [schema.mapping.find_severity(field.name, bit) for bit in field.bits]
-            told = [(1 << i, field.bits[i], level) for i, level in enumerate(levels) if level != "state"]
-            if told:
-                self._watched.append(_Bits(field, told))
-            thresholds = [schema.mapping.find_threshold(field.name, label) for label in field.labels]
-            limits = [
-                _Limit(i, label, field.unit, threshold)
-                for i, (label, threshold) in enumerate(zip(field.labels, thresholds, strict=True))
-                if threshold is not None
-            ]
-            if limits:
-                self._watched.append(_Limits(field, limits))
+        self._watched = _list_watched(schema)
         self._last_s: float | None = None
         self._t_s = 0.0
         self._trouble = ""
         self.silent = False
+
+    def change_schema(self, schema: Schema) -> None:
+        """Go on with other channels: what was true of a channel stays so, new ones begin without a fault."""
+        bits = {watched.name: watched for watched in self._watched if isinstance(watched, _Bits)}
+        limits = {watched.name: watched for watched in self._watched if isinstance(watched, _Limits)}
+        self._watched = _list_watched(schema)
+        for watched in self._watched:
+            if isinstance(watched, _Limits):
+                if watched.name in limits:
+                    watched.carry_over(limits[watched.name])
+            elif watched.name in bits:
+                watched.carry_over(bits[watched.name])
 
     @property
     def started(self) -> bool:
@@ -200,3 +213,21 @@ class EventWatch:
             return events
         self.silent = True
         return [*events, Event(self._t_s, "caution", "source", "silent", True)]
+
+
+def _list_watched(schema: Schema) -> list[_Bits | _Limits]:
+    watched: list[_Bits | _Limits] = []
+    for field in schema.fields:
+        levels = [schema.mapping.find_severity(field.name, bit) for bit in field.bits]
+        told = [(1 << i, field.bits[i], level) for i, level in enumerate(levels) if level != "state"]
+        if told:
+            watched.append(_Bits(field, told))
+        thresholds = [schema.mapping.find_threshold(field.name, label) for label in field.labels]
+        limits = [
+            _Limit(i, label, field.unit, threshold)
+            for i, (label, threshold) in enumerate(zip(field.labels, thresholds, strict=True))
+            if threshold is not None
+        ]
+        if limits:
+            watched.append(_Limits(field, limits))
+    return watched

@@ -48,6 +48,7 @@ class Stream:
     def __init__(self, profile: Profile, key_interval_s: float, say: Callable[[str], None]) -> None:
         """SchemaError when the wire cannot carry the profile. `say` takes lines about bad input."""
         self.schema = Schema.parse(make_schema_text(profile))
+        self._say = say
         self._flattener = SampleFlattener(self.schema, say)
         self._untimed = RateLimitedLog(say, "samples without a time")
         self._key_interval_s = key_interval_s
@@ -88,10 +89,9 @@ class Stream:
         identity."""
         return self._info
 
-    def change_units(self, profile: Profile) -> None:
-        """Go on with the units and steps of `profile`, which has the same fields and labels in the same
-        order. Viewers get a new schema with the next sample. Call it in the source's thread, between two
-        frames.
+    def change_profile(self, profile: Profile) -> None:
+        """Go on with the fields, labels, units and steps of `profile`. Viewers get a new schema with the next
+        sample; faults that were told are not told again. Call it in the source's thread, between two frames.
 
         SchemaError when the wire cannot carry the profile.
         """
@@ -100,10 +100,14 @@ class Stream:
             return
         with self._frames_lock:
             self.schema = schema
+            self._deadbands = {f.name: f.deadband for f in profile.fields}
             self._strides = {f.name: f.strides for f in profile.fields}
             self._sampler = Sampler(self._make_quantiser())
             self._encoder = Encoder(schema, self._key_interval_s)
             self._picture = None
+        self._flattener = SampleFlattener(schema, self._say)
+        with self._events_lock:
+            self._watch.change_schema(schema)
 
     def _make_quantiser(self) -> Quantiser:
         return Quantiser(self.schema, self._deadbands, self._strides)

@@ -118,7 +118,7 @@ def infer_profile(robot: str, sample: Sample, sliding: Collection[str] = ()) -> 
             raise SourceError(_unlabelled(name, values))
         channels += len(own)
         if channels > CHANNELS_MAX:
-            raise SourceError(f"the first sample has over {CHANNELS_MAX} channels")
+            raise SourceError(f"it names over {CHANNELS_MAX} channels")
         labels[label_set] = own
         sets.setdefault(own, label_set)
         bits = _flag_bits(values) if name == FLAGS else DIAG_BITS if name == DIAG else ()
@@ -135,6 +135,23 @@ def infer_profile(robot: str, sample: Sample, sliding: Collection[str] = ()) -> 
     meaning = Meaning(sensors=_mounts(sample), severities=severities)
     profile = Profile(robot, tuple(fields.values()), labels, meaning)
     return mark_sliding(profile, {*sample.sliding, *sliding})
+
+
+def join_channels(first: Sample, later: Sample) -> Sample:
+    """The first sample with the fields and channels that only the later one has: a sample to infer a profile
+    from. What the first one has stays as it is there, and in its order."""
+    values: dict[str, Values] = dict(first.values)
+    for name, new in later.values.items():
+        old = values.get(name)
+        if old is None:
+            values[name] = new
+        elif isinstance(old, Mapping) and isinstance(new, Mapping):
+            own = {label: reading for label, reading in new.items() if label not in old}
+            if name == FLAGS:  # masks would take the names from the bits that have some
+                own = {label: None if isinstance(r, int) else r for label, r in own.items()}
+            values[name] = {**old, **own}
+    links = {**later.links, **first.links}
+    return first._replace(values=values, links=links, sliding=first.sliding | later.sliding)
 
 
 def mark_sliding(profile: Profile, sliding: Collection[str]) -> Profile:
