@@ -320,7 +320,10 @@ def test_transforms_alone(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> N
     wrong = parse_profile(BASE.replace("base_link", "base_lunk"))
     assert list(RosRecording(path, wrong).read_samples(0.0, first_pass=True)) == []
     frames = "base_link, leg, odom, rail"
-    assert caplog.messages == [f"{path}: base odom→base_lunk: no transform names base_lunk; frames: {frames}"]
+    joints, base = caplog.messages[0], caplog.messages[1]
+    assert base == f"{path}: base odom→base_lunk: no transform names base_lunk; frames: {frames}"
+    assert caplog.messages == [joints, base, joints]
+    assert "no joint states" in joints
 
 
 def test_probe_lists_frames_and_suggests_the_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -10,6 +10,7 @@ import itertools
 import json
 from collections.abc import Iterable
 
+from posecast_edge.model.moving_joints import MovingJoint
 from posecast_edge.pipeline.stream import Stream
 from posecast_edge.pipeline.text_guard import TextGuard
 from posecast_edge.profile.reader import ProfileError, load_profile, parse_profile
@@ -24,8 +25,16 @@ from posecast_edge.sources.hubo.achd_protocol import AchdParser, AchdProtocolErr
 from posecast_edge.sources.hubo.state import HuboDecoder, UnknownFrame
 from posecast_edge.sources.jsonl import LineError, parse_line
 from posecast_edge.sources.ros.cdr import CdrReader
+from posecast_edge.sources.ros.joint_frames import JointFrames
 from posecast_edge.sources.ros.merge import MessageMerger
-from posecast_edge.sources.ros.messages import STRING, TF, RosMessageError, get_text, read_message
+from posecast_edge.sources.ros.messages import (
+    STRING,
+    TF,
+    RosMessageError,
+    get_text,
+    read_message,
+    read_transforms,
+)
 from posecast_edge.sources.ros.rosbridge_protocol import MessageAssembler, Publish, RosbridgeProtocolError
 from posecast_edge.sources.ros.topics import TYPES, Routes
 from posecast_edge.sources.ros.transforms import TransformTree
@@ -36,6 +45,11 @@ from fuzz.target import SAID_MAX, Differs, Target
 
 SAMPLES_MAX = 200  # of one case
 ROS_TYPES = sorted(TYPES)
+LEVEL = (1.0, 0.0, 0.0, 0.0)
+ARM = (  # between the frames that the corpus has
+    MovingJoint("turn", False, "odom", "base_link", (0, 0, 1), LEVEL, (0, 0, 1), -1, 1),
+    MovingJoint("lift", True, "base_link", "leg", (0, 0, 0), LEVEL, (1, 0, 0)),
+)
 WALK = """
 [robot]
 name = "walker"
@@ -184,6 +198,11 @@ def ros_message(name: str, message: object) -> None:
             tree.take_message(message, False, at_s)
             tree.check_time(at_s)
         tree.list_frames()
+        joints = JointFrames(hear)
+        joints.set_joints(ARM)
+        for at_s in (1.0, 7.0):
+            joints.take_transforms(read_transforms(message), False, at_s)
+            joints.check_time(at_s)
         return
     report = read_message(name, message)
     merge = MessageMerger(True, hear)

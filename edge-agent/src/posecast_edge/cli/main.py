@@ -16,7 +16,7 @@ from posecast_edge.cli.console import Console
 from posecast_edge.cli.robot_flags import list_packages
 from posecast_edge.cli.settings import Settings, UsageError, parse_settings
 from posecast_edge.model.robot_file import find_format
-from posecast_edge.model.serve.bundle import ModelError, load_built, load_bundle
+from posecast_edge.model.serve.bundle import Bundle, ModelError, load_built, load_bundle
 from posecast_edge.profile.reader import ProfileError, load_profile
 from posecast_edge.sample import SourceError
 from posecast_edge.sources.base import Discovering
@@ -124,16 +124,26 @@ def _run(settings: Settings, console: Console) -> int:
         settings.robot, settings.relay, settings.hz, settings.key_interval_s, settings.credential
     )
     agent = Agent(sending, source, profile, console)
+
+    def take_model(bundle: Bundle) -> None:
+        agent.set_model(bundle)
+        if isinstance(source, Discovering):
+            source.take_joints(bundle.joints)
+
     if built:
-        agent.set_model(built)
+        take_model(built)
     build: BackgroundBuild | DescribedModel | None = None
     if raw:
         agent.set_sliding(raw.sliding)  # the model itself may take a minute
+        if isinstance(source, Discovering):
+            source.take_joints(raw.joints)
     options = settings.list_model_options()
     if urdf and not built:
-        from posecast_edge.model.serve.background import BackgroundBuild  # noqa: PLC0415 - the same
+        from posecast_edge.model.serve.background import BackgroundBuild, can_build  # noqa: PLC0415 - the same
 
-        build = BackgroundBuild(urdf, raw, agent.set_model, options)
+        if raw is None and isinstance(source, Discovering) and can_build():
+            source.expect_joints()
+        build = BackgroundBuild(urdf, raw, take_model, options)
     elif isinstance(source, Discovering) and not built:
         from posecast_edge.model.serve.robot_description import DescribedModel  # noqa: PLC0415 - the same
 

@@ -16,6 +16,7 @@ from posecast_edge.cli.robot_flags import add_robot_flags, list_packages
 from posecast_edge.model.builder.manifest import FINDINGS_MAX
 from posecast_edge.model.doctor.skeleton import examine_model
 from posecast_edge.model.finding import EXTRA, SEVERITIES, Finding, ModelRefused, quote_name
+from posecast_edge.model.moving_joints import list_moving_joints
 from posecast_edge.model.robot_file import RobotFile, find_format, load_robot_file
 from posecast_edge.model.serve.bundle_dir import MANIFEST, write_folder
 from posecast_edge.model.serve.cache import Cache, find_cache_folder
@@ -128,6 +129,8 @@ def _source(args: argparse.Namespace, profile: Profile | None, urdf: Urdf | None
     described: list[str] = []
     if urdf is None and isinstance(source, Discovering):
         source.send_urdf_to(described.append)
+    elif urdf is not None and isinstance(source, Discovering):
+        source.take_joints(list_moving_joints(urdf))
     seen = observe_source(source, args.seconds, profile)
     if described:
         urdf = read_urdf(BytesIO(described[-1].encode()))

@@ -10,6 +10,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from posecast_edge.model.finding import ModelRefused
+from posecast_edge.model.moving_joints import list_moving_joints
+from posecast_edge.model.robot_file import load_robot_file
 from posecast_edge.model.serve.bundle import find_sliding
 from posecast_edge.model.urdf.reader import read_urdf
 from posecast_edge.pipeline.source_stats import WAIT_S, ChannelStats, SourceStats, observe_source
@@ -40,20 +42,29 @@ def run_probe(argv: Sequence[str]) -> int:
     parser.add_argument("source", help=f"KIND[:ADDRESS]; kinds: {', '.join(KINDS)}")
     parser.add_argument("--seconds", type=float, default=3.0, help="how long to watch (3)")
     parser.add_argument(
+        "--urdf", type=Path, help="the robot's model (URDF, xacro, SDF, MJCF), for joints that only /tf tells"
+    )
+    parser.add_argument(
         "--profile", type=find_profile, help="for a source that needs one, as trajectory does"
     )
     args = parser.parse_args(argv)
     try:
         path: Path | None = args.profile or find_defaults(args.source).profile
         profile = load_profile(path) if path else None
+        urdf = load_robot_file(args.urdf).urdf if args.urdf else None
         source = open_source(args.source, profile)
     except (SourceError, ProfileError) as e:
         log.error("%s", e)
+        return WRONG
+    except ModelRefused as e:
+        log.error("%s%s: %s", args.urdf, "" if e.line is None else f":{e.line}", e.reason)
         return WRONG
     described: list[str] = []
     if isinstance(source, Discovering):
         source.send_urdf_to(described.append)
         source.watch_frames()
+        if urdf is not None:
+            source.take_joints(list_moving_joints(urdf))
     try:
         seen = observe_source(source, args.seconds, profile)
     except SourceError as e:
@@ -63,8 +74,11 @@ def run_probe(argv: Sequence[str]) -> int:
         return SILENT
     except KeyboardInterrupt:
         return FINE
-    if described and seen.profile is not None and profile is None:
-        seen.profile = _mark_described(seen.profile, described[-1])
+    if seen.profile is not None and profile is None:
+        if urdf is not None:
+            seen.profile = mark_sliding(seen.profile, find_sliding(urdf))
+        elif described:
+            seen.profile = _mark_described(seen.profile, described[-1])
     for line in [*describe_source(source.description, seen), *_offers(source)]:
         print(make_visible(line, SHOWN_MAX))
     return FINE if seen.samples else SILENT

@@ -57,6 +57,16 @@ def quaternion_from_rpy(rpy: Sequence[float]) -> tuple[float, float, float, floa
     return (w, x, y, z) if w >= 0 else (-w, -x, -y, -z)
 
 
+def normalise_axis(axis: Sequence[float] | None) -> tuple[float, float, float]:
+    """The axis scaled to length 1; the x axis if there is none."""
+    longest = max(map(abs, axis)) if axis is not None else 0.0
+    if axis is None or longest < 1e-9:
+        return (1.0, 0.0, 0.0)
+    x, y, z = (v / longest for v in axis)  # first, for the square of a large number has no end
+    length = math.hypot(x, y, z)
+    return (x / length, y / length, z / length)
+
+
 def compute_plane_axes(
     axis: Sequence[float],
 ) -> tuple[tuple[float, float, float], tuple[float, float, float]]:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol, runtime_checkable
 
+from posecast_edge.model.moving_joints import MovingJoint
 from posecast_edge.sample import Sample
 
 # Takes a sample. The answer: from when on (monotonic seconds) the next one would make a frame, None for at
@@ -50,6 +51,14 @@ class Discovering(Source, Protocol):
     def send_urdf_to(self, take: Callable[[str], None]) -> None:
         """Pass every new robot_description (URDF text) to `take`, which must return at once. Call it before
         `run`."""
+
+    def take_joints(self, joints: Sequence[MovingJoint]) -> None:
+        """Take the joints of the model that is shown: where no joint states come they are read from /tf. May
+        be called from any thread, also while it runs."""
+
+    def expect_joints(self) -> None:
+        """The model is still being built, and `take_joints` will be called: a recording of nothing but
+        transforms waits for it. Call it before `run`."""
 
 
 @runtime_checkable

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from posecast_edge.model.builder.manifest import is_within_reach, normalise_axis
-from posecast_edge.model.kinematics import matrix_from_quaternion, quaternion_from_rpy
+from posecast_edge.model.builder.manifest import is_within_reach
+from posecast_edge.model.kinematics import matrix_from_quaternion, normalise_axis, quaternion_from_rpy
 from posecast_edge.model.urdf.tree import Tree
 from posecast_edge.model.urdf.types import SCALAR_TYPES, ZERO, Joint, Pose, Vector
 

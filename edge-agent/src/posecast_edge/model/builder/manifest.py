@@ -9,9 +9,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from posecast_edge.model.finding import Finding
-from posecast_edge.model.kinematics import compute_plane_axes, quaternion_from_rpy
+from posecast_edge.model.kinematics import compute_plane_axes, normalise_axis, quaternion_from_rpy
 from posecast_edge.model.urdf.tree import Tree
-from posecast_edge.model.urdf.types import FAR_M, SCALAR_TYPES, UNBOUNDED, Pose, Sensor, Urdf, Vector
+from posecast_edge.model.urdf.types import FAR_M, SCALAR_TYPES, UNBOUNDED, Pose, Sensor, Urdf
 
 VERSION = 2
 FINDINGS_MAX = 200
@@ -64,16 +64,6 @@ def is_within_reach(pose: Pose) -> bool:
 def round_digits(value: float) -> float:
     """Round to nine significant digits, without negative zero."""
     return float(f"{value:.9g}") + 0.0
-
-
-def normalise_axis(axis: Vector | None) -> Vector:
-    """The axis scaled to length 1; the x axis if there is none."""
-    longest = max(map(abs, axis)) if axis is not None else 0.0
-    if axis is None or longest < 1e-9:
-        return (1.0, 0.0, 0.0)
-    x, y, z = (v / longest for v in axis)  # first, for the square of a large number has no end
-    length = math.hypot(x, y, z)
-    return (x / length, y / length, z / length)
 
 
 def _joint(tree: Tree, number: int) -> dict[str, Any]:

@@ -17,6 +17,12 @@ from pathlib import Path, PurePosixPath
 from urllib.parse import unquote, urlsplit
 
 from posecast_edge.model.finding import ModelRefused, make_printable
+from posecast_edge.model.moving_joints import (
+    SLIDING_TYPE,
+    MovingJoint,
+    list_built_joints,
+    list_moving_joints,
+)
 from posecast_edge.model.serve.bundle_dir import check_folder
 from posecast_edge.model.urdf.reader import load_urdf
 from posecast_edge.model.urdf.resolver import URI_MAX, Resolver, resolve_links
@@ -27,7 +33,6 @@ log = logging.getLogger("posecast_edge.model")
 RANGE_MAX = 250_000  # bytes of one reply: a larger one closes a thin uplink's connection
 FILE_MAX = 256 << 20
 FILES_MAX = 1000
-SLIDING_TYPE = "prismatic"
 
 # what is served, by suffix
 TYPES = {
@@ -67,10 +72,12 @@ class Bundle:
         files: list[BundleFile],
         missing: list[str],
         sliding: frozenset[str] = frozenset(),
+        joints: tuple[MovingJoint, ...] = (),
     ) -> None:
-        """`sliding`: the names of its prismatic joints."""
+        """`sliding`: the names of its prismatic joints; `joints`: those that one value moves."""
         self.manifest = manifest
         self.sliding = sliding
+        self.joints = joints
         self.files = tuple(files)
         self.missing = tuple(missing)
         self.hash = hashlib.sha256(self.manifest).hexdigest()
@@ -124,7 +131,7 @@ def load_bundle(urdf: Path, packages: Sequence[Path] = ()) -> Bundle:
             missing.append(uri[:URI_MAX])
         else:
             files.append(file)
-    return Bundle(_manifest(files, missing), files, missing, find_sliding(read))
+    return Bundle(_manifest(files, missing), files, missing, find_sliding(read), list_moving_joints(read))
 
 
 def find_sliding(urdf: Urdf) -> frozenset[str]:
@@ -165,7 +172,7 @@ def load_built(folder: Path) -> Bundle:
     except OSError as e:
         raise ModelError(f"{e.filename or folder}: {e.strerror or e}") from None
     files = [BundleFile(folder / e.path, e.path, e.path, *e[1:]) for e in entries]
-    return Bundle(manifest, files, [], find_sliding_built(manifest))
+    return Bundle(manifest, files, [], find_sliding_built(manifest), list_built_joints(manifest))
 
 
 def find_sliding_built(manifest: bytes) -> frozenset[str]:

@@ -11,8 +11,9 @@ from __future__ import annotations
 import itertools
 import logging
 import re
+import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -29,9 +30,9 @@ from posecast_edge.sources.ros.messages import (
     get_text,
     read_message,
 )
+from posecast_edge.sources.ros.robot_frames import RobotFrames
 from posecast_edge.sources.ros.rosbridge_protocol import MESSAGE_MAX, RosbridgeProtocolError, parse_json
 from posecast_edge.sources.ros.topics import STATIC, TOPIC_MAX, TYPES, Route, Routes
-from posecast_edge.sources.ros.transforms import TransformTree
 
 try:
     import zstandard
@@ -44,6 +45,7 @@ except ModuleNotFoundError as e:
     raise SourceError("mcap and bag: not installed; pip install 'posecast-edge[mcap]'") from None
 
 if TYPE_CHECKING:
+    from posecast_edge.model.moving_joints import MovingJoint
     from posecast_edge.profile.types import Profile
 
 log = logging.getLogger("posecast_edge.recording")
@@ -51,6 +53,7 @@ log = logging.getLogger("posecast_edge.recording")
 ENCODINGS = ("cdr", "json", "ros1")
 NAMED_MAX = 8  # topics of no use that are said
 FILES_MAX = 10_000  # of a folder
+MODEL_WAIT_S = 60.0  # so long a recording without joint states waits for the model that its transforms need
 MAGIC_BYTES = 16
 ZSTD = b"\x28\xb5\x2f\xfd"  # how a message or file begins that the recorder compressed; CDR begins with 0
 OF_BAG = re.compile(r".+\.(?:mcap|db3|bag)(?:\.zstd)?", re.IGNORECASE)
@@ -68,11 +71,20 @@ class RosRecordingPlayer(Player):
     def offers(self) -> list[str]:
         """Lines for `probe` about the topics and frames met so far."""
         topics = [f"{topic}  {use}" for topic, use in sorted(self._file.topics.items())]
-        return topics + self._file.tree.list_frames()
+        return topics + self._file.frames.list_lines()
 
     def watch_frames(self) -> None:
         """Read /tf also where no profile asks for it, so that `offers` can list its frames."""
-        self._file.routes.watch_frames()
+        self._file.watched = True
+
+    def take_joints(self, joints: Sequence[MovingJoint]) -> None:
+        """Read these joints, the shown model's, from /tf where there are no joint states."""
+        self._file.joints = tuple(joints)
+        self._file.joints_known.set()
+
+    def expect_joints(self) -> None:
+        """Wait for `take_joints`, at most MODEL_WAIT_S, where nothing but transforms tells of joints."""
+        self._file.joints_known.clear()
 
     def send_urdf_to(self, take: Callable[[str], None]) -> None:
         """Pass a recorded robot_description (URDF text) to `take`."""
@@ -86,9 +98,14 @@ class RosRecording:
         """Raises SourceError, one line, when nothing there is a recording."""
         self.description = f"recording {path.name}"
         self._path = path
-        self._settled = profile is not None
-        self.routes = Routes(profile.ros if profile else None)
-        self.tree = TransformTree(None, log.warning)  # of the newest pass
+        self._profile = profile
+        self._routes = Routes(profile.ros if profile else None)
+        self._routes.watch_frames()  # whether any are needed shows when they come
+        self.watched = False
+        self.joints: Sequence[MovingJoint] | None = None  # of the model that is shown
+        self.joints_known = threading.Event()
+        self.joints_known.set()
+        self.frames = RobotFrames(None, MessageMerger(True, log.warning), log.warning)  # of the newest pass
         self._decoder = _Decoder()
         self._bad = RateLimitedLog(log.warning, "bad records")
         self.topics: dict[str, str] = {}
@@ -100,8 +117,10 @@ class RosRecording:
     def read_samples(self, start_s: float, first_pass: bool) -> Iterator[Sample]:
         """Read the files once, in their order; see Recording."""
         bad = self._bad if first_pass else None
-        one = _Pass(self.topics, self.routes, self._decoder, self._settled, bad)
-        self.tree = one.tree
+        one = _Pass(self.topics, self._routes, self._decoder, self._profile, self._find_joints, bad)
+        self.frames = one.frames
+        if self.watched:
+            one.frames.watch()
         began_ns: int | None = None
         begun = start_s == 0
         for file in self._files:
@@ -113,6 +132,8 @@ class RosRecording:
                 if began_ns is None:
                     began_ns = record.t_ns
                 urdf = one.urdf_in(record)
+                if urdf is not None:
+                    one.frames.joints.set_description(urdf)
                 if urdf is not None and first_pass and self.on_urdf is not None:
                     self.on_urdf(urdf)  # said once, at the beginning: also by who starts later
                 begun = begun or (record.t_ns - began_ns) * 1e-9 >= start_s
@@ -126,6 +147,12 @@ class RosRecording:
         if last is not None:
             yield last
         self._bad.flush(time.monotonic())
+
+    def _find_joints(self) -> Sequence[MovingJoint] | None:
+        """Those of the model that is shown, which may still be built; None: the recording's own model
+        counts."""
+        self.joints_known.wait(MODEL_WAIT_S)
+        return self.joints
 
 
 def list_files(folder: Path) -> list[Path]:
@@ -222,15 +249,18 @@ class _Pass:
         topics: dict[str, str],
         routes: Routes,
         decoder: _Decoder,
-        settled: bool,
+        profile: Profile | None,
+        find_joints: Callable[[], Sequence[MovingJoint] | None],
         bad: RateLimitedLog | None,
     ) -> None:
         self._routes = routes
         self._decoder = decoder
         self._name = ""  # of the file
         self._bad = bad
-        self._merge = MessageMerger(settled, self._warn)
-        self.tree = TransformTree(routes.base_frames, self._warn)
+        self._merge = MessageMerger(profile is not None, self._warn)
+        self.frames = RobotFrames(profile, self._merge, self._warn)
+        self._find_joints = find_joints
+        self._looked_for_joints = False
         self._channels: dict[int, tuple[RecordedTopic, Route]] = {}  # those that are read
         self._descriptions: dict[int, RecordedTopic] = {}
         self._topics = topics  # what each is read as
@@ -265,6 +295,8 @@ class _Pass:
         elif route is not None:
             if route.role != "tf":
                 self._merge.expect_topic(record.topic)
+            if route.role == "pos":
+                self.frames.expect_states()
             self._channels[record.id] = (record, route)
 
     def urdf_in(self, message: RecordedMessage) -> str | None:
@@ -285,25 +317,36 @@ class _Pass:
         if known is None:
             return None
         (_, topic, type_name, encoding), route = known
+        if route.role == "tf" and not self._needs_transforms():
+            return None
         number = self._count[topic] = self._count.get(topic, 0) + 1
         where = f"{topic}, message {number}"
         try:
             content = self._decoder.decode(encoding, type_name, message.data)
             if route.role == "tf":
-                found = self.tree.take_message(content, route.site == STATIC, self._now_s)
-                if found is None:
+                if not self.frames.take_message(content, route.site == STATIC, self._now_s):
                     return None
-                topic, report, role = "/tf", found, "base"
             else:
-                field, role = ("ref" if route.role == "ref" else "pos"), route.role
+                field = "ref" if route.role == "ref" else "pos"
                 report = read_message(type_name, content, route.site, field)
+                self.frames.note_report(route.role, report)
+                self._merge.take_report(topic, route.role, type_name, report, self._now_s)
         except RosMessageError as e:
             self.complain(f"{where}: {e}")
             return None
-        self._merge.take_report(topic, role, type_name, report, self._now_s)
         sample = self._merge.make_sample(self._now_s)
         self._delivered |= sample is not None
         return None if sample is None else sample._replace(where=f"{self._name}: {where}")
+
+    def _needs_transforms(self) -> bool:
+        """Whether this message of /tf is of any use. Asks for the model when joints need it for the first
+        time."""
+        if not self._looked_for_joints and self.frames.reads_joints(self._now_s):
+            self._looked_for_joints = True
+            joints = self._find_joints()
+            if joints is not None:
+                self.frames.joints.set_joints(joints)
+        return self.frames.needs_messages(self._now_s)
 
     def take_static(self, message: RecordedMessage) -> None:
         """Take a message from before the start: transforms that are told once count, nothing else."""
@@ -313,7 +356,7 @@ class _Pass:
 
     def last(self) -> Sample | None:
         """What a recording that is over while others would still be waited for has to say."""
-        self.tree.explain_missing()
+        self.frames.explain_missing(self._now_s)
         return None if self._delivered else self._merge.make_sample(self._now_s + SETTLED_S)
 
     def complain(self, text: str) -> None:

@@ -21,8 +21,8 @@ from posecast_edge.sources.ros.messages import (
     read_message,
     validate_description,
 )
+from posecast_edge.sources.ros.robot_frames import STATES_S, RobotFrames
 from posecast_edge.sources.ros.topics import STATIC, TOPIC_MAX, TYPES, Route, Routes
-from posecast_edge.sources.ros.transforms import TransformTree
 
 if TYPE_CHECKING:
     from posecast_edge.profile.types import Profile
@@ -43,7 +43,9 @@ class RosInput:
         self.on_urdf: Callable[[str], None] | None = None
         self._name = name
         self._merge = MessageMerger(profile is not None, log.warning)
-        self._tree = TransformTree(self.routes.base_frames, lambda text: log.warning("%s: %s", name, text))
+        self.frames = RobotFrames(
+            profile, self._merge, lambda text: log.warning("%s: %s", name, text), namespace
+        )
         self._topics: dict[tuple[str, str], Route | None] = {}
         self._messages: dict[str, int] = {}  # topic → how many
         self._ignored: set[str] = set()  # types told of
@@ -62,6 +64,8 @@ class RosInput:
         route = self._topics[key] = self.routes.find_route(topic, type_name)
         if route is not None and type_name not in (STRING, TF):
             self._merge.expect_topic(topic)
+            if route.role == "pos":
+                self.frames.expect_states()
         elif type_name not in TYPES and type_name not in self._ignored and len(self._ignored) < NAMED_MAX:
             self._ignored.add(type_name)
             more = "; further types are not said" if len(self._ignored) == NAMED_MAX else ""
@@ -75,15 +79,15 @@ class RosInput:
         if route is None:
             return
         self._messages[topic] = self._messages.get(topic, 0) + 1
+        if route.role == "tf" and not self.frames.needs_messages(now_s):
+            return
         try:
             message = decode()
             if route.role == "description":
                 self.take_urdf(get_text(message))
                 return
             if route.role == "tf":
-                report = self._tree.take_message(message, route.site == STATIC, now_s)
-                if report is not None:
-                    self._merge.take_report("/tf", "base", type_name, report, now_s)
+                self.frames.take_message(message, route.site == STATIC, now_s)
                 return
             field_name = "ref" if route.role == "ref" else "pos"
             report = read_message(type_name, message, route.site, field_name)
@@ -94,7 +98,23 @@ class RosInput:
             log.debug("message of %s", topic, exc_info=True)
             self.report_bad(topic, f"{type(e).__name__}: {str(e)[:200]}")
             return
+        self.frames.note_report(route.role, report)
         self._merge.take_report(topic, route.role, type_name, report, now_s)
+
+    def watch_frames(self) -> None:
+        """Read /tf from now on, also topics of it that were met before. May be called from any thread."""
+        self.routes.watch_frames()
+        for key in [key for key in self._topics.copy() if key[1] == TF]:
+            self._topics[key] = self.routes.find_route(*key)
+
+    def begin_reading_joints(self, listed: bool = False) -> bool:
+        """Begin to read /tf when no joint states come: at once where all topics are known (`listed`), else
+        after a while. Returns True when it has begun now."""
+        least_s = 0.0 if listed else STATES_S
+        if self.routes.reads_frames or not self.frames.reads_joints(time.monotonic(), least_s):
+            return False
+        self.watch_frames()
+        return True
 
     def report_bad(self, topic: str, text: str) -> None:
         """Log that a message is invalid: the first of each topic at once, later ones as counts. Topics beyond
@@ -111,7 +131,7 @@ class RosInput:
         now_s = time.monotonic()
         for bad in tuple(self._bad.values()):
             bad.tick(now_s)
-        self._tree.check_time(now_s)
+        self.frames.check_time(now_s)
         sample = self._merge.make_sample(now_s)
         since_s = self._merge.stands_since_s
         if since_s is None:
@@ -131,7 +151,7 @@ class RosInput:
             rows.append((topic, type_name, use, messages))
         widths = [max((len(row[i]) for row in rows), default=0) for i in range(3)] + [0]
         lines = ["  ".join(map(str.ljust, row, widths)).rstrip() for row in rows]
-        return lines + self._tree.list_frames()
+        return lines + self.frames.list_lines()
 
     def take_urdf(self, urdf: str) -> None:
         """Take the robot's description (URDF text). Raises RosMessageError when it is too long."""
@@ -139,5 +159,6 @@ class RosInput:
         if urdf == self._urdf or not urdf.strip():
             return
         self._urdf = urdf
+        self.frames.joints.set_description(urdf)
         if self.on_urdf is not None:
             self.on_urdf(urdf)

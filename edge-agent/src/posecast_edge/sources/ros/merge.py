@@ -76,6 +76,7 @@ class MessageMerger:
         self._info: dict[str, str] = {}
         self._links: dict[str, str] = {}
         self._doubled: set[tuple[str, str]] = set()
+        self._anew = False
         self.stands_since_s: float | None = None  # positions come, but their time does not go on
 
     def expect_topic(self, topic: str) -> None:
@@ -113,6 +114,15 @@ class MessageMerger:
         elif self.stands_since_s is None:
             self.stands_since_s = now_s
 
+    def forget_topic(self, topic: str) -> None:
+        """Drop what was told of this topic: from now on another tells it."""
+        for key in [key for key in self._strands if key[0] == topic]:
+            self._drop(key)
+
+    def announce_channels(self) -> None:
+        """Mark the next sample as one that has channels which may come later than the first sample."""
+        self._anew = True
+
     def make_sample(self, now_s: float) -> Sample | None:
         """All that is known, if something arrived since the last call and robot time has advanced; else
         None."""
@@ -126,7 +136,8 @@ class MessageMerger:
         for _, strand in sorted(self._strands.items(), key=lambda item: item[0][0], reverse=True):
             for name, readings in strand.values.items():
                 values.setdefault(name, {}).update(readings)
-        return Sample(self._clock.t_s, values, dict(self._info), links=dict(self._links))
+        anew, self._anew = self._anew, False
+        return Sample(self._clock.t_s, values, dict(self._info), links=dict(self._links), anew=anew)
 
     def _drop(self, key: tuple[str, tuple[str, ...]]) -> None:
         del self._strands[key]

@@ -11,7 +11,7 @@ JSON or CBOR is. ROS 1 and 2 differ in the names of types and of the two numbers
 | geometry_msgs/WrenchStamped | `ftf` SITE.fx fy fz, `ftm` SITE.mx my mz |
 | sensor_msgs/BatteryState | `volt`, `amp`, `charge`: SITE |
 | nav_msgs/Odometry | `base` base.x y z, `baseq` base.w x y z |
-| tf2_msgs/TFMessage | `base`, `baseq`, by way of transforms.py |
+| tf2_msgs/TFMessage | `base`, `baseq`, `pos`, by way of robot_frames.py |
 | diagnostic_msgs/DiagnosticArray | `diag`, bits of field_defaults.DIAG_BITS: names of the statuses |
 """
 

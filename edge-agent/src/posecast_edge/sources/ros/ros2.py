@@ -16,7 +16,7 @@ import re
 import threading
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -39,6 +39,7 @@ from posecast_edge.sources.ros.keys import (
 from posecast_edge.sources.ros.messages import DESCRIPTION_MAX, PAYLOAD_MAX, STRING, TF
 
 if TYPE_CHECKING:
+    from posecast_edge.model.moving_joints import MovingJoint
     from posecast_edge.profile.types import Profile
 
 log = logging.getLogger("posecast_edge.ros2")
@@ -80,6 +81,7 @@ class Ros2Source:
         self._inbox = Inbox()
         self._bridged: deque[str] = deque(maxlen=BRIDGED_MAX)  # keys to subscribe to
         self._of_key: dict[str, Found] = {}  # keys of bridges
+        self._bridged_frames: deque[Found] = deque(maxlen=BRIDGED_MAX)  # of /tf, which may be read later
         self._dropped = RateLimitedLog(log.warning, "times", SAY_EVERY_S)
 
     @property
@@ -93,7 +95,15 @@ class Ros2Source:
 
     def watch_frames(self) -> None:
         """Read /tf also where no profile asks for it, so that `offers` can list its frames."""
-        self._intake.routes.watch_frames()
+        self._intake.frames.watch()
+        self._intake.watch_frames()
+
+    def take_joints(self, joints: Sequence[MovingJoint]) -> None:
+        """Read these joints, the shown model's, from /tf where no joint states come."""
+        self._intake.frames.joints.set_joints(joints)
+
+    def expect_joints(self) -> None:
+        """Nothing: what comes before `take_joints` is the past by then."""
 
     def run(self, deliver: Deliver, stop: threading.Event) -> None:
         """Deliver what comes, until `stop`."""
@@ -106,6 +116,8 @@ class Ros2Source:
         with session:
             held = self._declare(session)
             while not stop.is_set():
+                if self._intake.begin_reading_joints():
+                    held += self._subscribe_frames(session)
                 while self._bridged:
                     held.append(self._subscribe(session, self._bridged.popleft()))
                 messages, lost = self._inbox.take(WAIT_S)
@@ -147,6 +159,15 @@ class Ros2Source:
             held.append(self._subscribe(session, key, latched=is_latched(pattern, type_name)))
         return held
 
+    def _subscribe_frames(self, session: zenoh.Session) -> list[object]:
+        """All topics of transforms, when nothing else tells the joints."""
+        for found in self._bridged_frames.copy():
+            self._bridge(found)
+        return [
+            self._subscribe(session, make_data_key(pattern, TF, self._domain), is_latched(pattern, TF))
+            for pattern in self._intake.routes.list_frame_patterns()
+        ]
+
     def _subscribe(self, session: zenoh.Session, key: str, latched: bool | None = None) -> object:
         """`latched`: what was published before counts too (transient local)."""
         if latched is None:
@@ -167,9 +188,17 @@ class Ros2Source:
         if found is None:
             return
         route = self._intake.add_topic(found.topic, found.type_name)
-        if found.key and route and found.key not in self._of_key and len(self._of_key) < BRIDGED_MAX:
-            self._of_key[found.key] = found
-            self._bridged.append(found.key)
+        if found.key and found.type_name == TF and not route:
+            self._bridged_frames.append(found)
+        if route:
+            self._bridge(found)
+
+    def _bridge(self, found: Found) -> None:
+        """Have a topic of a bridge subscribed to."""
+        key = found.key
+        if key and key not in self._of_key and len(self._of_key) < BRIDGED_MAX:
+            self._of_key[key] = found
+            self._bridged.append(key)
 
     def _on_data(self, sample: zenoh.Sample) -> None:
         key = str(sample.key_expr)

@@ -15,7 +15,7 @@ import re
 import threading
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from posecast_edge.rate_limited_log import RateLimitedLog
@@ -39,6 +39,7 @@ from posecast_edge.sources.ros.topics import TYPES_OF_ROLE, Route
 if TYPE_CHECKING:
     from websockets.sync.client import ClientConnection
 
+    from posecast_edge.model.moving_joints import MovingJoint
     from posecast_edge.profile.types import Profile
 
 log = logging.getLogger("posecast_edge.rosbridge")
@@ -104,7 +105,15 @@ class RosbridgeSource:
 
     def watch_frames(self) -> None:
         """Read /tf also where no profile asks for it, so that `offers` can list its frames."""
-        self._intake.routes.watch_frames()
+        self._intake.frames.watch()
+        self._intake.watch_frames()
+
+    def take_joints(self, joints: Sequence[MovingJoint]) -> None:
+        """Read these joints, the shown model's, from /tf where no joint states come."""
+        self._intake.frames.joints.set_joints(joints)
+
+    def expect_joints(self) -> None:
+        """Nothing: what comes before `take_joints` is the past by then."""
 
     def run(self, deliver: Deliver, stop: threading.Event) -> None:
         """Deliver samples until `stop`. When the connection ends, connect again and repeat all
@@ -201,6 +210,7 @@ class RosbridgeConnection:
             self._subscribe_named()
         if now_s >= self._looked_s + LOOK_S:
             if self._listed is False:
+                self._intake.begin_reading_joints()
                 self._subscribe_named()
             self._looked_s = now_s
             self._connection.send(make_service_call("/rosapi/topics", "topics"))
@@ -255,6 +265,10 @@ class RosbridgeConnection:
             return
         first = self._listed is None
         self._listed = True
+        for topic, type_name in zip(names, types, strict=True):
+            if isinstance(topic, str) and isinstance(type_name, str):
+                self._intake.add_topic(topic, shorten_type(type_name))
+        self._intake.begin_reading_joints(listed=True)
         for topic, type_name in zip(names, types, strict=True):
             if isinstance(topic, str) and isinstance(type_name, str):
                 route = self._intake.add_topic(topic, shorten_type(type_name))

@@ -59,12 +59,12 @@ class Routes:
     def __init__(self, given: RosTopics | None, namespace: str = "") -> None:
         self._given = (given or RosTopics()).topics
         self.base_frames = (given or RosTopics()).base_frames
-        self._reads_frames = self.base_frames is not None
+        self.reads_frames = self.base_frames is not None
         self._namespace = f"/{namespace.strip('/')}" if namespace.strip("/") else ""
 
     def watch_frames(self) -> None:
         """Read transforms also where no profile asks for them."""
-        self._reads_frames = True
+        self.reads_frames = True
 
     def find_route(self, topic: str, type_name: str) -> Route | None:
         """How this topic is read; None: not at all. `type_name`: short form."""
@@ -85,7 +85,7 @@ class Routes:
     def _find_frames_route(self, topic: str) -> Route | None:
         """Robots in namespaces often share one /tf."""
         above, _, last = topic.rpartition("/")
-        if not self._reads_frames or last not in TF_TOPICS:
+        if not self.reads_frames or last not in TF_TOPICS:
             return None
         ours = not above or f"{above}/".startswith(f"{self._namespace}/")
         return Route("tf", TF_TOPICS[last]) if ours else None
@@ -94,9 +94,8 @@ class Routes:
         """(pattern, type) of every topic that may be read, for sources that can subscribe by pattern."""
         everything = f"{self._namespace}/**"
         usual = {"description": [f"{everything}/robot_description"], "base": [], "tf": []}
-        if self._reads_frames:
-            places = (everything, "") if self._namespace else (everything,)
-            usual["tf"] = [f"{place}/{name}" for name in TF_TOPICS for place in places]
+        if self.reads_frames:
+            usual["tf"] = self.list_frame_patterns()
         found: list[tuple[str, str]] = []
         for type_name in sorted(TYPES):
             patterns: list[str] = []
@@ -106,6 +105,11 @@ class Routes:
             whole = [everything] if everything in patterns else dict.fromkeys(patterns)
             found += [(pattern, type_name) for pattern in whole]
         return found
+
+    def list_frame_patterns(self) -> list[str]:
+        """The patterns of the topics of transforms."""
+        places = (f"{self._namespace}/**", "") if self._namespace else ("/**",)
+        return [f"{place}/{name}" for name in TF_TOPICS for place in places]
 
     def list_topics(self) -> list[tuple[str, Route]]:
         """Topics to request if the server does not list them: those the profile names without a pattern, and
@@ -117,7 +121,7 @@ class Routes:
             if "*" not in pattern
         ]
         usual = (("pos", "joint_states"), ("description", "robot_description"))
-        if self._reads_frames:
+        if self.reads_frames:
             given += [(f"/{name}", Route("tf", site)) for name, site in TF_TOPICS.items()]
         return given + [(f"{self._namespace}/{name}", Route(r)) for r, name in usual if r not in self._given]
 

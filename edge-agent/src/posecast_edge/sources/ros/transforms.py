@@ -54,10 +54,14 @@ class TransformTree:
     def take_message(self, message: Any, static: bool, now_s: float) -> Report | None:
         """Take a TFMessage that arrived at `now_s` (seconds). Returns where the base is, when that was told.
         Raises RosMessageError when the message does not match its type."""
+        return self.take_transforms(read_transforms(message), static, now_s)
+
+    def take_transforms(self, transforms: Sequence[Transform], static: bool, now_s: float) -> Report | None:
+        """Take the transforms of one message. Returns where the base is, when that was told."""
         if self._began_s is None:
             self._began_s = now_s
         news: set[str] = set()
-        for told in read_transforms(message):
+        for told in transforms:
             before = self._edges.get(told.child)
             if before is None and len(self._edges) >= FRAMES_MAX:
                 self._say_once(f"more than {FRAMES_MAX} frames: {told.child} and further ones are left out")

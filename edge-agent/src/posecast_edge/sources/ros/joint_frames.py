@@ -1,0 +1,208 @@
+"""The transforms between the links of a robot → its joints' values, for a robot without joint states. Pure:
+time comes in as an argument.
+
+robot_state_publisher tells for each joint where its child link is in its parent link; with the model that is
+the joint's value again. A prefix that all frames of a robot have (`r1/base_link`) is found by itself.
+"""
+
+from __future__ import annotations
+
+import io
+import math
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+from posecast_edge.model.finding import ModelRefused
+from posecast_edge.model.moving_joints import MovingJoint, list_moving_joints
+from posecast_edge.model.urdf.reader import read_urdf
+from posecast_edge.sample import Reading
+from posecast_edge.sources.ros.joint_value import compute_joint_value
+from posecast_edge.sources.ros.messages import Report, Transform
+from posecast_edge.sources.ros.transforms import FRAMES_MAX, LINE_MAX, SHOWN, WAIT_S
+from posecast_edge.visible import make_visible, quote
+
+OFF_M, OFF_RAD = 0.005, math.radians(2)  # a calibrated robot is so far from its model; another model further
+NO_MODEL = (
+    "no joint states: /tf says how the links lie, and the robot's model how its joints stand by that; "
+    "give --urdf FILE or --model FOLDER"
+)
+
+
+class JointFrames:
+    """The joints of one robot. `namespace`: of the robot, "" without one; of several prefixes that fit it is
+    the one. `say` gets one line about each thing that is wrong."""
+
+    def __init__(self, say: Callable[[str], None], namespace: str = "") -> None:
+        self._say = say
+        self._wanted = f"{namespace.strip('/')}/"
+        self._joints: tuple[MovingJoint, ...] = ()
+        self._given: Sequence[MovingJoint] | None = None  # by who runs the agent; counts before what is told
+        self._has_model = False
+        self._is_given = False
+        self._description: str | None = None  # that was not read yet
+        self._parents: dict[str, str] = {}  # of each frame met
+        self._prefixes: dict[str, list[str]] = {}  # frame → those by which it is a link of the model
+        self._votes: Counter[str] = Counter()
+        self._prefix: str | None = None  # None until a frame fits
+        self._by_child: dict[str, MovingJoint] = {}  # by link
+        self._by_frame: dict[str, MovingJoint] = {}  # by the prefix and the link
+        self._found: set[str] = set()  # joints that have had a value
+        self._misfits: set[str] = set()
+        self._began_s: float | None = None
+        self._told: set[str] = set()
+
+    @property
+    def names(self) -> list[str]:
+        """The names of the model's joints that have a value of their own, in the model's order."""
+        return [joint.name for joint in self._joints]
+
+    def set_joints(self, joints: Sequence[MovingJoint]) -> None:
+        """Take the joints of the model that is shown. May be called from any thread."""
+        self._given = tuple(joints)
+
+    def set_description(self, urdf: str) -> None:
+        """Take the robot's own description (URDF text), which counts where no joints were given. It is read
+        when it is needed."""
+        self._description = urdf
+
+    def take_transforms(self, told: Sequence[Transform], static: bool, now_s: float) -> Report | None:
+        """Take transforms that arrived at `now_s` (seconds). Returns the joints that they tell of, None where
+        there are none; a joint whose transform does not fit has no reading."""
+        if self._began_s is None:
+            self._began_s = now_s
+        self._adopt_model()
+        news = [one for one in told if self._parents.get(one.child) != one.parent]
+        for one in news:
+            self._meet_frame(one)
+        if news:
+            self._choose_prefix()
+        if self._prefix is None:
+            return None
+        readings: dict[str, Reading] = {}
+        stamp_s: float | None = None
+        for one in told:
+            joint = self._by_frame.get(one.child)
+            if joint is not None and one.parent == self._prefix + joint.parent:
+                readings[joint.name] = self._read_joint(joint, one)
+                stamp_s = one.stamp_s if stamp_s is None else max(stamp_s, one.stamp_s or stamp_s)
+        return Report(stamp_s, {"pos": readings}, lasts=static) if readings else None
+
+    def check_time(self, now_s: float) -> None:
+        """Say what is missing when it has been waited for. Call it now and then."""
+        if self._began_s is not None and now_s - self._began_s >= WAIT_S:
+            self.explain_missing()
+
+    def explain_missing(self) -> None:
+        """Say once which joints have no value, if there are any."""
+        if self._began_s is None:  # no transform came
+            return
+        if not self._has_model:
+            self._say_once(NO_MODEL)
+        elif self._misfits or len(self._found) < len(self._joints):
+            self._say_once(self.describe())
+
+    def describe(self) -> str:
+        """One line for `probe`: how many of the model's joints have had a value, and what is the matter with
+        the others."""
+        if not self._has_model:
+            return f"joints from /tf: none; {NO_MODEL}"
+        parts = [f"joints from /tf: {len(self._found)} of {len(self._joints)}"]
+        off = [joint.name for joint in self._joints if joint.name in self._misfits]
+        silent = [j for j in self._joints if j.name not in self._found and j.name not in self._misfits]
+        if off:
+            parts.append(f"off their axis: {_list(off)}")
+        if silent:
+            ways = [f"{joint.name} ({joint.parent} → {joint.child})" for joint in silent[: SHOWN + 1]]
+            parts.append(f"no transform for {_list(ways)}")
+        return make_visible("; ".join(parts), LINE_MAX)
+
+    # --- the model
+
+    def _adopt_model(self) -> None:
+        if self._given is not None:
+            joints, self._given, self._is_given = tuple(self._given), None, True
+        elif self._description is not None and not self._is_given:
+            urdf, self._description = self._description, None
+            try:
+                joints = list_moving_joints(read_urdf(io.BytesIO(urdf.encode())))
+            except (ModelRefused, UnicodeEncodeError):  # who shows it says what is wrong with it
+                return
+        else:
+            return
+        self._joints = tuple(
+            replace(joint, parent=joint.parent.strip("/"), child=joint.child.strip("/")) for joint in joints
+        )
+        self._has_model = True
+        self._by_child = {joint.child: joint for joint in self._joints}
+        for known in (self._found, self._misfits, self._votes, self._prefixes, self._by_frame):
+            known.clear()
+        self._prefix = None
+        for child, parent in self._parents.items():
+            self._vote(child, parent)
+        self._choose_prefix()
+
+    # --- which frame is which link
+
+    def _meet_frame(self, told: Transform) -> None:
+        """A frame that is new, or hangs on another than before."""
+        if told.child not in self._parents and len(self._parents) >= FRAMES_MAX:
+            return
+        self._parents[told.child] = told.parent
+        self._vote(told.child, told.parent)
+
+    def _vote(self, child: str, parent: str) -> None:
+        for prefix in self._prefixes.pop(child, ()):
+            self._votes[prefix] -= 1
+        fits = []
+        for start in range(len(child)):
+            joint = self._by_child.get(child[start:])
+            if joint is not None and parent == child[:start] + joint.parent:
+                fits.append(child[:start])
+                self._votes[child[:start]] += 1
+        if fits:
+            self._prefixes[child] = fits
+
+    def _choose_prefix(self) -> None:
+        """The prefix by which most frames are links of the model. It stays until another has more."""
+        fits = {prefix: count for prefix, count in self._votes.items() if count}
+        if not fits:
+            return
+        best = self._wanted if self._wanted in fits else max(fits, key=fits.__getitem__)
+        now = self._prefix
+        if now is None or (best != now and (best == self._wanted or fits[best] > fits.get(now, 0))):
+            self._prefix = now = best
+            self._by_frame = {best + joint.child: joint for joint in self._joints}
+        others = [prefix for prefix, count in fits.items() if prefix != now and count == fits.get(now) != 1]
+        if others and now != self._wanted:
+            shown = _list([quote(prefix) for prefix in (now, *others)])
+            text = f"the frames of several robots are on /tf, with the prefixes {shown}: the first is read"
+            self._say_once(text)
+
+    # --- one joint
+
+    def _read_joint(self, joint: MovingJoint, told: Transform) -> Reading:
+        found = compute_joint_value(joint, (told.xyz, told.wxyz))
+        if found.off_m <= OFF_M and found.off_rad <= OFF_RAD:
+            self._found.add(joint.name)
+            self._misfits.discard(joint.name)
+            return found.value
+        self._misfits.add(joint.name)
+        self._found.discard(joint.name)
+        self._say_once(
+            f"{joint.name} is not read from /tf: {told.parent} → {told.child} is "
+            f"{math.degrees(found.off_rad):.1f}° and {found.off_m * 1e3:.0f} mm off what its axis allows; "
+            "is this the robot's model?",
+            "misfit",
+        )
+        return None
+
+    def _say_once(self, text: str, kind: str = "") -> None:
+        key = kind or text.partition(":")[0]
+        if key not in self._told:
+            self._told.add(key)
+            self._say(make_visible(text, LINE_MAX))
+
+
+def _list(names: Sequence[str]) -> str:
+    return ", ".join(names[:SHOWN]) + (", …" if len(names) > SHOWN else "")

@@ -1,0 +1,112 @@
+"""What /tf and /tf_static say of one robot: where its base is, and how its joints stand while no joint
+states say so. Both the live sources and recordings read transforms through it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+from posecast_edge.sources.ros.joint_frames import JointFrames
+from posecast_edge.sources.ros.merge import MessageMerger
+from posecast_edge.sources.ros.messages import TF, Report, read_transforms
+from posecast_edge.sources.ros.transforms import TransformTree
+
+if TYPE_CHECKING:
+    from posecast_edge.profile.types import Profile
+
+STATES_S = 2.0  # so long joint states are waited for where there is a topic of them
+TOPIC = "/tf"
+JOINTS_TOPIC = "/tf (joints)"  # as the merger knows them
+
+
+class RobotFrames:
+    """Takes the transforms of one robot and reports to `merge`. `profile`: its `[ros] base` names the two
+    frames of the base; joints are read unless it has no field `pos`. `namespace`: see JointFrames; `say` gets
+    one line about each thing that is wrong."""
+
+    def __init__(
+        self,
+        profile: Profile | None,
+        merge: MessageMerger,
+        say: Callable[[str], None],
+        namespace: str = "",
+    ) -> None:
+        base = profile.ros.base_frames if profile and profile.ros else None
+        self.tree = TransformTree(base, say)
+        self.joints = JointFrames(say, namespace)
+        self._reads_base = base is not None
+        self._wants_joints = profile is None or profile.find_field("pos") is not None
+        self._merge = merge
+        self._began_s: float | None = None
+        self._states_known = False  # there is a topic of joint states
+        self._states_heard = False
+        self._names: list[str] | None = None  # of the joints that were announced
+        self._watched = False
+
+    def watch(self) -> None:
+        """Take every transform, for `list_lines`."""
+        self._watched = True
+
+    def expect_states(self) -> None:
+        """There is a topic of joint states. May be called from any thread."""
+        self._states_known = True
+
+    def note_report(self, role: str, report: Report) -> None:
+        """Take notice of a message of another topic: from the first joint state with positions on, no joint
+        is read from /tf."""
+        if role == "pos" and not self._states_heard and "pos" in report.values:
+            self._states_heard = True
+            self._merge.forget_topic(JOINTS_TOPIC)
+
+    def reads_joints(self, now_s: float, least_s: float = 0.0) -> bool:
+        """Whether joints are read from /tf: no joint states come. `least_s`: so many seconds after the first
+        call at the earliest."""
+        if self._began_s is None:
+            self._began_s = now_s
+        wait_s = STATES_S if self._states_known else least_s
+        return self._wants_joints and not self._states_heard and now_s - self._began_s >= wait_s
+
+    def needs_messages(self, now_s: float) -> bool:
+        """Whether there is any use in decoding a message of /tf."""
+        return self._reads_base or self._watched or self.reads_joints(now_s)
+
+    def take_message(self, message: Any, static: bool, now_s: float) -> bool:
+        """Take a TFMessage that arrived at `now_s` (seconds). Returns whether it said something of the robot.
+        Raises RosMessageError when the message does not match its type."""
+        transforms = read_transforms(message)
+        base = self.tree.take_transforms(transforms, static, now_s)
+        if base is not None:
+            self._merge.take_report(TOPIC, "base", TF, base, now_s)
+        joints = self.joints.take_transforms(transforms, static, now_s) if self.reads_joints(now_s) else None
+        if joints is not None:
+            self._announce(now_s)
+            self._merge.take_report(JOINTS_TOPIC, TF if static else "pos", TF, joints, now_s)
+        return base is not None or joints is not None
+
+    def check_time(self, now_s: float) -> None:
+        """Say what is missing when it has been waited for. Call it now and then."""
+        self.tree.check_time(now_s)
+        if self.reads_joints(now_s):
+            self.joints.check_time(now_s)
+
+    def explain_missing(self, now_s: float) -> None:
+        """Say once what of base and joints is missing."""
+        self.tree.explain_missing()
+        if self.reads_joints(now_s):
+            self.joints.explain_missing()
+
+    def list_lines(self) -> list[str]:
+        """Lines for `probe`: the frames, and the joints where they are read from them."""
+        lines = self.tree.list_frames()
+        return [*lines, self.joints.describe()] if lines and not self._states_heard else lines
+
+    def _announce(self, now_s: float) -> None:
+        """All joints of the model are channels from the start, whichever transform comes first."""
+        names = self.joints.names
+        if names != self._names:
+            self._names = names
+            self._merge.forget_topic(JOINTS_TOPIC)
+            self._merge.expect_topic(JOINTS_TOPIC)
+            unknown = Report(None, {"pos": dict.fromkeys(names)}, lasts=True)
+            self._merge.take_report(JOINTS_TOPIC, TF, TF, unknown, now_s)
+            self._merge.announce_channels()
