@@ -98,8 +98,9 @@ class Player:
     def run(self, deliver: Deliver, stop: threading.Event) -> None:
         """Deliver every sample when it is due until the end or `stop`. Raises SourceError when the file can't
         be read."""
-        began_s = time.monotonic()
+        began_s: float | None = None  # with the first sample: what it takes to find that is no delay
         for due_s, sample in self.schedule_samples():
+            began_s = time.monotonic() if began_s is None else began_s
             behind_s = time.monotonic() - began_s - due_s
             if behind_s > MAX_BEHIND_S:
                 began_s += behind_s

@@ -24,7 +24,7 @@ from posecast_edge.visible import make_visible, quote
 
 OFF_M, OFF_RAD = 0.005, math.radians(2)  # a calibrated robot is so far from its model; another model further
 NO_MODEL = (
-    "no joint states: /tf says how the links lie, and the robot's model how its joints stand by that; "
+    "no joint states; the joints can be worked out from /tf with the robot's model: "
     "give --urdf FILE or --model FOLDER"
 )
 
@@ -65,6 +65,10 @@ class JointFrames:
         """Take the robot's own description (URDF text), which counts where no joints were given. It is read
         when it is needed."""
         self._description = urdf
+
+    def is_link(self, frame: str) -> bool:
+        """Whether the frame is a link that a joint of the model moves."""
+        return frame in self._by_frame
 
     def take_transforms(self, told: Sequence[Transform], static: bool, now_s: float) -> Report | None:
         """Take transforms that arrived at `now_s` (seconds). Returns the joints that they tell of, None where
@@ -115,6 +119,8 @@ class JointFrames:
         if silent:
             ways = [f"{joint.name} ({joint.parent} → {joint.child})" for joint in silent[: SHOWN + 1]]
             parts.append(f"no transform for {_list(ways)}")
+        if self._joints and not self._found:
+            parts.append("is this the robot's model?")
         return make_visible("; ".join(parts), LINE_MAX)
 
     # --- the model
@@ -198,7 +204,7 @@ class JointFrames:
         return None
 
     def _say_once(self, text: str, kind: str = "") -> None:
-        key = kind or text.partition(":")[0]
+        key = kind or text.partition(":")[0].partition(";")[0]
         if key not in self._told:
             self._told.add(key)
             self._say(make_visible(text, LINE_MAX))

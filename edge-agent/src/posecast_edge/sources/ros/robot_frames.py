@@ -97,7 +97,7 @@ class RobotFrames:
 
     def list_lines(self) -> list[str]:
         """Lines for `probe`: the frames, and the joints where they are read from them."""
-        lines = self.tree.list_frames()
+        lines = self.tree.list_frames(self.joints.is_link)
         return [*lines, self.joints.describe()] if lines and not self._states_heard else lines
 
     def _announce(self, now_s: float) -> None:

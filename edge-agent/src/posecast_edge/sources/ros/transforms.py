@@ -94,9 +94,9 @@ class TransformTree:
                 return
         self._say_once(f"base {fixed}→{base}: no transforms lead from one to the other")
 
-    def list_frames(self) -> list[str]:
+    def list_frames(self, is_link: Callable[[str], bool] = lambda _: False) -> list[str]:
         """Lines for `probe`: which frame carries which, and the line of a profile that makes a base of
-        them."""
+        them. `is_link`: whether a frame is moved by a joint of the robot, and so is no base."""
         children: dict[str, list[str]] = {}
         for child, edge in sorted(self._edges.copy().items()):
             children.setdefault(edge.told.parent, []).append(child + (" (static)" if edge.static else ""))
@@ -107,7 +107,7 @@ class TransformTree:
         if len(lines) > LINES_MAX:
             lines[LINES_MAX:] = [f"and {len(lines) - LINES_MAX} more frames that carry others"]
         found = self._suggest()
-        if found:
+        if found and not is_link(found[1]):
             lines.append(f'in a profile, for where the robot is: [ros] base = "{found[0]}→{found[1]}"')
         return lines
 
@@ -176,6 +176,8 @@ class TransformTree:
             fixed = [name for last in FIXED for name in above if name.rpartition("/")[2] == last]
             if above:
                 return (fixed or above[-1:])[0], base
+        if any(edge.told.parent.rpartition("/")[2] in BASES for edge in self._edges.copy().values()):
+            return None  # the base carries the rest, and nothing says where it is
         moving = [(edge.told.parent, child) for child, edge in self._edges.items() if not edge.static]
         return next((pair for pair in moving if pair[0] not in self._edges), None)
 
