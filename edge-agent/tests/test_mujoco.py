@@ -112,6 +112,64 @@ def test_keyframes_are_gone_through(tmp_path: Path) -> None:
     assert max(jumps) < 0.02
 
 
+HOME = (
+    '<keyframe><key name="home" qpos="0 0 2 1 0 0 0 0.4" time="7"/>'
+    '<key qpos="0 0 1 1 0 0 0 0"/></keyframe></mujoco>'
+)
+
+
+def test_it_starts_in_the_first_keyframe_and_its_servos_hold_it(tmp_path: Path) -> None:
+    fixed = WALKER.replace("<freejoint/>", "").replace("</mujoco>", HOME.replace("0 0 2 1 0 0 0 ", ""))
+    fixed = fixed.replace('<key qpos="0 0 1 1 0 0 0 0"/>', '<key qpos="0"/>')
+    samples = play(mjcf(tmp_path, fixed), 0.2)
+    assert samples[0].t_s == pytest.approx(0.01)
+    for sample in samples:
+        assert value(sample, "pos", "knee") == pytest.approx(0.4, abs=0.05)
+    free = play(mjcf(tmp_path, WALKER.replace("</mujoco>", HOME)), 0.01)[0]
+    assert value(free, "base", "base.z") == pytest.approx(2, abs=0.01)
+    assert value(free, "pos", "knee") == pytest.approx(0.4, abs=0.01)
+
+
+def test_an_unstable_model_begins_anew_in_its_first_keyframe(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    wild = WALKER.replace("</mujoco>", HOME).replace('kp="200" kv="5"', 'kp="1e12" kv="0"')
+    samples = play(mjcf(tmp_path, wild), 0.3)
+    assert "begins anew" in caplog.text
+    assert max(value(sample, "base", "base.z") for sample in samples[5:]) > 1.9
+
+
+MOTORS = """<mujoco><option gravity="{0}"/><worldbody><body><joint name="{1}" axis="0 0 1"/>
+<geom type="capsule" fromto="0 0 0 .3 0 0" size=".04"/></body></worldbody>
+<actuator><motor joint="{1}"/>{2}</actuator></mujoco>"""
+
+
+@pytest.mark.parametrize(
+    ("gravity", "more", "why"),
+    [
+        ("0 -9.8 0", "", "falls"),
+        ("0 0 -9.8", "", "stands still"),
+        ("0 -9.8 0", '<position joint="j" kp="5"/>', ""),
+        ("0 -9.8 0", '<intvelocity joint="j" kp="5" actrange="-1 1"/>', ""),
+    ],
+)
+def test_why_a_model_of_motors_falls_is_said(tmp_path: Path, gravity: str, more: str, why: str) -> None:
+    model = tmp_path / "motors.xml"
+    model.write_text(MOTORS.format(gravity, "j", more))
+    line = f"this model's actuators are motors: with no controller it {why}"
+    assert load_simulation(model).explain_rest() == (line if why else "")
+
+
+def test_run_says_why_it_falls(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    model = tmp_path / "motors.xml"
+    model.write_text(MOTORS.format("0 -9.8 0", "j", ""))
+    with caplog.at_level("INFO", "posecast_edge.mujoco"):
+        open_source(f"mujoco:{model}", None)
+    assert caplog.messages == [
+        "mujoco motors.xml: this model's actuators are motors: with no controller it falls"
+    ]
+
+
 def test_the_arm_moves_each_joint_and_holds_the_others() -> None:
     simulation = load_simulation(ARM)
     joints = [s.joint for s in simulation.servos]

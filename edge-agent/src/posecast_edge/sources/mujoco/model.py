@@ -37,6 +37,7 @@ ROTOR = 0.5  # of what a joint carries: what the motor's own inertia is felt as 
 SERVO_HZ = 8.0  # natural frequency of the servos given to a model without any, critically damped
 TURN_S = 3.0  # one joint there and back
 GO_S, STAY_S = 1.5, 1.0  # from keyframe to keyframe
+FORCE_LEAST = 1e-6  # N or N·m: less than that pulls at nothing
 SWING = 0.45  # of a joint's range, at most
 HINGE, SLIDE = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)
 SWING_MOST = {HINGE: 0.5, SLIDE: 0.05}  # rad, m
@@ -192,10 +193,7 @@ class Simulation:
         self._sensors = list(_sensors(model))
         self._unstable = RateLimitedLog(log.warning, "times", SAY_EVERY_S)
         self._resets_s = 0.0  # simulated time before a reset
-        mujoco.mj_resetData(model, self._data)
-        if model.nkey:
-            mujoco.mj_resetDataKeyframe(model, self._data, 0)
-            self._data.time = 0.0
+        self._reset()
         self.servos = list(self._find_servos())
         self._programme = self._keyframes if self._has_programme() else self._one_by_one
         self._programme(0.0)
@@ -215,8 +213,20 @@ class Simulation:
             mujoco.mj_step(self._model, self._data)
             if self._data.time <= before_s:  # reset: MuJoCo does that where numbers are no numbers any more
                 self._resets_s += before_s
+                self._reset()
                 text = f"the simulation became unstable at {self.t_s:.2f} s and begins anew"
                 self._unstable.add(text, time.monotonic())
+
+    def explain_rest(self) -> str:
+        """Why a model does nothing of itself: one line, "" where servos or keyframes move it. Call it before
+        the first step."""
+        model, data = self._model, self._data
+        holds = model.actuator_biastype != mujoco.mjtBias.mjBIAS_NONE
+        if not model.nu or holds.any() or self._has_programme():
+            return ""
+        pulled = abs(data.qfrc_bias - data.qfrc_passive).max() > FORCE_LEAST
+        does = "falls" if pulled else "stands still"
+        return f"this model's actuators are motors: with no controller it {does}"
 
     def make_sample(self) -> Sample:
         """The current state as a sample."""
@@ -241,6 +251,13 @@ class Simulation:
             values.setdefault(sensor.field, {}).update(_labelled(sensor.site, sensor.parts, read))
         links = {s.site: s.link for s in self._sensors}
         return Sample(self.t_s, values, links=links, sliding=self._sliding)
+
+    def _reset(self) -> None:
+        """To the first keyframe, where there is one."""
+        mujoco.mj_resetData(self._model, self._data)
+        if self._model.nkey:
+            mujoco.mj_resetDataKeyframe(self._model, self._data, 0)
+            self._data.time = 0.0
 
     def _find_servos(self) -> Iterator[Servo]:
         """Actuators of a joint whose force goes with the distance from what they are told."""

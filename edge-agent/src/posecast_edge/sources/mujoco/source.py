@@ -56,7 +56,11 @@ def open_source(address: str, profile: Profile | None) -> Source:
     path = Path(address) if address else ARM
     if address:
         check_loads(path)
-    return MujocoSource(load_simulation(path), path.name)
+    simulation = load_simulation(path)
+    rest = simulation.explain_rest()
+    if rest:
+        log.info("mujoco %s: %s", path.name, rest)
+    return MujocoSource(simulation, path.name)
 
 
 class MujocoSource:
