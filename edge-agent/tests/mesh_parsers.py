@@ -37,7 +37,7 @@ def level_work(given: Input, folder: Path) -> Work:
         for surface in read_mesh(path, Resolver(folder / "robot.urdf")).surfaces:
             whole = weld_vertices(surface)
             low, high = whole.positions.min(0), whole.positions.max(0)
-            faces = LodChain(whole, 1.0, 1.0).get_rung(12)[1]
+            faces = LodChain(whole, 1.0, 1.0, 30).get_rung(12)[1]
             pack_part(whole, faces, make_grid(low, high, 14))
 
     return work

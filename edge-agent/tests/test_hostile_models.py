@@ -135,7 +135,7 @@ def test_a_fan_is_smooth_in_whatever_order_it_comes() -> None:
 
 def test_triangles_about_a_crowded_vertex_stay_as_they_are(tmp_path: Path) -> None:
     few, many = (read_mesh_of(tmp_path, "a.obj", obj_polygon(n)) for n in (CROWD_MAX - 10, CROWD_MAX + 10))
-    coarse = [len(LodChain(weld_vertices(m.surfaces[0]), 2.0, 2.0).get_rung(20)[1]) for m in (few, many)]
+    coarse = [len(LodChain(weld_vertices(m.surfaces[0]), 2.0, 2.0, 30).get_rung(20)[1]) for m in (few, many)]
     assert coarse[0] < 200
     assert coarse[1] == CROWD_MAX + 8
 

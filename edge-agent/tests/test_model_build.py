@@ -14,6 +14,8 @@ import meshoptimizer
 import numpy as np
 import pytest
 from model_stage import (
+    CUBE_CORNERS,
+    CUBE_FACES,
     PICTURE,
     build_robot,
     cube_collada,
@@ -90,6 +92,19 @@ def test_few_bytes_can_be_many_triangles() -> None:
     assert low["triangles"] <= 24_000
     assert low["bytes"] < high["bytes"] / 2
     assert low["error_m"] < 0.0015
+
+
+def test_many_parts_move_further_than_else_where_they_are_too_many_for_a_phone(tmp_path: Path) -> None:
+    places = np.stack(np.meshgrid(*[np.linspace(-1, 1, 14)] * 3), -1).reshape(-1, 1, 3)
+    corners = 0.09 * CUBE_CORNERS / np.ptp(CUBE_CORNERS) + places
+    triangles = np.zeros(14**3 * 12, [("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("mark", "<u2")])
+    triangles["corners"] = corners[:, CUBE_FACES].reshape(-1, 3, 3)
+    heap = bytes(80) + len(triangles).to_bytes(4, "little") + triangles.tobytes()
+    built = build_robot(written(tmp_path, robot(link("heap", mesh("meshes/heap.stl"))), heap_stl=heap))
+    low, high = built.document["levels"]
+    assert high["triangles"] == len(triangles)
+    assert low["triangles"] < 24_000
+    assert 0.02 < low["error_m"] / 2.09 < 0.0401
 
 
 def test_silhouettes(shared: tuple[str, Built]) -> None:

@@ -21,6 +21,7 @@ from posecast_edge.model.meshes.stl import read_stl
 from posecast_edge.model.meshes.texture import compute_mean_colour, fit_picture
 from posecast_edge.model.meshes.weld import drop_duplicate_faces, drop_unused_vertices, weld_vertices
 
+RUNGS = count_rungs([2.0], 2.0)
 CUBE = Surface(CUBE_CORNERS, CUBE_FACES.astype(np.int32))
 
 
@@ -70,9 +71,9 @@ def test_a_cube_has_edges_and_a_ball_has_none() -> None:
 
 def test_a_ladder_stays_within_its_bounds() -> None:
     surface = ball()
-    ladder = LodChain(surface, mesh_size=2.0, robot_size=2.0)
+    ladder = LodChain(surface, mesh_size=2.0, robot_size=2.0, rungs=RUNGS)
     last = len(surface.faces) + 1
-    for step in range(0, count_rungs([2.0], 2.0), 3):
+    for step in range(0, RUNGS, 3):
         bound, faces = ladder.get_rung(step)
         assert bound == pytest.approx(min(2.0 * FINEST * STEP**step, 2.0 * LARGEST))
         assert len(faces) <= last
@@ -81,12 +82,30 @@ def test_a_ladder_stays_within_its_bounds() -> None:
         moved = np.abs(np.linalg.norm(middles, axis=1) - 1).max()
         assert moved < 3 * bound + 0.01  # 0.01: the tessellation itself
     assert 50 < last < len(surface.faces) / 4
-    assert ladder.get_rung(99)[0] == pytest.approx(2.0 * LARGEST)
+    assert ladder.get_rung(RUNGS - 1)[0] == pytest.approx(2.0 * LARGEST)
+
+
+def test_behind_the_last_rung_surfaces_move_further() -> None:
+    ladder = LodChain(ball(), mesh_size=2.0, robot_size=2.0, rungs=RUNGS)
+    bounds, faces = zip(*(ladder.get_rung(RUNGS - 1 + more) for more in (0, 1, 2)), strict=True)
+    assert bounds == pytest.approx([2.0 * LARGEST * STEP**more for more in (0, 1, 2)])
+    assert len(faces[2]) < len(faces[1]) < len(faces[0])
+
+
+def test_what_would_vanish_behind_the_last_rung_stays_as_it_was_before() -> None:
+    """Cubes apart from each other, of 4 % of the whole."""
+    places = np.stack(np.meshgrid(*[np.linspace(-1, 1, 4)] * 3), -1).reshape(-1, 1, 3)
+    cubes = (0.08 * CUBE_CORNERS / np.ptp(CUBE_CORNERS) + places).reshape(-1, 3).astype(np.float32)
+    faces = (CUBE_FACES + 8 * np.arange(len(places))[:, None, None]).reshape(-1, 3).astype(np.int32)
+    ladder = LodChain(Surface(cubes, faces), 2.0, 2.0, RUNGS)
+    whole, fewer, last = (len(ladder.get_rung(RUNGS - 1 + more)[1]) for more in (0, 1, 2))
+    assert whole == 64 * 12
+    assert 0 < last == fewer < whole / 2
 
 
 def test_small_surfaces_are_left_alone() -> None:
     triangle = Surface(CUBE_CORNERS[:3], np.array([[0, 1, 2]], np.int32))
-    assert LodChain(triangle, 1.0, 1.0).get_rung(30)[1].tolist() == [[0, 1, 2]]
+    assert LodChain(triangle, 1.0, 1.0, RUNGS).get_rung(30)[1].tolist() == [[0, 1, 2]]
 
 
 def test_packing_is_exact_to_half_a_step() -> None:

@@ -24,7 +24,7 @@ from posecast_edge.model.builder.manifest import (
     round_digits,
 )
 from posecast_edge.model.builder.model_files import Progress, collect_facts, read_visual_files
-from posecast_edge.model.builder.simplify import LodChain, count_rungs
+from posecast_edge.model.builder.simplify import LAST_RUNGS, LodChain, count_rungs
 from posecast_edge.model.builder.thumbnail import draw_thumbnail, encode_png
 from posecast_edge.model.builder.up_axis import settle_up_axis
 from posecast_edge.model.builder.visuals import Appearance, Figure, Visual, build_figure
@@ -47,7 +47,7 @@ PATIENCE = 1.5  # a level may be so much larger than it should to spare that
 
 THUMBNAIL_MAX = 300_000  # triangles in the small picture; only a heap that nothing makes smaller has more
 
-NEAR = 1.25  # a level that is that near to the next coarser one spares it
+NEAR = 1.25  # a level that is that near to the next coarser one, or to its own aim, is taken for it
 
 
 @dataclass(frozen=True)
@@ -142,16 +142,16 @@ def build_model(robot: RobotFile, resolver: Resolver, progress: Progress, up_axi
 
 def _levels(figure: Figure, size: float, progress: Progress) -> dict[str, Level]:
     """Coarsest first; one that would be no smaller than the next finer one is left out."""
-    bodies, sizes = [], []
-    for looks in figure.looks:
-        low, high = looks.mesh.compute_box()
-        sizes.append(float((high - low).max()))
+    boxes = [looks.mesh.compute_box() for looks in figure.looks]
+    sizes = [float((high - low).max()) for low, high in boxes]
+    rungs = count_rungs(sizes, size)
+    bodies = []
+    for looks, own, (low, high) in zip(figure.looks, sizes, boxes, strict=True):
         skins = tuple(
-            PaintedLods(LodChain(s, sizes[-1], size), paint, mark) for s, paint, mark in looks.skins
+            PaintedLods(LodChain(s, own, size, rungs), paint, mark) for s, paint, mark in looks.skins
         )
         bodies.append(Body(skins, low, high))
     placed = [Placed(f"v{i}", v.pose, v.looks) for i, v in enumerate(figure.visuals)]
-    rungs = count_rungs(sizes, size)
     made: dict[str, Level] = {}
     finer = None
     for number, aim in enumerate(AIMS):
@@ -171,7 +171,8 @@ def _levels(figure: Figure, size: float, progress: Progress) -> dict[str, Level]
 def _fitted(
     at: Callable[[int], Level], bodies: Sequence[Body], placed: Sequence[Placed], rungs: int, aim: LodBudget
 ) -> Level:
-    """The finest level that is about what it should be; the coarsest there is where none is that small."""
+    """The finest level that is about what it should be; the coarsest there is where none is that small, and
+    with more triangles than it should have, one whose surfaces move further."""
 
     def triangles(step: int) -> int:
         return sum(len(s.ladder.get_rung(step)[1]) for b in bodies for s in b.skins)
@@ -184,7 +185,7 @@ def _fitted(
 
     per_triangle, made = 8.0, dict[int, Level]()
     while True:
-        step = bisect_left(range(rungs - 1), True, key=small)
+        step = 0 if small(0) else bisect_left(range(rungs - 1), True, key=small)
         while step in made and not aim.is_met_by(made[step], 1) and step < rungs - 1:
             step += 1
         if step in made:
@@ -195,6 +196,9 @@ def _fitted(
         smoother = at(ROUGH)
         if aim.is_met_by(smoother, PATIENCE):
             return smoother
+    while made[step].triangles > aim.triangles * NEAR and step < rungs - 1 + LAST_RUNGS:
+        step += 1
+        made[step] = at(step)
     return made[step]
 
 

@@ -54,8 +54,11 @@ def pack_part(surface: Surface, faces: Faces, grid: Grid) -> Part:
     uv = surface.uv[used] if surface.uv is not None else None
     # Corners that fell onto one grid point are one vertex,
     key = ((at[:, 0] + 32768) << 42) | ((at[:, 1] + 32768) << 21) | (at[:, 2] + 32768)
-    rows = key if uv is None else np.column_stack([key, np.round(uv * 65536).astype(np.int64)])
-    first, place = np.unique(rows, axis=0, return_index=True, return_inverse=True)[1:]
+    if uv is None:
+        _, first, place = np.unique(key, return_index=True, return_inverse=True)
+    else:
+        rows = np.column_stack([key, np.round(uv * 65536).astype(np.int64)])
+        _, first, place = np.unique(rows, axis=0, return_index=True, return_inverse=True)
     faces = drop_duplicate_faces(place.reshape(-1)[faces], len(first))
     at, uv = at[first], uv[first] if uv is not None else None
     faces = faces[compute_face_normals(at.astype(np.float32), faces)[1] > 0]

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from posecast_edge.model.meshes.mesh import Faces, Surface
 from posecast_edge.model.meshes.weld import find_crowded_faces
 
-LARGEST = 0.02  # of the mesh's size: no surface moves further, however small the level should be
+LARGEST = 0.02  # of the mesh's size: no surface moves further, however small the level should be,
+LAST_RUNGS = 2  # but on that many more rungs, for a phone that would have too many triangles to draw
 FINEST = 1e-5  # of the robot's size: the first rung
 STEP = math.sqrt(2)
 BELOW = 6  # rungs: an eighth of the error
@@ -19,10 +20,12 @@ BELOW = 6  # rungs: an eighth of the error
 
 class LodChain:
     """Simplified versions of one welded surface. Version k is within `robot_size · FINEST · STEP**k` of the
-    original, as estimated by meshoptimizer, and within LARGEST of the mesh's own size."""
+    original, as estimated by meshoptimizer, and within LARGEST of the mesh's own size. Behind the last of
+    these, number `rungs` - 1, each goes STEP times as far as the one before."""
 
-    def __init__(self, surface: Surface, mesh_size: float, robot_size: float) -> None:
+    def __init__(self, surface: Surface, mesh_size: float, robot_size: float, rungs: int) -> None:
         self.surface = surface
+        self._rungs_count = rungs
         crowded = _crowded(surface)
         self._kept = surface.faces[crowded]  # as they are, on every rung
         self._loose = surface.faces[~crowded]
@@ -44,6 +47,10 @@ class LodChain:
     def _rung(self, k: int) -> tuple[float, Faces]:
         if k < 0:
             return 0.0, self._loose
+        if k >= self._rungs_count and k not in self._rungs:
+            # At once: what a first pass leaves of shells with many holes a second one may not join.
+            bound, before = self._most * STEP ** (k - self._rungs_count + 1), self._rung(k - 1)[1]
+            self._rungs[k] = (bound, min(self._simplified(self._loose, bound), before, key=len))
         if k not in self._rungs:
             # From a rung far below: fast, and the sum of both errors is still within the bound.
             below, faces = self._rung(k - BELOW)
