@@ -117,7 +117,7 @@ it('a robot without a model plots itself; its skeleton takes that place, can be 
   expect(await page.evaluate<number>(flagLines), 'lines that the flag stands on, on a phone').toBe(1);
   await page.viewport({ width: 1280, height: 800 });
   await page.findByTestId('self-plots-next').click();
-  await until('the others', async () => (await legend()).length === 3);
+  await until('the others, and where its base is', async () => (await legend()).includes('base.x'));
   await whole(page);
 
   first.edge.signal('SIGKILL');

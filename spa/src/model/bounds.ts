@@ -97,7 +97,7 @@ export function boundsOf(worldFromLink: Float64Array, boxes: ReadonlyMap<number,
 }
 
 /** A body counts as long when it is so many times as long as it is broad and tall: a snake, a train, an outstretched arm. */
-const LONG = 4;
+const LONG = 3;
 
 /** The size of what the camera looks at, metres: half its height, half its width from any side, and its radius. `lies`:
  *  the axis that a long body lies along; absent for all others. */

@@ -264,9 +264,6 @@ export const moreKo: More = {
   yourLimit: '직접 설정한 한계',
   clearedAt: (clock) => `${clock}에 해제됨`,
   stillThere: '계속됨',
-  agentSilent: '로봇 응답 없음',
-  agentTooLarge: '로봇이 보내는 데이터 한 건이 너무 큼',
-  moreEvents: (count) => `그 밖에 ${count}건`,
   acknowledgedStillThere: '확인함, 계속됨',
   theme: '테마',
   system: '시스템',
@@ -405,3 +402,11 @@ export const moreKo: More = {
   keyFirst: '처음 시점',
   keyClose: '가운데 있는 것에 다가가기',
 };
+
+/** What an agent reports about its source, by its English words; null for words that are not known. */
+export function ofAgentKo(words: string): string | null {
+  const more = /^(\d+) more$/.exec(words);
+  if (more !== null) return `그 밖에 ${more[1]}건`;
+  if (words === 'silent') return '로봇 응답 없음';
+  return words === "robot's samples are too large" ? '로봇이 보내는 데이터 한 건이 너무 큼' : null;
+}

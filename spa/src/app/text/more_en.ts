@@ -184,9 +184,6 @@ export const moreEn = {
   clearedAt: (clock: string) => `cleared ${clock}`,
   stillThere: 'still there',
   acknowledgedStillThere: 'acknowledged, still there',
-  agentSilent: 'silent',
-  agentTooLarge: "robot's samples are too large",
-  moreEvents: (count: string) => `${count} more`,
 
   // ---- faults as sentences; places as in a profile, see docs/ROBOTS.md
   offSentence: '{joint} is not where it was told to be[: {error} off][ for {age}].',
