@@ -77,7 +77,9 @@ describe('the page on a host of plain files', () => {
     const relay = await stage.stack.relay();
     stage.stack.fedEdge(relay, SWINGING);
     config({ relay: relay.url });
-    const page = await stage.newPage();
+    // who saves data is sent nothing before it is asked for
+    const preload = `Object.defineProperty(navigator, 'connection', { value: { saveData: true } })`;
+    const page = await stage.newPage({ preload });
     page.allow(relay.host);
     page.forgive(/WebSocket|404|not-here/);
     page.forgive(/dynamically imported module|Loading module from|Importing a module script failed/); // as each browser has it

@@ -8,7 +8,7 @@ import { loadPanel } from './app/numbers/load_panel.ts';
 import { loadList } from './app/pages/list/index.ts';
 import { installDebugApi } from './app/shell/debug_api.ts';
 import { ErrorBoundary } from './app/shell/ErrorBoundary.tsx';
-import { late } from './app/shell/late.tsx';
+import { late, onDemand } from './app/shell/late.tsx';
 import { reloadAfterDeploy } from './app/shell/reload.ts';
 import { leavePath } from './app/state/path.ts';
 import { parseRoute } from './app/state/route.ts';
@@ -20,7 +20,7 @@ import './app/styles/page.css';
 import './app/styles/robot.css';
 
 /** `embed/index.html` is the same page for an iframe. It asks for nothing before it is on the screen. */
-const EmbedPage = late(async () => (await import('./app/pages/embed/EmbedPage.tsx')).EmbedPage);
+const EmbedPage = late(async () => (await import('./app/pages/embed/EmbedPage.tsx')).EmbedPage, onDemand);
 const embedded = document.documentElement.dataset.page === 'embed';
 
 performance.mark('posecast:script');

@@ -4,7 +4,7 @@ import { loadList } from './pages/list/index.ts';
 import { closeLocal, listenForDrops, useLocal } from './pages/local/local.ts';
 import { RobotPage } from './pages/RobotPage.tsx';
 import { ErrorBoundary } from './shell/ErrorBoundary.tsx';
-import { late } from './shell/late.tsx';
+import { late, onDemand } from './shell/late.tsx';
 import { useThemeOnRoot } from './shell/theme.ts';
 import { useHash } from './state/hash.ts';
 import type { RobotLink } from './state/robot_link.ts';
@@ -12,12 +12,12 @@ import { parseRoute } from './state/route.ts';
 import { useText } from './text/language.ts';
 
 // Loaded on demand: a visitor who opens a robot needs no list.
-const RobotList = late(async () => (await loadList()).RobotList);
+const RobotList = late(async () => (await loadList()).RobotList, onDemand);
 // Few visitors need these, so they are loaded when they are opened.
-const NothingHere = late(async () => (await import('./pages/NothingHere.tsx')).NothingHere);
-const RowPage = late(async () => (await import('./pages/RowPage.tsx')).RowPage);
+const NothingHere = late(async () => (await import('./pages/NothingHere.tsx')).NothingHere, onDemand);
+const RowPage = late(async () => (await import('./pages/RowPage.tsx')).RowPage, onDemand);
 const SettingsSheet = late(async () => (await import('./settings/SettingsSheet.tsx')).SettingsSheet);
-const LocalPage = late(async () => (await import('./pages/local/LocalPage.tsx')).LocalPage);
+const LocalPage = late(async () => (await import('./pages/local/LocalPage.tsx')).LocalPage, onDemand);
 
 export function App() {
   useThemeOnRoot();

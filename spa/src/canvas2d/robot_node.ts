@@ -1,3 +1,4 @@
+import { isPassing } from '../model/bundle.ts';
 import type { ModelReport } from '../model/report.ts';
 import type { NodeHost } from '../view/figure_node.ts';
 import { FigureNode, type OnProgress } from '../view/figure_node.ts';
@@ -65,6 +66,7 @@ export class LightRobotNode extends FigureNode<LightRobot> {
     } catch (cause) {
       signal.throwIfAborted();
       report.bare = cause instanceof Error ? cause.message : String(cause);
+      if (isPassing(cause)) report.passing = true;
       report.problems.push(report.bare);
     }
   }

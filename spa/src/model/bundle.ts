@@ -17,6 +17,9 @@ const PARALLEL = 6;
 /** A model that can't be loaded; the message is one line. */
 export class BundleError extends Error {}
 
+/** That a file did not come, for a reason that passes: no answer, or a server that can't just now. */
+export class NotNow extends BundleError {}
+
 /** A file of a raw bundle: its path beside the manifest, the URI by which the URDF names it, and its size in bytes. */
 export interface BundleFile {
   path: string;
@@ -158,15 +161,20 @@ export async function fetchBytes(
     const headers: HeadersInit = token ? { authorization: `Bearer ${token}` } : {};
     response = await fetch(url, { signal, credentials: 'omit', headers });
   } catch (cause) {
-    throw new BundleError(`${name}: no answer`, { cause });
+    throw new NotNow(`${name}: no answer`, { cause });
   }
-  if (!response.ok) throw new BundleError(`${name}: answered ${response.status}`);
+  if (!response.ok) {
+    const Refusal = response.status >= 500 || response.status === 429 ? NotNow : BundleError;
+    throw new Refusal(`${name}: answered ${response.status}`);
+  }
   const reader = response.body?.getReader();
   if (reader === undefined) return new Uint8Array();
   const chunks: Uint8Array[] = [];
   let length = 0;
   for (;;) {
-    const { done, value } = await reader.read();
+    const { done, value } = await reader.read().catch((cause: unknown) => {
+      throw new NotNow(`${name}: the answer broke off`, { cause });
+    });
     if (done) break;
     length += value.length;
     if (length > limit) {
@@ -183,6 +191,13 @@ export async function fetchBytes(
     at += chunk.length;
   }
   return bytes;
+}
+
+/** Whether an error says that something did not come for a reason that passes. */
+export function isPassing(cause: unknown): boolean {
+  return (
+    cause instanceof NotNow || (cause instanceof Error && cause.cause !== undefined && isPassing(cause.cause))
+  );
 }
 
 export function isRecord(value: unknown): value is Record<string, unknown> {

@@ -17,6 +17,8 @@ export interface ModelReport {
   meshes?: ReadonlyMap<string, MeshFacts>;
   /** Set when only the skeleton can be shown: one line, why. */
   bare?: string;
+  /** Set when something did not come for a reason that passes, so that loading it again may help. */
+  passing?: boolean;
   /** Set when nothing could be shown: one line, what and where. */
   error?: string;
 }

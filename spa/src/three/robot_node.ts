@@ -1,5 +1,5 @@
 import { Box3, Group, type Object3D, type Ray } from 'three';
-import { Download, readRawManifest } from '../model/bundle.ts';
+import { Download, NotNow, readRawManifest } from '../model/bundle.ts';
 import { manifestAt } from '../model/files.ts';
 import { readManifest } from '../model/manifest.ts';
 import type { ModelReport } from '../model/report.ts';
@@ -58,7 +58,7 @@ export class RobotNode extends FigureNode<Figure> {
   /** Like `load`, for a robot whose files are already in this browser. */
   loadLocal(robot: LocalRobot): Promise<ModelReport> {
     return this.supersede(async (signal, report) => {
-      const { showRaw } = await import('./robot/raw_robot.ts');
+      const { showRaw } = await loadRaw();
       await showRaw(robot, this.#stage(signal), this.staleEffect, this.#place.tones, report, () => {});
       this.#place.framed(true);
     });
@@ -131,7 +131,7 @@ export class RobotNode extends FigureNode<Figure> {
       void built.keepCoarse(this.#coarse);
       await built.dress(report, onProgress);
     } else {
-      const { fetchUrdf, showRaw } = await import('./robot/raw_robot.ts');
+      const { fetchUrdf, showRaw } = await loadRaw();
       const manifest = readRawManifest(raw);
       // Which files are drawn is known only when the URDF is read; until then all count.
       let total = [...manifest.files.values()].reduce((sum, file) => sum + file.size, 0);
@@ -190,6 +190,13 @@ export class RobotNode extends FigureNode<Figure> {
     this.#place.changed();
     return this.staleEffect.advance(seconds);
   }
+}
+
+/** Loads what draws raw files. Rejects with NotNow when it does not come. */
+function loadRaw() {
+  return import('./robot/raw_robot.ts').catch((cause: unknown) => {
+    throw new NotNow('the code for raw files did not come', { cause });
+  });
 }
 
 const BOX = new Box3();

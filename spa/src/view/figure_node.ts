@@ -1,4 +1,5 @@
 import { prefersReducedMotion } from '../browser/reduced_motion.ts';
+import { isPassing } from '../model/bundle.ts';
 import { linksMovedBy, treeOf } from '../model/link_tree.ts';
 import type { LinkLook, PosedBody } from '../model/posed_body.ts';
 import type { ModelReport } from '../model/report.ts';
@@ -218,6 +219,7 @@ export abstract class FigureNode<F extends StagedFigure> implements RowMember, M
       await work(loading.signal, report);
     } catch (cause) {
       report.error = cause instanceof Error ? cause.message : String(cause);
+      if (isPassing(cause)) report.passing = true;
       if (!loading.signal.aborted) this.clear(); // the previous model is no longer this robot's
     }
     if (loading.signal.aborted) report.error = 'superseded by a newer model';

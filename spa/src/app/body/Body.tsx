@@ -1,4 +1,6 @@
 import { Suspense, useCallback, useEffect, useRef, useState } from 'react';
+import { LatePart } from '../../browser/late_part.ts';
+import { retryNow } from '../../browser/retry.ts';
 import type { ModelReport } from '../../model/report.ts';
 import { manifestUrl } from '../../relay/addresses.ts';
 import { accounts } from '../../relay/relay.ts';
@@ -12,15 +14,23 @@ import { bytesWords, problemWords, stageWords, waitingWords } from '../status/wo
 import { say, useText } from '../text/language.ts';
 import { useCameraControls } from './controls/use_camera_controls.ts';
 import { FirstStickFigure } from './FirstStickFigure.tsx';
+import { keepLoading } from './keep_loading.ts';
 import type { OverlayLink } from './overlay/overlay_link.ts';
 import { useBodyView } from './use_body_view.ts';
 
 /** Loaded with the body, so that the page starts without it. */
 const BodyNotes = late(async () => (await import('./BodyNotes.tsx')).BodyNotes);
 const BodyTools = late(async () => (await import('./BodyTools.tsx')).BodyTools);
-const SignIn = late(async () => (await import('../account/SignIn.tsx')).SignIn);
+const SignIn = late(
+  async () => (await import('../account/SignIn.tsx')).SignIn,
+  () => accounts !== null,
+);
 const SelfPlots = late(async () => (await import('./SelfPlots.tsx')).SelfPlots);
 const LoadLegend = late(async () => (await import('./overlay/LoadLegend.tsx')).LoadLegend);
+
+const BODY_LINK = new LatePart(() => import('./body_link.ts'));
+const VIEW_ADDRESS = new LatePart(() => import('../share/view_address.ts'));
+const OVERLAY_LINK = new LatePart(() => import('./overlay/overlay_link.ts'));
 
 /** How long the page waits without saying what for. */
 const SAY_WHY_AFTER_MS = 3000;
@@ -30,13 +40,13 @@ type Model =
   | { phase: 'none' }
   | { phase: 'loading'; received: number; total: number }
   | { phase: 'shown'; report: ModelReport }
-  | { phase: 'failed'; why: string };
+  | { phase: 'failed'; why: string; coming: boolean };
 
 /** The robot's body with its notes and tools. The renderer is a separate chunk that this component loads; if that fails,
  *  one line says so and the numbers still work. */
 export function Body({ link }: { link: RobotLink }) {
   const host = useRef<HTMLDivElement>(null);
-  const { view, trouble, why, choose } = useBodyView(host, usePlayed(link));
+  const { view, trouble, why, coming, choose } = useBodyView(host, usePlayed(link));
   useCameraControls(host, view, link.twin);
   useViewAddress(view, link);
   const signs = useSigns(view, link);
@@ -54,12 +64,12 @@ export function Body({ link }: { link: RobotLink }) {
       <div className="stage-middle">
         {why !== null ? (
           <p className="stage-say" data-testid="no-scene">
-            {why}
+            {why} {coming && <TryNow />}
           </p>
         ) : (
           model.phase === 'failed' && (
             <p className="stage-say" data-testid="no-model">
-              {model.why}
+              {model.why} {model.coming && <TryNow />}
             </p>
           )
         )}
@@ -92,10 +102,18 @@ export function Body({ link }: { link: RobotLink }) {
   );
 }
 
+function TryNow() {
+  return (
+    <button type="button" className="text-button" data-testid="try-now" onClick={retryNow}>
+      {say().tryNow}
+    </button>
+  );
+}
+
 /** What a new view is prepared with: it plays the robot's motion. */
 function usePlayed(link: RobotLink) {
   return useCallback(async () => {
-    const { bindBody } = await import('./body_link.ts'); // the code of the view loads at the same time
+    const { bindBody } = await BODY_LINK.load(); // the code of the view loads at the same time
     return (view: RowView) => bindBody(view, link);
   }, [link]);
 }
@@ -105,7 +123,7 @@ function useViewAddress(view: BodyView | null, link: RobotLink): void {
   useEffect(() => {
     if (view === null) return;
     return startWhenLoaded(
-      import('../share/view_address.ts').then(
+      VIEW_ADDRESS.load().then(
         ({ bindAddress }) =>
           () =>
             bindAddress(view, link),
@@ -119,9 +137,9 @@ function useSigns(scene: BodyView | null, link: RobotLink): OverlayLink | null {
   const [signs, setSigns] = useState<OverlayLink | null>(null);
   useEffect(() => {
     if (scene === null) return;
-    // If this chunk can't be loaded, the body is shown without overlay.
+    // Until this chunk is here, the body is shown without overlay.
     const end = startWhenLoaded(
-      import('./overlay/overlay_link.ts').then(({ bindOverlay }) => () => {
+      OVERLAY_LINK.load().then(({ bindOverlay }) => () => {
         const drawn = bindOverlay(scene, link);
         setSigns(drawn);
         return drawn.stop;
@@ -150,17 +168,23 @@ function useModel(scene: BodyView | null, link: RobotLink): Model {
     const progress = (received: number, total: number) => {
       if (!left) setModel({ phase: 'loading', received, total });
     };
-    scene.load(manifestUrl(robot, modelHash), progress).then((report) => {
-      if (left) return;
-      if (report.error !== undefined) {
-        setModel({ phase: 'failed', why: say().bodyFailed(isolated(report.error)) });
-        return;
-      }
-      link.twin.acceptTree(scene.tree());
-      setModel({ phase: 'shown', report });
-    });
+    const url = manifestUrl(robot, modelHash);
+    const stop = keepLoading(
+      url,
+      () => scene.load(url, progress),
+      (report) => {
+        if (report.error !== undefined) {
+          const why = say().bodyFailed(isolated(report.error));
+          setModel({ phase: 'failed', why, coming: report.passing === true });
+          return;
+        }
+        link.twin.acceptTree(scene.tree());
+        setModel({ phase: 'shown', report });
+      },
+    );
     return () => {
       left = true;
+      stop();
     };
   }, [scene, robot, modelHash, link]);
   return model;

@@ -1,4 +1,5 @@
 import { type RefObject, useEffect, useRef, useState } from 'react';
+import { LatePart } from '../../browser/late_part.ts';
 import { isolated } from '../../twin/names.ts';
 import type { DrawingTrouble } from '../../view/adaptive_quality.ts';
 import type { RowView } from '../../view/body_view.ts';
@@ -7,6 +8,9 @@ import { type PageTheme, useTheme } from '../shell/theme.ts';
 import { changeSettings, type Settings, settings, useSettings } from '../state/settings.ts';
 import { say } from '../text/language.ts';
 import { loadThree } from './load_three.ts';
+
+const THREE = new LatePart(loadThree, () => false); // loaded at once where there is 3D
+const LIGHT_VIEW = new LatePart(() => import('../../canvas2d/index.ts'));
 
 /** Why the body is not drawn in full 3D quality. `light`: the browser has no 3D; `light-pixels`: it has none, and the
  *  light view is slow, too; `given-up`: the browser took 3D away; `slow`: 3D was too slow; `chosen`: the person chose the
@@ -26,11 +30,13 @@ export interface ShownBody {
   readonly trouble: ViewTrouble | null;
   /** Why there is no picture at all; null if nothing prevents it. */
   readonly why: string | null;
+  /** Whether the picture is still to come: its code did not come and is asked for again by itself. */
+  readonly coming: boolean;
   /** Changes the setting `body`, and with it the renderer. */
   readonly choose: (way: '3d' | 'light') => void;
 }
 
-const NOTHING = { view: null, trouble: null, why: null } as const;
+const NOTHING = { view: null, trouble: null, why: null, coming: false } as const;
 
 /** Called with each new view; returns a clean-up function. */
 export type Begin = (view: RowView) => () => void;
@@ -60,11 +66,20 @@ export function useBodyView(
     let left = false;
     let stop: (() => void) | null = null;
     let made: RowView | null = null;
+    const code: LatePart<unknown> = way === '3d' ? THREE : LIGHT_VIEW;
+    const leave = code.subscribe(() => {
+      const coming = code.failed();
+      const why = coming ? say().tryingAgain(say().notHere) : null;
+      if (!left) setShown((before) => (before.view === null ? { ...NOTHING, coming, why } : before));
+    });
     const open = async () => {
       const onTrouble = (trouble: DrawingTrouble | null) => {
         if (trouble === 'failed') setWay('given-up');
         else if (trouble !== 'hopeless') setShown((before) => ({ ...before, trouble }));
-        else if (settings().body === 'auto') setWay('slow');
+        else if (settings().body === 'auto')
+          LIGHT_VIEW.load().then(() => {
+            if (!left) setWay('slow'); // until then a slow picture is better than none
+          });
       };
       const onSlow = (slow: boolean) => {
         if (way === 'light') setShown((before) => ({ ...before, trouble: slow ? 'light-pixels' : 'light' }));
@@ -82,7 +97,7 @@ export function useBodyView(
       stop = begin(view);
       showScene(view);
       const trouble = way === '3d' ? null : way;
-      setShown({ view, trouble, why: null });
+      setShown({ ...NOTHING, view, trouble });
     };
     open().catch((error: unknown) => {
       if (left) return;
@@ -95,6 +110,7 @@ export function useBodyView(
     });
     return () => {
       left = true;
+      leave();
       stop?.();
       showScene(null);
       setShown(NOTHING);
@@ -128,7 +144,7 @@ async function open3d(
   theme: ThemeNow,
   hears: { onTrouble: (trouble: DrawingTrouble | null) => void; onDrawn?: () => void },
 ): Promise<RowView | null> {
-  const Scene = await (await loadThree()).painted();
+  const Scene = await (await THREE.load()).painted();
   if (host.current === null) return null;
   try {
     return new Scene(host.current, { theme: theme.current, ...hears });
@@ -142,7 +158,7 @@ async function openLight(
   theme: ThemeNow,
   hears: { onSlow: (slow: boolean) => void; onDrawn?: () => void },
 ): Promise<RowView | null> {
-  const { LightView } = await import('../../canvas2d/index.ts');
+  const { LightView } = await LIGHT_VIEW.load();
   return host.current === null ? null : new LightView(host.current, { theme: theme.current, ...hears });
 }
 

@@ -6,6 +6,7 @@ import type { RowMember, RowView } from '../../view/body_view.ts';
 import { bindBody } from '../body/body_link.ts';
 import { CameraViews } from '../body/CameraViews.tsx';
 import { useCameraControls } from '../body/controls/use_camera_controls.ts';
+import { keepLoading } from '../body/keep_loading.ts';
 import { LoadLegend } from '../body/overlay/LoadLegend.tsx';
 import { OverlayMenu } from '../body/overlay/OverlayMenu.tsx';
 import { bindOverlay, type OverlayLink } from '../body/overlay/overlay_link.ts';
@@ -166,15 +167,12 @@ function Linked({ robot, scene, body, label, link, onLink, onSigns }: MemberProp
 
   useEffect(() => {
     if (body === null || modelHash === null) return;
-    let left = false;
-    body
-      .load(manifestUrl(robot, modelHash), () => {})
-      .then(({ error }) => {
-        if (!left) setWhy(error ?? null);
-      });
-    return () => {
-      left = true;
-    };
+    const url = manifestUrl(robot, modelHash);
+    return keepLoading(
+      url,
+      () => body.load(url, () => {}),
+      ({ error }) => setWhy(error ?? null),
+    );
   }, [body, robot, modelHash]);
 
   return (

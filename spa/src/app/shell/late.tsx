@@ -1,27 +1,43 @@
-import { type ComponentType, type LazyExoticComponent, lazy } from 'react';
+import { type ComponentType, useSyncExternalStore } from 'react';
 import { firstPaint } from '../../browser/first_paint.ts';
+import { LatePart } from '../../browser/late_part.ts';
+import { retryNow } from '../../browser/retry.ts';
 import { useText } from '../text/language.ts';
 
-/** A component that is loaded when it is first drawn, so it needs a `Suspense` around it. If loading fails, it shows a
- *  note with a reload button and the rest of the page still works. */
+/** A component that is loaded when it is first drawn, or ahead of that if `ahead` says so. While it can't be loaded it is
+ *  a note with a button, it is tried again by itself, and the rest of the page still works. */
 export function late<P extends object>(
   load: () => Promise<ComponentType<P>>,
-): LazyExoticComponent<ComponentType<P>> {
-  return lazy(async () => ({ default: await load().catch(() => NotHere) }));
+  ahead?: () => boolean,
+): ComponentType<P> {
+  const part = new LatePart(load, ahead);
+  return (props: P) => <Arriving part={part} given={props} />;
+}
+
+function Arriving<P extends object>({ part, given }: { part: LatePart<ComponentType<P>>; given: P }) {
+  const Loaded = useSyncExternalStore(part.subscribe, part.value);
+  const failed = useSyncExternalStore(part.subscribe, part.failed);
+  if (Loaded !== null) return <Loaded {...given} />;
+  void part.load();
+  return failed ? <NotHere /> : null;
 }
 
 /** Like `late`, but loading waits until the body was first drawn, or 2 s: on a slow connection the body comes first. */
-export function lateAfterBody<P extends object>(
-  load: () => Promise<ComponentType<P>>,
-): LazyExoticComponent<ComponentType<P>> {
+export function lateAfterBody<P extends object>(load: () => Promise<ComponentType<P>>): ComponentType<P> {
   return late(() => firstPaint.then(load));
 }
+
+/** For what is not fetched before somebody asks for it: other pages, and what few need. */
+export const onDemand = (): boolean => false;
 
 function NotHere() {
   const text = useText();
   return (
     <p className="drop-notice" role="alert" data-testid="not-here">
-      <span>{text.notHere}</span>
+      <span>{text.tryingAgain(text.notHere)}</span>
+      <button type="button" className="text-button" onClick={retryNow}>
+        {text.tryNow}
+      </button>
       <button type="button" className="text-button" onClick={() => window.location.reload()}>
         {text.reload}
       </button>

@@ -1,4 +1,6 @@
 import { useEffect, useState, useSyncExternalStore } from 'react';
+import { fetchPartsAhead, setAway } from '../../browser/late_part.ts';
+import { retryNow } from '../../browser/retry.ts';
 import { streamUrl, WANTED_HZ } from '../../relay/addresses.ts';
 import { type Link, StreamClient } from '../../stream/client.ts';
 import { nowMs } from '../../stream/clock.ts';
@@ -36,6 +38,7 @@ export function useRobotLink(robot: string): RobotLink | null {
       past: new HistoryKeeper(twin),
     };
     setLink(opened);
+    watchNetwork(client);
     return () => {
       opened.client.close();
       opened.watch.close();
@@ -47,6 +50,22 @@ export function useRobotLink(robot: string): RobotLink | null {
     };
   }, [robot]);
   return link;
+}
+
+/** What the page still lacks is asked for when the stream opens, and what it may need later is fetched then. */
+function watchNetwork(client: StreamClient): void {
+  let before: Link['phase'] | null = null;
+  const look = () => {
+    const { phase } = client.link;
+    if (phase === before) return;
+    before = phase;
+    setAway(phase === 'waiting');
+    if (phase !== 'open') return;
+    retryNow();
+    void fetchPartsAhead();
+  };
+  client.onChange(look);
+  look();
 }
 
 /** The state of the connection to the relay. The component is drawn again when it changes. */

@@ -1,4 +1,4 @@
-import { Suspense, useEffect, useId } from 'react';
+import { Suspense, useId } from 'react';
 import { nowMs } from '../../stream/clock.ts';
 import { late } from '../shell/late.tsx';
 import { useNow } from '../shell/now.ts';
@@ -7,10 +7,7 @@ import { type RobotLink, useConnection, useWord } from '../state/robot_link.ts';
 import { useText } from '../text/language.ts';
 import { chipWords } from './words.ts';
 
-const loadExplanation = () => import('./Explanation.tsx');
-const Explanation = late(async () => (await loadExplanation()).Explanation);
-/** The explanation is loaded ahead after this time: without a connection it could not be loaded when asked for. */
-const FETCH_AHEAD_MS = 3000;
+const Explanation = late(async () => (await import('./Explanation.tsx')).Explanation);
 
 /** A button with the robot's state: LIVE, HOLDING, STALE or OFFLINE, with its frame rate or age. Pressing it opens an
  *  explanation. */
@@ -21,10 +18,6 @@ export function Chip({ link }: { link: RobotLink }) {
   useText();
   const { open, setOpen, around } = usePopover<HTMLDivElement>();
   const explanation = useId();
-  useEffect(() => {
-    const timer = setTimeout(() => loadExplanation().catch(() => {}), FETCH_AHEAD_MS);
-    return () => clearTimeout(timer);
-  }, []);
 
   const verdict = link.watch.verdict();
   const { word, detail, more, warning } = chipWords(verdict, connection, nowMs());

@@ -1,4 +1,4 @@
-import { BundleError } from '../../model/bundle.ts';
+import { BundleError, isPassing } from '../../model/bundle.ts';
 import { lodBytes } from '../../model/files.ts';
 import { type Lod, readLod } from '../../model/lod.ts';
 import type { LodFile, Manifest } from '../../model/manifest.ts';
@@ -50,6 +50,7 @@ export class BuiltRobot {
     } catch (cause) {
       this.#stage.signal.throwIfAborted();
       report.bare = cause instanceof Error ? cause.message : String(cause);
+      if (isPassing(cause)) report.passing = true;
       report.problems.push(report.bare);
       return;
     }

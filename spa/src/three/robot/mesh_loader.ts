@@ -8,7 +8,7 @@ import {
   type Object3D,
 } from 'three';
 import { MeshoptDecoder } from 'three/addons/libs/meshopt_decoder.module.js'; // here already: built models need it
-import type { BundleFile, RawFiles } from '../../model/bundle.ts';
+import { type BundleFile, NotNow, type RawFiles } from '../../model/bundle.ts';
 import type { MeshNote } from '../../model/mesh_facts.ts';
 import type { Paint } from '../../urdf/manifest.ts';
 import type { PaintedSurface } from '../../urdf/meshes/lod_builder.ts';
@@ -100,17 +100,24 @@ function offline(): LoadingManager {
   return manager;
 }
 
+/** Code that is loaded when a file needs it. Rejects with NotNow when it does not come. */
+function decoder<T>(code: Promise<T>): Promise<T> {
+  return code.catch((cause: unknown) => {
+    throw new NotNow('its decoder did not come', { cause });
+  });
+}
+
 /** Reads an OBJ, with the colours of its MTL library if `beside` has that file. */
 async function readObj(
   text: string,
   beside: (name: string) => Promise<Uint8Array | null>,
 ): Promise<LoadedMesh> {
-  const { OBJLoader } = await import('three/addons/loaders/OBJLoader.js');
+  const { OBJLoader } = await decoder(import('three/addons/loaders/OBJLoader.js'));
   const loader = new OBJLoader(offline());
   const library = /^\s*mtllib\s+(\S.*?)\s*$/m.exec(text)?.[1];
   const paints = library === undefined ? null : await beside(library);
   if (paints !== null) {
-    const { MTLLoader } = await import('three/addons/loaders/MTLLoader.js');
+    const { MTLLoader } = await decoder(import('three/addons/loaders/MTLLoader.js'));
     loader.setMaterials(new MTLLoader(offline()).parse(new TextDecoder().decode(paints), ''));
   }
   const lost = library !== undefined && paints === null;
@@ -122,7 +129,7 @@ async function readObj(
 
 /** Reads a self-contained GLB. Its axes are taken as the link's, as with any mesh. */
 async function readGlb(bytes: Uint8Array): Promise<PaintedSurface[]> {
-  const { GLTFLoader } = await import('three/addons/loaders/GLTFLoader.js');
+  const { GLTFLoader } = await decoder(import('three/addons/loaders/GLTFLoader.js'));
   const loader = new GLTFLoader(offline()).setMeshoptDecoder(MeshoptDecoder);
   const { scene } = await loader.parseAsync(bytes.slice().buffer, '');
   return partsOf(scene, true);
@@ -130,7 +137,7 @@ async function readGlb(bytes: Uint8Array): Promise<PaintedSurface[]> {
 
 /** Reads Collada like RViz: `<unit>` is applied, `<up_axis>` is ignored (vertices are in the link's frame already). */
 async function readCollada(text: string): Promise<LoadedMesh> {
-  const { ColladaLoader } = await import('three/addons/loaders/ColladaLoader.js');
+  const { ColladaLoader } = await decoder(import('three/addons/loaders/ColladaLoader.js'));
   const scene = new ColladaLoader(offline()).parse(text, '')?.scene;
   if (scene === undefined) throw new MeshError('no Collada scene');
   scene.quaternion.identity();

@@ -1,4 +1,4 @@
-import type { RawFiles, RawManifest } from '../../model/bundle.ts';
+import { isPassing, type RawFiles, type RawManifest } from '../../model/bundle.ts';
 import { factsOf, type MeshFacts, missingMesh } from '../../model/mesh_facts.ts';
 import type { ModelReport } from '../../model/report.ts';
 import { modelOf, UrdfError } from '../../urdf/manifest.ts';
@@ -83,9 +83,10 @@ export async function showRaw(
   slots.sort((a, b) => worldZ(a.link) - worldZ(b.link));
   await Promise.all(
     slots.map(async (slot) => {
-      const { facts: found, problem } = await fill(slot, manifest, meshes, stage.signal);
+      const { facts: found, problem, passing } = await fill(slot, manifest, meshes, stage.signal);
       stage.signal.throwIfAborted();
       facts.set(slot.uri, found);
+      if (passing) report.passing = true;
       if (problem !== null) {
         if (!hasBones) robot.mark(slot.link, stage.placeholder());
         if (!report.missing.includes(slot.uri)) {
@@ -112,13 +113,14 @@ interface Slot {
   show(mesh: readonly PaintedSurface[]): void;
 }
 
-/** Loads the mesh of a slot and shows it. `problem`: why that failed, in one line that names the file. */
+/** Loads the mesh of a slot and shows it. `problem`: why that failed, in one line that names the file; `passing`: whether
+ *  it may come later. */
 async function fill(
   { uri, show }: Slot,
   manifest: RawManifest,
   meshes: MeshLoader,
   signal: AbortSignal,
-): Promise<{ facts: MeshFacts; problem: string | null }> {
+): Promise<{ facts: MeshFacts; problem: string | null; passing?: boolean }> {
   const absent = whyAbsent(uri, manifest);
   if (absent !== null) return { facts: missingMesh(absent), problem: `${uri}: ${absent}` };
   const file = manifest.files.get(uri)!;
@@ -130,7 +132,7 @@ async function fill(
   } catch (cause) {
     const problem = lineOf(cause);
     const reason = problem.startsWith(named) ? problem.slice(named.length) : problem;
-    return { facts: missingMesh(reason, file.size), problem: named + reason };
+    return { facts: missingMesh(reason, file.size), problem: named + reason, passing: isPassing(cause) };
   }
 }
 

@@ -1,7 +1,10 @@
 import { type RefObject, useEffect } from 'react';
+import { LatePart } from '../../../browser/late_part.ts';
 import type { RobotTwin } from '../../../twin/robot.ts';
 import type { BodyView } from '../../../view/body_view.ts';
 import { startWhenLoaded } from '../../shell/deferred_start.ts';
+
+const CONTROLS = new LatePart(() => import('./index.ts'));
 
 /** Attaches camera keys, double taps, mouse style and insets while a body is shown; with a twin, also selection of
  *  joints by tap. Their code is loaded with the body. */
@@ -14,7 +17,7 @@ export function useCameraControls(
     const element = host.current;
     if (view === null || element === null) return;
     return startWhenLoaded(
-      import('./index.ts').then((controls) => () => {
+      CONTROLS.load().then((controls) => () => {
         const ends = [controls.attachCameraControls(element, view), controls.bindInsets(element, view)];
         if (twin !== null) ends.push(controls.bindSelection(element, view, twin));
         return () => {

@@ -1,0 +1,73 @@
+import { expect, it } from 'vitest';
+import type { Page } from './driver/page.ts';
+import { until } from './driver/until.ts';
+import { FaultyLink } from './proxy.ts';
+import { liveness } from './robot_page.ts';
+import { setStage } from './stage.ts';
+
+const stage = setStage();
+
+/** A browser that says that its reader saves data fetches nothing ahead. */
+const SAVES_DATA = `Object.defineProperty(navigator, 'connection', { value: { saveData: true }, configurable: true })`;
+
+const triangles = (page: Page) => page.evaluate<number>('window.posecast?.scene?.triangles ?? 0');
+const is = (page: Page, word: string) => async () => (await liveness(page)) === word;
+const has = (page: Page, part: string) => page.requested.some((url) => url.includes(`/${part}-`));
+/** Goes over to the light view, as a slow device does by itself. */
+const draw = (page: Page, how: 'light' | '3d') =>
+  page.evaluate(`window.location.hash = '#/r/demo?body=${how}'`);
+
+/** A page that watches a robot over a link that the test can take away, its page's files included. */
+async function watched(preload = ''): Promise<{ page: Page; link: FaultyLink }> {
+  const relay = await stage.stack.relay();
+  stage.stack.edge(relay);
+  const link = await FaultyLink.open(relay.port);
+  const page = await stage.newPage({ preload, viewport: { width: 900, height: 600 } });
+  page.forgive(
+    /WebSocket|ERR_|not-here|access control|NetworkError|Could not connect|Cross-Origin|Failed to load/i,
+  );
+  page.forgive(/dynamically imported module|Loading module from|Importing a module script failed/); // as each browser has it
+  await page.open(`${link.url}/#/r/demo`);
+  await until('LIVE', is(page, 'LIVE'), 60_000);
+  await until('a body', async () => (await triangles(page)) > 500, 60_000);
+  await page.evaluate('window.same = true');
+  return { page, link };
+}
+
+it('a body whose code did not come while the relay was away is there when the relay is, by itself', async () => {
+  const { page, link } = await watched(SAVES_DATA);
+  try {
+    expect(has(page, 'canvas2d'), 'nothing was fetched ahead').toBe(false);
+    link.cut(true);
+    await until('STALE', is(page, 'STALE'), 30_000);
+    await draw(page, 'light');
+    await until('says so', async () => (await page.findByTestId('no-scene').count()) === 1, 30_000);
+    expect(await page.findByTestId('no-scene').text()).toMatch(/did not come. Trying again.*Try now/);
+    await page.findByTestId('try-now').click();
+    expect(await triangles(page)).toBe(0);
+    link.heal();
+    await until('a body again', async () => (await triangles(page)) > 500, 60_000);
+    await until('LIVE', is(page, 'LIVE'), 60_000);
+    expect(await page.findByTestId('no-scene').count()).toBe(0);
+    expect(await page.evaluate<boolean>('window.same')).toBe(true);
+  } finally {
+    await link.close();
+  }
+}, 240_000);
+
+it('what may be needed later is here before the relay goes away', async () => {
+  const { page, link } = await watched();
+  try {
+    for (const part of ['canvas2d', 'ShareSheet', 'SettingsSheet', 'Plots', 'Explanation'])
+      await until(`${part} fetched ahead`, () => has(page, part), 60_000);
+    link.cut(true);
+    await until('STALE', is(page, 'STALE'), 30_000);
+    await draw(page, 'light');
+    await until('a body, drawn by hand', async () => (await triangles(page)) > 500, 30_000);
+    await page.findByRole('button', 'Share').click();
+    await until('the sheet', async () => (await page.text()).includes('In a page of yours'), 20_000);
+    expect(await page.findByTestId('not-here').count()).toBe(0);
+  } finally {
+    await link.close();
+  }
+}, 240_000);
