@@ -33,8 +33,9 @@ export class LatePart<T> {
   /** What was loaded; null until it has come. */
   readonly value = (): T | null => this.#value;
 
-  /** Whether somebody waits for it who has to wait for another try. */
-  readonly failed = (): boolean => this.#failures > 0 && this.#value === null && this.#coming !== null;
+  /** Whether somebody waits for it while it did not come, or can't be expected to. */
+  readonly failed = (): boolean =>
+    this.#coming !== null && this.#value === null && (this.#failures > 0 || away);
 
   /** Adds a listener for `value` and `failed`. Returns a function that removes it. */
   readonly subscribe = (listener: () => void): (() => void) => {
@@ -44,7 +45,10 @@ export class LatePart<T> {
 
   /** Resolves when it has come. Never rejects. */
   load(): Promise<T> {
-    this.#coming ??= this.#keepTrying();
+    if (this.#coming === null) {
+      this.#coming = this.#keepTrying();
+      if (away) queueMicrotask(this.#tell); // without a network some browsers take half a minute to give up
+    }
     return this.#coming;
   }
 
@@ -72,9 +76,13 @@ export class LatePart<T> {
     } catch {
       this.#failures += 1;
     }
-    for (const listener of this.#listeners) listener();
+    this.#tell();
     return this.#value !== null;
   }
+
+  readonly #tell = (): void => {
+    for (const listener of this.#listeners) listener();
+  };
 }
 
 /** Tells whether the page's stream stands. */

@@ -28,10 +28,14 @@ export function untilRetry(failures: number): Promise<void> {
   });
 }
 
+/** A server that has said nothing for so long counts as away. */
+const SILENT_MS = 8000;
+
 /** Whether a server answers at this address, whatever it says, as long as the fault is not its own. */
 export async function answers(url: string): Promise<boolean> {
   try {
-    return (await fetch(url, { method: 'HEAD', cache: 'no-store' })).status < 500;
+    const signal = AbortSignal.timeout(SILENT_MS);
+    return (await fetch(url, { method: 'HEAD', cache: 'no-store', signal })).status < 500;
   } catch {
     return false;
   }

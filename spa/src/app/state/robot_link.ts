@@ -59,8 +59,9 @@ function watchNetwork(client: StreamClient): void {
     const { phase } = client.link;
     if (phase === before) return;
     before = phase;
-    setAway(phase === 'waiting');
+    if (phase === 'waiting') setAway(true);
     if (phase !== 'open') return;
+    setAway(false);
     retryNow();
     void fetchPartsAhead();
   };
