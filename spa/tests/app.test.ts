@@ -8,6 +8,7 @@ import { readSettings } from '../src/app/state/settings.ts';
 import { announcement } from '../src/app/status/announcement.ts';
 import { explanationWords } from '../src/app/status/explanation_words.ts';
 import { chipWords, stageWords, waitingWords } from '../src/app/status/words.ts';
+import { en } from '../src/app/text/en.ts';
 import { ko } from '../src/app/text/ko.ts';
 import type { Link } from '../src/stream/client.ts';
 import type { Verdict } from '../src/twin/liveness.ts';
@@ -156,6 +157,17 @@ describe('words', () => {
     expect(chip({ word: 'HOLDING' })).toBe('HOLDING 12 s');
     expect(chip({ word: 'STALE', cause: 'robot silent' })).toBe('STALE 3.2 s: robot silent');
     expect(chip({ word: 'STALE', cause: 'no connection', ageMs: null })).toBe('STALE no connection');
+    const refused = (code: number, ageMs: number | null = null) => {
+      const ended = { ...link, phase: 'ended', ending: { code, reason: '' } } as const;
+      const verdictNow = verdict({ word: 'STALE', cause: 'no connection', ageMs });
+      const { word, detail, more } = chipWords(verdictNow, ended, 0);
+      return [`${word} ${detail}${more}`.trim(), stageWords(verdictNow, ended, 0)];
+    };
+    expect(refused(4404)).toEqual(['no such robot', en.endedAbsent]);
+    expect(refused(4403)).toEqual(['not shared', en.endedForbidden]);
+    expect(refused(4401, 3200)).toEqual(['STALE 3.2 s: sign-in needed', en.endedToken]);
+    expect(refused(1013)).toEqual(['hall full', en.endedFull]);
+    expect(refused(1006)).toEqual(['no connection', en.endedLost]);
     expect(chip({ word: 'OFFLINE' }, at + 3200)).toBe('OFFLINE since 14:02');
     expect(chip({ word: 'OFFLINE', ageMs: null })).toBe('OFFLINE');
     expect(chip({ word: null })).toBe('Connecting');

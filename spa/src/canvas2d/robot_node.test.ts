@@ -74,21 +74,24 @@ it('stands aside with its whole world, also with a model that comes later', asyn
   expect(robot.figure?.spot).toMatchObject({ x: expect.closeTo(0.5, 9), y: expect.closeTo(-0.75, 9) });
 });
 
-it('is grey until there is a pose, and drains again when it is told to, in steps', async () => {
+it('is grey until there is a pose, in colour from its first picture, and drains when it is told to, in steps', async () => {
   const { robot, heard } = staged();
   await robot.load(url, () => {});
   expect(robot.grey).toBe(1);
   robot.setPose(STANDING, true);
-  expect(robot.advance(0.1, 0), 'more to come').toBe(true);
-  expect(robot.grey).toBeCloseTo(0.6, 6);
-  expect(robot.advance(1, 0)).toBe(false);
+  expect(robot.advance(0.1, 0), 'what was never seen does not fade').toBe(false);
   expect(robot.grey).toBe(0);
   heard.length = 0;
   robot.advance(1, 0);
   expect(heard, 'nothing changes by itself').toEqual([]);
   robot.setGrey(true);
+  expect(robot.advance(0.1, 0), 'more to come').toBe(true);
+  expect(robot.grey).toBeCloseTo(0.4, 6);
   robot.advance(1, 0);
   expect(robot.grey).toBe(1);
+  robot.setGrey(false);
+  robot.advance(0.01, performance.now() + 1000);
+  expect(robot.grey, 'however few pictures there were').toBe(0);
 });
 
 it('follows a source, and says when it has moved', async () => {

@@ -50,6 +50,11 @@ export class RobotNode extends FigureNode<Figure> {
     this.put();
   }
 
+  /** How far it has faded to grey, 0…1. */
+  get grey(): number {
+    return this.staleEffect.amount;
+  }
+
   /** Whether it is shown with meshes, no longer as a skeleton. */
   get dressed(): boolean {
     return this.figure !== null && this.#skeleton === null;

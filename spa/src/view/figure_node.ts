@@ -52,6 +52,9 @@ export interface NodeHost {
   changed(): void;
 }
 
+/** The fading to and from grey is over after this time, however few pictures there were. */
+const FADED_AFTER_MS = 300;
+
 /** One robot in a view: loads its model, and keeps its pose, its ghost and whether its pose is old. */
 export abstract class FigureNode<F extends StagedFigure> implements RowMember, Moving, RowNode {
   readonly #host: NodeHost;
@@ -65,6 +68,10 @@ export abstract class FigureNode<F extends StagedFigure> implements RowMember, M
   #pose: Pose | null = null;
   #grey = false;
   #isOld = true;
+  /** When `#isOld` last changed, ms of the browser's pictures. */
+  #turnedMs = Number.NEGATIVE_INFINITY;
+  /** Its body has not been shown in a pose yet. */
+  #unseen = true;
   #unread: ReadonlySet<string> = NONE;
 
   constructor(host: NodeHost) {
@@ -137,7 +144,10 @@ export abstract class FigureNode<F extends StagedFigure> implements RowMember, M
     const moving = this.#source?.sample(nowMs) ?? false;
     const pose = this.#source?.pose() ?? null;
     if (pose !== null) this.#show(pose);
-    return this.drain(prefersReducedMotion() ? Number.POSITIVE_INFINITY : seconds) || moving;
+    // It never looks old for longer than the fading takes: not in its first picture, nor where pictures are few.
+    const atOnce = this.#unseen || nowMs - this.#turnedMs > FADED_AFTER_MS || prefersReducedMotion();
+    if (this.#figure !== null && this.#pose !== null) this.#unseen = false;
+    return this.drain(atOnce ? Number.POSITIVE_INFINITY : seconds) || moving;
   }
 
   /** The kinematic tree of its model; null until it is loaded. */
@@ -230,6 +240,7 @@ export abstract class FigureNode<F extends StagedFigure> implements RowMember, M
   protected adopt(figure: F): void {
     this.clear();
     this.#figure = figure;
+    this.#unseen = true;
     this.adopted(figure);
     this.#source?.setContinuous(figure.continuousNames);
     this.#unread = NONE;
@@ -305,6 +316,7 @@ export abstract class FigureNode<F extends StagedFigure> implements RowMember, M
     const isOld = this.#grey || this.#pose === null;
     if (isOld === this.#isOld) return;
     this.#isOld = isOld;
+    this.#turnedMs = performance.now();
     this.setOld(isOld);
     this.#host.changed();
   }

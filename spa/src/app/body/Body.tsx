@@ -210,6 +210,7 @@ function Progress({ received, total }: { received: number; total: number }) {
 function StageNote({ link }: { link: RobotLink }) {
   const now = useNow(250);
   const connection = useConnection(link);
+  useWord(link); // so that a new word is shown at once
   const verdict = link.watch.verdict();
   const words = stageWords(verdict, connection, now);
   const { problem } = connection;

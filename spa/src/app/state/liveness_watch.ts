@@ -9,14 +9,14 @@ const HELD_UP_MS = 400;
 const CATCH_UP_MS = 50;
 
 /** Judges a robot's evidence at least ten times a second, because no event tells that messages have stopped. Notifies
- *  listeners when the word changes. */
+ *  listeners when the word changes. Chip, banner and body all go by the verdict of the last check, so that they never
+ *  disagree. */
 export class LivenessWatch {
-  /** The word of the last verdict; null while nothing is known. */
-  word: Word | null = null;
   readonly #twin: RobotTwin;
   readonly #onSlept: () => void;
   readonly #listeners = new Set<() => void>();
   readonly #leave: () => void;
+  #verdict: Verdict;
   #timer: ReturnType<typeof setTimeout>;
   #lookedMs = nowMs();
   #caughtUp = true;
@@ -28,6 +28,7 @@ export class LivenessWatch {
   constructor(twin: RobotTwin, onSlept: () => void) {
     this.#twin = twin;
     this.#onSlept = onSlept;
+    this.#verdict = judge(twin.evidence, this.#lookedMs);
     this.#timer = setTimeout(this.#look, EVERY_MS);
     this.#leave = twin.onChange(() => this.#tell());
   }
@@ -35,8 +36,12 @@ export class LivenessWatch {
   /** The verdict as of the last check. It is not as of now, so that a delay of the busy page itself does not make the
    *  robot look stale. */
   verdict(): Verdict {
-    const verdict = judge(this.#twin.evidence, this.#lookedMs);
-    return this.#lost ? { ...verdict, word: null, cause: null, overShare: false } : verdict;
+    return this.#verdict;
+  }
+
+  /** The word of the last verdict; null while nothing is known. */
+  get word(): Word | null {
+    return this.#verdict.word;
   }
 
   /** Adds a listener for changes of `word`. Returns a function that removes it. */
@@ -72,11 +77,12 @@ export class LivenessWatch {
   };
 
   #tell(): void {
-    const { word } = this.verdict();
-    if (word === this.word) return;
-    if (isClaim(this.word) && word !== null && !isClaim(word))
-      this.#twin.evidence.otherwiseMs = this.#lookedMs;
-    this.word = word;
+    const before = this.word;
+    const verdict = judge(this.#twin.evidence, this.#lookedMs);
+    this.#verdict = this.#lost ? { ...verdict, word: null, cause: null, overShare: false } : verdict;
+    const { word } = this.#verdict;
+    if (word === before) return;
+    if (isClaim(before) && word !== null && !isClaim(word)) this.#twin.evidence.otherwiseMs = this.#lookedMs;
     for (const listener of this.#listeners) listener();
   }
 }

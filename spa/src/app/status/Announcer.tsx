@@ -25,6 +25,7 @@ export function Announcer({ link }: { link: RobotLink }) {
       const now = announcement({
         name,
         verdict: link.watch.verdict(),
+        ending: link.client.link.ending,
         readings: known ? (reader?.read(state.codes, limits, ALL) ?? null) : null,
         faults: link.faults.faults() ?? [],
       });

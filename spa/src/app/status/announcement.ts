@@ -1,3 +1,4 @@
+import type { Link } from '../../stream/client.ts';
 import type { Fault } from '../../twin/alarms/fault_log.ts';
 import { displayOf, formatNumber } from '../../twin/format.ts';
 import type { Verdict } from '../../twin/liveness.ts';
@@ -21,6 +22,8 @@ export interface Announcement {
 export interface AnnouncementInput {
   name: string;
   verdict: Pick<Verdict, 'word' | 'cause' | 'overShare'>;
+  /** Why the connection ended, if it did. */
+  ending?: Link['ending'];
   /** The overlay's readings of the newest frame; null before any. */
   readings: Pick<OverlayReadings, 'wrenches' | 'body'> | null;
   faults: readonly Fault[];
@@ -39,10 +42,18 @@ const ZERO_WIDTH = /^\u2007/;
 
 /** One line about a robot: "demo: live; upright, leaning 3° left; right hand 28 N, caution; 2 joints faulted". The
  *  text is empty while the liveness is not known yet. */
-export function announcement({ name, verdict, readings, faults }: AnnouncementInput): Announcement {
+export function announcement({
+  name,
+  verdict,
+  ending = null,
+  readings,
+  faults,
+}: AnnouncementInput): Announcement {
   const { word } = verdict;
   if (word === null) return { text: '', gist: '' };
-  const reasons = [causeWords(verdict.cause), warningWords(verdict)].filter((reason) => reason !== '');
+  const reasons = [causeWords(verdict.cause, { ending }), warningWords(verdict)].filter(
+    (reason) => reason !== '',
+  );
   const state = more().spokenState(word, reasons.length === 0 ? null : reasons.join(', '));
   // The last values of a robot that is not live would sound like its present ones.
   const present = word === 'LIVE' || word === 'HOLDING';

@@ -3,12 +3,13 @@ import { formatSpan } from '../../twin/format.ts';
 import type { Verdict } from '../../twin/liveness.ts';
 import { isolated } from '../../twin/names.ts';
 import { more } from '../text/more.ts';
+import { endingWords } from './words.ts';
 
 /** The lines of the explanation that the state chip opens: the state first, then the connection. */
 export function explanationWords(verdict: Verdict, link: Link): string[] {
   const text = more();
   const unwritten = link.by === 'mirror' && verdict.cause === 'relay degraded';
-  const lines = [unwritten ? text.explainUnwritten : stateWords(verdict)];
+  const lines = [unwritten ? text.explainUnwritten : stateWords(verdict, link)];
   if (verdict.overShare) lines.push(text.explainOverShare);
   lines.push(verdict.linkMs === null ? text.notHeardYet : text.lastHeard(formatSpan(verdict.linkMs)));
   if (link.by === 'events' && link.phase === 'open') lines.push(text.explainEvents);
@@ -20,7 +21,7 @@ export function explanationWords(verdict: Verdict, link: Link): string[] {
   return lines;
 }
 
-function stateWords({ word, cause, unchangedMs }: Verdict): string {
+function stateWords({ word, cause, unchangedMs }: Verdict, { ending }: Link): string {
   const text = more();
   switch (word) {
     case null:
@@ -31,6 +32,7 @@ function stateWords({ word, cause, unchangedMs }: Verdict): string {
       return text.holdsStill(formatSpan(unchangedMs ?? 0));
     case 'STALE':
       if (cause === 'robot silent') return text.explainSilent;
+      if (cause === 'no connection' && ending !== null) return endingWords(ending);
       return cause === 'relay degraded' ? text.explainDegraded : text.explainLost;
     case 'OFFLINE':
       return text.explainOffline;

@@ -40,7 +40,10 @@ function stateWords(verdict: Verdict, link: Link, nowMs: number): Omit<ChipWords
     case 'HOLDING':
       return { word: 'HOLDING', detail: formatSpan(unchangedMs ?? 0), more: '' };
     case 'STALE': {
-      const cause = causeWords(verdict.cause);
+      const cause = causeWords(verdict.cause, link);
+      // Nothing was ever shown that could be old: only why is told.
+      if (ageMs === null && verdict.cause === 'no connection' && link.ending !== null)
+        return { word: cause, detail: '', more: '' };
       if (ageMs === null) return { word: 'STALE', detail: '', more: cause };
       return { word: 'STALE', detail: formatSpan(ageMs), more: `: ${cause}` };
     }
@@ -71,15 +74,25 @@ function delayWords(link: Link): string {
   return delay === null ? '' : ` · ${formatSpan(delay)}`;
 }
 
-/** Why a robot is STALE; empty for null. */
-export function causeWords(cause: Cause | null): string {
+/** Why there is no connection, in a word or two, by the close code; for others `noConnection` is all there is to say. */
+const SHORT_ENDINGS: Readonly<Record<number, `short${string}` & keyof Text>> = {
+  1001: 'shortRestarting',
+  1012: 'shortRestarting',
+  1013: 'shortFull',
+  4401: 'shortToken',
+  4403: 'shortForbidden',
+  4404: 'shortAbsent',
+};
+
+/** Why a robot is STALE; empty for null. With `link`, also why there is no connection. */
+export function causeWords(cause: Cause | null, link?: Pick<Link, 'ending'>): string {
   switch (cause) {
     case null:
       return '';
     case 'robot silent':
       return say().robotSilent;
     case 'no connection':
-      return say().noConnection;
+      return say()[SHORT_ENDINGS[link?.ending?.code ?? 0] ?? 'noConnection'];
     case 'relay degraded':
       return say().relayDegraded;
   }

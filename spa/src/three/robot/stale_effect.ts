@@ -25,6 +25,11 @@ export class StaleEffect {
     this.#goal = grey ? 1 : 0;
   }
 
+  /** How far it has faded, 0…1. */
+  get amount(): number {
+    return this.#amount.value;
+  }
+
   /** Whether the fading has ended. */
   get settled(): boolean {
     return this.#amount.value === this.#goal;

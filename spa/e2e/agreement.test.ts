@@ -1,0 +1,142 @@
+import { writeFileSync } from 'node:fs';
+import path from 'node:path';
+import { expect, it } from 'vitest';
+import type { Page } from './driver/page.ts';
+import { until } from './driver/until.ts';
+import { FaultyLink } from './proxy.ts';
+import { liveness, whole } from './robot_page.ts';
+import { setStage } from './stage.ts';
+import { ClockRobot } from './truth.ts';
+
+const stage = setStage();
+
+/** What a picture showed: the chip's state and words, the banner's state and words, and how grey the body was meant to be
+ *  and was (0…1); null where there was no banner or no body. */
+interface Seen {
+  readonly chip: string;
+  readonly says: string;
+  readonly banner: string | null;
+  readonly why: string;
+  readonly old: boolean | null;
+  readonly grey: number | null;
+  readonly atMs: number;
+}
+
+/** Runs before the page's own scripts: notes after each picture what it showed, if that changed. */
+const LOOKING = `(() => {
+  const seen = (window.seen = []);
+  let before = '';
+  const note = () => {
+    const chip = document.querySelector('[data-testid="liveness"]');
+    if (chip === null) return;
+    const banner = document.querySelector('[data-testid="stage-note"]');
+    const body = window.posecast?.scene?.robots?.[0];
+    const shown = body?.figure ? { old: body.isOld, grey: body.grey } : { old: null, grey: null };
+    const all = {
+      chip: chip.dataset.state,
+      says: chip.textContent.replace(/[\\d.,]+/g, '#'),
+      banner: banner?.dataset.word ?? null,
+      why: (banner?.textContent ?? '').replace(/[\\d.,]+/g, '#'),
+      ...shown,
+    };
+    const text = JSON.stringify(all);
+    if (text === before) return;
+    before = text;
+    seen.push({ ...all, atMs: performance.now() });
+  };
+  const look = () => {
+    setTimeout(note); // when all that this picture changes is changed
+    requestAnimationFrame(look);
+  };
+  look();
+})()`;
+
+const is = (page: Page, word: string) => async () => (await liveness(page)) === word;
+const isClaim = (word: string) => word === 'LIVE' || word === 'HOLDING';
+const REASONS = [
+  [/robot silent/, /robot silent/],
+  [/no such robot/, /no robot of this name/],
+  [/relay restarting/, /relay is restarting/],
+  [/hall full/, /hall is full/],
+] as const;
+
+/** A picture every so often is enough to show that the fading is over. */
+const FADED_MS = 1000;
+
+/** In what chip, banner and body disagreed. */
+async function disagreements(page: Page): Promise<string[]> {
+  const seen = await page.evaluate<Seen[]>('window.seen');
+  const found = new Set<string>();
+  let sinceMs = 0;
+  seen.forEach((now, i) => {
+    const { chip, says, banner, why, old, grey, atMs } = now;
+    const where = `${says} | ${why} | ${old} ${grey}`;
+    if (i === 0 || isClaim(chip) !== isClaim(seen[i - 1]!.chip)) sinceMs = atMs;
+    if ((chip === 'STALE' || chip === 'OFFLINE') !== (banner !== null)) found.add(`banner or none: ${where}`);
+    if (banner !== null && banner !== chip) found.add(`banner says ${banner}: ${where}`);
+    for (const [short, long] of REASONS)
+      if (banner !== null && short.test(says) !== long.test(why)) found.add(`another reason: ${where}`);
+    if (old !== null && old === isClaim(chip)) found.add(`body: ${where}`);
+    const lasts = (seen[i + 1]?.atMs ?? atMs) - sinceMs;
+    if (grey !== null && lasts > FADED_MS && grey > 0 === isClaim(chip)) found.add(`colour: ${where}`);
+  });
+  return [...found];
+}
+
+it('chip, banner and body agree in every picture, whatever happens to the robot, its edge, the relay and the page', async () => {
+  const relay = await stage.stack.relay();
+  const robot = new ClockRobot(stage.stack, relay);
+  const link = await FaultyLink.open(relay.port);
+  try {
+    const page = await stage.newPage({ preload: LOOKING, viewport: { width: 700, height: 500 } });
+    page.forgive(/WebSocket|ERR_|Failed to load|NetworkError|access control|Could not connect/i);
+    await page.open(`${link.url}/#/r/demo`);
+    await until('LIVE', is(page, 'LIVE'), 60_000);
+    await until('a body', () => whole(page), 60_000);
+    robot.stand();
+    await until('HOLDING', is(page, 'HOLDING'), 30_000);
+    robot.go();
+    await until('LIVE', is(page, 'LIVE'), 30_000);
+    for (const heldUpMs of [700, 3000])
+      for (let times = 0; times < 2; times += 1) {
+        // a task of its own, as a page that is busy has it
+        await page.evaluate(
+          `void setTimeout(() => { const end = performance.now() + ${heldUpMs}; while (performance.now() < end); window.heldUp = (window.heldUp ?? 0) + 1; })`,
+        );
+        await until('LIVE after being held up', is(page, 'LIVE'), 30_000);
+      }
+    await until('held up four times', () => page.evaluate<boolean>('window.heldUp === 4'), 30_000);
+    robot.source.signal('SIGSTOP');
+    await until('STALE', is(page, 'STALE'), 30_000);
+    robot.source.signal('SIGCONT');
+    await until('LIVE again', is(page, 'LIVE'), 30_000);
+    link.cut(true);
+    await until('no connection', is(page, 'STALE'), 30_000);
+    link.heal();
+    await until('LIVE again', is(page, 'LIVE'), 60_000);
+    await robot.edge.kill();
+    await until('OFFLINE', is(page, 'OFFLINE'), 30_000);
+    const said = new Set((await page.evaluate<Seen[]>('window.seen')).map(({ chip }) => chip));
+    expect([...said].sort()).toEqual(expect.arrayContaining(['HOLDING', 'LIVE', 'OFFLINE', 'STALE']));
+    expect(await disagreements(page)).toEqual([]);
+  } finally {
+    await link.close();
+  }
+}, 300_000);
+
+it('a robot that is refused is called the same by chip and banner, and nothing is called old', async () => {
+  const robots = path.join(stage.stack.folder(), 'robots.toml');
+  writeFileSync(robots, '[robots.demo.anyone]\nhz = 30\n[robots.hidden.link]\n', { mode: 0o600 });
+  const relay = await stage.stack.relay({ robots });
+  const page = await stage.newPage({ preload: LOOKING, viewport: { width: 390, height: 700 } });
+  page.forgive(/WebSocket|404|4\d\d/);
+  await page.open(`${relay.url}/#/r/hidden`);
+  const chip = page.findByTestId('liveness');
+  await until('refused', async () => /no such robot/.test(await chip.text()), 30_000);
+  expect(await chip.text()).not.toMatch(/STALE|no connection/);
+  expect(await page.findByTestId('stage-note').text()).toMatch(/no robot of this name/);
+  expect(await disagreements(page)).toEqual([]);
+  await chip.click();
+  await until('why', async () => (await page.findByTestId('liveness-explained').text()) !== '');
+  expect(await page.findByTestId('liveness-explained').text()).toMatch(/no robot of this name/);
+}, 120_000);
