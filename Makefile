@@ -1,6 +1,6 @@
 # Every target sets up what it needs; `make` alone lists them.
 .DEFAULT_GOAL := help
-.PHONY: help setup demo dev test test-full check fix fuzz bytes bench peers load attack faults soak gallery compose-test dist clean unit e2e browsers
+.PHONY: help setup demo dev test test-full check fix fuzz bytes bench peers load attack faults soak gallery explained compose-test dist clean unit e2e browsers
 SHELL := /bin/bash
 export UV_PYTHON_DOWNLOADS := never
 export PYTHONDONTWRITEBYTECODE := 1
@@ -81,6 +81,9 @@ check: .venv/.ready node_modules/.ready ## lint, types, import directions, forma
 	npx --no-install tsc -p spa/tsconfig.pure.json
 	npx --no-install tsc -p fuzz/page
 	@UV=$(UV) tools/audit
+
+explained: .venv/.ready ## the docs' tables of what explains itself on the page, made of the page's own sentences
+	$(BIN)/python -m tools.explained
 
 fix: .venv/.ready node_modules/.ready ## what the linters can mend by themselves
 	$(BIN)/ruff check --fix .

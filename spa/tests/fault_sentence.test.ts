@@ -1,8 +1,9 @@
 // @vitest-environment happy-dom
 import { parseSchema } from '@posecast/wire';
 import { afterEach, expect, it, vi } from 'vitest';
+import { flagSentence } from '../src/app/explain/flag_sentence.ts';
 import { changeSettings } from '../src/app/state/settings.ts';
-import { faultSentence, flagSentence, timesWords } from '../src/app/status/fault_sentence.ts';
+import { faultSentence, timesWords } from '../src/app/status/fault_sentence.ts';
 import { bindLanguage, korean } from '../src/app/text/language.ts';
 import { FaultLog } from '../src/twin/alarms/fault_log.ts';
 import { fillSentence, sentenceOf } from '../src/twin/alarms/sentence.ts';
@@ -52,7 +53,8 @@ it('says what the profile says of a flag, by the plain name, and keeps the code 
   look(0, { 'flags.RKN': JAM, 'ref.RKN': 500, 'pos.RKN': 100 });
   expect(told(500)).toEqual({
     said: 'Right knee is blocked: 0.40 rad off.',
-    words: 'RKN · jam',
+    code: 'RKN',
+    bit: 'jam',
     aged: false,
   });
   expect(told(14_000).said).toBe('Right knee is blocked: 0.40 rad off for 14 s.');
@@ -63,9 +65,9 @@ it('says what the profile says of a flag, by the plain name, and keeps the code 
 it('leaves out what is not known: a value without a reading, and all of them once it is over', () => {
   const { look, told } = watch();
   look(0, { 'flags.LKN': JAM, 'pos.LKN': null });
-  expect(told(9000)).toEqual({ said: 'LKN is blocked for 9 s.', words: 'jam', aged: true });
+  expect(told(9000)).toEqual({ said: 'LKN is blocked for 9 s.', code: '', bit: 'jam', aged: true });
   look(9100, {});
-  expect(told(9200)).toEqual({ said: 'LKN is blocked.', words: 'jam', aged: false });
+  expect(told(9200)).toEqual({ said: 'LKN is blocked.', code: '', bit: 'jam', aged: false });
 });
 
 it('has sentences of its own for limits, stalls and flags that nobody explained', () => {
@@ -80,7 +82,8 @@ it('has sentences of its own for limits, stalls and flags that nobody explained'
   for (let ms = 0; ms <= 3000; ms += 1000) still.look(ms, { 'ref.RKN': 400 });
   expect(still.told(14_000)).toEqual({
     said: 'Right knee is not where it was told to be: 0.40 rad off for 14 s.',
-    words: 'RKN',
+    code: 'RKN',
+    bit: null,
     aged: true,
   });
 });

@@ -20,7 +20,7 @@ function columnIn(room: { px: number }) {
   const cells = LABELS.map((label) => {
     const button = createElement('button', '', label);
     createElement('th', '').append(button);
-    return { button, label };
+    return { button, name: label };
   });
   host.append(table);
   document.body.append(host);

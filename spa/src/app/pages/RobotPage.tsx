@@ -18,6 +18,7 @@ const Panel = late(async () => (await loadPanel()).Panel);
 const Sheet = late(async () => (await import('../shell/Sheet.tsx')).Sheet);
 const Divider = late(async () => (await import('../shell/Divider.tsx')).Divider);
 const Announcer = lateAfterBody(async () => (await import('../status/Announcer.tsx')).Announcer);
+const Explanations = lateAfterBody(async () => (await import('../explain/Explanations.tsx')).Explanations);
 const ShareSheet = late(async () => (await import('../share/ShareSheet.tsx')).ShareSheet);
 const KeysSheet = late(async () => (await import('../body/controls/KeysSheet.tsx')).KeysSheet);
 
@@ -106,6 +107,7 @@ function Loaded({ link, onSettings }: { link: RobotLink; onSettings: () => void 
       <Split link={link} alone={fullscreen === 'page'} />
       <Suspense fallback={null}>
         <Announcer link={link} />
+        <Explanations link={link} />
       </Suspense>
       <Suspense fallback={null}>
         {sheet === 'share' && (

@@ -38,6 +38,7 @@ export function SettingsSheet({ link, onClose }: { link: RobotLink | null; onClo
       {choice('language', 'Language · 언어', ['system', rest.system], ['en', 'English'], ['ko', '한국어'])}
       {choice('angle', rest.angles, ['rad', 'rad'], ['deg', rest.degrees])}
       {choice('faultsFirst', rest.orderOfJoints, [true, rest.faultsFirst], [false, rest.asTheRobotHasThem])}
+      {choice('names', rest.jointNames, ['codes', rest.namesAsCodes], ['words', rest.namesInWords])}
       {choice('body', rest.drawing, ['auto', rest.byDevice], ['3d', '3D'], ['light', rest.lightView])}
       {choice('smooth', rest.motion, [true, rest.smooth], [false, rest.raw])}
       {choice('palette', rest.colours, ['standard', rest.coloursStandard], ['safe', rest.coloursSafe])}

@@ -34,6 +34,8 @@ export interface Settings {
   faultsFirst: boolean;
   /** Groups the joints of the table by limb. */
   limbs: boolean;
+  /** Joints by the robot's names (`RKN`), or in plain words where there are any ("right knee"). */
+  names: 'codes' | 'words';
   mouse: MouseStyle;
   follow: FollowMode;
 }
@@ -60,6 +62,7 @@ const DEFAULTS: Settings = {
   panelPx: null,
   faultsFirst: true,
   limbs: false,
+  names: 'codes',
   mouse: 'orbit',
   follow: 'along',
 };
@@ -84,6 +87,7 @@ const CHOICES: { readonly [K in keyof Settings]: (value: unknown) => value is Se
   panelPx: (v): v is number | null => v === null || (typeof v === 'number' && v >= 200 && v <= 4000),
   faultsFirst: isSwitch,
   limbs: isSwitch,
+  names: (v): v is Settings['names'] => v === 'codes' || v === 'words',
   mouse: (v): v is MouseStyle => v === 'orbit' || v === 'foxglove',
   follow: (v): v is FollowMode => v === 'stay' || v === 'along' || v === 'turn',
 };

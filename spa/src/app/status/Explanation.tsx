@@ -1,3 +1,4 @@
+import { useCatalogue } from '../explain/catalogue.ts';
 import { type RobotLink, useConnection } from '../state/robot_link.ts';
 import { useMore } from '../text/more.ts';
 import { explanationWords } from './explanation_words.ts';
@@ -6,11 +7,18 @@ import { explanationWords } from './explanation_words.ts';
 export function Explanation({ link }: { link: RobotLink }) {
   const connection = useConnection(link);
   const text = useMore();
+  const catalogue = useCatalogue();
+  const { word } = link.watch.verdict();
   return (
     <>
       {explanationWords(link.watch.verdict(), connection).map((line, i) => (
         <p key={i === 0 ? 'first' : line.split(':')[0]}>{line}</p>
       ))}
+      {word !== null && (
+        <p>
+          {catalogue?.words[word]?.what} {catalogue?.words[word]?.how}
+        </p>
+      )}
       {connection.rateReason !== null && connection.phase === 'open' && (
         <button
           type="button"

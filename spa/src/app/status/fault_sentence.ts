@@ -1,19 +1,24 @@
 import type { Fault, FaultLog } from '../../twin/alarms/fault_log.ts';
-import { fillSentence, sentenceOf } from '../../twin/alarms/sentence.ts';
+import { fillSentence } from '../../twin/alarms/sentence.ts';
 import { coarseDisplay, displayOf, formatNumber, formatSpan } from '../../twin/format.ts';
 import { isolated } from '../../twin/names.ts';
 import { wordsOfName } from '../../twin/plain_names.ts';
 import type { RobotTwin } from '../../twin/robot.ts';
+import { flagSentence } from '../explain/flag_sentence.ts';
 import { settings } from '../state/settings.ts';
-import { korean } from '../text/language.ts';
 import { more } from '../text/more.ts';
+
+/** What trouble says that is no joint's or sensor's, in any language. */
+const PART_REPORTED = '{joint}: {word}';
 
 /** A fault, as it is told to someone who did not build the robot. */
 export interface FaultSentence {
   /** "Right knee is not where it was told to be: 0.40 rad off for 14 s." */
   readonly said: string;
-  /** What stands beside it in small: the joint's code and the word of its firmware ("RKN · big error"). */
-  readonly words: string;
+  /** The joint's code, which stands beside the sentence in small ("RKN"); empty where the sentence has it. */
+  readonly code: string;
+  /** The bit of a flag's fault, whose word stands there, too; null of other faults. */
+  readonly bit: string | null;
   /** Whether the sentence says how long the fault has lasted. */
   readonly aged: boolean;
 }
@@ -41,8 +46,8 @@ export function faultSentence(twin: RobotTwin, log: FaultLog, fault: Fault, nowM
   };
   const filled = fillSentence(sayOf(twin, fault), textOf);
   const said = name !== null && filled.startsWith(name) ? filled[0]!.toUpperCase() + filled.slice(1) : filled;
-  const codes = [name === null ? '' : isolated(source), what === 'flag' ? words : ''];
-  return { said: isolated(said), words: codes.filter((word) => word !== '').join(' · '), aged };
+  const bit = what === 'flag' ? bitOf(fault) : null;
+  return { said: isolated(said), code: name === null ? '' : isolated(source), bit, aged };
 }
 
 /** "3rd time in 10 min"; empty for the first. */
@@ -52,18 +57,13 @@ export function timesWords(log: FaultLog, { key }: Fault, nowMs: number): string
   return times < log.occurrences.most ? more().timesLately(times) : more().manyTimesLately(times);
 }
 
-/** What the robot's profile says of a bit of one of its parts, in the page's language; null where it says nothing. */
-export function flagSentence({ schema }: RobotTwin, source: string, bit: string) {
-  return sentenceOf(schema, source, bit, korean() === null ? 'en' : 'ko');
-}
-
 /** The bit of a flag's fault, as the robot names it. */
-export function bitOf({ key }: Fault): string {
+function bitOf({ key }: Fault): string {
   return key.slice(key.indexOf('\n') + 1);
 }
 
 function sayOf(twin: RobotTwin, fault: Fault): string {
-  const { offSentence, hotSentence, currentSentence, flagReported, partReported } = more();
+  const { offSentence, hotSentence, currentSentence, flagReported } = more();
   switch (fault.what) {
     case 'apart':
       return offSentence;
@@ -73,7 +73,7 @@ function sayOf(twin: RobotTwin, fault: Fault): string {
       return currentSentence;
     case 'flag': {
       const isPart = twin.schema?.fields.some(({ labels }) => labels.includes(fault.source)) ?? false;
-      return flagSentence(twin, fault.source, bitOf(fault))?.say ?? (isPart ? flagReported : partReported);
+      return flagSentence(twin, fault.source, bitOf(fault))?.say ?? (isPart ? flagReported : PART_REPORTED);
     }
   }
 }

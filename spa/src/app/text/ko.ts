@@ -107,11 +107,21 @@ export const ko: Text = {
 
 /** The Korean sentences of `more_en.ts`. */
 export const moreKo: More = {
+  allExplained: '모든 말의 뜻',
+  explainIt: (what) => `${what}: 설명`,
+  wordsExplained: '말',
+  columnsExplained: '표의 열',
+  sensorsExplained: '센서',
+  unitsExplained: '단위',
+  flagsExplained: '이 로봇의 플래그',
+  flagOf: '관절',
+  jointNames: '관절 이름',
+  namesAsCodes: '로봇이 쓰는 대로',
+  namesInWords: '쉬운 말로',
   offSentence: '{joint}: 명령받은 곳에 있지 않습니다[. {error} 벗어남][, {age}째].',
   hotSentence: '{joint}: 너무 뜨겁습니다[: {temp}].',
   currentSentence: '{joint}: 허용된 것보다 많은 전류를 씁니다[: {cur}].',
   flagReported: '{joint}: “{word}” 알림[, {age}째].',
-  partReported: '{joint}: {word}',
   timesLately: (times) => `10분간 ${times}번째`,
   manyTimesLately: (times) => `10분간 ${times - 1}번 넘게`,
   explainMirror:

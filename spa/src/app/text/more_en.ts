@@ -190,9 +190,21 @@ export const moreEn = {
   hotSentence: '{joint} is too hot[: {temp}].',
   currentSentence: '{joint} draws more current than it may[: {cur}].',
   flagReported: '{joint} reports “{word}”[ for {age}].',
-  partReported: '{joint}: {word}',
   timesLately: (times: number) => `${ordinal(times)} time in 10 min`,
   manyTimesLately: (times: number) => `over ${times - 1} times in 10 min`,
+
+  // ---- what explains itself
+  allExplained: 'All words explained',
+  explainIt: (what: string) => `${what}: explain`,
+  wordsExplained: 'Words',
+  columnsExplained: 'Columns of the table',
+  sensorsExplained: 'Sensors',
+  unitsExplained: 'Units',
+  flagsExplained: 'Flags of this robot',
+  flagOf: 'The joint',
+  jointNames: 'Names of joints',
+  namesAsCodes: 'As the robot has them',
+  namesInWords: 'In plain words',
 
   // ---- settings
   theme: 'Theme',

@@ -20,7 +20,11 @@ export function LoadLegend({ signs }: { signs: readonly OverlayLink[] }) {
     `${formatNumber(value, { ...display, decimals: Math.abs(value) < 10 ? 1 : 0 }).trim()} ${display.unit}`;
   return (
     <figure className="load-legend" data-testid="load-legend">
-      <figcaption>{field === 'cur' ? text.motorCurrent : text.temperature}</figcaption>
+      <figcaption>
+        <button type="button" className="term" data-explain="signs.load" aria-haspopup="dialog">
+          {field === 'cur' ? text.motorCurrent : text.temperature}
+        </button>
+      </figcaption>
       <div className="load-scale">
         {cautionPart !== null && cautionPart > 0 && cautionPart < 1 && (
           <i className="load-caution" style={{ left: `${cautionPart * 100}%` }} title={text.cautionStarts} />

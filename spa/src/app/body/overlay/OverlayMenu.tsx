@@ -49,12 +49,24 @@ export function OverlayMenu({ links }: { links: readonly RobotLink[] }) {
       {open && (
         <div className="sign-menu" data-testid="sign-menu">
           {can.forces && (
-            <Switch on={forces} onChange={(on) => changeSettings({ forces: on })} text={rest.forces} />
+            <Switch
+              sign="force"
+              on={forces}
+              onChange={(on) => changeSettings({ forces: on })}
+              text={rest.forces}
+            />
           )}
           {can.level && (
-            <Switch on={level} onChange={(on) => changeSettings({ level: on })} text={rest.level} />
+            <Switch
+              sign="plumb"
+              on={level}
+              onChange={(on) => changeSettings({ level: on })}
+              text={rest.level}
+            />
           )}
-          {can.lens && <Switch on={lens} onChange={(on) => changeSettings({ lens: on })} text={rest.lens} />}
+          {can.lens && (
+            <Switch sign="ghost" on={lens} onChange={(on) => changeSettings({ lens: on })} text={rest.lens} />
+          )}
           {loads.length > 1 && (
             <fieldset className="choice">
               <legend>{rest.coloursOfBody}</legend>
@@ -63,6 +75,9 @@ export function OverlayMenu({ links }: { links: readonly RobotLink[] }) {
               </div>
             </fieldset>
           )}
+          <button type="button" className="text-button" data-explain="all" aria-haspopup="dialog">
+            {rest.allExplained}
+          </button>
         </div>
       )}
     </fieldset>
@@ -79,12 +94,30 @@ function abilities(links: readonly RobotLink[]) {
   };
 }
 
-/** A labelled check box in the style of a switch. */
-export function Switch(props: { on: boolean; onChange: (on: boolean) => void; text: string }) {
+/** A labelled check box in the style of a switch. `sign`: what explains it, if anything does. */
+export function Switch(props: {
+  on: boolean;
+  onChange: (on: boolean) => void;
+  text: string;
+  sign?: 'force' | 'plumb' | 'ghost';
+}) {
+  const { on, onChange, text, sign } = props;
+  const rest = useMore();
   return (
     <label className="switch">
-      <span>{props.text}</span>
-      <input type="checkbox" checked={props.on} onChange={(e) => props.onChange(e.target.checked)} />
+      <span>{text}</span>
+      {sign !== undefined && (
+        <button
+          type="button"
+          className="explain-mark"
+          data-explain={`signs.${sign}`}
+          aria-haspopup="dialog"
+          aria-label={rest.explainIt(text)}
+        >
+          ?
+        </button>
+      )}
+      <input type="checkbox" checked={on} onChange={(e) => onChange(e.target.checked)} />
     </label>
   );
 }

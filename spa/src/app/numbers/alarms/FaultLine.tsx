@@ -3,6 +3,7 @@ import { firstPaint } from '../../../browser/first_paint.ts';
 import type { Fault } from '../../../twin/alarms/fault_log.ts';
 import { formatSpan } from '../../../twin/format.ts';
 import { isolated } from '../../../twin/names.ts';
+import { FlagTerm } from '../../explain/FlagTerm.tsx';
 import { useNow } from '../../shell/now.ts';
 import { useFaults } from '../../state/fault_keeper.ts';
 import type { RobotLink } from '../../state/robot_link.ts';
@@ -34,11 +35,12 @@ export function FaultLine({ link }: { link: RobotLink }) {
   const nowMs = Date.now();
   const told = sentences?.faultSentence(link.twin, log, first, nowMs);
   const said = told?.said ?? `${isolated(first.source)} ${faultWords(first)}`;
-  const small = [
-    told?.words,
+  const rest = [
     told?.aged ? '' : whenWords(first, log.occurrences.newestMs(first.key) ?? first.firstMs, nowMs),
     sentences?.timesWords(log, first, nowMs),
-  ];
+  ]
+    .filter(Boolean)
+    .join(' · ');
   const acknowledge = open.length > 1 ? text.acknowledgeAll : text.acknowledge;
   return (
     <div className="fault-line" data-testid="fault-line" data-faults={counted} data-told={told !== undefined}>
@@ -51,7 +53,13 @@ export function FaultLine({ link }: { link: RobotLink }) {
       <button type="button" className="fault-what" title={said} onClick={() => selectJoint(first.source)}>
         {said}
       </button>
-      <span className="quiet fault-small">{small.filter(Boolean).join(' · ')}</span>
+      <span className="quiet fault-small">
+        {told?.code}
+        {told?.code && ' · '}
+        {told?.bit && <FlagTerm source={first.source} bit={told.bit} />}
+        {told?.bit && rest !== '' && ' · '}
+        {rest}
+      </span>
       {open.length > 1 && <span className="quiet more">+{open.length - 1}</span>}
       <button
         type="button"

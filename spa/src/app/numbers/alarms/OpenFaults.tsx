@@ -1,6 +1,7 @@
 import './alarms.css';
 import type { Fault } from '../../../twin/alarms/fault_log.ts';
 import { formatClockSeconds } from '../../../twin/format.ts';
+import { FlagTerm } from '../../explain/FlagTerm.tsx';
 import { useNow } from '../../shell/now.ts';
 import type { RobotLink } from '../../state/robot_link.ts';
 import { faultSentence, timesWords } from '../../status/fault_sentence.ts';
@@ -42,11 +43,14 @@ export function OpenFaults({ link, faults }: { link: RobotLink; faults: readonly
 function Told({ link, fault }: { link: RobotLink; fault: Fault }) {
   const { log } = link.faults;
   const nowMs = Date.now();
-  const { said, words } = faultSentence(link.twin, log, fault, nowMs);
-  const small = [words, timesWords(log, fault, nowMs)].filter((word) => word !== '').join(' · ');
+  const { said, code, bit } = faultSentence(link.twin, log, fault, nowMs);
+  const times = timesWords(log, fault, nowMs);
   return (
     <>
-      {said} <small className="quiet">{small}</small>
+      {said}{' '}
+      <small className="quiet">
+        {code} {bit !== null && <FlagTerm source={fault.source} bit={bit} />} {times}
+      </small>
     </>
   );
 }

@@ -2,6 +2,7 @@ import { type Display, displayOf, formatSpan } from '../../../twin/format.ts';
 import type { RobotTwin } from '../../../twin/robot.ts';
 import type { LastReadings } from '../../../twin/sensors/last_readings.ts';
 import { type Reading, type SensorGroup, SensorTable } from '../../../twin/sensors/sensors.ts';
+import { createTerm, createUnit } from '../../explain/term.ts';
 import { settings } from '../../state/settings.ts';
 import { isPlotted, toggleTrace } from '../../state/traces.ts';
 import { more } from '../../text/more.ts';
@@ -144,7 +145,7 @@ export class SensorView {
   #group(group: SensorGroup, last: SensorGroup): HTMLTableElement {
     const table = createElement('table', 'sensor');
     const caption = createElement('caption', '', group.title);
-    caption.append(createElement('span', 'kind', kindWords(group.kind)));
+    caption.append(createTerm(kindWords(group.kind) || group.title, `sensors.${group.kind}`, 'kind'));
     const old = caption.appendChild(createElement('span', 'old'));
     table.append(caption);
     const view: GroupView = { old: new TextCell(old), lostMs: null };
@@ -162,8 +163,9 @@ export class SensorView {
       value.dataset.field = reading.field;
       value.dataset.label = reading.label;
       value.draggable = true;
-      const unit = createElement('td', 'unit');
-      row.append(name, value, unit);
+      const unitRoom = createElement('td', 'unit');
+      const unit = unitRoom.appendChild(createUnit());
+      row.append(name, value, unitRoom);
       body.append(row);
       this.#views.push({
         reading,

@@ -2,11 +2,15 @@ import './joint_card.css';
 import { useEffect, useRef } from 'react';
 import { nowMs } from '../../../stream/clock.ts';
 import { flagWords, formatClockSeconds } from '../../../twin/format.ts';
-import { isolated, plainName } from '../../../twin/names.ts';
+import { isolated } from '../../../twin/names.ts';
+import { wordsOfName } from '../../../twin/plain_names.ts';
+import { FlagTerm } from '../../explain/FlagTerm.tsx';
 import { BackIcon, IconButton } from '../../shell/icons.tsx';
+import { useNow } from '../../shell/now.ts';
 import { useFaults } from '../../state/fault_keeper.ts';
 import { type RobotLink, useVersion } from '../../state/robot_link.ts';
 import { selection, selectJoint } from '../../state/selection.ts';
+import { useSettings } from '../../state/settings.ts';
 import { onTraces } from '../../state/traces.ts';
 import { onLanguage } from '../../text/language.ts';
 import { useMore } from '../../text/more.ts';
@@ -46,8 +50,13 @@ export function JointCard({ link, joint }: { link: RobotLink; joint: string }) {
     window.addEventListener('keydown', onKey);
     return () => window.removeEventListener('keydown', onKey);
   }, [joint]);
-  const name = isolated(joint);
-  const plain = plainName(link.twin.schema, joint);
+  const { names } = useSettings();
+  const code = isolated(joint);
+  const words = wordsOfName(link.twin.schema, joint);
+  const plain = words === null ? undefined : isolated(words);
+  const [name, other] = names === 'words' && plain !== undefined ? [plain, code] : [code, plain];
+  const flags = link.twin.joints()?.rows.find(({ label }) => label === joint)?.flags ?? [];
+  useNow(1000); // for the flags
   return (
     <section className="joint-card" data-testid="joint-card" aria-label={name}>
       <header>
@@ -55,10 +64,17 @@ export function JointCard({ link, joint }: { link: RobotLink; joint: string }) {
           <BackIcon />
         </IconButton>
         <h2 title={name}>{name}</h2>
-        {plain !== undefined && <span className="quiet">{plain}</span>}
+        {other !== undefined && <span className="quiet">{other}</span>}
       </header>
       <div className="card-room">
         <OpenFaults link={link} faults={faults} />
+        {flags.length > 0 && (
+          <p className="card-flags">
+            {flags.map((flag) => (
+              <FlagTerm key={flag.name} source={joint} bit={flag.name} />
+            ))}
+          </p>
+        )}
         <div ref={host} />
         {events.length > 0 && (
           <ol className="card-events" aria-label={text.whatHappened}>

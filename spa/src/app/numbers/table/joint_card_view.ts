@@ -5,6 +5,7 @@ import { strip } from '../../../twin/plots/sparkline.ts';
 import type { RobotTwin } from '../../../twin/robot.ts';
 import type { LastReadings } from '../../../twin/sensors/last_readings.ts';
 import { valueAt } from '../../../twin/values.ts';
+import { createUnit } from '../../explain/term.ts';
 import { settings } from '../../state/settings.ts';
 import { isPlotted, toggleTrace } from '../../state/traces.ts';
 import { more } from '../../text/more.ts';
@@ -167,7 +168,8 @@ export class JointCardView {
       const value = createElement('dd', 'c-num');
       value.dataset.field = field;
       values.push(value);
-      const unit = createElement('dd', 'unit');
+      const unitRoom = createElement('dd', 'unit');
+      const unit = unitRoom.appendChild(createUnit());
       const limit = createElement('dd', 'card-limit');
       const plot = createElement('button', 'text-button', text.plotIt);
       plot.type = 'button';
@@ -175,7 +177,7 @@ export class JointCardView {
       plot.addEventListener('click', () => toggleTrace({ field, label: this.#label }));
       const plotRoom = createElement('dd', 'card-plot');
       plotRoom.append(plot);
-      row.append(term, value, unit, plotRoom, limit);
+      row.append(term, value, unitRoom, plotRoom, limit);
       list.append(row);
       return {
         field,

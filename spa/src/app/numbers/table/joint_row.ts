@@ -24,6 +24,8 @@ export class RowView {
   /** The button that shows the joint's name. */
   readonly button: HTMLElement;
   readonly label: string;
+  /** The label, or its words where these are wanted. */
+  readonly name: string;
   /** The text that the filter searches, in lower case; it changes with the flags. */
   haystack = '';
   readonly #named: string;
@@ -42,6 +44,7 @@ export class RowView {
 
   constructor(
     row: JointRow,
+    name: string,
     limb: string,
     /** The unit of a number when it is not its column's: it stands behind the number then. */
     ownUnit: (field: NumberName) => string | null,
@@ -49,18 +52,19 @@ export class RowView {
     states: readonly StateName[],
   ) {
     this.label = row.label;
-    this.#named = `${row.label} ${row.plain ?? ''} ${limb}`;
+    this.#named = `${row.label} ${row.plain ?? name} ${limb}`;
     this.haystack = this.#named.toLowerCase();
     const element = createElement('tr', '');
     element.dataset.label = row.label;
-    const name = createElement('th', 'c-joint');
-    name.scope = 'row';
-    const open = createElement('button', '', isolated(row.label));
+    const head = createElement('th', 'c-joint');
+    head.scope = 'row';
+    this.name = name;
+    const open = createElement('button', '', isolated(name));
     open.type = 'button';
-    name.append(open);
+    head.append(open);
     this.button = open;
-    name.title = row.plain === null ? open.textContent : `${open.textContent} · ${row.plain}`;
-    element.append(name);
+    head.title = row.plain === null ? isolated(row.label) : `${isolated(row.label)} · ${row.plain}`;
+    element.append(head);
     const marks: Partial<Record<NumberName, DataAttribute>> = {};
     const cell = (field: string, className: string) => {
       const td = createElement('td', className);

@@ -3,9 +3,11 @@ import type { FaultLog } from '../../../twin/alarms/fault_log.ts';
 import { type Display, displayOf } from '../../../twin/format.ts';
 import { type JointTable, NUMBERS, type NumberName } from '../../../twin/joints.ts';
 import type { Limb } from '../../../twin/limbs.ts';
+import { wordsOfName } from '../../../twin/plain_names.ts';
 import type { RobotTwin } from '../../../twin/robot.ts';
 import type { LastReadings } from '../../../twin/sensors/last_readings.ts';
 import { valueAt } from '../../../twin/values.ts';
+import { createTerm, createUnit } from '../../explain/term.ts';
 import { onSelection, selection, selectJoint } from '../../state/selection.ts';
 import { settings } from '../../state/settings.ts';
 import { say } from '../../text/language.ts';
@@ -114,9 +116,9 @@ export class JointView {
     const { schema, state, tree } = this.#twin;
     const table = this.#twin.joints();
     if (schema === null || table === null) return;
-    const { angle, limbs: grouped } = settings();
+    const { angle, limbs: grouped, names } = settings();
     const limbsOf = grouped ? (this.#from.limbs ?? null) : null;
-    const wanted = [schema, say(), limbsOf, limbsOf === null ? null : tree];
+    const wanted = [schema, say(), limbsOf, limbsOf === null ? null : tree, names];
     if (wanted.some((part, i) => part !== this.#builtFor[i])) {
       this.#builtFor = wanted;
       this.#build(schema, table, limbsOf?.(schema, tree) ?? null);
@@ -273,6 +275,7 @@ export class JointView {
 
   #build(schema: Schema, table: JointTable, limbs: readonly Limb[] | null): void {
     const text = say();
+    const { names } = settings();
     this.#names = null;
     this.#ranks = new Ranks(table.rows.length);
     this.#shownRanks = new Int8Array(table.rows.length);
@@ -294,21 +297,21 @@ export class JointView {
     root.dataset.testid = 'joint-table';
     root.append(createElement('caption', 'unseen', text.joints));
     const head = createElement('tr', '');
-    head.append(headCell(text.joint, 'c-joint', text.jointWhat));
+    head.append(headCell(text.joint, 'c-joint', text.jointWhat, 'joint'));
     this.#columns = numbers.map((name) => {
-      const cell = headCell(text[name], `c-num c-${name}`, text[`${name}What`]);
+      const cell = headCell(text[name], `c-num c-${name}`, text[`${name}What`], name);
       head.append(cell);
       return {
         name,
         values: table.numbers[name],
         field: table.column(name),
-        unit: new TextCell(cell.appendChild(createElement('span', 'unit'))),
+        unit: new TextCell(cell.appendChild(createUnit())),
         display: displayOf('', 'rad'),
         own: null,
       };
     });
-    for (const name of states) head.append(headCell(text[name], 'c-state', text[`${name}What`]));
-    head.append(headCell(table.has('flags') ? text.flags : text.notes, 'c-flags', text.flagsWhat));
+    for (const name of states) head.append(headCell(text[name], 'c-state', text[`${name}What`], name));
+    head.append(headCell(table.has('flags') ? text.flags : text.notes, 'c-flags', text.flagsWhat, 'flags'));
     const thead = createElement('thead', '');
     thead.append(head);
     root.append(thead);
@@ -316,7 +319,8 @@ export class JointView {
     const limbOf = new Map(limbs?.flatMap(({ title, labels }) => labels.map((label) => [label, title])));
     this.#rows = table.rows.map((row) => {
       const unitOf = (name: NumberName) => schema.mapping.unit(name === 'error' ? 'pos' : name, row.label);
-      return new RowView(row, limbOf.get(row.label) ?? '', unitOf, numbers, states);
+      const name = (names === 'words' && wordsOfName(schema, row.label)) || row.label;
+      return new RowView(row, name, limbOf.get(row.label) ?? '', unitOf, numbers, states);
     });
     this.#grid = new NumberGrid(this.#rows.flatMap((row) => row.numbers));
     const placeOf = new Map(this.#rows.map((row, i) => [row.label, i]));
@@ -351,8 +355,9 @@ export class JointView {
   }
 }
 
-function headCell(text: string, className: string, title: string): HTMLTableCellElement {
-  const cell = createElement('th', className, text);
+function headCell(text: string, className: string, title: string, key: string): HTMLTableCellElement {
+  const cell = createElement('th', className);
+  cell.append(createTerm(text, `columns.${key}`));
   cell.scope = 'col';
   cell.title = title;
   return cell;

@@ -14,10 +14,10 @@ const LETTER_PX = 7;
 /** The weight of a name whose joint has a fault: the widest there is. */
 const BOLD = 650;
 
-/** A row's name: the button that shows it, and the joint's whole name. */
+/** A row's name: the button that shows it, and the joint's whole name as it is shown. */
 export interface NameCell {
   readonly button: HTMLElement;
-  readonly label: string;
+  readonly name: string;
 }
 
 /** Makes the joint table's column of names as wide as they need and the panel can give, and shortens what is wider. */
@@ -49,7 +49,7 @@ export class NameColumn {
     const widthOf = this.#measure(font);
     const widest = (texts: readonly string[]) =>
       padding + Math.max(...texts.map((text) => [...text].reduce((sum, letter) => sum + widthOf(letter), 0)));
-    const wanted = Math.min(ENOUGH_PX, widest(this.#cells.map(({ label }) => isolated(label))));
+    const wanted = Math.min(ENOUGH_PX, widest(this.#cells.map(({ name }) => isolated(name))));
     let others = 0;
     for (const crowded of CROWDED) {
       this.#table.dataset.crowded = crowded;
@@ -58,15 +58,15 @@ export class NameColumn {
     }
     const most = Math.max(LEAST_PX, room - others - WORDS_PX);
     const shown = shortenNames(
-      this.#cells.map(({ label }) => label),
+      this.#cells.map(({ name }) => name),
       most - padding,
       widthOf,
     );
     const width = Math.max(LEAST_PX, Math.ceil(widest(shown)));
     this.#table.style.setProperty('--joint-width', `${width}px`);
     this.#table.style.minWidth = `${others + width + WORDS_PX}px`;
-    this.#cells.forEach(({ button, label }, i) => {
-      const [text, whole] = [isolated(shown[i]!), isolated(label)];
+    this.#cells.forEach(({ button, name }, i) => {
+      const [text, whole] = [isolated(shown[i]!), isolated(name)];
       if (button.textContent === text) return;
       button.textContent = text;
       if (text === whole) button.removeAttribute('aria-label');

@@ -1,0 +1,127 @@
+import './explained.css';
+import { type CSSProperties, useEffect, useId, useRef, useState } from 'react';
+import type { RobotLink } from '../state/robot_link.ts';
+import { useMore } from '../text/more.ts';
+import { type Asked, explain, keyOfLabel, labelUnder } from './asked.ts';
+import { explainedBy, useCatalogue } from './catalogue.ts';
+import { Glossary } from './Glossary.tsx';
+
+const WIDTH_PX = 320;
+const GAP_PX = 6;
+const EDGE_PX = 12;
+
+/** Explains whatever is pressed and has `data-explain`, in a small dialog beside it; `all` is the whole glossary. */
+export function Explanations({ link }: { link: RobotLink }) {
+  const text = useMore();
+  const catalogue = useCatalogue();
+  const [asked, setAsked] = useState<Asked | null>(null);
+  const [all, setAll] = useState(false);
+  const dialog = useRef<HTMLDivElement>(null);
+  const [title, words] = [useId(), useId()];
+  const { twin } = link;
+
+  useEffect(() => {
+    if (catalogue === null) return;
+    let press = { x: 0, y: 0 };
+    const onPress = (event: PointerEvent) => {
+      press = { x: event.clientX, y: event.clientY };
+    };
+    const onClick = (event: MouseEvent) => {
+      const by = (event.target as Element).closest<HTMLElement>('[data-explain]');
+      if (by !== null) {
+        event.preventDefault();
+        event.stopPropagation(); // it is no tap on the row that it stands in
+        if (by.dataset.explain === 'all') setAll(true);
+        else setAsked((now) => (now?.by === by ? null : { by, explained: explain(by, catalogue, twin) }));
+        return;
+      }
+      const label = (event.target as Element).closest('.stage') && labelUnder(press, event);
+      const sign = label && explainedBy(catalogue, keyOfLabel(label));
+      if (label && sign) setAsked({ by: label, explained: [sign] });
+    };
+    document.addEventListener('pointerdown', onPress, true);
+    document.addEventListener('click', onClick, true);
+    return () => {
+      document.removeEventListener('pointerdown', onPress, true);
+      document.removeEventListener('click', onClick, true);
+    };
+  }, [catalogue, twin]);
+
+  useEffect(() => {
+    if (asked === null) return;
+    const { by } = asked;
+    by.setAttribute('aria-expanded', 'true');
+    dialog.current?.focus();
+    const onPress = ({ target }: Event) => {
+      if (!dialog.current?.contains(target as Node) && !by.contains(target as Node)) setAsked(null);
+    };
+    const onKey = (event: KeyboardEvent) => {
+      if (event.key !== 'Escape') return;
+      event.preventDefault();
+      event.stopPropagation(); // what is open below stays open
+      setAsked(null);
+      by.focus();
+    };
+    document.addEventListener('pointerdown', onPress, true);
+    document.addEventListener('keydown', onKey, true);
+    return () => {
+      by.setAttribute('aria-expanded', 'false');
+      document.removeEventListener('pointerdown', onPress, true);
+      document.removeEventListener('keydown', onKey, true);
+    };
+  }, [asked]);
+
+  const [first] = asked?.explained ?? [];
+  return (
+    <>
+      {asked !== null && first !== undefined && (
+        <div
+          className="explained"
+          role="dialog"
+          tabIndex={-1}
+          ref={dialog}
+          style={besideStyle(asked.by)}
+          aria-labelledby={title}
+          aria-describedby={words}
+          data-testid="explained"
+        >
+          <h3 id={title}>{first.name}</h3>
+          <div id={words}>
+            {asked.explained.map(({ name, what, how }, i) => (
+              <div key={name}>
+                {i > 0 && <h4>{name}</h4>}
+                <p>{what}</p>
+                <p className="quiet">{how}</p>
+              </div>
+            ))}
+          </div>
+          <button
+            type="button"
+            className="text-button"
+            data-testid="all-explained"
+            onClick={() => {
+              setAsked(null);
+              setAll(true);
+            }}
+          >
+            {text.allExplained}
+          </button>
+        </div>
+      )}
+      {all && catalogue !== null && (
+        <Glossary catalogue={catalogue} twin={twin} onClose={() => setAll(false)} />
+      )}
+    </>
+  );
+}
+
+/** Below the element where there is more room than above it, within the window. */
+function besideStyle(by: HTMLElement): CSSProperties {
+  const { left, top, bottom } = by.getBoundingClientRect();
+  const most = window.innerWidth - Math.min(WIDTH_PX, window.innerWidth - 2 * EDGE_PX) - EDGE_PX;
+  const at = { left: Math.max(EDGE_PX, Math.min(left, most)) };
+  const below = window.innerHeight - bottom;
+  return below >= top
+    ? { ...at, top: bottom + GAP_PX, maxHeight: below - GAP_PX - EDGE_PX }
+    : { ...at, bottom: window.innerHeight - top + GAP_PX, maxHeight: top - GAP_PX - EDGE_PX };
+}

@@ -1,0 +1,57 @@
+"""What explains itself on the page stands in the docs, in the same words, and is said in both languages."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from tools.explained import PAGES, read_catalogue, write_page
+
+ENGLISH, KOREAN = read_catalogue("en"), read_catalogue("ko")
+# What a sentence may not say without saying what it means: a reader has never seen a robot.
+JARGON = re.compile(
+    r"\b(actuator|encoder|PWM|torque|quaternion|schema|frame|latency|odometry|gyroscope|accelerometer|firmware|wrench|URDF|deviation)\b",
+    re.IGNORECASE,
+)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_tables_are_up_to_date(page: Path) -> None:
+    text = page.read_text(encoding="utf-8")
+    assert "<!-- explained: " in text
+    assert write_page(text, ENGLISH) == text, f"{page}: run `make explained`"
+
+
+def test_a_section_that_nobody_explains_is_named() -> None:
+    with pytest.raises(ValueError, match="nothing is explained under 'colours'"):
+        write_page("<!-- explained: colours -->\n<!-- explained end -->\n", ENGLISH)
+
+
+def test_a_table_that_is_out_of_date_is_replaced() -> None:
+    page = "a\n<!-- explained: sensors -->\nold\n<!-- explained end -->\nb\n"
+    written = write_page(page, ENGLISH)
+    assert "old" not in written
+    assert "| **IMU** | Feels where down is" in written
+    assert write_page(written, ENGLISH) == written
+
+
+def test_both_languages_explain_the_same_things() -> None:
+    assert {s: list(entries) for s, entries in KOREAN.items()} == {s: list(e) for s, e in ENGLISH.items()}
+    for catalogue in (ENGLISH, KOREAN):
+        for section, entries in catalogue.items():
+            for key, entry in entries.items():
+                for part in ("name", "what", "how"):
+                    assert 0 < len(entry[part]) <= 200, (section, key, part)
+                assert {entry["what"][-1], entry["how"][-1]} == {"."}, (section, key)
+
+
+def test_no_sentence_has_a_word_of_the_trade() -> None:
+    said = [
+        (section, key, found[0])
+        for section, entries in ENGLISH.items()
+        for key, entry in entries.items()
+        if (found := JARGON.search(f"{entry['what']} {entry['how']}"))
+    ]
+    assert said == []

@@ -1,0 +1,89 @@
+"""Writes tables of docs/SIGNS.md and docs/FAULTS.md from what the page says when something is pressed:
+both say the same.
+
+python -m tools.explained: replaces whatever stands between two lines
+
+    <!-- explained: SECTION -->
+    <!-- explained end -->
+
+by a table of that section of spa/src/app/explain/en.json; of the section `flags`, by one of what the profiles
+that come with the agent say of their bits.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+from posecast_edge.profile.reader import SHIPPED, load_profile
+
+ROOT = Path(__file__).resolve().parent.parent
+CATALOGUES = ROOT / "spa/src/app/explain"
+PAGES = (ROOT / "docs/SIGNS.md", ROOT / "docs/FAULTS.md")
+BLOCK = re.compile(
+    r"(?P<first><!-- explained: (?P<section>\S+) -->\n)(?P<table>.*?)(?P<last><!-- explained end -->\n)",
+    re.DOTALL,
+)
+HEADS = {"signs": "sign", "columns": "column", "units": "unit", "words": "word", "sensors": "sensor"}
+
+Section = dict[str, dict[str, str]]
+
+
+def read_catalogue(language: str) -> dict[str, Section]:
+    """What the page says in this language: section → key → its texts."""
+    found: dict[str, Section] = json.loads((CATALOGUES / f"{language}.json").read_text(encoding="utf-8"))
+    return found
+
+
+def write_page(text: str, catalogue: dict[str, Section]) -> str:
+    """The page with its tables anew. Raises ValueError when a section that it names does not exist."""
+
+    def table_of(block: re.Match[str]) -> str:
+        section = block["section"]
+        if section == "flags":
+            table = _flags()
+        elif section in catalogue:
+            table = _section(HEADS[section], catalogue[section])
+        else:
+            raise ValueError(
+                f"nothing is explained under {section!r}; there are {', '.join(catalogue)}, flags"
+            )
+        return f"{block['first']}\n{table}\n{block['last']}"
+
+    return BLOCK.sub(table_of, text)
+
+
+def _section(head: str, entries: Section) -> str:
+    more = any("from" in entry for entry in entries.values())
+    columns = ["name", "what", "how", *(["from"] if more else [])]
+    heads = [head, "means", "how it is known", *(["comes from"] if more else [])]
+    rows = [[f"**{e['name']}**", *(e.get(column, "") for column in columns[1:])] for e in entries.values()]
+    return _table(heads, rows)
+
+
+def _flags() -> str:
+    """Each bit once: profiles that come along say the same of the same bit."""
+    rows: dict[str, list[str]] = {}
+    for path in sorted(SHIPPED.glob("*.toml")):
+        for bits in load_profile(path).mapping.sentences.values():
+            for bit, by_language in bits.items():
+                told = by_language["en"]
+                rows.setdefault(bit, [f"`{bit}`", told.say, told.why or ""])
+    return _table(["flag", "sentence", "one more"], list(rows.values()))
+
+
+def _table(heads: list[str], rows: list[list[str]]) -> str:
+    lines = [heads, ["---"] * len(heads), *rows]
+    return "".join(f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in line)} |\n" for line in lines)
+
+
+def main() -> None:
+    """Write every page anew."""
+    catalogue = read_catalogue("en")
+    for page in PAGES:
+        page.write_text(write_page(page.read_text(encoding="utf-8"), catalogue), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
