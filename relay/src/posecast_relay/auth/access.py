@@ -174,7 +174,7 @@ class Access:
             dispatcher.carry_out(dispatcher.hub.refuse(viewer, refusal.close, refusal.reason))
 
     def _judge_again(self, dispatcher: Dispatcher, viewer: Viewer, who: Principal | Close) -> None:
-        found = self.judge(Applicant(viewer.robot, viewer.asked_view, who=who))
+        found = self.judge(Applicant(viewer.robot, viewer.asked_view, who=who, is_preview=viewer.is_preview))
         if isinstance(found, Refusal):
             dispatcher.carry_out(dispatcher.hub.refuse(viewer, found.close, found.reason))
         else:

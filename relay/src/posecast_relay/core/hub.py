@@ -30,7 +30,7 @@ from posecast_relay.core.drain import Drain
 from posecast_relay.core.edge_messages import make_conflict_event
 from posecast_relay.core.limits import Limits
 from posecast_relay.core.load_shedder import LoadShedder
-from posecast_relay.core.policy.admission import DRAIN_RETRY_S, GOING, Occupancy, find_no_room
+from posecast_relay.core.policy.admission import DRAIN_RETRY_S, FULL, GOING, Occupancy, find_no_room
 from posecast_relay.core.policy.policy import PUBLIC, Grant
 from posecast_relay.core.roster import Headcount
 from posecast_relay.core.state.robot import Robot
@@ -107,17 +107,17 @@ class Hub(Uplink):
         self.joins += 1
         viewer.set_number(self.joins)
         grant = viewer.grant
-        here = 0 if grant is None else self.admitted[grant.robot, grant.by]
-        occupancy = Occupancy(
-            *(self.headcount.count_viewers(), self.limits.viewers, here),
-            is_draining=self.draining is not None,
-        )
+        occupancy = self._count_occupancy(grant)
         refusal = find_no_room(grant, occupancy)
         if refusal is not None:
             self.endings[refusal.close] += 1
             return [CloseConnection(viewer, refusal.close, refusal.reason, refusal.retry_s)]
+        out = [] if viewer.is_preview else self._make_room(grant, occupancy)
         if grant is not None:
-            self.admitted[grant.robot, grant.by] = here + 1
+            self.admitted[grant.robot, grant.by] += 1
+            self.admitted_previews[grant.robot, grant.by] += grant.is_preview
+        if viewer.is_preview:
+            self.previews[viewer] = None
         viewer.set_rate(min(viewer.asked_hz, self.load.ceiling_hz))
         robot = self.robots.get(viewer.robot)
         if robot is None:  # it may come later; bounded by the number of viewers
@@ -127,7 +127,30 @@ class Hub(Uplink):
         self.statuses.setdefault(room, robot.compute_status(room, now))
         room.set_degraded(self.degraded or robot.degraded)
         watch: list[Action] = [] if robot.has_viewers() else [SubscribeRobot(robot.name)]
-        return [room.join(viewer, robot.compute_status(room, now), now, unix_s), *watch]
+        return [*out, room.join(viewer, robot.compute_status(room, now), now, unix_s), *watch]
+
+    def _count_occupancy(self, grant: Grant | None) -> Occupancy:
+        by = None if grant is None else (grant.robot, grant.by)
+        return Occupancy(
+            *(self.headcount.count_viewers(), self.limits.viewers),
+            *((0,) if by is None else (self.admitted[by],)),
+            previews=self.headcount.count_previews(),
+            previews_of_audience=0 if by is None else self.admitted_previews[by],
+            is_draining=self.draining is not None,
+        )
+
+    def _make_room(self, grant: Grant | None, occupancy: Occupancy) -> list[Action]:
+        """End the oldest preview whose place a viewer needs; one of this robot where that is what is full."""
+        if grant is not None and grant.viewers is not None and occupancy.of_audience >= grant.viewers:
+            by = grant.robot, grant.by
+            here = (each for each in self.previews if each.grant and (each.robot, each.grant.by) == by)
+            return self._end_preview(next(here, None))
+        if occupancy.viewers >= occupancy.viewers_max:  # those of another hub go with its next sweep
+            return self._end_preview(next(iter(self.previews), None))
+        return []
+
+    def _end_preview(self, preview: Viewer | None) -> list[Action]:
+        return [] if preview is None else self.end_viewer(preview, FULL.close, FULL.reason, FULL.retry_s)
 
     def take_message(self, viewer: Viewer, payload: bytes, now: float) -> list[Action]:
         """Handle a text message from a viewer. An invalid one, or too many, end the viewer."""
@@ -321,6 +344,10 @@ class Hub(Uplink):
             out += self.guard(viewer, partial(self._check_deadlines, viewer, now, pings))
         if pings:
             out.append(Send(messages.PING, pings))
+        for preview in tuple(self.previews):
+            if self.headcount.count_viewers() <= self.limits.viewers:
+                break
+            out += self._end_preview(preview)
         self._sweeps += 1
         is_full = self.publishers >= self.limits.robots
         if is_full or self._sweeps % FORGET_EVERY == 0:

@@ -20,15 +20,19 @@ class Headcount:
     """Counts the viewers of all hubs of one process, which share one limit."""
 
     def __init__(self) -> None:
-        self._hubs: list[Sized] = []
+        self._hubs: list[tuple[Sized, Sized]] = []
 
-    def include(self, viewers: Sized) -> None:
-        """Add a collection of viewers; its size is read at every count."""
-        self._hubs.append(viewers)
+    def include(self, viewers: Sized, previews: Sized) -> None:
+        """Add a collection of viewers, and of the previews among them; sizes are read at every count."""
+        self._hubs.append((viewers, previews))
 
     def count_viewers(self) -> int:
-        """Return how many viewers all hubs have now."""
-        return sum(map(len, self._hubs))
+        """Return how many viewers all hubs have now, previews included."""
+        return sum(len(viewers) for viewers, _ in self._hubs)
+
+    def count_previews(self) -> int:
+        """Return how many of them are previews."""
+        return sum(len(previews) for _, previews in self._hubs)
 
 
 class Roster:
@@ -42,7 +46,9 @@ class Roster:
         self.publishers = 0  # of the robots, those that were heard of
         self.viewers: dict[Viewer, Room] = {}
         self.admitted: Counter[tuple[str, str]] = Counter()  # viewers by robot and audience
-        self.headcount.include(self.viewers)
+        self.previews: dict[Viewer, None] = {}  # of the viewers, in the order they came
+        self.admitted_previews: Counter[tuple[str, str]] = Counter()  # likewise
+        self.headcount.include(self.viewers, self.previews)
         self.endings: Counter[int] = Counter()  # of viewers, by close code
         self.delivered = 0  # by rooms that are forgotten; and so on
         self.skipped = 0
@@ -105,8 +111,10 @@ class Roster:
         if room is None:
             return
         room.leave(viewer)
+        self.previews.pop(viewer, None)
         if viewer.grant is not None:
             self.admitted[viewer.robot, viewer.grant.by] -= 1
+            self.admitted_previews[viewer.robot, viewer.grant.by] -= viewer.is_preview
         robot = self.robots.get(viewer.robot)
         if robot is not None and robot.heard_at is None and not robot.has_viewers():
             self.drop_robot(robot)

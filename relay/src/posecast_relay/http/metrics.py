@@ -50,10 +50,12 @@ class RelayCollector(Collector):
         hub = self._dispatcher.hub
         everywhere = [robot for each in self._hubs for robot in list(each.robots.values())]
         rooms = [room for robot in everywhere for room in list(robot.rooms.values())]
-        viewers = sum(len(each.viewers) for each in self._hubs)
+        previews = sum(len(each.previews) for each in self._hubs)
+        viewers = sum(len(each.viewers) for each in self._hubs) - previews
         endings: Counter[int] = sum((Counter(each.endings) for each in self._hubs), Counter())
         now = self._dispatcher.now()
         yield GaugeMetricFamily("posecast_viewers", "Viewers connected", viewers)
+        yield GaugeMetricFamily("posecast_previews", "Cards of lists that move: no viewers", previews)
         yield _make_labelled(
             "posecast_robots",
             "Robots by liveness",

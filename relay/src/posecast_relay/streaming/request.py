@@ -38,6 +38,7 @@ class StreamRequest:
     hz: float
     decoded: bool  # frames as JSON instead of binary
     auth: bool = False  # a token comes as the first message
+    preview: bool = False  # a card in a list, which gives way to viewers
 
     def check(self) -> None:
         """Raise NoSuchStream when the robot or view has no valid name."""
@@ -50,11 +51,14 @@ class StreamRequest:
 
     def make_applicant(self, shows_token: bool, is_foreign: bool) -> Applicant:
         """Return the applicant, as far as the request itself tells who asks."""
+        bad_name = None
         try:
             self.check()
         except NoSuchStream as e:
-            return Applicant(self.robot, self.view, shows_token, is_foreign, bad_name=str(e))
-        return Applicant(self.robot, self.view, shows_token, is_foreign)
+            bad_name = str(e)
+        return Applicant(
+            *(self.robot, self.view, shows_token, is_foreign), bad_name=bad_name, is_preview=self.preview
+        )
 
 
 def join_all(values: Iterable[str]) -> str | None:
@@ -102,5 +106,7 @@ def read_target(target: str, suffix: str = "") -> StreamRequest:
         raise BadRequest("format must be binary or json")
     refuse_tokens(asked)
     return StreamRequest(
-        found[1], asked.get("view", [None])[0], clamp_hz(hz), form == "json", asked.get("auth") == ["1"]
+        *(found[1], asked.get("view", [None])[0], clamp_hz(hz), form == "json"),
+        auth=asked.get("auth") == ["1"],
+        preview=asked.get("preview") == ["1"],
     )

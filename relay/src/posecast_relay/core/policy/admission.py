@@ -6,7 +6,7 @@ may be judged again when more is known of them. A refusal says everything of its
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from http import HTTPStatus
 
 from posecast_wire import Close
@@ -17,6 +17,7 @@ HIDDEN = "no such robot here, or not for you"
 GOING = "the relay is being replaced"
 FULL_RETRY_S = 30.0
 DRAIN_RETRY_S = 10.0
+PREVIEW_HZ = 1.0
 
 
 @dataclass(frozen=True)
@@ -77,6 +78,8 @@ class Occupancy:
     viewers: int
     viewers_max: int
     of_audience: int = 0  # by the same audience's rule for the same robot
+    previews: int = 0  # of these, who gives way to a viewer
+    previews_of_audience: int = 0
     is_draining: bool = False
 
 
@@ -91,6 +94,7 @@ class Applicant:
     is_crowded: bool = False  # their address has as many streams as it may
     bad_name: str | None = None  # why there can be no such robot or view
     who: Principal | Close | None = None  # None: not found out yet; a close code: why it can't be
+    is_preview: bool = False  # they want a picture that moves now and then, and give way to viewers
 
 
 def admit(applicant: Applicant, policy: Policy) -> Grant | Refusal | None:
@@ -112,18 +116,24 @@ def admit(applicant: Applicant, policy: Policy) -> Grant | Refusal | None:
         found = applicant.who
     elif applicant.who is not None and applicant.robot is not None:
         found = policy.judge(applicant.who, applicant.robot, applicant.view)
+    if applicant.is_preview and isinstance(found, Grant):
+        found = replace(found, hz=min(found.hz, PREVIEW_HZ), is_preview=True)
     return REFUSALS[found] if isinstance(found, Close) else found
 
 
 def find_no_room(grant: Grant | None, occupancy: Occupancy) -> Refusal | None:
     """Why a viewer who may watch can't join now; None when there is room. `grant` None: nobody asked for one.
 
+    A viewer has the place of a preview as well: whoever counts ends one then. A preview has free places only.
     The last step of admission, and its own function: only a hub counts viewers, and only at that moment.
     """
     if occupancy.is_draining:
         return DRAINING
-    if occupancy.viewers >= occupancy.viewers_max:
+    stays = grant is not None and grant.is_preview
+    here = occupancy.viewers - (0 if stays else occupancy.previews)
+    if here >= occupancy.viewers_max:
         return FULL
-    if grant is not None and grant.viewers is not None and occupancy.of_audience >= grant.viewers:
+    of_audience = occupancy.of_audience - (0 if stays else occupancy.previews_of_audience)
+    if grant is not None and grant.viewers is not None and of_audience >= grant.viewers:
         return ROBOT_FULL
     return None

@@ -63,6 +63,7 @@ class Grant:
     viewers: int | None
     by: Audience
     who: Principal
+    is_preview: bool = False  # a card in a list: counted as no viewer, and the first to go
 
     @property
     def open(self) -> bool:

@@ -171,5 +171,5 @@ class Robot:
         return any(room.viewers for room in self.rooms.values())
 
     def count_viewers(self) -> int:
-        """Return how many viewers it has, over all views."""
-        return sum(len(room.viewers) for room in self.rooms.values())
+        """Return how many viewers it has, over all views; previews are none."""
+        return sum(len(room.viewers) - len(room.previews) for room in self.rooms.values())

@@ -41,6 +41,7 @@ class Room:
         self.stream = Stream(robot, view, limits)
         self.limits = limits
         self.viewers: dict[Viewer, None] = {}
+        self.previews: set[Viewer] = set()  # of these
         self.groups: dict[float, RateGroup] = {}
         self.delivered = 0  # frames times viewers
         self.skipped = 0  # likewise: due, but the viewer could not take it
@@ -58,6 +59,8 @@ class Room:
         """
         stream = self.stream
         self.viewers[viewer] = None
+        if viewer.is_preview:
+            self.previews.add(viewer)
         parts = [
             messages.make_hello(
                 *(unix_s, stream.robot, stream.view, viewer.hz, stream.model, self.limits),
@@ -78,7 +81,7 @@ class Room:
             if group.frame is None:
                 self._record_sent(group, stream.newest, now)
         unasked = sum(map(len, parts))
-        for event in stream.events:
+        for event in () if viewer.is_preview else stream.events:
             if viewer.speaks and unasked >= self.limits.ping_bytes:  # who reads slowly shows that it does
                 parts.append(messages.PING)
                 unasked = 0
@@ -91,11 +94,13 @@ class Room:
     def leave(self, viewer: Viewer) -> None:
         """Remove a viewer. Does nothing when it is gone already."""
         self.viewers.pop(viewer, None)
+        self.previews.discard(viewer)
         self._exit(viewer)
 
     def evict(self, viewer: Viewer) -> None:
         """Remove a viewer from every group, when `leave` has failed."""
         self.viewers.pop(viewer, None)
+        self.previews.discard(viewer)
         for group in self.groups.values():
             group.viewers.pop(viewer, None)
             group.behind.discard(viewer)
@@ -258,10 +263,12 @@ class Room:
         return [Send(stream.make_description(held), viewers) for held, viewers in ready.items()]
 
     def send_event(self, event: Event) -> list[Action]:
-        """Send an event to all viewers, at once or by their reliable queue."""
+        """Send an event to all viewers but previews, at once or by their reliable queue."""
         ready: list[Viewer] = []
         out: list[Action] = []
         for viewer in tuple(self.viewers):
+            if viewer in self.previews:
+                continue
             if viewer.blocked:
                 out += self._enqueue(viewer, event.packed)
             else:
