@@ -1,5 +1,5 @@
 import './list.css';
-import { Suspense, useState } from 'react';
+import { Suspense, useRef, useState } from 'react';
 import { accounts, home, relayChoice } from '../../../relay/relay.ts';
 import { formatSpan } from '../../../twin/format.ts';
 import { Command } from '../../shell/Command.tsx';
@@ -10,9 +10,17 @@ import { Sign } from '../../status/Chip.tsx';
 import { useText } from '../../text/language.ts';
 import { useListText } from '../../text/list.ts';
 import { openChosen } from '../local/local.ts';
+import { useMovingCard } from './moving_card.ts';
 import { inOrder, type ListedRobot, useRobots } from './robots.ts';
 import { Thumbnail } from './Thumbnail.tsx';
 
+// A card whose preview can't be loaded has its picture.
+const Preview = late(() =>
+  import('./Preview.tsx').then(
+    (chunk) => chunk.Preview,
+    () => () => null,
+  ),
+);
 const SignIn = late(async () => (await import('../../account/SignIn.tsx')).SignIn);
 
 /** The page with the robots on air, or, if there are none, commands that put one there; below, those that were. */
@@ -26,6 +34,8 @@ export function RobotList({ onSettings }: { onSettings: () => void }) {
   /** Robots to be shown side by side, in the order in which they were chosen; null while cards are plain links. */
   const [chosen, setChosen] = useState<readonly string[] | null>(null);
   const old = listing.phase === 'unreachable';
+  const list = useRef<HTMLElement>(null);
+  const moving = useMovingCard(list, listing.phase === 'known' ? listing.answerMs : Number.POSITIVE_INFINITY);
   const [here, gone] = inOrder(robots);
   const cards = (shown: readonly ListedRobot[], testId: string) => (
     <ul className="cards" data-testid={testId} data-old={old}>
@@ -34,6 +44,7 @@ export function RobotList({ onSettings }: { onSettings: () => void }) {
           key={robot.robot}
           robot={robot}
           old={old}
+          moves={moving === robot.robot}
           place={chosen === null ? null : chosen.indexOf(robot.robot)}
           onChoose={() => setChosen((before) => toggled(before ?? [], robot.robot))}
         />
@@ -61,7 +72,7 @@ export function RobotList({ onSettings }: { onSettings: () => void }) {
           <SettingsIcon />
         </IconButton>
       </header>
-      <main className="list">
+      <main className="list" ref={list}>
         <h1>{rest.onAir}</h1>
         {listing.phase === 'unreachable' && (
           <p className="list-note" role="status">
@@ -123,9 +134,15 @@ function SideBySide(props: {
 }
 
 /** A link to one robot. `place`: its index in the choice for side by side, -1 outside it, null while nobody chooses;
- *  `old`: the relay does not answer, so the data may be out of date. */
-function Card(props: { robot: ListedRobot; old: boolean; place: number | null; onChoose: () => void }) {
-  const { robot, old, place, onChoose } = props;
+ *  `old`: the relay does not answer, so the data may be out of date; `moves`: this is the one card that does. */
+function Card(props: {
+  robot: ListedRobot;
+  old: boolean;
+  moves: boolean;
+  place: number | null;
+  onChoose: () => void;
+}) {
+  const { robot, old, moves, place, onChoose } = props;
   const word = old ? 'STALE' : WORDS[robot.state];
   const age = robot.ageMs !== null && word !== 'LIVE' && !old ? ` ${formatSpan(robot.ageMs)}` : '';
   const text = useText();
@@ -137,6 +154,7 @@ function Card(props: { robot: ListedRobot; old: boolean; place: number | null; o
         className="card"
         href={robotHref(robot.robot)}
         data-testid={`robot-${robot.robot}`}
+        data-robot={robot.robot}
         data-chosen={place !== null && place >= 0}
         onClick={(event) => {
           if (place === null) return;
@@ -147,6 +165,11 @@ function Card(props: { robot: ListedRobot; old: boolean; place: number | null; o
         {place !== null && <span className="card-place">{place < 0 ? '' : place + 1}</span>}
         <span className="thumb" data-state={word}>
           <Thumbnail robot={robot} />
+          {moves && word === 'LIVE' && robot.model !== null && (
+            <Suspense fallback={null}>
+              <Preview robot={robot.robot} model={robot.model} />
+            </Suspense>
+          )}
         </span>
         <span className="card-name">{robot.name}</span>
         <span className="card-line">

@@ -23,10 +23,10 @@ export interface ListedRobot {
 
 /** The list of robots. `waiting`: the relay has not answered yet; `unreachable`: the last request failed, and
  *  `robots` are those of the answer before, if any. `publishAt`: where anybody on the relay's own computer may publish
- *  without a credential, as `tcp/127.0.0.1:7447`; null when nobody may. */
+ *  without a credential, as `tcp/127.0.0.1:7447`; null when nobody may. `answerMs`: how long the quickest answer took. */
 export type RobotListing =
   | { phase: 'waiting' }
-  | { phase: 'known'; robots: readonly ListedRobot[]; publishAt: string | null }
+  | { phase: 'known'; robots: readonly ListedRobot[]; publishAt: string | null; answerMs: number }
   | { phase: 'unreachable'; robots: readonly ListedRobot[] };
 
 /** The robots in the parsed JSON answer of the relay. Entries without an id are skipped, members of a wrong type
@@ -75,18 +75,21 @@ export function useRobots(): RobotListing {
   useEffect(() => {
     const leave = new AbortController();
     let asking = false;
+    let answerMs = Number.POSITIVE_INFINITY;
 
     const ask = async () => {
       if (asking || document.hidden) return;
       asking = true;
       try {
         const signal = AbortSignal.any([leave.signal, AbortSignal.timeout(LATE_MS)]);
+        const askedMs = performance.now();
         let answer = await get(signal, tokenFor(apiUrl('robots')));
         // if the token is rejected, ask for what anyone may see
         if (answer.status === 401 || answer.status === 403) answer = await get(signal, undefined);
         if (!answer.ok) throw new Error(answer.statusText);
         const body: unknown = await answer.json();
-        setListing({ phase: 'known', robots: readRobots(body), publishAt: readPublishAt(body) });
+        answerMs = Math.min(answerMs, performance.now() - askedMs);
+        setListing({ phase: 'known', robots: readRobots(body), publishAt: readPublishAt(body), answerMs });
       } catch {
         if (leave.signal.aborted) return;
         setListing((before) => ({

@@ -1,0 +1,62 @@
+import { useEffect, useRef, useState } from 'react';
+import { tokenFor } from '../../../auth/token.ts';
+import { manifestAt } from '../../../model/files.ts';
+import { readManifest } from '../../../model/manifest.ts';
+import { manifestUrl, streamUrl } from '../../../relay/addresses.ts';
+import { PreviewStream } from '../../../stream/preview.ts';
+import { type Pose, Poser } from '../../../twin/playback/pose.ts';
+import { StickFigure } from '../../../view/stick_figure.ts';
+import { useTheme } from '../../shell/theme.ts';
+
+/** The pointer that only crosses a card opens nothing. */
+const SETTLE_MS = 200;
+
+/** A robot that moves in lines over its picture, once a second. Nothing is shown for raw bundles, which list no joints, and
+ *  as long as no pose has come. */
+export function Preview({ robot, model }: { robot: string; model: string }) {
+  const canvas = useRef<HTMLCanvasElement>(null);
+  const [moves, setMoves] = useState(false);
+  const theme = useTheme();
+  // biome-ignore lint/correctness/useExhaustiveDependencies: a theme has another colour for lines
+  useEffect(() => {
+    const { current } = canvas;
+    let stream: PreviewStream | null = null;
+    let left = false;
+    const open = async () => {
+      const raw = await manifestAt(manifestUrl(robot, model));
+      if (left || current === null || raw.v !== 2) return;
+      const figure = new StickFigure(current, readManifest(raw));
+      figure.setColor(getComputedStyle(current).color);
+      const pose = standing();
+      const url = streamUrl(robot);
+      stream = new PreviewStream(
+        url,
+        tokenFor(url),
+        (schema, codes) => {
+          figure.setPose(pose(new Poser(schema, 'pos').pose(codes)));
+          setMoves(true);
+        },
+        () => setMoves(false),
+      );
+    };
+    const timer = setTimeout(() => open().catch(() => {}), SETTLE_MS); // the card's picture is there without it
+    return () => {
+      left = true;
+      clearTimeout(timer);
+      stream?.close();
+      setMoves(false);
+    };
+  }, [robot, model, theme]);
+  return <canvas ref={canvas} className="thumb-preview" data-testid="preview" data-moves={moves} />;
+}
+
+/** Keeps a robot that walks over the place where it was first. */
+function standing(): (pose: Pose) => Pose {
+  let first: readonly number[] | null = null;
+  return (pose) => {
+    if (pose.base === null) return pose;
+    const { xyz, quat_wxyz } = pose.base;
+    first ??= xyz;
+    return { ...pose, base: { xyz: [first[0]!, first[1]!, xyz[2]], quat_wxyz } };
+  };
+}
