@@ -1,7 +1,8 @@
 /** Decodes frames to codes. A frame that can't be decoded leaves the decoder unchanged. */
 
 import { BadFrame, BaseUnknown, frameId, HEADER_BYTES, KEY_HEADER_BYTES, parseHeader } from './frame.ts';
-import { CODE_MAX, MISSING, parseSchema, type Schema } from './schema.ts';
+import { CODE_MAX, MISSING, type Schema } from './schema.ts';
+import { parseSchema } from './schema_parser.ts';
 
 const KEY_ORDER = 4;
 const ALL_ZERO = 15;

@@ -43,5 +43,6 @@ export {
   type Status,
   type ViewerMessage,
 } from './messages.ts';
-export { CODE_MAX, Field, MISSING, parseSchema, revived, Schema } from './schema.ts';
+export { CODE_MAX, Field, MISSING, revived, Schema } from './schema.ts';
+export { parseSchema } from './schema_parser.ts';
 export { visible } from './visible.ts';
