@@ -67,7 +67,12 @@ def test_joint_states_win_from_the_first_on() -> None:
     assert stage.tf(low(0.1, 1), 1.0) == {"low": 0.1, "high": None}
     stage.frames.note_report("pos", Report(1.5, {"vel": {"low": 0.0}}))  # says no position
     assert stage.tf(low(0.2, 2), 1.1) == {"low": 0.2, "high": None}
-    assert stage.state(1.2, 2.5, low=5.0) == {"low": 5.0}
+    report = Report(2.5, {"pos": {"low": 5.0, "grip": 0.5}})
+    stage.frames.note_report("pos", report)
+    stage.merge.take_report("/joint_states", "pos", JOINT_STATE, report, 1.2)
+    sample = stage.merge.make_sample(1.2)
+    assert sample is not None
+    assert (sample.anew, sample.values["pos"]) == (True, {"low": 5.0, "grip": 0.5})
     assert not stage.frames.needs_messages(1.3)
     assert stage.tf(low(0.3, 3), 1.3) is None
     assert stage.state(9.0, 4.0, low=6.0) == {"low": 6.0}
@@ -112,6 +117,17 @@ def test_a_profile_without_positions_wants_none() -> None:
     assert stage.tf(low(0.1, 1), 9.0) is None
     stage.frames.check_time(99.0)
     assert stage.said == []
+
+
+def test_of_a_profile_only_its_joints_are_read() -> None:
+    stage = Stage(profile='[labels]\njoint = ["high", "x"]\n[[fields]]\nname = "pos"\n')
+    both = {"transforms": [*low(0.1, 1)["transforms"], moved("top", "mid", 0.2, 1)]}
+    assert stage.tf(both, 1.0) == {"high": 0.2}
+    assert stage.said == []
+    stage = Stage(profile='[labels]\njoint = ["x"]\n[[fields]]\nname = "pos"\n')
+    assert stage.tf(both, 1.0) is None
+    stage.frames.check_time(99.0)
+    assert stage.said == ["joints are not read from /tf: the profile's pos has none of the model's joints"]
 
 
 def test_what_probe_shows() -> None:

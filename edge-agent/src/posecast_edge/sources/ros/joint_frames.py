@@ -10,7 +10,7 @@ from __future__ import annotations
 import io
 import math
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 
 from posecast_edge.model.finding import ModelRefused
@@ -31,10 +31,14 @@ NO_MODEL = (
 
 class JointFrames:
     """The joints of one robot. `namespace`: of the robot, "" without one; of several prefixes that fit it is
-    the one. `say` gets one line about each thing that is wrong."""
+    the one. `channels`: joints of other names are left out; None: none is. `say` gets one line about each
+    thing that is wrong."""
 
-    def __init__(self, say: Callable[[str], None], namespace: str = "") -> None:
+    def __init__(
+        self, say: Callable[[str], None], namespace: str = "", channels: Collection[str] | None = None
+    ) -> None:
         self._say = say
+        self._channels = channels
         self._wanted = f"{namespace.strip('/')}/"
         self._joints: tuple[MovingJoint, ...] = ()
         self._given: Sequence[MovingJoint] | None = None  # by who runs the agent; counts before what is told
@@ -137,8 +141,12 @@ class JointFrames:
         else:
             return
         self._joints = tuple(
-            replace(joint, parent=joint.parent.strip("/"), child=joint.child.strip("/")) for joint in joints
+            replace(joint, parent=joint.parent.strip("/"), child=joint.child.strip("/"))
+            for joint in joints
+            if self._channels is None or joint.name in self._channels
         )
+        if joints and not self._joints:
+            self._say_once("joints are not read from /tf: the profile's pos has none of the model's joints")
         self._has_model = True
         self._by_child = {joint.child: joint for joint in self._joints}
         for known in (self._found, self._misfits, self._votes, self._prefixes, self._by_frame):

@@ -33,9 +33,10 @@ class RobotFrames:
     ) -> None:
         base = profile.ros.base_frames if profile and profile.ros else None
         self.tree = TransformTree(base, say)
-        self.joints = JointFrames(say, namespace)
+        pos = profile.find_field("pos") if profile else None
+        self.joints = JointFrames(say, namespace, frozenset(pos.labels) if pos else None)
         self._reads_base = base is not None
-        self._wants_joints = profile is None or profile.find_field("pos") is not None
+        self._wants_joints = profile is None or pos is not None
         self._merge = merge
         self._began_s: float | None = None
         self._states_known = False  # there is a topic of joint states
@@ -57,6 +58,8 @@ class RobotFrames:
         if role == "pos" and not self._states_heard and "pos" in report.values:
             self._states_heard = True
             self._merge.forget_topic(JOINTS_TOPIC)
+            if self._names:  # they may call them otherwise
+                self._merge.announce_channels()
 
     def reads_joints(self, now_s: float, least_s: float = 0.0) -> bool:
         """Whether joints are read from /tf: no joint states come. `least_s`: so many seconds after the first
