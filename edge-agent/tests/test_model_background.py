@@ -154,10 +154,12 @@ def test_what_the_page_can_t_read_is_announced_when_it_has_been_built(
 def test_what_can_neither_be_built_nor_read_is_said(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     path, ready = tmp_path / "robot.sdf", Ready()
     path.write_text("<sdf version='1.9'/>")
-    build = BackgroundBuild(path, None, ready)
+    failed = threading.Event()
+    build = BackgroundBuild(path, None, ready, failed=failed.set)
     build.start()
     build._thread.join(60)
     build.stop()
     assert ready.bundles == []
     [message] = [r.getMessage() for r in caplog.records]
     assert message == f"model: not shown: {path}: there is no <model> in it"
+    assert failed.is_set()

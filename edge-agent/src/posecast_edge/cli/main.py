@@ -139,11 +139,13 @@ def _run(settings: Settings, console: Console) -> int:
             source.take_joints(raw.joints)
     options = settings.list_model_options()
     if urdf and not built:
-        from posecast_edge.model.serve.background import BackgroundBuild, can_build  # noqa: PLC0415 - the same
+        from posecast_edge.model.serve.background import BackgroundBuild  # noqa: PLC0415 - the same
 
-        if raw is None and isinstance(source, Discovering) and can_build():
+        if raw is None and isinstance(source, Discovering):
             source.expect_joints()
-        build = BackgroundBuild(urdf, raw, take_model, options)
+            build = BackgroundBuild(urdf, raw, take_model, options, lambda: source.take_joints(()))
+        else:
+            build = BackgroundBuild(urdf, raw, take_model, options)
     elif isinstance(source, Discovering) and not built:
         from posecast_edge.model.serve.robot_description import DescribedModel  # noqa: PLC0415 - the same
 

@@ -44,10 +44,12 @@ class BackgroundBuild:
         raw: Bundle | None,
         ready: Callable[[Bundle], None],
         options: Sequence[str] = (),
+        failed: Callable[[], None] = lambda: None,
     ) -> None:
         """`raw`: None for a format that only the builder reads; `options`: of `model build`, such as package
-        folders."""
+        folders; `failed` is called when there will be no bundle."""
         self._urdf, self._raw, self._ready, self._options = urdf, raw, ready, options
+        self._failed = failed
         self._folder: str | None = None
         self._process: subprocess.Popen[str] | None = None
         self._lock = threading.Lock()
@@ -61,6 +63,7 @@ class BackgroundBuild:
             return
         if self._raw is None:
             log.warning("model: %s is not shown: it needs the mesh tools: %s", self._urdf, EXTRA)
+            self._failed()
             return
         log.warning(
             "model: meshes go as they are, %.1f MB; to make them small, %s", _megabytes(self._raw), EXTRA
@@ -88,6 +91,8 @@ class BackgroundBuild:
                 log.warning("model: %s: %s", otherwise, e)
                 if self._raw is not None:
                     self._ready(self._raw)
+                else:
+                    self._failed()
             return
         if self._stopping:
             return
