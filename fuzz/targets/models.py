@@ -7,8 +7,10 @@ import io
 import math
 import re
 import struct
+import tempfile
 import unicodedata
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 from posecast_edge.cli.profile_new import make_profile_text
@@ -20,8 +22,9 @@ from posecast_edge.model.meshes.mesh import Mesh, validate_mesh
 from posecast_edge.model.meshes.obj import read_obj
 from posecast_edge.model.meshes.stl import read_stl
 from posecast_edge.model.meshes.vertex_colour import split_all_by_colour
-from posecast_edge.model.sdf.reader import read_sdf
+from posecast_edge.model.sdf.reader import load_sdf, read_sdf
 from posecast_edge.model.urdf.reader import read_urdf
+from posecast_edge.model.urdf.resolver import Resolver
 from posecast_edge.model.urdf.tree import build_tree
 from posecast_edge.model.urdf.types import Geometry, Material, Pose, Shape, Urdf
 from posecast_edge.profile.reader import ProfileError, parse_profile
@@ -30,6 +33,7 @@ from fuzz.differ import agree
 from fuzz.page_reader import ask
 from fuzz.target import Differs, Target
 
+INCLUDING = "<sdf><model name='m'><link name='l'/><include><uri>a.urdf</uri></include></model></sdf>"
 ENCODING = re.compile(rb"<\?xml[^>]*encoding\s*=\s*[\"'](?!utf-8)", re.IGNORECASE)
 
 
@@ -63,6 +67,18 @@ def sdf(data: bytes) -> None:
         said = finding.format_line("robot.sdf")
         if not said.isprintable() or len(said) > 900:
             raise Differs(f"the doctor says {said[:100].encode('ascii', 'backslashreplace').decode()}")
+    if not all(math.isfinite(v) for joint in found.joints for v in (*joint.pose.xyz, *joint.pose.rpy)):
+        raise Differs("a joint stands nowhere")
+
+
+def included(data: bytes) -> None:
+    """A URDF that an SDF includes: where it stands, as long as it stands somewhere by itself."""
+    with tempfile.TemporaryDirectory() as folder:
+        (Path(folder) / "a.urdf").write_bytes(data)
+        path = Path(folder) / "a.sdf"
+        path.write_text(INCLUDING)
+        found, _ = load_sdf(path, Resolver(path))
+    build_tree(found)
     if not all(math.isfinite(v) for joint in found.joints for v in (*joint.pose.xyz, *joint.pose.rpy)):
         raise Differs("a joint stands nowhere")
 
@@ -193,6 +209,7 @@ TARGETS = (
     Target("urdf", urdf, REFUSES, stretched=1 << 17, page=True),
     Target("body", body, REFUSES, corpus="urdf"),
     Target("sdf", sdf, REFUSES),
+    Target("sdf-urdf", included, REFUSES, corpus="urdf"),
     Target("stl", mesh_of(read_stl), REFUSES),
     Target("obj", mesh_of(lambda data: read_obj(data, nothing, True)), REFUSES),
     Target("mtl", mesh_of(library), REFUSES),

@@ -10,8 +10,9 @@ from pathlib import Path
 
 from posecast_edge.model.finding import ModelRefused, quote_name
 from posecast_edge.model.sdf.shapes import join_uri
+from posecast_edge.model.sdf.urdf_model import make_sdf
 from posecast_edge.model.sdf.values import SdfValues, get_text, get_version
-from posecast_edge.model.urdf.reader import BYTES_MAX, DEPTH_MAX, ELEMENTS_MAX
+from posecast_edge.model.urdf.reader import BYTES_MAX, DEPTH_MAX, ELEMENTS_MAX, read_urdf
 from posecast_edge.model.urdf.resolver import Resolver
 from posecast_edge.model.urdf.xml_tree import Element, read_xml
 
@@ -119,7 +120,10 @@ class IncludeReader:
         self.inputs.append(path)
         root = self._parse(content)
         if root.tag == "robot":
-            raise ModelRefused("a URDF in an SDF is not read")
+            urdf = read_urdf(io.BytesIO(content))
+            if not urdf.links:
+                raise ModelRefused("there is no link in it")
+            root = make_sdf(urdf)
         return root, path
 
     def _parse(self, content: bytes) -> Element:
