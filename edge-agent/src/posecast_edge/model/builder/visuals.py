@@ -12,7 +12,7 @@ from posecast_edge.model.builder.manifest import is_within_reach
 from posecast_edge.model.builder.model_files import TRIANGLES_MAX, Files
 from posecast_edge.model.finding import ModelRefused
 from posecast_edge.model.kinematics import matrix_from_quaternion, quaternion_from_rpy
-from posecast_edge.model.meshes.mesh import SHOWN_AGAIN_MAX, Mesh, Paint, Surface, validate_mesh
+from posecast_edge.model.meshes.mesh import SHOWN_AGAIN_MAX, Mesh, Paint, Surface, pick_part, validate_mesh
 from posecast_edge.model.meshes.primitives import make_box, tessellate
 from posecast_edge.model.meshes.texture import compute_mean_colour
 from posecast_edge.model.meshes.weld import weld_vertices
@@ -137,9 +137,11 @@ class _Maker:
         file = self._files[geometry.uri] if geometry.kind == "mesh" else None
         if file is not None and file.mesh is None:
             raise ModelRefused(file.reason or "can't be read")
-        key = ((file.path or file.uri) if file else geometry.kind, geometry.dims, geometry.scale, paint, mark)
+        source = (file.path or file.uri) if file else geometry.kind
+        part = (geometry.part, geometry.is_centred)
+        key = (source, geometry.dims, geometry.scale, paint, mark, *part)
         if key not in self._numbers:
-            made = file.mesh if file else None
+            made = pick_part(file.mesh, *part) if file and file.mesh else None
             mesh = made or validate_mesh(tessellate(geometry.kind, geometry.dims))
             self._made += mesh.triangles
             if self._made > SHOWN_AGAIN_MAX + self._files.triangles:  # another scale or paint is another body

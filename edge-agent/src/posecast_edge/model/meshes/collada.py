@@ -12,7 +12,7 @@ from __future__ import annotations
 import io
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -148,10 +148,11 @@ class _Reader:
         for shown in node.shows:
             if shown.kind == "node":
                 yield from self._node(shown.element, at, depth + 1)
-            elif shown.kind == "instance_geometry":
-                yield from self._geometry(shown.element, at, shown.bound)
-            else:
-                yield from self._controlled(shown.element, at, shown.bound, 0)
+                continue
+            read = self._geometry if shown.kind == "instance_geometry" else self._controlled
+            names = tuple(n for e in (element, shown.element) for n in (e.get("name"), e.get("id")) if n)
+            for surface in read(shown.element, at, shown.bound):
+                yield replace(surface, names=names)
 
     def _read_node(self, element: Element) -> _Node:
         at = np.eye(4)
@@ -166,7 +167,7 @@ class _Reader:
         return _Node(at, tuple(shows))
 
     def _controlled(
-        self, controller: Element, at: Transform, bound: Mapping[str, str], depth: int
+        self, controller: Element, at: Transform, bound: Mapping[str, str], depth: int = 0
     ) -> Iterator[Surface]:
         """A skinned or morphed shape as it was bound: URDF moves bodies, not bones."""
         self._count(depth)

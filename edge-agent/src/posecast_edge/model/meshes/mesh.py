@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from posecast_edge.model.finding import ModelRefused, make_printable
+from posecast_edge.model.finding import ModelRefused, make_printable, quote_name
 from posecast_edge.model.urdf.types import FAR_M
 
 FILE_MAX = 256 << 20  # bytes of one mesh file
@@ -17,6 +17,7 @@ TEXT_MAX = 128 << 20  # of one that is text: it takes ten times its size to read
 TRIANGLES_MAX = 5_000_000  # of one mesh
 NOTES_MAX = 20  # of one mesh; further ones are not told
 SHOWN_AGAIN_MAX = 1_000_000  # triangles that showing parts again may add to what the file's bytes can hold
+NAMES_SHOWN = 6  # in one line
 UP_NOTE = "collada-axis"  # the code of a note about an up axis
 PLACING = 128  # triangles: what placing a part counts beside its own
 
@@ -39,7 +40,7 @@ class Surface:
     """Triangles of one paint: positions (n, 3), faces (m, 3) counter-clockwise seen from outside, uv (n, 2)
     with (0, 0) at the picture's upper left, or None. `paint` None: the file names none. `colours` (n, 3): of
     the vertices, display values multiplied with the paint, or None. `spare`: for where the URDF names no
-    paint either."""
+    paint either. `names`: what the file calls the part that it belongs to; none where it is one part."""
 
     positions: Floats
     faces: Faces
@@ -47,6 +48,7 @@ class Surface:
     paint: Paint | None = None
     colours: Floats | None = None
     spare: Paint | None = None
+    names: tuple[str, ...] = ()
 
 
 # z-up from an axis that a file calls up, right-handed (Collada's table)
@@ -74,6 +76,23 @@ class Mesh:
         """Lowest and highest corner (x, y, z), metres, of the vertices that triangles use."""
         used = [s.positions[np.unique(s.faces)] for s in self.surfaces]
         return np.min([p.min(0) for p in used], axis=0), np.max([p.max(0) for p in used], axis=0)
+
+
+def pick_part(mesh: Mesh, name: str, is_centred: bool) -> Mesh:
+    """The surfaces of a mesh that the file calls `name`; all of them for "" and where it names none.
+    `is_centred`: with the middle of their box at the origin. Raises ModelRefused when it has other names."""
+    found = tuple(s for s in mesh.surfaces if name in s.names) if name else mesh.surfaces
+    known = dict.fromkeys(n for s in mesh.surfaces for n in s.names)
+    if known and not found:
+        others = ", ".join(map(quote_name, list(known)[:NAMES_SHOWN]))
+        more = " …" if len(known) > NAMES_SHOWN else ""
+        raise ModelRefused(f"it has no part {quote_name(name)}, but {others}{more}")
+    part = replace(mesh, surfaces=found or mesh.surfaces)
+    if not is_centred:
+        return part
+    low, high = part.compute_box()
+    middle = ((low + high) / 2).astype(np.float32)
+    return replace(part, surfaces=tuple(replace(s, positions=s.positions - middle) for s in part.surfaces))
 
 
 def turn_upright(mesh: Mesh) -> Mesh:

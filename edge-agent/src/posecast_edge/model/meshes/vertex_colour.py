@@ -46,7 +46,9 @@ def split_by_colour(surface: Surface) -> Iterator[Surface]:
         own = sort == number
         r, g, b = (float(v) for v in np.round(colours[own].mean(0), 4))
         rgba = (paint.rgba[0] * r, paint.rgba[1] * g, paint.rgba[2] * b, paint.rgba[3])
-        yield Surface(surface.positions, surface.faces[own], surface.uv, Paint(rgba, paint.texture))
+        yield Surface(
+            surface.positions, surface.faces[own], surface.uv, Paint(rgba, paint.texture), names=surface.names
+        )
 
 
 def _sorts(colours: NDArray[np.float64]) -> NDArray[np.int64]:

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import posixpath
+import re
 from collections.abc import Callable
 from urllib.parse import urlsplit
 
 from posecast_edge.model.finding import ModelRefused, quote_name
 from posecast_edge.model.kinematics import Matrix
 from posecast_edge.model.sdf.frames import make_pose
-from posecast_edge.model.sdf.values import SdfValues, get_text
+from posecast_edge.model.sdf.values import SdfValues, get_flag, get_text
 from posecast_edge.model.urdf.types import ONES, SHAPES_MAX, Geometry, Inertial, Material, Shape, Vector
 from posecast_edge.model.urdf.xml_tree import Element
 
 Rgba = tuple[float, float, float, float]
 DIMENSIONS = {"cylinder": ("radius", "length"), "sphere": ("radius",), "capsule": ("radius", "length")}
+COLLADA = re.compile(r"\.dae$", re.IGNORECASE)
+NEEDS_MESH = ("heightmap", "polyline", "image")
 MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 # Gazebo's own materials that robots name by script
 SCRIPTS: dict[str, Vector] = {
@@ -72,7 +75,8 @@ class ShapeReader:
             if shape.tag == "plane":
                 self._values.note("hint", "plane", f"{what}: a plane has no end; it is not shown", shape)
             elif shape.tag != "empty":
-                text = f"{what}: shape {quote_name(shape.tag)} is not shown"
+                advice = "; save it as a mesh to see it" if shape.tag in NEEDS_MESH else ""
+                text = f"{what}: shape {quote_name(shape.tag)} is not shown{advice}"
                 self._values.note("warning", "shape-unknown", text, shape)
         return None
 
@@ -81,14 +85,16 @@ class ShapeReader:
         if not uri:
             self._values.note("error", "mesh-unnamed", f"{what}: a mesh without a uri", shape)
             return None
-        if name := get_text(shape, "submesh", "name"):
-            text = f"{what}: it names part {quote_name(name)} of a mesh; the whole mesh is shown"
-            self._values.note("warning", "submesh", text, shape)
+        part = get_text(shape, "submesh", "name")
+        if part and not COLLADA.search(uri):
+            text = f"{what}: it names part {quote_name(part)} of a mesh; the whole mesh is shown, since"
+            self._values.note("warning", "submesh", f"{text} parts are known in Collada files only", shape)
         scale = self._values.read_vector(shape.find_first("scale"), ONES, what)
         if 0.0 in scale:
             self._values.note("error", "scale-zero", f"{what}: a mesh scaled by 0", shape)
             scale = ONES
-        return Geometry("mesh", (), join_uri(base, uri), scale, shape.line)
+        is_centred = get_flag(shape, "submesh", "center")
+        return Geometry("mesh", (), join_uri(base, uri), scale, shape.line, part, is_centred)
 
     def _primitive(self, shape: Element, what: str) -> Geometry | None:
         kind, dims, scale = shape.tag, [0.0], ONES

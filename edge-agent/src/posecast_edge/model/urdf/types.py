@@ -35,13 +35,17 @@ class Pose:
 
 @dataclass(frozen=True)
 class Geometry:
-    """`kind` is mesh, box (x, y, z), cylinder or capsule (radius, length along z) or sphere (radius)."""
+    """`kind` is mesh, box (x, y, z), cylinder or capsule (radius, length along z) or sphere (radius). `part`:
+    of a mesh only what the file calls so, as far as it names parts, "" for all of it; `is_centred`: with the
+    middle of its box at the origin."""
 
     kind: str
     dims: tuple[float, ...]
     uri: str
     scale: Vector
     line: int
+    part: str = ""
+    is_centred: bool = False
 
 
 @dataclass(frozen=True)
