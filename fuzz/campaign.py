@@ -29,6 +29,7 @@ FAMILIES = (
     "fuzz.targets.sources",
     "fuzz.targets.mjcf",
     "fuzz.targets.models",
+    "fuzz.targets.xacro",
     "fuzz.targets.page",
 )
 # packages whose code leads

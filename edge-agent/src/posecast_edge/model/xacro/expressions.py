@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Mapping
+from types import CodeType
 from typing import Any
 
 ATTRIBUTE = "_posecast_attribute"  # a name that no expression may use itself
@@ -67,14 +68,20 @@ def get_attribute(value: Any, name: str) -> Any:
     )
 
 
+def compile_expression(text: str) -> CodeType:
+    """The code of an expression, in which `a.b` calls ATTRIBUTE. Raises ExpressionRefused for what is more
+    than an expression over data, and what Python raises for what is no expression."""
+    if len(text) > EXPRESSION_MAX:
+        raise ExpressionRefused(f"an expression of more than {EXPRESSION_MAX:,} characters")
+    tree = _Guard().visit(ast.parse(text.strip(), "<expression>", "eval"))
+    return compile(ast.fix_missing_locations(tree), "<expression>", "eval")
+
+
 def evaluate_expression(text: str, symbols: dict[str, Any], names: Mapping[str, Any] | None = None) -> Any:
     """Evaluate as Python does, but for attributes. `names`: looked at before `symbols`.
 
     Raises ExpressionRefused for what is more than an expression over data, and what evaluating it raises.
     """
-    if len(text) > EXPRESSION_MAX:
-        raise ExpressionRefused(f"an expression of more than {EXPRESSION_MAX:,} characters")
-    tree = _Guard().visit(ast.parse(text.strip(), "<expression>", "eval"))
-    code = compile(ast.fix_missing_locations(tree), "<expression>", "eval")
+    code = compile_expression(text)
     symbols |= {"__builtins__": {}, ATTRIBUTE: get_attribute}
     return eval(code, symbols, names)
