@@ -37,7 +37,7 @@ const SHARED_CHUNKS = [
   },
   {
     name: 'settings',
-    test: /spa\/src\/(app\/(state\/(settings|use_store)|text\/language)|browser\/first_paint|app\/shell\/media)\.ts$/,
+    test: /spa\/src\/(app\/(state\/(settings|use_store)|text\/language)|browser\/(first_paint|late_part|retry)|app\/shell\/media)\.ts$/,
   },
 ];
 

@@ -88,7 +88,7 @@ it('chip, banner and body agree in every picture, whatever happens to the robot,
   const robot = new ClockRobot(stage.stack, relay);
   const link = await FaultyLink.open(relay.port);
   try {
-    const page = await stage.newPage({ preload: LOOKING, viewport: { width: 700, height: 500 } });
+    const page = await stage.newPage({ preload: LOOKING, viewport: { width: 390, height: 700 } });
     page.forgive(/WebSocket|ERR_|Failed to load|NetworkError|access control|Could not connect/i);
     await page.open(`${link.url}/#/r/demo`);
     await until('LIVE', is(page, 'LIVE'), 60_000);
@@ -108,6 +108,8 @@ it('chip, banner and body agree in every picture, whatever happens to the robot,
     await until('held up four times', () => page.evaluate<boolean>('window.heldUp === 4'), 30_000);
     robot.source.signal('SIGSTOP');
     await until('STALE', is(page, 'STALE'), 30_000);
+    const cutPx = `(({ scrollWidth, clientWidth }) => scrollWidth - clientWidth)(document.querySelector('.chip-detail'))`;
+    expect(await page.evaluate<number>(cutPx), 'of its age, on a phone').toBe(0);
     robot.source.signal('SIGCONT');
     await until('LIVE again', is(page, 'LIVE'), 30_000);
     link.cut(true);
@@ -115,9 +117,9 @@ it('chip, banner and body agree in every picture, whatever happens to the robot,
     link.heal();
     await until('LIVE again', is(page, 'LIVE'), 60_000);
     await robot.edge.kill();
-    await until('OFFLINE', is(page, 'OFFLINE'), 30_000);
-    const said = new Set((await page.evaluate<Seen[]>('window.seen')).map(({ chip }) => chip));
-    expect([...said].sort()).toEqual(expect.arrayContaining(['HOLDING', 'LIVE', 'OFFLINE', 'STALE']));
+    const pictured = () => page.evaluate<string[]>('[...new Set(window.seen.map(({ chip }) => chip))]');
+    await until('OFFLINE in a picture', async () => (await pictured()).includes('OFFLINE'), 30_000);
+    expect(await pictured()).toEqual(expect.arrayContaining(['HOLDING', 'LIVE', 'STALE']));
     expect(await disagreements(page)).toEqual([]);
   } finally {
     await link.close();

@@ -73,6 +73,15 @@ it('a page that was held up claims nothing until what has piled up is in', () =>
   watch.close();
 });
 
+it('a page that was held up goes on calling old what it called old', () => {
+  const { watch, said } = watched();
+  vi.advanceTimersByTime(STALE_AFTER_MS);
+  holdUp(3000);
+  vi.advanceTimersByTime(100);
+  expect([said, watch.verdict().word]).toEqual([['LIVE', 'STALE'], 'STALE']);
+  watch.close();
+});
+
 it('one that was held up for a moment blames nobody for it', () => {
   const { twin, watch, said } = watched();
   holdUp(STALE_AFTER_MS - 200);

@@ -15,11 +15,13 @@ const ARM: SampleModel = {
 const STANDING: Pose = { joints: new Map([['joint1', 0.3]]), base: null };
 
 let turn = 0;
+let shellsAway = false;
 /** Another address each time: what was fetched once stays known to the page. */
 let url = '';
 
 beforeEach(async () => {
   turn += 1;
+  shellsAway = false;
   url = `http://relay/${turn}/manifest.json`;
   const glb = await sampleGlb(ARM);
   const level = {
@@ -31,6 +33,7 @@ beforeEach(async () => {
   };
   vi.stubGlobal('fetch', async (at: string) => {
     if (at.includes('/lost/')) return new Response('', { status: 404 });
+    if (at.includes('/away/') || (shellsAway && at.endsWith('.glb'))) throw new TypeError('no network');
     return at.endsWith('.json') ? Response.json(sampleManifest(ARM, [level])) : new Response(glb.slice());
   });
 });
@@ -62,6 +65,21 @@ it('a model that does not come stands in the report; a newer one takes the place
   expect(robot.figure).toBeNull();
   const [older, newer] = await Promise.all([robot.load(url, () => {}), robot.load(url, () => {})]);
   expect([older.error, newer.error]).toEqual(['superseded by a newer model', undefined]);
+});
+
+it('says whether what did not come may come later', async () => {
+  const { robot } = staged();
+  expect((await robot.load('http://relay/lost/manifest.json', () => {})).passing).toBeUndefined();
+  expect(await robot.load('http://relay/away/manifest.json', () => {})).toMatchObject({
+    error: 'manifest.json: no answer',
+    passing: true,
+  });
+  shellsAway = true;
+  expect(await robot.load(url, () => {})).toMatchObject({ bare: 'low.glb: no answer', passing: true });
+  expect(robot.figure?.dressed).toBe(false);
+  shellsAway = false;
+  expect((await robot.load(url, () => {})).passing).toBeUndefined();
+  expect(robot.figure?.dressed).toBe(true);
 });
 
 it('stands aside with its whole world, also with a model that comes later', async () => {

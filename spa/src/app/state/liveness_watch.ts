@@ -79,7 +79,8 @@ export class LivenessWatch {
   #tell(): void {
     const before = this.word;
     const verdict = judge(this.#twin.evidence, this.#lookedMs);
-    this.#verdict = this.#lost ? { ...verdict, word: null, cause: null, overShare: false } : verdict;
+    const claims = this.#lost && isClaim(verdict.word); // what is called old may be called so all the while
+    this.#verdict = claims ? { ...verdict, word: null, cause: null, overShare: false } : verdict;
     const { word } = this.#verdict;
     if (word === before) return;
     if (isClaim(before) && word !== null && !isClaim(word)) this.#twin.evidence.otherwiseMs = this.#lookedMs;
