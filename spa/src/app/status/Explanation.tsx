@@ -8,15 +8,15 @@ export function Explanation({ link }: { link: RobotLink }) {
   const connection = useConnection(link);
   const text = useMore();
   const catalogue = useCatalogue();
-  const { word } = link.watch.verdict();
+  const told = catalogue?.words[link.watch.verdict().word ?? ''];
   return (
     <>
       {explanationWords(link.watch.verdict(), connection).map((line, i) => (
         <p key={i === 0 ? 'first' : line.split(':')[0]}>{line}</p>
       ))}
-      {word !== null && (
+      {told !== undefined && (
         <p>
-          {catalogue?.words[word]?.what} {catalogue?.words[word]?.how}
+          {told.what} {told.how}
         </p>
       )}
       {connection.rateReason !== null && connection.phase === 'open' && (

@@ -1,11 +1,15 @@
 import '../../styles/signs.css';
+import { isolated } from '../../../twin/names.ts';
 import { OverlayReader } from '../../../twin/overlay/reader.ts';
+import { wordsOfName } from '../../../twin/plain_names.ts';
+import type { RobotTwin } from '../../../twin/robot.ts';
 import type { LoadScale } from '../../../twin/sensors/load.ts';
 import type { OverlaidBody } from '../../../view/body_view.ts';
 import type { RobotLink } from '../../state/robot_link.ts';
 import { onSettings, settings } from '../../state/settings.ts';
 import { onLanguage } from '../../text/language.ts';
 import { more } from '../../text/more.ts';
+import type { More } from '../../text/more_en.ts';
 
 /** A running connection between the readings of a robot and the overlay of its body. */
 export interface OverlayLink {
@@ -15,10 +19,35 @@ export interface OverlayLink {
   stop(): void;
 }
 
+/** The texts of the signs, and what they were made of. */
+interface Words {
+  readonly words: More;
+  readonly madeOf: readonly unknown[];
+}
+
+/** The texts of the signs, with joints in plain words if these are wanted. `before`: those of the last frame. */
+function wordsFor({ schema }: RobotTwin, plain: boolean, before: Words | null): Words {
+  const text = more();
+  const madeOf = [schema, text, plain];
+  if (before?.madeOf.every((part, i) => part === madeOf[i])) return before;
+  if (!plain) return { words: text, madeOf };
+  const named = (channel: string) => {
+    const words = wordsOfName(schema, channel);
+    return words === null ? channel : isolated(words);
+  };
+  const words = {
+    ...text,
+    offBy: (channel: string, by: string) => text.offBy(named(channel), by),
+    compliant: (channel: string) => text.compliant(named(channel)),
+  };
+  return { words, madeOf };
+}
+
 /** Draws the overlay of a body from each new frame, outside React. It follows settings and language. */
 export function bindOverlay(scene: OverlaidBody, { twin, watch }: RobotLink): OverlayLink {
   let reader: OverlayReader | null = null;
   let ghostShown = false;
+  let words: Words | null = null;
 
   const follow = () => {
     const { schema, state, limits } = twin;
@@ -36,10 +65,11 @@ export function bindOverlay(scene: OverlaidBody, { twin, watch }: RobotLink): Ov
     if (ghost !== null) scene.showGhost(ghost, [...ghost.keys()]);
     else if (ghostShown) scene.showGhost(null);
     ghostShown = ghost !== null;
-    const { arrowScale, palette, angle, shown } = choice;
+    const { arrowScale, palette, angle, shown, names } = choice;
+    words = wordsFor(twin, names === 'words', words);
     const from = shown === 'ref' && reader.can.lens ? 'ref' : 'pos';
     const live = watch.word === 'LIVE' || watch.word === 'HOLDING';
-    scene.showSigns(readings, { from, live, arrowScale, palette, angle, words: more() });
+    scene.showSigns(readings, { from, live, arrowScale, palette, angle, words: words.words });
   };
 
   const leave = [
