@@ -34,7 +34,8 @@ it('a fault of 30 ms stays until it is acknowledged in this browser, also after 
 
   source.write(JSON.stringify({ ...JAMMED, once: true }));
   await until('it is over, and still there', async () => (await row(page)).latched === 'over');
-  expect(await line(page)).toMatch(/^Right knee is blocked\.RKN · jam · over since/);
+  const told = /^Right knee is blocked\.RKN · jam · over since/;
+  await until('in a sentence', async () => told.test(await line(page)));
   expect(await row(page)).toMatchObject({ flags: 'jam, over', first: 'RKN' });
 
   await page.open(`${relay.url}/?again#/r/demo`);
@@ -77,7 +78,7 @@ it('is found in one tap: the line opens the joint, with its last minute and what
       page.evaluate<number>('document.querySelector(".trace-pos").getAttribute("d").split(/[ML]/).length');
     await until('a strip that grows', async () => (await points()) > 5);
     expect(await text()).toMatch(
-      /RKN.*right knee.*\d\d:\d\d:\d\dRight knee is blocked.*RKN · jam.*still there.*position.*reference/s,
+      /RKN.*right knee.*\d\d:\d\d:\d\dRight knee is blocked.*jam.*still there.*position.*reference/s,
     );
     await page.press('Escape');
     await until('the table again', async () => (await card.count()) === 0);
