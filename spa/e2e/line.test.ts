@@ -16,6 +16,34 @@ const CALLS_PER_ROBOT = 5;
 const CALLS_AROUND = 7;
 
 describe('robots side by side', () => {
+  it('without a body take their place as a card of numbers', async () => {
+    const relay = await stage.stack.relay();
+    stage.stack.fedEdge(relay, { pos: { RKN: 0.9 }, wave: { pos: { LKN: [0.4, 0.5] } } }, { robot: 'bare' });
+    stage.stack.fedEdge(relay, { pos: { RKN: 0.9, LKN: 0.9 } }, { robot: 'whole', urdf: URDF });
+    const page = await stage.newPage();
+    await page.open(`${relay.url}/r/bare+whole+nobody`);
+    const text = (robot: string) =>
+      page.evaluate<string>(`document.querySelector('[data-testid="numbers-${robot}"]')?.textContent ?? ''`);
+    await until('its numbers', async () => /RKN pos.0\.900 rad/.test(await text('bare')), 60_000);
+    expect(await text('bare')).toContain('It has sent no model');
+    await until(
+      'one that is not there says so',
+      async () => (await text('nobody')).includes('OFFLINE'),
+      30_000,
+    );
+    await until(
+      'the other has its body',
+      () =>
+        page.evaluate<boolean>(
+          `document.querySelector('[data-testid="line-whole"]')?.style.visibility === 'visible'`,
+        ),
+      60_000,
+    );
+    expect(await text('whole')).toBe('');
+    mkdirSync(SHOTS, { recursive: true });
+    await page.screenshot(path.join(SHOTS, 'row-without-a-body.png'));
+  });
+
   it.skipIf(!FULL)('are chosen from the list, move in one scene, and each has its own chip', async () => {
     const relay = await stage.stack.relay();
     stage.stack.edge(relay, { robot: 'one' });

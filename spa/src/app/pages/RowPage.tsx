@@ -1,7 +1,6 @@
 import './row.css';
 import { type RefObject, useCallback, useEffect, useRef, useState } from 'react';
 import { manifestUrl } from '../../relay/addresses.ts';
-import { isolated } from '../../twin/names.ts';
 import type { RowMember, RowView } from '../../view/body_view.ts';
 import { bindBody } from '../body/body_link.ts';
 import { CameraViews } from '../body/CameraViews.tsx';
@@ -14,13 +13,15 @@ import { ShownChoice } from '../body/overlay/ShownChoice.tsx';
 import { useBodyView } from '../body/use_body_view.ts';
 import { ViewNote } from '../body/ViewNote.tsx';
 import { BackIcon, IconButton, SettingsIcon } from '../shell/icons.tsx';
-import { type RobotLink, useRobotLink, useVersion } from '../state/robot_link.ts';
+import { type RobotLink, useRobotLink, useVersion, useWord } from '../state/robot_link.ts';
 import { robotHref } from '../state/route.ts';
 import { Chip } from '../status/Chip.tsx';
 import { useText } from '../text/language.ts';
 import { useMore } from '../text/more.ts';
+import { NumbersCard } from './NumbersCard.tsx';
 
-/** Up to six robots side by side in one scene, each with its own state (LIVE, STALE, …) over its head. */
+/** Up to six robots side by side in one scene, each with its own state (LIVE, STALE, …) over its head; a robot without a
+ *  body stands beside the scene as a card of numbers. */
 export function RowPage({ robots, onSettings }: { robots: readonly string[]; onSettings: () => void }) {
   const host = useRef<HTMLDivElement>(null);
   const labels = useRef<(HTMLElement | null)[]>([]);
@@ -30,6 +31,8 @@ export function RowPage({ robots, onSettings }: { robots: readonly string[]; onS
   const [signs, setSigns] = useState<readonly OverlayLink[]>([]);
   const onLink = useMembers(setLinks);
   const onSigns = useMembers(setSigns);
+  const [bodiless, setBodiless] = useState<readonly Bodiless[]>([]);
+  const onBodiless = useMembers(setBodiless);
   const text = useText();
   const rest = useMore();
   useEffect(() => {
@@ -47,7 +50,7 @@ export function RowPage({ robots, onSettings }: { robots: readonly string[]; onS
           <SettingsIcon />
         </IconButton>
       </header>
-      <main className="split">
+      <main className="split row-split" data-bodiless={bodiless.length === robots.length}>
         <div className="split-body">
           <section className="stage" aria-label={rest.bodies}>
             <div className="canvas" ref={host} data-testid="scene" data-shown="true" />
@@ -73,6 +76,7 @@ export function RowPage({ robots, onSettings }: { robots: readonly string[]; onS
                   body={scene?.robots[i] ?? null}
                   onLink={onLink}
                   onSigns={onSigns}
+                  onBodiless={onBodiless}
                   label={(element) => {
                     labels.current[i] = element;
                   }}
@@ -89,6 +93,15 @@ export function RowPage({ robots, onSettings }: { robots: readonly string[]; onS
             {scene !== null && <LoadLegend signs={signs} />}
           </section>
         </div>
+        {bodiless.length > 0 && (
+          <aside className="row-cards" aria-label={rest.withoutBody}>
+            {robots.flatMap((robot) =>
+              bodiless
+                .filter(({ link }) => link.twin.robot === robot)
+                .map(({ link, why }) => <NumbersCard key={robot} link={link} why={why} />),
+            )}
+          </aside>
+        )}
       </main>
     </div>
   );
@@ -113,6 +126,12 @@ function useMembers<T>(
   );
 }
 
+/** A robot that is not seen in the scene; `why` not, null for one without a model. */
+interface Bodiless {
+  readonly link: RobotLink;
+  readonly why: string | null;
+}
+
 interface MemberProps {
   readonly robot: string;
   readonly scene: RowView | null;
@@ -120,6 +139,7 @@ interface MemberProps {
   readonly label: (element: HTMLElement | null) => void;
   readonly onLink: (link: RobotLink) => () => void;
   readonly onSigns: (signs: OverlayLink) => () => void;
+  readonly onBodiless: (robot: Bodiless) => () => void;
 }
 
 /** One robot of the line: its connection, its body, and what stands over its head. */
@@ -128,11 +148,16 @@ function Member(props: MemberProps) {
   return link === null ? null : <Linked {...props} link={link} />;
 }
 
-function Linked({ robot, scene, body, label, link, onLink, onSigns }: MemberProps & { link: RobotLink }) {
+function Linked(props: MemberProps & { link: RobotLink }) {
+  const { robot, scene, body, label, link, onLink, onSigns, onBodiless } = props;
   useVersion(link);
-  const rest = useMore();
+  const known = useWord(link) !== null;
   const { modelHash } = link.twin;
   const [why, setWhy] = useState<string | null>(null);
+  const [stands, setStands] = useState(false);
+  const isBodiless = known && !stands && (modelHash === null || why !== null);
+
+  useEffect(() => (isBodiless ? onBodiless({ link, why }) : undefined), [isBodiless, onBodiless, link, why]);
 
   useEffect(() => onLink(link), [onLink, link]);
 
@@ -171,17 +196,20 @@ function Linked({ robot, scene, body, label, link, onLink, onSigns }: MemberProp
     return keepLoading(
       url,
       () => body.load(url, () => {}),
-      ({ error }) => setWhy(error ?? null),
+      ({ error }) => {
+        setWhy(error ?? null);
+        if (error === undefined) setStands(true);
+      },
     );
   }, [body, robot, modelHash]);
 
+  if (isBodiless) return null;
   return (
     <div className="line-label" ref={label} data-testid={`line-${robot}`}>
       <a href={robotHref(robot)} className="line-name">
         {link.twin.name}
       </a>
       <Chip link={link} />
-      {why !== null && <span className="quiet">{rest.noBody(isolated(why))}</span>}
     </div>
   );
 }

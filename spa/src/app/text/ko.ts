@@ -350,6 +350,8 @@ export const moreKo: More = {
   copy: '복사',
   copied: '복사함',
   robotsSideBySide: (count) => `나란히 선 로봇 ${count}대`,
+  noModel: '몸체 모델을 보내지 않았습니다.',
+  withoutBody: '몸체가 없는 로봇',
   noBody: (why) => `몸체 없음: ${why}`,
   bodies: '로봇들',
   lineNeeds3d: '로봇을 나란히 보려면 3D가 필요한데 이 브라우저에는 없습니다. 하나씩은 볼 수 있습니다.',

@@ -307,6 +307,8 @@ export const moreEn = {
   keyClose: 'close to what is in the middle',
   // ---- side by side
   robotsSideBySide: (count: number) => `${count} robots side by side`,
+  noModel: 'It has sent no model of its body.',
+  withoutBody: 'Robots without a body',
   noBody: (why: string) => `No body: ${why}`,
   bodies: 'Bodies',
   lineNeeds3d: 'Robots side by side need 3D, which this browser does not have. Each can be seen alone.',

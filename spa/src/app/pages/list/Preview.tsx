@@ -3,10 +3,10 @@ import { tokenFor } from '../../../auth/token.ts';
 import { manifestAt } from '../../../model/files.ts';
 import { readManifest } from '../../../model/manifest.ts';
 import { manifestUrl, streamUrl } from '../../../relay/addresses.ts';
+import { PreviewStream } from '../../../stream/preview/preview_stream.ts';
 import { type Pose, Poser } from '../../../twin/playback/pose.ts';
 import { StickFigure } from '../../../view/stick_figure.ts';
 import { useTheme } from '../../shell/theme.ts';
-import { PreviewStream } from './preview_stream.ts';
 
 /** The pointer that only crosses a card opens nothing. */
 const SETTLE_MS = 200;

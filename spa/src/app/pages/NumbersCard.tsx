@@ -1,0 +1,91 @@
+import { useEffect, useRef, useState } from 'react';
+import { nowMs } from '../../stream/clock.ts';
+import { displayOf, formatNumber } from '../../twin/format.ts';
+import { isolated } from '../../twin/names.ts';
+import { arrangeTraces } from '../../twin/plots/choice.ts';
+import { type TraceReading, traceReading } from '../../twin/plots/trace.ts';
+import { OpenFaults } from '../numbers/alarms/OpenFaults.tsx';
+import { refreshWith } from '../numbers/grid/refresh.ts';
+import { useFaults } from '../state/fault_keeper.ts';
+import { type RobotLink, useVersion, useWord } from '../state/robot_link.ts';
+import { robotHref } from '../state/route.ts';
+import { useSettings } from '../state/settings.ts';
+import { Chip } from '../status/Chip.tsx';
+import { useMore } from '../text/more.ts';
+
+const MOST_VALUES = 12;
+const MOST_FAULTS = 4;
+/** The values are chosen once more after this long, when there is enough history to see which of them move. */
+const CHOSEN_AGAIN_MS = 4000;
+
+/** The place in a row of a robot that has no body: its name, its state, its open faults, and what moves most in numbers.
+ *  `why`: why there is no body; null for a robot without a model. */
+export function NumbersCard({ link, why }: { link: RobotLink; why: string | null }) {
+  useVersion(link);
+  const rest = useMore();
+  const word = useWord(link);
+  const { angle } = useSettings();
+  const body = useRef<HTMLTableSectionElement>(null);
+  const readings = useReadings(link);
+  const open = useFaults(link.faults) ?? [];
+
+  useEffect(() => {
+    const write = () => {
+      const { state } = link.twin;
+      for (const [i, { unit, scale, read }] of readings.entries()) {
+        const [, value] = body.current?.rows[i]?.cells ?? [];
+        if (value === undefined) continue;
+        const display = displayOf(unit, angle, scale);
+        value.textContent = `${formatNumber(state === null ? null : read(state.codes), display)} ${display.unit}`;
+      }
+    };
+    return refreshWith(link.twin, write);
+  }, [link, readings, angle]);
+
+  const { robot, schema } = link.twin;
+  return (
+    <section
+      className="row-card"
+      data-testid={`numbers-${robot}`}
+      data-state={word ?? ''}
+      aria-label={link.twin.name}
+    >
+      <header>
+        <a href={robotHref(robot)} className="line-name">
+          {link.twin.name}
+        </a>
+        <Chip link={link} />
+      </header>
+      {schema !== null && <p className="quiet">{why === null ? rest.noModel : rest.noBody(isolated(why))}</p>}
+      <OpenFaults link={link} faults={open.slice(0, MOST_FAULTS)} named />
+      <table>
+        <tbody ref={body}>
+          {readings.map(({ title }) => (
+            <tr key={title}>
+              <th scope="row">{title}</th>
+              <td />
+            </tr>
+          ))}
+        </tbody>
+      </table>
+    </section>
+  );
+}
+
+/** How the robot's values are read that moved most; the same for as long as its schema. */
+function useReadings(link: RobotLink): readonly TraceReading[] {
+  const { schema } = link.twin;
+  const { history } = link.past;
+  const [readings, setReadings] = useState<readonly TraceReading[]>([]);
+  useEffect(() => {
+    if (schema === null) return;
+    const choose = () => {
+      const traces = arrangeTraces(history, nowMs()).slice(0, MOST_VALUES);
+      setReadings(traces.flatMap((trace) => traceReading(schema, trace) ?? []));
+    };
+    choose();
+    const again = setTimeout(choose, CHOSEN_AGAIN_MS);
+    return () => clearTimeout(again);
+  }, [history, schema]);
+  return readings;
+}
