@@ -73,6 +73,29 @@ it('the card in focus moves, one at a time, and counts as no viewer', async () =
         )([...document.querySelectorAll('[data-testid=preview]')])`),
     );
   }
-  const listed = await (await fetch(`${relay.url}/api/v1/robots`)).json();
-  expect(listed.robots.map(({ viewers }: { viewers: number }) => viewers)).toEqual([0, 0]);
+  const counted = await (await fetch(`${relay.url}/api/v1/robots`)).json();
+  expect(counted.robots.map(({ viewers }: { viewers: number }) => viewers)).toEqual([0, 0]);
+});
+
+it('on a phone the card in the middle of the screen moves', async (context) => {
+  stage.needs(context, 'touch');
+  const relay = await stage.stack.relay();
+  for (const robot of ['a', 'b', 'c', 'd']) stage.stack.fedEdge(relay, demoAt(20), { ...DEMO, robot });
+  const page = await stage.newPage({ viewport: { width: 390, height: 844 }, touch: true });
+  await page.open(`${relay.url}/`);
+  await until('all', async () => (await names(page, 'robots')).length === 4, 30_000);
+  const middle = () =>
+    page.evaluate<string>(
+      `document.elementFromPoint(innerWidth / 2, innerHeight / 2)?.closest('a')?.dataset.robot ?? ''`,
+    );
+  const moves = async (robot: string) =>
+    (await page.findByTestId('preview').count()) === 1 &&
+    (await page.evaluate<boolean>(
+      `document.querySelector('[data-robot=${robot}] [data-moves=true]') !== null`,
+    ));
+  await page.evaluate(`document.querySelector('[data-robot=b]').scrollIntoView({ block: 'center' })`);
+  await until('b moves', () => moves('b'), 30_000);
+  await page.evaluate(`document.querySelector('[data-robot=c]').scrollIntoView({ block: 'center' })`);
+  await until('c moves', () => moves('c'), 30_000);
+  expect(await middle()).toBe('c');
 });

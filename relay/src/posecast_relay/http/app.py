@@ -98,7 +98,10 @@ def make_app(
 
     _add_robots(app, access, decoded, publish_at)
 
-    @app.get(API + "/{robot}/live.sse", summary="The stream as server-sent events: hz, view, format=json")
+    @app.get(
+        API + "/{robot}/live.sse",
+        summary="The stream as events: hz, view, format=json, preview=1",
+    )
     async def events(request: Request, robot: str) -> Response:  # noqa: ARG001 — served below ASGI, mostly
         if request.method == "HEAD":
             raise HTTPException(405, "a stream is read by GET", {"allow": "GET"})
