@@ -8,7 +8,7 @@ import { loadPanel } from './app/numbers/load_panel.ts';
 import { loadList } from './app/pages/list/index.ts';
 import { installDebugApi } from './app/shell/debug_api.ts';
 import { ErrorBoundary } from './app/shell/ErrorBoundary.tsx';
-import { late, onDemand } from './app/shell/late.tsx';
+import { AbsentNotice, late, onDemand } from './app/shell/late.tsx';
 import { reloadAfterDeploy } from './app/shell/reload.ts';
 import { leavePath } from './app/state/path.ts';
 import { parseRoute } from './app/state/route.ts';
@@ -47,6 +47,7 @@ if (root !== null) {
             <Suspense>
               <EmbedPage />
             </Suspense>
+            <AbsentNotice />
           </ErrorBoundary>
         ) : (
           <App />

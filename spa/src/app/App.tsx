@@ -4,7 +4,7 @@ import { loadList } from './pages/list/index.ts';
 import { closeLocal, listenForDrops, useLocal } from './pages/local/local.ts';
 import { RobotPage } from './pages/RobotPage.tsx';
 import { ErrorBoundary } from './shell/ErrorBoundary.tsx';
-import { late, onDemand } from './shell/late.tsx';
+import { AbsentNotice, late, onDemand } from './shell/late.tsx';
 import { useThemeOnRoot } from './shell/theme.ts';
 import { useHash } from './state/hash.ts';
 import type { RobotLink } from './state/robot_link.ts';
@@ -28,6 +28,7 @@ export function App() {
       <Suspense>
         <Page onSettings={openSettings} />
       </Suspense>
+      <AbsentNotice />
       <DropNotice />
       <Suspense>
         {sheet !== null && <SettingsSheet link={sheet.link} onClose={() => setSheet(null)} />}

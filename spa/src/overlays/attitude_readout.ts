@@ -9,7 +9,7 @@ const RIM = 11;
 
 type Lean = Pick<ShownAttitude, 'roll' | 'pitch'> & { readonly angle: AngleUnit };
 
-/** Shows roll and pitch as numbers and as the bubble of a spirit level, in a corner over the picture. */
+/** Shows roll and pitch as numbers and as the bubble of a spirit level, in the host's place for them. */
 export class AttitudeReadout {
   readonly #root = document.createElement('div');
   readonly #bubble = document.createElementNS(SVG, 'circle');

@@ -26,7 +26,7 @@ export class Overlay {
 
   constructor(host: HTMLElement, tones: OverlayColors) {
     this.#labels = new OverlayLabels(host);
-    this.#readout = new AttitudeReadout(host);
+    this.#readout = new AttitudeReadout(host.parentElement ?? host);
     this.#tones = tones;
   }
 

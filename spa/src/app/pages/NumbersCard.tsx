@@ -57,7 +57,7 @@ export function NumbersCard({ link, why }: { link: RobotLink; why: string | null
         <Chip link={link} />
       </header>
       {schema !== null && <p className="quiet">{why === null ? rest.noModel : rest.noBody(isolated(why))}</p>}
-      <OpenFaults link={link} faults={open.slice(0, MOST_FAULTS)} named />
+      <OpenFaults link={link} faults={open.slice(0, MOST_FAULTS)} />
       <table>
         <tbody ref={body}>
           {readings.map(({ title }) => (

@@ -74,7 +74,7 @@ function Loaded({ link, onSettings }: { link: RobotLink; onSettings: () => void 
         <a className="icon-button" href="#/" aria-label={text.allRobots}>
           <BackIcon />
         </a>
-        <h1 className="robot-name" title={link.twin.robot}>
+        <h1 className="robot-name" title={name === link.twin.robot ? name : `${name} (${link.twin.robot})`}>
           {name}
         </h1>
         <Chip link={link} />

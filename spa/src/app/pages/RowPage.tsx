@@ -19,6 +19,10 @@ import { Chip } from '../status/Chip.tsx';
 import { useText } from '../text/language.ts';
 import { useMore } from '../text/more.ts';
 import { NumbersCard } from './NumbersCard.tsx';
+import { placeApart } from './row_labels.ts';
+
+/** What labels make way for. */
+const OVER_PICTURE = '.stage-views, .load-legend';
 
 /** Up to six robots side by side in one scene, each with its own state (LIVE, STALE, …) over its head; a robot without a
  *  body stands beside the scene as a card of numbers. */
@@ -233,13 +237,23 @@ function useLine(
   );
   const follow = useCallback(() => {
     const view = shown.current;
-    for (const [i, robot] of (view?.robots ?? []).entries()) {
+    const stage = host.current?.parentElement;
+    if (view === null || stage == null) return;
+    const heads = view.robots.flatMap((robot, i) => {
       const label = labels.current[i];
-      const top = view?.topOf(robot) ?? null;
-      if (label == null) continue;
+      const top = view.topOf(robot);
+      if (label == null) return [];
       label.style.visibility = top === null ? 'hidden' : 'visible';
-      if (top !== null) label.style.transform = `translate(${top.x}px, ${top.y}px) translate(-50%, -100%)`;
-    }
-  }, [labels]);
+      if (top === null) return [];
+      const { offsetWidth: width, offsetHeight: height } = label;
+      return [{ label, left: top.x - width / 2, top: top.y - height, width, height }];
+    });
+    const taken = [...stage.querySelectorAll<HTMLElement>(OVER_PICTURE)].map((each) => ({
+      ...{ left: each.offsetLeft, top: each.offsetTop },
+      ...{ width: each.offsetWidth, height: each.offsetHeight },
+    }));
+    for (const [i, { left, top }] of placeApart(heads, taken, stage.clientWidth).entries())
+      heads[i]!.label.style.transform = `translate(${left}px, ${top}px)`;
+  }, [host, labels]);
   return useBodyView(host, prepare, follow);
 }

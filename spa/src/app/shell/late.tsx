@@ -1,11 +1,13 @@
-import { type ComponentType, useSyncExternalStore } from 'react';
+import { type ComponentType, useEffect, useSyncExternalStore } from 'react';
 import { firstPaint } from '../../browser/first_paint.ts';
 import { LatePart } from '../../browser/late_part.ts';
 import { retryNow } from '../../browser/retry.ts';
+import { createStore } from '../../browser/store.ts';
+import { useStore } from '../state/use_store.ts';
 import { useText } from '../text/language.ts';
 
 /** A component that is loaded when it is first drawn, or ahead of that if `ahead` says so. While it can't be loaded it is
- *  a note with a button, it is tried again by itself, and the rest of the page still works. */
+ *  counted for `AbsentNotice`, it is tried again by itself, and the rest of the page still works. */
 export function late<P extends object>(
   load: () => Promise<ComponentType<P>>,
   ahead?: () => boolean,
@@ -30,8 +32,21 @@ export function lateAfterBody<P extends object>(load: () => Promise<ComponentTyp
 /** For what is not fetched before somebody asks for it: other pages, and what few need. */
 export const onDemand = (): boolean => false;
 
+/** How many parts could not be loaded that should be on the page now. */
+const absent = createStore(0);
+
 function NotHere() {
+  useEffect(() => {
+    absent.set(absent.get() + 1);
+    return () => absent.set(absent.get() - 1);
+  }, []);
+  return null;
+}
+
+/** A row with a reload button, if parts of the page could not be loaded. */
+export function AbsentNotice() {
   const text = useText();
+  if (useStore(absent) === 0) return null;
   return (
     <p className="drop-notice" role="alert" data-testid="not-here">
       <span>{text.tryingAgain(text.notHere)}</span>

@@ -1,7 +1,7 @@
 import type { BodyView } from '../../../view/body_view.ts';
 
 const NOTES = '.stage-note, .stage-views';
-const BUTTONS = '.stage-tools';
+const BUTTONS = '.stage-tools, .stage-foot, .model-findings';
 /** Gap between a note and the robot, CSS px. */
 const AIR = 4;
 

@@ -1,0 +1,134 @@
+import { cpSync, readFileSync, writeFileSync } from 'node:fs';
+import path from 'node:path';
+import { expect, it, onTestFinished } from 'vitest';
+import { moreKo } from '../src/app/text/ko.ts';
+import { moreEn } from '../src/app/text/more_en.ts';
+import { engineName } from './driver/engines.ts';
+import type { Page } from './driver/page.ts';
+import { until } from './driver/until.ts';
+import { type Language, lookEverywhere, SIZES, Wrongs } from './layout/sizes.ts';
+import { chipText, liveness } from './robot_page.ts';
+import { DEMO, demoAt } from './sign_words.ts';
+import { setStage } from './stage.ts';
+
+const stage = setStage();
+const PLAYED =
+  engineName() === 'chromium' ? SIZES : SIZES.filter(({ width }) => width === 390 || width === 1440);
+
+const NARROW = PLAYED.filter(({ width }) => width < 400);
+const TWO = PLAYED.filter(({ width }) => width === 390 || width === 1366 || width === 1440).slice(0, 2);
+
+/** Drawn by hand: as many notes, and a picture costs little. */
+const SETTINGS = {
+  body: 'light',
+  load: 'cur',
+  shown: 'both',
+};
+const CHOSEN = `try { localStorage.setItem('posecast.settings', ${JSON.stringify(JSON.stringify(SETTINGS))}) } catch {}`;
+
+/** The demo robot's model, in whose manifest as much is wrong as may be. */
+function faultyModel(): string {
+  const folder = path.join(stage.stack.folder(), 'model');
+  cpSync(DEMO.model, folder, { recursive: true });
+  const file = path.join(folder, 'manifest.json');
+  const manifest = JSON.parse(readFileSync(file, 'utf8'));
+  manifest.missing = ['Body_RWP', 'Body_Head', 'Body_LAR'].map((name) => ({
+    uri: `package://demo/${name}.stl`,
+    reason: 'not found',
+  }));
+  manifest.findings = [12, 48, 120].map((line) => ({
+    ...{ severity: 'warning', line },
+    text: "joint 'tilt' is revolute and has no <limit>: a viewer can't tell how far it may go",
+  }));
+  writeFileSync(file, JSON.stringify(manifest));
+  return folder;
+}
+
+const has = (page: Page, id: string) =>
+  until(id, async () => (await page.findByTestId(id).count()) > 0, 60_000);
+const tab = (page: Page, name: string) => page.evaluate(`document.getElementById('tab-${name}').click()`);
+
+it('nothing on the page of a robot lies over anything else, whatever there is to say', async () => {
+  const relay = await stage.stack.relay({ viewFrames: 7 }); // so that it sends too much
+  const still = demoAt(42);
+  const demo = { ...still, wave: { pos: { RSP: [0.2, 0.2] } } };
+  const { source } = stage.stack.fedEdge(relay, demo, { ...DEMO, model: faultyModel() });
+  const page = await stage.newPage({ preload: CHOSEN, media: { motion: 'reduce' } });
+  const wrongs = new Wrongs();
+  onTestFinished(() => console.info(wrongs.lines.join('\n')));
+  /** The longest words that this note may have; why a device would need them differs. */
+  const slow = async (language: Language) => {
+    const words = (language === 'ko' ? moreKo : moreEn).viewGivenUp;
+    await page.evaluate(
+      `document.querySelector('[data-testid=view-note]').firstChild.data = ${JSON.stringify(words)}`,
+    );
+  };
+  await page.open(`${relay.url}/?as=anyone#/r/demo`);
+  await has(page, 'model-findings');
+  for (const id of ['model-note', 'load-legend', 'signs', 'as-anyone', 'level', 'filter', 'acknowledge'])
+    await has(page, id);
+  await until('a joint', () =>
+    page.evaluate<boolean>('document.querySelector("tr[data-label=WST]") !== null'),
+  );
+  source.write(JSON.stringify({ ...demo, pos: { ...still.pos, WST: null, NKY: null } }));
+  await has(page, 'unread-note');
+  await until('too much', async () => /too much/.test(await chipText(page)), 30_000);
+  await lookEverywhere(page, 'LIVE', wrongs, NARROW, slow);
+  source.signal('SIGSTOP'); // what moves is drawn again and again, and every size would take longer
+  await until('STALE', async () => (await liveness(page)) === 'STALE', 30_000);
+  for (const name of ['Sensors', 'Alarms', 'Plots']) {
+    await tab(page, name);
+    await until(name, () => page.evaluate<boolean>(`document.querySelector('#panel-${name} > *') !== null`));
+    await lookEverywhere(page, name, wrongs, TWO, slow);
+  }
+  await tab(page, 'Joints');
+  await page.evaluate(`document.querySelector('tr[data-label="RKN"] button').click()`);
+  await has(page, 'joint-card');
+  await lookEverywhere(page, 'card', wrongs, TWO, slow);
+  await page.press('Escape');
+
+  await relay.process.kill();
+  await until('no connection', () =>
+    page.evaluate<boolean>(
+      `document.querySelector('[data-testid=liveness]').dataset.cause === 'no connection'`,
+    ),
+  );
+  await page.press('?'); // a part that has not been loaded yet
+  await has(page, 'not-here');
+  await page.evaluate(`document.querySelector('[data-testid="model-findings"] summary').click()`);
+  await lookEverywhere(page, 'no connection', wrongs, PLAYED, slow);
+  page.forgive(/WebSocket|ERR_CONNECTION|Failed to (load|fetch)/);
+  expect(wrongs.lines).toEqual([]);
+}, 400_000);
+
+it('nor on the other pages', async () => {
+  const relay = await stage.stack.relay();
+  const still = demoAt(1);
+  const long = { pos: { left_shoulder_pitch_joint: 0.1, left_shoulder_roll_joint: 0.2, gripper: 0 } };
+  stage.stack.fedEdge(relay, still, { ...DEMO, robot: 'left' });
+  stage.stack.fedEdge(relay, still, { ...DEMO, robot: 'right' });
+  stage.stack.fedEdge(relay, long, { robot: 'a-robot-with-quite-a-long-name-and-no-model' });
+  const page = await stage.newPage({ preload: CHOSEN, media: { motion: 'reduce' } });
+  const wrongs = new Wrongs();
+  onTestFinished(() => console.info(wrongs.lines.join('\n')));
+  const some = PLAYED.filter(({ width }) => [360, 390, 844, 1440].includes(width));
+  for (const [what, address, there, sizes] of [
+    ['list', '?as=anyone#/', '[data-testid=robot-left]', PLAYED],
+    ['nothing here', '?2#/nowhere', '.broken', PLAYED],
+    ['refused', '?relay=https://elsewhere.example#/', '[data-testid=relay-refused]', PLAYED],
+    ['nobody', '?as=anyone#/r/nobody', '[data-testid=stage-note]', some],
+    [
+      'no model',
+      '?as=anyone#/r/a-robot-with-quite-a-long-name-and-no-model',
+      '[data-testid=self-plots]',
+      some,
+    ],
+    ['side by side', '?5#/r/left+right', '.stage-tools', some],
+    ['embed', 'embed/left?as=anyone#/r/left', '[data-testid=level]:not([hidden])', some],
+  ] as const) {
+    await page.open(`${relay.url}/${address}`);
+    await until(what, () => page.evaluate<boolean>(`document.querySelector('${there}') !== null`), 60_000);
+    await lookEverywhere(page, what, wrongs, sizes);
+  }
+  expect(wrongs.lines).toEqual([]);
+}, 400_000);
