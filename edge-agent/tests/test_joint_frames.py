@@ -111,7 +111,9 @@ def test_without_a_model_one_line_says_what_to_add() -> None:
         made.check_time(1.0 + WAIT_S)
     assert said == [NO_MODEL]
     assert NO_MODEL in made.describe()
+    assert not made.wants_transforms
     made.set_description(URDF)  # later, and the frames are known
+    assert made.wants_transforms
     report = made.take_transforms([lift(0.25)], False, 9.0)
     assert report is not None
     assert report.values["pos"] == {"lift": 0.25}
@@ -125,6 +127,10 @@ def test_the_model_that_is_given_counts_before_the_one_that_is_told() -> None:
     made.set_description("<nothing")
     made.take_transforms([lift(0.25)], False, 1.0)
     assert made.names == ["lift", "elbow"]
+    made.set_joints(())  # a model that nothing moves
+    assert made.take_transforms([lift(0.25)], False, 1.0) is None
+    made.check_time(1.0 + WAIT_S)
+    assert (made.wants_transforms, said) == (False, [])
     made, said = frames(None)
     made.set_description("<nothing")
     assert made.take_transforms([lift(0.25)], False, 1.0) is None

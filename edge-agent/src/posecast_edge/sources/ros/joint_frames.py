@@ -61,6 +61,14 @@ class JointFrames:
         """The names of the model's joints that have a value of their own, in the model's order."""
         return [joint.name for joint in self._joints]
 
+    @property
+    def wants_transforms(self) -> bool:
+        """Whether transforms are of any use: False where there is no model, which has been said, until one
+        comes."""
+        if self._given is not None or (self._description is not None and not self._is_given):
+            return True
+        return bool(self._joints) if self._has_model else NO_MODEL not in self._told
+
     def set_joints(self, joints: Sequence[MovingJoint]) -> None:
         """Take the joints of the model that is shown. May be called from any thread."""
         self._given = tuple(joints)
@@ -106,7 +114,7 @@ class JointFrames:
         if self._began_s is None:  # no transform came
             return
         if not self._has_model:
-            self._say_once(NO_MODEL)
+            self._say_once(NO_MODEL, NO_MODEL)
         elif self._misfits or len(self._found) < len(self._joints):
             self._say_once(self.describe())
 
@@ -212,7 +220,7 @@ class JointFrames:
         return None
 
     def _say_once(self, text: str, kind: str = "") -> None:
-        key = kind or text.partition(":")[0].partition(";")[0]
+        key = kind or text.partition(":")[0]
         if key not in self._told:
             self._told.add(key)
             self._say(make_visible(text, LINE_MAX))

@@ -71,7 +71,9 @@ class RobotFrames:
 
     def needs_messages(self, now_s: float) -> bool:
         """Whether there is any use in decoding a message of /tf."""
-        return self._reads_base or self._watched or self.reads_joints(now_s)
+        if self._reads_base or self._watched:
+            return True
+        return self.reads_joints(now_s) and self.joints.wants_transforms
 
     def take_message(self, message: Any, static: bool, now_s: float) -> bool:
         """Take a TFMessage that arrived at `now_s` (seconds). Returns whether it said something of the robot.
