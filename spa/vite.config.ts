@@ -33,7 +33,7 @@ const SHARED_CHUNKS = [
   { name: 'relay', test: /spa\/src\/(auth\/token|browser\/(storage|store)|relay\/(as_anyone|relay))\.ts$/ },
   {
     name: 'values',
-    test: /spa\/src\/(model\/bounds|twin\/(format|names|rotation|values|limits\/(level_latch|limits)))\.ts$/,
+    test: /spa\/src\/(model\/(bounds|kinematics)|twin\/(format|names|plain_names|rotation|values|limits\/(level_latch|limits))|view\/camera\/framing)\.ts$/,
   },
   {
     name: 'settings',
