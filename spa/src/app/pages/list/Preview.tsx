@@ -47,7 +47,15 @@ export function Preview({ robot, model }: { robot: string; model: string }) {
       setMoves(false);
     };
   }, [robot, model, theme]);
-  return <canvas ref={canvas} className="thumb-preview" data-testid="preview" data-moves={moves} />;
+  return (
+    <canvas
+      ref={canvas}
+      className="thumb-preview"
+      aria-hidden="true"
+      data-testid="preview"
+      data-moves={moves}
+    />
+  );
 }
 
 /** Keeps a robot that walks over the place where it was first. */
