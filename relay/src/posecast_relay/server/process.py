@@ -191,7 +191,8 @@ def _find_publish_at(settings: Settings, router: RouterSession | None) -> str | 
     """Return the endpoint that pages are told, with --dev only: elsewhere it takes a credential, and whoever
     gives that knows the endpoint.
     """
-    return router.endpoints[0] if router is not None and settings.dev else None
+    tells = settings.dev and settings.role == "all"
+    return router.endpoints[0] if router is not None and tells else None
 
 
 def _robots(settings: Settings) -> Robots | None:
