@@ -8,6 +8,7 @@ import { BackIcon, FullscreenIcon, IconButton, PanelIcon, SettingsIcon, ShareIco
 import { late, lateAfterBody } from '../shell/late.tsx';
 import { SIDE_BY_SIDE, useMedia } from '../shell/media.ts';
 import { heightPx, type SheetHeight } from '../shell/sheet_heights.ts';
+import { followPresentLinks, present, usePresenting } from '../state/presenting.ts';
 import { type RobotLink, useRobotLink, useVersion, useWord } from '../state/robot_link.ts';
 import { onSelection, selection } from '../state/selection.ts';
 import { changeSettings, useSettings } from '../state/settings.ts';
@@ -20,6 +21,7 @@ const Divider = late(async () => (await import('../shell/Divider.tsx')).Divider)
 const Announcer = lateAfterBody(async () => (await import('../status/Announcer.tsx')).Announcer);
 const Explanations = lateAfterBody(async () => (await import('../explain/Explanations.tsx')).Explanations);
 const ShareSheet = late(async () => (await import('../share/ShareSheet.tsx')).ShareSheet);
+const Presentation = late(async () => (await import('../present/Presentation.tsx')).Presentation);
 const KeysSheet = late(async () => (await import('../body/controls/KeysSheet.tsx')).KeysSheet);
 
 const PANEL_LEAST_PX = 320;
@@ -45,6 +47,8 @@ function Loaded({ link, onSettings }: { link: RobotLink; onSettings: () => void 
   const { panelOpen } = useSettings();
   const page = useRef<HTMLDivElement>(null);
   useVersion(link);
+  const presented = usePresenting();
+  useEffect(followPresentLinks, []);
   const { name } = link.twin;
 
   const { fullscreen, toggle } = useFullscreen(page);
@@ -56,6 +60,7 @@ function Loaded({ link, onSettings }: { link: RobotLink; onSettings: () => void 
       if (event.key === 't' || event.key === 'T') changeSettings({ panelOpen: !panelOpen });
       else if (event.key === 'f' || event.key === 'F') toggle();
       else if (event.key === 's' || event.key === 'S') setSheet('share');
+      else if (event.key === 'p' || event.key === 'P') present(!presented);
       else if (event.key === '?') setSheet('keys');
     };
     window.addEventListener('keydown', onKey);
@@ -68,6 +73,7 @@ function Loaded({ link, onSettings }: { link: RobotLink; onSettings: () => void 
       ref={page}
       data-word={word ?? ''}
       data-fullscreen={fullscreen}
+      data-present={presented}
       data-testid="robot-page"
     >
       <header className="top">
@@ -104,12 +110,13 @@ function Loaded({ link, onSettings }: { link: RobotLink; onSettings: () => void 
           <SettingsIcon />
         </IconButton>
       </header>
-      <Split link={link} alone={fullscreen === 'page'} />
+      <Split link={link} alone={presented || fullscreen === 'page'} />
       <Suspense fallback={null}>
         <Announcer link={link} />
         <Explanations link={link} />
       </Suspense>
       <Suspense fallback={null}>
+        {presented && <Presentation link={link} />}
         {sheet === 'share' && (
           <ShareSheet robot={link.twin.robot} name={name} onClose={() => setSheet(null)} />
         )}

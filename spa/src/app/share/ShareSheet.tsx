@@ -1,12 +1,14 @@
-import encodeQr from 'qr';
-import { useEffect, useMemo, useState } from 'react';
+import { useEffect, useState } from 'react';
 import { tokenFor } from '../../auth/token.ts';
 import { home, relayChoice } from '../../relay/relay.ts';
 import { Command } from '../shell/Command.tsx';
 import { Dialog } from '../shell/Dialog.tsx';
+import { present } from '../state/presenting.ts';
 import './share.css';
 import { useText } from '../text/language.ts';
 import { useMore } from '../text/more.ts';
+import { usePresentText } from '../text/present.ts';
+import { QrCode } from './QrCode.tsx';
 
 /** How often the dialog reads the address, which follows the camera. */
 const SETTLE_MS = 600;
@@ -18,6 +20,7 @@ export function ShareSheet({ robot, name, onClose }: { robot: string; name: stri
   const rest = useMore();
   const named = usePathOf(robot);
   const [at, setAt] = useState(window.location.href);
+  const { present: word, presentWhat } = usePresentText();
   useEffect(() => {
     const timer = setInterval(() => setAt(window.location.href), SETTLE_MS);
     return () => clearInterval(timer);
@@ -27,7 +30,7 @@ export function ShareSheet({ robot, name, onClose }: { robot: string; name: stri
   const onlyHere = /^(localhost|127\.|\[::1\])/.test(hostname);
   return (
     <Dialog title={text.share} testId="share" onClose={onClose}>
-      <Qr text={link} />
+      <QrCode text={link} className="share-code" />
       {onlyHere && (
         <p className="share-remark" data-testid="only-here">
           {rest.onlyThisComputer(hostname)}
@@ -43,6 +46,18 @@ export function ShareSheet({ robot, name, onClose }: { robot: string; name: stri
           {rest.anotherApp}
         </button>
       )}
+      <button
+        type="button"
+        className="text-button share-native"
+        title={presentWhat}
+        data-testid="present"
+        onClick={() => {
+          onClose();
+          present(true);
+        }}
+      >
+        {word}
+      </button>
       {seesMore(robot) && (
         <a className="text-button share-native" href={seenByAnyone(link)} data-testid="seen-by-anyone">
           {rest.seenByAnyone}
@@ -94,32 +109,4 @@ export function frameFor(link: string, robot: string, name: string): string {
   const source = new URL(`embed/${robot}${search}${hash.includes('?') ? hash : ''}`, home()).href;
   const title = name.replace(/[&"<>]/g, (sign) => `&#${sign.charCodeAt(0)};`);
   return `<iframe src="${source.replace(/&/g, '&amp;')}" title="${title}" style="width: 100%; aspect-ratio: 16 / 10; border: 0" allow="fullscreen" loading="lazy"></iframe>`;
-}
-
-/** A QR code, or a note if the text is too long for one. It is dark on light in either theme, as cameras expect. */
-function Qr({ text }: { text: string }) {
-  const words = useMore();
-  const code = useMemo(() => path(text), [text]);
-  if (code === null) return <p className="share-remark">{words.linkTooLong}</p>;
-  return (
-    <svg
-      className="share-code"
-      viewBox={`0 0 ${code.size} ${code.size}`}
-      role="img"
-      aria-label={words.linkAsCode}
-    >
-      <rect width={code.size} height={code.size} fill="#fff" />
-      <path d={code.path} fill="#101828" />
-    </svg>
-  );
-}
-
-function path(text: string): { size: number; path: string } | null {
-  try {
-    const rows = encodeQr(text, 'raw', { ecc: 'medium', border: 3 });
-    const squares = rows.flatMap((row, y) => row.flatMap((dark, x) => (dark ? [`M${x} ${y}h1v1h-1z`] : [])));
-    return { size: rows.length, path: squares.join('') };
-  } catch {
-    return null; // more than a QR code can hold
-  }
 }

@@ -1,4 +1,5 @@
 import type { BodyView } from '../../view/body_view.ts';
+import { presenting } from '../state/presenting.ts';
 import type { RobotLink } from '../state/robot_link.ts';
 import { selection, selectJoint } from '../state/selection.ts';
 import { queryOf, settings } from '../state/settings.ts';
@@ -35,7 +36,8 @@ export function bindAddress(view: BodyView, { twin }: RobotLink): () => void {
   let before = '';
   const write = () => {
     if (wanted !== null) return;
-    const query = sharedQuery(settings(), { joint: selection()?.joint ?? null, eye: view.stand });
+    const shared = sharedQuery(settings(), { joint: selection()?.joint ?? null, eye: view.stand });
+    const query = presenting() ? `${shared === '' ? '?' : `${shared}&`}present` : shared;
     const resting = query === before; // written only when nothing has changed since the last check
     before = query;
     const [place = ''] = window.location.hash.split('?');

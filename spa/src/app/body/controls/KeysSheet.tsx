@@ -1,13 +1,16 @@
 import { Dialog } from '../../shell/Dialog.tsx';
 import { useMore } from '../../text/more.ts';
+import { usePresentText } from '../../text/present.ts';
 import { CameraKeys } from './CameraKeys.tsx';
 
 /** A dialog with all keyboard shortcuts. */
 export function KeysSheet({ onClose }: { onClose: () => void }) {
   const rest = useMore();
+  const { keyPresent } = usePresentText();
   const ofPage = [
     ['T', rest.keyNumbers],
     ['F', rest.keyFullscreen],
+    ['P', keyPresent],
     ['S', rest.keyShare],
     ['?', rest.keyThese],
     ['Tab, Enter', rest.keyTab],

@@ -1,10 +1,12 @@
-import { useEffect, useState } from 'react';
+import { Suspense, useEffect, useState } from 'react';
 import { home, relayChoice } from '../../../relay/relay.ts';
 import { Body } from '../../body/Body.tsx';
 import { showLink } from '../../shell/debug_api.ts';
 import { RobotFigure } from '../../shell/icons.tsx';
+import { late } from '../../shell/late.tsx';
 import { useThemeOnRoot } from '../../shell/theme.ts';
 import { useHash } from '../../state/hash.ts';
+import { followPresentLinks, usePresenting } from '../../state/presenting.ts';
 import { type RobotLink, useRobotLink, useVersion } from '../../state/robot_link.ts';
 import { Announcer } from '../../status/Announcer.tsx';
 import { Chip } from '../../status/Chip.tsx';
@@ -13,6 +15,8 @@ import { framedRobot } from './framed_robot.ts';
 import { connectParent } from './parent.ts';
 import './embed.css';
 import { isolated } from '../../../twin/names.ts';
+
+const Presentation = late(async () => (await import('../../present/Presentation.tsx')).Presentation);
 
 /** One robot embedded in another site's page: body, state and origin. Nothing is requested until it is on the screen.
  *  */
@@ -41,6 +45,8 @@ function Robot({ robot }: { robot: string }) {
 function Shown({ link }: { link: RobotLink }) {
   useVersion(link);
   const rest = useMore();
+  const presented = usePresenting();
+  useEffect(followPresentLinks, []);
   useEffect(() => connectParent(link), [link]);
   const { name } = link.twin;
   const { base } = relayChoice();
@@ -48,7 +54,7 @@ function Shown({ link }: { link: RobotLink }) {
   const { search, hash } = window.location;
   const whole = `${home()}${search}${hash || `#/r/${link.twin.robot}`}`;
   return (
-    <main className="embed" data-testid="embed">
+    <main className="embed" data-present={presented} data-testid="embed">
       <div className="embed-body">
         <Body link={link} />
       </div>
@@ -60,6 +66,11 @@ function Shown({ link }: { link: RobotLink }) {
           Posecast <span aria-hidden="true">↗</span>
         </a>
       </footer>
+      {presented && (
+        <Suspense fallback={null}>
+          <Presentation link={link} />
+        </Suspense>
+      )}
       <Announcer link={link} />
     </main>
   );

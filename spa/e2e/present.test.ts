@@ -1,0 +1,107 @@
+import { mkdirSync } from 'node:fs';
+import path from 'node:path';
+import { expect, it } from 'vitest';
+import type { Page } from './driver/page.ts';
+import { until } from './driver/until.ts';
+import { findWrong } from './layout/findings.ts';
+import { readShown } from './layout/shown.ts';
+import { DEMO, demoAt } from './sign_words.ts';
+import { REPO } from './stack.ts';
+import { setStage } from './stage.ts';
+
+const stage = setStage();
+const SHOTS = path.join(REPO, 'spa/e2e/shots');
+const CHOSEN = `try { localStorage.setItem('posecast.settings', '{"body":"light","load":"cur"}') } catch {}`;
+const PROJECTORS = [
+  { width: 1920, height: 1080 },
+  { width: 3840, height: 2160 },
+];
+/** Of the picture's height. */
+const LEAST_PART = 0.022;
+
+const presented = (page: Page) =>
+  page.evaluate<boolean>(
+    `document.querySelector('[data-present=true]') !== null && document.querySelector('[data-testid=presentation]') !== null`,
+  );
+const hash = (page: Page) => page.evaluate<string>('location.hash');
+
+/** Texts whose letters are lower than they must be, and what of the bars is still there. */
+function tooSmall(page: Page): Promise<string[]> {
+  return page.evaluate<string[]>(`(() => {
+    const small = [];
+    const walk = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
+    for (let node = walk.nextNode(); node !== null; node = walk.nextNode()) {
+      const element = node.parentElement;
+      if (node.data.trim() === '' || element.closest('.unseen, noscript') || !element.checkVisibility({ visibilityProperty: true, opacityProperty: true })) continue;
+      const px = parseFloat(getComputedStyle(element).fontSize) * (element.currentCSSZoom ?? 1);
+      if (px < ${LEAST_PART} * innerHeight) small.push(px + ' px: ' + node.data.trim());
+    }
+    for (const bar of document.querySelectorAll('.top, .split-panel, .sheet, .stage-tools, .embed-foot, .stage-note'))
+      if (bar.checkVisibility()) small.push('a bar: ' + bar.className);
+    return small;
+  })()`);
+}
+
+it('is read from the last row: by key, by the sheet, by a link, also in a frame', async () => {
+  const relay = await stage.stack.relay();
+  stage.stack.fedEdge(relay, demoAt(42), DEMO);
+  const page = await stage.newPage({ preload: CHOSEN, media: { motion: 'reduce' } });
+  await page.open(`${relay.url}/#/`);
+  await page.findByTestId('robot-demo').click();
+  await until('the fault', async () => /RKN/.test(await page.findByTestId('fault-line').text()), 60_000);
+  await until(
+    'a body',
+    () => page.evaluate<boolean>('(window.posecast?.scene?.triangles ?? 0) > 1000'),
+    60_000,
+  );
+  await page.press('p');
+  await until('presented', () => presented(page));
+  await until('in the address', async () => (await hash(page)) === '#/r/demo?load=cur&present', 10_000);
+  expect(await page.findByTestId('present-faults').text()).toMatch(/Right knee \(RKN\): jam, for [\d.]+ s/);
+  expect(await page.findByTestId('present-address').text()).toContain(`${relay.host}/#/r/demo`);
+
+  mkdirSync(SHOTS, { recursive: true });
+  for (const [language, theme] of [
+    ['en', 'dark'],
+    ['ko', 'light'],
+  ]) {
+    await page.evaluate(`location.hash = '#/r/demo?joint=RKN&present&language=${language}&theme=${theme}'`);
+    await until('its language', () =>
+      page.evaluate<boolean>(`document.documentElement.lang === '${language}'`),
+    );
+    await until('the joint', async () => (await page.findByTestId('present-joint').count()) === 1);
+    for (const size of PROJECTORS) {
+      await page.viewport(size);
+      await until('large enough', async () => {
+        const small = await tooSmall(page);
+        if (small.length > 0) throw new Error(small.join('; '));
+        return true;
+      });
+      // a picture of 4K takes long where many tests run
+      if (size.height < 2000 && theme === 'dark')
+        await page.screenshot(path.join(SHOTS, `present-${size.height}-${theme}.png`));
+      expect(findWrong(await readShown(page))).toEqual([]);
+    }
+  }
+
+  await page.press('Escape');
+  await until('the page again', async () => !(await presented(page)));
+  await until('not in the address', async () => !/present/.test(await hash(page)), 10_000);
+  await until('its bar', () => page.evaluate<boolean>(`document.querySelector('.top').checkVisibility()`));
+  await page.viewport({ width: 390, height: 844 });
+  await page.press('s');
+  await until('the sheet', async () => (await page.findByTestId('present').count()) === 1);
+  await page.findByTestId('present').click();
+  await until('presented', () => presented(page));
+  await until('legible', async () => (await tooSmall(page)).length === 0);
+  expect(findWrong(await readShown(page))).toEqual([]);
+  await page.screenshot(path.join(SHOTS, 'present-phone.png'));
+  await page.press('p');
+  await until('the page again', async () => !(await presented(page)));
+
+  await page.viewport({ width: 960, height: 540 });
+  await page.open(`${relay.url}/embed/demo#/r/demo?present`);
+  await until('a frame in slides', () => presented(page), 30_000);
+  await until('legible', async () => (await tooSmall(page)).length === 0, 30_000);
+  await page.screenshot(path.join(SHOTS, 'present-embed.png'));
+});

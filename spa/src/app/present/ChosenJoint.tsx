@@ -1,0 +1,50 @@
+import { isolated, plainName } from '../../twin/names.ts';
+import { useNow } from '../shell/now.ts';
+import type { RobotLink } from '../state/robot_link.ts';
+import { useSelectedJoint } from '../state/selection.ts';
+import { useSettings } from '../state/settings.ts';
+import { useMore } from '../text/more.ts';
+import { readingWords } from './reading_words.ts';
+
+/** Beside the position, which stands above them. */
+const ALSO = [
+  ['ref', 'reference'],
+  ['vel', 'velocity'],
+  ['effort', 'torque'],
+  ['cur', 'current'],
+  ['temp', 'heat'],
+] as const;
+/** Numbers that change more often can't be read. */
+const EVERY_MS = 250;
+
+/** The selected joint, large: its name, its position and what else the robot tells of it. Empty if none is selected. */
+export function ChosenJoint({ link }: { link: RobotLink }) {
+  useNow(EVERY_MS);
+  const joint = useSelectedJoint();
+  const { angle } = useSettings();
+  const text = useMore();
+  if (joint === null) return null;
+  const { twin } = link;
+  const plain = plainName(twin.schema, joint);
+  return (
+    <section className="present-joint" aria-label={isolated(joint)} data-testid="present-joint">
+      <h3>
+        {isolated(joint)} {plain !== undefined && <span>{plain}</span>}
+      </h3>
+      <p className="present-value">{readingWords(twin, 'pos', joint, angle)}</p>
+      <dl>
+        {ALSO.map(([name, word]) => {
+          const value = readingWords(twin, name, joint, angle);
+          return (
+            value !== null && (
+              <div key={name}>
+                <dt>{text[word]}</dt>
+                <dd>{value}</dd>
+              </div>
+            )
+          );
+        })}
+      </dl>
+    </section>
+  );
+}
