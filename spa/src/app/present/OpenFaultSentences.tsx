@@ -27,7 +27,7 @@ export function OpenFaultSentences({ link }: { link: RobotLink }) {
         const lastsMs = Math.floor(Math.max(0, Date.now() - fault.firstMs) / 1000) * 1000;
         return (
           <li key={fault.key}>
-            <i className="fault-mark" data-level={fault.level} data-over={fault.clearedMs !== null} />
+            <i className="present-mark" data-level={fault.level} data-over={fault.clearedMs !== null} />
             <span>
               {fault.clearedMs === null
                 ? text.faultFor(who, what, formatSpan(lastsMs))
