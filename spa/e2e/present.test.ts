@@ -89,10 +89,14 @@ it('is read from the last row: by key, by the sheet, by a link, also in a frame'
       ['en', 'dark'],
       ['ko', 'light'],
     ]) {
-      await page.evaluate(`location.hash = '#/r/demo?joint=RKN&present&language=${language}&theme=${theme}'`);
-      await until('its language', () =>
-        page.evaluate<boolean>(`document.documentElement.lang === '${language}'`),
-      );
+      const inForce = () => page.evaluate<boolean>(`document.documentElement.lang === '${language}'`);
+      // again if need be: the page writes its address itself
+      await until('its language', async () => {
+        await page.evaluate(
+          `location.hash = '#/r/demo?joint=RKN&present&language=${language}&theme=${theme}'`,
+        );
+        return until('in force', inForce, 3000).catch(() => false);
+      });
       await until('the joint', async () => (await page.findByTestId('present-joint').count()) === 1);
       await page.viewport(size);
       await until('large enough', async () => {
