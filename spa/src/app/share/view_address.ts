@@ -34,15 +34,20 @@ export function bindAddress(view: BodyView, { twin }: RobotLink): () => void {
   take();
 
   let before = '';
+  let known = window.location.hash;
   const write = () => {
-    if (wanted !== null) return;
+    const { hash } = window.location;
+    const isNew = hash !== known; // another link, of which `take` may still have to hear
+    known = hash;
+    if (isNew || wanted !== null) return;
     const shared = sharedQuery(settings(), { joint: selection()?.joint ?? null, eye: view.stand });
     const query = presenting() ? `${shared === '' ? '?' : `${shared}&`}present` : shared;
     const resting = query === before; // written only when nothing has changed since the last check
     before = query;
-    const [place = ''] = window.location.hash.split('?');
-    if (resting && window.location.hash !== place + query) {
+    const [place = ''] = hash.split('?');
+    if (resting && hash !== place + query) {
       window.history.replaceState(window.history.state, '', `${window.location.search}${place}${query}`);
+      known = window.location.hash;
     }
   };
   const timer = setInterval(write, EVERY_MS);

@@ -48,6 +48,7 @@ export function Preview({ robot, model }: { robot: string; model: string }) {
     };
   }, [robot, model, theme]);
   return (
+    // biome-ignore lint/a11y/noAriaHiddenOnFocusable: a canvas takes no focus, and has nothing to say beside the card
     <canvas
       ref={canvas}
       className="thumb-preview"
