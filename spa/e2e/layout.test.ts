@@ -26,6 +26,9 @@ const SETTINGS = {
 };
 const CHOSEN = `try { localStorage.setItem('posecast.settings', ${JSON.stringify(JSON.stringify(SETTINGS))}) } catch {}`;
 
+/** A browser that says that its reader saves data fetches nothing ahead: so a part is missing once the relay is away. */
+const SAVES_DATA = `Object.defineProperty(navigator, 'connection', { value: { saveData: true } })`;
+
 /** The demo robot's model, in whose manifest as much is wrong as may be. */
 function faultyModel(): string {
   const folder = path.join(stage.stack.folder(), 'model');
@@ -53,7 +56,7 @@ it('nothing on the page of a robot lies over anything else, whatever there is to
   const still = demoAt(42);
   const demo = { ...still, wave: { pos: { RSP: [0.2, 0.2] } } };
   const { source } = stage.stack.fedEdge(relay, demo, { ...DEMO, model: faultyModel() });
-  const page = await stage.newPage({ preload: CHOSEN, media: { motion: 'reduce' } });
+  const page = await stage.newPage({ preload: `${CHOSEN};${SAVES_DATA}`, media: { motion: 'reduce' } });
   const wrongs = new Wrongs();
   onTestFinished(() => console.info(wrongs.lines.join('\n')));
   /** The longest words that this note may have; why a device would need them differs. */
