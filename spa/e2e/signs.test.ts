@@ -193,7 +193,9 @@ describe('what a robot does not say', () => {
       ghostLinks: [],
     });
     await page.findByRole('button', 'Signs').click();
-    const offered = (await page.findByTestId('sign-menu').text()).split('\n').filter((line) => line.trim() !== '');
+    const offered = (await page.findByTestId('sign-menu').text())
+      .split('\n')
+      .filter((line) => line.trim() !== '');
     expect(offered).toEqual(['Limbs off their command', '?', 'All words explained']);
     expect(await page.findByTestId('level').visible()).toBe(false);
   });
