@@ -89,3 +89,30 @@ def test_a_robots_path_is_the_page_and_a_mistyped_one_the_page_with_404(relays: 
     assert httpx.head(base + "/r/demo").status_code == 200
     (folder / "index.html").unlink()
     assert ask("/r/demo", **A_BROWSER).status_code == 404, "a page that is being built anew"
+
+
+def test_no_path_leads_out_of_the_page_or_around_in_it(relays: Any, tmp_path: Path) -> None:
+    """A detour tells what folders there are; and by one, an index would be kept for a year."""
+    folder = tmp_path / "page"
+    (folder / "assets").mkdir(parents=True)
+    (folder / "index.html").write_text(INDEX)
+    (folder / "assets/a.js").write_text("1")
+    (folder / "assets/..b.js").write_text("2")
+    relay = relays("--static", str(folder))
+    with httpx.Client(base_url=f"http://{relay.address}") as client:
+        for path in (
+            *("/..%2fpage%2findex.html", "/%2e%2e/page/index.html", "/assets/..%2findex.html"),
+            *(
+                "/assets/.%2fa.js",
+                "/assets/%2fa.js",
+                "/assets/a.js/",
+                "/index.html/",
+                "/%2e",
+                "/assets/%2e%2e",
+            ),
+        ):
+            target = client.build_request("GET", path)
+            target.url = target.url.copy_with(raw_path=path.encode())  # as it stands here
+            assert client.send(target).status_code == 404, path
+        for path in ("/", "/index.html", "/assets/a.js", "/assets/..b.js"):
+            assert client.get(path).status_code == 200, path

@@ -90,7 +90,7 @@ class Access:
         refusal = self.find_refusal(applicant)
         if refusal is not None and refusal.at_door:
             return refusal
-        address = self.addresses.enter(peer, forwarded)
+        address = self.addresses.enter(peer, forwarded, applicant.is_preview)
         if address is not None:
             return address
         crowded = self.judge(replace(applicant, is_crowded=True))

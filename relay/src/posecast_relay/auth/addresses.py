@@ -46,28 +46,33 @@ def _parse_address(text: str) -> ipaddress.IPv4Address | ipaddress.IPv6Address |
 
 
 class Addresses:
-    """Counts streams by address, and allows at most `most` of each."""
+    """Counts streams by address, and allows at most `most` of each.
+
+    Previews are counted apart, since they take no viewer's place.
+    """
 
     def __init__(self, most: int, trusted: Sequence[Network] = ()) -> None:
         self.most = most
         self.trusted = trusted
         self._open: Counter[str] = Counter()
 
-    def enter(self, peer: str, forwarded: str | None) -> str | None:
-        """Count a stream and return the address to `leave` with; None when it has as many as it may.
+    def enter(self, peer: str, forwarded: str | None, is_preview: bool = False) -> str | None:
+        """Count a stream and return what to `leave` with; None when its address has as many as it may.
 
         This machine itself has no limit: all viewers may come through a proxy here that was not configured.
         """
         address = find_real_address(peer, forwarded, self.trusted)
         if address.startswith("127.") or address == OWN_V6:
             return ""
+        if is_preview:
+            address += " (previews)"
         if self._open[address] >= self.most:
             return None
         self._open[address] += 1
         return address
 
     def leave(self, address: str) -> None:
-        """Take off one stream of this address."""
+        """Take off one stream of those that `enter` counted."""
         if not address:
             return
         self._open[address] -= 1
@@ -75,5 +80,5 @@ class Addresses:
             del self._open[address]
 
     def __len__(self) -> int:
-        """How many addresses have streams."""
+        """How many addresses have streams; twice, if they have previews as well."""
         return len(self._open)

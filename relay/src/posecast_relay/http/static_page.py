@@ -24,6 +24,7 @@ from posecast_relay.http.page_address import find_home, read_robots
 OF_A_DISK = ("accept-ranges", "content-length")  # headers of an answer that is read in parts
 KEPT_BYTES = 64_000_000  # of all files; beyond, all are read anew
 KEEP_UP_TO_BYTES = 8_000_000  # of one; a larger one is read from the disk for each who asks
+DETOURS = frozenset(("", ".", ".."))  # what no folder in a path is called
 FRAMES = "frame-ancestors 'none'"  # only a header may say so, not the page
 # the page's entry for frames: /embed/ROBOT, or /embed/, where only the fragment names the robot
 EMBED = re.compile(r"/embed/(?:index\.html)?(?P<robot>[a-z0-9][a-z0-9-]{0,62})?")
@@ -121,8 +122,12 @@ class Page(StaticFiles):
     def _answer_anybody(self, path: str, scope: Scope) -> Response:
         """A file; the page itself for robots that the path names, and with 404 for a person who mistyped."""
         robots = read_robots(scope["path"])
+        *folders, name = scope["path"].split("/")[1:]
         try:
-            return self._answer(path, scope)
+            # no way up and no detour: what is in other folders, or is not, is nobody's business
+            if DETOURS.intersection(folders) or name in DETOURS - {""}:
+                raise HTTPException(HTTPStatus.NOT_FOUND)
+            return self._answer(path if name else os.path.join(path, "index.html"), scope)
         except HTTPException as e:
             reads = "text/html" in Headers(scope=scope).get("accept", "")
             if e.status_code != HTTPStatus.NOT_FOUND or (robots is None and not reads):
