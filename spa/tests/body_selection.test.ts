@@ -26,7 +26,8 @@ function stage(tree: KinematicTree | null = TREE) {
   let under: string | null = null;
   const view = {
     pick: () => under,
-    focus: (link: string) => void told.push(link),
+    visit: (link: string) => void told.push(link),
+    goBack: () => void told.push('back'),
     setLinkLook: (link: string, { highlight = 0 }) => void lit.set(link, highlight),
   };
   const end = bindSelection(element, view, twin);
@@ -75,7 +76,7 @@ describe('a joint chosen among the numbers', () => {
     selectJoint('LKN');
     expect(bright()).toEqual(['left', 'sole']);
     selectJoint(null);
-    expect(bright()).toEqual([]);
+    expect([bright(), told.slice(2)]).toEqual([[], ['left', 'back']]);
   });
 
   it('is lit when the model comes after it, and dark when it goes or the page is left', () => {

@@ -2,8 +2,9 @@ import { MOUSE, PerspectiveCamera, Ray } from 'three';
 import { OrbitControls } from 'three/addons/controls/OrbitControls.js';
 import { prefersReducedMotion } from '../browser/reduced_motion.ts';
 import type { MouseStyle } from '../view/body_view.ts';
-import { CameraRig, LOWEST } from '../view/camera/camera_rig.ts';
+import { CameraRig } from '../view/camera/camera_rig.ts';
 import { FIELD_OF_VIEW } from '../view/camera/framing.ts';
+import { LOWEST } from '../view/camera/rig_options.ts';
 
 /** The three.js camera of a `CameraRig`, in a world with Z up. Pointer input is handled by three's `OrbitControls`. */
 export class SceneCamera {

@@ -81,6 +81,11 @@ export interface BodyView extends OverlaidBody {
   look(view: ViewName): void;
   /** Moves the camera close to a link; an unknown link is ignored. */
   focus(link: string): void;
+  /** Moves the camera close to a link's joint, around it to where the body does not hide it if it can. An unknown link is
+   *  ignored. */
+  visit(link: string): void;
+  /** Moves the camera back to where it stood before `visit`, unless somebody has moved it since. */
+  goBack(): void;
   /** Turns the camera around its target, rad: to the left, and up. */
   orbit(left: number, up: number): void;
   /** Moves the camera so that the world shifts by so many CSS pixels. */

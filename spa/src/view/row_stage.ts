@@ -1,3 +1,4 @@
+import { treeOf } from '../model/link_tree.ts';
 import type { LinkLook } from '../model/posed_body.ts';
 import type { ModelReport } from '../model/report.ts';
 import { originOf } from '../model/vectors.ts';
@@ -97,6 +98,24 @@ export abstract class RowStage<N extends FigureNode<StagedFigure>> implements Ro
   focus(link: string): void {
     const at = this.robot.figure?.linkMatrix(link);
     if (at !== undefined) this.rig.focus(originOf(at.elements));
+  }
+
+  visit(link: string): void {
+    const { figure } = this.robot;
+    const at = figure?.linkMatrix(link);
+    if (figure === null || at === undefined) return;
+    const tree = treeOf(figure);
+    const joint = tree.jointOf(link);
+    const own = new Set((joint === null ? [link] : tree.bodyOf(joint)).map((name) => figure.linkBox(name)));
+    const hiding = this.row.robots.flatMap((robot) => [...(robot.figure?.boxes ?? [])]);
+    this.rig.visit(
+      originOf(at.elements),
+      hiding.filter(([, box]) => !own.has(box)),
+    );
+  }
+
+  goBack(): void {
+    this.rig.goBack();
   }
 
   orbit(left: number, up: number): void {

@@ -1,6 +1,7 @@
 import { describe, expect, it } from 'vitest';
 import type { Vec3 } from '../../twin/rotation.ts';
-import { CameraRig, type RigOptions } from './camera_rig.ts';
+import { CameraRig } from './camera_rig.ts';
+import type { RigOptions } from './rig_options.ts';
 
 const [WIDTH, HEIGHT] = [800, 600];
 

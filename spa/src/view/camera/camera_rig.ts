@@ -1,10 +1,22 @@
 import { type Extent, extentOf } from '../../model/bounds.ts';
 import { addScaled, dot } from '../../model/vectors.ts';
 import type { Vec3 } from '../../twin/rotation.ts';
-import type { BodySpan } from './body_span.ts';
+import type { BodySpan, PlacedBox } from './body_span.ts';
+import { clearDirection } from './clear_direction.ts';
 import { directionOf, FIELD_OF_VIEW, fittingDistance, type ViewName } from './framing.ts';
 import { type Insets, ViewInsets } from './insets.ts';
-import { clamp, type EyePlace, type Orbit, orbitAt, positionOf, shorterTurn } from './orbit.ts';
+import {
+  between,
+  clamp,
+  type EyePlace,
+  type Orbit,
+  orbitAt,
+  positionOf,
+  shifted,
+  shorterTurn,
+} from './orbit.ts';
+import { HIGHEST, LOWEST, NEAREST, type RigOptions } from './rig_options.ts';
+import { Visit } from './visit.ts';
 import { WholeBody } from './whole_body.ts';
 
 export type { EyePlace } from './orbit.ts';
@@ -12,30 +24,13 @@ export type { EyePlace } from './orbit.ts';
 /** What the camera does when the robot walks: it stays, moves along, or moves along and turns with it. */
 export type FollowMode = 'stay' | 'along' | 'turn';
 
-/** Options that differ between renderers. */
-export interface RigOptions {
-  /** Least distance to the target, in radii of the robot; default `NEAREST`. */
-  readonly nearest?: number;
-  /** Greatest elevation of the camera, rad; default `HIGHEST`. */
-  readonly highest?: number;
-  /** Whether the person wants no motion, so that the camera jumps instead of easing. */
-  readonly still?: () => boolean;
-  /** Called when the camera has moved and a new picture is needed. */
-  readonly changed?: () => void;
-}
-
 const RADIANS = Math.PI / 180;
-/** Least elevation of the camera, rad: it stays above the floor, which has no underside. */
-export const LOWEST = 0.5 * RADIANS;
-/** Greatest elevation by default: straight from above, the picture's up would be undefined. */
-const HIGHEST = 89.9 * RADIANS;
 const EASE_SECONDS = 0.25;
 /** The camera follows once the robot is off the middle by more than this part of its radius. */
 const LEASH = 0.3;
 /** Distance of a close look at a link, as a part of the distance that fits the whole robot. */
 const CLOSE_PART = 0.35;
-/** Least and greatest distance of the camera from its target, in radii of the robot. */
-const NEAREST = 1 / 8;
+/** Greatest distance of the camera from its target, in radii of the robot. */
 const FARTHEST = 25;
 
 /**
@@ -63,6 +58,8 @@ export class CameraRig {
   #body: BodySpan | null = null;
   /** A place set by `standAt`, applied again when the robot is framed anew, until somebody moves the camera. */
   #placed: EyePlace | null = null;
+  /** The newest `visit` that has not been gone back from. */
+  #visit: Visit | null = null;
   #yaw: number | null = null;
 
   constructor(options: RigOptions = {}) {
@@ -199,16 +196,44 @@ export class CameraRig {
     this.#placed = null;
     this.#whole.shrink();
     if (this.#body !== null) this.#whole.correct(this.#body, this.#middle, this.#insets.aspect);
-    const goal = this.#orbitOf(view);
-    const azimuth = this.#now.azimuth + shorterTurn(goal.azimuth - this.#now.azimuth);
-    this.#go({ ...goal, azimuth }, eased);
+    this.#turnTo(this.#orbitOf(view), eased);
   }
 
   /** Moves close to a point of the world. */
   focus(target: Vec3, eased = true): void {
     this.grasp();
-    const distance = fittingDistance(this.#extent, this.#insets.aspect) * CLOSE_PART;
-    this.#go({ ...this.#now, distance, target }, eased);
+    this.#go({ ...this.#now, distance: this.#closeDistance, target }, eased);
+  }
+
+  /** Moves close to a point of the world, and around it to where `hiding` hides it least; `goBack` undoes it. */
+  visit(target: Vec3, hiding: Iterable<PlacedBox>, eased = true): void {
+    const stands = this.#goal ?? this.#now;
+    const [touched, fitted, placed] = [this.#touched, this.#fitted, this.#placed];
+    const now = { orbit: stands, touched, fitted, placed, growth: this.#whole.growth };
+    const before = this.#visit?.holds(stands) === true ? this.#visit.before : now;
+    const from = { ...stands, distance: this.#closeDistance, target };
+    const sight = { from, reach: this.reach, lowest: LOWEST, highest: this.#options.highest };
+    const there = { ...from, ...clearDirection(target, hiding, sight) };
+    this.grasp();
+    this.#visit = new Visit(before, there);
+    this.#turnTo(there, eased);
+  }
+
+  /** Moves back to where it stood before `visit`; stays if somebody has moved it since. */
+  goBack(eased = true): void {
+    const visit = this.#visit;
+    this.#visit = null;
+    if (visit?.holds(this.#goal ?? this.#now) !== true) return;
+    const { orbit, touched, fitted, growth, placed } = visit.before;
+    this.#touched = touched;
+    this.#fitted = fitted;
+    this.#placed = placed;
+    const grown = fitted ? this.#whole.growth / growth : 1;
+    // where nobody had chosen the view, the picture or the robot may have another size now
+    const { distance, target } = touched
+      ? { ...orbit, distance: orbit.distance * grown }
+      : this.#orbitOf('home');
+    this.#turnTo({ ...orbit, distance, target }, eased);
   }
 
   /** The user takes over the camera: any easing ends. */
@@ -310,7 +335,19 @@ export class CameraRig {
     this.#middle = addScaled(this.#middle, step);
     this.#now = moved(this.#now);
     this.#goal &&= moved(this.#goal);
+    this.#visit?.move(moved);
     this.#options.changed();
+  }
+
+  /** How far away a link is seen close. */
+  get #closeDistance(): number {
+    return fittingDistance(this.#extent, this.#insets.aspect) * CLOSE_PART;
+  }
+
+  /** Goes to an orbit the shorter way round. */
+  #turnTo(goal: Orbit, eased: boolean): void {
+    const azimuth = this.#now.azimuth + shorterTurn(goal.azimuth - this.#now.azimuth);
+    this.#go({ ...goal, azimuth }, eased);
   }
 
   #go(goal: Orbit, eased: boolean): void {
@@ -324,34 +361,14 @@ export class CameraRig {
   #approach(goal: Orbit, seconds: number): void {
     const part = seconds >= this.#secondsLeft ? 1 : 1 - (1 - seconds / this.#secondsLeft) ** 2;
     this.#secondsLeft -= seconds;
-    const mix = (from: number, to: number) => from + (to - from) * part;
-    const { azimuth, elevation, distance, target } = this.#now;
-    this.#now = {
-      azimuth: mix(azimuth, goal.azimuth),
-      elevation: mix(elevation, goal.elevation),
-      distance: mix(distance, goal.distance),
-      target: [
-        mix(target[0], goal.target[0]),
-        mix(target[1], goal.target[1]),
-        mix(target[2], goal.target[2]),
-      ],
-    };
+    this.#now = between(this.#now, goal, part);
     if (part === 1) this.#goal = null;
   }
 
   /** Moves the target in the picture's plane by `part` of (dx, dy) pixels, measured at its distance. */
   #shift(dx: number, dy: number, part: number): void {
-    const { azimuth, elevation, distance, target } = this.#now;
-    const metres = (distance / this.#scale) * part;
-    const se = Math.sin(elevation);
-    this.#now = {
-      ...this.#now,
-      target: [
-        target[0] + metres * (-dx * Math.sin(azimuth) + dy * se * Math.cos(azimuth)),
-        target[1] + metres * (dx * Math.cos(azimuth) + dy * se * Math.sin(azimuth)),
-        target[2] + metres * (-dy * Math.cos(elevation)),
-      ],
-    };
+    const metres = (this.#now.distance / this.#scale) * part;
+    this.#now = shifted(this.#now, metres * dx, metres * dy);
   }
 
   #tilted(elevation: number): number {

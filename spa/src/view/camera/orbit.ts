@@ -49,3 +49,26 @@ export function clamp(value: number, least: number, most: number): number {
 export function shorterTurn(angle: number): number {
   return Math.atan2(Math.sin(angle), Math.cos(angle));
 }
+
+/** The orbit a part (0…1) of the way from one to another. */
+export function between(from: Orbit, to: Orbit, part: number): Orbit {
+  const mix = (a: number, b: number) => a + (b - a) * part;
+  return {
+    azimuth: mix(from.azimuth, to.azimuth),
+    elevation: mix(from.elevation, to.elevation),
+    distance: mix(from.distance, to.distance),
+    target: addScaled(from.target, addScaled(to.target, from.target, -1), part),
+  };
+}
+
+/** The orbit with its target moved to the right and down in the picture, metres. */
+export function shifted(orbit: Orbit, right: number, down: number): Orbit {
+  const { azimuth, elevation, target } = orbit;
+  const se = Math.sin(elevation);
+  const step: Vec3 = [
+    -right * Math.sin(azimuth) + down * se * Math.cos(azimuth),
+    right * Math.cos(azimuth) + down * se * Math.sin(azimuth),
+    -down * Math.cos(elevation),
+  ];
+  return { ...orbit, target: addScaled(target, step) };
+}

@@ -5,11 +5,12 @@ import type { BodyView } from '../../../view/body_view.ts';
 import { onTaps } from '../../../view/taps.ts';
 import { onSelection, selection, selectJoint } from '../../state/selection.ts';
 
-type Eye = Pick<BodyView, 'pick' | 'focus' | 'setLinkLook'>;
+type Eye = Pick<BodyView, 'pick' | 'visit' | 'goBack' | 'setLinkLook'>;
 
 /**
  * Connects body and numbers: tapping a link selects its joint, and the selected joint's link is highlighted. A joint
- * selected among the numbers also moves the camera to its link. Returns a function that stops it.
+ * selected among the numbers also moves the camera to its link, and back when nothing is selected any more. Returns a
+ * function that stops it.
  */
 export function bindSelection(element: HTMLElement, view: Eye, twin: RobotTwin): () => void {
   let lit: readonly string[] = [];
@@ -35,9 +36,13 @@ export function bindSelection(element: HTMLElement, view: Eye, twin: RobotTwin):
     light();
     const chosen = selection();
     if (chosen?.from !== 'numbers') return;
-    const [joint] = channelsNow()?.jointsOf(chosen.joint) ?? [];
-    const link = joint === undefined ? null : (twin.tree?.linkOf(joint) ?? null);
-    if (link !== null) view.focus(link);
+    const joints = channelsNow()?.jointsOf(chosen.joint) ?? [];
+    const link = joints.map((joint) => twin.tree?.linkOf(joint)).find((found) => found != null);
+    if (link != null) view.visit(link);
+  };
+  const leave = () => {
+    light();
+    view.goBack();
   };
   const tap = (x: number, y: number, times: 1 | 2) => {
     const link = times === 1 ? view.pick(x, y) : null;
@@ -45,10 +50,14 @@ export function bindSelection(element: HTMLElement, view: Eye, twin: RobotTwin):
     if (channel !== null) selectJoint(channel, 'body');
   };
 
-  const leave = [onTaps(element, tap), onSelection(bring), twin.onChange(light)];
+  const ends = [
+    onTaps(element, tap),
+    onSelection(() => (selection() === null ? leave() : bring())),
+    twin.onChange(light),
+  ];
   bring();
   return () => {
-    for (const off of leave) off();
+    for (const end of ends) end();
     for (const link of lit) view.setLinkLook(link, {});
   };
 }
