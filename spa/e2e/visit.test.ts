@@ -3,7 +3,7 @@ import path from 'node:path';
 import { describe, expect, it } from 'vitest';
 import { engineName } from './driver/engines.ts';
 import { until } from './driver/until.ts';
-import { hasSkin, resting } from './robot_page.ts';
+import { hasSkin, resting, whole } from './robot_page.ts';
 import { DEMO, demoAt } from './sign_words.ts';
 import { FULL, setStage } from './stage.ts';
 
@@ -39,7 +39,8 @@ const look = (each: number) => `void (async () => {
     const link = tree.linkOf(joint);
     const before = scene.renderedFrames;
     row.querySelector('button').click();
-    await until(() => card() && scene.renderedFrames > before, 200);
+    const off = () => apart(originOf(link), scene.eye.target);
+    await until(() => card() && scene.renderedFrames > before && off() < 1e-6, 200);
     const { position, target } = scene.eye;
     const { left, top, width } = canvas.getBoundingClientRect();
     const { projection } = scene.rig; // what is looked at is in the middle of what no note and no button covers
@@ -48,10 +49,9 @@ const look = (each: number) => `void (async () => {
     const here = Object.keys(scene.linkPoses()).filter((near) => apart(originOf(near), target) < 0.01);
     const own = hit !== null && [...limb, ...tree.bodyOf(joint), ...here].includes(hit);
     const went = apart(position, first);
-    const off = apart(originOf(link), target);
     dispatchEvent(new KeyboardEvent('keydown', { key: 'Escape' }));
     await until(() => !card(), 200);
-    looks.push({ joint, met: off > 1e-6 ? 'elsewhere' : own ? 'its limb' : hit, went, left: apart(scene.eye.position, first) });
+    looks.push({ joint, met: apart(originOf(link), target) > 1e-6 ? 'elsewhere, by ' + apart(originOf(link), target) : own ? 'its limb' : hit, went, left: apart(scene.eye.position, first) });
   }
   window.looks = looks;
 })()`;
@@ -68,7 +68,7 @@ describe.each([
     const page = await stage.newPage({ media: { motion: 'reduce' }, viewport: { width: 1100, height: 480 } });
     page.forgive(/WebGL/); // the browser's own complaint when it is asked for a context
     await page.open(`${relay.url}/#/r/demo`);
-    await until('a body', () => hasSkin(page), 60_000);
+    await until('a body', async () => (await hasSkin(page)) && (await whole(page)), 60_000);
     await until('a table', () => page.evaluate<boolean>(`document.querySelector('tr[data-label]') !== null`));
     await until('its right side, where the trunk hides the left arm', async () => {
       await page.press('2'); // the camera's keys come after the body
