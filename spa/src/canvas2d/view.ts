@@ -162,7 +162,7 @@ export class LightView extends RowStage<LightRobotNode> {
     const gliding = this.#overlay.advance(seconds);
     if (this.#overlay.make()) this.loop.request();
     this.rig.advance(seconds);
-    if (this.#width > 0) this.#overlay.placeLabels(this.#painter.place, this.#width);
+    if (this.#width > 0) this.#overlay.placeLabels(this.#painter.place, this.rig.projection);
     return gliding || this.rig.moving;
   }
 
@@ -172,14 +172,14 @@ export class LightView extends RowStage<LightRobotNode> {
     this.#width = clientWidth;
     this.#painter.resize(clientWidth, clientHeight);
     this.rig.resize(clientWidth, clientHeight);
-    this.#overlay.placeLabels(this.#painter.place, this.#width);
+    this.#overlay.placeLabels(this.#painter.place, this.rig.projection);
     this.loop.drawNow();
   }
 
   protected override draw(): boolean {
     if (this.#width === 0) return false;
     const begunMs = performance.now();
-    if (this.#overlay.make()) this.#overlay.placeLabels(this.#painter.place, this.#width); // robots may have moved since the last tick
+    if (this.#overlay.make()) this.#overlay.placeLabels(this.#painter.place, this.rig.projection); // robots may have moved since the last tick
     const fine = this.#fine;
     this.#fine = false;
     this.#triangles = this.#painter.paint({

@@ -31,6 +31,8 @@ export interface ShownDeviation {
   readonly compliant: boolean;
   /** The point of its label (world, metres); null when none of its joints is in the model. */
   readonly at: Vec3 | null;
+  /** What is drawn for it, as lines (world, metres): from each joint to the middle of its arc, and along the limb. */
+  readonly lines: readonly (readonly [Vec3, Vec3])[];
 }
 
 /** Draws arcs at joints that are off their command, from where the limb is to where it should be. */
@@ -51,18 +53,29 @@ export class DeviationOverlay {
     for (const deviation of deviations) {
       const { line, fill } = paint(deviation);
       let at: Vec3 | null = null;
+      const lines: [Vec3, Vec3][] = [];
       for (const { joint, pos, ref } of deviation.joints) {
         const way = from === 'pos' ? ref - pos : pos - ref;
-        const spot = drawArc(strokes, body, joint, way, reach, line, fill);
-        at ??= spot;
+        const arc = drawArc(strokes, body, joint, way, reach, line, fill);
+        if (arc === null) continue;
+        at ??= arc.middle;
+        lines.push(...arc.ends.map((end): [Vec3, Vec3] => [arc.joint, end]));
       }
       const { channel, name, error, unit: unitName, compliant } = deviation;
-      this.shown.push({ channel, name, error, unit: unitName, compliant, at });
+      this.shown.push({ channel, name, error, unit: unitName, compliant, at, lines });
     }
   }
 }
 
-/** Draws one arc; returns its middle (world), or null when the model has no such joint. */
+/** An arc that was drawn, or the shaft of one that slides: world, metres. */
+interface DrawnArc {
+  readonly joint: Vec3;
+  readonly middle: Vec3;
+  /** The ends of the lines that lead from the joint. */
+  readonly ends: readonly Vec3[];
+}
+
+/** Draws one arc; null when the model has no such joint. */
 function drawArc(
   strokes: Strokes,
   body: PosedBody,
@@ -71,17 +84,18 @@ function drawArc(
   reach: number,
   line: Paint,
   fill: Paint,
-): Vec3 | null {
+): DrawnArc | null {
   const joint = body.joint(name);
   const worldFromLink = joint === undefined ? undefined : body.linkMatrix(joint.link)?.elements;
   if (joint === undefined || worldFromLink === undefined || !Number.isFinite(way)) return null;
   const at = originOf(worldFromLink);
-  if (Math.abs(way) < LEAST) return at;
+  if (Math.abs(way) < LEAST) return { joint: at, middle: at, ends: [] };
   const axis = directionThrough(worldFromLink, joint.axis);
   if (joint.slides) {
     const along = scale(axis, Math.sign(way));
     strokes.shaft(at, along, Math.abs(way), THICK * reach, THICK * reach, line);
-    return addScaled(at, along, Math.abs(way));
+    const end = addScaled(at, along, Math.abs(way));
+    return { joint: at, middle: end, ends: [end] };
   }
   const box = body.linkBox(joint.link);
   const middle: Vec3 | undefined = box && scale(addScaled(box.min, box.max), 0.5);
@@ -93,7 +107,8 @@ function drawArc(
   for (const spoke of [limb, rotateAbout(axis, way, limb)]) {
     strokes.shaft(at, spoke, radius, SPOKE * reach, SPOKE * reach, line);
   }
-  return addScaled(at, rotateAbout(axis, way / 2, limb), radius);
+  const on = (turn: number) => addScaled(at, rotateAbout(axis, turn, limb), radius);
+  return { joint: at, middle: on(way / 2), ends: [on(0), on(way / 2), on(way)] };
 }
 
 /** The unit vector across the axis along the limb (towards the middle of the moved link), else down, else ahead. */

@@ -1,14 +1,13 @@
 import type { Level } from '@posecast/wire';
 import type { Vec3 } from '../twin/rotation.ts';
+import { type LabelBox, LabelLayout, type LabelRoom, type Line } from './label_layout.ts';
 
 /** Most labels at one time, so that a robot with 200 deviating joints does not fill the picture with words. */
 export const MOST_LABELS = 16;
-/** Distance of a label from its point, CSS px. */
-const BESIDE_PX = 10;
-const LINE_PX = 21;
-/** Estimated width of a letter, CSS px: measuring the text would force a layout in every tick. */
+/** Estimated size of a label that cannot be measured, CSS px. */
 const LETTER_PX = 6.7;
 const FRAME_PX = 28;
+const HIGH_PX = 19;
 
 /** Projects a point of the world to the picture, CSS px; null behind the camera. */
 export type LabelPlace = (at: Vec3) => { x: number; y: number } | null;
@@ -22,13 +21,31 @@ export interface OverlayLabel {
   readonly quiet: boolean;
   /** The point that it belongs to (world, metres). */
   readonly at: Vec3;
+  /** The middle of its robot (world, metres). The label stands on the outer side of its point. */
+  readonly middle: Vec3;
+  /** What is drawn for it, and must not be covered: lines (world, metres). */
+  readonly lines: readonly (readonly [Vec3, Vec3])[];
+}
+
+interface LabelElement {
+  readonly root: HTMLElement;
+  readonly text: Text;
+  readonly leader: HTMLElement;
+  label: OverlayLabel | null;
+  shownAt: string;
+  leads: string;
+  /** Its size, CSS px, and for how many letters it was measured: measuring in every tick would force a layout in each. */
+  size: { readonly wide: number; readonly high: number };
+  letters: number;
 }
 
 /** The overlay's labels as HTML elements over the canvas, so that they are sharp, cost no draw call and follow the
  *  theme. Screen readers find the same in the table. */
 export class OverlayLabels {
   readonly #layer = document.createElement('div');
-  readonly #elements = new Map<string, { root: HTMLElement; text: Text; at: Vec3; shownAt: string }>();
+  readonly #elements = new Map<string, LabelElement>();
+  readonly #layout = new LabelLayout();
+  #room = '';
 
   constructor(host: HTMLElement) {
     this.#layer.className = 'sign-labels';
@@ -40,41 +57,52 @@ export class OverlayLabels {
   set(labels: readonly OverlayLabel[]): void {
     const shown = labels.slice(0, MOST_LABELS);
     const keys = new Set(shown.map(({ key }) => key));
-    for (const [key, { root }] of this.#elements) {
+    for (const [key, { root, leader }] of this.#elements) {
       if (keys.has(key)) continue;
       root.remove();
+      leader.remove();
       this.#elements.delete(key);
     }
-    for (const { key, text, level, quiet, at } of shown) {
+    for (const label of shown) {
+      const { key, text, level, quiet } = label;
       const element = this.#elements.get(key) ?? this.#make(key);
       if (element.text.data !== text) element.text.data = text;
       const { dataset } = element.root;
       if (dataset.level !== level) dataset.level = level;
       if (dataset.quiet !== String(quiet)) dataset.quiet = String(quiet);
-      element.at = at;
+      element.label = label;
     }
   }
 
-  /** Places the labels in a picture of this width (CSS px), to the right of their points if there is room, else left.
-   *  */
-  place(place: LabelPlace, width: number): void {
-    const taken: { x: number; y: number }[] = [];
-    for (const element of this.#elements.values()) {
-      const point = place(element.at);
-      const x = besideAt(point?.x ?? 0, element.text.length * LETTER_PX + FRAME_PX, width);
-      let y = Math.round(point?.y ?? 0);
-      // Move it below any label that is in the way; there are few.
-      if (point !== null) {
-        for (const other of taken) {
-          if (Math.abs(other.x - x) < 90 && Math.abs(other.y - y) < LINE_PX) y = other.y + LINE_PX;
-        }
-        taken.push({ x, y });
+  /** Places the labels in a picture, so that they cover neither each other nor what they name. */
+  place(place: LabelPlace, room: LabelRoom): void {
+    const size = `${room.width} ${room.height}`;
+    if (size !== this.#room) for (const element of this.#elements.values()) element.letters = -1;
+    this.#room = size;
+    const boxes: LabelBox[] = [];
+    const lines: Line[] = [];
+    for (const [key, element] of this.#elements) {
+      const { at, middle, lines: drawn } = element.label!;
+      for (const [from, to] of drawn) {
+        const line = [place(from), place(to)] as const;
+        if (line[0] !== null && line[1] !== null) lines.push([line[0], line[1]]);
       }
-      const at = point === null ? '' : `translate(${x}px, ${y}px) translateY(-50%)`;
-      if (element.shownAt === at) continue;
-      element.shownAt = at;
-      element.root.style.transform = at;
-      element.root.hidden = point === null;
+      const point = place(at);
+      if (point === null || point.x < 0 || point.y < 0 || point.x > room.width || point.y > room.height)
+        continue;
+      const { wide, high } = measured(element);
+      if (wide > 0) boxes.push({ key, wide, high, point, middle: place(middle)?.x ?? room.width / 2 });
+    }
+    const placed = this.#layout.place(boxes, lines, room);
+    for (const [key, element] of this.#elements) {
+      const found = placed.get(key);
+      const at = found === undefined ? '' : `translate(${found.x}px, ${found.y}px)`;
+      if (element.shownAt !== at) {
+        element.shownAt = at;
+        element.root.style.transform = at;
+        element.root.hidden = found === undefined;
+      }
+      lead(element, found?.leader ?? null);
     }
   }
 
@@ -89,16 +117,45 @@ export class OverlayLabels {
     root.dataset.sign = key;
     const text = document.createTextNode('');
     root.append(document.createElement('i'), text);
-    this.#layer.append(root);
-    const element = { root, text, at: [0, 0, 0] as Vec3, shownAt: 'never' };
+    const leader = document.createElement('b');
+    leader.hidden = true;
+    this.#layer.append(leader, root);
+    const size = { wide: 0, high: 0 };
+    const element: LabelElement = {
+      ...{ root, text, leader, label: null, shownAt: 'never', leads: '', size, letters: -1 },
+    };
     this.#elements.set(key, element);
     return element;
   }
 }
 
-/** The left edge of a label of width `wide` beside a point at x, CSS px. */
-export function besideAt(x: number, wide: number, width: number): number {
-  const right = Math.round(x) + BESIDE_PX;
-  if (right + wide <= width) return right;
-  return Math.max(0, Math.round(x - BESIDE_PX - wide));
+/** The size of a label, measured when its text has another length; zero for one that the page does not show. */
+function measured(element: LabelElement): { readonly wide: number; readonly high: number } {
+  const { root, text } = element;
+  if (element.letters === text.length) return element.size;
+  element.letters = text.length;
+  const hidden = root.hidden;
+  root.hidden = false;
+  const [wide, high] = [root.offsetWidth, root.offsetHeight];
+  root.hidden = hidden;
+  const unshown = wide === 0 && (root.parentElement?.offsetWidth ?? 0) > 0;
+  // a page that has no layout yet measures nothing
+  element.size =
+    wide > 0 || unshown ? { wide, high } : { wide: text.length * LETTER_PX + FRAME_PX, high: HIGH_PX };
+  return element.size;
+}
+
+/** Shows the line from a label to its point, or none. */
+function lead(element: LabelElement, leader: Line | null): void {
+  let leads = '';
+  if (leader !== null) {
+    const [from, to] = leader;
+    const [dx, dy] = [to.x - from.x, to.y - from.y];
+    const turn = Math.atan2(dy, dx).toFixed(3);
+    leads = `translate(${from.x}px, ${from.y}px) rotate(${turn}rad) scaleX(${Math.round(Math.hypot(dx, dy))})`;
+  }
+  if (element.leads === leads) return;
+  element.leads = leads;
+  element.leader.hidden = leader === null;
+  element.leader.style.transform = leads;
 }

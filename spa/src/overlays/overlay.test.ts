@@ -85,9 +85,12 @@ it('words go where their points are; behind the eye they are hidden', () => {
   const { made, words } = board();
   made.show({ figure: sampleLeg() }, standing(450, 'fault'), MANNER);
   settle(made);
-  made.placeLabels(() => ({ x: 100, y: 50 }), 400);
+  const room = { width: 400, height: 300, top: 0, free: 300 };
+  made.placeLabels(([x]) => ({ x: 100 + x, y: 50 }), room);
   expect(words()[0]!.hidden).toBe(false);
-  expect(words()[0]!.style.transform).toContain('110px');
-  made.placeLabels(() => null, 400);
+  expect(words()[0]!.style.transform).toContain('px');
+  made.placeLabels(() => ({ x: 500, y: 50 }), room);
+  expect(words()[0]!.hidden, 'outside the picture').toBe(true);
+  made.placeLabels(() => null, room);
   expect(words()[0]!.hidden).toBe(true);
 });

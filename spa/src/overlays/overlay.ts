@@ -2,6 +2,7 @@ import type { PosedBody } from '../model/posed_body.ts';
 import type { OverlayReadings } from '../twin/overlay/reader.ts';
 import { AttitudeReadout } from './attitude_readout.ts';
 import type { OverlayColors } from './colors.ts';
+import type { LabelRoom } from './label_layout.ts';
 import { type LabelPlace, OverlayLabels } from './labels.ts';
 import { type OverlayStyle, RANK, RobotOverlay, type ShownOverlay } from './robot_overlay.ts';
 import { Strokes } from './strokes.ts';
@@ -86,9 +87,9 @@ export class Overlay {
     return changed || repainted;
   }
 
-  /** Places the labels in a picture of this width, CSS px. */
-  placeLabels(place: LabelPlace, width: number): void {
-    this.#labels.place(place, width);
+  /** Places the labels in a picture. */
+  placeLabels(place: LabelPlace, room: LabelRoom): void {
+    this.#labels.place(place, room);
   }
 
   dispose(): void {

@@ -10,7 +10,6 @@ import { AttitudeOverlay } from './attitude.ts';
 import { levelColor, loadColor, OVERLAY_COLORS } from './colors.ts';
 import { DeviationOverlay } from './deviations.ts';
 import { JointLoadPaint } from './joint_load.ts';
-import { besideAt } from './labels.ts';
 import { AT, MOST_STROKES, STRIDE, Strokes } from './strokes.ts';
 import { WrenchOverlay } from './wrenches.ts';
 
@@ -208,12 +207,6 @@ describe('what is level', () => {
     expect(level([dead], dead)).toMatchObject({ planeZ: null, roll: null, strokes: 0 });
     expect(level([dead], dead, true).planeZ, 'but the base says it').toBeCloseTo(0);
   });
-});
-
-it('words stand at the right of their point, at the left where there is no room, and never outside', () => {
-  expect(besideAt(100, 80, 390)).toBe(110);
-  expect(besideAt(320, 80, 390)).toBe(230);
-  expect(besideAt(60, 300, 320)).toBe(0);
 });
 
 describe('load', () => {

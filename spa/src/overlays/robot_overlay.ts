@@ -2,9 +2,11 @@ import type { Level } from '@posecast/wire';
 import { prefersReducedMotion } from '../browser/reduced_motion.ts';
 import { expandByBox, extentOf } from '../model/bounds.ts';
 import type { PosedBody } from '../model/posed_body.ts';
+import { originOf } from '../model/vectors.ts';
 import { type AngleUnit, coarseDisplay, displayOf, formatNumber } from '../twin/format.ts';
 import { isolated } from '../twin/names.ts';
 import type { OverlayReadings } from '../twin/overlay/reader.ts';
+import type { Vec3 } from '../twin/rotation.ts';
 import { AttitudeOverlay, type ShownAttitude } from './attitude.ts';
 import { levelColor, type OverlayColors, type PaletteName } from './colors.ts';
 import { DeviationOverlay, type ShownDeviation } from './deviations.ts';
@@ -44,6 +46,7 @@ export interface ShownOverlay {
 const NOTHING: OverlayReadings = {
   ...{ wrenches: [], deviations: [], imus: [], body: null, based: false, loads: null },
 };
+const NOWHERE: Vec3 = [0, 0, 0];
 const UNSAID: OverlayWords = {
   offBy: (channel, by) => `${channel} ${by}`,
   compliant: (channel) => channel,
@@ -128,8 +131,9 @@ export class RobotOverlay {
 
   /** The labels for the strokes of the newest `draw`. */
   labels(): OverlayLabel[] {
-    const labels = [...this.#wrenches.shown.flatMap((wrench) => wrenchLabel(wrench, this.#manner.words))];
-    for (const { channel, error, unit, compliant, at } of this.#deviations.shown) {
+    const middle = this.#body === null ? NOWHERE : originOf(this.#body.root.matrixWorld.elements);
+    const labels = this.#wrenches.shown.flatMap((wrench) => wrenchLabel(wrench, middle, this.#manner.words));
+    for (const { channel, error, unit, compliant, at, lines } of this.#deviations.shown) {
       if (at === null) continue;
       const display = displayOf(unit, this.#manner.angle);
       const off = formatNumber(Math.abs(error), coarseDisplay(display)).trim();
@@ -143,6 +147,8 @@ export class RobotOverlay {
         level: compliant ? 'ok' : 'caution',
         quiet: compliant,
         at,
+        middle,
+        lines,
       });
     }
     return labels;
@@ -152,7 +158,11 @@ export class RobotOverlay {
 /** A moment with a smaller sweep (rad) gets no label while its level is ok. */
 const QUIET_SWEEP = 0.35;
 
-function wrenchLabel({ site, name, force, moment, tip }: ShownWrench, words: OverlayWords): OverlayLabel[] {
+function wrenchLabel(
+  { site, name, force, moment, tip, lines }: ShownWrench,
+  middle: Vec3,
+  words: OverlayWords,
+): OverlayLabel[] {
   const parts: string[] = [];
   if (force !== null) parts.push(said(force.value, 'N', 0));
   if (moment !== null && (moment.size > QUIET_SWEEP || moment.level !== 'ok' || moment.value === null))
@@ -167,6 +177,8 @@ function wrenchLabel({ site, name, force, moment, tip }: ShownWrench, words: Ove
       level: RANK[f] < RANK[m] ? f : m,
       quiet: unread,
       at: tip,
+      middle,
+      lines,
     },
   ];
 }

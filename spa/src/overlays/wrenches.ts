@@ -65,6 +65,8 @@ export interface ShownWrench {
   readonly moment: ShownArrow | null;
   /** The point of its label (world, metres). */
   readonly tip: Vec3;
+  /** What is drawn for it, as lines (world, metres): the arrow, and chords of the moment's arc. */
+  readonly lines: readonly (readonly [Vec3, Vec3])[];
 }
 
 /** A sensor's place in the world. */
@@ -132,7 +134,7 @@ export class WrenchOverlay {
       drawFlange(strokes, sensor, reach, silent ? unread : paint(force.level));
       const glides = this.#glides.get(site)!;
       const arrow = drawForce(strokes, sensor, force, glides.force.shown, reach, scale, paint(force.level));
-      const sweep = drawMoment(
+      const { sweep, lines } = drawMoment(
         strokes,
         sensor,
         moment,
@@ -147,6 +149,7 @@ export class WrenchOverlay {
         force: shownOf(force, arrow.size),
         moment: shownOf(moment, sweep),
         tip: arrow.tip,
+        lines: [[sensor.at, arrow.tip], ...lines],
       });
     }
   }
@@ -189,7 +192,10 @@ function drawForce(
   return { size: length, tip: addScaled(at, along, length) };
 }
 
-/** Draws the arc of a moment; returns the angle swept, rad. */
+/** Chords that stand for the arc of a moment. */
+const CHORDS = 8;
+
+/** Draws the arc of a moment; returns the angle swept (rad), and its chords. */
 function drawMoment(
   strokes: Strokes,
   { at, inWorld }: Sensor,
@@ -198,9 +204,9 @@ function drawMoment(
   reach: number,
   scale: number,
   paint: Paint,
-): number {
+): { sweep: number; lines: [Vec3, Vec3][] } {
   const axis = arrow.vector === null ? NOWHERE : inWorld(arrow.vector);
-  if (part < LEAST || dot(axis, axis) < 0.5) return 0;
+  if (part < LEAST || dot(axis, axis) < 0.5) return { sweep: 0, lines: [] };
   const sweep = Math.min(part * SWEEP_AT_LIMIT, MOST_SWEEP);
   const radius = ARC * reach * Math.min(scale, 1.6);
   // Half on either side of the top, where it is seen best.
@@ -225,7 +231,8 @@ function drawMoment(
       paint,
     );
   }
-  return sweep;
+  const on = (i: number) => addScaled(at, rotateAbout(axis, (sweep * i) / CHORDS, start), radius);
+  return { sweep, lines: Array.from({ length: CHORDS }, (_, i) => [on(i), on(i + 1)]) };
 }
 
 /** The size of an arrow; signed if only one axis is measured, because pulling and pushing differ. */

@@ -1,4 +1,5 @@
 import { type Camera, type Group, Vector3 } from 'three';
+import type { LabelRoom } from '../overlays/label_layout.ts';
 import { Overlay } from '../overlays/overlay.ts';
 import type { OverlayStyle, ShownOverlay } from '../overlays/robot_overlay.ts';
 import type { OverlayReadings } from '../twin/overlay/reader.ts';
@@ -11,6 +12,8 @@ import { type SceneTheme, THEMES } from './theme.ts';
 export interface OverlayHost {
   readonly host: HTMLElement;
   readonly camera: Camera;
+  /** The picture, and what is free of it. */
+  room(): LabelRoom;
   /** Asks for a picture. */
   changed(): void;
   /** Asks for a tick, because something may move. */
@@ -23,7 +26,6 @@ export class OverlayPart implements ScenePart {
   readonly #view: OverlayHost;
   readonly #overlay: Overlay;
   readonly #batch: OverlayMesh;
-  #size = { width: 1, height: 1 };
 
   constructor(view: OverlayHost) {
     this.#view = view;
@@ -68,9 +70,8 @@ export class OverlayPart implements ScenePart {
     if (this.#make()) this.#placeLabels();
   }
 
-  /** Sets the picture's size, CSS px. Asking the page for it in every tick would force a layout in every tick. */
-  setSize(width: number, height: number): void {
-    this.#size = { width, height };
+  /** Call when the picture has another size. */
+  resize(): void {
     this.#placeLabels();
   }
 
@@ -87,13 +88,14 @@ export class OverlayPart implements ScenePart {
 
   #placeLabels(): void {
     const { camera } = this.#view;
-    const { width, height } = this.#size;
+    const room = this.#view.room();
+    const { width, height } = room;
     camera.updateMatrixWorld();
     this.#overlay.placeLabels((at) => {
       POINT.set(...at).project(camera);
       if (!(POINT.z > -1 && POINT.z < 1)) return null;
       return { x: ((POINT.x + 1) / 2) * width, y: ((1 - POINT.y) / 2) * height };
-    }, width);
+    }, room);
   }
 }
 

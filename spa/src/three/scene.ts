@@ -94,6 +94,7 @@ export class RobotScene extends RowStage<RobotNode> {
     this.#overlay = new OverlayPart({
       host,
       camera: this.#camera.camera,
+      room: () => this.rig.projection,
       changed: () => this.loop.request(),
       wake: () => this.loop.wake(),
     });
@@ -255,7 +256,7 @@ export class RobotScene extends RowStage<RobotNode> {
     if (this.#size.width === width && this.#size.height === height) return;
     this.#size = { width, height };
     this.rig.resize(width, height);
-    this.#overlay.setSize(width, height);
+    this.#overlay.resize();
   }
 
   protected override draw(): boolean {

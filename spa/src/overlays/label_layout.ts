@@ -1,0 +1,193 @@
+/** Distances of a label from its point, and steps up and down beside it, CSS px. */
+const GAPS = [10, 34, 70, 120, 190];
+const STEP = 12;
+const MOST_STEPS = 9;
+/** What a place costs, in px of distance: every step up or down, and to stand on the inner side. */
+const STEP_COST = 8;
+const INNER_COST = 60;
+/** Room that a new place has around it: less than that is no reason to leave an old one. CSS px. */
+const AIR = 5;
+/** A label goes back to a better place only if it is better by this; and to the other side only if its point is so far beyond
+ *  the middle. CSS px. */
+const BETTER = 20;
+const BEYOND = 24;
+/** From this distance on a line leads from the label to its point. CSS px. */
+const LEADER = 16;
+/** Side of the cells that boxes are looked up by, and of the boxes that a line is made of; CSS px. */
+const CELL = 48;
+const DOT = 8;
+const MOST_DOTS = 96;
+
+export interface Spot {
+  readonly x: number;
+  readonly y: number;
+}
+
+/** A line in the picture, CSS px. */
+export type Line = readonly [from: Spot, to: Spot];
+
+/** A label to be placed; CSS px. */
+export interface LabelBox {
+  /** Identifies the same label in successive pictures. */
+  readonly key: string;
+  readonly wide: number;
+  readonly high: number;
+  /** The point that it names. */
+  readonly point: Spot;
+  /** The middle of what the point belongs to, whose outer side the label prefers: x. */
+  readonly middle: number;
+}
+
+/** A picture, and the part of its height that notes and buttons leave free for labels; CSS px. */
+export interface LabelRoom {
+  readonly width: number;
+  readonly height: number;
+  /** Where the free part begins, and how high it is. */
+  readonly top: number;
+  readonly free: number;
+}
+
+export interface PlacedLabel {
+  /** The upper left corner. */
+  readonly x: number;
+  readonly y: number;
+  /** From the label's edge to its point; null where it stands beside it. */
+  readonly leader: Line | null;
+}
+
+interface Box {
+  readonly left: number;
+  readonly top: number;
+  readonly right: number;
+  readonly bottom: number;
+}
+
+/** A place of a label relative to its point: on the outer side or the inner one, so far away, so many steps down. */
+interface Slot {
+  readonly inner: boolean;
+  readonly gap: number;
+  readonly steps: number;
+  readonly cost: number;
+}
+
+/** All places, the best first. */
+const SLOTS: readonly Slot[] = GAPS.flatMap((gap) =>
+  [false, true].flatMap((inner) =>
+    Array.from({ length: 2 * MOST_STEPS + 1 }, (_, i): Slot => {
+      const steps = i - MOST_STEPS;
+      return { inner, gap, steps, cost: gap + Math.abs(steps) * STEP_COST + (inner ? INNER_COST : 0) };
+    }),
+  ),
+).sort((a, b) => a.cost - b.cost || a.steps - b.steps);
+
+/**
+ * Places labels beside what they name: over no line that is drawn there, over no other label, within the picture's free part,
+ * each on its outer side if there is room. A label keeps its place beside its point until something comes into it, so none
+ * flickers. The first label chooses first. The cost grows with the number of labels, each trying at most 190 places.
+ */
+export class LabelLayout {
+  readonly #kept = new Map<string, { slot: Slot; outer: 1 | -1 }>();
+
+  /** `lines`: what is drawn and must be seen. Labels without room anywhere stand where they cover least. */
+  place(labels: readonly LabelBox[], lines: readonly Line[], room: LabelRoom): Map<string, PlacedLabel> {
+    const taken = new Taken();
+    for (const line of lines) taken.addLine(line);
+    const placed = new Map<string, PlacedLabel>();
+    for (const label of labels) {
+      const outer = this.#outerOf(label);
+      const slot = this.#choose(label, outer, taken, room);
+      this.#kept.set(label.key, { slot, outer });
+      const box = boxAt(label, slot, outer, room);
+      taken.add(box);
+      const leader = leaderOf(box, label.point);
+      if (leader !== null) taken.addLine(leader);
+      placed.set(label.key, { x: box.left, y: box.top, leader });
+    }
+    for (const key of this.#kept.keys()) if (!placed.has(key)) this.#kept.delete(key);
+    return placed;
+  }
+
+  #outerOf({ key, point, middle }: LabelBox): 1 | -1 {
+    const before = this.#kept.get(key)?.outer;
+    const off = point.x - middle;
+    if (before !== undefined && before * off > -BEYOND) return before;
+    return off < 0 ? -1 : 1;
+  }
+
+  #choose(label: LabelBox, outer: 1 | -1, taken: Taken, room: LabelRoom): Slot {
+    const kept = this.#kept.get(label.key);
+    const same = kept?.outer === outer && taken.coveredBy(boxAt(label, kept.slot, outer, room)) === 0;
+    const before = same ? kept.slot : null;
+    let least = Infinity;
+    let best = SLOTS[0]!;
+    for (const slot of SLOTS) {
+      if (before !== null && slot.cost > before.cost - BETTER) return before;
+      const covered = taken.coveredBy(boxAt(label, slot, outer, room, AIR));
+      if (covered < least) [least, best] = [covered, slot];
+      if (covered === 0) break;
+    }
+    return best;
+  }
+}
+
+/** Where a label in a slot is, moved into the free part of the picture; `air` larger on all sides. */
+function boxAt({ wide, high, point }: LabelBox, slot: Slot, outer: 1 | -1, room: LabelRoom, air = 0): Box {
+  const right = (outer === 1) !== slot.inner;
+  const x = Math.round(point.x + (right ? slot.gap : -slot.gap - wide));
+  const y = Math.round(point.y + slot.steps * STEP - high / 2);
+  const left = Math.max(0, Math.min(x, room.width - wide));
+  const top = Math.max(room.top, Math.min(y, room.top + room.free - high));
+  return { left: left - air, top: top - air, right: left + wide + air, bottom: top + high + air };
+}
+
+/** The line from a label's nearest edge to its point; null if that is beside it. */
+function leaderOf({ left, top, right, bottom }: Box, point: Spot): Line | null {
+  const edge = {
+    x: Math.max(left, Math.min(point.x, right)),
+    y: Math.max(top + 3, Math.min(point.y, bottom - 3)),
+  };
+  return Math.hypot(edge.x - point.x, edge.y - point.y) < LEADER ? null : [edge, point];
+}
+
+/** Boxes in the picture, looked up by the cells that they lie in. */
+class Taken {
+  readonly #cells = new Map<number, Box[]>();
+
+  add(box: Box): void {
+    for (const cell of cellsOf(box)) {
+      const boxes = this.#cells.get(cell);
+      if (boxes === undefined) this.#cells.set(cell, [box]);
+      else boxes.push(box);
+    }
+  }
+
+  /** Adds a line as a row of small boxes. */
+  addLine([from, to]: Line): void {
+    const long = Math.hypot(to.x - from.x, to.y - from.y);
+    const dots = Math.min(MOST_DOTS, Math.ceil(long / DOT));
+    for (let i = 0; i <= dots; i += 1) {
+      const part = dots === 0 ? 0 : i / dots;
+      const [x, y] = [from.x + (to.x - from.x) * part, from.y + (to.y - from.y) * part];
+      this.add({ left: x - DOT / 2, top: y - DOT / 2, right: x + DOT / 2, bottom: y + DOT / 2 });
+    }
+  }
+
+  /** How much of the taken boxes this one covers, px². */
+  coveredBy(box: Box): number {
+    let sum = 0;
+    for (const cell of cellsOf(box)) {
+      for (const other of this.#cells.get(cell) ?? []) {
+        const wide = Math.min(box.right, other.right) - Math.max(box.left, other.left);
+        const high = Math.min(box.bottom, other.bottom) - Math.max(box.top, other.top);
+        if (wide > 0 && high > 0) sum += wide * high;
+      }
+    }
+    return sum;
+  }
+}
+
+function* cellsOf({ left, top, right, bottom }: Box): Generator<number> {
+  for (let x = Math.floor(left / CELL); x <= Math.floor(right / CELL); x += 1) {
+    for (let y = Math.floor(top / CELL); y <= Math.floor(bottom / CELL); y += 1) yield x * 1e4 + y;
+  }
+}
