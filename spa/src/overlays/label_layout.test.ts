@@ -123,10 +123,10 @@ describe('the layout of labels', () => {
   it('goes back to the better place when that is free again, and to the other side when its point is', () => {
     const layout = new LabelLayout();
     const [own, wall] = [
-      label('f', 420, 300),
+      label('f', 430, 300),
       [
-        { x: 455, y: 100 },
-        { x: 455, y: 500 },
+        { x: 465, y: 100 },
+        { x: 465, y: 500 },
       ] as const,
     ];
     const free = layout.place([own], [], ROOM).get('f');

@@ -2,9 +2,11 @@
 const GAPS = [10, 34, 70, 120, 190];
 const STEP = 12;
 const MOST_STEPS = 9;
-/** What a place costs, in px of distance: every step up or down, and to stand on the inner side. */
+/** What a place costs, in px of distance: every step up or down, and to stand on the inner side, which hardly matters for a
+ *  point near the middle. */
 const STEP_COST = 8;
-const INNER_COST = 60;
+const INNER_COST = 40;
+const INNER_COST_NEAR_MIDDLE = 6;
 /** Room that a new place has around it: less than that is no reason to leave an old one. CSS px. */
 const AIR = 5;
 /** A label goes back to a better place only if it is better by this; and to the other side only if its point is so far beyond
@@ -71,14 +73,19 @@ interface Slot {
 }
 
 /** All places, the best first. */
-const SLOTS: readonly Slot[] = GAPS.flatMap((gap) =>
-  [false, true].flatMap((inner) =>
-    Array.from({ length: 2 * MOST_STEPS + 1 }, (_, i): Slot => {
-      const steps = i - MOST_STEPS;
-      return { inner, gap, steps, cost: gap + Math.abs(steps) * STEP_COST + (inner ? INNER_COST : 0) };
-    }),
-  ),
-).sort((a, b) => a.cost - b.cost || a.steps - b.steps);
+function slotsFor(innerCost: number): readonly Slot[] {
+  return GAPS.flatMap((gap) =>
+    [false, true].flatMap((inner) =>
+      Array.from({ length: 2 * MOST_STEPS + 1 }, (_, i): Slot => {
+        const steps = i - MOST_STEPS;
+        return { inner, gap, steps, cost: gap + Math.abs(steps) * STEP_COST + (inner ? innerCost : 0) };
+      }),
+    ),
+  ).sort((a, b) => a.cost - b.cost || a.steps - b.steps);
+}
+
+const SLOTS = slotsFor(INNER_COST);
+const SLOTS_NEAR_MIDDLE = slotsFor(INNER_COST_NEAR_MIDDLE);
 
 /**
  * Places labels beside what they name: over no line that is drawn there, over no other label, within the picture's free part,
@@ -119,8 +126,9 @@ export class LabelLayout {
     const same = kept?.outer === outer && taken.coveredBy(boxAt(label, kept.slot, outer, room)) === 0;
     const before = same ? kept.slot : null;
     let least = Infinity;
-    let best = SLOTS[0]!;
-    for (const slot of SLOTS) {
+    const slots = Math.abs(label.point.x - label.middle) < BEYOND ? SLOTS_NEAR_MIDDLE : SLOTS;
+    let best = slots[0]!;
+    for (const slot of slots) {
       if (before !== null && slot.cost > before.cost - BETTER) return before;
       const covered = taken.coveredBy(boxAt(label, slot, outer, room, AIR));
       if (covered < least) [least, best] = [covered, slot];

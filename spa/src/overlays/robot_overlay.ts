@@ -2,7 +2,7 @@ import type { Level } from '@posecast/wire';
 import { prefersReducedMotion } from '../browser/reduced_motion.ts';
 import { expandByBox, extentOf } from '../model/bounds.ts';
 import type { PosedBody } from '../model/posed_body.ts';
-import { originOf } from '../model/vectors.ts';
+import { addScaled, originOf } from '../model/vectors.ts';
 import { type AngleUnit, coarseDisplay, displayOf, formatNumber } from '../twin/format.ts';
 import { isolated } from '../twin/names.ts';
 import type { OverlayReadings } from '../twin/overlay/reader.ts';
@@ -46,7 +46,6 @@ export interface ShownOverlay {
 const NOTHING: OverlayReadings = {
   ...{ wrenches: [], deviations: [], imus: [], body: null, based: false, loads: null },
 };
-const NOWHERE: Vec3 = [0, 0, 0];
 const UNSAID: OverlayWords = {
   offBy: (channel, by) => `${channel} ${by}`,
   compliant: (channel) => channel,
@@ -131,7 +130,7 @@ export class RobotOverlay {
 
   /** The labels for the strokes of the newest `draw`. */
   labels(): OverlayLabel[] {
-    const middle = this.#body === null ? NOWHERE : originOf(this.#body.root.matrixWorld.elements);
+    const middle = this.#middle();
     const labels = this.#wrenches.shown.flatMap((wrench) => wrenchLabel(wrench, middle, this.#manner.words));
     for (const { channel, error, unit, compliant, at, lines } of this.#deviations.shown) {
       if (at === null) continue;
@@ -153,6 +152,20 @@ export class RobotOverlay {
     }
     return labels;
   }
+
+  /** Beyond which the labels' outer sides lie: the middle of the sensors of force, so that each of two feet has its own side
+   *  also when the robot stands on one; without them the root. */
+  #middle(): Vec3 {
+    const sensors = this.#wrenches.shown.map(({ at }) => at);
+    if (this.#body !== null && sensors.length === 0)
+      sensors.push(originOf(this.#body.root.matrixWorld.elements));
+    return meanOf(sensors);
+  }
+}
+
+/** The mean of points. */
+function meanOf(points: readonly Vec3[]): Vec3 {
+  return points.reduce<Vec3>((sum, point) => addScaled(sum, point, 1 / points.length), [0, 0, 0]);
 }
 
 /** A moment with a smaller sweep (rad) gets no label while its level is ok. */

@@ -63,7 +63,8 @@ export interface ShownWrench {
   /** null when the robot measures none. */
   readonly force: ShownArrow | null;
   readonly moment: ShownArrow | null;
-  /** The point of its label (world, metres). */
+  /** Where its sensor is, and the point of its label (world, metres). */
+  readonly at: Vec3;
   readonly tip: Vec3;
   /** What is drawn for it, as lines (world, metres): the arrow, and chords of the moment's arc. */
   readonly lines: readonly (readonly [Vec3, Vec3])[];
@@ -148,6 +149,7 @@ export class WrenchOverlay {
         name,
         force: shownOf(force, arrow.size),
         moment: shownOf(moment, sweep),
+        at: sensor.at,
         tip: arrow.tip,
         lines: [[sensor.at, arrow.tip], ...lines],
       });
