@@ -97,7 +97,7 @@ export class LabelLayout {
 
   /** `lines`: what is drawn and must be seen. Labels without room anywhere stand where they cover least. */
   place(labels: readonly LabelBox[], lines: readonly Line[], room: LabelRoom): Map<string, PlacedLabel> {
-    const taken = new Taken();
+    const taken = new CoveredCells();
     for (const line of lines) taken.addLine(line);
     const placed = new Map<string, PlacedLabel>();
     for (const label of labels) {
@@ -121,7 +121,7 @@ export class LabelLayout {
     return off < 0 ? -1 : 1;
   }
 
-  #choose(label: LabelBox, outer: 1 | -1, taken: Taken, room: LabelRoom): Slot {
+  #choose(label: LabelBox, outer: 1 | -1, taken: CoveredCells, room: LabelRoom): Slot {
     const kept = this.#kept.get(label.key);
     const same = kept?.outer === outer && taken.coveredBy(boxAt(label, kept.slot, outer, room)) === 0;
     const before = same ? kept.slot : null;
@@ -158,7 +158,7 @@ function leaderOf({ left, top, right, bottom }: Box, point: Spot): Line | null {
 }
 
 /** Boxes in the picture, looked up by the cells that they lie in. */
-class Taken {
+class CoveredCells {
   readonly #cells = new Map<number, Box[]>();
 
   add(box: Box): void {
