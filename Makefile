@@ -1,6 +1,6 @@
 # Every target sets up what it needs; `make` alone lists them.
 .DEFAULT_GOAL := help
-.PHONY: help setup demo dev test test-full check fix fuzz bytes bench peers load attack faults soak gallery explained compose-test dist clean unit e2e browsers
+.PHONY: help setup demo dev test test-full check fix fuzz bytes bench peers load attack faults soak gallery pictures explained compose-test dist clean unit e2e browsers
 SHELL := /bin/bash
 export UV_PYTHON_DOWNLOADS := never
 export PYTHONDONTWRITEBYTECODE := 1
@@ -141,6 +141,10 @@ load: setup ## a lecture, a flash crowd, a fleet and slow phones against a relay
 
 gallery: .venv/.ready ## every robot of the packages installed here, or in FOLDERS="…", built and drawn on sheets in gallery/
 	$(BIN)/python -m tools.gallery $(FOLDERS)
+
+pictures: setup ## the docs' pictures, taken of the page in Chromium with the demo robot (docs/img; 10 minutes)
+	@tools/need chromium
+	POSECAST_WRITE_PICTURES=1 $(E2E) pictures/
 
 soak: setup ## half an hour of viewers coming and going: what grows, what comes back (MINUTES=480 for a night)
 	@tools/need redis-server

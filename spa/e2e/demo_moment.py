@@ -1,4 +1,4 @@
-"""Prints what the demo robot says at a second of its programme, as the edge's `jsonl` reads it."""
+"""Prints what the demo robot says at seconds of its programme, a line each, as `jsonl` reads it."""
 
 from __future__ import annotations
 
@@ -10,15 +10,16 @@ from posecast_edge.profile.reader import load_profile
 from posecast_edge.sources.demo import BUNDLE, PROFILE, read_motion
 
 motion = read_motion((BUNDLE / "motion.bin").read_bytes())
-sample = motion.make_sample(round(float(sys.argv[1]) * motion.rate_hz))
 profile = load_profile(PROFILE)
-values: dict[str, dict[str, float | None]] = {}
-for name, readings in sample.values.items():
-    spec = profile.find_field(name)
-    if spec is None or not isinstance(readings, list):
-        continue
-    values[name] = {
-        label: None if value is None or (isinstance(value, float) and math.isnan(value)) else value
-        for label, value in zip(spec.labels, readings, strict=True)
-    }
-print(json.dumps(values))
+for second in sys.argv[1:]:
+    sample = motion.make_sample(round(float(second) * motion.rate_hz))
+    values: dict[str, dict[str, float | None]] = {}
+    for name, readings in sample.values.items():
+        spec = profile.find_field(name)
+        if spec is None or not isinstance(readings, list):
+            continue
+        values[name] = {
+            label: None if value is None or (isinstance(value, float) and math.isnan(value)) else value
+            for label, value in zip(spec.labels, readings, strict=True)
+        }
+    print(json.dumps(values))

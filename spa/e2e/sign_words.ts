@@ -35,10 +35,23 @@ export interface Signs {
   readonly ghostLinks: readonly string[];
 }
 
+/** What the demo robot says at a moment: field → label → value in the field's unit, null = no reading. */
+export type Moment = Record<string, Record<string, number | null>>;
+
+/** What the demo robot says at each of these seconds of its programme. */
+export function demoOver(seconds: readonly number[]): Moment[] {
+  const args = [path.join(REPO, 'spa/e2e/demo_moment.py'), ...seconds.map(String)];
+  const output = execFileSync(PYTHON, args, { maxBuffer: 1 << 26 });
+  return output
+    .toString()
+    .trimEnd()
+    .split('\n')
+    .map((line) => JSON.parse(line) as Moment);
+}
+
 /** What the demo robot says at a second of its programme. */
-export function demoAt(second: number): Record<string, Record<string, number | null>> {
-  const output = execFileSync(PYTHON, [path.join(REPO, 'spa/e2e/demo_moment.py'), String(second)]);
-  return JSON.parse(output.toString());
+export function demoAt(second: number): Moment {
+  return demoOver([second])[0]!;
 }
 
 export function signs(page: Page): Promise<Signs> {
