@@ -22,11 +22,10 @@ const GAP = 16;
 /** The machine that makes the pictures draws by software, which the page takes for a slow device; what is saved has all
  *  pixels and all detail, as it has where there is a GPU. */
 const KEEP_SHARP = `(() => {
-  const kept = new WeakSet();
-  setInterval(() => {
+  const looking = setInterval(() => {
     const scene = window.posecast?.scene;
-    if (scene?.keepSharp === undefined || kept.has(scene)) return;
-    kept.add(scene);
+    if (scene?.keepSharp === undefined) return;
+    clearInterval(looking); // what the page does when it is idle has its turn again
     scene.keepSharp();
   }, 20);
 })()`;

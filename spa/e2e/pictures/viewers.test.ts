@@ -142,18 +142,6 @@ describe.runIf(WRITES)('pictures of the page', () => {
     await write(page, 'no-model', 'down', await whole(stage, page, LAPTOP, 0.75));
   }, 300_000);
 
-  it('presented', async () => {
-    const relay = await stage.stack.relay();
-    const robot = new PosedDemo(stage.stack, relay, demoAt(JAMMED_S));
-    const page = await sharpPage(stage, { theme: 'dark' });
-    await page.open(`${relay.url}/#/r/demo`);
-    await dressed(page);
-    const presented = async () => (await page.findByTestId('presentation').count()) === 1;
-    await tapped('presented', () => page.press('p'), presented);
-    const take = () => whole(stage, page, LAPTOP, 0.75);
-    await write(page, 'present', 'down', await takeLive(page, () => robot.stir(), take));
-  }, 300_000);
-
   it('the sheet that shares', async () => {
     const relay = await stage.stack.relay();
     new PosedDemo(stage.stack, relay, demoAt(JAMMED_S));
