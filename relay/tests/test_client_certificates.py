@@ -18,7 +18,7 @@ from pathlib import Path
 import httpx
 import pytest
 import zenoh
-from posecast_wire import echo_key, event_key, frame_key, snapshot_key
+from posecast_wire import alive_key, echo_key, event_key, frame_key, snapshot_key
 from posecast_wire.keys import Stamp
 
 from .certificates import certificates
@@ -132,11 +132,12 @@ def test_a_certificate_writes_its_own_robots_keys_and_no_others(lab: Lab) -> Non
             for name in names:
                 each.put(event_key(name, "public"), json.dumps(EVENT), attachment=stamp)
                 each.put(frame_key(name, "public"), b"\0" * 40, attachment=stamp)
+                keep.append(each.liveliness().declare_token(alive_key(name)))
         assert asked(stranger, "**") == []
         # its own comes after what it said as others
-        session.put(event_key("mine", "public"), json.dumps(EVENT), attachment=stamp)
+        keep.append(session.liveliness().declare_token(alive_key("mine")))
         until(
-            "its own event arrived", lambda: [r["robot"] for r in httpx.get(url).json()["robots"]] == ["mine"]
+            "its own edge is seen", lambda: [r["robot"] for r in httpx.get(url).json()["robots"]] == ["mine"]
         )
         assert asked(session, echo_key("mine")) == [echo_key("mine")]
         assert asked(session, echo_key("other")) == []
