@@ -57,7 +57,9 @@ it('is read from the last row: by key, by the sheet, by a link, also in a frame'
   await page.press('p');
   await until('presented', () => presented(page));
   await until('in the address', async () => (await hash(page)) === '#/r/demo?load=cur&present', 10_000);
-  expect(await page.findByTestId('present-faults').text()).toMatch(/Right knee \(RKN\): jam, for [\d.]+ s/);
+  expect(await page.findByTestId('present-faults').text()).toMatch(
+    /Right knee is blocked: 0\.\d+ rad off for [\d.]+ s\.\s*RKN/,
+  );
   expect(await page.findByTestId('present-address').text()).toContain(`${relay.host}/#/r/demo`);
 
   mkdirSync(SHOTS, { recursive: true });
