@@ -113,7 +113,8 @@ def test_a_credential_writes_its_own_keys_and_reads_nothing_but_its_own_echo(
         session.put("anything/else", b"x")
         mine = event_key("mine", "public")
         session.put(mine, json.dumps(doc | {"text": "mine"}), attachment=stamp)
-        until("its own event arrived", lambda: "mine" in [r["robot"] for r in _robots(list_url)])
+        keep.append(session.liveliness().declare_token(alive_key("mine")))  # with it, it is listed
+        until("its own edge is seen", lambda: "mine" in [r["robot"] for r in _robots(list_url)])
 
         assert _asked(session, echo_key("mine")) == [echo_key("mine")]
         for selector in (
