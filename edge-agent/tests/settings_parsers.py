@@ -111,6 +111,7 @@ PARSERS = (
         "profile",
         (
             "profile.reader.load_profile",
+            "profile.explain.read_sentences",
             "profile.reader.parse_profile",
             "profile.ros.read_ros",
             "profile.views.read_view",
