@@ -2,14 +2,23 @@
 
 import {
   Decoder,
+  decodeKeyPage,
+  decodeSegment,
+  encodeKeyPage,
+  encodeSegment,
   FrameError,
   frameId,
   JointMapping,
+  type KeyPage,
   type Mapping,
+  mergeSegments,
   parseRelayMessage,
   parseSchema,
   type Schema,
   SchemaError,
+  type Segment,
+  SegmentError,
+  type SegmentRecord,
 } from '@posecast/wire';
 import { parentOrigin, readParentRequest } from '../../spa/src/app/pages/embed/messages.ts';
 import { readShared, sharedQuery } from '../../spa/src/app/share/shared_view.ts';
@@ -46,6 +55,8 @@ export const TARGETS: ReadonlyMap<string, (bytes: Uint8Array) => Promise<unknown
     schema: refusing([SchemaError], (bytes) => shownSchema(parseSchema(textOf(bytes)))),
     mapping: refusing([SchemaError], jointValues),
     frames: refusing([], decoded),
+    segment: refusing([SegmentError], segment),
+    'key-page': refusing([SegmentError], keyPage),
     message: refusing([], (bytes) => parseRelayMessage(textOf(bytes))),
     manifest: refusing([BundleError], manifest),
     glb: refusing([GlbError], (bytes) => readLod(bytes, VISUALS).then(() => null)),
@@ -143,6 +154,53 @@ function decoded(bytes: Uint8Array): unknown {
     }
   }
   return said;
+}
+
+/** As `wire/python/tools/make_segment_vectors.py` shows it. What is read can be written, and is then the same. */
+function segment(bytes: Uint8Array): unknown {
+  const found = shownSegment(decodeSegment(bytes));
+  const again = shownSegment(decodeSegment(encodeSegment(decodeSegment(bytes))));
+  if (JSON.stringify(found) !== JSON.stringify(again)) throw new Error('written it is another');
+  const merged = mergeSegments([decodeSegment(bytes), decodeSegment(bytes)]).frames;
+  const { records } = decodeSegment(bytes);
+  if (merged.length !== records.filter(({ kind }) => kind === 'frame').length)
+    throw new Error('merged with itself it is another');
+  return found;
+}
+
+/** As `wire/python/tools/make_key_page_vectors.py` shows it. What is read can be written, and is then the same. */
+function keyPage(bytes: Uint8Array): unknown {
+  const page = decodeKeyPage(bytes);
+  const found = shownKeyPage(page);
+  const again = shownKeyPage(decodeKeyPage(encodeKeyPage(page, page.poses)));
+  if (JSON.stringify(found) !== JSON.stringify(again)) throw new Error('written it is another');
+  return found;
+}
+
+function shownKeyPage({ robot, view, fromMs, poses }: KeyPage): object {
+  const shown = poses.map(({ atMs, runId, lateUs, copies, frame, ...rest }) => {
+    const named = { at_ms: atMs, run_id: runId, late_us: lateUs };
+    return { ...rest, ...named, copies: copies.map(digitsOf), frame: digitsOf(frame) };
+  });
+  return { robot, view, from_ms: fromMs, poses: shown };
+}
+
+function digitsOf(bytes: Uint8Array): string {
+  return Array.from(bytes, (byte) => byte.toString(16).padStart(2, '0')).join('');
+}
+
+function shownSegment({ start, toMs, records }: Segment): object {
+  const { runId, fromMs, eventN, openFaults, info, ...rest } = start;
+  const named = { ...rest, run_id: runId, from_ms: fromMs, event_n: eventN, open_faults: openFaults };
+  return { start: { ...named, info: [...info] }, to_ms: toMs, records: records.map(shownRecord) };
+}
+
+function shownRecord(record: SegmentRecord): unknown[] {
+  const { kind, atUs, ...rest } = record;
+  const said = Object.values(rest).map((value: unknown) =>
+    value instanceof Uint8Array ? digitsOf(value) : value instanceof Map ? [...value] : value,
+  );
+  return [kind, atUs, ...said];
 }
 
 function manifest(bytes: Uint8Array): unknown {

@@ -14,8 +14,21 @@ from posecast_relay.core.edge_messages import read_edge_message
 from posecast_relay.core.limits import Limits
 from posecast_relay.core.policy.share_link import make_link, read_link
 from posecast_relay.core.state.stream import Stream
+from posecast_relay.http.past.address import (
+    AddressError,
+    PastSpan,
+    read_after,
+    read_every,
+    read_index,
+    read_sha256,
+    read_span,
+    read_take,
+    write_day,
+    write_minute,
+)
 from posecast_relay.http.thumbnails import Thumbnails
 from posecast_relay.models.cache import Absent, ModelCache, Unavailable
+from posecast_relay.models.picture import PICTURE_TYPES, SIDE_PX_MAX, PictureError, read_picture_size
 from posecast_relay.redis.messages import pack, unpack, unpack_state
 from posecast_relay.streaming.request import BadRequest, NoSuchStream, read_bearer, read_target
 from posecast_wire import Snapshot
@@ -88,6 +101,30 @@ def request(data: bytes) -> None:
         raise Differs(f"{found.hz} Hz")
 
 
+def past_address(data: bytes) -> None:
+    """A part of an address of the past, as UTF-8: none, or what it says comes back as it was."""
+    text = data.decode("utf-8", "replace")
+    said, refusal = [], None
+    for read in (read_span, read_take, read_index, read_after, read_every, read_sha256):
+        try:
+            said.append(read(text))
+        except AddressError as e:
+            refusal = e
+    for found in said:
+        if isinstance(found, PastSpan):
+            again = write_day(found.from_ms) if found.is_day else write_minute(found.from_ms)
+        elif isinstance(found, bytes):
+            again = found.hex()
+        elif isinstance(found, tuple):
+            again = f"{found[0]:016x},{found[1]}"
+        else:
+            again = f"{found:016x}" if len(text) == 16 else f"{found}"
+        if again != text:
+            raise Differs(f"{text!r} is read as {again}")
+    if not said and refusal is not None:
+        raise refusal
+
+
 def headers(data: bytes) -> None:
     """Lines: X-Forwarded-For, Authorization, Origin, Host."""
     lines = [*data.decode("latin-1").split("\n"), "", "", "", ""]
@@ -154,14 +191,30 @@ def manifest(data: bytes) -> None:
     loop().run(read())
 
 
+def picture(data: bytes) -> None:
+    """A picture is of one type at most, and of a size that somebody can unpack."""
+    sizes, refusals = [], []
+    for type_ in PICTURE_TYPES:
+        try:
+            sizes.append(read_picture_size(data, type_))
+        except PictureError as e:
+            refusals.append(e)
+    if not sizes:
+        raise refusals[0]
+    (size,) = sizes
+    assert all(1 <= side <= SIDE_PX_MAX for side in size)
+
+
 TARGETS = (
     Target("edge-said", said, stretched=1 << 15, page=True),
     Target("absorbed", absorbed, (ValueError,), stretched=1 << 18, corpus="snapshot"),
     Target("relayed", relayed, (ValueError,), stretched=1 << 18),
     Target("relayed-state", state, (ValueError,), stretched=1 << 18),
     Target("request", request, (BadRequest, NoSuchStream)),
+    Target("past-address", past_address, (AddressError,)),
     Target("headers", headers),
     Target("link", link),
     Target("robots-file", robots, (RobotsError,), stretched=1 << 17),
     Target("model-manifest", manifest, (Unavailable, Absent), stretched=1 << 18, corpus="manifest"),
+    Target("picture", picture, (PictureError,), stretched=1 << 18),
 )

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import struct
-from typing import Any
+import zlib
+from collections.abc import Callable
+from typing import Any, TypeVar
 
 from posecast_wire import (
     Ack,
@@ -24,12 +27,19 @@ from posecast_wire import (
 )
 from posecast_wire.credential import SECRET
 from posecast_wire.frame import TAG_KEY
+from posecast_wire.key_page import decode_key_page, pick_pose
 from posecast_wire.mapping import JointMap, Mapping, SensorMount, Threshold
+from posecast_wire.segment import SegmentError, decode_segment, encode_segment
+from posecast_wire.segment.envelope import PREFIX, TAIL
 
 from fuzz.differ import agree, difference
 from fuzz.page_reader import ask
-from fuzz.target import Differs, Target
+from fuzz.target import Differs, Refused, Target
+from wire.python.tools.make_key_page_vectors import shown as shown_key_page
+from wire.python.tools.make_key_page_vectors import written_again
+from wire.python.tools.make_segment_vectors import shown as shown_segment
 
+T = TypeVar("T")
 FRAMES_MAX = 32  # of one case
 # Bounds of Python's JSON. They hold also within a member that a later one of its name replaces: that one
 # JavaScript never sees.
@@ -102,6 +112,69 @@ def frames(data: bytes) -> None:
         raise Differs(apart)
 
 
+def segment(data: bytes) -> None:
+    """A segment as it is, and with checksums that fit: in both languages the same, or refused in the same
+    words."""
+    with contextlib.suppress(SegmentError):
+        one_segment(data)
+    one_segment(mended(data))
+
+
+def one_segment(data: bytes) -> None:
+    """What is read can be written, and is then the same; its first pose is found without reading it all."""
+    found = read_alike("segment", data, decode_segment, shown_segment)
+    if decode_segment(encode_segment(found)) != found:
+        raise Differs("written it is another")
+    if pick_pose(data) != pick_pose(found):
+        raise Differs("its first pose is another")
+
+
+def key_page(data: bytes) -> None:
+    """A page of KEYs, likewise."""
+    with contextlib.suppress(SegmentError):
+        one_key_page(data)
+    one_key_page(mended(data))
+
+
+def one_key_page(data: bytes) -> None:
+    """What is read can be written, and is then the same."""
+    found = read_alike("key-page", data, decode_key_page, shown_key_page)
+    if decode_key_page(written_again(found)) != found:
+        raise Differs("written it is another")
+
+
+def read_alike(name: str, data: bytes, read: Callable[[bytes], T], shown: Callable[[T], object]) -> T:
+    """What Python reads, where TypeScript reads the same. Raises SegmentError where both refuse it in the
+    same words."""
+    try:
+        found = read(data)
+    except SegmentError as e:
+        try:
+            ask(name, data)
+        except Refused as there:
+            if str(there) != str(e):
+                raise Differs(f"Python says {str(e)!r}, TypeScript {str(there)!r}") from e
+            raise e from None
+        raise Differs(f"Python says {str(e)!r}, TypeScript takes it") from e
+    apart = difference(shown(found), ask(name, data), name)
+    if apart is not None:
+        raise Differs(apart)
+    return found
+
+
+def mended(data: bytes) -> bytes:
+    """The same with a header's length, checksums and an end that fit, as far as there is room for them."""
+    around = PREFIX.size + 4 + TAIL.size
+    if len(data) < around:
+        return data
+    size = min(int.from_bytes(data[5:9], "little"), len(data) - around)
+    front = data[:5] + size.to_bytes(4, "little") + data[PREFIX.size : PREFIX.size + size]
+    records = data[len(front) + 4 : -TAIL.size]
+    count = TAIL.unpack(data[-TAIL.size :])[1]
+    crc = zlib.crc32(front).to_bytes(4, "little")
+    return front + crc + records + TAIL.pack(0, count, zlib.crc32(records))
+
+
 def viewer_message(data: bytes) -> None:
     """One of four, its numbers in range; as text and as bytes the same."""
     try:
@@ -168,6 +241,7 @@ def shown_mapping(found: Mapping) -> dict[str, Any]:
         "joints": {name: _joint(joint) for name, joint in found.joints.items()},
         "sensors": {name: _sensor(sensor) for name, sensor in found.sensors.items()},
         "names": dict(found.names),
+        "translatedNames": {language: dict(of) for language, of in found.translated_names.items()},
         "thresholds": {
             name: {label: _threshold(one) for label, one in of.items()}
             for name, of in found.thresholds.items()
@@ -206,6 +280,8 @@ TARGETS = (
     Target("schema", schema, (SchemaError,), stretched=1 << 18, page=True),
     Target("mapping", mapping, (SchemaError,), stretched=1 << 17, page=True),
     Target("frames", frames, stretched=1 << 17, page=True),
+    Target("segment", segment, (SegmentError,), stretched=1 << 18, page=True),
+    Target("key-page", key_page, (SegmentError,), stretched=1 << 18, page=True),
     Target("viewer-message", viewer_message, (MessageError,), stretched=4096),
     Target("snapshot", snapshot, (ValueError,), stretched=1 << 18),
     Target("echo", echo, (ValueError,)),

@@ -227,6 +227,7 @@ def hostile_schemas(draw: st.DrawFn) -> str:
         "thresholds": draw(a_dict(a_dict(st.just({"low": 0})))),
         "severity": draw(a_dict(a_dict(st.just("fault")))),
         "units": draw(a_dict(a_dict(st.just("mm")))),
+        "translated_names": draw(a_dict(a_dict(st.just("x")))),
         "explain": draw(a_dict(a_dict(a_dict(st.just({"say": "x"}))))),
     }
     kept = {part: value for part, value in mapping.items() if draw(st.booleans())}

@@ -8,12 +8,14 @@ import pytest
 from posecast_wire import (
     JointMap,
     Schema,
+    SchemaError,
     SensorMount,
     Sentence,
     Threshold,
     build_schema_text,
     compute_joint_values,
 )
+from posecast_wire.mapping import parse_mapping
 
 MAPPED = Schema.parse(
     build_schema_text(
@@ -27,6 +29,7 @@ MAPPED = Schema.parse(
                 "main": {"kind": "power"},
             },
             "names": {"RKN": "right knee"},
+            "translated_names": {"ko": {"RKN": "오른쪽 무릎"}},
             "thresholds": {"temp": {"*": {"high": 70}, "RKN": {"high": 80, "caution": 0.9}}},
             "tolerance": {"*": 0.05, "RKN": 0.08},
             "severity": {"flags": {"homed": "state"}},
@@ -37,6 +40,20 @@ MAPPED = Schema.parse(
 )
 
 
+def test_sentences_are_as_many_and_as_long_as_the_page_can_take() -> None:
+    full = {f"b{n}": {"en": {"say": "🦾" * 200, "why": "🦾" * 200}} for n in range(20)}
+    most = {"a": full | {"last": {"en": {"say": "🦾" * 192}}}}
+    found = parse_mapping({"explain": most}).sentences["a"]
+    assert sum(len(((s := of["en"]).say + (s.why or "")).encode()) for of in found.values()) == 32 << 10
+    with pytest.raises(SchemaError, match=r"mapping\.explain: more than 32768 bytes of sentences in all"):
+        parse_mapping({"explain": most | {"b": {"jam": {"en": {"say": "x"}}}}})
+    languages = {f"x{n}": {"say": "x"} for n in range(17)}
+    with pytest.raises(SchemaError, match=r"mapping\.explain\.a\.jam: more than 16 languages"):
+        parse_mapping({"explain": {"a": {"jam": languages}}})
+    languages.pop("x0")
+    assert len(parse_mapping({"explain": {"a": {"jam": languages}}}).sentences["a"]["jam"]) == 16
+
+
 def test_parts() -> None:
     mapping = MAPPED.mapping
     assert mapping.joints == {"LSR": JointMap((("LSR", 1.0),), 0.25)}
@@ -45,6 +62,7 @@ def test_parts() -> None:
         "main": SensorMount("power", "main", None),
     }
     assert mapping.names == {"RKN": "right knee"}
+    assert mapping.translated_names == {"ko": {"RKN": "오른쪽 무릎"}}
     assert mapping.find_threshold("temp", "RKN") == Threshold(None, 80.0, 0.9)
     assert mapping.find_threshold("temp", "LKN") == Threshold(None, 70.0)
     assert mapping.find_threshold("cur", "RKN") is None

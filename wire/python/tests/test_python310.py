@@ -27,7 +27,7 @@ NEWER = {
 
 
 def test_imports_are_old_and_few() -> None:
-    for path in SOURCE.glob("*.py"):
+    for path in SOURCE.rglob("*.py"):
         tree = ast.parse(path.read_text(encoding="utf-8"), feature_version=(3, 10))
         for node in ast.walk(tree):
             if isinstance(node, ast.Import):

@@ -28,6 +28,9 @@ def schemas() -> dict[str, Any]:
         """A good schema but for a member nobody knows."""
         return json.dumps(doc | {"more": 0}).replace('"more": 0', f'"more": {value}')
 
+    # one byte of UTF-8 more than 32 KiB
+    said = {f"b{n}": {"en": {"say": "🦾" * 200, "why": "🦾" * 200}} for n in range(20)}
+    too_long = {"a": said | {"last": {"en": {"say": "🦾" * 192, "why": "x"}}}}
     bad: list[tuple[str, object]] = [
         ("schema", "{"),
         ("schema", "[" * 3000),
@@ -100,6 +103,9 @@ def schemas() -> dict[str, Any]:
         ("mapping.sensors.S.rpy", mapping(sensors={"S": {"kind": "imu", "rpy": [0] * 1000}})),
         ("mapping.sensors.S.name", mapping(sensors={"S": {"kind": "imu", "name": None}})),
         ("mapping.names.x", mapping(names={"x": 1})),
+        ("mapping.translated_names.ko", mapping(translated_names={"ko": "x"})),
+        ("mapping.translated_names.ko.x", mapping(translated_names={"ko": {"x": 1}})),
+        ("mapping.translated_names key", mapping(translated_names={"": {}})),
         ("mapping.thresholds.a", mapping(thresholds={"a": 1})),
         ("mapping.thresholds.a.x", mapping(thresholds={"a": {"x": {"low": 1, "high": 1}}})),
         ("mapping.thresholds.a.x.caution", mapping(thresholds={"a": {"x": {"caution": 0}}})),
@@ -117,6 +123,11 @@ def schemas() -> dict[str, Any]:
         ("mapping.explain.a.jam.en.say", mapping(explain={"a": {"jam": {"en": {"say": "x" * 201}}}})),
         ("mapping.explain.a.jam.en.why", mapping(explain={"a": {"jam": {"en": {"say": "x", "why": 1}}}})),
         ("mapping.explain.a.jam.en", mapping(explain={"a": {"jam": {"en": "stuck"}}})),
+        (
+            "mapping.explain.a.jam",
+            mapping(explain={"a": {"jam": {f"x{n}": {"say": "x"} for n in range(17)}}}),
+        ),
+        ("mapping.explain", json.dumps(mapping(explain=too_long), ensure_ascii=False)),
     ]
     good: list[tuple[str, str]] = [
         ("of a member named twice the last counts", more('{"type":1},"type":7,"type":"schema"')),

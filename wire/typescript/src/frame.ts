@@ -8,7 +8,7 @@ export const HEADER_BYTES = 9;
 export const TAG_KEY = 0x13;
 export const TAG_REF = 0x12;
 export const TAG_PLAIN = 0x10;
-const FRAME_BYTES_MAX = 1 << 16; // 4096 channels of the widest codes fit
+export const FRAME_BYTES_MAX = 1 << 16; // 4096 channels of the widest codes fit
 
 /** A frame that cannot be decoded; it changed nothing. */
 export class FrameError extends Error {}

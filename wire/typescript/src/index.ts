@@ -1,4 +1,4 @@
-/** Posecast wire format 1: schema, frames, messages. `wire/SPEC.md` is the normative text. */
+/** Posecast wire format 1: schema, frames, messages, segments. `wire/SPEC.md` is the normative text. */
 
 export { SchemaError } from './checked.ts';
 export { Close, ENDINGS, type Ending, type Retry, retryOf } from './closes.ts';
@@ -45,4 +45,20 @@ export {
 } from './messages.ts';
 export { CODE_MAX, Field, MISSING, revived, Schema } from './schema.ts';
 export { parseSchema } from './schema_parser.ts';
-export { visible } from './visible.ts';
+export {
+  decodeKeyPage,
+  encodeKeyPage,
+  type KeyPage,
+  type KeyPose,
+  pickPose,
+} from './segment/key_page.ts';
+export { type FrameGap, type MergedFrame, mergeSegments } from './segment/merge.ts';
+export { decodeSegment } from './segment/reader.ts';
+export {
+  type Segment,
+  SegmentError,
+  type SegmentRecord,
+  type SegmentStart,
+} from './segment/segment.ts';
+export { encodeSegment } from './segment/writer.ts';
+export { readable, visible } from './visible.ts';

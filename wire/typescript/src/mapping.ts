@@ -62,8 +62,15 @@ export class Mapping {
     private readonly tolerances: ReadonlyMap<string, number>,
     private readonly severities: ReadonlyMap<string, ReadonlyMap<string, Severity>>,
     private readonly units: ReadonlyMap<string, ReadonlyMap<string, string>>,
+    private readonly translatedNames: ReadonlyMap<string, ReadonlyMap<string, string>>,
     private readonly sentences: ReadonlyMap<string, ReadonlyMap<string, ReadonlyMap<string, Sentence>>>,
   ) {}
+
+  /** What people who read `language` ("ko") call a channel or site; null where nobody says. */
+  name(label: string, language: string): string | null {
+    const names = this.translatedNames.get(language);
+    return names?.get(label) ?? this.names.get(label) ?? this.translatedNames.get('en')?.get(label) ?? null;
+  }
 
   /** What a bit means, by language ("en"); null where nobody says. */
   sentence(field: string, bit: string): ReadonlyMap<string, Sentence> | null {

@@ -13,6 +13,9 @@ import {
   type Xyz,
 } from './mapping.ts';
 
+const LANGUAGES_MAX = 16; // of one bit
+const SENTENCES_BYTES_MAX = 32 << 10; // in UTF-8: every viewer gets them before the first frame
+
 /** The `mapping` member of a schema, parsed from JSON. SchemaError names what and where. */
 export function parseMapping(value: unknown): Mapping {
   const doc = table(value, 'mapping');
@@ -26,7 +29,8 @@ export function parseMapping(value: unknown): Mapping {
     part('tolerance', atLeastZero),
     part('severity', (v, at) => entries(v, at, severity)),
     part('units', (v, at) => entries(v, at, text)),
-    part('explain', (v, at) => entries(v, at, (bit, of) => entries(bit, of, sentence))),
+    part('translated_names', (v, at) => entries(v, at, text)),
+    atMost(part('explain', (v, at) => entries(v, at, byLanguage))),
   );
 }
 
@@ -86,6 +90,24 @@ function sentence(value: unknown, where: string): Sentence {
   const doc = table(value, where);
   const why = doc.get('why') ?? null;
   return { say: text(doc.get('say'), `${where}.say`), why: why === null ? null : text(why, `${where}.why`) };
+}
+
+function byLanguage(value: unknown, where: string): Map<string, Sentence> {
+  if (table(value, where).size > LANGUAGES_MAX) fail(where, `more than ${LANGUAGES_MAX} languages`);
+  return entries(value, where, sentence);
+}
+
+type Sentences = Map<string, Map<string, Map<string, Sentence>>>;
+
+function atMost(found: Sentences): Sentences {
+  const utf8 = new TextEncoder();
+  let bytes = 0;
+  for (const bits of found.values())
+    for (const languages of bits.values())
+      for (const { say, why } of languages.values()) bytes += utf8.encode(say + (why ?? '')).length;
+  if (bytes > SENTENCES_BYTES_MAX)
+    fail('mapping.explain', `more than ${SENTENCES_BYTES_MAX} bytes of sentences in all`);
+  return found;
 }
 
 function severity(value: unknown, where: string): Severity {

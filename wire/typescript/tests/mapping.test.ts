@@ -49,11 +49,18 @@ test('stars stand for the rest', () => {
         tolerance: { '*': 0.05, RKN: 0.08 },
         severity: { flags: { homed: 'state' } },
         units: { pos: { NK1: 'mm' } },
+        names: { RKN: 'right knee', LKN: 'left knee' },
+        translated_names: { ko: { RKN: '오른쪽 무릎' }, en: { RKN: 'the right knee', WST: 'waist' } },
         explain: { flags: { jam: { en: { say: '{joint} is stuck.' } } } },
         sensors: { RF: { kind: 'wrench', link: 'foot' }, main: { kind: 'power' } },
       },
     }),
   );
+  const named = (language: string) =>
+    ['RKN', 'LKN', 'WST', 'x'].map((label) => mapping.name(label, language));
+  expect(named('ko')).toEqual(['오른쪽 무릎', 'left knee', 'waist', null]);
+  expect(named('en')).toEqual(['the right knee', 'left knee', 'waist', null]);
+  expect(named('fa')).toEqual(['right knee', 'left knee', 'waist', null]);
   expect(mapping.threshold('temp', 'RKN')).toEqual({ low: null, high: 80, caution: 0.9 });
   expect(mapping.threshold('temp', 'LKN')).toEqual({ low: null, high: 70, caution: 1 });
   expect(mapping.threshold('cur', 'LKN')).toBeNull();
@@ -76,4 +83,27 @@ test('stars stand for the rest', () => {
     rpy: [0, 0, 0],
   });
   expect(mapping.sensors.get('main')?.link).toBeNull();
+});
+
+test('sentences are as many and as long as the page can take', () => {
+  const parsed = (explain: object) =>
+    parseSchema(
+      JSON.stringify({
+        ...{ type: 'schema', v: 1, robot: 'r', labels: { j: ['x'] } },
+        ...{ fields: [{ name: 'a', labels: 'j' }], mapping: { explain } },
+      }),
+    ).mapping;
+  const long = { say: '🦾'.repeat(200), why: '🦾'.repeat(200) };
+  const full = Object.fromEntries(Array.from({ length: 20 }, (_, n) => [`b${n}`, { en: long }]));
+  const most = { a: { ...full, last: { en: { say: '🦾'.repeat(192) } } } };
+  expect(() => parsed(most)).not.toThrow();
+  expect(() => parsed({ ...most, b: { jam: { en: { say: 'x' } } } })).toThrow(
+    'mapping.explain: more than 32768 bytes of sentences in all',
+  );
+  const languages = (count: number) =>
+    Object.fromEntries(Array.from({ length: count }, (_, n) => [`x${n}`, { say: 'x' }]));
+  expect(() => parsed({ a: { jam: languages(16) } })).not.toThrow();
+  expect(() => parsed({ a: { jam: languages(17) } })).toThrow(
+    'mapping.explain.a.jam: more than 16 languages',
+  );
 });

@@ -16,6 +16,9 @@ UNFIT = re.compile("[\x00-\x1f\x7f-\x9f\ud800-\udfff]")
 # Python counts these as printable, and nobody sees them: joiners, fillers, variation selectors
 UNSEEN = frozenset("\u034f\u115f\u1160\u17b4\u17b5\u180b\u180c\u180d\u180f\u2800\u3164\uffa0")
 UNSEEN |= frozenset(map(chr, (*range(0xFE00, 0xFE10), *range(0xE0100, 0xE01F0))))
+# zero-width non-joiner and joiner, left-to-right and right-to-left mark: unseen, and yet part of how Persian,
+# Hindi, Sinhala or Hebrew is written, so they stay in texts for people (SPEC §2)
+SCRIPT_MARKS = "\u200c\u200d\u200e\u200f"
 
 
 class SchemaError(ValueError):

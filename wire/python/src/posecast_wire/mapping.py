@@ -17,6 +17,8 @@ ANY = "*"
 JOINT = "joint"  # the label set whose channels move the body
 SENSOR_KINDS = ("wrench", "imu", "power")
 SEVERITIES = ("fault", "caution", "state")
+LANGUAGES_MAX = 16  # of one bit
+SENTENCES_BYTES_MAX = 32 << 10  # in UTF-8: every viewer gets them before the first frame
 
 Severity = Literal["fault", "caution", "state"]
 Level = Literal["ok", "caution", "fault"]
@@ -88,6 +90,8 @@ class Mapping:
     joints: ReadOnly[str, JointMap] = field(default_factory=dict)
     sensors: ReadOnly[str, SensorMount] = field(default_factory=dict)
     names: ReadOnly[str, str] = field(default_factory=dict)
+    # language → channel or site → words; where a language has none, those of `names` count
+    translated_names: ReadOnly[str, ReadOnly[str, str]] = field(default_factory=dict)
     thresholds: ReadOnly[str, ReadOnly[str, Threshold]] = field(default_factory=dict)
     tolerances: ReadOnly[str, float] = field(default_factory=dict)
     severities: ReadOnly[str, ReadOnly[str, Severity]] = field(default_factory=dict)
@@ -126,11 +130,12 @@ def parse_mapping(value: object) -> Mapping:
         joints={k: _joint(v, at) for k, v, at in part("joints")},
         sensors={k: _sensor(v, at, k) for k, v, at in part("sensors")},
         names={k: check_text(v, at) for k, v, at in part("names")},
+        translated_names={k: _each(v, at, check_text) for k, v, at in part("translated_names")},
         thresholds={k: _each(v, at, _threshold) for k, v, at in part("thresholds")},
         tolerances={k: _at_least_zero(v, at) for k, v, at in part("tolerance")},
         severities={k: _each(v, at, _severity) for k, v, at in part("severity")},
         units={k: _each(v, at, check_text) for k, v, at in part("units")},
-        sentences={k: _each(v, at, _by_language) for k, v, at in part("explain")},
+        sentences=_sentences(part("explain")),
     )
 
 
@@ -215,7 +220,17 @@ def _at_least_zero(value: object, where: str) -> float:
     return found
 
 
+def _sentences(entries: Iterator[tuple[str, object, str]]) -> dict[str, dict[str, dict[str, Sentence]]]:
+    found = {name: _each(bits, at, _by_language) for name, bits, at in entries}
+    told = (s for bits in found.values() for of in bits.values() for s in of.values())
+    if sum(len(s.say.encode()) + len((s.why or "").encode()) for s in told) > SENTENCES_BYTES_MAX:
+        fail("mapping.explain", f"more than {SENTENCES_BYTES_MAX} bytes of sentences in all")
+    return found
+
+
 def _by_language(value: object, where: str) -> dict[str, Sentence]:
+    if len(check_table(value, where)) > LANGUAGES_MAX:
+        fail(where, f"more than {LANGUAGES_MAX} languages")
     return _each(value, where, _sentence)
 
 

@@ -1,0 +1,37 @@
+"""The segment (SPEC §10): what a relay accepted of one robot and view in a few seconds, as bytes that never
+change again. Not imported with `posecast_wire`, since an edge needs none of it."""
+
+from posecast_wire.segment.merged_run import MergedFrame, MergedRun, merge_segments
+from posecast_wire.segment.reader import decode_segment
+from posecast_wire.segment.records import (
+    CopyRecord,
+    EventRecord,
+    FrameRecord,
+    InfoRecord,
+    ModelRecord,
+    Record,
+    Segment,
+    SegmentError,
+    SegmentStart,
+    WordRecord,
+)
+from posecast_wire.segment.writer import SegmentWriter, encode_segment
+
+__all__ = [
+    "CopyRecord",
+    "EventRecord",
+    "FrameRecord",
+    "InfoRecord",
+    "MergedFrame",
+    "MergedRun",
+    "ModelRecord",
+    "Record",
+    "Segment",
+    "SegmentError",
+    "SegmentStart",
+    "SegmentWriter",
+    "WordRecord",
+    "decode_segment",
+    "encode_segment",
+    "merge_segments",
+]

@@ -1,0 +1,170 @@
+"""Reads segments. What breaks a rule of SPEC §10 is refused whole, with one line that says what and where."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from posecast_wire.frame import FRAME_BYTES_MAX
+from posecast_wire.keys import ROBOT_ID
+from posecast_wire.messages import COUNT_MAX, RobotStatus
+from posecast_wire.segment import records as of
+from posecast_wire.segment.byte_reader import HASH_BYTES, ByteReader
+from posecast_wire.segment.envelope import open_envelope
+from posecast_wire.segment.frame_chain import SEQS, FrameChain
+from posecast_wire.segment.records import Record, Segment, SegmentError, SegmentStart, refuse
+
+
+class _Header(NamedTuple):
+    start: SegmentStart
+    duration_ms: int
+    frames: int
+    first_seq: int
+    last_seq: int
+
+
+def decode_segment(data: bytes) -> Segment:
+    """Decode a segment. Records of unknown kinds are passed over. Raises SegmentError when it is invalid."""
+    envelope = open_envelope(data, of.MAGIC, of.SEGMENT_VERSION, "segment")
+    header = _read_header(envelope.header)
+    chain = FrameChain()
+    records = tuple(_read_records(envelope.records, envelope.count, header.duration_ms, chain))
+    _check_frames(header, chain)
+    return Segment(header.start, header.start.from_ms + header.duration_ms, records)
+
+
+def read_until_frame(data: bytes) -> tuple[SegmentStart, list[Record]]:
+    """What is known of a segment when it begins, and its records up to the first frame, which is the last of
+    them; all of them if there is none. What stands behind is looked at for damage only. Raises SegmentError
+    as far as it sees that the segment is invalid."""
+    envelope = open_envelope(data, of.MAGIC, of.SEGMENT_VERSION, "segment")
+    header = _read_header(envelope.header)
+    records: list[Record] = []
+    for record in _read_records(envelope.records, envelope.count, header.duration_ms, FrameChain()):
+        records.append(record)
+        if isinstance(record, of.FrameRecord):
+            break
+    return header.start, records
+
+
+def _read_header(r: ByteReader) -> _Header:
+    robot, view = read_name(r, "robot"), read_name(r, "view")
+    take = r.take_u64("take")
+    index = r.take_varint("index", SEQS - 1)
+    run_id = r.take_u64("run")
+    from_ms = r.take_varint("from", COUNT_MAX - of.DURATION_MS_MAX)
+    duration_ms = r.take_varint("duration", of.DURATION_MS_MAX)
+    frames = r.take_varint("frames")
+    first_seq = r.take_varint("first seq", SEQS - 1)
+    last_seq = r.take_varint("last seq", SEQS - 1)
+    schema = r.take_hash("schema")
+    start = SegmentStart(
+        robot=robot,
+        view=view,
+        take=take,
+        index=index,
+        run_id=run_id,
+        from_ms=from_ms,
+        schema=schema,
+        model=r.take_hash("model"),
+        word=_word(r),
+        missing=r.take_varint("missing", SEQS - 1),
+        numbering=r.take_text("numbering", of.NUMBERING_BYTES_MAX),
+        event_n=r.take_varint("event n"),
+        info=r.take_info("info", of.INFO_BYTES_MAX),
+        open_faults=tuple(
+            r.take_text("open fault", of.EVENT_BYTES_MAX)
+            for _ in range(r.take_varint("open faults", of.OPEN_FAULTS_MAX))
+        ),
+    )
+    if frames and (schema is None or run_id == 0):
+        r.fail("header", "frames without a schema or run")
+    return _Header(start, duration_ms, frames, first_seq, last_seq)
+
+
+def read_name(r: ByteReader, what: str) -> str:
+    """The name of a robot or view."""
+    at = r.at
+    name = r.take_text(what, 63)
+    if not ROBOT_ID.fullmatch(name):
+        refuse(f"byte {at}", f"{what}: no name")
+    return name
+
+
+def _word(r: ByteReader) -> RobotStatus:
+    at = r.at
+    word = r.take_byte("word")
+    if word >= len(of.WORDS):
+        refuse(f"byte {at}", f"word: {word} is none")
+    return of.WORDS[word]
+
+
+def _read_records(r: ByteReader, count: int, duration_ms: int, chain: FrameChain) -> Iterator[Record]:
+    found = at_us = 0
+    end = r.end
+    while r.at < end:
+        start = r.at
+        kind = r.take_byte("kind")
+        at_us += r.take_varint("wait", (of.DURATION_MS_MAX + 1) * 1000)
+        size = r.take_varint("length", end - r.at)
+        if size > end - r.at:
+            r.fail("length", f"{size} bytes said, {end - r.at} left")
+        if kind == of.END:
+            refuse(f"byte {start}", "an end before the end")
+        if at_us > duration_ms * 1000 + 999:
+            refuse(f"byte {start}", f"a record at {at_us} µs of {duration_ms} ms")
+        found += 1
+        r.end = r.at + size
+        record = _read_record(r, kind, at_us, chain)
+        if record is not None:
+            yield record
+        r.at, r.end = r.end, end
+    if found != count:
+        refuse(f"byte {end}", f"{found} records, {count} said")
+
+
+def _read_record(r: ByteReader, kind: int, at_us: int, chain: FrameChain) -> Record | None:
+    """The record whose content lies from `r.at` to `r.end`; None of an unknown kind."""
+    start, size = r.at, r.end - r.at
+    record: Record | None = None
+    try:
+        if kind == of.FRAME:
+            late_us = r.take_varint("lateness")
+            frame = r.take_bytes("frame", _checked(r, "frame", r.end - r.at, FRAME_BYTES_MAX))
+            return of.FrameRecord(at_us, late_us, chain.add_frame(frame), frame)
+        if kind == of.COPY:
+            frame = r.take_bytes("copy", _checked(r, "copy", size, FRAME_BYTES_MAX))
+            chain.add_copy(frame)
+            return of.CopyRecord(at_us, frame)
+    except SegmentError as e:
+        said = str(e)
+        raise SegmentError(said if said.startswith("byte ") else f"byte {start}: {said}") from None
+    if kind == of.EVENT:
+        record = of.EventRecord(at_us, r.take_utf8("event", _checked(r, "event", size, of.EVENT_BYTES_MAX)))
+    elif kind == of.INFO:
+        record = of.InfoRecord(at_us, r.take_info("info", of.INFO_BYTES_MAX))
+    elif kind == of.MODEL:
+        if size not in (0, HASH_BYTES):
+            r.fail("model", f"a hash of {size} bytes")
+        record = of.ModelRecord(at_us, r.take_bytes("model", size).hex() or None)
+    elif kind == of.WORD:
+        record = of.WordRecord(at_us, _word(r))
+    if record is not None and r.at != r.end:
+        r.fail(of.KINDS[kind], f"{r.end - r.at} bytes too many")
+    return record
+
+
+def _checked(r: ByteReader, what: str, size: int, most: int) -> int:
+    if size > most:
+        r.fail(what, f"{size} bytes, {most} allowed")
+    return size
+
+
+def _check_frames(header: _Header, chain: FrameChain) -> None:
+    if chain.copies and not chain.count:
+        refuse("records", "copies without frames")
+    if header.frames != chain.count:
+        refuse("header", f"{header.frames} frames said, {chain.count} there")
+    if (header.first_seq, header.last_seq) != (chain.first_seq, chain.last_seq):
+        said = f"frames {header.first_seq} to {header.last_seq} said"
+        refuse("header", f"{said}, {chain.first_seq} to {chain.last_seq} there")
