@@ -9,6 +9,7 @@ from typing import Any
 from posecast_relay.core.actions import Abort, Action, CloseConnection, Fault, Persist, RequestSnapshot, Send
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
+from posecast_relay.core.past.recorder import Recorder
 from posecast_relay.core.viewer.viewer import Viewer
 from posecast_wire import Close, Decoder, Encoder, Frame, Schema, Snapshot, Stamp, build_schema_text
 
@@ -114,9 +115,9 @@ class Screen:
 class World:
     """A hub and a clock. Actions are carried out on the screens; questions to edges are counted."""
 
-    def __init__(self, limits: Limits | None = None) -> None:
+    def __init__(self, limits: Limits | None = None, recorder: Recorder | None = None) -> None:
         self.limits = limits or Limits()
-        self.hub = Hub(self.limits)
+        self.hub = Hub(self.limits, recorder=recorder)
         self.now = 1000.0
         self.asked: list[str] = []
         self.kept = 0

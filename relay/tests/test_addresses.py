@@ -8,9 +8,15 @@ from typing import Any
 import httpx
 import pytest
 import websockets
-from posecast_relay.auth.addresses import Addresses, find_real_address, parse_networks
+from posecast_relay.auth.addresses import Addresses, find_real_address, is_loopback, parse_networks
 
 TRUSTED = parse_networks("10.0.0.0/8, 127.0.0.1, fd00::/8")
+
+
+def test_this_machine_has_several_addresses() -> None:
+    own = ("127.0.0.1", "127.8.8.8", "::1", "::ffff:127.0.0.1")
+    other = ("10.0.0.1", "::ffff:10.0.0.1", "172.17.0.1", "fe80::1%eth0", "", "localhost")
+    assert [is_loopback(peer) for peer in own + other] == [True] * len(own) + [False] * len(other)
 
 
 @pytest.mark.parametrize(

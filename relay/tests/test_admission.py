@@ -156,7 +156,7 @@ def test_a_preview_has_free_places_only(occupancy: Occupancy, refusal: Refusal |
 
 def test_a_preview_gets_1_hz_or_less_of_what_anyone_gets_and_no_more_rights() -> None:
     preview = admitted(replace(ASKS, is_preview=True))
-    assert preview == replace(admitted(ASKS), hz=1.0, is_preview=True)
+    assert preview == replace(admitted(ASKS), hz=1.0, is_preview=True, past_s=0.0)
     slow = Policy({"open": {A: Rule(hz=0.5)}})
     assert admitted(replace(ASKS, is_preview=True), slow).hz == 0.5
     for refused in (Applicant("lab", who=ANYONE), Applicant("open", "lab", who=ANYONE)):

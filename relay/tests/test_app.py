@@ -33,6 +33,41 @@ def on_air(relay: Any) -> bool:
     return bool(found) and found[0]["status"] == "online" and found[0]["hz"] is not None
 
 
+PROXIED = ("X-Forwarded-For", "X-Forwarded-Proto", "Forwarded", "X-Real-IP", "Via", "CF-Connecting-IP")
+
+
+def test_where_to_publish_is_told_at_this_machine_only(relays: Any) -> None:
+    relay = relays()
+    port = relay.address.rpartition(":")[2]
+    base = f"http://{relay.address}/api/v1/robots"
+
+    def told(**headers: str) -> Any:
+        answer = httpx.get(base, headers={name.replace("_", "-"): of for name, of in headers.items()})
+        assert answer.json()["robots"] == []
+        assert "origin" in answer.headers["vary"]
+        return answer.json().get("publish_at")
+
+    own: tuple[dict[str, str], ...] = (
+        {},
+        {"host": f"localhost:{port}"},
+        {"host": f"[::1]:{port}"},
+        {"host": f"localhost:{port}", "origin": f"http://localhost:{port}"},
+    )
+    for headers in own:
+        assert told(**headers) == relay.zenoh, headers
+    elsewhere = (
+        *({name: "203.0.113.7"} for name in PROXIED),
+        {"origin": "https://evil.example"},
+        {"origin": "null"},
+        {"host": "evil.example"},
+        {"host": f"evil.example:{port}", "origin": f"http://evil.example:{port}"},
+        {"host": f"localhost.evil.example:{port}"},
+    )
+    for headers in elsewhere:
+        assert told(**headers) is None, headers
+    assert told() == relay.zenoh, "what others were told is not kept for this machine"
+
+
 async def test_the_list_and_one_robot(relays: Any, edges: Any) -> None:
     relay = relays()
     base = f"http://{relay.address}/api/v1/robots"
@@ -186,10 +221,10 @@ async def test_a_file_that_is_not_what_its_manifest_says_is_refused(relays: Any,
     edges(relay.zenoh, model=model)
     base = f"http://{relay.address}/api/v1/robots/r/model/{model.digest}"
     await asyncio.to_thread(until, "manifest", lambda: httpx.get(base + "/manifest.json").status_code == 200)
-    for path in ("/a.stl", "/gone.stl"):
+    for path, retry_s in (("/a.stl", "15"), ("/gone.stl", "5")):
         answer = httpx.get(base + path)
         assert answer.status_code == 503
-        assert answer.headers["retry-after"] == "5"
+        assert answer.headers["retry-after"] == retry_s
         assert answer.headers.get("cache-control") is None
 
 

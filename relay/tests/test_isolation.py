@@ -22,6 +22,11 @@ from posecast_relay import core
 from posecast_relay.core.actions import Abort, CloseConnection, Fault, RequestSnapshot, Send
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
+from posecast_relay.core.past.kept_segment import KeptSegment
+from posecast_relay.core.past.recorder import Recorder
+from posecast_relay.core.past.stream_recording import RecordingPorts
+from posecast_relay.core.policy.past import list_lookers
+from posecast_relay.core.policy.policy import Policy
 from posecast_relay.core.viewer.viewer import Viewer
 
 from .sim import UNIX_S, Edge, Screen, schema
@@ -39,6 +44,7 @@ MODULES = (
         "state.liveness",
     ),
     *("viewer.viewer", "viewer.flow_control", "viewer.cadence", "viewer.messages"),
+    *("past.recorder", "past.stream_recording", "past.open_segment", "past.open_faults"),
 )
 
 BOUNDARIES = ("guard", "end_after_fault")  # where others stop
@@ -53,13 +59,21 @@ class World:
 
     def __init__(self) -> None:
         self.limits = Limits(messages_burst=1000)
-        self.hub = Hub(self.limits)
         self.now = 1000.0
+        self.kept = 0  # segments of the past
+        ports = RecordingPorts(self.keep, lambda: 7, lambda: UNIX_S + self.now)
+        recorder = Recorder(ports, list_lookers)
+        recorder.set_policy(Policy(), self.now)
+        self.hub = Hub(self.limits, recorder=recorder)
         self.faults: list[Fault] = []
         self.asked: set[str] = set()
         self.escaped: list[Exception] = []
         self.edges = {name: Edge(0xABC, schema(), began_s=995.0, ref_every=5) for name in (MINE, OTHER)}
         self.screens: dict[str, list[tuple[Viewer, Screen]]] = {MINE: [], OTHER: []}
+
+    def keep(self, segment: KeptSegment, _now: float) -> None:
+        """Take a closed segment of the past."""
+        self.kept += segment.name.robot == OTHER
 
     def do(self, call: Callable[..., object], *args: object) -> None:
         """Call the hub as adapters do, and carry out what it says."""
@@ -228,6 +242,7 @@ def expected() -> list[Any]:
     assert world.escaped == []
     told = world.told()
     assert len(told) == 5
+    assert world.kept > 0
     assert all(len(frames) > 60 for _, frames, _, _ in told)
     return told
 
@@ -241,6 +256,7 @@ def test_every_module_of_the_core_is_named_here_or_has_no_part_in_serving() -> N
     }
     apart = {"actions", "timer_queue", "limits", "histogram", "drain", "load_shedder"}  # nobody's
     apart |= {"policy.policy", "policy.share_link", "policy.admission"}
+    apart |= {"policy.past", "past.kept_segment", "past.memory_store", "past.past_reader"}
     apart |= {"delayed_hub", "mirror", "breaker", "replica_feed", "replica_messages"}  # in files of their own
     assert found - apart == set(MODULES)
 
@@ -271,4 +287,5 @@ def test_what_fails_for_one_robot_is_not_noticed_by_the_other(
     world = World()
     world.live()
     assert world.told() == expected, f"{calls} calls failed"
+    assert world.kept > 0
     assert [e for e in world.escaped if not isinstance(e, Injected)] == []

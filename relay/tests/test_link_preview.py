@@ -11,6 +11,7 @@ import httpx
 import pytest
 from posecast_wire import Schema, build_schema_text
 
+from .pictures import make_png
 from .stage import Model, until
 
 INDEX = (
@@ -18,7 +19,9 @@ INDEX = (
     '<meta property="og:title" content="Posecast" /><meta property="og:image" content="./icon-512.png" />'
     "</head></html>"
 )
+PERSIAN = "Course نیم\u200cساق\u200f"  # written with a joiner
 EVIL = "Otto</title><script>alert('1')</script>\"\u202e"
+SMALL = make_png(5, 3)
 AT = "https://robots.example/lab"
 
 
@@ -57,17 +60,17 @@ def test_a_chat_sees_who_anyone_may_see_and_of_others_the_general_words(
     start: Any, edges: Any, tmp_path: Path
 ) -> None:
     relay = start("--public-url", AT + "/")
-    model = Pictured(b"a picture")
+    model = Pictured(SMALL)
     edges(relay.zenoh, robot="open", of=named(EVIL), model=model)
     edges(relay.zenoh, robot="lab", of=named("secret"), model=model)
-    edges(relay.zenoh, robot="course", of=named("Course"))
+    edges(relay.zenoh, robot="course", of=named(PERSIAN))
     base = f"http://{relay.address}"
 
     def page(path: str, **headers: str) -> str:
         return httpx.get(base + path, headers=headers).text
 
     until("a model", lambda: "/picture" in page("/r/open"))
-    until("another", lambda: "Course" in page("/r/course"))
+    until("another", lambda: PERSIAN in page("/r/course"))
     told = page("/r/open", host="evil.example")
     tags = read_tags(told)
     assert "<script>" not in told
@@ -75,6 +78,7 @@ def test_a_chat_sees_who_anyone_may_see_and_of_others_the_general_words(
     assert "\u202e" not in told
     assert tags["og:title"].startswith("Otto</title><script>alert('1')")
     assert tags["og:image"] == f"{AT}/api/v1/robots/open/picture"
+    assert (tags["og:image:width"], tags["og:image:height"]) == ("5", "3")
     assert tags["og:url"] == f"{AT}/r/open"
     assert tags["twitter:card"] == "summary"
     assert told.count("og:title") == 1
@@ -85,11 +89,11 @@ def test_a_chat_sees_who_anyone_may_see_and_of_others_the_general_words(
     for hidden in ("/r/lab", "/r/open+lab", "/r/never-heard"):
         assert page(hidden) == general, hidden
     both = read_tags(page("/r/course+open"))
-    assert both["og:title"].startswith("Course, Otto")
+    assert both["og:title"].startswith(f"{PERSIAN}, Otto")
     assert both["og:image"] == tags["og:image"]
 
     picture = httpx.get(f"{base}/api/v1/robots/open/picture")
-    assert (picture.content, picture.headers["content-type"]) == (b"a picture", "image/png")
+    assert (picture.content, picture.headers["content-type"]) == (SMALL, "image/png")
     assert picture.headers["cache-control"] == "public, max-age=60"
     assert picture.headers["access-control-allow-origin"] == "*"
     hidden_picture = httpx.get(f"{base}/api/v1/robots/lab/picture")
@@ -106,10 +110,13 @@ def test_a_chat_sees_who_anyone_may_see_and_of_others_the_general_words(
         assert f'src="{AT}/embed/open"' in rich["html"]
         assert "<script>" not in rich["html"]
         assert rich["thumbnail_url"] == tags["og:image"]
+        assert (rich["thumbnail_width"], rich["thumbnail_height"]) == (5, 3)
     assert oembed_of(f"{AT}/r/course").json()["type"] == "link", "not every page may frame it"
     for other in (f"{AT}/r/lab", f"{AT}/r/no-such", f"{AT}/r/open+course", "https://evil.example/r/open", AT):
         assert oembed_of(other).status_code == 404, other
     assert oembed_of(f"{AT}/r/open", format="xml").status_code == 501
+    for none in (httpx.get(f"{base}/api/v1/oembed"), oembed_of("")):
+        assert (none.status_code, none.json()) == (400, {"error": "want url=, the address of a robot's page"})
 
     robots = tmp_path / "robots.toml"
     robots.write_text(robots.read_text().replace("[robots.lab.link]", "[robots.lab.anyone]"))
@@ -118,9 +125,9 @@ def test_a_chat_sees_who_anyone_may_see_and_of_others_the_general_words(
 
 def test_without_an_address_of_its_own_a_relay_makes_no_whole_ones(start: Any, edges: Any) -> None:
     relay = start()
-    edges(relay.zenoh, robot="open", of=named("Otto"), model=Pictured(b"no picture", "text/plain"))
+    edges(relay.zenoh, robot="open", of=named("Otto"), model=Pictured(SMALL))
     base = f"http://{relay.address}"
-    until("a model", lambda: "/picture" in httpx.get(f"{base}/r/open").text)
+    until("a picture", lambda: "/picture" in httpx.get(f"{base}/r/open").text)
     page = httpx.get(f"{base}/r/open", headers={"host": "evil.example"}).text
     tags = read_tags(page)
     assert tags["og:image"] == "../api/v1/robots/open/picture"
@@ -128,5 +135,29 @@ def test_without_an_address_of_its_own_a_relay_makes_no_whole_ones(start: Any, e
     assert "oembed" not in page
     assert "evil.example" not in page
     assert httpx.get(f"{base}/api/v1/oembed", params={"url": f"{base}/r/open"}).status_code == 404
+
+
+@pytest.mark.parametrize(
+    ("picture", "type_", "why"),
+    [
+        (b"<script>alert(1)</script>", "image/png", "its bytes are no image/png"),
+        (make_png(50_000, 50_000), "image/png", "50000 × 50000 px; want 1 to 2048 either way"),
+        (SMALL, "text/plain", None),
+    ],
+    ids=["html", "huge", "text"],
+)
+def test_a_picture_that_the_relay_does_not_serve_is_not_named(
+    start: Any, edges: Any, picture: bytes, type_: str, why: str | None
+) -> None:
+    relay = start("--public-url", AT)
+    edges(relay.zenoh, robot="open", of=named("Otto"), model=Pictured(picture, type_))
+    base = f"http://{relay.address}"
+    until("a model", lambda: httpx.get(f"{base}/api/v1/robots/open").json().get("model"))
     answer = httpx.get(f"{base}/api/v1/robots/open/picture")
-    assert (answer.status_code, answer.json()) == (404, {"error": "no picture in this model"})
+    said = "no picture in this model" if why is None else f"the picture in this model can't be shown: {why}"
+    assert (answer.status_code, answer.json()) == (404, {"error": said})
+    tags = read_tags(httpx.get(f"{base}/r/open").text)
+    assert (tags["og:title"], tags["og:image"]) == ("Otto", f"{AT}/icon-512.png")
+    oembed = httpx.get(f"{base}/api/v1/oembed", params={"url": f"{AT}/r/open"}).json()
+    assert oembed["title"] == "Otto"
+    assert "thumbnail_url" not in oembed

@@ -8,11 +8,13 @@ import hashlib
 import json
 import tracemalloc
 from collections.abc import Callable
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 from posecast_relay.models.cache import AT_ONCE, RANGE_BYTES, TRIES, Absent, ModelCache, Unavailable
 from posecast_relay.models.manifest import BYTES_MAX, FILES_MAX
+from posecast_relay.models.refusal_memory import REFUSED_S
 
 MB = 1_000_000
 
@@ -147,14 +149,15 @@ async def test_an_edge_that_stays_away_is_asked_a_few_times() -> None:
     ids=["other", "none", "more"],
 )
 async def test_what_is_not_what_its_name_says_is_never_kept(spoil: Callable[[bytes], bytes]) -> None:
-    data = bytes_of(1, 1000)
+    data, clock = bytes_of(1, 1000), SimpleNamespace(now=0.0)
     edge = Edge({"a.stl": data})
-    models = ModelCache(edge, MB)
+    models = ModelCache(edge, MB, lambda: clock.now)
     await models.load_manifest("r", edge.digest)
     edge.spoil = spoil
     with pytest.raises(Unavailable):
         await models.load_file("r", edge.digest, "a.stl")
     edge.spoil = lambda answer: answer
+    clock.now += REFUSED_S
     assert await read(models, edge, "a.stl") == data
 
 
@@ -367,13 +370,14 @@ async def test_the_same_bytes_of_two_robots_are_kept_and_counted_once() -> None:
 async def test_who_knows_the_hash_of_anothers_file_does_not_have_it() -> None:
     """A robot that not everybody may see has been asked for it. Another one's manifest names it, no more."""
     data = bytes_of(1, 2000)
-    hidden, thief = Edge({"a.stl": data}), Edge({"a.stl": data})
+    hidden, thief, clock = Edge({"a.stl": data}), Edge({"a.stl": data}), SimpleNamespace(now=0.0)
     thief.spoil = lambda answer: answer if answer == thief.bytes else b""
-    models = ModelCache(Several(hidden=hidden, thief=thief), 10 * MB)
+    models = ModelCache(Several(hidden=hidden, thief=thief), 10 * MB, lambda: clock.now)
     assert await read(models, hidden, "a.stl", "hidden") == data
     with pytest.raises(Unavailable, match="0 bytes at 0 of 2000"):
         await models.load_file("thief", thief.digest, "a.stl")
     thief.spoil = lambda answer: answer
+    clock.now += REFUSED_S
     assert await read(models, thief, "a.stl", "thief") == data
     asked = len(thief.asked)
     assert await read(models, thief, "a.stl", "thief") == data

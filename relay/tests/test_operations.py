@@ -12,6 +12,7 @@ from posecast_relay.config.settings import FLAGS
 from posecast_relay.core.breaker import Breaker
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
+from posecast_relay.core.past.memory_store import MemoryPast
 from posecast_relay.http.metrics import RelayCollector
 from posecast_relay.redis.store import RedisStore
 from posecast_relay.runtime.dispatcher import Dispatcher
@@ -31,7 +32,8 @@ async def test_every_series_is_explained_and_no_other() -> None:
 
     store = RedisStore("redis://nowhere", hub, Dispatcher.now, described)
     dispatcher = Dispatcher(hub, store, FanOut(None))
-    figures = RelayCollector([dispatcher], SimpleNamespace(written=Counter(), breaker=Breaker()))
+    mirror = SimpleNamespace(written=Counter(), breaker=Breaker())
+    figures = RelayCollector([dispatcher], mirror, past=MemoryPast(1 << 20))
     there = {family.name + ("_total" if family.type == "counter" else "") for family in figures.collect()}
     rows = re.findall(r"^\| `(posecast_\w+)", PAGE, re.MULTILINE)
     assert sorted(rows) == sorted(there)

@@ -79,7 +79,9 @@ def test_a_robots_path_is_the_page_and_a_mistyped_one_the_page_with_404(relays: 
         assert page.status_code == 404, path
         assert "<title>page" in page.text, path
         assert "script>alert" not in page.text
-        assert ask(path).json() == {"error": "Not Found"}, path
+        plain = ask(path)
+        assert plain.json() == {"error": "Not Found"}, path
+        assert [answer.headers["vary"] for answer in (page, plain)] == ["accept"] * 2, path
     deep = ask("/x" * 18, **A_BROWSER)
     assert (deep.status_code, deep.json()) == (404, {"error": "Not Found"})
     for path in ("/api/v1/nothing", "/api/v1/robots/lab", "/api", "/livez/x"):

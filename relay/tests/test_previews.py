@@ -8,6 +8,7 @@ from typing import Any
 
 import httpx
 from posecast_relay.core.limits import Limits
+from posecast_relay.core.policy.admission import FULL, ROBOT_FULL
 from posecast_relay.core.policy.policy import ANYONE, Audience, Grant
 from posecast_relay.core.viewer.viewer import Viewer
 from posecast_wire import Close
@@ -24,6 +25,10 @@ def join(world: World, grant: Grant) -> tuple[Viewer, Screen]:
     viewer = Viewer(screen, "r", "public", 30.0, world.limits, world.now, grant=grant)
     world.do(world.hub.join(viewer, world.now, UNIX_S))
     return viewer, screen
+
+
+def how_ended(screen: Screen) -> Any:
+    return None if screen.ended is None else screen.ended[1]
 
 
 def why_ended(screen: Screen) -> Close | None:
@@ -47,6 +52,8 @@ def test_a_full_hall_drops_previews_first_the_oldest_before_the_others() -> None
     assert (world.hub.robots["r"].count_viewers(), len(world.hub.viewers)) == (3, 3)
     assert not world.hub.previews
     assert not world.hub.robots["r"].get_room("public").previews
+    assert how_ended(previews[0]) == how_ended(last) == FULL.reason
+    assert (world.hub.endings, world.hub.preview_endings) == ({Close.FULL: 1}, {Close.FULL: 3})
 
 
 def test_a_robot_that_takes_so_many_ends_a_preview_of_its_own() -> None:
@@ -59,6 +66,8 @@ def test_a_robot_that_takes_so_many_ends_a_preview_of_its_own() -> None:
     assert (why_ended(screen), why_ended(elsewhere), why_ended(comes)) == (Close.FULL, None, None)
     _, second = join(world, few)
     assert why_ended(second) == Close.FULL
+    assert how_ended(screen) == how_ended(second) == ROBOT_FULL.reason
+    assert (world.hub.endings, world.hub.preview_endings) == ({Close.FULL: 1}, {Close.FULL: 1})
     world.hub.remove_viewer(viewer)  # again, as its connection does: nothing is counted twice
     assert world.hub.admitted_previews["r", Audience.ANYONE] == 0
     assert world.hub.admitted["r", Audience.ANYONE] == 1

@@ -113,9 +113,10 @@ def test_a_fault_at_one_robot_is_no_other_robots(
     with monkeypatch.context() as patch:
         of = gateway.hub if owner is Hub else owner  # the ingest's is not what is to fail
         patch.setattr(of, name, raising(of, name, where, hits))
-        for room in ingest.hub.robots[HURT].rooms.values():
+        hurt = ingest.hub.robots[HURT]
+        for room in hurt.rooms.values():
             doc: dict[str, object] = {"type": "event", "text": "jam"}
-            ingest.dispatcher.carry_out(ingest.hub.announce_event(room, doc, 1.0))
+            ingest.dispatcher.carry_out(ingest.hub.announce_event(hurt, room, doc, 1.0, 1.0))
         history.wait(1.0)
         # what is done only now and then is done now
         for room in ingest.hub.robots[HURT].rooms.values():

@@ -69,6 +69,9 @@ def test_a_robot_is_added_rotated_listed_and_removed(tmp_path: Path) -> None:
     assert stat.S_IMODE(path.stat().st_mode) == 0o640
 
     robots(path, "add", "g1", "--private")
+    path.write_text(path.read_text() + '[robots.h1.anyone]\npast = "90s"\n[robots.h1.link]\npast = 0\n')
+    assert "anyone: public (1.5 min back), link: public (no past)" in robots(path, "list").stdout
+    robots(path, "remove", "h1")
     listed = robots(path, "list").stdout
     assert [line.split("\t")[0] for line in listed.splitlines()] == ["g1", "hubo"]
     assert "g1\tuntil removed\tnobody" in listed

@@ -43,13 +43,18 @@ def test_who_may_watch(tmp_path: Path) -> None:
         hz = 10
         delay_s = 0.5
         viewers = 0
+        [robots.g1.anyone]
+        past = "90s"
+        [robots.g1.link]
+        past = 0
         """
     policy = read_robots(write(tmp_path, text)).make_policy()
     assert policy.find_rules("hubo") == {
         Audience.ANYONE: Rule(frames=("https://course.example", "http://10.0.0.5:8000")),
         Audience.SIGNED_IN: Rule("lab", 10.0, 0.5, 0),
     }
-    assert policy.find_rules("g1") == {}
+    assert policy.find_rules("g1") == {Audience.ANYONE: Rule(past_s=90.0), Audience.LINK: Rule(past_s=0.0)}
+    assert policy.find_rules("h1") == {}
 
 
 def test_an_empty_file_lets_nobody_in(tmp_path: Path) -> None:
@@ -63,7 +68,7 @@ def test_an_empty_file_lets_nobody_in(tmp_path: Path) -> None:
         ("[robots.hubo.anyone]\nhertz = 3", "[robots.hubo.anyone]: unknown field 'hertz': use view, hz"),
         (
             "[robots.hubo.everyone]",
-            "[robots.hubo]: unknown field 'everyone': use secret, expires, link_key, anyone",
+            "[robots.hubo]: unknown field 'everyone': use secret, expires, link_key, keep, anyone",
         ),
         ("[robots.hubo]\nanyone = 'CANARY'", "[robots.hubo.anyone]: want a table"),
         ("[robots.hubo.anyone]\nview = '*'", "[robots.hubo.anyone] view '*': use"),
@@ -76,6 +81,18 @@ def test_an_empty_file_lets_nobody_in(tmp_path: Path) -> None:
         ("[robots.r.anyone]\nframes=['https://a', 'https://a; script-src *']", "frames: number 2 is no"),
         ("[robots.r.link]\nframes=[]", "[robots.r.link] frames: only for `anyone`"),
         ("[robots.r.anyone]\ndelay_s=1\n[robots.r.link]\ndelay_s=2", "[robots.r]: two delays for view"),
+        ("[robots.r.anyone]\npast = 30", '[robots.r.anyone] past: want a time like "90s", "30m"'),
+        ("[robots.r.anyone]\npast = true", "[robots.r.anyone] past: want a time"),
+        ("[robots.r.anyone]\npast = '-1s'", "[robots.r.anyone] past: want a time"),
+        ("[robots.r.anyone]\npast = '1e9d'", "[robots.r.anyone] past: want a time"),
+        ("[robots.r.anyone]\npast = '3661d'", "[robots.r.anyone] past: want a time"),
+        ("[robots.r.anyone]\npast = '30m'\nhz = 10", "[robots.r.anyone] past: it holds every frame"),
+        ("[robots.r]\nkeep = 'CANARY'", "[robots.r] keep: want a time"),
+        (
+            "[robots.r]\nkeep='1h'\n[robots.r.link]\npast='61m'",
+            "[robots.r.link] past: more than `keep`, '1h'",
+        ),
+        ("[robots.r]\nkeep = '30d'", "[robots.r] keep: wants an object store"),
         ("[robot.hubo]", "the file: unknown field 'robot': use robots"),
         ("[robots.'*']", "robot '*': use 1 to 63"),
         ("robots = 3", "robots: want tables"),

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 from posecast_relay.config.settings import SettingsError, parse
+from posecast_relay.server.past import make_past_services
 
 
 def test_defaults() -> None:
@@ -47,6 +48,8 @@ def test_a_flag_wins_over_its_variable_and_that_over_port() -> None:
             {},
             "--max-connection-age '0.5': use a number of s",
         ),
+        (["run", "--dev", "--past", "30m"], {}, "--past '30m': use memory: or 0"),
+        (["run", "--dev", "--past-memory", "8M"], {}, "--past-memory '8M': use a size from 16M to 1024G"),
         (["run", "--dev", "--host", "a b"], {}, "--host 'a b': "),
         (["run", "--dev", "--trusted-proxies", "10.0.0"], {}, "--trusted-proxies '10.0.0': use addresses"),
         (["run", "--dev", "--origins", "good.com"], {}, "--origins 'good.com': use https://HOST"),
@@ -112,3 +115,13 @@ def test_a_gateway_needs_no_publishers_and_every_role_but_all_a_store() -> None:
             parse(["run", "--dev", "--role", role], {})
     with pytest.raises(SettingsError, match="--role 'edge': use all, ingest or gateway"):
         parse(["run", "--role", "edge"], {})
+
+
+def test_the_past_is_kept_in_memory_or_not_at_all() -> None:
+    kept = parse(["run", "--dev"], {"POSECAST_PAST": "memory:"})
+    assert (kept.past, kept.past_memory) == ("memory:", 256 << 20)
+    assert make_past_services(kept) is not None
+    assert parse(["run", "--dev", "--past-memory", "2G"], {}).past_memory == 2 << 30
+    assert make_past_services(parse(["run", "--dev"], {})) is None
+    gateway = ["run", "--dev", "--role", "gateway", "--store", "redis://localhost", "--past", "memory:"]
+    assert make_past_services(parse(gateway, {})) is None

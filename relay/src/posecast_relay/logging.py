@@ -29,13 +29,15 @@ OURS = "posecast_"
 log = logging.getLogger("posecast_relay")
 
 
-def visible(text: str, most: int = NAME_MAX) -> str:
+def visible(text: str, most: int = NAME_MAX, kept: str = "") -> str:
     """A text from outside as one line of at most `most` characters. What would not be seen in it, or would
-    turn the direction of what follows, is escaped."""
+    turn the direction of what follows, is escaped, unless it is among `kept`."""
     shown = text if len(text) <= most else text[: most - 1] + "…"
     if shown.isprintable() and UNSEEN.isdisjoint(shown):
         return shown
-    escaped = "".join(c if c.isprintable() and c not in UNSEEN else f"\\u{{{ord(c):x}}}" for c in shown)
+    escaped = "".join(
+        c if c in kept or (c.isprintable() and c not in UNSEEN) else f"\\u{{{ord(c):x}}}" for c in shown
+    )
     return escaped if len(escaped) <= most else escaped[: most - 1] + "…"
 
 

@@ -54,6 +54,7 @@ class Access:
         self._renewals: set[asyncio.Task[None]] = set()
         if later is not None:
             self._delayed.set_delays(policy.find_delays_s())
+        self._tell_recorder()
 
     @property
     def dispatchers(self) -> tuple[Dispatcher, ...]:
@@ -140,6 +141,7 @@ class Access:
     def set_policy(self, policy: Policy) -> None:
         """Replace the policy. Connected viewers get their new rights; those without any are closed."""
         self.policy = policy
+        self._tell_recorder()
         if self.later is not None:
             self._delayed.set_delays(policy.find_delays_s())
             live = self.live.hub.robots
@@ -158,6 +160,11 @@ class Access:
                         self.tokens.identify_link(viewer.grant.who.token) or Close.TOKEN
                     )  # its key may be another
                 self._rejudge(viewer, who)
+
+    def _tell_recorder(self) -> None:
+        """Tell what records the live hub who may look back on it."""
+        if self.live.hub.recorder is not None:
+            self.live.hub.recorder.set_policy(self.policy, self.live.now())
 
     def _rejudge(self, viewer: Viewer, who: Principal | Close) -> None:
         """Judge a connected viewer anew. It is closed if that fails."""

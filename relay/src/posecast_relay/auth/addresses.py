@@ -36,6 +36,12 @@ def find_real_address(peer: str, forwarded: str | None, trusted: Sequence[Networ
     return str(found)
 
 
+def is_loopback(peer: str) -> bool:
+    """Whether a connection's address is that of the machine it was made on."""
+    found = _parse_address(peer)
+    return found is not None and found.is_loopback
+
+
 def _parse_address(text: str) -> ipaddress.IPv4Address | ipaddress.IPv6Address | None:
     try:
         found = ipaddress.ip_address(text.partition("%")[0])

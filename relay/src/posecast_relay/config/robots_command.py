@@ -219,6 +219,9 @@ def _shown(rule: Rule) -> str:
     limits = [f"{rule.hz:g} Hz"] if rule.hz < 60 else []
     limits += [f"{rule.delay_s:g} s late"] if rule.delay_s else []
     limits += [f"{rule.viewers} at a time"] if rule.viewers is not None else []
+    limits += (
+        [f"{rule.past_s / 60:g} min back" if rule.past_s else "no past"] if rule.past_s is not None else []
+    )
     return rule.view + (f" ({', '.join(limits)})" if limits else "")
 
 

@@ -5,6 +5,7 @@
     [robots.hubo.anyone]    # an audience, and what it gets; also `signed-in` and `link`
     view = "public"
     delay_s = 10
+    past = "30m"            # how far back it may look; 0: not at all
     frames = ["https://course.example"]  # `anyone` only: pages that may frame it; without: any
 
 An audience without a table sees nothing.
@@ -25,11 +26,14 @@ from posecast_wire import check_name
 from posecast_wire.credential import SECRET
 
 from posecast_relay.auth.origins import ORIGIN
-from posecast_relay.core.policy.policy import DELAY_MAX_S, PUBLIC, Audience, Policy, Rule
+from posecast_relay.core.policy.policy import DELAY_MAX_S, FULL_HZ, PUBLIC, Audience, Policy, Rule
 
 BYTES_MAX = 4_000_000
-ROBOT_FIELDS = ("secret", "expires", "link_key", *(str(audience.value) for audience in Audience))
-RULE_FIELDS = ("view", "hz", "delay_s", "viewers", "blackout", "frames")
+ROBOT_FIELDS = ("secret", "expires", "link_key", "keep", *(str(audience.value) for audience in Audience))
+RULE_FIELDS = ("view", "hz", "delay_s", "viewers", "blackout", "frames", "past")
+DURATION = re.compile(r"(0|[1-9][0-9]{0,5})([smhd])", re.ASCII)
+DURATION_UNITS_S = {"s": 1, "m": 60, "h": 3600, "d": 86400}
+DURATION_MAX_S = 3660 * 86400.0
 FRAMES_MAX = 100  # origins; they stand in a header
 # What TOML's reader takes the square of to read: an integer's digits, the parts of a dotted key.
 ENDLESS = re.compile(
@@ -130,7 +134,21 @@ def _enrolled(name: str, doc: object) -> RobotEntry:
             raise RobotsError(
                 f"{where}: two delays for view {rule.view!r}: one is kept, for all who see it late"
             )
+    _check_keep(doc, rules, where)
     return RobotEntry(secret, _unix_s(doc, "expires", where), rules, link_key)
+
+
+def _check_keep(doc: Mapping[str, Any], rules: Mapping[Audience, Rule], where: str) -> None:
+    """Check `keep` and each `past` that it bounds. Raises RobotsError, as there is no store yet."""
+    keep_s = _duration_s(doc, "keep", where)
+    if keep_s is None:
+        return
+    for audience, rule in rules.items():
+        if rule.past_s is not None and rule.past_s > keep_s:
+            raise RobotsError(f"{where[:-1]}.{audience.value}] past: more than `keep`, {doc['keep']!r}")
+    raise RobotsError(
+        f"{where} keep: wants an object store, which this version of the relay has none of: leave it out"
+    )
 
 
 def _secret(doc: Mapping[str, Any], name: str, where: str) -> str | None:
@@ -155,7 +173,12 @@ def _rule(doc: object, where: str) -> Rule:
         raise RobotsError(f"{where} viewers: want a whole number from 0 to 1000000")
     hz = _number(doc, "hz", 60.0, (0.1, 60.0), where)
     delay_s = _number(doc, "delay_s", 0.0, (0.0, DELAY_MAX_S), where)
-    return Rule(view, hz, delay_s, viewers, blackout, _frames(doc, where))
+    past_s = _duration_s(doc, "past", where)
+    if past_s and hz < FULL_HZ:
+        raise RobotsError(
+            f"{where} past: it holds every frame, and `hz` may leave some out: show a slower view instead"
+        )
+    return Rule(view, hz, delay_s, viewers, blackout, _frames(doc, where), past_s)
 
 
 def _frames(doc: Mapping[str, Any], where: str) -> tuple[str, ...] | None:
@@ -179,6 +202,19 @@ def _number(
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not span[0] <= value <= span[1]:
         raise RobotsError(f"{where} {name}: want a number from {span[0]:g} to {span[1]:g}")
     return float(value)
+
+
+def _duration_s(doc: Mapping[str, Any], name: str, where: str) -> float | None:
+    value = doc.get(name)
+    if value is None:
+        return None
+    if type(value) is int and value == 0:
+        return 0.0
+    found = DURATION.fullmatch(value) if isinstance(value, str) else None
+    seconds = float(int(found[1]) * DURATION_UNITS_S[found[2]]) if found is not None else -1.0
+    if not 0 <= seconds <= DURATION_MAX_S:
+        raise RobotsError(f'{where} {name}: want a time like "90s", "30m", "12h" or "30d", or 0')
+    return seconds
 
 
 def _unix_s(doc: Mapping[str, Any], name: str, where: str) -> float:

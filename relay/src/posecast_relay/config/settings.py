@@ -54,6 +54,8 @@ class Settings:
     max_robot_bytes: int
     max_connection_age: float | None
     model_cache_mb: int
+    past: str | None
+    past_memory: int
     log_level: str
 
 
@@ -81,6 +83,20 @@ def _bytes(text: str) -> int:
     if not text.isascii() or not text.isdigit() or not 10_000 <= int(text[:13]) <= 1_000_000_000:
         raise ValueError("use a number of bytes from 10000 to 1000000000")
     return int(text)
+
+
+def _past(text: str) -> str | None:
+    if text not in ("memory:", "0"):
+        raise ValueError("use memory: or 0")
+    return None if text == "0" else text
+
+
+def _memory(text: str) -> int:
+    found = re.fullmatch(r"(\d{1,9})([MG])", text, re.ASCII)
+    size = int(found[1]) << (30 if found[2] == "G" else 20) if found else 0
+    if not 16 << 20 <= size <= 1 << 40:
+        raise ValueError("use a size from 16M to 1024G")
+    return size
 
 
 def _seconds(text: str) -> float:
@@ -220,6 +236,8 @@ FLAGS = (
     _Flag("max_robot_messages", _count, "600", "a second, of one robot; likewise", "N"),
     _Flag("max_robot_bytes", _bytes, "1000000", "a second, of one robot; likewise", "BYTES"),
     _Flag("model_cache_mb", _count, "256", "memory for robots' models", "MB"),
+    _Flag("past", _past, "0", "memory: keeps what was live, to be looked back on; 0: nothing", "WHERE"),
+    _Flag("past_memory", _memory, "256M", "for it, of all robots; who has most loses its oldest", "SIZE"),
     _Flag("log_level", _level, "warning", "debug, info, warning or error; JSON but on a terminal", "LEVEL"),
 )  # fmt: skip
 

@@ -20,6 +20,7 @@ from posecast_relay.core.actions import (
     Abort,
     Action,
     CloseConnection,
+    Fault,
     Persist,
     RequestSnapshot,
     Send,
@@ -30,7 +31,16 @@ from posecast_relay.core.drain import Drain
 from posecast_relay.core.edge_messages import make_conflict_event
 from posecast_relay.core.limits import Limits
 from posecast_relay.core.load_shedder import LoadShedder
-from posecast_relay.core.policy.admission import DRAIN_RETRY_S, FULL, GOING, Occupancy, find_no_room
+from posecast_relay.core.past.recorder import Recorder
+from posecast_relay.core.policy.admission import (
+    DRAIN_RETRY_S,
+    FULL,
+    GOING,
+    ROBOT_FULL,
+    Occupancy,
+    Refusal,
+    find_no_room,
+)
 from posecast_relay.core.policy.policy import PUBLIC, Grant
 from posecast_relay.core.roster import Headcount
 from posecast_relay.core.state.robot import Robot
@@ -53,8 +63,10 @@ HELD_UP_S = 0.1  # a tick that comes later than this shows that the process stoo
 class Hub(Uplink):
     """All robots and viewers of one process, and every decision about them."""
 
-    def __init__(self, limits: Limits, headcount: Headcount | None = None) -> None:
-        super().__init__(limits, headcount)
+    def __init__(
+        self, limits: Limits, headcount: Headcount | None = None, recorder: Recorder | None = None
+    ) -> None:
+        super().__init__(limits, headcount, recorder)
         self.load = LoadShedder()
         self.joins = 0
         self.draining: Drain | None = None  # nobody is taken any more
@@ -110,7 +122,7 @@ class Hub(Uplink):
         occupancy = self._count_occupancy(grant)
         refusal = find_no_room(grant, occupancy)
         if refusal is not None:
-            self.endings[refusal.close] += 1
+            self.count_ending(refusal.close, viewer.is_preview)
             return [CloseConnection(viewer, refusal.close, refusal.reason, refusal.retry_s)]
         out = [] if viewer.is_preview else self._make_room(grant, occupancy)
         if grant is not None:
@@ -144,13 +156,13 @@ class Hub(Uplink):
         if grant is not None and grant.viewers is not None and occupancy.of_audience >= grant.viewers:
             by = grant.robot, grant.by
             here = (each for each in self.previews if each.grant and (each.robot, each.grant.by) == by)
-            return self._end_preview(next(here, None))
+            return self._end_preview(next(here, None), ROBOT_FULL)
         if occupancy.viewers >= occupancy.viewers_max:  # those of another hub go with its next sweep
-            return self._end_preview(next(iter(self.previews), None))
+            return self._end_preview(next(iter(self.previews), None), FULL)
         return []
 
-    def _end_preview(self, preview: Viewer | None) -> list[Action]:
-        return [] if preview is None else self.end_viewer(preview, FULL.close, FULL.reason, FULL.retry_s)
+    def _end_preview(self, preview: Viewer | None, why: Refusal) -> list[Action]:
+        return [] if preview is None else self.end_viewer(preview, why.close, why.reason, why.retry_s)
 
     def take_message(self, viewer: Viewer, payload: bytes, now: float) -> list[Action]:
         """Handle a text message from a viewer. An invalid one, or too many, end the viewer."""
@@ -215,6 +227,8 @@ class Hub(Uplink):
     def drain(self, order: Sequence[Viewer], now: float) -> list[Action]:
         """Begin to stop: close all viewers in this order, spread over some seconds."""
         self.draining = Drain(order, now)
+        if self.recorder is not None:
+            self.recorder.close_all(now)
         return self._move_away(self.draining, now)
 
     def _move_away(self, drain: Drain, now: float) -> list[Action]:
@@ -283,13 +297,22 @@ class Hub(Uplink):
                 if robot.should_ask(now):
                     self.questions.put(robot, now + QUESTIONS_S)
                 out += self.report_statuses(robot, now)
+                if self.recorder is not None:
+                    self.recorder.record_statuses(robot, now)
                 out += self.guard(None, partial(self._report_conflict, robot, now, unix_s))
             out += self._sweep(now)
         questions_at = max(self.questions.next_at, now + QUESTIONS_S)
         self.wake_at = min(self.flushes.next_at, questions_at, self._sweep_at, self._status_at)
+        if self.recorder is not None:
+            out += self._close_segments(self.recorder, now)
         if self.draining is not None:
             out += self._move_away(self.draining, now)
         return out
+
+    def _close_segments(self, recorder: Recorder, now: float) -> list[Action]:
+        recorder.close_due(now)
+        self.wake_at = min(self.wake_at, recorder.next_at)
+        return [Fault(where, error) for where, error in recorder.take_faults()]
 
     def _flush(self, room: Room, now: float) -> list[Action]:
         out = self.remove_ended(room.flush(now))
@@ -327,7 +350,7 @@ class Hub(Uplink):
         close = viewer.find_overdue(now)
         if close is not None:
             self.remove_viewer(viewer)
-            self.endings[close] += 1
+            self.count_ending(close, viewer.is_preview)
             return [Abort(viewer, close)]
         if now >= viewer.expires_at:
             return self.end_viewer(viewer, Close.TOKEN, EXPIRED, None)
@@ -347,7 +370,7 @@ class Hub(Uplink):
         for preview in tuple(self.previews):
             if self.headcount.count_viewers() <= self.limits.viewers:
                 break
-            out += self._end_preview(preview)
+            out += self._end_preview(preview, FULL)
         self._sweeps += 1
         is_full = self.publishers >= self.limits.robots
         if is_full or self._sweeps % FORGET_EVERY == 0:
@@ -356,6 +379,8 @@ class Hub(Uplink):
                 kept_s = forget_s if robot.rooms else FORGET_FULL_S
                 gone = robot.heard_at is None or now - robot.heard_at > kept_s
                 if gone and not robot.liveness.token and not robot.has_viewers():
+                    if self.recorder is not None:
+                        self.recorder.forget_robot(robot, now)
                     self.drop_robot(robot)
         return out
 
@@ -371,5 +396,5 @@ class Hub(Uplink):
         for room in robot.rooms.values():
             newest = room.stream.newest
             doc = make_conflict_event(newest.t_s if newest else 0.0, conflict)
-            out += self.announce_event(room, doc, unix_s)
+            out += self.announce_event(robot, room, doc, now, unix_s)
         return out

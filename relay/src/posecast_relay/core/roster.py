@@ -10,6 +10,7 @@ from posecast_wire import Close
 
 from posecast_relay.core.actions import Action, CloseConnection, Fault, Persist
 from posecast_relay.core.limits import Limits
+from posecast_relay.core.past.recorder import Recorder
 from posecast_relay.core.state.robot import Robot
 from posecast_relay.core.state.room import Room
 from posecast_relay.core.timer_queue import TimerQueue
@@ -38,10 +39,16 @@ class Headcount:
 class Roster:
     """Adds and removes robots and viewers. Their messages are handled by `Uplink` and `Hub`."""
 
-    def __init__(self, limits: Limits, headcount: Headcount | None = None) -> None:
-        """`headcount` is shared by all hubs of a process; None: this is the only hub."""
+    def __init__(
+        self, limits: Limits, headcount: Headcount | None = None, recorder: Recorder | None = None
+    ) -> None:
+        """`headcount` is shared by all hubs of a process; None: this is the only hub.
+
+        `recorder` is told what is accepted; None: nothing is recorded.
+        """
         self.limits = limits
         self.headcount = Headcount() if headcount is None else headcount
+        self.recorder = recorder
         self.robots: dict[str, Robot] = {}
         self.publishers = 0  # of the robots, those that were heard of
         self.viewers: dict[Viewer, Room] = {}
@@ -50,6 +57,7 @@ class Roster:
         self.admitted_previews: Counter[tuple[str, str]] = Counter()  # likewise
         self.headcount.include(self.viewers, self.previews)
         self.endings: Counter[int] = Counter()  # of viewers, by close code
+        self.preview_endings: Counter[int] = Counter()  # of previews, whom nobody misses, likewise
         self.delivered = 0  # by rooms that are forgotten; and so on
         self.skipped = 0
         self.degraded = False  # no robot is heard of, for a reason of this relay's own
@@ -152,22 +160,26 @@ class Roster:
                 out.append(Fault(where, e))
                 if room is not None:
                     room.evict(viewer)
-            self.endings[Close.INTERNAL_ERROR] += 1
+            self.count_ending(Close.INTERNAL_ERROR, viewer.is_preview)
             out.append(CloseConnection(viewer, Close.INTERNAL_ERROR, "a fault of the relay's own", None))
         return out
 
     def end_viewer(self, viewer: Viewer, close: Close, reason: str, retry_s: float | None) -> list[Action]:
         """Remove a viewer, count why, and have its connection closed."""
         self.remove_viewer(viewer)
-        self.endings[close] += 1
+        self.count_ending(close, viewer.is_preview)
         return [CloseConnection(viewer, close, reason, retry_s)]
+
+    def count_ending(self, close: int, is_preview: bool) -> None:
+        """Count that a viewer was let go or refused, by its close code; a preview apart from the viewers."""
+        (self.preview_endings if is_preview else self.endings)[close] += 1
 
     def remove_ended(self, actions: list[Action]) -> list[Action]:
         """Remove and count the viewers that these actions close. Returns the actions unchanged."""
         for action in actions:
             if isinstance(action, CloseConnection):
                 self.remove_viewer(action.viewer)
-                self.endings[action.close] += 1
+                self.count_ending(action.close, action.viewer.is_preview)
         return actions
 
     @staticmethod

@@ -12,6 +12,7 @@ from posecast_relay.core.actions import Action, Persist
 from posecast_relay.core.edge_messages import read_edge_message
 from posecast_relay.core.histogram import Histogram
 from posecast_relay.core.limits import Limits
+from posecast_relay.core.past.recorder import Recorder
 from posecast_relay.core.roster import Headcount, Roster
 from posecast_relay.core.state.robot import Robot
 from posecast_relay.core.state.room import Room
@@ -21,8 +22,10 @@ from posecast_relay.core.state.stream import FrameOutcome
 class Uplink(Roster):
     """The half of the hub that edges talk to. Viewers talk to the other half, `Hub`."""
 
-    def __init__(self, limits: Limits, headcount: Headcount | None = None) -> None:
-        super().__init__(limits, headcount)
+    def __init__(
+        self, limits: Limits, headcount: Headcount | None = None, recorder: Recorder | None = None
+    ) -> None:
+        super().__init__(limits, headcount, recorder)
         self.outcomes: Counter[str] = Counter()  # of messages from edges
         self.lateness = Histogram()  # of frames from edges, as they came in
 
@@ -53,6 +56,8 @@ class Uplink(Roster):
             if outcome is FrameOutcome.TAKEN:
                 self.changed[room] = None
                 self.lateness.add(of.runs.lateness_s)
+                if self.recorder is not None:
+                    self.recorder.record_frame(of, room, now)
             if of.lacking:
                 self.plan_question(of)
         self.outcomes[outcome.value] += 1
@@ -89,8 +94,13 @@ class Uplink(Roster):
             raise ValueError("snapshot: more robots or views than the relay takes")
         of, room = found
         self._check_room(room, len(snapshot.schema))
+        before = room.stream.newest
         of.take_snapshot(room, snapshot, stamp, now, newest, waited_s)
         self.changed[room] = None
+        if self.recorder is not None:
+            self.recorder.record_description(of, room, now)
+            if room.stream.is_live and room.stream.newest is not before:  # a frame that waited for its base
+                self.recorder.record_frame(of, room, now)
 
     def _check_room(self, room: Room, size: int) -> None:
         """Raise ValueError when a schema of `size` bytes would exceed the bound for all long schemas."""
@@ -130,11 +140,13 @@ class Uplink(Roster):
             return []
         of.record_heard(now)
         if doc["type"] in ("info", "model"):
-            return self._set_description(of, room, doc, stamp)
-        return self.announce_event(room, doc, unix_s)
+            return self._set_description(of, room, doc, stamp, now)
+        return self.announce_event(of, room, doc, now, unix_s)
 
-    def announce_event(self, room: Room, doc: dict[str, object], unix_s: float) -> list[Action]:
-        """Number an event and send it to all viewers of the room.
+    def announce_event(
+        self, of: Robot, room: Room, doc: dict[str, object], now: float, unix_s: float
+    ) -> list[Action]:
+        """Number an event of a robot and send it to all viewers of the room.
 
         If that fails, only the event is dropped.
         """
@@ -143,9 +155,13 @@ class Uplink(Roster):
         except Exception as error:
             self.outcomes[FrameOutcome.FAULT.value] += 1
             return self.end_after_fault(None, error)
+        if self.recorder is not None:
+            self.recorder.record_event(of, room, event, doc, now)
         return [*self.guard(room, lambda: self.remove_ended(room.send_event(event))), Persist(room.stream)]
 
-    def _set_description(self, of: Robot, room: Room, doc: dict[str, object], stamp: Stamp) -> list[Action]:
+    def _set_description(
+        self, of: Robot, room: Room, doc: dict[str, object], stamp: Stamp, now: float
+    ) -> list[Action]:
         if stamp.run_id != of.runs.current:  # its first KEY will bring the snapshot, and that all of it
             return []
         try:
@@ -156,6 +172,8 @@ class Uplink(Roster):
         except ValueError:
             self.outcomes[FrameOutcome.BAD.value] += 1
             return []
+        if self.recorder is not None:
+            self.recorder.record_description(of, room, now)
         return [*self.guard(room, room.send_description), Persist(room.stream)]
 
     def set_token(self, robot: str, present: bool, now: float) -> list[Action]:
@@ -167,9 +185,13 @@ class Uplink(Roster):
                 return []
             found.set_token(now)
             self.plan_question(found)
+            if self.recorder is not None:
+                self.recorder.record_statuses(found, now)
             return self.persist_views(found) + self.report_statuses(found, now)
         gone = self.robots.get(robot)
         if gone is None:
             return []
         gone.liveness.clear_token(now)
+        if self.recorder is not None:
+            self.recorder.record_statuses(gone, now)
         return self.persist_views(gone) + self.report_statuses(gone, now)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import hashlib
-from collections.abc import Awaitable, Callable
+import math
+from collections.abc import Awaitable
 from functools import partial
 from pathlib import Path
 
@@ -15,10 +15,18 @@ from starlette.exceptions import HTTPException as StarletteHTTPException
 from posecast_relay.auth.access import Access
 from posecast_relay.core.policy.admission import HIDDEN
 from posecast_relay.core.policy.policy import ANYONE
-from posecast_relay.http.auth import OPEN, identify_asker, make_sharing_headers, require_grant
+from posecast_relay.http.answer_cache import AnswerCache
+from posecast_relay.http.auth import (
+    OPEN,
+    identify_asker,
+    is_on_this_machine,
+    make_sharing_headers,
+    require_grant,
+)
 from posecast_relay.http.gzip_cache import GzipCache
 from posecast_relay.http.link_preview import FRAME_PX, LinkPreview
 from posecast_relay.http.models import make_model_answer
+from posecast_relay.http.past.routes import PastDesk, add_past_routes
 from posecast_relay.http.robot_state import StateReader
 from posecast_relay.http.robots import make_robot_document, make_robots_document
 from posecast_relay.http.static_page import Page
@@ -33,47 +41,11 @@ NO_PAGE = """The relay serves, but it has no page to show: start it with --stati
 PACKED_PAGE = Path(__file__).parent.parent / "page"  # the built page, where the wheel carries it
 API = "/api/v1/robots"
 PICTURE_FRESH = "public, max-age=60"
-FRESH_S = 1.0  # answers are this old at most
-ANSWERS_MAX = 256
-ANSWERS_BYTES = 8 << 20
 PREFLIGHT = OPEN | {
     "access-control-allow-methods": "GET, OPTIONS",
     "access-control-allow-headers": "authorization, if-none-match, last-event-id",
     "access-control-max-age": "86400",
 }
-
-
-class AnswerCache:
-    """Caches JSON answers with an ETag: each is made at most once a second, however many ask."""
-
-    def __init__(self, now: Callable[[], float]) -> None:
-        self._now = now
-        self._made: dict[str, tuple[float, bytes, str]] = {}
-        self._bytes = 0
-
-    def get_answer(
-        self, request: Request, name: str, make: Callable[[], bytes], more: dict[str, str]
-    ) -> Response:
-        """Return the answer called `name`, or 304 when the asker has it already. `more`: further headers."""
-        now = self._now()
-        made = self._made.get(name)
-        if made is None or now - made[0] >= FRESH_S:
-            body = make()
-            made = (now, body, f'"{hashlib.sha256(body).hexdigest()[:16]}"')
-            self._keep(name, made)
-        _, body, etag = made
-        headers = {"etag": etag, "cache-control": "public, max-age=1"} | more
-        if etag in request.headers.get("if-none-match", ""):
-            return Response(status_code=304, headers=headers)
-        return Response(body, media_type="application/json", headers=headers)
-
-    def _keep(self, name: str, made: tuple[float, bytes, str]) -> None:
-        before = self._made.pop(name, None)
-        self._bytes += len(made[1]) - (len(before[1]) if before is not None else 0)
-        if self._bytes > ANSWERS_BYTES or len(self._made) >= ANSWERS_MAX:
-            self._made.clear()
-            self._bytes = len(made[1])
-        self._made[name] = made
 
 
 def make_app(
@@ -83,11 +55,13 @@ def make_app(
     static: Path | None,
     public_url: str | None = None,
     publish_at: str | None = None,
+    past: PastDesk | None = None,
 ) -> FastAPI:
     """Make the relay's HTTP application. WebSocket upgrades never reach it.
 
     `public_url`: where people open the page, without a slash at its end; None when nobody has said so.
     `publish_at`: where anybody on this machine may publish; None when nobody may without a credential.
+    `past`: where the past of this process is; None when it keeps none.
     """
     # FastAPI's own /docs loads its scripts from another origin; the built page brings them (spa/public/docs)
     app = FastAPI(title="Posecast relay", version="1", docs_url=None, redoc_url=None)
@@ -111,9 +85,11 @@ def make_app(
     async def preflight(_rest: str) -> Response:
         return Response(status_code=204, headers=PREFLIGHT)
 
+    add_past_routes(app, API, access, past)
     _add_models(app, access, models)
-    preview = LinkPreview(access, public_url)
-    _add_previews(app, access, models, preview)
+    thumbnails = Thumbnails(models)
+    preview = LinkPreview(access, thumbnails, public_url)
+    _add_previews(app, access, models, thumbnails, preview)
     _add_health(app, access.live)
 
     @app.get("/api/{_rest:path}", include_in_schema=False)
@@ -156,9 +132,13 @@ def _add_robots(app: FastAPI, access: Access, decoded: DecodeCache, publish_at: 
     @app.get(API, summary="Robots on air")
     async def robots(request: Request) -> Response:
         who = await identify_asker(access, request)
-        made = partial(make_robots_document, access, who, dispatcher.now(), publish_at)
+        here = publish_at if is_on_this_machine(access, request) else None
+        made = partial(make_robots_document, access, who, dispatcher.now(), here)
         headers = make_sharing_headers(request, who is ANYONE)
-        return answers.get_answer(request, f"{who.audience}/{who.robot}", made, headers)
+        if publish_at is not None:
+            headers = headers | {"vary": "origin"}
+        name = f"{who.audience}/{who.robot}/{'' if here is None else 'here'}"
+        return answers.get_answer(request, name, made, headers)
 
     @app.get(API + "/{robot}", summary="One robot: liveness, viewers, schema, model")
     async def one_robot(request: Request, robot: str) -> Response:
@@ -200,8 +180,10 @@ def _add_models(app: FastAPI, access: Access, models: ModelCache) -> None:
         return answer
 
 
-def _add_previews(app: FastAPI, access: Access, models: ModelCache, preview: LinkPreview) -> None:
-    packed, thumbnails = GzipCache(models.room), Thumbnails(models)
+def _add_previews(
+    app: FastAPI, access: Access, models: ModelCache, thumbnails: Thumbnails, preview: LinkPreview
+) -> None:
+    packed = GzipCache(models.room)
 
     @app.get(API + "/{robot}/picture", summary="A small picture of the robot, as its model has it now")
     async def picture(request: Request, robot: str) -> Response:
@@ -220,14 +202,16 @@ def _add_previews(app: FastAPI, access: Access, models: ModelCache, preview: Lin
 
     @app.get("/api/v1/oembed", summary="oEmbed of a robot's page: url, maxwidth, maxheight, format=json")
     async def oembed(
-        url: str,
+        url: str = "",
         maxwidth: str = "",
         maxheight: str = "",
         format: str = "json",
     ) -> JSONResponse:
+        if not url:
+            raise HTTPException(400, "want url=, the address of a robot's page")
         if format != "json":
             raise HTTPException(501, "only format=json")
-        answer = preview.make_oembed(url, (_read_px(maxwidth), _read_px(maxheight)))
+        answer = await preview.make_oembed(url, (_read_px(maxwidth), _read_px(maxheight)))
         if answer is None:
             raise HTTPException(404, HIDDEN)
         return JSONResponse(answer, headers=OPEN)
@@ -240,7 +224,7 @@ async def _load(fetching: Awaitable[ModelFile]) -> ModelFile:
     except Absent as e:
         raise HTTPException(404, str(e)) from None
     except Unavailable as e:
-        raise HTTPException(503, str(e), {"retry-after": "5"}) from None
+        raise HTTPException(503, str(e), {"retry-after": f"{math.ceil(e.retry_s)}"}) from None
 
 
 def _read_px(text: str) -> int:

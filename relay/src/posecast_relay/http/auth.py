@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 from fastapi import HTTPException, Request
 from posecast_wire import Close
 
 from posecast_relay.auth.access import Access
+from posecast_relay.auth.addresses import is_loopback
 from posecast_relay.core.policy.admission import Applicant, Refusal
 from posecast_relay.core.policy.policy import ANYONE, Grant, Principal
 from posecast_relay.streaming.request import BadRequest, read_bearer, refuse_tokens
 
 OPEN = {"access-control-allow-origin": "*"}  # public views: any page may read them
+# what a proxy says beside `X-Forwarded-…`: whose address it is that it asks for, or that it is one
+FORWARDED = frozenset(
+    ("forwarded", "via", "x-real-ip", "x-client-ip", "true-client-ip", "cf-connecting-ip", "fastly-client-ip")
+)
+OWN_HOST = re.compile(r"(localhost|127(\.\d{1,3}){3}|\[::1\])(:\d{1,5})?", re.IGNORECASE)
 
 
 async def identify_asker(access: Access, request: Request) -> Principal:
@@ -63,6 +70,20 @@ def _make_error(refusal: Refusal) -> HTTPException:
     if refusal.close is Close.TOKEN:
         headers["www-authenticate"] = "Bearer"
     return HTTPException(refusal.status, refusal.reason, headers)
+
+
+def is_on_this_machine(access: Access, request: Request) -> bool:
+    """Whether somebody at the relay's own machine asks, by no proxy and for no page of another origin."""
+    headers = request.headers
+    origin, host = headers.get("origin"), headers.get("host")
+    # a page of elsewhere may have let its own name lead here, so the name counts, too
+    return (
+        request.client is not None
+        and is_loopback(request.client.host)
+        and not any(name in FORWARDED or name.startswith("x-forwarded") for name in headers)
+        and OWN_HOST.fullmatch(host or "") is not None
+        and access.may_show(origin, host)
+    )
 
 
 def make_sharing_headers(request: Request, everybody: bool) -> dict[str, str]:

@@ -6,18 +6,23 @@ words.
 
 from __future__ import annotations
 
+import asyncio
 import html
 import re
 from dataclasses import dataclass
 from typing import Any
 from urllib.parse import quote
 
+from posecast_wire.checked import SCRIPT_MARKS
+
 from posecast_relay.auth.access import Access
 from posecast_relay.http.page_address import place_page, read_robots
 from posecast_relay.http.robots import find_open_summary
+from posecast_relay.http.thumbnails import Thumbnails
 from posecast_relay.logging import visible
+from posecast_relay.models.picture import PictureSize
 
-PICTURE_PX = 256  # a side of a bundle's thumbnail
+PICTURE_WAIT_S = 1.0  # for a picture that has to come from its robot first; a chat does not ask twice
 FRAME_PX = 800
 FRAME_PX_MIN = 160
 ASPECT = 16 / 10
@@ -29,11 +34,13 @@ OWN_PICTURE = 'property="og:image" content="./'
 
 @dataclass(frozen=True)
 class _OpenRobots:
-    """Robots that one link shows to anyone: their ids, their names in one line, and who has a picture."""
+    """Robots that one link shows to anyone: their ids, their names in one line, and the first one that has a
+    picture which can be served now, with its size.
+    """
 
     ids: str
     title: str
-    pictured: str | None
+    pictured: tuple[str, PictureSize] | None
 
 
 class LinkPreview:
@@ -43,13 +50,17 @@ class LinkPreview:
     request says of it (`Host`) would be an attacker's word.
     """
 
-    def __init__(self, access: Access, public_url: str | None) -> None:
+    def __init__(self, access: Access, thumbnails: Thumbnails, public_url: str | None) -> None:
         self._access = access
+        self._thumbnails = thumbnails
         self._public_url = public_url
 
-    def make_page(self, page: str, home: str, robots: tuple[str, ...] | None) -> str:
-        """Return the page's HTML for the folder `home`, with what a chat shows of these robots."""
-        shown = self._find(robots) if robots is not None else None
+    async def make_page(self, page: str, home: str, robots: tuple[str, ...] | None, is_read: bool) -> str:
+        """Return the page's HTML for the folder `home`, with what a chat shows of these robots.
+
+        `is_read`: by a person, who does not wait for a picture that only chats show.
+        """
+        shown = await self._find(robots, 0.0 if is_read else PICTURE_WAIT_S) if robots is not None else None
         if shown is None:
             general = page.replace(OWN_PICTURE, OWN_PICTURE.replace("./", self._get_base(home)))
             return place_page(general, home)
@@ -57,7 +68,7 @@ class LinkPreview:
         named = page.replace("<title>Posecast</title>", f"<title>{title}</title>", 1)
         return place_page(GENERAL.sub("", named), home, self._make_tags(shown, home))
 
-    def make_oembed(self, asked: str, most_px: tuple[int, int]) -> dict[str, Any] | None:
+    async def make_oembed(self, asked: str, most_px: tuple[int, int]) -> dict[str, Any] | None:
         """Return oEmbed's answer for a page's address, at most so wide and high.
 
         None when it shows no one robot that anyone may see.
@@ -67,7 +78,8 @@ class LinkPreview:
             return None
         path = asked[len(base) :].replace("/#/", "/", 1)
         robots = read_robots(re.split(r"[?#]", path, maxsplit=1)[0])
-        shown = self._find(robots) if robots is not None and len(robots) == 1 else None
+        one = robots is not None and len(robots) == 1
+        shown = await self._find(robots, PICTURE_WAIT_S) if robots is not None and one else None
         if shown is None:
             return None
         answer = {
@@ -79,11 +91,11 @@ class LinkPreview:
             "cache_age": CACHE_S,
         }
         if shown.pictured is not None:
-            picture = f"{base}/api/v1/robots/{shown.pictured}/picture"
+            robot, size = shown.pictured
             answer |= {
-                "thumbnail_url": picture,
-                "thumbnail_width": PICTURE_PX,
-                "thumbnail_height": PICTURE_PX,
+                "thumbnail_url": f"{base}/api/v1/robots/{robot}/picture",
+                "thumbnail_width": size.width_px,
+                "thumbnail_height": size.height_px,
             }
         if tuple(self._access.list_frame_ancestors(shown.ids)) == ("*",):
             answer |= self._make_frame(shown, most_px)
@@ -110,10 +122,11 @@ class LinkPreview:
             "og:image": f"{base}icon-512.png",
         }
         if shown.pictured is not None:
+            robot, size = shown.pictured
             told |= {
-                "og:image": f"{base}api/v1/robots/{shown.pictured}/picture",
-                "og:image:width": str(PICTURE_PX),
-                "og:image:height": str(PICTURE_PX),
+                "og:image": f"{base}api/v1/robots/{robot}/picture",
+                "og:image:width": str(size.width_px),
+                "og:image:height": str(size.height_px),
                 "og:image:alt": title,
             }
         if self._public_url is not None:
@@ -130,12 +143,16 @@ class LinkPreview:
     def _get_base(self, home: str) -> str:
         return home if self._public_url is None else f"{self._public_url}/"
 
-    def _find(self, robots: tuple[str, ...]) -> _OpenRobots | None:
+    async def _find(self, robots: tuple[str, ...], wait_s: float) -> _OpenRobots | None:
         """Return what anyone may see; None when that is not so of one of these robots."""
         summaries = [find_open_summary(self._access, robot) for robot in robots]
         found = [summary for summary in summaries if summary is not None]
         if len(found) < len(robots):
             return None
-        names = [visible(str(summary["name"])) for summary in found]
-        pictured = next((str(summary["robot"]) for summary in found if summary.get("model")), None)
-        return _OpenRobots("+".join(robots), ", ".join(names), pictured)
+        names = [visible(str(summary["name"]), kept=SCRIPT_MARKS) for summary in found]
+        models = {str(summary["robot"]): str(summary["model"]) for summary in found if summary.get("model")}
+        sizes = await asyncio.gather(
+            *(self._thumbnails.find_size(robot, model, wait_s) for robot, model in models.items())
+        )
+        pictured = ((robot, size) for robot, size in zip(models, sizes, strict=True) if size is not None)
+        return _OpenRobots("+".join(robots), ", ".join(names), next(pictured, None))

@@ -14,6 +14,7 @@ from prometheus_client.registry import Collector
 
 from posecast_relay.core.breaker import Breaker
 from posecast_relay.core.histogram import BOUNDS_S, Histogram
+from posecast_relay.core.past.recorder import Recorder
 from posecast_relay.runtime.dispatcher import Dispatcher
 
 EVICTIONS = (Close.HALF_OPEN, Close.NO_ACK, Close.EVENTS_FULL)
@@ -26,6 +27,14 @@ class MirrorStats(Protocol):
     breaker: Breaker
 
 
+class PastStats(Protocol):
+    """The counters of a past that is kept. `added`, `crowded_out`: segments since the process began."""
+
+    bytes: int
+    added: int
+    crowded_out: int
+
+
 class RelayCollector(Collector):
     """Reads the core's counters when Prometheus asks, in the metrics server's thread."""
 
@@ -34,6 +43,7 @@ class RelayCollector(Collector):
         dispatchers: Sequence[Dispatcher],
         mirror: MirrorStats | None = None,
         refused: Callable[[], int] = int,
+        past: PastStats | None = None,
     ) -> None:
         """`dispatchers`: the live one first, then that of the delayed viewers.
 
@@ -44,6 +54,7 @@ class RelayCollector(Collector):
         self._dispatchers = list(dispatchers)
         self._hubs = [dispatcher.hub for dispatcher in dispatchers]
         self._mirror = mirror
+        self._past = past
 
     def collect(self) -> Iterable[Metric]:
         """Yield all metrics with their present values."""
@@ -53,6 +64,7 @@ class RelayCollector(Collector):
         previews = sum(len(each.previews) for each in self._hubs)
         viewers = sum(len(each.viewers) for each in self._hubs) - previews
         endings: Counter[int] = sum((Counter(each.endings) for each in self._hubs), Counter())
+        preview_endings: Counter[int] = sum((Counter(each.preview_endings) for each in self._hubs), Counter())
         now = self._dispatcher.now()
         yield GaugeMetricFamily("posecast_viewers", "Viewers connected", viewers)
         yield GaugeMetricFamily("posecast_previews", "Cards of lists that move: no viewers", previews)
@@ -91,10 +103,12 @@ class RelayCollector(Collector):
         yield _make_labelled(
             "posecast_handshakes", "Requests for a stream", "result", shaken, CounterMetricFamily
         )
-        ended = {str(int(code)): count for code, count in endings.items()}
-        yield _make_labelled(
-            "posecast_endings", "Viewers let go, by close code", "code", ended, CounterMetricFamily
-        )
+        for name, text, ended in (
+            ("posecast_endings", "Viewers let go, by close code", endings),
+            ("posecast_preview_endings", "Cards of lists let go, by close code", preview_endings),
+        ):
+            by_code = {str(int(code)): count for code, count in ended.items()}
+            yield _make_labelled(name, text, "code", by_code, CounterMetricFamily)
         evicted = sum(endings[code] for code in EVICTIONS)
         yield CounterMetricFamily("posecast_evictions", "Viewers cut because they did not keep up", evicted)
         yield GaugeMetricFamily(
@@ -126,6 +140,18 @@ class RelayCollector(Collector):
             )
             left = 1 if self._mirror.breaker.is_open else 0
             yield GaugeMetricFamily("posecast_mirror_breaker_open", "Whether it is left alone", left)
+        if self._past is not None:
+            yield from _describe_past(self._past, hub.recorder)
+
+
+def _describe_past(past: PastStats, recorder: Recorder | None) -> Iterable[Metric]:
+    yield CounterMetricFamily("posecast_past_segments", "Segments closed and kept", past.added)
+    yield CounterMetricFamily(
+        "posecast_past_crowded_out_segments", "Of these, dropped before their time", past.crowded_out
+    )
+    yield GaugeMetricFamily("posecast_past_bytes", "Memory that the past takes", past.bytes)
+    faults = 0 if recorder is None else sum(Counter(recorder.faults).values())
+    yield CounterMetricFamily("posecast_past_faults", "Recordings that failed and began anew", faults)
 
 
 def _make_histogram(name: str, text: str, times: Histogram) -> Metric:
@@ -162,13 +188,14 @@ def start_metrics(
     dispatchers: Sequence[Dispatcher],
     mirror: MirrorStats | None = None,
     refused: Callable[[], int] = int,
+    past: PastStats | None = None,
 ) -> tuple[int, Callable[[], None]]:
     """Serve metrics on `host`:`port` (0 = any free); returns the port and a function that stops it.
 
     Raises OSError when the port is in use.
     """
     registry = CollectorRegistry()
-    registry.register(RelayCollector(dispatchers, mirror, refused))
+    registry.register(RelayCollector(dispatchers, mirror, refused, past))
     server, thread = start_http_server(port, host, registry)
 
     def stop() -> None:

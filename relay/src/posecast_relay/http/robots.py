@@ -17,7 +17,7 @@ VEILED = {"age_ms": None, "seq": None, "hz": None, "model": None}
 def make_robots_document(access: Access, who: Principal, now: float, publish_at: str | None) -> bytes:
     """Return the list of robots as JSON: all whose edge was heard, here or by the processes that fill the
     store. `publish_at`: where anybody may publish, on the relay's own machine; None when nobody may who has
-    no credential.
+    no credential, and for whoever asks from elsewhere.
     """
     told = access.live.store.list_robots()
     if told is None:

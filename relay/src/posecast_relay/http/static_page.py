@@ -108,7 +108,7 @@ class Page(StaticFiles):
         """
         framed = EMBED.fullmatch(scope["path"])
         if framed is None:
-            return self._answer_anybody(path, scope)
+            return await self._answer_anybody(path, scope)
         kept = [(k, v) for k, v in scope["headers"] if k not in (b"if-none-match", b"if-modified-since")]
         response = self._answer("embed/index.html", {**scope, "headers": kept})
         if response.status_code == HTTPStatus.OK:
@@ -119,7 +119,7 @@ class Page(StaticFiles):
                 del response.headers[name]
         return response
 
-    def _answer_anybody(self, path: str, scope: Scope) -> Response:
+    async def _answer_anybody(self, path: str, scope: Scope) -> Response:
         """A file; the page itself for robots that the path names, and with 404 for a person who mistyped."""
         robots = read_robots(scope["path"])
         *folders, name = scope["path"].split("/")[1:]
@@ -130,14 +130,16 @@ class Page(StaticFiles):
             return self._answer(path if name else os.path.join(path, "index.html"), scope)
         except HTTPException as e:
             reads = "text/html" in Headers(scope=scope).get("accept", "")
-            if e.status_code != HTTPStatus.NOT_FOUND or (robots is None and not reads):
+            if e.status_code != HTTPStatus.NOT_FOUND:
                 raise
-            page = self._place_index(scope, robots)
+            if robots is None and not reads:
+                raise HTTPException(e.status_code, e.detail, {"vary": "accept"}) from None
+            page = await self._place_index(scope, robots)
             if page is None:
                 raise
             return page
 
-    def _place_index(self, scope: Scope, robots: tuple[str, ...] | None) -> Response | None:
+    async def _place_index(self, scope: Scope, robots: tuple[str, ...] | None) -> Response | None:
         """Return the page's index as it has to be at this path, with 404 where that names no robots.
 
         None where the page can't be. A robot that is hidden gets what one gets that does not exist.
@@ -158,7 +160,8 @@ class Page(StaticFiles):
         if policy is not None:
             headers["content-security-policy"] = f"{policy}; {FRAMES}"
         status = HTTPStatus.NOT_FOUND if robots is None else HTTPStatus.OK
-        page = self._preview.make_page(index, home, robots)
+        is_read = "sec-fetch-mode" in Headers(scope=scope)  # browsers say so, crawlers don't
+        page = await self._preview.make_page(index, home, robots, is_read)
         return Response(page, status, headers, "text/html; charset=utf-8")
 
     def _answer(self, path: str, scope: Scope) -> Response:

@@ -27,11 +27,13 @@ from posecast_relay.models.manifest import (
     read_manifest,
 )
 from posecast_relay.models.memory import ENTRY_BYTES, Claim, ModelMemory
+from posecast_relay.models.refusal_memory import REFUSED_S, RefusalMemory
 
 RANGE_BYTES = 250_000
 TRIES = 3  # of a range
 AT_ONCE = 4  # files under way from one robot; further ones wait their turn
 WAIT_S = 20.0  # for room, while others use all there is
+RETRY_S = 5.0  # when somebody who was told that a model can't be had now may ask again
 READ_TIMES = 4  # a manifest takes so many times its bytes once more when it is read
 # What a browser may be told a file is. A model comes from a robot: nothing in it may act as a page.
 TYPES = {
@@ -59,6 +61,19 @@ class Absent(LookupError):
 
 class Unavailable(RuntimeError):
     """The model can't be had just now. The message is one line that says why."""
+
+    def __init__(self, why: str, retry_s: float = RETRY_S) -> None:
+        """`retry_s`: when it is worth asking again, in seconds."""
+        super().__init__(why)
+        self.retry_s = retry_s
+
+
+class Refused(Unavailable):
+    """What the robot has sent can't be served. It is not asked for it again for REFUSED_S seconds."""
+
+    def __init__(self, why: str, retry_s: float = REFUSED_S) -> None:
+        """`retry_s`: when the robot is asked again, in seconds."""
+        super().__init__(why, retry_s)
 
 
 class ModelSource(Protocol):
@@ -98,6 +113,7 @@ class ModelCache:
     ) -> None:
         self._source = source
         self.room = ModelMemory(cache_bytes, now)
+        self._refused = RefusalMemory(now)
         self._under_way: dict[tuple[str, str], _Shared] = {}
         self._turns: weakref.WeakValueDictionary[str, asyncio.Semaphore] = weakref.WeakValueDictionary()
 
@@ -112,7 +128,8 @@ class ModelCache:
         if entry is None:
             raise Absent(f"no file '{visible(path)}' in this model")
         if self.find_data(entry.sha256) is None or self.room.get(_delivered(robot, entry.sha256)) is None:
-            await self._once((robot, entry.sha256), lambda: self._fetch_file(robot, digest, entry))
+            name = robot, f"{entry.sha256}/{entry.size}"
+            await self._once(name, lambda: self._fetch_file(robot, digest, entry))
         elif len(self.find_data(entry.sha256) or b"") != entry.size:  # another manifest has told the truth
             raise Unavailable(f"'{visible(path)}' is not of the size that the manifest says")
         kind = entry.type if entry.type in TYPES else "application/octet-stream"
@@ -137,9 +154,15 @@ class ModelCache:
         return await self._once((robot, digest), lambda: self._fetch_manifest(robot, digest))
 
     async def _once(self, name: tuple[str, str], fetch: Callable[[], Coroutine[Any, Any, T]]) -> T:
-        """Fetch once for all who ask at the same time, and only while one of them still waits."""
+        """Fetch once for all who ask at the same time, and only while one of them still waits.
+
+        Raises Refused without fetching when what came lately was refused.
+        """
         shared = self._under_way.get(name)
         if shared is None:
+            refused = self._refused.find(name)
+            if refused is not None:
+                raise Refused(*refused)
             shared = self._under_way[name] = _Shared(asyncio.create_task(fetch(), name="model"))
             shared.task.add_done_callback(lambda done: self._done(name, done))
         shared.askers += 1
@@ -154,7 +177,9 @@ class ModelCache:
     def _done(self, name: tuple[str, str], task: asyncio.Task[Any]) -> None:
         self._forget(name, task)
         if not task.cancelled():
-            task.exception()  # seen, also when nobody waits any more
+            error = task.exception()  # seen, also when nobody waits any more
+            if isinstance(error, Refused):
+                self._refused.keep(name, str(error))
 
     def _forget(self, name: tuple[str, str], task: asyncio.Task[Any]) -> None:
         shared = self._under_way.get(name)
@@ -167,11 +192,11 @@ class ModelCache:
             data = await self._source.fetch_manifest(robot, digest)
             taken = (1 + READ_TIMES) * len(data) + ENTRY_BYTES
             if taken > most or hashlib.sha256(data).hexdigest() != digest:
-                raise Unavailable("the edge's manifest is another one by now, or too large")
+                raise Refused("the edge's manifest is another one by now, or too large")
             try:
                 files = read_manifest(data)
             except ManifestError as e:
-                raise Unavailable(f"the edge's manifest can't be used: {e}") from None
+                raise Refused(f"the edge's manifest can't be used: {e}") from None
             self.room.keep(claim, digest, data, len(data))
             self.room.keep(claim, f"{robot}/{digest}", files, READ_TIMES * len(data))
         return files
@@ -194,12 +219,12 @@ class ModelCache:
                 size = min(RANGE_BYTES, entry.size - off)
                 part = await self._read(robot, digest, entry.sha256, off, size)
                 if len(part) != size:
-                    raise Unavailable(f"the edge answered {len(part)} bytes at {off} of {entry.size}")
+                    raise Refused(f"the edge answered {len(part)} bytes at {off} of {entry.size}")
                 data += part
                 digester.update(part)
                 await asyncio.sleep(0)  # an edge nearby would keep the loop busy
             if digester.hexdigest() != entry.sha256:
-                raise Unavailable("the file is not what its manifest says")
+                raise Refused("the file is not what its manifest says")
         except BaseException:
             data.clear()  # the error holds it with its traceback
             raise
@@ -207,8 +232,12 @@ class ModelCache:
     async def _read(self, robot: str, digest: str, sha256: str, off: int, size: int) -> bytes:
         """Read a range, TRIES times if needed: one that a bad uplink loses should not cost the whole file."""
         for _ in range(TRIES - 1):
-            with contextlib.suppress(Unavailable):
+            try:
                 return await self._source.read(robot, digest, sha256, off, size)
+            except Refused:
+                raise
+            except Unavailable:
+                continue
         return await self._source.read(robot, digest, sha256, off, size)
 
     @contextlib.asynccontextmanager

@@ -217,7 +217,7 @@ class Dispatcher:
         """Let a viewer go to whose connection nothing can be written."""
         self.report_fault(f"{viewer.robot}/{viewer.view}", error)
         try:
-            self.hub.endings[Close.INTERNAL_ERROR] += 1
+            self.hub.count_ending(Close.INTERNAL_ERROR, viewer.is_preview)
             self.hub.remove_viewer(viewer)
             viewer.outlet.cut(Close.INTERNAL_ERROR)
         except Exception as e:

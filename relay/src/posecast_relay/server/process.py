@@ -32,11 +32,13 @@ from posecast_relay.core.limits import Limits
 from posecast_relay.core.roster import Headcount
 from posecast_relay.http.app import make_app
 from posecast_relay.http.metrics import start_metrics
+from posecast_relay.http.past.routes import PastDesk
 from posecast_relay.logging import LoopExceptionHandler, start_logging
 from posecast_relay.runtime.dispatcher import Dispatcher
 from posecast_relay.runtime.fan_out import FanOut
 from posecast_relay.runtime.io_uring import IoUring
 from posecast_relay.server.listener import BACKLOG, listen
+from posecast_relay.server.past import PastServices, make_past_services
 from posecast_relay.server.roles import RoleServices, make_role_services
 from posecast_relay.streaming.decode_cache import DecodeCache
 from posecast_relay.streaming.http_connection import make_plain_http_protocol
@@ -62,10 +64,15 @@ class _Server(uvicorn.Server):
     """uvicorn without its signal handlers, which close all connections at once and exit by the signal."""
 
     def __init__(
-        self, config: uvicorn.Config, dispatchers: Sequence[Dispatcher], serving: Callable[[], None]
+        self,
+        config: uvicorn.Config,
+        dispatchers: Sequence[Dispatcher],
+        serving: Callable[[], None],
+        desk: PastDesk | None,
     ) -> None:
         super().__init__(config)
         self._dispatchers = dispatchers
+        self._desk = desk
         self._serving = serving
 
     def leave(self) -> None:
@@ -76,6 +83,8 @@ class _Server(uvicorn.Server):
             last = threading.Timer(END_S, _end)
             last.daemon = True
             last.start()
+        if self._desk is not None:
+            self._desk.held.release()
         for dispatcher in self._dispatchers:
             dispatcher.drain()
 
@@ -113,22 +122,22 @@ async def _serve(settings: Settings, robots: Robots | None) -> None:
     except ListenError as e:
         listener.close()
         raise StartError(str(e)) from None
-    limits, headcount = _limits(settings), Headcount()
-    hub = Hub(limits, headcount)
+    limits, headcount, past = _limits(settings), Headcount(), make_past_services(settings)
+    hub = Hub(limits, headcount, None if past is None else past.recorder)
     delayed = None if robots is None else DelayedHub(limits, headcount)
     services = make_role_services(settings, router, hub, tuple if delayed is None else delayed.list_robots)
     access = _access(settings, robots, services, hub, delayed)
     dispatcher = access.live
     mirror = _mirror(settings, access)
     try:
-        stop_metrics = _metrics(settings, access, mirror, refusals)
+        stop_metrics = _metrics(settings, access, mirror, refusals, past)
     except OSError as e:
         listener.close()
         await _close(router)
         raise StartError(
             f"--metrics-port {settings.metrics_port}: {(e.strerror or str(e)).lower()}"
         ) from None
-    decoded = DecodeCache()
+    decoded, desk = DecodeCache(), _make_desk(past, dispatcher)
     streams = settings.role != "ingest"
     host, port = listener.getsockname()[:2]
     shown = f"[{host}]" if ":" in host else host
@@ -155,6 +164,7 @@ async def _serve(settings: Settings, robots: Robots | None) -> None:
             settings.static,
             settings.public_url,
             _find_publish_at(settings, router),
+            desk,
         ),
         ws=make_live_protocol(access, decoded) if streams else "none",
         http=add_timeouts(
@@ -167,14 +177,14 @@ async def _serve(settings: Settings, robots: Robots | None) -> None:
         backlog=BACKLOG,
         timeout_graceful_shutdown=GRACE_S,
     )
-    server = _Server(config, access.dispatchers, serving)
+    server = _Server(config, access.dispatchers, serving, desk)
     loop = asyncio.get_running_loop()
     for number in (signal.SIGTERM, signal.SIGINT):
         loop.add_signal_handler(number, server.leave)
     await services.start(dispatcher)
     for each in access.dispatchers:
         each.start()
-    beside = _beside(_follow(settings, robots, router, services, access), mirror)
+    beside = _beside(_follow(settings, robots, router, services, access), mirror, _forget(past, access))
     try:
         await server.serve(sockets=[listener])
     finally:
@@ -185,6 +195,11 @@ async def _serve(settings: Settings, robots: Robots | None) -> None:
         await services.stop()
         stop_metrics()
         await _close(router)
+
+
+def _make_desk(past: PastServices | None, dispatcher: Dispatcher) -> PastDesk | None:
+    """Make what the routes of the past need; None where none is kept."""
+    return None if past is None else PastDesk(past.kept, dispatcher.now, dispatcher.unix_s)
 
 
 def _find_publish_at(settings: Settings, router: RouterSession | None) -> str | None:
@@ -262,11 +277,19 @@ def _router(settings: Settings, robots: Robots | None) -> RouterSession | None:
 
 
 def _beside(
-    following: Coroutine[Any, Any, None] | None, mirror: FirebaseMirror | None
+    following: Coroutine[Any, Any, None] | None,
+    mirror: FirebaseMirror | None,
+    forgetting: Coroutine[Any, Any, None] | None,
 ) -> list[asyncio.Task[None]]:
     """Start the tasks that run while the relay serves."""
-    tasks = [] if following is None else [asyncio.create_task(following, name="robots file")]
-    return tasks if mirror is None else [*tasks, asyncio.create_task(mirror.run(), name="mirror")]
+    mirroring = None if mirror is None else mirror.run()
+    named = {"robots file": following, "mirror": mirroring, "past": forgetting}
+    return [asyncio.create_task(work, name=name) for name, work in named.items() if work is not None]
+
+
+def _forget(past: PastServices | None, access: Access) -> Coroutine[Any, Any, None] | None:
+    """Return what drops the past that nobody may ask for any more; None where none is kept."""
+    return None if past is None else past.forget(lambda: access.policy, Dispatcher.now)
 
 
 def _admitted(settings: Settings, robots: Robots) -> dict[str, str]:
@@ -345,12 +368,19 @@ def _mirror(settings: Settings, access: Access) -> FirebaseMirror | None:
 
 
 def _metrics(
-    settings: Settings, access: Access, mirror: FirebaseMirror | None, refusals: AuthFailures | None
+    settings: Settings,
+    access: Access,
+    mirror: FirebaseMirror | None,
+    refusals: AuthFailures | None,
+    past: PastServices | None,
 ) -> Callable[[], None]:
     if settings.metrics_port is None:
         return lambda: None
     refused = int if refusals is None else lambda: refusals.count
-    port, stop = start_metrics(settings.host, settings.metrics_port, access.dispatchers, mirror, refused)
+    kept = None if past is None else past.kept
+    port, stop = start_metrics(
+        settings.host, settings.metrics_port, access.dispatchers, mirror, refused, kept
+    )
     log.info("metrics on http://%s:%d/metrics", settings.host, port)
     return stop
 

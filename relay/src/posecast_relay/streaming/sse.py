@@ -161,7 +161,7 @@ class EventStream(asyncio.Protocol):
             elif viewer in dispatcher.hub.viewers:
                 dispatcher.carry_out(dispatcher.hub.refuse(viewer, Close.INTERNAL_ERROR, FAULT))
             else:
-                dispatcher.hub.endings[Close.INTERNAL_ERROR] += 1
+                dispatcher.hub.count_ending(Close.INTERNAL_ERROR, viewer.is_preview)
                 self.end(Close.INTERNAL_ERROR, FAULT, None)
         except Exception:
             self._transport.abort()

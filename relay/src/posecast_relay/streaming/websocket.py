@@ -179,7 +179,7 @@ class LiveSocket(asyncio.Protocol):
         token = read_bearer(authorization)
         # a page's origin is looked at even where nobody verifies tokens
         is_foreign = not self.access.may_show(origin, host)
-        applicant = asked.make_applicant(asked.auth or token is not None, is_foreign)
+        applicant = self._applicant = asked.make_applicant(asked.auth or token is not None, is_foreign)
         peer = (self._transport.get_extra_info("peername") or ("",))[0]
         address = self.access.enter_address(applicant, peer, forwarded)
         if isinstance(address, Refusal):
@@ -193,7 +193,7 @@ class LiveSocket(asyncio.Protocol):
         elif (refusal := self.access.find_refusal(applicant)) is not None:
             self._refuse_entry(refusal)
         elif self.access.tokens is not None and applicant.shows_token:
-            self._wait_for_token(asked, applicant, token)
+            self._wait_for_token(asked, token)
         else:
             self._enter(asked, replace(applicant, who=ANYONE))
 
@@ -205,9 +205,9 @@ class LiveSocket(asyncio.Protocol):
             response.headers["Retry-After"] = f"{retry_s:.0f}"
         self._ws.send_response(response)
 
-    def _wait_for_token(self, asked: StreamRequest, applicant: Applicant, token: str | None) -> None:
+    def _wait_for_token(self, asked: StreamRequest, token: str | None) -> None:
         """Wait for the token: it comes with the request, or as the first message within TOKEN_S seconds."""
-        self._asked, self._applicant = asked, applicant
+        self._asked = asked
         loop, late = asyncio.get_running_loop(), REFUSALS[Close.TOKEN]
         self._no_token = loop.call_later(TOKEN_S, self._refuse_entry, late)
         if token:
@@ -231,7 +231,7 @@ class LiveSocket(asyncio.Protocol):
     @isolated
     def _refuse_entry(self, refusal: Refusal) -> None:
         self._waits_no_more()
-        self.dispatcher.hub.endings[refusal.close] += 1
+        self.dispatcher.hub.count_ending(refusal.close, self._applicant.is_preview)
         self.dispatcher.handshakes["told to go"] += 1
         self.end(refusal.close, refusal.reason, refusal.retry_s)
 
@@ -288,7 +288,7 @@ class LiveSocket(asyncio.Protocol):
                 said = parse_viewer_message(text)
             except MessageError as e:
                 self._waits_no_more()
-                self.dispatcher.hub.endings[e.close] += 1
+                self.dispatcher.hub.count_ending(e.close, self._applicant.is_preview)
                 self.end(e.close, str(e), None)
                 return
             if isinstance(said, Auth):
@@ -345,7 +345,7 @@ class LiveSocket(asyncio.Protocol):
                 self.dispatcher.carry_out(self.dispatcher.hub.refuse(viewer, Close.INTERNAL_ERROR, FAULT))
             else:
                 self._hurry()
-                self.dispatcher.hub.endings[Close.INTERNAL_ERROR] += 1
+                self.dispatcher.hub.count_ending(Close.INTERNAL_ERROR, self._applicant.is_preview)
                 self.end(Close.INTERNAL_ERROR, FAULT, None)
         except Exception:
             self._transport.abort()
@@ -377,7 +377,7 @@ class LiveSocket(asyncio.Protocol):
             return
         hub.remove_viewer(viewer)
         if self._ws.parser_exc is not None and sent is not None:
-            hub.endings[sent.code] += 1
+            hub.count_ending(sent.code, viewer.is_preview)
 
     @isolated
     def write_as(self, form: Encoding, data: bytes) -> None:

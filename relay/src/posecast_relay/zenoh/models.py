@@ -9,7 +9,7 @@ import zenoh
 from posecast_wire.keys import model_key
 
 from posecast_relay.core.hub import Hub
-from posecast_relay.models.cache import Unavailable
+from posecast_relay.models.cache import Refused, Unavailable
 from posecast_relay.models.manifest import BYTES_MAX
 from posecast_relay.zenoh.router import RouterSession
 
@@ -37,7 +37,10 @@ class EdgeModels:
         return await self._get(f"{model_key(robot, sha256)}?off={off};len={size}", size)
 
     async def _get(self, selector: str, most: int) -> bytes:
-        """Return the first reply to a query. Raises Unavailable if none comes, or one over `most` bytes."""
+        """Return the first reply to a query.
+
+        Raises Unavailable if none comes, Refused at one over `most` bytes.
+        """
         loop = asyncio.get_running_loop()
         ended: asyncio.Future[None] = loop.create_future()
         replies: list[bytes | None] = []  # of one
@@ -72,5 +75,5 @@ class EdgeModels:
             raise Unavailable("the edge does not answer")
         reply = replies.pop()  # Zenoh holds the callback for some time yet
         if reply is None:
-            raise Unavailable(f"the edge answered more than {most} bytes")
+            raise Refused(f"the edge answered more than {most} bytes")
         return reply

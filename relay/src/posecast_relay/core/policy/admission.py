@@ -117,7 +117,7 @@ def admit(applicant: Applicant, policy: Policy) -> Grant | Refusal | None:
     elif applicant.who is not None and applicant.robot is not None:
         found = policy.judge(applicant.who, applicant.robot, applicant.view)
     if applicant.is_preview and isinstance(found, Grant):
-        found = replace(found, hz=min(found.hz, PREVIEW_HZ), is_preview=True)
+        found = replace(found, hz=min(found.hz, PREVIEW_HZ), is_preview=True, past_s=0.0)
     return REFUSALS[found] if isinstance(found, Close) else found
 
 

@@ -14,6 +14,8 @@ from posecast_wire import Close
 
 PUBLIC = "public"  # the view that there is unless a profile says otherwise
 DELAY_MAX_S = 60.0
+FULL_HZ = 60.0  # the most that anybody gets live: a rule of less may leave frames out
+PAST_S = 1800.0  # how far back an audience may look that sees a robot live, unless its rule says otherwise
 
 
 class Audience(StrEnum):
@@ -28,15 +30,29 @@ class Audience(StrEnum):
 class Rule:
     """What an audience gets of a robot. `viewers`: of this audience at a time, in this process.
 
-    `frames`: origins of pages that may frame what `anyone` sees; None: any page.
+    `frames`: origins of pages that may frame what `anyone` sees; None: any page. `past_s`: how far back it
+    may look, in seconds; None: nothing is said of it.
     """
 
     view: str = PUBLIC
-    hz: float = 60.0
+    hz: float = FULL_HZ
     delay_s: float = 0.0
     viewers: int | None = None
     blackout: bool = False
     frames: tuple[str, ...] | None = None
+    past_s: float | None = None
+
+    def compute_past_s(self, audience: Audience) -> float:
+        """Return how far back `audience` may look by this rule, in seconds.
+
+        0 where frames may be left out, since a segment holds them all; and, unless the rule says otherwise,
+        for share links and for what is delayed.
+        """
+        if self.hz < FULL_HZ:
+            return 0.0
+        if self.past_s is not None:
+            return self.past_s
+        return 0.0 if audience is Audience.LINK or self.delay_s > 0 else PAST_S
 
 
 @dataclass(frozen=True)
@@ -54,7 +70,8 @@ ANYONE = Principal()
 
 @dataclass(frozen=True)
 class Grant:
-    """What somebody may see: one view of one robot, so often, so late, and by which audience's rule."""
+    """What somebody may see: one view of one robot, so often, so late, so far back, and by which audience's
+    rule."""
 
     robot: str
     view: str
@@ -64,6 +81,7 @@ class Grant:
     by: Audience
     who: Principal
     is_preview: bool = False  # a card in a list: counted as no viewer, and the first to go
+    past_s: float = 0.0  # how far back from what is shown now; 0: not at all
 
     @property
     def open(self) -> bool:
@@ -92,7 +110,10 @@ class Policy:
         """
         rules = self.find_rules(robot)
         found = [
-            Grant(robot, rule.view, rule.hz, rule.delay_s, rule.viewers, audience, who)
+            Grant(
+                *(robot, rule.view, rule.hz, rule.delay_s, rule.viewers, audience, who),
+                past_s=rule.compute_past_s(audience),
+            )
             for audience in dict.fromkeys((who.audience, Audience.ANYONE))
             if (rule := rules.get(audience)) is not None
             and not rule.blackout

@@ -1,0 +1,217 @@
+"""The past in memory: one bound in bytes for the process, shared fairly among robots."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterable
+from itertools import chain
+from typing import NamedTuple
+
+from posecast_relay.core.past.kept_segment import KeptSegment, SegmentName
+
+Listener = Callable[[KeptSegment], None]
+PAGE_MS = 600_000  # what begins within so long is found together
+
+
+class TakeSpan(NamedTuple):
+    """A take of which there are segments, from the oldest one's index to the newest one's."""
+
+    take: int
+    first_index: int
+    last_index: int
+
+
+class _SchemaText:
+    """A schema's text, kept as long as a segment names it."""
+
+    __slots__ = ("named", "text")
+
+    def __init__(self, text: str) -> None:
+        self.text = text
+        self.named = 0  # by how many segments
+
+
+class _Shelf:
+    """What is kept of one robot, oldest first."""
+
+    def __init__(self) -> None:
+        self.bytes = 0
+        self.segments: deque[KeptSegment] = deque()
+        self.added_at: deque[float] = deque()  # when each of these was added
+        self.views: dict[str, deque[KeptSegment]] = {}  # the same segments
+        self.pages: dict[tuple[str, int], deque[KeptSegment]] = {}  # the same by view and page
+        self.takes: dict[tuple[str, int], TakeSpan] = {}  # by view and take, in the order in which they began
+        self.schemas: dict[tuple[str, bytes], _SchemaText] = {}  # by view and SHA-256
+
+    def put(self, segment: KeptSegment, now: float) -> None:
+        """Add the newest segment."""
+        view = segment.name.view
+        self.segments.append(segment)
+        self.added_at.append(now)
+        self.views.setdefault(view, deque()).append(segment)
+        self.pages.setdefault((view, segment.from_ms // PAGE_MS), deque()).append(segment)
+        take, index = segment.name.take, segment.name.index
+        span = self.takes.get((view, take))
+        self.takes[view, take] = TakeSpan(take, index if span is None else span.first_index, index)
+        self.bytes += segment.cost_bytes
+        if segment.schema is not None and segment.schema_text is not None:
+            schema = self.schemas.get((view, segment.schema))
+            if schema is None:
+                schema = self.schemas[view, segment.schema] = _SchemaText(segment.schema_text)
+                self.bytes += len(schema.text)
+            schema.named += 1
+
+    def take_oldest(self) -> KeptSegment:
+        """Remove the oldest segment, and its schema when no other names it."""
+        segment = self.segments.popleft()
+        self.added_at.popleft()
+        view = segment.name.view
+        of_view = self.views[view]
+        of_view.popleft()  # the same one: both have them in one order
+        if not of_view:
+            del self.views[view]
+        of_page = self.pages[view, segment.from_ms // PAGE_MS]
+        of_page.popleft()  # likewise
+        if not of_page:
+            del self.pages[view, segment.from_ms // PAGE_MS]
+        span = self.takes[view, segment.name.take]
+        if segment.name.index >= span.last_index:
+            del self.takes[view, span.take]
+        else:
+            self.takes[view, span.take] = span._replace(first_index=segment.name.index + 1)
+        self.bytes -= segment.cost_bytes
+        schema = self.schemas.get((view, segment.schema)) if segment.schema is not None else None
+        if schema is not None and segment.schema is not None and segment.schema_text is not None:
+            schema.named -= 1
+            if not schema.named:
+                del self.schemas[view, segment.schema]
+                self.bytes -= len(schema.text)
+        return segment
+
+
+class MemoryPast:
+    """Keeps closed segments. When they need more than `bytes_max` in all, the robot that has most of it loses
+    its oldest segment, until they do not.
+    """
+
+    def __init__(self, bytes_max: int) -> None:
+        self.bytes_max = bytes_max
+        self.bytes = 0  # kept now
+        self.added = 0  # segments, since the process began
+        self.crowded_out = 0  # of these, those that had to go before their time
+        self._shelves: dict[str, _Shelf] = {}  # by robot
+        self._named: dict[SegmentName, KeptSegment] = {}
+        self._listeners: dict[Listener, None] = {}
+
+    def __len__(self) -> int:
+        """How many segments are kept."""
+        return len(self._named)
+
+    def add(self, segment: KeptSegment, now: float) -> None:
+        """Keep a segment that has just closed, and tell the listeners. `now`: the core's clock.
+
+        Raises ValueError when one of this name is here already.
+        """
+        name = segment.name
+        if name in self._named:
+            raise ValueError(f"segment {name.take:016x},{name.index} of {name.robot}/{name.view}: twice")
+        shelf = self._shelves.setdefault(name.robot, _Shelf())
+        before = shelf.bytes
+        shelf.put(segment, now)
+        self.bytes += shelf.bytes - before
+        self._named[name] = segment
+        self.added += 1
+        while self.bytes > self.bytes_max:
+            self._drop_oldest(max(self._shelves, key=lambda robot: self._shelves[robot].bytes))
+            self.crowded_out += 1
+        if name in self._named:
+            for listener in tuple(self._listeners):
+                listener(segment)
+
+    def on_added(self, listener: Listener) -> Callable[[], None]:
+        """Call `listener` with each segment that is added from now on, until the function returned is called.
+
+        A listener must not raise.
+        """
+        self._listeners[listener] = None
+
+        def stop() -> None:
+            self._listeners.pop(listener, None)
+
+        return stop
+
+    def find(self, name: SegmentName) -> KeptSegment | None:
+        """Return the segment of this name; None when it is not here, not yet or no more."""
+        return self._named.get(name)
+
+    def find_newest(self, robot: str, view: str) -> KeptSegment | None:
+        """Return the segment that was added last."""
+        segments = self._list_view(robot, view)
+        return segments[-1] if segments else None
+
+    def list_segments(
+        self, robot: str, view: str, from_ms: int = 0, to_ms: int | None = None
+    ) -> list[KeptSegment]:
+        """Return the segments that begin from `from_ms` on and before `to_ms` (unix; None: all later ones).
+
+        They stand as they were added, which is not the order of `from_ms` where a clock was set back.
+        """
+        return [
+            segment
+            for segment in self._list_pages(robot, view, from_ms, to_ms)
+            if from_ms <= segment.from_ms and (to_ms is None or segment.from_ms < to_ms)
+        ]
+
+    def list_takes(self, robot: str, view: str) -> list[TakeSpan]:
+        """Return the takes of which there is something, in the order in which they began.
+
+        All but the last are over, where there is one recorder.
+        """
+        shelf = self._shelves.get(robot)
+        return [] if shelf is None else [span for (of, _), span in shelf.takes.items() if of == view]
+
+    def list_views(self, robot: str) -> list[str]:
+        """Return the views of a robot of which there is something."""
+        shelf = self._shelves.get(robot)
+        return [] if shelf is None else list(shelf.views)
+
+    def find_schema_text(self, robot: str, view: str, sha256: bytes) -> str | None:
+        """Return the text of a schema that a kept segment of this view names."""
+        shelf = self._shelves.get(robot)
+        schema = None if shelf is None else shelf.schemas.get((view, sha256))
+        return None if schema is None else schema.text
+
+    def forget_older(self, than: float) -> None:
+        """Drop the segments that were added before `than`, seconds of the core's clock.
+
+        Not by the time that they tell: a wall clock that is set back would make them stay.
+        """
+        for robot, shelf in list(self._shelves.items()):
+            while shelf.added_at and shelf.added_at[0] < than:
+                self._drop_oldest(robot)
+
+    def forget_robot(self, robot: str) -> None:
+        """Drop all that is kept of a robot."""
+        while robot in self._shelves:
+            self._drop_oldest(robot)
+
+    def _drop_oldest(self, robot: str) -> None:
+        shelf = self._shelves[robot]
+        before = shelf.bytes
+        segment = shelf.take_oldest()
+        self.bytes -= before - shelf.bytes
+        del self._named[segment.name]
+        if not shelf.segments:
+            del self._shelves[robot]
+
+    def _list_pages(self, robot: str, view: str, from_ms: int, to_ms: int | None) -> Iterable[KeptSegment]:
+        """Return what begins between these, and maybe more."""
+        shelf = self._shelves.get(robot)
+        if shelf is None or to_ms is None or (to_ms - from_ms) // PAGE_MS >= len(shelf.pages):
+            return self._list_view(robot, view)
+        numbers = range(from_ms // PAGE_MS, (to_ms - 1) // PAGE_MS + 1)
+        return chain.from_iterable(shelf.pages.get((view, number), ()) for number in numbers)
+
+    def _list_view(self, robot: str, view: str) -> deque[KeptSegment] | tuple[()]:
+        shelf = self._shelves.get(robot)
+        return () if shelf is None else shelf.views.get(view, ())

@@ -1,0 +1,140 @@
+"""The segment that a recording writes just now."""
+
+from __future__ import annotations
+
+import hashlib
+
+from posecast_wire import Schema
+from posecast_wire.messages import COUNT_MAX, RobotStatus
+from posecast_wire.segment import SegmentStart, SegmentWriter
+
+from posecast_relay.core.past.kept_segment import KeptSegment, PastEvent, PastWord, SegmentName
+from posecast_relay.core.policy.policy import Audience
+from posecast_relay.core.state.stream import SEQS, StoredFrame
+
+KEY_US = 1_000_000  # the first KEY after so long ends it
+LENGTH_S = 6.0  # it ends after so long in any case
+RECORD_BYTES = 24  # beside a record's content, at most
+COPIED_BYTES = 2 * RECORD_BYTES
+
+
+class OpenSegment:
+    """One segment until it is closed. Times are unix µs of its take's clock, and never go back.
+
+    `began_at`: seconds of the core's clock; `schema`: the one that `start.schema` is the hash of.
+    """
+
+    def __init__(
+        self,
+        start: SegmentStart,
+        at_us: int,
+        began_at: float,
+        schema: Schema | None,
+        audiences: frozenset[Audience],
+    ) -> None:
+        self.due_at = began_at + LENGTH_S
+        self.audiences = audiences
+        self.schema = schema
+        self._from_us = 1000 * start.from_ms
+        self._began_us = at_us
+        self._writer = SegmentWriter(start)
+        self._key: StoredFrame | None = None  # the newest of it
+        self._ref: StoredFrame | None = None  # likewise, since that KEY
+        self._first_seq = 0
+        self._events: list[PastEvent] = []
+        self._words = [PastWord(start.from_ms, start.word)]
+        self._faults = 0
+
+    @property
+    def frames(self) -> int:
+        """How many frames it holds, without copies."""
+        return self._writer.frames
+
+    def narrow(self, audiences: frozenset[Audience]) -> None:
+        """Keep only those of its audiences who are among these."""
+        self.audiences &= audiences
+
+    def takes_frame(self, frame: StoredFrame, ref: StoredFrame | None, at_us: int) -> bool:
+        """Whether it goes on with this frame; else the next one begins with it. `ref`: the newest REF."""
+        size = len(frame.payload)
+        if frame.is_key:
+            if at_us - self._began_us >= KEY_US:
+                return False
+        elif self._writer.frames:
+            if frame.key is not self._key or (frame.ref is not None and frame.ref is not self._ref):
+                return False  # a snapshot has brought its base
+        else:
+            size += COPIED_BYTES + sum(len(base.payload) for base in (frame.key, ref) if base)
+        return self._writer.has_room(size)
+
+    def has_room(self, payload_bytes: int) -> bool:
+        """Whether a record with so many bytes of content fits."""
+        return self._writer.has_room(payload_bytes)
+
+    def append_frame(
+        self, frame: StoredFrame, ref: StoredFrame | None, last_seq: int | None, at_us: int, late_s: float
+    ) -> None:
+        """Append a frame that it `takes_frame`. `ref`: the newest REF, this one perhaps; `last_seq`: of the
+        frame before in this take; `late_s`: its lateness in seconds.
+        """
+        writer, at_us = self._writer, at_us - self._from_us
+        if not writer.frames:
+            self._first_seq = frame.seq
+            if last_seq is not None and (missing := (frame.seq - last_seq - 1) % SEQS):
+                writer.set_missing(missing)
+            if frame.key is not None:
+                self._key = frame.key
+                writer.append_copy(frame.key.payload, at_us)
+                if ref is not None and ref is not frame:
+                    self._ref = ref
+                    writer.append_copy(ref.payload, at_us)
+        writer.append_frame(frame.payload, at_us, min(max(0, round(late_s * 1e6)), COUNT_MAX))
+        if frame.is_key:
+            self._key, self._ref = frame, None
+        elif frame.is_ref:
+            self._ref = frame
+
+    def append_event(self, text: str, at_us: int, is_fault: bool) -> None:
+        """Append an event. `is_fault`: it tells that a fault began."""
+        self._writer.append_event(text, at_us - self._from_us)
+        self._events.append(PastEvent(at_us // 1000, text))
+        self._faults += is_fault
+
+    def append_info(self, info: dict[str, str], at_us: int) -> None:
+        """Append what the info has changed to."""
+        self._writer.append_info(info, at_us - self._from_us)
+
+    def append_model(self, model: str | None, at_us: int) -> None:
+        """Append what the model has changed to."""
+        self._writer.append_model(model, at_us - self._from_us)
+
+    def append_word(self, word: RobotStatus, at_us: int) -> None:
+        """Append what the robot's status has changed to."""
+        self._writer.append_word(word, at_us - self._from_us)
+        self._words.append(PastWord(at_us // 1000, word))
+
+    def close(self, at_us: int) -> KeptSegment:
+        """Return it, closed at `at_us`, or when it was due if that is earlier."""
+        writer, start = self._writer, self._writer.start
+        end_us = max(min(at_us, self._began_us + round(LENGTH_S * 1e6)), self._from_us + writer.at_us)
+        data = writer.close(end_us // 1000)
+        last_seq = writer.last_seq
+        return KeptSegment(
+            name=SegmentName(start.robot, start.view, start.take, start.index),
+            run=start.run_id,
+            from_ms=start.from_ms,
+            to_ms=end_us // 1000,
+            frames=writer.frames,
+            first_seq=self._first_seq,
+            last_seq=0 if last_seq is None else last_seq,
+            missing=start.missing,
+            schema=None if start.schema is None else bytes.fromhex(start.schema),
+            model=start.model,
+            data=data,
+            sha256=hashlib.sha256(data).digest(),
+            events=tuple(self._events),
+            words=tuple(self._words),
+            faults=self._faults,
+            audiences=self.audiences,
+            schema_text=None if self.schema is None else self.schema.text,
+        )

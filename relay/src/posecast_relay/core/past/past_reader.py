@@ -1,0 +1,91 @@
+"""What somebody may see of the kept past, and what comes after a segment that they have."""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from posecast_relay.core.past.kept_segment import KeptSegment, SegmentName
+from posecast_relay.core.past.memory_store import MemoryPast, TakeSpan
+from posecast_relay.core.policy.past import PastWindow, find_past_window, judge_past
+from posecast_relay.core.policy.policy import Grant
+
+
+class NotYet(NamedTuple):
+    """A segment that is to come. `due_ms`: unix, when one that is here already may be seen; None: not
+    here."""
+
+    due_ms: int | None = None
+
+
+class PastReader:
+    """Reads the past for those who may see it. `unix_ms` is the time now, in each call."""
+
+    def __init__(self, past: MemoryPast) -> None:
+        self._past = past
+
+    def list_shown(
+        self, grant: Grant, unix_ms: int, from_ms: int = 0, to_ms: int | None = None
+    ) -> list[KeptSegment]:
+        """Return what they may see of the segments that begin from `from_ms` on and before `to_ms`, unix."""
+        window = find_past_window(grant, unix_ms)
+        found = self._past.list_segments(grant.robot, grant.view, max(from_ms, window.from_ms), to_ms)
+        return [segment for segment in found if judge_past(grant, segment, window)]
+
+    def find_segment(
+        self, grant: Grant, take: int, index: int, unix_ms: int
+    ) -> KeptSegment | SegmentName | NotYet | None:
+        """Return the segment that they ask for, if they may see it.
+
+        A name: that segment is not for them, was dropped, or its take is over; this one comes after it. None:
+        there never was such a segment, as far as they can know.
+        """
+        window = find_past_window(grant, unix_ms)
+        asked = self._past.find(SegmentName(grant.robot, grant.view, take, index))
+        if asked is not None and judge_past(grant, asked, window):
+            return asked
+        spans = self._past.list_takes(grant.robot, grant.view)
+        n = next((n for n, span in enumerate(spans) if span.take == take), None)
+        if n is None or not self._was_shown(grant, spans[n], index, window):
+            return None
+        for span in spans[n:]:
+            for segment in self._walk_take(grant, span, index if span.take == take else 0, window):
+                if grant.by in segment.audiences:
+                    if judge_past(grant, segment, window):
+                        return segment.name
+                    return NotYet(segment.to_ms + round(1000 * grant.delay_s))
+        return NotYet()
+
+    def find_schema(self, grant: Grant, sha256: bytes, unix_ms: int) -> tuple[str, int] | None:
+        """Return a schema's text, and when the newest segment began that they may see and that names it."""
+        if self._past.find_schema_text(grant.robot, grant.view, sha256) is None:
+            return None
+        for segment in reversed(self.list_shown(grant, unix_ms)):
+            if segment.schema == sha256 and segment.schema_text is not None:
+                return segment.schema_text, segment.from_ms
+        return None
+
+    def _was_shown(self, grant: Grant, span: TakeSpan, index: int, window: PastWindow) -> bool:
+        """Whether a segment of this take is shown to them that is the one before `index`, or a later one."""
+        return index <= span.last_index + 1 and any(
+            judge_past(grant, segment, window) for segment in self._walk_take(grant, span, index - 1, window)
+        )
+
+    def _walk_take(
+        self, grant: Grant, span: TakeSpan, index: int, window: PastWindow
+    ) -> Iterator[KeptSegment]:
+        """Yield the segments of a take from `index` on that have not left the window, in order."""
+
+        def find(number: int) -> KeptSegment | None:
+            return self._past.find(SegmentName(grant.robot, grant.view, span.take, number))
+
+        def get_from_ms(number: int) -> int:
+            segment = find(number)
+            return 0 if segment is None else segment.from_ms
+
+        numbers = range(max(index, span.first_index), span.last_index + 1)
+        for number in numbers[bisect_left(numbers, window.from_ms, key=get_from_ms) :]:
+            segment = find(number)
+            if segment is not None:
+                yield segment

@@ -1,0 +1,162 @@
+"""Records what a hub accepts, so that those who may can look back on it.
+
+What fails here ends one recording and changes nothing live: what was open is lost, and a new take begins.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+
+from posecast_relay.core.past.stream_recording import RecordingPorts, StreamRecording
+from posecast_relay.core.policy.policy import Audience, Policy
+from posecast_relay.core.state.robot import Robot
+from posecast_relay.core.state.room import Room
+from posecast_relay.core.state.stream import Event
+from posecast_relay.core.timer_queue import TimerQueue
+
+FAULTS_MAX = 16  # that wait to be reported; further ones are counted only
+
+ListLookers = Callable[[Policy, str, str], frozenset[Audience]]
+
+
+class Recorder:
+    """All recordings of one hub. Until it is told a policy, it records nothing."""
+
+    def __init__(self, ports: RecordingPorts, list_lookers: ListLookers) -> None:
+        """`list_lookers`: who may look back on what is live now, by policy, robot and view."""
+        self.faults: Counter[str] = Counter()  # by the error's type
+        self._ports = ports
+        self._list_lookers = list_lookers
+        self._policy: Policy | None = None
+        self._recordings: dict[Room, StreamRecording | None] = {}  # None: nobody may look back on it
+        self._due = TimerQueue[StreamRecording]()
+        self._reports: list[tuple[str, Exception]] = []
+
+    @property
+    def next_at(self) -> float:
+        """By when `close_due` has to be called, seconds of the core's clock."""
+        return self._due.next_at
+
+    @property
+    def count(self) -> int:
+        """How many streams are recorded now."""
+        return sum(1 for each in list(self._recordings.values()) if each is not None)
+
+    def set_policy(self, policy: Policy, now: float) -> None:
+        """Set who may see what. What nobody may look back on is recorded no longer."""
+        self._policy = policy
+        for room, recording in list(self._recordings.items()):
+            try:
+                audiences = self._list_lookers(policy, room.robot, room.view)
+                if recording is not None and audiences:
+                    recording.set_audiences(audiences, now)
+                    continue
+                del self._recordings[room]
+                if recording is not None:
+                    recording.drop()
+            except Exception as error:
+                self._end_after_fault(room, error)
+
+    def record_frame(self, robot: Robot, room: Room, now: float) -> None:
+        """Record the newest frame of a stream, which has just been accepted, and the robot's status."""
+        try:
+            recording = self._find(robot, room, room.stream.event_n, now)
+            frame, late_s = room.stream.newest, room.stream.compute_age_s(now)
+            if recording is not None and frame is not None and late_s is not None:
+                recording.take_frame(frame, late_s, now)
+                recording.take_word(robot.compute_status(room, now), now)
+                self._due.put(recording, recording.due_at)
+        except Exception as error:
+            self._end_after_fault(room, error)
+
+    def record_event(
+        self, robot: Robot, room: Room, event: Event, doc: dict[str, object], now: float
+    ) -> None:
+        """Record an event that has just been numbered. `doc`: what it says."""
+        try:
+            recording = self._find(robot, room, event.n - 1, now)
+            if recording is not None:
+                recording.take_event(event, doc, now)
+                self._due.put(recording, recording.due_at)
+        except Exception as error:
+            self._end_after_fault(room, error)
+
+    def record_description(self, robot: Robot, room: Room, now: float) -> None:
+        """Record the info and model of a stream, as far as they have changed."""
+        try:
+            recording = self._find(robot, room, room.stream.event_n, now)
+            if recording is not None:
+                recording.take_description(now)
+                self._due.put(recording, recording.due_at)
+        except Exception as error:
+            self._end_after_fault(room, error)
+
+    def record_statuses(self, robot: Robot, now: float) -> None:
+        """Record the robot's status in those of its streams that are recorded, where it has changed."""
+        for room in robot.rooms.values():
+            try:
+                recording = self._recordings.get(room)
+                if recording is not None:
+                    recording.take_word(robot.compute_status(room, now), now)
+            except Exception as error:
+                self._end_after_fault(room, error)
+
+    def close_due(self, now: float) -> None:
+        """Close the segments that are long enough."""
+        for recording in self._due.take_due(now):
+            try:
+                if recording.due_at <= now:
+                    recording.close(now)
+                self._due.put(recording, recording.due_at)
+            except Exception as error:
+                self._end_after_fault(recording.room, error)
+
+    def close_all(self, now: float) -> None:
+        """Close all open segments, since the process is about to stop."""
+        for room, recording in list(self._recordings.items()):
+            try:
+                if recording is not None:
+                    recording.close(now)
+            except Exception as error:
+                self._end_after_fault(room, error)
+
+    def forget_robot(self, robot: Robot, now: float) -> None:
+        """Close what is open of a robot, which the hub forgets."""
+        for room in robot.rooms.values():
+            try:
+                recording = self._recordings.pop(room, None)
+                if recording is not None:
+                    recording.close(now)
+            except Exception as error:
+                self._end_after_fault(room, error)
+
+    def take_faults(self) -> list[tuple[str, Exception]]:
+        """Return what has failed since the last call, each with its place."""
+        reports, self._reports = self._reports, []
+        return reports
+
+    def _find(self, robot: Robot, room: Room, event_n: int, now: float) -> StreamRecording | None:
+        """The recording of a stream, begun when it is new; None where nobody may look back."""
+        if room in self._recordings:
+            return self._recordings[room]
+        audiences = (
+            frozenset[Audience]()
+            if self._policy is None
+            else self._list_lookers(self._policy, room.robot, room.view)
+        )
+        if not audiences:
+            self._recordings[room] = None
+            return None
+        word = robot.compute_status(room, now)
+        recording = StreamRecording(room, self._ports, audiences, word, event_n, now)
+        self._recordings[room] = recording
+        return recording
+
+    def _end_after_fault(self, room: Room, error: Exception) -> None:
+        recording = self._recordings.pop(room, None)
+        if recording is not None:
+            recording.drop()
+        self.faults[type(error).__name__] += 1
+        if len(self._reports) < FAULTS_MAX:
+            self._reports.append((f"{room.robot}/{room.view}: the past", error))

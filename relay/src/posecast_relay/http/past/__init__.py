@@ -1,0 +1,1 @@
+"""The past over HTTP: its routes, and what they answer."""

@@ -1,0 +1,105 @@
+"""Reads the parts of an address of the past: days, pages of ten minutes, takes, indexes, hashes."""
+
+from __future__ import annotations
+
+import re
+from datetime import UTC, datetime
+from typing import NamedTuple
+
+DAY = re.compile(r"(20[0-9]{2})-([0-9]{2})-([0-9]{2})", re.ASCII)
+PAGE = re.compile(r"(20[0-9]{2}-[0-9]{2}-[0-9]{2})T([01][0-9]|2[0-3]):([0-5])0Z", re.ASCII)
+U64_HEX = re.compile(r"[0-9a-f]{16}", re.ASCII)
+SHA256_HEX = re.compile(r"[0-9a-f]{64}", re.ASCII)
+INDEX = re.compile(r"0|[1-9][0-9]{0,9}", re.ASCII)
+INDEX_MAX = (1 << 32) - 1
+EVERY_MAX = 1000
+DAY_MS = 86_400_000
+PAGE_MS = 600_000
+MINUTE_MS = 60_000
+
+
+class AddressError(ValueError):
+    """A part of an address that is none. The message is one line that says what it may be."""
+
+
+class PastSpan(NamedTuple):
+    """A day or ten minutes of UTC: unix ms, the end not included."""
+
+    from_ms: int
+    to_ms: int
+
+    @property
+    def is_day(self) -> bool:
+        """Whether it is a day."""
+        return self.to_ms - self.from_ms == DAY_MS
+
+
+def read_span(text: str) -> PastSpan:
+    """Read a day as `2026-11-22` or ten minutes as `2026-11-22T14:20Z`. Raises AddressError."""
+    day = DAY.fullmatch(text)
+    if day is not None:
+        from_ms = _read_day_ms(text)
+        return PastSpan(from_ms, from_ms + DAY_MS)
+    return read_page(text)
+
+
+def read_page(text: str) -> PastSpan:
+    """Read ten minutes as `2026-11-22T14:20Z`. Raises AddressError."""
+    page = PAGE.fullmatch(text)
+    if page is None:
+        raise AddressError("want a day as 2026-11-22, or ten minutes of UTC as 2026-11-22T14:20Z")
+    from_ms = _read_day_ms(page[1]) + int(page[2]) * 3_600_000 + int(page[3]) * PAGE_MS
+    return PastSpan(from_ms, from_ms + PAGE_MS)
+
+
+def read_take(text: str) -> int:
+    """Read a take: 16 hexadecimal digits. Raises AddressError."""
+    if not U64_HEX.fullmatch(text):
+        raise AddressError("a take is 16 hexadecimal digits")
+    return int(text, 16)
+
+
+def read_index(text: str) -> int:
+    """Read a segment's index in its take. Raises AddressError."""
+    if not INDEX.fullmatch(text) or int(text) > INDEX_MAX:
+        raise AddressError(f"an index is a number from 0 to {INDEX_MAX}")
+    return int(text)
+
+
+def read_after(text: str) -> tuple[int, int]:
+    """Read `take,index`. Raises AddressError."""
+    take, comma, index = text.partition(",")
+    if not comma:
+        raise AddressError("after: want a take, a comma and an index")
+    return read_take(take), read_index(index)
+
+
+def read_every(text: str) -> int:
+    """Read how many segments there are to be for one KEY. Raises AddressError."""
+    if not INDEX.fullmatch(text) or not 1 <= int(text) <= EVERY_MAX:
+        raise AddressError(f"every: want a number from 1 to {EVERY_MAX}")
+    return int(text)
+
+
+def read_sha256(text: str) -> bytes:
+    """Read a SHA-256: 64 hexadecimal digits. Raises AddressError."""
+    if not SHA256_HEX.fullmatch(text):
+        raise AddressError("a SHA-256 is 64 hexadecimal digits")
+    return bytes.fromhex(text)
+
+
+def write_day(unix_ms: int) -> str:
+    """Return the day of a time, as in an address."""
+    return datetime.fromtimestamp(unix_ms // 1000, UTC).strftime("%Y-%m-%d")
+
+
+def write_minute(unix_ms: int) -> str:
+    """Return the minute of a time, as in an address."""
+    return datetime.fromtimestamp(unix_ms // 1000, UTC).strftime("%Y-%m-%dT%H:%MZ")
+
+
+def _read_day_ms(text: str) -> int:
+    try:
+        return round(datetime.fromisoformat(text).replace(tzinfo=UTC).timestamp()) * 1000
+    except ValueError:
+        raise AddressError("there is no such day") from None

@@ -1,0 +1,190 @@
+"""JSON documents about the past. Each is made of segments that the asker may see, and of nothing else."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Literal
+
+from posecast_wire.messages import RobotStatus
+from pydantic import BaseModel, ConfigDict
+
+from posecast_relay.core.past.kept_segment import KeptSegment, SegmentName
+from posecast_relay.core.policy.policy import Grant
+from posecast_relay.http.past.address import DAY_MS, MINUTE_MS, PastSpan, write_day, write_minute
+from posecast_relay.plain_json import json_bytes
+
+INDEX_BYTES_MAX = 1 << 20  # of one page's answer; what is beyond is asked for with `after`
+WORDS: tuple[RobotStatus, ...] = ("online", "silent", "offline")  # the worst last
+
+
+class _Document(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+
+class NamedSegment(_Document):
+    """A segment: `take` is 16 hexadecimal digits, `index` counts in it from 0."""
+
+    take: str
+    index: int
+
+
+class PastSummary(_Document):
+    """How far back the asker may look, and what there is: unix ms; null and nothing where there is none."""
+
+    view: str
+    from_ms: int | None
+    to_ms: int | None
+    past_ms: int
+    delay_ms: int
+    newest: NamedSegment | None
+    days: list[str]
+
+
+class PastMinute(_Document):
+    """What began in one minute: bytes and frames of its segments, the worst word, how many faults began."""
+
+    minute: str
+    bytes: int
+    frames: int
+    word: Literal["online", "silent", "offline"]
+    faults: int
+
+
+class PastDay(_Document):
+    """The minutes of a day (UTC) in which anything was recorded."""
+
+    view: str
+    day: str
+    minutes: list[PastMinute]
+
+
+class PastEventEntry(BaseModel):
+    """An event as every viewer got it (SPEC §6), with its number `n` and when it came, unix ms."""
+
+    model_config = ConfigDict(extra="allow")
+    n: int
+    at_ms: int
+
+
+class PastWordEntry(_Document):
+    """What the robot's status was from this moment on, unix ms."""
+
+    at_ms: int
+    word: Literal["online", "silent", "offline"]
+
+
+class PastEntry(NamedSegment):
+    """A segment of an index. `missing`: frames lost before it; hashes are hexadecimal."""
+
+    run: str
+    from_ms: int
+    to_ms: int
+    frames: int
+    first_seq: int
+    last_seq: int
+    bytes: int
+    sha256: str
+    schema_: str | None
+    model: str | None
+    missing: int
+    events: list[PastEventEntry]
+    words: list[PastWordEntry]
+
+    model_config = ConfigDict(extra="forbid", alias_generator=lambda name: name.rstrip("_"))
+
+
+class PastPage(_Document):
+    """The segments that begin in ten minutes. `more`: there are more: ask with `after`, the last one here."""
+
+    view: str
+    from_: str
+    segments: list[PastEntry]
+    more: bool
+
+    model_config = ConfigDict(extra="forbid", alias_generator=lambda name: name.rstrip("_"))
+
+
+class NextSegment(_Document):
+    """What comes after a segment that is not for the asker, was dropped, or whose take is over."""
+
+    next: NamedSegment
+
+
+def make_summary(grant: Grant, shown: Sequence[KeptSegment]) -> bytes:
+    """Return how far back somebody may look, as JSON."""
+    return json_bytes(
+        {
+            "view": grant.view,
+            "from_ms": min((segment.from_ms for segment in shown), default=None),
+            "to_ms": max((segment.to_ms for segment in shown), default=None),
+            "past_ms": round(1000 * grant.past_s),
+            "delay_ms": round(1000 * grant.delay_s),
+            "newest": _name(shown[-1].name) if shown else None,
+            "days": [write_day(DAY_MS * day) for day in sorted({each.from_ms // DAY_MS for each in shown})],
+        }
+    )
+
+
+def make_day(view: str, day: PastSpan, shown: Iterable[KeptSegment]) -> bytes:
+    """Return what there is in each minute of a day, as JSON."""
+    minutes: dict[int, list[KeptSegment]] = {}
+    for segment in shown:
+        minutes.setdefault(segment.from_ms // MINUTE_MS, []).append(segment)
+    found = [_sum_minute(MINUTE_MS * minute, segments) for minute, segments in sorted(minutes.items())]
+    return json_bytes({"view": view, "day": write_day(day.from_ms), "minutes": found})
+
+
+def make_page(view: str, page: PastSpan, shown: Iterable[KeptSegment]) -> bytes:
+    """Return the index of ten minutes as JSON, INDEX_BYTES_MAX of it at most, or a single segment's."""
+    entries: list[bytes] = []
+    size, more = 0, False
+    for segment in shown:
+        entry = _write_entry(segment)
+        size += len(entry) + 1
+        if entries and size > INDEX_BYTES_MAX:
+            more = True
+            break
+        entries.append(entry)
+    head = json_bytes({"view": view, "from": write_minute(page.from_ms)})[:-1]
+    return head + b',"segments":[' + b",".join(entries) + b'],"more":' + (b"true}" if more else b"false}")
+
+
+def make_next(name: SegmentName) -> bytes:
+    """Return the name of the segment that comes next, as JSON."""
+    return json_bytes({"next": _name(name)})
+
+
+def _name(name: SegmentName) -> dict[str, object]:
+    return {"take": f"{name.take:016x}", "index": name.index}
+
+
+def _sum_minute(at_ms: int, segments: Sequence[KeptSegment]) -> dict[str, object]:
+    return {
+        "minute": write_minute(at_ms),
+        "bytes": sum(len(segment.data) for segment in segments),
+        "frames": sum(segment.frames for segment in segments),
+        "word": max((word.word for segment in segments for word in segment.words), key=WORDS.index),
+        "faults": sum(segment.faults for segment in segments),
+    }
+
+
+ENTRY = (
+    '{"take":"%016x","index":%d,"run":"%016x","from_ms":%d,"to_ms":%d,"frames":%d,"first_seq":%d,"last_seq":%d,'
+    '"bytes":%d,"sha256":"%s","schema":%s,"model":%s,"missing":%d,"words":[%s],"events":[%s]}'
+)
+
+
+def _write_entry(segment: KeptSegment) -> bytes:
+    """Write a segment's entry by hand: numbers, hashes and words need no care, and there are hundreds."""
+    name, schema = segment.name, segment.schema
+    numbers = (name.take, name.index, segment.run, segment.from_ms, segment.to_ms, segment.frames)
+    words = ",".join(f'{{"at_ms":{each.at_ms},"word":"{each.word}"}}' for each in segment.words)
+    # events as they came: they need not be taken apart for that
+    events = ",".join(f'{{"at_ms":{each.at_ms},{each.text[1:]}' for each in segment.events)
+    hashes = (
+        segment.sha256.hex(),
+        "null" if schema is None else f'"{schema.hex()}"',
+        "null" if segment.model is None else f'"{segment.model}"',
+    )
+    seqs = (segment.first_seq, segment.last_seq, len(segment.data))
+    return (ENTRY % (*numbers, *seqs, *hashes, segment.missing, words, events)).encode(errors="replace")

@@ -1,0 +1,64 @@
+"""HTTP requests that wait for the next segment: bounded, and let go when the relay stops."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+HELD_MAX = 300  # at once; further ones are answered at once
+
+
+class HeldRequests:
+    """The requests of a process that wait until something new of a robot and view is kept."""
+
+    def __init__(self, most: int = HELD_MAX) -> None:
+        self._most = most
+        self._waiting: dict[tuple[str, str], set[asyncio.Future[None]]] = {}
+        self._released = False
+        self.count = 0  # held now
+        self.turned_away = 0  # answered at once, as so many were held
+
+    @contextmanager
+    def hold(self) -> Iterator[bool]:
+        """Hold one more request within the context. False: it may not wait."""
+        if self._released or self.count >= self._most:
+            self.turned_away += not self._released
+            yield False
+            return
+        self.count += 1
+        try:
+            yield True
+        finally:
+            self.count -= 1
+
+    async def wait(self, robot: str, view: str, seconds: float) -> bool:
+        """Wait until something new of a view is kept; `seconds` at most.
+
+        False when the relay stops: nothing is worth waiting for.
+        """
+        if self._released:
+            return False
+        key = robot, view
+        woken: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+        waiting = self._waiting.setdefault(key, set())
+        waiting.add(woken)
+        try:
+            await asyncio.wait((woken,), timeout=max(0.0, seconds))
+        finally:
+            waiting.discard(woken)
+            if not waiting and self._waiting.get(key) is waiting:
+                del self._waiting[key]
+        return not self._released
+
+    def wake(self, robot: str, view: str) -> None:
+        """Let those look again who wait for this view."""
+        for woken in self._waiting.get((robot, view), ()):
+            if not woken.done():
+                woken.set_result(None)
+
+    def release(self) -> None:
+        """Let all go, and hold none any more, since the relay stops."""
+        self._released = True
+        for robot, view in self._waiting:
+            self.wake(robot, view)

@@ -1,0 +1,267 @@
+"""The routes of the past: how far back one may look, what there is, and the segments themselves.
+
+All of it is judged by the same admission as live, for each request. Segments go through ASGI like every other
+answer, not below it like streams: they end, and so share the bounds on requests, on what lies unread, and a
+connection that goes on.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Callable
+from functools import partial
+from http import HTTPStatus
+from typing import Any, NoReturn, TypeVar
+
+from fastapi import FastAPI, HTTPException, Request, Response
+
+from posecast_relay.auth.access import Access
+from posecast_relay.core.past.kept_segment import KeptSegment, SegmentName
+from posecast_relay.core.past.memory_store import MemoryPast
+from posecast_relay.core.past.past_reader import NotYet, PastReader
+from posecast_relay.core.policy.admission import HIDDEN
+from posecast_relay.core.policy.past import find_past_window
+from posecast_relay.core.policy.policy import Grant
+from posecast_relay.http.answer_cache import AnswerCache
+from posecast_relay.http.auth import OPEN, require_grant
+from posecast_relay.http.past import documents
+from posecast_relay.http.past.address import (
+    AddressError,
+    PastSpan,
+    read_after,
+    read_every,
+    read_index,
+    read_page,
+    read_sha256,
+    read_span,
+    read_take,
+)
+from posecast_relay.http.past.held_requests import HeldRequests
+from posecast_relay.http.past.key_pages import KeyPages
+
+T = TypeVar("T")
+
+HOLD_S = 8.0  # a request for the next segment waits for so long
+RETRY_MS = 1000  # when to ask again for what is not there yet
+FRESH_S_MAX = 3600.0  # caches keep nothing for longer, so that what is taken back is gone within it
+CLOSED_MS = 10_000  # after its end a page can get no further segment: one lasts 6 s at most
+NOT_KEPT = "no past is kept here: ask a relay that hears robots itself (role all with --past memory:)"
+EXPOSED = OPEN | {"access-control-expose-headers": "etag, retry-ms"}
+NO_STORE = {"cache-control": "private, no-store"}
+BUSY = NO_STORE | {"retry-after": "1"}
+BINARY = "application/octet-stream"
+ERRORS: dict[int | str, dict[str, Any]] = {
+    400: {"description": "No such day, page, take or index can be"},
+    404: {"description": "Not here, or not for you"},
+    501: {"description": "This process keeps no past"},
+}
+KEYS: dict[int | str, dict[str, Any]] = {
+    503: {"description": "Many ask for such pages just now: ask again"},
+    200: {
+        "description": "A page of KEYs (SPEC §11)",
+        "content": {BINARY: {"schema": {"type": "string", "format": "binary"}}},
+    },
+}
+HELD: dict[int | str, dict[str, Any]] = {
+    200: {
+        "description": "The segment; as JSON the next one, where this one is not for you or its take is over",
+        "model": documents.NextSegment,
+        "content": {BINARY: {"schema": {"type": "string", "format": "binary"}}},
+    },
+    204: {"description": "Not yet: ask again after `retry-ms`"},
+}
+
+
+class PastDesk:
+    """The past of a process as its routes need it: what is kept, who waits for more, and the time.
+
+    `now` is the core's clock in seconds, `unix_s` the wall clock, by which the times of segments are told.
+    """
+
+    def __init__(self, past: MemoryPast, now: Callable[[], float], unix_s: Callable[[], float]) -> None:
+        self.reader = PastReader(past)
+        self.held = HeldRequests()
+        self.answers = AnswerCache(now)
+        self.keys = KeyPages()
+        self._unix_s = unix_s
+        past.on_added(lambda segment: self.held.wake(segment.name.robot, segment.name.view))
+
+    def compute_unix_ms(self) -> int:
+        """Return the time now, in unix ms."""
+        return math.floor(1000 * self._unix_s())
+
+
+def add_past_routes(app: FastAPI, api: str, access: Access, desk: PastDesk | None) -> None:
+    """Add the routes below `{api}/{robot}/past`. `desk` None: no past is kept in this process."""
+    api += "/{robot}/past"
+
+    @app.get(api, summary="How far back you may look", responses=ERRORS | _tells(documents.PastSummary))
+    async def past(request: Request, robot: str, view: str | None = None) -> Response:
+        grant, at = await _enter(access, desk, request, robot, view)
+
+        def make() -> bytes:
+            return documents.make_summary(grant, at.reader.list_shown(grant, at.compute_unix_ms()))
+
+        return at.answers.get_answer(request, _key(grant, "past"), make, _share(grant, 1.0))
+
+    @app.get(
+        api + "/{view}/schema/{sha256}",
+        summary="The text of a schema that a segment names",
+        responses=ERRORS,
+    )
+    async def schema(request: Request, robot: str, view: str, sha256: str) -> Response:
+        grant, at = await _enter(access, desk, request, robot, view)
+        unix_ms = at.compute_unix_ms()
+        found = at.reader.find_schema(grant, _read(read_sha256, sha256), unix_ms)
+        if found is None:
+            _refuse(grant, "no such schema in the past, as far as it is for you")
+        text, from_ms = found
+        headers = _share(grant, find_past_window(grant, unix_ms).compute_left_s(from_ms))
+        return _send(request, text.encode(), "application/json", sha256, headers)
+
+    @app.get(
+        api + "/{view}/{span}",
+        summary="A day by minutes (2026-11-22), or the index of ten minutes (2026-11-22T14:20Z)",
+        responses=ERRORS | _tells(documents.PastPage, documents.PastDay),
+    )
+    async def index(request: Request, robot: str, view: str, span: str, after: str | None = None) -> Response:
+        grant, at = await _enter(access, desk, request, robot, view)
+        asked = _read(read_span, span)
+        unix_ms = at.compute_unix_ms()
+        shown = partial(at.reader.list_shown, grant, unix_ms, asked.from_ms, asked.to_ms)
+        if asked.is_day:
+            made = lambda: documents.make_day(view, asked, shown())  # noqa: E731
+            return at.answers.get_answer(request, _key(grant, span), made, _share(grant, 1.0))
+        since = None if after is None else _read(read_after, after)
+        fresh_s = 1.0 if since is not None else _compute_page_s(grant, asked, shown(), unix_ms)
+        page = lambda: documents.make_page(view, asked, _list_after(shown(), since))  # noqa: E731
+        return at.answers.get_answer(request, _key(grant, f"{span}?{after}"), page, _share(grant, fresh_s))
+
+    @app.get(
+        api + "/{view}/{page}/keys",
+        summary="The first pose of each segment of ten minutes, or of each n-th: every",
+        responses=ERRORS | KEYS,
+    )
+    async def key_page(request: Request, robot: str, view: str, page: str, every: str = "1") -> Response:
+        grant, at = await _enter(access, desk, request, robot, view)
+        asked, step = _read(read_page, page), _read(read_every, every)
+        unix_ms = at.compute_unix_ms()
+        shown = at.reader.list_shown(grant, unix_ms, asked.from_ms, asked.to_ms)
+        body = await at.keys.make_page(grant, asked.from_ms, shown, step)
+        if body is None:
+            raise HTTPException(503, "as many pages of KEYs as this relay makes at once", BUSY)
+        headers = _share(grant, _compute_page_s(grant, asked, shown, unix_ms))
+        return _send(request, body, BINARY, hashlib.sha256(body).hexdigest()[:16], headers)
+
+    @app.get(
+        api + "/{view}/{take}/{index}", summary="A segment; the next one is held", responses=ERRORS | HELD
+    )
+    async def segment(request: Request, robot: str, view: str, take: str, index: str) -> Response:
+        grant, at = await _enter(access, desk, request, robot, view)
+        name = _read(read_take, take), _read(read_index, index)
+        found = at.reader.find_segment(grant, *name, at.compute_unix_ms())
+        if isinstance(found, NotYet) and request.method == "GET":
+            await _hold(at, grant, name, access.live.now)
+            grant, at = await _enter(access, desk, request, robot, view)  # it may have ended meanwhile
+            found = at.reader.find_segment(grant, *name, at.compute_unix_ms())
+        match found:
+            case None:
+                _refuse(grant, "no such segment, as far as it is for you")
+            case NotYet():
+                headers = _share(grant, 1.0) | {"retry-ms": f"{RETRY_MS}"}
+                return Response(status_code=HTTPStatus.NO_CONTENT, headers=headers)
+            case SegmentName():
+                return Response(
+                    documents.make_next(found), headers=_share(grant, 1.0), media_type="application/json"
+                )
+            case KeptSegment():
+                window = find_past_window(grant, at.compute_unix_ms())
+                headers = _share(grant, window.compute_left_s(found.from_ms))
+                return _send(request, found.data, BINARY, found.sha256.hex(), headers)
+
+
+async def _enter(
+    access: Access, desk: PastDesk | None, request: Request, robot: str, view: str | None
+) -> tuple[Grant, PastDesk]:
+    """Return what the asker may see, and where the past is. Raises HTTPException; never cached."""
+    try:
+        grant = await require_grant(access, request, robot, view)
+        if desk is None:
+            raise HTTPException(HTTPStatus.NOT_IMPLEMENTED, NOT_KEPT)
+        if access.find_robot(grant) is None and not desk.reader.list_shown(grant, desk.compute_unix_ms()):
+            raise HTTPException(HTTPStatus.NOT_FOUND, HIDDEN)
+    except HTTPException as e:
+        raise HTTPException(e.status_code, e.detail, NO_STORE | dict(e.headers or {})) from None
+    return grant, desk
+
+
+async def _hold(desk: PastDesk, grant: Grant, name: tuple[int, int], now: Callable[[], float]) -> None:
+    """Wait until a segment may be there; HOLD_S at most, and not at all when too many wait."""
+    with desk.held.hold() as may_wait:
+        until_s = now() + HOLD_S
+        waits = may_wait
+        while waits and (left_s := until_s - now()) > 0:
+            unix_ms = desk.compute_unix_ms()
+            found = desk.reader.find_segment(grant, *name, unix_ms)
+            if not isinstance(found, NotYet):
+                return
+            if found.due_ms is not None:
+                left_s = min(left_s, (found.due_ms - unix_ms + 1) / 1000)
+            waits = await desk.held.wait(grant.robot, grant.view, left_s)
+
+
+def _read(read: Callable[[str], T], text: str) -> T:
+    try:
+        return read(text)
+    except AddressError as e:
+        raise HTTPException(HTTPStatus.BAD_REQUEST, str(e), NO_STORE) from None
+
+
+def _refuse(grant: Grant, reason: str) -> NoReturn:
+    """Say that something is not here; to be asked again in a second at the earliest."""
+    raise HTTPException(HTTPStatus.NOT_FOUND, reason, _share(grant, 1.0))
+
+
+def _share(grant: Grant, fresh_s: float) -> dict[str, str]:
+    """Make the headers that say who may read an answer, and for how long caches may keep it."""
+    if not grant.open:
+        return NO_STORE
+    return EXPOSED | {"cache-control": f"public, max-age={math.floor(min(fresh_s, FRESH_S_MAX))}"}
+
+
+def _send(request: Request, body: bytes, type_: str, name: str, headers: dict[str, str]) -> Response:
+    """Send bytes that never change, called `name`; 304 if the asker has them already."""
+    headers = headers | {"etag": f'"{name}"', "x-content-type-options": "nosniff"}
+    if headers["etag"] in request.headers.get("if-none-match", ""):
+        return Response(status_code=HTTPStatus.NOT_MODIFIED, headers=headers)
+    return Response(body, media_type=type_, headers=headers)
+
+
+def _key(grant: Grant, what: str) -> str:
+    """Name an answer: two who get the same name are shown the same."""
+    return f"{grant.robot}/{grant.view}/{grant.by}/{grant.delay_s:g}/{grant.past_s:g}/{what}"
+
+
+def _list_after(shown: list[KeptSegment], since: tuple[int, int] | None) -> list[KeptSegment]:
+    """Return what came after a segment; all where it is not among these."""
+    for n, segment in enumerate(shown):
+        if (segment.name.take, segment.name.index) == since:
+            return shown[n + 1 :]
+    return shown
+
+
+def _compute_page_s(grant: Grant, page: PastSpan, shown: list[KeptSegment], unix_ms: int) -> float:
+    """Return for how long the index of ten minutes stays as it is, in seconds."""
+    window = find_past_window(grant, unix_ms)
+    if not shown or window.to_ms < page.to_ms + CLOSED_MS:
+        return 1.0
+    return max(1.0, min(window.compute_left_s(segment.from_ms) for segment in shown))
+
+
+def _tells(*models: type) -> dict[int | str, dict[str, Any]]:
+    """What an answer holds, for the description of the API."""
+    model: Any = models[0]
+    for other in models[1:]:
+        model = model | other
+    return {200: {"model": model, "description": "JSON"}, 304: {"description": "You have it"}}

@@ -1,0 +1,146 @@
+"""Requests that wait for the next segment: how many, for how long, and what ends them."""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+from collections.abc import AsyncIterator
+
+import pytest
+from posecast_relay.core.policy.policy import Audience, Policy, Rule
+from posecast_relay.http.past import routes
+from posecast_relay.http.past.held_requests import HELD_MAX, HeldRequests
+
+from .past_doors import PAGE_MS, TAKE, PastDoors, address_of, link
+
+A, L = Audience.ANYONE, Audience.LINK
+NEXT = f"public/{TAKE:016x}/1"
+
+
+@pytest.fixture
+async def doors() -> AsyncIterator[PastDoors]:
+    """Open to anyone, with one segment."""
+    found = PastDoors({"r": {A: Rule(), L: Rule("lab", past_s=600)}})
+    await found.start()
+    found.keep(0, PAGE_MS)
+    found.unix_ms = PAGE_MS + 10_000
+    yield found
+    await found.stop()
+
+
+async def test_the_next_one_is_held_until_it_is_there(doors: PastDoors) -> None:
+    held = [asyncio.create_task(doors.ask(NEXT)) for _ in range(20)]
+    await doors.until_held(20)
+    doors.keep(0, PAGE_MS, robot="other", audiences=frozenset(Audience))  # wakes nobody
+    doors.keep(0, PAGE_MS, view="lab")
+    assert doors.desk.held.count == 20
+    segment = doors.keep(1, PAGE_MS + 4000)
+    for answer in await asyncio.gather(*held):
+        assert (answer.status_code, answer.content) == (200, segment.data)
+        assert answer.headers["cache-control"] == "public, max-age=1794"
+    assert doors.desk.held.count == 0
+
+
+async def test_when_a_take_is_over_the_next_one_is_named(doors: PastDoors) -> None:
+    held = asyncio.create_task(doors.ask(NEXT))
+    await doors.until_held(1)
+    first = doors.keep(0, PAGE_MS + 4000, take=0xB)
+    answer = await held
+    assert answer.json() == {"next": {"take": f"{0xB:016x}", "index": 0}}
+    assert answer.headers["cache-control"] == "public, max-age=1"
+    assert (await doors.ask(NEXT)).json() == answer.json()
+    assert (await doors.ask(address_of(first))).content == first.data
+    assert (await doors.ask(f"public/{TAKE:016x}/2")).status_code == 404
+
+
+async def test_not_yet_is_said_after_a_while_and_at_once_to_head(
+    doors: PastDoors, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert routes.HOLD_S <= 8.0
+    head = await doors.ask(NEXT, method="HEAD")
+    monkeypatch.setattr(routes, "HOLD_S", 0.05)
+    for answer in (head, await doors.ask(NEXT)):
+        assert (answer.status_code, answer.content) == (204, b"")
+        assert answer.headers["retry-ms"] == "1000"
+        assert answer.headers["cache-control"] == "public, max-age=1"
+        assert answer.headers["access-control-expose-headers"] == "etag, retry-ms"
+    assert doors.desk.held.count == doors.desk.held.turned_away == 0
+
+
+async def test_no_more_are_held_than_may_be_and_further_ones_are_answered_at_once(doors: PastDoors) -> None:
+    head = f"GET /api/v1/robots/r/past/{NEXT} HTTP/1.1\r\nHost: x\r\n\r\n".encode()
+    links = [await asyncio.open_connection("127.0.0.1", doors.port) for _ in range(HELD_MAX + 50)]
+    for _, writer in links:
+        writer.write(head)
+    await doors.until_held(HELD_MAX)
+    answers = [asyncio.create_task(reader.readuntil(b"\r\n")) for reader, _ in links]
+    told: set[asyncio.Task[bytes]] = set()
+    while len(told) < 50:
+        done, _ = await asyncio.wait(set(answers) - told, return_when=asyncio.FIRST_COMPLETED, timeout=10)
+        assert done
+        told |= done
+    assert {answer.result() for answer in told} == {b"HTTP/1.1 204 No Content\r\n"}
+    assert (len(told), doors.desk.held.count, doors.desk.held.turned_away) == (50, HELD_MAX, 50)
+    assert (await doors.ask("")).status_code == 200  # nobody else notices
+    for _, writer in links:
+        writer.transport.abort()
+    await doors.until_held(0)
+    assert not doors.desk.held._waiting
+    await asyncio.gather(*answers, return_exceptions=True)
+
+
+async def test_who_leaves_is_held_no_longer(doors: PastDoors) -> None:
+    for how in (socket.SHUT_WR, None):
+        with socket.create_connection(("127.0.0.1", doors.port), 5) as sock:
+            sock.sendall(f"GET /api/v1/robots/r/past/{NEXT} HTTP/1.1\r\nHost: x\r\n\r\n".encode())
+            await doors.until_held(1)
+            if how is not None:
+                sock.shutdown(how)
+                await doors.until_held(0)
+        await doors.until_held(0)
+
+
+async def test_all_are_let_go_when_the_relay_stops(doors: PastDoors) -> None:
+    held = [asyncio.create_task(doors.ask(NEXT)) for _ in range(10)]
+    await doors.until_held(10)
+    doors.desk.held.release()
+    assert {answer.status_code for answer in await asyncio.gather(*held)} == {204}
+    assert (await doors.ask(NEXT)).status_code == 204
+    assert doors.desk.held.turned_away == 0
+
+
+async def test_what_may_be_seen_is_judged_anew_when_it_is_there(doors: PastDoors) -> None:
+    doors.keep(0, PAGE_MS, view="lab")
+    asked = [
+        asyncio.create_task(doors.ask(NEXT)),
+        asyncio.create_task(doors.ask(f"lab/{TAKE:016x}/1", link("r"))),
+    ]
+    await doors.until_held(2)
+    doors.tokens.set_link_keys({"r": "x" * 43})
+    doors.access.set_policy(Policy({"r": {A: Rule(blackout=True), L: Rule("lab", past_s=600)}}))
+    for view in ("public", "lab"):
+        doors.keep(1, PAGE_MS + 4000, view=view, audiences=frozenset(Audience))
+    assert [answer.status_code for answer in await asyncio.gather(*asked)] == [404, 401]
+
+
+async def test_a_million_who_want_to_wait_leave_nothing_behind() -> None:
+    held = HeldRequests()
+
+    async def hold() -> None:
+        with held.hold() as may_wait:
+            assert may_wait
+            await held.wait("r", "public", 60)
+
+    tasks = [asyncio.create_task(hold()) for _ in range(HELD_MAX)]
+    await asyncio.sleep(0)
+    for _ in range(1_000_000):
+        with held.hold() as may_wait:
+            assert not may_wait
+    assert (held.count, held.turned_away) == (HELD_MAX, 1_000_000)
+    held.wake("r", "lab")
+    await asyncio.sleep(0)
+    assert held.count == HELD_MAX
+    held.release()
+    await asyncio.gather(*tasks)
+    assert held.count == 0
+    assert not held._waiting

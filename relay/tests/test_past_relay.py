@@ -1,0 +1,158 @@
+"""The past of a real relay: what was live a moment ago, by HTTP, as those may see it who may."""
+
+from __future__ import annotations
+
+import asyncio
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import httpx
+from posecast_wire import Decoder
+from posecast_wire.segment import CopyRecord, FrameRecord, decode_segment
+
+from .stage import Relay, Watcher, ZenohEdge, until
+
+
+def write(file: Path, text: str) -> None:
+    """The policy, all at once."""
+    new = file.with_suffix(".new")
+    new.write_text(text)
+    new.chmod(0o600)
+    new.rename(file)
+
+
+def await_segment(relay: Relay, edge: ZenohEdge, index: int = 0) -> dict[str, Any]:
+    """Wait for a segment of this index or a later one; KEYs come often, so that it is closed soon."""
+
+    def look() -> dict[str, Any] | None:
+        edge.force_key = True
+        found = find_newest(relay)
+        return found if found is not None and found["index"] >= index else None
+
+    return until(f"segment {index}", look, 15.0)
+
+
+def find_newest(relay: Relay) -> dict[str, Any] | None:
+    """What the past of `r` says of its newest segment; None without one."""
+    answer = httpx.get(f"http://{relay.address}/api/v1/robots/r/past")
+    found: dict[str, Any] | None = answer.json()["newest"] if answer.status_code == 200 else None
+    return found
+
+
+def read_segments(relay: Relay, since: dict[str, Any], count: int) -> list[Any]:
+    """So many segments from this one on, by the route that holds the next one."""
+    found: list[Any] = []
+    at = dict(since)
+    while len(found) < count:
+        base = f"http://{relay.address}/api/v1/robots/r/past/public"
+        answer = httpx.get(f"{base}/{at['take']}/{at['index']}", timeout=20)
+        assert answer.status_code in (200, 204), answer.text
+        if answer.headers.get("content-type") == "application/json":
+            at = answer.json()["next"]
+        elif answer.status_code == 200:
+            found.append(decode_segment(answer.content))
+            at["index"] += 1
+    return found
+
+
+async def test_the_past_is_what_was_live_byte_for_byte(
+    relays: Callable[..., Relay], edges: Callable[..., ZenohEdge]
+) -> None:
+    relay = relays("--past", "memory:")
+    edge = edges(relay.zenoh)
+    async with Watcher(relay.url(query="?hz=60")) as viewer:
+        await viewer.until("frames", lambda v: len(v.frames) > 10)
+        edge.event("a fault")
+        newest = await asyncio.to_thread(await_segment, relay, edge, 2)
+        segments = await asyncio.to_thread(read_segments, relay, {**newest, "index": 0}, 3)
+    live = dict(viewer.payloads)
+    seqs = [frame.seq for segment in segments for frame in segment.frames]
+    assert seqs == list(range(seqs[0], seqs[0] + len(seqs)))  # nothing is lacking
+    both = [frame for segment in segments for frame in segment.frames if frame.seq in live]
+    assert len(both) > 10
+    assert all(frame.frame == live[frame.seq] for frame in both)
+    texts = [getattr(record, "text", "") for segment in segments for record in segment.records]
+    assert sum('"a fault"' in text for text in texts) == 1
+    for segment in segments:  # each stands alone
+        decoder = Decoder()
+        schema = f"http://{relay.address}/api/v1/robots/r/past/public/schema/{segment.start.schema}"
+        decoder.add_schema(httpx.get(schema).text)
+        frames = [each for each in segment.records if isinstance(each, (CopyRecord, FrameRecord))]
+        assert [decoder.decode(each.frame).seq for each in frames][-1] == segment.frames[-1].seq
+
+
+def test_a_blackout_and_a_stop(
+    tmp_path: Path, relays: Callable[..., Relay], edges: Callable[..., ZenohEdge]
+) -> None:
+    file = tmp_path / "robots.toml"
+    write(file, "[robots.r.anyone]\n")
+    relay = relays("--past", "memory:", "--robots", str(file))
+    edge = edges(relay.zenoh)
+
+    newest = await_segment(relay, edge)
+    address = f"http://{relay.address}/api/v1/robots/r/past/public/{newest['take']}/{newest['index']}"
+    before = httpx.get(address)
+    assert before.status_code == 200
+    write(file, "[robots.r.anyone]\nblackout = true\n")
+    until("all of it is closed", lambda: httpx.get(address).status_code == 404)
+    assert httpx.get(address).headers["cache-control"] == "private, no-store"
+    write(file, "[robots.r.anyone]\nview = 'public'\n")
+    until("what was before is open again", lambda: httpx.get(address).status_code == 200)
+    assert httpx.get(address).content == before.content
+    write(file, "[robots.r.anyone]\npast = 0\n")
+    until("it has no past any more", lambda: httpx.get(address).status_code == 404)
+    write(file, "[robots.r.anyone]\npast = '1h'\nhz = 5\n")
+    until("one line", lambda: "past: it holds every frame" in relay.errors())
+    assert relay.stop(signal.SIGTERM) == 0
+
+
+async def test_requests_that_are_held_do_not_hold_up_the_end(
+    relays: Callable[..., Relay], edges: Callable[..., ZenohEdge]
+) -> None:
+    relay = relays("--past", "memory:")
+    edge = edges(relay.zenoh)
+    newest = await asyncio.to_thread(await_segment, relay, edge)
+    edge.silent = True
+    base = f"http://{relay.address}/api/v1/robots/r/past/public/{newest['take']}"
+    async with httpx.AsyncClient(timeout=20) as client:
+        index = newest["index"]
+        while (await client.head(f"{base}/{index}")).status_code == 200:
+            index += 1
+        held = [asyncio.create_task(client.get(f"{base}/{index}")) for _ in range(5)]
+        await asyncio.wait(held, timeout=0.2)
+        relay.process.send_signal(signal.SIGTERM)
+        answers = await asyncio.gather(*held)
+    assert {answer.status_code for answer in answers} <= {200, 204}
+    assert relay.stop() == 0
+
+
+def test_without_a_past(tmp_path: Path, relays: Callable[..., Relay], redis_server: Any) -> None:
+    file = tmp_path / "robots.toml"
+    write(file, "[robots.r.anyone]\n[robots.hidden]\n")
+    none = relays()
+    gateway = relays(*("--role", "gateway", "--store", redis_server.url, "--robots", str(file)))
+    for relay in (none, gateway):
+        for path in ("", "/public/2026-11-22", f"/public/{'0' * 16}/0"):
+            answer = httpx.get(f"http://{relay.address}/api/v1/robots/r/past{path}")
+            assert answer.status_code == 501
+            assert answer.json()["error"].startswith("no past is kept here: ask a relay that")
+    assert httpx.get(f"http://{gateway.address}/api/v1/robots/hidden/past").status_code == 404
+
+
+def test_keep_is_refused_in_one_line(tmp_path: Path) -> None:
+    file = tmp_path / "robots.toml"
+    write(file, "[robots.r]\nkeep = '30d'\n")
+    done = subprocess.run(
+        [sys.executable, "-m", "posecast_relay.cli", "run", "--dev", "--robots", str(file)],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert done.returncode != 0
+    assert f"--robots {file}: [robots.r] keep: wants an object store" in done.stderr
+    assert done.stderr.count("\n") == 1
