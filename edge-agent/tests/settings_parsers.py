@@ -53,6 +53,10 @@ TEXTS: dict[str, Callable[[int], str]] = {
         f"[labels]\njoint=[{labels(n)}]\n[[fields]]\nname='pos'\n[names]\n"
         + "".join(f"j{i}='x'\n" for i in range(n))
     ),
+    "names in a language": lambda n: (
+        f"[labels]\njoint=[{labels(n)}]\n[[fields]]\nname='pos'\n[names.ko]\n"
+        + "".join(f"j{i}='x'\n" for i in range(n))
+    ),
     "joints": lambda n: (
         f"[labels]\njoint=[{labels(n)}]\n[[fields]]\nname='pos'\n[joints]\n"
         + "".join(f"k{i}.terms=[['j{i}',2]]\n" for i in range(n))
@@ -112,6 +116,7 @@ PARSERS = (
         (
             "profile.reader.load_profile",
             "profile.explain.read_sentences",
+            "profile.names.read_names",
             "profile.reader.parse_profile",
             "profile.ros.read_ros",
             "profile.views.read_view",

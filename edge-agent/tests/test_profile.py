@@ -50,6 +50,63 @@ def test_a_bit_has_sentences_by_language() -> None:
     assert "explain" not in make_schema_text(p.restrict_to_view(p.views["lab"])), "of a field not in the view"
 
 
+def test_names_are_given_by_language_too() -> None:
+    p = parse_profile(
+        BASE + "[[fields]]\nname='volt'\nlabels=['V']\n[names]\nA='waist'\n[names.ko]\nA='허리'\nV='배터리'\n"
+        "[names.fa]\nA='کمر'\n[views.lab]\nfields=['volt']\n"
+    )
+    assert p.mapping.names == {"A": "waist"}
+    translated = {"ko": {"A": "허리", "V": "배터리"}, "fa": {"A": "کمر"}}
+    assert Schema.parse(make_schema_text(p)).mapping.translated_names == translated
+    seen = Schema.parse(make_schema_text(p.restrict_to_view(p.views["lab"])))
+    assert seen.mapping.translated_names == {"ko": {"V": "배터리"}}, "of what the view has"
+
+
+MARKED = "نیم\u200cساق ශ්\u200dරී \u200eB\u200f"  # as Persian, Sinhala and mixed directions are written
+
+
+def test_words_for_people_have_the_joiners_and_marks_of_their_script() -> None:
+    p = parse_profile(
+        FLAGS + f"[explain.flags]\njam.fa = {{ say = '{MARKED}', why = '{MARKED}' }}\n"
+        f"[names]\nA = '{MARKED}'\n[robot]\nname = '{MARKED}'\n"
+        f"[sensors]\nS = {{ kind = 'imu', name = '{MARKED}' }}\n"
+    )
+    schema = Schema.parse(make_schema_text(p))
+    assert schema.robot == MARKED
+    assert schema.mapping.names == {"A": MARKED}
+    assert schema.mapping.sensors["S"].name == MARKED
+    assert schema.mapping.sentences["flags"]["jam"]["fa"] == Sentence(MARKED, MARKED)
+
+
+# Every text for people that a profile may give, with a gap for it, and where a complaint says that it stands.
+TEXTS = [
+    ("[explain.flags.jam]\nfa.say = {}\n", "p.toml:9: explain.flags.jam.fa.say"),
+    ("[explain.flags.jam]\nfa = {{ say = 'x', why = {} }}\n", "p.toml:9: explain.flags.jam.fa.why"),
+    ("[names]\nA = {}\n", "p.toml:9: names.A"),
+    ("[robot]\nname = {}\n", "p.toml:9: robot.name"),
+]
+
+
+@pytest.mark.parametrize(
+    "unseen", "\u00ad\u200b\u202a\u202b\u202c\u202d\u202e\u2066\u2067\u2068\u2069\ufeff\u2028\u0085"
+)
+@pytest.mark.parametrize(("table", "where"), TEXTS)
+def test_other_unseen_letters_are_refused_also_beside_them(table: str, where: str, unseen: str) -> None:
+    with pytest.raises(ProfileError) as caught:
+        parse_profile(FLAGS + table.format(f'"a\u200cb\\u{ord(unseen):04x}"'), "p.toml")
+    assert str(caught.value).startswith(f"{where}: must be a text, not 'ab")
+    assert str(caught.value).isprintable()
+
+
+@pytest.mark.parametrize("blank", [" ", "   ", "\\t", "\\n", "\\u00a0", "\\u200c\\u200f", " \\u3164\\u2800"])
+@pytest.mark.parametrize(("table", "where"), TEXTS)
+def test_words_that_are_blank_are_refused(table: str, where: str, blank: str) -> None:
+    with pytest.raises(ProfileError) as caught:
+        parse_profile(FLAGS + table.format(f'"{blank}"'), "p.toml")
+    assert str(caught.value).startswith(f"{where}: must say something, not '")
+    assert str(caught.value).isprintable()
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -198,6 +255,14 @@ def test_a_bit_has_sentences_by_language() -> None:
         (BASE + "[ros]\ndomain=true\n", "p.toml:6: ros.domain: must lie in 0…232, not True"),
         (BASE + "[names]\nC='c'\n", "p.toml:6: names.C: unknown channel or site 'C'"),
         (BASE + "[names]\nA=''\n", "p.toml:6: names.A: must be a text"),
+        (BASE + "[names.ko]\nC='c'\n", "p.toml:6: names.ko.C: unknown channel or site 'C'"),
+        (BASE + "[names.ko]\nA=' '\n", "p.toml:6: names.ko.A: must say something, not ' '"),
+        (BASE + "[names.ko]\nA=5\n", "p.toml:6: names.ko.A: must be a text, not 5"),
+        (BASE + "[names]\nA.x='y'\n", "p.toml:6: names.A: must be a language tag, such as en or ko"),
+        (
+            BASE + "[names]\n" + "".join(f"a{chr(97 + i)}.A='x'\n" for i in range(17)),
+            "p.toml:22: names.aq: more than 16 languages",
+        ),
         (BASE + "[trajectory]\ncolumns=['A']\n", "p.toml:5: trajectory.rate_hz: must be a number, not None"),
         (BASE + "[trajectory]\ncolumns=['C']\nrate_hz=1\n", "p.toml:6: trajectory.columns[0]: unknown"),
     ],

@@ -29,6 +29,9 @@ shared = pytest.mark.skipif(not SHARED.is_dir(), reason="no robot models beside 
 def test_it_parses_and_names_every_joint(path: Path) -> None:
     profile = load_profile(path)
     assert set(profile.labels["joint"]) <= set(profile.mapping.names)
+    assert {k: set(v) for k, v in profile.mapping.translated_names.items()} == {
+        "ko": set(profile.mapping.names)
+    }
     assert profile.root
     assert profile.mapping.find_tolerance("anything") == pytest.approx(0.055, abs=0.01)
 

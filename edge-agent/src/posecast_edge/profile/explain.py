@@ -15,10 +15,8 @@ if TYPE_CHECKING:
     from posecast_edge.profile.reader import ProfileReader
 
 SENTENCE_MAX = 200  # characters, as on the wire
-LANGUAGES_MAX = 16  # of one bit
 BYTES_MAX = 32 << 10  # of all sentences in UTF-8: every viewer gets them before the first frame
 VALUES = ("ref", "pos", "error", "vel", "effort", "cur", "temp")  # with units, of the joint that has the bit
-_LANGUAGE = re.compile(r"[a-z]{2,3}(-[A-Za-z0-9]{2,8}){0,3}")
 _OPTIONAL = re.compile(r"\[([^\[\]]*)\]")
 _PLACE = re.compile(r"\{([^{}]*)\}")
 
@@ -47,10 +45,7 @@ def _languages(reader: ProfileReader, value: object, where: str) -> dict[str, Se
     sentences: dict[str, Sentence] = {}
     for language, entry in reader.check_table(value, where).items():
         at = f"{where}.{language}"
-        if not _LANGUAGE.fullmatch(language):
-            reader.fail(at, "must be a language tag, such as en or ko")
-        if len(sentences) == LANGUAGES_MAX:
-            reader.fail(at, f"more than {LANGUAGES_MAX} languages")
+        reader.check_language(language, at, sentences)
         item = reader.check_table(entry, at, ("say", "why"))
         say = _short(reader, item.get("say"), f"{at}.say")
         _check_places(reader, say, f"{at}.say")
@@ -61,7 +56,7 @@ def _languages(reader: ProfileReader, value: object, where: str) -> dict[str, Se
 
 
 def _short(reader: ProfileReader, value: object, where: str) -> str:
-    text = reader.check_text(value, where)
+    text = reader.check_words(value, where)
     if len(text) > SENTENCE_MAX:
         reader.fail(where, f"has {len(text)} characters; at most {SENTENCE_MAX}")
     return text

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import re
 import sys
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, cast
 
@@ -30,6 +30,7 @@ from posecast_edge.profile.columns import Columns
 from posecast_edge.profile.explain import read_sentences
 from posecast_edge.profile.field_defaults import PLAIN, WELL_KNOWN
 from posecast_edge.profile.joint_mapping import TermError, resolve_entries
+from posecast_edge.profile.names import read_names
 from posecast_edge.profile.schema import make_schema_text
 from posecast_edge.profile.types import FieldSpec, Profile, RosTopics, Trajectory, View
 from posecast_edge.profile.values import REASON_MAX, ProfileError, Values
@@ -155,16 +156,18 @@ class ProfileReader(Values):
         joint = labels.get(JOINT, ())
         everything = tuple(dict.fromkeys(label for f in fields for label in f.labels))
         sensors = self.build_sensors(doc.get("sensors", {}))
-        named = frozenset((*everything, *sensors, *(label.split(".")[0] for label in everything)))
+        known = frozenset((*everything, *sensors, *(label.split(".")[0] for label in everything)))
+        names, translated_names = read_names(self, doc.get("names", {}), known)
         return Profile(
-            name=self.check_text(robot.get("name", "robot"), "robot.name"),
+            name=self.check_words(robot.get("name", "robot"), "robot.name"),
             root=self.check_text(robot["root"], "robot.root") if "root" in robot else None,
             fields=fields,
             labels=labels,
             mapping=Meaning(
                 joints=self.build_joints(doc.get("joints", {}), joint),
                 sensors=sensors,
-                names=self.build_names(doc.get("names", {}), named),
+                names=names,
+                translated_names=translated_names,
                 thresholds=self.build_thresholds(doc.get("thresholds", {}), by_name),
                 tolerances=self.build_tolerances(doc.get("tolerance", {}), joint),
                 severities=self.build_severities(doc.get("severity", {}), by_name),
@@ -293,7 +296,7 @@ class ProfileReader(Values):
                 kind=self.check_choice(
                     self.check_text(item.get("kind"), f"{where}.kind"), SENSOR_KINDS, "kind", f"{where}.kind"
                 ),
-                name=self.check_text(item.get("name", site), f"{where}.name"),
+                name=self.check_words(item.get("name", site), f"{where}.name"),
                 link=self.check_text(item["link"], f"{where}.link") if "link" in item else None,
                 xyz=self.check_xyz(item.get("xyz", [0, 0, 0]), f"{where}.xyz"),
                 rpy=self.check_xyz(item.get("rpy", [0, 0, 0]), f"{where}.rpy"),
@@ -317,12 +320,6 @@ class ProfileReader(Values):
                 for bit, word in self.check_table(entry, where).items()
             }
         return severities
-
-    def build_names(self, value: object, known: Collection[str]) -> dict[str, str]:
-        return {
-            self.check_choice(k, known, "channel or site", f"names.{k}"): self.check_text(v, f"names.{k}")
-            for k, v in self.check_table(value, "names").items()
-        }
 
     def build_tolerances(self, value: object, joint: Sequence[str]) -> dict[str, float]:
         known = frozenset((*joint, ANY))

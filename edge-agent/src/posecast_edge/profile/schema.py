@@ -57,6 +57,7 @@ def _mapping(meaning: Meaning) -> dict[str, object]:
             for site, s in meaning.sensors.items()
         },
         "names": dict(meaning.names),
+        "translated_names": {language: dict(names) for language, names in meaning.translated_names.items()},
         "thresholds": {
             field: {label: _threshold(t) for label, t in limits.items()}
             for field, limits in meaning.thresholds.items()

@@ -114,6 +114,11 @@ class Profile:
                 joints=m.joints if moves else {},
                 sensors={site: mount for site, mount in m.sensors.items() if site in sites},
                 names={k: v for k, v in m.names.items() if k in labels or k in sites},
+                translated_names={
+                    language: own
+                    for language, words in m.translated_names.items()
+                    if (own := {k: v for k, v in words.items() if k in labels or k in sites})
+                },
                 thresholds={k: v for k, v in m.thresholds.items() if k in names},
                 tolerances=m.tolerances if moves else {},
                 severities={k: v for k, v in m.severities.items() if k in names},

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Collection, Sequence
 from contextlib import suppress
 from typing import Any, NoReturn
 
+from posecast_wire.checked import SCRIPT_MARKS, UNSEEN
 from posecast_wire.mapping import Xyz
 
 from posecast_edge.profile.field_defaults import UNITS
@@ -15,6 +17,10 @@ from posecast_edge.visible import make_visible, quote
 
 WHERE_MAX = 120  # characters
 REASON_MAX = 400
+LANGUAGES_MAX = 16  # of one text
+_LANGUAGE = re.compile(r"[a-z]{2,3}(-[A-Za-z0-9]{2,8}){0,3}")
+_BLANK = UNSEEN.union(SCRIPT_MARKS)
+_WITHOUT_MARKS = {ord(mark): None for mark in SCRIPT_MARKS}
 
 
 class ProfileError(ValueError):
@@ -61,6 +67,25 @@ class Values:
         if not isinstance(value, str) or not value or not value.isprintable():
             self.fail(where, f"must be a text, not {quote(value)}")
         return value
+
+    def check_words(self, value: object, where: str) -> str:
+        """Return `value` if it is a text for people, in any language: besides what `check_text` takes it may
+        have the joiners and direction marks with which some scripts are written, and it is not blank."""
+        if isinstance(value, str) and value and all(c.isspace() or c in _BLANK for c in value):
+            self.fail(where, f"must say something, not {quote(value)}")
+        if isinstance(value, str) and (seen := value.translate(_WITHOUT_MARKS)) != value:
+            self.check_text(seen, where)
+            return value
+        return self.check_text(value, where)
+
+    def check_language(self, tag: str, where: str, before: Collection[str]) -> str:
+        """Return `tag` if it is a language's (BCP 47), and not one more than may stand beside those `before`
+        it."""
+        if not _LANGUAGE.fullmatch(tag):
+            self.fail(where, "must be a language tag, such as en or ko")
+        if len(before) == LANGUAGES_MAX:
+            self.fail(where, f"more than {LANGUAGES_MAX} languages")
+        return tag
 
     def check_number(
         self,
