@@ -113,7 +113,7 @@ test-full: setup ## the long rest as well, and every browser test in each of the
 	@for package in $(E2E_NEEDS) nginx; do tools/need $$package || exit; done
 	$(PYTEST)
 	npm test --silent -w wire/typescript
-	npm test --silent -w spa
+	POSECAST_FULL=1 npm test --silent -w spa
 	$(BIN)/python -m fuzz
 	$(BIN)/python -m tests.attack
 	@# every engine is played, also after one has failed

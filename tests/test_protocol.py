@@ -11,6 +11,7 @@ import sys
 import urllib.error
 import urllib.request
 from contextlib import suppress
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -38,7 +39,7 @@ def sample(holding: str) -> Any:
 @pytest.fixture
 def demo(stack: Any) -> str:
     """Where a relay serves the moving demo robot."""
-    _, address, zenoh = stack.relay()
+    _, address, zenoh = stack.relay(flags=("--past", "memory:"))
     stack.edge(zenoh, "--source", "demo")
 
     def has_state() -> bool:
@@ -81,6 +82,25 @@ def test_python(name: str, demo: str, stack: Any, tmp_path: Path) -> None:
     program.write_text(block("python", f"# {name}").replace(ADDRESS, demo))
     lines = first_lines(stack, "python", sys.executable, str(program))
     assert len(set(lines)) == LINES  # it moves
+
+
+def test_the_past(demo: str, stack: Any, tmp_path: Path) -> None:
+    past = "/api/v1/robots/demo/past"
+    until("there is a past", lambda: get(demo, past)["newest"])
+    program = tmp_path / "past.py"
+    program.write_text(block("python", "# past.py").replace(ADDRESS, demo))
+    part = stack.start("past", sys.executable, str(program))
+    part.line(r"\d+ \d+ \S+\n")
+    told = len(part.out.splitlines())
+    until("it goes on with the next segment", lambda: len(part.out.splitlines()) > told + 30 or None)
+    seqs = [int(line.split()[1]) for line in part.out.splitlines()]
+    assert seqs == list(range(seqs[0], seqs[0] + len(seqs)))  # nothing is lacking between two segments
+    summary = get(demo, past)
+    assert sample('"past_ms"').keys() == summary.keys()
+    minute = datetime.fromtimestamp(summary["to_ms"] / 1000, UTC).strftime("%Y-%m-%dT%H:%M")
+    pages = (get(demo, f"{past}/public/{minute[:-1]}0Z"), sample('"first_seq"'))
+    assert pages[0].keys() == pages[1].keys()
+    assert pages[0]["segments"][0].keys() == pages[1]["segments"][0].keys()
 
 
 def test_javascript(demo: str, stack: Any, tmp_path: Path) -> None:

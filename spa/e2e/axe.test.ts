@@ -3,6 +3,7 @@ import { describe, expect, it } from 'vitest';
 import { violations } from './axe.ts';
 import type { Page, PageOptions } from './driver/page.ts';
 import { until } from './driver/until.ts';
+import { LOOKS, SIZES, showIn } from './layout/sizes.ts';
 import { hasSkin, resting } from './robot_page.ts';
 import { DEMO, demoAt } from './sign_words.ts';
 import { REPO, type Relay } from './stack.ts';
@@ -81,6 +82,47 @@ describe('axe finds nothing', () => {
     await looks.embed(relay);
     expect(looks.found).toEqual({});
   }, 180_000);
+
+  it('at every size, in both languages and themes', { timeout: 600_000 }, async (context) => {
+    if (!FULL) context.skip('make test-full plays it');
+    const relay = await jammed();
+    const preload = `try { localStorage.setItem('posecast.settings', '{"body":"light"}') } catch {}`;
+    const looks = await Looks.open({ viewport: LAPTOP, preload, media: { motion: 'reduce' } });
+    const { page } = looks;
+    const click = (id: string) => page.evaluate(`document.getElementById('${id}').click()`);
+    const has = (selector: string) => () =>
+      page.evaluate<boolean>(`document.querySelector('${selector}') !== null`);
+    const tab = (name: string) => async () => {
+      await page.open(`${relay.url}/#/r/demo`);
+      await until('the panel', has('[data-testid=fault-line][data-told]'), 60_000);
+      await click(`tab-${name}`);
+      await until(name, has(`#panel-${name}`));
+    };
+    const places: Record<string, () => Promise<unknown>> = {
+      list: async () => {
+        await page.open(`${relay.url}/#/`);
+        await looks.testId('robot-demo');
+      },
+      joints: tab('Joints'),
+      sensors: tab('Sensors'),
+      alarms: tab('Alarms'),
+      embed: () => page.open(`${relay.url}/embed/#/r/demo`).then(() => looks.testId('liveness')),
+      present: () => page.open(`${relay.url}/#/r/demo?present`).then(() => looks.testId('presentation')),
+      'no such robot': () => page.open(`${relay.url}/#/r/nobody`).then(() => looks.testId('liveness')),
+    };
+    for (const [name, go] of Object.entries(places)) {
+      await page.viewport(LAPTOP);
+      await go();
+      for (const [language, theme] of LOOKS) {
+        await showIn(page, language, theme);
+        for (const size of SIZES) {
+          await page.viewport(size);
+          await looks.at(`${name} ${size.width}×${size.height} ${language} ${theme}`);
+        }
+      }
+    }
+    expect(looks.found).toEqual({});
+  });
 
   interface Manner {
     readonly colors?: 'forced';

@@ -3,7 +3,7 @@ import { missingWords } from '../src/app/body/words.ts';
 import { mayMove } from '../src/app/pages/list/moving_card.ts';
 import { inOrder, readPublishAt, readRobots } from '../src/app/pages/list/robots.ts';
 import { heightPx, nextHeight, PEEK_PX, restingHeight } from '../src/app/shell/sheet_heights.ts';
-import { hashOfPath } from '../src/app/state/path.ts';
+import { hashAtPath, hashOfPath } from '../src/app/state/path.ts';
 import { parseRoute } from '../src/app/state/route.ts';
 import { readSettings } from '../src/app/state/settings.ts';
 import { announcement } from '../src/app/status/announcement.ts';
@@ -39,6 +39,28 @@ describe('a path below the page', () => {
     expect(page('')).toEqual({ page: 'list' });
     expect(page('demo')).toEqual({ page: 'unknown', hash: '/demo' });
     expect(page('%3Cscript%3E').page).toBe('unknown');
+  });
+
+  it('wins over a hash that names another robot, and over nothing else that the hash says', () => {
+    const demo = hashOfPath('r/demo');
+    expect(['', '#'].map((hash) => hashAtPath(demo, hash))).toEqual([demo, demo]);
+    expect(hashAtPath(demo, '#/r/other')).toBe('#/r/demo');
+    expect(hashAtPath(demo, '#/r/other?camera=1,2&shown=both?')).toBe('#/r/demo?camera=1,2&shown=both?');
+    expect(hashAtPath(demo, '#/r/demo+other')).toBe('#/r/demo');
+    expect(hashAtPath(hashOfPath('r/a%2Bb'), '#/r/b?x')).toBe('#/r/a+b?x');
+    for (const kept of [
+      '#/r/demo?camera=1,2',
+      '#/r/demo',
+      '#/r/demo/',
+      '#/r/demo+demo',
+      '#/',
+      '#/typo',
+      '#/r/Hubo',
+    ]) {
+      expect(hashAtPath(demo, kept)).toBe(kept);
+    }
+    expect(hashAtPath(hashOfPath(''), '#/r/other')).toBe('#/r/other');
+    expect(hashAtPath(hashOfPath('typo'), '#/r/other?x')).toBe('#/r/other?x');
   });
 });
 

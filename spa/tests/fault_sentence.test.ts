@@ -23,9 +23,11 @@ const TOLD = {
 
 afterEach(() => changeSettings({ language: 'en', angle: 'rad' }));
 
-function watch(explain: object = TOLD) {
+function watch(explain: object = TOLD, translated_names: object = {}) {
   const doc = JSON.parse(SCHEMA_TEXT);
-  const schema = parseSchema(JSON.stringify({ ...doc, mapping: { ...doc.mapping, explain } }));
+  const schema = parseSchema(
+    JSON.stringify({ ...doc, mapping: { ...doc.mapping, explain, translated_names } }),
+  );
   const twin = new RobotTwin('small', 0);
   const log = new FaultLog();
   twin.acceptSchema(schema);
@@ -67,7 +69,18 @@ it('leaves out what is not known: a value without a reading, and all of them onc
   look(0, { 'flags.LKN': JAM, 'pos.LKN': null });
   expect(told(9000)).toEqual({ said: 'LKN is blocked for 9 s.', code: '', bit: 'jam', aged: true });
   look(9100, {});
-  expect(told(9200)).toEqual({ said: 'LKN is blocked.', code: '', bit: 'jam', aged: false });
+  expect(told(9200)).toEqual({ said: 'Was: LKN is blocked.', code: '', bit: 'jam', aged: false });
+});
+
+it('tells which joint: by its code before a sentence that names none', () => {
+  const { look, told } = watch({
+    flags: { jam: { en: { say: 'Blocked[ for {age}][ by {joint}, {temp}].' } } },
+  });
+  look(0, { 'flags.LKN': JAM, 'temp.LKN': null });
+  expect(told(9000)).toEqual({ said: 'LKN: Blocked for 9 s.', code: '', bit: 'jam', aged: true });
+  look(9100, {});
+  look(9200, { 'flags.RKN': JAM, 'temp.RKN': null });
+  expect(told(9300)).toEqual({ said: 'Blocked.', code: 'RKN', bit: 'jam', aged: false });
 });
 
 it('has sentences of its own for limits, stalls and flags that nobody explained', () => {
@@ -89,13 +102,15 @@ it('has sentences of its own for limits, stalls and flags that nobody explained'
 });
 
 it('speaks the language of the page, or English', async () => {
-  const { look, told, twin } = watch();
+  const { look, told, twin } = watch(TOLD, { ko: { RKN: '오른쪽 무릎' } });
   look(0, { 'flags.RKN': JAM, 'ref.RKN': 400 });
   changeSettings({ language: 'ko' });
   await bindLanguage();
   await vi.waitFor(() => expect(korean()).not.toBeNull());
-  expect(told(500).said).toBe('Right knee: 막힘. 0.40 rad 벗어남.');
+  expect(told(500).said).toBe('오른쪽 무릎: 막힘. 0.40 rad 벗어남.');
   expect(flagSentence(twin, 'RKN', 'pwmSaturated')).toBeNull();
+  look(600, {});
+  expect(told(700).said).toBe('지난 고장 — 오른쪽 무릎: 막힘.');
   changeSettings({ language: 'en' });
   await vi.waitFor(() => expect(korean()).toBeNull());
   expect(sentenceOf(twin.schema, 'RKN', 'jam', 'ko-KR')?.say).toMatch(/막힘/);

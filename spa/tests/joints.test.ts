@@ -32,7 +32,7 @@ describe('joint rows', () => {
     });
   });
 
-  it('have reference, position, their difference, current, temperature and plain name', () => {
+  it('have reference, position, their difference, current and temperature', () => {
     const changed = { 'ref.RKN': 500, 'pos.RKN': 480, 'cur.RKN': -150 };
     const knee = numbers(changed);
     expect(knee.ref).toBeCloseTo(0.5);
@@ -40,7 +40,7 @@ describe('joint rows', () => {
     expect(knee.error).toBeCloseTo(0.02);
     expect(knee.cur).toBeCloseTo(-1.5);
     expect(knee.temp).toBe(33);
-    expect(row(changed)).toMatchObject({ homed: true, enabled: true, plain: 'right knee', level: 'ok' });
+    expect(row(changed)).toMatchObject({ homed: true, enabled: true, level: 'ok' });
   });
 
   it('have NaN or null for no reading, also in what is derived from it', () => {

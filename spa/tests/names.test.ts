@@ -5,7 +5,6 @@ import { readRobots } from '../src/app/pages/list/robots.ts';
 import { announcement } from '../src/app/status/announcement.ts';
 import { problemWords } from '../src/app/status/words.ts';
 import { displayOf, flagWords } from '../src/twin/format.ts';
-import { JointTable } from '../src/twin/joints.ts';
 import { isolated, plainName } from '../src/twin/names.ts';
 import { traceReading } from '../src/twin/plots/trace.ts';
 import { RobotTwin } from '../src/twin/robot.ts';
@@ -41,6 +40,12 @@ describe('a name from outside', () => {
     ];
     expect(new Set(names.map(isolated)).size).toBe(names.length);
     for (const name of names) expect(isolated(name)).toMatch(/^a(\\u\{[0-9a-f]+\})?$/);
+  });
+
+  it('keeps the joiners and marks of its script', () => {
+    expect(isolated('نیم\u200cساق')).toBe('\u2068نیم\u200cساق\u2069');
+    expect(isolated('ශ්\u200dරී')).toBe('ශ්\u200dරී');
+    expect(isolated('B\u200f'), 'whose direction is its own').toBe('\u2068B\u200f\u2069');
   });
 
   it('turns no neighbour: its direction is its own', () => {
@@ -87,10 +92,8 @@ describe('wherever one is shown', () => {
   });
 
   it('joints, flags and units', () => {
-    const table = new JointTable(schema);
-    expect(table.rows.map(({ plain }) => plain)).toEqual([HEBREW_SHOWN, null]);
-    expect(plainName(schema, ODD)).toBe(HEBREW_SHOWN);
-    expect(plainName(schema, 'none')).toBeUndefined();
+    expect(plainName(schema, ODD, 'ko')).toBe(HEBREW_SHOWN);
+    expect(plainName(schema, 'none', 'en')).toBeUndefined();
     expect(flagWords('pwmSaturated\u200b')).toBe('PWM saturated\\u{200b}');
     expect(flagWords('\u202e spaced')).toBe('\\u{202e} spaced');
     expect(displayOf(HEBREW, 'rad').unit).toBe(HEBREW_SHOWN);

@@ -48,6 +48,7 @@ class Arena:
     def relay(self, *flags: str) -> tuple[Part, str, str]:
         """(process, HOST:PORT of HTTP, of Zenoh)."""
         command = [*self.relay_command, "run", "--port", "0", "--zenoh-listen", "tcp/127.0.0.1:0", *flags]
+        command += ["--past", "memory:"]
         command += ["--robots", str(self._robots())] if self.guarded else ["--dev"]
         if (PAGE / "index.html").is_file():
             command += ["--static", str(PAGE)]

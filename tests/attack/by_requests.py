@@ -8,6 +8,7 @@ import socket
 import threading
 import time
 from contextlib import suppress
+from datetime import UTC, datetime
 
 from tests.attack.by_frames import AS_FAST_AS_IT_GOES
 from tests.attack.hostile_crowd import Crowd, get, stream
@@ -172,6 +173,18 @@ def states_1000(at: Target) -> Steps:
 def lists_unpaced(at: Target) -> Steps:
     """list, document, state and openapi.json asked for on 500 connections, as fast as it goes"""
     paths = ["/api/v1/robots", "/openapi.json", "/api/v1/robots/innocent", "/api/v1/robots/innocent/state"]
+    return (yield from hammered(at, 500, AS_FAST_AS_IT_GOES, paths))
+
+
+@attack()
+def past_unpaced(at: Target) -> Steps:
+    """days, ten minutes, KEYs and takes of the past asked for on 500 connections, as fast as it goes"""
+    past, now = "/api/v1/robots/innocent/past", datetime.now(UTC)
+    page = f"{past}/public/{now:%Y-%m-%dT%H}:{now.minute // 10}0Z"
+    paths = [past, f"{past}/public/{now:%Y-%m-%d}", page, f"{past}/public/{'0' * 16}/7"]
+    paths += [f"{page}?after={n:016x},{n}" for n in range(100)] + [
+        f"{page}/keys?every={n}" for n in range(1, 50)
+    ]
     return (yield from hammered(at, 500, AS_FAST_AS_IT_GOES, paths))
 
 

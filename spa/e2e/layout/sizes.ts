@@ -17,7 +17,7 @@ export const SIZES: readonly Viewport[] = [
 ];
 
 /** Both languages and both themes. */
-const LOOKS = [
+export const LOOKS = [
   ['en', 'dark'],
   ['ko', 'light'],
 ] as const;
@@ -65,7 +65,7 @@ export async function lookEverywhere(
 
 /** Puts language and theme in force as a link does, without a reload. Again if need be: the page writes its address itself, and on
  *  a busy machine may do so before it has read what was set. */
-async function showIn(page: Page, language: Language, theme: string): Promise<void> {
+export async function showIn(page: Page, language: Language, theme: string): Promise<void> {
   const inForce = () =>
     page.evaluate<boolean>(
       `document.documentElement.lang === '${language}' && document.documentElement.dataset.theme === '${theme}'`,

@@ -63,7 +63,6 @@ describe.runIf(WRITES)('the moving picture', () => {
     const said = execFileSync(PYTHON, ['-m', 'tools.moving_picture', folder, out, '--ms', String(EACH_MS)], {
       cwd: REPO,
     });
-    if (process.env.KEEP) execFileSync('cp', ['-r', folder, '/tmp/runD/frames']);
     console.log(said.toString().trim());
     expect(said.toString()).toMatch(/kB/);
   }, 600_000);

@@ -5,12 +5,18 @@ type PaintMark = 'posecast:skeleton' | 'posecast:skin';
 const LONGEST_MS = 2000;
 
 let painted = () => {};
-/** Resolves when the robot was first drawn, or after 2 s. Less urgent loading waits for it, so that the body comes
- *  first on a slow line. */
-export const firstPaint = new Promise<void>((done) => {
+const drawn = new Promise<void>((done) => {
   painted = done;
 });
-setTimeout(painted, LONGEST_MS);
+let waiting = false;
+
+/** Resolves when a robot was first drawn, or 2 s after the first call: who comes from the list may have been there for long.
+ *  Less urgent loading waits for it, so that the body comes first on a slow line. */
+export function firstPaint(): Promise<void> {
+  if (!waiting) setTimeout(painted, LONGEST_MS);
+  waiting = true;
+  return drawn;
+}
 
 /** Sets a performance mark once, and resolves `firstPaint`. */
 export function markOnce(mark: PaintMark): void {

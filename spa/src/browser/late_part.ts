@@ -95,7 +95,7 @@ export function setAway(isAway: boolean): void {
 export async function fetchPartsAhead(): Promise<void> {
   if (fetching || savesData()) return;
   fetching = true;
-  await firstPaint;
+  await firstPaint();
   await new Promise((resolve) => setTimeout(resolve, AHEAD_AFTER_MS));
   for (const part of parts) {
     if (part.value() !== null || !part.ahead()) continue;
@@ -105,7 +105,8 @@ export async function fetchPartsAhead(): Promise<void> {
   fetching = false;
 }
 
-function savesData(): boolean {
+/** Whether the reader, or a very slow line, asks for nothing that is not needed now. */
+export function savesData(): boolean {
   const { connection } = navigator as { connection?: { saveData?: boolean; effectiveType?: string } };
   return connection?.saveData === true || /2g/.test(connection?.effectiveType ?? '');
 }

@@ -25,7 +25,6 @@ const ALONG_AXIS = 0.02;
 
 export interface ShownDeviation {
   readonly channel: string;
-  readonly name: string | null;
   readonly error: number;
   readonly unit: string;
   readonly compliant: boolean;
@@ -61,8 +60,8 @@ export class DeviationOverlay {
         at ??= arc.middle;
         lines.push(...arc.ends.map((end): [Vec3, Vec3] => [arc.joint, end]));
       }
-      const { channel, name, error, unit: unitName, compliant } = deviation;
-      this.shown.push({ channel, name, error, unit: unitName, compliant, at, lines });
+      const { channel, error, unit: unitName, compliant } = deviation;
+      this.shown.push({ channel, error, unit: unitName, compliant, at, lines });
     }
   }
 }

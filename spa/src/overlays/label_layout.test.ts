@@ -1,5 +1,6 @@
 import { describe, expect, it } from 'vitest';
-import { type LabelBox, LabelLayout, type Line, type PlacedLabel, type Spot } from './label_layout.ts';
+import type { Line, Spot } from '../browser/drawn_lines.ts';
+import { type LabelBox, LabelLayout, type PlacedLabel } from './label_layout.ts';
 
 const ROOM = { width: 800, height: 600, top: 40, free: 500 };
 const [WIDE, HIGH] = [90, 19];

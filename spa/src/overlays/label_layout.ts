@@ -1,3 +1,5 @@
+import type { Line, Spot } from '../browser/drawn_lines.ts';
+
 /** Distances of a label from its point, and steps up and down beside it, CSS px. */
 const GAPS = [10, 34, 70, 120, 190];
 const STEP = 12;
@@ -19,14 +21,6 @@ const LEADER = 16;
 const CELL = 48;
 const DOT = 8;
 const MOST_DOTS = 96;
-
-export interface Spot {
-  readonly x: number;
-  readonly y: number;
-}
-
-/** A line in the picture, CSS px. */
-export type Line = readonly [from: Spot, to: Spot];
 
 /** A label to be placed; CSS px. */
 export interface LabelBox {

@@ -1,6 +1,7 @@
 import type { Level } from '@posecast/wire';
+import { drawnLines, type Line } from '../browser/drawn_lines.ts';
 import type { Vec3 } from '../twin/rotation.ts';
-import { type LabelBox, LabelLayout, type LabelRoom, type Line } from './label_layout.ts';
+import { type LabelBox, LabelLayout, type LabelRoom } from './label_layout.ts';
 
 /** Most labels at one time, so that a robot with 200 deviating joints does not fill the picture with words. */
 export const MOST_LABELS = 16;
@@ -83,10 +84,13 @@ export class OverlayLabels {
     const lines: Line[] = [];
     for (const [key, element] of this.#elements) {
       const { at, middle, lines: drawn } = element.label!;
+      const own: Line[] = [];
       for (const [from, to] of drawn) {
         const line = [place(from), place(to)] as const;
-        if (line[0] !== null && line[1] !== null) lines.push([line[0], line[1]]);
+        if (line[0] !== null && line[1] !== null) own.push([line[0], line[1]]);
       }
+      drawnLines.set(element.root, own);
+      lines.push(...own);
       const point = place(at);
       if (point === null || point.x < 0 || point.y < 0 || point.x > room.width || point.y > room.height)
         continue;

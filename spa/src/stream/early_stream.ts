@@ -42,8 +42,27 @@ export function takeStream(url: string, hz: number): StartedStream {
   return taken;
 }
 
+/** A worker that has loaded and waits for its stream. */
+let spare: Worker | null = null;
+
+/** Loads a worker for the next stream ahead of time, so that a robot's numbers need not wait for its code. */
+export function prepareStream(): void {
+  if (spare !== null) return;
+  const worker = load();
+  worker.onerror = () => {
+    if (spare === worker) spare = null;
+  };
+  spare = worker;
+}
+
+function load(): Worker {
+  return new Worker(new URL('./worker.ts', import.meta.url), { type: 'module', name: 'stream' });
+}
+
 function start(url: string, hz: number): Worker {
-  const worker = new Worker(new URL('./worker.ts', import.meta.url), { type: 'module', name: 'stream' });
+  const worker = spare ?? load();
+  spare = null;
+  worker.onerror = null;
   const token = tokenFor(url);
   const visible = !document.hidden;
   worker.postMessage({ kind: 'open', url, hz, visible, token, sleptMs: countSleep() } satisfies ToStream);

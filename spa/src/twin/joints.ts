@@ -2,7 +2,6 @@ import { type Field, type Level, MISSING, type Schema, type Severity } from '@po
 import { flagWords } from './format.ts';
 import { LevelLatch } from './limits/level_latch.ts';
 import { type Threshold, ValueLimits } from './limits/limits.ts';
-import { plainName } from './names.ts';
 import { valueAt } from './values.ts';
 
 export interface Flag {
@@ -16,8 +15,6 @@ export interface Flag {
 /** One row of the joint table, without its numbers (see `JointTable.numbers`). */
 export interface JointRow {
   readonly label: string;
-  /** The plain name ("right knee"), when the profile has one. */
-  readonly plain: string | null;
   homed: boolean | null;
   enabled: boolean | null;
   /** The flags that are set, without homed and enabled: faults first, then cautions, then states. */
@@ -80,7 +77,6 @@ export class JointTable {
     this.#complianceBit = bits.indexOf('comply');
     this.rows = (main?.labels ?? []).map((label) => ({
       label,
-      plain: plainName(schema, label) ?? null,
       homed: null,
       enabled: null,
       flags: NO_FLAGS,

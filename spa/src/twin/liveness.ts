@@ -97,11 +97,11 @@ export function judge(evidence: Evidence, nowMs: number): Verdict {
   const ageMs = newestAgeMs(evidence, nowMs);
   const linkMs = evidence.heardMs === null ? null : nowMs - evidence.heardMs;
   const unchangedMs = evidence.changedMs === null ? null : nowMs - evidence.changedMs;
-  const verdict = (word: Word | null, cause: Cause | null = null): Verdict => ({
+  const verdict = (word: Word | null, cause: Cause | null = null, shownAgeMs = ageMs): Verdict => ({
     word,
     cause,
     overShare: status?.overShare === true && isHeard(word, cause),
-    ageMs,
+    ageMs: shownAgeMs,
     linkMs,
     unchangedMs,
   });
@@ -121,8 +121,9 @@ export function judge(evidence: Evidence, nowMs: number): Verdict {
   if (linkMs >= staleMs) return verdict('STALE', 'no connection');
   if (ageMs === null || ageMs >= staleMs) return verdict('STALE', 'robot silent');
   // The robot is fine, but the shown pose may still be an old one.
-  if (watchingMs !== null && nowMs - (shownMs ?? watchingMs) >= STALE_AFTER_MS) {
-    return verdict('STALE', 'relay degraded');
+  if (watchingMs !== null) {
+    const shownAgeMs = nowMs - (shownMs ?? watchingMs);
+    if (shownAgeMs >= STALE_AFTER_MS) return verdict('STALE', 'relay degraded', shownAgeMs);
   }
   if (watchingMs !== null && shownMs === null) return verdict(null); // the first pose is on its way
   if (unchangedMs !== null && unchangedMs >= HOLDING_AFTER_MS) return verdict('HOLDING');

@@ -31,9 +31,11 @@ function Finer({ scene }: { scene: BodyView }) {
   const [state, setState] = useState<'offered' | 'coming' | 'done' | 'failed'>('offered');
   const [received, setReceived] = useState(0);
   const bytes = useRef(scene.finerBytes);
-  if (bytes.current === null || state === 'done') return null;
+  const room = useRef<HTMLFieldSetElement>(null);
+  if (bytes.current === null) return null;
   const size = bytes.current;
   const ask = () => {
+    room.current?.style.setProperty('width', `${room.current.offsetWidth}px`);
     setState('coming');
     scene
       .refine((now) => setReceived(now))
@@ -46,9 +48,18 @@ function Finer({ scene }: { scene: BodyView }) {
     offered: text.finer(bytesWords(size, 0)),
     coming: bytesWords(received, size),
     failed: text.finerFailed,
+    done: '',
   }[state];
+  const isDone = state === 'done';
   return (
-    <fieldset className="segments" disabled={state === 'coming'} data-testid="finer">
+    // Its room stays, so that the buttons beside it stay under the finger.
+    <fieldset
+      className="segments"
+      ref={room}
+      disabled={state === 'coming'}
+      data-testid={isDone ? undefined : 'finer'}
+      style={{ visibility: isDone ? 'hidden' : undefined }}
+    >
       <legend className="unseen">{text.detail}</legend>
       <button type="button" onClick={ask} title={text.fullDetail}>
         {words}

@@ -2,7 +2,7 @@ import './explained.css';
 import { type CSSProperties, useEffect, useId, useRef, useState } from 'react';
 import type { RobotLink } from '../state/robot_link.ts';
 import { useMore } from '../text/more.ts';
-import { type Asked, explain, keyOfLabel, labelUnder } from './asked.ts';
+import { type Asked, explain, keysOfLabel, labelUnder, placeOf } from './asked.ts';
 import { explainedBy, useCatalogue } from './catalogue.ts';
 import { Glossary } from './Glossary.tsx';
 
@@ -32,12 +32,20 @@ export function Explanations({ link }: { link: RobotLink }) {
         event.preventDefault();
         event.stopPropagation(); // it is no tap on the row that it stands in
         if (by.dataset.explain === 'all') setAll(true);
-        else setAsked((now) => (now?.by === by ? null : { by, explained: explain(by, catalogue, twin) }));
+        else
+          setAsked((now) =>
+            now?.by === by
+              ? null
+              : { by, at: by.getBoundingClientRect(), explained: explain(by, catalogue, twin) },
+          );
         return;
       }
-      const label = (event.target as Element).closest('.stage') && labelUnder(press, event);
-      const sign = label && explainedBy(catalogue, keyOfLabel(label));
-      if (label && sign) setAsked({ by: label, explained: [sign] });
+      const label =
+        (event.target as Element).closest('.stage') &&
+        labelUnder(press, { x: event.clientX, y: event.clientY });
+      if (!label) return;
+      const explained = keysOfLabel(label).flatMap((key) => explainedBy(catalogue, key) ?? []);
+      setAsked({ by: label, at: placeOf(label, event), explained });
     };
     document.addEventListener('pointerdown', onPress, true);
     document.addEventListener('click', onClick, true);
@@ -80,11 +88,20 @@ export function Explanations({ link }: { link: RobotLink }) {
           role="dialog"
           tabIndex={-1}
           ref={dialog}
-          style={besideStyle(asked.by)}
+          style={besideStyle(asked.at)}
           aria-labelledby={title}
           aria-describedby={words}
           data-testid="explained"
         >
+          <button
+            type="button"
+            className="explained-close"
+            aria-label={text.closeByEscape}
+            title={text.closeByEscape}
+            onClick={() => setAsked(null)}
+          >
+            ×
+          </button>
           <h3 id={title}>{first.name}</h3>
           <div id={words}>
             {asked.explained.map(({ name, what, how }, i) => (
@@ -116,8 +133,7 @@ export function Explanations({ link }: { link: RobotLink }) {
 }
 
 /** Below the element where there is more room than above it, within the window. */
-function besideStyle(by: HTMLElement): CSSProperties {
-  const { left, top, bottom } = by.getBoundingClientRect();
+function besideStyle({ left, top, bottom }: Asked['at']): CSSProperties {
   const most = window.innerWidth - Math.min(WIDTH_PX, window.innerWidth - 2 * EDGE_PX) - EDGE_PX;
   const at = { left: Math.max(EDGE_PX, Math.min(left, most)) };
   const below = window.innerHeight - bottom;

@@ -1,8 +1,10 @@
+import { drawnLines, type Line, type Spot } from '../../browser/drawn_lines.ts';
 import { fillSentence } from '../../twin/alarms/sentence.ts';
 import { flagWords } from '../../twin/format.ts';
 import { isolated } from '../../twin/names.ts';
 import { wordsOfName } from '../../twin/plain_names.ts';
 import type { RobotTwin } from '../../twin/robot.ts';
+import { languageTag } from '../text/language.ts';
 import { more } from '../text/more.ts';
 import { type Catalogue, type Explained, explainedBy } from './catalogue.ts';
 import { flagSentence } from './flag_sentence.ts';
@@ -10,11 +12,15 @@ import { flagSentence } from './flag_sentence.ts';
 /** What somebody asked about: the element that was pressed, and the things that explain it, the first of them itself. */
 export interface Asked {
   readonly by: HTMLElement;
+  /** Where it is in the window, CSS px. */
+  readonly at: Pick<DOMRect, 'left' | 'top' | 'bottom'>;
   readonly explained: readonly Explained[];
 }
 
 /** How far a pointer may have moved between press and release, CSS px, to be a tap. */
 const TAP_PX = 6;
+/** How near a tap has to come to the line of a sign, CSS px. */
+const NEAR_PX = 10;
 
 /** The explanation of an element with `data-explain`, and of the units that stand beside it. */
 export function explain(by: HTMLElement, catalogue: Catalogue, twin: RobotTwin): readonly Explained[] {
@@ -27,21 +33,52 @@ export function explain(by: HTMLElement, catalogue: Catalogue, twin: RobotTwin):
   return [...(found === null ? [] : [found]), ...units.map((unit) => explainUnit(catalogue, unit))];
 }
 
-/** The label on the body under a tap, if there is one. It lets pointers through, so that it can't be in the camera's way. */
-export function labelUnder(press: { x: number; y: number }, release: MouseEvent): HTMLElement | null {
-  const { clientX: x, clientY: y } = release;
-  if (Math.hypot(x - press.x, y - press.y) > TAP_PX) return null;
-  for (const label of document.querySelectorAll<HTMLElement>('.sign-label:not([hidden])')) {
-    const { left, right, top, bottom } = label.getBoundingClientRect();
-    if (x >= left && x <= right && y >= top && y <= bottom) return label;
+/** What explains itself over the body but lets pointers through, so that it can't be in the camera's way. */
+const OVER_BODY = '.sign-label:not([hidden]), .stage-level:not([hidden])';
+
+/** The label or spirit level under a tap, else the label of the sign that is drawn there, if there is one. */
+export function labelUnder(press: Spot, tap: Spot): HTMLElement | null {
+  if (Math.hypot(tap.x - press.x, tap.y - press.y) > TAP_PX) return null;
+  for (const label of document.querySelectorAll<HTMLElement>(OVER_BODY)) {
+    const { left, right, top, bottom, width } = label.getBoundingClientRect();
+    if (width > 0 && tap.x >= left && tap.x <= right && tap.y >= top && tap.y <= bottom) return label;
   }
-  return null;
+  let found: HTMLElement | null = null;
+  let nearest = NEAR_PX;
+  for (const label of document.querySelectorAll<HTMLElement>('.sign-label')) {
+    const picture = label.parentElement!.getBoundingClientRect();
+    const spot = { x: tap.x - picture.left, y: tap.y - picture.top };
+    for (const line of drawnLines.get(label) ?? []) {
+      const far = distanceTo(line, spot);
+      if (far > nearest) continue;
+      nearest = far;
+      found = label;
+    }
+  }
+  return found;
 }
 
-/** The key of what a label on the body says. */
-export function keyOfLabel({ dataset }: HTMLElement): string {
-  if (dataset.sign?.includes('apart-') !== true) return 'signs.force';
-  return dataset.quiet === 'true' ? 'signs.yields' : 'signs.ghost';
+function distanceTo([from, to]: Line, { x, y }: Spot): number {
+  const [dx, dy] = [to.x - from.x, to.y - from.y];
+  const square = dx * dx + dy * dy;
+  const along = square === 0 ? 0 : ((x - from.x) * dx + (y - from.y) * dy) / square;
+  const part = Math.min(1, Math.max(0, along));
+  return Math.hypot(x - from.x - part * dx, y - from.y - part * dy);
+}
+
+/** Where the dialog about a label stands: beside it, or beside the tap if the label is not shown. */
+export function placeOf(label: HTMLElement, { clientX, clientY }: MouseEvent): Asked['at'] {
+  const box = label.getBoundingClientRect();
+  if (box.width > 0) return box;
+  return { left: clientX, top: clientY - NEAR_PX, bottom: clientY + NEAR_PX };
+}
+
+/** The keys of what a label or the spirit level says. */
+export function keysOfLabel({ classList, dataset, textContent }: HTMLElement): readonly string[] {
+  if (classList.contains('stage-level')) return ['signs.plumb', 'signs.disc'];
+  if (dataset.sign?.includes('apart-') === true)
+    return [dataset.quiet === 'true' ? 'signs.yields' : 'signs.ghost'];
+  return ['signs.force', ...(textContent.includes('N·m') ? ['signs.moment'] : []), 'signs.levels'];
 }
 
 function explainUnit(catalogue: Catalogue, unit: string): Explained {
@@ -54,7 +91,7 @@ function explainFlag(catalogue: Catalogue, twin: RobotTwin, source: string, bit:
   const told = flagSentence(twin, source, bit);
   const general = catalogue.words.flag!;
   if (told === null) return { ...general, name };
-  const joint = wordsOfName(twin.schema, source) ?? source;
+  const joint = wordsOfName(twin.schema, source, languageTag()) ?? source;
   const said = fillSentence(told.say, (place) => (place === 'joint' ? joint : null));
   const what = said.startsWith(joint) ? joint[0]!.toUpperCase() + said.slice(1) : said;
   return { name, what: isolated(what), how: isolated(told.why ?? '') };

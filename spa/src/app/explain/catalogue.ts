@@ -1,4 +1,5 @@
-import { useEffect, useState } from 'react';
+import { LatePart } from '../../browser/late_part.ts';
+import { useLatePart } from '../shell/late.tsx';
 import { korean, useText } from '../text/language.ts';
 import type english from './en.json';
 
@@ -21,28 +22,13 @@ export const SECTIONS = [
 export type Section = keyof typeof english;
 export type Catalogue = Readonly<Record<Section, Readonly<Record<string, Explained>>>>;
 
-/** Loads the catalogue in the language in force. */
-async function loadCatalogue(): Promise<Catalogue> {
-  const found = korean() === null ? await import('./en.json') : await import('./ko.json');
-  return found.default;
-}
+const IN_ENGLISH = new LatePart<Catalogue>(async () => (await import('./en.json')).default);
+const IN_KOREAN = new LatePart<Catalogue>(async () => (await import('./ko.json')).default);
 
-/** The catalogue in the language in force; null until it is loaded, and where it can't be. */
+/** The catalogue in the language in force; null until it is loaded. */
 export function useCatalogue(): Catalogue | null {
-  const text = useText();
-  const [catalogue, setCatalogue] = useState<Catalogue | null>(null);
-  // biome-ignore lint/correctness/useExhaustiveDependencies: the text changes with the language
-  useEffect(() => {
-    let left = false;
-    loadCatalogue().then(
-      (found) => !left && setCatalogue(found),
-      () => {},
-    );
-    return () => {
-      left = true;
-    };
-  }, [text]);
-  return catalogue;
+  useText(); // drawn again when the language changes
+  return useLatePart(korean() === null ? IN_ENGLISH : IN_KOREAN);
 }
 
 /** What a key such as `columns.pos` names; null if there is no such thing. */

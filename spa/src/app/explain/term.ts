@@ -1,8 +1,10 @@
+import { createElement } from '../numbers/grid/cells.ts';
+
 /** A word that explains itself when it is pressed. `key` as in the catalogue: `columns.pos`; of `units` its text says which. */
 export function createTerm(text: string, key: string, className = ''): HTMLButtonElement {
   const term = document.createElement('button');
   term.className = `term ${className}`.trim();
-  term.textContent = text;
+  if (text !== '') term.append(createElement('span', '', text)); // WebKit turns what is in a button, and no button
   term.type = 'button';
   term.dataset.explain = key;
   term.setAttribute('aria-haspopup', 'dialog');

@@ -1,5 +1,6 @@
 import { type KeyboardEvent, Suspense, useEffect, useRef } from 'react';
 import { firstPaint } from '../../browser/first_paint.ts';
+import { LatePart } from '../../browser/late_part.ts';
 import { nowMs } from '../../stream/clock.ts';
 import { late, lateAfterBody } from '../shell/late.tsx';
 import { ROOM_FOR_BOTH, useMedia } from '../shell/media.ts';
@@ -20,6 +21,9 @@ const JointCard = late(async () => (await import('./table/JointCard.tsx')).Joint
 const Sensors = late(async () => (await import('./sensors/Sensors.tsx')).Sensors);
 const Plots = late(async () => (await import('./plots/Plots.tsx')).Plots);
 const Alarms = late(async () => (await import('./alarms/Alarms.tsx')).Alarms);
+
+const VALUE_DRAG = new LatePart(() => firstPaint().then(() => import('./grid/value_drag.ts')));
+const ARRANGEMENT = new LatePart(() => firstPaint().then(() => import('./table/arrangement.ts')));
 
 const TABS = ['Joints', 'Sensors', 'Plots', 'Alarms'] as const;
 export type Tab = (typeof TABS)[number];
@@ -48,10 +52,10 @@ export function Panel({
     return onSelection(() => selection() !== null && setTab('Joints'));
   }, [setTab]);
   useEffect(() => {
-    // If the panel is gone or the code can't be loaded, values can still be plotted by a tap.
-    const carry = async () =>
-      (await import('./grid/value_drag.ts')).carryValues(panel.current!, () => setTab('Plots'));
-    firstPaint.then(carry).catch(() => {});
+    // Until then values can be plotted by a tap.
+    void VALUE_DRAG.load().then(
+      ({ carryValues }) => panel.current && carryValues(panel.current, () => setTab('Plots')),
+    );
   }, [setTab]);
 
   const onKeyDown = (event: KeyboardEvent) => {
@@ -64,7 +68,7 @@ export function Panel({
 
   return (
     <div className="panel" ref={panel}>
-      <FaultLine link={link} />
+      <FaultLine link={link} onMore={() => setTab('Alarms')} />
       <div className="tabs" role="tablist" aria-label={text.numbers} ref={tabs} onKeyDown={onKeyDown}>
         {tabsOfRobot.map((name) => (
           <button
@@ -133,16 +137,12 @@ function JointNumbers({ link }: { link: RobotLink }) {
     const view = new JointView(host.current, link.twin, sources);
     const write = () => view.write(nowMs());
     let left = false;
-    firstPaint
-      .then(() => import('./table/arrangement.ts'))
-      .then(
-        ({ titledLimbs, NameColumn }) => {
-          sources.limbs = titledLimbs;
-          sources.NameColumn = NameColumn;
-          if (!left) write();
-        },
-        () => {}, // they stand in one list, their names cut at the end
-      );
+    // Until then they stand in one list, their names cut at the end.
+    void ARRANGEMENT.load().then(({ titledLimbs, NameColumn }) => {
+      sources.limbs = titledLimbs;
+      sources.NameColumn = NameColumn;
+      if (!left) write();
+    });
     const stop = refreshWith(link.twin, write, [link.faults.onChange, onLanguage]);
     return () => {
       left = true;

@@ -49,6 +49,9 @@ function Loaded({ link, onSettings }: { link: RobotLink; onSettings: () => void 
   useVersion(link);
   const presented = usePresenting();
   useEffect(followPresentLinks, []);
+  useEffect(() => {
+    loadPanel().catch(() => {}); // at once, and not after the sheet that it stands in; `Panel` tries again
+  }, []);
   const { name } = link.twin;
 
   const { fullscreen, toggle } = useFullscreen(page);

@@ -1,9 +1,11 @@
 import { isolated, plainName } from '../../twin/names.ts';
 import { useNow } from '../shell/now.ts';
 import type { RobotLink } from '../state/robot_link.ts';
-import { useSelectedJoint } from '../state/selection.ts';
+import { selectJoint, useSelectedJoint } from '../state/selection.ts';
 import { useSettings } from '../state/settings.ts';
+import { languageTag } from '../text/language.ts';
 import { useMore } from '../text/more.ts';
+import { Cross } from './Cross.tsx';
 import { readingWords } from './reading_words.ts';
 
 /** Beside the position, which stands above them. */
@@ -25,11 +27,12 @@ export function ChosenJoint({ link }: { link: RobotLink }) {
   const text = useMore();
   if (joint === null) return null;
   const { twin } = link;
-  const plain = plainName(twin.schema, joint);
+  const plain = plainName(twin.schema, joint, languageTag());
   return (
     <section className="present-joint" aria-label={isolated(joint)} data-testid="present-joint">
       <h3>
         {isolated(joint)} {plain !== undefined && <span>{plain}</span>}
+        <Cross what={text.closeCard} onPress={() => selectJoint(null)} />
       </h3>
       <p className="present-value">{readingWords(twin, 'pos', joint, angle)}</p>
       <dl>

@@ -23,7 +23,7 @@ export function OpenFaultSentences({ link }: { link: RobotLink }) {
             <i className="present-mark" data-level={fault.level} data-over={isOver} />
             <span>
               {said}{' '}
-              <small className="quiet">{[code, isOver ? text.over : ''].filter(Boolean).join(' · ')}</small>
+              <small className="quiet">{[code, isOver ? text.ended : ''].filter(Boolean).join(' · ')}</small>
             </span>
           </li>
         );

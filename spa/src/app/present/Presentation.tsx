@@ -11,12 +11,15 @@ import { robotHref } from '../state/route.ts';
 import { Sign } from '../status/Chip.tsx';
 import { chipWords, stageWords } from '../status/words.ts';
 import { useMore } from '../text/more.ts';
+import { usePresentText } from '../text/present.ts';
 import { ChosenJoint } from './ChosenJoint.tsx';
+import { Cross } from './Cross.tsx';
 import { OpenFaultSentences } from './OpenFaultSentences.tsx';
 
 /** What stands beside the robot while it is presented, legible from the last row: its state with its age, the joint that
- *  is looked at, its faults as sentences, and where everybody can see it. Escape ends presenting. */
+ *  is looked at, its faults as sentences, and where everybody can see it. Escape or the cross ends presenting. */
 export function Presentation({ link }: { link: RobotLink }) {
+  const text = usePresentText();
   useVersion(link);
   useZoom();
   useEffect(() => {
@@ -29,7 +32,10 @@ export function Presentation({ link }: { link: RobotLink }) {
   return (
     <div className="presentation" data-testid="presentation">
       <div className="present-left">
-        <h2 className="present-name">{link.twin.name}</h2>
+        <div className="present-head">
+          <h2 className="present-name">{link.twin.name}</h2>
+          <Cross what={text.leavePresenting} onPress={() => present(false)} />
+        </div>
         <State link={link} />
         <ChosenJoint link={link} />
       </div>

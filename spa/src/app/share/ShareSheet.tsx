@@ -36,6 +36,18 @@ export function ShareSheet({ robot, name, onClose }: { robot: string; name: stri
           {rest.onlyThisComputer(hostname)}
         </p>
       )}
+      <button
+        type="button"
+        className="text-button share-native"
+        data-testid="present"
+        onClick={() => {
+          onClose();
+          present(true);
+        }}
+      >
+        {word}
+      </button>
+      <p className="quiet share-what">{presentWhat}</p>
       <Command what={rest.asYouSeeIt(name)} line={link} />
       {'share' in navigator && (
         <button
@@ -46,18 +58,6 @@ export function ShareSheet({ robot, name, onClose }: { robot: string; name: stri
           {rest.anotherApp}
         </button>
       )}
-      <button
-        type="button"
-        className="text-button share-native"
-        title={presentWhat}
-        data-testid="present"
-        onClick={() => {
-          onClose();
-          present(true);
-        }}
-      >
-        {word}
-      </button>
       {seesMore(robot) && (
         <a className="text-button share-native" href={seenByAnyone(link)} data-testid="seen-by-anyone">
           {rest.seenByAnyone}

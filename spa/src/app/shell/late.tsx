@@ -16,6 +16,14 @@ export function late<P extends object>(
   return (props: P) => <Arriving part={part} given={props} />;
 }
 
+/** What a part of the page is; null until it has come. It is asked for when the component is first drawn. */
+export function useLatePart<T>(part: LatePart<T>): T | null {
+  useEffect(() => {
+    void part.load();
+  }, [part]);
+  return useSyncExternalStore(part.subscribe, part.value);
+}
+
 function Arriving<P extends object>({ part, given }: { part: LatePart<ComponentType<P>>; given: P }) {
   const Loaded = useSyncExternalStore(part.subscribe, part.value);
   const failed = useSyncExternalStore(part.subscribe, part.failed);
@@ -26,7 +34,7 @@ function Arriving<P extends object>({ part, given }: { part: LatePart<ComponentT
 
 /** Like `late`, but loading waits until the body was first drawn, or 2 s: on a slow connection the body comes first. */
 export function lateAfterBody<P extends object>(load: () => Promise<ComponentType<P>>): ComponentType<P> {
-  return late(() => firstPaint.then(load));
+  return late(() => firstPaint().then(load));
 }
 
 /** For what is not fetched before somebody asks for it: other pages, and what few need. */

@@ -1,6 +1,12 @@
+import { LatePart } from '../../browser/late_part.ts';
 import { readStored } from '../../browser/storage.ts';
 import { readEdits } from '../../twin/limits/limits.ts';
 import type { RobotTwin } from '../../twin/robot.ts';
+
+const OWN_ALARMS = new LatePart(
+  () => import('./own_alarms.ts'),
+  () => false, // only for who has thresholds of their own
+);
 
 /** The storage key of the viewer's own thresholds for a robot. They stay in this browser and are never sent. */
 export const keyOf = (robot: string) => `posecast.limits.${robot}`;
@@ -15,8 +21,5 @@ export function loadOwnLimits(twin: RobotTwin): void {
  *  by the edge. */
 export function watchOwn(twin: RobotTwin): void {
   if (twin.edits.size === 0) return;
-  import('./own_alarms.ts').then(
-    ({ watchOwnLimits }) => watchOwnLimits(twin),
-    () => {}, // without this code, the colours of the readings still show it
-  );
+  void OWN_ALARMS.load().then(({ watchOwnLimits }) => watchOwnLimits(twin));
 }

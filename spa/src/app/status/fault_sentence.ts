@@ -6,6 +6,7 @@ import { wordsOfName } from '../../twin/plain_names.ts';
 import type { RobotTwin } from '../../twin/robot.ts';
 import { flagSentence } from '../explain/flag_sentence.ts';
 import { settings } from '../state/settings.ts';
+import { languageTag } from '../text/language.ts';
 import { more } from '../text/more.ts';
 
 /** What trouble says that is no joint's or sensor's, in any language. */
@@ -13,9 +14,10 @@ const PART_REPORTED = '{joint}: {word}';
 
 /** A fault, as it is told to someone who did not build the robot. */
 export interface FaultSentence {
-  /** "Right knee is not where it was told to be: 0.40 rad off for 14 s." */
+  /** "Right knee is not where it was told to be: 0.40 rad off for 14 s."; once it is over, "Was: Right knee is blocked." */
   readonly said: string;
-  /** The joint's code, which stands beside the sentence in small ("RKN"); empty where the sentence has it. */
+  /** The joint's code, which stands beside the sentence in small ("RKN"); empty where the sentence has it: of a joint that
+   *  has only a code, always. */
   readonly code: string;
   /** The bit of a flag's fault, whose word stands there, too; null of other faults. */
   readonly bit: string | null;
@@ -27,7 +29,7 @@ export interface FaultSentence {
 export function faultSentence(twin: RobotTwin, log: FaultLog, fault: Fault, nowMs: number): FaultSentence {
   const { schema } = twin;
   const { source, what, words } = fault;
-  const name = wordsOfName(schema, source);
+  const name = wordsOfName(schema, source, languageTag());
   let aged = false;
   const textOf = (place: string): string | null => {
     switch (place) {
@@ -44,10 +46,21 @@ export function faultSentence(twin: RobotTwin, log: FaultLog, fault: Fault, nowM
         return fault.clearedMs === null ? valueWords(twin, source, place) : null;
     }
   };
-  const filled = fillSentence(sayOf(twin, fault), textOf);
-  const said = name !== null && filled.startsWith(name) ? filled[0]!.toUpperCase() + filled.slice(1) : filled;
+  const say = sayOf(twin, fault);
+  let said = fillSentence(say, textOf);
+  if (name !== null) {
+    if (said.startsWith(name)) said = said[0]!.toUpperCase() + said.slice(1);
+  } else if (said === fillSentence(say, (place) => (place === 'joint' ? '' : textOf(place)))) {
+    said = `${source}: ${said}`; // else nothing would tell which joint
+  }
   const bit = what === 'flag' ? bitOf(fault) : null;
-  return { said: isolated(said), code: name === null ? '' : isolated(source), bit, aged };
+  const shown = isolated(said);
+  return {
+    said: fault.clearedMs === null ? shown : more().itWas(shown),
+    code: name === null ? '' : isolated(source),
+    bit,
+    aged,
+  };
 }
 
 /** "3rd time in 10 min"; empty for the first. */

@@ -63,7 +63,7 @@ export const en = {
   offCommand: (by: string) => (by === '' ? 'off its command' : `${by} off its command`),
   faultsAcknowledged: (count: number) =>
     count === 1 ? '1 fault, acknowledged' : `${count} faults, acknowledged`,
-  overSince: (span: string) => `over since ${span}`,
+  clearedAgo: (span: string) => `ended ${span} ago`,
   now: 'now',
   acknowledge: 'Acknowledge',
   acknowledgeAll: 'Acknowledge all',
@@ -99,7 +99,7 @@ export const en = {
   flagsWhat: 'What the joint reports',
   fault: 'fault',
   caution: 'caution',
-  over: (flag: string) => `${flag}, over`,
+  clearedFlag: (flag: string) => `${flag}, ended`,
   old: (names: string, span: string) => `${names} ${span} old`,
   noJointMatches: (filter: string) => `No joint matches “${filter}”.`,
   noJoints: 'This robot reports no joints.',

@@ -1,10 +1,16 @@
 import { useSyncExternalStore } from 'react';
+import { LatePart } from '../../browser/late_part.ts';
 import { createStore } from '../../browser/store.ts';
 import { onSettings, type Settings, settings } from '../state/settings.ts';
 import { en, type Text } from './en.ts';
 
 type Language = Exclude<Settings['language'], 'system'>;
 type Korean = typeof import('./ko.ts');
+
+const KOREAN = new LatePart(
+  () => import('./ko.ts'),
+  () => false, // only for who reads it
+);
 
 /** The loaded Korean sentences; null while the page is in English. */
 const inForce = createStore<Korean | null>(null);
@@ -17,6 +23,11 @@ export function say(): Text {
 
 /** The loaded Korean sentences; null while the page is in English. */
 export const korean = inForce.get;
+/** The tag of the language in force. */
+export function languageTag(): Language {
+  return inForce.get() === null ? 'en' : 'ko';
+}
+
 /** Adds a listener for changes of the language in force. Returns a function that removes it. */
 export const onLanguage = inForce.subscribe;
 
@@ -34,7 +45,7 @@ export function wantedLanguage(chosen: Settings['language'], browser: readonly s
 }
 
 /** Puts the wanted language in force, now and whenever the setting changes. If the Korean sentences can't be loaded, the
- *  page is in English. */
+ *  page is in English until they have come. */
 export async function bindLanguage(): Promise<void> {
   onSettings(() => void become());
   await become();
@@ -44,8 +55,13 @@ async function become(): Promise<void> {
   const now = wantedLanguage(settings().language, navigator.languages);
   if (now === wanted) return;
   wanted = now;
-  const found = now === 'ko' ? await import('./ko.ts').catch(() => null) : null;
-  if (wanted !== now) return; // another language was chosen meanwhile
+  if (now === 'ko' && !(await KOREAN.attempt())) void KOREAN.load().then(() => putInForce('ko'));
+  putInForce(now);
+}
+
+function putInForce(language: Language): void {
+  if (wanted !== language) return; // another was chosen meanwhile
+  const found = language === 'ko' ? KOREAN.value() : null;
   document.documentElement.lang = found === null ? 'en' : 'ko';
   inForce.set(found);
 }

@@ -186,6 +186,7 @@ export const moreEn = {
   acknowledgedStillThere: 'acknowledged, still there',
 
   // ---- faults as sentences; places as in a profile, see docs/ROBOTS.md
+  itWas: (said: string) => `Was: ${said}`,
   offSentence: '{joint} is not where it was told to be[: {error} off][ for {age}].',
   hotSentence: '{joint} is too hot[: {temp}].',
   currentSentence: '{joint} draws more current than it may[: {cur}].',

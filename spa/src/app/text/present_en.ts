@@ -3,6 +3,7 @@ export const presentEn = {
   present: 'Present',
   presentWhat: 'For a projector: only the robot, in large letters (P). Escape ends it.',
   keyPresent: 'present: for a projector',
-  over: 'over',
+  leavePresenting: 'End presenting (Esc)',
+  ended: 'ended',
   moreFaults: (count: number) => (count === 1 ? 'and one more fault' : `and ${count} more faults`),
 };

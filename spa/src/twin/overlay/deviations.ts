@@ -1,7 +1,7 @@
 import { JOINT, JointMapping, type Schema } from '@posecast/wire';
 import { JointChannels } from '../joint_channels.ts';
 import { CLOSE_AGAIN } from '../joints.ts';
-import { placeOf, plainName } from '../names.ts';
+import { placeOf } from '../names.ts';
 import { valueAt } from '../values.ts';
 
 /** The bit of `flags` that says: this joint yields on purpose. */
@@ -10,8 +10,6 @@ const COMPLIANT_BIT = 'comply';
 /** A channel whose position deviates from its command. */
 export interface Deviation {
   readonly channel: string;
-  /** The plain name, when the profile has one. */
-  readonly name: string | null;
   /** ref − pos, in the channel's unit (rad, or m for a sliding joint). */
   error: number;
   readonly unit: string;
@@ -58,7 +56,6 @@ export class DeviationTable {
           apart: false,
           deviation: {
             channel,
-            name: plainName(schema, channel) ?? null,
             error: 0,
             unit: schema.mapping.unit('pos', channel) ?? pos!.unit,
             compliant: false,

@@ -3,20 +3,10 @@ import '../../styles/signs.css';
 import { OverlayReader } from '../../../twin/overlay/reader.ts';
 import type { LoadField } from '../../../twin/sensors/load.ts';
 import { SettingChoice } from '../../settings/SettingChoice.tsx';
-import { Icon } from '../../shell/icons.tsx';
 import { usePopover } from '../../shell/popover.ts';
 import { type RobotLink, useVersion } from '../../state/robot_link.ts';
 import { changeSettings, type Settings, useSettings } from '../../state/settings.ts';
 import { useMore } from '../../text/more.ts';
-
-/** An arrow, an arc and a level line. */
-const SignsIcon = () => (
-  <Icon>
-    <path d="M8 17V6M4.8 9.2L8 6l3.2 3.2" />
-    <path d="M13 14a5 5 0 0 0 5-7.5M18.9 9.6l-.6-3.4-3.2 1.2" />
-    <path d="M4 20.5h16" />
-  </Icon>
-);
 
 /** The button and menu for choosing what the overlay shows. It offers only what at least one of the robots can show;
  *  empty if that is nothing. */
@@ -40,11 +30,10 @@ export function OverlayMenu({ links }: { links: readonly RobotLink[] }) {
         type="button"
         title={rest.signsAtBody}
         aria-expanded={open}
-        aria-label={rest.signs}
         onClick={() => setOpen(!open)}
         data-on={load !== 'off'}
       >
-        <SignsIcon />
+        {rest.signs.toLowerCase()}
       </button>
       {open && (
         <div className="sign-menu" data-testid="sign-menu">

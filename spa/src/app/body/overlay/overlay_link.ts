@@ -7,7 +7,7 @@ import type { LoadScale } from '../../../twin/sensors/load.ts';
 import type { OverlaidBody } from '../../../view/body_view.ts';
 import type { RobotLink } from '../../state/robot_link.ts';
 import { onSettings, settings } from '../../state/settings.ts';
-import { onLanguage } from '../../text/language.ts';
+import { languageTag, onLanguage } from '../../text/language.ts';
 import { more } from '../../text/more.ts';
 import type { More } from '../../text/more_en.ts';
 
@@ -32,7 +32,7 @@ function wordsFor({ schema }: RobotTwin, plain: boolean, before: Words | null): 
   if (before?.madeOf.every((part, i) => part === madeOf[i])) return before;
   if (!plain) return { words: text, madeOf };
   const named = (channel: string) => {
-    const words = wordsOfName(schema, channel);
+    const words = wordsOfName(schema, channel, languageTag());
     return words === null ? channel : isolated(words);
   };
   const words = {

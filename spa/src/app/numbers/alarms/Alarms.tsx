@@ -6,6 +6,7 @@ import { useFaults } from '../../state/fault_keeper.ts';
 import { onOwnAlarms, ownAlarms } from '../../state/own_alarms.ts';
 import { type RobotLink, useVersion } from '../../state/robot_link.ts';
 import { edgeWords } from '../../status/edge_words.ts';
+import { languageTag } from '../../text/language.ts';
 import { useMore } from '../../text/more.ts';
 import { OpenFaults } from './OpenFaults.tsx';
 
@@ -35,7 +36,7 @@ export function Alarms({ link }: { link: RobotLink }) {
     key: `event ${n}`,
     atMs: at === null ? null : at * 1000,
     source: isolated(source),
-    title: plainName(schema, source),
+    title: plainName(schema, source, languageTag()),
     words: edgeWords(source, flagWords(said)),
     own: false,
     ...{ level, state },

@@ -1,9 +1,10 @@
-import { useEffect, useState } from 'react';
 import { firstPaint } from '../../../browser/first_paint.ts';
+import { LatePart } from '../../../browser/late_part.ts';
 import type { Fault } from '../../../twin/alarms/fault_log.ts';
 import { formatSpan } from '../../../twin/format.ts';
 import { isolated } from '../../../twin/names.ts';
 import { FlagTerm } from '../../explain/FlagTerm.tsx';
+import { useLatePart } from '../../shell/late.tsx';
 import { useNow } from '../../shell/now.ts';
 import { useFaults } from '../../state/fault_keeper.ts';
 import type { RobotLink } from '../../state/robot_link.ts';
@@ -11,16 +12,15 @@ import { selectJoint } from '../../state/selection.ts';
 import { faultWords } from '../../status/fault_words.ts';
 import { say, useText } from '../../text/language.ts';
 
-type Sentences = typeof import('../../status/fault_sentence.ts');
+/** What makes sentences of faults, loaded once the body is drawn. Until it has come, the line has the robot's own words. */
+const SENTENCES = new LatePart(() => firstPaint().then(() => import('../../status/fault_sentence.ts')));
 
-/** What makes sentences of faults; null until it is loaded. */
-let loaded: Sentences | null = null;
-
-/** The faults in one line above the tabs; on a phone it stays visible when the sheet is down. */
-export function FaultLine({ link }: { link: RobotLink }) {
+/** The faults in one line above the tabs; on a phone it stays visible when the sheet is down. `onMore`:
+ *  to show all of them. */
+export function FaultLine({ link, onMore }: { link: RobotLink; onMore: () => void }) {
   useNow(500); // how long it has lasted
   const text = useText();
-  const sentences = useSentences();
+  const sentences = useLatePart(SENTENCES);
   const faults = useFaults(link.faults);
   const open = faults?.filter((fault) => !fault.acknowledged) ?? [];
   const counted = open.filter(({ level }) => level === 'fault').length;
@@ -60,7 +60,16 @@ export function FaultLine({ link }: { link: RobotLink }) {
         {told?.bit && rest !== '' && ' · '}
         {rest}
       </span>
-      {open.length > 1 && <span className="quiet more">+{open.length - 1}</span>}
+      {open.length > 1 && (
+        <button
+          type="button"
+          className="text-button more"
+          aria-label={`+${open.length - 1} ${text.alarms}`}
+          onClick={onMore}
+        >
+          +{open.length - 1}
+        </button>
+      )}
       <button
         type="button"
         className="text-button acknowledge"
@@ -75,30 +84,14 @@ export function FaultLine({ link }: { link: RobotLink }) {
   );
 }
 
-/** What makes sentences of faults: loaded once the body is drawn. Without it the line has the robot's own words. */
-function useSentences(): Sentences | null {
-  const [sentences, setSentences] = useState(loaded);
-  useEffect(() => {
-    let left = false;
-    const load = async () => {
-      loaded ??= await import('../../status/fault_sentence.ts');
-      if (!left) setSentences(loaded);
-    };
-    firstPaint.then(load).catch(() => {});
-    return () => {
-      left = true;
-    };
-  }, []);
-  return sentences;
-}
-
 function quietWords(faults: readonly Fault[]): string {
   const count = faults.filter(({ level }) => level === 'fault').length;
   return count === 0 ? say().noFaults : say().faultsAcknowledged(count);
 }
 
 function whenWords(fault: Fault, newestMs: number, nowMs: number): string {
-  if (fault.clearedMs !== null) return say().overSince(formatSpan(whole(nowMs - fault.clearedMs)));
+  if (fault.clearedMs !== null)
+    return say().clearedAgo(formatSpan(Math.max(1000, whole(nowMs - fault.clearedMs))));
   const lastsMs = nowMs - newestMs;
   return lastsMs < 1000 ? say().now : formatSpan(whole(lastsMs));
 }

@@ -23,7 +23,7 @@ export function OpenFaults({ link, faults }: { link: RobotLink; faults: readonly
           data-state={fault.clearedMs === null ? 'on' : 'off'}
           data-acknowledged={fault.acknowledged}
         >
-          <time>{formatClockSeconds(fault.firstMs)}</time>
+          <time>{formatClockSeconds(link.faults.log.occurrences.newestMs(fault.key) ?? fault.firstMs)}</time>
           <span className="alarm-mark" aria-hidden="true" />
           <span className="alarm-words">
             <Told link={link} fault={fault} />

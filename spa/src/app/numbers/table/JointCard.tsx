@@ -12,7 +12,7 @@ import { type RobotLink, useVersion } from '../../state/robot_link.ts';
 import { selection, selectJoint } from '../../state/selection.ts';
 import { useSettings } from '../../state/settings.ts';
 import { onTraces } from '../../state/traces.ts';
-import { onLanguage } from '../../text/language.ts';
+import { languageTag, onLanguage } from '../../text/language.ts';
 import { useMore } from '../../text/more.ts';
 import { OpenFaults } from '../alarms/OpenFaults.tsx';
 import { refreshWith } from '../grid/refresh.ts';
@@ -52,7 +52,7 @@ export function JointCard({ link, joint }: { link: RobotLink; joint: string }) {
   }, [joint]);
   const { names } = useSettings();
   const code = isolated(joint);
-  const words = wordsOfName(link.twin.schema, joint);
+  const words = wordsOfName(link.twin.schema, joint, languageTag());
   const plain = words === null ? undefined : isolated(words);
   const [name, other] = names === 'words' && plain !== undefined ? [plain, code] : [code, plain];
   const flags = link.twin.joints()?.rows.find(({ label }) => label === joint)?.flags ?? [];

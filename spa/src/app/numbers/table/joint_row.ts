@@ -45,6 +45,8 @@ export class RowView {
   constructor(
     row: JointRow,
     name: string,
+    /** What the profile calls it, ready to show. */
+    plain: string | null,
     limb: string,
     /** The unit of a number when it is not its column's: it stands behind the number then. */
     ownUnit: (field: NumberName) => string | null,
@@ -52,7 +54,7 @@ export class RowView {
     states: readonly StateName[],
   ) {
     this.label = row.label;
-    this.#named = `${row.label} ${row.plain ?? name} ${limb}`;
+    this.#named = `${row.label} ${plain ?? name} ${limb}`;
     this.haystack = this.#named.toLowerCase();
     const element = createElement('tr', '');
     element.dataset.label = row.label;
@@ -63,7 +65,7 @@ export class RowView {
     open.type = 'button';
     head.append(open);
     this.button = open;
-    head.title = row.plain === null ? isolated(row.label) : `${isolated(row.label)} · ${row.plain}`;
+    head.title = plain === null ? isolated(row.label) : `${isolated(row.label)} · ${plain}`;
     element.append(head);
     const marks: Partial<Record<NumberName, DataAttribute>> = {};
     const cell = (field: string, className: string) => {
@@ -100,7 +102,7 @@ export class RowView {
     this.#old = old;
     const { level } = row;
     const parts = row.flags.map((flag) => flag.words);
-    if (fault !== null && clearedMs !== null) parts.unshift(say().over(faultWords(fault)));
+    if (fault !== null && clearedMs !== null) parts.unshift(say().clearedFlag(faultWords(fault)));
     if (old !== '') parts.unshift(old);
     const words = parts.join(', ');
     this.#flags.set(words);

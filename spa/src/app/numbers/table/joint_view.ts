@@ -3,6 +3,7 @@ import type { FaultLog } from '../../../twin/alarms/fault_log.ts';
 import { type Display, displayOf } from '../../../twin/format.ts';
 import { type JointTable, NUMBERS, type NumberName } from '../../../twin/joints.ts';
 import type { Limb } from '../../../twin/limbs.ts';
+import { plainName } from '../../../twin/names.ts';
 import { wordsOfName } from '../../../twin/plain_names.ts';
 import type { RobotTwin } from '../../../twin/robot.ts';
 import type { LastReadings } from '../../../twin/sensors/last_readings.ts';
@@ -10,7 +11,7 @@ import { valueAt } from '../../../twin/values.ts';
 import { createTerm, createUnit } from '../../explain/term.ts';
 import { onSelection, selection, selectJoint } from '../../state/selection.ts';
 import { settings } from '../../state/settings.ts';
-import { say } from '../../text/language.ts';
+import { languageTag, say } from '../../text/language.ts';
 import { createElement, TextCell } from '../grid/cells.ts';
 import { NumberGrid } from '../grid/number_grid.ts';
 import { filterText, hasFilter, matchesFilter, onFilter, setFilter } from './filter.ts';
@@ -319,8 +320,9 @@ export class JointView {
     const limbOf = new Map(limbs?.flatMap(({ title, labels }) => labels.map((label) => [label, title])));
     this.#rows = table.rows.map((row) => {
       const unitOf = (name: NumberName) => schema.mapping.unit(name === 'error' ? 'pos' : name, row.label);
-      const name = (names === 'words' && wordsOfName(schema, row.label)) || row.label;
-      return new RowView(row, name, limbOf.get(row.label) ?? '', unitOf, numbers, states);
+      const name = (names === 'words' && wordsOfName(schema, row.label, languageTag())) || row.label;
+      const plain = plainName(schema, row.label, languageTag()) ?? null;
+      return new RowView(row, name, plain, limbOf.get(row.label) ?? '', unitOf, numbers, states);
     });
     this.#grid = new NumberGrid(this.#rows.flatMap((row) => row.numbers));
     const placeOf = new Map(this.#rows.map((row, i) => [row.label, i]));

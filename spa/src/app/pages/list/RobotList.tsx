@@ -1,7 +1,10 @@
 import './list.css';
-import { Suspense, useRef, useState } from 'react';
+import { Suspense, useEffect, useRef, useState } from 'react';
+import { savesData } from '../../../browser/late_part.ts';
 import { accounts, home, relayChoice } from '../../../relay/relay.ts';
+import { prepareStream } from '../../../stream/early_stream.ts';
 import { formatSpan } from '../../../twin/format.ts';
+import { loadPanel } from '../../numbers/load_panel.ts';
 import { Command } from '../../shell/Command.tsx';
 import { IconButton, SettingsIcon } from '../../shell/icons.tsx';
 import { late } from '../../shell/late.tsx';
@@ -14,6 +17,9 @@ import { useMovingCard } from './moving_card.ts';
 import { inOrder, type ListedRobot, useRobots } from './robots.ts';
 import { Thumbnail } from './Thumbnail.tsx';
 
+/** After this long the list is thought to be read. */
+const AHEAD_AFTER_MS = 1500;
+
 // A card whose preview can't be loaded has its picture.
 const Preview = late(() =>
   import('./Preview.tsx').then(
@@ -23,10 +29,21 @@ const Preview = late(() =>
 );
 const SignIn = late(async () => (await import('../../account/SignIn.tsx')).SignIn);
 
+/** Loads what the numbers of any robot need once the list has stood for a moment. Returns a function that stops it. */
+function prepareRobotPage(): () => void {
+  const timer = setTimeout(() => {
+    if (savesData()) return;
+    prepareStream();
+    loadPanel().catch(() => {}); // it is asked for again when it is needed
+  }, AHEAD_AFTER_MS);
+  return () => clearTimeout(timer);
+}
+
 /** The page with the robots on air, or, if there are none, commands that put one there; below, those that were. */
 export function RobotList({ onSettings }: { onSettings: () => void }) {
   const text = useText();
   const rest = useListText();
+  useEffect(prepareRobotPage, []);
   const listing = useRobots();
   const robots = listing.phase === 'waiting' ? [] : listing.robots;
   const host = new URL(relayChoice().base ?? home()).host;
