@@ -51,17 +51,21 @@ const originOf = (page: Page, link: string) =>
 const apart = (a: readonly number[], b: readonly number[]) =>
   Math.hypot(...a.map((value, i) => value - b[i]!));
 
-/** A point of the window at which this link is met, well inside it. */
+/** The middle of what is seen of this link, where a person taps: at its rim a label or a sign may answer. */
 function pointOf(page: Page, link: string): Promise<Point> {
   return until(`${link} in the picture`, () =>
     page.evaluate<Point | null>(`(() => {
       const { scene } = window.posecast;
       const { left, top, right, bottom } = document.querySelector('[data-testid="scene"] canvas').getBoundingClientRect();
       const is = (x, y) => scene.pick(x, y) === ${JSON.stringify(link)};
+      const seen = [];
       for (let y = top + 60; y < bottom - 60; y += 4)
         for (let x = left + 20; x < right - 20; x += 4)
-          if (is(x, y) && is(x - 3, y) && is(x + 3, y) && is(x, y + 3)) return { x, y };
-      return null;
+          if (is(x, y) && is(x - 3, y) && is(x + 3, y) && is(x, y + 3)) seen.push({ x, y });
+      const mean = (axis) => seen.reduce((sum, point) => sum + point[axis], 0) / seen.length;
+      const middle = { x: mean('x'), y: mean('y') };
+      const away = ({ x, y }) => Math.hypot(x - middle.x, y - middle.y);
+      return seen.sort((a, b) => away(a) - away(b))[0] ?? null;
     })()`),
   );
 }

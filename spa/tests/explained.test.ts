@@ -113,6 +113,9 @@ it('an arrow explains itself under a tap, also where its label finds no room', (
   expect(tap(160, 90)).toBe(far);
   expect(tap(150, 49)).toBeNull(); // beyond its tip
   expect(tap(139, 90)).toBeNull();
+  far!.dataset.sign = 'apart-RKN'; // it lies on its joint, which the tap chooses
+  expect(tap(163, 90)).toBeNull();
+  expect(tap(160, 90)).toBe(near);
   expect(tap(0, 0)).toBeNull();
   expect(placeOf(near!, new MouseEvent('click', { clientX: 154, clientY: 90 }))).toMatchObject({ left: 154 });
 });

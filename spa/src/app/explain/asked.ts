@@ -36,7 +36,10 @@ export function explain(by: HTMLElement, catalogue: Catalogue, twin: RobotTwin):
 /** What explains itself over the body but lets pointers through, so that it can't be in the camera's way. */
 const OVER_BODY = '.sign-label:not([hidden]), .stage-level:not([hidden])';
 
-/** The label or spirit level under a tap, else the label of the sign that is drawn there, if there is one. */
+/** Labels whose lines explain themselves. Not those of a joint's deviation: they lie on the joint, and a tap there chooses it. */
+const ARROW_LABEL = '.sign-label:not([data-sign*="apart-"])';
+
+/** The label or spirit level under a tap, else the label of the arrow that is drawn there, if there is one. */
 export function labelUnder(press: Spot, tap: Spot): HTMLElement | null {
   if (Math.hypot(tap.x - press.x, tap.y - press.y) > TAP_PX) return null;
   for (const label of document.querySelectorAll<HTMLElement>(OVER_BODY)) {
@@ -45,7 +48,7 @@ export function labelUnder(press: Spot, tap: Spot): HTMLElement | null {
   }
   let found: HTMLElement | null = null;
   let nearest = NEAR_PX;
-  for (const label of document.querySelectorAll<HTMLElement>('.sign-label')) {
+  for (const label of document.querySelectorAll<HTMLElement>(ARROW_LABEL)) {
     const picture = label.parentElement!.getBoundingClientRect();
     const spot = { x: tap.x - picture.left, y: tap.y - picture.top };
     for (const line of drawnLines.get(label) ?? []) {
