@@ -9,17 +9,30 @@ const ROOMS: Readonly<Record<string, readonly string[]>> = {
   auth: ['browser', 'relay'],
   twin: [],
   stream: ['auth', 'twin'],
+  past: ['auth', 'browser', 'relay', 'twin'],
   model: ['auth', 'twin'],
   overlays: ['browser', 'model', 'twin'],
   view: ['browser', 'model', 'overlays', 'twin'],
   urdf: ['model'],
   canvas2d: ['browser', 'model', 'overlays', 'twin', 'view'],
   three: ['browser', 'model', 'overlays', 'twin', 'urdf', 'view'],
-  app: ['auth', 'browser', 'canvas2d', 'model', 'relay', 'stream', 'three', 'twin', 'urdf', 'view'],
+  app: ['auth', 'browser', 'canvas2d', 'model', 'past', 'relay', 'stream', 'three', 'twin', 'urdf', 'view'],
 };
 
 /** Rooms that nothing of three.js or React reaches, over however many files. */
-const PLAIN = ['browser', 'relay', 'auth', 'twin', 'stream', 'model', 'overlays', 'view', 'urdf', 'canvas2d'];
+const PLAIN = [
+  'browser',
+  'relay',
+  'auth',
+  'twin',
+  'stream',
+  'past',
+  'model',
+  'overlays',
+  'view',
+  'urdf',
+  'canvas2d',
+];
 
 /** Lies among three.js's addons, and imports nothing. */
 const DECODER = 'three/addons/libs/meshopt_decoder.module.js';

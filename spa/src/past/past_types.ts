@@ -1,0 +1,107 @@
+import type { EventMessage, RobotStatus, Schema } from '@posecast/wire';
+
+/**
+ * What crosses between the past of a robot and the page. Moments are unix ms by the relay's clock, with fractions.
+ */
+
+/** How fast the past is played; 1: as it was. */
+export const SPEEDS = [0.25, 0.5, 1, 2, 4] as const;
+export type Speed = (typeof SPEEDS)[number];
+
+/** A decoded frame of then. */
+export interface PastState {
+  readonly schemaId: number;
+  readonly seq: number;
+  /** Robot time, seconds. */
+  readonly tS: number;
+  readonly codes: Int32Array;
+  /** When the relay accepted it. */
+  readonly atMs: number;
+  /** How late it was when the relay accepted it, ms. */
+  readonly lateMs: number;
+}
+
+/** Who is told what was then, in the order in which the relay accepted it. */
+export interface PastSink {
+  /** What was shown before does not lead up to what comes. */
+  jump(): void;
+  schema(schema: Schema): void;
+  model(sha256: string | null): void;
+  info(kv: ReadonlyMap<string, string>): void;
+  event(event: EventMessage): void;
+  word(word: RobotStatus): void;
+  state(state: PastState): void;
+  /** The minute before the newest jump's moment, ten states a second at most, oldest first: for plots. */
+  fill(schema: Schema, states: readonly PastState[]): void;
+}
+
+/**
+ * Something that the person has to be told about what is shown. `loading`: it is on its way. `resumed`: its moment left
+ * the window, so it goes on at the oldest. `not-kept`: the moment that a link names is not kept, and the nearest is shown.
+ * `damaged`: a part did not arrive as it was recorded, and was passed over. `away`: the relay does not answer, so only what
+ * the page has can be shown.
+ */
+export type PastNote = 'loading' | 'resumed' | 'not-kept' | 'damaged' | 'away';
+
+/** Where the page is in time. Every change makes a new object. */
+export interface Playhead {
+  readonly at: 'live' | 'past';
+  /** The moment that is shown; in `live` the newest that is known. */
+  readonly momentMs: number;
+  readonly playing: boolean;
+  readonly speed: Speed;
+  /** The span that is played again and again. */
+  readonly loop: Span | null;
+  readonly note: PastNote | null;
+}
+
+export interface Span {
+  readonly fromMs: number;
+  readonly toMs: number;
+}
+
+/** Something that began at a moment. */
+export interface Mark {
+  readonly atMs: number;
+  readonly level: 'fault' | 'caution';
+  readonly source: string;
+  readonly text: string;
+  /** Whether the moment is exact; else it is that of a minute in which as much is known to have begun. */
+  readonly exact: boolean;
+}
+
+/** What a time line draws, oldest first. Every change makes a new object. */
+export interface Timeline extends Span {
+  /** How much moved. Between the spans nothing was recorded. */
+  readonly movement: readonly (Span & { readonly bytesPerS: number })[];
+  /** When the robot was STALE (`silent`) or OFFLINE. */
+  readonly words: readonly (Span & { readonly word: 'silent' | 'offline' })[];
+  readonly marks: readonly Mark[];
+}
+
+/** What somebody can do with a robot's past. */
+export interface PastControls {
+  readonly playhead: Playhead;
+  /** null while nothing is known, and where there is no past that this page may see. */
+  readonly timeline: Timeline | null;
+  /** Adds a listener for `playhead` and `timeline`, which is called ten times a second at most while playing. Returns a
+   *  function that removes it. */
+  readonly onChange: (listener: () => void) => () => void;
+  /** Somebody looks at the time line, so what a drag needs is fetched. */
+  attend(): void;
+  /** Shows a moment. From live it plays on from there; in the past it plays or rests as before. `scrubbing`: a finger is
+   *  down, and a pose of the same seconds is near enough until `settle`. */
+  seek(momentMs: number, scrubbing?: boolean): void;
+  /** The finger is up: shows the exact moment of the last `seek`. */
+  settle(): void;
+  /** Plays or pauses. In live it pauses at the newest moment. */
+  toggle(): void;
+  setSpeed(speed: Speed): void;
+  skip(byMs: number): void;
+  /** Shows the next or the previous frame, and pauses. */
+  step(by: 1 | -1): void;
+  setLoop(span: Span | null): void;
+  /** Goes to two seconds before the next or the previous fault. */
+  visitFault(by: 1 | -1): void;
+  goLive(): void;
+}
