@@ -67,3 +67,11 @@ export const RobotFigure = () => (
     </g>
   </svg>
 );
+
+/** The shape of the past: an arrow back in a circle. */
+export const PastIcon = () => (
+  <Icon>
+    <circle cx="12" cy="12" r="9" />
+    <path d="M16.5 12H8M11.4 8.4L7.8 12l3.6 3.6" />
+  </Icon>
+);

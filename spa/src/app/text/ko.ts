@@ -2,6 +2,7 @@ import type { Text } from './en.ts';
 import type { More } from './more_en.ts';
 
 export { accountKo } from './account_ko.ts';
+export { pastKo } from './past_ko.ts';
 export { presentKo } from './present_ko.ts';
 
 /** The Korean sentences of `en.ts`. */

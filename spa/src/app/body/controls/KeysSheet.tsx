@@ -1,5 +1,7 @@
+import { PAST_KEYS } from '../../past/past_keys.ts';
 import { Dialog } from '../../shell/Dialog.tsx';
 import { useMore } from '../../text/more.ts';
+import { usePastText } from '../../text/past.ts';
 import { usePresentText } from '../../text/present.ts';
 import { CameraKeys } from './CameraKeys.tsx';
 
@@ -7,6 +9,7 @@ import { CameraKeys } from './CameraKeys.tsx';
 export function KeysSheet({ onClose }: { onClose: () => void }) {
   const rest = useMore();
   const { keyPresent } = usePresentText();
+  const past = usePastText();
   const ofPage = [
     ['T', rest.keyNumbers],
     ['F', rest.keyFullscreen],
@@ -26,6 +29,17 @@ export function KeysSheet({ onClose }: { onClose: () => void }) {
             <div key={key}>
               <dt>{key}</dt>
               <dd>{does}</dd>
+            </div>
+          ))}
+        </dl>
+      </section>
+      <section className="keys" aria-label={past.keysOfPast}>
+        <h3 className="quiet">{past.keysOfPast}</h3>
+        <dl>
+          {PAST_KEYS.map(([key, does]) => (
+            <div key={key}>
+              <dt>{key}</dt>
+              <dd>{past[does]}</dd>
             </div>
           ))}
         </dl>

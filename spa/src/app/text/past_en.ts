@@ -1,0 +1,54 @@
+/** The English sentences about a robot's past. */
+export const pastEn = {
+  // ---- the time line
+  timeLine: 'Time line',
+  live: 'Live',
+  toLive: 'Back to live (End on the time line)',
+  date: (month: string, day: number, year: number | null) =>
+    year === null ? `${day} ${month}` : `${day} ${month} ${year}`,
+  seconds: (count: number) => `${count} s`,
+  days: (count: number) => `${count} days`,
+  ago: (span: string) => `${span} ago`,
+  playingAt: (speed: string) => `playing at ${speed}`,
+  paused: 'paused',
+  notRecorded: 'not recorded',
+  andMore: (what: string, more: number) => `${what} and ${more} more`,
+  within: (what: string) => `${what}, within this minute`,
+
+  // ---- what plays it
+  play: 'Play (Space)',
+  pause: 'Pause (Space)',
+  previousFault: 'Previous fault (B)',
+  nextFault: 'Next fault (N)',
+  tenBack: 'Back 10 s (J)',
+  tenOn: 'On 10 s (L)',
+  frameBack: 'One frame back (,)',
+  frameOn: 'One frame on (.)',
+  speed: 'Speed',
+  loopFrom: 'Repeat from here (O)',
+  loopTo: 'Repeat up to here (O)',
+  loopOff: 'End repeating (O)',
+  minutes: (count: number) => `${count} min`,
+  showLast: (span: string) => `Show the last ${span}`,
+
+  // ---- what has to be told
+  notes: {
+    loading: 'Loading',
+    resumed: 'That moment is no longer kept; it goes on at the oldest there is.',
+    'not-kept': 'That moment is not kept; this is the nearest there is.',
+    damaged: 'A part did not arrive as it was recorded, and was passed over.',
+    away: 'The relay does not answer; only what this page has can be shown.',
+  },
+
+  // ---- keyboard shortcuts
+  keysOfPast: 'The past, where a robot has one',
+  keyPlay: 'play, pause',
+  keyFrame: 'one frame back, on',
+  keyTen: '10 s back, on',
+  keyFault: 'previous, next fault',
+  keySpeed: 'slower, faster',
+  keyLoop: 'repeat from here, up to here, no longer',
+  keyOnLine: 'on the time line: 1 s; with Shift 10 s',
+  keyMinute: 'on the time line: 1 min',
+  keyEnds: 'on the time line: the oldest, live',
+};
