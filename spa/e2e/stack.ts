@@ -39,6 +39,8 @@ export interface RelayOptions {
   readonly origins?: string;
   /** A robot's share of it: frames a second in a view. */
   readonly viewFrames?: number;
+  /** Where it keeps the past; '0': nowhere. */
+  readonly past?: string;
   /** One that breaks a promise (`tests/faults/broken_relay.py`). */
   readonly breaks?: string;
 }
@@ -186,6 +188,7 @@ export class Stack {
       ...(options.mirror === undefined ? [] : ['--firebase-database', options.mirror]),
       ...(options.accounts === undefined ? [] : ['--firebase-project', options.accounts.project]),
       ...(options.origins === undefined ? [] : ['--origins', options.origins]),
+      ...(options.past === undefined ? [] : ['--past', options.past]),
       ...(options.viewFrames === undefined ? [] : ['--max-view-frames', String(options.viewFrames)]),
     ];
     const { accounts } = options;

@@ -24,6 +24,8 @@ const ROUNDING_MS = 100;
 /** From picture to picture, at most; what the page's machine took longer is no fault of the page's, for so long. */
 const PICTURE_MS = 100;
 const CATCHING_UP_MS = 5000;
+/** A first pose of its segment stands for a moment until the segment is here. */
+const A_SEGMENT_MS = 6000 + ON_ITS_WAY_MS;
 
 const joint = (name: string) => `
   <link name="${name}"><visual><geometry><box size="0.1 0.1 0.5"/></geometry></visual></link>
@@ -35,7 +37,7 @@ const URDF = `<robot name="clock">
   ${joint('RKN')}${joint('LKN')}
 </robot>`;
 
-/** What was to be seen after a picture: the chip's word, and the two joints by body and by table. */
+/** What was to be seen after a picture: the chip's word, the two joints by body and by table, and the moment of the past. */
 type Seen = readonly [atMs: number, word: string, ...joints: (number | null)[]];
 
 /** Runs before the page's own scripts: notes what is to be seen after each picture. */
@@ -50,7 +52,7 @@ export const WITNESS = `(() => {
   const note = () => {
     const links = window.posecast?.scene?.linkPoses?.() ?? {};
     const word = document.querySelector('[data-testid="liveness"]')?.dataset.state ?? '';
-    seen.push([Date.now(), word, angle(links.RKN), angle(links.LKN), cell('RKN'), cell('LKN')]);
+    seen.push([Date.now(), word, angle(links.RKN), angle(links.LKN), cell('RKN'), cell('LKN'), window.posecast?.twin?.moment_ms ?? null]);
   };
   const look = () => {
     setTimeout(note); // when all that this picture changes is changed
@@ -95,6 +97,12 @@ export class ClockRobot {
       heldUp.look(atMs);
       if (!isClaim(word) && word !== '' && isClaim(before)) otherwiseMs = atMs;
       before = word;
+      const momentMs = joints[4] ?? null;
+      if (word === 'PAST' || momentMs !== null) {
+        const offMs = offPast(word, momentMs, toldMs(joints[0] ?? null, joints[1] ?? null, momentMs ?? atMs));
+        if (offMs > heldUp.ms + A_SEGMENT_MS) worst.set(`body: ${word} of another moment`, offMs);
+        continue;
+      }
       if (!isClaim(word)) continue;
       for (const [where, sine, cosine] of [
         ['body', joints[0], joints[1]],
@@ -156,6 +164,12 @@ class HeldUp {
 
 function isClaim(word: string): boolean {
   return word === 'LIVE' || word === 'HOLDING';
+}
+
+/** How far the pose is from the moment that is named; not at all is for a past without its name, or a name without its word. */
+function offPast(word: string, momentMs: number | null, poseMs: number | null): number {
+  if (word !== 'PAST' || momentMs === null) return Number.POSITIVE_INFINITY;
+  return poseMs === null ? 0 : Math.abs(poseMs - momentMs);
 }
 
 /** When the hand was there: of all rounds, the moment nearest to now. */

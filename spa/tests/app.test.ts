@@ -179,6 +179,7 @@ describe('words', () => {
     overShare: false,
     ageMs: 3200,
     linkMs: 400,
+    past: null,
     unchangedMs: 12_000,
     ...changed,
   });

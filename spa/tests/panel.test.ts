@@ -54,7 +54,12 @@ function Page({ link }: { link: RobotLink }) {
 /** The numbers of a robot that says what the test wants, on a page without any relay. */
 async function panel(twin = new RobotTwin('small', 0)) {
   twin.acceptSchema(SCHEMA);
-  const link = { twin, faults: new FaultKeeper(twin), past: new HistoryKeeper(twin) } as RobotLink;
+  const link = {
+    twin,
+    faults: new FaultKeeper(twin, Date.now),
+    minute: new HistoryKeeper(twin),
+    nowMs: Date.now,
+  } as RobotLink;
   const host = document.createElement('div');
   document.body.append(host);
   const made = createRoot(host);

@@ -42,6 +42,8 @@ export class StreamClient {
   readonly #worker: Worker;
   readonly #listeners = new Set<() => void>();
   readonly #leave = new AbortController();
+  #seen = true;
+  #resting = false;
 
   constructor(twin: RobotTwin, url: string, hz: number) {
     this.#twin = twin;
@@ -55,12 +57,12 @@ export class StreamClient {
     };
     for (const message of messages) this.#accept(message);
     const visibility = new PageVisibility((seen) => {
-      this.#tell({ kind: 'visible', visible: seen });
-      twin.acceptWatching(seen, nowMs());
+      this.#seen = seen;
+      this.#watch();
       if (seen) this.wake();
     });
-    this.#tell({ kind: 'visible', visible: visibility.visible });
-    twin.acceptWatching(visibility.visible, nowMs());
+    this.#seen = visibility.visible;
+    this.#watch();
     const { signal } = this.#leave;
     const wake = () => this.wake();
     signal.addEventListener('abort', () => visibility.close());
@@ -80,6 +82,19 @@ export class StreamClient {
   /** Reconnects now instead of waiting for the next retry. */
   wake(): void {
     this.#tell({ kind: 'wake', sleptMs: countSleep() });
+  }
+
+  /** Asks for status and events alone while nobody looks at what comes, or for poses again. */
+  rest(resting: boolean): void {
+    if (this.#resting === resting) return;
+    this.#resting = resting;
+    this.#watch();
+  }
+
+  #watch(): void {
+    const visible = this.#seen && !this.#resting;
+    this.#tell({ kind: 'visible', visible });
+    this.#twin.acceptWatching(visible, nowMs());
   }
 
   /** Asks for the full frame rate again after the relay or a slow network lowered it. */

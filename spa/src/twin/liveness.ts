@@ -5,7 +5,8 @@
  * from the relay's `status`, and from frames that are newer than the newest frame named in that status.
  */
 
-export type Word = 'LIVE' | 'HOLDING' | 'STALE' | 'OFFLINE';
+/** PAST: what is shown is from then, and nothing is said of now. */
+export type Word = 'LIVE' | 'HOLDING' | 'STALE' | 'OFFLINE' | 'PAST';
 export type Cause = 'robot silent' | 'no connection' | 'relay degraded';
 
 export const STALE_AFTER_MS = 1500;
@@ -53,6 +54,14 @@ export interface Evidence {
   otherwiseMs: number | null;
 }
 
+/** What is shown in PAST. */
+export interface PastMoment {
+  /** Unix ms by the relay's clock. */
+  readonly momentMs: number;
+  /** What the robot was then, unless its poses were new. */
+  readonly was: 'STALE' | 'OFFLINE' | null;
+}
+
 export interface Verdict {
   /** null only in the first moments, before anything can be known: on opening, and until a pose has come. */
   word: Word | null;
@@ -65,6 +74,8 @@ export interface Verdict {
   linkMs: number | null;
   /** How long the pose has not changed; null when that is not known. */
   unchangedMs: number | null;
+  /** null unless the word is PAST. */
+  past: PastMoment | null;
 }
 
 /** The age of the robot's newest pose by status or frames, whichever says less; null when neither is known. */
@@ -86,6 +97,11 @@ export function isClaim(word: Word | null): word is 'LIVE' | 'HOLDING' {
   return word === 'LIVE' || word === 'HOLDING';
 }
 
+/** Whether the shown pose was no longer the robot's own at the time that is shown. */
+export function isOld({ word, past }: Pick<Verdict, 'word' | 'past'>): boolean {
+  return word === 'PAST' ? past?.was != null : !isClaim(word);
+}
+
 /** Whether the relay is heard, so that what its status says about the robot holds now. */
 function isHeard(word: Word | null, cause: Cause | null): boolean {
   return word !== null && word !== 'OFFLINE' && cause !== 'no connection';
@@ -104,6 +120,7 @@ export function judge(evidence: Evidence, nowMs: number): Verdict {
     ageMs: shownAgeMs,
     linkMs,
     unchangedMs,
+    past: null,
   });
 
   if (!evidence.connected || status === null || linkMs === null || linkMs >= QUIET_AFTER_MS) {

@@ -182,6 +182,12 @@ export class RobotTwin {
     this.#changed();
   }
 
+  /** Forgets the events: what comes next is of another time. */
+  forgetEvents(): void {
+    this.events = [];
+    this.#changed();
+  }
+
   acceptInfo(info: ReadonlyMap<string, string>): void {
     this.info = info;
     this.#changed();

@@ -42,13 +42,13 @@ type Model =
   | { phase: 'shown'; report: ModelReport }
   | { phase: 'failed'; why: string; coming: boolean };
 
-/** The robot's body with its notes and tools. The renderer is a separate chunk that this component loads; if that fails,
+/** The robot's body with its notes and tools, as `link` says it is or was. The page's address follows `live`. The renderer is a separate chunk that this component loads; if that fails,
  *  one line says so and the numbers still work. */
-export function Body({ link }: { link: RobotLink }) {
+export function Body({ link, live = link }: { link: RobotLink; live?: RobotLink }) {
   const host = useRef<HTMLDivElement>(null);
   const { view, trouble, why, coming, choose } = useBodyView(host, usePlayed(link));
   useCameraControls(host, view, link.twin);
-  useViewAddress(view, link);
+  useViewAddress(view, live);
   const signs = useSigns(view, link);
   const model = useModel(view, link);
   const text = useText();
@@ -110,12 +110,29 @@ function TryNow() {
   );
 }
 
-/** What a new view is prepared with: it plays the robot's motion. */
+/** What a new view is prepared with: it plays the robot's motion. Another link is played in the same view. */
 function usePlayed(link: RobotLink) {
+  const now = useRef(link);
+  const play = useRef<(() => void) | null>(null);
+  useEffect(() => {
+    if (now.current === link) return;
+    now.current = link;
+    play.current?.();
+  }, [link]);
   return useCallback(async () => {
     const { bindBody } = await BODY_LINK.load(); // the code of the view loads at the same time
-    return (view: RowView) => bindBody(view, link);
-  }, [link]);
+    return (view: RowView) => {
+      let stop = bindBody(view, now.current);
+      play.current = () => {
+        stop();
+        stop = bindBody(view, now.current);
+      };
+      return () => {
+        play.current = null;
+        stop();
+      };
+    };
+  }, []);
 }
 
 /** Keeps the page's address in step with the view; the code for it is loaded with the body. */
@@ -164,7 +181,6 @@ function useModel(scene: BodyView | null, link: RobotLink): Model {
     }
     let left = false;
     setModel({ phase: 'loading', received: 0, total: 0 });
-    link.twin.acceptTree(null); // the tree of the model before
     const progress = (received: number, total: number) => {
       if (!left) setModel({ phase: 'loading', received, total });
     };
@@ -178,7 +194,6 @@ function useModel(scene: BodyView | null, link: RobotLink): Model {
           setModel({ phase: 'failed', why, coming: report.passing === true });
           return;
         }
-        link.twin.acceptTree(scene.tree());
         setModel({ phase: 'shown', report });
       },
     );
@@ -186,7 +201,10 @@ function useModel(scene: BodyView | null, link: RobotLink): Model {
       left = true;
       stop();
     };
-  }, [scene, robot, modelHash, link]);
+  }, [scene, robot, modelHash]);
+  useEffect(() => {
+    link.twin.acceptTree(model.phase === 'shown' ? (scene?.tree() ?? null) : null);
+  }, [scene, model, link]);
   return model;
 }
 

@@ -1,7 +1,6 @@
 import '../numbers/plots/plots.css';
 import './self_plots.css';
 import { useEffect, useRef, useState } from 'react';
-import { nowMs } from '../../stream/clock.ts';
 import { arrangeTraces, TRACES_A_PAGE } from '../../twin/plots/choice.ts';
 import type { Trace } from '../../twin/plots/trace.ts';
 import { refreshWith } from '../numbers/grid/refresh.ts';
@@ -24,7 +23,7 @@ export function SelfPlots({ link }: { link: RobotLink }) {
   const theme = useTheme();
   const { angle } = useSettings();
   const text = useMore();
-  const { history } = link.past;
+  const { history } = link.minute;
   const pages = Math.max(1, Math.ceil(traces.length / TRACES_A_PAGE));
   const shown = Math.min(page, pages - 1);
   const first = shown * TRACES_A_PAGE;
@@ -39,7 +38,7 @@ export function SelfPlots({ link }: { link: RobotLink }) {
       remove: null,
       zoomed: null,
     });
-    const stop = refreshWith(link.twin, () => stack.write(history, nowMs()), [], SLIDES_EVERY_MS);
+    const stop = refreshWith(link.twin, () => stack.write(history, link.nowMs()), [], SLIDES_EVERY_MS);
     return () => {
       stop();
       stack.dispose();
@@ -90,14 +89,14 @@ export function SelfPlots({ link }: { link: RobotLink }) {
 function useArrangedTraces(link: RobotLink): readonly Trace[] {
   useVersion(link);
   const { schema } = link.twin;
-  const { history } = link.past;
+  const { history } = link.minute;
   const [traces, setTraces] = useState<readonly Trace[]>([]);
   useEffect(() => {
     if (schema === null) return;
-    const arrange = () => setTraces(arrangeTraces(history, nowMs()));
+    const arrange = () => setTraces(arrangeTraces(history, link.nowMs()));
     arrange();
     const again = setTimeout(arrange, CHOSEN_AGAIN_MS);
     return () => clearTimeout(again);
-  }, [history, schema]);
+  }, [history, schema, link]);
   return traces;
 }

@@ -1,37 +1,45 @@
+import { isOld } from '../../twin/liveness.ts';
 import { Player } from '../../twin/playback/player.ts';
 import type { BodyView } from '../../view/body_view.ts';
 import type { RobotLink } from '../state/robot_link.ts';
 import { onSettings, settings } from '../state/settings.ts';
 
-/** Shows the robot's poses in a view as they arrive, outside React. The view is grey unless the robot is LIVE or HOLDING.
- *  Returns a function that stops it. */
+/** Shows the robot's poses in a view as they arrive, outside React. The view is grey while the robot is, or was, STALE or
+ *  OFFLINE. Returns a function that stops it. */
 export function bindBody(
   scene: Pick<BodyView, 'play' | 'wake' | 'setGrey'>,
-  { twin, watch }: RobotLink,
+  { twin, watch, nowMs, resting }: RobotLink,
 ): () => void {
   let player: Player | null = null;
   let playedSchema = twin.schema;
   let continuous: readonly string[] = [];
 
-  const live = () => watch.word === 'LIVE' || watch.word === 'HOLDING';
+  let raw = false;
+
+  const smooth = (played: Player) => {
+    const before = raw;
+    raw = !settings().smooth || resting();
+    played.raw = raw;
+    return raw !== before;
+  };
   const take = () => {
     const { schema, state } = twin;
     if (schema === null || state === null) return;
     if (player === null || schema !== playedSchema) {
       player = new Player(schema);
-      player.raw = !settings().smooth;
       player.setContinuous(continuous);
       playedSchema = schema;
     }
-    if (player.push(state)) scene.wake();
+    const otherwise = smooth(player);
+    if (player.push(state) || otherwise) scene.wake();
   };
   const chosen = () => {
-    if (player !== null) player.raw = !settings().smooth;
+    if (player !== null) smooth(player);
     scene.wake();
   };
-  const grey = () => scene.setGrey(!live());
+  const grey = () => scene.setGrey(isOld(watch.verdict()));
   scene.play({
-    sample: (nowMs) => player?.sample(nowMs) ?? false,
+    sample: () => player?.sample(nowMs()) ?? false,
     pose: () => player?.pose(settings().shown) ?? null,
     setContinuous: (joints) => {
       continuous = joints;

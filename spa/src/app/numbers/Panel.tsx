@@ -1,7 +1,6 @@
 import { type KeyboardEvent, Suspense, useEffect, useRef } from 'react';
 import { firstPaint } from '../../browser/first_paint.ts';
 import { LatePart } from '../../browser/late_part.ts';
-import { nowMs } from '../../stream/clock.ts';
 import { late, lateAfterBody } from '../shell/late.tsx';
 import { ROOM_FOR_BOTH, useMedia } from '../shell/media.ts';
 import { type RobotLink, useVersion } from '../state/robot_link.ts';
@@ -131,11 +130,14 @@ function JointNumbers({ link }: { link: RobotLink }) {
     if (host.current === null) return;
     host.current.replaceChildren(createElement('p', 'note late', say().noNumbersYet));
     const sources: TableSources = {
-      faults: link.faults.log,
-      readings: link.past.readings,
+      get faults() {
+        return link.faults.log;
+      },
+      readings: link.minute.readings,
+      nowMs: link.nowMs,
     };
     const view = new JointView(host.current, link.twin, sources);
-    const write = () => view.write(nowMs());
+    const write = () => view.write(link.nowMs());
     let left = false;
     // Until then they stand in one list, their names cut at the end.
     void ARRANGEMENT.load().then(({ titledLimbs, NameColumn }) => {

@@ -1,5 +1,4 @@
 import { useEffect, useRef, useState } from 'react';
-import { nowMs } from '../../stream/clock.ts';
 import { displayOf, formatNumber } from '../../twin/format.ts';
 import { isolated } from '../../twin/names.ts';
 import { arrangeTraces } from '../../twin/plots/choice.ts';
@@ -75,17 +74,17 @@ export function NumbersCard({ link, why }: { link: RobotLink; why: string | null
 /** How the robot's values are read that moved most; the same for as long as its schema. */
 function useReadings(link: RobotLink): readonly TraceReading[] {
   const { schema } = link.twin;
-  const { history } = link.past;
+  const { history } = link.minute;
   const [readings, setReadings] = useState<readonly TraceReading[]>([]);
   useEffect(() => {
     if (schema === null) return;
     const choose = () => {
-      const traces = arrangeTraces(history, nowMs()).slice(0, MOST_VALUES);
+      const traces = arrangeTraces(history, link.nowMs()).slice(0, MOST_VALUES);
       setReadings(traces.flatMap((trace) => traceReading(schema, trace) ?? []));
     };
     choose();
     const again = setTimeout(choose, CHOSEN_AGAIN_MS);
     return () => clearTimeout(again);
-  }, [history, schema]);
+  }, [history, schema, link]);
   return readings;
 }

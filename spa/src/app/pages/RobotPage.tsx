@@ -2,10 +2,11 @@ import { Suspense, useEffect, useLayoutEffect, useRef, useState } from 'react';
 import { Body } from '../body/Body.tsx';
 import { loadPanel } from '../numbers/load_panel.ts';
 import type { Tab } from '../numbers/Panel.tsx';
+import { usePast, useShown } from '../past/use_past.ts';
 import { showLink } from '../shell/debug_api.ts';
 import { useFullscreen } from '../shell/fullscreen.ts';
 import { BackIcon, FullscreenIcon, IconButton, PanelIcon, SettingsIcon, ShareIcon } from '../shell/icons.tsx';
-import { late, lateAfterBody } from '../shell/late.tsx';
+import { late, lateAfterBody, onDemand } from '../shell/late.tsx';
 import { SIDE_BY_SIDE, useMedia } from '../shell/media.ts';
 import { heightPx, type SheetHeight } from '../shell/sheet_heights.ts';
 import { followPresentLinks, present, usePresenting } from '../state/presenting.ts';
@@ -22,6 +23,7 @@ const Announcer = lateAfterBody(async () => (await import('../status/Announcer.t
 const Explanations = lateAfterBody(async () => (await import('../explain/Explanations.tsx')).Explanations);
 const ShareSheet = late(async () => (await import('../share/ShareSheet.tsx')).ShareSheet);
 const Presentation = late(async () => (await import('../present/Presentation.tsx')).Presentation);
+const TimeLine = late(async () => (await import('../past/TimeLine.tsx')).TimeLine, onDemand);
 const KeysSheet = late(async () => (await import('../body/controls/KeysSheet.tsx')).KeysSheet);
 
 const PANEL_LEAST_PX = 320;
@@ -31,19 +33,22 @@ const RAISE_MS = 400;
 
 export function RobotPage({ robot, onSettings }: { robot: string; onSettings: (link: RobotLink) => void }) {
   const link = useRobotLink(robot);
+  return link === null ? null : <Loaded live={link} onSettings={() => onSettings(link)} />;
+}
+
+function Loaded({ live, onSettings }: { live: RobotLink; onSettings: () => void }) {
+  const past = usePast(live);
+  const link = useShown(live, past);
   useEffect(() => {
     showLink(link);
     return () => showLink(null);
   }, [link]);
-  useEffect(() => {
-    document.title = `${robot} · Posecast`;
-  }, [robot]);
-  return link === null ? null : <Loaded link={link} onSettings={() => onSettings(link)} />;
-}
-
-function Loaded({ link, onSettings }: { link: RobotLink; onSettings: () => void }) {
   const text = useText();
   const word = useWord(link);
+  const { robot } = live.twin;
+  useEffect(() => {
+    document.title = `${word === 'PAST' ? 'PAST · ' : ''}${robot} · Posecast`;
+  }, [robot, word]);
   const { panelOpen } = useSettings();
   const page = useRef<HTMLDivElement>(null);
   useVersion(link);
@@ -113,7 +118,12 @@ function Loaded({ link, onSettings }: { link: RobotLink; onSettings: () => void 
           <SettingsIcon />
         </IconButton>
       </header>
-      <Split link={link} alone={presented || fullscreen === 'page'} />
+      <Split link={link} live={live} alone={presented || fullscreen === 'page'} />
+      {past !== null && !presented && (
+        <Suspense fallback={null}>
+          <TimeLine controls={past.controls} live={live} />
+        </Suspense>
+      )}
       <Suspense fallback={null}>
         <Announcer link={link} />
         <Explanations link={link} />
@@ -130,7 +140,7 @@ function Loaded({ link, onSettings }: { link: RobotLink; onSettings: () => void 
 }
 
 /** Body first, numbers beside it; on a phone held upright the numbers are a sheet over the body. `alone`: no numbers. */
-function Split({ link, alone }: { link: RobotLink; alone: boolean }) {
+function Split({ link, live, alone }: { link: RobotLink; live: RobotLink; alone: boolean }) {
   const sideBySide = useMedia(SIDE_BY_SIDE);
   const { panelOpen, panelPx } = useSettings();
   const room = useRef<HTMLDivElement>(null);
@@ -169,7 +179,7 @@ function Split({ link, alone }: { link: RobotLink; alone: boolean }) {
   return (
     <main className={sideBySide ? 'split' : 'split stacked'} ref={room}>
       <div className="split-body" style={sideBySide || alone ? undefined : { bottom: `${coveredPx - 12}px` }}>
-        <Body link={link} />
+        <Body link={link} live={live} />
       </div>
       {sideBySide && panelOpen && !alone && (
         <>

@@ -1,8 +1,10 @@
 import type { EyePlace } from '../../view/body_view.ts';
 import type { Settings } from '../state/settings.ts';
 
-/** The parts of a shared link that are no settings: `#/r/demo?shown=both&joint=RKN&eye=2.1,0.4,1.2,0,0,0.6`. */
+/** The parts of a shared link that are no settings: `#/r/demo?t=2026-11-22T14:02:07.250Z&joint=RKN&eye=2.1,0.4,1.2,0,0,0.6`. */
 export interface SharedView {
+  /** The moment of the past, unix ms by the relay's clock; null: the present. */
+  readonly momentMs: number | null;
   /** The selected joint; null: none. */
   readonly joint: string | null;
   /** The camera, metres from the floor under the robot's middle; null: the first view. In a link: position x,y,z, then
@@ -22,17 +24,18 @@ export const USUAL = {
 const FARTHEST_M = 1000;
 
 /** Reads the view from the query of an address. Missing and invalid parts are null. */
-export function readShared(query: URLSearchParams): SharedView {
+export function readShared(query: URLSearchParams): Pick<SharedView, 'joint' | 'eye'> {
   const joint = query.get('joint');
   // cut by code points: half of a surrogate pair can't be written into an address
   const named = joint ? [...joint].slice(0, 200).join('') : null;
   return { joint: named, eye: eyeOf(query.get('eye')) };
 }
 
-/** The query of an address, with its `?`, that names the settings other than `USUAL`, the joint and the camera (in cm
+/** The query of an address, with its `?`, that names the moment, the settings other than `USUAL`, the joint and the camera (in cm
  *  precision); empty if there is nothing to name. */
 export function sharedQuery(chosen: Pick<Settings, keyof typeof USUAL>, view: SharedView): string {
   const parts: string[] = [];
+  if (view.momentMs !== null) parts.push(`t=${new Date(view.momentMs).toISOString()}`);
   for (const key of Object.keys(USUAL) as (keyof typeof USUAL)[]) {
     if (chosen[key] !== USUAL[key]) parts.push(`${key}=${chosen[key]}`);
   }

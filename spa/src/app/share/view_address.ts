@@ -1,4 +1,5 @@
 import type { BodyView } from '../../view/body_view.ts';
+import { shownMoment } from '../state/moment.ts';
 import { presenting } from '../state/presenting.ts';
 import type { RobotLink } from '../state/robot_link.ts';
 import { selection, selectJoint } from '../state/selection.ts';
@@ -35,12 +36,23 @@ export function bindAddress(view: BodyView, { twin }: RobotLink): () => void {
 
   let before = '';
   let known = window.location.hash;
+  let stood: number | null = null;
   const write = () => {
+    const moment = shownMoment.get();
+    if (moment !== null && moment !== stood) {
+      stood = moment; // while it moves the address stays as it is
+      return;
+    }
+    stood = moment;
     const { hash } = window.location;
     const isNew = hash !== known; // another link, of which `take` may still have to hear
     known = hash;
     if (isNew || wanted !== null) return;
-    const shared = sharedQuery(settings(), { joint: selection()?.joint ?? null, eye: view.stand });
+    const shared = sharedQuery(settings(), {
+      joint: selection()?.joint ?? null,
+      eye: view.stand,
+      momentMs: moment,
+    });
     const query = presenting() ? `${shared === '' ? '?' : `${shared}&`}present` : shared;
     const resting = query === before; // written only when nothing has changed since the last check
     before = query;

@@ -17,6 +17,8 @@ interface DebugApi {
     readonly t_s: number | null;
     readonly liveness: string | null;
     readonly cause: string | null;
+    /** The moment of the past that is shown, unix ms by the relay's clock; null while it is the present. */
+    readonly moment_ms: number | null;
     value(field: string, label: string): number | null | undefined;
   } | null;
   readonly link: {
@@ -73,6 +75,9 @@ export function installDebugApi(): void {
         },
         get cause() {
           return watch.verdict().cause;
+        },
+        get moment_ms() {
+          return watch.verdict().past?.momentMs ?? null;
         },
         value: (field: string, label: string) => twin.value(field, label),
       };

@@ -5,18 +5,32 @@ import type { RobotTwin } from '../../twin/robot.ts';
 
 /** Collects one robot's faults while its page is open. Acknowledgements are kept in the browser's storage. */
 export class FaultKeeper {
-  readonly log: FaultLog;
+  #log: FaultLog;
   readonly #twin: RobotTwin;
-  readonly #key: string;
+  readonly #nowMs: () => number;
+  readonly #key: string | null;
   readonly #listeners = new Set<() => void>();
   readonly #leave: readonly (() => void)[];
   #list: readonly Fault[] | null = null;
 
-  constructor(twin: RobotTwin) {
+  /** @param nowMs is the time of the states that the robot shows. @param kept says whether acknowledgements are. */
+  constructor(twin: RobotTwin, nowMs: () => number, kept = true) {
     this.#twin = twin;
-    this.#key = `posecast.acknowledged.${twin.robot}`;
-    this.log = new FaultLog(readAcknowledged(readStored(this.#key)));
+    this.#nowMs = nowMs;
+    this.#key = kept ? `posecast.acknowledged.${twin.robot}` : null;
+    this.#log = new FaultLog(this.#key === null ? undefined : readAcknowledged(readStored(this.#key)));
     this.#leave = [twin.onState(() => this.#frame()), twin.onChange(() => this.#events())];
+  }
+
+  get log(): FaultLog {
+    return this.#log;
+  }
+
+  /** Forgets all faults: what comes next is of another time. */
+  begin(): void {
+    this.#log = new FaultLog();
+    this.#list = null;
+    for (const listener of this.#listeners) listener();
   }
 
   /** All faults; null until a frame or a fault event has come, because until then it is not known whether there are
@@ -46,18 +60,18 @@ export class FaultKeeper {
     const joints = this.#twin.joints();
     if (joints === null) return;
     const acknowledged = this.log.acknowledged.size;
-    this.log.rows(joints.rows, Date.now());
+    this.log.rows(joints.rows, this.#nowMs());
     if (this.log.acknowledged.size !== acknowledged) this.#keep();
     this.#list ??= [];
     this.#tell();
   }
 
   #keep(): void {
-    writeStored(this.#key, acknowledgedText(this.log.acknowledged));
+    if (this.#key !== null) writeStored(this.#key, acknowledgedText(this.log.acknowledged));
   }
 
   #events(): void {
-    for (const event of this.#twin.events) this.log.event(event, Date.now());
+    for (const event of this.#twin.events) this.log.event(event, this.#nowMs());
     if (this.log.faults.length > 0) this.#list ??= [];
     this.#tell();
   }

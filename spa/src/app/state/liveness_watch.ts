@@ -8,10 +8,20 @@ const HELD_UP_MS = 400;
 /** After such a pause, the time for receiving the messages that arrived meanwhile, before the next check. */
 const CATCH_UP_MS = 50;
 
+/** Says in one word whether the page shows a robot as it is. */
+export interface Watch {
+  /** The newest verdict. */
+  verdict(): Verdict;
+  /** Its word; null while nothing is known. */
+  readonly word: Word | null;
+  /** Adds a listener for changes of `word`. Returns a function that removes it. */
+  readonly onWord: (listener: () => void) => () => void;
+}
+
 /** Judges a robot's evidence at least ten times a second, because no event tells that messages have stopped. Notifies
  *  listeners when the word changes. Chip, banner and body all go by the verdict of the last check, so that they never
  *  disagree. */
-export class LivenessWatch {
+export class LivenessWatch implements Watch {
   readonly #twin: RobotTwin;
   readonly #onSlept: () => void;
   readonly #listeners = new Set<() => void>();

@@ -21,7 +21,7 @@ export function watchOwnLimits(twin: RobotTwin): void {
     const { schema, state, limits, edits } = twin;
     if (schema === null || state === null || limits === null || edits.size === 0) return;
     if (table?.schema !== schema) table = { schema, of: new SensorTable(schema) };
-    if (!own.log.look(table.of.read(state.codes, limits), limits, Date.now())) return;
+    if (!own.log.look(table.of.read(state.codes, limits), limits, state.atMs)) return;
     for (const listener of own.listeners) listener();
   });
 }

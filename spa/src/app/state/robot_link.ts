@@ -8,18 +8,22 @@ import type { Word } from '../../twin/liveness.ts';
 import { RobotTwin } from '../../twin/robot.ts';
 import { FaultKeeper } from './fault_keeper.ts';
 import { HistoryKeeper } from './history_keeper.ts';
-import { LivenessWatch } from './liveness_watch.ts';
+import { LivenessWatch, type Watch } from './liveness_watch.ts';
 import { loadOwnLimits } from './own_limits.ts';
 import { selectJoint } from './selection.ts';
 import { clearTraces } from './traces.ts';
 
-/** All that the page keeps for one robot: its state, connection, liveness watch, faults and last minute. */
+/** All that the page keeps for one robot, as it is or as it was: its state, connection, word, faults and the minute before. */
 export interface RobotLink {
-  twin: RobotTwin;
-  client: StreamClient;
-  watch: LivenessWatch;
-  faults: FaultKeeper;
-  past: HistoryKeeper;
+  readonly twin: RobotTwin;
+  readonly client: StreamClient;
+  readonly watch: Watch;
+  readonly faults: FaultKeeper;
+  readonly minute: HistoryKeeper;
+  /** The time as of which the robot is shown, ms, on the clock of its states. */
+  readonly nowMs: () => number;
+  /** Whether that time stands still, so that each state is shown as it is. */
+  readonly resting: () => boolean;
 }
 
 /** Connects to a robot by its id while the component is shown, and disconnects when it is removed or the id changes. null
@@ -30,20 +34,16 @@ export function useRobotLink(robot: string): RobotLink | null {
     const twin = new RobotTwin(robot, nowMs());
     loadOwnLimits(twin);
     const client = new StreamClient(twin, streamUrl(robot), WANTED_HZ);
-    const opened: RobotLink = {
-      twin,
-      client,
-      watch: new LivenessWatch(twin, () => client.wake()),
-      faults: new FaultKeeper(twin),
-      past: new HistoryKeeper(twin),
-    };
-    setLink(opened);
+    const watch = new LivenessWatch(twin, () => client.wake());
+    const faults = new FaultKeeper(twin, nowMs);
+    const minute = new HistoryKeeper(twin);
+    setLink({ twin, client, watch, faults, minute, nowMs, resting: () => false });
     watchNetwork(client);
     return () => {
-      opened.client.close();
-      opened.watch.close();
-      opened.faults.close();
-      opened.past.close();
+      client.close();
+      watch.close();
+      faults.close();
+      minute.close();
       selectJoint(null);
       clearTraces();
       setLink(null);

@@ -9,7 +9,7 @@ import { chipWords } from './words.ts';
 
 const Explanation = late(async () => (await import('./Explanation.tsx')).Explanation);
 
-/** A button with the robot's state: LIVE, HOLDING, STALE or OFFLINE, with its frame rate or age. Pressing it opens an
+/** A button with the robot's state: LIVE, HOLDING, STALE, OFFLINE or PAST, with its frame rate or age. Pressing it opens an
  *  explanation. */
 export function Chip({ link }: { link: RobotLink }) {
   useNow(250);
@@ -54,7 +54,7 @@ export function Chip({ link }: { link: RobotLink }) {
   );
 }
 
-/** The symbol of a state, so that not only its colour tells it. `word`: LIVE, HOLDING, STALE or OFFLINE; null while the
+/** The symbol of a state, so that not only its colour tells it. `word`: LIVE, HOLDING, STALE, OFFLINE or PAST; null while the
  *  page connects. */
 export function Sign({ word }: { word: string | null }) {
   return (
@@ -73,6 +73,12 @@ export function Sign({ word }: { word: string | null }) {
         <g fill="none" stroke="currentColor" strokeWidth="1.8" strokeLinecap="round">
           <circle cx="8" cy="8" r="5.2" />
           <path d="M4.4 11.6l7.2-7.2" />
+        </g>
+      )}
+      {word === 'PAST' && (
+        <g fill="none" stroke="currentColor" strokeWidth="1.7" strokeLinecap="round" strokeLinejoin="round">
+          <path d="M3.1 5.2a5.6 5.6 0 1 1-.7 2.9" />
+          <path d="M2.6 2.4v3.2h3.2" />
         </g>
       )}
       {word === null && (

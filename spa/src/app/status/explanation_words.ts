@@ -36,6 +36,8 @@ function stateWords({ word, cause, unchangedMs }: Verdict, { ending }: Link): st
       return cause === 'relay degraded' ? text.explainDegraded : text.explainLost;
     case 'OFFLINE':
       return text.explainOffline;
+    case 'PAST':
+      return text.explainPast;
   }
 }
 

@@ -1,6 +1,6 @@
 import type { Link } from '../../stream/client.ts';
 import type { Ending } from '../../stream/messages.ts';
-import { formatClock, formatSpan } from '../../twin/format.ts';
+import { formatClock, formatClockSeconds, formatSpan } from '../../twin/format.ts';
 import type { Cause, Verdict } from '../../twin/liveness.ts';
 import { isolated } from '../../twin/names.ts';
 import type { Text } from '../text/en.ts';
@@ -10,7 +10,7 @@ import { say } from '../text/language.ts';
 
 /** The texts of the state chip; each is empty if there is nothing to say. */
 export interface ChipWords {
-  /** LIVE, HOLDING, STALE or OFFLINE, or that the page is connecting. */
+  /** LIVE, HOLDING, STALE, OFFLINE or PAST, or that the page is connecting. */
   word: string;
   /** The frame rate, or how long the state has lasted. */
   detail: string;
@@ -53,7 +53,19 @@ function stateWords(verdict: Verdict, link: Link, nowMs: number): Omit<ChipWords
         detail: ageMs === null ? '' : say().since(formatClock(nowMs - ageMs)),
         more: '',
       };
+    case 'PAST': {
+      const { clock, ago } = pastWords(verdict);
+      return { word: 'PAST', detail: clock, more: ago };
+    }
   }
+}
+
+/** When what is shown was, and what the robot was then if it was not live: "14:02:07", " · 2 min ago · was STALE". */
+function pastWords({ past, ageMs }: Pick<Verdict, 'past' | 'ageMs'>): { clock: string; ago: string } {
+  if (past === null) return { clock: '', ago: '' };
+  const { momentMs, was } = past;
+  const ago = ` · ${say().ago(formatSpan(Math.max(1000, ageMs ?? 0)))}`;
+  return { clock: formatClockSeconds(momentMs), ago: was === null ? ago : `${ago} · ${say().was(was)}` };
 }
 
 function paceWords(link: Link): string {
@@ -114,12 +126,16 @@ const ENDING_WORDS: Readonly<Record<number, `ended${string}` & keyof Text>> = {
   4429: 'endedTooMany',
 };
 
-/** The line over the body while its pose is not the robot's present one: why, and since when; null unless STALE or
- *  OFFLINE. `nowMs`: Unix ms by the page's clock. */
+/** The line over the body while its pose is not the robot's present one: why, and since when; null unless STALE,
+ *  OFFLINE or PAST. `nowMs`: Unix ms by the page's clock. */
 export function stageWords(verdict: Verdict, link: Link, nowMs: number): string | null {
   if (verdict.word === 'OFFLINE') {
     if (verdict.ageMs === null) return say().notOnAir;
     return say().offlineSince(formatClock(nowMs - verdict.ageMs));
+  }
+  if (verdict.word === 'PAST') {
+    const { clock, ago } = pastWords(verdict);
+    return say().pastNote(clock + ago);
   }
   if (verdict.word !== 'STALE') return null;
   if (verdict.cause === 'no connection') return connectionWords(link, nowMs);

@@ -21,6 +21,10 @@ export const en = {
     `Offline since ${clock}. The page goes on by itself when the robot is back.`,
   noPoseYet: 'No pose yet',
   staleFor: (span: string) => `Stale for ${span}`,
+  ago: (span: string) => `${span} ago`,
+  /** `word`: STALE or OFFLINE, what the robot was at a moment of the past. */
+  was: (word: string) => `was ${word}`,
+  pastNote: (when: string) => `The past: ${when}.`,
   tryingAgain: (what: string) => `${what} Trying again.`,
   tryingAgainIn: (what: string, seconds: number) => `${what} Trying again in ${seconds} s.`,
   tryNow: 'Try now',

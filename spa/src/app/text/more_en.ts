@@ -16,6 +16,8 @@ export const moreEn = {
   explainDegraded: 'The relay is there, but it cannot pass on what the robot does now.',
   explainOverShare: 'The robot sends more than its share of the relay, so some of its frames are dropped.',
   explainLost: 'This page has lost the relay. What you see is the last pose that came through.',
+  lookBack: 'See it: two seconds before',
+  explainPast: 'You look at what was. Nothing of it says what the robot does now.',
   explainOffline: 'The robot has left the air. The page goes on by itself when it comes back.',
   explainEvents: 'No WebSocket gets through here: the stream comes over plain HTTP.',
   explainMirror:

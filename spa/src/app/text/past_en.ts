@@ -3,6 +3,8 @@ export const pastEn = {
   // ---- the time line
   timeLine: 'Time line',
   live: 'Live',
+  /** `what`: a fault, as a sentence. */
+  now: (what: string) => `Now: ${what}`,
   toLive: 'Back to live (End on the time line)',
   date: (month: string, day: number, year: number | null) =>
     year === null ? `${day} ${month}` : `${day} ${month} ${year}`,

@@ -4,6 +4,7 @@ import type { pastEn } from './past_en.ts';
 export const pastKo: typeof pastEn = {
   timeLine: '타임라인',
   live: '실시간',
+  now: (what) => `지금: ${what}`,
   toLive: '실시간으로 돌아가기 (타임라인에서 End)',
   date: (month, day, year) => (year === null ? `${month} ${day}일` : `${year}년 ${month} ${day}일`),
   seconds: (count) => `${count} s`,

@@ -27,6 +27,9 @@ export interface Window {
   readonly columns: readonly (readonly (number | null)[])[];
 }
 
+/** What the history keeps of a state. */
+type Sample = Pick<RobotState, 'codes' | 'atMs'> & Partial<RobotState>;
+
 /** The last minute of every channel, as codes in a ring buffer. A frame of another schema starts it anew. */
 export class History {
   #schema: Schema | null = null;
@@ -37,7 +40,7 @@ export class History {
   #newestMs = Number.NEGATIVE_INFINITY;
 
   /** Adds a state, unless the last one added is less than 100 ms older. */
-  push(schema: Schema, state: RobotState): void {
+  push(schema: Schema, state: Sample): void {
     if (schema !== this.#schema) this.#begin(schema);
     if (state.atMs - this.#newestMs < STEP_MS) return;
     this.#newestMs = state.atMs;
@@ -75,6 +78,22 @@ export class History {
     return { atMs, columns };
   }
 
+  /** Puts what was before its oldest state in front of it; of another schema it takes nothing. `states`: oldest first. */
+  prepend(schema: Schema, states: readonly Sample[]): void {
+    if (this.#schema !== null && schema !== this.#schema) return;
+    const kept = this.#samples();
+    const oldestMs = kept[0]?.atMs ?? Number.POSITIVE_INFINITY;
+    this.clear();
+    for (const sample of [...states.filter(({ atMs }) => atMs < oldestMs), ...kept])
+      this.push(schema, sample);
+  }
+
+  /** Forgets all states. */
+  clear(): void {
+    this.#count = 0;
+    this.#newestMs = Number.NEGATIVE_INFINITY;
+  }
+
   /** A copy that later frames don't change, for a plot that is paused. */
   copy(): History {
     const made = new History();
@@ -89,6 +108,15 @@ export class History {
   /** The schema of the frames in it; null before the first. */
   get schema(): Schema | null {
     return this.#schema;
+  }
+
+  /** Copies of all that is kept, oldest first. */
+  #samples(): Sample[] {
+    const size = this.#schema?.size ?? 0;
+    return Array.from({ length: this.#count }, (_, i) => {
+      const slot = (this.#next - this.#count + i + this.#atMs.length) % this.#atMs.length;
+      return { codes: this.#codes.slice(slot * size, (slot + 1) * size), atMs: this.#atMs[slot]! };
+    });
   }
 
   /** Memory used, bytes. It does not grow after the first frame of a schema. */

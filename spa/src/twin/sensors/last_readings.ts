@@ -32,6 +32,11 @@ export class LastReadings {
     this.#newestMs = state.atMs;
   }
 
+  /** Forgets all readings. */
+  clear(): void {
+    this.#schema = null;
+  }
+
   /** Codes like a frame's, with the last reading where the newest frame has none. */
   get codes(): Int32Array {
     return this.#codes;

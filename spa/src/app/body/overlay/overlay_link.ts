@@ -1,4 +1,5 @@
 import '../../styles/signs.css';
+import { isOld } from '../../../twin/liveness.ts';
 import { isolated } from '../../../twin/names.ts';
 import { OverlayReader } from '../../../twin/overlay/reader.ts';
 import { wordsOfName } from '../../../twin/plain_names.ts';
@@ -68,7 +69,7 @@ export function bindOverlay(scene: OverlaidBody, { twin, watch }: RobotLink): Ov
     const { arrowScale, palette, angle, shown, names } = choice;
     words = wordsFor(twin, names === 'words', words);
     const from = shown === 'ref' && reader.can.lens ? 'ref' : 'pos';
-    const live = watch.word === 'LIVE' || watch.word === 'HOLDING';
+    const live = !isOld(watch.verdict());
     scene.showSigns(readings, { from, live, arrowScale, palette, angle, words: words.words });
   };
 

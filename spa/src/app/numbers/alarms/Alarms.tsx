@@ -1,6 +1,6 @@
 import './alarms.css';
 import { useCallback, useSyncExternalStore } from 'react';
-import { flagWords, formatClockSeconds } from '../../../twin/format.ts';
+import { flagWords } from '../../../twin/format.ts';
 import { isolated, plainName } from '../../../twin/names.ts';
 import { useFaults } from '../../state/fault_keeper.ts';
 import { onOwnAlarms, ownAlarms } from '../../state/own_alarms.ts';
@@ -9,6 +9,7 @@ import { edgeWords } from '../../status/edge_words.ts';
 import { languageTag } from '../../text/language.ts';
 import { useMore } from '../../text/more.ts';
 import { OpenFaults } from './OpenFaults.tsx';
+import { When } from './When.tsx';
 
 /** One entry of the list of events. */
 interface Happened {
@@ -57,7 +58,7 @@ export function Alarms({ link }: { link: RobotLink }) {
       <ol className="alarms" data-testid="alarms" aria-label={text.whatHappened}>
         {all.map(({ key, atMs, level, state, source, title, words, own }) => (
           <li key={key} data-level={level} data-state={state} data-own={own}>
-            <time>{atMs === null ? '—' : formatClockSeconds(atMs)}</time>
+            <When atMs={atMs} />
             <span className="alarm-mark" aria-hidden="true" />
             <span className="alarm-words">
               <b title={title}>{source}</b> {words}

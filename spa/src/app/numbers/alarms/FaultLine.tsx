@@ -32,7 +32,7 @@ export function FaultLine({ link, onMore }: { link: RobotLink; onMore: () => voi
       </div>
     );
   const { log } = link.faults;
-  const nowMs = Date.now();
+  const nowMs = link.nowMs();
   const told = sentences?.faultSentence(link.twin, log, first, nowMs);
   const said = told?.said ?? `${isolated(first.source)} ${faultWords(first)}`;
   const rest = [
@@ -70,16 +70,18 @@ export function FaultLine({ link, onMore }: { link: RobotLink; onMore: () => voi
           +{open.length - 1}
         </button>
       )}
-      <button
-        type="button"
-        className="text-button acknowledge"
-        data-testid="acknowledge"
-        aria-label={acknowledge}
-        title={acknowledge}
-        onClick={() => link.faults.acknowledge(open)}
-      >
-        <span>{acknowledge}</span>
-      </button>
+      {link.watch.word !== 'PAST' && (
+        <button
+          type="button"
+          className="text-button acknowledge"
+          data-testid="acknowledge"
+          aria-label={acknowledge}
+          title={acknowledge}
+          onClick={() => link.faults.acknowledge(open)}
+        >
+          <span>{acknowledge}</span>
+        </button>
+      )}
     </div>
   );
 }

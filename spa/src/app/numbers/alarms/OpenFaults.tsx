@@ -7,6 +7,7 @@ import type { RobotLink } from '../../state/robot_link.ts';
 import { faultSentence, timesWords } from '../../status/fault_sentence.ts';
 import { useText } from '../../text/language.ts';
 import { more, useMore } from '../../text/more.ts';
+import { When } from './When.tsx';
 
 /** The faults that are not acknowledged or not over, with their times and a button to acknowledge them. */
 export function OpenFaults({ link, faults }: { link: RobotLink; faults: readonly Fault[] }) {
@@ -23,13 +24,13 @@ export function OpenFaults({ link, faults }: { link: RobotLink; faults: readonly
           data-state={fault.clearedMs === null ? 'on' : 'off'}
           data-acknowledged={fault.acknowledged}
         >
-          <time>{formatClockSeconds(link.faults.log.occurrences.newestMs(fault.key) ?? fault.firstMs)}</time>
+          <When atMs={link.faults.log.occurrences.newestMs(fault.key) ?? fault.firstMs} />
           <span className="alarm-mark" aria-hidden="true" />
           <span className="alarm-words">
             <Told link={link} fault={fault} />
           </span>
           <span className="quiet">{stateWords(fault)}</span>
-          {!fault.acknowledged && (
+          {!fault.acknowledged && link.watch.word !== 'PAST' && (
             <button type="button" className="text-button" onClick={() => link.faults.acknowledge([fault])}>
               {text.acknowledge}
             </button>
@@ -42,7 +43,7 @@ export function OpenFaults({ link, faults }: { link: RobotLink; faults: readonly
 
 function Told({ link, fault }: { link: RobotLink; fault: Fault }) {
   const { log } = link.faults;
-  const nowMs = Date.now();
+  const nowMs = link.nowMs();
   const { said, code, bit } = faultSentence(link.twin, log, fault, nowMs);
   const times = timesWords(log, fault, nowMs);
   return (

@@ -1,6 +1,5 @@
 import { useEffect, useRef, useState } from 'react';
 import './plots.css';
-import { nowMs } from '../../../stream/clock.ts';
 import type { History } from '../../../twin/plots/history.ts';
 import { useTheme } from '../../shell/theme.ts';
 import type { RobotLink } from '../../state/robot_link.ts';
@@ -31,7 +30,7 @@ export function Plots({ link }: { link: RobotLink }) {
   const [held, setHeld] = useState<Held | null>(null);
   const heldNow = useRef(held);
   heldNow.current = held;
-  const { history } = link.past;
+  const { history } = link.minute;
 
   useEffect(() => {
     if (host.current === null || list.length === 0) return;
@@ -40,10 +39,10 @@ export function Plots({ link }: { link: RobotLink }) {
       angle,
       words: text,
       remove: removeTrace,
-      zoomed: () => setHeld((before) => before ?? hold(history)),
+      zoomed: () => setHeld((before) => before ?? hold(history, link.nowMs())),
     });
     stack.current = made;
-    const write = () => made.write(history, nowMs());
+    const write = () => made.write(history, link.nowMs());
     if (heldNow.current === null) write();
     else made.write(heldNow.current.past, heldNow.current.atMs);
     const stop = refreshWith(link.twin, () => heldNow.current === null && write(), [], SLIDES_EVERY_MS);
@@ -71,7 +70,7 @@ export function Plots({ link }: { link: RobotLink }) {
           type="button"
           className="text-button"
           data-testid="plot-pause"
-          onClick={() => setHeld(held === null ? hold(history) : null)}
+          onClick={() => setHeld(held === null ? hold(history, link.nowMs()) : null)}
         >
           {held === null ? text.pause : text.goOn}
         </button>
@@ -89,8 +88,8 @@ export function Plots({ link }: { link: RobotLink }) {
   );
 }
 
-function hold(history: History): Held {
-  return { past: history.copy(), atMs: nowMs() };
+function hold(history: History, atMs: number): Held {
+  return { past: history.copy(), atMs };
 }
 
 function save(name: string, csv: string): void {

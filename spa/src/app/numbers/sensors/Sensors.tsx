@@ -1,6 +1,5 @@
 import './sensors.css';
 import { useEffect, useRef } from 'react';
-import { nowMs } from '../../../stream/clock.ts';
 import type { RobotLink } from '../../state/robot_link.ts';
 import { onTraces } from '../../state/traces.ts';
 import { onLanguage, say } from '../../text/language.ts';
@@ -14,8 +13,8 @@ export function Sensors({ link }: { link: RobotLink }) {
   useEffect(() => {
     if (host.current === null) return;
     host.current.replaceChildren(createElement('p', 'note late', say().noNumbersYet));
-    const view = new SensorView(host.current, link.twin, link.past.readings);
-    const write = () => view.write(nowMs());
+    const view = new SensorView(host.current, link.twin, link.minute.readings);
+    const write = () => view.write(link.nowMs());
     const stop = refreshWith(link.twin, write, [onTraces, onLanguage]);
     return () => {
       stop();

@@ -1,6 +1,5 @@
 import './joint_card.css';
 import { useEffect, useRef } from 'react';
-import { nowMs } from '../../../stream/clock.ts';
 import { flagWords, formatClockSeconds } from '../../../twin/format.ts';
 import { isolated } from '../../../twin/names.ts';
 import { wordsOfName } from '../../../twin/plain_names.ts';
@@ -32,8 +31,8 @@ export function JointCard({ link, joint }: { link: RobotLink; joint: string }) {
   const events = link.twin.events.filter((event) => event.source === joint).slice(-EVENTS_SHOWN);
   useEffect(() => {
     if (host.current === null) return;
-    const view = new JointCardView(host.current, link.twin, link.past, joint);
-    const write = () => view.write(nowMs());
+    const view = new JointCardView(host.current, link.twin, link.minute, joint);
+    const write = () => view.write(link.nowMs());
     const stop = refreshWith(link.twin, write, [onTraces, onLanguage], SLIDES_EVERY_MS);
     // After a tap on the body the focus stays there, so that the camera's keys work.
     if (selection()?.from === 'numbers') back.current?.focus({ preventScroll: true });

@@ -1,4 +1,3 @@
-import { nowMs } from '../../../stream/clock.ts';
 import type { FaultLog } from '../../../twin/alarms/fault_log.ts';
 import { type Display, displayOf } from '../../../twin/format.ts';
 import { type JointTable, NUMBERS, type NumberName } from '../../../twin/joints.ts';
@@ -24,6 +23,8 @@ import { Ranks } from './ranks.ts';
 export interface TableSources {
   readonly faults?: FaultLog;
   readonly readings?: LastReadings;
+  /** The time as of which the table is, ms. */
+  readonly nowMs?: () => number;
   /** Groups the joints by limb; null until its code is loaded. */
   limbs?: typeof titledLimbs | null;
   /** Fits the names to the room there is; undefined until its code is loaded. */
@@ -106,7 +107,7 @@ export class JointView {
     };
     this.#leave = [
       onSelection(chosen),
-      onFilter(() => this.#arrange(nowMs(), true)),
+      onFilter(() => this.#arrange(this.#from.nowMs?.() ?? 0, true)),
       () => shrinks.disconnect(),
       () => this.#sight.disconnect(),
       () => clearTimeout(this.#settle),

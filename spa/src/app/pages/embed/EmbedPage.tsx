@@ -1,11 +1,13 @@
 import { Suspense, useEffect, useState } from 'react';
 import { home, relayChoice } from '../../../relay/relay.ts';
 import { Body } from '../../body/Body.tsx';
+import { usePast, useShown } from '../../past/use_past.ts';
 import { showLink } from '../../shell/debug_api.ts';
 import { RobotFigure } from '../../shell/icons.tsx';
-import { late } from '../../shell/late.tsx';
+import { late, onDemand } from '../../shell/late.tsx';
 import { useThemeOnRoot } from '../../shell/theme.ts';
 import { useHash } from '../../state/hash.ts';
+import { momentIn } from '../../state/moment.ts';
 import { followPresentLinks, usePresenting } from '../../state/presenting.ts';
 import { type RobotLink, useRobotLink, useVersion } from '../../state/robot_link.ts';
 import { Announcer } from '../../status/Announcer.tsx';
@@ -16,6 +18,7 @@ import { connectParent } from './parent.ts';
 import './embed.css';
 import { isolated } from '../../../twin/names.ts';
 
+const TimeLine = late(async () => (await import('../../past/TimeLine.tsx')).TimeLine, onDemand);
 const Presentation = late(async () => (await import('../../present/Presentation.tsx')).Presentation);
 
 /** One robot embedded in another site's page: body, state and origin. Nothing is requested until it is on the screen.
@@ -35,14 +38,16 @@ export function EmbedPage() {
 
 function Robot({ robot }: { robot: string }) {
   const link = useRobotLink(robot);
+  return link === null ? <Poster /> : <Shown live={link} />;
+}
+
+function Shown({ live }: { live: RobotLink }) {
+  const past = usePast(live, momentIn(useHash()) !== null);
+  const link = useShown(live, past);
   useEffect(() => {
     showLink(link);
     return () => showLink(null);
   }, [link]);
-  return link === null ? <Poster /> : <Shown link={link} />;
-}
-
-function Shown({ link }: { link: RobotLink }) {
   useVersion(link);
   const rest = useMore();
   const presented = usePresenting();
@@ -56,8 +61,13 @@ function Shown({ link }: { link: RobotLink }) {
   return (
     <main className="embed" data-present={presented} data-testid="embed">
       <div className="embed-body">
-        <Body link={link} />
+        <Body link={link} live={live} />
       </div>
+      {past !== null && !presented && (
+        <Suspense fallback={null}>
+          <TimeLine controls={past.controls} live={live} />
+        </Suspense>
+      )}
       <footer className="embed-foot">
         <Chip link={link} />
         <h1 className="embed-name">{name}</h1>

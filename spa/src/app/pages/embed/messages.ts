@@ -12,10 +12,12 @@ export type ParentRequest =
 export interface Told {
   posecast: 'ready' | 'liveness';
   robot: string;
-  /** LIVE, HOLDING, STALE, OFFLINE; null while nothing is known. */
+  /** LIVE, HOLDING, STALE, OFFLINE, PAST; null while nothing is known. */
   word: string | null;
   cause: string | null;
   age_ms: number | null;
+  /** The moment of the past that is shown, unix ms; null unless the word is PAST. */
+  moment_ms: number | null;
 }
 
 const VIEWS = ['home', 'front', 'side', 'top'] as const;

@@ -10,8 +10,9 @@ export function connectParent({ twin, watch }: RobotLink): () => void {
   if (origin === null || window.parent === window) return () => {};
 
   const tell = (posecast: Told['posecast']) => {
-    const { word, cause, ageMs } = watch.verdict();
-    const told: Told = { posecast, robot: twin.robot, word, cause, age_ms: ageMs };
+    const { word, cause, ageMs, past } = watch.verdict();
+    const moment_ms = past?.momentMs ?? null;
+    const told: Told = { posecast, robot: twin.robot, word, cause, age_ms: ageMs, moment_ms };
     window.parent.postMessage(told, origin);
   };
   const hear = (event: MessageEvent<unknown>) => {

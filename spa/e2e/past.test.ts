@@ -1,0 +1,139 @@
+import { mkdirSync } from 'node:fs';
+import path from 'node:path';
+import { expect, it } from 'vitest';
+import type { Page } from './driver/page.ts';
+import { until } from './driver/until.ts';
+import { chipText, liveness, RECORD, whole } from './robot_page.ts';
+import { REPO } from './stack.ts';
+import { FULL, setStage } from './stage.ts';
+import { ClockRobot, WITNESS } from './truth.ts';
+
+const stage = setStage();
+
+const SHOTS = path.join(REPO, 'spa/e2e/shots');
+const PHONE = { width: 390, height: 844 };
+const LAPTOP = { width: 1366, height: 768 };
+/** A frame's place between two, and what rounding the clock's hands costs. */
+const NEAR_MS = 150;
+
+interface Shown {
+  readonly seq: number;
+  readonly momentMs: number | null;
+  /** What the robot's hands say, ms of a round. */
+  readonly handsMs: number;
+}
+
+const is = (page: Page, word: string) => async () => (await liveness(page)) === word;
+const testId = (id: string) => `document.querySelector('[data-testid="${id}"]')`;
+const shown = (page: Page) =>
+  page.evaluate<Shown>(`(() => {
+    const { twin, scene } = window.posecast;
+    const { RKN, LKN } = scene.linkPoses();
+    const angle = (matrix) => Math.atan2(matrix[4], matrix[0]);
+    const turn = Math.atan2(angle(RKN), angle(LKN)) / (2 * Math.PI);
+    return { seq: twin.seq, momentMs: twin.moment_ms, handsMs: ((turn + 1) % 1) * 60000 };
+  })()`);
+
+/** How far the shown pose is from its moment, ms. */
+const offMs = ({ momentMs, handsMs }: Shown) => {
+  const off = Math.abs((momentMs! % 60000) - handsMs);
+  return Math.min(off, 60000 - off);
+};
+
+/** Waits until a line of at least so many seconds can be looked back on. */
+async function rewindable(page: Page, seconds: number): Promise<void> {
+  await until(
+    `${seconds} s of past`,
+    () =>
+      page.evaluate<boolean>(
+        `(() => { const track = ${testId('track')}; return track !== null && track.ariaValueMax - track.ariaValueMin >= ${seconds * 1000}; })()`,
+      ),
+    60_000,
+  );
+}
+
+/** Taps on the time line, so far along it. */
+async function tapAt(page: Page, part: number): Promise<void> {
+  const at = await page.evaluate<{ x: number; y: number }>(`(() => {
+    const { left, top, width, height } = ${testId('track')}.getBoundingClientRect();
+    return { x: left + width * ${part}, y: top + height / 2 };
+  })()`);
+  await page.click(at);
+}
+
+it.each(FULL ? [LAPTOP, PHONE] : [LAPTOP])(
+  'what was is shown as what was, at $width px',
+  async (viewport) => {
+    const relay = await stage.stack.relay({ past: 'memory:' });
+    const robot = new ClockRobot(stage.stack, relay);
+    const page = await stage.newPage({ preload: `${RECORD};${WITNESS}`, viewport });
+    await page.open(`${relay.url}/#/r/demo`);
+    await until('LIVE', is(page, 'LIVE'), 60_000);
+    await until('a body', () => whole(page), 60_000);
+    await rewindable(page, 12);
+    mkdirSync(SHOTS, { recursive: true });
+    await page.screenshot(path.join(SHOTS, `time-line-${viewport.width}.png`));
+
+    await tapAt(page, 0.4);
+    await until('PAST', is(page, 'PAST'));
+    expect(await chipText(page)).toMatch(/^PAST\d\d:\d\d:\d\d/);
+    expect(await page.evaluate<string>('document.title')).toMatch(/^PAST/);
+    expect(await page.evaluate<string>(`${testId('stage-note')}.textContent`)).toMatch(/\d\d:\d\d:\d\d/);
+    const playing = await shown(page);
+    await until('it plays', async () => (await shown(page)).seq > playing.seq + 10);
+    await page.press('Space');
+    const rests = async () => {
+      const [one, two] = [await shown(page), await shown(page)];
+      return one.momentMs === two.momentMs && offMs(one) < NEAR_MS;
+    };
+    await until('it rests, at the pose of its moment', rests);
+    await page.screenshot(path.join(SHOTS, `past-${viewport.width}.png`));
+
+    // frame by frame
+    const { seq } = await shown(page);
+    await page.press('.');
+    await until('the next frame', async () => (await shown(page)).seq === seq + 1);
+    await page.press('.');
+    await until('the next but one', async () => (await shown(page)).seq === seq + 2);
+    await page.press(',');
+    await until('the one before', async () => (await shown(page)).seq === seq + 1);
+    expect(offMs(await shown(page))).toBeLessThan(NEAR_MS);
+
+    // a link to the moment
+    const link = await until('a moment in the address', async () => {
+      const href = await page.evaluate<string>('location.href');
+      return /[?&]t=\d{4}-\d\d-\d\dT[\d:.]+Z/.test(href) ? href : null;
+    });
+    const other = await stage.newPage({ viewport });
+    await other.open(link!);
+    await until(
+      'the same moment',
+      async () => (await liveness(other)) === 'PAST' && (await shown(other)).seq === seq + 1,
+      60_000,
+    );
+    await other.close();
+
+    // live, past and live again
+    await page.findByTestId('to-live').click();
+    await until('LIVE', is(page, 'LIVE'));
+    expect(await page.evaluate<string>('document.title')).not.toMatch(/PAST/);
+    await until(
+      'no moment in the address',
+      async () => !/[?&]t=/.test(await page.evaluate<string>('location.href')),
+    );
+    await tapAt(page, 0.3);
+    await until('PAST', is(page, 'PAST'));
+    expect(await robot.lies(page)).toEqual([]);
+
+    // the relay is gone: what the page has can still be seen, and is said to be what it is
+    await relay.process.kill();
+    await tapAt(page, 0.85);
+    await until('a pose near its moment', async () => offMs(await shown(page)) < 1000);
+    expect(await liveness(page)).toBe('PAST');
+    await page.findByTestId('to-live').click();
+    await until('STALE', is(page, 'STALE'));
+    expect(await robot.lies(page)).toEqual([]);
+    page.forgive(/ERR_|WebSocket|Failed to load|NetworkError|CORS|access control/i);
+  },
+  240_000,
+);

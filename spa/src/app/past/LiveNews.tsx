@@ -1,0 +1,35 @@
+import { useEffect, useState } from 'react';
+import type { PastControls } from '../../past/past_types.ts';
+import { isolated } from '../../twin/names.ts';
+import { useNow } from '../shell/now.ts';
+import { useFaults } from '../state/fault_keeper.ts';
+import type { RobotLink } from '../state/robot_link.ts';
+import { faultSentence } from '../status/fault_sentence.ts';
+import { useMore } from '../text/more.ts';
+import { usePastText } from '../text/past.ts';
+
+/** Says that something new went wrong with the robot while its past is shown, and leads there. */
+export function LiveNews({ live, controls }: { live: RobotLink; controls: PastControls }) {
+  useNow(1000);
+  useMore(); // the sentence's words
+  const text = usePastText();
+  const [sinceMs] = useState(live.nowMs);
+  const [seen, setSeen] = useState<ReadonlySet<string> | null>(null);
+  const faults = (useFaults(live.faults) ?? []).filter(
+    ({ level, clearedMs }) => level === 'fault' && clearedMs === null,
+  );
+  useEffect(() => {
+    if (seen === null) setSeen(new Set(faults.map(({ key }) => key)));
+  }, [seen, faults]);
+  const fresh = faults.find(({ key }) => seen !== null && !seen.has(key));
+  if (fresh === undefined) return null;
+  const { said } = faultSentence(live.twin, live.faults.log, fresh, Math.max(sinceMs, live.nowMs()));
+  return (
+    <p className="past-news" role="alert" data-testid="past-news">
+      <span>{text.now(isolated(said))}</span>
+      <button type="button" className="text-button" onClick={() => controls.goLive()}>
+        {text.live}
+      </button>
+    </p>
+  );
+}

@@ -1,0 +1,174 @@
+import { tokenFor } from '../../auth/token.ts';
+import { OwnTape } from '../../past/own_tape.ts';
+import { PastPlayer } from '../../past/past_player.ts';
+import type { PastControls, PastSink, PastState } from '../../past/past_types.ts';
+import { RelayPast } from '../../past/relay_past.ts';
+import { apiUrl } from '../../relay/addresses.ts';
+import { nowMs } from '../../stream/clock.ts';
+import type { Verdict } from '../../twin/liveness.ts';
+import { RobotTwin } from '../../twin/robot.ts';
+import { FaultKeeper } from '../state/fault_keeper.ts';
+import { HistoryKeeper } from '../state/history_keeper.ts';
+import type { Watch } from '../state/liveness_watch.ts';
+import { momentIn, shownMoment } from '../state/moment.ts';
+import { pastControls } from '../state/past_controls.ts';
+import type { RobotLink } from '../state/robot_link.ts';
+
+/** A robot's past on the page: the controls, and a link to the robot as it was, which everything can be drawn from. */
+export interface Past {
+  readonly controls: PastControls;
+  readonly link: RobotLink;
+  readonly close: () => void;
+}
+
+const WAS = { online: null, silent: 'STALE', offline: 'OFFLINE' } as const;
+type ThenWord = keyof typeof WAS;
+
+/** Opens the past of a robot beside its live stream. While the past is shown the stream rests, and listens for status and
+ *  events alone. */
+export function openPast(live: RobotLink): Past {
+  const { robot } = live.twin;
+  const twin = new RobotTwin(robot, nowMs());
+  const clock = () => player.playhead.momentMs;
+  const faults = new FaultKeeper(twin, clock, false);
+  const minute = new HistoryKeeper(twin);
+  const watch = new PastWatch(() => player.playhead.momentMs, nowMs);
+
+  const sink: PastSink = {
+    jump: () => {
+      twin.forgetEvents();
+      faults.begin();
+      minute.begin();
+    },
+    schema: (schema) => twin.acceptSchema(schema),
+    model: (sha256) => twin.acceptModel(sha256),
+    info: (kv) => twin.acceptInfo(kv),
+    event: (event) => twin.acceptEvent(event),
+    word: (word) => watch.was(word),
+    state: (state) => twin.acceptState(shownState(state)),
+    fill: (schema, states) => minute.history.prepend(schema, states),
+  };
+  const own = new OwnTape();
+  const source = new RelayPast(apiUrl(`robots/${robot}/past`), {
+    fetch: (url, init) => fetch(url, init),
+    tokenFor,
+    nowMs,
+    later: (ms, run) => {
+      const timer = setTimeout(run, ms);
+      return () => clearTimeout(timer);
+    },
+    isHidden: () => document.hidden,
+  });
+  const player: PastPlayer = new PastPlayer({ source, own, sink, nowMs });
+
+  const record = () => {
+    const { schema, state } = live.twin;
+    if (schema !== null && state !== null) own.push(schema, state);
+  };
+  const limits = () => {
+    if (twin.edits !== live.twin.edits) twin.acceptEdits(live.twin.edits);
+  };
+  let frame = 0;
+  const draw = () => {
+    player.tick();
+    frame = requestAnimationFrame(draw);
+  };
+  const look = () => {
+    const { at, momentMs } = player.playhead;
+    const past = at === 'past';
+    live.client.rest(past);
+    shownMoment.set(past ? momentMs : null);
+    watch.newest(player.timeline?.toMs ?? null);
+    if (past && frame === 0) frame = requestAnimationFrame(draw);
+    if (past || frame === 0) return;
+    cancelAnimationFrame(frame);
+    frame = 0;
+  };
+  const go = () => {
+    const moment = momentIn(window.location.hash);
+    if (moment !== null && moment !== Math.round(shownMoment.get() ?? -1)) player.openAt(moment);
+  };
+  const ends = [
+    live.twin.onState(record),
+    live.twin.onChange(limits),
+    player.onChange(look),
+    () => window.removeEventListener('hashchange', go),
+    () => cancelAnimationFrame(frame),
+    () => shownMoment.set(null),
+    () => pastControls.set(null),
+    () => live.client.rest(false),
+    () => player.close(),
+    () => source.close(),
+    faults.close.bind(faults),
+    minute.close,
+  ];
+  window.addEventListener('hashchange', go);
+  limits();
+  pastControls.set(player);
+  go();
+  return {
+    controls: player,
+    link: {
+      twin,
+      client: live.client,
+      watch,
+      faults,
+      minute,
+      nowMs: clock,
+      resting: () => !player.playhead.playing,
+    },
+    close: () => {
+      for (const end of ends) end();
+    },
+  };
+}
+
+function shownState({ schemaId, seq, tS, codes, atMs, lateMs }: PastState) {
+  return { schemaId, seq, tS, codes, atMs, lateMs, freshMs: null, bornMs: null, changedMs: atMs };
+}
+
+/** Says PAST, and what the robot was then. */
+class PastWatch implements Watch {
+  readonly word = 'PAST';
+  readonly #momentMs: () => number;
+  readonly #nowMs: () => number;
+  readonly #listeners = new Set<() => void>();
+  #was: (typeof WAS)[ThenWord] = null;
+  /** How far the page's clock is ahead of the relay's, as far as is known. */
+  #aheadMs = Number.POSITIVE_INFINITY;
+
+  constructor(momentMs: () => number, nowMs: () => number) {
+    this.#momentMs = momentMs;
+    this.#nowMs = nowMs;
+  }
+
+  /** Takes the newest moment that is recorded. */
+  newest(momentMs: number | null): void {
+    if (momentMs !== null) this.#aheadMs = Math.min(this.#aheadMs, this.#nowMs() - momentMs);
+  }
+
+  was(word: ThenWord): void {
+    if (this.#was === WAS[word]) return;
+    this.#was = WAS[word];
+    for (const listener of this.#listeners) listener();
+  }
+
+  readonly onWord = (listener: () => void): (() => void) => {
+    this.#listeners.add(listener);
+    return () => this.#listeners.delete(listener);
+  };
+
+  verdict(): Verdict {
+    const momentMs = this.#momentMs();
+    const aheadMs = Number.isFinite(this.#aheadMs) ? this.#aheadMs : 0;
+    return {
+      word: 'PAST',
+      cause: null,
+      overShare: false,
+      ageMs: Math.max(0, this.#nowMs() - aheadMs - momentMs),
+      linkMs: null,
+      unchangedMs: null,
+      past: { momentMs, was: this.#was },
+    };
+  }
+}

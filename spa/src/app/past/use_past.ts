@@ -1,0 +1,71 @@
+import { useEffect, useState, useSyncExternalStore } from 'react';
+import { tokenFor } from '../../auth/token.ts';
+import { firstPaint } from '../../browser/first_paint.ts';
+import { LatePart } from '../../browser/late_part.ts';
+import { apiUrl } from '../../relay/addresses.ts';
+import { relayChoice } from '../../relay/relay.ts';
+import type { RobotLink } from '../state/robot_link.ts';
+import type { Past } from './past_link.ts';
+
+/** Fetched only where there is a past. */
+const PAST = new LatePart(
+  () => import('./past_link.ts'),
+  () => false,
+);
+
+/** The past of a robot that this page may look back on; null while none is known, or unless it is wanted. Asked for once the body is drawn, and
+ *  again whenever the stream opens. */
+export function usePast(live: RobotLink, wanted = true): Past | null {
+  const [past, setPast] = useState<Past | null>(null);
+  useEffect(() => {
+    if (!wanted) return;
+    let left = false;
+    let opened: Past | null = null;
+    let asking = false;
+    const ask = async () => {
+      if (asking || opened !== null || live.client.link.phase !== 'open') return;
+      asking = true;
+      await firstPaint();
+      if (await hasPast(live.twin.robot)) {
+        const { openPast } = await PAST.load();
+        if (left) return;
+        opened = openPast(live);
+        setPast(opened);
+      }
+      asking = false;
+    };
+    const leave = live.client.onChange(() => void ask());
+    void ask();
+    return () => {
+      left = true;
+      leave();
+      opened?.close();
+      setPast(null);
+    };
+  }, [live, wanted]);
+  return past;
+}
+
+/** The robot as it is shown: as it was while the page is in the past, else as it is. */
+export function useShown(live: RobotLink, past: Past | null): RobotLink {
+  const isPast = useSyncExternalStore(
+    (listener) => past?.controls.onChange(listener) ?? (() => {}),
+    () => past?.controls.playhead.at === 'past',
+  );
+  return isPast && past !== null ? past.link : live;
+}
+
+async function hasPast(robot: string): Promise<boolean> {
+  if (relayChoice().mirror !== null) return false; // a mirror keeps the newest alone
+  const url = apiUrl(`robots/${robot}/past`);
+  const token = tokenFor(url);
+  try {
+    const answer = await fetch(
+      url,
+      token === undefined ? {} : { headers: { Authorization: `Bearer ${token}` } },
+    );
+    return answer.ok && (await answer.json()).past_ms > 0;
+  } catch {
+    return false; // asked again when the stream opens next
+  }
+}

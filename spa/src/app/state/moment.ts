@@ -1,0 +1,13 @@
+import { createStore } from '../../browser/store.ts';
+import { queryOf } from './settings.ts';
+
+/** The moment of the past that the page shows, unix ms by the relay's clock; null while it shows the present. */
+export const shownMoment = createStore<number | null>(null);
+
+/** The moment that an address names: `#/r/demo?t=2026-11-22T14:02:07.250Z`; null if it names none that can be read. */
+export function momentIn(hash: string): number | null {
+  const named = queryOf(hash).get('t');
+  if (named === null || !/^\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d(\.\d{1,3})?Z$/.test(named)) return null;
+  const ms = Date.parse(named);
+  return Number.isFinite(ms) ? ms : null;
+}
