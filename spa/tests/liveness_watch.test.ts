@@ -14,7 +14,11 @@ afterEach(() => {
 
 it('says STALE in the very moment in which the pose gets too old', () => {
   const twin = new RobotTwin('demo', nowMs());
-  const watch = new LivenessWatch(twin, () => {});
+  const watch = new LivenessWatch(
+    twin,
+    () => {},
+    () => {},
+  );
   twin.acceptConnection(true, nowMs());
   twin.acceptWatching(true, nowMs());
   vi.advanceTimersByTime(137); // not a round number of looks
@@ -41,12 +45,17 @@ function holdUp(ms: number): void {
   vi.spyOn(performance, 'now').mockImplementation(() => real() + ms);
 }
 
-function watched(): { twin: RobotTwin; watch: LivenessWatch; said: (string | null)[]; slept: () => number } {
+function watched() {
   const twin = new RobotTwin('demo', nowMs());
   let slept = 0;
-  const watch = new LivenessWatch(twin, () => {
-    slept += 1;
-  });
+  const doubts: number[] = [];
+  const watch = new LivenessWatch(
+    twin,
+    () => {
+      slept += 1;
+    },
+    (sinceMs) => doubts.push(sinceMs),
+  );
   twin.acceptConnection(true, nowMs());
   twin.acceptWatching(true, nowMs());
   fresh(twin);
@@ -54,7 +63,7 @@ function watched(): { twin: RobotTwin; watch: LivenessWatch; said: (string | nul
   watch.onWord(() => said.push(watch.word));
   vi.advanceTimersByTime(200);
   expect(watch.word).toBe('LIVE');
-  return { twin, watch, said, slept: () => slept };
+  return { twin, watch, said, doubts, slept: () => slept };
 }
 
 function fresh(twin: RobotTwin): void {
@@ -103,10 +112,16 @@ it('after a sleep that our clock slept through it claims nothing, and has the co
 });
 
 it('once it has called a pose old it is not LIVE again by that pose', () => {
-  const { twin, watch, said } = watched();
+  const { twin, watch, said, doubts } = watched();
   const { shownMs } = twin.evidence;
+  expect(doubts).toEqual([]);
   vi.advanceTimersByTime(STALE_AFTER_MS);
   expect(said).toEqual(['LIVE', 'STALE']);
+  const { otherwiseMs } = twin.evidence;
+  expect(otherwiseMs).not.toBeNull();
+  expect(doubts).toEqual([otherwiseMs]);
+  Object.assign(twin.evidence, { freshMs: nowMs(), shownMs: otherwiseMs }); // a pose of that very moment may be old
+  vi.advanceTimersByTime(100);
   fresh(twin);
   Object.assign(twin.evidence, { shownMs });
   vi.advanceTimersByTime(100);

@@ -1,8 +1,9 @@
-import { Encoder, frameId, parseHeader } from '@posecast/wire';
+import { Encoder } from '@posecast/wire';
 import type { Action, FromStream } from '../src/stream/messages.ts';
 import { Session } from '../src/stream/session.ts';
 import { HOLDING_AFTER_MS, isClaim, judge, STALE_AFTER_MS, type Word } from '../src/twin/liveness.ts';
 import { RobotTwin } from '../src/twin/robot.ts';
+import { type Held, Relay } from './outage_relay.ts';
 import { codesWith, SCHEMA, SCHEMA_TEXT } from './schema.ts';
 
 /**
@@ -44,58 +45,6 @@ const EPOCH_MS = 1_000_000;
 
 type Wire = { text: string } | { frame: Uint8Array };
 
-interface Held {
-  bytes: Uint8Array;
-  id: number;
-  seq: number;
-  isBase: boolean;
-  key: Held | null;
-  ref: Held | null;
-}
-
-/** Keeps the newest and hands it on by the send rule. */
-class Relay {
-  key: Held | null = null;
-  ref: Held | null = null;
-  newest: Held | null = null;
-  liveMs: number | null = null;
-  /** The edge sent the newest just now. */
-  isLive = false;
-  token = true;
-  #run = 0;
-
-  /** `liveMs`: null for what a snapshot brings. */
-  take(bytes: Uint8Array, run: number, liveMs: number | null): void {
-    const header = parseHeader(bytes);
-    const id = frameId(bytes);
-    if (header.isKey) {
-      if (run === this.#run && header.seq <= (this.newest?.seq ?? -1)) return;
-      this.#run = run;
-      this.key = { bytes, id, seq: header.seq, isBase: true, key: null, ref: null };
-      this.ref = null;
-      this.newest = this.key;
-    } else {
-      const base = [this.key, this.ref].find((one) => one?.id === header.baseId);
-      if (base == null || run !== this.#run || base.seq + header.distance <= (this.newest?.seq ?? -1)) return;
-      const held = {
-        ...{ bytes, id, seq: base.seq + header.distance, isBase: header.isRef },
-        ...{ key: this.key, ref: base === this.key ? null : base },
-      };
-      if (header.isRef) this.ref = held;
-      this.newest = held;
-    }
-    this.isLive = liveMs !== null;
-    if (liveMs !== null) this.liveMs = liveMs;
-  }
-
-  status(nowMs: number): string {
-    const ageMs = this.liveMs === null ? null : nowMs - this.liveMs;
-    const silent = ageMs === null || ageMs > STALE_AFTER_MS;
-    const robot = this.token ? (silent ? 'silent' : 'online') : 'offline';
-    return JSON.stringify({ type: 'status', robot, age_ms: ageMs, seq: this.newest?.seq ?? null });
-  }
-}
-
 /** What stands between relay and page for one connection. */
 class Connection {
   readonly on: 'websocket' | 'events';
@@ -103,7 +52,10 @@ class Connection {
   hz = 1;
   frameMs = 0;
   statusMs = 0;
+  /** By the relay. */
   open = false;
+  /** By the page. */
+  isOpened = false;
   openAtMs: number;
   readonly down: { wire: Wire; atMs: number; writtenMs: number }[] = [];
   readonly up: { text: string; atMs: number }[] = [];
@@ -129,6 +81,8 @@ export class World {
   #run = 1;
   #encodedMs = 0;
   #sentCode = -1;
+  /** When the robot said the next one after this code. */
+  readonly #outdoneMs = new Map<number, number>();
   #sampleMs = EPOCH_MS;
   #stands: { fromMs: number; toMs: number }[] = [];
   #connection: Connection | null = null;
@@ -136,6 +90,15 @@ export class World {
   #tickMs = EPOCH_MS;
   #on = new Set<Fault['what']>();
   #otherwiseMs = Number.NEGATIVE_INFINITY;
+  #heardMs = EPOCH_MS;
+  /** When the newest silence ended that was long enough to be noticed. */
+  #silentUntilMs = EPOCH_MS;
+  /**
+   * How long the shown pose was under way without a noticed silence. A WebSocket's messages don't tell when they were
+   * written, and a shorter silence looks like a pause that is LIVE. If the robot's next pose is long in coming, this one
+   * seems so much younger than it is.
+   */
+  #unseenMs = 0;
   #word: Word | null = null;
 
   constructor(faults: readonly Fault[], carrier: 'websocket' | 'events', random: () => number) {
@@ -232,9 +195,12 @@ export class World {
     for (const bytes of [key, ref]) if (bytes !== null) this.#relay.take(bytes, this.#run, null);
   }
 
+  /** What the link held comes one by one, as over a slow one. */
   #thaw(): void {
-    for (const one of this.#connection?.down ?? []) one.atMs = Math.max(one.atMs, this.nowMs);
-    for (const one of this.#connection?.up ?? []) one.atMs = Math.max(one.atMs, this.nowMs);
+    const held = ({ atMs }: { atMs: number }) => atMs === Number.POSITIVE_INFINITY;
+    for (const [n, one] of (this.#connection?.down.filter(held) ?? []).entries())
+      one.atMs = this.nowMs + LINK_MS + n * STEP_MS;
+    for (const one of this.#connection?.up.filter(held) ?? []) one.atMs = this.nowMs + LINK_MS;
   }
 
   #cut(): void {
@@ -255,6 +221,7 @@ export class World {
     if (this.#is('source silent') || this.#is('edge restarted')) return;
     const code = Math.floor((this.#poseMs() - EPOCH_MS) / POSE_STEP_MS);
     if (code === this.#sentCode && this.nowMs - this.#encodedMs < CONFIRM_MS) return;
+    if (code !== this.#sentCode) this.#outdoneMs.set(this.#sentCode, this.nowMs);
     this.#sentCode = code;
     this.#encodedMs = this.nowMs;
     const codes = codesWith({ 'pos.RKN': code });
@@ -311,7 +278,8 @@ export class World {
   }
 
   #write(link: Connection, wire: Wire): void {
-    const atMs = this.#frozenMs === null ? this.nowMs + LINK_MS : Number.POSITIVE_INFINITY;
+    const soonMs = Math.max(this.nowMs + LINK_MS, link.down.at(-1)?.atMs ?? 0); // after what is under way
+    const atMs = this.#frozenMs === null ? soonMs : Number.POSITIVE_INFINITY;
     link.down.push({ wire, atMs, writtenMs: this.nowMs });
   }
 
@@ -321,8 +289,15 @@ export class World {
     if (link === null) return;
     const { nowMs } = this;
     const due = link.down.filter(({ atMs }) => atMs <= nowMs).length;
+    if (due > 0) {
+      if (nowMs - this.#heardMs > STALE_AFTER_MS) this.#silentUntilMs = nowMs;
+      this.#heardMs = nowMs;
+    }
     for (const { wire, writtenMs } of link.down.splice(0, due)) {
-      if (this.#session.phase === 'connecting') this.#do(this.#session.opened(nowMs));
+      if (!link.isOpened) {
+        link.isOpened = true;
+        this.#do(this.#session.opened(nowMs));
+      }
       if (this.#connection !== link) return;
       if (link.on === 'events') {
         this.#do(this.#session.heard(nowMs));
@@ -359,7 +334,12 @@ export class World {
     if (message.kind === 'link') twin.acceptConnection(message.phase === 'open', this.nowMs);
     else if (message.kind === 'schema') twin.acceptSchema(SCHEMA);
     else if (message.kind === 'status') twin.acceptStatus(message.status);
-    else if (message.kind === 'state') twin.acceptState(message.state);
+    else if (message.kind === 'state') {
+      twin.acceptState(message.state);
+      const sampledMs = message.state.tS * 1000;
+      const isSeen = this.#carrier === 'events' || this.#silentUntilMs >= sampledMs;
+      this.#unseenMs = isSeen ? 0 : this.nowMs - sampledMs;
+    }
   }
 
   #look(): void {
@@ -368,6 +348,7 @@ export class World {
     if (!claims && word !== null && isClaim(this.#word)) {
       this.#otherwiseMs = this.nowMs;
       this.#twin.evidence.otherwiseMs = this.nowMs; // as the page's watch does
+      this.#do(this.#session.doubt(this.nowMs, this.nowMs));
     }
     if (word !== this.#word || this.words.length === 0) this.words.push(word);
     this.#word = word;
@@ -383,9 +364,12 @@ export class World {
     const stand = this.#stands.find(({ fromMs }) => Math.abs(fromMs - poseMs) < 2 * POSE_STEP_MS);
     const trueUntilMs = stand?.toMs ?? poseMs;
     const oldMs = this.nowMs - trueUntilMs;
-    if (oldMs > STALE_AFTER_MS + this.#onItsWayMs) return `${word} with a pose of ${oldMs} ms ago`;
-    const isNewest = Math.round(code * 1000) === this.#sentCode; // of a robot that has said nothing since
-    if (!isNewest && trueUntilMs < this.#otherwiseMs - this.#onItsWayMs)
+    if (oldMs > STALE_AFTER_MS + Math.max(this.#onItsWayMs, this.#unseenMs))
+      return `${word} with a pose of ${oldMs} ms ago`;
+    // What the robot has said since may still be under way.
+    const outdoneMs = this.#outdoneMs.get(Math.round(code * 1000)) ?? this.nowMs;
+    const isOutdone = this.nowMs - outdoneMs > this.#onItsWayMs;
+    if (isOutdone && trueUntilMs < this.#otherwiseMs - this.#onItsWayMs)
       return `${word} again with a pose of before (${oldMs} ms)`;
     const stoodMs = stand === undefined ? 0 : this.nowMs - stand.fromMs;
     if (word === 'HOLDING' && stoodMs < HOLDING_AFTER_MS) return 'HOLDING while the robot moved';

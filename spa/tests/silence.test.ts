@@ -54,6 +54,46 @@ it('a pause that the page calls LIVE is no silence', () => {
   expect(born(rig)).toEqual([[2, rig.now]]);
 });
 
+it('once the page has called its pose old, also what comes after a shorter pause counts so until then', () => {
+  const rig = opened();
+  const frames = new Frames();
+  rig.frame(frames.next());
+  const heardMs = rig.now;
+  rig.now += STALE_AFTER_MS - 100;
+  rig.take();
+  rig.do(rig.session.doubt(rig.now, rig.now));
+  const [askedMs] = pings(rig);
+  expect(askedMs).toBe(rig.now);
+  rig.now += 20;
+  rig.frame(frames.next());
+  expect(born(rig)).toEqual([[2, heardMs]]);
+  rig.say({ type: 'pong', t: askedMs });
+  rig.frame(frames.next());
+  expect(born(rig)).toEqual([[3, rig.now]]);
+});
+
+it('what came while the page’s word was on its way to the stream makes nothing younger', () => {
+  const rig = opened();
+  const frames = new Frames();
+  rig.frame(frames.next());
+  const calledOldMs = rig.now;
+  rig.now += 5;
+  rig.frame(frames.next());
+  rig.do(rig.session.doubt(rig.now, calledOldMs));
+  rig.take();
+  rig.now += 20;
+  rig.frame(frames.next());
+  expect(born(rig)).toEqual([[3, calledOldMs]]);
+});
+
+it('events tell their delay themselves: nothing is asked and nothing doubted', () => {
+  const rig = new Rig();
+  rig.fallBack();
+  rig.take();
+  rig.do(rig.session.doubt(rig.now, rig.now));
+  expect(rig.take()).toEqual([]);
+});
+
 it('a hidden page hears less often', () => {
   const rig = opened();
   rig.do(rig.session.visibility(rig.now, false));

@@ -97,6 +97,11 @@ export class StreamClient {
     this.#twin.acceptWatching(visible, nowMs());
   }
 
+  /** The shown pose is not called live any more, as of `sinceMs`. */
+  doubt(sinceMs: number): void {
+    this.#tell({ kind: 'doubt', sinceMs });
+  }
+
   /** Asks for the full frame rate again after the relay or a slow network lowered it. */
   wishAll(): void {
     this.#tell({ kind: 'wish-all' });

@@ -46,9 +46,9 @@ export class Lateness {
 }
 
 /**
- * A silence long enough that the page called its pose old, or during which this thread itself slept. The first data
- * after it were delayed by an unknown time, so they count as old as the start of the silence, until something shows
- * that the backlog has been read.
+ * A silence long enough that the page called its pose old, or during which this thread itself slept; or the moment in
+ * which the page called its pose old for another reason. The first data after it were delayed by an unknown time, so
+ * they count as old as its start, until something shows that the backlog has been read.
  */
 export class Silence {
   #sinceMs: number | null = null;

@@ -51,6 +51,8 @@ export type ToStream =
   /** The token has been renewed, replaced or removed. */
   | { kind: 'token'; token: string | undefined }
   | { kind: 'visible'; visible: boolean }
+  /** The page stopped calling its pose live at `sinceMs`. */
+  | { kind: 'doubt'; sinceMs: number }
   /** Something changed outside (back online, back from sleep, the person asks): try now rather than later. */
   | { kind: 'wake'; sleptMs: number }
   /** Ask for the full frame rate again after it was lowered. */

@@ -57,23 +57,19 @@ export class Session {
   #failures = 0;
   #bye: (Ending & { retryS: number | null }) | null = null;
   #visible = true;
-
   #reading = this.#newReading();
-
   #acknowledgements = new Acknowledgements();
   #pingMs = Number.NEGATIVE_INFINITY;
   #roundTripMs: number | null = null;
   #askedHz: number;
   #askedMs = Number.NEGATIVE_INFINITY;
   #paceMs = 0;
-
   readonly #choice: TransportChoice;
   readonly #lateness = new Lateness();
   /** Lowered rate for a slow network, on events only; null: the full rate. */
   #slowHz: number | null = null;
   /** Whether a text message has come on this connection. */
   #greeted = false;
-
   #actions: Action[] = [];
 
   constructor(url: string, hz: number, visible: boolean, random: () => number, token?: string) {
@@ -152,8 +148,7 @@ export class Session {
 
   /** The socket closed, or never opened (then the code is the browser's 1006). */
   closed(nowMs: number, code: number, reason: string): Action[] {
-    const ending: Ending = this.#bye ?? { code, reason };
-    this.#lost(nowMs, ending, this.#bye?.retryS ?? null);
+    this.#lost(nowMs, this.#bye ?? { code, reason }, this.#bye?.retryS ?? null);
     return this.#take();
   }
 
@@ -167,9 +162,8 @@ export class Session {
         this.#acknowledge(nowMs);
         this.#wishRate(nowMs);
         this.#measure(nowMs);
-        if (this.#greeted && this.#choice.shouldTryWebSocket(nowMs)) {
+        if (this.#greeted && this.#choice.shouldTryWebSocket(nowMs))
           this.#actions.push({ do: 'try', url: this.#address('websocket', this.#wantedHz) });
-        }
         if (this.#choice.now === 'events' && this.#askedHz > 0 && this.#lateness.tooLate(nowMs)) {
           this.#slowHz = lowerHz(this.#askedHz);
           this.#reask(nowMs, this.#slowHz); // closing the old connection drops the old poses on their way
@@ -192,6 +186,15 @@ export class Session {
     this.#visible = visible;
     if (visible) this.#reading.resumed();
     this.#wishRate(nowMs);
+    return this.#take();
+  }
+
+  /** The page calls its pose old as of `sinceMs`. What comes now may have been under way since before, also after a
+   *  silence too short to be noticed, so it counts as old until the relay has answered. */
+  doubt(nowMs: number, sinceMs: number): Action[] {
+    if (this.#phase !== 'open' || this.#onEvents) return [];
+    this.#silence.begin(Math.min(this.#heardMs, sinceMs));
+    this.#ping(nowMs);
     return this.#take();
   }
 
@@ -325,13 +328,11 @@ export class Session {
         this.#post({ kind: 'rate', hz: message.hz, reason: this.#slowHz === null ? null : SLOW_NETWORK });
         this.#post({ kind: 'model', hash: message.model });
         return;
-      case 'rate':
-        this.#post({
-          kind: 'rate',
-          hz: message.hz,
-          reason: AS_WISHED.has(message.reason) ? null : message.reason,
-        });
+      case 'rate': {
+        const reason = AS_WISHED.has(message.reason) ? null : message.reason;
+        this.#post({ kind: 'rate', hz: message.hz, reason });
         return;
+      }
       case 'pong':
         this.#roundTripMs = Math.max(0, nowMs - message.t);
         if (message.t >= this.#pingMs) this.#silence.end(); // the pong came after all of the backlog
@@ -341,7 +342,6 @@ export class Session {
         return;
       default:
         this.#reading.message(nowMs, this.#lateMs(nowMs), message);
-        return;
     }
   }
 

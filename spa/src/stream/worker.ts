@@ -166,6 +166,9 @@ self.onmessage = (event: MessageEvent<ToStream>) => {
     case 'visible':
       perform(session?.visibility(nowMs(), message.visible) ?? []);
       break;
+    case 'doubt':
+      perform(session?.doubt(nowMs(), message.sinceMs) ?? []);
+      break;
     case 'wake':
       setSlept(message.sleptMs);
       perform(session?.wake(nowMs()) ?? []);

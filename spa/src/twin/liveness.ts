@@ -50,7 +50,8 @@ export interface Evidence {
   watchingMs: number | null;
   /** When the pose that the picture shows was the robot's newest; null while no such pose has come since then. */
   shownMs: number | null;
-  /** When the page last stopped calling the shown pose live, on this connection. */
+  /** When the page last stopped calling the shown pose live, on this connection. The stream is told as well, so that
+   *  nothing that was under way then counts as newer. */
   otherwiseMs: number | null;
 }
 
@@ -89,7 +90,7 @@ export function newestAgeMs(evidence: Evidence, nowMs: number): number | null {
 
 /** When the shown pose was new; null if there is none, or if it is from before an outage, however short. */
 function pictureMs({ shownMs, otherwiseMs }: Evidence): number | null {
-  return shownMs !== null && shownMs < (otherwiseMs ?? shownMs) ? null : shownMs;
+  return shownMs !== null && otherwiseMs !== null && shownMs <= otherwiseMs ? null : shownMs;
 }
 
 /** Whether the word claims that the shown pose is the robot's present one. */

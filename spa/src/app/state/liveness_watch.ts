@@ -24,6 +24,7 @@ export interface Watch {
 export class LivenessWatch implements Watch {
   readonly #twin: RobotTwin;
   readonly #onSlept: () => void;
+  readonly #onDoubt: (sinceMs: number) => void;
   readonly #listeners = new Set<() => void>();
   readonly #leave: () => void;
   #verdict: Verdict;
@@ -34,10 +35,14 @@ export class LivenessWatch implements Watch {
   #lost = false;
   #sleptMs = countSleep();
 
-  /** @param onSlept is called when the device has slept. */
-  constructor(twin: RobotTwin, onSlept: () => void) {
+  /**
+   * @param onSlept is called when the device has slept.
+   * @param onDoubt is called when the shown pose is no longer called live, with the time (ms).
+   */
+  constructor(twin: RobotTwin, onSlept: () => void, onDoubt: (sinceMs: number) => void) {
     this.#twin = twin;
     this.#onSlept = onSlept;
+    this.#onDoubt = onDoubt;
     this.#verdict = judge(twin.evidence, this.#lookedMs);
     this.#timer = setTimeout(this.#look, EVERY_MS);
     this.#leave = twin.onChange(() => this.#tell());
@@ -93,7 +98,10 @@ export class LivenessWatch implements Watch {
     this.#verdict = claims ? { ...verdict, word: null, cause: null, overShare: false } : verdict;
     const { word } = this.#verdict;
     if (word === before) return;
-    if (isClaim(before) && word !== null && !isClaim(word)) this.#twin.evidence.otherwiseMs = this.#lookedMs;
+    if (isClaim(before) && word !== null && !isClaim(word)) {
+      this.#twin.evidence.otherwiseMs = this.#lookedMs;
+      this.#onDoubt(this.#lookedMs);
+    }
     for (const listener of this.#listeners) listener();
   }
 }

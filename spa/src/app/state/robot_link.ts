@@ -34,7 +34,11 @@ export function useRobotLink(robot: string): RobotLink | null {
     const twin = new RobotTwin(robot, nowMs());
     loadOwnLimits(twin);
     const client = new StreamClient(twin, streamUrl(robot), WANTED_HZ);
-    const watch = new LivenessWatch(twin, () => client.wake());
+    const watch = new LivenessWatch(
+      twin,
+      () => client.wake(),
+      (sinceMs) => client.doubt(sinceMs),
+    );
     const faults = new FaultKeeper(twin, nowMs);
     const minute = new HistoryKeeper(twin);
     setLink({ twin, client, watch, faults, minute, nowMs, resting: () => false });

@@ -1,0 +1,54 @@
+import { frameId, parseHeader } from '@posecast/wire';
+import { STALE_AFTER_MS } from '../src/twin/liveness.ts';
+
+export interface Held {
+  bytes: Uint8Array;
+  id: number;
+  seq: number;
+  isBase: boolean;
+  key: Held | null;
+  ref: Held | null;
+}
+
+/** A relay of one robot: keeps the newest frame and what it is coded against. Times are ms of the simulation's clock. */
+export class Relay {
+  key: Held | null = null;
+  ref: Held | null = null;
+  newest: Held | null = null;
+  liveMs: number | null = null;
+  /** The edge sent the newest just now. */
+  isLive = false;
+  token = true;
+  #run = 0;
+
+  /** `liveMs`: null for what a snapshot brings. */
+  take(bytes: Uint8Array, run: number, liveMs: number | null): void {
+    const header = parseHeader(bytes);
+    const id = frameId(bytes);
+    if (header.isKey) {
+      if (run === this.#run && header.seq <= (this.newest?.seq ?? -1)) return;
+      this.#run = run;
+      this.key = { bytes, id, seq: header.seq, isBase: true, key: null, ref: null };
+      this.ref = null;
+      this.newest = this.key;
+    } else {
+      const base = [this.key, this.ref].find((one) => one?.id === header.baseId);
+      if (base == null || run !== this.#run || base.seq + header.distance <= (this.newest?.seq ?? -1)) return;
+      const held = {
+        ...{ bytes, id, seq: base.seq + header.distance, isBase: header.isRef },
+        ...{ key: this.key, ref: base === this.key ? null : base },
+      };
+      if (header.isRef) this.ref = held;
+      this.newest = held;
+    }
+    this.isLive = liveMs !== null;
+    if (liveMs !== null) this.liveMs = liveMs;
+  }
+
+  status(nowMs: number): string {
+    const ageMs = this.liveMs === null ? null : nowMs - this.liveMs;
+    const silent = ageMs === null || ageMs > STALE_AFTER_MS;
+    const robot = this.token ? (silent ? 'silent' : 'online') : 'offline';
+    return JSON.stringify({ type: 'status', robot, age_ms: ageMs, seq: this.newest?.seq ?? null });
+  }
+}
