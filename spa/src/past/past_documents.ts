@@ -64,7 +64,9 @@ export function readSummary(json: unknown): PastSummary | null {
   const fromMs = doc.time('from_ms');
   const toMs = doc.time('to_ms', fromMs);
   const view = doc.text('view', /^[a-z0-9][a-z0-9-]{0,62}$/);
-  const daysMs = doc.list('days', DAYS_MAX, (day, where) => readMoment(day, where, /^\d{4}-\d\d-\d\d$/));
+  const daysMs = doc.list('days', DAYS_MAX, (day, where) =>
+    new Doc({ day }, where).date('day', /^\d{4}-\d\d-\d\d$/, FIRST_MS, LAST_MS),
+  );
   return { view, fromMs, toMs, pastMs, daysMs: [...new Set(daysMs)].sort((a, b) => b - a) };
 }
 
@@ -72,8 +74,7 @@ export function readSummary(json: unknown): PastSummary | null {
 export function readDay(json: unknown, dayMs: number): PastMinute[] {
   return new Doc(json, `day ${dayOf(dayMs)}`).list('minutes', MINUTES_MAX, (item, where) => {
     const doc = new Doc(item, where);
-    const minute = doc.text('minute', /^\d{4}-\d\d-\d\dT\d\d:\d\dZ$/);
-    const atMs = within(Date.parse(minute), `${where}.minute`, dayMs, dayMs + DAY_MS - 1);
+    const atMs = doc.date('minute', /^\d{4}-\d\d-\d\dT\d\d:\d\dZ$/, dayMs, dayMs + DAY_MS - 1);
     const [bytes, frames, faults] = [doc.count('bytes'), doc.count('frames'), doc.count('faults')];
     return { atMs, bytes, frames, word: doc.word(), faults };
   });
@@ -121,11 +122,6 @@ function readEvent(json: unknown, where: string): (EventMessage & { readonly atM
   return event?.type === 'event' ? { ...event, atMs } : null;
 }
 
-function readMoment(value: unknown, where: string, form: RegExp): number {
-  if (typeof value !== 'string' || !form.test(value)) fail(where, 'no date');
-  return within(Date.parse(value), where, FIRST_MS, LAST_MS);
-}
-
 /** `value` if it is a number from `least` to `most`. */
 function within(value: unknown, where: string, least: number, most: number): number {
   if (typeof value === 'number' && value >= least && value <= most) return value;
@@ -164,6 +160,11 @@ class Doc {
   text(name: string, form: RegExp): string {
     const value = this.#members[name];
     return typeof value === 'string' && form.test(value) ? value : fail(this.#at(name), 'not as documented');
+  }
+
+  /** Unix ms of a text. */
+  date(name: string, form: RegExp, leastMs: number, mostMs: number): number {
+    return within(Date.parse(this.text(name, form)), this.#at(name), leastMs, mostMs);
   }
 
   word(): RobotStatus {

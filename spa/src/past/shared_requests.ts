@@ -42,7 +42,10 @@ export class SharedRequests {
 
   #start(key: string, request: (signal: AbortSignal) => Promise<unknown>): Running {
     const stop = new AbortController();
-    const running: Running = { answer: request(stop.signal), stop, waiting: 0 };
+    const stopped = new Promise<never>((_, reject) => {
+      stop.signal.addEventListener('abort', () => reject(stop.signal.reason));
+    });
+    const running: Running = { answer: Promise.race([request(stop.signal), stopped]), stop, waiting: 0 };
     running.answer.catch(() => {}); // who waits is told; perhaps nobody does
     this.#running.set(key, running);
     return running;
