@@ -113,8 +113,11 @@ describe('the time line', () => {
     expect(index.timeline!.fromMs, 'the segment at 14:20:04 is cut').toBe(at('14:20:08'));
     expect(index.segmentsIn({ fromMs: 0, toMs: at('15:00:00') }).map((ref) => ref.index)).toEqual([2]);
     expect(index.timeline!.movement[0]!.fromMs).toBe(at('14:20:08'));
+    add(index, at('14:40:00'), [entry(9, at('14:40:00'))]);
+    index.setSummary(readSummary(summary(at('14:20:09'), at('14:50:09'))));
+    expect(index.timeline!.fromMs, 'in between is unknown').toBe(at('14:20:09'));
     index.setSummary(readSummary(summary(at('14:31:00'), at('15:01:00'))));
-    expect(index.pagesMs).toEqual([]);
+    expect(index.pagesMs).toEqual([at('14:40:00')]);
   });
 
   it('is a new one after each change, and the same without', () => {
@@ -187,6 +190,12 @@ describe('the pages to fetch', () => {
     ]).toEqual([false, true, false]);
     index.addPage(PAGE, page, 400, index.findKnownMs(PAGE, at('14:30:10')));
     expect([index.isClosed(PAGE), index.knows(PAGE, at('14:31:00'))]).toEqual([true, true]);
+  });
+
+  it('are closed as well when nothing comes any more, which makes nothing newer', () => {
+    const index = indexOf(at('14:20:00'), at('14:20:04'));
+    index.addPage(PAGE, readPage({ segments: [] }, PAGE), 100, index.findKnownMs(PAGE, at('14:31:00')));
+    expect([index.isClosed(PAGE), index.toMs]).toEqual([true, at('14:20:04')]);
   });
 
   it('are not known where there is more', () => {

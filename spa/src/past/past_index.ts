@@ -175,7 +175,7 @@ export class PastIndex {
   addPage(pageMs: number, { segments, more }: PastPage, size: number, knownMs: number): number {
     const before = this.#pages.get(pageMs) ?? { segments: new Map(), last: null, bytes: 0, knownMs: 0 };
     const all = new Map(before.segments);
-    let newestMs = knownMs;
+    let newestMs = 0;
     for (const ref of segments) {
       all.set(nameOf(ref), ref);
       newestMs = Math.max(newestMs, ref.toMs);
@@ -229,7 +229,8 @@ export class PastIndex {
   #draw(): Timeline {
     const segments = this.#listSegments();
     // the segment that the window's beginning cuts can't be had any more
-    const fromMs = this.#pages.get(pageOf(this.fromMs)) ? (segments[0]?.fromMs ?? this.fromMs) : this.fromMs;
+    const firstMs = segments[0]?.fromMs ?? 0;
+    const fromMs = pageOf(firstMs) === pageOf(this.fromMs) ? firstMs : this.fromMs;
     const minutes = [...this.#days]
       .sort(([a], [b]) => a - b)
       .flatMap(([, day]) => day.minutes)

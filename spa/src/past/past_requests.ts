@@ -2,6 +2,8 @@ import { PastError } from './past_source.ts';
 
 const RETRY_MS = 500;
 const LATE_MS = 20_000;
+/** The longest answer is a segment: a MiB each of header and records, and a little. */
+const BYTES_MAX = 3_000_000;
 
 /** What the page lends to the past that a relay keeps. */
 export interface RelayPorts {
@@ -33,22 +35,21 @@ export class PastRequests {
   }
 
   /** `path`: '', or with a slash in front. Asks twice where nobody answers. */
-  async get(path: string, bytesMax: number, signal: AbortSignal): Promise<Answer> {
-    const first = await this.#try(path, bytesMax, signal);
+  async get(path: string, signal: AbortSignal): Promise<Answer> {
+    const first = await this.#try(path, signal);
     if (first !== null) return first;
     await new Promise<void>((resolve) => this.#ports.later(RETRY_MS, resolve));
     signal.throwIfAborted();
-    const second = await this.#try(path, bytesMax, signal);
+    const second = await this.#try(path, signal);
     if (second === null) throw new PastError('away', `past${path}: no answer`);
     return second;
   }
 
   async getJson(
     path: string,
-    bytesMax: number,
     signal: AbortSignal,
   ): Promise<{ readonly json: unknown; readonly size: number }> {
-    const { bytes } = await this.get(path, bytesMax, signal);
+    const { bytes } = await this.get(path, signal);
     try {
       return { json: JSON.parse(new TextDecoder().decode(bytes)), size: bytes.length };
     } catch {
@@ -57,7 +58,7 @@ export class PastRequests {
   }
 
   /** The answer; null if there was none. */
-  async #try(path: string, bytesMax: number, signal: AbortSignal): Promise<Answer | null> {
+  async #try(path: string, signal: AbortSignal): Promise<Answer | null> {
     const url = this.#baseUrl + path;
     const late = new AbortController();
     const inTime = this.#ports.later(LATE_MS, () => late.abort());
@@ -72,7 +73,7 @@ export class PastRequests {
       const { status } = response;
       if (status === 200) {
         const isJson = response.headers.get('content-type')?.startsWith('application/json') ?? false;
-        return { bytes: await readBody(response, path, bytesMax), isJson };
+        return { bytes: await readBody(response, path), isJson };
       }
       await response.body?.cancel();
       if (status >= 400 && status !== 429 && (status < 500 || status === 501))
@@ -88,11 +89,7 @@ export class PastRequests {
   }
 }
 
-async function readBody(
-  response: Response,
-  path: string,
-  bytesMax: number,
-): Promise<Uint8Array<ArrayBuffer>> {
+async function readBody(response: Response, path: string): Promise<Uint8Array<ArrayBuffer>> {
   const reader = response.body?.getReader();
   const pieces: Uint8Array<ArrayBuffer>[] = [];
   let size = 0;
@@ -100,9 +97,9 @@ async function readBody(
     const { value } = (await reader?.read()) ?? {};
     if (value === undefined) break;
     size += value.length;
-    if (size > bytesMax) {
+    if (size > BYTES_MAX) {
       await reader?.cancel();
-      throw new PastError('damaged', `past${path}: more than ${bytesMax} bytes`);
+      throw new PastError('damaged', `past${path}: more than ${BYTES_MAX} bytes`);
     }
     pieces.push(value);
   }

@@ -29,10 +29,6 @@ const IDLE_MS = 15_000;
 const REST_MS = 10_000;
 /** A relay that has no past, or none for this page, is asked again after so long. */
 const REFUSED_MS = 60_000;
-const JSON_BYTES_MAX = 2_000_000; // a page has 1 MiB, and one segment more
-const SEGMENT_BYTES_MAX = 3_000_000; // 1 MiB each of header and records, and a little
-const KEYS_BYTES_MAX = 1 << 20;
-const SCHEMA_BYTES_MAX = 1 << 18;
 const SEGMENTS_KEPT_BYTES = 8 << 20;
 const KEYS_KEPT_BYTES = 4_000_000;
 const SCHEMAS_KEPT = 8;
@@ -186,7 +182,7 @@ export class RelayPast implements PastSource {
   async #fetchSummary(signal: AbortSignal): Promise<void> {
     this.#dueMs = this.#ports.nowMs() + IDLE_MS;
     try {
-      const { json } = await this.#requests.getJson('', JSON_BYTES_MAX, signal);
+      const { json } = await this.#requests.getJson('', signal);
       this.#setSummary(readSummary(json));
     } catch (error) {
       if (!(error instanceof PastError)) throw error;
@@ -198,7 +194,7 @@ export class RelayPast implements PastSource {
     await eachOf(this.#index.listDaysToFetch(), async (dayMs) => {
       const { toMs } = this.#index;
       const path = `/${this.#view}/${dayOf(dayMs)}`;
-      const { json } = await this.#requests.getJson(path, JSON_BYTES_MAX, signal);
+      const { json } = await this.#requests.getJson(path, signal);
       this.#index.setDay(dayMs, readDay(json, dayMs), toMs);
     });
   }
@@ -244,7 +240,7 @@ export class RelayPast implements PastSource {
       const last = this.#index.getLast(pageMs);
       const after = last === null ? '' : `?after=${last.take},${last.index}`;
       const path = `/${view}/${minuteOf(pageMs)}${after}`;
-      const { json, size } = await this.#requests.getJson(path, JSON_BYTES_MAX, signal);
+      const { json, size } = await this.#requests.getJson(path, signal);
       if (view !== this.#view) return;
       const page = readPage(json, pageMs);
       const count = this.#index.addPage(pageMs, page, size, knownMs);
@@ -271,7 +267,7 @@ export class RelayPast implements PastSource {
     const wholeBytes = (this.#index.countPoses(pageMs) ?? 0) * this.#poseBytes;
     const every = Math.min(1000, Math.max(1, Math.ceil(wholeBytes / KEYS_BYTES_WANTED)));
     const path = `/${view}/${minuteOf(pageMs)}/keys${every > 1 ? `?every=${every}` : ''}`;
-    const { bytes } = await this.#requests.get(path, KEYS_BYTES_MAX, signal);
+    const { bytes } = await this.#requests.get(path, signal);
     const page = decoded(path, () => decodeKeyPage(bytes));
     if (page.fromMs !== pageMs) throw new PastError('damaged', `past${path}: another page`);
     if (view !== this.#view) return;
@@ -282,7 +278,7 @@ export class RelayPast implements PastSource {
   async #fetchSegment(ref: SegmentRef, signal: AbortSignal): Promise<Segment> {
     const name = nameOf(ref);
     const path = `/${this.#view}/${name}`;
-    const { bytes, isJson } = await this.#requests.get(path, SEGMENT_BYTES_MAX, signal);
+    const { bytes, isJson } = await this.#requests.get(path, signal);
     if (isJson) throw new PastError('gone', `past${path}: not kept any more`);
     if (bytes.length !== ref.bytes)
       throw new PastError('damaged', `past${path}: ${bytes.length} bytes, not ${ref.bytes}`);
@@ -296,7 +292,7 @@ export class RelayPast implements PastSource {
 
   async #fetchSchema(sha256: string, signal: AbortSignal): Promise<Schema> {
     const path = `/${this.#view}/schema/${sha256}`;
-    const { bytes } = await this.#requests.get(path, SCHEMA_BYTES_MAX, signal);
+    const { bytes } = await this.#requests.get(path, signal);
     await checkHash(path, bytes, sha256);
     const schema = decoded(path, () => parseSchema(new TextDecoder().decode(bytes)));
     this.#schemas.set(sha256, schema, 1);
