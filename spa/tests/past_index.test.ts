@@ -106,6 +106,19 @@ describe('the time line', () => {
     expect(index.timeline!.movement[1]!.fromMs).toBe(at('14:25:00'));
   });
 
+  it('shows who came back as online, though the take of before ends a moment later', () => {
+    const index = indexOf(at('14:20:00'), at('14:20:30'));
+    const back = at('14:20:20');
+    const words = (...said: string[]) =>
+      said.map((word) => ({ at_ms: back + (said[0] === 'silent' ? 0 : 1), word }));
+    add(index, PAGE, [
+      entry(0, at('14:20:00'), { words: [{ at_ms: at('14:20:04'), word: 'offline' }] }),
+      entry(1, back + 1, { to_ms: back + 1, frames: 0, words: words('offline', 'silent') }),
+      entry(0, back, { take: '00000000000000aa', words: words('silent', 'online') }),
+    ]);
+    expect(index.timeline!.words).toEqual([{ fromMs: at('14:20:04'), toMs: back + 1, word: 'offline' }]);
+  });
+
   it('loses what left the window', () => {
     const index = indexOf(at('14:20:00'), at('14:20:12'), [minute('2026-11-22T14:20Z')]);
     add(index, PAGE, [entry(0, at('14:20:00')), entry(1, at('14:20:04')), entry(2, at('14:20:08'))]);

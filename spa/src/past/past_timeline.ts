@@ -9,6 +9,17 @@ export type KnownMinute = Omit<PastMinute, 'bytes'> & { readonly bytesPerS: numb
 /** A minute of which segments are known up to `unknownMs` only. */
 type PartlyKnown = KnownMinute & { readonly unknownMs: number };
 
+/** Takes tell times of their own, which differ by a few ms. What the one before says of the robot beside its last frames
+ *  comes before what the next one says with its first. */
+const TAKES_APART_MS = 100;
+
+interface Change {
+  readonly atMs: number;
+  readonly word: RobotStatus;
+  /** Its place among the others. */
+  readonly orderMs: number;
+}
+
 /** Draws a time line: of segments where they are known, else of minutes. Both are ordered by time. */
 export function drawTimeline(
   span: Span,
@@ -17,11 +28,12 @@ export function drawTimeline(
 ): Timeline {
   const movement: Timeline['movement'][number][] = [];
   const marks: Mark[] = [];
-  const changes: { atMs: number; word: RobotStatus }[] = [];
+  const changes: Change[] = [];
 
   for (const { fromMs, toMs, frames, bytes, words, events } of segments) {
     if (frames > 0) movement.push({ fromMs, toMs, bytesPerS: (1000 * bytes) / Math.max(1, toMs - fromMs) });
-    for (const word of words) changes.push(word);
+    for (const { atMs, word } of words)
+      changes.push({ atMs, word, orderMs: frames > 0 ? atMs : atMs - TAKES_APART_MS });
     for (const { atMs, level, source, text, state } of events)
       if (state === 'on' && level !== 'info') marks.push({ atMs, level, source, text, exact: true });
   }
@@ -33,9 +45,9 @@ export function drawTimeline(
     const fromMs = Math.max(atMs, unknownMs, span.fromMs);
     if (fromMs >= toMs) return;
     if (frames > 0) movement.push({ fromMs, toMs, bytesPerS });
-    changes.push({ atMs: fromMs, word });
+    changes.push({ atMs: fromMs, word, orderMs: fromMs });
     // who was offline when nothing more came was offline until something came again
-    if (word !== 'offline' || nextMs === toMs) changes.push({ atMs: toMs, word: 'online' });
+    if (word !== 'offline' || nextMs === toMs) changes.push({ atMs: toMs, word: 'online', orderMs: toMs });
     // which of them began before `unknownMs` can't be told
     if (faults > 0 && unknownMs <= atMs)
       marks.push({ atMs: fromMs, level: 'fault', source: '', text: '', exact: false });
@@ -46,10 +58,10 @@ export function drawTimeline(
   return { ...span, movement, words: drawWords(span, changes), marks };
 }
 
-function drawWords(span: Span, changes: { atMs: number; word: RobotStatus }[]): Timeline['words'] {
-  changes.sort((a, b) => a.atMs - b.atMs);
+function drawWords(span: Span, changes: Change[]): Timeline['words'] {
+  changes.sort((a, b) => a.orderMs - b.orderMs);
   const words: Timeline['words'][number][] = [];
-  let since = { atMs: span.fromMs, word: 'online' as RobotStatus };
+  let since: Pick<Change, 'atMs' | 'word'> = { atMs: span.fromMs, word: 'online' };
   for (const change of [...changes, { atMs: span.toMs, word: 'online' as const }]) {
     if (change.word === since.word) continue;
     if (since.word !== 'online' && change.atMs > since.atMs)
