@@ -2,6 +2,7 @@ import './past.css';
 import { useLayoutEffect, useMemo, useRef, useState, useSyncExternalStore } from 'react';
 import type { PastControls, Timeline } from '../../past/past_types.ts';
 import { nowMs as pageNowMs } from '../../stream/clock.ts';
+import { formatSpan } from '../../twin/format.ts';
 import { IconButton } from '../shell/icons.tsx';
 import { useNow } from '../shell/now.ts';
 import type { RobotLink } from '../state/robot_link.ts';
@@ -157,10 +158,7 @@ function RangeButton({
   onRange: (range: Range) => void;
 }) {
   const text = usePastText();
-  const lengths = {
-    recent: text.minutes(RECENT_MS / 60_000),
-    all: text.minutes(Math.round(windowMs / 60_000)),
-  };
+  const lengths = { recent: formatSpan(RECENT_MS), all: formatSpan(windowMs) };
   const other = range === 'all' ? 'recent' : 'all';
   const name = text.showLast(lengths[other]);
   return (

@@ -40,33 +40,31 @@ export function Track({
 }) {
   const text = usePastText();
   const [draft, setDraft] = useState<Span | null>(null);
-  const [hoverPx, setHoverPx] = useState<number | null>(null);
+  const [hover, setHover] = useState<Hover | null>(null);
   const pointer = useRef<number | null>(null);
   const scrubber = useMemo(() => new Scrubber(controls, nextFrame, setDraft), [controls]);
   useEffect(() => () => scrubber.cancel(), [scrubber]);
   const startMs = useStore(loopStart(controls));
   const spoken = useSpoken(playhead, nowMs);
 
-  const xOf = (event: PointerEvent) => event.clientX - event.currentTarget.getBoundingClientRect().left;
   const down = (event: PointerEvent<HTMLDivElement>) => {
     if (event.button !== 0 || pointer.current !== null) return;
     pointer.current = event.pointerId;
     event.currentTarget.setPointerCapture(event.pointerId);
     onHold(true);
-    setHoverPx(xOf(event));
-    const touch = event.pointerType === 'touch';
-    scrubber.down(view, nowMs, { xPx: xOf(event), shift: event.shiftKey, touch });
+    setHover(hoverOf(event));
+    scrubber.down(view, nowMs, { ...hoverOf(event), shift: event.shiftKey });
   };
   const move = (event: PointerEvent) => {
     if (pointer.current !== null && pointer.current !== event.pointerId) return;
-    setHoverPx(xOf(event));
+    setHover(hoverOf(event));
     scrubber.move(xOf(event));
   };
   const release = (event: PointerEvent, done: () => void) => {
     if (pointer.current !== event.pointerId) return;
     pointer.current = null;
     done();
-    if (event.pointerType === 'touch') setHoverPx(null);
+    if (event.pointerType === 'touch') setHover(null);
     onHold(false);
   };
   const onKey = (event: KeyboardEvent) => {
@@ -100,7 +98,7 @@ export function Track({
       onPointerUp={(event) => release(event, () => scrubber.up(xOf(event)))}
       onPointerCancel={(event) => release(event, () => scrubber.cancel())}
       onLostPointerCapture={(event) => release(event, () => scrubber.cancel())}
-      onPointerLeave={() => setHoverPx(null)}
+      onPointerLeave={() => setHover(null)}
       onKeyDown={onKey}
     >
       <TrackPicture
@@ -113,10 +111,10 @@ export function Track({
       {startMs !== null && (
         <i className="loop-start" style={{ transform: `translateX(${pxAt(view, startMs)}px)` }} />
       )}
-      {hoverPx !== null && !scrubber.held && (
+      {hover !== null && !scrubber.held && (
         <i
           className="track-hover"
-          style={{ transform: `translateX(${pxAt(view, msAt(view, hoverPx))}px)` }}
+          style={{ transform: `translateX(${pxAt(view, msAt(view, hover.xPx))}px)` }}
         />
       )}
       {past && (
@@ -133,30 +131,40 @@ export function Track({
           )}
         </div>
       )}
-      {hoverPx !== null && <Tip {...{ timeline, view, nowMs, hoverPx }} />}
+      {hover !== null && <Tip {...{ timeline, view, nowMs, hover }} />}
     </div>
   );
 }
+
+/** Where a pointer is on the track, CSS px. `touch`: it covers what is there. */
+interface Hover {
+  readonly xPx: number;
+  readonly touch: boolean;
+}
+
+const xOf = (event: PointerEvent) => event.clientX - event.currentTarget.getBoundingClientRect().left;
+const hoverOf = (event: PointerEvent): Hover => ({ xPx: xOf(event), touch: event.pointerType === 'touch' });
 
 /** The moment under the pointer, and what is marked there. */
 function Tip({
   timeline,
   view,
   nowMs,
-  hoverPx,
+  hover: { xPx, touch },
 }: {
   timeline: Timeline;
   view: View;
   nowMs: number;
-  hoverPx: number;
+  hover: Hover;
 }) {
-  const momentMs = msAt(view, hoverPx);
-  const what = whatWords(timeline, view, hoverPx, momentMs);
-  const part = (100 * Math.min(view.widthPx, Math.max(0, hoverPx))) / view.widthPx;
+  const momentMs = msAt(view, xPx);
+  const what = whatWords(timeline, view, xPx, momentMs);
+  const part = (100 * Math.min(view.widthPx, Math.max(0, xPx))) / view.widthPx;
   return (
     <p
       className="track-tip"
       style={{ left: `${part}%`, transform: `translateX(-${part}%)` }}
+      data-touch={touch}
       data-testid="tip"
     >
       {momentWords(momentMs, nowMs)}

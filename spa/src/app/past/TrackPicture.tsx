@@ -10,7 +10,7 @@ import { pxAt, ticksOf, type View } from './track_view.ts';
 export const OPEN = { topPx: 22, belowPx: 16 } as const;
 const SLIM = { topPx: 6, belowPx: 6 } as const;
 
-const MARK_PX = 4.6;
+const MARK_PX = 5.4;
 /** Half a label's width, and what a word over a span needs. */
 const LABEL_PX = { clock: 17, seconds: 26, word: 60 } as const;
 
@@ -84,10 +84,10 @@ export const TrackPicture = memo(function TrackPicture({
 });
 
 const OCTAGON = octagon(MARK_PX);
-const TRIANGLE = `M0 ${-MARK_PX}L${MARK_PX} ${MARK_PX}H${-MARK_PX}Z`;
+const TRIANGLE = `M0 ${-MARK_PX}L${MARK_PX} ${MARK_PX - 0.5}H${-MARK_PX}Z`;
 
 function octagon(r: number): string {
-  const s = 0.42 * r;
+  const s = 0.414 * r;
   return `M${-s} ${-r}H${s}L${r} ${-s}V${s}L${s} ${r}H${-s}L${-r} ${s}V${-s}Z`;
 }
 

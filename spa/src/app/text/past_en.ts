@@ -30,7 +30,6 @@ export const pastEn = {
   loopFrom: 'Repeat from here (O)',
   loopTo: 'Repeat up to here (O)',
   loopOff: 'End repeating (O)',
-  minutes: (count: number) => `${count} min`,
   showLast: (span: string) => `Show the last ${span}`,
 
   // ---- what has to be told

@@ -28,7 +28,6 @@ export const pastKo: typeof pastEn = {
   loopFrom: '여기부터 반복 (O)',
   loopTo: '여기까지 반복 (O)',
   loopOff: '반복 끝내기 (O)',
-  minutes: (count) => `${count}분`,
   showLast: (span) => `최근 ${span} 보기`,
 
   notes: {
