@@ -46,7 +46,8 @@ async function rewindable(page: Page, seconds: number): Promise<void> {
     `${seconds} s of past`,
     () =>
       page.evaluate<boolean>(
-        `(() => { const track = ${testId('track')}; return track !== null && track.ariaValueMax - track.ariaValueMin >= ${seconds * 1000}; })()`,
+        `(() => {
+          const track = ${testId('track')}; return track !== null && track.ariaValueMax - track.ariaValueMin >= ${seconds}; })()`,
       ),
     60_000,
   );

@@ -90,6 +90,11 @@ export class PastPlayer implements PastControls {
     return this.#playhead;
   }
 
+  /** The shown moment as of the newest `tick`; `playhead` is told less often. */
+  get momentMs(): number {
+    return this.#clock.momentMs;
+  }
+
   get timeline(): Timeline | null {
     return this.#ports.source.timeline;
   }

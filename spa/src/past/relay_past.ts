@@ -29,6 +29,8 @@ const IDLE_MS = 15_000;
 const REST_MS = 10_000;
 /** A relay that has no past, or none for this page, is asked again after so long. */
 const REFUSED_MS = 60_000;
+/** A past in which nothing is recorded yet begins soon. */
+const BEGINNING_MS = 3000;
 const SEGMENTS_KEPT_BYTES = 8 << 20;
 const KEYS_KEPT_BYTES = 4_000_000;
 const SCHEMAS_KEPT = 8;
@@ -190,6 +192,10 @@ export class RelayPast implements PastSource {
       if (error.why !== 'away') this.#dueMs += REFUSED_MS - IDLE_MS;
       if (error.why === 'gone') this.#setSummary(null);
       throw error;
+    }
+    if (this.#index.summary === null) {
+      this.#dueMs = this.#ports.nowMs() + BEGINNING_MS;
+      return;
     }
     await eachOf(this.#index.listDaysToFetch(), async (dayMs) => {
       const { toMs } = this.#index;

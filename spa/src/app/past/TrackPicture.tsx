@@ -51,7 +51,12 @@ export const TrackPicture = memo(function TrackPicture({
         <path className="track-movement" d={path} />
         {words.map((span) => (
           <g key={`${span.word} ${span.fromMs}`} className="track-word" data-word={span.word}>
-            <rect {...between(span)} y={topPx} height={basePx - topPx} fill={`url(#${id}${span.word})`} />
+            <rect
+              {...between(span)}
+              y={topPx}
+              height={Math.max(0, basePx - topPx)}
+              fill={`url(#${id}${span.word})`}
+            />
           </g>
         ))}
       </g>
@@ -101,7 +106,7 @@ function Hatch({ id, path }: { id: string; path: string }) {
 
 /** The span that is repeated, with an end to take hold of at either side. */
 function Loop({ x, width, topPx, basePx }: { x: number; width: number; topPx: number; basePx: number }) {
-  const height = basePx - topPx;
+  const height = Math.max(0, basePx - topPx);
   return (
     <g className="track-loop" data-testid="loop">
       <rect x={x} y={topPx} width={width} height={height} />

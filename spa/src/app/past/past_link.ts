@@ -5,7 +5,7 @@ import type { PastControls, PastSink, PastState } from '../../past/past_types.ts
 import { RelayPast } from '../../past/relay_past.ts';
 import { apiUrl } from '../../relay/addresses.ts';
 import { nowMs } from '../../stream/clock.ts';
-import type { Verdict } from '../../twin/liveness.ts';
+import { isClaim, type Verdict } from '../../twin/liveness.ts';
 import { RobotTwin } from '../../twin/robot.ts';
 import { FaultKeeper } from '../state/fault_keeper.ts';
 import { HistoryKeeper } from '../state/history_keeper.ts';
@@ -24,15 +24,15 @@ export interface Past {
 const WAS = { online: null, silent: 'STALE', offline: 'OFFLINE' } as const;
 type ThenWord = keyof typeof WAS;
 
-/** Opens the past of a robot beside its live stream. While the past is shown the stream rests, and listens for status and
+/** Opens the past of a robot beside its live stream, at a moment unless that is null. While the past is shown the stream rests, and listens for status and
  *  events alone. */
-export function openPast(live: RobotLink): Past {
+export function openPast(live: RobotLink, atMs: number | null): Past {
   const { robot } = live.twin;
   const twin = new RobotTwin(robot, nowMs());
-  const clock = () => player.playhead.momentMs;
+  const clock = () => player.momentMs;
   const faults = new FaultKeeper(twin, clock, false);
   const minute = new HistoryKeeper(twin);
-  const watch = new PastWatch(() => player.playhead.momentMs, nowMs);
+  const watch = new PastWatch(clock, nowMs);
 
   const sink: PastSink = {
     jump: () => {
@@ -53,18 +53,11 @@ export function openPast(live: RobotLink): Past {
     fetch: (url, init) => fetch(url, init),
     tokenFor,
     nowMs,
-    later: (ms, run) => {
-      const timer = setTimeout(run, ms);
-      return () => clearTimeout(timer);
-    },
+    later: (ms, run) => schedule(run, ms),
     isHidden: () => document.hidden,
   });
-  const player: PastPlayer = new PastPlayer({ source, own, sink, nowMs });
+  const player: PastPlayer = new PastPlayer({ source, own, sink, nowMs, schedule });
 
-  const record = () => {
-    const { schema, state } = live.twin;
-    if (schema !== null && state !== null) own.push(schema, state);
-  };
   const limits = () => {
     if (twin.edits !== live.twin.edits) twin.acceptEdits(live.twin.edits);
   };
@@ -84,15 +77,15 @@ export function openPast(live: RobotLink): Past {
     cancelAnimationFrame(frame);
     frame = 0;
   };
-  const go = () => {
-    const moment = momentIn(window.location.hash);
-    if (moment !== null && moment !== Math.round(shownMoment.get() ?? -1)) player.openAt(moment);
+  const go = (moment: number | null) => {
+    if (moment !== null && moment !== Math.ceil(shownMoment.get() ?? -1)) player.openAt(moment);
   };
+  const named = () => go(momentIn(window.location.hash));
   const ends = [
-    live.twin.onState(record),
+    recordOwn(own, live),
     live.twin.onChange(limits),
     player.onChange(look),
-    () => window.removeEventListener('hashchange', go),
+    () => window.removeEventListener('hashchange', named),
     () => cancelAnimationFrame(frame),
     () => shownMoment.set(null),
     () => pastControls.set(null),
@@ -102,10 +95,10 @@ export function openPast(live: RobotLink): Past {
     faults.close.bind(faults),
     minute.close,
   ];
-  window.addEventListener('hashchange', go);
+  window.addEventListener('hashchange', named);
   limits();
   pastControls.set(player);
-  go();
+  go(atMs);
   return {
     controls: player,
     link: {
@@ -120,6 +113,39 @@ export function openPast(live: RobotLink): Past {
     close: () => {
       for (const end of ends) end();
     },
+  };
+}
+
+function schedule(run: () => void, afterMs: number): () => void {
+  const timer = setTimeout(run, afterMs);
+  return () => clearTimeout(timer);
+}
+
+/** Records what comes of the live stream. Returns a function that stops it. */
+function recordOwn(own: OwnTape, { twin, watch }: RobotLink): () => void {
+  const state = () => {
+    if (twin.schema !== null && twin.state !== null) own.push(twin.schema, twin.state);
+  };
+  let info: ReadonlyMap<string, string> | null = null;
+  const change = () => {
+    const atMs = nowMs();
+    own.model(twin.modelHash, atMs);
+    if (twin.info !== info) own.info(twin.info, atMs);
+    info = twin.info;
+    for (const event of twin.events) own.event(event, atMs);
+  };
+  const word = () => {
+    const said = watch.verdict();
+    if (said.cause === 'robot silent') own.word('silent', nowMs());
+    else if (said.word === 'OFFLINE') own.word('offline', nowMs());
+    else if (isClaim(said.word)) own.word('online', nowMs());
+  };
+  const ends = [twin.onState(state), twin.onChange(change), watch.onWord(word)];
+  change();
+  state();
+  word();
+  return () => {
+    for (const end of ends) end();
   };
 }
 

@@ -2,6 +2,8 @@ import type { Span } from '../../past/past_types.ts';
 
 /** What the short range shows, ms. */
 export const RECENT_MS = 300_000;
+/** No line is shorter than this, ms. */
+const LEAST_MS = 60_000;
 /** How far moments stay away from the ends of the track, CSS px, so that no handle or mark is cut. */
 export const PAD_PX = 7;
 
@@ -28,12 +30,12 @@ export function msPerPx({ fromMs, toMs, widthPx }: View): number {
   return (toMs - fromMs) / Math.max(1, widthPx - 2 * PAD_PX);
 }
 
-/** The part of the time that is shown: all there is, at least five minutes; or the five minutes that end now if the shown
+/** The part of the time that is shown: all there is, at least a minute; or the five minutes that end now if the shown
  *  moment is in them, else five that contain it and stand still as long as they do. `before`: what was shown before. */
 export function shownSpan(whole: Span, range: Range, momentMs: number, before: Span | null): Span {
   const { fromMs, toMs } = whole;
   const newest = { fromMs: toMs - RECENT_MS, toMs };
-  if (range === 'all') return { fromMs: Math.min(fromMs, newest.fromMs), toMs };
+  if (range === 'all') return { fromMs: Math.min(fromMs, toMs - LEAST_MS), toMs };
   if (momentMs >= newest.fromMs) return newest;
   const isPage = before !== null && Math.abs(before.toMs - before.fromMs - RECENT_MS) < 1;
   if (isPage && contains(before, momentMs)) return before;

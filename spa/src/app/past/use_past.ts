@@ -4,6 +4,7 @@ import { firstPaint } from '../../browser/first_paint.ts';
 import { LatePart } from '../../browser/late_part.ts';
 import { apiUrl } from '../../relay/addresses.ts';
 import { relayChoice } from '../../relay/relay.ts';
+import { momentIn } from '../state/moment.ts';
 import type { RobotLink } from '../state/robot_link.ts';
 import type { Past } from './past_link.ts';
 
@@ -21,24 +22,27 @@ export function usePast(live: RobotLink, wanted = true): Past | null {
     if (!wanted) return;
     let left = false;
     let opened: Past | null = null;
-    let asking = false;
+    const atMs = momentIn(window.location.hash); // before the address follows what is shown
+    let asked = false;
     const ask = async () => {
-      if (asking || opened !== null || live.client.link.phase !== 'open') return;
-      asking = true;
+      if (live.client.link.phase !== 'open') asked = false;
+      else if (asked || opened !== null || live.twin.schema === null)
+        return; // unheard, it has no past
+      else asked = true;
+      if (!asked) return;
       await firstPaint();
       if (await hasPast(live.twin.robot)) {
         const { openPast } = await PAST.load();
         if (left) return;
-        opened = openPast(live);
+        opened = openPast(live, atMs);
         setPast(opened);
       }
-      asking = false;
     };
-    const leave = live.client.onChange(() => void ask());
+    const leave = [live.client.onChange(() => void ask()), live.twin.onChange(() => void ask())];
     void ask();
     return () => {
       left = true;
-      leave();
+      for (const off of leave) off();
       opened?.close();
       setPast(null);
     };

@@ -51,7 +51,7 @@ export function bindAddress(view: BodyView, { twin }: RobotLink): () => void {
     const shared = sharedQuery(settings(), {
       joint: selection()?.joint ?? null,
       eye: view.stand,
-      momentMs: moment,
+      momentMs: moment === null ? null : Math.ceil(moment), // so that the shown frame is not after it
     });
     const query = presenting() ? `${shared === '' ? '?' : `${shared}&`}present` : shared;
     const resting = query === before; // written only when nothing has changed since the last check
