@@ -46,6 +46,14 @@ it('remembers it in this tab, and leaves other addresses as they are', () => {
   expect(tokenFor(STATE)).toBe(TOKEN);
 });
 
+it('takes a moment for no token', () => {
+  openAt(`#/r/hubo?t=${TOKEN}`);
+  shown = [];
+  openAt('#/r/hubo?t=2026-11-22T14:02:07.250Z&joint=RKN');
+  expect(shown).toEqual([]);
+  expect(tokenFor(STATE)).toBe(TOKEN);
+});
+
 it('holds it also where nothing can be kept', () => {
   vi.stubGlobal('sessionStorage', undefined);
   openAt(`#/r/hubo?t=${TOKEN}`);
