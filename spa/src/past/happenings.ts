@@ -1,6 +1,5 @@
 import type { EventMessage, RobotStatus, Schema } from '@posecast/wire';
-import type { PastSink } from './past_types.ts';
-import type { TapeFrame } from './tape.ts';
+import type { PastSink, PastState } from './past_types.ts';
 
 /** Most events that are remembered as told. */
 const TOLD_EVENTS_MAX = 500;
@@ -71,9 +70,9 @@ export class Teller {
     this.sink.schema(schema);
   }
 
-  state(frame: TapeFrame): void {
-    this.schema(frame.schema);
-    this.sink.state(frame);
+  state(schema: Schema, state: PastState): void {
+    this.schema(schema);
+    this.sink.state(state);
   }
 
   model(model: string | null): void {

@@ -2,20 +2,20 @@ import { faultBeside } from './fault_marks.ts';
 import { Fill } from './fill.ts';
 import { KeyPages } from './key_pages.ts';
 import { Loads, PAGE_MS } from './loads.ts';
+import { play, stepBack, stepOn } from './moves.ts';
+import { Notes } from './notes.ts';
 import type { Alignment, OwnTape } from './own_tape.ts';
 import type { PastSource } from './past_source.ts';
 import type { PastControls, PastNote, PastSink, Playhead, Span, Speed, Timeline } from './past_types.ts';
 import { PlayheadClock } from './playhead.ts';
 import { Projector } from './projector.ts';
-import { APART_MS, PATIENCE_MS, type Pending, Reel } from './reel.ts';
+import { type Pending, Reel } from './reel.ts';
 import { Tape } from './tape.ts';
 
 /** Longest time that a gap is played through, ms. */
 export const GAP_MS = 2000;
 /** Between two calls of the listeners while playing, ms. */
 const CHANGE_EVERY_MS = 100;
-/** How long a note stays that nothing else ends, ms. */
-const NOTE_MS = 5000;
 /** A link's moment is not kept where nothing is recorded so near to it, ms. */
 const LINK_APART_MS = 10_000;
 const MINUTE_MS = 60_000;
@@ -45,6 +45,7 @@ export class PastPlayer implements PastControls {
   readonly #keyPages: KeyPages;
   readonly #fill: Fill;
   readonly #clock = new PlayheadClock();
+  readonly #notes = new Notes();
   readonly #listeners = new Set<() => void>();
   readonly #unfollow: () => void;
 
@@ -63,10 +64,6 @@ export class PastPlayer implements PastControls {
   #acts = 0;
   /** When something was last shown, page's clock. */
   #shownMs = 0;
-  /** Since when something is waited for, page's clock. */
-  #waitingMs: number | null = null;
-  #isAway = false;
-  #note: { note: PastNote; sinceMs: number } | null = null;
   #playhead: Playhead;
   #changedMs = 0;
 
@@ -240,22 +237,20 @@ export class PastPlayer implements PastControls {
   /** Somebody did something, so what was said before holds no longer. */
   #act(): void {
     this.#acts += 1;
-    this.#note = null;
+    this.#notes.forget();
     this.#isLink = false;
   }
 
   #enter(): void {
     if (this.#isPast) return;
-    const { source, own, nowMs } = this.#ports;
     this.#isPast = true;
-    this.#clock.run(nowMs());
-    if (source.timeline !== null) own.guess(source.timeline.toMs);
-    source.follow('near');
+    this.#clock.run(this.#ports.nowMs());
+    this.#ports.source.follow('near');
   }
 
   #rest(): void {
     this.#clock.running = false;
-    this.#wait([]);
+    this.#notes.rest();
   }
 
   #jump(momentMs: number): void {
@@ -273,7 +268,7 @@ export class PastPlayer implements PastControls {
     this.#wantedMs = momentMs;
     this.#steps = 0;
     this.#shownMs = nowMs;
-    this.#wait([]);
+    this.#notes.rest();
   }
 
   /** Shows what is wanted as far as it is here, and fetches what is not. */
@@ -297,21 +292,22 @@ export class PastPlayer implements PastControls {
   /** Shows a moment exactly, as soon as that is here. */
   #showAt(momentMs: number): void {
     if (this.#hasLeft(momentMs)) return;
+    const nowMs = this.#ports.nowMs();
     const { frame, situation, pending, isDamaged } = this.#reel.at(momentMs);
     for (const each of pending) each.begin();
     const isUnknown = frame === null && this.timeline === null;
     if (situation === null || isUnknown) {
-      this.#waitingMs ??= this.#ports.nowMs();
-      this.#isAway = pending.some(({ state }) => state === 'away');
+      this.#notes.wait(pending, nowMs);
       this.#showKey(momentMs);
       return;
     }
     const shownMs = Math.max(momentMs, frame?.atMs ?? 0);
     this.#projector.show(frame, shownMs, situation);
-    this.#clock.set(shownMs, this.#ports.nowMs());
-    this.#shownMs = this.#ports.nowMs();
+    this.#clock.set(shownMs, nowMs);
+    this.#shownMs = nowMs;
     this.#wantedMs = null;
-    this.#wait([]);
+    this.#changedMs = Number.NEGATIVE_INFINITY; // it is told at once
+    this.#notes.rest();
     if (isDamaged) this.#say('damaged');
     const isApart = frame === null || Math.abs(momentMs - frame.atMs) > LINK_APART_MS;
     if (this.#isLink && isApart && situation.word === 'online') this.#say('not-kept');
@@ -350,32 +346,18 @@ export class PastPlayer implements PastControls {
   #play(): void {
     const nowMs = this.#ports.nowMs();
     const looped = this.#loop?.toMs ?? Number.POSITIVE_INFINITY;
-    const aheadMs = this.#clock.target(nowMs) + APART_MS;
-    const near = this.#reel.near({ fromMs: this.#clock.momentMs - APART_MS, toMs: aheadMs });
-    const { momentMs } = this.#clock; // looking may have moved it
+    this.#reel.near({ fromMs: this.#clock.momentMs, toMs: this.#clock.target(nowMs) }); // may move the playhead
     const targetMs = Math.min(this.#clock.target(nowMs), looped);
-    let heldMs = Number.POSITIVE_INFINITY;
-    let blockers: readonly Pending[] = [];
-    for (;;) {
-      const next = this.#reel.next(near, this.#projector.cursor, momentMs);
-      blockers = this.#reel.blockers(near, next, momentMs);
-      const nextMs = next?.frame.atMs ?? Number.POSITIVE_INFINITY;
-      if (blockers.length > 0) heldMs = Math.min(nextMs, ...blockers.map(({ fromMs }) => fromMs));
-      if (next === null || nextMs > targetMs || blockers.length > 0) break;
-      this.#projector.deliver(next, near);
-      this.#shownMs = nowMs;
-    }
-    const reachedMs = Math.max(momentMs, Math.min(targetMs, heldMs));
-    this.#projector.tell(near, reachedMs);
-    this.#clock.set(reachedMs, nowMs);
-    const isHeld = heldMs <= targetMs;
-    this.#await(isHeld ? blockers : []);
-    if (near.damaged.some(({ fromMs, toMs }) => fromMs <= reachedMs && toMs >= momentMs))
-      this.#say('damaged');
+    const move = play(this.#reel, this.#projector, this.#clock.momentMs, targetMs);
+    const { momentMs, blockers, hasShown, isDamaged } = move;
+    this.#clock.set(momentMs, nowMs);
+    this.#await(blockers);
+    if (isDamaged) this.#say('damaged');
     this.#prefetch();
-    if (this.#shownMs === nowMs && reachedMs < looped) return;
-    if (reachedMs >= looped) this.#jump(this.#loop!.fromMs);
-    else if (reachedMs >= this.#oldestMs() || !this.#hasLeft(reachedMs)) this.#pass(isHeld, reachedMs, nowMs);
+    if (momentMs >= looped) this.#jump(this.#loop!.fromMs);
+    else if (hasShown) this.#shownMs = nowMs;
+    else if (momentMs >= this.#oldestMs() || !this.#hasLeft(momentMs))
+      this.#pass(blockers.length > 0, momentMs, nowMs);
   }
 
   /** Passes over what is long empty. At the end comes what is live. */
@@ -403,39 +385,14 @@ export class PastPlayer implements PastControls {
   /** Goes frame by frame, as far as frames are here. */
   #step(): void {
     while (this.#steps !== 0) {
-      const pending = this.#steps > 0 ? this.#stepOn() : this.#stepBack();
-      this.#await(pending);
-      if (pending.length > 0) return;
+      const step = this.#steps > 0 ? stepOn : stepBack;
+      const { momentMs, blockers } = step(this.#reel, this.#projector, this.#clock.momentMs);
+      this.#await(blockers);
+      if (blockers.length > 0) return;
+      this.#clock.set(momentMs, this.#ports.nowMs());
+      if (this.#steps < 0 && this.#projector.cursor !== null) this.#fill.soon(this.#projector.cursor);
       this.#steps -= Math.sign(this.#steps);
     }
-  }
-
-  /** Shows the next frame. What has to come before. */
-  #stepOn(): readonly Pending[] {
-    const { cursor } = this.#projector;
-    const momentMs = cursor?.atMs ?? this.#clock.momentMs;
-    const nextMs = this.#reel.nextMs(cursor, momentMs) ?? momentMs;
-    const near = this.#reel.near({ fromMs: momentMs - APART_MS, toMs: nextMs + APART_MS });
-    const next = this.#reel.next(near, this.#projector.cursor, momentMs);
-    const blockers = this.#reel.blockers(near, next, momentMs);
-    if (blockers.length > 0 || next === null) return blockers;
-    this.#projector.deliver(next, near);
-    this.#clock.set(next.frame.atMs, this.#ports.nowMs());
-    return [];
-  }
-
-  /** Shows the frame before, likewise. */
-  #stepBack(): readonly Pending[] {
-    const { cursor } = this.#projector;
-    if (cursor === null) return [];
-    const { frame, pending } = this.#reel.before(cursor);
-    if (frame === null) return pending;
-    const { situation, pending: more } = this.#reel.at(frame.atMs);
-    if (situation === null) return more;
-    this.#projector.show(frame, frame.atMs, situation);
-    this.#clock.set(frame.atMs, this.#ports.nowMs());
-    this.#fill.soon(frame);
-    return [];
   }
 
   async #visit(by: 1 | -1, momentMs: number, act: number): Promise<void> {
@@ -464,17 +421,12 @@ export class PastPlayer implements PastControls {
 
   #await(pending: readonly Pending[]): void {
     for (const each of pending) each.begin();
-    this.#wait(pending);
-  }
-
-  #wait(pending: readonly Pending[]): void {
-    if (pending.length === 0) this.#waitingMs = null;
-    else this.#waitingMs ??= this.#ports.nowMs();
-    this.#isAway = pending.some(({ state }) => state === 'away');
+    if (pending.length === 0) this.#notes.rest();
+    else this.#notes.wait(pending, this.#ports.nowMs());
   }
 
   #say(note: PastNote): void {
-    this.#note = { note, sinceMs: this.#ports.nowMs() };
+    this.#notes.say(note, this.#ports.nowMs());
   }
 
   #oldestMs(): number {
@@ -483,8 +435,10 @@ export class PastPlayer implements PastControls {
 
   /** The newest moment that is known. */
   #newestMs(): number {
-    const ownMs = this.#ports.own.newest?.atMs ?? Number.NEGATIVE_INFINITY;
-    const newestMs = Math.max(ownMs, this.timeline?.toMs ?? Number.NEGATIVE_INFINITY);
+    const { own } = this.#ports;
+    const recordedMs = this.timeline?.toMs ?? Number.NEGATIVE_INFINITY;
+    if (!this.#isPast && this.timeline !== null) own.guess(recordedMs);
+    const newestMs = Math.max(recordedMs, own.newest?.atMs ?? Number.NEGATIVE_INFINITY);
     return Number.isFinite(newestMs) ? newestMs : this.#ports.nowMs();
   }
 
@@ -493,20 +447,18 @@ export class PastPlayer implements PastControls {
     return Math.max(Math.min(momentMs, this.#newestMs()), this.#oldestMs());
   }
 
-  #readNote(): PastNote | null {
-    const nowMs = this.#ports.nowMs();
-    if (this.#isAway) return 'away';
-    if (this.#waitingMs !== null && nowMs - this.#waitingMs > PATIENCE_MS) return 'loading';
-    const said = this.#note;
-    if (said !== null && said.note !== 'not-kept' && nowMs - said.sinceMs > NOTE_MS) this.#note = null;
-    return this.#note?.note ?? null;
-  }
-
   #read(): Playhead {
     const { momentMs, running: playing, speed } = this.#clock;
     if (!this.#isPast)
       return { at: 'live', momentMs: this.#newestMs(), playing: true, speed: 1, loop: null, note: null };
-    return { at: 'past', momentMs, playing, speed, loop: this.#loop, note: this.#readNote() };
+    return {
+      at: 'past',
+      momentMs,
+      playing,
+      speed,
+      loop: this.#loop,
+      note: this.#notes.read(this.#ports.nowMs()),
+    };
   }
 
   /** Tells the listeners what has changed: a moment that only goes on not too often. */

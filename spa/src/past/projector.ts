@@ -29,7 +29,7 @@ export class Projector {
     this.#teller.jump();
     if (frame !== null) this.#teller.schema(frame.schema);
     this.#teller.situation(situation);
-    if (frame !== null) this.#teller.state(frame);
+    if (frame !== null) this.#teller.state(frame.schema, frame);
     this.cursor = frame;
     this.#key = null;
     this.#jumpMs = momentMs;
@@ -48,7 +48,7 @@ export class Projector {
       this.#teller.schema(schema);
       this.#teller.model(model);
       this.#teller.word(word);
-      this.#teller.state({ runId, schema, schemaId: schema.id, seq, tS, codes, atMs, lateMs: lateUs / 1000 });
+      this.#teller.state(schema, { schemaId: schema.id, seq, tS, codes, atMs, lateMs: lateUs / 1000 });
       this.#key = pose;
       this.cursor = null;
     } catch (error) {
@@ -59,7 +59,7 @@ export class Projector {
   /** Shows the next frame. */
   deliver(next: Next, near: Near): void {
     this.tell(near, next.frame.atMs, next);
-    this.#teller.state(next.frame);
+    this.#teller.state(next.frame.schema, next.frame);
     this.cursor = next.frame;
   }
 

@@ -1,0 +1,309 @@
+import { describe, expect, it } from 'vitest';
+import { PastError } from '../src/past/past_source.ts';
+import { FakeSource, Rig } from './past_player_rig.ts';
+import { FROM_MS, fault, range, recorded, SCHEMA_SHA, schemaOf, sent } from './past_recordings.ts';
+
+const at = (s: number): number => FROM_MS + 1000 * s;
+
+describe('PastPlayer', () => {
+  it('shows a moment with what was so then, and plays on from there', async () => {
+    const happened = [
+      { atMs: at(3.05), event: fault(1, at(3.05), 'hot') },
+      { atMs: at(7.05), event: fault(2, at(7.05), 'jam') },
+      { atMs: at(8.05), event: fault(3, at(8.05), 'jam', 'off') },
+    ];
+    const rig = new Rig(new FakeSource(recorded(sent(200), { happened })));
+    rig.player.seek(at(7.58));
+    await rig.settle();
+    const told = ['schema 2', 'model ab', 'info lab', 'hot on', 'jam on', 'online', '75'];
+    expect(rig.sink.since).toEqual(told);
+    expect(rig.player.playhead).toMatchObject({ at: 'past', momentMs: at(7.58), playing: true, note: null });
+    await rig.pass(1000);
+    expect(rig.sink.since).toEqual([
+      ...told,
+      '76',
+      '77',
+      '78',
+      '79',
+      '80',
+      'jam off',
+      ...range(81, 86).map(String),
+    ]);
+    expect(rig.sink.newest).toMatchObject({ atMs: at(8.5), lateMs: 5, tS: 58.5 });
+    expect([...rig.sink.newest!.codes]).toEqual([85, 85]);
+  });
+
+  it('plays through all segments, each frame once, at every speed', async () => {
+    for (const speed of [0.25, 0.5, 1, 2, 4] as const) {
+      const rig = new Rig(new FakeSource(recorded(sent(300))));
+      rig.player.seek(at(1));
+      rig.player.setSpeed(speed);
+      await rig.pass(20_000 / speed);
+      expect(rig.sink.seqs).toEqual(range(10, 211));
+    }
+  });
+
+  it('shows a first pose at once, and the exact one when its segment has come', async () => {
+    const rig = new Rig(new FakeSource(recorded(sent(300))));
+    rig.player.attend();
+    await rig.settle();
+    let come = (): void => undefined;
+    rig.source.answer = () => new Promise((resolve) => (come = resolve));
+    rig.player.seek(at(5));
+    expect(rig.sink.since).toEqual(['schema 2', 'model ab', 'online', '40']);
+    await rig.pass(400);
+    expect(rig.player.playhead.note).toBe('loading');
+    come();
+    await rig.settle();
+    expect(rig.sink.seqs).toEqual([50]);
+    expect(rig.player.playhead).toMatchObject({ note: null, momentMs: at(5) });
+  });
+
+  it('hands a new pose for each move of a finger, and asks for nothing', async () => {
+    const schema = schemaOf(40);
+    const segments = recorded(sent(3600, { schema, everyMs: 500 }));
+    const rig = new Rig(new FakeSource(segments, { [SCHEMA_SHA]: schema }));
+    rig.player.attend();
+    await rig.settle();
+    const asked = rig.source.asked.length;
+    expect(rig.source.fetched).toEqual([]);
+    for (let s = 1790; s > 0; s -= 5) {
+      const before = rig.sink.newest;
+      rig.player.seek(at(s), true);
+      expect(rig.sink.newest).not.toBe(before);
+      expect(Math.abs(rig.sink.newest!.atMs - at(s))).toBeLessThanOrEqual(2000);
+      expect(rig.player.playhead.momentMs).toBe(at(s));
+      await rig.pass(50);
+    }
+    expect(rig.source.asked.length).toBe(asked);
+    rig.player.settle();
+    await rig.settle();
+    expect(rig.sink.seqs).toEqual([10]);
+    expect(rig.source.fetched).toHaveLength(1);
+  });
+
+  it('fills the minute before, thinned, and only for the newest jump', async () => {
+    const rig = new Rig(new FakeSource(recorded(sent(4000, { everyMs: 30 }))));
+    rig.player.seek(at(30));
+    await rig.settle();
+    rig.player.toggle();
+    rig.player.seek(at(100));
+    await rig.pass(3000);
+    expect(rig.sink.fills).toHaveLength(1);
+    const [states] = rig.sink.fills;
+    expect(states![0]!.atMs).toBe(at(40.02 - 0.03));
+    expect(states!.at(-1)!.atMs).toBeGreaterThan(at(99.8));
+    expect(states!.slice(1).every(({ atMs }, i) => atMs - states![i]!.atMs >= 100)).toBe(true);
+    expect(states!.length).toBeGreaterThan(450);
+  });
+
+  it('steps frame by frame, also across segments', async () => {
+    const rig = new Rig(new FakeSource(recorded(sent(300))));
+    rig.player.seek(at(4.05));
+    await rig.settle();
+    for (const [by, seq] of [
+      [1, 41],
+      [-1, 40],
+      [-1, 39],
+      [-1, 38],
+      [1, 39],
+      [1, 40],
+      [1, 41],
+    ] as const) {
+      rig.player.step(by);
+      await rig.settle();
+      expect(rig.sink.newest!.seq).toBe(seq);
+      expect(rig.player.playhead).toMatchObject({ playing: false, momentMs: at(seq / 10) });
+    }
+    rig.player.seek(at(0));
+    rig.player.step(-1);
+    await rig.settle();
+    expect(rig.sink.newest!.seq).toBe(0);
+  });
+
+  it('plays a span again and again', async () => {
+    const rig = new Rig(new FakeSource(recorded(sent(300))));
+    rig.player.setLoop({ fromMs: at(3), toMs: at(4) });
+    expect(rig.player.playhead).toMatchObject({ at: 'past', loop: { fromMs: at(3), toMs: at(4) } });
+    await rig.pass(3500);
+    expect(rig.sink.jumps.map((states) => states.map(({ seq }) => seq))).toEqual([
+      ...new Array(3).fill(range(30, 41)),
+      range(30, rig.sink.newest!.seq + 1),
+    ]);
+    rig.player.seek(at(10));
+    expect(rig.player.playhead.loop).toBeNull();
+  });
+
+  it('goes to two seconds before the next or previous fault, exactly', async () => {
+    const rig = new Rig(new FakeSource(recorded(sent(1000))));
+    const mark = (s: number, exact = true) =>
+      ({ atMs: at(s), level: 'fault', source: 'LKN', text: 'hot', exact }) as const;
+    rig.source.draw([mark(20), { ...mark(30), level: 'caution' }, mark(40, false), mark(80)]);
+    rig.source.answerIndex = async () => rig.source.draw([mark(20), mark(45), mark(80)]);
+    rig.player.seek(at(10));
+    rig.player.toggle();
+    const visited: number[] = [];
+    for (const by of [1, 1, 1, 1, -1, -1, -1] as const) {
+      rig.player.visitFault(by);
+      await rig.settle();
+      visited.push((rig.player.playhead.momentMs - FROM_MS) / 1000);
+    }
+    expect(visited).toEqual([18, 43, 78, 78, 43, 18, 18]);
+  });
+
+  it('tells the words of a gap at their moments, and skips what is left of it after 2 s', async () => {
+    const frames = sent(100).concat(sent(100, { firstSeq: 100, fromMs: at(300) }));
+    const happened = [
+      { atMs: at(11), word: 'silent' },
+      { atMs: at(21), word: 'offline' },
+      { atMs: at(300), word: 'online' },
+    ] as const;
+    const rig = new Rig(new FakeSource(recorded(frames, { happened })));
+    rig.player.seek(at(9.5));
+    await rig.pass(1400);
+    expect(rig.sink.since.at(-1)).toBe('99');
+    await rig.pass(200);
+    expect(rig.sink.since.at(-1)).toBe('silent');
+    expect(rig.player.playhead.momentMs).toBeLessThan(at(11.2));
+    await rig.pass(2200);
+    expect(rig.sink.since.at(-1)).toBe('offline');
+    await rig.pass(4000);
+    expect(rig.sink.since).toContain('online');
+    expect(rig.sink.seqs).toEqual(range(95, rig.sink.newest!.seq + 1));
+    expect(rig.sink.newest!.seq).toBeGreaterThan(100);
+    rig.player.seek(at(200));
+    await rig.settle();
+    expect(rig.sink.since.slice(-2)).toEqual(['offline', '99']);
+    expect(rig.player.playhead.momentMs).toBe(at(200));
+  });
+
+  it('rests while the relay is away, tries every 2 s, and goes on', async () => {
+    const rig = new Rig(new FakeSource(recorded(sent(300))));
+    rig.player.seek(at(1));
+    await rig.pass(1000);
+    rig.source.isAway = true;
+    await rig.pass(8000);
+    const rested = rig.player.playhead;
+    expect(rested).toMatchObject({ note: 'away', playing: true });
+    const tries = rig.source.fetched.length;
+    await rig.pass(10_000);
+    expect(rig.source.fetched.length - tries).toBeLessThanOrEqual(3 * 5);
+    expect(rig.player.playhead.momentMs).toBe(rested.momentMs);
+    rig.source.isAway = false;
+    await rig.pass(4000);
+    expect(rig.player.playhead.note).toBeNull();
+    expect(rig.sink.seqs).toEqual(range(10, rig.sink.newest!.seq + 1));
+    expect(rig.sink.newest!.atMs).toBeGreaterThan(rested.momentMs);
+  });
+
+  it('passes over what is damaged, and says so', async () => {
+    const rig = new Rig(new FakeSource(recorded(sent(300))));
+    rig.source.answer = async ({ index }) => {
+      if (index === 2) throw new PastError('damaged', 'hash');
+    };
+    rig.player.seek(at(3));
+    await rig.pass(1500);
+    expect(rig.player.playhead.note).toBe('damaged');
+    await rig.pass(3000);
+    expect(rig.sink.seqs).toEqual([...range(30, 40), ...range(60, rig.sink.newest!.seq + 1)]);
+    rig.player.seek(at(5));
+    await rig.settle();
+    expect(rig.sink.seqs).toEqual([39]);
+    expect(rig.player.playhead.note).toBe('damaged');
+  });
+
+  it('goes on at the oldest when its moment has left the window, and says so', async () => {
+    const rig = new Rig(new FakeSource(recorded(sent(600))));
+    rig.player.seek(at(3));
+    rig.player.toggle();
+    await rig.pass(100);
+    rig.source.dropBefore(at(30));
+    rig.player.toggle();
+    await rig.pass(9000);
+    expect(rig.sink.jumps).toHaveLength(2);
+    expect(rig.sink.seqs).toEqual(range(300, rig.sink.newest!.seq + 1));
+    rig.source.dropBefore(at(50));
+    rig.player.seek(at(20));
+    await rig.settle();
+    expect(rig.player.playhead.momentMs).toBe(at(50));
+  });
+
+  it('opens at a moment that a link names, and rests there', async () => {
+    const rig = new Rig(new FakeSource([]));
+    rig.player.openAt(at(12.34));
+    await rig.pass(500);
+    expect(rig.player.playhead).toMatchObject({ playing: false, note: 'loading' });
+    rig.source.add(recorded(sent(300)));
+    await rig.settle();
+    expect(rig.sink.seqs).toEqual([123]);
+    expect(rig.player.playhead).toMatchObject({
+      at: 'past',
+      playing: false,
+      note: null,
+      momentMs: at(12.34),
+    });
+    rig.player.openAt(at(-500));
+    await rig.settle();
+    expect(rig.player.playhead).toMatchObject({ momentMs: at(0), note: 'not-kept' });
+    rig.source.add(recorded(sent(10, { firstSeq: 400, fromMs: at(100) }), { take: '000000000000000b' }));
+    rig.player.openAt(at(70));
+    await rig.settle();
+    expect(rig.player.playhead).toMatchObject({ momentMs: at(70), note: 'not-kept' });
+  });
+
+  it('becomes live when nothing is left, at once when it is faster', async () => {
+    for (const [speed, ms] of [
+      [1, 2000],
+      [4, 300],
+    ] as const) {
+      const rig = new Rig(new FakeSource(recorded(sent(300))));
+      rig.player.seek(at(28));
+      rig.player.setSpeed(speed);
+      await rig.pass(1900 / speed);
+      expect(rig.player.playhead.at).toBe('past');
+      await rig.pass(ms + 200);
+      expect(rig.player.playhead).toMatchObject({ at: 'live', momentMs: at(29.9), speed: 1, playing: true });
+      expect(rig.sink.seqs).toEqual(range(280, 300));
+    }
+  });
+
+  it('tells of changes at once, of moments ten times a second', async () => {
+    const rig = new Rig(new FakeSource(recorded(sent(300))));
+    let calls = 0;
+    rig.player.onChange(() => {
+      calls += 1;
+    });
+    rig.player.seek(at(1));
+    expect(calls).toBe(1);
+    await rig.settle();
+    calls = 0;
+    await rig.pass(5000, 20);
+    expect(calls).toBeGreaterThanOrEqual(49);
+    expect(calls).toBeLessThanOrEqual(50);
+    for (const change of [
+      () => rig.player.setSpeed(2),
+      () => rig.player.toggle(),
+      () => rig.player.setLoop({ fromMs: at(1), toMs: at(20) }),
+      () => rig.player.goLive(),
+    ]) {
+      const before = rig.player.playhead;
+      calls = 0;
+      change();
+      expect(calls).toBe(1);
+      expect(rig.player.playhead).not.toBe(before);
+    }
+  });
+
+  it('asks for the next segments early, more at four times the speed', async () => {
+    for (const [speed, count] of [
+      [1, 4],
+      [4, 8],
+    ] as const) {
+      const rig = new Rig(new FakeSource(recorded(sent(300))));
+      rig.player.seek(at(6.5));
+      rig.player.setSpeed(speed);
+      await rig.pass(100);
+      expect(rig.source.fetched).toHaveLength(count);
+    }
+  });
+});
