@@ -1,8 +1,9 @@
 import { afterEach, expect, it } from 'vitest';
 import { en } from '../src/app/text/en.ts';
-import { ko, moreKo } from '../src/app/text/ko.ts';
+import { ko, moreKo, pastKo } from '../src/app/text/ko.ts';
 import { say, wantedLanguage } from '../src/app/text/language.ts';
 import { moreEn } from '../src/app/text/more_en.ts';
+import { pastEn } from '../src/app/text/past_en.ts';
 
 afterEach(() => {
   expect(say(), 'a test changes no language').toBe(en);
@@ -11,6 +12,7 @@ afterEach(() => {
 it.each([
   ['of the first second', en, ko],
   ['of the rest', moreEn, moreKo],
+  ['of the past', { ...pastEn, ...pastEn.notes, notes: 'notes' }, { ...pastKo, ...pastKo.notes, notes: '' }],
 ])('has the same sentences in English and Korean, with the same gaps to fill: %s', (_, english, korean) => {
   expect(Object.keys(korean).sort()).toEqual(Object.keys(english).sort());
   for (const [key, said] of Object.entries<unknown>(english)) {

@@ -13,12 +13,12 @@ import { usePastKeys } from './past_keys.ts';
 import { relayAhead } from './relay_now.ts';
 import { Track } from './Track.tsx';
 import { TransportBar } from './TransportBar.tsx';
-import { msPerPx, type Range, RECENT_MS, shownSpan, type View } from './track_view.ts';
+import { type Range, RECENT_MS, shownSpan, type View } from './track_view.ts';
 
 /** A window up to this long is always shown whole, ms. */
 const SHORT_MS = 360_000;
-/** How often the time moves on: by about a pixel each time, ms. */
-const STEP_MS = { least: 200, most: 2000 };
+/** How often the time moves on, ms. */
+const STEP_MS = { least: 250, most: 2000 };
 
 /** The last minutes of a robot in one line under its body: how it moved, what happened, and where in time the page is. Live it
  *  is slim; in the past it opens, with what plays it. Nothing is drawn where there is no past. */
@@ -48,16 +48,17 @@ function Line({ controls, timeline }: { controls: PastControls; timeline: Timeli
   const [held, setHeld] = useState<{ view: View; open: boolean } | null>(null);
   const shown = useRef<View | null>(null);
 
-  const step = shown.current === null ? STEP_MS.least : msPerPx(shown.current);
-  const stepMs = Math.round(Math.min(STEP_MS.most, Math.max(STEP_MS.least, step)));
-  useNow(past ? Math.min(1000, stepMs) : stepMs);
   const pageMs = pageNowMs();
   const aheadMs = useRef(Number.NEGATIVE_INFINITY);
   aheadMs.current = relayAhead(aheadMs.current, timeline, playhead, pageMs);
   const nowMs = pageMs + aheadMs.current;
 
+  const windowMs = nowMs - timeline.fromMs;
+  const hasRanges = windowMs > SHORT_MS;
+  const shownMs = hasRanges && range === 'all' ? windowMs : RECENT_MS;
+  const stepMs = stepOf(shownMs / Math.max(1, size.widthPx));
+  useNow(past ? Math.min(1000, stepMs) : stepMs);
   const whole = { fromMs: timeline.fromMs, toMs: Math.ceil(nowMs / stepMs) * stepMs };
-  const hasRanges = whole.toMs - whole.fromMs > SHORT_MS;
   const span = shownSpan(whole, hasRanges ? range : 'all', playhead.momentMs, shown.current);
   const { fromMs, toMs } = span;
   const { widthPx, heightPx } = size;
@@ -100,7 +101,7 @@ function Line({ controls, timeline }: { controls: PastControls; timeline: Timeli
           nowMs={nowMs}
           hasFaults={timeline.marks.some(({ level }) => level === 'fault')}
         >
-          {hasRanges && <RangeButton range={range} windowMs={whole.toMs - whole.fromMs} onRange={setRange} />}
+          {hasRanges && <RangeButton range={range} windowMs={windowMs} onRange={setRange} />}
         </TransportBar>
       )}
       <div className="time-row">
@@ -129,6 +130,12 @@ function Line({ controls, timeline }: { controls: PastControls; timeline: Timeli
       </div>
     </section>
   );
+}
+
+/** Of powers of two, so that it seldom changes, the one by which the time moves on by about a pixel, ms. */
+function stepOf(msPerPx: number): number {
+  const step = 250 * 2 ** Math.ceil(Math.log2(Math.max(1, msPerPx) / 250));
+  return Math.min(STEP_MS.most, Math.max(STEP_MS.least, step));
 }
 
 function PlayButton({ playing, onPress }: { playing: boolean; onPress: () => void }) {

@@ -11,7 +11,7 @@ export function relayAhead(
   playhead: Pick<Playhead, 'at' | 'momentMs'>,
   pageMs: number,
 ): number {
-  const newestMs = Math.max(timeline.toMs, playhead.momentMs);
+  const newestMs = playhead.at === 'live' ? Math.max(timeline.toMs, playhead.momentMs) : timeline.toMs;
   const aheadMs = Math.max(beforeMs, newestMs - pageMs);
   return aheadMs < -RECENT_MS ? Math.max(beforeMs, 0) : aheadMs;
 }

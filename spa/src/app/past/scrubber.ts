@@ -31,6 +31,8 @@ export class Scrubber {
   #draft: Span | null = null;
   /** What is still to be sought, at the next frame. */
   #wantedMs: number | null = null;
+  /** What was sought last, so that the release at the same place need not seek it again. */
+  #soughtMs: number | null = null;
   #cancelFrame: (() => void) | null = null;
 
   /** `nextFrame` calls back before the next picture and returns what prevents it; `onDraft` is told the loop that is being
@@ -52,6 +54,7 @@ export class Scrubber {
   /** A press; the view stays what it is until the release. `nowMs`: the moment of now, where Live is. */
   down(view: View, nowMs: number, { xPx, shift, touch }: Press): void {
     this.#moved = false;
+    this.#soughtMs = null;
     const fixedMs = shift ? msAt(view, xPx) : this.#oppositeEnd(view, xPx, touch);
     if (fixedMs !== null) {
       this.#hold = { kind: 'loop', view, fixedMs, startPx: xPx };
@@ -117,7 +120,10 @@ export class Scrubber {
   }
 
   #seekWanted(): void {
-    if (this.#wantedMs !== null) this.#controls.seek(this.#wantedMs, true);
+    if (this.#wantedMs !== null && this.#wantedMs !== this.#soughtMs) {
+      this.#soughtMs = this.#wantedMs;
+      this.#controls.seek(this.#wantedMs, true);
+    }
     this.#wantedMs = null;
   }
 

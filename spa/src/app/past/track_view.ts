@@ -39,7 +39,7 @@ export function shownSpan(whole: Span, range: Range, momentMs: number, before: S
   if (momentMs >= newest.fromMs) return newest;
   const isPage = before !== null && Math.abs(before.toMs - before.fromMs - RECENT_MS) < 1;
   if (isPage && contains(before, momentMs)) return before;
-  const part = before === null ? 0.5 : momentMs >= before.toMs ? 0.1 : 0.9;
+  const part = before === null || contains(before, momentMs) ? 0.5 : momentMs > before.toMs ? 0.1 : 0.9;
   const wanted = Math.max(fromMs, momentMs - part * RECENT_MS);
   const from = Math.min(wanted, newest.fromMs, momentMs);
   return { fromMs: from, toMs: from + RECENT_MS };

@@ -1,0 +1,52 @@
+import { describe, expect, it } from 'vitest';
+import { agoWords, formatMoment, momentWords } from '../src/app/past/moment_words.ts';
+import { spokenOf } from '../src/app/past/spoken.ts';
+import { preciseWords } from '../src/app/past/TransportBar.tsx';
+import { pastKo } from '../src/app/text/past_ko.ts';
+import type { Playhead } from '../src/past/past_types.ts';
+
+/** In the zone of whoever runs the test. */
+const NOON = new Date(2026, 10, 22, 14, 4, 7, 250).getTime();
+const MIN = 60_000;
+const head = (more: Partial<Playhead>): Playhead => ({
+  ...{ at: 'past', momentMs: NOON, playing: true, speed: 1, loop: null, note: null },
+  ...more,
+});
+
+describe('a moment in words', () => {
+  it('is a time and how long ago it was', () => {
+    expect(momentWords(NOON, NOON + 2 * MIN)).toBe('14:04:07 · 2 min ago');
+    expect(momentWords(NOON, NOON)).toBe('14:04:07 · 1 s ago');
+    expect(agoWords(NOON, NOON + 9400)).toBe('9 s ago');
+    expect(agoWords(NOON, NOON + 30_000)).toBe('30 s ago');
+  });
+
+  it('has a date if it was not today, and a year if not this one', () => {
+    const day = 24 * 60 * MIN;
+    expect(momentWords(NOON, NOON + 10 * 60 * MIN)).toBe('22 Nov 14:04:07 · 10 h ago');
+    expect(momentWords(NOON, NOON + 90 * day)).toBe('22 Nov 2026 14:04:07 · 90 days ago');
+  });
+
+  it('is told in Korean in Korean order', () => {
+    expect(pastKo.date('11월', 22, null)).toBe('11월 22일');
+    expect(pastKo.date('11월', 22, 2026)).toBe('2026년 11월 22일');
+    expect(pastKo.ago('2 min')).toBe('2 min 전');
+  });
+
+  it('has hundredths where it rests', () => {
+    expect(preciseWords(head({ playing: false }), NOON + 2 * MIN)).toBe('14:04:07.25 · 2 min ago');
+    expect(preciseWords(head({}), NOON + 2 * MIN)).toBe('14:04:07 · 2 min ago');
+  });
+
+  it('is told to a screen reader with how it plays', () => {
+    expect(spokenOf(head({ speed: 0.5 }), NOON + 2 * MIN)).toEqual({
+      ...{ words: '14:04:07, 2 min ago, playing at ½×', agoS: 120 },
+    });
+    expect(spokenOf(head({ playing: false }), NOON + 2 * MIN).words).toBe('14:04:07, 2 min ago, paused');
+    expect(spokenOf(head({ at: 'live' }), NOON)).toEqual({ words: 'Live', agoS: 0 });
+  });
+});
+
+it('names a moment in links in UTC', () => {
+  expect(formatMoment(Date.UTC(2026, 10, 22, 14, 2, 7, 250) + 0.4)).toBe('2026-11-22T14:02:07.250Z');
+});

@@ -1,0 +1,94 @@
+import type { Mark, PastControls, Playhead, Timeline } from '../src/past/past_types.ts';
+
+/** A time line of ten minutes before `toMs`, all of it recorded, with marks some minutes before its end. */
+export function timelineOf(toMs: number, minutes = 10, marks: readonly Partial<Mark>[] = []): Timeline {
+  const fromMs = toMs - minutes * 60_000;
+  const mark: Mark = { atMs: toMs, level: 'fault', source: 'RKN', text: 'jam', exact: true };
+  return {
+    ...{ fromMs, toMs, words: [] },
+    movement: [{ fromMs, toMs, bytesPerS: 1000 }],
+    marks: marks.map((each) => ({ ...mark, ...each })),
+  };
+}
+
+/** Controls that write down what they were told, and a playhead that goes where it is told. */
+export class FakePast implements PastControls {
+  readonly told: string[] = [];
+  readonly #listeners = new Set<() => void>();
+  readonly #originMs: number;
+  timeline: Timeline | null;
+  playhead: Playhead;
+
+  /** Moments are written down as seconds before `originMs`, the newest moment. */
+  constructor(originMs: number, timeline: Timeline | null = timelineOf(originMs)) {
+    this.#originMs = originMs;
+    this.timeline = timeline;
+    this.playhead = { at: 'live', momentMs: originMs, playing: true, speed: 1, loop: null, note: null };
+  }
+
+  set(change: Partial<Playhead>): void {
+    this.playhead = { ...this.playhead, ...change };
+    for (const listener of this.#listeners) listener();
+  }
+
+  /** In the past, at rest, so many seconds before the newest moment. */
+  rest(agoS: number): void {
+    this.set({ at: 'past', playing: false, momentMs: this.#originMs - agoS * 1000 });
+  }
+
+  readonly onChange = (listener: () => void) => {
+    this.#listeners.add(listener);
+    return () => this.#listeners.delete(listener);
+  };
+
+  attend(): void {
+    this.told.push('attend');
+  }
+
+  seek(momentMs: number, scrubbing = false): void {
+    this.told.push(`${scrubbing ? 'scrub' : 'seek'} ${this.#ago(momentMs)}`);
+    this.set({ at: 'past', momentMs });
+  }
+
+  settle(): void {
+    this.told.push('settle');
+  }
+
+  toggle(): void {
+    this.told.push('toggle');
+    this.set(
+      this.playhead.at === 'live' ? { at: 'past', playing: false } : { playing: !this.playhead.playing },
+    );
+  }
+
+  setSpeed(speed: Playhead['speed']): void {
+    this.told.push(`speed ${speed}`);
+    this.set({ speed });
+  }
+
+  skip(byMs: number): void {
+    this.told.push(`skip ${byMs}`);
+  }
+
+  step(by: 1 | -1): void {
+    this.told.push(`step ${by}`);
+  }
+
+  setLoop(loop: Playhead['loop']): void {
+    this.told.push(loop === null ? 'no loop' : `loop ${this.#ago(loop.fromMs)} to ${this.#ago(loop.toMs)}`);
+    this.set({ loop });
+  }
+
+  visitFault(by: 1 | -1): void {
+    this.told.push(`fault ${by}`);
+  }
+
+  goLive(): void {
+    this.told.push('live');
+    this.set({ at: 'live', momentMs: this.#originMs, playing: true });
+  }
+
+  #ago(momentMs: number): number {
+    return Math.round((this.#originMs - momentMs) / 100) / 10;
+  }
+}

@@ -1,0 +1,170 @@
+import { describe, expect, it } from 'vitest';
+import { drawnMarks, markNear, whatWords } from '../src/app/past/marks.ts';
+import { movementPath, runsOf } from '../src/app/past/movement.ts';
+import { relayAhead } from '../src/app/past/relay_now.ts';
+import { msAt, pxAt, RECENT_MS, shownSpan, ticksOf } from '../src/app/past/track_view.ts';
+import { timelineOf } from './past_fake.ts';
+
+const MIN = 60_000;
+const T = Date.UTC(2026, 10, 22, 14, 30);
+/** Ten minutes over 600 px between the pads: a pixel is a second. */
+const VIEW = { fromMs: T - 10 * MIN, toMs: T, widthPx: 614 };
+
+describe('places on the track', () => {
+  it('are moments, and none lies beyond its ends', () => {
+    expect([pxAt(VIEW, VIEW.fromMs), pxAt(VIEW, VIEW.toMs)]).toEqual([7, 607]);
+    expect(msAt(VIEW, 7 + 60)).toBe(VIEW.fromMs + MIN);
+    expect([msAt(VIEW, -50), msAt(VIEW, 900)]).toEqual([VIEW.fromMs, VIEW.toMs]);
+  });
+});
+
+describe('the shown span', () => {
+  const whole = { fromMs: T - 30 * MIN, toMs: T };
+  const newest = { fromMs: T - RECENT_MS, toMs: T };
+
+  it('is all there is, but never less than five minutes', () => {
+    expect(shownSpan(whole, 'all', T, null)).toEqual(whole);
+    expect(shownSpan({ fromMs: T - 20_000, toMs: T }, 'all', T, null)).toEqual(newest);
+  });
+
+  it('is the newest five minutes as long as the playhead is in them', () => {
+    expect(shownSpan(whole, 'recent', T, null)).toEqual(newest);
+    expect(shownSpan(whole, 'recent', T - 5 * MIN, whole)).toEqual(newest);
+  });
+
+  it('is elsewhere a page with the playhead, which stands still until the playhead leaves it', () => {
+    const page = shownSpan(whole, 'recent', T - 20 * MIN, whole);
+    expect(page.toMs - page.fromMs).toBe(RECENT_MS);
+    expect(shownSpan({ ...whole, toMs: T + MIN }, 'recent', T - 18 * MIN, page)).toBe(page);
+    const next = shownSpan(whole, 'recent', page.toMs + 1, page);
+    expect(next.fromMs).toBeGreaterThan(page.toMs - MIN);
+    const back = shownSpan(whole, 'recent', page.fromMs - 1, page);
+    expect(back.toMs).toBeLessThan(page.fromMs + MIN);
+  });
+
+  it('does not reach before the oldest or behind now', () => {
+    expect(shownSpan(whole, 'recent', whole.fromMs + 1000, whole).fromMs).toBe(whole.fromMs);
+    const page = { fromMs: T - 11 * MIN, toMs: T - 6 * MIN };
+    expect(shownSpan(whole, 'recent', T - 5.5 * MIN, page).toMs).toBeLessThanOrEqual(T);
+  });
+});
+
+describe('ticks', () => {
+  it('lie at round times of the viewer’s zone, labels far enough apart to be read', () => {
+    const { ticks, labelS } = ticksOf(VIEW, 0);
+    expect(labelS).toBe(120);
+    expect(ticks.filter(({ labelled }) => labelled).map(({ atMs }) => (T - atMs) / MIN)).toEqual([
+      ...[10, 8, 6, 4, 2, 0],
+    ]);
+    expect(ticks.every(({ atMs }) => atMs % 10_000 === 0)).toBe(true);
+  });
+
+  it('follow zones that are not whole hours away', () => {
+    const day = { fromMs: T - 24 * 60 * MIN, toMs: T, widthPx: 1000 };
+    const kathmandu = 345 * MIN;
+    const { ticks, labelS } = ticksOf(day, kathmandu);
+    for (const { atMs, labelled } of ticks)
+      if (labelled) expect((atMs + kathmandu) % (labelS * 1000)).toBe(0);
+    expect(ticks.some(({ labelled }) => labelled)).toBe(true);
+  });
+});
+
+describe('the curve of movement', () => {
+  const part = (fromS: number, toS: number, bytesPerS: number) => ({
+    ...{ fromMs: T + fromS * 1000, toMs: T + toS * 1000, bytesPerS },
+  });
+
+  it('breaks where nothing was recorded', () => {
+    const runs = runsOf([part(-60, -50, 1), part(-50, -40, 1), part(-30, -20, 1)], 1000);
+    expect(runs.map(({ fromMs, toMs }) => [fromMs - T, toMs - T])).toEqual([
+      [-60_000, -40_000],
+      [-30_000, -20_000],
+    ]);
+    const path = movementPath([part(-60, -40, 1), part(-30, -20, 1)], VIEW, {
+      ...{ basePx: 30, heightPx: 20, mostBytesPerS: 1 },
+    });
+    expect(path.match(/M/g)).toHaveLength(2);
+    expect(path).toMatch(/^M547 30V10.*L567 10V30ZM577 30/);
+  });
+
+  it('takes means over what is drawn as one, by duration', () => {
+    const [run] = runsOf([part(0, 1, 100), part(1, 4, 500)], 1_000_000);
+    expect(run?.points).toEqual([{ atMs: T + 2000, bytesPerS: 400 }]);
+  });
+
+  it('is on a square-root scale, and seen where nothing moved', () => {
+    const high = (bytesPerS: number) =>
+      movementPath([part(-60, -40, bytesPerS)], VIEW, { basePx: 30, heightPx: 20, mostBytesPerS: 400 });
+    expect(high(400)).toContain('V10');
+    expect(high(100)).toContain('V20');
+    expect(high(0)).toContain('V28.5');
+  });
+
+  it('does not cost what is not shown', () => {
+    const out = movementPath([part(-3600, -3000, 9)], VIEW, { basePx: 30, heightPx: 20, mostBytesPerS: 9 });
+    expect(out).toBe('');
+  });
+});
+
+describe('marks', () => {
+  const timeline = timelineOf(T, 10, [
+    { atMs: T - 300_000, level: 'caution', text: 'tempHigh' },
+    { atMs: T - 298_000 },
+    { atMs: T - 297_000 },
+    { atMs: T - 120_000, exact: false },
+    { atMs: T - 3_600_000 },
+  ]);
+
+  it('are drawn as one where they would lie over one another, faults last', () => {
+    const drawn = drawnMarks(timeline.marks, VIEW);
+    expect(drawn.map(({ level, xPx, exact }) => [level, xPx, exact])).toEqual([
+      ['caution', 307, true],
+      ['fault', 309, true],
+      ['fault', 487, false],
+    ]);
+  });
+
+  it('are meant by taps within 10 px, faults before cautions', () => {
+    expect(markNear(timeline.marks, VIEW, 301)?.atMs).toBe(T - 298_000);
+    expect(markNear(timeline.marks, VIEW, 298)?.level).toBe('caution');
+    expect(markNear(timeline.marks, VIEW, 296)).toBeNull();
+  });
+
+  it('are told with what else there was', () => {
+    const said = (xPx: number) =>
+      whatWords(timeline, VIEW, xPx, msAt(VIEW, xPx)).replace(/[\u2068\u2069]/g, '');
+    expect(said(309)).toBe('RKN jam and 2 more');
+    expect(said(487)).toBe('RKN jam, within this minute');
+    expect(said(400)).toBe('');
+  });
+
+  it('give way to the words of then, and to what was not recorded', () => {
+    const silent = { fromMs: T - 200_000, toMs: T - 190_000, word: 'silent' } as const;
+    const [whole] = timeline.movement;
+    const movement = [
+      { ...whole!, toMs: T - 210_000 },
+      { ...whole!, fromMs: T - 100_000, toMs: T - 5000 },
+    ];
+    const line = { ...timeline, movement, words: [silent] };
+    const said = (agoS: number) => whatWords(line, VIEW, 607 - agoS, T - agoS * 1000);
+    expect([195, 160, 50, 2].map(said)).toEqual(['STALE', 'not recorded', '', '']);
+  });
+});
+
+describe('now by the relay’s clock', () => {
+  const live = (momentMs: number) => ({ at: 'live', momentMs }) as const;
+
+  it('is as far ahead as the newest moment was when it was newest', () => {
+    let ahead = relayAhead(Number.NEGATIVE_INFINITY, { toMs: 0 }, live(T + 5000), T);
+    expect(ahead).toBe(5000);
+    ahead = relayAhead(ahead, { toMs: T + 5000 }, live(T + 5000), T + 60_000);
+    expect(ahead).toBe(5000);
+  });
+
+  it('is the page’s own where the newest moment is long past', () => {
+    expect(relayAhead(Number.NEGATIVE_INFINITY, { toMs: T - 600_000 }, live(T - 600_000), T)).toBe(0);
+    expect(relayAhead(Number.NEGATIVE_INFINITY, { toMs: T - 3000 }, live(T - 3000), T)).toBe(-3000);
+    const past = { at: 'past', momentMs: T + 9000 } as const;
+    expect(relayAhead(Number.NEGATIVE_INFINITY, { toMs: T }, past, T)).toBe(0);
+  });
+});
