@@ -112,6 +112,8 @@ describe('marks', () => {
     { atMs: T - 298_000 },
     { atMs: T - 297_000 },
     { atMs: T - 120_000, exact: false },
+    { atMs: T - 60_000, exact: false },
+    { atMs: T - 60_000 },
     { atMs: T - 3_600_000 },
   ]);
 
@@ -121,6 +123,7 @@ describe('marks', () => {
       ['caution', 307, true],
       ['fault', 309, true],
       ['fault', 487, false],
+      ['fault', 547, true],
     ]);
   });
 

@@ -85,7 +85,7 @@ export function Track({
       className="track"
       role="slider"
       tabIndex={0}
-      aria-label={text.timeLine}
+      aria-label={text.moment}
       aria-valuemin={Math.round((timeline.fromMs - nowMs) / 1000)}
       aria-valuemax={0}
       aria-valuenow={spoken.agoS === 0 ? 0 : -spoken.agoS}

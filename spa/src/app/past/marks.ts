@@ -25,7 +25,10 @@ export function drawnMarks(marks: readonly Mark[], view: View): DrawnMark[] {
     for (const mark of marks) {
       if (mark.level !== level || !contains(view, mark.atMs)) continue;
       const xPx = pxAt(view, mark.atMs);
-      if (last !== null && xPx - last.xPx < TOGETHER_PX && (last.exact || !mark.exact)) continue;
+      if (last !== null && xPx - last.xPx < TOGETHER_PX) {
+        if (last.exact || !mark.exact) continue;
+        drawn.pop(); // the exact one tells more
+      }
       last = { xPx, level, exact: mark.exact };
       drawn.push(last);
     }

@@ -426,6 +426,16 @@ export const moreKo: More = {
   keyViews: '앞, 옆, 위',
   keyFirst: '처음 시점',
   keyClose: '가운데 있는 것에 다가가기',
+  keysOfPast: '과거 (기록이 있는 로봇)',
+  keyPlay: '재생, 일시 정지',
+  keyFrame: '한 프레임 뒤로, 앞으로',
+  keyTen: '10초 뒤로, 앞으로',
+  keyFault: '이전 고장, 다음 고장',
+  keySpeed: '느리게, 빠르게',
+  keyLoop: '여기부터 반복, 여기까지 반복, 반복 끝내기',
+  keyOnLine: '타임라인에서: 1초, Shift와 함께 10초',
+  keyMinute: '타임라인에서: 1분',
+  keyEnds: '타임라인에서: 가장 오래된 순간, 실시간',
 };
 
 /** What an agent reports about its source, by its English words; null for words that are not known. */

@@ -2,6 +2,7 @@
 export const pastEn = {
   // ---- the time line
   timeLine: 'Time line',
+  moment: 'Shown moment',
   live: 'Live',
   /** `what`: a fault, as a sentence. */
   now: (what: string) => `Now: ${what}`,
@@ -40,16 +41,4 @@ export const pastEn = {
     damaged: 'A part did not arrive as it was recorded, and was passed over.',
     away: 'The relay does not answer; only what this page has can be shown.',
   },
-
-  // ---- keyboard shortcuts
-  keysOfPast: 'The past, where a robot has one',
-  keyPlay: 'play, pause',
-  keyFrame: 'one frame back, on',
-  keyTen: '10 s back, on',
-  keyFault: 'previous, next fault',
-  keySpeed: 'slower, faster',
-  keyLoop: 'repeat from here, up to here, no longer',
-  keyOnLine: 'on the time line: 1 s; with Shift 10 s',
-  keyMinute: 'on the time line: 1 min',
-  keyEnds: 'on the time line: the oldest, live',
 };

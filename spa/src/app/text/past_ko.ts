@@ -3,6 +3,7 @@ import type { pastEn } from './past_en.ts';
 /** The Korean sentences of `past_en.ts`. */
 export const pastKo: typeof pastEn = {
   timeLine: '타임라인',
+  moment: '보이는 순간',
   live: '실시간',
   now: (what) => `지금: ${what}`,
   toLive: '실시간으로 돌아가기 (타임라인에서 End)',
@@ -10,7 +11,7 @@ export const pastKo: typeof pastEn = {
   seconds: (count) => `${count} s`,
   days: (count) => `${count}일`,
   ago: (span) => `${span} 전`,
-  playingAt: (speed) => `${speed}로 재생 중`,
+  playingAt: (speed) => `${speed} 속도로 재생 중`,
   paused: '일시 정지됨',
   notRecorded: '기록 없음',
   andMore: (what, more) => `${what} 외 ${more}건`,
@@ -37,15 +38,4 @@ export const pastKo: typeof pastEn = {
     damaged: '한 부분이 기록된 그대로 오지 않아 건너뛰었습니다.',
     away: '릴레이가 응답하지 않아, 이 페이지가 가진 것만 보여 줄 수 있습니다.',
   },
-
-  keysOfPast: '과거 (기록이 있는 로봇)',
-  keyPlay: '재생, 일시 정지',
-  keyFrame: '한 프레임 뒤로, 앞으로',
-  keyTen: '10초 뒤로, 앞으로',
-  keyFault: '이전 고장, 다음 고장',
-  keySpeed: '느리게, 빠르게',
-  keyLoop: '여기부터 반복, 여기까지 반복, 반복 끝내기',
-  keyOnLine: '타임라인에서: 1초, Shift와 함께 10초',
-  keyMinute: '타임라인에서: 1분',
-  keyEnds: '타임라인에서: 가장 오래된 순간, 실시간',
 };

@@ -1,7 +1,6 @@
 import { PAST_KEYS } from '../../past/past_keys.ts';
 import { Dialog } from '../../shell/Dialog.tsx';
 import { useMore } from '../../text/more.ts';
-import { usePastText } from '../../text/past.ts';
 import { usePresentText } from '../../text/present.ts';
 import { CameraKeys } from './CameraKeys.tsx';
 
@@ -9,7 +8,6 @@ import { CameraKeys } from './CameraKeys.tsx';
 export function KeysSheet({ onClose }: { onClose: () => void }) {
   const rest = useMore();
   const { keyPresent } = usePresentText();
-  const past = usePastText();
   const ofPage = [
     ['T', rest.keyNumbers],
     ['F', rest.keyFullscreen],
@@ -33,13 +31,13 @@ export function KeysSheet({ onClose }: { onClose: () => void }) {
           ))}
         </dl>
       </section>
-      <section className="keys" aria-label={past.keysOfPast}>
-        <h3 className="quiet">{past.keysOfPast}</h3>
+      <section className="keys" aria-label={rest.keysOfPast}>
+        <h3 className="quiet">{rest.keysOfPast}</h3>
         <dl>
           {PAST_KEYS.map(([key, does]) => (
             <div key={key}>
               <dt>{key}</dt>
-              <dd>{past[does]}</dd>
+              <dd>{rest[does]}</dd>
             </div>
           ))}
         </dl>
