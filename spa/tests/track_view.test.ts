@@ -150,7 +150,7 @@ describe('marks', () => {
     ];
     const line = { ...timeline, movement, words: [silent] };
     const said = (agoS: number) => whatWords(line, VIEW, 607 - agoS, T - agoS * 1000);
-    expect([195, 160, 50, 2].map(said)).toEqual(['STALE', 'not recorded', '', '']);
+    expect([195, 160, 40, 2].map(said)).toEqual(['STALE', 'not recorded', '', '']);
   });
 });
 

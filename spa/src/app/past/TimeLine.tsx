@@ -67,6 +67,7 @@ function Line({ controls, timeline }: { controls: PastControls; timeline: Timeli
   shown.current = view;
   const open = held?.open ?? past;
 
+  // biome-ignore lint/correctness/useExhaustiveDependencies: open, it is higher, and not a picture later
   useLayoutEffect(() => {
     const element = room.current;
     if (element === null) return;
@@ -78,7 +79,7 @@ function Line({ controls, timeline }: { controls: PastControls; timeline: Timeli
     const observer = new ResizeObserver(measure);
     observer.observe(element);
     return () => observer.disconnect();
-  }, []);
+  }, [open]);
 
   const { note } = playhead;
   return (

@@ -30,7 +30,7 @@ export const TrackPicture = memo(function TrackPicture({
 }) {
   const id = useId();
   const { topPx, belowPx } = open ? OPEN : SLIM;
-  const basePx = heightPx - belowPx;
+  const basePx = Math.max(topPx, heightPx - belowPx);
   const mostBytesPerS = timeline.movement.reduce((most, { bytesPerS }) => Math.max(most, bytesPerS), 1);
   const path = movementPath(timeline.movement, view, { basePx, heightPx: basePx - topPx, mostBytesPerS });
   const words = timeline.words.filter(({ fromMs, toMs }) => toMs > view.fromMs && fromMs < view.toMs);
