@@ -13,7 +13,7 @@ import { TrackPicture } from './TrackPicture.tsx';
 import { msAt, pxAt, type View } from './track_view.ts';
 
 /** Half of the width of the playhead's time, CSS px. */
-const TIME_PX = 32;
+const TIME_PX = 36;
 
 /** The track: all of the time that is shown, its movement and marks, and the playhead. Pressed or dragged, and by arrow keys,
  *  it goes into the past. */

@@ -1,3 +1,4 @@
+import './transport.css';
 import { type ReactNode, useId } from 'react';
 import { type PastControls, type Playhead, SPEEDS, type Speed } from '../../past/past_types.ts';
 import { IconButton, PastIcon } from '../shell/icons.tsx';
